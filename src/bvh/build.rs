@@ -1,0 +1,127 @@
+//! Building: obvhs's PLOC, reinsertion and leaf collapsing, over kiln's own boxes.
+
+use glam::Vec3A;
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::leaf_collapser::collapse;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::PlocBuilder;
+use obvhs::splits::split_aabbs_preset;
+
+use super::{Primitive, Slot, Tree};
+use crate::geometry::Bounds;
+
+/// obvhs's build presets, from the least work spent on building to the least spent on tracing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Preset {
+    /// One pass, no optimisation, one primitive a leaf.
+    FastestBuild,
+    /// A little reinsertion.
+    VeryFastBuild,
+    /// A wider search and more reinsertion.
+    FastBuild,
+    /// About the build time of Embree, and the default.
+    #[default]
+    MediumBuild,
+    /// Large triangles are split beforehand.
+    SlowBuild,
+    /// Split beforehand, and every node considered for reinsertion.
+    VerySlowBuild,
+}
+
+impl Preset {
+    /// Every preset.
+    pub const ALL: [Preset; 6] = [
+        Preset::FastestBuild,
+        Preset::VeryFastBuild,
+        Preset::FastBuild,
+        Preset::MediumBuild,
+        Preset::SlowBuild,
+        Preset::VerySlowBuild,
+    ];
+
+    fn parameters(self) -> BvhBuildParams {
+        match self {
+            Preset::FastestBuild => BvhBuildParams::fastest_build(),
+            Preset::VeryFastBuild => BvhBuildParams::very_fast_build(),
+            Preset::FastBuild => BvhBuildParams::fast_build(),
+            Preset::MediumBuild => BvhBuildParams::medium_build(),
+            Preset::SlowBuild => BvhBuildParams::slow_build(),
+            Preset::VerySlowBuild => BvhBuildParams::very_slow_build(),
+        }
+    }
+}
+
+/// Where triangles are split, obvhs's halves are measured to leave gaps of up to 9.7 ulp at the cut.
+const SPLIT_GAP_ULPS: f32 = 16.0;
+
+/// Builds a tree over `slots`, which end up in the order of its leaves.
+///
+/// The steps are those of obvhs's own `build_bvh2`, with boxes of ours and without the validation that it runs in
+/// debug builds, which takes deep trees for broken ones.
+pub fn build(slots: &[Slot], preset: Preset) -> Tree {
+    if slots.is_empty() {
+        return Tree::default();
+    }
+    let parameters = preset.parameters();
+    let mut boxes: Vec<Aabb> = slots.iter().map(|slot| to_obvhs(slot.primitive.bounds())).collect();
+    let mut indices: Vec<u32> = (0..slots.len() as u32).collect();
+    if parameters.pre_split {
+        (boxes, indices) = split_large_triangles(slots, &boxes);
+    }
+    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
+        parameters.ploc_search_distance,
+        &boxes,
+        indices,
+        parameters.sort_precision,
+        parameters.search_depth_threshold,
+    );
+    tree.uses_spatial_splits = parameters.pre_split;
+    let mut reinsertion = ReinsertionOptimizer::default();
+    let ratio = parameters.reinsertion_batch_ratio;
+    reinsertion.run(&mut tree, ratio, None);
+    collapse(&mut tree, parameters.max_prims_per_leaf.clamp(1, 255), parameters.collapse_traversal_cost);
+    reinsertion.run(&mut tree, ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier, None);
+
+    let ordered = tree.primitive_indices.iter().map(|&i| slots[i as usize]).collect();
+    Tree::new(tree.nodes, ordered)
+}
+
+fn to_obvhs(b: Bounds) -> Aabb {
+    Aabb::new(Vec3A::from(b.min), Vec3A::from(b.max))
+}
+
+/// Boxes of parts of large triangles, and of everything else whole; with each the slot it belongs to.
+fn split_large_triangles(slots: &[Slot], whole: &[Aabb]) -> (Vec<Aabb>, Vec<u32>) {
+    let mut indices = Vec::new();
+    let mut triangles = Vec::new();
+    let (mut total, mut largest) = (0.0f32, 0.0f32);
+    for (index, slot) in (0..).zip(slots) {
+        if let Primitive::Triangle(triangle) = slot.primitive {
+            let [v0, v1, v2] = triangle.0.map(Vec3A::from);
+            triangles.push(obvhs::triangle::Triangle { v0, v1, v2 });
+            indices.push(index);
+            let half_area = whole[index as usize].half_area();
+            total += half_area;
+            largest = largest.max(half_area);
+        }
+    }
+    let mut boxes: Vec<Aabb> = indices.iter().map(|&i| whole[i as usize]).collect();
+    // obvhs looks triangles up by their place in its own list.
+    let mut places: Vec<u32> = (0..triangles.len() as u32).collect();
+    if !triangles.is_empty() {
+        let average = total / triangles.len() as f32;
+        split_aabbs_preset(&mut boxes, &mut places, &triangles, average, largest);
+    }
+    for b in &mut boxes {
+        *b = to_obvhs(Bounds { min: b.min.into(), max: b.max.into() }.grown(SPLIT_GAP_ULPS));
+    }
+    let mut slots_of_boxes: Vec<u32> = places.iter().map(|&place| indices[place as usize]).collect();
+    for (index, slot) in (0..).zip(slots) {
+        if matches!(slot.primitive, Primitive::Sphere(_)) {
+            boxes.push(whole[index as usize]);
+            slots_of_boxes.push(index);
+        }
+    }
+    (boxes, slots_of_boxes)
+}

@@ -1,0 +1,143 @@
+//! `kiln info`: what files hold, how large it is, and what is odd about it.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use glam::DVec3;
+use serde_json::{Value, json};
+
+use super::print;
+use crate::error::{Result, Warnings};
+use crate::import;
+use crate::scene::{LightKind, Material, Scene, Shape};
+
+#[derive(Args)]
+pub struct Arguments {
+    /// Files to look at: .toml, .obj, .gltf, .glb; `-` for a scene file or GLB on standard input
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments) -> Result<()> {
+    let mut warnings = Warnings::default();
+    let scene = import::load(&arguments.inputs, &mut warnings)?;
+    let report = describe(&arguments.inputs, &scene, &warnings);
+    if arguments.json {
+        print(&format!("{report:#}\n"))
+    } else {
+        print(&as_text(&arguments.inputs, &scene, &warnings))
+    }
+}
+
+fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
+    let point = |p: DVec3| json!(p.to_array());
+    let objects: Vec<Value> = scene
+        .objects
+        .iter()
+        .map(|object| {
+            let (kind, attributes) = match &object.shape {
+                Shape::Sphere { .. } => ("sphere", json!({})),
+                Shape::Mesh(m) => (
+                    "mesh",
+                    json!({
+                        "normals": m.normals.is_some(),
+                        "texture_coordinates": m.uvs.is_some(),
+                        "colours": m.colours.is_some(),
+                    }),
+                ),
+            };
+            json!({
+                "name": object.name,
+                "input": inputs[object.input].display().to_string(),
+                "kind": kind,
+                "primitives": object.shape.primitive_count(),
+                "material": scene.materials[object.material.0 as usize].name(),
+                "attributes": attributes,
+            })
+        })
+        .collect();
+    json!({
+        "schema": 1,
+        "inputs": inputs.iter().map(|i| i.display().to_string()).collect::<Vec<_>>(),
+        "primitives": scene.primitive_count(),
+        "triangles": triangles(scene),
+        "spheres": scene.primitive_count() - triangles(scene),
+        "bounds": scene.bounds().map(|(min, max)| json!({ "min": point(min), "max": point(max) })),
+        "objects": objects,
+        "materials": scene.materials.iter().map(|m| json!({ "name": m.name(), "model": model(m) })).collect::<Vec<_>>(),
+        "textures": scene.images.iter().map(|i| json!({ "name": i.name, "width": i.width, "height": i.height }))
+            .collect::<Vec<_>>(),
+        "cameras": scene.cameras.iter().map(|c| json!({ "name": c.name, "projection": c.projection.name(),
+            "position": point(c.position), "target": point(c.target) })).collect::<Vec<_>>(),
+        "lights": scene.lights.iter().map(|l| json!({ "name": l.name, "type": light_type(&l.kind),
+            "intensity": l.intensity })).collect::<Vec<_>>(),
+        "warnings": warnings.messages(),
+    })
+}
+
+fn triangles(scene: &Scene) -> usize {
+    scene.objects.iter().filter(|o| matches!(o.shape, Shape::Mesh(_))).map(|o| o.shape.primitive_count()).sum()
+}
+
+fn model(material: &Material) -> &'static str {
+    match material {
+        Material::Phong(_) => "phong",
+        Material::MetallicRoughness(_) => "metallic-roughness",
+    }
+}
+
+fn light_type(kind: &LightKind) -> &'static str {
+    match kind {
+        LightKind::Point { .. } => "point",
+        LightKind::Directional { .. } => "directional",
+        LightKind::Spot { .. } => "spot",
+    }
+}
+
+fn as_text(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> String {
+    let mut text = String::new();
+    let names: Vec<String> = inputs.iter().map(|i| i.display().to_string()).collect();
+    let mut line = |label: &str, value: String| {
+        let _ = writeln!(text, "{label:<12}{value}");
+    };
+    let spheres = scene.primitive_count() - triangles(scene);
+    line("input", names.join(" "));
+    line("objects", format!("{} ({} triangles, {spheres} spheres)", scene.objects.len(), triangles(scene)));
+    match scene.bounds() {
+        None => line("bounds", "nothing that can be seen".into()),
+        Some((min, max)) => {
+            line("bounds", format!("{} to {}", short(min), short(max)));
+            line("size", short(max - min));
+        }
+    }
+    line("materials", list(scene.materials.iter().map(|m| m.name().to_owned())));
+    line("textures", list(scene.images.iter().map(|i| format!("{} ({} x {})", i.name, i.width, i.height))));
+    line("cameras", list(scene.cameras.iter().map(|c| format!("{} ({})", c.name, c.projection.name()))));
+    line("lights", list(scene.lights.iter().map(|l| format!("{} ({})", l.name, light_type(&l.kind)))));
+    let smooth = scene.objects.iter().filter(|o| matches!(&o.shape, Shape::Mesh(m) if m.normals.is_some())).count();
+    line("normals", format!("{smooth} object(s) with normals, the others are flat or spheres"));
+    for message in warnings.messages() {
+        line("warning", message.clone());
+    }
+    text
+}
+
+fn short(v: DVec3) -> String {
+    format!("({}, {}, {})", v.x as f32, v.y as f32, v.z as f32)
+}
+
+/// The first few of many.
+fn list(names: impl ExactSizeIterator<Item = String>) -> String {
+    const MOST: usize = 8;
+    let count = names.len();
+    let shown: Vec<String> = names.take(MOST).collect();
+    match count {
+        0 => "none".into(),
+        n if n > MOST => format!("{n}: {}, …", shown.join(", ")),
+        n => format!("{n}: {}", shown.join(", ")),
+    }
+}

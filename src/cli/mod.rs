@@ -1,0 +1,137 @@
+//! The command line: parse, call, print. One file a command; nothing here is worth testing but the contract itself.
+//!
+//! Standard output carries only results; everything else goes to standard error. Exit codes: 0 done, 1 failed, 2 wrong
+//! usage, 3 an input cannot be used, 4 output cannot be written, 130 and 143 interrupted.
+
+mod info;
+mod interrupt;
+mod progress;
+mod render;
+mod statistics;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser, Subcommand};
+
+use crate::error::{Error, Result, Warnings};
+use crate::scene::file::SceneFile;
+
+#[derive(Parser)]
+#[command(
+    name = "kiln",
+    version,
+    about = "A BVH-accelerated ray tracer for OBJ, glTF and its own scene files",
+    after_help = "Examples:\n  kiln render scenes/assignment.toml -o assignment.png\n  \
+                  kiln render model.glb -o model.png --view iso\n  kiln info model.obj"
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render a picture
+    Render(Box<render::Arguments>),
+    /// Say what files hold, how large it is, and what is odd about it
+    Info(info::Arguments),
+    /// Print the JSON schema of scene files, for editors
+    Schema,
+    /// Print completions for a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// The whole command, from its arguments to its exit code.
+pub fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(e) => return usage(&e),
+    };
+    std::panic::set_hook(Box::new(|panic| {
+        let place = panic.location().map(|l| format!(" ({}:{})", l.file(), l.line())).unwrap_or_default();
+        eprintln!("kiln: error: a fault in kiln itself{place}\nhint: please report it with the command and the input");
+    }));
+    let interrupted = interrupt::install();
+    let result = std::panic::catch_unwind(|| match arguments.command {
+        Command::Render(arguments) => render::run(&arguments, interrupted),
+        Command::Info(arguments) => info::run(&arguments),
+        Command::Schema => print(&format!("{:#}\n", SceneFile::schema())),
+        Command::Completions { shell } => {
+            let mut text = Vec::new();
+            clap_complete::generate(shell, &mut Arguments::command(), "kiln", &mut text);
+            print(&String::from_utf8_lossy(&text))
+        }
+    });
+    match result {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(Error::Interrupted)) => ExitCode::from(interrupt::exit_code()),
+        Ok(Err(e)) => {
+            eprintln!("kiln: error: {e}");
+            if !e.hint().is_empty() {
+                eprintln!("hint: {}", e.hint());
+            }
+            ExitCode::from(exit_code(&e))
+        }
+        Err(_) => ExitCode::from(1),
+    }
+}
+
+fn exit_code(e: &Error) -> u8 {
+    match e {
+        Error::Failed { .. } => 1,
+        Error::Usage { .. } => 2,
+        Error::Input { .. } => 3,
+        Error::Output { .. } => 4,
+        Error::Interrupted => interrupt::exit_code(),
+    }
+}
+
+/// Help and version go to standard output; anything else is wrong usage, in one line and a hint.
+fn usage(e: &clap::Error) -> ExitCode {
+    use clap::error::ErrorKind;
+    if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
+        return if e.print().is_ok() { ExitCode::SUCCESS } else { ExitCode::from(4) };
+    }
+    if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        eprintln!("kiln: error: no command given\nhint: `kiln --help` lists them");
+        return ExitCode::from(2);
+    }
+    let text = e.render().to_string();
+    let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    let mut first = lines.next().unwrap_or("wrong usage").trim_start_matches("error: ").to_owned();
+    let mut hint = "`kiln help` and `kiln help COMMAND` list what there is".to_owned();
+    for line in lines {
+        if let Some(tip) = line.strip_prefix("tip: ") {
+            hint = tip.to_owned();
+            break;
+        }
+        if first.ends_with(':') {
+            first = format!("{first} {line}");
+        } else if line.starts_with("[possible values") {
+            hint = line.trim_matches(['[', ']']).to_owned();
+        }
+    }
+    eprintln!("kiln: error: {first}\nhint: {hint}");
+    ExitCode::from(2)
+}
+
+fn print(text: &str) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        // A reader that has seen enough, such as `head`, is no failure.
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        other => other.map_err(|e| Error::output(std::path::Path::new("-"), e)),
+    }
+}
+
+/// Prints warnings that have not been printed yet.
+fn print_warnings(warnings: &Warnings, printed: &mut usize) {
+    for message in &warnings.messages()[*printed..] {
+        eprintln!("kiln: warning: {message}");
+    }
+    *printed = warnings.messages().len();
+}

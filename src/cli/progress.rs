@@ -1,0 +1,108 @@
+//! Progress: a bar on a terminal, plain or JSON lines elsewhere, on standard error.
+
+use std::io::IsTerminal;
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// How progress is shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Mode {
+    /// A bar on a terminal, plain lines elsewhere
+    Auto,
+    /// A bar
+    Bar,
+    /// At most a line a second
+    Plain,
+    /// At most a line a second, each a JSON object
+    Json,
+    /// Nothing
+    None,
+}
+
+/// Lines come no closer than this.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+/// Shows how far the work is.
+pub struct Progress {
+    mode: Mode,
+    bar: Option<ProgressBar>,
+    start: Instant,
+    /// When the last line was printed, and what it said was done.
+    last: Mutex<(Instant, usize)>,
+}
+
+impl Progress {
+    /// Starts with nothing to show.
+    pub fn new(mode: Mode) -> Self {
+        let mode = match mode {
+            Mode::Auto if std::io::stderr().is_terminal() => Mode::Bar,
+            Mode::Auto => Mode::Plain,
+            other => other,
+        };
+        let bar = (mode == Mode::Bar).then(|| {
+            let bar = ProgressBar::new_spinner();
+            bar.enable_steady_tick(Duration::from_millis(100));
+            bar
+        });
+        let now = Instant::now();
+        Progress { mode, bar, start: now, last: Mutex::new((now, 0)) }
+    }
+
+    /// What is being done, where that cannot be measured.
+    pub fn phase(&self, what: &str) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(what.to_owned());
+        }
+    }
+
+    /// Tiles done of all tiles.
+    pub fn tiles(&self, done: usize, total: usize) {
+        if let Some(bar) = &self.bar {
+            if bar.length() != Some(total as u64) {
+                bar.set_length(total as u64);
+                let template = "{msg} {wide_bar} {percent:>3} %  {elapsed} of {duration}";
+                if let Ok(style) = ProgressStyle::with_template(template) {
+                    bar.set_style(style);
+                }
+            }
+            bar.set_position(done as u64);
+            return;
+        }
+        if !matches!(self.mode, Mode::Plain | Mode::Json) {
+            return;
+        }
+        let Ok(mut last) = self.last.try_lock() else { return };
+        if last.0.elapsed() < INTERVAL || done <= last.1 {
+            return;
+        }
+        *last = (Instant::now(), done);
+        let elapsed = self.start.elapsed().as_secs_f64();
+        let left = elapsed * (total - done) as f64 / done as f64;
+        if self.mode == Mode::Json {
+            eprintln!(
+                "{{\"event\":\"progress\",\"done\":{done},\"total\":{total},\"elapsed\":{elapsed:.1},\"left\":{left:.1}}}"
+            );
+        } else {
+            eprintln!("kiln: {} % ({done} of {total} tiles), {left:.0} s left", done * 100 / total);
+        }
+    }
+
+    /// Takes the bar away, so that other lines can be printed.
+    pub fn clear(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+
+    /// A closing line.
+    pub fn finish(&self, line: &str) {
+        self.clear();
+        match self.mode {
+            Mode::None => {}
+            Mode::Json => eprintln!("{}", serde_json::json!({ "event": "done", "message": line })),
+            _ => eprintln!("kiln: {line}"),
+        }
+    }
+}

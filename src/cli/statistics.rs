@@ -1,0 +1,82 @@
+//! `--stats`: what a render did, as JSON. The schema's version goes up when a field changes its meaning or goes.
+
+use serde_json::{Map, Value, json};
+
+use crate::effects::{Plan, RayKind};
+use crate::render::Statistics;
+use crate::world::World;
+
+/// The version of the schema.
+const SCHEMA: u32 = 1;
+
+/// Seconds spent in each part.
+#[derive(Default)]
+pub struct Seconds {
+    pub load: f64,
+    pub build: f64,
+    pub render: f64,
+    pub write: f64,
+}
+
+/// Everything `--stats` says.
+pub fn to_json(
+    settings: &[(String, String)],
+    seconds: &Seconds,
+    world: &World,
+    plan: &Plan,
+    statistics: &Statistics,
+    non_finite: usize,
+    warnings: &[String],
+) -> Value {
+    let settings: Map<String, Value> = settings.iter().map(|(k, v)| (k.clone(), json!(v))).collect();
+    let rays: Map<String, Value> = RayKind::ALL
+        .iter()
+        .map(|&kind| {
+            let count = statistics.rays(kind);
+            (kind.name().to_owned(), json!({ "cast": count.cast, "hit": count.hit }))
+        })
+        .collect();
+    let effects: Map<String, Value> =
+        plan.decisions.iter().map(|d| (d.effect.to_owned(), json!({ "on": d.on, "why": d.why }))).collect();
+    let stages: Vec<Value> = statistics
+        .stages
+        .iter()
+        .map(|stage| json!({ "name": stage.name, "thread_seconds": stage.time.as_secs_f64() }))
+        .collect();
+    let description = world.accelerator.describe();
+    json!({
+        "schema": SCHEMA,
+        "kiln": env!("CARGO_PKG_VERSION"),
+        "settings": settings,
+        "seconds": {
+            "load": seconds.load,
+            "build": seconds.build,
+            "render": seconds.render,
+            "write": seconds.write,
+        },
+        "threads": rayon::current_num_threads(),
+        "primitives": world.primitive_count(),
+        "numerics": "watertight",
+        "structure": {
+            "layout": description.layout,
+            "nodes": description.nodes,
+            "slots": description.slots,
+            "bytes": description.bytes,
+        },
+        "instruction_set": std::env::consts::ARCH,
+        "effects": effects,
+        "rays": rays,
+        "tests": { "nodes": statistics.tests.nodes, "primitives": statistics.tests.primitives },
+        "stages": stages,
+        "non_finite_pixels": non_finite,
+        "peak_memory_bytes": peak_memory(),
+        "warnings": warnings,
+    })
+}
+
+/// The most memory this process has held, where the system tells.
+fn peak_memory() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
+}

@@ -1,0 +1,137 @@
+//! Glaze: a faint mirror over a surface.
+//!
+//! ASSIGNMENT section 4: a ray from the point along `r = d - 2 N (d.N)`; if it hits something of colour C_I, the
+//! surface's colour becomes `own_weight * C + weight * C_I`; if it hits nothing, the colour stays as it is.
+
+use glam::DVec3;
+
+use super::tile::{Context, Level, Tile};
+use super::{Effect, Stage};
+use crate::geometry::Ray;
+use crate::world::{Surface, World};
+
+/// In the registry.
+pub const EFFECT: Effect = Effect {
+    name: "glaze",
+    summary: "glazed materials mirror what is around them",
+    called_for: |world: &World| {
+        let glazed = world.materials.iter().filter(|m| m.glaze().is_some_and(|g| g.bounces > 0 && g.weight > 0.0));
+        match glazed.count() {
+            0 => Err("no material is glazed".into()),
+            n => Ok(format!("{n} glazed material(s)")),
+        }
+    },
+};
+
+/// The most bounces that any material asks for.
+pub fn most_bounces(world: &World) -> u32 {
+    world.materials.iter().filter_map(|m| m.glaze()).map(|g| g.bounces).max().unwrap_or(0)
+}
+
+/// Sends mirrored rays out from the glazed surfaces of a level, onto the next one.
+pub struct Reflect {
+    /// Which level.
+    pub from: usize,
+}
+
+impl Stage for Reflect {
+    fn name(&self) -> &'static str {
+        "glaze rays"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &Context) {
+        tile.level(self.from + 1);
+        let (before, after) = tile.levels.split_at_mut(self.from + 1);
+        let (level, next) = (&before[self.from], &mut after[0]);
+        for (index, surface) in (0..).zip(&level.surfaces) {
+            let glaze = context.world.materials[surface.material as usize].glaze();
+            if glaze.is_some_and(|glaze| self.from < glaze.bounces as usize && glaze.weight > 0.0) {
+                next.sources.push(index);
+                next.rays.push(mirrored_ray(surface));
+            }
+        }
+    }
+}
+
+/// Mixes what mirrored rays saw into the surfaces that sent them.
+pub struct Combine {
+    /// The level of those surfaces.
+    pub into: usize,
+}
+
+impl Stage for Combine {
+    fn name(&self) -> &'static str {
+        "glaze mixing"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &Context) {
+        let (before, after) = tile.levels.split_at_mut(self.into + 1);
+        let (level, next): (&mut Level, &Level) = (&mut before[self.into], &after[0]);
+        for (&ray, &mirrored) in next.ray_of.iter().zip(&next.colours) {
+            let source = next.sources[ray as usize] as usize;
+            let material = level.surfaces[source].material as usize;
+            if let Some(glaze) = context.world.materials[material].glaze() {
+                let own = &mut level.colours[source];
+                *own = context.world.pipeline.weighted_combine(*own, mirrored, glaze.own_weight, glaze.weight);
+            }
+        }
+    }
+}
+
+/// The mirrored ray, from the surface's outer side. Where a smooth normal or rounding turns it into the surface it is
+/// turned back to just above it.
+fn mirrored_ray(surface: &Surface) -> Ray {
+    let (normal, outer) = (surface.shading_normal, surface.geometric_normal);
+    let mirrored = 2.0 * surface.view.dot(normal) * normal - surface.view;
+    let origin = surface.point.origin_towards(outer);
+    let ray = Ray::new(origin, mirrored, 0.0, f64::INFINITY);
+    let height = ray.direction.dot(outer);
+    if height > 0.0 {
+        return ray;
+    }
+    Ray::new(origin, lifted(mirrored, outer), 0.0, f64::INFINITY)
+}
+
+/// `direction` turned to rise above the surface by a share that survives rounding to f32: a few of its steps.
+fn lifted(direction: DVec3, outer: DVec3) -> DVec3 {
+    let along = direction - direction.dot(outer) * outer;
+    let rise = 4.0 * f64::from(f32::EPSILON);
+    // Straight into the surface there is no "along": it goes straight out.
+    along.try_normalize().map_or(outer, |along| (along + rise * outer).normalize())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// No mirrored ray points into the surface, however it grazes and whatever the smooth normal says.
+        #[test]
+        fn mirrored_rays_leave(
+            normal in prop::array::uniform3(-1.0f64..1.0),
+            along in prop::array::uniform3(-1.0f64..1.0),
+            height in prop::sample::select(vec![1e-12, 1e-9, 1e-8, 1e-7, 1e-4, 0.1, 1.0]),
+            bend in prop::array::uniform3(-0.5f64..0.5),
+        ) {
+            let outer = DVec3::from(normal);
+            prop_assume!(outer.length() > 0.1);
+            let outer = outer.normalize();
+            let along = (DVec3::from(along) - DVec3::from(along).dot(outer) * outer).normalize_or(outer.any_orthonormal_vector());
+            let smooth = (outer + DVec3::from(bend)).normalize();
+            prop_assume!(smooth.dot(outer) > 0.0);
+            let surface = Surface {
+                point: crate::geometry::spawn::SurfacePoint { position: DVec3::ZERO, error: DVec3::ZERO },
+                view: (along + height * outer).normalize(),
+                geometric_normal: outer,
+                shading_normal: smooth,
+                uv: glam::DVec2::ZERO,
+                tint: DVec3::ONE,
+                prim: crate::geometry::PrimId(0),
+                object: 0,
+                material: 0,
+            };
+            prop_assert!(mirrored_ray(&surface).direction.dot(outer) > 0.0);
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! The plan: which effects there are to compute, and the stages that compute them.
+//!
+//! Rendering is a list of [`Stage`]s over arrays of rays (see [`tile::Tile`]). The list is made from what the scene calls
+//! for and from nothing else, so an effect that nobody calls for has no stage, casts no ray and holds no memory. One
+//! file an effect; to add one, write it, give it a line in [`EFFECTS`], a key in
+//! [`crate::scene::file::EffectsSection`], and a place in [`Plan::new`].
+
+mod film;
+mod glaze;
+mod local;
+mod primary;
+mod shadows;
+pub mod tile;
+mod visible;
+
+use crate::error::{Error, Result};
+use crate::scene::file::{EffectsSection, nearest_name};
+use crate::shading::ShadingMode;
+use crate::world::World;
+use tile::{Context, Tile};
+
+/// A kind of ray, for counting.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum RayKind {
+    /// From the camera.
+    Primary,
+    /// Towards a light.
+    Shadow,
+    /// Mirrored by a glazed surface.
+    Glaze,
+}
+
+impl RayKind {
+    /// Every kind.
+    pub const ALL: [RayKind; 3] = [RayKind::Primary, RayKind::Shadow, RayKind::Glaze];
+
+    /// The name in statistics.
+    pub fn name(self) -> &'static str {
+        match self {
+            RayKind::Primary => "primary",
+            RayKind::Shadow => "shadow",
+            RayKind::Glaze => "glaze",
+        }
+    }
+}
+
+/// A step of the work on a tile.
+pub trait Stage: Send + Sync {
+    /// The name in statistics.
+    fn name(&self) -> &'static str;
+
+    /// Does the step.
+    fn run(&self, tile: &mut Tile, context: &Context);
+}
+
+/// An effect that scenes can call for.
+pub struct Effect {
+    /// The name as typed by users.
+    pub name: &'static str,
+    /// One line on what it does.
+    pub summary: &'static str,
+    /// What in the world calls for it, or why nothing does.
+    called_for: fn(&World) -> std::result::Result<String, String>,
+}
+
+/// Every effect there is.
+pub const EFFECTS: &[Effect] = &[shadows::EFFECT, glaze::EFFECT];
+
+/// What the user asks for, over what the scene says.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Choices {
+    /// How far shading goes.
+    pub shading: ShadingMode,
+    /// What the scene file says of effects.
+    pub scene: EffectsSection,
+    /// Effects to have.
+    pub with: Vec<String>,
+    /// Effects to do without.
+    pub without: Vec<String>,
+}
+
+/// Whether an effect is computed, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Decision {
+    /// The effect's name.
+    pub effect: &'static str,
+    /// Whether it is computed.
+    pub on: bool,
+    /// What calls for it, or what keeps it off.
+    pub why: String,
+}
+
+/// The stages that a picture takes, in order.
+pub struct Plan {
+    /// How far shading goes.
+    pub shading: ShadingMode,
+    /// What was decided of each effect.
+    pub decisions: Vec<Decision>,
+    stages: Vec<Box<dyn Stage>>,
+}
+
+impl Plan {
+    /// Decides which effects there is anything to do for, and lists the stages.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for an effect that does not exist or is both asked for and not.
+    pub fn new(world: &World, choices: &Choices) -> Result<Plan> {
+        for name in choices.with.iter().chain(&choices.without) {
+            if !EFFECTS.iter().any(|effect| effect.name == *name) {
+                let known: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
+                return Err(Error::usage(format!("there is no effect `{name}`"), nearest_name(name, &known)));
+            }
+        }
+        if let Some(both) = choices.with.iter().find(|name| choices.without.contains(name)) {
+            return Err(Error::usage(format!("both with and without `{both}`"), "ask for one of the two"));
+        }
+        let decisions: Vec<Decision> = EFFECTS.iter().map(|effect| decide(effect, world, choices)).collect();
+        let on = |name: &str| decisions.iter().any(|d| d.effect == name && d.on);
+        let (shadows, glaze) = (on(shadows::EFFECT.name), on(glaze::EFFECT.name));
+
+        let bounces = if glaze { glaze::most_bounces(world) } else { 0 };
+        let mut stages: Vec<Box<dyn Stage>> = vec![Box::new(primary::Primary)];
+        for level in 0..=bounces as usize {
+            if level > 0 {
+                stages.push(Box::new(glaze::Reflect { from: level - 1 }));
+            }
+            let kind = if level == 0 { RayKind::Primary } else { RayKind::Glaze };
+            stages.push(Box::new(visible::Visible { level, kind }));
+            if choices.shading.uses_lights() && !world.lights.is_empty() {
+                stages.push(Box::new(local::Illuminate { level }));
+                if shadows {
+                    stages.push(Box::new(shadows::Shadows { level }));
+                }
+            }
+            stages.push(Box::new(local::Shade { level, mode: choices.shading }));
+        }
+        for level in (1..=bounces as usize).rev() {
+            stages.push(Box::new(glaze::Combine { into: level - 1 }));
+        }
+        stages.push(Box::new(film::Expose));
+        Ok(Plan { shading: choices.shading, decisions, stages })
+    }
+
+    /// The stages in the order they run.
+    pub fn stages(&self) -> &[Box<dyn Stage>] {
+        &self.stages
+    }
+
+    /// The names of the effects that are computed.
+    pub fn effects_on(&self) -> impl Iterator<Item = &'static str> + '_ {
+        self.decisions.iter().filter(|d| d.on).map(|d| d.effect)
+    }
+}
+
+/// The user's word first, then the scene's, then the shading mode's, then what there is to do. An effect with nothing
+/// to do stays off whoever asks: it could not change the picture.
+fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
+    let name = effect.name;
+    let decision = |on, why: String| Decision { effect: name, on, why };
+    let calls = match (effect.called_for)(world) {
+        Ok(calls) => calls,
+        Err(nothing) => return decision(false, nothing),
+    };
+    if !choices.shading.uses_lights() && name == shadows::EFFECT.name {
+        return decision(false, format!("{} shading has no lights to block", choices.shading.name()));
+    }
+    if choices.without.iter().any(|n| n == name) {
+        return decision(false, format!("--without {name}"));
+    }
+    if choices.with.iter().any(|n| n == name) {
+        return decision(true, format!("--with {name}; {calls}"));
+    }
+    match choices.scene.get(name) {
+        Some(false) => return decision(false, "the scene file turns it off".into()),
+        Some(true) => return decision(true, format!("the scene file turns it on; {calls}")),
+        None => {}
+    }
+    if choices.shading < ShadingMode::Phong {
+        return decision(false, format!("--shading {} shows that term alone", choices.shading.name()));
+    }
+    decision(true, calls)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_effect_can_be_said_in_a_scene_file() {
+        let schema = crate::scene::file::SceneFile::schema().to_string();
+        for effect in EFFECTS {
+            let text = format!("[effects]\n{} = true\n", effect.name);
+            let file = crate::scene::file::SceneFile::parse(&text, std::path::Path::new("a.toml")).unwrap();
+            assert_eq!(file.effects.get(effect.name), Some(true), "{} has no key", effect.name);
+            assert!(schema.contains(&format!("\"{}\"", effect.name)));
+            assert!(!effect.summary.is_empty());
+        }
+    }
+}

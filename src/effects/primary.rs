@@ -1,0 +1,24 @@
+//! One ray a pixel, from the camera.
+
+use super::Stage;
+use super::tile::{Context, Tile};
+
+/// Fills level 0 with the rays of the tile's pixels.
+pub struct Primary;
+
+impl Stage for Primary {
+    fn name(&self) -> &'static str {
+        "primary"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &Context) {
+        let Some(window) = tile.window else { return };
+        let level = tile.level(0);
+        for y in window.y..window.y + window.height {
+            for x in window.x..window.x + window.width {
+                level.sources.push(level.rays.len() as u32);
+                level.rays.push(context.view.ray(x, y));
+            }
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! What stages work on: the rays of one tile, level by level.
+//!
+//! Level 0 holds the rays of the tile's pixels, each further level the rays that surfaces of the one before sent out.
+//! All arrays of a level are kept from tile to tile, so that a steady state allocates nothing.
+
+use glam::DVec3;
+
+use super::RayKind;
+use crate::bvh::Traversal;
+use crate::film::Window;
+use crate::geometry::{Hit, Ray};
+use crate::shading::LightSample;
+use crate::world::{Surface, View, World};
+
+/// What every stage may read.
+pub struct Context<'a> {
+    /// The prepared scene.
+    pub world: &'a World,
+    /// The camera.
+    pub view: &'a View,
+}
+
+/// The rays of one generation and what became of them.
+#[derive(Default)]
+pub struct Level {
+    /// The rays.
+    pub rays: Vec<Ray>,
+    /// For each ray, what sent it: a pixel of the tile on level 0, a surface of the level before on others.
+    pub sources: Vec<u32>,
+    /// For each ray, its closest hit.
+    pub hits: Vec<Option<Hit>>,
+    /// The points that were hit, in the order of the rays.
+    pub surfaces: Vec<Surface>,
+    /// For each surface, its ray.
+    pub ray_of: Vec<u32>,
+    /// The lights that reach the surfaces, surface after surface.
+    pub lights: Vec<LightSample>,
+    /// For each surface, the end of its part of `lights`; empty where no stage looked for lights.
+    pub lights_end: Vec<u32>,
+    /// For each surface, its colour.
+    pub colours: Vec<DVec3>,
+}
+
+impl Level {
+    fn clear(&mut self) {
+        self.rays.clear();
+        self.sources.clear();
+        self.hits.clear();
+        self.surfaces.clear();
+        self.ray_of.clear();
+        self.lights.clear();
+        self.lights_end.clear();
+        self.colours.clear();
+    }
+
+    /// The range of surface `index` in [`Level::lights`].
+    pub fn lights_of(&self, index: usize) -> std::ops::Range<usize> {
+        let end = |i: usize| self.lights_end.get(i).map_or(0, |&e| e as usize);
+        let start = if index == 0 { 0 } else { end(index - 1) };
+        start..end(index)
+    }
+}
+
+/// A tile in the making.
+#[derive(Default)]
+pub struct Tile {
+    /// The pixels it covers.
+    pub window: Option<Window>,
+    /// The generations of rays.
+    pub levels: Vec<Level>,
+    /// The finished pixels, row by row from the top.
+    pub pixels: Vec<[f32; 3]>,
+    /// What traversals need and count.
+    pub traversal: Traversal,
+    /// Rays cast and rays that hit, by kind.
+    pub rays: [RayCount; RayKind::ALL.len()],
+    /// For each object, whether a primary ray has seen it.
+    pub seen: Vec<bool>,
+}
+
+/// Rays of a kind.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct RayCount {
+    /// How many were cast.
+    pub cast: u64,
+    /// How many of them hit something.
+    pub hit: u64,
+}
+
+impl Tile {
+    /// Makes ready for the pixels of `window`. Counts go on.
+    pub fn start(&mut self, window: Window) {
+        self.window = Some(window);
+        self.levels.iter_mut().for_each(Level::clear);
+        self.pixels.clear();
+    }
+
+    /// A level, made where it does not exist yet.
+    pub fn level(&mut self, index: usize) -> &mut Level {
+        if self.levels.len() <= index {
+            self.levels.resize_with(index + 1, Level::default);
+        }
+        &mut self.levels[index]
+    }
+
+    /// Adds to the count of a kind of ray.
+    pub fn count(&mut self, kind: RayKind, cast: usize, hit: usize) {
+        let count = &mut self.rays[kind as usize];
+        count.cast += cast as u64;
+        count.hit += hit as u64;
+    }
+}

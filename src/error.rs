@@ -1,0 +1,146 @@
+//! What can go wrong, and what it means for the caller.
+//!
+//! Every room returns these; only the command line prints them and turns them into exit codes. An error names the
+//! file and the place in it, what is wrong there, and what to do about it.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// The result of anything in this crate that can fail.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// A failure, with enough in it to be mended by who reads it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Error {
+    /// An input that cannot be used as it is; trying again will not help.
+    #[error("{place}: {what}")]
+    Input {
+        /// The file and, where known, the line or item in it.
+        place: Place,
+        /// What is wrong there.
+        what: String,
+        /// What to do about it; may be empty.
+        hint: String,
+    },
+    /// An output that cannot be written.
+    #[error("{}: {what}", file.display())]
+    Output {
+        /// The file that was to be written.
+        file: PathBuf,
+        /// What went wrong.
+        what: String,
+    },
+    /// A request that contradicts itself or the scene, such as a camera the scene does not have.
+    #[error("{what}")]
+    Usage {
+        /// What is wrong with the request.
+        what: String,
+        /// What to do about it; may be empty.
+        hint: String,
+    },
+    /// The work itself failed.
+    #[error("{what}")]
+    Failed {
+        /// What failed.
+        what: String,
+        /// What to do about it; may be empty.
+        hint: String,
+    },
+    /// The caller asked for the work to stop.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl Error {
+    /// An input error at `place`.
+    pub fn input(place: impl Into<Place>, what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Error::Input { place: place.into(), what: what.into(), hint: hint.into() }
+    }
+
+    /// A wrong request.
+    pub fn usage(what: impl Into<String>, hint: impl Into<String>) -> Self {
+        Error::Usage { what: what.into(), hint: hint.into() }
+    }
+
+    /// An output error for `file`.
+    pub fn output(file: &Path, what: impl fmt::Display) -> Self {
+        Error::Output { file: file.to_owned(), what: what.to_string() }
+    }
+
+    /// What to do about it; empty where there is nothing to say.
+    pub fn hint(&self) -> &str {
+        match self {
+            Error::Input { hint, .. } | Error::Usage { hint, .. } | Error::Failed { hint, .. } => hint,
+            Error::Output { .. } | Error::Interrupted => "",
+        }
+    }
+}
+
+/// A place in an input: the file, and a line or a named item in it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Place {
+    /// The file as the user named it.
+    pub file: PathBuf,
+    /// The line, counted from 1.
+    pub line: Option<usize>,
+    /// A named item, such as `node 3 "wheel"`.
+    pub item: Option<String>,
+}
+
+impl Place {
+    /// A line of a file, counted from 1.
+    pub fn line(file: &Path, line: usize) -> Self {
+        Place { file: file.to_owned(), line: Some(line), item: None }
+    }
+
+    /// A named item of a file.
+    pub fn item(file: &Path, item: impl Into<String>) -> Self {
+        Place { file: file.to_owned(), line: None, item: Some(item.into()) }
+    }
+}
+
+impl From<&Path> for Place {
+    fn from(file: &Path) -> Self {
+        Place { file: file.to_owned(), line: None, item: None }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.file.display())?;
+        if let Some(line) = self.line {
+            write!(f, ":{line}")?;
+        }
+        if let Some(item) = &self.item {
+            write!(f, ": {item}")?;
+        }
+        Ok(())
+    }
+}
+
+/// Things that were left out, replaced or decided for the user, in the order they came up. A picture is made all the
+/// same; the command line prints them and `--strict` makes them fatal.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Warnings {
+    messages: Vec<String>,
+}
+
+impl Warnings {
+    /// Adds a message, once.
+    pub fn push(&mut self, message: impl Into<String>) {
+        let message = message.into();
+        if !self.messages.contains(&message) {
+            self.messages.push(message);
+        }
+    }
+
+    /// The messages so far.
+    pub fn messages(&self) -> &[String] {
+        &self.messages
+    }
+
+    /// Whether nothing was warned of.
+    pub fn is_empty(&self) -> bool {
+        self.messages.is_empty()
+    }
+}

@@ -1,0 +1,170 @@
+//! The three colour pipelines: in which numbers light is added up, and how the sum becomes eight bits.
+//!
+//! | pipeline  | a colour of the scene becomes | sums | the film becomes |
+//! | --------- | ----------------------------- | ---- | ---------------- |
+//! | `display` | 8-bit / 255, no transfer function | floating point | clamp, round half up, once |
+//! | `u8`      | 8-bit / 255                       | rounded to 8 bits and clamped after every step | as it is |
+//! | `linear`  | decoded from sRGB                 | floating point | sRGB transfer function, clamp, round half up |
+//!
+//! Owned here because everything above has to agree on it; nothing here knows about rays.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// Which numbers light is added up in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ColourPipeline {
+    /// Floating point on display values; quantised once.
+    Display,
+    /// Eight bits and a clamp after every step.
+    U8,
+    /// Linear light; sRGB in and out.
+    #[default]
+    Linear,
+}
+
+/// A colour as its source gave it. Three channels, red, green and blue, nominally 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Colour {
+    /// As a display shows it (sRGB-encoded): scene files, 8-bit pictures, MTL files.
+    Display(DVec3),
+    /// Linear light: glTF factors and vertex colours.
+    Linear(DVec3),
+}
+
+impl Colour {
+    /// A colour from 8-bit display values.
+    pub fn from_u8(rgb: [u8; 3]) -> Self {
+        Colour::Display(DVec3::from(rgb.map(|c| f64::from(c) / 255.0)))
+    }
+
+    /// The colour in the numbers `pipeline` works in.
+    pub fn lower(self, pipeline: ColourPipeline) -> DVec3 {
+        match (self, pipeline) {
+            (Colour::Display(c), ColourPipeline::Linear) => per_channel(c, srgb_decode),
+            (Colour::Linear(c), ColourPipeline::Display | ColourPipeline::U8) => per_channel(c, srgb_encode),
+            (Colour::Display(c) | Colour::Linear(c), _) => c,
+        }
+    }
+}
+
+impl ColourPipeline {
+    /// The name as typed by users.
+    pub fn name(self) -> &'static str {
+        match self {
+            ColourPipeline::Display => "display",
+            ColourPipeline::U8 => "u8",
+            ColourPipeline::Linear => "linear",
+        }
+    }
+
+    /// Rounds a result to what the pipeline can hold: eight bits for `u8`, itself otherwise.
+    #[inline]
+    pub fn hold(self, c: DVec3) -> DVec3 {
+        match self {
+            ColourPipeline::U8 => per_channel(c, |x| f64::from(quantise(x)) / 255.0),
+            ColourPipeline::Display | ColourPipeline::Linear => c,
+        }
+    }
+
+    /// The assignment's `mix_light`: colour times light, per channel.
+    #[inline]
+    pub fn mix_light(self, colour: DVec3, light: DVec3) -> DVec3 {
+        self.hold(colour * light)
+    }
+
+    /// The assignment's `weighted_combine`: `a * weight_a + b * weight_b`, per channel.
+    #[inline]
+    pub fn weighted_combine(self, a: DVec3, b: DVec3, weight_a: f64, weight_b: f64) -> DVec3 {
+        self.hold(a * weight_a + b * weight_b)
+    }
+
+    /// The 8-bit display values of a film value.
+    #[inline]
+    pub fn encode(self, rgb: [f32; 3]) -> [u8; 3] {
+        rgb.map(|c| match self {
+            ColourPipeline::Linear => quantise(srgb_encode(f64::from(c))),
+            ColourPipeline::Display | ColourPipeline::U8 => quantise(f64::from(c)),
+        })
+    }
+}
+
+/// Clamps to 0..1 and rounds to eight bits, halves upwards. What is not a number becomes 0.
+#[inline]
+pub fn quantise(x: f64) -> u8 {
+    // A float-to-integer cast truncates, saturates at both ends and sends NaN to 0.
+    (x * 255.0 + 0.5) as u8
+}
+
+/// The sRGB transfer function, display value to linear light (IEC 61966-2-1). Odd in `x`, so that no value is lost.
+pub fn srgb_decode(x: f64) -> f64 {
+    let a = x.abs();
+    let y = if a <= 0.04045 { a / 12.92 } else { ((a + 0.055) / 1.055).powf(2.4) };
+    y.copysign(x)
+}
+
+/// The sRGB transfer function, linear light to display value (IEC 61966-2-1). Odd in `x`.
+pub fn srgb_encode(x: f64) -> f64 {
+    let a = x.abs();
+    let y = if a <= 0.003_130_8 { a * 12.92 } else { 1.055 * a.powf(1.0 / 2.4) - 0.055 };
+    y.copysign(x)
+}
+
+#[inline]
+fn per_channel(c: DVec3, f: impl Fn(f64) -> f64) -> DVec3 {
+    DVec3::new(f(c.x), f(c.y), f(c.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantising_rounds_halves_up_and_clamps() {
+        // 127.5 is exactly between 127 and 128.
+        assert_eq!(quantise(127.5 / 255.0), 128);
+        assert_eq!(quantise(127.4 / 255.0), 127);
+        assert_eq!(quantise(-3.0), 0);
+        assert_eq!(quantise(7.0), 255);
+        assert_eq!(quantise(f64::NAN), 0);
+    }
+
+    #[test]
+    fn mix_light_clamps_in_u8_only() {
+        // 200 * 4 = 800: u8 stops at 255 / 255, display keeps 800 / 255.
+        let colour = DVec3::splat(200.0 / 255.0);
+        let light = DVec3::splat(4.0);
+        assert_eq!(ColourPipeline::U8.mix_light(colour, light), DVec3::ONE);
+        let kept = ColourPipeline::Display.mix_light(colour, light).x * 255.0;
+        assert!((kept - 800.0).abs() < 800.0 * f64::EPSILON * 4.0);
+    }
+
+    #[test]
+    fn the_blend_of_the_assignment() {
+        // 0.75 * 100 + 0.25 * 201 = 125.25: u8 rounds to 125.
+        let (a, b) = (DVec3::splat(100.0 / 255.0), DVec3::splat(201.0 / 255.0));
+        let u8_value = ColourPipeline::U8.weighted_combine(a, b, 0.75, 0.25);
+        assert_eq!(u8_value, DVec3::splat(125.0 / 255.0));
+        let display = ColourPipeline::Display.weighted_combine(a, b, 0.75, 0.25) * 255.0;
+        assert!((display.x - 125.25).abs() < 1e-12 * 125.25);
+    }
+
+    #[test]
+    fn srgb_is_its_own_inverse_for_every_8_bit_value() {
+        for value in 0..=255u8 {
+            let linear = Colour::from_u8([value; 3]).lower(ColourPipeline::Linear);
+            assert_eq!(ColourPipeline::Linear.encode([linear.x as f32; 3]), [value; 3]);
+            let display = Colour::Linear(linear).lower(ColourPipeline::Display);
+            assert_eq!(quantise(display.x), value);
+        }
+    }
+
+    #[test]
+    fn srgb_meets_the_standards_own_numbers() {
+        // IEC 61966-2-1: 18 % grey is displayed as 0.4613561.
+        assert!((srgb_encode(0.18) - 0.461_356_1).abs() < 1e-6);
+        assert!((srgb_encode(1.0) - 1.0).abs() <= f64::EPSILON);
+        assert_eq!(srgb_decode(0.0), 0.0);
+    }
+}

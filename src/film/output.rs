@@ -1,0 +1,112 @@
+//! Whole files or none: output is written to a temporary file beside its target and renamed over it.
+
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+
+use crate::error::{Error, Result};
+
+/// The temporary file that is being written, for a process that has to end at once.
+static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
+
+/// Removes the temporary file that is being written, if there is one.
+pub fn discard_unfinished() {
+    if let Ok(mut unfinished) = UNFINISHED.lock()
+        && let Some(path) = unfinished.take()
+    {
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+fn set_unfinished(path: Option<PathBuf>) {
+    if let Ok(mut unfinished) = UNFINISHED.lock() {
+        *unfinished = path;
+    }
+}
+
+/// Writes `file` as a whole: `fill` writes to a temporary file in the same folder, which is flushed to disk and then
+/// takes the target's name. Whatever fails, a file of that name that was there before stays as it was, and the
+/// temporary file goes.
+///
+/// # Errors
+/// [`Error::Output`] when the folder cannot be written to or `fill` fails.
+pub fn write_whole(file: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+    let fail = |e: std::io::Error| Error::output(file, describe(&e));
+    if file.is_dir() {
+        return Err(Error::output(file, "is a folder; name a file in it"));
+    }
+    let folder = match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let temporary = tempfile::Builder::new()
+        .prefix(".kiln-")
+        .suffix(".part")
+        .permissions_like_any_file()
+        .tempfile_in(folder)
+        .map_err(fail)?;
+    set_unfinished(Some(temporary.path().to_owned()));
+    let written = fill_and_rename(temporary, file, fill).map_err(fail);
+    set_unfinished(None);
+    written
+}
+
+fn fill_and_rename(
+    temporary: tempfile::NamedTempFile,
+    file: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
+) -> std::io::Result<()> {
+    let mut writer = BufWriter::with_capacity(1 << 18, temporary);
+    fill(&mut writer)?;
+    let temporary = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+    temporary.as_file().sync_data()?;
+    temporary.persist(file).map_err(|e| e.error)?;
+    Ok(())
+}
+
+/// Temporary files are private by default; the finished picture is a file like any other.
+trait LikeAnyFile {
+    fn permissions_like_any_file(&mut self) -> &mut Self;
+}
+
+impl LikeAnyFile for tempfile::Builder<'_, '_> {
+    fn permissions_like_any_file(&mut self) -> &mut Self {
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::PermissionsExt;
+            // The process's umask is applied to this, as for any new file.
+            self.permissions(std::fs::Permissions::from_mode(0o666));
+        }
+        self
+    }
+}
+
+fn describe(e: &std::io::Error) -> String {
+    match e.kind() {
+        std::io::ErrorKind::NotFound => "cannot be written: its folder does not exist".into(),
+        std::io::ErrorKind::PermissionDenied => "cannot be written: permission denied".into(),
+        _ => format!("cannot be written: {e}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_keeps_the_old_file_and_leaves_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("a.txt");
+        std::fs::write(&target, "old").unwrap();
+        let result = write_whole(&target, |w| {
+            w.write_all(b"new")?;
+            Err(std::io::Error::other("disk full"))
+        });
+        assert!(matches!(result, Err(Error::Output { .. })));
+        assert_eq!(std::fs::read_to_string(&target).unwrap(), "old");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+        write_whole(&target, |w| w.write_all(b"new")).unwrap();
+        assert_eq!(std::fs::read_to_string(&target).unwrap(), "new");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

@@ -1,0 +1,115 @@
+//! Pictures: PNG, JPEG and OpenEXR, each with the settings that made it.
+
+use std::io::{Seek, Write};
+use std::path::Path;
+
+use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, Text, WritableImage};
+
+use super::output::write_whole;
+use super::{ColourPipeline, Film};
+use crate::error::{Error, Result};
+
+/// The picture formats that can be written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// 8 bits a channel, lossless, metadata in text chunks.
+    Png,
+    /// 8 bits a channel, quality 95.
+    Jpeg,
+    /// 32-bit floating point: the film's own numbers.
+    Exr,
+}
+
+impl Format {
+    /// The format that a file name's ending asks for.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] when the ending is missing or not one that can be written.
+    pub fn from_path(file: &Path) -> Result<Self> {
+        let ending = file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+        match ending.as_str() {
+            "png" => Ok(Format::Png),
+            "jpg" | "jpeg" => Ok(Format::Jpeg),
+            "exr" => Ok(Format::Exr),
+            _ => Err(Error::usage(
+                format!("{}: not a picture format that can be written", file.display()),
+                "name a file that ends in .png, .jpg or .exr",
+            )),
+        }
+    }
+}
+
+/// The settings that made a picture, as names and values, to be kept in its metadata.
+pub type Metadata = [(String, String)];
+
+/// Writes the film to `file`, whole or not at all.
+///
+/// # Errors
+/// [`Error::Output`] when the file cannot be written.
+pub fn write_picture(
+    film: &Film,
+    pipeline: ColourPipeline,
+    metadata: &Metadata,
+    format: Format,
+    file: &Path,
+) -> Result<()> {
+    write_whole(file, |out| match format {
+        Format::Png => write_png(film, pipeline, metadata, out),
+        Format::Jpeg => write_jpeg(film, pipeline, out),
+        Format::Exr => write_exr(film, metadata, out),
+    })
+}
+
+/// Writes the film as PNG to any stream.
+///
+/// # Errors
+/// Those of the stream.
+pub fn write_png(
+    film: &Film,
+    pipeline: ColourPipeline,
+    metadata: &Metadata,
+    out: impl Write,
+) -> std::io::Result<()> {
+    let window = film.window();
+    let mut encoder = png::Encoder::new(out, window.width, window.height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fast);
+    if pipeline == ColourPipeline::Linear {
+        encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
+    }
+    for (key, value) in metadata {
+        encoder.add_itxt_chunk(key.clone(), value.clone())?;
+    }
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&film.to_rgb8(pipeline))?;
+    writer.finish()?;
+    Ok(())
+}
+
+fn write_jpeg(film: &Film, pipeline: ColourPipeline, out: &mut dyn Write) -> std::io::Result<()> {
+    let window = film.window();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(out, 95)
+        .encode(&film.to_rgb8(pipeline), window.width, window.height, image::ExtendedColorType::Rgb8)
+        .map_err(std::io::Error::other)
+}
+
+fn write_exr(film: &Film, metadata: &Metadata, out: &mut dyn Write) -> std::io::Result<()> {
+    let window = film.window();
+    let channels = SpecificChannels::rgb(|at: exr::math::Vec2<usize>| {
+        let [r, g, b] = film.pixel(at.x() as u32, at.y() as u32);
+        (r, g, b)
+    });
+    let mut attributes = LayerAttributes::named("kiln");
+    for (key, value) in metadata {
+        let text = exr::meta::attribute::AttributeValue::Text(Text::new_or_panic(value));
+        attributes.other.insert(Text::new_or_panic(key), text);
+    }
+    let size = (window.width as usize, window.height as usize);
+    let picture = Image::from_layer(Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels));
+    // The format wants to seek back to its offset table, a stream need not be able to.
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    picture.write().to_buffered(&mut bytes).map_err(std::io::Error::other)?;
+    bytes.rewind()?;
+    out.write_all(bytes.get_ref())
+}

@@ -1,0 +1,133 @@
+//! Files become a [`Scene`]: OBJ, glTF and scene files, alone or together.
+//!
+//! This is the border. Everything that comes from outside is checked here once; what passes is finite and consistent,
+//! what does not is an error with its place or is left out with a warning. One file an importer; to add one, write it
+//! and give it a line in [`IMPORTERS`].
+
+mod gltf;
+mod obj;
+mod obj_text;
+mod pictures;
+mod polygon;
+mod sanitise;
+mod scene_file;
+mod uri;
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result, Warnings};
+use crate::scene::Scene;
+
+/// A kind of file that can be read.
+pub struct Importer {
+    /// What people call it.
+    pub name: &'static str,
+    /// Endings of its files, in lower case.
+    pub endings: &'static [&'static str],
+    /// Whether it describes a whole picture (cameras, lights, settings) rather than a mesh.
+    pub is_scene_file: bool,
+    read: fn(&Source, &mut Warnings) -> Result<Scene>,
+}
+
+/// Every kind of file that can be read.
+pub const IMPORTERS: &[Importer] = &[
+    Importer { name: "scene file", endings: &["toml"], is_scene_file: true, read: scene_file::read },
+    Importer { name: "Wavefront OBJ", endings: &["obj"], is_scene_file: false, read: obj::read },
+    Importer { name: "glTF", endings: &["gltf", "glb"], is_scene_file: false, read: gltf::read },
+];
+
+/// The bytes of an input, and where files it names are looked for.
+pub(crate) struct Source {
+    /// As the user named it; `-` for standard input.
+    pub file: PathBuf,
+    /// Its contents.
+    pub bytes: Vec<u8>,
+}
+
+impl Source {
+    fn open(file: &Path) -> Result<Self> {
+        let mut bytes = Vec::new();
+        let read = if file == Path::new("-") {
+            std::io::stdin().lock().read_to_end(&mut bytes).map(|_| ())
+        } else {
+            std::fs::read(file).map(|content| bytes = content)
+        };
+        read.map_err(|e| unreadable(file, &e))?;
+        Ok(Source { file: file.to_owned(), bytes })
+    }
+
+    /// The path of a file that this one names.
+    fn sibling(&self, name: impl AsRef<Path>) -> PathBuf {
+        match self.file.parent() {
+            Some(folder) if self.file != Path::new("-") => folder.join(name),
+            _ => name.as_ref().to_owned(),
+        }
+    }
+
+    /// The text, with what is not UTF-8 replaced and without a byte order mark.
+    fn text(&self) -> std::borrow::Cow<'_, str> {
+        let bytes = self.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&self.bytes);
+        String::from_utf8_lossy(bytes)
+    }
+}
+
+/// An error for a file that cannot be read.
+fn unreadable(file: &Path, e: &std::io::Error) -> Error {
+    match e.kind() {
+        std::io::ErrorKind::NotFound => Error::input(file, "no such file", "check the name and the folder"),
+        std::io::ErrorKind::PermissionDenied => {
+            Error::input(file, "permission denied", "make the file readable for this user")
+        }
+        std::io::ErrorKind::IsADirectory => Error::input(file, "is a folder", "name a file in it"),
+        _ => Error::input(file, format!("cannot be read: {e}"), ""),
+    }
+}
+
+/// Reads every input and puts them into one scene, in the order given.
+///
+/// # Errors
+/// [`Error::Input`] when a file cannot be used.
+pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
+    let mut scene = Scene::default();
+    for (index, file) in inputs.iter().enumerate() {
+        let mut one = load_one(&Source::open(file)?, warnings)?;
+        for object in &mut one.objects {
+            object.input = index;
+        }
+        scene.append(one);
+    }
+    Ok(scene)
+}
+
+fn load_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+    let importer = importer_for(source)?;
+    let mut scene = (importer.read)(source, warnings)?;
+    sanitise::sanitise(&mut scene, &source.file, warnings);
+    Ok(scene)
+}
+
+/// Whether an input describes a whole picture rather than a mesh, going by its name.
+pub fn is_scene_file(file: &Path) -> bool {
+    IMPORTERS.iter().any(|importer| importer.is_scene_file && importer.endings.contains(&ending(file).as_str()))
+}
+
+fn ending(file: &Path) -> String {
+    file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
+}
+
+fn importer_for(source: &Source) -> Result<&'static Importer> {
+    let mut wanted = ending(&source.file);
+    if source.file == Path::new("-") {
+        wanted = if source.bytes.starts_with(b"glTF") { "glb" } else { "toml" }.into();
+    }
+    IMPORTERS.iter().find(|importer| importer.endings.contains(&wanted.as_str())).ok_or_else(|| {
+        let known: Vec<String> =
+            IMPORTERS.iter().flat_map(|i| i.endings).map(|ending| format!(".{ending}")).collect();
+        Error::input(
+            source.file.as_path(),
+            "not a kind of file that kiln reads",
+            format!("it reads {}; convert the file to one of them", known.join(", ")),
+        )
+    })
+}

@@ -1,0 +1,182 @@
+//! Wavefront OBJ, read by `tobj` in double precision.
+//!
+//! MTL materials become Phong: own colour `Kd`, k_d = 1, k_s the largest of `Ks`, n = `Ns`, k_a = 1. Colours are
+//! display values. Where a material has `Pr` or `Pm` it becomes metallic-roughness.
+
+use std::cell::RefCell;
+use std::collections::HashSet;
+use std::path::Path;
+
+use glam::{DVec2, DVec3};
+
+use super::obj_text::{clean_mtl, clean_obj, find_obj_fault};
+use super::pictures::Pictures;
+use super::polygon::Triangulator;
+use super::{Source, unreadable};
+use crate::error::{Error, Place, Result, Warnings};
+use crate::film::Colour;
+use crate::film::colour::srgb_decode;
+use crate::scene::{
+    Attribute, Material, MaterialId, Mesh, MetallicRoughness, Object, Phong, Sampler, Scene, Shape, Texture,
+};
+
+/// Reads an OBJ file, its materials and their textures.
+pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+    let text = clean_obj(&source.text());
+    let options =
+        tobj::LoadOptions { single_index: false, triangulate: false, ignore_points: true, ignore_lines: true };
+    let shared = RefCell::new(&mut *warnings);
+    let load_materials = |name: &Path| read_mtl(source, name, &mut shared.borrow_mut());
+    let (models, materials) = tobj::load_obj_buf(&mut text.as_bytes(), &options, load_materials)
+        .map_err(|e| explain(source, &text, &e))?;
+    let materials = materials.unwrap_or_default();
+    warn_of_unknown_materials(&text, &materials, &source.file, warnings);
+
+    let mut scene = Scene::default();
+    let mut pictures = Pictures::default();
+    for material in &materials {
+        let material = convert_material(material, source, &mut scene, &mut pictures, warnings);
+        scene.add_material(material);
+    }
+    let mut plain = None;
+    let mut triangulator = Triangulator::new();
+    let mut not_simple = 0;
+    for model in models {
+        let material = match model.mesh.material_id {
+            Some(id) => MaterialId(id as u32),
+            None => *plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))),
+        };
+        let (mesh, faults) = convert_mesh(&model.mesh, &mut triangulator);
+        not_simple += faults;
+        scene.objects.push(Object { name: model.name, input: 0, material, shape: Shape::Mesh(mesh) });
+    }
+    if not_simple > 0 {
+        warnings.push(format!(
+            "{}: {not_simple} polygon(s) cross themselves and were cut into fans",
+            source.file.display()
+        ));
+    }
+    Ok(scene)
+}
+
+fn explain(source: &Source, text: &str, e: &tobj::LoadError) -> Error {
+    match find_obj_fault(text) {
+        Some((line, what)) => Error::input(Place::line(&source.file, line), what, "correct the line"),
+        None => Error::input(source.file.as_path(), format!("not a usable OBJ file: {e}"), "export it again"),
+    }
+}
+
+fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLLoadResult {
+    let path = source.sibling(name.to_string_lossy().replace('\\', "/"));
+    match std::fs::read(&path) {
+        Ok(bytes) => {
+            let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes));
+            let text = clean_mtl(&text, &path.display().to_string(), warnings);
+            tobj::load_mtl_buf(&mut text.as_bytes()).or_else(|e| {
+                warnings.push(format!("{}: materials left out: {e}", path.display()));
+                Ok(Default::default())
+            })
+        }
+        Err(e) => {
+            let e = unreadable(&path, &e);
+            warnings.push(format!("{}: materials left out: {e}", source.file.display()));
+            Ok(Default::default())
+        }
+    }
+}
+
+fn warn_of_unknown_materials(text: &str, materials: &[tobj::Material], file: &Path, warnings: &mut Warnings) {
+    let known: HashSet<&str> = materials.iter().map(|m| m.name.as_str()).collect();
+    let used = text.lines().filter_map(|line| line.strip_prefix("usemtl "));
+    for name in used.filter(|name| !known.contains(name)).collect::<std::collections::BTreeSet<_>>() {
+        warnings.push(format!("{}: material `{name}` is not defined; drawn in grey", file.display()));
+    }
+}
+
+fn convert_material(
+    m: &tobj::Material,
+    source: &Source,
+    scene: &mut Scene,
+    pictures: &mut Pictures,
+    warnings: &mut Warnings,
+) -> Material {
+    let texture = m.diffuse_texture.as_ref().and_then(|name| {
+        let file = source.sibling(name);
+        let image = pictures.from_file(scene, &file, warnings)?;
+        Some(Texture { image, sampler: Sampler::default() })
+    });
+    // MTL leaves Kd's default open; white under a picture shows the picture.
+    let default = if texture.is_some() { [1.0; 3] } else { [0.8; 3] };
+    let colour = Colour::Display(m.diffuse.unwrap_or(default).into());
+    if m.dissolve.is_some_and(|d| d < 1.0) {
+        warnings.push(format!("{}: material `{}` is transparent; drawn opaque", source.file.display(), m.name));
+    }
+    let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
+    let parameter = |name: &str| m.unknown_param.get(name).and_then(|value| value.trim().parse::<f64>().ok());
+    let (roughness, metallic) = (parameter("Pr"), parameter("Pm"));
+    if roughness.is_some() || metallic.is_some() {
+        return Material::MetallicRoughness(MetallicRoughness {
+            name: m.name.clone(),
+            base_colour: colour,
+            base_colour_texture: texture,
+            metallic: metallic.unwrap_or(0.0).clamp(0.0, 1.0),
+            roughness: roughness.unwrap_or(1.0).clamp(0.0, 1.0),
+            emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
+            ..MetallicRoughness::default()
+        });
+    }
+    if emission.is_some() {
+        warnings.push(format!(
+            "{}: material `{}` gives off light (Ke); drawn without",
+            source.file.display(),
+            m.name
+        ));
+    }
+    let specular = m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
+    Material::Phong(Phong {
+        name: m.name.clone(),
+        colour,
+        texture,
+        specular,
+        shininess: m.shininess.unwrap_or(1.0).max(0.0),
+        ..Phong::default()
+    })
+}
+
+/// The mesh of one tobj model, and how many of its polygons cross themselves.
+fn convert_mesh(m: &tobj::Mesh, triangulator: &mut Triangulator) -> (Mesh, usize) {
+    let positions = triples(&m.positions);
+    let mut corners: Vec<[usize; 3]> = Vec::with_capacity(m.indices.len());
+    let mut faults = 0;
+    if m.face_arities.is_empty() {
+        corners.extend((0..m.indices.len() / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]));
+    } else {
+        let mut polygon = Vec::new();
+        let mut start = 0;
+        for &arity in &m.face_arities {
+            let end = start + arity as usize;
+            polygon.clear();
+            polygon.extend(m.indices[start..end].iter().map(|&i| positions[i as usize]));
+            let simple = triangulator.triangulate(&polygon, |t| corners.push(t.map(|i| start + i)));
+            faults += usize::from(!simple);
+            start = end;
+        }
+    }
+    let pick = |indices: &[u32]| corners.iter().map(|c| c.map(|i| indices[i])).collect::<Vec<_>>();
+    let normals = (!m.normals.is_empty())
+        .then(|| Attribute { values: triples(&m.normals), triangles: Some(pick(&m.normal_indices)) });
+    // OBJ counts v from the bottom of the picture.
+    let uvs = (!m.texcoords.is_empty()).then(|| Attribute {
+        values: m.texcoords.chunks_exact(2).map(|c| DVec2::new(c[0], 1.0 - c[1])).collect(),
+        triangles: Some(pick(&m.texcoord_indices)),
+    });
+    let colours = (!m.vertex_color.is_empty()).then(|| {
+        let decoded = triples(&m.vertex_color).into_iter();
+        Attribute::per_position(decoded.map(|c| DVec3::from(c.to_array().map(srgb_decode))).collect())
+    });
+    (Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours }, faults)
+}
+
+fn triples(values: &[f64]) -> Vec<DVec3> {
+    values.chunks_exact(3).map(DVec3::from_slice).collect()
+}

@@ -1,0 +1,132 @@
+//! The last thing before the border closes: primitives that no ray can hit, or that would poison a tree, are counted,
+//! warned of and left out.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::error::Warnings;
+use crate::scene::{Mesh, Scene, Shape};
+
+/// Coordinates beyond this are left out. f32 boxes square it without overflow, and the builder is measured to hold.
+const LARGEST_COORDINATE: f64 = 1e18;
+
+#[derive(Default)]
+struct Count {
+    non_finite: usize,
+    too_large: usize,
+    degenerate: usize,
+}
+
+/// Leaves out what cannot be rendered and says how much of it there was.
+pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
+    let mut count = Count::default();
+    for object in &mut scene.objects {
+        if let Shape::Mesh(mesh) = &mut object.shape {
+            clean_mesh(mesh, &mut count);
+        }
+    }
+    scene.objects.retain(|object| match &object.shape {
+        Shape::Sphere { centre, radius } => {
+            let fits = (centre.abs() + *radius).max_element() <= LARGEST_COORDINATE;
+            count.too_large += usize::from(!fits);
+            fits
+        }
+        Shape::Mesh(mesh) => !mesh.triangles.is_empty(),
+    });
+    let mut say = |n: usize, what: &str| {
+        if n > 0 {
+            warnings.push(format!("{}: left out {n} {what}", file.display()));
+        }
+    };
+    say(count.non_finite, "triangle(s) with a vertex that is not a finite number");
+    say(count.too_large, "primitive(s) with a coordinate beyond 1e18");
+    say(count.degenerate, "triangle(s) without area");
+}
+
+fn clean_mesh(mesh: &mut Mesh, count: &mut Count) {
+    let (positions, triangles) = (&mesh.positions, &mesh.triangles);
+    let mut keep = vec![true; triangles.len()];
+    for (keep, triangle) in keep.iter_mut().zip(triangles) {
+        let corners = triangle.map(|i| positions[i as usize]);
+        let counter = if corners.iter().any(|p| !p.is_finite()) {
+            &mut count.non_finite
+        } else if corners.iter().any(|p| p.abs().max_element() > LARGEST_COORDINATE) {
+            &mut count.too_large
+        } else if is_degenerate(corners) {
+            &mut count.degenerate
+        } else {
+            continue;
+        };
+        *counter += 1;
+        *keep = false;
+    }
+    mesh.retain(|i| keep[i]);
+    replace_non_finite(mesh);
+}
+
+/// Attributes that are not numbers become neutral: no normal (the triangle's own is taken), texture origin, white.
+fn replace_non_finite(mesh: &mut Mesh) {
+    if let Some(normals) = &mut mesh.normals {
+        normals.values.iter_mut().filter(|n| !n.is_finite()).for_each(|n| *n = DVec3::ZERO);
+    }
+    if let Some(uvs) = &mut mesh.uvs {
+        uvs.values.iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = glam::DVec2::ZERO);
+    }
+    if let Some(colours) = &mut mesh.colours {
+        colours.values.iter_mut().filter(|c| !c.is_finite()).for_each(|c| *c = DVec3::ONE);
+    }
+}
+
+/// Whether a triangle has no area in the precision that it will be rendered in: its corners are rounded to f32, their
+/// differences are then exact in f64 for coordinates within 29 binary orders, and a cross product of exactly zero is
+/// what no ray can hit.
+fn is_degenerate(corners: [DVec3; 3]) -> bool {
+    let [a, b, c] = corners.map(|p| p.as_vec3().as_dvec3());
+    (b - a).cross(c - a) == DVec3::ZERO
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{MaterialId, Object};
+
+    fn scene_of(positions: Vec<DVec3>) -> Scene {
+        let triangles = (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let shape = Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() });
+        let object = Object { name: "m".into(), input: 0, material: MaterialId(0), shape };
+        Scene { objects: vec![object], ..Scene::default() }
+    }
+
+    #[test]
+    fn bad_triangles_go_and_are_counted_good_ones_stay() {
+        let good = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let mut positions = good.to_vec();
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            positions.extend([DVec3::new(bad, 0.0, 0.0), DVec3::X, DVec3::Y]);
+        }
+        positions.extend([DVec3::new(1e19, 0.0, 0.0), DVec3::X, DVec3::Y]);
+        // Collinear: p, p + d, p + 3 d.
+        positions.extend([DVec3::ONE, DVec3::splat(2.0), DVec3::splat(4.0)]);
+        positions.extend([DVec3::X, DVec3::X, DVec3::Y]);
+        let mut scene = scene_of(positions);
+        let mut warnings = Warnings::default();
+        sanitise(&mut scene, Path::new("a.obj"), &mut warnings);
+        assert_eq!(scene.primitive_count(), 1);
+        assert_eq!(
+            warnings.messages(),
+            [
+                "a.obj: left out 3 triangle(s) with a vertex that is not a finite number",
+                "a.obj: left out 1 primitive(s) with a coordinate beyond 1e18",
+                "a.obj: left out 2 triangle(s) without area",
+            ]
+        );
+    }
+
+    #[test]
+    fn an_object_of_nothing_but_bad_triangles_is_gone() {
+        let mut scene = scene_of(vec![DVec3::NAN; 3]);
+        sanitise(&mut scene, Path::new("a.obj"), &mut Warnings::default());
+        assert!(scene.objects.is_empty());
+    }
+}

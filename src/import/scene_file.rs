@@ -1,0 +1,368 @@
+//! Scene files: from what is typed ([`SceneFile`]) to what it means ([`Scene`]), with the meshes it names.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use glam::{DMat4, DQuat, DVec3};
+use toml::Spanned;
+
+use super::Source;
+use crate::error::{Error, Place, Result, Warnings};
+use crate::film::Colour;
+use crate::scene::file::{
+    CameraSection, FalloffValue, LightSection, LightType, MaterialSection, MeshSection, ScaleValue, SceneFile,
+    SphereSection, TrianglesSection, line_of, nearest_name,
+};
+use crate::scene::{
+    Camera, Falloff, Glaze, Light, LightKind, Material, MaterialId, Mesh, Object, Phong, Scene, Shape,
+};
+
+/// Reads a scene file and the meshes it names.
+pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+    let text = source.text();
+    let file = SceneFile::parse(&text, &source.file)?;
+    let mut builder = Builder {
+        source,
+        text: &text,
+        scene: Scene::default(),
+        materials: HashMap::new(),
+        plain: None,
+    };
+    builder.picture(&file)?;
+    for (name, section) in &file.material {
+        let material = builder.material(name, section)?;
+        let id = builder.scene.add_material(material);
+        builder.materials.insert(name.clone(), id);
+    }
+    builder.objects(&file, warnings)?;
+    Ok(builder.scene)
+}
+
+/// An entry that makes objects. They are made in the order of the file, whatever their kinds, because that order
+/// numbers the primitives.
+enum Entry<'a> {
+    Sphere(&'a Spanned<SphereSection>),
+    Triangles(&'a Spanned<TrianglesSection>),
+    Mesh(&'a Spanned<MeshSection>),
+}
+
+impl Entry<'_> {
+    fn start(&self) -> usize {
+        match self {
+            Entry::Sphere(s) => s.span().start,
+            Entry::Triangles(s) => s.span().start,
+            Entry::Mesh(s) => s.span().start,
+        }
+    }
+}
+
+struct Builder<'a> {
+    source: &'a Source,
+    text: &'a str,
+    scene: Scene,
+    materials: HashMap<String, MaterialId>,
+    plain: Option<MaterialId>,
+}
+
+impl Builder<'_> {
+    /// An error in the section that starts at byte `start`.
+    fn error(&self, start: usize, what: impl Into<String>, hint: &str) -> Error {
+        Error::input(Place::line(&self.source.file, line_of(self.text, start)), what, hint)
+    }
+
+    fn finite(&self, start: usize, key: &str, values: &[f64]) -> Result<()> {
+        match values.iter().find(|v| !v.is_finite()) {
+            Some(v) => Err(self.error(start, format!("`{key}` holds {v}"), "give a finite number")),
+            None => Ok(()),
+        }
+    }
+
+    fn not_negative(&self, start: usize, key: &str, value: f64) -> Result<f64> {
+        if value >= 0.0 && value.is_finite() {
+            Ok(value)
+        } else {
+            Err(self.error(start, format!("`{key}` is {value}"), "give a number that is 0 or more"))
+        }
+    }
+
+    /// The settings of the whole picture, the cameras and the lights.
+    fn picture(&mut self, file: &SceneFile) -> Result<()> {
+        let image = &file.image;
+        match (image.width, image.height) {
+            (Some(width), Some(height)) if width > 0 && height > 0 => self.scene.size = Some([width, height]),
+            (None, None) => {}
+            (Some(0), _) | (_, Some(0)) => {
+                return Err(self.error(self.find("[image]"), "a picture of width or height 0", "give both above 0"));
+            }
+            _ => return Err(self.error(self.find("[image]"), "`width` or `height` is missing", "give both or neither")),
+        }
+        self.scene.background = Some(Colour::from_u8(image.background.map_or([0; 3], |c| c.0)));
+        self.scene.colour = image.colour;
+        if let Some(intensity) = file.ambient.intensity {
+            self.scene.ambient = Some(self.not_negative(self.find("[ambient]"), "intensity", intensity)?);
+        }
+        self.scene.effects = file.effects;
+        for (index, section) in file.camera.iter().enumerate() {
+            let camera = self.camera(index, section)?;
+            if self.scene.cameras.iter().any(|c| c.name == camera.name) {
+                let what = format!("a second camera named `{}`", camera.name);
+                return Err(self.error(section.span().start, what, "give each its own name"));
+            }
+            self.scene.cameras.push(camera);
+        }
+        for (index, section) in file.light.iter().enumerate() {
+            let light = self.light(index, section)?;
+            self.scene.lights.push(light);
+        }
+        Ok(())
+    }
+
+    fn find(&self, header: &str) -> usize {
+        self.text.find(header).unwrap_or(0)
+    }
+
+    fn camera(&self, index: usize, section: &Spanned<CameraSection>) -> Result<Camera> {
+        let (start, s) = (section.span().start, section.get_ref());
+        let name = s.name.clone().unwrap_or_else(|| format!("camera {index}"));
+        let (position, target) = (DVec3::from(s.position), DVec3::from(s.look_at));
+        let up = DVec3::from(s.up.unwrap_or([0.0, 1.0, 0.0]));
+        self.finite(start, "position", &s.position)?;
+        self.finite(start, "look_at", &s.look_at)?;
+        self.finite(start, "up", &up.to_array())?;
+        if position == target {
+            return Err(self.error(start, format!("camera `{name}` looks at itself"), "move `look_at` or `position`"));
+        }
+        if up == DVec3::ZERO {
+            return Err(self.error(start, format!("camera `{name}` has no up"), "give `up` a length, or leave it out"));
+        }
+        let mut camera = match (s.viewing_rectangle, s.viewpoint_distance, s.vertical_fov) {
+            (Some([width, height]), Some(distance), None) => {
+                if [width, height, distance].iter().any(|&x| !(x > 0.0 && x.is_finite())) {
+                    let what = format!("camera `{name}` has a viewing rectangle or distance that is not above 0");
+                    return Err(self.error(start, what, "give `viewing_rectangle` and `viewpoint_distance` above 0"));
+                }
+                Camera {
+                    name,
+                    position,
+                    target,
+                    up,
+                    projection: s.projection,
+                    view_height: height,
+                    view_width: Some(width),
+                    viewpoint_distance: distance,
+                }
+            }
+            (None, None, fov) => {
+                let degrees = fov.unwrap_or(40.0);
+                if !(degrees > 0.0 && degrees < 180.0) {
+                    let what = format!("camera `{name}` has a field of view of {degrees} degrees");
+                    return Err(self.error(start, what, "give `vertical_fov` above 0 and below 180"));
+                }
+                Camera::from_field_of_view(name, position, target, up, degrees.to_radians())
+            }
+            _ => {
+                let what = format!("camera `{name}` says too much or too little of its lens");
+                let hint = "give `viewing_rectangle` and `viewpoint_distance`, or `vertical_fov` alone";
+                return Err(self.error(start, what, hint));
+            }
+        };
+        camera.projection = s.projection;
+        Ok(camera)
+    }
+
+    fn light(&self, index: usize, section: &Spanned<LightSection>) -> Result<Light> {
+        let (start, s) = (section.span().start, section.get_ref());
+        let name = s.name.clone().unwrap_or_else(|| format!("light {index}"));
+        let kind = match (s.kind, s.position, s.direction) {
+            (LightType::Point, Some(position), None) => {
+                self.finite(start, "position", &position)?;
+                let falloff = match s.falloff {
+                    FalloffValue::None => Falloff::None,
+                    FalloffValue::InverseSquare => Falloff::InverseSquare { range: None },
+                };
+                LightKind::Point { position: position.into(), falloff }
+            }
+            (LightType::Directional, None, Some(direction)) => {
+                self.finite(start, "direction", &direction)?;
+                let direction = DVec3::from(direction).try_normalize().ok_or_else(|| {
+                    self.error(start, "`direction` has no length", "give the direction the light travels in")
+                })?;
+                LightKind::Directional { direction }
+            }
+            (LightType::Point, ..) => {
+                let hint = "a point light has a `position` and no `direction`";
+                return Err(self.error(start, format!("light `{name}` is not placed"), hint));
+            }
+            (LightType::Directional, ..) => {
+                let hint = "a directional light has a `direction` and no `position`";
+                return Err(self.error(start, format!("light `{name}` is not placed"), hint));
+            }
+        };
+        let intensity = self.not_negative(start, "intensity", s.intensity.unwrap_or(1.0))?;
+        let colour = Colour::from_u8(s.colour.map_or([255; 3], |c| c.0));
+        Ok(Light { name, colour, intensity, kind })
+    }
+
+    fn material(&self, name: &str, section: &Spanned<MaterialSection>) -> Result<Material> {
+        let (start, s) = (section.span().start, section.get_ref());
+        let number = |key, value: Option<f64>, default| self.not_negative(start, key, value.unwrap_or(default));
+        let glaze = match &s.glaze {
+            None => None,
+            Some(g) => {
+                let weight = number("glaze.weight", g.weight, Glaze::default().weight)?;
+                let own_weight = number("glaze.own_weight", g.own_weight, 1.0 - weight)?;
+                if weight + own_weight > 1.0 {
+                    let what = format!("the glaze of `{name}` adds light: its weights sum to {}", weight + own_weight);
+                    return Err(self.error(start, what, "let `weight` and `own_weight` sum to at most 1"));
+                }
+                Some(Glaze { weight, own_weight, bounces: g.bounces.unwrap_or(Glaze::default().bounces) })
+            }
+        };
+        Ok(Material::Phong(Phong {
+            name: name.to_owned(),
+            colour: Colour::from_u8(s.colour.0),
+            texture: None,
+            ambient: number("ambient", s.ambient, 1.0)?,
+            diffuse: number("diffuse", s.diffuse, 1.0)?,
+            specular: number("specular", s.specular, 0.0)?,
+            shininess: number("shininess", s.shininess, 16.0)?,
+            glaze,
+        }))
+    }
+
+    fn objects(&mut self, file: &SceneFile, warnings: &mut Warnings) -> Result<()> {
+        let mut entries: Vec<Entry> = Vec::new();
+        entries.extend(file.sphere.iter().map(Entry::Sphere));
+        entries.extend(file.triangles.iter().map(Entry::Triangles));
+        entries.extend(file.mesh.iter().map(Entry::Mesh));
+        entries.sort_by_key(Entry::start);
+        for entry in entries {
+            match entry {
+                Entry::Sphere(section) => self.sphere(section)?,
+                Entry::Triangles(section) => self.triangles(section)?,
+                Entry::Mesh(section) => self.mesh(section, warnings)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn material_named(&mut self, start: usize, name: Option<&str>) -> Result<MaterialId> {
+        let Some(name) = name else {
+            let scene = &mut self.scene;
+            return Ok(*self.plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))));
+        };
+        self.materials.get(name).copied().ok_or_else(|| {
+            let known: Vec<&str> = self.materials.keys().map(String::as_str).collect();
+            let hint = if known.is_empty() {
+                format!("add [material.{name}]")
+            } else {
+                nearest_name(name, &known)
+            };
+            self.error(start, format!("there is no material `{name}`"), &hint)
+        })
+    }
+
+    fn push(&mut self, name: Option<&String>, kind: &str, material: MaterialId, shape: Shape) {
+        let name = name.cloned().unwrap_or_else(|| format!("{kind} {}", self.scene.objects.len()));
+        self.scene.objects.push(Object { name, input: 0, material, shape });
+    }
+
+    fn sphere(&mut self, section: &Spanned<SphereSection>) -> Result<()> {
+        let (start, s) = (section.span().start, section.get_ref());
+        self.finite(start, "centre", &s.centre)?;
+        if !(s.radius > 0.0 && s.radius.is_finite()) {
+            return Err(self.error(start, format!("a sphere of radius {}", s.radius), "give a radius above 0"));
+        }
+        let material = self.material_named(start, s.material.as_deref())?;
+        let shape = Shape::Sphere { centre: s.centre.into(), radius: s.radius };
+        self.push(s.name.as_ref(), "sphere", material, shape);
+        Ok(())
+    }
+
+    fn triangles(&mut self, section: &Spanned<TrianglesSection>) -> Result<()> {
+        let (start, s) = (section.span().start, section.get_ref());
+        for vertex in &s.vertices {
+            self.finite(start, "vertices", vertex)?;
+        }
+        let count = s.vertices.len();
+        let triangles = match &s.indices {
+            Some(indices) => indices.clone(),
+            None if count.is_multiple_of(3) => (0..count as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+            None => {
+                let what = format!("{count} vertices without indices do not make whole triangles");
+                return Err(self.error(start, what, "give `indices`, or three vertices for each triangle"));
+            }
+        };
+        if let Some(&bad) = triangles.iter().flatten().find(|&&i| i as usize >= count) {
+            let what = format!("index {bad} is out of range: there are {count} vertices, counted from 0");
+            return Err(self.error(start, what, "correct `indices`"));
+        }
+        let material = self.material_named(start, s.material.as_deref())?;
+        let positions = s.vertices.iter().map(|&p| p.into()).collect();
+        let shape = Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() });
+        self.push(s.name.as_ref(), "triangles", material, shape);
+        Ok(())
+    }
+
+    fn mesh(&mut self, section: &Spanned<MeshSection>, warnings: &mut Warnings) -> Result<()> {
+        let (start, s) = (section.span().start, section.get_ref());
+        if super::is_scene_file(Path::new(&s.file)) {
+            let what = format!("`{}` is not a mesh", s.file);
+            return Err(self.error(start, what, "name an .obj, .gltf or .glb file"));
+        }
+        let material = match &s.material {
+            Some(name) => Some(self.material_named(start, Some(name))?),
+            None => None,
+        };
+        let world_from_mesh = self.placement(start, s)?;
+        let path = self.source.sibling(&s.file);
+        let mut part = Source::open(&path).and_then(|source| super::load_one(&source, warnings)).map_err(|e| {
+            let line = line_of(self.text, start);
+            match e {
+                Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {
+                    let what = format!("mesh {place}: {what}");
+                    Error::input(Place::line(&self.source.file, line), what, hint)
+                }
+                other => other,
+            }
+        })?;
+        for object in &mut part.objects {
+            if let Shape::Mesh(mesh) = &mut object.shape {
+                mesh.transform(&world_from_mesh);
+            }
+        }
+        // The scene file decides on cameras, lights and the picture; a mesh in it is only a mesh.
+        let part = Scene {
+            objects: part.objects,
+            materials: part.materials,
+            images: part.images,
+            ..Scene::default()
+        };
+        let first = self.scene.objects.len();
+        self.scene.append(part);
+        if let Some(material) = material {
+            self.scene.objects[first..].iter_mut().for_each(|object| object.material = material);
+        }
+        Ok(())
+    }
+
+    /// Scale, then rotation about x, y and z, then translation.
+    fn placement(&self, start: usize, s: &MeshSection) -> Result<DMat4> {
+        let translate = s.translate.unwrap_or([0.0; 3]);
+        let rotate = s.rotate.unwrap_or([0.0; 3]);
+        let scale = match s.scale {
+            None => [1.0; 3],
+            Some(ScaleValue::Uniform(factor)) => [factor; 3],
+            Some(ScaleValue::PerAxis(factors)) => factors,
+        };
+        self.finite(start, "translate", &translate)?;
+        self.finite(start, "rotate", &rotate)?;
+        self.finite(start, "scale", &scale)?;
+        if scale.contains(&0.0) {
+            return Err(self.error(start, "`scale` is 0", "a mesh without size cannot be seen; give other factors"));
+        }
+        let [x, y, z] = rotate.map(f64::to_radians);
+        let rotation = DQuat::from_rotation_z(z) * DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x);
+        Ok(DMat4::from_scale_rotation_translation(scale.into(), rotation, translate.into()))
+    }
+}

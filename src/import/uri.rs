@@ -1,0 +1,84 @@
+//! URIs in glTF files: data, or the name of a file beside it.
+
+use std::path::{Component, Path, PathBuf};
+
+use base64::Engine;
+
+/// What a URI stands for.
+#[derive(Debug, PartialEq)]
+pub enum Resource {
+    /// The data itself.
+    Data(Vec<u8>),
+    /// A file, relative to the one that names it.
+    File(PathBuf),
+}
+
+/// Reads a URI: `data:` with base64, or a percent-encoded relative path that stays in the file's folder.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn resolve(uri: &str) -> Result<Resource, String> {
+    if let Some(rest) = strip_prefix_ignoring_case(uri, "data:") {
+        let (kind, data) = rest.split_once(',').ok_or("a data URI without a comma")?;
+        if !kind.to_ascii_lowercase().ends_with(";base64") {
+            return Ok(Resource::Data(percent_encoding::percent_decode_str(data).collect()));
+        }
+        let engine = base64::engine::general_purpose::STANDARD;
+        let clean: String = data.chars().filter(|c| !c.is_ascii_whitespace()).collect();
+        return engine.decode(clean).map(Resource::Data).map_err(|e| format!("a damaged data URI: {e}"));
+    }
+    if ["http:", "https:", "file:", "ftp:"].iter().any(|scheme| strip_prefix_ignoring_case(uri, scheme).is_some()) {
+        return Err(format!("`{uri}` is not a file beside it; kiln fetches nothing"));
+    }
+    let path = percent_encoding::percent_decode_str(uri)
+        .decode_utf8()
+        .map_err(|_| format!("`{uri}` does not decode to a file name"))?;
+    let path = PathBuf::from(path.replace('\\', "/"));
+    if leaves_folder(&path) {
+        return Err(format!("`{uri}` leaves the file's folder"));
+    }
+    Ok(Resource::File(path))
+}
+
+fn strip_prefix_ignoring_case<'a>(text: &'a str, prefix: &str) -> Option<&'a str> {
+    let head = text.get(..prefix.len())?;
+    head.eq_ignore_ascii_case(prefix).then(|| &text[prefix.len()..])
+}
+
+fn leaves_folder(path: &Path) -> bool {
+    let mut depth = 0i64;
+    path.components().any(|component| {
+        match component {
+            Component::Normal(_) => depth += 1,
+            Component::ParentDir => depth -= 1,
+            Component::CurDir => {}
+            Component::RootDir | Component::Prefix(_) => return true,
+        }
+        depth < 0
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_and_data() {
+        let file = |name: &str| Ok(Resource::File(PathBuf::from(name)));
+        assert_eq!(resolve("a%20b.bin"), file("a b.bin"));
+        assert_eq!(resolve("a b:c.bin"), file("a b:c.bin"));
+        assert_eq!(resolve("textures/../a.png"), file("textures/../a.png"));
+        let data = Ok(Resource::Data(b"kiln".to_vec()));
+        assert_eq!(resolve("data:application/octet-stream;base64,a2lsbg=="), data);
+        assert_eq!(resolve("DATA:;charset=utf-8;BASE64,a2ls\nbg=="), data);
+        assert_eq!(resolve("data:,kil%6e"), data);
+    }
+
+    #[test]
+    fn what_cannot_be_used_is_an_error() {
+        for bad in ["%FF.bin", "../a.bin", "/etc/hostname", "a/../../b", "https://a/b", "data:;base64", "data:;base64,!"]
+        {
+            assert!(resolve(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! Rendering: tiles in parallel, each through the stages of the plan.
+//!
+//! The whole way from a tile to its pixels is [`render_tile`]. Every pixel depends on nothing but its own rays, so the
+//! picture is the same to the bit for any number of threads, any order of tiles and any part of the picture.
+
+mod statistics;
+
+pub use statistics::{StageTime, Statistics};
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use crate::effects::Plan;
+use crate::effects::tile::{Context, Tile};
+use crate::error::{Error, Result};
+use crate::film::{Film, FilmTile, Window};
+use crate::world::{View, World};
+
+/// What a render tells while it runs, and what it is told.
+pub struct Watch<'a> {
+    /// Set by anyone to stop the work within a tile.
+    pub cancel: &'a AtomicBool,
+    /// Called after every tile, from any thread, with the tiles done and all tiles.
+    pub progress: &'a (dyn Fn(usize, usize) + Sync),
+}
+
+/// Renders the part `window` of the picture that `view` was made for, on the current rayon pool.
+///
+/// # Errors
+/// [`Error::Interrupted`] when cancelled.
+pub fn render(
+    world: &World,
+    view: &View,
+    plan: &Plan,
+    window: Window,
+    watch: &Watch,
+) -> Result<(Film, Statistics)> {
+    let start = Instant::now();
+    let mut film = Film::new(window);
+    let context = Context { world, view };
+    let idle: Mutex<Vec<Worker>> = Mutex::new(Vec::new());
+    let done = AtomicUsize::new(0);
+    let total = film.tiles_mut().len();
+    film.tiles_mut().par_iter_mut().for_each(|tile| {
+        if watch.cancel.load(Ordering::Relaxed) {
+            return;
+        }
+        let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
+        let mut worker = taken.unwrap_or_else(|| Worker::new(plan));
+        render_tile(plan, &context, tile, &mut worker);
+        if let Ok(mut idle) = idle.lock() {
+            idle.push(worker);
+        }
+        (watch.progress)(1 + done.fetch_add(1, Ordering::Relaxed), total);
+    });
+    if watch.cancel.load(Ordering::Relaxed) {
+        return Err(Error::Interrupted);
+    }
+    let workers = idle.into_inner().unwrap_or_default();
+    let statistics = Statistics::gather(plan, &workers, start.elapsed());
+    Ok((film, statistics))
+}
+
+/// What a thread keeps from tile to tile.
+struct Worker {
+    tile: Tile,
+    /// Time spent in each stage.
+    times: Vec<std::time::Duration>,
+}
+
+impl Worker {
+    fn new(plan: &Plan) -> Self {
+        Worker { tile: Tile::default(), times: vec![Default::default(); plan.stages().len()] }
+    }
+}
+
+/// A tile: every stage of the plan in order, then the pixels.
+fn render_tile(plan: &Plan, context: &Context, film: &mut FilmTile, worker: &mut Worker) {
+    let Worker { tile, times } = worker;
+    tile.start(film.window);
+    let mut last = Instant::now();
+    for (stage, time) in plan.stages().iter().zip(times) {
+        stage.run(tile, context);
+        let now = Instant::now();
+        *time += now - last;
+        last = now;
+    }
+    film.pixels.copy_from_slice(&tile.pixels);
+}

@@ -1,0 +1,386 @@
+//! The TOML form of a scene: what is typed. Turning it into what it means ([`super::Scene`]) is `import`'s work,
+//! because a scene file may name meshes.
+//!
+//! Unknown keys are errors. The types here are also the JSON schema that editors complete from.
+
+use std::path::Path;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use toml::Spanned;
+
+use super::Projection;
+use crate::error::{Error, Place, Result};
+use crate::film::ColourPipeline;
+
+/// A scene file.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SceneFile {
+    /// The picture.
+    #[serde(default)]
+    pub image: ImageSection,
+    /// Cameras; the first is the default.
+    #[serde(default)]
+    #[schemars(with = "Vec<CameraSection>")]
+    pub camera: Vec<Spanned<CameraSection>>,
+    /// Ambient light.
+    #[serde(default)]
+    pub ambient: AmbientSection,
+    /// Lights.
+    #[serde(default)]
+    #[schemars(with = "Vec<LightSection>")]
+    pub light: Vec<Spanned<LightSection>>,
+    /// Materials by name.
+    #[serde(default)]
+    #[schemars(with = "std::collections::BTreeMap<String, MaterialSection>")]
+    pub material: std::collections::BTreeMap<String, Spanned<MaterialSection>>,
+    /// Analytic spheres.
+    #[serde(default)]
+    #[schemars(with = "Vec<SphereSection>")]
+    pub sphere: Vec<Spanned<SphereSection>>,
+    /// Triangle lists.
+    #[serde(default)]
+    #[schemars(with = "Vec<TrianglesSection>")]
+    pub triangles: Vec<Spanned<TrianglesSection>>,
+    /// Meshes from files.
+    #[serde(default)]
+    #[schemars(with = "Vec<MeshSection>")]
+    pub mesh: Vec<Spanned<MeshSection>>,
+    /// Effects turned on or off against what the scene's contents imply.
+    #[serde(default)]
+    pub effects: EffectsSection,
+}
+
+/// Effects turned on or off against what the scene's contents imply.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EffectsSection {
+    /// Whether things in the way of a light take it away.
+    pub shadows: Option<bool>,
+    /// Whether glazed materials mirror their surroundings.
+    pub glaze: Option<bool>,
+}
+
+impl EffectsSection {
+    /// What is said of the effect of this name.
+    pub fn get(&self, name: &str) -> Option<bool> {
+        match name {
+            "shadows" => self.shadows,
+            "glaze" => self.glaze,
+            _ => None,
+        }
+    }
+
+    /// This section's word where it has one, the other's where not.
+    pub fn or(self, other: Self) -> Self {
+        EffectsSection { shadows: self.shadows.or(other.shadows), glaze: self.glaze.or(other.glaze) }
+    }
+}
+
+/// The picture.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ImageSection {
+    /// Width in pixels.
+    pub width: Option<u32>,
+    /// Height in pixels.
+    pub height: Option<u32>,
+    /// What a ray that hits nothing sees; black if not given.
+    pub background: Option<ColourValue>,
+    /// The colour pipeline; `linear` if not given.
+    pub colour: Option<ColourPipeline>,
+}
+
+/// A camera: either a viewing rectangle at a distance, or a vertical field of view.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CameraSection {
+    /// What `--camera` calls it.
+    pub name: Option<String>,
+    /// Where it stands.
+    pub position: [f64; 3],
+    /// A point it looks at.
+    pub look_at: [f64; 3],
+    /// Roughly where up is; (0, 1, 0) if not given.
+    pub up: Option<[f64; 3]>,
+    /// Perspective if not given.
+    #[serde(default)]
+    pub projection: Projection,
+    /// Width and height of the viewing rectangle in world units.
+    pub viewing_rectangle: Option<[f64; 2]>,
+    /// Distance from the position to the viewing rectangle.
+    pub viewpoint_distance: Option<f64>,
+    /// Vertical field of view in degrees, instead of rectangle and distance; 40 if neither is given.
+    pub vertical_fov: Option<f64>,
+}
+
+/// Ambient light.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AmbientSection {
+    /// Its intensity, I_a.
+    pub intensity: Option<f64>,
+}
+
+/// The kinds of light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum LightType {
+    /// From `position` in all directions.
+    Point,
+    /// From infinitely far away along `direction`.
+    Directional,
+}
+
+/// How a light weakens with distance.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FalloffValue {
+    /// Not at all.
+    #[default]
+    None,
+    /// With the square of the distance.
+    InverseSquare,
+}
+
+/// A light.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LightSection {
+    /// What messages call it.
+    pub name: Option<String>,
+    /// The kind of light.
+    #[serde(rename = "type")]
+    pub kind: LightType,
+    /// Where a point light is.
+    pub position: Option<[f64; 3]>,
+    /// The direction a directional light travels in.
+    pub direction: Option<[f64; 3]>,
+    /// Its intensity, I; 1 if not given.
+    pub intensity: Option<f64>,
+    /// Its colour; white if not given.
+    pub colour: Option<ColourValue>,
+    /// How a point light weakens with distance; not at all if not given.
+    #[serde(default)]
+    pub falloff: FalloffValue,
+}
+
+/// A Phong material.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MaterialSection {
+    /// The object's own colour.
+    pub colour: ColourValue,
+    /// Coefficient of ambient light, k_a; 1 if not given.
+    pub ambient: Option<f64>,
+    /// Coefficient of diffuse light, k_d; 1 if not given.
+    pub diffuse: Option<f64>,
+    /// Coefficient of the highlight, k_s; 0 if not given.
+    pub specular: Option<f64>,
+    /// Exponent of the highlight, n; 16 if not given.
+    pub shininess: Option<f64>,
+    /// A faint mirror over the surface.
+    pub glaze: Option<GlazeSection>,
+}
+
+/// A faint mirror.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GlazeSection {
+    /// Weight of what is seen in the mirror, 0 to 1; 0.25 if not given.
+    pub weight: Option<f64>,
+    /// Weight of the object's own colour; `1 - weight` if not given.
+    pub own_weight: Option<f64>,
+    /// How often a ray may be reflected; 1 if not given.
+    pub bounces: Option<u32>,
+}
+
+/// An analytic sphere.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SphereSection {
+    /// What messages call it.
+    pub name: Option<String>,
+    /// Its centre.
+    pub centre: [f64; 3],
+    /// Its radius, above 0.
+    pub radius: f64,
+    /// The name of its material; a light grey if not given.
+    pub material: Option<String>,
+}
+
+/// A triangle list.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrianglesSection {
+    /// What messages call it.
+    pub name: Option<String>,
+    /// Vertex positions.
+    pub vertices: Vec<[f64; 3]>,
+    /// Three vertices a triangle, counted from 0; the vertices in order, three by three, if not given.
+    pub indices: Option<Vec<[u32; 3]>>,
+    /// The name of its material; a light grey if not given.
+    pub material: Option<String>,
+}
+
+/// A mesh from a file: scaled, then rotated, then translated.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshSection {
+    /// The file, beside the scene file unless absolute: .obj, .gltf or .glb.
+    pub file: String,
+    /// Where its origin goes.
+    pub translate: Option<[f64; 3]>,
+    /// Rotation about the x, then the y, then the z axis, in degrees.
+    pub rotate: Option<[f64; 3]>,
+    /// One factor, or one for each axis.
+    pub scale: Option<ScaleValue>,
+    /// The name of a material that replaces the file's own.
+    pub material: Option<String>,
+}
+
+/// One factor, or one for each axis.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected a number or [x, y, z]")]
+pub enum ScaleValue {
+    /// The same along every axis.
+    Uniform(f64),
+    /// One for each axis.
+    PerAxis([f64; 3]),
+}
+
+/// A colour as typed: `[r, g, b]` with integers from 0 to 255, or `"#rrggbb"`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct ColourValue(pub [u8; 3]);
+
+impl<'de> Deserialize<'de> for ColourValue {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged, expecting = "expected a colour: [r, g, b] with integers from 0 to 255, or \"#rrggbb\"")]
+        enum Form {
+            Numbers([u8; 3]),
+            Text(String),
+        }
+        match Form::deserialize(deserializer)? {
+            Form::Numbers(rgb) => Ok(ColourValue(rgb)),
+            Form::Text(text) => parse_hex(&text)
+                .map(ColourValue)
+                .ok_or_else(|| serde::de::Error::custom(format!("\"{text}\" is not a colour like \"#7c0a02\""))),
+        }
+    }
+}
+
+impl JsonSchema for ColourValue {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Colour".into()
+    }
+
+    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        schemars::json_schema!({
+            "description": "A colour: [r, g, b] with integers from 0 to 255, or \"#rrggbb\".",
+            "oneOf": [
+                { "type": "array", "items": { "type": "integer", "minimum": 0, "maximum": 255 },
+                  "minItems": 3, "maxItems": 3 },
+                { "type": "string", "pattern": "^#[0-9a-fA-F]{6}$" }
+            ]
+        })
+    }
+}
+
+fn parse_hex(text: &str) -> Option<[u8; 3]> {
+    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))?;
+    let value = u32::from_str_radix(digits, 16).ok()?;
+    let [_, r, g, b] = value.to_be_bytes();
+    Some([r, g, b])
+}
+
+impl SceneFile {
+    /// Reads the text of a scene file; `file` is named in errors.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the line, and for an unknown key the nearest known one.
+    pub fn parse(text: &str, file: &Path) -> Result<Self> {
+        toml::from_str(text).map_err(|e| {
+            let line = line_of(text, e.span().map_or(0, |span| span.start));
+            let (what, hint) = explain(e.message());
+            Error::input(Place::line(file, line), what, hint)
+        })
+    }
+
+    /// The JSON schema of scene files.
+    pub fn schema() -> serde_json::Value {
+        schemars::schema_for!(SceneFile).to_value()
+    }
+}
+
+/// The line, counted from 1, that holds the byte at `offset`.
+pub fn line_of(text: &str, offset: usize) -> usize {
+    1 + text.bytes().take(offset).filter(|&b| b == b'\n').count()
+}
+
+/// The parser's message, and for an unknown key a hint that names the nearest known one.
+fn explain(message: &str) -> (String, String) {
+    let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    let what = message.split(", expected").next().unwrap_or(message).lines().next().unwrap_or(message);
+    let known = names.get(1..).unwrap_or(&[]);
+    let unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
+    match names.first() {
+        Some(typed) if unknown && !known.is_empty() => {
+            let what = what.replacen("unknown field", "unknown key", 1).replacen("unknown variant", "unknown value", 1);
+            (what, nearest_name(typed, known))
+        }
+        _ => (message.lines().next().unwrap_or(message).replacen("missing field", "missing key", 1), String::new()),
+    }
+}
+
+/// "did you mean `x`?" where a name comes close to `typed`, and all names otherwise.
+pub fn nearest_name(typed: &str, known: &[&str]) -> String {
+    let similarity = |name: &&&str| (strsim::jaro_winkler(typed, name) * 1e6) as u64;
+    match known.iter().max_by_key(similarity) {
+        Some(name) if similarity(&name) >= 800_000 => format!("did you mean `{name}`?"),
+        _ => format!("known here: {}", known.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error_of(text: &str) -> Error {
+        SceneFile::parse(text, Path::new("a.toml")).unwrap_err()
+    }
+
+    #[test]
+    fn unknown_keys_name_line_key_and_nearest() {
+        let e = error_of("[image]\nwidth = 3\nheigth = 4\n");
+        assert_eq!(e.to_string(), "a.toml:3: unknown key `heigth`");
+        assert_eq!(e.hint(), "did you mean `height`?");
+    }
+
+    #[test]
+    fn unknown_values_too() {
+        let e = error_of("[[light]]\ntype = \"pint\"\n");
+        assert_eq!(e.to_string(), "a.toml:2: unknown value `pint`");
+        assert_eq!(e.hint(), "did you mean `point`?");
+    }
+
+    #[test]
+    fn missing_keys_and_wrong_types_have_a_line() {
+        let e = error_of("[image]\nwidth = 1\n\n[[sphere]]\nradius = 1.0\n");
+        assert_eq!(e.to_string(), "a.toml:4: missing key `centre`");
+        let e = error_of("[[sphere]]\ncentre = [0, 0]\nradius = 1.0\n");
+        assert!(e.to_string().starts_with("a.toml:2: "), "{e}");
+    }
+
+    #[test]
+    fn colours_both_ways() {
+        let parse = |value: &str| SceneFile::parse(&format!("[image]\nbackground = {value}\n"), Path::new("a.toml"));
+        let red = Some(ColourValue([124, 10, 2]));
+        assert_eq!(parse("[124, 10, 2]").unwrap().image.background, red);
+        assert_eq!(parse("\"#7c0A02\"").unwrap().image.background, red);
+        for bad in ["[1, 2]", "[256, 0, 0]", "[0.5, 0.5, 0.5]", "\"#12345\"", "\"#12345é\"", "\"red\""] {
+            assert!(parse(bad).is_err(), "{bad}");
+        }
+    }
+}

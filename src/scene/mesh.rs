@@ -1,0 +1,126 @@
+//! Triangles that share vertices, with what is interpolated across them.
+
+use glam::{DMat3, DMat4, DVec2, DVec3};
+
+/// An indexed triangle mesh.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions.
+    pub positions: Vec<DVec3>,
+    /// Three positions a triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// Shading normals; need not have length 1. A zero normal means "the triangle's own".
+    pub normals: Option<Attribute<DVec3>>,
+    /// Texture coordinates, (0, 0) at the picture's top left corner.
+    pub uvs: Option<Attribute<DVec2>>,
+    /// Vertex colours in linear light, multiplied with the material's.
+    pub colours: Option<Attribute<DVec3>>,
+}
+
+/// Values at the corners of triangles.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Attribute<T> {
+    /// The values.
+    pub values: Vec<T>,
+    /// Three values a triangle, or `None` where the values go with the positions.
+    pub triangles: Option<Vec<[u32; 3]>>,
+}
+
+impl<T> Attribute<T> {
+    /// Values that go with the positions, one each.
+    pub fn per_position(values: Vec<T>) -> Self {
+        Attribute { values, triangles: None }
+    }
+}
+
+impl Mesh {
+    /// The corners of triangle after triangle.
+    pub fn corners(&self) -> impl Iterator<Item = DVec3> + '_ {
+        self.triangles.iter().flatten().map(|&i| self.positions[i as usize])
+    }
+
+    /// Moves the mesh. Normals follow by the cofactor matrix of `world_from_mesh`, which is finite even where the
+    /// transform cannot be inverted, and keeps its side under mirroring (the sign of the determinant).
+    pub fn transform(&mut self, world_from_mesh: &DMat4) {
+        for position in &mut self.positions {
+            *position = world_from_mesh.transform_point3(*position);
+        }
+        if let Some(normals) = &mut self.normals {
+            let cofactor = normal_matrix(world_from_mesh);
+            for normal in &mut normals.values {
+                *normal = cofactor * *normal;
+            }
+        }
+    }
+
+    /// Keeps the triangles for which `keep` says so, and their attributes.
+    pub fn retain(&mut self, mut keep: impl FnMut(usize) -> bool) {
+        let kept: Vec<bool> = (0..self.triangles.len()).map(&mut keep).collect();
+        if kept.iter().all(|&k| k) {
+            return;
+        }
+        retain_by(&mut self.triangles, &kept);
+        let attributes = [
+            self.normals.as_mut().and_then(|a| a.triangles.as_mut()),
+            self.uvs.as_mut().and_then(|a| a.triangles.as_mut()),
+            self.colours.as_mut().and_then(|a| a.triangles.as_mut()),
+        ];
+        for triangles in attributes.into_iter().flatten() {
+            retain_by(triangles, &kept);
+        }
+    }
+}
+
+fn retain_by<T>(values: &mut Vec<T>, kept: &[bool]) {
+    let mut kept = kept.iter();
+    values.retain(|_| *kept.next().expect("one flag a value"));
+}
+
+/// The matrix that carries normals along with a transform: the cofactor matrix of its linear part, with the sign of
+/// the determinant so that normals keep their side.
+pub fn normal_matrix(world_from_mesh: &DMat4) -> DMat3 {
+    let m = DMat3::from_mat4(*world_from_mesh);
+    let cofactor = DMat3::from_cols(
+        m.y_axis.cross(m.z_axis),
+        m.z_axis.cross(m.x_axis),
+        m.x_axis.cross(m.y_axis),
+    );
+    if m.determinant() < 0.0 { cofactor * -1.0 } else { cofactor }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normals_stay_perpendicular_under_any_scale() {
+        // A plane with tangents x and z + y has the normal (0, 1, -1); scaled by (1e-4, 1, 1e4) its tangents are x and
+        // (0, 1, 1e4), so its normal is (0, 1e4, -1) up to length. M n, the usual mistake, gives (0, 1, -1e4).
+        let m = DMat4::from_scale(DVec3::new(1e-4, 1.0, 1e4));
+        let n = (normal_matrix(&m) * DVec3::new(0.0, 1.0, -1.0)).normalize();
+        let t = m.transform_vector3(DVec3::new(0.0, 1.0, 1.0)).normalize();
+        assert!(n.dot(t).abs() < 4.0 * f64::EPSILON);
+        assert!(n.y > 0.99);
+    }
+
+    #[test]
+    fn a_mirror_keeps_the_outside_outside() {
+        // Mirroring x: the outward normal of the +x side becomes the outward normal of the -x side.
+        let m = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+        assert_eq!(normal_matrix(&m) * DVec3::X, -DVec3::X);
+        assert_eq!(normal_matrix(&m) * DVec3::Y, DVec3::Y);
+    }
+
+    #[test]
+    fn retain_drops_triangles_with_their_attributes() {
+        let mut mesh = Mesh {
+            positions: vec![DVec3::ZERO; 3],
+            triangles: vec![[0, 1, 2], [1, 2, 0], [2, 0, 1]],
+            uvs: Some(Attribute { values: vec![DVec2::ZERO; 9], triangles: Some(vec![[0; 3], [1; 3], [2; 3]]) }),
+            ..Mesh::default()
+        };
+        mesh.retain(|i| i != 1);
+        assert_eq!(mesh.triangles, [[0, 1, 2], [2, 0, 1]]);
+        assert_eq!(mesh.uvs.unwrap().triangles.unwrap(), [[0; 3], [2; 3]]);
+    }
+}

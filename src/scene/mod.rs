@@ -1,0 +1,205 @@
+//! The description: *what* there is, as plain data in double precision.
+//!
+//! A scene file, an OBJ and a glTF all become this. It has no acceleration and no cleverness, and knows nothing of how
+//! it will be rendered. Conventions: right-handed, +y up, no physical unit, column vectors; transforms are named
+//! `b_from_a`; angles are in radians here (degrees in files). Primitives are numbered in the order of the description:
+//! objects as written, triangles as listed.
+
+mod camera;
+pub mod file;
+mod material;
+mod mesh;
+
+pub use camera::{Camera, Projection};
+pub use material::{Glaze, Material, MetallicRoughness, Phong, Sampler, Texture, TextureImage, Wrap};
+pub use mesh::{Attribute, Mesh, normal_matrix};
+
+use crate::film::{Colour, ColourPipeline};
+use glam::DVec3;
+
+/// Index of a material in [`Scene::materials`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct MaterialId(pub u32);
+
+/// Index of a picture in [`Scene::images`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct ImageId(pub u32);
+
+/// Everything there is to render. What is `None` was not said by any input and takes its default when the scene is
+/// prepared.
+#[derive(Debug, Clone, Default)]
+pub struct Scene {
+    /// Width and height of the picture in pixels.
+    pub size: Option<[u32; 2]>,
+    /// What a ray that hits nothing sees.
+    pub background: Option<Colour>,
+    /// The numbers that light is added up in.
+    pub colour: Option<ColourPipeline>,
+    /// Intensity of the ambient light, per unit of a material's ambient coefficient.
+    pub ambient: Option<f64>,
+    /// Named cameras; the first is the default.
+    pub cameras: Vec<Camera>,
+    /// Lights.
+    pub lights: Vec<Light>,
+    /// Materials, referred to by [`MaterialId`].
+    pub materials: Vec<Material>,
+    /// Pictures that textures read, referred to by [`ImageId`].
+    pub images: Vec<TextureImage>,
+    /// Spheres and meshes.
+    pub objects: Vec<Object>,
+    /// Effects that the scene turns on or off against what its contents imply.
+    pub effects: file::EffectsSection,
+}
+
+/// A thing in the scene: a shape and what it is made of.
+#[derive(Debug, Clone)]
+pub struct Object {
+    /// The name its file gave it, or one made from its place there.
+    pub name: String,
+    /// Which of the inputs it came from, counted from 0.
+    pub input: usize,
+    /// What it is made of.
+    pub material: MaterialId,
+    /// What it looks like.
+    pub shape: Shape,
+}
+
+/// The shapes kiln knows.
+#[derive(Debug, Clone)]
+pub enum Shape {
+    /// An analytic sphere.
+    Sphere {
+        /// Its centre.
+        centre: DVec3,
+        /// Its radius, positive.
+        radius: f64,
+    },
+    /// Triangles that share vertices.
+    Mesh(Mesh),
+}
+
+/// A light.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Light {
+    /// The name its file gave it, or one made from its place there.
+    pub name: String,
+    /// Its colour, multiplied by the intensity.
+    pub colour: Colour,
+    /// Its strength: a white, fully diffuse surface that faces a light of intensity 1 shows its own colour.
+    pub intensity: f64,
+    /// Where it shines from and how it spreads.
+    pub kind: LightKind,
+}
+
+/// Where a light shines from and how it spreads.
+#[derive(Debug, Clone, PartialEq)]
+pub enum LightKind {
+    /// From a point, in all directions.
+    Point {
+        /// Where it is.
+        position: DVec3,
+        /// How it weakens with distance.
+        falloff: Falloff,
+    },
+    /// From infinitely far away.
+    Directional {
+        /// The direction the light travels in, of length 1.
+        direction: DVec3,
+    },
+    /// From a point, in a cone.
+    Spot {
+        /// Where it is.
+        position: DVec3,
+        /// The axis of the cone, of length 1.
+        direction: DVec3,
+        /// How it weakens with distance.
+        falloff: Falloff,
+        /// Half the opening angle within which it is at full strength, in radians.
+        inner_angle: f64,
+        /// Half the opening angle beyond which there is nothing, in radians.
+        outer_angle: f64,
+    },
+}
+
+/// How a light weakens with distance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Falloff {
+    /// Not at all: the assignment's light.
+    None,
+    /// With the square of the distance, and smoothly to nothing at `range` where there is one
+    /// (glTF, KHR_lights_punctual).
+    InverseSquare {
+        /// The distance at which it ends.
+        range: Option<f64>,
+    },
+}
+
+impl Scene {
+    /// Adds a material and returns what to call it by.
+    pub fn add_material(&mut self, material: Material) -> MaterialId {
+        self.materials.push(material);
+        MaterialId((self.materials.len() - 1) as u32)
+    }
+
+    /// Adds a picture and returns what to call it by.
+    pub fn add_image(&mut self, image: TextureImage) -> ImageId {
+        self.images.push(image);
+        ImageId((self.images.len() - 1) as u32)
+    }
+
+    /// Puts another scene beside this one. Where both have said something about the whole picture, this one's word
+    /// stands.
+    pub fn append(&mut self, other: Scene) {
+        let (materials, images) = (self.materials.len() as u32, self.images.len() as u32);
+        self.size = self.size.or(other.size);
+        self.background = self.background.or(other.background);
+        self.colour = self.colour.or(other.colour);
+        self.ambient = self.ambient.or(other.ambient);
+        self.cameras.extend(other.cameras);
+        self.lights.extend(other.lights);
+        self.effects = self.effects.or(other.effects);
+        self.images.extend(other.images);
+        self.materials.extend(other.materials.into_iter().map(|mut material| {
+            for texture in material.textures_mut() {
+                texture.image.0 += images;
+            }
+            material
+        }));
+        self.objects.extend(other.objects.into_iter().map(|mut object| {
+            object.material.0 += materials;
+            object
+        }));
+    }
+
+    /// How many primitives the scene has: spheres and triangles.
+    pub fn primitive_count(&self) -> usize {
+        self.objects.iter().map(|object| object.shape.primitive_count()).sum()
+    }
+
+    /// The smallest box that holds everything, or `None` for an empty scene.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let boxes = self.objects.iter().filter_map(|object| object.shape.bounds());
+        boxes.reduce(|(a_min, a_max), (b_min, b_max)| (a_min.min(b_min), a_max.max(b_max)))
+    }
+}
+
+impl Shape {
+    /// How many primitives the shape has: one for a sphere, its triangles for a mesh.
+    pub fn primitive_count(&self) -> usize {
+        match self {
+            Shape::Sphere { .. } => 1,
+            Shape::Mesh(mesh) => mesh.triangles.len(),
+        }
+    }
+
+    /// The smallest box that holds the shape, or `None` for a mesh without triangles.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        match self {
+            Shape::Sphere { centre, radius } => Some((centre - *radius, centre + *radius)),
+            Shape::Mesh(mesh) => mesh.corners().fold(None, |bounds, p| match bounds {
+                None => Some((p, p)),
+                Some((min, max)) => Some((p.min(min), p.max(max))),
+            }),
+        }
+    }
+}

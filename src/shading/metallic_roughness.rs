@@ -1,0 +1,129 @@
+//! glTF's material: Lambert under GGX (glTF 2.0, appendix B).
+//!
+//! In kiln's units a light of intensity 1 shows a diffuse surface that faces it in its own colour, so every term is pi
+//! times its physical one. Ambient light is taken as the same from everywhere: it returns the diffuse colour and the
+//! mirror's colour at normal incidence.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::texture::{colour_at, numbers_at};
+use super::{LightSample, ShadingMode};
+use crate::world::{MetallicRoughnessValues, Surface, World};
+
+/// Reflectance of a dielectric with index of refraction 1.5, head on.
+const DIELECTRIC: f64 = 0.04;
+
+/// The least roughness that a point light is shaded with. A perfect mirror shows a point light in no pixel at all;
+/// this makes it a spot of about a degree.
+const LEAST_ROUGHNESS: f64 = 0.045;
+
+/// The colour of the surface under the given lights.
+pub fn shade(
+    world: &World,
+    material: &MetallicRoughnessValues,
+    mode: ShadingMode,
+    surface: &Surface,
+    lights: &[LightSample],
+) -> DVec3 {
+    let mut base = material.base_colour * surface.tint;
+    if let Some(texture) = &material.base_colour_texture {
+        base *= colour_at(world, texture, surface.uv);
+    }
+    if mode == ShadingMode::Flat || material.unlit {
+        return world.pipeline.hold(base);
+    }
+    let (mut metallic, mut roughness) = (material.metallic, material.roughness);
+    if let Some(texture) = &material.metallic_roughness_texture {
+        let numbers = numbers_at(world, texture, surface.uv);
+        roughness *= numbers.y;
+        metallic *= numbers.z;
+    }
+    let diffuse = base * (1.0 - metallic) * (1.0 - DIELECTRIC);
+    let head_on = DVec3::splat(DIELECTRIC).lerp(base, metallic);
+    let mut emission = material.emission;
+    if let Some(texture) = &material.emission_texture {
+        emission *= colour_at(world, texture, surface.uv);
+    }
+    let mut sum = emission + world.ambient * (diffuse + head_on);
+    for light in lights {
+        let mut returned = diffuse;
+        if mode == ShadingMode::Phong {
+            returned += mirror(surface, light, head_on, roughness.max(LEAST_ROUGHNESS));
+        }
+        sum += returned * light.radiance * light.cosine;
+    }
+    world.pipeline.hold(sum)
+}
+
+/// pi times GGX's distribution, Smith's height-correlated visibility (Heitz 2014) and Schlick's Fresnel term.
+fn mirror(surface: &Surface, light: &LightSample, head_on: DVec3, roughness: f64) -> DVec3 {
+    let n = surface.shading_normal;
+    let half = (light.direction + surface.view).normalize();
+    let n_v = n.dot(surface.view).abs().max(f64::MIN_POSITIVE);
+    let (n_l, n_h) = (light.cosine, n.dot(half).clamp(0.0, 1.0));
+    let v_h = surface.view.dot(half).clamp(0.0, 1.0);
+    let a2 = roughness.powi(4);
+    let bulge = n_h * n_h * (a2 - 1.0) + 1.0;
+    let distribution = a2 / (PI * bulge * bulge);
+    let smith = |x: f64, y: f64| x * (y * y * (1.0 - a2) + a2).sqrt();
+    let visibility = 0.5 / (smith(n_l, n_v) + smith(n_v, n_l));
+    let fresnel = head_on + (DVec3::ONE - head_on) * (1.0 - v_h).powi(5);
+    PI * distribution * visibility * fresnel
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::PrimId;
+    use crate::geometry::spawn::SurfacePoint;
+
+    fn surface(view: DVec3) -> Surface {
+        Surface {
+            point: SurfacePoint { position: DVec3::ZERO, error: DVec3::ZERO },
+            view,
+            geometric_normal: DVec3::Y,
+            shading_normal: DVec3::Y,
+            uv: glam::DVec2::ZERO,
+            tint: DVec3::ONE,
+            prim: PrimId(0),
+            object: 0,
+            material: 0,
+        }
+    }
+
+    /// Head on at roughness 1: D = 1 / pi, V = 0.5 / (1 + 1), F = F0, so pi D V F = F0 / 4.
+    #[test]
+    fn head_on_by_hand() {
+        let light =
+            LightSample { direction: DVec3::Y, distance: 1.0, radiance: DVec3::ONE, cosine: 1.0 };
+        let returned = mirror(&surface(DVec3::Y), &light, DVec3::splat(0.5), 1.0);
+        assert!((returned - DVec3::splat(0.125)).abs().max_element() < 1e-15);
+    }
+
+    /// A white furnace: a metal with F0 = 1 returns at most what it gets, whatever its roughness and the view. The
+    /// integral over the hemisphere is by the midpoint rule.
+    #[test]
+    fn no_light_is_made() {
+        for roughness in [0.2f64, 0.5, 1.0] {
+            for view_angle in [0.0f64, 0.7, 1.3] {
+                let view = DVec3::new(view_angle.sin(), view_angle.cos(), 0.0);
+                let (steps, mut sum) = (400, 0.0);
+                for i in 0..steps {
+                    for j in 0..steps {
+                        let cosine: f64 = (f64::from(i) + 0.5) / f64::from(steps);
+                        let phi = (f64::from(j) + 0.5) / f64::from(steps) * 2.0 * PI;
+                        let sine = (1.0 - cosine * cosine).sqrt();
+                        let direction = DVec3::new(sine * phi.cos(), cosine, sine * phi.sin());
+                        let light = LightSample { direction, distance: 1.0, radiance: DVec3::ONE, cosine };
+                        sum += mirror(&surface(view), &light, DVec3::ONE, roughness).x * cosine;
+                    }
+                }
+                // The mean over the hemisphere times 2 pi, over the pi that `mirror` carries.
+                let albedo = sum / f64::from(steps * steps) * 2.0;
+                assert!(albedo < 1.005 && albedo > 0.3, "roughness {roughness}, view {view_angle}: {albedo}");
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Light at a point: pure functions of a surface and what shines on it.
+//!
+//! Nothing here casts a ray; whether a light is in the way of nothing is somebody else's business.
+
+mod lights;
+mod metallic_roughness;
+mod phong;
+mod texture;
+
+pub use lights::LightSample;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::world::{LoweredMaterial, Surface, World};
+
+/// How far shading goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ShadingMode {
+    /// The object's own colour.
+    Flat,
+    /// Ambient light alone.
+    Ambient,
+    /// Ambient and diffuse light.
+    Diffuse,
+    /// Ambient and diffuse light and highlights.
+    #[default]
+    Phong,
+}
+
+impl ShadingMode {
+    /// The name as typed by users.
+    pub fn name(self) -> &'static str {
+        match self {
+            ShadingMode::Flat => "flat",
+            ShadingMode::Ambient => "ambient",
+            ShadingMode::Diffuse => "diffuse",
+            ShadingMode::Phong => "phong",
+        }
+    }
+
+    /// Whether lights take part at all.
+    pub fn uses_lights(self) -> bool {
+        self >= ShadingMode::Diffuse
+    }
+}
+
+/// The colour of a surface under the given lights: those that reach it, each as seen from it.
+pub fn shade(world: &World, mode: ShadingMode, surface: &Surface, lights: &[LightSample]) -> DVec3 {
+    match &world.materials[surface.material as usize] {
+        LoweredMaterial::Phong(material) => phong::shade(world, material, mode, surface, lights),
+        LoweredMaterial::MetallicRoughness(material) => {
+            metallic_roughness::shade(world, material, mode, surface, lights)
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! The full account of a hit, computed once, for the hit that counts.
+
+use glam::{DVec2, DVec3};
+
+use super::World;
+use super::lower::vertex_colour;
+use crate::bvh::Primitive;
+use crate::geometry::spawn::SurfacePoint;
+use crate::geometry::{Hit, PrimId, Ray, TriangleTest};
+
+/// A point of a surface, seen along a ray.
+#[derive(Debug, Clone, Copy)]
+pub struct Surface {
+    /// Where it is, and how well that is known.
+    pub point: SurfacePoint,
+    /// Unit vector towards where the ray came from.
+    pub view: DVec3,
+    /// Unit normal of the geometry, on the side the ray came from.
+    pub geometric_normal: DVec3,
+    /// Unit normal for shading, on the same side.
+    pub shading_normal: DVec3,
+    /// Texture coordinates; zero where the object has none or its material reads none.
+    pub uv: DVec2,
+    /// The object's own tint at this point; white where it has none.
+    pub tint: DVec3,
+    /// Which primitive.
+    pub prim: PrimId,
+    /// Index of its object.
+    pub object: u32,
+    /// Index of its material.
+    pub material: u32,
+}
+
+impl World {
+    /// Everything that is to be known of `hit`, which must be a hit of `ray` with this world.
+    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+        let object_index = self.object_of(hit.prim);
+        let object = &self.objects[object_index as usize];
+        let view = -ray.direction.normalize();
+        let mut surface = Surface {
+            point: SurfacePoint { position: DVec3::ZERO, error: DVec3::ZERO },
+            view,
+            geometric_normal: view,
+            shading_normal: view,
+            uv: DVec2::ZERO,
+            tint: DVec3::ONE,
+            prim: hit.prim,
+            object: object_index,
+            material: object.material,
+        };
+        let facing = |n: DVec3| if n.dot(ray.direction) > 0.0 { -n } else { n };
+        match self.accelerator.slots()[hit.slot.0 as usize].primitive {
+            Primitive::Sphere(sphere) => {
+                let (_, normal) = sphere.surface(ray.at(hit.t));
+                surface.point = SurfacePoint::on_sphere(sphere.centre, sphere.radius, normal);
+                surface.geometric_normal = facing(normal);
+                surface.shading_normal = surface.geometric_normal;
+            }
+            Primitive::Triangle(triangle) => {
+                let weights = TriangleTest::new(ray).barycentrics(&triangle);
+                surface.point = SurfacePoint::on_triangle(triangle.0.map(|p| p.as_dvec3()), weights);
+                let normal = facing(triangle.normal().normalize());
+                surface.geometric_normal = normal;
+                surface.shading_normal = normal;
+                let local = hit.prim.0 - object.first.0;
+                if let Some(normals) = &object.attributes.normals {
+                    let smooth = blend(normals.of(local).map(|n| n.as_dvec3()), weights);
+                    // Where the corners' normals are missing or cancel, the triangle's own stands.
+                    if let Some(smooth) = smooth.try_normalize() {
+                        surface.shading_normal = if smooth.dot(normal) < 0.0 { -smooth } else { smooth };
+                    }
+                }
+                if let Some(uvs) = &object.attributes.uvs
+                    && self.materials[object.material as usize].is_textured()
+                {
+                    let [a, b, c] = uvs.of(local).map(|uv| uv.as_dvec2());
+                    surface.uv = a * weights[0] + b * weights[1] + c * weights[2];
+                }
+                if let Some(colours) = &object.attributes.colours {
+                    let linear = blend(colours.of(local).map(|c| c.as_dvec3()), weights);
+                    surface.tint = vertex_colour(linear, self.pipeline);
+                }
+            }
+        }
+        surface
+    }
+}
+
+fn blend([a, b, c]: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
+    a * weights[0] + b * weights[1] + c * weights[2]
+}

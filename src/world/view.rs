@@ -1,0 +1,214 @@
+//! A camera made ready: from a pixel to its ray.
+//!
+//! ASSIGNMENT section 3: `w = normalise(position - target)`, `u = normalise(up x w)`, `v = w x u`, right-handed; pixel
+//! (i, j), j counted from the bottom row, lies at `x = (i + 0.5) / I_w * V_w - V_w / 2` and `y` likewise.
+
+use glam::{DVec2, DVec3};
+
+use crate::error::{Error, Result};
+use crate::geometry::Ray;
+use crate::scene::{Camera, Projection};
+
+/// Below this sine of the angle between up and the line of sight another up is taken. The basis loses as many digits
+/// as the sine has zeros, so this keeps ten of sixteen.
+const SMALLEST_SINE: f64 = 1e-6;
+
+/// A camera made ready for a picture of a given size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    position: DVec3,
+    u: DVec3,
+    v: DVec3,
+    w: DVec3,
+    projection: Projection,
+    distance: f64,
+    rectangle: DVec2,
+    size: DVec2,
+}
+
+impl View {
+    /// Makes `camera` ready for a picture of `width` by `height` pixels, whose pixels are square: where the picture has
+    /// another shape than the viewing rectangle, more is seen along one axis, never less.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] where the camera has no direction or is not finite.
+    pub fn new(camera: &Camera, projection: Projection, [width, height]: [u32; 2]) -> Result<Self> {
+        let [u, v, w] = basis(camera.position, camera.target, camera.up).ok_or_else(|| {
+            Error::usage(
+                format!("camera `{}` has no direction to look in", camera.name),
+                "give it a finite position and another finite point to look at",
+            )
+        })?;
+        let size = DVec2::new(f64::from(width), f64::from(height));
+        let asked = DVec2::new(camera.view_width.unwrap_or(camera.view_height * size.x / size.y), camera.view_height);
+        let pixel = (asked / size).max_element();
+        // The rectangle asked for, to the bit, where the shapes agree.
+        let keep = |asked: f64, pixels: f64| if asked / pixels == pixel { asked } else { pixel * pixels };
+        let rectangle = DVec2::new(keep(asked.x, size.x), keep(asked.y, size.y));
+        let view = View {
+            position: camera.position,
+            u,
+            v,
+            w,
+            projection,
+            distance: camera.viewpoint_distance,
+            rectangle,
+            size,
+        };
+        let usable = rectangle.is_finite() && rectangle.min_element() > 0.0;
+        if usable && view.distance > 0.0 && view.distance.is_finite() {
+            return Ok(view);
+        }
+        Err(Error::usage(
+            format!("camera `{}` has an unusable viewing rectangle", camera.name),
+            "give its rectangle and its distance finite sizes above 0",
+        ))
+    }
+
+    /// The ray through the centre of the pixel in column `x`, row `y` from the top.
+    #[inline]
+    pub fn ray(&self, x: u32, y: u32) -> Ray {
+        let i = f64::from(x) + 0.5;
+        let j = self.size.y - (f64::from(y) + 0.5);
+        let across = i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0;
+        let up = j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0;
+        let offset = across * self.u + up * self.v;
+        let (origin, direction) = match self.projection {
+            Projection::Perspective => (self.position, (offset - self.distance * self.w).normalize()),
+            Projection::Orthographic => (self.position + offset, -self.w),
+        };
+        Ray::new(origin, direction, 0.0, f64::INFINITY)
+    }
+
+    /// Where a point appears, in pixels from the top left corner, and whether it lies before the camera.
+    pub fn project(&self, point: DVec3) -> (DVec2, bool) {
+        let p = point - self.position;
+        let (across, up, depth) = (p.dot(self.u), p.dot(self.v), -p.dot(self.w));
+        let scale = match self.projection {
+            Projection::Perspective => self.distance / depth,
+            Projection::Orthographic => 1.0,
+        };
+        let shares = DVec2::new(across, up) * scale / self.rectangle + 0.5;
+        (DVec2::new(shares.x, 1.0 - shares.y) * self.size, depth > 0.0)
+    }
+}
+
+/// The camera's axes: u to the right, v up, w backwards. `None` where position and target give no direction.
+///
+/// Straight up or down, where `up` is of no use, the axis taken instead is the one that a camera tilted there from
+/// looking along -z has: its picture does not turn on the way.
+pub fn basis(position: DVec3, target: DVec3, up: DVec3) -> Option<[DVec3; 3]> {
+    let w = unit(position - target)?;
+    let up = unit(up).unwrap_or(DVec3::Y);
+    let side = up.cross(w);
+    let u = if side.length() >= SMALLEST_SINE {
+        unit(side)?
+    } else {
+        let turned = if up.y.abs() > 0.5 { -up.y * w.y.signum() * DVec3::Z } else { DVec3::Y };
+        unit(turned.cross(w))?
+    };
+    Some([u, w.cross(u), w])
+}
+
+/// The vector at length 1, scaled first so that nothing overflows or vanishes.
+fn unit(v: DVec3) -> Option<DVec3> {
+    let largest = v.abs().max_element();
+    if largest > 0.0 && largest.is_finite() { (v / largest).try_normalize() } else { None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn assert_right_handed([u, v, w]: [DVec3; 3]) {
+        for axis in [u, v, w] {
+            assert!((axis.length() - 1.0).abs() <= 4.0 * f64::EPSILON, "{axis}");
+        }
+        assert!(u.dot(v).abs() < 1e-9 && u.dot(w).abs() < 1e-9 && v.dot(w).abs() < 1e-15);
+        assert!((u.cross(v) - w).length() < 1e-9);
+    }
+
+    #[test]
+    fn looking_along_plus_z_minus_x_is_on_the_right() {
+        let [u, v, w] = basis(DVec3::ZERO, DVec3::Z, DVec3::Y).unwrap();
+        assert_eq!((u, v, w), (-DVec3::X, DVec3::Y, -DVec3::Z));
+    }
+
+    #[test]
+    fn looking_straight_down_continues_the_tilt() {
+        let tilted = basis(DVec3::new(0.0, 1.0, 1e-4), DVec3::ZERO, DVec3::Y).unwrap();
+        let down = basis(DVec3::Y, DVec3::ZERO, DVec3::Y).unwrap();
+        for (a, b) in tilted.iter().zip(&down) {
+            assert!((*a - *b).length() < 2e-4, "{a} {b}");
+        }
+        let tilted = basis(DVec3::new(0.0, -1.0, 1e-4), DVec3::ZERO, DVec3::Y).unwrap();
+        let up = basis(-DVec3::Y, DVec3::ZERO, DVec3::Y).unwrap();
+        for (a, b) in tilted.iter().zip(&up) {
+            assert!((*a - *b).length() < 2e-4, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn degenerate_bases_are_finite_or_refused() {
+        let p = DVec3::new(1e6, 2.0, -3.0);
+        for (target, up) in [
+            (p + DVec3::Y, DVec3::Y),
+            (p - DVec3::Y, DVec3::Y),
+            (p + DVec3::X, DVec3::X),
+            (p + DVec3::Z, -DVec3::Z),
+            (p + DVec3::X, DVec3::ZERO),
+            (DVec3::splat(1e25), DVec3::Y),
+            (p + DVec3::new(1e-3, 0.0, 0.0), DVec3::Y),
+            (p + DVec3::new(1e-20, 1.0, 0.0), DVec3::Y),
+        ] {
+            assert_right_handed(basis(p, target, up).unwrap());
+        }
+        assert_right_handed(basis(DVec3::ZERO, DVec3::new(1e-200, 0.0, 0.0), DVec3::Y).unwrap());
+        assert!(basis(p, p, DVec3::Y).is_none());
+        assert!(basis(p, DVec3::NAN, DVec3::Y).is_none());
+    }
+
+    fn camera() -> Camera {
+        Camera {
+            name: "c".into(),
+            position: DVec3::new(0.0, 0.0, 10.0),
+            target: DVec3::ZERO,
+            up: DVec3::Y,
+            projection: Projection::Perspective,
+            view_height: 4.0,
+            view_width: Some(4.0),
+            viewpoint_distance: 10.0,
+        }
+    }
+
+    #[test]
+    fn pixels_are_where_the_formula_puts_them() {
+        // 4 x 4 pixels over 4 x 4 units: pixel (0, 0) from the top is at x = -1.5, y = +1.5.
+        let view = View::new(&camera(), Projection::Orthographic, [4, 4]).unwrap();
+        assert_eq!(view.ray(0, 0).origin, DVec3::new(-1.5, 1.5, 10.0));
+        assert_eq!(view.ray(3, 2).origin, DVec3::new(1.5, -0.5, 10.0));
+        assert_eq!(view.ray(3, 2).direction, -DVec3::Z);
+        let view = View::new(&camera(), Projection::Perspective, [4, 4]).unwrap();
+        let ray = view.ray(0, 0);
+        assert_eq!(ray.origin, DVec3::new(0.0, 0.0, 10.0));
+        let exact = DVec3::new(-1.5, 1.5, -10.0).normalize();
+        assert!((ray.direction - exact).abs().max_element() <= f64::from(f32::EPSILON) / 2.0);
+    }
+
+    #[test]
+    fn wide_and_tall_pictures_see_more_not_less() {
+        let wide = View::new(&camera(), Projection::Orthographic, [8, 4]).unwrap();
+        assert_eq!(wide.rectangle, DVec2::new(8.0, 4.0));
+        let tall = View::new(&camera(), Projection::Orthographic, [4, 8]).unwrap();
+        assert_eq!(tall.rectangle, DVec2::new(4.0, 8.0));
+    }
+
+    #[test]
+    fn projecting_is_the_inverse_of_casting() {
+        for projection in [Projection::Perspective, Projection::Orthographic] {
+            let view = View::new(&camera(), projection, [64, 48]).unwrap();
+            let (pixel, before) = view.project(view.ray(10, 20).at(7.0));
+            assert!(before && (pixel - DVec2::new(10.5, 20.5)).abs().max_element() < 1e-4, "{pixel}");
+        }
+    }
+}
