@@ -118,29 +118,44 @@ impl fmt::Display for Place {
     }
 }
 
-/// Things that were left out, replaced or decided for the user, in the order they came up. A picture is made all the
-/// same; the command line prints them and `--strict` makes them fatal.
+/// What there is to say about an input or a picture that was made all the same, in the order it came up. The command
+/// line prints it. *Warnings* name what was left out or replaced, and `--strict` makes them fatal; *notes* name what was
+/// decided for the user.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Warnings {
     messages: Vec<String>,
+    notes: Vec<String>,
 }
 
 impl Warnings {
-    /// Adds a message, once.
+    /// Adds a warning, once.
     pub fn push(&mut self, message: impl Into<String>) {
-        let message = message.into();
-        if !self.messages.contains(&message) {
-            self.messages.push(message);
-        }
+        push_once(&mut self.messages, message.into());
     }
 
-    /// The messages so far.
+    /// Adds a note, once.
+    pub fn note(&mut self, message: impl Into<String>) {
+        push_once(&mut self.notes, message.into());
+    }
+
+    /// The warnings so far.
     pub fn messages(&self) -> &[String] {
         &self.messages
+    }
+
+    /// The notes so far.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
     }
 
     /// Whether nothing was warned of.
     pub fn is_empty(&self) -> bool {
         self.messages.is_empty()
+    }
+}
+
+fn push_once(messages: &mut Vec<String>, message: String) {
+    if !messages.contains(&message) {
+        messages.push(message);
     }
 }

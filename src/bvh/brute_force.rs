@@ -17,14 +17,14 @@ impl BruteForce {
 
 impl Accelerator for BruteForce {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
-        let test = PrimitiveTest::new(ray);
+        let mut test = PrimitiveTest::new(ray);
         traversal.tests.primitives += self.slots.len() as u64;
         let hits = (0..).zip(&self.slots).filter_map(|(index, slot)| test.hit(slot, index));
         hits.reduce(|best, hit| if hit.is_before(&best) { hit } else { best })
     }
 
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
-        let test = PrimitiveTest::new(ray);
+        let mut test = PrimitiveTest::new(ray);
         traversal.tests.primitives += self.slots.len() as u64;
         self.slots.iter().any(|slot| test.distance(&slot.primitive).is_some())
     }

@@ -100,28 +100,31 @@ pub struct Description {
     pub bytes: usize,
 }
 
-/// A ray made ready for primitives of every kind.
+/// A ray made ready for primitives of every kind, once the first of them is met: many rays meet none.
 struct PrimitiveTest<'a> {
     ray: &'a Ray,
-    triangles: TriangleTest,
+    triangles: Option<TriangleTest>,
 }
 
 impl<'a> PrimitiveTest<'a> {
     #[inline]
     fn new(ray: &'a Ray) -> Self {
-        PrimitiveTest { ray, triangles: TriangleTest::new(ray) }
+        PrimitiveTest { ray, triangles: None }
     }
 
-    #[inline]
-    fn distance(&self, primitive: &Primitive) -> Option<f64> {
+    #[inline(always)]
+    fn distance(&mut self, primitive: &Primitive) -> Option<f64> {
         match primitive {
-            Primitive::Triangle(triangle) => self.triangles.hit(self.ray, triangle),
+            Primitive::Triangle(triangle) => {
+                let test = self.triangles.get_or_insert_with(|| TriangleTest::new(self.ray));
+                test.hit(self.ray, triangle)
+            }
             Primitive::Sphere(sphere) => sphere.hit(self.ray),
         }
     }
 
-    #[inline]
-    fn hit(&self, slot: &Slot, index: u32) -> Option<Hit> {
+    #[inline(always)]
+    fn hit(&mut self, slot: &Slot, index: u32) -> Option<Hit> {
         let t = self.distance(&slot.primitive)?;
         Some(Hit { t, prim: slot.id, slot: SlotId(index) })
     }

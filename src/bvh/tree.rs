@@ -4,6 +4,7 @@
 //! are f32 and hold what is in them; [`BoxTest`] misses none of them; a hit's t lies within its primitive's box. So a
 //! node is only ever passed over when nothing in it can come before the best hit.
 
+use glam::{Vec3A, Vec4};
 use obvhs::bvh2::node::Bvh2Node;
 
 use super::{Accelerator, Description, PrimitiveTest, Slot, Traversal};
@@ -32,7 +33,7 @@ impl Tree {
         stack.clear();
         let Some(root) = self.nodes.first() else { return };
         tests.nodes += 1;
-        if test.enters(planes(root), t_max).is_none() {
+        if enters(&test, root, t_max).is_none() {
             return;
         }
         let mut index = 0;
@@ -49,8 +50,8 @@ impl Tree {
             } else {
                 tests.nodes += 2;
                 let (left, right) = (node.first_index, node.first_index + 1);
-                let at_left = test.enters(planes(&self.nodes[left as usize]), t_max);
-                let at_right = test.enters(planes(&self.nodes[right as usize]), t_max);
+                let at_left = enters(&test, &self.nodes[left as usize], t_max);
+                let at_right = enters(&test, &self.nodes[right as usize], t_max);
                 match (at_left, at_right) {
                     (Some(l), Some(r)) => {
                         let (near, far, at_far) = if l <= r { (left, right, r) } else { (right, left, l) };
@@ -99,14 +100,22 @@ fn prune_distance(t: f64) -> f32 {
     (t as f32).next_up() * crate::geometry::PRUNE_MARGIN
 }
 
-#[inline]
-fn planes(node: &Bvh2Node) -> &[f32; 8] {
-    bytemuck::cast_ref(node)
+#[inline(always)]
+fn enters(test: &BoxTest, node: &Bvh2Node, t_max: f32) -> Option<f32> {
+    let [min, max] = planes(node);
+    test.enters(min, max, t_max)
+}
+
+/// A node's box. The fourth numbers of the two vectors are its count and its index, and take no part.
+#[inline(always)]
+fn planes(node: &Bvh2Node) -> [Vec3A; 2] {
+    let [min, max]: [Vec4; 2] = bytemuck::cast(*node);
+    [Vec3A::from_vec4(min), Vec3A::from_vec4(max)]
 }
 
 impl Accelerator for Tree {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
-        let test = PrimitiveTest::new(ray);
+        let mut test = PrimitiveTest::new(ray);
         let mut best: Option<Hit> = None;
         self.walk(ray, traversal, |leaf| {
             let before = best;
@@ -126,7 +135,7 @@ impl Accelerator for Tree {
     }
 
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
-        let test = PrimitiveTest::new(ray);
+        let mut test = PrimitiveTest::new(ray);
         let mut occluded = false;
         self.walk(ray, traversal, |leaf| {
             let slots = &self.slots[leaf.start as usize..leaf.end as usize];
@@ -155,8 +164,7 @@ mod tests {
     fn a_node_holds_its_planes_where_the_box_test_reads_them() {
         let b = obvhs::aabb::Aabb::new(glam::Vec3A::new(1.0, 2.0, 3.0), glam::Vec3A::new(4.0, 5.0, 6.0));
         let node = Bvh2Node::new(b, 7, 8);
-        let p = planes(&node);
-        assert_eq!((&p[0..3], &p[4..7]), (&[1.0, 2.0, 3.0][..], &[4.0, 5.0, 6.0][..]));
+        assert_eq!(planes(&node), [Vec3A::new(1.0, 2.0, 3.0), Vec3A::new(4.0, 5.0, 6.0)]);
     }
 
     #[test]

@@ -76,6 +76,7 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
         "lights": scene.lights.iter().map(|l| json!({ "name": l.name, "type": light_type(&l.kind),
             "intensity": l.intensity })).collect::<Vec<_>>(),
         "warnings": warnings.messages(),
+        "notes": warnings.notes(),
     })
 }
 
@@ -122,6 +123,9 @@ fn as_text(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> String {
     line("normals", format!("{smooth} object(s) with normals, the others are flat or spheres"));
     for message in warnings.messages() {
         line("warning", message.clone());
+    }
+    for message in warnings.notes() {
+        line("note", message.clone());
     }
     text
 }

@@ -128,10 +128,21 @@ fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Prints warnings that have not been printed yet.
-fn print_warnings(warnings: &Warnings, printed: &mut usize) {
-    for message in &warnings.messages()[*printed..] {
-        eprintln!("kiln: warning: {message}");
+/// Prints warnings and notes as they come, each once.
+#[derive(Default)]
+struct Printer {
+    warnings: usize,
+    notes: usize,
+}
+
+impl Printer {
+    fn print(&mut self, said: &Warnings, with_notes: bool) {
+        for message in &said.messages()[self.warnings..] {
+            eprintln!("kiln: warning: {message}");
+        }
+        for message in said.notes()[self.notes..].iter().filter(|_| with_notes) {
+            eprintln!("kiln: note: {message}");
+        }
+        (self.warnings, self.notes) = (said.messages().len(), said.notes().len());
     }
-    *printed = warnings.messages().len();
 }

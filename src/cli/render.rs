@@ -8,7 +8,7 @@ use clap::Args;
 
 use super::progress::{Mode, Progress};
 use super::statistics::{self, Seconds};
-use super::print_warnings;
+use super::Printer;
 use crate::effects::{Choices, Plan, RayKind};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
@@ -123,21 +123,20 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
 fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -> Result<()> {
     let progress = Progress::new(arguments.progress);
     let mut warnings = Warnings::default();
-    let mut printed = 0;
+    let mut printer = Printer::default();
+    let with_notes = arguments.progress != Mode::None;
     let mut seconds = Seconds::default();
 
     progress.phase("loading");
     let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, &mut warnings))?;
     let size = picture_size(arguments, &scene);
     let camera = choose_camera(arguments, &scene, size)?;
-    progress.clear();
-    print_warnings(&warnings, &mut printed);
     if scene.lights.is_empty() && shading(arguments).uses_lights() {
         scene.lights.extend(headlight(&camera));
-        if arguments.progress != Mode::None {
-            eprintln!("kiln: note: no light in the scene; added a headlight");
-        }
+        warnings.note("no light in the scene; added a headlight");
     }
+    progress.clear();
+    printer.print(&warnings, with_notes);
 
     let pipeline = colour(arguments).or(scene.colour).unwrap_or_default();
     let choices = Choices {
@@ -161,12 +160,12 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
     let (non_finite, first) = film.non_finite();
     warn_of_the_picture(arguments, &world, &statistics, non_finite, &first, &mut warnings);
     progress.clear();
-    print_warnings(&warnings, &mut printed);
+    printer.print(&warnings, with_notes);
 
     timed(&mut seconds.write, || write(&film, pipeline, &settings, target))?;
     if let Some(file) = &arguments.stats {
         let report =
-            statistics::to_json(&settings, &seconds, &world, &plan, &statistics, non_finite, warnings.messages());
+            statistics::to_json(&settings, &seconds, &world, &plan, &statistics, non_finite, &warnings);
         write_whole(file, |out| writeln!(out, "{report:#}"))?;
     }
     if arguments.strict && !warnings.is_empty() {

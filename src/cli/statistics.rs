@@ -3,6 +3,7 @@
 use serde_json::{Map, Value, json};
 
 use crate::effects::{Plan, RayKind};
+use crate::error::Warnings;
 use crate::render::Statistics;
 use crate::world::World;
 
@@ -26,7 +27,7 @@ pub fn to_json(
     plan: &Plan,
     statistics: &Statistics,
     non_finite: usize,
-    warnings: &[String],
+    warnings: &Warnings,
 ) -> Value {
     let settings: Map<String, Value> = settings.iter().map(|(k, v)| (k.clone(), json!(v))).collect();
     let rays: Map<String, Value> = RayKind::ALL
@@ -70,7 +71,8 @@ pub fn to_json(
         "stages": stages,
         "non_finite_pixels": non_finite,
         "peak_memory_bytes": peak_memory(),
-        "warnings": warnings,
+        "warnings": warnings.messages(),
+        "notes": warnings.notes(),
     })
 }
 

@@ -1,6 +1,6 @@
 //! Boxes that hold what they should, and a box test that misses none of them.
 
-use glam::{DVec3, Vec3};
+use glam::{BVec3A, DVec3, Vec3, Vec3A};
 
 use super::Ray;
 
@@ -28,19 +28,22 @@ impl Bounds {
 
     /// Moves a distance along `ray` into the part of the ray that passes through this box.
     ///
-    /// The distances of the box's planes come from one exact subtraction and one division each, so they are good to
-    /// 2 ulp of f64 even where the hit's own formula cancels. A box test that contains this box then contains the hit,
-    /// whatever was lost in computing it; and on an axis-aligned triangle the plane's own distance is taken.
-    #[inline]
+    /// The distances of the box's planes come from one exact subtraction, one reciprocal and one multiplication each,
+    /// so they are good to 2 ulp of f64 even where the hit's own formula cancels. A box test that contains this box
+    /// then contains the hit, whatever was lost in computing it; and on an axis-aligned triangle the plane's own
+    /// distance is taken.
+    #[inline(always)]
     pub fn hold(&self, ray: &Ray, t: f64) -> f64 {
+        let inverse = ray.direction.recip();
+        let to_min = (self.min.as_dvec3() - ray.origin) * inverse;
+        let to_max = (self.max.as_dvec3() - ray.origin) * inverse;
         let mut t = t;
-        for axis in 0..3 {
-            let d = ray.direction[axis];
-            if d != 0.0 {
-                let to_min = (f64::from(self.min[axis]) - ray.origin[axis]) / d;
-                let to_max = (f64::from(self.max[axis]) - ray.origin[axis]) / d;
-                t = t.max(to_min.min(to_max)).min(to_min.max(to_max));
-            }
+        for (a, b) in to_min.to_array().into_iter().zip(to_max.to_array()) {
+            // Along an axis that the ray does not move on these are infinite or not numbers, and hold nothing: an
+            // infinity of the wrong sign would mean a hit outside the box's slab.
+            let (near, far) = if a < b { (a, b) } else { (b, a) };
+            t = if near > t && near < f64::INFINITY { near } else { t };
+            t = if far < t && far > f64::NEG_INFINITY { far } else { t };
         }
         t
     }
@@ -50,16 +53,35 @@ fn per_axis(v: DVec3, f: impl Fn(f64) -> f32) -> Vec3 {
     Vec3::new(f(v.x), f(v.y), f(v.z))
 }
 
-/// The largest f32 that is not above `x`.
-pub fn round_down(x: f64) -> f32 {
+/// `x` rounded to f32 upwards where `side` is above 0, downwards where it is below, and to the nearest where it is 0.
+///
+/// Without branches on the numbers: they are as good as random.
+#[inline]
+pub fn round_towards(x: f64, side: f64) -> f32 {
     let y = x as f32;
-    if f64::from(y) > x { y.next_down() } else { y }
+    if y == 0.0 {
+        return if side > 0.0 { round_up(x) } else { round_down(x) };
+    }
+    let short = (x - f64::from(y)) * side > 0.0;
+    let larger = (side > 0.0) == (y > 0.0);
+    let step = if larger { 1 } else { u32::MAX };
+    f32::from_bits(y.to_bits().wrapping_add(if short { step } else { 0 }))
+}
+
+/// The largest f32 that is not above `x`.
+#[inline]
+pub fn round_down(x: f64) -> f32 {
+    -round_up(-x)
 }
 
 /// The smallest f32 that is not below `x`.
+#[inline]
 pub fn round_up(x: f64) -> f32 {
     let y = x as f32;
-    if f64::from(y) < x { y.next_up() } else { y }
+    let bits = y.to_bits();
+    // One step up, for numbers below something: never NaN, +infinity or -0.
+    let next = if y.is_sign_negative() { bits.wrapping_sub(1) } else { bits + 1 };
+    if f64::from(y) < x { f32::from_bits(next) } else { y }
 }
 
 /// The margin of the box test: at least (1 + 2 γ3) (1 + u) for f32 with u = 2^-24 (Ize, Robust BVH Ray Traversal, JCGT
@@ -72,39 +94,41 @@ pub const PRUNE_MARGIN: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 /// A ray made ready for boxes, in f32.
 pub struct BoxTest {
-    origin: [f32; 3],
+    origin: Vec3A,
     /// Reciprocals of the direction; infinite where it is 0.
-    inverse: [f32; 3],
-    /// Offset of the near plane in a node's eight numbers, for each axis: 0..3 is the least corner, 4..7 the greatest.
-    near: [usize; 3],
-    t_min: f32,
+    inverse: Vec3A,
+    /// The axes along which the ray runs downwards.
+    downwards: BVec3A,
+    t_min: Vec3A,
 }
 
 impl BoxTest {
     /// Prepares `ray`, whose origin and direction must be f32 numbers.
     #[inline]
     pub fn new(ray: &Ray) -> Self {
-        let inverse = ray.direction.as_vec3().to_array().map(|d| 1.0 / d);
-        let near = [0, 1, 2].map(|axis| axis + 4 * usize::from(inverse[axis].is_sign_negative()));
-        BoxTest { origin: ray.origin.as_vec3().to_array(), inverse, near, t_min: round_down(ray.t_min) }
+        let inverse = Vec3A::from(ray.direction.as_vec3()).recip();
+        BoxTest {
+            origin: ray.origin.as_vec3a(),
+            inverse,
+            // A direction holds no negative zeros, so comparing tells what the sign bit would.
+            downwards: inverse.cmplt(Vec3A::ZERO),
+            t_min: Vec3A::splat(round_down(ray.t_min)),
+        }
     }
 
-    /// Where the ray enters the box, or `None` if it misses it or enters it beyond `t_max`. Never misses a box that
-    /// the exact ray meets before `t_max`.
+    /// Where the ray enters the box from `min` to `max`, or `None` if it misses it or enters it beyond `t_max`. Never
+    /// misses a box that the exact ray meets before `t_max`.
     ///
-    /// `planes` holds the least corner at 0..3 and the greatest at 4..7. Where the ray runs in a plane of the box
-    /// (0 times infinity) the comparison ignores that plane, so such rays are inside.
-    #[inline]
-    pub fn enters(&self, planes: &[f32; 8], t_max: f32) -> Option<f32> {
-        let mut enter = self.t_min;
-        let mut leave = t_max;
-        for axis in 0..3 {
-            let near = (planes[self.near[axis]] - self.origin[axis]) * self.inverse[axis];
-            let far = (planes[self.near[axis] ^ 4] - self.origin[axis]) * self.inverse[axis];
-            // In this order a NaN is never taken.
-            enter = if near > enter { near } else { enter };
-            leave = if far < leave { far } else { leave };
-        }
+    /// Where the ray runs in a plane of the box (0 times infinity) the comparison ignores that plane, so such rays are
+    /// inside.
+    #[inline(always)]
+    pub fn enters(&self, min: Vec3A, max: Vec3A, t_max: f32) -> Option<f32> {
+        let near = (Vec3A::select(self.downwards, max, min) - self.origin) * self.inverse;
+        let far = (Vec3A::select(self.downwards, min, max) - self.origin) * self.inverse;
+        // In this order a NaN is never taken, on any machine.
+        let t_max = Vec3A::splat(t_max);
+        let enter = Vec3A::select(near.cmpgt(self.t_min), near, self.t_min).max_element();
+        let leave = Vec3A::select(far.cmplt(t_max), far, t_max).min_element();
         (enter <= leave * PRUNE_MARGIN).then_some(enter)
     }
 }
@@ -114,8 +138,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn planes(b: Bounds) -> [f32; 8] {
-        [b.min.x, b.min.y, b.min.z, 0.0, b.max.x, b.max.y, b.max.z, 0.0]
+    fn enters(ray: &Ray, b: Bounds, t_max: f32) -> Option<f32> {
+        BoxTest::new(ray).enters(b.min.into(), b.max.into(), t_max)
     }
 
     #[test]
@@ -137,18 +161,33 @@ mod tests {
     }
 
     #[test]
+    fn rounding_is_directed_everywhere() {
+        let f32_max = f64::from(f32::MAX);
+        for x in [0.1, 1.0, 1e-46, 1e-40, 1.5e38, f32_max, f32_max * 1.5, 0.0, f64::INFINITY] {
+            for x in [x, -x] {
+                let (down, up) = (round_down(x), round_up(x));
+                assert!(f64::from(down) <= x && x <= f64::from(up), "{x}");
+                assert!(down == up || down.next_up() == up, "{x}: {down} {up}");
+                assert_eq!(down == up, f64::from(x as f32) == x);
+                assert_eq!(round_towards(x, 0.3), up);
+                assert_eq!(round_towards(x, -1e-9), down);
+            }
+        }
+    }
+
+    #[test]
     fn a_ray_in_a_face_is_inside() {
-        let b = planes(Bounds { min: Vec3::ZERO, max: Vec3::ONE });
+        let b = Bounds { min: Vec3::ZERO, max: Vec3::ONE };
         for (origin, direction) in [
             (DVec3::new(0.0, 0.5, -1.0), DVec3::Z),
             (DVec3::new(1.0, 0.5, -1.0), DVec3::Z),
             (DVec3::new(1.0, 1.0, 2.0), -DVec3::Z),
             (DVec3::new(0.0, 0.0, 2.0), -DVec3::Z),
         ] {
-            let test = BoxTest::new(&Ray::new(origin, direction, 0.0, f64::INFINITY));
-            assert_eq!(test.enters(&b, f32::INFINITY), Some(1.0), "{origin} {direction}");
+            let ray = Ray::new(origin, direction, 0.0, f64::INFINITY);
+            assert_eq!(enters(&ray, b, f32::INFINITY), Some(1.0), "{origin} {direction}");
             let outside = Ray::new(origin * DVec3::new(3.0, 1.0, 1.0) + DVec3::X * 1e-6, direction, 0.0, f64::INFINITY);
-            assert_eq!(BoxTest::new(&outside).enters(&b, f32::INFINITY).is_some(), origin.x == 0.0);
+            assert_eq!(enters(&outside, b, f32::INFINITY).is_some(), origin.x == 0.0);
         }
     }
 
@@ -173,8 +212,8 @@ mod tests {
             prop_assert_eq!(ray.origin, ray.origin.as_vec3().as_dvec3());
             let b = Bounds::rounded_out(v(min), v([0, 1, 2].map(|k| min[k] + size[k])));
             // The target is at t = 1, so the box is entered by then.
-            prop_assert!(BoxTest::new(&ray).enters(&planes(b), 1.0).is_some());
-            prop_assert!(BoxTest::new(&ray).enters(&planes(b), f32::INFINITY).is_some());
+            prop_assert!(enters(&ray, b, 1.0).is_some());
+            prop_assert!(enters(&ray, b, f32::INFINITY).is_some());
         }
     }
 }

@@ -8,7 +8,7 @@
 
 use glam::DVec3;
 
-use super::bounds::{round_down, round_up};
+use super::bounds::round_towards;
 
 /// Bound on the rounding of a sum of three products in f64, with room for that of its weights: γ8 is 8 * 2^-53.
 const RELATIVE_ERROR: f64 = 4.0 * f64::EPSILON;
@@ -40,14 +40,8 @@ impl SurfacePoint {
     #[inline]
     pub fn origin_towards(&self, normal: DVec3) -> DVec3 {
         let out = self.position + normal * normal.abs().dot(self.error);
-        let away = |x: f64, n: f64| {
-            f64::from(match n {
-                n if n > 0.0 => round_up(x),
-                n if n < 0.0 => round_down(x),
-                _ => x as f32,
-            })
-        };
-        DVec3::new(away(out.x, normal.x), away(out.y, normal.y), away(out.z, normal.z))
+        let (x, y) = (round_towards(out.x, normal.x), round_towards(out.y, normal.y));
+        DVec3::new(f64::from(x), f64::from(y), f64::from(round_towards(out.z, normal.z)))
     }
 }
 

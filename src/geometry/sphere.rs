@@ -23,12 +23,12 @@ impl Sphere {
     pub fn bounds(&self) -> Bounds {
         // The f64 sums are half an ulp of f64 off at most, which may matter where they are f32 numbers exactly.
         let (min, max) = (self.centre - self.radius, self.centre + self.radius);
-        let out = |v: DVec3, f: fn(f64) -> f64| DVec3::new(f(v.x), f(v.y), f(v.z));
-        Bounds::rounded_out(out(min, f64::next_down), out(max, f64::next_up))
+        let step = f64::EPSILON * (self.centre.abs() + self.radius);
+        Bounds::rounded_out(min - step, max + step)
     }
 
     /// The least distance within the ray's ends at which `ray` meets the surface, from outside or from inside.
-    #[inline]
+    #[inline(always)]
     pub fn hit(&self, ray: &Ray) -> Option<f64> {
         let (d, f) = (ray.direction, ray.origin - self.centre);
         let a = d.dot(d);
@@ -42,10 +42,11 @@ impl Sphere {
         let c = f.dot(f) - self.radius * self.radius;
         let (t0, t1) = (c / q, q / a);
         let bounds = self.bounds();
-        [t0.min(t1), t0.max(t1)]
-            .into_iter()
-            .map(|t| bounds.hold(ray, t))
-            .find(|&t| ray.t_min < t && t < ray.t_max)
+        let within = |t: f64| {
+            let t = bounds.hold(ray, t);
+            (ray.t_min < t && t < ray.t_max).then_some(t)
+        };
+        within(t0.min(t1)).or_else(|| within(t0.max(t1)))
     }
 
     /// The point of the surface nearest to `point`, and the outward normal there, of length 1.

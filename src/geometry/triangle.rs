@@ -36,7 +36,7 @@ impl Triangle {
 
 /// A ray made ready for triangles.
 pub struct TriangleTest {
-    origin: [f64; 3],
+    origin: DVec3,
     /// The axes, the one the ray runs along most being last.
     axes: [usize; 3],
     shear: [f64; 3],
@@ -62,24 +62,23 @@ impl TriangleTest {
         } else {
             2
         };
-        let axes = [(last + 1) % 3, (last + 2) % 3, last];
-        let along = ray.direction[last];
-        TriangleTest {
-            origin: axes.map(|axis| ray.origin[axis]),
-            axes,
-            shear: [ray.direction[axes[0]] / along, ray.direction[axes[1]] / along, 1.0 / along],
-        }
+        let axes = [[1, 2, 0], [2, 0, 1], [0, 1, 2]][last];
+        let along = 1.0 / ray.direction[last];
+        let shear = [ray.direction[axes[0]] * along, ray.direction[axes[1]] * along, along];
+        TriangleTest { origin: ray.origin, axes, shear }
     }
 
-    #[inline]
+    #[inline(always)]
     fn edges(&self, triangle: &Triangle) -> Option<Edges> {
         let [x, y, z] = self.axes;
-        let [(ax, ay, az), (bx, by, bz), (cx, cy, cz)] = triangle.0.map(|corner| {
-            let depth = f64::from(corner[z]) - self.origin[2];
-            let across = (f64::from(corner[x]) - self.origin[0]) - self.shear[0] * depth;
-            let up = (f64::from(corner[y]) - self.origin[1]) - self.shear[1] * depth;
-            (across, up, depth)
-        });
+        let sheared = |corner: Vec3| {
+            let from_origin = (corner.as_dvec3() - self.origin).to_array();
+            let depth = from_origin[z];
+            (from_origin[x] - self.shear[0] * depth, from_origin[y] - self.shear[1] * depth, depth)
+        };
+        let (ax, ay, az) = sheared(triangle.0[0]);
+        let (bx, by, bz) = sheared(triangle.0[1]);
+        let (cx, cy, cz) = sheared(triangle.0[2]);
         let a = cx * by - cy * bx;
         let b = ax * cy - ay * cx;
         let c = bx * ay - by * ax;
@@ -90,7 +89,7 @@ impl TriangleTest {
 
     /// The distance at which `ray`, for which this was made, hits the triangle, within the ray's ends. Both sides
     /// count; edges and corners count; a ray in the triangle's plane does not hit.
-    #[inline]
+    #[inline(always)]
     pub fn hit(&self, ray: &Ray, triangle: &Triangle) -> Option<f64> {
         let Edges { weights: [a, b, c], depths, sum } = self.edges(triangle)?;
         // A convex combination of the corners' depths: its error is relative to the triangle, not to the scene.
@@ -102,7 +101,7 @@ impl TriangleTest {
     /// The barycentric coordinates of the three corners where the ray meets the triangle it hit.
     pub fn barycentrics(&self, triangle: &Triangle) -> [f64; 3] {
         match self.edges(triangle) {
-            Some(Edges { weights, sum, .. }) => weights.map(|w| w / sum),
+            Some(Edges { weights, sum, .. }) => weights.map(|w| w * (1.0 / sum)),
             None => [1.0 / 3.0; 3],
         }
     }

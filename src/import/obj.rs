@@ -38,13 +38,20 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         let material = convert_material(material, source, &mut scene, &mut pictures, warnings);
         scene.add_material(material);
     }
+    let names_materials = text.lines().any(|line| line.starts_with("mtllib "));
     let mut plain = None;
     let mut triangulator = Triangulator::new();
     let mut not_simple = 0;
     for model in models {
         let material = match model.mesh.material_id {
             Some(id) => MaterialId(id as u32),
-            None => *plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))),
+            None => *plain.get_or_insert_with(|| {
+                let textured = !names_materials && !model.mesh.texcoords.is_empty();
+                let texture = textured.then(|| picture_beside(source, &mut scene, &mut pictures, warnings)).flatten();
+                // White under a picture shows the picture.
+                let colour = if texture.is_some() { Colour::from_u8([255; 3]) } else { Phong::default().colour };
+                scene.add_material(Material::Phong(Phong { colour, texture, ..Phong::default() }))
+            }),
         };
         let (mesh, faults) = convert_mesh(&model.mesh, &mut triangulator);
         not_simple += faults;
@@ -57,6 +64,21 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         ));
     }
     Ok(scene)
+}
+
+/// The picture of the same name beside a file that has texture coordinates and names no materials at all: such pairs
+/// are how many meshes are handed out.
+fn picture_beside(
+    source: &Source,
+    scene: &mut Scene,
+    pictures: &mut Pictures,
+    warnings: &mut Warnings,
+) -> Option<Texture> {
+    let candidates = ["png", "jpg", "jpeg"].map(|ending| source.file.with_extension(ending));
+    let file = candidates.iter().find(|file| file.is_file())?;
+    let image = pictures.from_file(scene, file, warnings)?;
+    warnings.note(format!("{} names no material; textured with {}", source.file.display(), file.display()));
+    Some(Texture { image, sampler: Sampler::default() })
 }
 
 fn explain(source: &Source, text: &str, e: &tobj::LoadError) -> Error {

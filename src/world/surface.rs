@@ -36,7 +36,8 @@ impl World {
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         let object_index = self.object_of(hit.prim);
         let object = &self.objects[object_index as usize];
-        let view = -ray.direction.normalize();
+        // Of length 1 up to the rounding of the ray, 2^-24 and less.
+        let view = -ray.direction;
         let mut surface = Surface {
             point: SurfacePoint { position: DVec3::ZERO, error: DVec3::ZERO },
             view,
