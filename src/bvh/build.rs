@@ -64,10 +64,11 @@ pub fn build(slots: &[Slot], preset: Preset) -> Tree {
         return Tree::default();
     }
     let parameters = preset.parameters();
+    let mut order: Vec<u32> = (0..slots.len() as u32).collect();
     let mut boxes: Vec<Aabb> = slots.iter().map(|slot| to_obvhs(slot.primitive.bounds())).collect();
-    let mut indices: Vec<u32> = (0..slots.len() as u32).collect();
+    let mut indices = order.clone();
     if parameters.pre_split {
-        (boxes, indices) = split_large_triangles(slots, &boxes);
+        (order, boxes, indices) = split_large_triangles(slots, &boxes);
     }
     let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
         parameters.ploc_search_distance,
@@ -83,7 +84,7 @@ pub fn build(slots: &[Slot], preset: Preset) -> Tree {
     collapse(&mut tree, parameters.max_prims_per_leaf.clamp(1, 255), parameters.collapse_traversal_cost);
     reinsertion.run(&mut tree, ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier, None);
 
-    let ordered = tree.primitive_indices.iter().map(|&i| slots[i as usize]).collect();
+    let ordered = tree.primitive_indices.iter().map(|&i| slots[order[i as usize] as usize]).collect();
     Tree::new(tree.nodes, ordered)
 }
 
@@ -91,37 +92,39 @@ fn to_obvhs(b: Bounds) -> Aabb {
     Aabb::new(Vec3A::from(b.min), Vec3A::from(b.max))
 }
 
-/// Boxes of parts of large triangles, and of everything else whole; with each the slot it belongs to.
-fn split_large_triangles(slots: &[Slot], whole: &[Aabb]) -> (Vec<Aabb>, Vec<u32>) {
-    let mut indices = Vec::new();
-    let mut triangles = Vec::new();
-    let (mut total, mut largest) = (0.0f32, 0.0f32);
+/// Boxes of parts of large triangles, and of everything else whole. Returns the slots in an order of its own, the
+/// boxes, and for each box its place in that order.
+///
+/// obvhs looks triangles up by their place in its list, and its leaf collapsing takes for granted that the first box of
+/// every primitive stands at the primitive's own place. So triangles come first, spheres next, further parts last.
+fn split_large_triangles(slots: &[Slot], whole: &[Aabb]) -> (Vec<u32>, Vec<Aabb>, Vec<u32>) {
+    let mut order = Vec::with_capacity(slots.len());
+    let mut spheres = Vec::new();
+    let mut triangles = Vec::with_capacity(slots.len());
     for (index, slot) in (0..).zip(slots) {
-        if let Primitive::Triangle(triangle) = slot.primitive {
-            let [v0, v1, v2] = triangle.0.map(Vec3A::from);
-            triangles.push(obvhs::triangle::Triangle { v0, v1, v2 });
-            indices.push(index);
-            let half_area = whole[index as usize].half_area();
-            total += half_area;
-            largest = largest.max(half_area);
+        match slot.primitive {
+            Primitive::Triangle(triangle) => {
+                let [v0, v1, v2] = triangle.0.map(Vec3A::from);
+                triangles.push(obvhs::triangle::Triangle { v0, v1, v2 });
+                order.push(index);
+            }
+            Primitive::Sphere(_) => spheres.push(index),
         }
     }
-    let mut boxes: Vec<Aabb> = indices.iter().map(|&i| whole[i as usize]).collect();
-    // obvhs looks triangles up by their place in its own list.
-    let mut places: Vec<u32> = (0..triangles.len() as u32).collect();
-    if !triangles.is_empty() {
-        let average = total / triangles.len() as f32;
-        split_aabbs_preset(&mut boxes, &mut places, &triangles, average, largest);
+    let count = triangles.len();
+    let mut boxes: Vec<Aabb> = order.iter().map(|&i| whole[i as usize]).collect();
+    let mut places: Vec<u32> = (0..count as u32).collect();
+    if count > 0 {
+        let half_areas = boxes.iter().map(Aabb::half_area);
+        let (total, largest) =
+            half_areas.fold((0.0, 0.0f32), |(sum, most), area| (sum + area, most.max(area)));
+        split_aabbs_preset(&mut boxes, &mut places, &triangles, total / count as f32, largest);
     }
     for b in &mut boxes {
         *b = to_obvhs(Bounds { min: b.min.into(), max: b.max.into() }.grown(SPLIT_GAP_ULPS));
     }
-    let mut slots_of_boxes: Vec<u32> = places.iter().map(|&place| indices[place as usize]).collect();
-    for (index, slot) in (0..).zip(slots) {
-        if matches!(slot.primitive, Primitive::Sphere(_)) {
-            boxes.push(whole[index as usize]);
-            slots_of_boxes.push(index);
-        }
-    }
-    (boxes, slots_of_boxes)
+    boxes.splice(count..count, spheres.iter().map(|&i| whole[i as usize]));
+    places.splice(count..count, count as u32..(count + spheres.len()) as u32);
+    order.extend(spheres);
+    (order, boxes, places)
 }

@@ -26,7 +26,12 @@ impl Tree {
     /// Calls `visit` with the index range of each leaf that the ray meets, nearest boxes first. `visit` returns the
     /// distance beyond which nothing counts any more.
     #[inline]
-    fn walk(&self, ray: &Ray, traversal: &mut Traversal, mut visit: impl FnMut(std::ops::Range<u32>) -> Step) {
+    fn walk(
+        &self,
+        ray: &Ray,
+        traversal: &mut Traversal,
+        mut visit: impl FnMut(std::ops::Range<u32>) -> Step,
+    ) {
         let test = BoxTest::new(ray);
         let mut t_max = prune_distance(ray.t_max);
         let Traversal { stack, tests } = traversal;

@@ -81,7 +81,12 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
 }
 
 fn triangles(scene: &Scene) -> usize {
-    scene.objects.iter().filter(|o| matches!(o.shape, Shape::Mesh(_))).map(|o| o.shape.primitive_count()).sum()
+    scene
+        .objects
+        .iter()
+        .filter(|o| matches!(o.shape, Shape::Mesh(_)))
+        .map(|o| o.shape.primitive_count())
+        .sum()
 }
 
 fn model(material: &Material) -> &'static str {
@@ -119,7 +124,8 @@ fn as_text(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> String {
     line("textures", list(scene.images.iter().map(|i| format!("{} ({} x {})", i.name, i.width, i.height))));
     line("cameras", list(scene.cameras.iter().map(|c| format!("{} ({})", c.name, c.projection.name()))));
     line("lights", list(scene.lights.iter().map(|l| format!("{} ({})", l.name, light_type(&l.kind)))));
-    let smooth = scene.objects.iter().filter(|o| matches!(&o.shape, Shape::Mesh(m) if m.normals.is_some())).count();
+    let smooth =
+        scene.objects.iter().filter(|o| matches!(&o.shape, Shape::Mesh(m) if m.normals.is_some())).count();
     line("normals", format!("{smooth} object(s) with normals, the others are flat or spheres"));
     for message in warnings.messages() {
         line("warning", message.clone());

@@ -53,7 +53,9 @@ pub fn main() -> ExitCode {
     };
     std::panic::set_hook(Box::new(|panic| {
         let place = panic.location().map(|l| format!(" ({}:{})", l.file(), l.line())).unwrap_or_default();
-        eprintln!("kiln: error: a fault in kiln itself{place}\nhint: please report it with the command and the input");
+        eprintln!(
+            "kiln: error: a fault in kiln itself{place}\nhint: please report it with the command and the input"
+        );
     }));
     let interrupted = interrupt::install();
     let result = std::panic::catch_unwind(|| match arguments.command {

@@ -6,9 +6,9 @@ use std::time::Instant;
 
 use clap::Args;
 
+use super::Printer;
 use super::progress::{Mode, Progress};
 use super::statistics::{self, Seconds};
-use super::Printer;
 use crate::effects::{Choices, Plan, RayKind};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
@@ -116,7 +116,10 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(arguments.threads.map_or(0, usize::from))
         .build()
-        .map_err(|e| Error::Failed { what: format!("threads cannot be started: {e}"), hint: String::new() })?;
+        .map_err(|e| Error::Failed {
+            what: format!("threads cannot be started: {e}"),
+            hint: String::new(),
+        })?;
     pool.install(|| render_to(arguments, &target, interrupted))
 }
 
@@ -214,7 +217,8 @@ fn projection(arguments: &Arguments) -> Option<Projection> {
 /// The user's size, the scene's, or one in the shape of the file's camera.
 fn picture_size(arguments: &Arguments, scene: &Scene) -> [u32; 2] {
     let from_camera = || {
-        let camera = scene.cameras.first().filter(|_| arguments.view.is_none() && arguments.camera.is_none())?;
+        let camera =
+            scene.cameras.first().filter(|_| arguments.view.is_none() && arguments.camera.is_none())?;
         let aspect = camera.view_width? / camera.view_height;
         let [width, height] = DEFAULT_SIZE.map(f64::from);
         let shape = if aspect >= 1.0 { [width, width / aspect] } else { [height * aspect, height] };
@@ -304,7 +308,8 @@ fn warn_of_the_picture(
 ) {
     if non_finite > 0 {
         let places: Vec<String> = first.iter().map(|(x, y)| format!("({x}, {y})")).collect();
-        warnings.push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
+        warnings
+            .push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
     }
     let primary = statistics.rays(RayKind::Primary);
     if primary.hit == 0 {
@@ -320,7 +325,8 @@ fn warn_of_the_picture(
     }
     if arguments.inputs.len() > 1 && arguments.crop.is_none() {
         for (index, file) in arguments.inputs.iter().enumerate() {
-            let mut objects = world.objects.iter().zip(&statistics.seen).filter(|(o, _)| o.input == index).peekable();
+            let mut objects =
+                world.objects.iter().zip(&statistics.seen).filter(|(o, _)| o.input == index).peekable();
             if objects.peek().is_some() && objects.all(|(_, seen)| !seen) {
                 warnings.push(format!(
                     "{} is nowhere in the picture; place it with [[mesh]] in a scene file, or try `--camera auto`",
@@ -331,7 +337,12 @@ fn warn_of_the_picture(
     }
 }
 
-fn write(film: &Film, pipeline: ColourPipeline, settings: &[(String, String)], target: &Target) -> Result<()> {
+fn write(
+    film: &Film,
+    pipeline: ColourPipeline,
+    settings: &[(String, String)],
+    target: &Target,
+) -> Result<()> {
     match target {
         Target::File(file, format) => write_picture(film, pipeline, settings, *format, file),
         Target::StandardOutput => {

@@ -15,7 +15,8 @@ pub const EFFECT: Effect = Effect {
     name: "glaze",
     summary: "glazed materials mirror what is around them",
     called_for: |world: &World| {
-        let glazed = world.materials.iter().filter(|m| m.glaze().is_some_and(|g| g.bounces > 0 && g.weight > 0.0));
+        let glazed =
+            world.materials.iter().filter(|m| m.glaze().is_some_and(|g| g.bounces > 0 && g.weight > 0.0));
         match glazed.count() {
             0 => Err("no material is glazed".into()),
             n => Ok(format!("{n} glazed material(s)")),
@@ -72,7 +73,8 @@ impl Stage for Combine {
             let material = level.surfaces[source].material as usize;
             if let Some(glaze) = context.world.materials[material].glaze() {
                 let own = &mut level.colours[source];
-                *own = context.world.pipeline.weighted_combine(*own, mirrored, glaze.own_weight, glaze.weight);
+                *own =
+                    context.world.pipeline.weighted_combine(*own, mirrored, glaze.own_weight, glaze.weight);
             }
         }
     }

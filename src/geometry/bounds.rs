@@ -186,7 +186,8 @@ mod tests {
         ] {
             let ray = Ray::new(origin, direction, 0.0, f64::INFINITY);
             assert_eq!(enters(&ray, b, f32::INFINITY), Some(1.0), "{origin} {direction}");
-            let outside = Ray::new(origin * DVec3::new(3.0, 1.0, 1.0) + DVec3::X * 1e-6, direction, 0.0, f64::INFINITY);
+            let outside =
+                Ray::new(origin * DVec3::new(3.0, 1.0, 1.0) + DVec3::X * 1e-6, direction, 0.0, f64::INFINITY);
             assert_eq!(enters(&outside, b, f32::INFINITY).is_some(), origin.x == 0.0);
         }
     }

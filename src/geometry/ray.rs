@@ -54,7 +54,10 @@ impl Ray {
             t_min,
             t_max,
         };
-        debug_assert!(ray.origin.is_finite() && ray.direction.is_finite(), "a ray that is not finite: {ray:?}");
+        debug_assert!(
+            ray.origin.is_finite() && ray.direction.is_finite(),
+            "a ray that is not finite: {ray:?}"
+        );
         debug_assert!(floor > 0.0, "a ray without direction: {ray:?}");
         ray
     }

@@ -157,7 +157,8 @@ mod tests {
         ]);
         let origin = DVec3::new(-300.0, -500.0 + 6.103_515_625e-5, 200.0);
         for z in [1.0, 100.0, 1e4] {
-            let ray = Ray::new(origin, (DVec3::new(-300.0, -500.0, 200.0 + z) - origin).normalize(), 0.0, 1e9);
+            let ray =
+                Ray::new(origin, (DVec3::new(-300.0, -500.0, 200.0 + z) - origin).normalize(), 0.0, 1e9);
             let t = TriangleTest::new(&ray).hit(&ray, &plane).unwrap();
             let exact = (-500.0 - ray.origin.y) / ray.direction.y;
             assert!((t - exact).abs() <= 2.0 * f64::EPSILON * exact, "{t} {exact}");

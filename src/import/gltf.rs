@@ -13,8 +13,8 @@ use super::{Source, unreadable};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::Colour;
 use crate::scene::{
-    Attribute, Camera, Falloff, ImageId, Light, LightKind, Material, MaterialId, Mesh, MetallicRoughness, Object,
-    Projection, Sampler, Scene, Shape, Texture, Wrap,
+    Attribute, Camera, Falloff, ImageId, Light, LightKind, Material, MaterialId, Mesh, MetallicRoughness,
+    Object, Projection, Sampler, Scene, Shape, Texture, Wrap,
 };
 
 /// Nodes nested deeper than this are taken for a loop.
@@ -23,9 +23,11 @@ const DEEPEST_NODE: usize = 1000;
 /// Reads a .gltf or .glb file.
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let bytes = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
-    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice(bytes).map_err(|e| explain(&source.file, e))?;
+    let gltf::Gltf { document, blob } =
+        gltf::Gltf::from_slice(bytes).map_err(|e| explain(&source.file, e))?;
     let buffers = load_buffers(&document, blob, source)?;
-    let mut loader = Loader { source, buffers, images: Vec::new(), scene: Scene::default(), warnings, plain: None };
+    let mut loader =
+        Loader { source, buffers, images: Vec::new(), scene: Scene::default(), warnings, plain: None };
     loader.warn_of_what_is_not_drawn(&document);
     loader.images = loader.load_images(&document);
     for material in document.materials() {
@@ -59,10 +61,16 @@ fn explain(file: &Path, e: gltf::Error) -> Error {
     Error::input(file, what, "export it again as glTF 2.0")
 }
 
-fn load_buffers(document: &gltf::Document, mut blob: Option<Vec<u8>>, source: &Source) -> Result<Vec<Vec<u8>>> {
+fn load_buffers(
+    document: &gltf::Document,
+    mut blob: Option<Vec<u8>>,
+    source: &Source,
+) -> Result<Vec<Vec<u8>>> {
     let load = |buffer: gltf::Buffer| {
         let item = format!("buffer {}", buffer.index());
-        let fault = |what: String| Error::input(Place::item(&source.file, item.clone()), what, "export the file again");
+        let fault = |what: String| {
+            Error::input(Place::item(&source.file, item.clone()), what, "export the file again")
+        };
         let data = match buffer.source() {
             gltf::buffer::Source::Bin => {
                 blob.take().ok_or_else(|| fault("the binary part of the file is missing".into()))?
@@ -110,7 +118,8 @@ fn parent_from_node(node: &gltf::Node) -> DMat4 {
         gltf::scene::Transform::Decomposed { translation, rotation, scale } => {
             let rotation = DQuat::from_array(rotation.map(f64::from));
             // An unnormalised rotation would scale.
-            let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+            let rotation =
+                if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
             DMat4::from_scale_rotation_translation(dvec3(scale), rotation, dvec3(translation))
         }
     }
@@ -160,7 +169,8 @@ impl Loader<'_> {
         for name in unread {
             self.warn(format!("extension {name} is not used"));
         }
-        let transparent = document.materials().filter(|m| m.alpha_mode() != gltf::material::AlphaMode::Opaque).count();
+        let transparent =
+            document.materials().filter(|m| m.alpha_mode() != gltf::material::AlphaMode::Opaque).count();
         if transparent > 0 {
             self.warn(format!("{transparent} material(s) are transparent; drawn opaque"));
         }
@@ -176,14 +186,17 @@ impl Loader<'_> {
         match image.source() {
             gltf::image::Source::View { view, .. } => {
                 let range = view.offset()..view.offset().checked_add(view.length())?;
-                let Some(bytes) = self.buffers.get(view.buffer().index()).and_then(|data| data.get(range)) else {
+                let Some(bytes) = self.buffers.get(view.buffer().index()).and_then(|data| data.get(range))
+                else {
                     self.warnings.push(format!("{name}: texture left out: it lies outside its buffer"));
                     return None;
                 };
                 pictures::from_bytes(&mut self.scene, &name, bytes, self.warnings)
             }
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
-                Ok(Resource::Data(bytes)) => pictures::from_bytes(&mut self.scene, &name, &bytes, self.warnings),
+                Ok(Resource::Data(bytes)) => {
+                    pictures::from_bytes(&mut self.scene, &name, &bytes, self.warnings)
+                }
                 Ok(Resource::File(file)) => {
                     files.from_file(&mut self.scene, &self.source.sibling(file), self.warnings)
                 }
@@ -204,7 +217,10 @@ impl Loader<'_> {
         };
         let image = (*self.images.get(texture.source().index())?)?;
         let sampler = texture.sampler();
-        Some(Texture { image, sampler: Sampler { wrap_u: wrap(sampler.wrap_s()), wrap_v: wrap(sampler.wrap_t()) } })
+        Some(Texture {
+            image,
+            sampler: Sampler { wrap_u: wrap(sampler.wrap_s()), wrap_v: wrap(sampler.wrap_t()) },
+        })
     }
 
     fn material(&self, m: &gltf::Material) -> Material {
@@ -217,7 +233,9 @@ impl Loader<'_> {
             base_colour_texture: pbr.base_color_texture().and_then(|t| self.texture(&t.texture())),
             metallic: f64::from(pbr.metallic_factor()).clamp(0.0, 1.0),
             roughness: f64::from(pbr.roughness_factor()).clamp(0.0, 1.0),
-            metallic_roughness_texture: pbr.metallic_roughness_texture().and_then(|t| self.texture(&t.texture())),
+            metallic_roughness_texture: pbr
+                .metallic_roughness_texture()
+                .and_then(|t| self.texture(&t.texture())),
             emission: Colour::Linear(emission),
             emission_texture: m.emissive_texture().and_then(|t| self.texture(&t.texture())),
             unlit: m.unlit(),
@@ -296,7 +314,8 @@ impl Loader<'_> {
         let out_of_range = before - triangles.len();
 
         // An attribute that does not go with the positions is as good as none.
-        let uv_set = primitive.material().pbr_metallic_roughness().base_color_texture().map_or(0, |t| t.tex_coord());
+        let uv_set =
+            primitive.material().pbr_metallic_roughness().base_color_texture().map_or(0, |t| t.tex_coord());
         let normals = reader.read_normals().map(|values| values.map(dvec3).collect::<Vec<_>>());
         let uvs = reader.read_tex_coords(uv_set).map(|uvs| {
             uvs.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect::<Vec<_>>()
@@ -395,7 +414,8 @@ impl Loader<'_> {
     fn light(&mut self, light: &gltf::khr_lights_punctual::Light, name: String, world_from_node: &DMat4) {
         use gltf::khr_lights_punctual::Kind;
         let position = world_from_node.w_axis.truncate();
-        let direction = world_from_node.transform_vector3(DVec3::NEG_Z).try_normalize().unwrap_or(DVec3::NEG_Z);
+        let direction =
+            world_from_node.transform_vector3(DVec3::NEG_Z).try_normalize().unwrap_or(DVec3::NEG_Z);
         let falloff = Falloff::InverseSquare { range: light.range().map(f64::from) };
         let kind = match light.kind() {
             Kind::Directional => LightKind::Directional { direction },

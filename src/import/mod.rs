@@ -109,7 +109,9 @@ fn load_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
 
 /// Whether an input describes a whole picture rather than a mesh, going by its name.
 pub fn is_scene_file(file: &Path) -> bool {
-    IMPORTERS.iter().any(|importer| importer.is_scene_file && importer.endings.contains(&ending(file).as_str()))
+    IMPORTERS
+        .iter()
+        .any(|importer| importer.is_scene_file && importer.endings.contains(&ending(file).as_str()))
 }
 
 fn ending(file: &Path) -> String {

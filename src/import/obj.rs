@@ -23,8 +23,12 @@ use crate::scene::{
 /// Reads an OBJ file, its materials and their textures.
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let text = clean_obj(&source.text());
-    let options =
-        tobj::LoadOptions { single_index: false, triangulate: false, ignore_points: true, ignore_lines: true };
+    let options = tobj::LoadOptions {
+        single_index: false,
+        triangulate: false,
+        ignore_points: true,
+        ignore_lines: true,
+    };
     let shared = RefCell::new(&mut *warnings);
     let load_materials = |name: &Path| read_mtl(source, name, &mut shared.borrow_mut());
     let (models, materials) = tobj::load_obj_buf(&mut text.as_bytes(), &options, load_materials)
@@ -38,20 +42,13 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         let material = convert_material(material, source, &mut scene, &mut pictures, warnings);
         scene.add_material(material);
     }
-    let names_materials = text.lines().any(|line| line.starts_with("mtllib "));
     let mut plain = None;
     let mut triangulator = Triangulator::new();
     let mut not_simple = 0;
     for model in models {
         let material = match model.mesh.material_id {
             Some(id) => MaterialId(id as u32),
-            None => *plain.get_or_insert_with(|| {
-                let textured = !names_materials && !model.mesh.texcoords.is_empty();
-                let texture = textured.then(|| picture_beside(source, &mut scene, &mut pictures, warnings)).flatten();
-                // White under a picture shows the picture.
-                let colour = if texture.is_some() { Colour::from_u8([255; 3]) } else { Phong::default().colour };
-                scene.add_material(Material::Phong(Phong { colour, texture, ..Phong::default() }))
-            }),
+            None => *plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))),
         };
         let (mesh, faults) = convert_mesh(&model.mesh, &mut triangulator);
         not_simple += faults;
@@ -64,21 +61,6 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         ));
     }
     Ok(scene)
-}
-
-/// The picture of the same name beside a file that has texture coordinates and names no materials at all: such pairs
-/// are how many meshes are handed out.
-fn picture_beside(
-    source: &Source,
-    scene: &mut Scene,
-    pictures: &mut Pictures,
-    warnings: &mut Warnings,
-) -> Option<Texture> {
-    let candidates = ["png", "jpg", "jpeg"].map(|ending| source.file.with_extension(ending));
-    let file = candidates.iter().find(|file| file.is_file())?;
-    let image = pictures.from_file(scene, file, warnings)?;
-    warnings.note(format!("{} names no material; textured with {}", source.file.display(), file.display()));
-    Some(Texture { image, sampler: Sampler::default() })
 }
 
 fn explain(source: &Source, text: &str, e: &tobj::LoadError) -> Error {
@@ -131,7 +113,11 @@ fn convert_material(
     let default = if texture.is_some() { [1.0; 3] } else { [0.8; 3] };
     let colour = Colour::Display(m.diffuse.unwrap_or(default).into());
     if m.dissolve.is_some_and(|d| d < 1.0) {
-        warnings.push(format!("{}: material `{}` is transparent; drawn opaque", source.file.display(), m.name));
+        warnings.push(format!(
+            "{}: material `{}` is transparent; drawn opaque",
+            source.file.display(),
+            m.name
+        ));
     }
     let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
     let parameter = |name: &str| m.unknown_param.get(name).and_then(|value| value.trim().parse::<f64>().ok());

@@ -43,7 +43,8 @@ impl Triangulator {
             (b - a).perp_dot(c - a)
         };
         let whole: f64 = (1..n - 1).map(|i| area(0, i, i + 1)).sum::<f64>().abs();
-        let cut: f64 = self.out.chunks_exact(3).map(|t| area(t[0] as usize, t[1] as usize, t[2] as usize).abs()).sum();
+        let cut: f64 =
+            self.out.chunks_exact(3).map(|t| area(t[0] as usize, t[1] as usize, t[2] as usize).abs()).sum();
         // Both are sums of n rounded areas; a self-crossing polygon differs in the first digits.
         let covers = self.out.len() >= 3 && (cut - whole).abs() <= whole * 1e-6;
         if covers {

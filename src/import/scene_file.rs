@@ -10,8 +10,8 @@ use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::Colour;
 use crate::scene::file::{
-    CameraSection, FalloffValue, LightSection, LightType, MaterialSection, MeshSection, ScaleValue, SceneFile,
-    SphereSection, TrianglesSection, line_of, nearest_name,
+    CameraSection, FalloffValue, LightSection, LightType, MaterialSection, MeshSection, ScaleValue,
+    SceneFile, SphereSection, TrianglesSection, line_of, nearest_name,
 };
 use crate::scene::{
     Camera, Falloff, Glaze, Light, LightKind, Material, MaterialId, Mesh, Object, Phong, Scene, Shape,
@@ -21,13 +21,8 @@ use crate::scene::{
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let text = source.text();
     let file = SceneFile::parse(&text, &source.file)?;
-    let mut builder = Builder {
-        source,
-        text: &text,
-        scene: Scene::default(),
-        materials: HashMap::new(),
-        plain: None,
-    };
+    let mut builder =
+        Builder { source, text: &text, scene: Scene::default(), materials: HashMap::new(), plain: None };
     builder.picture(&file)?;
     for (name, section) in &file.material {
         let material = builder.material(name, section)?;
@@ -92,9 +87,19 @@ impl Builder<'_> {
             (Some(width), Some(height)) if width > 0 && height > 0 => self.scene.size = Some([width, height]),
             (None, None) => {}
             (Some(0), _) | (_, Some(0)) => {
-                return Err(self.error(self.find("[image]"), "a picture of width or height 0", "give both above 0"));
+                return Err(self.error(
+                    self.find("[image]"),
+                    "a picture of width or height 0",
+                    "give both above 0",
+                ));
             }
-            _ => return Err(self.error(self.find("[image]"), "`width` or `height` is missing", "give both or neither")),
+            _ => {
+                return Err(self.error(
+                    self.find("[image]"),
+                    "`width` or `height` is missing",
+                    "give both or neither",
+                ));
+            }
         }
         self.scene.background = Some(Colour::from_u8(image.background.map_or([0; 3], |c| c.0)));
         self.scene.colour = image.colour;
@@ -130,16 +135,29 @@ impl Builder<'_> {
         self.finite(start, "look_at", &s.look_at)?;
         self.finite(start, "up", &up.to_array())?;
         if position == target {
-            return Err(self.error(start, format!("camera `{name}` looks at itself"), "move `look_at` or `position`"));
+            return Err(self.error(
+                start,
+                format!("camera `{name}` looks at itself"),
+                "move `look_at` or `position`",
+            ));
         }
         if up == DVec3::ZERO {
-            return Err(self.error(start, format!("camera `{name}` has no up"), "give `up` a length, or leave it out"));
+            return Err(self.error(
+                start,
+                format!("camera `{name}` has no up"),
+                "give `up` a length, or leave it out",
+            ));
         }
         let mut camera = match (s.viewing_rectangle, s.viewpoint_distance, s.vertical_fov) {
             (Some([width, height]), Some(distance), None) => {
                 if [width, height, distance].iter().any(|&x| !(x > 0.0 && x.is_finite())) {
-                    let what = format!("camera `{name}` has a viewing rectangle or distance that is not above 0");
-                    return Err(self.error(start, what, "give `viewing_rectangle` and `viewpoint_distance` above 0"));
+                    let what =
+                        format!("camera `{name}` has a viewing rectangle or distance that is not above 0");
+                    return Err(self.error(
+                        start,
+                        what,
+                        "give `viewing_rectangle` and `viewpoint_distance` above 0",
+                    ));
                 }
                 Camera {
                     name,
@@ -205,14 +223,18 @@ impl Builder<'_> {
 
     fn material(&self, name: &str, section: &Spanned<MaterialSection>) -> Result<Material> {
         let (start, s) = (section.span().start, section.get_ref());
-        let number = |key, value: Option<f64>, default| self.not_negative(start, key, value.unwrap_or(default));
+        let number =
+            |key, value: Option<f64>, default| self.not_negative(start, key, value.unwrap_or(default));
         let glaze = match &s.glaze {
             None => None,
             Some(g) => {
                 let weight = number("glaze.weight", g.weight, Glaze::default().weight)?;
                 let own_weight = number("glaze.own_weight", g.own_weight, 1.0 - weight)?;
                 if weight + own_weight > 1.0 {
-                    let what = format!("the glaze of `{name}` adds light: its weights sum to {}", weight + own_weight);
+                    let what = format!(
+                        "the glaze of `{name}` adds light: its weights sum to {}",
+                        weight + own_weight
+                    );
                     return Err(self.error(start, what, "let `weight` and `own_weight` sum to at most 1"));
                 }
                 Some(Glaze { weight, own_weight, bounces: g.bounces.unwrap_or(Glaze::default().bounces) })
@@ -249,15 +271,14 @@ impl Builder<'_> {
     fn material_named(&mut self, start: usize, name: Option<&str>) -> Result<MaterialId> {
         let Some(name) = name else {
             let scene = &mut self.scene;
-            return Ok(*self.plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))));
+            return Ok(*self
+                .plain
+                .get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))));
         };
         self.materials.get(name).copied().ok_or_else(|| {
             let known: Vec<&str> = self.materials.keys().map(String::as_str).collect();
-            let hint = if known.is_empty() {
-                format!("add [material.{name}]")
-            } else {
-                nearest_name(name, &known)
-            };
+            let hint =
+                if known.is_empty() { format!("add [material.{name}]") } else { nearest_name(name, &known) };
             self.error(start, format!("there is no material `{name}`"), &hint)
         })
     }
@@ -271,7 +292,11 @@ impl Builder<'_> {
         let (start, s) = (section.span().start, section.get_ref());
         self.finite(start, "centre", &s.centre)?;
         if !(s.radius > 0.0 && s.radius.is_finite()) {
-            return Err(self.error(start, format!("a sphere of radius {}", s.radius), "give a radius above 0"));
+            return Err(self.error(
+                start,
+                format!("a sphere of radius {}", s.radius),
+                "give a radius above 0",
+            ));
         }
         let material = self.material_named(start, s.material.as_deref())?;
         let shape = Shape::Sphere { centre: s.centre.into(), radius: s.radius };
@@ -287,7 +312,9 @@ impl Builder<'_> {
         let count = s.vertices.len();
         let triangles = match &s.indices {
             Some(indices) => indices.clone(),
-            None if count.is_multiple_of(3) => (0..count as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+            None if count.is_multiple_of(3) => {
+                (0..count as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect()
+            }
             None => {
                 let what = format!("{count} vertices without indices do not make whole triangles");
                 return Err(self.error(start, what, "give `indices`, or three vertices for each triangle"));
@@ -316,16 +343,17 @@ impl Builder<'_> {
         };
         let world_from_mesh = self.placement(start, s)?;
         let path = self.source.sibling(&s.file);
-        let mut part = Source::open(&path).and_then(|source| super::load_one(&source, warnings)).map_err(|e| {
-            let line = line_of(self.text, start);
-            match e {
-                Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {
-                    let what = format!("mesh {place}: {what}");
-                    Error::input(Place::line(&self.source.file, line), what, hint)
+        let mut part =
+            Source::open(&path).and_then(|source| super::load_one(&source, warnings)).map_err(|e| {
+                let line = line_of(self.text, start);
+                match e {
+                    Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {
+                        let what = format!("mesh {place}: {what}");
+                        Error::input(Place::line(&self.source.file, line), what, hint)
+                    }
+                    other => other,
                 }
-                other => other,
-            }
-        })?;
+            })?;
         for object in &mut part.objects {
             if let Shape::Mesh(mesh) = &mut object.shape {
                 mesh.transform(&world_from_mesh);
@@ -359,7 +387,11 @@ impl Builder<'_> {
         self.finite(start, "rotate", &rotate)?;
         self.finite(start, "scale", &scale)?;
         if scale.contains(&0.0) {
-            return Err(self.error(start, "`scale` is 0", "a mesh without size cannot be seen; give other factors"));
+            return Err(self.error(
+                start,
+                "`scale` is 0",
+                "a mesh without size cannot be seen; give other factors",
+            ));
         }
         let [x, y, z] = rotate.map(f64::to_radians);
         let rotation = DQuat::from_rotation_z(z) * DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x);

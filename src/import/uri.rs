@@ -27,7 +27,10 @@ pub fn resolve(uri: &str) -> Result<Resource, String> {
         let clean: String = data.chars().filter(|c| !c.is_ascii_whitespace()).collect();
         return engine.decode(clean).map(Resource::Data).map_err(|e| format!("a damaged data URI: {e}"));
     }
-    if ["http:", "https:", "file:", "ftp:"].iter().any(|scheme| strip_prefix_ignoring_case(uri, scheme).is_some()) {
+    if ["http:", "https:", "file:", "ftp:"]
+        .iter()
+        .any(|scheme| strip_prefix_ignoring_case(uri, scheme).is_some())
+    {
         return Err(format!("`{uri}` is not a file beside it; kiln fetches nothing"));
     }
     let path = percent_encoding::percent_decode_str(uri)
@@ -76,8 +79,15 @@ mod tests {
 
     #[test]
     fn what_cannot_be_used_is_an_error() {
-        for bad in ["%FF.bin", "../a.bin", "/etc/hostname", "a/../../b", "https://a/b", "data:;base64", "data:;base64,!"]
-        {
+        for bad in [
+            "%FF.bin",
+            "../a.bin",
+            "/etc/hostname",
+            "a/../../b",
+            "https://a/b",
+            "data:;base64",
+            "data:;base64,!",
+        ] {
             assert!(resolve(bad).is_err(), "{bad}");
         }
     }

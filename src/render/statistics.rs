@@ -33,8 +33,13 @@ pub struct StageTime {
 
 impl Statistics {
     pub(super) fn gather(plan: &Plan, workers: &[Worker], wall: Duration) -> Self {
-        let mut sum =
-            Statistics { wall, stages: Vec::new(), rays: Default::default(), tests: Tests::default(), seen: Vec::new() };
+        let mut sum = Statistics {
+            wall,
+            stages: Vec::new(),
+            rays: Default::default(),
+            tests: Tests::default(),
+            seen: Vec::new(),
+        };
         for (index, stage) in plan.stages().iter().enumerate() {
             let time = workers.iter().map(|worker| worker.times[index]).sum();
             match sum.stages.iter_mut().find(|s| s.name == stage.name()) {

@@ -257,16 +257,19 @@ pub struct ColourValue(pub [u8; 3]);
 impl<'de> Deserialize<'de> for ColourValue {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
         #[derive(Deserialize)]
-        #[serde(untagged, expecting = "expected a colour: [r, g, b] with integers from 0 to 255, or \"#rrggbb\"")]
+        #[serde(
+            untagged,
+            expecting = "expected a colour: [r, g, b] with integers from 0 to 255, or \"#rrggbb\""
+        )]
         enum Form {
             Numbers([u8; 3]),
             Text(String),
         }
         match Form::deserialize(deserializer)? {
             Form::Numbers(rgb) => Ok(ColourValue(rgb)),
-            Form::Text(text) => parse_hex(&text)
-                .map(ColourValue)
-                .ok_or_else(|| serde::de::Error::custom(format!("\"{text}\" is not a colour like \"#7c0a02\""))),
+            Form::Text(text) => parse_hex(&text).map(ColourValue).ok_or_else(|| {
+                serde::de::Error::custom(format!("\"{text}\" is not a colour like \"#7c0a02\""))
+            }),
         }
     }
 }
@@ -289,7 +292,8 @@ impl JsonSchema for ColourValue {
 }
 
 fn parse_hex(text: &str) -> Option<[u8; 3]> {
-    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))?;
+    let digits =
+        text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))?;
     let value = u32::from_str_radix(digits, 16).ok()?;
     let [_, r, g, b] = value.to_be_bytes();
     Some([r, g, b])
@@ -327,10 +331,17 @@ fn explain(message: &str) -> (String, String) {
     let unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
     match names.first() {
         Some(typed) if unknown && !known.is_empty() => {
-            let what = what.replacen("unknown field", "unknown key", 1).replacen("unknown variant", "unknown value", 1);
+            let what = what.replacen("unknown field", "unknown key", 1).replacen(
+                "unknown variant",
+                "unknown value",
+                1,
+            );
             (what, nearest_name(typed, known))
         }
-        _ => (message.lines().next().unwrap_or(message).replacen("missing field", "missing key", 1), String::new()),
+        _ => (
+            message.lines().next().unwrap_or(message).replacen("missing field", "missing key", 1),
+            String::new(),
+        ),
     }
 }
 
@@ -375,7 +386,8 @@ mod tests {
 
     #[test]
     fn colours_both_ways() {
-        let parse = |value: &str| SceneFile::parse(&format!("[image]\nbackground = {value}\n"), Path::new("a.toml"));
+        let parse =
+            |value: &str| SceneFile::parse(&format!("[image]\nbackground = {value}\n"), Path::new("a.toml"));
         let red = Some(ColourValue([124, 10, 2]));
         assert_eq!(parse("[124, 10, 2]").unwrap().image.background, red);
         assert_eq!(parse("\"#7c0A02\"").unwrap().image.background, red);

@@ -80,11 +80,8 @@ fn retain_by<T>(values: &mut Vec<T>, kept: &[bool]) {
 /// the determinant so that normals keep their side.
 pub fn normal_matrix(world_from_mesh: &DMat4) -> DMat3 {
     let m = DMat3::from_mat4(*world_from_mesh);
-    let cofactor = DMat3::from_cols(
-        m.y_axis.cross(m.z_axis),
-        m.z_axis.cross(m.x_axis),
-        m.x_axis.cross(m.y_axis),
-    );
+    let cofactor =
+        DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
     if m.determinant() < 0.0 { cofactor * -1.0 } else { cofactor }
 }
 
@@ -116,7 +113,10 @@ mod tests {
         let mut mesh = Mesh {
             positions: vec![DVec3::ZERO; 3],
             triangles: vec![[0, 1, 2], [1, 2, 0], [2, 0, 1]],
-            uvs: Some(Attribute { values: vec![DVec2::ZERO; 9], triangles: Some(vec![[0; 3], [1; 3], [2; 3]]) }),
+            uvs: Some(Attribute {
+                values: vec![DVec2::ZERO; 9],
+                triangles: Some(vec![[0; 3], [1; 3], [2; 3]]),
+            }),
             ..Mesh::default()
         };
         mesh.retain(|i| i != 1);

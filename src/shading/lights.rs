@@ -45,7 +45,8 @@ impl LightSample {
         if !(reaches && length > 0.0 && radiance.is_finite() && radiance != DVec3::ZERO) {
             return None;
         }
-        let distance = if matches!(light.kind, LightKind::Directional { .. }) { f64::INFINITY } else { length };
+        let distance =
+            if matches!(light.kind, LightKind::Directional { .. }) { f64::INFINITY } else { length };
         Some(LightSample { direction, distance, radiance, cosine })
     }
 }

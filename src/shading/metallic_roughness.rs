@@ -96,8 +96,7 @@ mod tests {
     /// Head on at roughness 1: D = 1 / pi, V = 0.5 / (1 + 1), F = F0, so pi D V F = F0 / 4.
     #[test]
     fn head_on_by_hand() {
-        let light =
-            LightSample { direction: DVec3::Y, distance: 1.0, radiance: DVec3::ONE, cosine: 1.0 };
+        let light = LightSample { direction: DVec3::Y, distance: 1.0, radiance: DVec3::ONE, cosine: 1.0 };
         let returned = mirror(&surface(DVec3::Y), &light, DVec3::splat(0.5), 1.0);
         assert!((returned - DVec3::splat(0.125)).abs().max_element() < 1e-15);
     }

@@ -161,7 +161,11 @@ mod tests {
             centre + DVec3::new(bit(0), bit(1), bit(2)) * size
         };
         let positions = (0..8).map(corner).collect();
-        scene_of(Shape::Mesh(Mesh { positions, triangles: vec![[0, 1, 2], [3, 4, 5], [6, 7, 0]], ..Mesh::default() }))
+        scene_of(Shape::Mesh(Mesh {
+            positions,
+            triangles: vec![[0, 1, 2], [3, 4, 5], [6, 7, 0]],
+            ..Mesh::default()
+        }))
     }
 
     /// At every scale, place, view and shape of picture: all corners within the margin, and one of them on it.
@@ -185,7 +189,10 @@ mod tests {
                             assert!(before);
                             closest = closest.min(share.min_element()).min((1.0 - share).min_element());
                         }
-                        assert!((closest - MARGIN).abs() < 1e-9, "{view:?} {scale} {offset} {size:?}: {closest}");
+                        assert!(
+                            (closest - MARGIN).abs() < 1e-9,
+                            "{view:?} {scale} {offset} {size:?}: {closest}"
+                        );
                     }
                 }
             }

@@ -148,7 +148,9 @@ fn push_primitives(shape: &Shape, slots: &mut Vec<Slot>) {
         slots.push(Slot { primitive, id });
     };
     match shape {
-        Shape::Sphere { centre, radius } => push(Primitive::Sphere(Sphere { centre: *centre, radius: *radius })),
+        Shape::Sphere { centre, radius } => {
+            push(Primitive::Sphere(Sphere { centre: *centre, radius: *radius }))
+        }
         Shape::Mesh(mesh) => {
             for triangle in &mesh.triangles {
                 let corners = triangle.map(|i| mesh.positions[i as usize].as_vec3());

@@ -40,7 +40,8 @@ impl View {
             )
         })?;
         let size = DVec2::new(f64::from(width), f64::from(height));
-        let asked = DVec2::new(camera.view_width.unwrap_or(camera.view_height * size.x / size.y), camera.view_height);
+        let asked =
+            DVec2::new(camera.view_width.unwrap_or(camera.view_height * size.x / size.y), camera.view_height);
         let pixel = (asked / size).max_element();
         // The rectangle asked for, to the bit, where the shapes agree.
         let keep = |asked: f64, pixels: f64| if asked / pixels == pixel { asked } else { pixel * pixels };

@@ -1,0 +1,52 @@
+//! Helpers shared by the tests. Not every test uses every one.
+#![allow(dead_code)]
+
+use std::path::{Path, PathBuf};
+
+/// The folder of real models, or `None` with a line that says the test was skipped.
+pub fn models(test: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("KILN_MODELS").map(PathBuf::from);
+    if folder.is_none() {
+        eprintln!("{test}: skipped: KILN_MODELS is not set");
+    }
+    folder
+}
+
+/// A file of the repository.
+pub fn repository(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(file)
+}
+
+/// A deterministic sequence of numbers (PCG-XSH-RR 32, O'Neill 2014), so that tests are the same everywhere.
+pub struct Numbers(u64);
+
+impl Numbers {
+    pub fn new(seed: u64) -> Self {
+        Numbers(seed.wrapping_mul(2).wrapping_add(1))
+    }
+
+    pub fn next(&mut self) -> u32 {
+        let old = self.0;
+        self.0 = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let shifted = (((old >> 18) ^ old) >> 27) as u32;
+        shifted.rotate_right((old >> 59) as u32)
+    }
+
+    /// From 0 up to 1.
+    pub fn unit(&mut self) -> f64 {
+        f64::from(self.next()) / 4_294_967_296.0
+    }
+
+    /// From -1 up to 1.
+    pub fn signed(&mut self) -> f64 {
+        2.0 * self.unit() - 1.0
+    }
+
+    pub fn below(&mut self, n: usize) -> usize {
+        (u64::from(self.next()) * n as u64 >> 32) as usize
+    }
+
+    pub fn vector(&mut self) -> glam::DVec3 {
+        glam::DVec3::new(self.signed(), self.signed(), self.signed())
+    }
+}

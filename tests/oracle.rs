@@ -1,0 +1,285 @@
+//! The acceleration structure never changes the picture: it answers as brute force does, bit for bit, for every obvhs
+//! preset, on the rays that are hardest for it.
+
+mod common;
+
+use common::Numbers;
+use glam::{DVec3, Vec3};
+use kiln::bvh::{Accelerator, BruteForce, Preset, Primitive, Slot, Traversal, build};
+use kiln::geometry::{Hit, PrimId, Ray, Sphere, Triangle};
+
+fn slots(primitives: Vec<Primitive>) -> Vec<Slot> {
+    (0..).zip(primitives).map(|(id, primitive)| Slot { primitive, id: PrimId(id) }).collect()
+}
+
+/// A mesh of a closed sphere over a grid, whose poles, seams and axis-aligned edges are on purpose.
+fn globe(rings: u32, segments: u32, centre: DVec3, radius: f64) -> Vec<Primitive> {
+    let point = |ring: u32, segment: u32| {
+        let theta = f64::from(ring) / f64::from(rings) * std::f64::consts::PI;
+        let phi = f64::from(segment % segments) / f64::from(segments) * std::f64::consts::TAU;
+        // The poles are one point each, the seam is shared.
+        let sine = if ring == 0 || ring == rings { 0.0 } else { theta.sin() };
+        (centre + radius * DVec3::new(sine * phi.cos(), theta.cos(), sine * phi.sin())).as_vec3()
+    };
+    let mut triangles = Vec::new();
+    for ring in 0..rings {
+        for segment in 0..segments {
+            let [a, b] = [point(ring, segment), point(ring, segment + 1)];
+            let [c, d] = [point(ring + 1, segment), point(ring + 1, segment + 1)];
+            if ring > 0 {
+                triangles.push(Primitive::Triangle(Triangle([a, b, d])));
+            }
+            if ring + 1 < rings {
+                triangles.push(Primitive::Triangle(Triangle([a, d, c])));
+            }
+        }
+    }
+    triangles
+}
+
+/// An integer height field: every edge and every vertex can be met exactly.
+fn terrain(size: i32, numbers: &mut Numbers) -> Vec<Primitive> {
+    let heights: Vec<f32> =
+        (0..=size).flat_map(|_| (0..=size).map(|_| numbers.below(4) as f32).collect::<Vec<_>>()).collect();
+    let point = |x: i32, y: i32| Vec3::new(x as f32, y as f32, heights[(y * (size + 1) + x) as usize]);
+    let mut triangles = Vec::new();
+    for y in 0..size {
+        for x in 0..size {
+            triangles.push(Primitive::Triangle(Triangle([
+                point(x, y),
+                point(x + 1, y),
+                point(x + 1, y + 1),
+            ])));
+            triangles.push(Primitive::Triangle(Triangle([
+                point(x, y),
+                point(x + 1, y + 1),
+                point(x, y + 1),
+            ])));
+        }
+    }
+    triangles
+}
+
+/// Everything at once: a globe, a terrain, a soup, spheres among triangles, a giant triangle, and duplicates.
+fn mixed(scale: f64, offset: DVec3) -> Vec<Slot> {
+    let mut numbers = Numbers::new(7);
+    let mut primitives = globe(8, 12, DVec3::new(4.0, 4.0, 6.0), 2.0);
+    primitives.extend(terrain(8, &mut numbers));
+    for _ in 0..150 {
+        let at = numbers.vector() * 4.0 + 4.0;
+        let corner = |numbers: &mut Numbers| (at + numbers.vector()).as_vec3();
+        primitives.push(Primitive::Triangle(Triangle([
+            corner(&mut numbers),
+            corner(&mut numbers),
+            corner(&mut numbers),
+        ])));
+    }
+    for _ in 0..20 {
+        let centre = numbers.vector() * 4.0 + 4.0;
+        primitives.insert(
+            numbers.below(primitives.len()),
+            Primitive::Sphere(Sphere { centre, radius: 0.1 + numbers.unit() }),
+        );
+    }
+    let giant = [Vec3::new(-1e3, -1e3, -1.0), Vec3::new(-1e3, 1e4, -1.0), Vec3::new(1e4, -1e3, -1.0)];
+    primitives.push(Primitive::Triangle(Triangle(giant)));
+    primitives.extend_from_within(0..40);
+    let place = |p: DVec3| p * scale + offset;
+    for primitive in &mut primitives {
+        match primitive {
+            Primitive::Triangle(Triangle(corners)) => {
+                corners.iter_mut().for_each(|c| *c = place(c.as_dvec3()).as_vec3());
+            }
+            Primitive::Sphere(sphere) => {
+                *sphere = Sphere { centre: place(sphere.centre), radius: sphere.radius * scale };
+            }
+        }
+    }
+    slots(primitives)
+}
+
+/// Points that rays are aimed at: vertices, edge midpoints, points on edges, points inside, points on spheres.
+fn targets(slots: &[Slot], count: usize, numbers: &mut Numbers) -> Vec<DVec3> {
+    (0..count)
+        .map(|i| match slots[numbers.below(slots.len())].primitive {
+            Primitive::Triangle(Triangle(corners)) => {
+                let [a, b, c] = corners.map(|p| p.as_dvec3());
+                match i % 4 {
+                    0 => a,
+                    1 => (a + b) / 2.0,
+                    2 => b.lerp(c, numbers.unit()),
+                    _ => a.lerp(b, numbers.unit()).lerp(c, numbers.unit()),
+                }
+            }
+            Primitive::Sphere(sphere) => {
+                let towards = numbers.vector().normalize();
+                sphere.centre + sphere.radius * if i % 2 == 0 { towards } else { DVec3::X }
+            }
+        })
+        .collect()
+}
+
+fn rays(slots: &[Slot], scale: f64, offset: DVec3) -> Vec<Ray> {
+    let mut numbers = Numbers::new(11);
+    let mut rays = Vec::new();
+    let infinite = |origin, direction| Ray::new(origin, direction, 0.0, f64::INFINITY);
+    for target in targets(slots, 3000, &mut numbers) {
+        // From anywhere, at the target.
+        let origin = offset + (numbers.vector() * 10.0 + 4.0) * scale;
+        rays.push(infinite(origin, (target - origin).normalize()));
+        // Ending just about there.
+        let origin = origin.as_vec3().as_dvec3();
+        let length = (target - origin).length();
+        rays.push(Ray::new(origin, (target - origin).normalize(), 0.0, length));
+    }
+    // All 26 directions with components in {-1, -0.0, 0.0, 1}, every pattern of signed zeros, through the targets.
+    let components = [-1.0, -0.0, 0.0, 1.0];
+    for target in targets(slots, 24, &mut numbers) {
+        for x in components {
+            for y in components {
+                for z in components {
+                    let direction = DVec3::new(x, y, z);
+                    if direction != DVec3::ZERO {
+                        rays.push(infinite(target - direction * (16.0 * scale), direction.normalize()));
+                        rays.push(infinite(target, direction.normalize()));
+                    }
+                }
+            }
+        }
+    }
+    for _ in 0..2000 {
+        rays.push(infinite(offset + (numbers.vector() * 8.0 + 4.0) * scale, numbers.vector().normalize()));
+    }
+    rays
+}
+
+fn bits(hit: Option<Hit>) -> Option<(u64, PrimId)> {
+    hit.map(|hit| (hit.t.to_bits(), hit.prim))
+}
+
+fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str) {
+    let oracle = BruteForce::new(slots.to_vec());
+    let mut traversal = Traversal::default();
+    let expected: Vec<_> = rays.iter().map(|ray| bits(oracle.closest_hit(ray, &mut traversal))).collect();
+    let hits = expected.iter().flatten().count();
+    assert!(hits * 2 > rays.len(), "{what}: only {hits} of {} rays hit; they test too little", rays.len());
+    for preset in Preset::ALL {
+        let tree = build(slots, preset);
+        let wrong = rays
+            .iter()
+            .zip(&expected)
+            .filter(|(ray, expected)| {
+                bits(tree.closest_hit(ray, &mut traversal)) != **expected
+                    || tree.is_occluded(ray, &mut traversal) != expected.is_some()
+            })
+            .count();
+        assert_eq!(wrong, 0, "{what}, {preset:?}: {wrong} of {} rays differ from brute force", rays.len());
+    }
+}
+
+#[test]
+fn every_preset_answers_as_brute_force() {
+    for (scale, offset) in [
+        (1.0, DVec3::ZERO),
+        (1e-5, DVec3::ZERO),
+        (1e5, DVec3::ZERO),
+        (1.0, DVec3::new(1000.0, -500.0, 2000.0)),
+        (1.0, DVec3::splat(1e5)),
+        (1e-12, DVec3::ZERO),
+        (1e12, DVec3::ZERO),
+    ] {
+        let slots = mixed(scale, offset);
+        let rays = rays(&slots, scale, offset);
+        assert_equal_to_brute_force(&slots, &rays, &format!("scale {scale}, offset {offset}"));
+    }
+}
+
+#[test]
+fn lattice_rays_answer_as_brute_force() {
+    let slots = slots(terrain(16, &mut Numbers::new(3)));
+    let mut rays = Vec::new();
+    for half_x in -2..=34 {
+        for half_y in -2..=34 {
+            let (x, y) = (f64::from(half_x) / 2.0, f64::from(half_y) / 2.0);
+            for z in [-1.0, 1.0] {
+                for zero in [0.0, -0.0] {
+                    let direction = DVec3::new(zero, -zero, -z);
+                    rays.push(Ray::new(DVec3::new(x, y, 9.0 * z), direction, 0.0, f64::INFINITY));
+                }
+            }
+        }
+    }
+    assert_equal_to_brute_force(&slots, &rays, "lattice");
+}
+
+#[test]
+fn few_primitives_answer_as_brute_force() {
+    let all = mixed(1.0, DVec3::ZERO);
+    let rays = rays(&all, 1.0, DVec3::ZERO);
+    for count in 0..=5 {
+        let few: Vec<Slot> = all.iter().rev().take(count).copied().collect();
+        let oracle = BruteForce::new(few.clone());
+        let mut traversal = Traversal::default();
+        for preset in Preset::ALL {
+            let tree = build(&few, preset);
+            for ray in &rays {
+                let expected = bits(oracle.closest_hit(ray, &mut traversal));
+                assert_eq!(
+                    bits(tree.closest_hit(ray, &mut traversal)),
+                    expected,
+                    "{count} primitives, {preset:?}"
+                );
+            }
+        }
+    }
+}
+
+/// Real data, with its real degeneracies.
+#[test]
+fn a_real_mesh_answers_as_brute_force() {
+    let Some(folder) = common::models("a_real_mesh_answers_as_brute_force") else { return };
+    let mut warnings = kiln::error::Warnings::default();
+    let scene = kiln::import::load(&[folder.join("suzanne.obj")], &mut warnings).unwrap();
+    let kiln::scene::Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("not a mesh") };
+    let triangles = mesh.triangles.iter().map(|t| Triangle(t.map(|i| mesh.positions[i as usize].as_vec3())));
+    let slots = slots(triangles.map(Primitive::Triangle).collect());
+    let mut numbers = Numbers::new(5);
+    let rays: Vec<Ray> = targets(&slots, 4000, &mut numbers)
+        .into_iter()
+        .map(|target| {
+            let origin = numbers.vector() * 3.0;
+            Ray::new(origin, (target - origin).normalize(), 0.0, f64::INFINITY)
+        })
+        .collect();
+    assert_equal_to_brute_force(&slots, &rays, "suzanne");
+}
+
+/// No ray from inside a closed mesh gets out, wherever it is aimed, at any scale or place; seen from outside, a ray
+/// aimed at the mesh's points hits it.
+#[test]
+fn closed_meshes_do_not_leak() {
+    for (scale, offset) in [
+        (1.0, DVec3::ZERO),
+        (1e-5, DVec3::ZERO),
+        (1e5, DVec3::ZERO),
+        (1.0, DVec3::new(1000.0, -500.0, 2000.0)),
+    ] {
+        let slots = slots(globe(32, 64, offset, scale));
+        let tree = build(&slots, Preset::default());
+        let mut numbers = Numbers::new(13);
+        let mut traversal = Traversal::default();
+        let mut leaks = 0;
+        for target in targets(&slots, 40_000, &mut numbers) {
+            let origin = offset + numbers.vector() * (0.3 * scale);
+            let ray = Ray::new(origin, (target - origin).normalize(), 0.0, f64::INFINITY);
+            leaks += usize::from(tree.closest_hit(&ray, &mut traversal).is_none());
+        }
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            for sign in [1.0, -1.0] {
+                let ray = Ray::new(offset, axis * sign, 0.0, f64::INFINITY);
+                leaks += usize::from(tree.closest_hit(&ray, &mut traversal).is_none());
+            }
+        }
+        assert_eq!(leaks, 0, "scale {scale}, offset {offset}");
+    }
+}
