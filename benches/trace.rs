@@ -1,1 +1,129 @@
-fn main() {}
+//! Building and tracing, on the assignment scene and on a mesh: `cargo bench --bench trace`.
+//!
+//! The mesh is the Stanford bunny where KILN_MODELS names the folder it is in, and a generated one otherwise. Rays are
+//! counted, so criterion's throughput is rays a second on one thread. Compare within one run only.
+
+use std::f64::consts::{PI, TAU};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
+use glam::DVec3;
+use kiln::bvh::{self, Accelerator, Preset, Traversal};
+use kiln::effects::glaze::mirrored_ray;
+use kiln::effects::shadows::shadow_ray;
+use kiln::effects::{Choices, Plan};
+use kiln::error::Warnings;
+use kiln::film::{ColourPipeline, Window};
+use kiln::geometry::Ray;
+use kiln::render::{Watch, render};
+use kiln::scene::{MaterialId, Mesh, Object, Scene, Shape};
+use kiln::shading::LightSample;
+use kiln::world::{StandardView, Structure, Surface, View, World, fitted_camera, headlight};
+
+const SIZE: [u32; 2] = [512, 512];
+
+/// A displaced sphere of about 80,000 triangles.
+fn generated() -> Scene {
+    const N: u32 = 200;
+    let point = |i: u32, j: u32| {
+        let (theta, phi) = (f64::from(i) / f64::from(N) * PI, f64::from(j) / f64::from(N) * TAU);
+        let radius = 1.0 + 0.1 * (7.0 * theta).sin() * (9.0 * phi).cos();
+        radius * DVec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin())
+    };
+    let positions = (0..=N).flat_map(|i| (0..=N).map(move |j| point(i, j))).collect();
+    let corner = |i: u32, j: u32| i * (N + 1) + j;
+    let quad = |i: u32, j: u32| {
+        let [a, b, c, d] = [corner(i, j), corner(i, j + 1), corner(i + 1, j + 1), corner(i + 1, j)];
+        [[a, b, c], [a, c, d]]
+    };
+    let triangles = (0..N).flat_map(|i| (0..N).flat_map(move |j| quad(i, j))).collect();
+    let mut scene = Scene::default();
+    scene.add_material(kiln::scene::Material::Phong(Default::default()));
+    let shape = Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() });
+    scene.objects.push(Object { name: "generated".into(), input: 0, material: MaterialId(0), shape });
+    scene
+}
+
+fn load(file: &Path) -> Scene {
+    kiln::import::load(&[file.to_owned()], &mut Warnings::default()).expect("a usable file")
+}
+
+fn scenes() -> Vec<(&'static str, Scene)> {
+    let assignment = load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/assignment.toml"));
+    let mesh = match std::env::var_os("KILN_MODELS").map(PathBuf::from) {
+        Some(folder) => ("bunny", load(&folder.join("stanford-bunny.obj"))),
+        None => ("generated mesh", generated()),
+    };
+    vec![("assignment", assignment), mesh]
+}
+
+/// Every kind of ray of one picture.
+struct Rays {
+    primary: Vec<Ray>,
+    shadow: Vec<Ray>,
+    glaze: Vec<Ray>,
+}
+
+fn rays(world: &World, view: &View) -> Rays {
+    let pixels = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y)));
+    let primary: Vec<Ray> = pixels.map(|(x, y)| view.ray(x, y)).collect();
+    let mut hits = Vec::new();
+    world.accelerator.closest_hits(&primary, &mut hits, &mut Traversal::default());
+    let surfaces: Vec<Surface> =
+        primary.iter().zip(&hits).filter_map(|(ray, hit)| Some(world.surface(ray, hit.as_ref()?))).collect();
+    let to_light = |s: &Surface| Some(shadow_ray(s, &LightSample::new(world.lights.first()?, s)?));
+    let shadow = surfaces.iter().filter_map(to_light).collect();
+    Rays { primary, shadow, glaze: surfaces.iter().map(mirrored_ray).collect() }
+}
+
+fn trace(c: &mut Criterion) {
+    for (name, mut scene) in scenes() {
+        let camera = scene.cameras.first().cloned();
+        let camera = camera.or_else(|| fitted_camera(&scene, StandardView::Auto, 1.0)).expect("a camera");
+        if scene.lights.is_empty() {
+            scene.lights.extend(headlight(&camera));
+        }
+        let view = View::new(&camera, camera.projection, SIZE).expect("a usable camera");
+        let world = World::prepare(scene, ColourPipeline::Linear, Structure::default());
+        let mut group = c.benchmark_group(name);
+        group.sample_size(20);
+
+        let slots = world.accelerator.slots().to_vec();
+        group.throughput(Throughput::Elements(slots.len() as u64));
+        group.bench_function("build", |b| {
+            b.iter_batched(|| &slots, |slots| bvh::build(slots, Preset::default()), BatchSize::LargeInput);
+        });
+
+        let Rays { primary, shadow, glaze } = rays(&world, &view);
+        let mut traversal = Traversal::default();
+        for (kind, rays) in [("primary", &primary), ("glaze", &glaze)] {
+            group.throughput(Throughput::Elements(rays.len() as u64));
+            group.bench_function(kind, |b| {
+                let mut hits = Vec::with_capacity(rays.len());
+                b.iter(|| {
+                    hits.clear();
+                    world.accelerator.closest_hits(rays, &mut hits, &mut traversal);
+                });
+            });
+        }
+        group.throughput(Throughput::Elements(shadow.len() as u64));
+        group.bench_function("shadow", |b| {
+            let accelerator: &dyn Accelerator = &*world.accelerator;
+            b.iter(|| shadow.iter().filter(|ray| accelerator.is_occluded(ray, &mut traversal)).count());
+        });
+
+        let plan = Plan::new(&world, &Choices::default()).expect("a plan");
+        let window = Window { x: 0, y: 0, width: SIZE[0], height: SIZE[1] };
+        let cancel = AtomicBool::new(false);
+        let watch = Watch { cancel: &cancel, progress: &|_, _| {} };
+        group.throughput(Throughput::Elements(u64::from(SIZE[0] * SIZE[1])));
+        group.bench_function("picture, all threads", |b| {
+            b.iter(|| render(&world, &view, &plan, window, &watch).expect("a picture"));
+        });
+        group.finish();
+    }
+}
+
+criterion_group!(benches, trace);
+criterion_main!(benches);

@@ -19,7 +19,12 @@ fn picture(toml: &str, choices: Choices) -> Film {
     picture_of(&file, None, None, choices)
 }
 
-fn picture_of(file: &std::path::Path, camera: Option<&str>, size: Option<[u32; 2]>, choices: Choices) -> Film {
+fn picture_of(
+    file: &std::path::Path,
+    camera: Option<&str>,
+    size: Option<[u32; 2]>,
+    choices: Choices,
+) -> Film {
     let scene = kiln::import::load(&[file.to_owned()], &mut Warnings::default()).expect("a usable scene");
     let camera = match camera {
         Some(name) => scene.cameras.iter().find(|c| c.name == name).expect("the camera").clone(),
@@ -95,7 +100,10 @@ fn a_spheres_silhouette_in_perspective() {
     let scene = format!(
         "{}\n[ambient]\nintensity = 1\n[material.m]\ncolour = [255, 0, 0]\n\
          [[sphere]]\ncentre = [3, -2, 5]\nradius = 20\nmaterial = \"m\"\n",
-        FROM_FRONT.replace("\"orthographic\"", "\"perspective\"").replace("1000]", "100]").replace("= 1000", "= 100")
+        FROM_FRONT
+            .replace("\"orthographic\"", "\"perspective\"")
+            .replace("1000]", "100]")
+            .replace("= 1000", "= 100")
     );
     let film = picture(&scene, Choices::default());
     // From (0, 0, 100) along d = (x, y, -100), with c = (3, -2, -95) towards the centre: the ray meets the sphere where
@@ -144,7 +152,11 @@ fn a_shadows_edge() {
 fn what_lies_behind_the_light_casts_no_shadow() {
     // The lid is above the lamp, the leaf between lamp and floor, over x > 0 only.
     let scene = |lid: bool| {
-        let lid = if lid { "[[triangles]]\nvertices = [[-99, 40, -99], [-99, 40, 200], [200, 40, -99]]\n" } else { "" };
+        let lid = if lid {
+            "[[triangles]]\nvertices = [[-99, 40, -99], [-99, 40, 200], [200, 40, -99]]\n"
+        } else {
+            ""
+        };
         let camera = FROM_ABOVE.replace("[0, 1000, 0]", "[0, 35, 0]");
         format!(
             "{camera}\n[ambient]\nintensity = 0\n[[light]]\ntype = \"point\"\nposition = [0, 30, 0]\n\
@@ -201,19 +213,18 @@ fn the_blend() {
              indices = [[0, 1, 2], [0, 2, 3]]\nmaterial = \"wall\"\n"
         )
     };
-    let film = picture(&scene("glaze = { weight = 0.25, own_weight = 0.75, bounces = 1 }"), Choices::default());
-    let other = picture(&scene("glaze = { weight = 0.5, own_weight = 0.25, bounces = 1 }"), Choices::default());
+    let film =
+        picture(&scene("glaze = { weight = 0.25, own_weight = 0.75, bounces = 1 }"), Choices::default());
+    let other =
+        picture(&scene("glaze = { weight = 0.5, own_weight = 0.25, bounces = 1 }"), Choices::default());
     let none = picture(&scene(""), Choices::default());
     let close = |pixel: [f32; 3], expected: [f64; 3]| {
         pixel.iter().zip(expected).all(|(&c, e)| (f64::from(c) * 255.0 - e).abs() < 1e-4)
     };
     // Going down (0, -1, 0) the ray is mirrored by the normal (-1, 1, 0) / sqrt 2 to (-1, 0, 0), at height x.
     for_each_pixel(|i, j, x, _| {
-        let (blend, half) = if x < 0.0 {
-            ([125.0, 75.0, 85.0], [125.0, 25.0, 45.0])
-        } else {
-            ([100.0; 3], [100.0; 3])
-        };
+        let (blend, half) =
+            if x < 0.0 { ([125.0, 75.0, 85.0], [125.0, 25.0, 45.0]) } else { ([100.0; 3], [100.0; 3]) };
         assert!(close(film.pixel(i, j), blend), "{x}: {:?}", film.pixel(i, j));
         assert!(close(other.pixel(i, j), half), "{x}: {:?}", other.pixel(i, j));
         assert!(close(none.pixel(i, j), [100.0; 3]));
@@ -306,7 +317,8 @@ mod report {
     }
 
     fn nearest(things: &[Thing], e: DVec3, d: DVec3, least: f64) -> Option<(f64, DVec3, Thing)> {
-        let hits = things.iter().filter_map(|thing| hit(&thing.shape, e, d, least).map(|(t, n)| (t, n, *thing)));
+        let hits =
+            things.iter().filter_map(|thing| hit(&thing.shape, e, d, least).map(|(t, n)| (t, n, *thing)));
         hits.min_by(|a, b| a.0.total_cmp(&b.0))
     }
 

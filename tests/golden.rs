@@ -55,7 +55,8 @@ fn render(name: &str, options: &str, to: &std::path::Path) {
 /// How many pixels differ by more than `most` in some channel.
 fn different_pixels(a: &image::RgbImage, b: &image::RgbImage, most: u8) -> usize {
     assert_eq!(a.dimensions(), b.dimensions());
-    let differs = |(a, b): &(&image::Rgb<u8>, &image::Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > most);
+    let differs =
+        |(a, b): &(&image::Rgb<u8>, &image::Rgb<u8>)| a.0.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > most);
     a.pixels().zip(b.pixels()).filter(differs).count()
 }
 
@@ -82,7 +83,8 @@ fn pictures_are_as_they_were() {
         if different > allowed {
             let candidate = golden(name).with_extension("new.png");
             std::fs::copy(&new, &candidate).expect("the candidate is kept");
-            faults.push(format!("{name}: {different} of {pixels} pixels differ; see {}", candidate.display()));
+            faults
+                .push(format!("{name}: {different} of {pixels} pixels differ; see {}", candidate.display()));
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));

@@ -59,6 +59,7 @@ fn dependencies_point_down() {
 
 #[test]
 fn uses_are_found() {
-    let text = "use crate::film::Film;\n// crate::cli is not used here\nlet x = crate::error::Error::Interrupted;";
+    let text =
+        "use crate::film::Film;\n// crate::cli is not used here\nlet x = crate::error::Error::Interrupted;";
     assert_eq!(rooms_used(text), ["film", "error"]);
 }

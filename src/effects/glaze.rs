@@ -82,7 +82,7 @@ impl Stage for Combine {
 
 /// The mirrored ray, from the surface's outer side. Where a smooth normal or rounding turns it into the surface it is
 /// turned back to just above it.
-fn mirrored_ray(surface: &Surface) -> Ray {
+pub fn mirrored_ray(surface: &Surface) -> Ray {
     let (normal, outer) = (surface.shading_normal, surface.geometric_normal);
     let mirrored = 2.0 * surface.view.dot(normal) * normal - surface.view;
     let origin = surface.point.origin_towards(outer);

@@ -6,10 +6,10 @@
 //! [`crate::scene::file::EffectsSection`], and a place in [`Plan::new`].
 
 mod film;
-mod glaze;
+pub mod glaze;
 mod local;
 mod primary;
-mod shadows;
+pub mod shadows;
 pub mod tile;
 mod visible;
 

@@ -54,7 +54,7 @@ impl Stage for Shadows {
 }
 
 /// From the surface's outer side to the light, open at both ends.
-fn shadow_ray(surface: &Surface, light: &LightSample) -> Ray {
+pub fn shadow_ray(surface: &Surface, light: &LightSample) -> Ray {
     let origin = surface.point.origin_towards(surface.geometric_normal);
     Ray::new(origin, light.direction, 0.0, light.distance)
 }

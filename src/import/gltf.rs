@@ -191,14 +191,14 @@ impl Loader<'_> {
                     self.warnings.push(format!("{name}: texture left out: it lies outside its buffer"));
                     return None;
                 };
-                pictures::from_bytes(&mut self.scene, &name, bytes, self.warnings)
+                pictures::of_bytes(&mut self.scene, &name, bytes, self.warnings)
             }
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
                 Ok(Resource::Data(bytes)) => {
-                    pictures::from_bytes(&mut self.scene, &name, &bytes, self.warnings)
+                    pictures::of_bytes(&mut self.scene, &name, &bytes, self.warnings)
                 }
                 Ok(Resource::File(file)) => {
-                    files.from_file(&mut self.scene, &self.source.sibling(file), self.warnings)
+                    files.of_file(&mut self.scene, &self.source.sibling(file), self.warnings)
                 }
                 Err(what) => {
                     self.warnings.push(format!("{name}: texture left out: {what}"));

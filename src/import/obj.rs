@@ -106,7 +106,7 @@ fn convert_material(
 ) -> Material {
     let texture = m.diffuse_texture.as_ref().and_then(|name| {
         let file = source.sibling(name);
-        let image = pictures.from_file(scene, &file, warnings)?;
+        let image = pictures.of_file(scene, &file, warnings)?;
         Some(Texture { image, sampler: Sampler::default() })
     });
     // MTL leaves Kd's default open; white under a picture shows the picture.

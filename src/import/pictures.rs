@@ -14,7 +14,7 @@ pub struct Pictures {
 
 impl Pictures {
     /// The picture in `file`, or `None` with a warning where it is missing or cannot be decoded.
-    pub fn from_file(&mut self, scene: &mut Scene, file: &Path, warnings: &mut Warnings) -> Option<ImageId> {
+    pub fn of_file(&mut self, scene: &mut Scene, file: &Path, warnings: &mut Warnings) -> Option<ImageId> {
         if let Some(&known) = self.known.get(file) {
             return known;
         }
@@ -31,7 +31,7 @@ impl Pictures {
 }
 
 /// A picture from bytes in memory, or `None` with a warning where it cannot be decoded.
-pub fn from_bytes(scene: &mut Scene, name: &str, bytes: &[u8], warnings: &mut Warnings) -> Option<ImageId> {
+pub fn of_bytes(scene: &mut Scene, name: &str, bytes: &[u8], warnings: &mut Warnings) -> Option<ImageId> {
     keep(scene, decode(name, bytes), name, warnings)
 }
 

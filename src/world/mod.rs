@@ -149,7 +149,7 @@ fn push_primitives(shape: &Shape, slots: &mut Vec<Slot>) {
     };
     match shape {
         Shape::Sphere { centre, radius } => {
-            push(Primitive::Sphere(Sphere { centre: *centre, radius: *radius }))
+            push(Primitive::Sphere(Sphere { centre: *centre, radius: *radius }));
         }
         Shape::Mesh(mesh) => {
             for triangle in &mesh.triangles {

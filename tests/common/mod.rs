@@ -43,7 +43,7 @@ impl Numbers {
     }
 
     pub fn below(&mut self, n: usize) -> usize {
-        (u64::from(self.next()) * n as u64 >> 32) as usize
+        ((u64::from(self.next()) * n as u64) >> 32) as usize
     }
 
     pub fn vector(&mut self) -> glam::DVec3 {
