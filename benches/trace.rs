@@ -72,9 +72,10 @@ fn rays(world: &World, view: &View) -> Rays {
     world.accelerator.closest_hits(&primary, &mut hits, &mut Traversal::default());
     let surfaces: Vec<Surface> =
         primary.iter().zip(&hits).filter_map(|(ray, hit)| Some(world.surface(ray, hit.as_ref()?))).collect();
-    let to_light = |s: &Surface| Some(shadow_ray(s, &LightSample::new(world.lights.first()?, s)?));
+    let origin = |s: &Surface| s.point.origin_towards(s.geometric_normal);
+    let to_light = |s: &Surface| Some(shadow_ray(origin(s), &LightSample::new(world.lights.first()?, s)?));
     let shadow = surfaces.iter().filter_map(to_light).collect();
-    Rays { primary, shadow, glaze: surfaces.iter().map(mirrored_ray).collect() }
+    Rays { primary, shadow, glaze: surfaces.iter().map(|s| mirrored_ray(origin(s), s)).collect() }
 }
 
 fn trace(c: &mut Criterion) {

@@ -8,6 +8,9 @@ use glam::{DVec3, Vec3};
 use kiln::bvh::{Accelerator, BruteForce, Preset, Primitive, Slot, Traversal, build};
 use kiln::geometry::{Hit, PrimId, Ray, Sphere, Triangle};
 
+/// How many rays are asked about at once.
+const BATCH: usize = 64;
+
 fn slots(primitives: Vec<Primitive>) -> Vec<Slot> {
     (0..).zip(primitives).map(|(id, primitive)| Slot { primitive, id: PrimId(id) }).collect()
 }
@@ -147,6 +150,17 @@ fn rays(slots: &[Slot], scale: f64, offset: DVec3) -> Vec<Ray> {
             }
         }
     }
+    // Bundles that keep together, as a tile's rays do: from one point, in parallel, and towards one point.
+    for target in targets(slots, 20, &mut numbers) {
+        let origin = offset + (numbers.vector() * 10.0 + 4.0) * scale;
+        let aside = |i: usize| DVec3::new((i % 8) as f64, (i / 8) as f64, 0.0) * (0.05 * scale);
+        rays.extend((0..BATCH).map(|i| infinite(origin, (target + aside(i) - origin).normalize())));
+        rays.extend((0..BATCH).map(|i| infinite(target + aside(i) + DVec3::Z * (9.0 * scale), -DVec3::Z)));
+        rays.extend((0..BATCH).map(|i| {
+            let start = (target + aside(i)).as_vec3().as_dvec3();
+            Ray::new(start, (origin - start).normalize(), 0.0, (origin - start).length())
+        }));
+    }
     for _ in 0..2000 {
         rays.push(infinite(offset + (numbers.vector() * 8.0 + 4.0) * scale, numbers.vector().normalize()));
     }
@@ -174,6 +188,17 @@ fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str) {
             })
             .count();
         assert_eq!(wrong, 0, "{what}, {preset:?}: {wrong} of {} rays differ from brute force", rays.len());
+
+        // The same in batches, in which rays share their way down the tree.
+        let (mut hits, mut occluded) = (Vec::new(), Vec::new());
+        for batch in rays.chunks(BATCH) {
+            tree.closest_hits(batch, &mut hits, &mut traversal);
+            tree.are_occluded(batch, &mut occluded, &mut traversal);
+        }
+        let found = hits.into_iter().zip(occluded);
+        let wrong =
+            found.zip(&expected).filter(|((hit, blocked), e)| bits(*hit) != **e || *blocked != e.is_some());
+        assert_eq!(wrong.count(), 0, "{what}, {preset:?}, in batches");
     }
 }
 

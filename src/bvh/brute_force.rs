@@ -26,7 +26,7 @@ impl Accelerator for BruteForce {
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
         let mut test = PrimitiveTest::new(ray);
         traversal.tests.primitives += self.slots.len() as u64;
-        self.slots.iter().any(|slot| test.distance(&slot.primitive).is_some())
+        self.slots.iter().any(|slot| test.hit(slot, 0).is_some())
     }
 
     fn slots(&self) -> &[Slot] {

@@ -13,7 +13,7 @@ pub use brute_force::BruteForce;
 pub use build::{Preset, build};
 pub use tree::Tree;
 
-use crate::geometry::{Bounds, Hit, PrimId, Ray, SlotId, Sphere, Triangle, TriangleTest};
+use crate::geometry::{Bounds, Hit, PrimId, Ray, SlotId, Sphere, Triangle, TriangleHit, TriangleTest};
 
 /// The geometry of one primitive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +47,8 @@ pub struct Slot {
 #[derive(Debug, Default)]
 pub struct Traversal {
     stack: Vec<(u32, f32)>,
+    /// Where the rays of a batch begin.
+    entries: Vec<(u32, f32)>,
     /// The work done so far.
     pub tests: Tests,
 }
@@ -85,6 +87,11 @@ pub trait Accelerator: Send + Sync {
     fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
         hits.extend(rays.iter().map(|ray| self.closest_hit(ray, traversal)));
     }
+
+    /// Whether every ray hits anything at all, in order, appended to `occluded`.
+    fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
+        occluded.extend(rays.iter().map(|ray| self.is_occluded(ray, traversal)));
+    }
 }
 
 /// What there is to say about an acceleration structure.
@@ -113,19 +120,14 @@ impl<'a> PrimitiveTest<'a> {
     }
 
     #[inline(always)]
-    fn distance(&mut self, primitive: &Primitive) -> Option<f64> {
-        match primitive {
+    fn hit(&mut self, slot: &Slot, index: u32) -> Option<Hit> {
+        let TriangleHit { t, weights } = match &slot.primitive {
             Primitive::Triangle(triangle) => {
                 let test = self.triangles.get_or_insert_with(|| TriangleTest::new(self.ray));
-                test.hit(self.ray, triangle)
+                test.hit(self.ray, triangle)?
             }
-            Primitive::Sphere(sphere) => sphere.hit(self.ray),
-        }
-    }
-
-    #[inline(always)]
-    fn hit(&mut self, slot: &Slot, index: u32) -> Option<Hit> {
-        let t = self.distance(&slot.primitive)?;
-        Some(Hit { t, prim: slot.id, slot: SlotId(index) })
+            Primitive::Sphere(sphere) => TriangleHit { t: sphere.hit(self.ray)?, weights: [0.0; 2] },
+        };
+        Some(Hit { t, prim: slot.id, slot: SlotId(index), weights })
     }
 }

@@ -44,11 +44,11 @@ impl Stage for Reflect {
         tile.level(self.from + 1);
         let (before, after) = tile.levels.split_at_mut(self.from + 1);
         let (level, next) = (&before[self.from], &mut after[0]);
-        for (index, surface) in (0..).zip(&level.surfaces) {
+        for ((index, surface), origin) in (0..).zip(&level.surfaces).zip(&level.origins) {
             let glaze = context.world.materials[surface.material as usize].glaze();
             if glaze.is_some_and(|glaze| self.from < glaze.bounces as usize && glaze.weight > 0.0) {
                 next.sources.push(index);
-                next.rays.push(mirrored_ray(surface));
+                next.rays.push(mirrored_ray(*origin, surface));
             }
         }
     }
@@ -80,12 +80,11 @@ impl Stage for Combine {
     }
 }
 
-/// The mirrored ray, from the surface's outer side. Where a smooth normal or rounding turns it into the surface it is
+/// The mirrored ray from `origin`, on the surface's outer side. Where a smooth normal or rounding turns it into the surface it is
 /// turned back to just above it.
-pub fn mirrored_ray(surface: &Surface) -> Ray {
+pub fn mirrored_ray(origin: DVec3, surface: &Surface) -> Ray {
     let (normal, outer) = (surface.shading_normal, surface.geometric_normal);
     let mirrored = 2.0 * surface.view.dot(normal) * normal - surface.view;
-    let origin = surface.point.origin_towards(outer);
     let ray = Ray::new(origin, mirrored, 0.0, f64::INFINITY);
     let height = ray.direction.dot(outer);
     if height > 0.0 {
@@ -133,7 +132,7 @@ mod tests {
                 object: 0,
                 material: 0,
             };
-            prop_assert!(mirrored_ray(&surface).direction.dot(outer) > 0.0);
+            prop_assert!(mirrored_ray(DVec3::ZERO, &surface).direction.dot(outer) > 0.0);
         }
     }
 }

@@ -118,6 +118,7 @@ impl Plan {
         let on = |name: &str| decisions.iter().any(|d| d.effect == name && d.on);
         let (shadows, glaze) = (on(shadows::EFFECT.name), on(glaze::EFFECT.name));
 
+        let lit = choices.shading.uses_lights() && !world.lights.is_empty();
         let bounces = if glaze { glaze::most_bounces(world) } else { 0 };
         let mut stages: Vec<Box<dyn Stage>> = vec![Box::new(primary::Primary)];
         for level in 0..=bounces as usize {
@@ -126,7 +127,10 @@ impl Plan {
             }
             let kind = if level == 0 { RayKind::Primary } else { RayKind::Glaze };
             stages.push(Box::new(visible::Visible { level, kind }));
-            if choices.shading.uses_lights() && !world.lights.is_empty() {
+            if (lit && shadows) || level < bounces as usize {
+                stages.push(Box::new(visible::Origins { level }));
+            }
+            if lit {
                 stages.push(Box::new(local::Illuminate { level }));
                 if shadows {
                     stages.push(Box::new(shadows::Shadows { level }));

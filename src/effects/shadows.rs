@@ -3,11 +3,13 @@
 //! ASSIGNMENT section 4: a ray from the point towards the light, blocked by anything *between* the two; what lies
 //! behind the light does not count.
 
+use glam::DVec3;
+
 use super::tile::{Context, Level, Tile};
 use super::{Effect, RayKind, Stage};
 use crate::geometry::Ray;
 use crate::shading::LightSample;
-use crate::world::{Surface, World};
+use crate::world::World;
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
@@ -32,16 +34,24 @@ impl Stage for Shadows {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let Tile { levels, traversal, .. } = tile;
-        let Level { surfaces, lights, lights_end, .. } = &mut levels[self.level];
+        let Tile { levels, traversal, shadow_rays, occluded, .. } = tile;
+        let Level { origins, lights, lights_end, .. } = &mut levels[self.level];
         let cast = lights.len();
+        shadow_rays.clear();
+        occluded.clear();
+        let mut start = 0;
+        for (origin, &end) in origins.iter().zip(lights_end.iter()) {
+            let end = end as usize;
+            shadow_rays.extend(lights[start..end].iter().map(|light| shadow_ray(*origin, light)));
+            start = end;
+        }
+        context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
         // What reaches its surface moves up over what does not.
         let (mut next, mut kept) = (0, 0);
-        for (surface, end) in surfaces.iter().zip(lights_end) {
+        for end in lights_end {
             while next < *end as usize {
-                let light = lights[next];
-                if !context.world.accelerator.is_occluded(&shadow_ray(surface, &light), traversal) {
-                    lights[kept] = light;
+                if !occluded[next] {
+                    lights[kept] = lights[next];
                     kept += 1;
                 }
                 next += 1;
@@ -53,8 +63,7 @@ impl Stage for Shadows {
     }
 }
 
-/// From the surface's outer side to the light, open at both ends.
-pub fn shadow_ray(surface: &Surface, light: &LightSample) -> Ray {
-    let origin = surface.point.origin_towards(surface.geometric_normal);
+/// The ray from `origin`, on a surface's outer side, to a light, open at both ends.
+pub fn shadow_ray(origin: DVec3, light: &LightSample) -> Ray {
     Ray::new(origin, light.direction, 0.0, light.distance)
 }

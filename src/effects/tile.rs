@@ -31,6 +31,8 @@ pub struct Level {
     pub hits: Vec<Option<Hit>>,
     /// The points that were hit, in the order of the rays.
     pub surfaces: Vec<Surface>,
+    /// For each surface, where rays that leave it start; empty where none do.
+    pub origins: Vec<DVec3>,
     /// For each surface, its ray.
     pub ray_of: Vec<u32>,
     /// The lights that reach the surfaces, surface after surface.
@@ -47,6 +49,7 @@ impl Level {
         self.sources.clear();
         self.hits.clear();
         self.surfaces.clear();
+        self.origins.clear();
         self.ray_of.clear();
         self.lights.clear();
         self.lights_end.clear();
@@ -74,6 +77,10 @@ pub struct Tile {
     pub traversal: Traversal,
     /// Rays cast and rays that hit, by kind.
     pub rays: [RayCount; RayKind::ALL.len()],
+    /// The shadow rays of a level, while it is being asked which are blocked.
+    pub shadow_rays: Vec<Ray>,
+    /// For each of them, whether it is.
+    pub occluded: Vec<bool>,
     /// For each object, whether a primary ray has seen it.
     pub seen: Vec<bool>,
 }

@@ -39,3 +39,20 @@ impl Stage for Visible {
         tile.count(self.kind, cast, hit);
     }
 }
+
+/// Finds, for each surface of a level, where rays that leave it start. Only where some do.
+pub struct Origins {
+    /// Which level.
+    pub level: usize,
+}
+
+impl Stage for Origins {
+    fn name(&self) -> &'static str {
+        "ray origins"
+    }
+
+    fn run(&self, tile: &mut Tile, _: &Context) {
+        let level = tile.level(self.level);
+        level.origins.extend(level.surfaces.iter().map(|s| s.point.origin_towards(s.geometric_normal)));
+    }
+}

@@ -35,17 +35,13 @@ impl Bounds {
     #[inline(always)]
     pub fn hold(&self, ray: &Ray, t: f64) -> f64 {
         let inverse = ray.direction.recip();
-        let to_min = (self.min.as_dvec3() - ray.origin) * inverse;
-        let to_max = (self.max.as_dvec3() - ray.origin) * inverse;
-        let mut t = t;
-        for (a, b) in to_min.to_array().into_iter().zip(to_max.to_array()) {
-            // Along an axis that the ray does not move on these are infinite or not numbers, and hold nothing: an
-            // infinity of the wrong sign would mean a hit outside the box's slab.
-            let (near, far) = if a < b { (a, b) } else { (b, a) };
-            t = if near > t && near < f64::INFINITY { near } else { t };
-            t = if far < t && far > f64::NEG_INFINITY { far } else { t };
-        }
-        t
+        let downwards = inverse.cmplt(DVec3::ZERO);
+        let (min, max) = (self.min.as_dvec3(), self.max.as_dvec3());
+        let near = (DVec3::select(downwards, max, min) - ray.origin) * inverse;
+        let far = (DVec3::select(downwards, min, max) - ray.origin) * inverse;
+        // `max` and `min` pass over what is not a number: a ray that runs in a plane of the box (0 times infinity). Along
+        // an axis that the ray does not move on the others are infinite, and hold nothing.
+        t.max(near.x).max(near.y).max(near.z).min(far.x).min(far.y).min(far.z)
     }
 }
 

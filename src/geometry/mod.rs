@@ -13,13 +13,15 @@
 //!
 //! No constant here decides a hit; every bound is relative to the numbers it guards.
 
+mod beam;
 mod bounds;
 mod ray;
 pub mod spawn;
 pub mod sphere;
 mod triangle;
 
-pub use bounds::{Bounds, BoxTest, PRUNE_MARGIN};
+pub use beam::Beam;
+pub use bounds::{Bounds, BoxTest, PRUNE_MARGIN, round_up};
 pub use ray::{Hit, PrimId, Ray, SlotId};
 pub use sphere::Sphere;
-pub use triangle::{Triangle, TriangleTest};
+pub use triangle::{Triangle, TriangleHit, TriangleTest};

@@ -33,6 +33,8 @@ pub struct Hit {
     pub prim: PrimId,
     /// Where its geometry is kept.
     pub slot: SlotId,
+    /// On a triangle, the barycentric coordinates of its second and third corner; 0 on a sphere.
+    pub weights: [f64; 2],
 }
 
 /// Direction components smaller than this share of the largest are taken as 0. It is far below what rounding to f32
@@ -89,7 +91,7 @@ mod tests {
 
     #[test]
     fn ties_go_to_the_lowest_id() {
-        let hit = |t, prim| Hit { t, prim: PrimId(prim), slot: SlotId(0) };
+        let hit = |t, prim| Hit { t, prim: PrimId(prim), slot: SlotId(0), weights: [0.0; 2] };
         assert!(hit(1.0, 5).is_before(&hit(2.0, 1)));
         assert!(hit(1.0, 1).is_before(&hit(1.0, 2)));
         assert!(!hit(1.0, 2).is_before(&hit(1.0, 2)));

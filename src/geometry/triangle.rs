@@ -42,12 +42,13 @@ pub struct TriangleTest {
     shear: [f64; 3],
 }
 
-/// The edge functions of a ray and a triangle, proportional to the barycentric coordinates of the three corners, and
-/// the corners' distances along the ray's main axis.
-struct Edges {
-    weights: [f64; 3],
-    depths: [f64; 3],
-    sum: f64,
+/// Where a ray meets a triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TriangleHit {
+    /// Distance along the ray.
+    pub t: f64,
+    /// Barycentric coordinates of the second and the third corner; the first has the rest of 1.
+    pub weights: [f64; 2],
 }
 
 impl TriangleTest {
@@ -68,8 +69,10 @@ impl TriangleTest {
         TriangleTest { origin: ray.origin, axes, shear }
     }
 
+    /// Where `ray`, for which this was made, hits the triangle within the ray's ends. Both sides count; edges and
+    /// corners count; a ray in the triangle's plane does not hit.
     #[inline(always)]
-    fn edges(&self, triangle: &Triangle) -> Option<Edges> {
+    pub fn hit(&self, ray: &Ray, triangle: &Triangle) -> Option<TriangleHit> {
         let [x, y, z] = self.axes;
         let sheared = |corner: Vec3| {
             let from_origin = (corner.as_dvec3() - self.origin).to_array();
@@ -79,31 +82,20 @@ impl TriangleTest {
         let (ax, ay, az) = sheared(triangle.0[0]);
         let (bx, by, bz) = sheared(triangle.0[1]);
         let (cx, cy, cz) = sheared(triangle.0[2]);
+        // The edge functions, each proportional to the weight of the corner opposite.
         let a = cx * by - cy * bx;
         let b = ax * cy - ay * cx;
         let c = bx * ay - by * ax;
         let inside = (a >= 0.0 && b >= 0.0 && c >= 0.0) || (a <= 0.0 && b <= 0.0 && c <= 0.0);
         let sum = a + b + c;
-        (inside && sum != 0.0).then_some(Edges { weights: [a, b, c], depths: [az, bz, cz], sum })
-    }
-
-    /// The distance at which `ray`, for which this was made, hits the triangle, within the ray's ends. Both sides
-    /// count; edges and corners count; a ray in the triangle's plane does not hit.
-    #[inline(always)]
-    pub fn hit(&self, ray: &Ray, triangle: &Triangle) -> Option<f64> {
-        let Edges { weights: [a, b, c], depths, sum } = self.edges(triangle)?;
-        // A convex combination of the corners' depths: its error is relative to the triangle, not to the scene.
-        let t = (a * depths[0] + b * depths[1] + c * depths[2]) / sum * self.shear[2];
-        let t = triangle.bounds().hold(ray, t);
-        (ray.t_min < t && t < ray.t_max).then_some(t)
-    }
-
-    /// The barycentric coordinates of the three corners where the ray meets the triangle it hit.
-    pub fn barycentrics(&self, triangle: &Triangle) -> [f64; 3] {
-        match self.edges(triangle) {
-            Some(Edges { weights, sum, .. }) => weights.map(|w| w * (1.0 / sum)),
-            None => [1.0 / 3.0; 3],
+        if !inside || sum == 0.0 {
+            return None;
         }
+        let share = 1.0 / sum;
+        // A convex combination of the corners' depths: its error is relative to the triangle, not to the scene.
+        let t = (a * az + b * bz + c * cz) * share * self.shear[2];
+        let t = triangle.bounds().hold(ray, t);
+        (ray.t_min < t && t < ray.t_max).then_some(TriangleHit { t, weights: [b * share, c * share] })
     }
 }
 
@@ -113,7 +105,7 @@ mod tests {
 
     fn hit(triangle: &Triangle, origin: DVec3, direction: DVec3) -> Option<f64> {
         let ray = Ray::new(origin, direction, 0.0, f64::INFINITY);
-        TriangleTest::new(&ray).hit(&ray, triangle)
+        TriangleTest::new(&ray).hit(&ray, triangle).map(|hit| hit.t)
     }
 
     const UNIT: Triangle = Triangle([Vec3::ZERO, Vec3::X, Vec3::Y]);
@@ -159,7 +151,7 @@ mod tests {
         for z in [1.0, 100.0, 1e4] {
             let ray =
                 Ray::new(origin, (DVec3::new(-300.0, -500.0, 200.0 + z) - origin).normalize(), 0.0, 1e9);
-            let t = TriangleTest::new(&ray).hit(&ray, &plane).unwrap();
+            let t = TriangleTest::new(&ray).hit(&ray, &plane).unwrap().t;
             let exact = (-500.0 - ray.origin.y) / ray.direction.y;
             assert!((t - exact).abs() <= 2.0 * f64::EPSILON * exact, "{t} {exact}");
         }
@@ -169,8 +161,8 @@ mod tests {
     fn barycentrics_find_the_corners() {
         for (k, corner) in UNIT.0.iter().enumerate() {
             let ray = Ray::new(corner.as_dvec3() + DVec3::Z, -DVec3::Z, 0.0, 2.0);
-            let weights = TriangleTest::new(&ray).barycentrics(&UNIT);
-            assert_eq!(weights[k], 1.0);
+            let [v, w] = TriangleTest::new(&ray).hit(&ray, &UNIT).unwrap().weights;
+            assert_eq!([1.0 - v - w, v, w][k], 1.0);
         }
     }
 }

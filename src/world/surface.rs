@@ -6,7 +6,7 @@ use super::World;
 use super::lower::vertex_colour;
 use crate::bvh::Primitive;
 use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{Hit, PrimId, Ray, TriangleTest};
+use crate::geometry::{Hit, PrimId, Ray};
 
 /// A point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -33,6 +33,7 @@ pub struct Surface {
 
 impl World {
     /// Everything that is to be known of `hit`, which must be a hit of `ray` with this world.
+    #[inline(always)]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         let object_index = self.object_of(hit.prim);
         let object = &self.objects[object_index as usize];
@@ -58,7 +59,8 @@ impl World {
                 surface.shading_normal = surface.geometric_normal;
             }
             Primitive::Triangle(triangle) => {
-                let weights = TriangleTest::new(ray).barycentrics(&triangle);
+                let [v, w] = hit.weights;
+                let weights = [1.0 - v - w, v, w];
                 surface.point = SurfacePoint::on_triangle(triangle.0.map(|p| p.as_dvec3()), weights);
                 let normal = facing(triangle.normal().normalize());
                 surface.geometric_normal = normal;

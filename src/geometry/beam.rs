@@ -1,0 +1,147 @@
+//! Many rays at once, for boxes: what none of them enters, none has to be tested against.
+
+use glam::Vec3A;
+
+use super::Ray;
+use super::bounds::{PRUNE_MARGIN, round_down};
+
+/// The intervals that the numbers of a set of rays lie in.
+///
+/// The test is [`super::BoxTest`]'s, carried out on intervals in the same f32 arithmetic. Rounding is monotone, so the ends
+/// of an interval, computed, hold every ray's own number, computed: a box that any of the rays enters, the beam enters.
+pub struct Beam {
+    origin: [Vec3A; 2],
+    /// Least and greatest reciprocal of the directions; both 0 on axes of no use.
+    inverse: [Vec3A; 2],
+    /// For each axis, what it can tell.
+    axes: [Axis; 3],
+    t_min: f32,
+    t_max: f32,
+}
+
+/// What an axis of a beam can tell.
+#[derive(Clone, Copy, PartialEq)]
+enum Axis {
+    /// All rays run the same way along it, upwards (`false`) or downwards (`true`).
+    Along(bool),
+    /// No ray moves along it.
+    Across,
+    /// Nothing: some run upwards, some downwards or not at all.
+    Mixed,
+}
+
+impl Beam {
+    /// Around the given rays; `None` where there are none. `t_max` is a distance beyond which none of them counts.
+    pub fn new(rays: &[Ray], t_max: f32) -> Option<Self> {
+        let first = rays.first()?;
+        let reciprocal = |ray: &Ray| Vec3A::from(ray.direction.as_vec3()).recip();
+        let mut origin = [first.origin.as_vec3a(); 2];
+        let mut inverse = [reciprocal(first); 2];
+        let mut t_min = first.t_min;
+        for ray in &rays[1..] {
+            let (o, i) = (ray.origin.as_vec3a(), reciprocal(ray));
+            origin = [origin[0].min(o), origin[1].max(o)];
+            inverse = [inverse[0].min(i), inverse[1].max(i)];
+            t_min = t_min.min(ray.t_min);
+        }
+        let axes = [0, 1, 2].map(|axis| {
+            // Directions hold no negative zeros, so a zero gives +infinity.
+            let (least, greatest) = (inverse[0][axis], inverse[1][axis]);
+            if least == f32::INFINITY {
+                Axis::Across
+            } else if greatest < 0.0 || (least > 0.0 && greatest.is_finite()) {
+                Axis::Along(greatest < 0.0)
+            } else {
+                Axis::Mixed
+            }
+        });
+        Some(Beam { origin, inverse, axes, t_min: round_down(t_min), t_max })
+    }
+
+    /// Where the first of the rays may enter the box from `min` to `max`; `None` if none of them does.
+    pub fn enters(&self, min: Vec3A, max: Vec3A) -> Option<f32> {
+        let (mut enter, mut leave) = (self.t_min, self.t_max);
+        for axis in 0..3 {
+            let (near, far) = match self.axes[axis] {
+                Axis::Mixed => continue,
+                Axis::Across => {
+                    if min[axis] > self.origin[1][axis] || max[axis] < self.origin[0][axis] {
+                        return None;
+                    }
+                    continue;
+                }
+                Axis::Along(false) => (min[axis], max[axis]),
+                Axis::Along(true) => (max[axis], min[axis]),
+            };
+            let distances = |plane: f32| {
+                let (a, b) = (plane - self.origin[0][axis], plane - self.origin[1][axis]);
+                let (i, j) = (self.inverse[0][axis], self.inverse[1][axis]);
+                [a * i, a * j, b * i, b * j]
+            };
+            enter = enter.max(distances(near).into_iter().fold(f32::INFINITY, f32::min));
+            leave = leave.min(distances(far).into_iter().fold(f32::NEG_INFINITY, f32::max));
+        }
+        (enter <= leave * PRUNE_MARGIN).then_some(enter)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BoxTest;
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    fn component() -> impl Strategy<Value = f64> {
+        prop_oneof![Just(0.0), Just(-0.0), Just(1.0), Just(-1.0), -1.0f64..1.0, -1e-9f64..1e-9]
+    }
+
+    fn vector() -> impl Strategy<Value = DVec3> {
+        [component(), component(), component()].prop_map(DVec3::from)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+
+        #[test]
+        fn a_box_that_a_ray_enters_the_beam_enters(
+            rays in prop::collection::vec((vector(), vector()), 1..6),
+            spread in 0.0f64..1.0,
+            min in vector(),
+            size in prop::array::uniform3(prop_oneof![Just(0.0f64), 0.0f64..1.0]),
+            t_max in prop_oneof![Just(f64::INFINITY), 0.0f64..3.0],
+        ) {
+            // Coherent more often than not: all directions near the first.
+            let lead = rays[0].1;
+            let rays: Vec<Ray> = rays.iter().filter_map(|&(origin, direction)| {
+                let direction = (lead + spread * direction).try_normalize()?;
+                Some(Ray::new(origin, direction, 0.0, t_max))
+            }).collect();
+            prop_assume!(!rays.is_empty());
+            let (min, max) = (min.as_vec3a(), (min + DVec3::from(size)).as_vec3a());
+            let beam = Beam::new(&rays, t_max as f32).expect("rays");
+            for ray in &rays {
+                if let Some(at) = BoxTest::new(ray).enters(min, max, t_max as f32) {
+                    let beam_at = beam.enters(min, max);
+                    prop_assert!(beam_at.is_some_and(|b| b <= at), "{:?} {:?}", ray, beam_at);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_narrow_beam_misses_what_lies_beside_it() {
+        let rays: Vec<Ray> = (0..16)
+            .map(|i| {
+                Ray::new(DVec3::ZERO, DVec3::new(f64::from(i + 1) / 100.0, 0.1, 1.0).normalize(), 0.0, 1e9)
+            })
+            .collect();
+        let beam = Beam::new(&rays, f32::INFINITY).expect("rays");
+        let unit_box =
+            |x: f32, y: f32, z: f32| beam.enters(Vec3A::new(x, y, z), Vec3A::new(x + 1.0, y + 1.0, z + 1.0));
+        assert!(unit_box(0.0, 0.5, 10.0).is_some());
+        assert!(unit_box(3.0, 0.5, 10.0).is_none());
+        assert!(unit_box(0.0, 2.0, 10.0).is_none());
+        assert!(unit_box(0.0, -0.5, -10.0).is_none());
+    }
+}
