@@ -312,6 +312,19 @@ fn obj_without_its_picture_keeps_its_geometry_and_colour() {
 }
 
 #[test]
+fn obj_pictures_lie_beside_the_mtl_or_beside_the_obj() {
+    let folder = Folder::new();
+    let png = std::fs::read(repository("assets/import/four.png")).expect("the fixture is there");
+    std::fs::create_dir(folder.0.path().join("sub")).expect("a folder can be made");
+    folder.write("sub/a.mtl", "newmtl a\nmap_Kd one.png\nnewmtl b\nmap_Kd two.png\n");
+    folder.write("sub/one.png", &png);
+    folder.write("two.png", &png);
+    let (scene, warnings) =
+        folder.load("a.obj", format!("mtllib sub\\a.mtl\n{OBJ_TRIANGLE}usemtl a\nf 1 2 3\n"));
+    assert_eq!((scene.images.len(), warnings), (2, vec![]));
+}
+
+#[test]
 fn mtl_lines_that_others_stumble_over() {
     let folder = Folder::new();
     // One number stands for all three channels (MTL text, "Kd r g b": g and b are optional).

@@ -5,7 +5,7 @@
 
 use std::cell::RefCell;
 use std::collections::HashSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 
@@ -72,20 +72,36 @@ fn explain(source: &Source, text: &str, e: &tobj::LoadError) -> Error {
 }
 
 fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLLoadResult {
-    let path = source.sibling(name.to_string_lossy().replace('\\', "/"));
+    let name = PathBuf::from(name.to_string_lossy().replace('\\', "/"));
+    let path = source.sibling(&name);
     match std::fs::read(&path) {
         Ok(bytes) => {
             let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes));
             let text = clean_mtl(&text, &path.display().to_string(), warnings);
-            tobj::load_mtl_buf(&mut text.as_bytes()).or_else(|e| {
+            let read = tobj::load_mtl_buf(&mut text.as_bytes()).or_else(|e| {
                 warnings.push(format!("{}: materials left out: {e}", path.display()));
                 Ok(Default::default())
+            });
+            read.map(|(mut materials, names)| {
+                find_pictures(&mut materials, &name, source);
+                (materials, names)
             })
         }
         Err(e) => {
             let e = unreadable(&path, &e);
             warnings.push(format!("{}: materials left out: {e}", source.file.display()));
             Ok(Default::default())
+        }
+    }
+}
+
+/// Pictures are looked for beside the MTL file `name` that names them, then beside the OBJ: exporters write both.
+fn find_pictures(materials: &mut [tobj::Material], name: &Path, source: &Source) {
+    let Some(folder) = name.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return };
+    for picture in materials.iter_mut().filter_map(|m| m.diffuse_texture.as_mut()) {
+        let beside = folder.join(&*picture);
+        if source.sibling(&beside).is_file() {
+            *picture = beside.to_string_lossy().into_owned();
         }
     }
 }
