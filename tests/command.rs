@@ -240,7 +240,8 @@ fn outputs_that_cannot_be_written_are_4() {
     assert_eq!(said, "folder.png: is a folder; name a file in it");
     let (said, _) = workshop.fail("render scene.toml -o a.png --stats gone/a.json", 4);
     assert_eq!(said, "gone/a.json: cannot be written: its folder does not exist");
-    assert!(!workshop.names().iter().any(|name| name.ends_with(".part")), "{:?}", workshop.names());
+    // All of that is said before any work is done.
+    assert_eq!(workshop.names(), ["folder.png", "scene.toml"]);
 }
 
 #[test]
@@ -553,6 +554,20 @@ fn progress_is_fit_for_a_log() {
             _ => assert!(said.starts_with("kiln: wrote a.png (24 x 16; "), "{said}"),
         }
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_log_that_cannot_be_written_does_not_stop_the_work() {
+    let workshop = Workshop::new();
+    workshop.write("bad.obj", "f 1 2 3\n");
+    for (arguments, code) in [("render scene.toml -o a.png", 0), ("render bad.obj -o b.png", 3), ("rendr", 2)]
+    {
+        let full = std::fs::File::create("/dev/full").expect("Linux has it");
+        let status = workshop.command().args(arguments.split_whitespace()).stderr(full).status();
+        assert_eq!(status.expect("the command starts").code(), Some(code), "{arguments}");
+    }
+    assert_eq!(workshop.pixels("a.png").dimensions(), (24, 16));
 }
 
 // -------------------------------------------------------------------------------------------------------------- signals
