@@ -53,9 +53,9 @@ pub fn main() -> ExitCode {
     };
     std::panic::set_hook(Box::new(|panic| {
         let place = panic.location().map(|l| format!(" ({}:{})", l.file(), l.line())).unwrap_or_default();
-        eprintln!(
+        say(format_args!(
             "kiln: error: a fault in kiln itself{place}\nhint: please report it with the command and the input"
-        );
+        ));
     }));
     let interrupted = interrupt::install();
     let result = std::panic::catch_unwind(|| match arguments.command {
@@ -72,9 +72,9 @@ pub fn main() -> ExitCode {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(Error::Interrupted)) => ExitCode::from(interrupt::exit_code()),
         Ok(Err(e)) => {
-            eprintln!("kiln: error: {e}");
+            say(format_args!("kiln: error: {e}"));
             if !e.hint().is_empty() {
-                eprintln!("hint: {}", e.hint());
+                say(format_args!("hint: {}", e.hint()));
             }
             ExitCode::from(exit_code(&e))
         }
@@ -99,7 +99,7 @@ fn usage(e: &clap::Error) -> ExitCode {
         return if e.print().is_ok() { ExitCode::SUCCESS } else { ExitCode::from(4) };
     }
     if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        eprintln!("kiln: error: no command given\nhint: `kiln --help` lists them");
+        say(format_args!("kiln: error: no command given\nhint: `kiln --help` lists them"));
         return ExitCode::from(2);
     }
     let text = e.render().to_string();
@@ -117,7 +117,7 @@ fn usage(e: &clap::Error) -> ExitCode {
             hint = line.trim_matches(['[', ']']).to_owned();
         }
     }
-    eprintln!("kiln: error: {first}\nhint: {hint}");
+    say(format_args!("kiln: error: {first}\nhint: {hint}"));
     ExitCode::from(2)
 }
 
@@ -130,6 +130,12 @@ fn print(text: &str) -> Result<()> {
     }
 }
 
+/// Writes a line to standard error. Whoever reads there may be gone or its disk full; that must not end the work, as
+/// `eprintln!` would with a panic.
+fn say(line: std::fmt::Arguments) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
+}
+
 /// Prints warnings and notes as they come, each once.
 #[derive(Default)]
 struct Printer {
@@ -140,10 +146,10 @@ struct Printer {
 impl Printer {
     fn print(&mut self, said: &Warnings, with_notes: bool) {
         for message in &said.messages()[self.warnings..] {
-            eprintln!("kiln: warning: {message}");
+            say(format_args!("kiln: warning: {message}"));
         }
         for message in said.notes()[self.notes..].iter().filter(|_| with_notes) {
-            eprintln!("kiln: note: {message}");
+            say(format_args!("kiln: note: {message}"));
         }
         (self.warnings, self.notes) = (said.messages().len(), said.notes().len());
     }

@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::say;
+
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Mode {
@@ -81,11 +83,11 @@ impl Progress {
         let elapsed = self.start.elapsed().as_secs_f64();
         let left = elapsed * (total - done) as f64 / done as f64;
         if self.mode == Mode::Json {
-            eprintln!(
+            say(format_args!(
                 "{{\"event\":\"progress\",\"done\":{done},\"total\":{total},\"elapsed\":{elapsed:.1},\"left\":{left:.1}}}"
-            );
+            ));
         } else {
-            eprintln!("kiln: {} % ({done} of {total} tiles), {left:.0} s left", done * 100 / total);
+            say(format_args!("kiln: {} % ({done} of {total} tiles), {left:.0} s left", done * 100 / total));
         }
     }
 
@@ -101,8 +103,8 @@ impl Progress {
         self.clear();
         match self.mode {
             Mode::None => {}
-            Mode::Json => eprintln!("{}", serde_json::json!({ "event": "done", "message": line })),
-            _ => eprintln!("kiln: {line}"),
+            Mode::Json => say(format_args!("{}", serde_json::json!({ "event": "done", "message": line }))),
+            _ => say(format_args!("kiln: {line}")),
         }
     }
 }

@@ -103,16 +103,28 @@ impl Target {
             return Ok(Target::StandardOutput);
         }
         let format = Format::from_path(output)?;
-        let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());
-        if folder.is_some_and(|folder| !folder.is_dir()) {
-            return Err(Error::output(output, "cannot be written: its folder does not exist"));
-        }
+        check_folder(output)?;
         Ok(Target::File(output.to_owned(), format))
     }
 }
 
+fn check_folder(output: &Path) -> Result<()> {
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if folder.is_some_and(|folder| !folder.is_dir()) {
+        return Err(Error::output(output, "cannot be written: its folder does not exist"));
+    }
+    Ok(())
+}
+
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let target = Target::new(&arguments.output)?;
+    if let Some(file) = &arguments.stats {
+        if *file == arguments.output {
+            let what = format!("{}: both the picture and its statistics", file.display());
+            return Err(Error::usage(what, "give --stats another file than --output"));
+        }
+        check_folder(file)?;
+    }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(arguments.threads.map_or(0, usize::from))
         .build()

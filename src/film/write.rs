@@ -102,8 +102,10 @@ fn write_exr(film: &Film, metadata: &Metadata, out: &mut dyn Write) -> std::io::
     });
     let mut attributes = LayerAttributes::named("kiln");
     for (key, value) in metadata {
-        let text = exr::meta::attribute::AttributeValue::Text(Text::new_or_panic(value));
-        attributes.other.insert(Text::new_or_panic(key), text);
+        // Text of other alphabets is kept as UTF-8; OpenEXR does not say what the bytes of a text mean.
+        let text = Text::from_slice_unchecked(value.as_bytes());
+        let value = exr::meta::attribute::AttributeValue::Text(text);
+        attributes.other.insert(Text::from_slice_unchecked(key.as_bytes()), value);
     }
     let size = (window.width as usize, window.height as usize);
     let picture = Image::from_layer(Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels));

@@ -17,14 +17,12 @@ use crate::scene::{
     Object, Projection, Sampler, Scene, Shape, Texture, Wrap,
 };
 
-/// Nodes nested deeper than this are taken for a loop.
-const DEEPEST_NODE: usize = 1000;
-
 /// Reads a .gltf or .glb file.
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let bytes = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
     let gltf::Gltf { document, blob } =
         gltf::Gltf::from_slice(bytes).map_err(|e| explain(&source.file, e))?;
+    check_accessors(&document, &source.file)?;
     let buffers = load_buffers(&document, blob, source)?;
     let mut loader =
         Loader { source, buffers, images: Vec::new(), scene: Scene::default(), warnings, plain: None };
@@ -34,7 +32,7 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         let material = loader.material(&material);
         loader.scene.add_material(material);
     }
-    let world_from_node = world_transforms(&document, &source.file)?;
+    let world_from_node = world_transforms(&document, &source.file, loader.warnings)?;
     for node in document.nodes() {
         if let Some(transform) = world_from_node[node.index()] {
             loader.node(&node, &transform, &world_from_node)?;
@@ -50,15 +48,53 @@ fn explain(file: &Path, e: gltf::Error) -> Error {
     let gltf::Error::Validation(faults) = e else {
         return Error::input(file, format!("not a usable glTF file: {text}"), "export it again as glTF 2.0");
     };
-    let unsupported = faults.iter().any(|(_, e)| *e == gltf::json::validation::Error::Unsupported);
+    let unread: Vec<String> = faults
+        .iter()
+        .filter(|(_, fault)| *fault == gltf::json::validation::Error::Unsupported)
+        .filter_map(|(path, _)| {
+            // The path reads `extensionsRequired[0] = "NAME"`.
+            let name = path.as_str().strip_prefix("extensionsRequired")?.split('"').nth(1)?;
+            Some(name.to_owned())
+        })
+        .collect();
+    if !unread.is_empty() {
+        let what = format!("requires glTF extensions that kiln does not read: {}", unread.join(", "));
+        let hint = "export it without compression or quantisation (for example with `gltf-transform copy` or \
+                    `gltfpack -noq`)";
+        return Error::input(file, what, hint);
+    }
     let (path, fault) = &faults[0];
     let what = format!("not a usable glTF file: {path}: {fault}");
-    if unsupported && path.to_string().starts_with("extensionsRequired") {
-        let hint = "it needs an extension that kiln does not read; export it without compression or quantisation \
-                    (for example with `gltf-transform copy` or `gltfpack -noq`)";
-        return Error::input(file, "requires an unsupported glTF extension", hint);
-    }
     Error::input(file, what, "export it again as glTF 2.0")
+}
+
+/// The `gltf` crate reads accessors without checking their numbers: none at all, or sums beyond 64 bits, make it panic
+/// or wrap round, and steps shorter than an element or other types than the format allows make it read garbage.
+fn check_accessors(document: &gltf::Document, file: &Path) -> Result<()> {
+    let fits = |view: Option<gltf::buffer::View>, offset: usize, count: usize, size: usize| {
+        let Some(view) = view else { return count > 0 };
+        let stride = view.stride().unwrap_or(size);
+        let steps = count.checked_sub(1).and_then(|steps| stride.checked_mul(steps));
+        let end = steps.and_then(|bytes| bytes.checked_add(offset)?.checked_add(size));
+        let inside = end.is_some_and(|end| end <= view.length());
+        inside && stride >= size && view.offset().checked_add(view.length()).is_some()
+    };
+    for accessor in document.accessors() {
+        let (count, size) = (accessor.count(), accessor.size());
+        let mut usable = fits(accessor.view(), accessor.offset(), count, size);
+        if let Some(sparse) = accessor.sparse() {
+            let (indices, values) = (sparse.indices(), sparse.values());
+            let index_size = indices.index_type().size();
+            usable &= fits(Some(indices.view()), indices.offset(), sparse.count(), index_size);
+            usable &= fits(Some(values.view()), values.offset(), sparse.count(), size);
+        }
+        if !usable {
+            let item = Place::item(file, format!("accessor {}", accessor.index()));
+            let what = "its elements do not lie inside its buffer view";
+            return Err(Error::input(item, what, "export the file again"));
+        }
+    }
+    Ok(())
 }
 
 fn load_buffers(
@@ -92,22 +128,37 @@ fn load_buffers(
 }
 
 /// Each node's transform into the world, or `None` for nodes that are not in the scene.
-fn world_transforms(document: &gltf::Document, file: &Path) -> Result<Vec<Option<DMat4>>> {
+///
+/// Every node is visited once: a walk along every path would not end in a loop, and takes 2^n steps where n nodes in a
+/// row are each named twice.
+fn world_transforms(
+    document: &gltf::Document,
+    file: &Path,
+    warnings: &mut Warnings,
+) -> Result<Vec<Option<DMat4>>> {
     let mut world_from_node = vec![None; document.nodes().count()];
+    let mut parent_of: Vec<Option<usize>> = vec![None; world_from_node.len()];
     let roots: Vec<gltf::Node> = match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => scene.nodes().collect(),
         None => document.nodes().collect(),
     };
-    let mut open: Vec<(gltf::Node, DMat4, usize)> =
-        roots.into_iter().rev().map(|node| (node, DMat4::IDENTITY, 0)).collect();
-    while let Some((node, world_from_parent, depth)) = open.pop() {
-        if depth > DEEPEST_NODE {
-            let item = Place::item(file, format!("node {}", node.index()));
-            return Err(Error::input(item, "the nodes contain themselves", "correct the hierarchy"));
+    let mut open: Vec<(gltf::Node, DMat4, Option<usize>)> =
+        roots.into_iter().rev().map(|node| (node, DMat4::IDENTITY, None)).collect();
+    while let Some((node, world_from_parent, parent)) = open.pop() {
+        let index = node.index();
+        if world_from_node[index].is_some() {
+            if std::iter::successors(parent, |&above| parent_of[above]).any(|above| above == index) {
+                let item = Place::item(file, format!("node {index}"));
+                return Err(Error::input(item, "the nodes contain themselves", "correct the hierarchy"));
+            }
+            let file = file.display();
+            warnings.push(format!("{file}: node {index} is in the scene more than once; drawn once"));
+            continue;
         }
         let transform = world_from_parent * parent_from_node(&node);
-        world_from_node[node.index()] = Some(transform);
-        open.extend(node.children().map(|child| (child, transform, depth + 1)));
+        world_from_node[index] = Some(transform);
+        parent_of[index] = parent;
+        open.extend(node.children().map(|child| (child, transform, Some(index))));
     }
     Ok(world_from_node)
 }
@@ -294,6 +345,12 @@ impl Loader<'_> {
             let item = Place::item(&self.source.file, format!("{name}, primitive {}", primitive.index()));
             Error::input(item, what, "export the file again")
         };
+        if let Some(accessor) = primitive.get(&gltf::Semantic::Positions) {
+            use gltf::accessor::{DataType, Dimensions};
+            if (accessor.data_type(), accessor.dimensions()) != (DataType::F32, Dimensions::Vec3) {
+                return Err(fault("its positions are not three floating-point numbers each"));
+            }
+        }
         let positions: Vec<DVec3> = match reader.read_positions() {
             Some(positions) => positions.map(dvec3).collect(),
             None if primitive.get(&gltf::Semantic::Positions).is_none() => {

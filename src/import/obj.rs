@@ -5,7 +5,7 @@
 
 use std::cell::RefCell;
 use std::collections::HashSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 
@@ -45,12 +45,13 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let mut plain = None;
     let mut triangulator = Triangulator::new();
     let mut not_simple = 0;
+    let mut has_normals = faces_with_normals(&text).into_iter();
     for model in models {
         let material = match model.mesh.material_id {
             Some(id) => MaterialId(id as u32),
             None => *plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))),
         };
-        let (mesh, faults) = convert_mesh(&model.mesh, &mut triangulator);
+        let (mesh, faults) = convert_mesh(&model.mesh, &mut has_normals, &mut triangulator);
         not_simple += faults;
         scene.objects.push(Object { name: model.name, input: 0, material, shape: Shape::Mesh(mesh) });
     }
@@ -71,20 +72,36 @@ fn explain(source: &Source, text: &str, e: &tobj::LoadError) -> Error {
 }
 
 fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLLoadResult {
-    let path = source.sibling(name.to_string_lossy().replace('\\', "/"));
+    let name = PathBuf::from(name.to_string_lossy().replace('\\', "/"));
+    let path = source.sibling(&name);
     match std::fs::read(&path) {
         Ok(bytes) => {
             let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes));
             let text = clean_mtl(&text, &path.display().to_string(), warnings);
-            tobj::load_mtl_buf(&mut text.as_bytes()).or_else(|e| {
+            let read = tobj::load_mtl_buf(&mut text.as_bytes()).or_else(|e| {
                 warnings.push(format!("{}: materials left out: {e}", path.display()));
                 Ok(Default::default())
+            });
+            read.map(|(mut materials, names)| {
+                find_pictures(&mut materials, &name, source);
+                (materials, names)
             })
         }
         Err(e) => {
             let e = unreadable(&path, &e);
             warnings.push(format!("{}: materials left out: {e}", source.file.display()));
             Ok(Default::default())
+        }
+    }
+}
+
+/// Pictures are looked for beside the MTL file `name` that names them, then beside the OBJ: exporters write both.
+fn find_pictures(materials: &mut [tobj::Material], name: &Path, source: &Source) {
+    let Some(folder) = name.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return };
+    for picture in materials.iter_mut().filter_map(|m| m.diffuse_texture.as_mut()) {
+        let beside = folder.join(&*picture);
+        if source.sibling(&beside).is_file() {
+            *picture = beside.to_string_lossy().into_owned();
         }
     }
 }
@@ -151,13 +168,33 @@ fn convert_material(
     })
 }
 
-/// The mesh of one tobj model, and how many of its polygons cross themselves.
-fn convert_mesh(m: &tobj::Mesh, triangulator: &mut Triangulator) -> (Mesh, usize) {
+/// For each face of a straightened text, in order, whether all its corners name a normal.
+fn faces_with_normals(text: &str) -> Vec<bool> {
+    let corners = |line: &str| line.split_whitespace().skip(1).count();
+    text.lines()
+        .filter(|line| line.starts_with("f ") && corners(line) >= 3)
+        .map(|line| {
+            let normal = |corner: &str| corner.split('/').nth(2).is_some_and(|n| !n.is_empty());
+            line.split_whitespace().skip(1).all(normal)
+        })
+        .collect()
+}
+
+/// The mesh of one tobj model, and how many of its polygons cross themselves. `has_normals` says of each face whether
+/// it names normals; where it does not, tobj repeats those of the face before.
+fn convert_mesh(
+    m: &tobj::Mesh,
+    has_normals: &mut impl Iterator<Item = bool>,
+    triangulator: &mut Triangulator,
+) -> (Mesh, usize) {
     let positions = triples(&m.positions);
     let mut corners: Vec<[usize; 3]> = Vec::with_capacity(m.indices.len());
+    // For each triangle, whether its face names normals.
+    let mut bent: Vec<bool> = Vec::with_capacity(m.indices.len() / 3);
     let mut faults = 0;
     if m.face_arities.is_empty() {
         corners.extend((0..m.indices.len() / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]));
+        bent.extend(has_normals.by_ref().take(corners.len()));
     } else {
         let mut polygon = Vec::new();
         let mut start = 0;
@@ -166,13 +203,23 @@ fn convert_mesh(m: &tobj::Mesh, triangulator: &mut Triangulator) -> (Mesh, usize
             polygon.clear();
             polygon.extend(m.indices[start..end].iter().map(|&i| positions[i as usize]));
             let simple = triangulator.triangulate(&polygon, |t| corners.push(t.map(|i| start + i)));
+            bent.resize(corners.len(), has_normals.next().unwrap_or(true));
             faults += usize::from(!simple);
             start = end;
         }
     }
     let pick = |indices: &[u32]| corners.iter().map(|c| c.map(|i| indices[i])).collect::<Vec<_>>();
-    let normals = (!m.normals.is_empty())
-        .then(|| Attribute { values: triples(&m.normals), triangles: Some(pick(&m.normal_indices)) });
+    let normals = (!m.normals.is_empty() && bent.contains(&true)).then(|| {
+        let mut values = triples(&m.normals);
+        let mut triangles = pick(&m.normal_indices);
+        if bent.contains(&false) {
+            let own = values.len() as u32;
+            values.push(DVec3::ZERO);
+            let flat = triangles.iter_mut().zip(&bent).filter(|(_, bent)| !**bent);
+            flat.for_each(|(triangle, _)| *triangle = [own; 3]);
+        }
+        Attribute { values, triangles: Some(triangles) }
+    });
     // OBJ counts v from the bottom of the picture.
     let uvs = (!m.texcoords.is_empty()).then(|| Attribute {
         values: m.texcoords.chunks_exact(2).map(|c| DVec2::new(c[0], 1.0 - c[1])).collect(),

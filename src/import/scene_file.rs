@@ -82,29 +82,22 @@ impl Builder<'_> {
 
     /// The settings of the whole picture, the cameras and the lights.
     fn picture(&mut self, file: &SceneFile) -> Result<()> {
-        let image = &file.image;
+        let start = file.image.as_ref().map_or(0, |section| section.span().start);
+        let image = file.image.as_ref().map(|section| section.get_ref().clone()).unwrap_or_default();
         match (image.width, image.height) {
             (Some(width), Some(height)) if width > 0 && height > 0 => self.scene.size = Some([width, height]),
             (None, None) => {}
             (Some(0), _) | (_, Some(0)) => {
-                return Err(self.error(
-                    self.find("[image]"),
-                    "a picture of width or height 0",
-                    "give both above 0",
-                ));
+                return Err(self.error(start, "a picture of width or height 0", "give both above 0"));
             }
-            _ => {
-                return Err(self.error(
-                    self.find("[image]"),
-                    "`width` or `height` is missing",
-                    "give both or neither",
-                ));
-            }
+            _ => return Err(self.error(start, "`width` or `height` is missing", "give both or neither")),
         }
         self.scene.background = Some(Colour::from_u8(image.background.map_or([0; 3], |c| c.0)));
         self.scene.colour = image.colour;
-        if let Some(intensity) = file.ambient.intensity {
-            self.scene.ambient = Some(self.not_negative(self.find("[ambient]"), "intensity", intensity)?);
+        if let Some(section) = &file.ambient
+            && let Some(intensity) = section.get_ref().intensity
+        {
+            self.scene.ambient = Some(self.not_negative(section.span().start, "intensity", intensity)?);
         }
         self.scene.effects = file.effects;
         for (index, section) in file.camera.iter().enumerate() {
@@ -120,10 +113,6 @@ impl Builder<'_> {
             self.scene.lights.push(light);
         }
         Ok(())
-    }
-
-    fn find(&self, header: &str) -> usize {
-        self.text.find(header).unwrap_or(0)
     }
 
     fn camera(&self, index: usize, section: &Spanned<CameraSection>) -> Result<Camera> {

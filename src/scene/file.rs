@@ -18,15 +18,15 @@ use crate::film::ColourPipeline;
 #[serde(deny_unknown_fields)]
 pub struct SceneFile {
     /// The picture.
-    #[serde(default)]
-    pub image: ImageSection,
+    #[schemars(with = "Option<ImageSection>")]
+    pub image: Option<Spanned<ImageSection>>,
     /// Cameras; the first is the default.
     #[serde(default)]
     #[schemars(with = "Vec<CameraSection>")]
     pub camera: Vec<Spanned<CameraSection>>,
     /// Ambient light.
-    #[serde(default)]
-    pub ambient: AmbientSection,
+    #[schemars(with = "Option<AmbientSection>")]
+    pub ambient: Option<Spanned<AmbientSection>>,
     /// Lights.
     #[serde(default)]
     #[schemars(with = "Vec<LightSection>")]
@@ -389,8 +389,9 @@ mod tests {
         let parse =
             |value: &str| SceneFile::parse(&format!("[image]\nbackground = {value}\n"), Path::new("a.toml"));
         let red = Some(ColourValue([124, 10, 2]));
-        assert_eq!(parse("[124, 10, 2]").unwrap().image.background, red);
-        assert_eq!(parse("\"#7c0A02\"").unwrap().image.background, red);
+        let background = |value: &str| parse(value).unwrap().image.unwrap().get_ref().background;
+        assert_eq!(background("[124, 10, 2]"), red);
+        assert_eq!(background("\"#7c0A02\""), red);
         for bad in ["[1, 2]", "[256, 0, 0]", "[0.5, 0.5, 0.5]", "\"#12345\"", "\"#12345é\"", "\"red\""] {
             assert!(parse(bad).is_err(), "{bad}");
         }
