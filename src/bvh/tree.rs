@@ -70,11 +70,10 @@ impl Tree {
         let mut t_max = prune_distance(ray.t_max);
         stack.clear();
         tests.nodes += entries.len() as u64;
-        for &(entry, _) in entries.iter().rev() {
-            if let Some(at) = enters(&test, &self.nodes[entry as usize], t_max) {
-                stack.push((entry, at));
-            }
-        }
+        stack.extend(entries.iter().rev().filter_map(|&(entry, _)| {
+            let at = enters(&test, &self.nodes[entry as usize], t_max)?;
+            Some((entry, at))
+        }));
         while let Some((mut index, at)) = stack.pop() {
             if at > t_max {
                 continue;

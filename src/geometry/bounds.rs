@@ -26,23 +26,28 @@ impl Bounds {
         Bounds { min: self.min - by, max: self.max + by }
     }
 
-    /// Moves a distance along `ray` into the part of the ray that passes through this box.
-    ///
-    /// The distances of the box's planes come from one exact subtraction, one reciprocal and one multiplication each,
-    /// so they are good to 2 ulp of f64 even where the hit's own formula cancels. A box test that contains this box
-    /// then contains the hit, whatever was lost in computing it; and on an axis-aligned triangle the plane's own
-    /// distance is taken.
+    /// Moves a distance along `ray` into the part of the ray that passes through this box; see [`hold`].
     #[inline(always)]
     pub fn hold(&self, ray: &Ray, t: f64) -> f64 {
-        let inverse = ray.direction.recip();
-        let downwards = inverse.cmplt(DVec3::ZERO);
-        let (min, max) = (self.min.as_dvec3(), self.max.as_dvec3());
-        let near = (DVec3::select(downwards, max, min) - ray.origin) * inverse;
-        let far = (DVec3::select(downwards, min, max) - ray.origin) * inverse;
-        // `max` and `min` pass over what is not a number: a ray that runs in a plane of the box (0 times infinity). Along
-        // an axis that the ray does not move on the others are infinite, and hold nothing.
-        t.max(near.x).max(near.y).max(near.z).min(far.x).min(far.y).min(far.z)
+        hold(self.min.as_dvec3(), self.max.as_dvec3(), ray, t)
     }
+}
+
+/// Moves a distance along `ray` into the part of the ray that passes through the box from `min` to `max`.
+///
+/// The distances of the box's planes come from one exact subtraction (for f32 planes), one reciprocal and one
+/// multiplication each, so they are good to 2 ulp of f64 even where the hit's own formula cancels. A box test that
+/// contains this box then contains the hit, whatever was lost in computing it; and on an axis-aligned triangle the
+/// plane's own distance is taken.
+#[inline(always)]
+pub fn hold(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> f64 {
+    let inverse = ray.direction.recip();
+    let downwards = inverse.cmplt(DVec3::ZERO);
+    let near = (DVec3::select(downwards, max, min) - ray.origin) * inverse;
+    let far = (DVec3::select(downwards, min, max) - ray.origin) * inverse;
+    // `max` and `min` pass over what is not a number: a ray that runs in a plane of the box (0 times infinity). Along an
+    // axis that the ray does not move on the others are infinite, and hold nothing.
+    t.max(near.x).max(near.y).max(near.z).min(far.x).min(far.y).min(far.z)
 }
 
 fn per_axis(v: DVec3, f: impl Fn(f64) -> f32) -> Vec3 {

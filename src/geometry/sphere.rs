@@ -7,6 +7,7 @@
 
 use glam::DVec3;
 
+use super::bounds::hold;
 use super::{Bounds, Ray};
 
 /// A sphere, in the numbers of the description.
@@ -21,10 +22,15 @@ pub struct Sphere {
 impl Sphere {
     /// The smallest f32 box that holds the sphere.
     pub fn bounds(&self) -> Bounds {
-        // The f64 sums are half an ulp of f64 off at most, which may matter where they are f32 numbers exactly.
-        let (min, max) = (self.centre - self.radius, self.centre + self.radius);
-        let step = f64::EPSILON * (self.centre.abs() + self.radius);
-        Bounds::rounded_out(min - step, max + step)
+        let [min, max] = self.box_in_f64();
+        Bounds::rounded_out(min, max)
+    }
+
+    /// A box that holds the sphere, with room for the rounding of the sums.
+    #[inline(always)]
+    fn box_in_f64(&self) -> [DVec3; 2] {
+        let reach = DVec3::splat(self.radius) + f64::EPSILON * (self.centre.abs() + self.radius);
+        [self.centre - reach, self.centre + reach]
     }
 
     /// The least distance within the ray's ends at which `ray` meets the surface, from outside or from inside.
@@ -41,9 +47,9 @@ impl Sphere {
         let q = b + (a * discriminant).sqrt().copysign(b);
         let c = f.dot(f) - self.radius * self.radius;
         let (t0, t1) = (c / q, q / a);
-        let bounds = self.bounds();
+        let [min, max] = self.box_in_f64();
         let within = |t: f64| {
-            let t = bounds.hold(ray, t);
+            let t = hold(min, max, ray, t);
             (ray.t_min < t && t < ray.t_max).then_some(t)
         };
         within(t0.min(t1)).or_else(|| within(t0.max(t1)))

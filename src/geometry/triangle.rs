@@ -10,7 +10,7 @@
 //! hits are decided as for the true triangles except within that of an edge. No FMA: it would break the symmetry
 //! between the two sides of an edge.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3A};
 
 use super::{Bounds, Ray};
 
@@ -22,8 +22,8 @@ impl Triangle {
     /// The smallest box that holds the triangle.
     #[inline]
     pub fn bounds(&self) -> Bounds {
-        let [a, b, c] = self.0;
-        Bounds { min: a.min(b).min(c), max: a.max(b).max(c) }
+        let [a, b, c] = self.0.map(Vec3A::from);
+        Bounds { min: a.min(b).min(c).into(), max: a.max(b).max(c).into() }
     }
 
     /// A vector perpendicular to the triangle; the order of the corners gives its side, twice the area its length.
@@ -37,8 +37,8 @@ impl Triangle {
 /// A ray made ready for triangles.
 pub struct TriangleTest {
     origin: DVec3,
-    /// The axes, the one the ray runs along most being last.
-    axes: [usize; 3],
+    /// The axis that the ray runs along most.
+    along: Along,
     shear: [f64; 3],
 }
 
@@ -51,51 +51,61 @@ pub struct TriangleHit {
     pub weights: [f64; 2],
 }
 
+#[derive(Clone, Copy)]
+enum Along {
+    X,
+    Y,
+    Z,
+}
+
 impl TriangleTest {
     /// Prepares `ray`.
     #[inline]
     pub fn new(ray: &Ray) -> Self {
-        let d = ray.direction.abs();
-        let last = if d.x >= d.y && d.x >= d.z {
-            0
-        } else if d.y >= d.z {
-            1
+        let (d, length) = (ray.direction, ray.direction.abs());
+        let (along, turned) = if length.x >= length.y && length.x >= length.z {
+            (Along::X, DVec3::new(d.y, d.z, d.x))
+        } else if length.y >= length.z {
+            (Along::Y, DVec3::new(d.z, d.x, d.y))
         } else {
-            2
+            (Along::Z, d)
         };
-        let axes = [[1, 2, 0], [2, 0, 1], [0, 1, 2]][last];
-        let along = 1.0 / ray.direction[last];
-        let shear = [ray.direction[axes[0]] * along, ray.direction[axes[1]] * along, along];
-        TriangleTest { origin: ray.origin, axes, shear }
+        let reciprocal = 1.0 / turned.z;
+        let shear = [turned.x * reciprocal, turned.y * reciprocal, reciprocal];
+        TriangleTest { origin: ray.origin, along, shear }
     }
 
     /// Where `ray`, for which this was made, hits the triangle within the ray's ends. Both sides count; edges and
     /// corners count; a ray in the triangle's plane does not hit.
     #[inline(always)]
     pub fn hit(&self, ray: &Ray, triangle: &Triangle) -> Option<TriangleHit> {
-        let [x, y, z] = self.axes;
-        let sheared = |corner: Vec3| {
-            let from_origin = (corner.as_dvec3() - self.origin).to_array();
-            let depth = from_origin[z];
-            (from_origin[x] - self.shear[0] * depth, from_origin[y] - self.shear[1] * depth, depth)
+        let [a, b, c] = &triangle.0;
+        let from_origin = |corner: &Vec3| corner.as_dvec3() - self.origin;
+        let (a, b, c) = (from_origin(a), from_origin(b), from_origin(c));
+        // The axes are turned so that the ray runs along the last; written out, they stay in registers.
+        let turned = |v: DVec3| match self.along {
+            Along::X => DVec3::new(v.y, v.z, v.x),
+            Along::Y => DVec3::new(v.z, v.x, v.y),
+            Along::Z => v,
         };
-        let (ax, ay, az) = sheared(triangle.0[0]);
-        let (bx, by, bz) = sheared(triangle.0[1]);
-        let (cx, cy, cz) = sheared(triangle.0[2]);
+        let (a, b, c) = (turned(a), turned(b), turned(c));
+        let sheared = |v: DVec3| (v.x - self.shear[0] * v.z, v.y - self.shear[1] * v.z);
+        let ((ax, ay), (bx, by), (cx, cy)) = (sheared(a), sheared(b), sheared(c));
         // The edge functions, each proportional to the weight of the corner opposite.
-        let a = cx * by - cy * bx;
-        let b = ax * cy - ay * cx;
-        let c = bx * ay - by * ax;
-        let inside = (a >= 0.0 && b >= 0.0 && c >= 0.0) || (a <= 0.0 && b <= 0.0 && c <= 0.0);
-        let sum = a + b + c;
+        let weight_a = cx * by - cy * bx;
+        let weight_b = ax * cy - ay * cx;
+        let weight_c = bx * ay - by * ax;
+        let inside = (weight_a >= 0.0 && weight_b >= 0.0 && weight_c >= 0.0)
+            || (weight_a <= 0.0 && weight_b <= 0.0 && weight_c <= 0.0);
+        let sum = weight_a + weight_b + weight_c;
         if !inside || sum == 0.0 {
             return None;
         }
         let share = 1.0 / sum;
         // A convex combination of the corners' depths: its error is relative to the triangle, not to the scene.
-        let t = (a * az + b * bz + c * cz) * share * self.shear[2];
+        let t = (weight_a * a.z + weight_b * b.z + weight_c * c.z) * share * self.shear[2];
         let t = triangle.bounds().hold(ray, t);
-        (ray.t_min < t && t < ray.t_max).then_some(TriangleHit { t, weights: [b * share, c * share] })
+        (ray.t_min < t && t < ray.t_max).then_some(TriangleHit { t, weights: [weight_b * share, weight_c * share] })
     }
 }
 
