@@ -105,7 +105,8 @@ impl TriangleTest {
         // A convex combination of the corners' depths: its error is relative to the triangle, not to the scene.
         let t = (weight_a * a.z + weight_b * b.z + weight_c * c.z) * share * self.shear[2];
         let t = triangle.bounds().hold(ray, t);
-        (ray.t_min < t && t < ray.t_max).then_some(TriangleHit { t, weights: [weight_b * share, weight_c * share] })
+        (ray.t_min < t && t < ray.t_max)
+            .then_some(TriangleHit { t, weights: [weight_b * share, weight_c * share] })
     }
 }
 

@@ -43,8 +43,9 @@ pub fn render(
     let context = Context { world, view };
     let idle: Mutex<Vec<Worker>> = Mutex::new(Vec::new());
     let done = AtomicUsize::new(0);
-    let total = film.tiles_mut().len();
-    film.tiles_mut().par_iter_mut().for_each(|tile| {
+    let tiles = film.tiles_mut();
+    let total = tiles.len();
+    tiles.into_par_iter().for_each(|tile| {
         if watch.cancel.load(Ordering::Relaxed) {
             return;
         }
@@ -78,7 +79,7 @@ impl Worker {
 }
 
 /// A tile: every stage of the plan in order, then the pixels.
-fn render_tile(plan: &Plan, context: &Context, film: &mut FilmTile, worker: &mut Worker) {
+fn render_tile(plan: &Plan, context: &Context, film: FilmTile, worker: &mut Worker) {
     let Worker { tile, times } = worker;
     tile.start(film.window);
     let mut last = Instant::now();
