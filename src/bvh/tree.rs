@@ -68,44 +68,66 @@ impl Tree {
         }
         let test = BoxTest::new(ray);
         let mut t_max = prune_distance(ray.t_max);
-        stack.clear();
-        tests.nodes += entries.len() as u64;
-        stack.extend(entries.iter().rev().filter_map(|&(entry, _)| {
-            let at = enters(&test, &self.nodes[entry as usize], t_max)?;
-            Some((entry, at))
-        }));
-        while let Some((mut index, at)) = stack.pop() {
-            if at > t_max {
+        for &(entry, _) in entries {
+            tests.nodes += 1;
+            if enters(&test, &self.nodes[entry as usize], t_max).is_none() {
                 continue;
             }
-            // Down to a leaf, leaving the farther sides for later.
-            let leaf = loop {
-                let node = &self.nodes[index as usize];
-                if node.is_leaf() {
-                    break Some(node.first_index..node.first_index + node.prim_count);
-                }
-                tests.nodes += 2;
-                let (left, right) = (node.first_index, node.first_index + 1);
-                let at_left = enters(&test, &self.nodes[left as usize], t_max);
-                let at_right = enters(&test, &self.nodes[right as usize], t_max);
-                index = match (at_left, at_right) {
-                    (Some(l), Some(r)) => {
-                        let (near, far, at_far) = if l <= r { (left, right, r) } else { (right, left, l) };
-                        stack.push((far, at_far));
-                        near
+            stack.clear();
+            let mut index = entry;
+            loop {
+                if let Some(leaf) = self.descend(index, &test, t_max, stack, tests) {
+                    tests.primitives += leaf.len() as u64;
+                    match visit(leaf) {
+                        Step::Stop => return,
+                        Step::Prune(t) => t_max = prune_distance(t),
+                        Step::Go => {}
                     }
-                    (Some(_), None) => left,
-                    (None, Some(_)) => right,
-                    (None, None) => break None,
+                }
+                index = loop {
+                    match stack.pop() {
+                        Some((waiting, at)) if at <= t_max => break waiting,
+                        Some(_) => {}
+                        None => break NOTHING,
+                    }
                 };
-            };
-            let Some(leaf) = leaf else { continue };
-            tests.primitives += leaf.len() as u64;
-            match visit(leaf) {
-                Step::Stop => return,
-                Step::Prune(t) => t_max = prune_distance(t),
-                Step::Go => {}
+                if index == NOTHING {
+                    break;
+                }
             }
+        }
+    }
+
+    /// From a node that the ray enters down to a leaf, always to the nearer side, leaving the farther sides on the stack.
+    /// `None` where no side is entered.
+    #[inline(always)]
+    fn descend(
+        &self,
+        mut index: u32,
+        test: &BoxTest,
+        t_max: f32,
+        stack: &mut Vec<(u32, f32)>,
+        tests: &mut Tests,
+    ) -> Option<std::ops::Range<u32>> {
+        loop {
+            let node = &self.nodes[index as usize];
+            if node.is_leaf() {
+                return Some(node.first_index..node.first_index + node.prim_count);
+            }
+            tests.nodes += 2;
+            let (left, right) = (node.first_index, node.first_index + 1);
+            let at_left = enters(test, &self.nodes[left as usize], t_max);
+            let at_right = enters(test, &self.nodes[right as usize], t_max);
+            index = match (at_left, at_right) {
+                (Some(l), Some(r)) => {
+                    let (near, far, at_far) = if l <= r { (left, right, r) } else { (right, left, l) };
+                    stack.push((far, at_far));
+                    near
+                }
+                (Some(_), None) => left,
+                (None, Some(_)) => right,
+                (None, None) => return None,
+            };
         }
     }
 
@@ -159,6 +181,9 @@ impl Tree {
         if self.nodes.is_empty() { &[] } else { &[(0, 0.0)] }
     }
 }
+
+/// The index of no node.
+const NOTHING: u32 = u32::MAX;
 
 /// How many nodes a batch of rays may begin at. Measured on the bunny, the kitchen and the assignment scene.
 const MOST_ENTRIES: usize = 8;

@@ -45,9 +45,11 @@ pub fn hold(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> f64 {
     let downwards = inverse.cmplt(DVec3::ZERO);
     let near = (DVec3::select(downwards, max, min) - ray.origin) * inverse;
     let far = (DVec3::select(downwards, min, max) - ray.origin) * inverse;
-    // `max` and `min` pass over what is not a number: a ray that runs in a plane of the box (0 times infinity). Along an
-    // axis that the ray does not move on the others are infinite, and hold nothing.
-    t.max(near.x).max(near.y).max(near.z).min(far.x).min(far.y).min(far.z)
+    // What is not a number is never taken: a ray that runs in a plane of the box (0 times infinity). Along an axis that
+    // the ray does not move on the others are infinite, and hold nothing.
+    let up = |t: f64, bound: f64| if bound > t { bound } else { t };
+    let down = |t: f64, bound: f64| if bound < t { bound } else { t };
+    down(down(down(up(up(up(t, near.x), near.y), near.z), far.x), far.y), far.z)
 }
 
 fn per_axis(v: DVec3, f: impl Fn(f64) -> f32) -> Vec3 {
