@@ -45,13 +45,13 @@ pub fn render(
     let done = AtomicUsize::new(0);
     let tiles = film.tiles_mut();
     let total = tiles.len();
-    tiles.into_par_iter().for_each(|tile| {
+    tiles.into_par_iter().for_each(|mut tile| {
         if watch.cancel.load(Ordering::Relaxed) {
             return;
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
         let mut worker = taken.unwrap_or_else(|| Worker::new(plan));
-        render_tile(plan, &context, tile, &mut worker);
+        render_tile(plan, &context, &mut tile, &mut worker);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);
         }
@@ -79,7 +79,7 @@ impl Worker {
 }
 
 /// A tile: every stage of the plan in order, then the pixels.
-fn render_tile(plan: &Plan, context: &Context, film: FilmTile, worker: &mut Worker) {
+fn render_tile(plan: &Plan, context: &Context, film: &mut FilmTile, worker: &mut Worker) {
     let Worker { tile, times } = worker;
     tile.start(film.window);
     let mut last = Instant::now();

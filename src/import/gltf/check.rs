@@ -1,0 +1,143 @@
+//! What can be wrong with a glTF document, found before anything is read from it.
+
+use std::path::Path;
+
+use glam::{DMat4, DQuat};
+
+use super::dvec3;
+use crate::error::{Error, Place, Result, Warnings};
+use crate::import::uri::{self, Resource};
+use crate::import::{Source, unreadable};
+
+pub(super) fn explain(file: &Path, e: gltf::Error) -> Error {
+    let text = e.to_string();
+    let gltf::Error::Validation(faults) = e else {
+        return Error::input(file, format!("not a usable glTF file: {text}"), "export it again as glTF 2.0");
+    };
+    let unread: Vec<String> = faults
+        .iter()
+        .filter(|(_, fault)| *fault == gltf::json::validation::Error::Unsupported)
+        .filter_map(|(path, _)| {
+            // The path reads `extensionsRequired[0] = "NAME"`.
+            let name = path.as_str().strip_prefix("extensionsRequired")?.split('"').nth(1)?;
+            Some(name.to_owned())
+        })
+        .collect();
+    if !unread.is_empty() {
+        let what = format!("requires glTF extensions that kiln does not read: {}", unread.join(", "));
+        let hint = "export it without compression or quantisation (for example with `gltf-transform copy` or \
+                    `gltfpack -noq`)";
+        return Error::input(file, what, hint);
+    }
+    let (path, fault) = &faults[0];
+    let what = format!("not a usable glTF file: {path}: {fault}");
+    Error::input(file, what, "export it again as glTF 2.0")
+}
+
+/// The `gltf` crate reads accessors without checking their numbers: none at all, or sums beyond 64 bits, make it panic
+/// or wrap round, and steps shorter than an element or other types than the format allows make it read garbage.
+pub(super) fn check_accessors(document: &gltf::Document, file: &Path) -> Result<()> {
+    let fits = |view: Option<gltf::buffer::View>, offset: usize, count: usize, size: usize| {
+        let Some(view) = view else { return count > 0 };
+        let stride = view.stride().unwrap_or(size);
+        let steps = count.checked_sub(1).and_then(|steps| stride.checked_mul(steps));
+        let end = steps.and_then(|bytes| bytes.checked_add(offset)?.checked_add(size));
+        let inside = end.is_some_and(|end| end <= view.length());
+        inside && stride >= size && view.offset().checked_add(view.length()).is_some()
+    };
+    for accessor in document.accessors() {
+        let (count, size) = (accessor.count(), accessor.size());
+        let mut usable = fits(accessor.view(), accessor.offset(), count, size);
+        if let Some(sparse) = accessor.sparse() {
+            let (indices, values) = (sparse.indices(), sparse.values());
+            let index_size = indices.index_type().size();
+            usable &= fits(Some(indices.view()), indices.offset(), sparse.count(), index_size);
+            usable &= fits(Some(values.view()), values.offset(), sparse.count(), size);
+        }
+        if !usable {
+            let item = Place::item(file, format!("accessor {}", accessor.index()));
+            let what = "its elements do not lie inside its buffer view";
+            return Err(Error::input(item, what, "export the file again"));
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn load_buffers(
+    document: &gltf::Document,
+    mut blob: Option<Vec<u8>>,
+    source: &Source,
+) -> Result<Vec<Vec<u8>>> {
+    let load = |buffer: gltf::Buffer| {
+        let item = format!("buffer {}", buffer.index());
+        let fault = |what: String| {
+            Error::input(Place::item(&source.file, item.clone()), what, "export the file again")
+        };
+        let data = match buffer.source() {
+            gltf::buffer::Source::Bin => {
+                blob.take().ok_or_else(|| fault("the binary part of the file is missing".into()))?
+            }
+            gltf::buffer::Source::Uri(text) => match uri::resolve(text).map_err(&fault)? {
+                Resource::Data(data) => data,
+                Resource::File(name) => {
+                    let path = source.sibling(name);
+                    std::fs::read(&path).map_err(|e| fault(unreadable(&path, &e).to_string()))?
+                }
+            },
+        };
+        if data.len() < buffer.length() {
+            return Err(fault(format!("{} of {} bytes are there", data.len(), buffer.length())));
+        }
+        Ok(data)
+    };
+    document.buffers().map(load).collect()
+}
+
+/// Each node's transform into the world, or `None` for nodes that are not in the scene.
+///
+/// Every node is visited once: a walk along every path would not end in a loop, and takes 2^n steps where n nodes in a
+/// row are each named twice.
+pub(super) fn world_transforms(
+    document: &gltf::Document,
+    file: &Path,
+    warnings: &mut Warnings,
+) -> Result<Vec<Option<DMat4>>> {
+    let mut world_from_node = vec![None; document.nodes().count()];
+    let mut parent_of: Vec<Option<usize>> = vec![None; world_from_node.len()];
+    let roots: Vec<gltf::Node> = match document.default_scene().or_else(|| document.scenes().next()) {
+        Some(scene) => scene.nodes().collect(),
+        None => document.nodes().collect(),
+    };
+    let mut open: Vec<(gltf::Node, DMat4, Option<usize>)> =
+        roots.into_iter().rev().map(|node| (node, DMat4::IDENTITY, None)).collect();
+    while let Some((node, world_from_parent, parent)) = open.pop() {
+        let index = node.index();
+        if world_from_node[index].is_some() {
+            if std::iter::successors(parent, |&above| parent_of[above]).any(|above| above == index) {
+                let item = Place::item(file, format!("node {index}"));
+                return Err(Error::input(item, "the nodes contain themselves", "correct the hierarchy"));
+            }
+            let file = file.display();
+            warnings.push(format!("{file}: node {index} is in the scene more than once; drawn once"));
+            continue;
+        }
+        let transform = world_from_parent * parent_from_node(&node);
+        world_from_node[index] = Some(transform);
+        parent_of[index] = parent;
+        open.extend(node.children().map(|child| (child, transform, Some(index))));
+    }
+    Ok(world_from_node)
+}
+
+fn parent_from_node(node: &gltf::Node) -> DMat4 {
+    match node.transform() {
+        gltf::scene::Transform::Matrix { matrix } => glam::Mat4::from_cols_array_2d(&matrix).as_dmat4(),
+        gltf::scene::Transform::Decomposed { translation, rotation, scale } => {
+            let rotation = DQuat::from_array(rotation.map(f64::from));
+            // An unnormalised rotation would scale.
+            let rotation =
+                if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+            DMat4::from_scale_rotation_translation(dvec3(scale), rotation, dvec3(translation))
+        }
+    }
+}

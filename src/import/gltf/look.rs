@@ -1,0 +1,168 @@
+//! Materials, textures, cameras and lights.
+
+use glam::{DMat4, DVec3};
+
+use super::{Loader, dvec3};
+use crate::film::Colour;
+use crate::import::pictures::{self, Pictures};
+use crate::import::uri::{self, Resource};
+use crate::scene::{
+    Camera, Falloff, ImageId, Light, LightKind, Material, MetallicRoughness, Projection, Sampler, Scene,
+    Texture, Wrap,
+};
+
+impl Loader<'_> {
+    pub(super) fn load_images(&mut self, document: &gltf::Document) -> Vec<Option<ImageId>> {
+        let mut files = Pictures::default();
+        document.images().map(|image| self.load_image(&image, &mut files)).collect()
+    }
+
+    pub(super) fn load_image(&mut self, image: &gltf::Image, files: &mut Pictures) -> Option<ImageId> {
+        let name = format!("{}: image {}", self.source.file.display(), image.index());
+        match image.source() {
+            gltf::image::Source::View { view, .. } => {
+                let range = view.offset()..view.offset().checked_add(view.length())?;
+                let Some(bytes) = self.buffers.get(view.buffer().index()).and_then(|data| data.get(range))
+                else {
+                    self.warnings.push(format!("{name}: texture left out: it lies outside its buffer"));
+                    return None;
+                };
+                pictures::of_bytes(&mut self.scene, &name, bytes, self.warnings)
+            }
+            gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
+                Ok(Resource::Data(bytes)) => {
+                    pictures::of_bytes(&mut self.scene, &name, &bytes, self.warnings)
+                }
+                Ok(Resource::File(file)) => {
+                    files.of_file(&mut self.scene, &self.source.sibling(file), self.warnings)
+                }
+                Err(what) => {
+                    self.warnings.push(format!("{name}: texture left out: {what}"));
+                    None
+                }
+            },
+        }
+    }
+
+    pub(super) fn texture(&self, texture: &gltf::Texture) -> Option<Texture> {
+        use gltf::texture::WrappingMode;
+        let wrap = |mode| match mode {
+            WrappingMode::ClampToEdge => Wrap::ClampToEdge,
+            WrappingMode::MirroredRepeat => Wrap::MirroredRepeat,
+            WrappingMode::Repeat => Wrap::Repeat,
+        };
+        let image = (*self.images.get(texture.source().index())?)?;
+        let sampler = texture.sampler();
+        Some(Texture {
+            image,
+            sampler: Sampler { wrap_u: wrap(sampler.wrap_s()), wrap_v: wrap(sampler.wrap_t()) },
+        })
+    }
+
+    pub(super) fn material(&self, m: &gltf::Material) -> Material {
+        let pbr = m.pbr_metallic_roughness();
+        let [r, g, b, _] = pbr.base_color_factor();
+        let emission = dvec3(m.emissive_factor()) * f64::from(m.emissive_strength().unwrap_or(1.0));
+        Material::MetallicRoughness(MetallicRoughness {
+            name: m.name().map_or_else(|| format!("material {}", m.index().unwrap_or(0)), str::to_owned),
+            base_colour: Colour::Linear(dvec3([r, g, b])),
+            base_colour_texture: pbr.base_color_texture().and_then(|t| self.texture(&t.texture())),
+            metallic: f64::from(pbr.metallic_factor()).clamp(0.0, 1.0),
+            roughness: f64::from(pbr.roughness_factor()).clamp(0.0, 1.0),
+            metallic_roughness_texture: pbr
+                .metallic_roughness_texture()
+                .and_then(|t| self.texture(&t.texture())),
+            emission: Colour::Linear(emission),
+            emission_texture: m.emissive_texture().and_then(|t| self.texture(&t.texture())),
+            unlit: m.unlit(),
+        })
+    }
+
+    pub(super) fn camera(&mut self, camera: &gltf::Camera, name: String, world_from_node: &DMat4) {
+        let position = world_from_node.w_axis.truncate();
+        let axis = |v: DVec3| world_from_node.transform_vector3(v).try_normalize();
+        let (Some(forward), Some(up)) = (axis(DVec3::NEG_Z), axis(DVec3::Y)) else {
+            self.warn(format!("camera {name} has no size; left out"));
+            return;
+        };
+        let (projection, view_height, view_width) = match camera.projection() {
+            gltf::camera::Projection::Perspective(p) => {
+                let height = 2.0 * (f64::from(p.yfov()) / 2.0).tan();
+                (Projection::Perspective, height, p.aspect_ratio().map(|a| f64::from(a) * height))
+            }
+            gltf::camera::Projection::Orthographic(o) => {
+                let (width, height) = (2.0 * f64::from(o.xmag()).abs(), 2.0 * f64::from(o.ymag()).abs());
+                (Projection::Orthographic, height, Some(width))
+            }
+        };
+        let sizes = [view_height, view_width.unwrap_or(1.0)];
+        if !position.is_finite() || sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
+            self.warn(format!("camera {name} sees nothing; left out"));
+            return;
+        }
+        let target = position + forward;
+        self.scene.cameras.push(Camera {
+            name,
+            position,
+            target,
+            up,
+            projection,
+            view_height,
+            view_width,
+            viewpoint_distance: 1.0,
+        });
+    }
+
+    pub(super) fn light(
+        &mut self,
+        light: &gltf::khr_lights_punctual::Light,
+        name: String,
+        world_from_node: &DMat4,
+    ) {
+        use gltf::khr_lights_punctual::Kind;
+        let position = world_from_node.w_axis.truncate();
+        let direction =
+            world_from_node.transform_vector3(DVec3::NEG_Z).try_normalize().unwrap_or(DVec3::NEG_Z);
+        let falloff = Falloff::InverseSquare { range: light.range().map(f64::from) };
+        let kind = match light.kind() {
+            Kind::Directional => LightKind::Directional { direction },
+            Kind::Point => LightKind::Point { position, falloff },
+            Kind::Spot { inner_cone_angle, outer_cone_angle } => LightKind::Spot {
+                position,
+                direction,
+                falloff,
+                inner_angle: f64::from(inner_cone_angle),
+                outer_angle: f64::from(outer_cone_angle),
+            },
+        };
+        // KHR_lights_punctual gives candela or lux, of which a diffuse surface reflects 1/pi; intensity 1 here shows a
+        // surface in its own colour.
+        let intensity = f64::from(light.intensity()) / std::f64::consts::PI;
+        if !(intensity.is_finite() && position.is_finite()) {
+            self.warn(format!("light {name} is not finite; left out"));
+            return;
+        }
+        let colour = Colour::Linear(dvec3(light.color()));
+        self.scene.lights.push(Light { name, colour, intensity, kind });
+    }
+}
+
+/// The line of sight of a glTF camera has no end; it is given one beside the middle of the scene, so that a switch to
+/// the orthographic projection shows the scene at a like size.
+pub(super) fn place_targets(scene: &mut Scene) {
+    let Some((min, max)) = scene.bounds() else { return };
+    let middle = (min + max) / 2.0;
+    for camera in &mut scene.cameras {
+        let direction = camera.target - camera.position;
+        let distance = (middle - camera.position).dot(direction);
+        if distance > 0.0 {
+            let factor = distance / camera.viewpoint_distance;
+            camera.target = camera.position + direction * distance;
+            if camera.projection == Projection::Perspective {
+                camera.view_height *= factor;
+                camera.view_width = camera.view_width.map(|width| width * factor);
+            }
+            camera.viewpoint_distance = distance;
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! glTF 2.0, text and binary, read by the `gltf` crate.
+//!
+//! Buffers and pictures are opened here rather than by `gltf::import`, which loses the whole file for one missing
+//! picture. The node hierarchy is flattened into world space; skins are posed as their joints stand at rest. This file
+//! has the way through a document; [`check`] what can be wrong with it, [`triangles`] its meshes, [`look`] its materials,
+//! cameras and lights.
+
+mod check;
+mod look;
+mod triangles;
+
+use glam::{DMat4, DVec3};
+
+use super::Source;
+use crate::error::{Result, Warnings};
+use crate::scene::{ImageId, Material, MaterialId, MetallicRoughness, Object, Scene, Shape};
+use check::{check_accessors, explain, load_buffers, world_transforms};
+use look::place_targets;
+use triangles::deform;
+
+/// Reads a .gltf or .glb file.
+pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+    let bytes = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
+    let gltf::Gltf { document, blob } =
+        gltf::Gltf::from_slice(bytes).map_err(|e| explain(&source.file, e))?;
+    check_accessors(&document, &source.file)?;
+    let buffers = load_buffers(&document, blob, source)?;
+    let mut loader =
+        Loader { source, buffers, images: Vec::new(), scene: Scene::default(), warnings, plain: None };
+    loader.warn_of_what_is_not_drawn(&document);
+    loader.images = loader.load_images(&document);
+    for material in document.materials() {
+        let material = loader.material(&material);
+        loader.scene.add_material(material);
+    }
+    let world_from_node = world_transforms(&document, &source.file, loader.warnings)?;
+    for node in document.nodes() {
+        if let Some(transform) = world_from_node[node.index()] {
+            loader.node(&node, &transform, &world_from_node)?;
+        }
+    }
+    let mut scene = loader.scene;
+    place_targets(&mut scene);
+    Ok(scene)
+}
+
+struct Loader<'a> {
+    source: &'a Source,
+    buffers: Vec<Vec<u8>>,
+    images: Vec<Option<ImageId>>,
+    scene: Scene,
+    warnings: &'a mut Warnings,
+    plain: Option<MaterialId>,
+}
+
+impl Loader<'_> {
+    fn warn(&mut self, what: impl std::fmt::Display) {
+        self.warnings.push(format!("{}: {what}", self.source.file.display()));
+    }
+
+    fn warn_of_what_is_not_drawn(&mut self, document: &gltf::Document) {
+        if document.animations().next().is_some() {
+            self.warn("it has animations; drawn at rest");
+        }
+        const READ: [&str; 3] =
+            ["KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_unlit"];
+        let unread: Vec<&str> = document.extensions_used().filter(|name| !READ.contains(name)).collect();
+        for name in unread {
+            self.warn(format!("extension {name} is not used"));
+        }
+        let transparent =
+            document.materials().filter(|m| m.alpha_mode() != gltf::material::AlphaMode::Opaque).count();
+        if transparent > 0 {
+            self.warn(format!("{transparent} material(s) are transparent; drawn opaque"));
+        }
+    }
+
+    fn node(
+        &mut self,
+        node: &gltf::Node,
+        world_from_node: &DMat4,
+        world_from_nodes: &[Option<DMat4>],
+    ) -> Result<()> {
+        let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
+        if let Some(camera) = node.camera() {
+            self.camera(&camera, name.clone(), world_from_node);
+        }
+        if let Some(light) = node.light() {
+            self.light(&light, name.clone(), world_from_node);
+        }
+        let Some(mesh) = node.mesh() else { return Ok(()) };
+        for primitive in mesh.primitives() {
+            let Some(mut triangles) = self.primitive(&primitive, &name)? else { continue };
+            match node.skin().and_then(|skin| self.pose(&skin, &primitive, world_from_nodes)) {
+                Some(matrices) => deform(&mut triangles, &matrices),
+                None => triangles.transform(world_from_node),
+            }
+            let material = match primitive.material().index() {
+                Some(index) => MaterialId(index as u32),
+                None => self.plain_material(),
+            };
+            let shape = Shape::Mesh(triangles);
+            self.scene.objects.push(Object { name: name.clone(), input: 0, material, shape });
+        }
+        Ok(())
+    }
+
+    fn plain_material(&mut self) -> MaterialId {
+        let scene = &mut self.scene;
+        *self.plain.get_or_insert_with(|| {
+            scene.add_material(Material::MetallicRoughness(MetallicRoughness {
+                metallic: 0.0,
+                ..MetallicRoughness::default()
+            }))
+        })
+    }
+}
+
+fn dvec3(v: [f32; 3]) -> DVec3 {
+    DVec3::from(v.map(f64::from))
+}

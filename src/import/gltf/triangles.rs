@@ -1,0 +1,148 @@
+//! Meshes: positions, indices, attributes and skins.
+
+use glam::{DMat4, DVec2, DVec3};
+
+use super::{Loader, dvec3};
+use crate::error::{Error, Place, Result};
+use crate::scene::{Attribute, Mesh};
+
+impl Loader<'_> {
+    /// The triangles of one primitive in its mesh's own space; `None` for points and lines.
+    pub(super) fn primitive(&mut self, primitive: &gltf::Primitive, name: &str) -> Result<Option<Mesh>> {
+        use gltf::mesh::Mode;
+        if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
+            self.warn(format!("{name}: points and lines are not drawn"));
+            return Ok(None);
+        }
+        let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
+        let fault = |what: &str| {
+            let item = Place::item(&self.source.file, format!("{name}, primitive {}", primitive.index()));
+            Error::input(item, what, "export the file again")
+        };
+        if let Some(accessor) = primitive.get(&gltf::Semantic::Positions) {
+            use gltf::accessor::{DataType, Dimensions};
+            if (accessor.data_type(), accessor.dimensions()) != (DataType::F32, Dimensions::Vec3) {
+                return Err(fault("its positions are not three floating-point numbers each"));
+            }
+        }
+        let positions: Vec<DVec3> = match reader.read_positions() {
+            Some(positions) => positions.map(dvec3).collect(),
+            None if primitive.get(&gltf::Semantic::Positions).is_none() => {
+                self.warn(format!("{name}: a mesh without positions is not drawn"));
+                return Ok(None);
+            }
+            None => return Err(fault("its positions lie outside their buffer")),
+        };
+        let count = positions.len();
+        let order: Vec<u32> = match (reader.read_indices(), primitive.indices()) {
+            (Some(indices), _) => indices.into_u32().collect(),
+            (None, Some(_)) => return Err(fault("its indices lie outside their buffer")),
+            (None, None) => (0..count as u32).collect(),
+        };
+        let mut triangles = into_triangles(&order, primitive.mode());
+        let before = triangles.len();
+        triangles.retain(|t| t.iter().all(|&i| (i as usize) < count));
+        let out_of_range = before - triangles.len();
+
+        // An attribute that does not go with the positions is as good as none.
+        let uv_set =
+            primitive.material().pbr_metallic_roughness().base_color_texture().map_or(0, |t| t.tex_coord());
+        let normals = reader.read_normals().map(|values| values.map(dvec3).collect::<Vec<_>>());
+        let uvs = reader.read_tex_coords(uv_set).map(|uvs| {
+            uvs.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect::<Vec<_>>()
+        });
+        let colours = reader.read_colors(0).map(|c| c.into_rgb_f32().map(dvec3).collect::<Vec<_>>());
+        let mesh = Mesh {
+            normals: normals.filter(|v| v.len() == count).map(Attribute::per_position),
+            uvs: uvs.filter(|v| v.len() == count).map(Attribute::per_position),
+            colours: colours.filter(|v| v.len() == count).map(Attribute::per_position),
+            positions,
+            triangles,
+        };
+        if primitive.morph_targets().next().is_some() {
+            self.warn(format!("{name}: morph targets are not used"));
+        }
+        if out_of_range > 0 {
+            self.warn(format!("{name}: left out {out_of_range} triangle(s) with an index out of range"));
+        }
+        Ok(Some(mesh))
+    }
+
+    /// One matrix a vertex, from the rest pose of a skin's joints (glTF 2.0, section 3.7.3).
+    pub(super) fn pose(
+        &mut self,
+        skin: &gltf::Skin,
+        primitive: &gltf::Primitive,
+        world_from_nodes: &[Option<DMat4>],
+    ) -> Option<Vec<DMat4>> {
+        let get = |buffer: gltf::Buffer| self.buffers.get(buffer.index()).map(Vec::as_slice);
+        let reader = primitive.reader(get);
+        let joints: Vec<[u16; 4]> = reader.read_joints(0)?.into_u16().collect();
+        let weights: Vec<[f32; 4]> = reader.read_weights(0)?.into_f32().collect();
+        let joint_from_mesh: Option<Vec<DMat4>> = skin
+            .reader(get)
+            .read_inverse_bind_matrices()
+            .map(|matrices| matrices.map(|m| glam::Mat4::from_cols_array_2d(&m).as_dmat4()).collect());
+        let world_from_mesh: Vec<DMat4> = skin
+            .joints()
+            .enumerate()
+            .map(|(i, joint)| {
+                let world_from_joint = world_from_nodes[joint.index()].unwrap_or(DMat4::IDENTITY);
+                let inverse_bind = joint_from_mesh.as_ref().and_then(|m| m.get(i)).copied();
+                world_from_joint * inverse_bind.unwrap_or(DMat4::IDENTITY)
+            })
+            .collect();
+        let blend = |(joints, weights): (&[u16; 4], &[f32; 4])| {
+            let mut sum = DMat4::ZERO;
+            for (&joint, &weight) in joints.iter().zip(weights) {
+                sum += *world_from_mesh.get(joint as usize)? * f64::from(weight);
+            }
+            // The last row of a blend is the sum of the weights.
+            (sum.w_axis.w > 0.0).then(|| sum * (1.0 / sum.w_axis.w))
+        };
+        let matrices: Option<Vec<DMat4>> = joints.iter().zip(&weights).map(blend).collect();
+        if matrices.is_none() {
+            self.warn("a skin refers to joints it does not have; drawn without it");
+        }
+        matrices
+    }
+}
+
+pub(super) fn deform(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
+    for (position, m) in mesh.positions.iter_mut().zip(world_from_vertex) {
+        *position = m.transform_point3(*position);
+    }
+    if let Some(normals) = &mut mesh.normals {
+        for (normal, m) in normals.values.iter_mut().zip(world_from_vertex) {
+            *normal = crate::scene::normal_matrix(m) * *normal;
+        }
+    }
+}
+
+fn into_triangles(order: &[u32], mode: gltf::mesh::Mode) -> Vec<[u32; 3]> {
+    use gltf::mesh::Mode;
+    match mode {
+        Mode::TriangleStrip => order
+            .windows(3)
+            .enumerate()
+            .map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] })
+            .collect(),
+        Mode::TriangleFan => order.windows(2).skip(1).map(|w| [order[0], w[0], w[1]]).collect(),
+        _ => order.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_and_fans() {
+        use gltf::mesh::Mode;
+        let order = [5, 6, 7, 8];
+        assert_eq!(into_triangles(&order, Mode::TriangleStrip), [[5, 6, 7], [7, 6, 8]]);
+        assert_eq!(into_triangles(&order, Mode::TriangleFan), [[5, 6, 7], [5, 7, 8]]);
+        assert_eq!(into_triangles(&order, Mode::Triangles), [[5, 6, 7]]);
+        assert!(into_triangles(&[], Mode::TriangleFan).is_empty());
+    }
+}
