@@ -11,7 +11,7 @@ use super::progress::{Mode, Progress};
 use super::statistics::{self, Seconds};
 use crate::effects::{Choices, Plan, RayKind};
 use crate::error::{Error, Result, Warnings};
-use crate::film::output::write_whole;
+use crate::film::output::{describe, write_whole};
 use crate::film::write::{Format, write_picture, write_png};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::import;
@@ -359,7 +359,7 @@ fn write(
         Target::File(file, format) => write_picture(film, pipeline, settings, *format, file),
         Target::StandardOutput => {
             let mut bytes = Vec::new();
-            let fail = |e| Error::output(Path::new("-"), e);
+            let fail = |e| Error::output(Path::new("-"), describe(&e));
             write_png(film, pipeline, settings, &mut bytes).map_err(fail)?;
             std::io::Write::write_all(&mut std::io::stdout().lock(), &bytes).map_err(fail)
         }

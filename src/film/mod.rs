@@ -8,6 +8,8 @@ pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
 
+use crate::error::{Error, Result};
+
 /// The side of a tile in pixels.
 pub const TILE: u32 = 16;
 
@@ -51,8 +53,19 @@ pub struct FilmTile<'a> {
 
 impl Film {
     /// A black film for the part `window` of a picture.
-    pub fn new(window: Window) -> Self {
-        Film { window, pixels: vec![[0.0; 3]; window.width as usize * window.height as usize] }
+    ///
+    /// # Errors
+    /// [`Error::Failed`] where there is not enough memory for it.
+    pub fn new(window: Window) -> Result<Self> {
+        // Asked for first, because running out of memory in `vec!` ends the process.
+        if Vec::<[f32; 3]>::new().try_reserve_exact(window.area()).is_err() {
+            let gib = window.area() as f64 * size_of::<[f32; 3]>() as f64 / f64::from(1 << 30);
+            return Err(Error::Failed {
+                what: format!("a picture of {} x {} needs {gib:.1} GiB", window.width, window.height),
+                hint: "give a smaller --size, or render it in parts with --crop".into(),
+            });
+        }
+        Ok(Film { window, pixels: vec![[0.0; 3]; window.area()] })
     }
 
     /// The part of the picture this film holds.
@@ -152,7 +165,7 @@ mod tests {
     #[test]
     fn tiles_cover_every_pixel_once() {
         let window = Window { x: 5, y: 9, width: 37, height: 18 };
-        let mut film = Film::new(window);
+        let mut film = Film::new(window).unwrap();
         for tile in film.tiles_mut() {
             let w = tile.window;
             for (i, pixel) in (0..).zip(tile.pixels) {
@@ -172,7 +185,7 @@ mod tests {
 
     #[test]
     fn non_finite_pixels_are_found_where_they_are() {
-        let mut film = Film::new(Window { x: 100, y: 200, width: 20, height: 20 });
+        let mut film = Film::new(Window { x: 100, y: 200, width: 20, height: 20 }).unwrap();
         film.tiles_mut()[1].pixels[0][2] = f32::NAN;
         assert_eq!(film.non_finite(), (1, vec![(116, 200)]));
     }

@@ -81,10 +81,12 @@ impl LikeAnyFile for tempfile::Builder<'_, '_> {
     }
 }
 
-fn describe(e: &std::io::Error) -> String {
+/// What went wrong with writing, in words.
+pub fn describe(e: &std::io::Error) -> String {
     match e.kind() {
         std::io::ErrorKind::NotFound => "cannot be written: its folder does not exist".into(),
         std::io::ErrorKind::PermissionDenied => "cannot be written: permission denied".into(),
+        std::io::ErrorKind::StorageFull => "cannot be written: the disk is full".into(),
         _ => format!("cannot be written: {e}"),
     }
 }

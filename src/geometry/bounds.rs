@@ -26,7 +26,7 @@ impl Bounds {
         Bounds { min: self.min - by, max: self.max + by }
     }
 
-    /// Moves a distance along `ray` into the part of the ray that passes through this box; see [`hold`].
+    /// Moves a distance along `ray` into the part of the ray that passes through this box.
     #[inline(always)]
     pub fn hold(&self, ray: &Ray, t: f64) -> f64 {
         hold(self.min.as_dvec3(), self.max.as_dvec3(), ray, t)

@@ -322,7 +322,7 @@ impl Builder<'_> {
 
     fn mesh(&mut self, section: &Spanned<MeshSection>, warnings: &mut Warnings) -> Result<()> {
         let (start, s) = (section.span().start, section.get_ref());
-        if super::is_scene_file(Path::new(&s.file)) {
+        if s.file == "-" || super::is_scene_file(Path::new(&s.file)) {
             let what = format!("`{}` is not a mesh", s.file);
             return Err(self.error(start, what, "name an .obj, .gltf or .glb file"));
         }

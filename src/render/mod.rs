@@ -1,6 +1,6 @@
 //! Rendering: tiles in parallel, each through the stages of the plan.
 //!
-//! The whole way from a tile to its pixels is [`render_tile`]. Every pixel depends on nothing but its own rays, so the
+//! The whole way from a tile to its pixels is `render_tile`. Every pixel depends on nothing but its own rays, so the
 //! picture is the same to the bit for any number of threads, any order of tiles and any part of the picture.
 
 mod statistics;
@@ -30,7 +30,7 @@ pub struct Watch<'a> {
 /// Renders the part `window` of the picture that `view` was made for, on the current rayon pool.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when cancelled.
+/// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory for the picture.
 pub fn render(
     world: &World,
     view: &View,
@@ -39,7 +39,7 @@ pub fn render(
     watch: &Watch,
 ) -> Result<(Film, Statistics)> {
     let start = Instant::now();
-    let mut film = Film::new(window);
+    let mut film = Film::new(window)?;
     let context = Context { world, view };
     let idle: Mutex<Vec<Worker>> = Mutex::new(Vec::new());
     let done = AtomicUsize::new(0);

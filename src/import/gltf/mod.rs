@@ -2,7 +2,7 @@
 //!
 //! Buffers and pictures are opened here rather than by `gltf::import`, which loses the whole file for one missing
 //! picture. The node hierarchy is flattened into world space; skins are posed as their joints stand at rest. This file
-//! has the way through a document; [`check`] what can be wrong with it, [`triangles`] its meshes, [`look`] its materials,
+//! has the way through a document; `check` what can be wrong with it, `triangles` its meshes, `look` its materials,
 //! cameras and lights.
 
 mod check;
