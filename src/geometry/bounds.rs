@@ -1,6 +1,6 @@
 //! Boxes that hold what they should, and a box test that misses none of them.
 
-use glam::{BVec3A, DVec3, Vec3, Vec3A};
+use glam::{DVec3, Vec3, Vec3A};
 
 use super::Ray;
 
@@ -100,8 +100,6 @@ pub struct BoxTest {
     origin: Vec3A,
     /// Reciprocals of the direction; infinite where it is 0.
     inverse: Vec3A,
-    /// The axes along which the ray runs downwards.
-    downwards: BVec3A,
     t_min: Vec3A,
 }
 
@@ -109,31 +107,40 @@ impl BoxTest {
     /// Prepares `ray`, whose origin and direction must be f32 numbers.
     #[inline]
     pub fn new(ray: &Ray) -> Self {
-        let inverse = Vec3A::from(ray.direction.as_vec3()).recip();
         BoxTest {
             origin: ray.origin.as_vec3a(),
-            inverse,
-            // A direction holds no negative zeros, so comparing tells what the sign bit would.
-            downwards: inverse.cmplt(Vec3A::ZERO),
+            inverse: Vec3A::from(ray.direction.as_vec3()).recip(),
             t_min: Vec3A::splat(round_down(ray.t_min)),
         }
     }
 
     /// Where the ray enters the box from `min` to `max`, or `None` if it misses it or enters it beyond `t_max`. Never
     /// misses a box that the exact ray meets before `t_max`.
-    ///
-    /// Where the ray runs in a plane of the box (0 times infinity) the comparison ignores that plane, so such rays are
-    /// inside.
     #[inline(always)]
     pub fn enters(&self, min: Vec3A, max: Vec3A, t_max: f32) -> Option<f32> {
-        let near = (Vec3A::select(self.downwards, max, min) - self.origin) * self.inverse;
-        let far = (Vec3A::select(self.downwards, min, max) - self.origin) * self.inverse;
-        // In this order a NaN is never taken, on any machine.
-        let t_max = Vec3A::splat(t_max);
-        let enter = Vec3A::select(near.cmpgt(self.t_min), near, self.t_min).max_element();
-        let leave = Vec3A::select(far.cmplt(t_max), far, t_max).min_element();
+        let to_min = (min - self.origin) * self.inverse;
+        let to_max = (max - self.origin) * self.inverse;
+        // Where the ray runs in a plane of the box (0 times infinity) there is no number, and that plane must not tell:
+        // the order of the operands, here and below, lets such a lane fall through to `t_min` and `t_max`.
+        let near = lesser(to_max, to_min);
+        let far = greater(to_min, to_max);
+        let enter = greater(near, self.t_min).max_element();
+        let leave = lesser(far, Vec3A::splat(t_max)).min_element();
         (enter <= leave * PRUNE_MARGIN).then_some(enter)
     }
+}
+
+/// For each lane `a` if it is less than `b`, and `b` otherwise: also where one of them is not a number.
+#[inline(always)]
+fn lesser(a: Vec3A, b: Vec3A) -> Vec3A {
+    // One instruction of SSE does just this; elsewhere `min` treats what is not a number otherwise.
+    if cfg!(target_feature = "sse2") { a.min(b) } else { Vec3A::select(a.cmplt(b), a, b) }
+}
+
+/// For each lane `a` if it is greater than `b`, and `b` otherwise: also where one of them is not a number.
+#[inline(always)]
+fn greater(a: Vec3A, b: Vec3A) -> Vec3A {
+    if cfg!(target_feature = "sse2") { a.max(b) } else { Vec3A::select(a.cmpgt(b), a, b) }
 }
 
 #[cfg(test)]
@@ -176,6 +183,14 @@ mod tests {
                 assert_eq!(round_towards(x, -1e-9), down);
             }
         }
+    }
+
+    #[test]
+    fn what_is_not_a_number_gives_the_second() {
+        let (nan, one) = (Vec3A::splat(f32::NAN), Vec3A::ONE);
+        assert_eq!((lesser(nan, one), greater(nan, one)), (one, one));
+        assert!(lesser(one, nan).is_nan() && greater(one, nan).is_nan());
+        assert_eq!((lesser(one, 2.0 * one), greater(one, 2.0 * one)), (one, 2.0 * one));
     }
 
     #[test]
