@@ -81,7 +81,9 @@ fn rays(world: &World, view: &View) -> Rays {
 fn trace(c: &mut Criterion) {
     for (name, mut scene) in scenes() {
         let camera = scene.cameras.first().cloned();
-        let camera = camera.or_else(|| fitted_camera(&scene, StandardView::Auto, 1.0)).expect("a camera");
+        let camera = camera
+            .or_else(|| fitted_camera(&scene, StandardView::Auto, 1.0, Default::default()))
+            .expect("a camera");
         if scene.lights.is_empty() {
             scene.lights.extend(headlight(&camera));
         }

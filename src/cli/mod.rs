@@ -5,6 +5,7 @@
 
 mod info;
 mod interrupt;
+mod picture;
 mod progress;
 mod render;
 mod statistics;

@@ -1,7 +1,7 @@
 //! Progress: a bar on a terminal, plain or JSON lines elsewhere, on standard error.
 
 use std::io::IsTerminal;
-use std::sync::Mutex;
+use std::sync::{Mutex, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -30,7 +30,8 @@ const INTERVAL: Duration = Duration::from_secs(1);
 pub struct Progress {
     mode: Mode,
     bar: Option<ProgressBar>,
-    start: Instant,
+    /// When the first tile was done.
+    first_tile: OnceLock<Instant>,
     /// When the last line was printed, and what it said was done.
     last: Mutex<(Instant, usize)>,
 }
@@ -49,7 +50,7 @@ impl Progress {
             bar
         });
         let now = Instant::now();
-        Progress { mode, bar, start: now, last: Mutex::new((now, 0)) }
+        Progress { mode, bar, first_tile: OnceLock::new(), last: Mutex::new((now, 0)) }
     }
 
     /// What is being done, where that cannot be measured.
@@ -65,6 +66,7 @@ impl Progress {
             if bar.length() != Some(total as u64) {
                 bar.set_length(total as u64);
                 let template = "{msg} {wide_bar} {percent:>3} %  {elapsed} of {duration}";
+                bar.reset();
                 if let Ok(style) = ProgressStyle::with_template(template) {
                     bar.set_style(style);
                 }
@@ -75,12 +77,14 @@ impl Progress {
         if !matches!(self.mode, Mode::Plain | Mode::Json) {
             return;
         }
+        self.first_tile.get_or_init(Instant::now);
         let Ok(mut last) = self.last.try_lock() else { return };
         if last.0.elapsed() < INTERVAL || done <= last.1 {
             return;
         }
         *last = (Instant::now(), done);
-        let elapsed = self.start.elapsed().as_secs_f64();
+        // The clock of the tiles starts with the first of them: loading says nothing about rendering.
+        let elapsed = self.first_tile.get_or_init(Instant::now).elapsed().as_secs_f64();
         let left = elapsed * (total - done) as f64 / done as f64;
         if self.mode == Mode::Json {
             say(format_args!(
@@ -91,7 +95,15 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away, so that other lines can be printed.
+    /// Lets `print` print lines, with the bar out of the way.
+    pub fn pause(&self, print: impl FnOnce()) {
+        match &self.bar {
+            Some(bar) => bar.suspend(print),
+            None => print(),
+        }
+    }
+
+    /// Takes the bar away for good, so that other lines can be printed.
     pub fn clear(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();

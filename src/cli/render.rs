@@ -6,47 +6,43 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::Printer;
 use super::progress::{Mode, Progress};
 use super::statistics::{self, Seconds};
-use crate::effects::{Choices, Plan, RayKind};
+use super::{Printer, picture};
+use crate::effects::{Choices, Plan, RayKind, check_names};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::{describe, write_whole};
 use crate::film::write::{Format, write_picture, write_png};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::import;
 use crate::render::{Statistics, Watch, render};
-use crate::scene::file::nearest_name;
-use crate::scene::{Camera, Projection, Scene};
+use crate::scene::{Camera, Projection};
 use crate::shading::ShadingMode;
-use crate::world::{StandardView, Structure, View, World, fitted_camera, headlight};
-
-/// Width and height of a picture where nothing says otherwise.
-const DEFAULT_SIZE: [u32; 2] = [1024, 1024];
+use crate::world::{Structure, View, World, bring_into_range, headlight};
 
 #[derive(Args)]
 pub struct Arguments {
     /// Files to put into one scene: .toml, .obj, .gltf, .glb; `-` for a scene file or GLB on standard input
     #[arg(required = true, value_name = "INPUT")]
-    inputs: Vec<PathBuf>,
+    pub inputs: Vec<PathBuf>,
     /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// A camera of the scene by name or by number, or `auto` for one that fits
     #[arg(long, value_name = "NAME|INDEX|auto")]
-    camera: Option<String>,
+    pub camera: Option<String>,
     /// A camera that fits the scene, from a standard side
     #[arg(long, conflicts_with = "camera", value_parser = ["front", "back", "left", "right", "top", "bottom", "iso"])]
-    view: Option<String>,
+    pub view: Option<String>,
     /// Replace the camera's projection
     #[arg(long, value_parser = ["perspective", "orthographic"])]
     projection: Option<String>,
     /// Size of the picture in pixels
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    size: Option<[u32; 2]>,
+    pub size: Option<[u32; 2]>,
     /// Render only this part of the picture: left, top, width and height in pixels
     #[arg(long, value_name = "X,Y,W,H", value_parser = parse_crop)]
-    crop: Option<Window>,
+    pub crop: Option<Window>,
     /// Threads to work on [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
@@ -103,9 +99,23 @@ impl Target {
             return Ok(Target::StandardOutput);
         }
         let format = Format::from_path(output)?;
+        let name = output.to_string_lossy();
+        if name.contains("####") || name.contains("%0") {
+            let what = format!("{name}: the name of a series of pictures, and there is one");
+            return Err(Error::usage(what, "give the picture a name of its own"));
+        }
         check_folder(output)?;
         Ok(Target::File(output.to_owned(), format))
     }
+}
+
+/// Whether two names, of files that need not exist, name one file.
+fn same_file(a: &Path, b: &Path) -> bool {
+    let place = |file: &Path| {
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        (folder.canonicalize().ok(), file.file_name().map(std::ffi::OsStr::to_owned))
+    };
+    a == b || (a != Path::new("-") && b != Path::new("-") && place(a) == place(b))
 }
 
 fn check_folder(output: &Path) -> Result<()> {
@@ -117,9 +127,13 @@ fn check_folder(output: &Path) -> Result<()> {
 }
 
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+    check_names(arguments.with.iter().chain(&arguments.without))?;
+    if arguments.inputs.iter().filter(|input| *input == Path::new("-")).count() > 1 {
+        return Err(Error::usage("standard input can be read once", "give `-` once"));
+    }
     let target = Target::new(&arguments.output)?;
     if let Some(file) = &arguments.stats {
-        if *file == arguments.output {
+        if same_file(file, &arguments.output) {
             let what = format!("{}: both the picture and its statistics", file.display());
             return Err(Error::usage(what, "give --stats another file than --output"));
         }
@@ -144,15 +158,18 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
 
     progress.phase("loading");
     let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, &mut warnings))?;
-    let size = picture_size(arguments, &scene);
-    let camera = choose_camera(arguments, &scene, size)?;
+    progress.pause(|| printer.print(&warnings, with_notes));
+    if let Some(range) = bring_into_range(&mut scene) {
+        warnings.note(match range.scale {
+            1.0 => "the scene lies far from the origin; moved there to keep its digits",
+            _ => "the scene's size is beyond what f32 holds well; scaled by a power of two",
+        });
+    }
+    let (camera, size) = picture::choose(arguments, &scene)?;
     if scene.lights.is_empty() && shading(arguments).uses_lights() {
         scene.lights.extend(headlight(&camera));
         warnings.note("no light in the scene; added a headlight");
     }
-    progress.clear();
-    printer.print(&warnings, with_notes);
-
     let pipeline = colour(arguments).or(scene.colour).unwrap_or_default();
     let choices = Choices {
         shading: shading(arguments),
@@ -160,14 +177,16 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
         with: arguments.with.clone(),
         without: arguments.without.clone(),
     };
-    let projection = projection(arguments).unwrap_or(camera.projection);
+    let projection = arguments.projection().unwrap_or(camera.projection);
     let view = View::new(&camera, projection, size)?;
-    let window = window(arguments, size)?;
+    let window = picture::window(arguments.crop, size)?;
     let settings = settings(arguments, &camera, projection, size, pipeline);
 
     progress.phase("building");
     let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, Structure::default()));
     let plan = Plan::new(&world, &choices)?;
+    warn_of_the_world(&world, &plan, &choices, &mut warnings);
+    progress.pause(|| printer.print(&warnings, with_notes));
 
     progress.phase("rendering");
     let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
@@ -221,63 +240,12 @@ fn colour(arguments: &Arguments) -> Option<ColourPipeline> {
     pipelines.into_iter().find(|p| Some(p.name()) == arguments.colour.as_deref())
 }
 
-fn projection(arguments: &Arguments) -> Option<Projection> {
-    let projections = [Projection::Perspective, Projection::Orthographic];
-    projections.into_iter().find(|p| Some(p.name()) == arguments.projection.as_deref())
-}
-
-/// The user's size, the scene's, or one in the shape of the file's camera.
-fn picture_size(arguments: &Arguments, scene: &Scene) -> [u32; 2] {
-    let from_camera = || {
-        let camera =
-            scene.cameras.first().filter(|_| arguments.view.is_none() && arguments.camera.is_none())?;
-        let aspect = camera.view_width? / camera.view_height;
-        let [width, height] = DEFAULT_SIZE.map(f64::from);
-        let shape = if aspect >= 1.0 { [width, width / aspect] } else { [height * aspect, height] };
-        Some(shape.map(|pixels| pixels.round().max(1.0) as u32))
-    };
-    arguments.size.or(scene.size).or_else(from_camera).unwrap_or(DEFAULT_SIZE)
-}
-
-fn choose_camera(arguments: &Arguments, scene: &Scene, [width, height]: [u32; 2]) -> Result<Camera> {
-    let fitted = |view: StandardView| {
-        fitted_camera(scene, view, f64::from(width) / f64::from(height)).ok_or_else(|| {
-            let file = arguments.inputs.first().map_or(Path::new("-"), PathBuf::as_path);
-            Error::input(file, "there is nothing in it to look at", "`kiln info` says what the file holds")
-        })
-    };
-    if let Some(name) = &arguments.view {
-        let view = StandardView::ALL.into_iter().find(|view| view.name() == name);
-        return fitted(view.unwrap_or(StandardView::Auto));
+impl Arguments {
+    /// The projection that the user wants instead of the camera's own.
+    pub fn projection(&self) -> Option<Projection> {
+        let projections = [Projection::Perspective, Projection::Orthographic];
+        projections.into_iter().find(|p| Some(p.name()) == self.projection.as_deref())
     }
-    match arguments.camera.as_deref() {
-        Some("auto") => fitted(StandardView::Auto),
-        Some(name) => {
-            let by_name = || scene.cameras.iter().find(|camera| camera.name == name);
-            let by_index = || scene.cameras.get(name.parse::<usize>().ok()?);
-            by_name().or_else(by_index).cloned().ok_or_else(|| {
-                let known: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
-                let hint = match known.as_slice() {
-                    [] => "the scene has none; leave --camera out, or use --view".into(),
-                    known => nearest_name(name, known),
-                };
-                Error::usage(format!("there is no camera `{name}`"), hint)
-            })
-        }
-        None => scene.cameras.first().cloned().map_or_else(|| fitted(StandardView::Auto), Ok),
-    }
-}
-
-fn window(arguments: &Arguments, [width, height]: [u32; 2]) -> Result<Window> {
-    let Some(crop) = arguments.crop else { return Ok(Window { x: 0, y: 0, width, height }) };
-    let inside = |start: u32, size: u32, limit: u32| start.checked_add(size).is_some_and(|end| end <= limit);
-    if inside(crop.x, crop.width, width) && inside(crop.y, crop.height, height) {
-        return Ok(crop);
-    }
-    Err(Error::usage(
-        format!("the crop reaches outside the picture of {width} x {height} pixels"),
-        "make it smaller, or give a larger --size",
-    ))
 }
 
 /// What made the picture, for its metadata; nothing that differs between two runs of the same.
@@ -307,6 +275,18 @@ fn settings(
         }
     }
     settings
+}
+
+/// Nothing that was asked for is left out in silence.
+fn warn_of_the_world(world: &World, plan: &Plan, choices: &Choices, warnings: &mut Warnings) {
+    if world.too_small > 0 {
+        warnings.push(format!("{} triangle(s) are too small or too thin for f32; left out", world.too_small));
+    }
+    for decision in
+        plan.decisions.iter().filter(|d| !d.on && choices.with.iter().any(|name| name == d.effect))
+    {
+        warnings.push(format!("--with {} changes nothing: {}", decision.effect, decision.why));
+    }
 }
 
 /// A picture that shows less than was asked for does not pass in silence.

@@ -105,12 +105,7 @@ impl Plan {
     /// # Errors
     /// [`Error::Usage`] for an effect that does not exist or is both asked for and not.
     pub fn new(world: &World, choices: &Choices) -> Result<Plan> {
-        for name in choices.with.iter().chain(&choices.without) {
-            if !EFFECTS.iter().any(|effect| effect.name == *name) {
-                let known: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
-                return Err(Error::usage(format!("there is no effect `{name}`"), nearest_name(name, &known)));
-            }
-        }
+        check_names(choices.with.iter().chain(&choices.without))?;
         if let Some(both) = choices.with.iter().find(|name| choices.without.contains(name)) {
             return Err(Error::usage(format!("both with and without `{both}`"), "ask for one of the two"));
         }
@@ -153,6 +148,18 @@ impl Plan {
     /// The names of the effects that are computed.
     pub fn effects_on(&self) -> impl Iterator<Item = &'static str> + '_ {
         self.decisions.iter().filter(|d| d.on).map(|d| d.effect)
+    }
+}
+
+/// Whether every name is that of an effect.
+///
+/// # Errors
+/// [`Error::Usage`] for the first that is not, with the nearest one that is.
+pub fn check_names<'a>(names: impl IntoIterator<Item = &'a String>) -> Result<()> {
+    let known: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
+    match names.into_iter().find(|name| !known.contains(&name.as_str())) {
+        Some(name) => Err(Error::usage(format!("there is no effect `{name}`"), nearest_name(name, &known))),
+        None => Ok(()),
     }
 }
 

@@ -91,7 +91,8 @@ fn unreadable(file: &Path, e: &std::io::Error) -> Error {
 pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
     let mut scene = Scene::default();
     for (index, file) in inputs.iter().enumerate() {
-        let mut one = load_one(&Source::open(file)?, warnings)?;
+        let mut one = read_one(&Source::open(file)?, warnings)?;
+        sanitise::sanitise(&mut one, file, warnings);
         for object in &mut one.objects {
             object.input = index;
         }
@@ -100,11 +101,9 @@ pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
     Ok(scene)
 }
 
-fn load_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
-    let importer = importer_for(source)?;
-    let mut scene = (importer.read)(source, warnings)?;
-    sanitise::sanitise(&mut scene, &source.file, warnings);
-    Ok(scene)
+/// Reads an input, or a file that one names. What is in it is checked once everything stands where it belongs.
+fn read_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+    (importer_for(source)?.read)(source, warnings)
 }
 
 /// Whether an input describes a whole picture rather than a mesh, going by its name.
@@ -121,7 +120,13 @@ fn ending(file: &Path) -> String {
 fn importer_for(source: &Source) -> Result<&'static Importer> {
     let mut wanted = ending(&source.file);
     if source.file == Path::new("-") {
-        wanted = if source.bytes.starts_with(b"glTF") { "glb" } else { "toml" }.into();
+        wanted = match source.bytes.trim_ascii_start() {
+            text if text.starts_with(b"glTF") => "glb",
+            // A scene file cannot begin with a brace, JSON does.
+            text if text.starts_with(b"{") => "gltf",
+            _ => "toml",
+        }
+        .into();
     }
     IMPORTERS.iter().find(|importer| importer.endings.contains(&wanted.as_str())).ok_or_else(|| {
         let known: Vec<String> =

@@ -78,11 +78,8 @@ fn replace_non_finite(mesh: &mut Mesh) {
     }
 }
 
-/// Whether a triangle has no area in the precision that it will be rendered in: its corners are rounded to f32, their
-/// differences are then exact in f64 for coordinates within 29 binary orders, and a cross product of exactly zero is
-/// what no ray can hit.
-fn is_degenerate(corners: [DVec3; 3]) -> bool {
-    let [a, b, c] = corners.map(|p| p.as_vec3().as_dvec3());
+/// Whether a triangle has no area: corners that are equal, or on one line as far as f64 can tell.
+fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
     (b - a).cross(c - a) == DVec3::ZERO
 }
 

@@ -333,7 +333,7 @@ impl Builder<'_> {
         let world_from_mesh = self.placement(start, s)?;
         let path = self.source.sibling(&s.file);
         let mut part =
-            Source::open(&path).and_then(|source| super::load_one(&source, warnings)).map_err(|e| {
+            Source::open(&path).and_then(|source| super::read_one(&source, warnings)).map_err(|e| {
                 let line = line_of(self.text, start);
                 match e {
                     Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {

@@ -81,27 +81,80 @@ impl StandardView {
 
 /// A camera that looks at the whole scene from a standard view, with 5 % of the picture free on the tightest sides.
 /// `aspect` is the picture's width divided by its height. `None` for a scene without extent.
-///
-/// Exact rather than by a bounding sphere: in camera axes a point (x, y, z) is within the margin of a camera at
-/// (ex, ey, ez) when `|x - ex| <= kx (ez - z)`, and likewise in y. So `ez >= (max(x + kx z) + max(-x + kx z)) / (2 kx)`,
-/// and `ex` is half the difference of the two maxima.
-pub fn fitted_camera(scene: &Scene, view: StandardView, aspect: f64) -> Option<Camera> {
-    let backwards = view.backwards();
-    let [u, v, w] = basis(backwards, DVec3::ZERO, DVec3::Y)?;
+pub fn fitted_camera(
+    scene: &Scene,
+    view: StandardView,
+    aspect: f64,
+    projection: Projection,
+) -> Option<Camera> {
+    let [u, v, w] = basis(view.backwards(), DVec3::ZERO, DVec3::Y)?;
     let (min, max) = scene.bounds()?;
     // Work around the middle of the scene, so that a far-away scene keeps its digits.
     let middle = min / 2.0 + max / 2.0;
     let half_height = (FIELD_OF_VIEW.to_radians() / 2.0).tan();
     let k = (1.0 - 2.0 * MARGIN) * DVec2::new(half_height * aspect, half_height);
-    let k_length = DVec2::new(1.0f64.hypot(k.x), 1.0f64.hypot(k.y));
-    let (mut plus, mut minus) = (DVec2::NEG_INFINITY, DVec2::NEG_INFINITY);
-    let mut nearest = f64::NEG_INFINITY;
+    let slope = match projection {
+        Projection::Perspective => k,
+        Projection::Orthographic => DVec2::ZERO,
+    };
+    let extent = extent(scene, middle, [u, v, w], slope);
+    let size = (max - min).length();
+    let sideways = (extent.plus - extent.minus) / 2.0;
+    let reach = (extent.plus + extent.minus) / 2.0;
+    // Never closer than this to the nearest point: a tip that points at the camera must not touch it.
+    let clear = extent.nearest + CLEARANCE * size;
+    let (distance, rectangle_at, view_height) = match projection {
+        Projection::Perspective => {
+            let distance = (reach / k).max_element().max(clear);
+            (distance, distance, 2.0 * half_height * distance)
+        }
+        Projection::Orthographic => {
+            let half = (reach / DVec2::new(aspect, 1.0)).max_element() / (1.0 - 2.0 * MARGIN);
+            (clear, clear, 2.0 * half)
+        }
+    };
+    let position = middle + sideways.x * u + sideways.y * v + distance * w;
+    let target = position - w * rectangle_at;
+    let usable = rectangle_at > 0.0 && view_height > 0.0 && target != position;
+    (usable && position.is_finite()).then(|| Camera {
+        name: view.name().into(),
+        position,
+        target,
+        up: v,
+        projection,
+        view_height,
+        view_width: None,
+        viewpoint_distance: rectangle_at,
+    })
+}
+
+/// How far from the nearest point a fitted camera stands at least, in sizes of the scene.
+const CLEARANCE: f64 = 0.1;
+
+/// How far a scene reaches in camera axes.
+struct Extent {
+    /// The greatest of `x + slope.x * z` and of `y + slope.y * z`.
+    plus: DVec2,
+    /// The greatest of `-x + slope.x * z` and of `-y + slope.y * z`.
+    minus: DVec2,
+    /// The greatest z.
+    nearest: f64,
+}
+
+/// Exact rather than by a bounding sphere: in camera axes a point (x, y, z) is within a pyramid of the given slopes with
+/// its tip at (ex, ey, ez) when `|x - ex| <= slope.x (ez - z)`, and likewise in y. So
+/// `ez >= (max(x + slope.x z) + max(-x + slope.x z)) / (2 slope.x)`, and `ex` is half the difference of the two maxima.
+/// A slope of 0 gives the plain extents, for parallel rays.
+fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> Extent {
+    let length = DVec2::new(1.0f64.hypot(slope.x), 1.0f64.hypot(slope.y));
+    let mut extent =
+        Extent { plus: DVec2::NEG_INFINITY, minus: DVec2::NEG_INFINITY, nearest: f64::NEG_INFINITY };
     let mut include = |centre: DVec3, radius: f64| {
         let p = centre - middle;
         let (across, depth) = (DVec2::new(p.dot(u), p.dot(v)), p.dot(w));
-        plus = plus.max(across + k * depth + radius * k_length);
-        minus = minus.max(-across + k * depth + radius * k_length);
-        nearest = nearest.max(depth + radius);
+        extent.plus = extent.plus.max(across + slope * depth + radius * length);
+        extent.minus = extent.minus.max(-across + slope * depth + radius * length);
+        extent.nearest = extent.nearest.max(depth + radius);
     };
     for object in &scene.objects {
         match &object.shape {
@@ -109,26 +162,7 @@ pub fn fitted_camera(scene: &Scene, view: StandardView, aspect: f64) -> Option<C
             Shape::Mesh(mesh) => mesh.corners().for_each(|p| include(p, 0.0)),
         }
     }
-    let distances = (plus + minus) / (2.0 * k);
-    let distance = distances.max_element();
-    let sideways = (plus - minus) / 2.0;
-    let position = middle + sideways.x * u + sideways.y * v + distance * w;
-    // A single point, or a line along the view, has no size to fit; step back by what it has.
-    let step = (distance - nearest).max((max - min).length() / 2.0).max(f64::MIN_POSITIVE);
-    let target = position - w * step;
-    if target == position || !position.is_finite() {
-        return None;
-    }
-    let up = v;
-    let fov = FIELD_OF_VIEW.to_radians();
-    let mut camera = Camera::from_field_of_view(view.name().into(), position, target, up, fov);
-    // The rectangle of the orthographic projection lies where the scene is.
-    let depth = (position - middle).dot(w).max(step);
-    let factor = depth / camera.viewpoint_distance;
-    camera.view_height *= factor;
-    camera.viewpoint_distance = depth;
-    camera.projection = Projection::Perspective;
-    Some(camera)
+    extent
 }
 
 /// The light of scenes that have none: directional, from 20 degrees right of the view and 30 degrees above it.
@@ -168,18 +202,35 @@ mod tests {
         }))
     }
 
+    fn views() -> impl Iterator<Item = (StandardView, Projection)> {
+        let both = [Projection::Perspective, Projection::Orthographic];
+        StandardView::ALL.into_iter().flat_map(move |view| both.map(|projection| (view, projection)))
+    }
+
+    #[test]
+    fn a_tip_does_not_touch_the_camera() {
+        // A pyramid narrower than the field of view, pointing at the camera: its tip alone would do for a fit.
+        let corners = [(0.0, 0.0, 4.0), (1.0, 1.0, -4.0), (-1.0, 1.0, -4.0), (0.0, -1.0, -4.0)];
+        let positions = corners.iter().map(|&(x, y, z)| DVec3::new(x, y, z)).collect();
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [0, 3, 1]];
+        let scene = scene_of(Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() }));
+        let camera = fitted_camera(&scene, StandardView::Front, 1.0, Projection::Perspective).unwrap();
+        // The box is 2 x 2 x 8: a tenth of its diagonal is 0.85.
+        assert!(camera.position.z >= 4.84, "{}", camera.position);
+    }
+
     /// At every scale, place, view and shape of picture: all corners within the margin, and one of them on it.
     #[test]
     fn everything_is_in_the_picture_and_the_margin_is_used() {
         for scale in [1e-6, 1.0, 1e8] {
             for offset in [0.0, 1e3] {
-                for view in StandardView::ALL {
+                for (view, projection) in views() {
                     for [width, height] in [[1000, 1000], [1600, 900], [500, 1000]] {
                         let centre = DVec3::splat(offset * scale);
                         let scene = block(DVec3::new(3.0, 1.0, 2.0) * scale, centre);
                         let size = [width, height];
                         let aspect = f64::from(width) / f64::from(height);
-                        let camera = fitted_camera(&scene, view, aspect).unwrap();
+                        let camera = fitted_camera(&scene, view, aspect, projection).unwrap();
                         let ready = View::new(&camera, camera.projection, size).unwrap();
                         let mut closest = f64::INFINITY;
                         let Shape::Mesh(mesh) = &scene.objects[0].shape else { unreachable!() };
@@ -202,7 +253,7 @@ mod tests {
     #[test]
     fn a_sphere_touches_the_margin() {
         let scene = scene_of(Shape::Sphere { centre: DVec3::new(3.0, 2.0, 1.0), radius: 2.0 });
-        let camera = fitted_camera(&scene, StandardView::Front, 1.0).unwrap();
+        let camera = fitted_camera(&scene, StandardView::Front, 1.0, Projection::Perspective).unwrap();
         // Seen from a distance D the sphere's silhouette is a circle of tangent r / sqrt(D^2 - r^2).
         let distance = camera.position.distance(DVec3::new(3.0, 2.0, 1.0));
         let tangent = 2.0 / (distance * distance - 4.0).sqrt();
@@ -211,12 +262,14 @@ mod tests {
 
     #[test]
     fn nothing_to_fit_is_no_camera() {
-        assert!(fitted_camera(&Scene::default(), StandardView::Auto, 1.0).is_none());
+        assert!(fitted_camera(&Scene::default(), StandardView::Auto, 1.0, Projection::Perspective).is_none());
     }
 
     #[test]
     fn the_headlight_comes_from_above_right() {
-        let camera = fitted_camera(&block(DVec3::ONE, DVec3::ZERO), StandardView::Front, 1.0).unwrap();
+        let camera =
+            fitted_camera(&block(DVec3::ONE, DVec3::ZERO), StandardView::Front, 1.0, Projection::Perspective)
+                .unwrap();
         let LightKind::Directional { direction } = headlight(&camera).unwrap().kind else { panic!() };
         assert!((direction.length() - 1.0).abs() < 1e-15);
         // Elevation 30 degrees: y = -sin 30. Azimuth 20 degrees to the right: x / z = tan 20.

@@ -6,11 +6,13 @@
 
 mod fit;
 mod lower;
+mod range;
 mod surface;
 mod view;
 
 pub use fit::{StandardView, fitted_camera, headlight};
 pub use lower::{Image, LoweredMaterial, LoweredTexture, MetallicRoughnessValues, PhongValues};
+pub use range::{Range, bring_into_range};
 pub use surface::Surface;
 pub use view::View;
 
@@ -57,6 +59,8 @@ pub struct World {
     pub ambient: f64,
     /// What a ray that hits nothing sees.
     pub background: DVec3,
+    /// Triangles left out because their corners lie on one line once they are rounded to f32.
+    pub too_small: usize,
     /// The object that each primitive belongs to.
     object_of: Vec<u32>,
 }
@@ -94,9 +98,9 @@ impl World {
         let mut object_of = Vec::with_capacity(count);
         let mut objects = Vec::with_capacity(scene.objects.len());
         for object in scene.objects {
-            let first = PrimId(slots.len() as u32);
-            push_primitives(&object.shape, &mut slots);
-            object_of.resize(slots.len(), objects.len() as u32);
+            let first = PrimId(object_of.len() as u32);
+            push_primitives(&object.shape, first, &mut slots);
+            object_of.resize(object_of.len() + object.shape.primitive_count(), objects.len() as u32);
             objects.push(WorldObject {
                 name: object.name,
                 input: object.input,
@@ -105,6 +109,7 @@ impl World {
                 attributes: lower::attributes(object.shape),
             });
         }
+        let too_small = object_of.len() - slots.len();
         let accelerator: Box<dyn Accelerator> = match structure {
             Structure::Tree(preset) => Box::new(bvh::build(&slots, preset)),
             Structure::BruteForce => Box::new(BruteForce::new(slots)),
@@ -126,6 +131,7 @@ impl World {
             pipeline,
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
             background: scene.background.unwrap_or(fit::BACKGROUND).lower(pipeline),
+            too_small,
             object_of,
         }
     }
@@ -141,20 +147,20 @@ impl World {
     }
 }
 
-/// Adds the primitives of a shape in f32, numbered in order.
-fn push_primitives(shape: &Shape, slots: &mut Vec<Slot>) {
-    let mut push = |primitive| {
-        let id = PrimId(slots.len() as u32);
-        slots.push(Slot { primitive, id });
-    };
+/// Adds the primitives of a shape in f32, numbered from `first`. A triangle whose corners lie on one line in f32 has its
+/// number but no slot: no ray can hit it, and it has no normal.
+fn push_primitives(shape: &Shape, first: PrimId, slots: &mut Vec<Slot>) {
     match shape {
         Shape::Sphere { centre, radius } => {
-            push(Primitive::Sphere(Sphere { centre: *centre, radius: *radius }));
+            let sphere = Sphere { centre: *centre, radius: *radius };
+            slots.push(Slot { primitive: Primitive::Sphere(sphere), id: first });
         }
         Shape::Mesh(mesh) => {
-            for triangle in &mesh.triangles {
-                let corners = triangle.map(|i| mesh.positions[i as usize].as_vec3());
-                push(Primitive::Triangle(Triangle(corners)));
+            for (id, triangle) in (first.0..).zip(&mesh.triangles) {
+                let triangle = Triangle(triangle.map(|i| mesh.positions[i as usize].as_vec3()));
+                if triangle.normal() != DVec3::ZERO {
+                    slots.push(Slot { primitive: Primitive::Triangle(triangle), id: PrimId(id) });
+                }
             }
         }
     }

@@ -1,0 +1,89 @@
+//! Which picture the user asks for: its size, its camera, and the part of it.
+
+use std::path::{Path, PathBuf};
+
+use super::render::Arguments;
+use crate::error::{Error, Result};
+use crate::film::Window;
+use crate::scene::file::nearest_name;
+use crate::scene::{Camera, Projection, Scene};
+use crate::world::{StandardView, fitted_camera};
+
+/// Width and height of a picture where nothing says otherwise.
+const DEFAULT_SIZE: [u32; 2] = [1024, 1024];
+
+/// Where the picture is seen from.
+enum Choice<'a> {
+    Camera(&'a Camera),
+    Fitted(StandardView),
+}
+
+/// The camera and the size of the picture.
+pub fn choose(arguments: &Arguments, scene: &Scene) -> Result<(Camera, [u32; 2])> {
+    let choice = choice(arguments, scene)?;
+    let shape = match choice {
+        Choice::Camera(camera) => size_like(camera),
+        Choice::Fitted(_) => None,
+    };
+    let size = arguments.size.or(scene.size).or(shape).unwrap_or(DEFAULT_SIZE);
+    let camera = match choice {
+        Choice::Camera(camera) => camera.clone(),
+        Choice::Fitted(view) => {
+            let aspect = f64::from(size[0]) / f64::from(size[1]);
+            let projection = arguments.projection().unwrap_or(Projection::Perspective);
+            fitted_camera(scene, view, aspect, projection).ok_or_else(|| {
+                let file = arguments.inputs.first().map_or(Path::new("-"), PathBuf::as_path);
+                Error::input(
+                    file,
+                    "there is nothing in it to look at",
+                    "`kiln info` says what the file holds",
+                )
+            })?
+        }
+    };
+    Ok((camera, size))
+}
+
+fn choice<'a>(arguments: &Arguments, scene: &'a Scene) -> Result<Choice<'a>> {
+    if let Some(name) = &arguments.view {
+        let view = StandardView::ALL.into_iter().find(|view| view.name() == name);
+        return Ok(Choice::Fitted(view.unwrap_or(StandardView::Auto)));
+    }
+    match arguments.camera.as_deref() {
+        Some("auto") => Ok(Choice::Fitted(StandardView::Auto)),
+        Some(name) => {
+            let by_name = || scene.cameras.iter().find(|camera| camera.name == name);
+            let by_index = || scene.cameras.get(name.parse::<usize>().ok()?);
+            by_name().or_else(by_index).map(Choice::Camera).ok_or_else(|| {
+                let known: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
+                let hint = match known.as_slice() {
+                    [] => "the scene has none; leave --camera out, or use --view".into(),
+                    known => nearest_name(name, known),
+                };
+                Error::usage(format!("there is no camera `{name}`"), hint)
+            })
+        }
+        None => Ok(scene.cameras.first().map_or(Choice::Fitted(StandardView::Auto), Choice::Camera)),
+    }
+}
+
+/// A size in the shape of the camera's viewing rectangle, where it has one.
+fn size_like(camera: &Camera) -> Option<[u32; 2]> {
+    let aspect = camera.view_width? / camera.view_height;
+    let [width, height] = DEFAULT_SIZE.map(f64::from);
+    let shape = if aspect >= 1.0 { [width, width / aspect] } else { [height * aspect, height] };
+    Some(shape.map(|pixels| pixels.round().max(1.0) as u32))
+}
+
+/// The part of the picture to render.
+pub fn window(crop: Option<Window>, [width, height]: [u32; 2]) -> Result<Window> {
+    let Some(crop) = crop else { return Ok(Window { x: 0, y: 0, width, height }) };
+    let inside = |start: u32, size: u32, limit: u32| start.checked_add(size).is_some_and(|end| end <= limit);
+    if inside(crop.x, crop.width, width) && inside(crop.y, crop.height, height) {
+        return Ok(crop);
+    }
+    Err(Error::usage(
+        format!("the crop reaches outside the picture of {width} x {height} pixels"),
+        "make it smaller, or give a larger --size",
+    ))
+}
