@@ -1,6 +1,6 @@
 //! Glaze: a faint mirror over a surface.
 //!
-//! ASSIGNMENT section 4: a ray from the point along `r = d - 2 N (d.N)`; if it hits something of colour C_I, the
+//! The assignment's report: a ray from the point along `r = d - 2 N (d.N)`; if it hits something of colour C_I, the
 //! surface's colour becomes `own_weight * C + weight * C_I`; if it hits nothing, the colour stays as it is.
 
 use glam::DVec3;

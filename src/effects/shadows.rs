@@ -1,6 +1,6 @@
 //! Shadows: a light counts only where nothing lies between it and the surface.
 //!
-//! ASSIGNMENT section 4: a ray from the point towards the light, blocked by anything *between* the two; what lies
+//! The assignment's report: a ray from the point towards the light, blocked by anything *between* the two; what lies
 //! behind the light does not count.
 
 use glam::DVec3;

@@ -4,7 +4,7 @@
 //! further out than it must, or it jumps through what lies close by (leaks). pbrt (4th edition, section 6.8) moves the
 //! point along the geometric normal by a bound on its error. Here the point is computed in f64, so that the bound is
 //! tiny, and the one large rounding, to the f32 numbers of a ray, is made away from the surface on every axis; what
-//! remains is at most one f32 step a coordinate. No constant is involved, so it holds at every scale.
+//! remains is at most two f32 steps a coordinate. No constant is involved, so it holds at every scale.
 
 use glam::DVec3;
 

@@ -6,8 +6,8 @@
 //!
 //! Why f64 throughout rather than f32 with a fallback: rounding is monotone, so the rounded difference of two rounded
 //! products has the sign of the exact difference or is zero. With zero on the inside, a hit between two triangles that
-//! share an edge cannot be lost, in any precision; in f64 the sheared vertices are moreover within 2^-51 of exact, so
-//! hits are decided as for the true triangles except within that of an edge. No FMA: it would break the symmetry
+//! share an edge cannot be lost, in any precision; in f64 the sheared vertices are moreover within 2^-51 of exact, relative to their
+//! distance along the ray, so hits are decided as for the true triangles except within that of an edge. No FMA: it would break the symmetry
 //! between the two sides of an edge.
 
 use glam::{DVec3, Vec3, Vec3A};

@@ -79,6 +79,10 @@ fn clean_obj_line(line: &str, coloured: bool, out: &mut String) {
             out.push(' ');
             out.push_str(rest.trim());
         }
+        if out.ends_with("usemtl") {
+            // Without a name it is as good as none.
+            out.truncate(out.len() - "usemtl".len());
+        }
         return;
     }
     let mut count = 0;
@@ -192,6 +196,9 @@ fn clean_mtl_value(key: &str, rest: &str) -> Result<String, ()> {
         numbers_of(rest).split_whitespace().map(|w| w.parse::<f64>().map_err(|_| ())).collect()
     };
     match key {
+        // The start of a material or the name of a picture that is not there would cost tobj the whole file.
+        "" => Ok(String::new()),
+        _ if rest.is_empty() => Err(()),
         "Ka" | "Kd" | "Ks" | "Ke" | "Tf" => match numbers()?.as_slice() {
             // The format lets green and blue be left out; they are then as red.
             [r] | [r, _] if r.is_finite() => Ok(format!("{r} {r} {r}")),

@@ -17,6 +17,15 @@ use crate::scene::{
     Camera, Falloff, Glaze, Light, LightKind, Material, MaterialId, Mesh, Object, Phong, Scene, Shape,
 };
 
+/// The most pixels along a side; the same as for `--size`.
+const LARGEST_SIDE: u32 = 65_535;
+
+/// The most bounces of a glaze. Each holds a level of rays; at a weight of 0.9 the 64th adds a thousandth.
+const MOST_BOUNCES: u32 = 64;
+
+/// The farthest that a light may be placed. Beyond, its squared distance overflows before long; it is directional.
+const FARTHEST_LIGHT: f64 = 1e100;
+
 /// Reads a scene file and the meshes it names.
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let text = source.text();
@@ -85,6 +94,10 @@ impl Builder<'_> {
         let start = file.image.as_ref().map_or(0, |section| section.span().start);
         let image = file.image.as_ref().map(|section| section.get_ref().clone()).unwrap_or_default();
         match (image.width, image.height) {
+            (Some(width), Some(height)) if width.max(height) > LARGEST_SIDE => {
+                let what = format!("a picture of {width} x {height} pixels");
+                return Err(self.error(start, what, "give at most 65535 for each side"));
+            }
             (Some(width), Some(height)) if width > 0 && height > 0 => self.scene.size = Some([width, height]),
             (None, None) => {}
             (Some(0), _) | (_, Some(0)) => {
@@ -183,6 +196,14 @@ impl Builder<'_> {
         let kind = match (s.kind, s.position, s.direction) {
             (LightType::Point, Some(position), None) => {
                 self.finite(start, "position", &position)?;
+                if position.iter().any(|c| c.abs() > FARTHEST_LIGHT) {
+                    let what = format!("light `{name}` is beyond 1e100");
+                    return Err(self.error(
+                        start,
+                        what,
+                        "give it `type = \"directional\"` and a `direction`",
+                    ));
+                }
                 let falloff = match s.falloff {
                     FalloffValue::None => Falloff::None,
                     FalloffValue::InverseSquare => Falloff::InverseSquare { range: None },
@@ -226,7 +247,16 @@ impl Builder<'_> {
                     );
                     return Err(self.error(start, what, "let `weight` and `own_weight` sum to at most 1"));
                 }
-                Some(Glaze { weight, own_weight, bounces: g.bounces.unwrap_or(Glaze::default().bounces) })
+                let bounces = g.bounces.unwrap_or(Glaze::default().bounces);
+                if bounces > MOST_BOUNCES {
+                    let what = format!("the glaze of `{name}` asks for {bounces} bounces");
+                    return Err(self.error(
+                        start,
+                        what,
+                        "give at most 64; what is mirrored so often is not seen",
+                    ));
+                }
+                Some(Glaze { weight, own_weight, bounces })
             }
         };
         Ok(Material::Phong(Phong {

@@ -38,7 +38,6 @@ pub fn render(
     window: Window,
     watch: &Watch,
 ) -> Result<(Film, Statistics)> {
-    let start = Instant::now();
     let mut film = Film::new(window)?;
     let context = Context { world, view };
     let idle: Mutex<Vec<Worker>> = Mutex::new(Vec::new());
@@ -61,7 +60,7 @@ pub fn render(
         return Err(Error::Interrupted);
     }
     let workers = idle.into_inner().unwrap_or_default();
-    let statistics = Statistics::gather(plan, &workers, start.elapsed());
+    let statistics = Statistics::gather(plan, &workers);
     Ok((film, statistics))
 }
 

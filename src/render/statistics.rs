@@ -10,8 +10,6 @@ use crate::effects::{Plan, RayKind};
 /// What a render did.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Statistics {
-    /// From start to end.
-    pub wall: Duration,
     /// Thread time of each stage, in the plan's order, stages of one name added up.
     pub stages: Vec<StageTime>,
     /// Rays cast and rays that hit, for each of [`RayKind::ALL`].
@@ -32,9 +30,8 @@ pub struct StageTime {
 }
 
 impl Statistics {
-    pub(super) fn gather(plan: &Plan, workers: &[Worker], wall: Duration) -> Self {
+    pub(super) fn gather(plan: &Plan, workers: &[Worker]) -> Self {
         let mut sum = Statistics {
-            wall,
             stages: Vec::new(),
             rays: Default::default(),
             tests: Tests::default(),

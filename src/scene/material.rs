@@ -13,7 +13,7 @@ pub enum Material {
     MetallicRoughness(MetallicRoughness),
 }
 
-/// Ambient, diffuse and specular light on an object's own colour (ASSIGNMENT section 4): the highlight too has the
+/// Ambient, diffuse and specular light on an object's own colour (the assignment's report): the highlight too has the
 /// object's colour.
 #[derive(Debug, Clone)]
 pub struct Phong {

@@ -1,4 +1,4 @@
-//! The assignment's shading (ASSIGNMENT section 4).
+//! The assignment's shading.
 //!
 //! `L_a = k_a I_a`, `L_d = k_d I (N.L)`, `L_s = k_s I (R.V)^n` with `R = 2 N (N.L) - L`, and the object's own colour
 //! times their sum. A light with N.L <= 0 adds nothing, its highlight included.

@@ -1,6 +1,6 @@
 //! A camera made ready: from a pixel to its ray.
 //!
-//! ASSIGNMENT section 3: `w = normalise(position - target)`, `u = normalise(up x w)`, `v = w x u`, right-handed; pixel
+//! The assignment's report: `w = normalise(position - target)`, `u = normalise(up x w)`, `v = w x u`, right-handed; pixel
 //! (i, j), j counted from the bottom row, lies at `x = (i + 0.5) / I_w * V_w - V_w / 2` and `y` likewise.
 
 use glam::{DVec2, DVec3};
@@ -28,7 +28,8 @@ pub struct View {
 
 impl View {
     /// Makes `camera` ready for a picture of `width` by `height` pixels, whose pixels are square: where the picture has
-    /// another shape than the viewing rectangle, more is seen along one axis, never less.
+    /// another shape than the viewing rectangle, more is seen along one axis, never less. A camera that has no width of
+    /// its own keeps its height.
     ///
     /// # Errors
     /// [`Error::Usage`] where the camera has no direction or is not finite.

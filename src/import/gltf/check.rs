@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use glam::{DMat4, DQuat};
+use gltf::accessor::{DataType, Dimensions};
 
 use super::dvec3;
 use crate::error::{Error, Place, Result, Warnings};
@@ -54,11 +55,70 @@ pub(super) fn check_accessors(document: &gltf::Document, file: &Path) -> Result<
             usable &= fits(Some(indices.view()), indices.offset(), sparse.count(), index_size);
             usable &= fits(Some(values.view()), values.offset(), sparse.count(), size);
         }
+        // A sparse accessor may stand on no view at all; then nothing but this bounds how much it asks for.
+        usable &= accessor.view().is_some() || count <= MOST_UNBACKED;
         if !usable {
             let item = Place::item(file, format!("accessor {}", accessor.index()));
             let what = "its elements do not lie inside its buffer view";
             return Err(Error::input(item, what, "export the file again"));
         }
+    }
+    for mesh in document.meshes() {
+        for primitive in mesh.primitives() {
+            let wrong = |what: String| {
+                let item = format!("mesh {}, primitive {}", mesh.index(), primitive.index());
+                Error::input(Place::item(file, item), what, "export the file again")
+            };
+            if primitive.indices().is_some_and(|indices| !is_index(&indices)) {
+                return Err(wrong("its indices are not unsigned integers".into()));
+            }
+            for (semantic, accessor) in primitive.attributes() {
+                if !is_allowed(&semantic, &accessor) {
+                    let (kind, shape) = (accessor.data_type(), accessor.dimensions());
+                    let name = semantic.to_string();
+                    return Err(wrong(format!("{name} of type {kind:?} {shape:?} is not glTF")));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The most elements of an accessor whose values are not in the file.
+const MOST_UNBACKED: usize = 1 << 28;
+
+fn is_index(accessor: &gltf::Accessor) -> bool {
+    matches!(accessor.data_type(), DataType::U8 | DataType::U16 | DataType::U32)
+        && accessor.dimensions() == Dimensions::Scalar
+}
+
+/// Whether an attribute has a type that glTF 2.0 (section 3.7.2.1) gives its semantic.
+fn is_allowed(semantic: &gltf::Semantic, accessor: &gltf::Accessor) -> bool {
+    use gltf::Semantic;
+    let (kind, shape) = (accessor.data_type(), accessor.dimensions());
+    let float_or_unsigned = matches!(kind, DataType::F32 | DataType::U8 | DataType::U16);
+    match semantic {
+        Semantic::Positions | Semantic::Normals => kind == DataType::F32 && shape == Dimensions::Vec3,
+        Semantic::Tangents => kind == DataType::F32 && shape == Dimensions::Vec4,
+        Semantic::TexCoords(_) => float_or_unsigned && shape == Dimensions::Vec2,
+        Semantic::Colors(_) => float_or_unsigned && matches!(shape, Dimensions::Vec3 | Dimensions::Vec4),
+        Semantic::Joints(_) => matches!(kind, DataType::U8 | DataType::U16) && shape == Dimensions::Vec4,
+        Semantic::Weights(_) => float_or_unsigned && shape == Dimensions::Vec4,
+        #[allow(unreachable_patterns)]
+        _ => true,
+    }
+}
+
+/// The `gltf` crate takes for granted that a picture has an address, or a place in a buffer and a type.
+pub(super) fn check_images(document: &gltf::Document, file: &Path) -> Result<()> {
+    for (index, image) in document.as_json().images.iter().enumerate() {
+        let fault = match (&image.uri, &image.buffer_view, &image.mime_type) {
+            (Some(_), ..) | (None, Some(_), Some(_)) => continue,
+            (None, Some(_), None) => "a picture in a buffer without its type",
+            (None, None, _) => "a picture that is nowhere",
+        };
+        let item = Place::item(file, format!("image {index}"));
+        return Err(Error::input(item, fault, "export the file again"));
     }
     Ok(())
 }

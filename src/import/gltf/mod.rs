@@ -14,7 +14,7 @@ use glam::{DMat4, DVec3};
 use super::Source;
 use crate::error::{Result, Warnings};
 use crate::scene::{ImageId, Material, MaterialId, MetallicRoughness, Object, Scene, Shape};
-use check::{check_accessors, explain, load_buffers, world_transforms};
+use check::{check_accessors, check_images, explain, load_buffers, world_transforms};
 use look::place_targets;
 use triangles::deform;
 
@@ -24,6 +24,7 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let gltf::Gltf { document, blob } =
         gltf::Gltf::from_slice(bytes).map_err(|e| explain(&source.file, e))?;
     check_accessors(&document, &source.file)?;
+    check_images(&document, &source.file)?;
     let buffers = load_buffers(&document, blob, source)?;
     let mut loader =
         Loader { source, buffers, images: Vec::new(), scene: Scene::default(), warnings, plain: None };
@@ -67,6 +68,11 @@ impl Loader<'_> {
         let unread: Vec<&str> = document.extensions_used().filter(|name| !READ.contains(name)).collect();
         for name in unread {
             self.warn(format!("extension {name} is not used"));
+        }
+        let bumpy = document.materials().filter(|m| m.normal_texture().is_some()).count();
+        if bumpy > 0 {
+            let what = format!("the normal maps of {bumpy} material(s) are not used yet");
+            self.warnings.note(format!("{}: {what}", self.source.file.display()));
         }
         let transparent =
             document.materials().filter(|m| m.alpha_mode() != gltf::material::AlphaMode::Opaque).count();
