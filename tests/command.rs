@@ -195,6 +195,10 @@ fn wrong_usage_is_2() {
             "--size",
         ),
         ("render scene.toml -o a.png --crop 4294967295,0,1,1", "the crop reaches outside", ""),
+        ("render scene.toml -o frame_####.png", "the name of a series of pictures", ""),
+        ("render scene.toml -o frame_%04d.png", "the name of a series of pictures", ""),
+        ("render - - -o a.png", "standard input can be read once", ""),
+        ("render scene.toml -o a.png --stats ./a.png", "both the picture and its statistics", "another file"),
     ] {
         let (said, advice) = workshop.fail(arguments, 2);
         assert!(said.contains(error), "{arguments}: {said}");
@@ -482,6 +486,33 @@ fn a_mesh_beside_the_assignment_scene() {
     let (same, said) = render("far.obj");
     assert!(alone == same, "what is nowhere in the picture does not change it");
     assert!(said.contains("kiln: warning: far.obj is nowhere in the picture"), "{said}");
+}
+
+/// The picture of a mesh is the same wherever the mesh is and however large it is.
+#[test]
+fn far_and_extreme_meshes_look_as_near_ones() {
+    let workshop = Workshop::new();
+    let wedge = |scale: f64, offset: f64| {
+        let corners = [[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.0]];
+        let vertex =
+            |c: [f64; 3]| format!("v {:e} {:e} {:e}\n", c[0] * scale + offset, c[1] * scale, c[2] * scale);
+        let vertices: String = corners.into_iter().map(vertex).collect();
+        format!("{vertices}f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    };
+    workshop.write("near.obj", wedge(1.0, 0.0));
+    workshop.succeed("render near.obj -o near.png --size 48x48");
+    let near = workshop.pixels("near.png");
+    // Powers of two change no digit, and 2^24 steps away the corners are still whole numbers.
+    for (name, scale, offset) in
+        [("far", 1.0, 16_777_216.0), ("tiny", 100f64.exp2().recip(), 0.0), ("huge", 55f64.exp2(), 0.0)]
+    {
+        workshop.write(&format!("{name}.obj"), wedge(scale, offset));
+        let said = workshop.succeed(&format!("render {name}.obj -o a.png --size 48x48"));
+        assert!(said.contains("kiln: note: the scene"), "{said}");
+        let different = workshop.pixels("a.png").pixels().zip(near.pixels()).filter(|(a, b)| a != b).count();
+        // The fitted camera is rounded anew; an edge may fall on the other side of a pixel's centre.
+        assert!(different <= 2, "{name}: {different} pixels differ");
+    }
 }
 
 #[test]

@@ -339,6 +339,18 @@ fn mtl_lines_that_others_stumble_over() {
 }
 
 #[test]
+fn a_bad_mtl_line_loses_only_itself() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl a\nKd 1 0 0\nmap_Kd\nmap_Ns\nnewmtl b\nKd 0 1 0\nnewmtl\n");
+    let obj = format!("mtllib a.mtl\n{OBJ_TRIANGLE}usemtl a\nf 1 2 3\nusemtl\nusemtl b\nf 1 2 3\n");
+    let (scene, warnings) = folder.load("a.obj", obj);
+    let names: Vec<&str> = scene.materials.iter().map(Material::name).collect();
+    assert_eq!(names, ["a", "b"]);
+    assert_eq!(warnings.len(), 3, "{warnings:?}");
+    assert_eq!(warnings[0], "a.mtl:3: `map_Kd` left out: not understood");
+}
+
+#[test]
 fn obj_triangles_that_cannot_be_drawn_are_counted() {
     // Faces 2 and 3 have a vertex that is no number, faces 4 (collinear) and 5 (a corner twice) have no area, face 6 a
     // vertex beyond 1e18.
@@ -817,6 +829,60 @@ fn gltf_numbers_that_make_no_sense_are_errors_and_no_panic() {
     }
 }
 
+/// glTF 2.0, section 3.7.2.1, says which types an attribute may have; the `gltf` crate panics on some of the others and
+/// reads garbage from the rest.
+#[test]
+fn gltf_types_that_the_format_does_not_give_are_errors() {
+    const BYTE: u32 = 5120;
+    const UNSIGNED_INT: u32 = 5125;
+    for (semantic, component, kind, bytes) in [
+        ("NORMAL", BYTE, "VEC3", 1),
+        ("NORMAL", FLOAT, "SCALAR", 4),
+        ("TEXCOORD_0", BYTE, "VEC2", 1),
+        ("TEXCOORD_0", UNSIGNED_INT, "VEC2", 4),
+        ("TEXCOORD_0", FLOAT, "VEC3", 4),
+        ("COLOR_0", BYTE, "VEC3", 1),
+        ("COLOR_0", UNSIGNED_INT, "VEC4", 4),
+        ("COLOR_0", FLOAT, "VEC2", 4),
+        ("JOINTS_0", FLOAT, "VEC4", 4),
+        ("WEIGHTS_0", BYTE, "VEC4", 1),
+    ] {
+        let mut model = Model::triangle();
+        let lanes = kind.chars().last().and_then(|c| c.to_digit(10)).unwrap_or(1) as usize;
+        let accessor = model.accessor(vec![0; 3 * lanes * bytes], component, 3, kind);
+        model.json["meshes"][0]["primitives"][0]["attributes"][semantic] = json!(accessor);
+        let e = message(&model.fails());
+        let expected = format!("a.gltf: mesh 0, primitive 0: {semantic} of type ");
+        assert!(e.starts_with(&expected) && e.ends_with(" is not glTF"), "{e}");
+    }
+    for (component, bytes) in [(FLOAT, 12), (5122, 6)] {
+        let mut model = Model::triangle();
+        let indices = model.accessor(vec![0; bytes], component, 3, "SCALAR");
+        model.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+        let expected = "a.gltf: mesh 0, primitive 0: its indices are not unsigned integers";
+        assert_eq!(message(&model.fails()), expected);
+    }
+    for (image, fault) in [
+        (json!({}), "a picture that is nowhere"),
+        (json!({ "bufferView": 0 }), "a picture in a buffer without its type"),
+    ] {
+        let model = Model::triangle().with("images", json!([image]));
+        assert_eq!(message(&model.fails()), format!("a.gltf: image 0: {fault}"));
+    }
+}
+
+#[test]
+fn gltf_sparse_accessors_cannot_ask_for_the_moon() {
+    let mut model = Model::triangle();
+    let sparse = json!({ "count": 1, "indices": { "bufferView": 0, "componentType": UNSIGNED_SHORT },
+        "values": { "bufferView": 0 } });
+    let accessor = model.json["accessors"][0].as_object_mut().expect("an object");
+    accessor.remove("bufferView");
+    accessor.insert("sparse".into(), sparse);
+    accessor.insert("count".into(), json!(1u64 << 40));
+    assert!(message(&model.fails()).starts_with("a.gltf: accessor 0: "));
+}
+
 #[test]
 fn gltf_indices_out_of_range() {
     // Of a vertex: the triangle is left out and counted.
@@ -967,6 +1033,17 @@ rotate = [90, 90, 90]
     assert_eq!(grey.colour, Colour::from_u8([128; 3]));
 }
 
+/// A mesh far away that a scene file brings back loses nothing on the way.
+#[test]
+fn meshes_are_checked_where_they_are_placed() {
+    let folder = Folder::new();
+    folder.write("far.obj", "v 5000000 0 0\nv 5000000.01 0 0\nv 5000000 0.01 0\nf 1 2 3\n");
+    let scene = "[[mesh]]\nfile = 'far.obj'\ntranslate = [-5000000, 0, 0]\n";
+    let (scene, warnings) = folder.load("a.toml", scene.to_owned());
+    assert_eq!((scene.primitive_count(), warnings.len()), (1, 0));
+    assert_near(mesh(&scene, 0).positions[1], v(0.01, 0.0, 0.0));
+}
+
 #[test]
 fn scene_files_decide_on_cameras_and_lights_not_their_meshes() {
     let folder = Folder::new();
@@ -1080,6 +1157,17 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "at most 1",
     ),
     ("[material.a]\nambient = 1\n", "1: missing key `colour`", ""),
+    (
+        "[material.a]\ncolour = '#000000'\nglaze = { bounces = 20000000 }\n",
+        "1: the glaze of `a` asks for 20000000 bounces",
+        "at most 64",
+    ),
+    ("[image]\nwidth = 4000000000\nheight = 3\n", "1: a picture of 4000000000 x 3 pixels", "at most 65535"),
+    (
+        "[[light]]\nname = 'a'\ntype = 'point'\nposition = [0, 1e120, 0]\n",
+        "1: light `a` is beyond 1e100",
+        "directional",
+    ),
     // Objects.
     ("[[sphere]]\ncentre = [nan, 0, 0]\nradius = 1\n", "1: `centre` holds NaN", "finite"),
     ("\n\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 0\n", "3: a sphere of radius 0", "above 0"),

@@ -161,7 +161,7 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
     progress.pause(|| printer.print(&warnings, with_notes));
     if let Some(range) = bring_into_range(&mut scene) {
         warnings.note(match range.scale {
-            1.0 => "the scene lies far from the origin; moved there to keep its digits",
+            1.0 => "the scene lies far from the origin; moved to it, to keep its digits",
             _ => "the scene's size is beyond what f32 holds well; scaled by a power of two",
         });
     }
