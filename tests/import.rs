@@ -1039,7 +1039,7 @@ fn meshes_are_checked_where_they_are_placed() {
     let folder = Folder::new();
     folder.write("far.obj", "v 5000000 0 0\nv 5000000.01 0 0\nv 5000000 0.01 0\nf 1 2 3\n");
     let scene = "[[mesh]]\nfile = 'far.obj'\ntranslate = [-5000000, 0, 0]\n";
-    let (scene, warnings) = folder.load("a.toml", scene.to_owned());
+    let (scene, warnings) = folder.load("a.toml", scene);
     assert_eq!((scene.primitive_count(), warnings.len()), (1, 0));
     assert_near(mesh(&scene, 0).positions[1], v(0.01, 0.0, 0.0));
 }
