@@ -9,12 +9,12 @@ use std::sync::atomic::AtomicBool;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
-use kiln::bvh::{self, Accelerator, Preset, Traversal};
+use kiln::bvh::{self, Preset, Traversal};
 use kiln::effects::glaze::mirrored_ray;
 use kiln::effects::shadows::shadow_ray;
 use kiln::effects::{Choices, Plan};
 use kiln::error::Warnings;
-use kiln::film::{ColourPipeline, Window};
+use kiln::film::{ColourPipeline, TILE, Window};
 use kiln::geometry::Ray;
 use kiln::render::{Watch, render};
 use kiln::scene::{MaterialId, Mesh, Object, Scene, Shape};
@@ -22,6 +22,9 @@ use kiln::shading::LightSample;
 use kiln::world::{StandardView, Structure, Surface, View, World, fitted_camera, headlight};
 
 const SIZE: [u32; 2] = [512, 512];
+
+/// How many rays are asked about at once: those of a tile.
+const BATCH: usize = (TILE * TILE) as usize;
 
 /// A displaced sphere of about 80,000 triangles.
 fn generated() -> Scene {
@@ -66,7 +69,9 @@ struct Rays {
 }
 
 fn rays(world: &World, view: &View) -> Rays {
-    let pixels = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y)));
+    // Tile by tile, as the renderer asks.
+    let tiles = (0..SIZE[1] / TILE).flat_map(|y| (0..SIZE[0] / TILE).map(move |x| (x * TILE, y * TILE)));
+    let pixels = tiles.flat_map(|(x, y)| (0..TILE * TILE).map(move |i| (x + i % TILE, y + i / TILE)));
     let primary: Vec<Ray> = pixels.map(|(x, y)| view.ray(x, y)).collect();
     let mut hits = Vec::new();
     world.accelerator.closest_hits(&primary, &mut hits, &mut Traversal::default());
@@ -106,14 +111,21 @@ fn trace(c: &mut Criterion) {
                 let mut hits = Vec::with_capacity(rays.len());
                 b.iter(|| {
                     hits.clear();
-                    world.accelerator.closest_hits(rays, &mut hits, &mut traversal);
+                    for tile in rays.chunks(BATCH) {
+                        world.accelerator.closest_hits(tile, &mut hits, &mut traversal);
+                    }
                 });
             });
         }
         group.throughput(Throughput::Elements(shadow.len() as u64));
         group.bench_function("shadow", |b| {
-            let accelerator: &dyn Accelerator = &*world.accelerator;
-            b.iter(|| shadow.iter().filter(|ray| accelerator.is_occluded(ray, &mut traversal)).count());
+            let mut occluded = Vec::with_capacity(shadow.len());
+            b.iter(|| {
+                occluded.clear();
+                for tile in shadow.chunks(BATCH) {
+                    world.accelerator.are_occluded(tile, &mut occluded, &mut traversal);
+                }
+            });
         });
 
         let plan = Plan::new(&world, &Choices::default()).expect("a plan");
