@@ -53,7 +53,8 @@ impl Tree {
         entries.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
     }
 
-    /// Calls `visit` with the index range of each leaf below `entries` that the ray meets, nearest boxes first.
+    /// Calls `visit` with the index range of each leaf below `entries` that the ray meets: entry after entry,
+    /// nearest boxes first within each.
     #[inline]
     fn walk(
         &self,
@@ -185,7 +186,9 @@ impl Tree {
 /// The index of no node.
 const NOTHING: u32 = u32::MAX;
 
-/// How many nodes a batch of rays may begin at. Measured on the bunny, the kitchen and the assignment scene.
+/// How many nodes a batch of rays may begin at. Of 4, 8 and 16, in one alternating run on one thread, 8 was the fastest on
+/// the bunny (208 ms against 227 and 230, medians of 9), level with 16 and ahead of 4 in the kitchen (90 ms against 88 and
+/// 101); on the assignment scene the three were the same within the noise.
 const MOST_ENTRIES: usize = 8;
 
 /// What to do after a leaf.

@@ -11,7 +11,7 @@ use super::bounds::{PRUNE_MARGIN, round_down};
 /// of an interval, computed, hold every ray's own number, computed: a box that any of the rays enters, the beam enters.
 pub struct Beam {
     origin: [Vec3A; 2],
-    /// Least and greatest reciprocal of the directions; both 0 on axes of no use.
+    /// Least and greatest reciprocal of the directions; to be used on axes that all rays run along.
     inverse: [Vec3A; 2],
     /// For each axis, what it can tell.
     axes: [Axis; 3],
