@@ -181,8 +181,9 @@ fn settle(
         depth * test.shear[2]
     } else {
         match plane_distance(ray, corners) {
-            Some(t) => t,
-            None => return settle_exactly(ray, corners),
+            Plane::At(t) => t,
+            Plane::Behind => return None,
+            Plane::Unclear => return settle_exactly(ray, corners),
         }
     };
     match is_within(ray, t) {
@@ -192,17 +193,35 @@ fn settle(
     }
 }
 
-/// Where the ray meets the plane of a triangle, to the tolerance; `None` where f64 does not give it.
+/// What f64 says of a ray and the plane of a triangle.
+enum Plane {
+    /// They meet at this distance, to the tolerance.
+    At(f64),
+    /// They meet at a distance below 0, or at 0, and those do not count.
+    Behind,
+    /// f64 cannot tell.
+    Unclear,
+}
+
+/// Where the ray meets the plane of a triangle, as far as f64 tells.
 #[cold]
-fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> Option<f64> {
+fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> Plane {
     let (u, v, to_a) = (b - a, c - a, a - ray.origin);
     let normal = u.cross(v);
     let permanent = u.abs().yzx() * v.abs().zxy() + u.abs().zxy() * v.abs().yzx();
-    let (numerator, denominator) = (normal.dot(to_a), normal.dot(ray.direction));
     // The normal is off by 4u of its permanent, a product with it by 2u more, their sum by 2u more.
-    let good =
-        |x: f64, with: DVec3| 4.0 * f64::EPSILON * permanent.dot(with.abs()) <= x.abs() * (TOLERANCE / 4.0);
-    (good(numerator, to_a) && good(denominator, ray.direction)).then(|| numerator / denominator)
+    let product = |with: DVec3| (normal.dot(with), 4.0 * f64::EPSILON * permanent.dot(with.abs()));
+    let (numerator, numerator_error) = product(to_a);
+    let (denominator, denominator_error) = product(ray.direction);
+    let within = |share: f64| {
+        numerator_error <= numerator.abs() * share && denominator_error <= denominator.abs() * share
+    };
+    if within(TOLERANCE / 4.0) {
+        return Plane::At(numerator / denominator);
+    }
+    // A ray that leaves the surface it starts from: the distance is lost to rounding, its sign is not.
+    let behind = numerator.is_sign_negative() != denominator.is_sign_negative();
+    if behind && ray.t_min >= 0.0 && within(0.5) { Plane::Behind } else { Plane::Unclear }
 }
 
 /// The same in integers.
