@@ -79,7 +79,7 @@ fn rays(world: &World, view: &View) -> Rays {
         primary.iter().zip(&hits).filter_map(|(ray, hit)| Some(world.surface(ray, hit.as_ref()?))).collect();
     let origin = |s: &Surface| s.point.origin_towards(s.geometric_normal, Numerics::Watertight);
     let to_light = |s: &Surface| {
-        let light = LightSample::new(world.lights.first()?, s)?;
+        let light = LightSample::new(world.lights.first()?, s, false)?;
         Some(shadow_ray(origin(s), &light, Precision::Single))
     };
     let shadow = surfaces.iter().filter_map(to_light).collect();

@@ -2,45 +2,22 @@
 
 mod common;
 
-use std::sync::atomic::AtomicBool;
-
 use glam::DVec3;
-use kiln::bvh::Structure;
-use kiln::effects::{Choices, Plan};
-use kiln::error::Warnings;
-use kiln::film::{ColourPipeline, Film, Window};
-use kiln::render::{Watch, render};
-use kiln::scene::Numerics;
-use kiln::world::{View, World};
+use kiln::effects::Choices;
+use kiln::film::Film;
+use kiln::scene::{Numerics, Scene};
 
 /// Renders a scene file at its own size.
 fn picture(toml: &str, choices: Choices) -> Film {
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("scene.toml");
-    std::fs::write(&file, toml).expect("the scene is written");
-    picture_of(&file, None, None, choices)
+    picture_of(common::picture::parse(toml), None, None, choices)
 }
 
-fn picture_of(
-    file: &std::path::Path,
-    camera: Option<&str>,
-    size: Option<[u32; 2]>,
-    choices: Choices,
-) -> Film {
-    let scene = kiln::import::load(&[file.to_owned()], &mut Warnings::default()).expect("a usable scene");
-    let camera = match camera {
-        Some(name) => scene.cameras.iter().find(|c| c.name == name).expect("the camera").clone(),
-        None => scene.cameras[0].clone(),
-    };
+fn picture_of(mut scene: Scene, camera: Option<&str>, size: Option<[u32; 2]>, choices: Choices) -> Film {
+    if let Some(name) = camera {
+        scene.cameras.retain(|camera| camera.name == name);
+    }
     let size = size.or(scene.size).expect("a size");
-    let view = View::new(&camera, camera.projection, size).expect("a usable camera");
-    let pipeline = scene.colour.unwrap_or(ColourPipeline::Linear);
-    let choices = Choices { scene: scene.effects, ..choices };
-    let world = World::prepare(scene, pipeline, Structure::default(), Numerics::default());
-    let plan = Plan::new(&world, &choices).expect("a plan");
-    let watch = Watch { cancel: &AtomicBool::new(false), progress: &|_, _| {} };
-    let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
-    render(&world, &view, &plan, window, &watch).expect("a picture").0
+    common::picture::prepare(scene, size, Numerics::default()).render(choices).0
 }
 
 /// Looks along -z at 64 x 64 units with as many pixels: pixel (i, j) from the top is at (i - 31.5, 31.5 - j).
@@ -363,7 +340,8 @@ fn the_assignment_twice() {
         ("origin", DVec3::ZERO),
     ] {
         let file = common::repository("scenes/assignment.toml");
-        let film = picture_of(&file, Some(name), Some([size, size]), Choices::default());
+        let film =
+            picture_of(common::picture::load(&file), Some(name), Some([size, size]), Choices::default());
         let w = (position - DVec3::new(-100.0, -300.0, 1216.0)).normalize();
         let u = DVec3::Y.cross(w).normalize();
         let v = w.cross(u);

@@ -14,6 +14,7 @@ use crate::world::{Surface, World};
 pub const EFFECT: Effect = Effect {
     name: "glaze",
     summary: "glazed materials mirror what is around them",
+    needs_lights: false,
     called_for: |world: &World| {
         let glazed =
             world.materials.iter().filter(|m| m.glaze().is_some_and(|g| g.bounces > 0 && g.weight > 0.0));

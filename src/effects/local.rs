@@ -8,6 +8,8 @@ use crate::shading::{LightSample, ShadingMode, shade};
 pub struct Illuminate {
     /// Which level.
     pub level: usize,
+    /// Whether smooth meshes are lit by their normals alone.
+    pub smooth: bool,
 }
 
 impl Stage for Illuminate {
@@ -18,7 +20,9 @@ impl Stage for Illuminate {
     fn run(&self, tile: &mut Tile, context: &Context) {
         let Level { surfaces, lights, lights_end, .. } = tile.level(self.level);
         for surface in surfaces.iter() {
-            lights.extend(context.world.lights.iter().filter_map(|light| LightSample::new(light, surface)));
+            lights.extend(
+                context.world.lights.iter().filter_map(|light| LightSample::new(light, surface, self.smooth)),
+            );
             lights_end.push(lights.len() as u32);
         }
     }

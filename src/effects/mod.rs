@@ -10,6 +10,7 @@ pub mod glaze;
 mod local;
 mod primary;
 pub mod shadows;
+pub mod terminator;
 pub mod tile;
 mod visible;
 
@@ -59,12 +60,14 @@ pub struct Effect {
     pub name: &'static str,
     /// One line on what it does.
     pub summary: &'static str,
+    /// Whether it has a meaning only where lights shine.
+    needs_lights: bool,
     /// What in the world calls for it, or why nothing does.
     called_for: fn(&World) -> std::result::Result<String, String>,
 }
 
 /// Every effect there is.
-pub const EFFECTS: &[Effect] = &[shadows::EFFECT, glaze::EFFECT];
+pub const EFFECTS: &[Effect] = &[shadows::EFFECT, terminator::EFFECT, glaze::EFFECT];
 
 /// What the user asks for, over what the scene says.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -112,6 +115,7 @@ impl Plan {
         let decisions: Vec<Decision> = EFFECTS.iter().map(|effect| decide(effect, world, choices)).collect();
         let on = |name: &str| decisions.iter().any(|d| d.effect == name && d.on);
         let (shadows, glaze) = (on(shadows::EFFECT.name), on(glaze::EFFECT.name));
+        let smooth = on(terminator::EFFECT.name);
 
         let lit = choices.shading.uses_lights() && !world.lights.is_empty();
         let bounces = if glaze { glaze::most_bounces(world) } else { 0 };
@@ -126,8 +130,11 @@ impl Plan {
                 stages.push(Box::new(visible::Origins { level }));
             }
             if lit {
-                stages.push(Box::new(local::Illuminate { level }));
+                stages.push(Box::new(local::Illuminate { level, smooth }));
                 if shadows {
+                    if smooth {
+                        stages.push(Box::new(terminator::Lift { level }));
+                    }
                     stages.push(Box::new(shadows::Shadows { level }));
                 }
             }
@@ -172,8 +179,8 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
         Ok(calls) => calls,
         Err(nothing) => return decision(false, nothing),
     };
-    if !choices.shading.uses_lights() && name == shadows::EFFECT.name {
-        return decision(false, format!("{} shading has no lights to block", choices.shading.name()));
+    if !choices.shading.uses_lights() && effect.needs_lights {
+        return decision(false, format!("{} shading has no lights", choices.shading.name()));
     }
     if choices.without.iter().any(|n| n == name) {
         return decision(false, format!("--without {name}"));

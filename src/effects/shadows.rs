@@ -15,6 +15,7 @@ use crate::world::World;
 pub const EFFECT: Effect = Effect {
     name: "shadows",
     summary: "lights are blocked by what stands in their way",
+    needs_lights: true,
     called_for: |world: &World| match world.lights.as_slice() {
         [] => Err("the scene has no lights".into()),
         [one] => Ok(format!("light `{}`", one.name)),
@@ -35,15 +36,26 @@ impl Stage for Shadows {
 
     fn run(&self, tile: &mut Tile, context: &Context) {
         let Tile { levels, traversal, shadow_rays, occluded, .. } = tile;
-        let Level { origins, lights, lights_end, .. } = &mut levels[self.level];
-        let precision = context.world.numerics().precision();
+        let Level { surfaces, origins, shadow_points, lights, lights_end, .. } = &mut levels[self.level];
+        let numerics = context.world.numerics();
+        let precision = numerics.precision();
         let cast = lights.len();
         shadow_rays.clear();
         occluded.clear();
         let mut start = 0;
-        for (origin, &end) in origins.iter().zip(lights_end.iter()) {
+        for (index, &end) in lights_end.iter().enumerate() {
             let end = end as usize;
-            shadow_rays.extend(lights[start..end].iter().map(|light| shadow_ray(*origin, light, precision)));
+            let lights = &lights[start..end];
+            if let Some(lifted) = shadow_points.get(index) {
+                let surface = &surfaces[index];
+                let origin = lifted.origin_towards(surface.geometric_normal, numerics);
+                let moved = lifted.position - surface.point.position;
+                let rays = lights.iter().map(|light| shadow_ray(origin, &light.seen_from(moved), precision));
+                shadow_rays.extend(rays);
+            } else {
+                let origin = origins[index];
+                shadow_rays.extend(lights.iter().map(|light| shadow_ray(origin, light, precision)));
+            }
             start = end;
         }
         context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
@@ -65,6 +77,9 @@ impl Stage for Shadows {
 }
 
 /// The ray from `origin`, on a surface's outer side, to a light, open at both ends.
+///
+/// Rounded, it ends beside the light, by up to a step of its numbers relative to its length: what it meets there may be
+/// what the light stands on, and does not count.
 pub fn shadow_ray(origin: DVec3, light: &LightSample, precision: Precision) -> Ray {
-    precision.ray(origin, light.direction, 0.0, light.distance)
+    precision.ray(origin, light.direction, 0.0, light.distance * (1.0 - 2.0 * precision.epsilon()))
 }

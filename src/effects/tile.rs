@@ -8,6 +8,7 @@ use glam::DVec3;
 use super::RayKind;
 use crate::bvh::Traversal;
 use crate::film::Window;
+use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Hit, Ray};
 use crate::shading::LightSample;
 use crate::world::{Surface, View, World};
@@ -33,6 +34,8 @@ pub struct Level {
     pub surfaces: Vec<Surface>,
     /// For each surface, where rays that leave it start; empty where none do.
     pub origins: Vec<DVec3>,
+    /// For each surface, the point that its shadow rays start from; empty where that is the surface's own.
+    pub shadow_points: Vec<SurfacePoint>,
     /// For each surface, its ray.
     pub ray_of: Vec<u32>,
     /// The lights that reach the surfaces, surface after surface.
@@ -50,6 +53,7 @@ impl Level {
         self.hits.clear();
         self.surfaces.clear();
         self.origins.clear();
+        self.shadow_points.clear();
         self.ray_of.clear();
         self.lights.clear();
         self.lights_end.clear();

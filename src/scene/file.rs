@@ -59,6 +59,8 @@ pub struct SceneFile {
 pub struct EffectsSection {
     /// Whether things in the way of a light take it away.
     pub shadows: Option<bool>,
+    /// Whether the shadow line of smooth meshes follows their normals.
+    pub terminator: Option<bool>,
     /// Whether glazed materials mirror their surroundings.
     pub glaze: Option<bool>,
 }
@@ -68,6 +70,7 @@ impl EffectsSection {
     pub fn get(&self, name: &str) -> Option<bool> {
         match name {
             "shadows" => self.shadows,
+            "terminator" => self.terminator,
             "glaze" => self.glaze,
             _ => None,
         }
@@ -75,7 +78,11 @@ impl EffectsSection {
 
     /// This section's word where it has one, the other's where not.
     pub fn or(self, other: Self) -> Self {
-        EffectsSection { shadows: self.shadows.or(other.shadows), glaze: self.glaze.or(other.glaze) }
+        EffectsSection {
+            shadows: self.shadows.or(other.shadows),
+            terminator: self.terminator.or(other.terminator),
+            glaze: self.glaze.or(other.glaze),
+        }
     }
 }
 

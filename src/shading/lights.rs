@@ -20,9 +20,10 @@ pub struct LightSample {
 
 impl LightSample {
     /// The light as seen from the surface, or `None` where it adds nothing: it has no intensity there, lies in the
-    /// surface, or shines on the other side.
+    /// surface, or shines on the other side. The sides are those of the shading normal, and of the geometry, too, unless
+    /// the surface is to be taken as `smooth`.
     #[inline]
-    pub fn new(light: &WorldLight, surface: &Surface) -> Option<Self> {
+    pub fn new(light: &WorldLight, surface: &Surface, smooth: bool) -> Option<Self> {
         let (to_light, strength) = match &light.kind {
             LightKind::Directional { direction } => (-*direction, 1.0),
             LightKind::Point { position, falloff } => {
@@ -40,7 +41,7 @@ impl LightSample {
         // A light in the point itself has no direction to shine from.
         let direction = to_light / length;
         let cosine = surface.shading_normal.dot(direction);
-        let reaches = cosine > 0.0 && surface.geometric_normal.dot(direction) > 0.0;
+        let reaches = cosine > 0.0 && (smooth || surface.geometric_normal.dot(direction) > 0.0);
         let radiance = light.radiance * strength;
         if !(reaches && length > 0.0 && radiance.is_finite() && radiance != DVec3::ZERO) {
             return None;
@@ -48,6 +49,18 @@ impl LightSample {
         let distance =
             if matches!(light.kind, LightKind::Directional { .. }) { f64::INFINITY } else { length };
         Some(LightSample { direction, distance, radiance, cosine })
+    }
+
+    /// The same light from a point that lies `moved` beside the surface's.
+    pub fn seen_from(&self, moved: DVec3) -> Self {
+        if self.distance.is_infinite() {
+            return *self;
+        }
+        let to_light = self.direction * self.distance - moved;
+        let distance = to_light.length();
+        // Lifted right into the light, it has no direction; the surface's own will do.
+        let direction = if distance > 0.0 { to_light / distance } else { self.direction };
+        LightSample { direction, distance, ..*self }
     }
 }
 

@@ -65,6 +65,13 @@ pub struct WorldObject {
     pub(crate) attributes: lower::Attributes,
 }
 
+impl WorldObject {
+    /// Whether it has normals of its own to be shaded by.
+    pub fn is_smooth(&self) -> bool {
+        self.attributes.normals.is_some()
+    }
+}
+
 /// A light with its colour in the numbers of the pipeline.
 #[derive(Debug, Clone)]
 pub struct WorldLight {

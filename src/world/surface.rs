@@ -90,6 +90,31 @@ impl World {
     }
 }
 
+impl World {
+    /// The point of the smooth surface over `surface`, at `hit`: lifted above the tangent planes of the corners (Hanika,
+    /// Ray Tracing Gems II, chapter 4, 2021). The point itself where there is none.
+    pub fn smooth_point(&self, surface: &Surface, hit: &Hit) -> SurfacePoint {
+        let object = &self.objects[surface.object as usize];
+        let (Some(normals), Primitive::Triangle(triangle)) =
+            (&object.attributes.normals, self.accelerator.primitive(hit.slot))
+        else {
+            return surface.point;
+        };
+        let normals = normals.of(hit.prim.0 - object.first.0).map(|n| n.as_dvec3());
+        let [v, w] = hit.weights;
+        let weights = [1.0 - v - w, v, w];
+        // On the side that the surface is seen from.
+        let side = blend(normals, weights).dot(surface.shading_normal).signum();
+        let mut point = surface.point;
+        for ((corner, normal), weight) in triangle.0.iter().zip(normals).zip(weights) {
+            let normal = normal * side;
+            let below = (surface.point.position - corner).dot(normal).min(0.0);
+            point.position -= weight * below * normal;
+        }
+        point
+    }
+}
+
 fn blend([a, b, c]: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
     a * weights[0] + b * weights[1] + c * weights[2]
 }

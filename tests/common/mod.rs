@@ -1,6 +1,8 @@
 //! Helpers shared by the tests. Not every test uses every one.
 #![allow(dead_code)]
 
+pub mod picture;
+
 use std::path::{Path, PathBuf};
 
 /// The folder of real models, or `None` with a line that says the test was skipped.

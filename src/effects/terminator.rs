@@ -1,0 +1,48 @@
+//! The smooth terminator: where triangles stand in for a smooth surface, light ends where that surface turns away.
+//!
+//! With interpolated normals, a triangle near the terminator is lit by its normals but lies below the horizon of its own
+//! plane, or in the shadow of its neighbours: the line between light and dark follows the triangles, in steps. Hanika,
+//! Hacking the Shadow Terminator (Ray Tracing Gems II, chapter 4, 2021) lets shadow rays start from the smooth surface
+//! instead: the point is lifted above the tangent planes of the three corners, each weighted by its barycentric
+//! coordinate. Where the surface is concave it lies above them already and stays where it is.
+
+use super::tile::{Context, Level, Tile};
+use super::{Effect, Stage};
+use crate::world::World;
+
+/// In the registry.
+pub const EFFECT: Effect = Effect {
+    name: "terminator",
+    summary: "the shadow line of smooth meshes follows their normals, not their triangles",
+    needs_lights: true,
+    called_for: |world: &World| {
+        if world.lights.is_empty() {
+            return Err("the scene has no lights".into());
+        }
+        match world.objects.iter().filter(|object| object.is_smooth()).count() {
+            0 => Err("no mesh has normals of its own".into()),
+            n => Ok(format!("{n} mesh(es) with normals")),
+        }
+    },
+};
+
+/// Lifts the points that shadow rays start from onto the smooth surface.
+pub struct Lift {
+    /// Which level.
+    pub level: usize,
+}
+
+impl Stage for Lift {
+    fn name(&self) -> &'static str {
+        "terminator"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &Context) {
+        let world = context.world;
+        let Level { surfaces, hits, ray_of, shadow_points, .. } = tile.level(self.level);
+        for (surface, &ray) in surfaces.iter().zip(ray_of.iter()) {
+            let lifted = hits[ray as usize].map(|hit| world.smooth_point(surface, &hit));
+            shadow_points.push(lifted.unwrap_or(surface.point));
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! Pictures of scenes, made as the command makes them, and scenes made larger or moved.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use glam::DVec3;
+use kiln::bvh::{Structure, Traversal};
+use kiln::effects::{Choices, Plan};
+use kiln::error::Warnings;
+use kiln::film::{ColourPipeline, Film, Window};
+use kiln::geometry::{Hit, Ray};
+use kiln::render::{Statistics, Watch, render};
+use kiln::scene::{Falloff, LightKind, Numerics, Scene, Shape};
+use kiln::world::{StandardView, View, World, bring_into_range, fitted_camera, headlight};
+
+/// A scene from a file.
+pub fn load(file: &Path) -> Scene {
+    kiln::import::load(&[file.to_owned()], &mut Warnings::default()).expect("a usable scene")
+}
+
+/// A scene from the text of a scene file.
+pub fn parse(toml: &str) -> Scene {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("scene.toml");
+    std::fs::write(&file, toml).expect("the scene is written");
+    load(&file)
+}
+
+/// A scene made ready, seen by its first camera.
+pub struct Prepared {
+    pub world: World,
+    pub view: View,
+    pub size: [u32; 2],
+    pub scene_effects: kiln::scene::file::EffectsSection,
+}
+
+/// Gives a scene a camera and a light where it has none, as the command does.
+pub fn equip(scene: &mut Scene) {
+    if scene.cameras.is_empty() {
+        let camera = fitted_camera(scene, StandardView::Auto, 1.0, Default::default()).expect("a camera");
+        scene.cameras.push(camera);
+    }
+    if scene.lights.is_empty() {
+        scene.lights.extend(headlight(&scene.cameras[0]));
+    }
+}
+
+pub fn prepare(mut scene: Scene, size: [u32; 2], numerics: Numerics) -> Prepared {
+    bring_into_range(&mut scene);
+    let camera = scene.cameras[0].clone();
+    let view = View::new(&camera, camera.projection, size).expect("a usable camera");
+    let pipeline = scene.colour.unwrap_or(ColourPipeline::Linear);
+    let scene_effects = scene.effects;
+    let world = World::prepare(scene, pipeline, Structure::default(), numerics);
+    Prepared { world, view, size, scene_effects }
+}
+
+impl Prepared {
+    pub fn render(&self, choices: Choices) -> (Film, Statistics) {
+        let choices = Choices { scene: self.scene_effects, ..choices };
+        let plan = Plan::new(&self.world, &choices).expect("a plan");
+        let watch = Watch { cancel: &AtomicBool::new(false), progress: &|_, _| {} };
+        let [width, height] = self.size;
+        render(&self.world, &self.view, &plan, Window { x: 0, y: 0, width, height }, &watch)
+            .expect("a picture")
+    }
+
+    /// The ray of every pixel, row by row from the top.
+    pub fn rays(&self) -> Vec<Ray> {
+        let precision = self.world.numerics().precision();
+        let [width, height] = self.size;
+        (0..height)
+            .flat_map(|y| (0..width).map(move |x| (x, y)))
+            .map(|(x, y)| self.view.ray(x, y, precision))
+            .collect()
+    }
+
+    /// What each of them hits.
+    pub fn hits(&self) -> Vec<Option<Hit>> {
+        let mut traversal = Traversal::default();
+        self.rays().iter().map(|ray| self.world.accelerator.closest_hit(ray, &mut traversal)).collect()
+    }
+}
+
+/// A scene with its first camera and default effects, at a size, in a tier.
+pub fn picture(scene: Scene, size: [u32; 2], numerics: Numerics) -> Film {
+    prepare(scene, size, numerics).render(Choices::default()).0
+}
+
+/// The bits of a picture.
+pub fn bits(film: &Film, [width, height]: [u32; 2]) -> Vec<[u32; 3]> {
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    pixels.map(|(x, y)| film.pixel(x, y).map(f32::to_bits)).collect()
+}
+
+/// Everything in a scene, cameras and lights with it, made `scale` times as large and then moved.
+pub fn placed(mut scene: Scene, scale: f64, offset: DVec3) -> Scene {
+    let place = |p: &mut DVec3| *p = *p * scale + offset;
+    for object in &mut scene.objects {
+        match &mut object.shape {
+            Shape::Sphere { centre, radius } => {
+                place(centre);
+                *radius *= scale;
+            }
+            Shape::Mesh(mesh) => mesh.positions.iter_mut().for_each(place),
+        }
+    }
+    for camera in &mut scene.cameras {
+        place(&mut camera.position);
+        place(&mut camera.target);
+        camera.view_height *= scale;
+        camera.view_width = camera.view_width.map(|width| width * scale);
+        camera.viewpoint_distance *= scale;
+    }
+    for light in &mut scene.lights {
+        match &mut light.kind {
+            LightKind::Directional { .. } => {}
+            LightKind::Point { position, falloff } | LightKind::Spot { position, falloff, .. } => {
+                place(position);
+                if let Falloff::InverseSquare { range } = falloff {
+                    *range = range.map(|range| range * scale);
+                    light.intensity *= scale * scale;
+                }
+            }
+        }
+    }
+    scene
+}
