@@ -5,6 +5,9 @@
 //!
 //! - [`leaks`]: how many rays slip through a closed mesh.
 
+// The peers that are not written in Rust are called as C and C++ are; `unsafe_code` is denied everywhere else.
+#[allow(unsafe_code)]
+mod embree;
 mod icosphere;
 mod kiln;
 pub mod leaks;
@@ -72,12 +75,16 @@ pub struct Absent {
 }
 
 /// Every library that kiln knows how to ask.
-pub const NAMES: [&str; 2] = ["kiln", "obvhs"];
+pub const NAMES: [&str; 3] = ["kiln", "obvhs", "embree"];
 
 /// Every engine that is there, in the order of [`NAMES`], and those that are not.
 pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Absent>) {
     let mut present = kiln::engines();
-    let absent = Vec::new();
+    let mut absent = Vec::new();
     present.extend(obvhs::engines());
+    match embree::engines() {
+        Ok(engines) => present.extend(engines),
+        Err(reason) => absent.push(reason),
+    }
     (present, absent)
 }
