@@ -14,6 +14,9 @@ pub mod leaks;
 mod numbers;
 mod obvhs;
 mod rays;
+#[cfg(all(feature = "tinybvh", target_feature = "avx2"))]
+#[allow(unsafe_code)]
+mod tinybvh;
 
 pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
 pub use numbers::Numbers;
@@ -75,7 +78,7 @@ pub struct Absent {
 }
 
 /// Every library that kiln knows how to ask.
-pub const NAMES: [&str; 3] = ["kiln", "obvhs", "embree"];
+pub const NAMES: [&str; 4] = ["kiln", "obvhs", "embree", "tinybvh"];
 
 /// Every engine that is there, in the order of [`NAMES`], and those that are not.
 pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Absent>) {
@@ -86,5 +89,13 @@ pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Absent>) {
         Ok(engines) => present.extend(engines),
         Err(reason) => absent.push(reason),
     }
+    #[cfg(all(feature = "tinybvh", target_feature = "avx2"))]
+    present.extend(tinybvh::engines());
+    #[cfg(not(all(feature = "tinybvh", target_feature = "avx2")))]
+    absent.push(Absent {
+        name: "tinybvh",
+        reason: "kiln was built without it".into(),
+        remedy: "build with RUSTFLAGS=\"-C target-feature=+avx2\" and --features tinybvh",
+    });
     (present, absent)
 }
