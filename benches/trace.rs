@@ -9,17 +9,17 @@ use std::sync::atomic::AtomicBool;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
-use kiln::bvh::{self, Preset, Traversal};
+use kiln::bvh::{self, Slot, Structure, Traversal};
 use kiln::effects::glaze::mirrored_ray;
 use kiln::effects::shadows::shadow_ray;
 use kiln::effects::{Choices, Plan};
 use kiln::error::Warnings;
 use kiln::film::{ColourPipeline, TILE, Window};
-use kiln::geometry::Ray;
+use kiln::geometry::{Numerics, Precision, PrimId, Ray, SlotId};
 use kiln::render::{Watch, render};
 use kiln::scene::{MaterialId, Mesh, Object, Scene, Shape};
 use kiln::shading::LightSample;
-use kiln::world::{StandardView, Structure, Surface, View, World, fitted_camera, headlight};
+use kiln::world::{StandardView, Surface, View, World, fitted_camera, headlight};
 
 const SIZE: [u32; 2] = [512, 512];
 
@@ -72,15 +72,22 @@ fn rays(world: &World, view: &View) -> Rays {
     // Tile by tile, as the renderer asks.
     let tiles = (0..SIZE[1] / TILE).flat_map(|y| (0..SIZE[0] / TILE).map(move |x| (x * TILE, y * TILE)));
     let pixels = tiles.flat_map(|(x, y)| (0..TILE * TILE).map(move |i| (x + i % TILE, y + i / TILE)));
-    let primary: Vec<Ray> = pixels.map(|(x, y)| view.ray(x, y)).collect();
+    let primary: Vec<Ray> = pixels.map(|(x, y)| view.ray(x, y, Precision::Single)).collect();
     let mut hits = Vec::new();
     world.accelerator.closest_hits(&primary, &mut hits, &mut Traversal::default());
     let surfaces: Vec<Surface> =
         primary.iter().zip(&hits).filter_map(|(ray, hit)| Some(world.surface(ray, hit.as_ref()?))).collect();
-    let origin = |s: &Surface| s.point.origin_towards(s.geometric_normal);
-    let to_light = |s: &Surface| Some(shadow_ray(origin(s), &LightSample::new(world.lights.first()?, s)?));
+    let origin = |s: &Surface| s.point.origin_towards(s.geometric_normal, Numerics::Watertight);
+    let to_light = |s: &Surface| {
+        let light = LightSample::new(world.lights.first()?, s)?;
+        Some(shadow_ray(origin(s), &light, Precision::Single))
+    };
     let shadow = surfaces.iter().filter_map(to_light).collect();
-    Rays { primary, shadow, glaze: surfaces.iter().map(|s| mirrored_ray(origin(s), s)).collect() }
+    Rays {
+        primary,
+        shadow,
+        glaze: surfaces.iter().map(|s| mirrored_ray(origin(s), s, Precision::Single)).collect(),
+    }
 }
 
 fn trace(c: &mut Criterion) {
@@ -93,14 +100,19 @@ fn trace(c: &mut Criterion) {
             scene.lights.extend(headlight(&camera));
         }
         let view = View::new(&camera, camera.projection, SIZE).expect("a usable camera");
-        let world = World::prepare(scene, ColourPipeline::Linear, Structure::default());
+        let world = World::prepare(scene, ColourPipeline::Linear, Structure::default(), Numerics::Watertight);
         let mut group = c.benchmark_group(name);
         group.sample_size(20);
 
-        let slots = world.accelerator.slots().to_vec();
+        let count = world.accelerator.describe().slots as u32;
+        let slot = |index| Slot { primitive: world.accelerator.primitive(SlotId(index)), id: PrimId(index) };
+        let slots: Vec<Slot> = (0..count).map(slot).collect();
         group.throughput(Throughput::Elements(slots.len() as u64));
         group.bench_function("build", |b| {
-            b.iter_batched(|| &slots, |slots| bvh::build(slots, Preset::default()), BatchSize::LargeInput);
+            let build = |slots: &Vec<Slot>| {
+                bvh::build(slots.iter().copied(), Structure::default(), Numerics::Watertight)
+            };
+            b.iter_batched(|| &slots, build, BatchSize::LargeInput);
         });
 
         let Rays { primary, shadow, glaze } = rays(&world, &view);

@@ -5,11 +5,13 @@ mod common;
 use std::sync::atomic::AtomicBool;
 
 use glam::DVec3;
+use kiln::bvh::Structure;
 use kiln::effects::{Choices, Plan};
 use kiln::error::Warnings;
 use kiln::film::{ColourPipeline, Film, Window};
 use kiln::render::{Watch, render};
-use kiln::world::{Structure, View, World};
+use kiln::scene::Numerics;
+use kiln::world::{View, World};
 
 /// Renders a scene file at its own size.
 fn picture(toml: &str, choices: Choices) -> Film {
@@ -34,7 +36,7 @@ fn picture_of(
     let view = View::new(&camera, camera.projection, size).expect("a usable camera");
     let pipeline = scene.colour.unwrap_or(ColourPipeline::Linear);
     let choices = Choices { scene: scene.effects, ..choices };
-    let world = World::prepare(scene, pipeline, Structure::default());
+    let world = World::prepare(scene, pipeline, Structure::default(), Numerics::default());
     let plan = Plan::new(&world, &choices).expect("a plan");
     let watch = Watch { cancel: &AtomicBool::new(false), progress: &|_, _| {} };
     let window = Window { x: 0, y: 0, width: size[0], height: size[1] };

@@ -3,21 +3,23 @@
 use glam::DVec3;
 
 use super::{Built, Engine, Mesh};
-use crate::bvh::{self, Accelerator, BruteForce, Preset, Primitive, Slot, Traversal};
+use crate::bvh::{self, Accelerator, Preset, Primitive, Slot, Structure, Traversal};
 use crate::error::Result;
-use crate::geometry::{PrimId, Ray, Triangle};
+use crate::geometry::{Numerics, PrimId, Triangle};
 
-/// One of kiln's structures.
+/// One of kiln's structures in one of its tiers.
 struct Kiln {
-    layout: &'static str,
+    structure: Structure,
+    numerics: Numerics,
 }
 
-const BRUTE_FORCE: &str = "brute-force";
-const TREE: &str = "bvh2";
-
-/// Every structure.
+/// Every structure in every tier.
 pub fn engines() -> Vec<Box<dyn Engine>> {
-    [BRUTE_FORCE, TREE].map(|layout| Box::new(Kiln { layout }) as Box<dyn Engine>).into()
+    let structures = [Structure::BruteForce, Structure::Tree(Preset::default())];
+    let kilns = structures.into_iter().flat_map(|structure| {
+        Numerics::ALL.map(|numerics| Box::new(Kiln { structure, numerics }) as Box<dyn Engine>)
+    });
+    kilns.collect()
 }
 
 impl Engine for Kiln {
@@ -26,26 +28,26 @@ impl Engine for Kiln {
     }
 
     fn layout(&self) -> &'static str {
-        self.layout
+        match self.structure {
+            Structure::BruteForce => "brute-force",
+            Structure::Tree(_) => "bvh2",
+        }
     }
 
     fn tier(&self) -> Option<&'static str> {
-        Some("watertight")
+        Some(self.numerics.name())
     }
 
     fn is_exhaustive(&self) -> bool {
-        self.layout == BRUTE_FORCE
+        self.structure == Structure::BruteForce
     }
 
     fn build(&self, mesh: &Mesh) -> Result<Box<dyn Built>> {
-        let triangles = (0..mesh.triangles.len() as u32).map(|id| (id, Triangle(mesh.corners(id))));
-        let slots: Vec<Slot> = triangles
-            .map(|(id, triangle)| Slot { primitive: Primitive::Triangle(triangle), id: PrimId(id) })
-            .collect();
-        Ok(Box::new(BuiltKiln(match self.is_exhaustive() {
-            true => Box::new(BruteForce::new(slots)),
-            false => Box::new(bvh::build(&slots, Preset::default())),
-        })))
+        let slots = (0..mesh.triangles.len() as u32).map(|id| {
+            let triangle = Triangle(mesh.corners(id).map(|corner| corner.as_dvec3()));
+            Slot { primitive: Primitive::Triangle(triangle), id: PrimId(id) }
+        });
+        Ok(Box::new(BuiltKiln(bvh::build(slots, self.structure, self.numerics))))
     }
 }
 
@@ -53,11 +55,9 @@ struct BuiltKiln(Box<dyn Accelerator>);
 
 impl Built for BuiltKiln {
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
-        let mut ray = Ray::new(origin, direction, 0.0, f64::INFINITY);
-        let mut traversal = Traversal::default();
-        while let Some(hit) = self.0.closest_hit(&ray, &mut traversal) {
-            found.push(hit.prim.0);
-            ray.t_min = hit.t;
-        }
+        let ray = self.0.numerics().precision().ray(origin, direction, 0.0, f64::INFINITY);
+        let (mut traversal, mut hits) = (Traversal::default(), Vec::new());
+        self.0.all_hits(&ray, &mut hits, &mut traversal);
+        found.extend(hits.iter().map(|hit| hit.prim.0));
     }
 }

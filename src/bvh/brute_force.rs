@@ -1,40 +1,58 @@
 //! Every primitive, every time: the oracle that the acceleration structures are held to.
 
-use super::{Accelerator, Description, PrimitiveTest, Slot, Traversal};
-use crate::geometry::{Hit, Ray};
+use super::store::{PrimitiveTest, StoredSlot};
+use super::{Accelerator, Description, Primitive, Traversal};
+use crate::geometry::{Hit, Numerics, Ray, SlotId, Tier};
 
 /// No structure at all.
-pub struct BruteForce {
-    slots: Vec<Slot>,
+pub struct BruteForce<T: Tier> {
+    slots: Vec<StoredSlot<T>>,
 }
 
-impl BruteForce {
+impl<T: Tier> BruteForce<T> {
     /// Over the given primitives, in any order.
-    pub fn new(slots: Vec<Slot>) -> Self {
+    pub fn new(slots: Vec<StoredSlot<T>>) -> Self {
         BruteForce { slots }
     }
 }
 
-impl Accelerator for BruteForce {
+impl<T: Tier> Accelerator for BruteForce<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
-        let mut test = PrimitiveTest::new(ray);
+        let mut test = PrimitiveTest::<T>::new(ray);
         traversal.tests.primitives += self.slots.len() as u64;
-        let hits = (0..).zip(&self.slots).filter_map(|(index, slot)| test.hit(slot, index));
-        hits.reduce(|best, hit| if hit.is_before(&best) { hit } else { best })
+        let mut best: Option<Hit> = None;
+        for (index, slot) in (0..).zip(&self.slots) {
+            if let Some(hit) = test.hit(slot, index)
+                && test.is_better(&hit, best.as_ref(), &self.slots)
+            {
+                best = Some(hit);
+            }
+        }
+        best
     }
 
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
-        let mut test = PrimitiveTest::new(ray);
+        let mut test = PrimitiveTest::<T>::new(ray);
         traversal.tests.primitives += self.slots.len() as u64;
         self.slots.iter().any(|slot| test.hit(slot, 0).is_some())
     }
 
-    fn slots(&self) -> &[Slot] {
-        &self.slots
+    fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
+        let mut test = PrimitiveTest::<T>::new(ray);
+        traversal.tests.primitives += self.slots.len() as u64;
+        hits.extend((0..).zip(&self.slots).filter_map(|(index, slot)| test.hit(slot, index)));
+    }
+
+    fn primitive(&self, slot: SlotId) -> Primitive {
+        self.slots[slot.0 as usize].primitive()
+    }
+
+    fn numerics(&self) -> Numerics {
+        T::NUMERICS
     }
 
     fn describe(&self) -> Description {
         let slots = self.slots.len();
-        Description { layout: "brute-force", nodes: 0, slots, bytes: slots * size_of::<Slot>() }
+        Description { layout: "brute-force", nodes: 0, slots, bytes: slots * size_of::<StoredSlot<T>>() }
     }
 }

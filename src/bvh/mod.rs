@@ -3,17 +3,21 @@
 //! obvhs builds the tree; kiln walks it itself. obvhs's own traversal and intersectors are fast but not conservative:
 //! its boxes are tested without margin, tiny direction components are clamped, ties depend on the layout, and its
 //! triangle test loses rays on edges seen from behind. The picture must not depend on the structure, so every
-//! structure here answers exactly as [`BruteForce`] does: the least t, ties to the lowest primitive id.
+//! structure here answers exactly as [`Structure::BruteForce`] does, in every tier of numerics: the least t, ties to the lowest primitive id.
 
 mod brute_force;
 mod build;
+mod store;
 mod tree;
 
-pub use brute_force::BruteForce;
-pub use build::{Preset, build};
-pub use tree::Tree;
+pub use build::Preset;
 
-use crate::geometry::{Bounds, Hit, PrimId, Ray, SlotId, Sphere, Triangle, TriangleHit, TriangleTest};
+use brute_force::BruteForce;
+use store::StoredSlot;
+
+use crate::geometry::{
+    Bounds, Double, Exact, Fast, Hit, Numerics, PrimId, Ray, SlotId, Sphere, Tier, Triangle, Watertight,
+};
 
 /// The geometry of one primitive.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,13 +38,49 @@ impl Primitive {
     }
 }
 
-/// A primitive as an acceleration structure keeps it, next to those it is tested with.
+/// A primitive and its number.
 #[derive(Debug, Clone, Copy)]
 pub struct Slot {
     /// Its geometry.
     pub primitive: Primitive,
     /// Its place in the description.
     pub id: PrimId,
+}
+
+/// How rays find what they hit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Structure {
+    /// obvhs's binary tree, built with a preset.
+    Tree(Preset),
+    /// No structure: every primitive is tested. The oracle that the others are held to.
+    BruteForce,
+}
+
+impl Default for Structure {
+    fn default() -> Self {
+        Structure::Tree(Preset::default())
+    }
+}
+
+/// Builds a structure over primitives whose numbers are rounded to those of the tier.
+pub fn build(
+    slots: impl IntoIterator<Item = Slot>,
+    structure: Structure,
+    numerics: Numerics,
+) -> Box<dyn Accelerator> {
+    fn of<T: Tier>(slots: impl IntoIterator<Item = Slot>, structure: Structure) -> Box<dyn Accelerator> {
+        let stored: Vec<StoredSlot<T>> = slots.into_iter().map(StoredSlot::new).collect();
+        match structure {
+            Structure::Tree(preset) => Box::new(build::build(&stored, preset)),
+            Structure::BruteForce => Box::new(BruteForce::new(stored)),
+        }
+    }
+    match numerics {
+        Numerics::Fast => of::<Fast>(slots, structure),
+        Numerics::Watertight => of::<Watertight>(slots, structure),
+        Numerics::Double => of::<Double>(slots, structure),
+        Numerics::Exact => of::<Exact>(slots, structure),
+    }
 }
 
 /// What a traversal needs from one ray to the next, and what it counted.
@@ -77,8 +117,14 @@ pub trait Accelerator: Send + Sync {
     /// Whether the ray hits anything at all.
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool;
 
-    /// The slots that [`Hit::slot`] refers to.
-    fn slots(&self) -> &[Slot];
+    /// Every hit of the ray, in no order, appended to `hits`. On an edge or a corner all triangles that meet there count.
+    fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal);
+
+    /// What [`Hit::slot`] refers to.
+    fn primitive(&self, slot: SlotId) -> Primitive;
+
+    /// The tier that it decides by.
+    fn numerics(&self) -> Numerics;
 
     /// What there is to say about the structure.
     fn describe(&self) -> Description;
@@ -105,29 +151,4 @@ pub struct Description {
     pub slots: usize,
     /// Its size in bytes.
     pub bytes: usize,
-}
-
-/// A ray made ready for primitives of every kind, once the first of them is met: many rays meet none.
-struct PrimitiveTest<'a> {
-    ray: &'a Ray,
-    triangles: Option<TriangleTest>,
-}
-
-impl<'a> PrimitiveTest<'a> {
-    #[inline]
-    fn new(ray: &'a Ray) -> Self {
-        PrimitiveTest { ray, triangles: None }
-    }
-
-    #[inline(always)]
-    fn hit(&mut self, slot: &Slot, index: u32) -> Option<Hit> {
-        let TriangleHit { t, weights } = match &slot.primitive {
-            Primitive::Triangle(triangle) => {
-                let test = self.triangles.get_or_insert_with(|| TriangleTest::new(self.ray));
-                test.hit(self.ray, triangle)?
-            }
-            Primitive::Sphere(sphere) => TriangleHit { t: sphere.hit(self.ray)?, weights: [0.0; 2] },
-        };
-        Some(Hit { t, prim: slot.id, slot: SlotId(index), weights })
-    }
 }

@@ -1,25 +1,25 @@
 //! obvhs's binary tree, walked with conservative boxes.
 //!
 //! Nodes are used as obvhs lays them out: 32 bytes each, siblings side by side, so a step reads one cache line. Boxes
-//! are f32 and hold what is in them; [`BoxTest`] misses none of them; a hit's t lies within its primitive's box. So a
+//! are f32 and hold what is in them; a tier's [`BoxTest`] misses none of them; a hit's t lies within its primitive's box. So a
 //! node is only ever passed over when nothing in it can come before the best hit.
 
 use glam::{Vec3A, Vec4};
 use obvhs::bvh2::node::Bvh2Node;
 
-use super::{Accelerator, Description, PrimitiveTest, Slot, Tests, Traversal};
-use crate::geometry::{Beam, BoxTest, Hit, PRUNE_MARGIN, Ray, round_up};
+use super::store::{PrimitiveTest, StoredSlot};
+use super::{Accelerator, Description, Primitive, Tests, Traversal};
+use crate::geometry::{Beam, BoxTest, Hit, Numerics, PRUNE_MARGIN, Ray, SlotId, Tier, round_up};
 
 /// A binary tree of boxes.
-#[derive(Default)]
-pub struct Tree {
+pub struct Tree<T: Tier> {
     nodes: Vec<Bvh2Node>,
-    slots: Vec<Slot>,
+    slots: Vec<StoredSlot<T>>,
 }
 
-impl Tree {
+impl<T: Tier> Tree<T> {
     /// A tree whose leaves refer to ranges of `slots`.
-    pub(super) fn new(nodes: Vec<Bvh2Node>, slots: Vec<Slot>) -> Self {
+    pub(super) fn new(nodes: Vec<Bvh2Node>, slots: Vec<StoredSlot<T>>) -> Self {
         Tree { nodes, slots }
     }
 
@@ -67,7 +67,7 @@ impl Tree {
         if entries.is_empty() {
             return;
         }
-        let test = BoxTest::new(ray);
+        let test = T::Boxes::new(ray);
         let mut t_max = prune_distance(ray.t_max);
         for &(entry, _) in entries {
             tests.nodes += 1;
@@ -105,7 +105,7 @@ impl Tree {
     fn descend(
         &self,
         mut index: u32,
-        test: &BoxTest,
+        test: &T::Boxes,
         t_max: f32,
         stack: &mut Vec<(u32, f32)>,
         tests: &mut Tests,
@@ -140,13 +140,13 @@ impl Tree {
         stack: &mut Vec<(u32, f32)>,
         tests: &mut Tests,
     ) -> Option<Hit> {
-        let mut test = PrimitiveTest::new(ray);
+        let mut test = PrimitiveTest::<T>::new(ray);
         let mut best: Option<Hit> = None;
         self.walk(ray, entries, stack, tests, |leaf| {
             let before = best;
             for index in leaf {
                 if let Some(hit) = test.hit(&self.slots[index as usize], index)
-                    && best.is_none_or(|best| hit.is_before(&best))
+                    && test.is_better(&hit, best.as_ref(), &self.slots)
                 {
                     best = Some(hit);
                 }
@@ -167,7 +167,7 @@ impl Tree {
         stack: &mut Vec<(u32, f32)>,
         tests: &mut Tests,
     ) -> bool {
-        let mut test = PrimitiveTest::new(ray);
+        let mut test = PrimitiveTest::<T>::new(ray);
         let mut occluded = false;
         self.walk(ray, entries, stack, tests, |leaf| {
             let slots = &self.slots[leaf.start as usize..leaf.end as usize];
@@ -208,7 +208,7 @@ fn prune_distance(t: f64) -> f32 {
 }
 
 #[inline(always)]
-fn enters(test: &BoxTest, node: &Bvh2Node, t_max: f32) -> Option<f32> {
+fn enters(test: &impl BoxTest, node: &Bvh2Node, t_max: f32) -> Option<f32> {
     let [min, max] = planes(node);
     test.enters(min, max, t_max)
 }
@@ -220,7 +220,7 @@ fn planes(node: &Bvh2Node) -> [Vec3A; 2] {
     [Vec3A::from_vec4(min), Vec3A::from_vec4(max)]
 }
 
-impl Accelerator for Tree {
+impl<T: Tier> Accelerator for Tree<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         self.closest_below(ray, self.root(), &mut traversal.stack, &mut traversal.tests)
     }
@@ -241,13 +241,32 @@ impl Accelerator for Tree {
         occluded.extend(rays.iter().map(|ray| self.occluded_below(ray, entries, stack, tests)));
     }
 
-    fn slots(&self) -> &[Slot] {
-        &self.slots
+    fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
+        let Traversal { stack, tests, .. } = traversal;
+        let mut test = PrimitiveTest::<T>::new(ray);
+        let first = hits.len();
+        self.walk(ray, self.root(), stack, tests, |leaf| {
+            hits.extend(leaf.filter_map(|index| test.hit(&self.slots[index as usize], index)));
+            Step::Go
+        });
+        // Large triangles may be kept in several places.
+        let mut found = hits.split_off(first);
+        found.sort_unstable_by_key(|hit| hit.prim);
+        found.dedup_by_key(|hit| hit.prim);
+        hits.append(&mut found);
+    }
+
+    fn primitive(&self, slot: SlotId) -> Primitive {
+        self.slots[slot.0 as usize].primitive()
+    }
+
+    fn numerics(&self) -> Numerics {
+        T::NUMERICS
     }
 
     fn describe(&self) -> Description {
         let (nodes, slots) = (self.nodes.len(), self.slots.len());
-        let bytes = nodes * size_of::<Bvh2Node>() + slots * size_of::<Slot>();
+        let bytes = nodes * size_of::<Bvh2Node>() + slots * size_of::<StoredSlot<T>>();
         Description { layout: "bvh2", nodes, slots, bytes }
     }
 }

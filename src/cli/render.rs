@@ -9,6 +9,7 @@ use clap::Args;
 use super::progress::{Mode, Progress};
 use super::statistics::{self, Seconds};
 use super::{Printer, picture};
+use crate::bvh::Structure;
 use crate::effects::{Choices, Plan, RayKind, check_names};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::{describe, write_whole};
@@ -16,9 +17,9 @@ use crate::film::write::{Format, write_picture, write_png};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::import;
 use crate::render::{Statistics, Watch, render};
-use crate::scene::{Camera, Projection};
+use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
-use crate::world::{Structure, View, World, bring_into_range, headlight};
+use crate::world::{View, World, bring_into_range, headlight};
 
 #[derive(Args)]
 pub struct Arguments {
@@ -46,6 +47,9 @@ pub struct Arguments {
     /// Threads to work on [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
+    /// How exactly it is decided what a ray hits [default: the scene's, or watertight]
+    #[arg(long, value_name = "TIER", value_parser = ["fast", "watertight", "double", "exact"])]
+    numerics: Option<String>,
     /// How far shading goes; below `phong` that term is shown alone, without effects
     #[arg(long, value_parser = ["flat", "ambient", "diffuse", "phong"], default_value = "phong")]
     shading: String,
@@ -171,6 +175,7 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
         warnings.note("no light in the scene; added a headlight");
     }
     let pipeline = colour(arguments).or(scene.colour).unwrap_or_default();
+    let numerics = numerics(arguments).or(scene.numerics).unwrap_or_default();
     let choices = Choices {
         shading: shading(arguments),
         scene: scene.effects,
@@ -180,10 +185,10 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
     let projection = arguments.projection().unwrap_or(camera.projection);
     let view = View::new(&camera, projection, size)?;
     let window = picture::window(arguments.crop, size)?;
-    let settings = settings(arguments, &camera, projection, size, pipeline);
+    let settings = settings(arguments, &camera, projection, size, pipeline, numerics);
 
     progress.phase("building");
-    let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, Structure::default()));
+    let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, Structure::default(), numerics));
     let plan = Plan::new(&world, &choices)?;
     warn_of_the_world(&world, &plan, &choices, &mut warnings);
     progress.pause(|| printer.print(&warnings, with_notes));
@@ -240,6 +245,10 @@ fn colour(arguments: &Arguments) -> Option<ColourPipeline> {
     pipelines.into_iter().find(|p| Some(p.name()) == arguments.colour.as_deref())
 }
 
+fn numerics(arguments: &Arguments) -> Option<Numerics> {
+    Numerics::ALL.into_iter().find(|tier| Some(tier.name()) == arguments.numerics.as_deref())
+}
+
 impl Arguments {
     /// The projection that the user wants instead of the camera's own.
     pub fn projection(&self) -> Option<Projection> {
@@ -255,6 +264,7 @@ fn settings(
     projection: Projection,
     [width, height]: [u32; 2],
     pipeline: ColourPipeline,
+    numerics: Numerics,
 ) -> Vec<(String, String)> {
     let inputs: Vec<String> = arguments.inputs.iter().map(|i| i.display().to_string()).collect();
     let mut settings = vec![
@@ -264,6 +274,7 @@ fn settings(
         ("kiln:projection".into(), projection.name().into()),
         ("kiln:size".into(), format!("{width}x{height}")),
         ("kiln:colour".into(), pipeline.name().into()),
+        ("kiln:numerics".into(), numerics.name().into()),
         ("kiln:shading".into(), arguments.shading.clone()),
     ];
     if let Some(Window { x, y, width, height }) = arguments.crop {
@@ -280,7 +291,11 @@ fn settings(
 /// Nothing that was asked for is left out in silence.
 fn warn_of_the_world(world: &World, plan: &Plan, choices: &Choices, warnings: &mut Warnings) {
     if world.too_small > 0 {
-        warnings.push(format!("{} triangle(s) are too small or too thin for f32; left out", world.too_small));
+        warnings.push(format!(
+            "{} primitive(s) are too small or too thin for the numbers of `--numerics {}`; left out",
+            world.too_small,
+            world.numerics().name()
+        ));
     }
     for decision in
         plan.decisions.iter().filter(|d| !d.on && choices.with.iter().any(|name| name == d.effect))

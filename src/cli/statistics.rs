@@ -57,7 +57,7 @@ pub fn to_json(
         },
         "threads": rayon::current_num_threads(),
         "primitives": world.primitive_count(),
-        "numerics": "watertight",
+        "numerics": world.numerics().name(),
         "structure": {
             "layout": description.layout,
             "nodes": description.nodes,

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::tile::{Context, Level, Tile};
 use super::{Effect, Stage};
-use crate::geometry::Ray;
+use crate::geometry::{Precision, Ray};
 use crate::world::{Surface, World};
 
 /// In the registry.
@@ -41,6 +41,7 @@ impl Stage for Reflect {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
+        let precision = context.world.numerics().precision();
         tile.level(self.from + 1);
         let (before, after) = tile.levels.split_at_mut(self.from + 1);
         let (level, next) = (&before[self.from], &mut after[0]);
@@ -48,7 +49,7 @@ impl Stage for Reflect {
             let glaze = context.world.materials[surface.material as usize].glaze();
             if glaze.is_some_and(|glaze| self.from < glaze.bounces as usize && glaze.weight > 0.0) {
                 next.sources.push(index);
-                next.rays.push(mirrored_ray(*origin, surface));
+                next.rays.push(mirrored_ray(*origin, surface, precision));
             }
         }
     }
@@ -82,21 +83,21 @@ impl Stage for Combine {
 
 /// The mirrored ray from `origin`, on the surface's outer side. Where a smooth normal or rounding turns it into the surface it is
 /// turned back to just above it.
-pub fn mirrored_ray(origin: DVec3, surface: &Surface) -> Ray {
+pub fn mirrored_ray(origin: DVec3, surface: &Surface, precision: Precision) -> Ray {
     let (normal, outer) = (surface.shading_normal, surface.geometric_normal);
     let mirrored = 2.0 * surface.view.dot(normal) * normal - surface.view;
-    let ray = Ray::new(origin, mirrored, 0.0, f64::INFINITY);
+    let ray = precision.ray(origin, mirrored, 0.0, f64::INFINITY);
     let height = ray.direction.dot(outer);
     if height > 0.0 {
         return ray;
     }
-    Ray::new(origin, lifted(mirrored, outer), 0.0, f64::INFINITY)
+    precision.ray(origin, lifted(mirrored, outer, precision), 0.0, f64::INFINITY)
 }
 
-/// `direction` turned to rise above the surface by a share that survives rounding to f32: a few of its steps.
-fn lifted(direction: DVec3, outer: DVec3) -> DVec3 {
+/// `direction` turned to rise above the surface by a share that survives rounding: a few of its steps.
+fn lifted(direction: DVec3, outer: DVec3, precision: Precision) -> DVec3 {
     let along = direction - direction.dot(outer) * outer;
-    let rise = 4.0 * f64::from(f32::EPSILON);
+    let rise = 4.0 * precision.epsilon();
     // Straight into the surface there is no "along": it goes straight out.
     along.try_normalize().map_or(outer, |along| (along + rise * outer).normalize())
 }
@@ -122,7 +123,7 @@ mod tests {
             let smooth = (outer + DVec3::from(bend)).normalize();
             prop_assume!(smooth.dot(outer) > 0.0);
             let surface = Surface {
-                point: crate::geometry::spawn::SurfacePoint { position: DVec3::ZERO, error: DVec3::ZERO },
+                point: crate::geometry::spawn::SurfacePoint { position: DVec3::ZERO, reach: DVec3::ZERO },
                 view: (along + height * outer).normalize(),
                 geometric_normal: outer,
                 shading_normal: smooth,
@@ -132,7 +133,9 @@ mod tests {
                 object: 0,
                 material: 0,
             };
-            prop_assert!(mirrored_ray(DVec3::ZERO, &surface).direction.dot(outer) > 0.0);
+            for precision in [Precision::Single, Precision::Double] {
+                prop_assert!(mirrored_ray(DVec3::ZERO, &surface, precision).direction.dot(outer) > 0.0);
+            }
         }
     }
 }

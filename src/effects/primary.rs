@@ -13,11 +13,12 @@ impl Stage for Primary {
 
     fn run(&self, tile: &mut Tile, context: &Context) {
         let Some(window) = tile.window else { return };
+        let precision = context.world.numerics().precision();
         let level = tile.level(0);
         for y in window.y..window.y + window.height {
             for x in window.x..window.x + window.width {
                 level.sources.push(level.rays.len() as u32);
-                level.rays.push(context.view.ray(x, y));
+                level.rays.push(context.view.ray(x, y, precision));
             }
         }
     }

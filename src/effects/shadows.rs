@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::tile::{Context, Level, Tile};
 use super::{Effect, RayKind, Stage};
-use crate::geometry::Ray;
+use crate::geometry::{Precision, Ray};
 use crate::shading::LightSample;
 use crate::world::World;
 
@@ -36,13 +36,14 @@ impl Stage for Shadows {
     fn run(&self, tile: &mut Tile, context: &Context) {
         let Tile { levels, traversal, shadow_rays, occluded, .. } = tile;
         let Level { origins, lights, lights_end, .. } = &mut levels[self.level];
+        let precision = context.world.numerics().precision();
         let cast = lights.len();
         shadow_rays.clear();
         occluded.clear();
         let mut start = 0;
         for (origin, &end) in origins.iter().zip(lights_end.iter()) {
             let end = end as usize;
-            shadow_rays.extend(lights[start..end].iter().map(|light| shadow_ray(*origin, light)));
+            shadow_rays.extend(lights[start..end].iter().map(|light| shadow_ray(*origin, light, precision)));
             start = end;
         }
         context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
@@ -64,6 +65,6 @@ impl Stage for Shadows {
 }
 
 /// The ray from `origin`, on a surface's outer side, to a light, open at both ends.
-pub fn shadow_ray(origin: DVec3, light: &LightSample) -> Ray {
-    Ray::new(origin, light.direction, 0.0, light.distance)
+pub fn shadow_ray(origin: DVec3, light: &LightSample, precision: Precision) -> Ray {
+    precision.ray(origin, light.direction, 0.0, light.distance)
 }

@@ -2,6 +2,7 @@
 
 use super::tile::{Context, Tile};
 use super::{RayKind, Stage};
+use crate::world::Surface;
 
 /// Finds the surfaces that the rays of a level hit.
 pub struct Visible {
@@ -51,8 +52,10 @@ impl Stage for Origins {
         "ray origins"
     }
 
-    fn run(&self, tile: &mut Tile, _: &Context) {
+    fn run(&self, tile: &mut Tile, context: &Context) {
+        let numerics = context.world.numerics();
         let level = tile.level(self.level);
-        level.origins.extend(level.surfaces.iter().map(|s| s.point.origin_towards(s.geometric_normal)));
+        let origin = |s: &Surface| s.point.origin_towards(s.geometric_normal, numerics);
+        level.origins.extend(level.surfaces.iter().map(origin));
     }
 }

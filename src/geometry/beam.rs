@@ -1,14 +1,16 @@
 //! Many rays at once, for boxes: what none of them enters, none has to be tested against.
 
-use glam::Vec3A;
+use glam::{DVec3, Vec3A};
 
-use super::Ray;
 use super::bounds::{PRUNE_MARGIN, round_down};
+use super::{Bounds, Ray};
 
 /// The intervals that the numbers of a set of rays lie in.
 ///
-/// The test is [`super::BoxTest`]'s, carried out on intervals in the same f32 arithmetic. Rounding is monotone, so the ends
-/// of an interval, computed, hold every ray's own number, computed: a box that any of the rays enters, the beam enters.
+/// The test is that of a single ray ([`super::SingleBoxTest`]), carried out on intervals in the same f32 arithmetic, after
+/// their ends have been rounded outwards. Rounding is monotone, so the ends of an interval, computed, hold every ray's
+/// own number, computed in f32: a box that any of the rays enters, the beam enters. For rays of f64 numbers, whose own
+/// test is finer than the margin of f32, it holds all the more.
 pub struct Beam {
     origin: [Vec3A; 2],
     /// Least and greatest reciprocal of the directions; to be used on axes that all rays run along.
@@ -34,16 +36,20 @@ impl Beam {
     /// Around the given rays; `None` where there are none. `t_max` is a distance beyond which none of them counts.
     pub fn new(rays: &[Ray], t_max: f32) -> Option<Self> {
         let first = rays.first()?;
-        let reciprocal = |ray: &Ray| Vec3A::from(ray.direction.as_vec3()).recip();
-        let mut origin = [first.origin.as_vec3a(); 2];
-        let mut inverse = [reciprocal(first); 2];
+        let mut origin = [first.origin; 2];
+        let mut inverse = [first.direction.recip(); 2];
         let mut t_min = first.t_min;
         for ray in &rays[1..] {
-            let (o, i) = (ray.origin.as_vec3a(), reciprocal(ray));
+            let (o, i) = (ray.origin, ray.direction.recip());
             origin = [origin[0].min(o), origin[1].max(o)];
             inverse = [inverse[0].min(i), inverse[1].max(i)];
             t_min = t_min.min(ray.t_min);
         }
+        let outwards = |[least, greatest]: [DVec3; 2]| {
+            let Bounds { min, max } = Bounds::rounded_out(least, greatest);
+            [Vec3A::from(min), Vec3A::from(max)]
+        };
+        let (origin, inverse) = (outwards(origin), outwards(inverse));
         let axes = [0, 1, 2].map(|axis| {
             // Directions hold no negative zeros, so a zero gives +infinity.
             let (least, greatest) = (inverse[0][axis], inverse[1][axis]);
@@ -88,8 +94,7 @@ impl Beam {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::BoxTest;
-    use glam::DVec3;
+    use crate::geometry::{BoxTest, DoubleBoxTest, Precision, SingleBoxTest};
     use proptest::prelude::*;
 
     fn component() -> impl Strategy<Value = f64> {
@@ -113,17 +118,23 @@ mod tests {
         ) {
             // Coherent more often than not: all directions near the first.
             let lead = rays[0].1;
-            let rays: Vec<Ray> = rays.iter().filter_map(|&(origin, direction)| {
-                let direction = (lead + spread * direction).try_normalize()?;
-                Some(Ray::new(origin, direction, 0.0, t_max))
-            }).collect();
-            prop_assume!(!rays.is_empty());
             let (min, max) = (min.as_vec3a(), (min + DVec3::from(size)).as_vec3a());
-            let beam = Beam::new(&rays, t_max as f32).expect("rays");
-            for ray in &rays {
-                if let Some(at) = BoxTest::new(ray).enters(min, max, t_max as f32) {
-                    let beam_at = beam.enters(min, max);
-                    prop_assert!(beam_at.is_some_and(|b| b <= at), "{:?} {:?}", ray, beam_at);
+            for precision in [Precision::Single, Precision::Double] {
+                let rays: Vec<Ray> = rays.iter().filter_map(|&(origin, direction)| {
+                    let direction = (lead + spread * direction).try_normalize()?;
+                    Some(precision.ray(origin, direction, 0.0, t_max))
+                }).collect();
+                prop_assume!(!rays.is_empty());
+                let beam = Beam::new(&rays, t_max as f32).expect("rays");
+                for ray in &rays {
+                    let at = match precision {
+                        Precision::Single => SingleBoxTest::new(ray).enters(min, max, t_max as f32),
+                        Precision::Double => DoubleBoxTest::new(ray).enters(min, max, t_max as f32),
+                    };
+                    if let Some(at) = at {
+                        let beam_at = beam.enters(min, max);
+                        prop_assert!(beam_at.is_some_and(|b| b <= at * PRUNE_MARGIN), "{:?} {:?}", ray, beam_at);
+                    }
                 }
             }
         }
@@ -133,7 +144,12 @@ mod tests {
     fn a_narrow_beam_misses_what_lies_beside_it() {
         let rays: Vec<Ray> = (0..16)
             .map(|i| {
-                Ray::new(DVec3::ZERO, DVec3::new(f64::from(i + 1) / 100.0, 0.1, 1.0).normalize(), 0.0, 1e9)
+                Precision::Single.ray(
+                    DVec3::ZERO,
+                    DVec3::new(f64::from(i + 1) / 100.0, 0.1, 1.0).normalize(),
+                    0.0,
+                    1e9,
+                )
             })
             .collect();
         let beam = Beam::new(&rays, f32::INFINITY).expect("rays");

@@ -1,27 +1,46 @@
 //! Rays, boxes, triangles and spheres, with the error bounds that keep them honest.
 //!
-//! The numerics here are *watertight*: geometry is stored in f32 and decided in f64.
-//! - A ray's origin and direction are numbers that f32 can hold, so that the f32 box tests and the f64 primitive tests
-//!   speak of the same ray ([`Ray::new`]).
-//! - Triangles: Woop, Benthin and Wald's test in f64, closed at the edges ([`TriangleTest`]). Two triangles that share
-//!   an edge see the same two numbers for its ends and opposite signs for its edge function; a sign is right or zero,
-//!   and zero counts as inside for both, so no ray passes between them.
-//! - Spheres: Haines, Günther and Akenine-Möller's form in f64 ([`sphere`]).
-//! - Boxes: rounded outwards, and tested with Ize's margin ([`BoxTest`]).
-//! - A hit's distance is held within its primitive's own box, so that no box around it can be pruned before it.
+//! Numerics come in four tiers ([`Numerics`]), one type and one file each behind the trait [`Tier`]:
+//!
+//! | tier | rays and corners | boxes tested in | triangles | spheres |
+//! | ---- | ---------------- | --------------- | --------- | ------- |
+//! | [`Fast`] | f32 | f32 | Möller and Trumbore, f32 | Haines and others, f32 |
+//! | [`Watertight`] | f32 | f32 | Woop, Benthin and Wald, f64 | Haines and others, f64 |
+//! | [`Double`] | f64 | f64 | the same | the same |
+//! | [`Exact`] | f64 | f64 | the same with error bounds, then exact | the same with error bounds, then exact |
+//!
+//! In all of them:
+//! - A ray's origin and direction are numbers of the tier ([`Precision::ray`]), so that box tests and primitive tests
+//!   speak of the same ray.
+//! - Boxes are f32, rounded outwards, and tested with a margin that absorbs rounding ([`BoxTest`]).
+//! - Triangles are hit on both sides, edges and corners included; a ray in a triangle's plane misses.
 //! - Secondary rays start on the outer side of the surface they leave ([`spawn`]).
 //!
 //! No constant here decides a hit; every bound is relative to the numbers it guards.
 
 mod beam;
 mod bounds;
+mod distance;
+mod double;
+mod exact;
+mod expansion;
+mod fast;
+mod numerics;
 mod ray;
 pub mod spawn;
 pub mod sphere;
 mod triangle;
+mod watertight;
+mod woop;
 
+pub use crate::scene::Numerics;
 pub use beam::Beam;
-pub use bounds::{Bounds, BoxTest, PRUNE_MARGIN, round_up};
+pub use bounds::{Bounds, BoxTest, DoubleBoxTest, PRUNE_MARGIN, SingleBoxTest, round_up};
+pub use double::Double;
+pub use exact::Exact;
+pub use fast::Fast;
+pub use numerics::{Corner, Precision, Stored, Tier};
 pub use ray::{Hit, PrimId, Ray, SlotId};
 pub use sphere::Sphere;
-pub use triangle::{Triangle, TriangleHit, TriangleTest};
+pub use triangle::{Triangle, TriangleHit};
+pub use watertight::Watertight;

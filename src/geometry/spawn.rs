@@ -2,46 +2,60 @@
 //!
 //! A secondary ray must start on the outer side of the surface it leaves, or it hits that surface again (acne), and no
 //! further out than it must, or it jumps through what lies close by (leaks). pbrt (4th edition, section 6.8) moves the
-//! point along the geometric normal by a bound on its error. Here the point is computed in f64, so that the bound is
-//! tiny, and the one large rounding, to the f32 numbers of a ray, is made away from the surface on every axis; what
-//! remains is at most two f32 steps a coordinate. No constant is involved, so it holds at every scale.
+//! point along the geometric normal by a bound on its error, and rounds away from the surface. So here, in every tier; the
+//! point is computed in f64, so what the bound has to cover is mostly the error of the test that the new ray will put to
+//! the surface it leaves: tiny in the tiers that decide in f64, where the one large step is the rounding to the numbers
+//! of the tier, at most two of theirs on each axis. No constant is involved, so it holds at every scale.
 
 use glam::DVec3;
 
-use super::bounds::round_towards;
+use super::Numerics;
 
-/// Bound on the rounding of a sum of three products in f64, with room for that of its weights: γ8 is 8 * 2^-53.
-const RELATIVE_ERROR: f64 = 4.0 * f64::EPSILON;
-
-/// A point of a surface and how far off it may be.
+/// A point of a surface, and the sizes that its error is relative to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
     /// The point.
     pub position: DVec3,
-    /// For each axis, a bound on the distance to the surface it should lie on.
-    pub error: DVec3,
+    /// For each axis, the largest coordinate that it was computed from.
+    pub reach: DVec3,
 }
 
 impl SurfacePoint {
     /// The point of a triangle with the given barycentric coordinates.
     pub fn on_triangle(corners: [DVec3; 3], weights: [f64; 3]) -> Self {
-        let [a, b, c] = [0, 1, 2].map(|k| corners[k] * weights[k]);
-        SurfacePoint { position: a + b + c, error: RELATIVE_ERROR * (a.abs() + b.abs() + c.abs()) }
+        let [a, b, c] = corners;
+        SurfacePoint {
+            position: a * weights[0] + b * weights[1] + c * weights[2],
+            reach: a.abs().max(b.abs()).max(c.abs()),
+        }
     }
 
     /// The point of a sphere in direction `normal` from its centre.
     pub fn on_sphere(centre: DVec3, radius: f64, normal: DVec3) -> Self {
-        let arm = normal * radius;
-        SurfacePoint { position: centre + arm, error: RELATIVE_ERROR * (centre.abs() + arm.abs()) }
+        SurfacePoint { position: centre + normal * radius, reach: centre.abs() + radius }
     }
 
-    /// The nearest start, in f32 numbers, that is certain to lie on the side of the surface that `normal` (of length 1)
-    /// points to.
+    /// The nearest start, in the numbers of a tier, that is certain to lie on the side of the surface that `normal` (of
+    /// length 1) points to.
     #[inline]
-    pub fn origin_towards(&self, normal: DVec3) -> DVec3 {
-        let out = self.position + normal * normal.abs().dot(self.error);
-        let (x, y) = (round_towards(out.x, normal.x), round_towards(out.y, normal.y));
-        DVec3::new(f64::from(x), f64::from(y), f64::from(round_towards(out.z, normal.z)))
+    pub fn origin_towards(&self, normal: DVec3, numerics: Numerics) -> DVec3 {
+        let error = numerics.surface_error() * normal.abs().dot(self.reach);
+        numerics.precision().round_towards(self.position + normal * error, normal)
+    }
+}
+
+impl Numerics {
+    /// How far a point may lie beside its surface and be taken for one of it, relative to the coordinates of that
+    /// surface. A bound on the point's own rounding and on that of a test that starts from it.
+    ///
+    /// In f32 it is pbrt's γ7, rounded up to 8 u. In f64 the point is off by at most 8 u, and Woop's test by 7 of its
+    /// bounds on an edge function, 48 u each (see `exact`), for a ray across the surface; for one along it both count
+    /// for less by the same factor.
+    fn surface_error(self) -> f64 {
+        match self {
+            Numerics::Fast => 4.0 * f64::from(f32::EPSILON),
+            Numerics::Watertight | Numerics::Double | Numerics::Exact => 256.0 * f64::EPSILON,
+        }
     }
 }
 
@@ -69,7 +83,7 @@ mod tests {
             let (u, v) = if weights.0 + weights.1 > 1.0 { (1.0 - weights.0, 1.0 - weights.1) } else { weights };
             let point = SurfacePoint::on_triangle(corners, [1.0 - u - v, u, v]);
             for side in [normal, -normal] {
-                let origin = point.origin_towards(side);
+                let origin = point.origin_towards(side, Numerics::Watertight);
                 // Exact differences, so this sign is as good as the normal.
                 prop_assert!((origin - corners[0]).dot(side) > 0.0);
                 for k in 0..3 {

@@ -65,9 +65,10 @@ impl Sphere {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Precision;
 
     fn hit(sphere: &Sphere, origin: DVec3, direction: DVec3) -> Option<f64> {
-        sphere.hit(&Ray::new(origin, direction, 0.0, f64::INFINITY))
+        sphere.hit(&Precision::Single.ray(origin, direction, 0.0, f64::INFINITY))
     }
 
     const BALL: Sphere = Sphere { centre: DVec3::new(0.0, 0.0, 5.0), radius: 2.0 };

@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
+use super::Numerics;
 use super::Projection;
 use crate::error::{Error, Place, Result};
 use crate::film::ColourPipeline;
@@ -90,6 +91,8 @@ pub struct ImageSection {
     pub background: Option<ColourValue>,
     /// The colour pipeline; `linear` if not given.
     pub colour: Option<ColourPipeline>,
+    /// How exactly it is decided what a ray hits; `watertight` if not given.
+    pub numerics: Option<Numerics>,
 }
 
 /// A camera: either a viewing rectangle at a distance, or a vertical field of view.

@@ -9,10 +9,12 @@ mod camera;
 pub mod file;
 mod material;
 mod mesh;
+mod numerics;
 
 pub use camera::{Camera, Projection};
 pub use material::{Glaze, Material, MetallicRoughness, Phong, Sampler, Texture, TextureImage, Wrap};
 pub use mesh::{Attribute, Mesh, normal_matrix};
+pub use numerics::Numerics;
 
 use crate::film::{Colour, ColourPipeline};
 use glam::DVec3;
@@ -35,6 +37,8 @@ pub struct Scene {
     pub background: Option<Colour>,
     /// The numbers that light is added up in.
     pub colour: Option<ColourPipeline>,
+    /// How exactly it is decided what a ray hits.
+    pub numerics: Option<Numerics>,
     /// Intensity of the ambient light, per unit of a material's ambient coefficient.
     pub ambient: Option<f64>,
     /// Named cameras; the first is the default.

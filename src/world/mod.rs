@@ -18,28 +18,13 @@ pub use view::View;
 
 use glam::DVec3;
 
-use crate::bvh::{self, Accelerator, BruteForce, Preset, Primitive, Slot};
+use crate::bvh::{self, Accelerator, Primitive, Slot, Structure};
 use crate::film::ColourPipeline;
-use crate::geometry::{PrimId, Sphere, Triangle};
-use crate::scene::{LightKind, Scene, Shape};
+use crate::geometry::{Numerics, Precision, PrimId, Sphere, Triangle};
+use crate::scene::{LightKind, Object, Scene, Shape};
 
 /// The ambient intensity where no input gives one.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
-
-/// How rays find what they hit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Structure {
-    /// obvhs's binary tree, built with a preset.
-    Tree(Preset),
-    /// No structure: every primitive is tested.
-    BruteForce,
-}
-
-impl Default for Structure {
-    fn default() -> Self {
-        Structure::Tree(Preset::default())
-    }
-}
 
 /// A scene that is ready to be rendered.
 pub struct World {
@@ -59,7 +44,8 @@ pub struct World {
     pub ambient: f64,
     /// What a ray that hits nothing sees.
     pub background: DVec3,
-    /// Triangles left out because their corners lie on one line once they are rounded to f32.
+    /// Primitives left out because the tier's numbers cannot hold them: triangles whose corners, rounded, lie on one line,
+    /// spheres of no size.
     pub too_small: usize,
     /// The object that each primitive belongs to.
     object_of: Vec<u32>,
@@ -91,15 +77,20 @@ pub struct WorldLight {
 }
 
 impl World {
-    /// Prepares a scene for rendering in `pipeline`.
-    pub fn prepare(scene: Scene, pipeline: ColourPipeline, structure: Structure) -> World {
-        let count = scene.primitive_count();
-        let mut slots = Vec::with_capacity(count);
-        let mut object_of = Vec::with_capacity(count);
+    /// Prepares a scene for rendering in `pipeline`, its geometry in the numbers of `numerics`.
+    pub fn prepare(
+        scene: Scene,
+        pipeline: ColourPipeline,
+        structure: Structure,
+        numerics: Numerics,
+    ) -> World {
+        let mut kept = 0;
+        let slots = slots(&scene.objects, numerics).inspect(|_| kept += 1);
+        let accelerator = bvh::build(slots, structure, numerics);
+        let mut object_of = Vec::with_capacity(scene.primitive_count());
         let mut objects = Vec::with_capacity(scene.objects.len());
         for object in scene.objects {
             let first = PrimId(object_of.len() as u32);
-            push_primitives(&object.shape, first, &mut slots);
             object_of.resize(object_of.len() + object.shape.primitive_count(), objects.len() as u32);
             objects.push(WorldObject {
                 name: object.name,
@@ -109,11 +100,7 @@ impl World {
                 attributes: lower::attributes(object.shape),
             });
         }
-        let too_small = object_of.len() - slots.len();
-        let accelerator: Box<dyn Accelerator> = match structure {
-            Structure::Tree(preset) => Box::new(bvh::build(&slots, preset)),
-            Structure::BruteForce => Box::new(BruteForce::new(slots)),
-        };
+        let too_small = object_of.len() - kept;
         World {
             accelerator,
             objects,
@@ -136,6 +123,11 @@ impl World {
         }
     }
 
+    /// How exactly it is decided what a ray hits.
+    pub fn numerics(&self) -> Numerics {
+        self.accelerator.numerics()
+    }
+
     /// The index of the object that a primitive belongs to.
     pub fn object_of(&self, prim: PrimId) -> u32 {
         self.object_of[prim.0 as usize]
@@ -147,21 +139,27 @@ impl World {
     }
 }
 
-/// Adds the primitives of a shape in f32, numbered from `first`. A triangle whose corners lie on one line in f32 has its
-/// number but no slot: no ray can hit it, and it has no normal.
-fn push_primitives(shape: &Shape, first: PrimId, slots: &mut Vec<Slot>) {
-    match shape {
-        Shape::Sphere { centre, radius } => {
-            let sphere = Sphere { centre: *centre, radius: *radius };
-            slots.push(Slot { primitive: Primitive::Sphere(sphere), id: first });
-        }
-        Shape::Mesh(mesh) => {
-            for (id, triangle) in (first.0..).zip(&mesh.triangles) {
-                let triangle = Triangle(triangle.map(|i| mesh.positions[i as usize].as_vec3()));
-                if triangle.normal() != DVec3::ZERO {
-                    slots.push(Slot { primitive: Primitive::Triangle(triangle), id: PrimId(id) });
-                }
-            }
-        }
-    }
+/// The primitives of all objects, numbered in order. Those that the tier's numbers cannot hold have their number but no
+/// slot: no ray can hit them.
+fn slots(objects: &[Object], numerics: Numerics) -> impl Iterator<Item = Slot> + '_ {
+    let round = move |p: DVec3| p.map(|c| numerics.precision().round(c));
+    let triangle = move |corners: [DVec3; 3]| {
+        let triangle = Triangle(corners.map(round));
+        (!triangle.is_degenerate()).then_some(Primitive::Triangle(triangle))
+    };
+    let sphere = move |centre: DVec3, radius: f64| {
+        let sphere = Sphere { centre: centre.map(|c| Precision::Double.round(c)), radius };
+        (numerics.precision().round(radius) > 0.0).then_some(Primitive::Sphere(sphere))
+    };
+    let primitives = objects.iter().flat_map(move |object| {
+        let (mesh, ball) = match &object.shape {
+            Shape::Mesh(mesh) => (Some(mesh), None),
+            Shape::Sphere { centre, radius } => (None, Some(sphere(*centre, *radius))),
+        };
+        let of_mesh = mesh.into_iter().flat_map(move |mesh| {
+            mesh.triangles.iter().map(move |t| triangle(t.map(|i| mesh.positions[i as usize])))
+        });
+        of_mesh.chain(ball)
+    });
+    (0..).zip(primitives).filter_map(|(id, primitive)| Some(Slot { primitive: primitive?, id: PrimId(id) }))
 }

@@ -11,7 +11,7 @@ use crate::geometry::{Hit, PrimId, Ray};
 /// A point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]
 pub struct Surface {
-    /// Where it is, and how well that is known.
+    /// Where it is, and the sizes that its error is relative to.
     pub point: SurfacePoint,
     /// Unit vector towards where the ray came from.
     pub view: DVec3,
@@ -40,7 +40,7 @@ impl World {
         // Of length 1 up to the rounding of the ray, 2^-24 and less.
         let view = -ray.direction;
         let mut surface = Surface {
-            point: SurfacePoint { position: DVec3::ZERO, error: DVec3::ZERO },
+            point: SurfacePoint { position: DVec3::ZERO, reach: DVec3::ZERO },
             view,
             geometric_normal: view,
             shading_normal: view,
@@ -51,7 +51,7 @@ impl World {
             material: object.material,
         };
         let facing = |n: DVec3| if n.dot(ray.direction) > 0.0 { -n } else { n };
-        match self.accelerator.slots()[hit.slot.0 as usize].primitive {
+        match self.accelerator.primitive(hit.slot) {
             Primitive::Sphere(sphere) => {
                 let (_, normal) = sphere.surface(ray.at(hit.t));
                 surface.point = SurfacePoint::on_sphere(sphere.centre, sphere.radius, normal);
@@ -61,8 +61,9 @@ impl World {
             Primitive::Triangle(triangle) => {
                 let [v, w] = hit.weights;
                 let weights = [1.0 - v - w, v, w];
-                surface.point = SurfacePoint::on_triangle(triangle.0.map(|p| p.as_dvec3()), weights);
-                let normal = facing(triangle.normal().normalize());
+                surface.point = SurfacePoint::on_triangle(triangle.0, weights);
+                // Needles whose f64 normal is lost to rounding show their side to the viewer.
+                let normal = triangle.normal().try_normalize().map_or(view, facing);
                 surface.geometric_normal = normal;
                 surface.shading_normal = normal;
                 let local = hit.prim.0 - object.first.0;

@@ -6,7 +6,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::error::{Error, Result};
-use crate::geometry::Ray;
+use crate::geometry::{Precision, Ray};
 use crate::scene::{Camera, Projection};
 
 /// Below this sine of the angle between up and the line of sight another up is taken. The basis loses as many digits
@@ -67,9 +67,9 @@ impl View {
         ))
     }
 
-    /// The ray through the centre of the pixel in column `x`, row `y` from the top.
+    /// The ray through the centre of the pixel in column `x`, row `y` from the top, in numbers of `precision`.
     #[inline]
-    pub fn ray(&self, x: u32, y: u32) -> Ray {
+    pub fn ray(&self, x: u32, y: u32, precision: Precision) -> Ray {
         let i = f64::from(x) + 0.5;
         let j = self.size.y - (f64::from(y) + 0.5);
         let across = i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0;
@@ -79,7 +79,7 @@ impl View {
             Projection::Perspective => (self.position, (offset - self.distance * self.w).normalize()),
             Projection::Orthographic => (self.position + offset, -self.w),
         };
-        Ray::new(origin, direction, 0.0, f64::INFINITY)
+        precision.ray(origin, direction, 0.0, f64::INFINITY)
     }
 
     /// Where a point appears, in pixels from the top left corner, and whether it lies before the camera.
@@ -187,11 +187,11 @@ mod tests {
     fn pixels_are_where_the_formula_puts_them() {
         // 4 x 4 pixels over 4 x 4 units: pixel (0, 0) from the top is at x = -1.5, y = +1.5.
         let view = View::new(&camera(), Projection::Orthographic, [4, 4]).unwrap();
-        assert_eq!(view.ray(0, 0).origin, DVec3::new(-1.5, 1.5, 10.0));
-        assert_eq!(view.ray(3, 2).origin, DVec3::new(1.5, -0.5, 10.0));
-        assert_eq!(view.ray(3, 2).direction, -DVec3::Z);
+        assert_eq!(view.ray(0, 0, Precision::Single).origin, DVec3::new(-1.5, 1.5, 10.0));
+        assert_eq!(view.ray(3, 2, Precision::Single).origin, DVec3::new(1.5, -0.5, 10.0));
+        assert_eq!(view.ray(3, 2, Precision::Single).direction, -DVec3::Z);
         let view = View::new(&camera(), Projection::Perspective, [4, 4]).unwrap();
-        let ray = view.ray(0, 0);
+        let ray = view.ray(0, 0, Precision::Single);
         assert_eq!(ray.origin, DVec3::new(0.0, 0.0, 10.0));
         let exact = DVec3::new(-1.5, 1.5, -10.0).normalize();
         assert!((ray.direction - exact).abs().max_element() <= f64::from(f32::EPSILON) / 2.0);
@@ -209,7 +209,7 @@ mod tests {
     fn projecting_is_the_inverse_of_casting() {
         for projection in [Projection::Perspective, Projection::Orthographic] {
             let view = View::new(&camera(), projection, [64, 48]).unwrap();
-            let (pixel, before) = view.project(view.ray(10, 20).at(7.0));
+            let (pixel, before) = view.project(view.ray(10, 20, Precision::Single).at(7.0));
             assert!(before && (pixel - DVec2::new(10.5, 20.5)).abs().max_element() < 1e-4, "{pixel}");
         }
     }

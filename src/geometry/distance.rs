@@ -1,0 +1,283 @@
+//! Distances along rays as exact numbers, for the cases that f64 cannot decide.
+//!
+//! Every f64 is an integer times a power of two. Scaled by one power of two, all numbers that a distance depends on
+//! are integers, and the distance itself does not change: it is a ratio of lengths along the ray. So it is a fraction
+//! of integers for a triangle, and a root of a quadratic with integer coefficients for a sphere.
+
+use std::cmp::Ordering;
+
+use glam::DVec3;
+use num_bigint::{BigInt, Sign};
+use num_traits::{Signed, ToPrimitive};
+
+use super::{Ray, Sphere};
+
+/// The number `(b - √d) / a`, or `(b + √d) / a` where it is the far one; `a` is above 0 and `d` not below.
+#[derive(Debug, Clone)]
+pub struct Distance {
+    b: BigInt,
+    a: BigInt,
+    d: BigInt,
+    far: bool,
+}
+
+/// Where a ray meets the plane of a triangle, exactly.
+pub struct Crossing {
+    /// How far along the ray.
+    pub distance: Distance,
+    /// The barycentric coordinates of the corners, to f64.
+    pub weights: [f64; 3],
+}
+
+/// Three integers.
+type Vector = [BigInt; 3];
+
+impl Distance {
+    /// A number as a distance; it must be finite.
+    pub fn of(t: f64) -> Self {
+        let [b, a] = integers([t, 1.0]);
+        Distance { b, a, d: BigInt::ZERO, far: false }
+    }
+
+    /// Where `ray` meets the plane of a triangle: its normal `n` gives `n.(corner - origin) / n.direction`. `None` where it
+    /// runs along the plane, or where there is no plane.
+    pub fn to_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
+        let [o, d] = [ray.origin, ray.direction];
+        let [a, b, c] = *corners;
+        let numbers = integers([o.x, o.y, o.z, d.x, d.y, d.z, a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]);
+        let vector = |i: usize| -> Vector { [0, 1, 2].map(|k| numbers[3 * i + k].clone()) };
+        let (origin, direction) = (vector(0), vector(1));
+        let [a, b, c] = [2, 3, 4].map(|i| minus(&vector(i), &origin));
+        let normal = cross(&minus(&b, &a), &minus(&c, &a));
+        let across = dot(&normal, &direction);
+        if across.sign() == Sign::NoSign {
+            return None;
+        }
+        let weights =
+            [(&b, &c), (&c, &a), (&a, &b)].map(|(p, q)| ratio(&dot(&direction, &cross(p, q)), &across));
+        let sign = across.signum();
+        let distance =
+            Distance { b: dot(&normal, &a) * &sign, a: across * &sign, d: BigInt::ZERO, far: false };
+        Some(Crossing { distance, weights })
+    }
+
+    /// Where `ray` meets a sphere, the near one and the far one: `a t^2 - 2 b t + c = 0`. `None` where it passes by.
+    pub fn to_sphere(ray: &Ray, sphere: &Sphere) -> Option<[Self; 2]> {
+        let [o, d, m] = [ray.origin, ray.direction, sphere.centre];
+        let numbers = integers([o.x, o.y, o.z, d.x, d.y, d.z, m.x, m.y, m.z, sphere.radius]);
+        let vector = |i: usize| -> Vector { [0, 1, 2].map(|k| numbers[3 * i + k].clone()) };
+        let (direction, to_centre) = (vector(1), minus(&vector(2), &vector(0)));
+        let a = dot(&direction, &direction);
+        let b = dot(&to_centre, &direction);
+        let c = dot(&to_centre, &to_centre) - &numbers[9] * &numbers[9];
+        let d = &b * &b - &a * c;
+        if d.is_negative() {
+            return None;
+        }
+        Some([false, true].map(|far| Distance { b: b.clone(), a: a.clone(), d: d.clone(), far }))
+    }
+
+    /// Whether it lies within the ray's ends.
+    pub fn is_within(&self, ray: &Ray) -> bool {
+        let before = |t: f64| match t {
+            f64::INFINITY => true,
+            f64::NEG_INFINITY => false,
+            t => self.cmp(&Distance::of(t)) == Ordering::Less,
+        };
+        let after = |t: f64| match t {
+            f64::INFINITY => false,
+            f64::NEG_INFINITY => true,
+            t => self.cmp(&Distance::of(t)) == Ordering::Greater,
+        };
+        after(ray.t_min) && before(ray.t_max)
+    }
+
+    /// Which of two distances, along rays of any length, is the smaller number.
+    pub fn cmp(&self, other: &Self) -> Ordering {
+        // Times both denominators: a whole number and two square roots, of which the second is taken away.
+        let whole = &self.b * &other.a - &other.b * &self.a;
+        let root = |x: &Self, by: &BigInt, plus: bool| {
+            let square = &x.d * by * by;
+            let sign = if square.sign() == Sign::NoSign {
+                0
+            } else if plus {
+                1
+            } else {
+                -1
+            };
+            (sign, square)
+        };
+        let sign = sign_of_sum(&whole, root(self, &other.a, self.far), root(other, &self.a, !other.far));
+        sign.cmp(&0)
+    }
+
+    /// The nearest f64, up to its last place.
+    pub fn to_f64(&self) -> f64 {
+        // Bits below the point: the root of anything above 0 then has these at least.
+        const PLACES: u32 = 64;
+        let root = (&self.d << (2 * PLACES)).sqrt();
+        let root = if self.far { root } else { -root };
+        let b = &self.b << PLACES;
+        if self.b.is_negative() == root.is_negative() || root.sign() == Sign::NoSign {
+            return ratio(&(b + root), &(&self.a << PLACES));
+        }
+        // Where the two take each other away: (b^2 - d) / (a (b - root)).
+        ratio(&((&self.b * &self.b - &self.d) << PLACES), &(&self.a * (b - root)))
+    }
+}
+
+/// The sign of `whole + s √p + t √q`, where the square roots come as (s, p) and (t, q), signs first.
+fn sign_of_sum(whole: &BigInt, (s, p): (i32, BigInt), (t, q): (i32, BigInt)) -> i32 {
+    let sign = |x: &BigInt| match x.sign() {
+        Sign::Minus => -1,
+        Sign::NoSign => 0,
+        Sign::Plus => 1,
+    };
+    // Of two things, one of which has sign s and square p.
+    let stronger = |s: i32, t: i32, squares: i32| {
+        if s == t || t == 0 || squares > 0 {
+            s
+        } else if squares < 0 || s == 0 {
+            t
+        } else {
+            0
+        }
+    };
+    let roots = stronger(s, t, sign(&(&p - &q)));
+    let whole_sign = sign(whole);
+    if whole_sign == roots || roots == 0 || whole_sign == 0 {
+        return if roots == 0 { whole_sign } else { roots };
+    }
+    // They disagree: compare squares, (s √p + t √q)^2 - whole^2 = rest + 2 s t √(p q).
+    let product = &p * &q;
+    let rest = &p + &q - whole * whole;
+    let four = &product << 2u32;
+    let squares = sign(&(&rest * &rest - four));
+    match stronger(sign(&rest), s * t * sign(&product), squares) {
+        0 => 0,
+        1 => roots,
+        _ => whole_sign,
+    }
+}
+
+/// The numbers as integers, all scaled by the same power of two. They must be finite.
+fn integers<const N: usize>(numbers: [f64; N]) -> [BigInt; N] {
+    let parts = numbers.map(|x| {
+        let bits = x.to_bits();
+        let exponent = (bits >> 52 & 0x7ff) as i32;
+        let fraction = bits & ((1 << 52) - 1);
+        let (mantissa, exponent) = if exponent == 0 { (fraction, 1) } else { (fraction | 1 << 52, exponent) };
+        let zeros = mantissa.trailing_zeros();
+        if mantissa == 0 { (0, None) } else { (mantissa >> zeros, Some(exponent + zeros as i32)) }
+    });
+    let least = parts.iter().filter_map(|p| p.1).min().unwrap_or(0);
+    let mut index = 0;
+    parts.map(|(mantissa, exponent)| {
+        let integer = BigInt::from(mantissa) << (exponent.unwrap_or(least) - least) as u32;
+        let negative = numbers[index].is_sign_negative();
+        index += 1;
+        if negative { -integer } else { integer }
+    })
+}
+
+/// The quotient of two integers, to the last place of an f64.
+fn ratio(numerator: &BigInt, denominator: &BigInt) -> f64 {
+    let shift = denominator.bits() as i64 - numerator.bits() as i64 + 66;
+    let quotient = match u64::try_from(shift) {
+        Ok(shift) => (numerator << shift) / denominator,
+        Err(_) => numerator / (denominator << shift.unsigned_abs()),
+    };
+    // In two steps, so that neither power leaves the range of f64.
+    let half = (shift / 2) as i32;
+    quotient.to_f64().unwrap_or(f64::NAN) * 2f64.powi(-half) * 2f64.powi(half - shift as i32)
+}
+
+fn minus(a: &Vector, b: &Vector) -> Vector {
+    [0, 1, 2].map(|k| &a[k] - &b[k])
+}
+
+fn dot(a: &Vector, b: &Vector) -> BigInt {
+    &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
+}
+
+fn cross(a: &Vector, b: &Vector) -> Vector {
+    [(1, 2), (2, 0), (0, 1)].map(|(i, j)| &a[i] * &b[j] - &a[j] * &b[i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn root(b: i32, a: i32, d: i32, far: bool) -> Distance {
+        Distance { b: b.into(), a: a.into(), d: d.into(), far }
+    }
+
+    /// All small roots, against f64, which tells apart those that are not equal: the least gap between two of them is
+    /// far above its precision. Equal ones are known: their minimal polynomials agree.
+    #[test]
+    fn order_is_that_of_the_numbers() {
+        let mut all = Vec::new();
+        for b in -4..=4 {
+            for a in 1..=3 {
+                for d in 0..=9 {
+                    all.extend([false, true].map(|far| (b, a, d, far)));
+                }
+            }
+        }
+        let number = |&(b, a, d, far): &(i32, i32, i32, bool)| {
+            let root = f64::from(d).sqrt();
+            (f64::from(b) + if far { root } else { -root }) / f64::from(a)
+        };
+        for x in &all {
+            let exact = root(x.0, x.1, x.2, x.3);
+            assert!((exact.to_f64() - number(x)).abs() <= 4.0 * f64::EPSILON, "{x:?}");
+            for y in &all {
+                let gap = number(x) - number(y);
+                let expected = if gap.abs() < 1e-9 { Ordering::Equal } else { gap.total_cmp(&0.0) };
+                assert_eq!(exact.cmp(&root(y.0, y.1, y.2, y.3)), expected, "{x:?} {y:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_survive() {
+        for t in [0.0, 1.0, -0.1, 1e-70, 1e30, 4.0 / 3.0, f64::MIN_POSITIVE / 8.0] {
+            assert_eq!(Distance::of(t).to_f64(), t);
+        }
+    }
+
+    #[test]
+    fn cancelling_roots_keep_their_digits() {
+        // t^2 - 2e9 t + 1 = 0: the near root is 5e-10 (1 + 2.5e-19 and less).
+        let big = root(1_000_000_000, 1, 0, false);
+        let d = &big.b * &big.b - BigInt::from(1);
+        assert_eq!(Distance { d, ..big }.to_f64(), 5e-10);
+    }
+
+    #[test]
+    fn a_ray_through_a_triangle_by_hand() {
+        let ray = Ray {
+            origin: DVec3::new(0.25, 0.5, -2.0),
+            direction: DVec3::Z * 4.0,
+            t_min: 0.0,
+            t_max: f64::INFINITY,
+        };
+        let crossing = Distance::to_triangle(&ray, &[DVec3::ZERO, DVec3::X, DVec3::Y]).unwrap();
+        assert_eq!((crossing.distance.to_f64(), crossing.weights), (0.5, [0.25, 0.25, 0.5]));
+        assert!(crossing.distance.is_within(&ray));
+        assert!(!crossing.distance.is_within(&Ray { t_max: 0.5, ..ray }));
+        assert!(!crossing.distance.is_within(&Ray { t_min: 0.5, ..ray }));
+        assert!(Distance::to_triangle(&ray, &[DVec3::ZERO, DVec3::Z, DVec3::Y]).is_none());
+    }
+
+    #[test]
+    fn a_ray_through_a_sphere_by_hand() {
+        let ray =
+            Ray { origin: DVec3::new(3.0, 0.0, -9.0), direction: DVec3::Z, t_min: 0.0, t_max: f64::INFINITY };
+        let sphere = |radius| Sphere { centre: DVec3::ZERO, radius };
+        let roots = |radius| Distance::to_sphere(&ray, &sphere(radius)).map(|r| r.map(|r| r.to_f64()));
+        assert_eq!(roots(5.0), Some([5.0, 13.0]));
+        assert_eq!(roots(3.0), Some([9.0, 9.0]));
+        assert_eq!(roots(3.0f64.next_down()), None);
+    }
+}

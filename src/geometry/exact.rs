@@ -1,0 +1,264 @@
+//! The tier `exact`: every decision is that of exact arithmetic on the rays and the corners as f64 numbers.
+//!
+//! f64 with an error bound decides nearly always; where it cannot, expansions give the signs of the edge functions
+//! ([`super::expansion`]), and integers the order of distances ([`super::distance`]). Exact is: whether a ray hits,
+//! edges, corners and tangents included; whether that lies within the ray's ends; which of two hits is nearer, and that
+//! two are equally near. A hit's distance is good to [`TOLERANCE`], its weights to 2^-24.
+//!
+//! What it does not promise: rays themselves, and the points that secondary rays start from, are rounded numbers.
+//!
+//! In the bounds, u = 2^-53 is half of `f64::EPSILON`.
+
+use glam::{DVec3, Vec3Swizzles};
+
+use super::bounds::DoubleBoxTest;
+use super::distance::{Crossing, Distance};
+use super::expansion::Expansion;
+use super::woop::{Sheared, WoopTest};
+use super::{Hit, Ray, Sphere, Stored, Tier, TriangleHit};
+use crate::scene::Numerics;
+
+/// f64 geometry, decided exactly.
+pub struct Exact;
+
+/// The relative error of a distance. Two that are further apart than four times this differ, and the margin of the boxes
+/// that are passed over ([`super::PRUNE_MARGIN`]) is far wider.
+pub const TOLERANCE: f64 = f64::from_bits((1023 - 40) << 52);
+
+/// The share of the sum of the weights that each may be off by.
+const WEIGHT_TOLERANCE: f64 = f64::from_bits((1023 - 26) << 52);
+
+impl Tier for Exact {
+    const NUMERICS: Numerics = Numerics::Exact;
+    type Corner = DVec3;
+    type Boxes = DoubleBoxTest;
+    type Prepared = WoopTest;
+
+    #[inline]
+    fn prepare(ray: &Ray) -> WoopTest {
+        WoopTest::new(ray)
+    }
+
+    #[inline(always)]
+    fn hit_triangle(test: &WoopTest, ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {
+        let sheared = test.sheared(corners);
+        let weights = sheared.weights();
+        let error = weight_error(&sheared);
+        let [mut least, mut most] = [weights[0]; 2];
+        for weight in [weights[1], weights[2]] {
+            least = least.min(weight);
+            most = most.max(weight);
+        }
+        // Two weights of certain, opposite signs: most triangles that are tested are missed by much.
+        if least < -error && most > error {
+            return None;
+        }
+        let certain = least > error || most < -error;
+        let weights = if certain { weights } else { decide(test, ray, corners, weights, error)? };
+        settle(test, ray, corners, &sheared, weights, error)
+    }
+
+    #[inline(always)]
+    fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64> {
+        // As in `Sphere::hit`, with bounds.
+        let (d, f) = (ray.direction, ray.origin - sphere.centre);
+        let (a, ff, rr) = (d.dot(d), f.dot(f), sphere.radius * sphere.radius);
+        let b = -f.dot(d);
+        let nearest = f + d * (b / a);
+        let nn = nearest.dot(nearest);
+        let discriminant = rr - nn;
+        // b is off by 5u √(ff a), so the nearest point by 13u √ff on each axis, its square by 2 √3 times that of its
+        // length, and more where it is short; each of the squares by 4u of itself.
+        let error = f64::EPSILON * (32.0 * (nn * ff).sqrt() + 4.0 * (nn + rr) + 1024.0 * f64::EPSILON * ff);
+        if discriminant < -error {
+            return None;
+        }
+        let c = ff - rr;
+        let (b_error, c_error) = (4.0 * f64::EPSILON * (ff * a).sqrt(), 4.0 * f64::EPSILON * (ff + rr));
+        if c > c_error && b < -b_error && ray.t_min >= 0.0 {
+            // Outside, and turned away.
+            return None;
+        }
+        if discriminant <= error {
+            return exact_sphere(ray, sphere).map(|distance| distance.to_f64());
+        }
+        let root = (a * discriminant).sqrt();
+        let q = b + root.copysign(b);
+        let q_error = b_error + (a * error) / root + 4.0 * f64::EPSILON * root;
+        let sure = q_error <= q.abs() * (TOLERANCE / 4.0) && c_error <= c.abs() * (TOLERANCE / 4.0);
+        if !sure {
+            return exact_sphere(ray, sphere).map(|distance| distance.to_f64());
+        }
+        let (t0, t1) = (c / q, q / a);
+        for t in [t0.min(t1), t0.max(t1)] {
+            match is_within(ray, t) {
+                Some(true) => return Some(t),
+                Some(false) => {}
+                None => return exact_sphere(ray, sphere).map(|distance| distance.to_f64()),
+            }
+        }
+        None
+    }
+
+    #[inline(always)]
+    fn is_before(ray: &Ray, [a, b]: [(&Hit, &Stored<DVec3>); 2]) -> bool {
+        let gap = a.0.t - b.0.t;
+        if gap.abs() > 4.0 * TOLERANCE * a.0.t.abs().max(b.0.t.abs()) {
+            return gap < 0.0;
+        }
+        is_exactly_before(ray, [a, b])
+    }
+}
+
+/// Bound on the error of the edge functions of a triangle.
+///
+/// With M the largest distance on an axis from the ray's origin and P the largest aside of the ray: a sheared coordinate
+/// is off by at most 8u M (the difference by u, the shear by 2u, their product and the last difference by u each); an
+/// edge function, of two products of those, by 32u M P + 300 u^2 M^2; and rounding it by 4u P^2, where P is at most 2 M.
+#[inline(always)]
+fn weight_error(sheared: &Sheared) -> f64 {
+    let [a, b, c] = sheared.corners;
+    let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
+    let aside = sheared.aside.as_flattened().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    24.0 * f64::EPSILON * reach * (aside + 4.0 * f64::EPSILON * reach)
+}
+
+/// The weights with their exact signs; `None` where the ray misses.
+#[cold]
+fn decide(
+    test: &WoopTest,
+    ray: &Ray,
+    corners: &[DVec3; 3],
+    mut weights: [f64; 3],
+    error: f64,
+) -> Option<[f64; 3]> {
+    for (k, weight) in weights.iter_mut().enumerate() {
+        if weight.abs() <= error {
+            // The edge function of `a` is the triple product of the direction, `c` and `b`, over the direction's
+            // component along the turned axis; and so on round.
+            let (p, q) = (corners[(k + 2) % 3], corners[(k + 1) % 3]);
+            let triple = triple_product(ray, p, q);
+            let sign = f64::from(triple.sign()) * test.shear[2].signum();
+            *weight = (triple.estimate() * test.shear[2]).abs() * sign;
+        }
+    }
+    let inside = weights.iter().all(|&w| w >= 0.0) || weights.iter().all(|&w| w <= 0.0);
+    (inside && weights != [0.0; 3]).then_some(weights)
+}
+
+/// `direction . ((p - origin) x (q - origin))`, exactly.
+fn triple_product(ray: &Ray, p: DVec3, q: DVec3) -> Expansion {
+    let side = |v: DVec3| [0, 1, 2].map(|k| Expansion::difference(v[k], ray.origin[k]));
+    let (p, q) = (side(p), side(q));
+    let component = |i: usize, j: usize| p[i].clone() * q[j].clone() - p[j].clone() * q[i].clone();
+    let [x, y, z] = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| component(i, j));
+    x.scaled(ray.direction.x) + y.scaled(ray.direction.y) + z.scaled(ray.direction.z)
+}
+
+/// Where a triangle that the ray's line certainly passes through is hit.
+#[inline(always)]
+fn settle(
+    test: &WoopTest,
+    ray: &Ray,
+    corners: &[DVec3; 3],
+    sheared: &Sheared,
+    weights: [f64; 3],
+    error: f64,
+) -> Option<TriangleHit> {
+    let [weight_a, weight_b, weight_c] = weights;
+    let sum = weight_a + weight_b + weight_c;
+    let share = 1.0 / sum;
+    if error > sum.abs() * WEIGHT_TOLERANCE {
+        return settle_exactly(ray, corners);
+    }
+    let [a, b, c] = sheared.corners.map(|corner| corner.z);
+    let depth = (weight_a * a + weight_b * b + weight_c * c) * share;
+    // Each share is off by twice 3 errors of the sum, which move the depth within the triangle's own; and rounding.
+    let deep = a.max(b).max(c) - a.min(b).min(c);
+    let depth_error =
+        7.0 * error * share.abs() * deep + 8.0 * f64::EPSILON * a.abs().max(b.abs()).max(c.abs());
+    let t = if depth_error <= depth.abs() * (TOLERANCE / 2.0) {
+        depth * test.shear[2]
+    } else {
+        match plane_distance(ray, corners) {
+            Plane::At(t) => t,
+            Plane::Behind => return None,
+            Plane::Unclear => return settle_exactly(ray, corners),
+        }
+    };
+    match is_within(ray, t) {
+        Some(true) => Some(TriangleHit { t, weights: [weight_b * share, weight_c * share] }),
+        Some(false) => None,
+        None => settle_exactly(ray, corners),
+    }
+}
+
+/// What f64 says of a ray and the plane of a triangle.
+enum Plane {
+    /// They meet at this distance, to the tolerance.
+    At(f64),
+    /// They meet at a distance below 0, or at 0, and those do not count.
+    Behind,
+    /// f64 cannot tell.
+    Unclear,
+}
+
+/// Where the ray meets the plane of a triangle, as far as f64 tells.
+#[cold]
+fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> Plane {
+    let (u, v, to_a) = (b - a, c - a, a - ray.origin);
+    let normal = u.cross(v);
+    let permanent = u.abs().yzx() * v.abs().zxy() + u.abs().zxy() * v.abs().yzx();
+    // The normal is off by 4u of its permanent, a product with it by 2u more, their sum by 2u more.
+    let product = |with: DVec3| (normal.dot(with), 4.0 * f64::EPSILON * permanent.dot(with.abs()));
+    let (numerator, numerator_error) = product(to_a);
+    let (denominator, denominator_error) = product(ray.direction);
+    let within = |share: f64| {
+        numerator_error <= numerator.abs() * share && denominator_error <= denominator.abs() * share
+    };
+    if within(TOLERANCE / 4.0) {
+        return Plane::At(numerator / denominator);
+    }
+    // A ray that leaves the surface it starts from: the distance is lost to rounding, its sign is not.
+    let behind = numerator.is_sign_negative() != denominator.is_sign_negative();
+    if behind && ray.t_min >= 0.0 && within(0.5) { Plane::Behind } else { Plane::Unclear }
+}
+
+/// The same in integers.
+#[cold]
+fn settle_exactly(ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {
+    let Crossing { distance, weights } = Distance::to_triangle(ray, corners)?;
+    distance.is_within(ray).then(|| TriangleHit { t: distance.to_f64(), weights: [weights[1], weights[2]] })
+}
+
+/// The first of a sphere's two distances that lies within the ray's ends.
+#[cold]
+fn exact_sphere(ray: &Ray, sphere: &Sphere) -> Option<Distance> {
+    Distance::to_sphere(ray, sphere)?.into_iter().find(|distance| distance.is_within(ray))
+}
+
+/// Whether a distance that is good to the tolerance lies within the ray's ends; `None` where it is too near one of them
+/// to tell.
+#[inline(always)]
+fn is_within(ray: &Ray, t: f64) -> Option<bool> {
+    let slack = 2.0 * TOLERANCE * t.abs();
+    if t - slack > ray.t_min && t + slack < ray.t_max {
+        return Some(true);
+    }
+    (t + slack < ray.t_min || t - slack > ray.t_max).then_some(false)
+}
+
+#[cold]
+fn is_exactly_before(ray: &Ray, hits: [(&Hit, &Stored<DVec3>); 2]) -> bool {
+    let distance = |primitive: &Stored<DVec3>| match primitive {
+        Stored::Triangle(corners) => Distance::to_triangle(ray, corners).map(|crossing| crossing.distance),
+        Stored::Sphere(sphere) => exact_sphere(ray, sphere),
+    };
+    let [a, b] = hits.map(|(_, primitive)| distance(primitive));
+    let order = match (a, b) {
+        (Some(a), Some(b)) => a.cmp(&b),
+        // Both have been hit.
+        _ => std::cmp::Ordering::Equal,
+    };
+    order.then(hits[0].0.prim.cmp(&hits[1].0.prim)).is_lt()
+}

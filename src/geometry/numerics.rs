@@ -1,0 +1,269 @@
+//! The tiers of numerics: what each keeps geometry in, and how it decides.
+
+use glam::{DVec3, Vec3, Vec3A};
+
+use super::bounds::{BoxTest, round_away};
+use super::{Hit, Ray, Sphere, TriangleHit};
+use crate::scene::Numerics;
+
+/// The floating-point numbers that rays and corners are kept in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Precision {
+    /// f32, 24 bits.
+    Single,
+    /// f64, 53 bits.
+    Double,
+}
+
+/// Direction components smaller than this share of the largest are taken as 0. It is far below what rounding has done to
+/// the direction already (2^-25 of the largest, or 2^-54), and keeps the reciprocals of the box test finite.
+const SMALLEST_COMPONENT: f64 = 1.0 / (1u128 << 100) as f64;
+
+/// Coordinates nearer to 0 than this are taken as 0, as f32 does with those below 2^-150: products of three then stay
+/// within f64's range to their last bit, which exact arithmetic needs.
+const SMALLEST_COORDINATE: f64 = f64::from_bits((1023 - 250) << 52);
+
+impl Precision {
+    /// A coordinate in these numbers, the nearest one.
+    #[inline]
+    pub fn round(self, x: f64) -> f64 {
+        match self {
+            Precision::Single => f64::from(x as f32),
+            Precision::Double if x.abs() < SMALLEST_COORDINATE => 0.0,
+            Precision::Double => x,
+        }
+    }
+
+    /// A ray whose origin and direction are rounded to the nearest of these numbers. Zeros are positive zeros.
+    ///
+    /// `direction` must be finite and not zero, `origin` finite.
+    #[inline]
+    pub fn ray(self, origin: DVec3, direction: DVec3, t_min: f64, t_max: f64) -> Ray {
+        let (origin, direction) = match self {
+            Precision::Single => (origin.as_vec3().as_dvec3(), direction.as_vec3().as_dvec3()),
+            Precision::Double => (origin.map(|c| self.round(c)), direction),
+        };
+        let floor = direction.abs().max_element() * SMALLEST_COMPONENT;
+        let flush = |c: f64| if c.abs() < floor { 0.0 } else { c + 0.0 };
+        let direction = DVec3::new(flush(direction.x), flush(direction.y), flush(direction.z));
+        let ray = Ray { origin, direction, t_min, t_max };
+        debug_assert!(
+            ray.origin.is_finite() && ray.direction.is_finite(),
+            "a ray that is not finite: {ray:?}"
+        );
+        debug_assert!(floor > 0.0, "a ray without direction: {ray:?}");
+        ray
+    }
+
+    /// `point` rounded to these numbers, on each axis towards the side that `normal` points to.
+    #[inline]
+    pub fn round_towards(self, point: DVec3, normal: DVec3) -> DVec3 {
+        round_away(self, point, normal)
+    }
+
+    /// The distance from 1 to the next larger number.
+    pub fn epsilon(self) -> f64 {
+        match self {
+            Precision::Single => f64::from(f32::EPSILON),
+            Precision::Double => f64::EPSILON,
+        }
+    }
+}
+
+impl Numerics {
+    /// What rays and corners are kept in.
+    pub fn precision(self) -> Precision {
+        match self {
+            Numerics::Fast | Numerics::Watertight => Precision::Single,
+            Numerics::Double | Numerics::Exact => Precision::Double,
+        }
+    }
+}
+
+/// A corner of a triangle in the numbers that a tier keeps.
+pub trait Corner: Copy + Send + Sync + 'static {
+    /// The nearest that these numbers have.
+    fn lower(point: DVec3) -> Self;
+    /// In f64, without rounding.
+    fn raise(self) -> DVec3;
+    /// Least and greatest coordinates of three corners.
+    fn span(corners: &[Self; 3]) -> [DVec3; 2];
+}
+
+impl Corner for Vec3 {
+    fn lower(point: DVec3) -> Self {
+        point.as_vec3()
+    }
+
+    #[inline(always)]
+    fn raise(self) -> DVec3 {
+        self.as_dvec3()
+    }
+
+    #[inline(always)]
+    fn span(corners: &[Self; 3]) -> [DVec3; 2] {
+        let [a, b, c] = corners.map(Vec3A::from);
+        [Vec3::from(a.min(b).min(c)).as_dvec3(), Vec3::from(a.max(b).max(c)).as_dvec3()]
+    }
+}
+
+impl Corner for DVec3 {
+    fn lower(point: DVec3) -> Self {
+        point.map(|c| Precision::Double.round(c))
+    }
+
+    #[inline(always)]
+    fn raise(self) -> DVec3 {
+        self
+    }
+
+    #[inline(always)]
+    fn span([a, b, c]: &[Self; 3]) -> [DVec3; 2] {
+        [a.min(*b).min(*c), a.max(*b).max(*c)]
+    }
+}
+
+/// A primitive in the numbers that a tier keeps.
+#[derive(Debug, Clone, Copy)]
+pub enum Stored<C> {
+    /// The corners of a triangle.
+    Triangle([C; 3]),
+    /// A sphere, in f64 in every tier: there are few.
+    Sphere(Sphere),
+}
+
+/// A tier of numerics: how rays are tested against boxes, triangles and spheres, and which of two hits is nearer.
+///
+/// What every tier owes, so that no acceleration structure can change the picture: a hit's distance lies within the
+/// part of the ray that its box test finds in the primitive's own box, up to the margin of that test.
+pub trait Tier: Send + Sync + 'static {
+    /// Its name.
+    const NUMERICS: Numerics;
+    /// What corners are kept in.
+    type Corner: Corner;
+    /// A ray made ready for boxes.
+    type Boxes: BoxTest;
+    /// A ray made ready for triangles.
+    type Prepared;
+
+    /// Makes a ray ready for triangles.
+    fn prepare(ray: &Ray) -> Self::Prepared;
+
+    /// Where `ray`, for which `prepared` was made, hits a triangle within its ends. Both sides count; a ray in the
+    /// triangle's plane does not hit.
+    fn hit_triangle(prepared: &Self::Prepared, ray: &Ray, corners: &[Self::Corner; 3])
+    -> Option<TriangleHit>;
+
+    /// The least distance within the ray's ends at which it meets a sphere, from outside or from inside.
+    fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64>;
+
+    /// Whether the first of two hits comes before the second: nearer, or as near and of a lower id.
+    #[inline(always)]
+    fn is_before(_: &Ray, [a, b]: [(&Hit, &Stored<Self::Corner>); 2]) -> bool {
+        a.0.is_before(b.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn single_rays_hold_f32_numbers_and_no_negative_zero() {
+        let ray = Precision::Single.ray(DVec3::splat(0.1), DVec3::new(-0.0, -1.0, 1e-40), 0.0, 1.0);
+        assert_eq!(ray.origin, DVec3::splat(f64::from(0.1f32)));
+        assert_eq!(ray.direction.to_array().map(f64::to_bits), [0.0, -1.0, 0.0].map(f64::to_bits));
+    }
+
+    #[test]
+    fn double_rays_hold_f64_numbers_and_no_negative_zero() {
+        let ray =
+            Precision::Double.ray(DVec3::new(0.1, -1e-80, -0.0), DVec3::new(-0.0, -1.0, 1e-20), 0.0, 1.0);
+        assert_eq!(ray.origin, DVec3::new(0.1, 0.0, 0.0));
+        assert_eq!(ray.direction.to_array().map(f64::to_bits), [0.0, -1.0, 1e-20].map(f64::to_bits));
+    }
+
+    use crate::geometry::{Double, Exact, Fast, Watertight};
+
+    /// What a tier says of a ray from `origin` and a triangle.
+    fn hit_of<T: Tier>(corners: [DVec3; 3], ray: impl Fn(Precision) -> Ray) -> Option<TriangleHit> {
+        let ray = ray(T::NUMERICS.precision());
+        T::hit_triangle(&T::prepare(&ray), &ray, &corners.map(T::Corner::lower))
+    }
+
+    fn hits(corners: [DVec3; 3], ray: impl Fn(Precision) -> Ray) -> [Option<TriangleHit>; 4] {
+        [
+            hit_of::<Fast>(corners, &ray),
+            hit_of::<Watertight>(corners, &ray),
+            hit_of::<Double>(corners, &ray),
+            hit_of::<Exact>(corners, &ray),
+        ]
+    }
+
+    fn distances(corners: [DVec3; 3], origin: DVec3, direction: DVec3) -> [Option<f64>; 4] {
+        hits(corners, |precision| precision.ray(origin, direction, 0.0, f64::INFINITY))
+            .map(|h| h.map(|h| h.t))
+    }
+
+    const UNIT: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
+
+    #[test]
+    fn both_sides_edges_and_corners_hit() {
+        for (x, y) in [(0.25, 0.25), (0.5, 0.5), (0.0, 0.5), (0.5, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0)] {
+            let p = DVec3::new(x, y, 0.0);
+            assert_eq!(distances(UNIT, p + DVec3::Z * 2.0, -DVec3::Z), [Some(2.0); 4], "{p}");
+            assert_eq!(distances(UNIT, p - DVec3::Z * 2.0, DVec3::Z), [Some(2.0); 4], "{p}");
+        }
+        for (x, y) in [(0.5000001, 0.5), (-0.0000001, 0.5), (0.5, -0.0000001)] {
+            assert_eq!(distances(UNIT, DVec3::new(x, y, 2.0), -DVec3::Z), [None; 4]);
+        }
+    }
+
+    #[test]
+    fn a_ray_in_the_plane_misses() {
+        assert_eq!(distances(UNIT, DVec3::new(-1.0, 0.25, 0.0), DVec3::X), [None; 4]);
+        assert_eq!(distances(UNIT, DVec3::new(-1.0, 0.0, 0.0), DVec3::X), [None; 4]);
+    }
+
+    #[test]
+    fn the_interval_is_open_at_both_ends() {
+        let test = |t_min, t_max| {
+            let found = hits(UNIT, |p| p.ray(DVec3::new(0.25, 0.25, 5.0), -DVec3::Z, t_min, t_max));
+            found.map(|hit| hit.is_some())
+        };
+        let [below, above] = [5.0f64.next_down(), 5.0f64.next_up()];
+        for (t_min, t_max) in [(0.0, 5.0), (5.0, 10.0), (5.0, 5.0)] {
+            assert_eq!(test(t_min, t_max), [false; 4]);
+        }
+        assert_eq!((test(0.0, above), test(below, 10.0)), ([true; 4], [true; 4]));
+    }
+
+    #[test]
+    fn the_distance_to_an_axis_aligned_plane_is_good_at_any_angle() {
+        // The assignment's plane seen from 2^-14 above it: t = (y_plane - y_origin) / d_y.
+        let plane =
+            [DVec3::new(-1e4, -500.0, -1e4), DVec3::new(-1e4, -500.0, 1e5), DVec3::new(1e4, -500.0, -1e4)];
+        let origin = DVec3::new(-300.0, -500.0 + 6.103_515_625e-5, 200.0);
+        for z in [1.0, 100.0, 1e4] {
+            let direction = (DVec3::new(-300.0, -500.0, 200.0 + z) - origin).normalize();
+            let limits = [f32::EPSILON.into(), 2.0 * f64::EPSILON, 2.0 * f64::EPSILON, 2.0 * f64::EPSILON];
+            let ray = |precision: Precision| precision.ray(origin, direction, 0.0, 1e9);
+            for ((hit, limit), numerics) in hits(plane, ray).into_iter().zip(limits).zip(Numerics::ALL) {
+                let ray = ray(numerics.precision());
+                let exact = (-500.0 - ray.origin.y) / ray.direction.y;
+                let t = hit.unwrap().t;
+                assert!((t - exact).abs() <= limit * exact, "{}: {t} {exact}", numerics.name());
+            }
+        }
+    }
+
+    #[test]
+    fn barycentrics_find_the_corners() {
+        for (k, corner) in UNIT.iter().enumerate() {
+            for hit in hits(UNIT, |p| p.ray(*corner + DVec3::Z, -DVec3::Z, 0.0, 2.0)) {
+                let [v, w] = hit.unwrap().weights;
+                assert_eq!([1.0 - v - w, v, w][k], 1.0);
+            }
+        }
+    }
+}

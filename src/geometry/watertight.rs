@@ -1,0 +1,37 @@
+//! The tier `watertight`, the default: rays and corners are f32 numbers, what they meet is decided in f64.
+//!
+//! Two triangles that share an edge see the same two numbers for its ends and opposite signs for its edge function; a
+//! sign is right or zero, and zero counts as inside for both, so no ray passes between them ([`super::woop`]). A hit's
+//! distance is held within its primitive's own box, so that no box around it can be pruned before it.
+
+use glam::Vec3;
+
+use super::bounds::SingleBoxTest;
+use super::woop::WoopTest;
+use super::{Ray, Sphere, Tier, TriangleHit};
+use crate::scene::Numerics;
+
+/// f32 geometry, decided in f64.
+pub struct Watertight;
+
+impl Tier for Watertight {
+    const NUMERICS: Numerics = Numerics::Watertight;
+    type Corner = Vec3;
+    type Boxes = SingleBoxTest;
+    type Prepared = WoopTest;
+
+    #[inline]
+    fn prepare(ray: &Ray) -> WoopTest {
+        WoopTest::new(ray)
+    }
+
+    #[inline(always)]
+    fn hit_triangle(test: &WoopTest, ray: &Ray, corners: &[Vec3; 3]) -> Option<TriangleHit> {
+        test.hit(ray, corners)
+    }
+
+    #[inline(always)]
+    fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64> {
+        sphere.hit(ray)
+    }
+}

@@ -1,0 +1,34 @@
+//! The tiers of numerics by name; [`crate::geometry`] has what they mean.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How exactly it is decided what a ray hits, from the least to the most.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Numerics {
+    /// f32 throughout. Rays may slip between triangles.
+    Fast,
+    /// Rays and corners in f32, decided in f64. No ray slips through a closed mesh.
+    #[default]
+    Watertight,
+    /// Rays, corners and boxes in f64.
+    Double,
+    /// As `double`, and every decision is that of exact arithmetic.
+    Exact,
+}
+
+impl Numerics {
+    /// Every tier.
+    pub const ALL: [Numerics; 4] = [Numerics::Fast, Numerics::Watertight, Numerics::Double, Numerics::Exact];
+
+    /// The name as typed by users.
+    pub fn name(self) -> &'static str {
+        match self {
+            Numerics::Fast => "fast",
+            Numerics::Watertight => "watertight",
+            Numerics::Double => "double",
+            Numerics::Exact => "exact",
+        }
+    }
+}
