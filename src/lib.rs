@@ -11,6 +11,7 @@
 //! Conventions: right-handed, +y up, no physical unit; column vectors, transforms named `b_from_a`; row 0 of a picture
 //! is its top row; directions have length 1, so t is a distance.
 
+pub mod bench;
 pub mod bvh;
 pub mod cli;
 pub mod effects;

@@ -5,8 +5,10 @@ mod common;
 use std::path::Path;
 
 /// The rooms, from the bottom up.
-const ROOMS: &[&str] =
-    &["error", "film", "scene", "import", "geometry", "bvh", "world", "shading", "effects", "render", "cli"];
+const ROOMS: &[&str] = &[
+    "error", "film", "scene", "import", "geometry", "bvh", "world", "shading", "effects", "render", "bench",
+    "cli",
+];
 
 fn room_of(file: &Path) -> String {
     let source = common::repository("src");

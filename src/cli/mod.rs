@@ -3,6 +3,7 @@
 //! Standard output carries only results; everything else goes to standard error. Exit codes: 0 done, 1 failed, 2 wrong
 //! usage, 3 an input cannot be used, 4 output cannot be written, 130 and 143 interrupted.
 
+mod bench;
 mod info;
 mod interrupt;
 mod picture;
@@ -37,6 +38,8 @@ enum Command {
     Render(Box<render::Arguments>),
     /// Say what files hold, how large it is, and what is odd about it
     Info(info::Arguments),
+    /// Hold kiln's acceleration structures against those of other libraries
+    Bench(bench::Arguments),
     /// Print the JSON schema of scene files, for editors
     Schema,
     /// Print completions for a shell
@@ -62,6 +65,7 @@ pub fn main() -> ExitCode {
     let result = std::panic::catch_unwind(|| match arguments.command {
         Command::Render(arguments) => render::run(&arguments, interrupted),
         Command::Info(arguments) => info::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments, interrupted),
         Command::Schema => print(&format!("{:#}\n", SceneFile::schema())),
         Command::Completions { shell } => {
             let mut text = Vec::new();

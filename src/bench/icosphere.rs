@@ -1,0 +1,172 @@
+//! Closed meshes: an icosahedron, subdivided, at several sizes and places.
+
+use std::collections::HashMap;
+
+use glam::{DVec3, Vec3};
+
+/// Triangles that share their vertices by index.
+#[derive(Debug, Clone, Default)]
+pub struct Mesh {
+    /// The vertices.
+    pub positions: Vec<Vec3>,
+    /// The corners of every triangle; counter-clockwise, seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// The corners of a triangle.
+    pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.triangles[triangle as usize].map(|index| self.positions[index as usize])
+    }
+
+    /// A vector perpendicular to a triangle that points outwards, computed in f64; its length is twice the area.
+    pub fn normal(&self, triangle: u32) -> DVec3 {
+        let [a, b, c] = self.corners(triangle).map(|corner| corner.as_dvec3());
+        (b - a).cross(c - a)
+    }
+}
+
+/// Where a sphere is, and how large.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// What to call it.
+    pub name: &'static str,
+    /// Its centre.
+    pub centre: DVec3,
+    /// Its radius.
+    pub radius: f64,
+}
+
+/// At the origin, far from it for the size, very small, and very large.
+pub const PLACEMENTS: [Placement; 4] = [
+    Placement { name: "unit", centre: DVec3::ZERO, radius: 1.0 },
+    Placement { name: "moved", centre: DVec3::new(1000.0, -500.0, 2000.0), radius: 1.0 },
+    Placement { name: "size 1e-5", centre: DVec3::ZERO, radius: 1e-5 },
+    Placement { name: "size 1e5", centre: DVec3::ZERO, radius: 1e5 },
+];
+
+/// A closed mesh of 20 * 4^level triangles over a sphere.
+#[derive(Debug, Clone)]
+pub struct Icosphere {
+    /// The triangles.
+    pub mesh: Mesh,
+    /// Where it is.
+    pub placement: Placement,
+    /// The longest edge of a triangle, as a share of the radius.
+    pub longest_edge: f64,
+}
+
+impl Icosphere {
+    /// Subdivided in f64 and put on the unit sphere, then scaled, moved and rounded to f32.
+    pub fn new(level: u32, placement: Placement) -> Self {
+        let (mut points, mut triangles) = icosahedron();
+        for _ in 0..level {
+            triangles = subdivide(&mut points, &triangles);
+        }
+        let edges = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let lengths = edges.map(|ends| {
+            let [from, to] = ends.map(|end| points[end as usize]);
+            from.distance(to)
+        });
+        let longest_edge = lengths.fold(0.0, f64::max);
+        let placed = |point: &DVec3| (placement.centre + placement.radius * point).as_vec3();
+        let positions = points.iter().map(placed).collect();
+        Icosphere { mesh: Mesh { positions, triangles }, placement, longest_edge }
+    }
+}
+
+/// The twelve corners (0, ±1, ±φ), (±1, ±φ, 0), (±φ, 0, ±1) at distance 1, and the triangles between those that are
+/// neighbours.
+fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let golden = (1.0 + 5.0f64.sqrt()) / 2.0;
+    let mut points = Vec::new();
+    for one in [-1.0, 1.0] {
+        for long in [-golden, golden] {
+            points.push(DVec3::new(0.0, one, long));
+            points.push(DVec3::new(one, long, 0.0));
+            points.push(DVec3::new(long, 0.0, one));
+        }
+    }
+    // Edges have length 2 here; the next distance between corners is 2φ.
+    let near = |a: usize, b: usize| points[a].distance(points[b]) < 1.0 + golden;
+    let mut triangles = Vec::new();
+    for a in 0..points.len() {
+        for b in a + 1..points.len() {
+            for c in b + 1..points.len() {
+                if near(a, b) && near(b, c) && near(c, a) {
+                    let outwards = points[a].cross(points[b]).dot(points[c]) > 0.0;
+                    triangles.push(if outwards { [a, b, c] } else { [a, c, b] }.map(|i| i as u32));
+                }
+            }
+        }
+    }
+    for point in &mut points {
+        *point = point.normalize();
+    }
+    (points, triangles)
+}
+
+/// Four triangles from each: a new vertex on the sphere for every edge, shared by both its sides.
+fn subdivide(points: &mut Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
+    let mut middles = HashMap::new();
+    let mut middle = |a: u32, b: u32| {
+        *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+            points.push((points[a as usize] + points[b as usize]).normalize());
+            points.len() as u32 - 1
+        })
+    };
+    triangles
+        .iter()
+        .flat_map(|&[a, b, c]| {
+            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+            [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::*;
+
+    #[test]
+    fn every_edge_has_its_opposite_exactly_once() {
+        for placement in PLACEMENTS {
+            let mesh = Icosphere::new(4, placement).mesh;
+            assert_eq!(mesh.triangles.len(), 20 * 4usize.pow(4));
+            // Euler's formula for a closed surface without holes: V - E + F = 2, with 3/2 F edges.
+            assert_eq!(mesh.positions.len(), 2 + mesh.triangles.len() / 2);
+            let mut edges = HashSet::new();
+            for &[a, b, c] in &mesh.triangles {
+                for edge in [[a, b], [b, c], [c, a]] {
+                    assert!(edges.insert(edge), "{}: an edge has two triangles on one side", placement.name);
+                }
+            }
+            assert!(edges.iter().all(|&[a, b]| edges.contains(&[b, a])), "{}: open", placement.name);
+        }
+    }
+
+    #[test]
+    fn vertices_stay_apart_and_triangles_face_outwards() {
+        for placement in PLACEMENTS {
+            let mesh = Icosphere::new(6, placement).mesh;
+            assert_eq!(mesh.triangles.len(), 81_920);
+            let distinct: HashSet<[u32; 3]> =
+                mesh.positions.iter().map(|p| p.to_array().map(f32::to_bits)).collect();
+            assert_eq!(distinct.len(), mesh.positions.len(), "{}", placement.name);
+            for triangle in 0..mesh.triangles.len() as u32 {
+                let outwards = mesh.corners(triangle)[0].as_dvec3() - placement.centre;
+                let cosine = mesh.normal(triangle).normalize().dot(outwards.normalize());
+                assert!(cosine > 0.99, "{}: triangle {triangle}: {cosine}", placement.name);
+            }
+        }
+    }
+
+    #[test]
+    fn the_longest_edge_is_that_of_the_icosahedron_at_first() {
+        // 1 / sin(2π/5) of the radius.
+        let edge = Icosphere::new(0, PLACEMENTS[0]).longest_edge;
+        assert!((edge - 1.0 / (0.4 * std::f64::consts::PI).sin()).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,242 @@
+//! How many rays slip through a closed mesh.
+//!
+//! A ray that starts inside has to leave, so it crosses a triangle from behind; a ray from outside that is aimed at the
+//! mesh has to enter and to leave, so it crosses one from the front and one from behind. A ray that does not is a leak:
+//! it passed between two triangles, or past a box that holds one. The rays are aimed at vertices and edges, where that
+//! can happen ([`Kind`]).
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use super::{Built, Engine, Icosphere, Kind, Mesh, PLACEMENTS, ray};
+use crate::error::{Error, Result};
+use crate::render::Watch;
+
+/// How often the mesh is subdivided: 81,920 triangles.
+const LEVEL: u32 = 6;
+
+/// The same for engines that test every triangle: 320.
+const EXHAUSTIVE_LEVEL: u32 = 2;
+
+/// Rays are handed to threads, and progress is told, by so many.
+const CHUNK: u64 = 4096;
+
+/// How one engine did at one placement.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// The library.
+    pub engine: &'static str,
+    /// Its layout or mode.
+    pub layout: &'static str,
+    /// Its tier of numerics, where it has several.
+    pub tier: Option<&'static str>,
+    /// Where the mesh was, and how large: the name of one of [`PLACEMENTS`].
+    pub placement: &'static str,
+    /// How many triangles it had.
+    pub triangles: usize,
+    /// Whether rays from outside were held to leave, too; else only to enter.
+    pub followed_through: bool,
+    /// The rays cast.
+    pub rays: Counts,
+    /// Those of them that slipped through.
+    pub leaks: Counts,
+}
+
+/// A number of rays of each [`Kind`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counts {
+    /// From inside, aimed.
+    pub aimed: u64,
+    /// From inside, along an axis.
+    pub axis_aligned: u64,
+    /// From outside, aimed.
+    pub outside: u64,
+}
+
+impl Counts {
+    /// The rays that a test with `rays` aimed rays a side casts: 6 along an axis for every 100 aimed from inside.
+    pub fn of_rays(rays: u64) -> Self {
+        Counts { aimed: rays, axis_aligned: (u128::from(rays) * 6 / 100) as u64, outside: rays }
+    }
+
+    /// From inside.
+    pub fn inside(&self) -> u64 {
+        self.aimed + self.axis_aligned
+    }
+
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.inside() + self.outside
+    }
+
+    fn of(&mut self, kind: Kind) -> &mut u64 {
+        match kind {
+            Kind::Inside => &mut self.aimed,
+            Kind::AxisAligned => &mut self.axis_aligned,
+            Kind::Outside => &mut self.outside,
+        }
+    }
+}
+
+/// Casts [`Counts::of_rays`] at each of [`PLACEMENTS`] through each of `engines`, on the current rayon pool. The numbers
+/// do not depend on its threads.
+///
+/// # Errors
+/// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where an engine cannot build its structure.
+pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &Watch) -> Result<Vec<Row>> {
+    let rays = Counts::of_rays(rays);
+    let spheres = PLACEMENTS.map(|placement| Icosphere::new(LEVEL, placement));
+    let coarse = PLACEMENTS.map(|placement| Icosphere::new(EXHAUSTIVE_LEVEL, placement));
+    let steps = engines.len() as u64 * PLACEMENTS.len() as u64 * rays.total();
+    let done = AtomicU64::new(0);
+    let step = |count: u64| {
+        let done = count + done.fetch_add(count, Ordering::Relaxed);
+        (watch.progress)(done as usize, steps as usize);
+    };
+    let mut rows = Vec::new();
+    for engine in engines {
+        for sphere in if engine.is_exhaustive() { &coarse } else { &spheres } {
+            let built = engine.build(&sphere.mesh)?;
+            let followed_through = engine.sees_beyond_the_first();
+            let leaks = leaks(&*built, sphere, rays, followed_through, watch, &step)?;
+            rows.push(Row {
+                engine: engine.name(),
+                layout: engine.layout(),
+                tier: engine.tier(),
+                placement: sphere.placement.name,
+                triangles: sphere.mesh.triangles.len(),
+                followed_through,
+                rays,
+                leaks,
+            });
+        }
+    }
+    Ok(rows)
+}
+
+fn leaks(
+    built: &dyn Built,
+    sphere: &Icosphere,
+    rays: Counts,
+    followed_through: bool,
+    watch: &Watch,
+    step: &(dyn Fn(u64) + Sync),
+) -> Result<Counts> {
+    let mut leaks = Counts::default();
+    for kind in Kind::ALL {
+        let count = *{ rays }.of(kind);
+        *leaks.of(kind) = (0..count.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                if watch.cancel.load(Ordering::Relaxed) {
+                    return 0;
+                }
+                let indices = chunk * CHUNK..count.min((chunk + 1) * CHUNK);
+                let mut found = Vec::new();
+                let leaks = indices.clone().filter(|&index| {
+                    let (origin, direction) = ray(sphere, kind, index);
+                    found.clear();
+                    built.crossings(origin, direction, &mut found);
+                    let crossings = Crossings::new(&sphere.mesh, direction, &found);
+                    !match kind {
+                        Kind::Inside | Kind::AxisAligned => crossings.leaving,
+                        Kind::Outside => crossings.entering && (crossings.leaving || !followed_through),
+                    }
+                });
+                let leaks = leaks.count() as u64;
+                step(indices.end - indices.start);
+                leaks
+            })
+            .sum();
+    }
+    if watch.cancel.load(Ordering::Relaxed) {
+        return Err(Error::Interrupted);
+    }
+    Ok(leaks)
+}
+
+/// The sides from which a ray crosses triangles.
+struct Crossings {
+    /// At least one from the front.
+    entering: bool,
+    /// At least one from behind.
+    leaving: bool,
+}
+
+impl Crossings {
+    fn new(mesh: &Mesh, direction: glam::DVec3, found: &[u32]) -> Self {
+        let (mut entering, mut leaving) = (false, false);
+        for &triangle in found {
+            let along = mesh.normal(triangle).dot(direction);
+            entering |= along < 0.0;
+            leaving |= along > 0.0;
+        }
+        Crossings { entering, leaving }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use super::super::{engines, kiln};
+    use super::*;
+
+    /// How many rays slip through `built`, which may lack something of `sphere`.
+    fn through(built: &dyn Built, sphere: &Icosphere, rays: u64) -> Counts {
+        let cancel = AtomicBool::new(false);
+        let watch = Watch { cancel: &cancel, progress: &|_, _| {} };
+        leaks(built, sphere, Counts::of_rays(rays), true, &watch, &|_| {}).expect("nothing cancels it")
+    }
+
+    #[test]
+    fn a_missing_triangle_is_noticed_from_both_sides_by_every_engine() {
+        for engine in engines().0 {
+            let sphere = Icosphere::new(1, PLACEMENTS[0]);
+            let mut open = sphere.mesh.clone();
+            open.triangles.pop();
+            let closed = through(&*engine.build(&sphere.mesh).expect("a structure"), &sphere, 5000);
+            let open = through(&*engine.build(&open).expect("a structure"), &sphere, 5000);
+            // One of 80 triangles: of the rays along the axes, of which half are aimed at nothing in particular, some
+            // 1 in 160 find it; of those at vertices and edges, those that the neighbours do not catch.
+            let what = (engine.name(), engine.layout());
+            assert!(open.aimed > closed.aimed, "{what:?}: {open:?} {closed:?}");
+            assert!(open.outside > closed.outside, "{what:?}: {open:?} {closed:?}");
+        }
+    }
+
+    #[test]
+    fn the_number_of_threads_does_not_matter() {
+        // Something to count: a sphere whose last triangle is missing.
+        let sphere = Icosphere::new(2, PLACEMENTS[1]);
+        let mut open = sphere.mesh.clone();
+        open.triangles.pop();
+        let built = kiln::engines()[0].build(&open).expect("a structure");
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| through(&*built, &sphere, 10_000))
+        };
+        let one = on(1);
+        assert!(one.aimed > 0 && one.outside > 0, "{one:?}");
+        assert_eq!(one, on(3));
+    }
+
+    #[test]
+    fn six_rays_in_a_hundred_are_axis_aligned() {
+        let counts = |rays| {
+            let counts = Counts::of_rays(rays);
+            (counts.axis_aligned, counts.inside(), counts.total())
+        };
+        assert_eq!(counts(1_000_000), (60_000, 1_060_000, 2_060_000));
+        assert_eq!(counts(99), (5, 104, 203));
+    }
+
+    #[test]
+    fn it_can_be_cancelled() {
+        let cancel = AtomicBool::new(true);
+        let watch = Watch { cancel: &cancel, progress: &|_, _| {} };
+        let outcome = measure(&kiln::engines(), 1_000_000, &watch);
+        assert!(matches!(outcome, Err(Error::Interrupted)));
+    }
+}

@@ -1,0 +1,101 @@
+//! kiln's acceleration structures beside those of other libraries, all asked the same questions.
+//!
+//! An [`Engine`] builds a [`Built`] over a [`Mesh`]; a test asks every `Built` through one trait and knows no more of it.
+//! To add an engine: a file here, and a line in [`engines`].
+//!
+//! - [`leaks`]: how many rays slip through a closed mesh.
+
+// The peers that are not written in Rust are called as C and C++ are; `unsafe_code` is denied everywhere else.
+#[allow(unsafe_code)]
+mod embree;
+mod icosphere;
+mod kiln;
+pub mod leaks;
+mod numbers;
+mod obvhs;
+mod rays;
+#[cfg(all(feature = "tinybvh", target_feature = "avx2"))]
+#[allow(unsafe_code)]
+mod tinybvh;
+
+pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
+pub use numbers::Numbers;
+pub use rays::{Kind, ray};
+
+use glam::DVec3;
+
+use crate::error::Result;
+
+/// A library with one of its layouts: what builds the structure that is tested.
+pub trait Engine: Sync {
+    /// The library: one of [`NAMES`].
+    fn name(&self) -> &'static str;
+
+    /// The layout or mode of it, such as `bvh2`, `cwbvh`, `brute-force` or `robust`.
+    fn layout(&self) -> &'static str;
+
+    /// The tier of numerics, where the library has several.
+    fn tier(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Whether a query looks at every triangle, so that only small meshes are within reach.
+    fn is_exhaustive(&self) -> bool {
+        false
+    }
+
+    /// Whether [`Built::crossings`] gives the crossings behind the first one, too.
+    fn sees_beyond_the_first(&self) -> bool {
+        true
+    }
+
+    /// Builds the structure over `mesh`.
+    ///
+    /// # Errors
+    /// [`Error::Failed`](crate::error::Error::Failed) where the library could not.
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Built>>;
+}
+
+/// A structure that can be asked, from any number of threads.
+pub trait Built: Sync {
+    /// Appends the triangles that the ray crosses at t > 0, in any order; one that lies at the edge of two triangles may
+    /// be given as one or both.
+    ///
+    /// The components of `origin` and `direction` are f32 numbers; `direction` has length 1 up to their rounding. Zeros
+    /// may be negative.
+    fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>);
+}
+
+/// An engine that is not there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Absent {
+    /// The library.
+    pub name: &'static str,
+    /// Why it is not there.
+    pub reason: String,
+    /// How to get it.
+    pub remedy: &'static str,
+}
+
+/// Every library that kiln knows how to ask.
+pub const NAMES: [&str; 4] = ["kiln", "obvhs", "embree", "tinybvh"];
+
+/// Every engine that is there, in the order of [`NAMES`], and those that are not.
+pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Absent>) {
+    let mut present = kiln::engines();
+    let mut absent = Vec::new();
+    present.extend(obvhs::engines());
+    match embree::engines() {
+        Ok(engines) => present.extend(engines),
+        Err(reason) => absent.push(reason),
+    }
+    #[cfg(all(feature = "tinybvh", target_feature = "avx2"))]
+    present.extend(tinybvh::engines());
+    #[cfg(not(all(feature = "tinybvh", target_feature = "avx2")))]
+    absent.push(Absent {
+        name: "tinybvh",
+        reason: "kiln was built without it".into(),
+        remedy: "build with RUSTFLAGS=\"-C target-feature=+avx2\" and --features tinybvh",
+    });
+    (present, absent)
+}

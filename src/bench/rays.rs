@@ -1,0 +1,184 @@
+//! The rays that are hardest for a closed mesh: at its vertices and edges, and along the axes.
+
+use glam::DVec3;
+
+use super::{Icosphere, Numbers};
+
+/// Where a ray comes from and what it is aimed at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// From inside; one third each at vertices, at midpoints of edges, at other points on edges.
+    Inside,
+    /// From inside along an axis, with zeros of either sign: half of them through random points, half through vertices.
+    AxisAligned,
+    /// From outside, aimed as those from inside, at points that face the ray.
+    Outside,
+}
+
+impl Kind {
+    /// Every kind.
+    pub const ALL: [Kind; 3] = [Kind::Inside, Kind::AxisAligned, Kind::Outside];
+}
+
+/// Rays from inside start no farther from the centre than this, as a share of the radius.
+const INSIDE: f64 = 0.3;
+
+/// Rays from outside start at a distance from the centre between these, in radii.
+const OUTSIDE: [f64; 2] = [2.0, 4.0];
+
+/// Rays from outside meet the surface at a cosine above this, so that none grazes it.
+const LEAST_COSINE: f64 = 0.1;
+
+/// The ray of `kind` with the number `index`: its origin and its direction, both of f32 numbers.
+pub fn ray(sphere: &Icosphere, kind: Kind, index: u64) -> (DVec3, DVec3) {
+    let mut numbers = Numbers::new(kind as u64, index);
+    match kind {
+        Kind::Inside => {
+            let target = target(sphere, index, &mut numbers);
+            aimed(inner_point(sphere, &mut numbers), target)
+        }
+        Kind::AxisAligned => axis_aligned(sphere, index, &mut numbers),
+        Kind::Outside => from_outside(sphere, index, &mut numbers),
+    }
+}
+
+fn inner_point(sphere: &Icosphere, numbers: &mut Numbers) -> DVec3 {
+    round(sphere.placement.centre + INSIDE * sphere.placement.radius * numbers.in_ball())
+}
+
+/// A vertex, the midpoint of an edge or another point of an edge, in turn.
+fn target(sphere: &Icosphere, index: u64, numbers: &mut Numbers) -> DVec3 {
+    let mesh = &sphere.mesh;
+    if index.is_multiple_of(3) {
+        return mesh.positions[numbers.below(mesh.positions.len())].as_dvec3();
+    }
+    let corners = mesh.corners(numbers.below(mesh.triangles.len()) as u32);
+    let first = numbers.below(3);
+    let [from, to] = [corners[first], corners[(first + 1) % 3]].map(|corner| corner.as_dvec3());
+    from.lerp(to, if index % 3 == 1 { 0.5 } else { numbers.unit() })
+}
+
+fn axis_aligned(sphere: &Icosphere, index: u64, numbers: &mut Numbers) -> (DVec3, DVec3) {
+    let mut origin = inner_point(sphere, numbers);
+    let mut axis = numbers.below(3);
+    if index.is_multiple_of(2) {
+        // Along the axis that the vertex is farthest out on, so that the line through it passes well within the sphere:
+        // no farther than sqrt(2/3) of the radius from its centre.
+        let vertex = sphere.mesh.positions[numbers.below(sphere.mesh.positions.len())].as_dvec3();
+        axis = (vertex - sphere.placement.centre).abs().max_position();
+        let along = origin[axis];
+        origin = vertex;
+        origin[axis] = along;
+    }
+    let mut direction = DVec3::new(numbers.sign(), numbers.sign(), numbers.sign()) * 0.0;
+    direction[axis] = numbers.sign();
+    (origin, direction)
+}
+
+fn from_outside(sphere: &Icosphere, index: u64, numbers: &mut Numbers) -> (DVec3, DVec3) {
+    let (centre, radius) = (sphere.placement.centre, sphere.placement.radius);
+    let target = target(sphere, index, numbers);
+    let outwards = (target - centre).normalize();
+    // The triangles at a point lean away from the sphere there by less than their longest edge, in radians.
+    let least_cosine = LEAST_COSINE + sphere.longest_edge;
+    let start = |direction: DVec3, numbers: &mut Numbers| {
+        let [near, far] = OUTSIDE;
+        round(centre + radius * (near + (far - near) * numbers.unit()) * direction)
+    };
+    // About a third of all starts face the target. None in so many is out of the question for any mesh that has some.
+    for _ in 0..64 {
+        let direction = numbers.direction();
+        let origin = start(direction, numbers);
+        if (origin - target).normalize().dot(outwards) > least_cosine {
+            return aimed(origin, target);
+        }
+    }
+    aimed(start(outwards, numbers), target)
+}
+
+fn aimed(origin: DVec3, target: DVec3) -> (DVec3, DVec3) {
+    (origin, round((target - origin).normalize()))
+}
+
+/// To the nearest f32 numbers.
+fn round(v: DVec3) -> DVec3 {
+    v.as_vec3().as_dvec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+
+    use super::super::PLACEMENTS;
+    use super::*;
+
+    fn each_ray(mut check: impl FnMut(&Icosphere, Kind, DVec3, DVec3)) {
+        for placement in PLACEMENTS {
+            let sphere = Icosphere::new(2, placement);
+            for kind in Kind::ALL {
+                for index in 0..3000 {
+                    let (origin, direction) = ray(&sphere, kind, index);
+                    check(&sphere, kind, origin, direction);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn rays_are_of_f32_numbers_and_of_length_one() {
+        each_ray(|sphere, kind, origin, direction| {
+            let what = (sphere.placement.name, kind);
+            assert_eq!((round(origin), round(direction)), (origin, direction), "{what:?}");
+            assert!((direction.length() - 1.0).abs() < 1e-7, "{what:?}");
+        });
+    }
+
+    #[test]
+    fn rays_start_on_their_side() {
+        each_ray(|sphere, kind, origin, _| {
+            let distance = origin.distance(sphere.placement.centre) / sphere.placement.radius;
+            // The facets of 320 triangles come no nearer to the centre than 0.95 of the radius. Rounding an origin at
+            // 2000 to f32 moves it by up to 1.1e-4.
+            let right = match kind {
+                Kind::Inside => distance < 0.3002,
+                Kind::AxisAligned => distance < 0.9,
+                Kind::Outside => (1.9998..4.0002).contains(&distance),
+            };
+            assert!(right, "{}, {kind:?}: {distance}", sphere.placement.name);
+        });
+    }
+
+    #[test]
+    fn axis_aligned_rays_have_every_pattern_of_signs() {
+        let mut patterns = HashSet::new();
+        each_ray(|_, kind, _, direction| {
+            if kind == Kind::AxisAligned {
+                assert_eq!(direction.abs().element_sum(), 1.0);
+                patterns.insert(direction.to_array().map(f64::to_bits));
+            }
+        });
+        // Three axes, three signs.
+        assert_eq!(patterns.len(), 3 * 8);
+    }
+
+    #[test]
+    fn rays_from_outside_meet_no_triangle_at_a_grazing_angle() {
+        let sphere = Icosphere::new(2, PLACEMENTS[0]);
+        for index in 0..3000 {
+            let (origin, direction) = ray(&sphere, Kind::Outside, index);
+            let met = (0..sphere.mesh.triangles.len() as u32).filter(|&triangle| {
+                // Those whose corners are all within an edge's length of the ray's first meeting with the unit sphere.
+                let b = origin.dot(direction);
+                let t = -b - (b * b - origin.length_squared() + 1.0).max(0.0).sqrt();
+                let near = |corner: &glam::Vec3| {
+                    corner.as_dvec3().distance(origin + t * direction) < sphere.longest_edge
+                };
+                sphere.mesh.corners(triangle).iter().all(near)
+            });
+            for triangle in met {
+                let cosine = -sphere.mesh.normal(triangle).normalize().dot(direction);
+                assert!(cosine > 0.0, "ray {index}, triangle {triangle}: {cosine}");
+            }
+        }
+    }
+}

@@ -1,0 +1,178 @@
+//! `kiln bench`: kiln's acceleration structures beside those of other libraries.
+
+use std::fmt::Write;
+use std::io::IsTerminal;
+use std::sync::atomic::AtomicBool;
+
+use clap::{Args, Subcommand};
+use serde_json::{Value, json};
+
+use super::print;
+use super::progress::{Mode, Progress};
+use crate::bench::leaks::{Counts, Row, measure};
+use crate::bench::{Absent, NAMES, PLACEMENTS, engines};
+use crate::error::{Error, Result};
+use crate::render::Watch;
+
+#[derive(Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    test: Test,
+}
+
+#[derive(Subcommand)]
+enum Test {
+    /// How many rays slip through a closed mesh
+    Leaks(Leaks),
+}
+
+#[derive(Args)]
+struct Leaks {
+    /// Rays aimed at the mesh from each side, at each size and place; 6 in a hundred more go along the axes
+    #[arg(long, value_name = "N", default_value_t = 1_000_000,
+          value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    rays: u64,
+    /// Threads to use; as many as the machine has, if not given
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// An engine to ask; all that are there, if not given
+    #[arg(long, value_name = "NAME", value_parser = NAMES)]
+    engine: Vec<String>,
+}
+
+pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+    let Test::Leaks(arguments) = &arguments.test;
+    let (mut engines, mut absent) = engines();
+    if !arguments.engine.is_empty() {
+        let asked = |name: &str| arguments.engine.iter().any(|engine| engine == name);
+        engines.retain(|engine| asked(engine.name()));
+        absent.retain(|absent| asked(absent.name));
+        if let Some(Absent { name, reason, remedy }) = absent.first() {
+            let what = format!("{name}: {reason}");
+            return Err(Error::Failed { what, hint: (*remedy).into() });
+        }
+    }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(arguments.threads.map_or(0, usize::from))
+        .build()
+        .map_err(|e| Error::Failed {
+            what: format!("threads cannot be started: {e}"),
+            hint: String::new(),
+        })?;
+    let progress = Progress::new(if std::io::stderr().is_terminal() { Mode::Bar } else { Mode::None });
+    progress.phase("casting rays");
+    let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
+    let rows = pool.install(|| measure(&engines, arguments.rays, &watch));
+    progress.clear();
+    let rows = rows?;
+    if arguments.json {
+        print(&format!("{:#}\n", as_json(&rows, &absent)))
+    } else {
+        print(&as_text(&rows, &absent, arguments.rays))
+    }
+}
+
+fn as_json(rows: &[Row], absent: &[Absent]) -> Value {
+    let measured = rows.iter().map(|row| {
+        json!({
+            "engine": row.engine,
+            "layout": row.layout,
+            "tier": row.tier,
+            "placement": row.placement,
+            "triangles": row.triangles,
+            "rays": row.rays.total(),
+            "rays_inside": row.rays.inside(),
+            "rays_axis_aligned": row.rays.axis_aligned,
+            "rays_outside": row.rays.outside,
+            "leaks": row.leaks.total(),
+            "leaks_inside": row.leaks.inside(),
+            "leaks_axis_aligned": row.leaks.axis_aligned,
+            "leaks_outside": row.leaks.outside,
+            "followed_through": row.followed_through,
+            "skipped_reason": null,
+        })
+    });
+    let skipped = absent.iter().map(|absent| {
+        json!({
+            "engine": absent.name, "layout": null, "tier": null, "placement": null, "rays": 0, "leaks": null,
+            "skipped_reason": format!("{}; {}", absent.reason, absent.remedy),
+        })
+    });
+    measured.chain(skipped).collect()
+}
+
+fn as_text(rows: &[Row], absent: &[Absent], rays: u64) -> String {
+    let counts = Counts::of_rays(rays);
+    let mut text = format!(
+        "Rays that slip through a closed mesh: from inside / from outside.\n\
+         From inside {} rays are aimed at vertices and edges and {} go along the axes; from outside {} are aimed.\n\n",
+        grouped(counts.aimed),
+        grouped(counts.axis_aligned),
+        grouped(counts.outside),
+    );
+    text += &table(rows, |leaks, _| grouped(leaks));
+    if rays != 1_000_000 {
+        text += "\nOf a million rays:\n\n";
+        text += &table(rows, |leaks, rays| grouped((leaks as f64 * 1e6 / rays as f64).round() as u64));
+    }
+    let [_, moved, ..] = PLACEMENTS;
+    let [x, y, z] = moved.centre.to_array();
+    let _ = writeln!(text, "\n{}: to ({x}, {y}, {z})", moved.name);
+    let mut short: Vec<&str> =
+        rows.iter().filter(|row| !row.followed_through).map(|row| row.engine).collect();
+    short.dedup();
+    for name in short {
+        let _ = writeln!(
+            text,
+            "{name}: finds only the first crossing, so rays from outside need not leave again"
+        );
+    }
+    for Absent { name, reason, remedy } in absent {
+        let _ = writeln!(text, "{name}: not measured: {reason}; {remedy}");
+    }
+    text
+}
+
+/// One line for each layout and tier, one column for each placement. `cell` is given leaks and rays.
+fn table(rows: &[Row], cell: impl Fn(u64, u64) -> String) -> String {
+    let titles = ["engine", "layout", "tier", "triangles"].into_iter().chain(PLACEMENTS.map(|p| p.name));
+    let mut lines: Vec<Vec<String>> = vec![titles.map(str::to_owned).collect()];
+    // A row for each placement follows the next.
+    for rows in rows.chunks(PLACEMENTS.len()) {
+        let Some(row) = rows.first() else { continue };
+        let names = [row.engine, row.layout, row.tier.unwrap_or("-")].map(str::to_owned);
+        let leaks = rows.iter().map(|row| {
+            let inside = cell(row.leaks.inside(), row.rays.inside());
+            format!("{inside} / {}", cell(row.leaks.outside, row.rays.outside))
+        });
+        lines.push(names.into_iter().chain([grouped(row.triangles as u64)]).chain(leaks).collect());
+    }
+    let width = |column: usize| lines.iter().map(|line| line[column].len()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..4 + PLACEMENTS.len()).map(width).collect();
+    let mut text = String::new();
+    for line in &lines {
+        let cells = line.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| match column {
+            0..3 => format!("{cell:<width$}"),
+            _ => format!("{cell:>width$}"),
+        });
+        text += cells.collect::<Vec<_>>().join("  ").trim_end();
+        text.push('\n');
+    }
+    text
+}
+
+/// With a comma before every three digits.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
