@@ -61,8 +61,8 @@ pub trait Built: Sync {
     /// Appends the triangles that the ray crosses at t > 0, in any order; one that lies at the edge of two triangles may
     /// be given as one or both.
     ///
-    /// The components of `origin` and `direction` are f32 numbers; `direction` has length 1 up to their rounding. Zeros
-    /// may be negative.
+    /// The components of `origin` are f32 numbers; `direction`, of length 1, is rounded to the numbers that the engine
+    /// works in. Zeros may be negative.
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>);
 }
 

@@ -98,7 +98,7 @@ pub fn mirrored_ray(origin: DVec3, surface: &Surface, precision: Precision) -> R
 /// `direction` turned to rise above the surface by a share that survives rounding: a few of its steps.
 fn lifted(direction: DVec3, outer: DVec3, precision: Precision) -> DVec3 {
     let along = direction - direction.dot(outer) * outer;
-    let rise = 4.0 * precision.epsilon();
+    let rise = 16.0 * precision.epsilon();
     // Straight into the surface there is no "along": it goes straight out.
     along.try_normalize().map_or(outer, |along| (along + rise * outer).normalize())
 }

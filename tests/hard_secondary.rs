@@ -1,0 +1,322 @@
+//! Secondary rays (E2-E6; `hard_lit.rs` has E1) and smooth normals (K1): no self-shadowing, no light through walls.
+
+mod common;
+
+use common::Numbers;
+use common::picture::{parse, prepare};
+use glam::DVec3;
+use kiln::bvh::{Accelerator, Primitive, Slot, Structure, Traversal, build};
+use kiln::effects::Choices;
+use kiln::effects::glaze::mirrored_ray;
+use kiln::effects::shadows::shadow_ray;
+use kiln::geometry::spawn::SurfacePoint;
+use kiln::geometry::{Numerics, PrimId, Triangle};
+use kiln::scene::{Attribute, Mesh, Shape};
+use kiln::shading::LightSample;
+
+fn slots(triangles: &[[DVec3; 3]]) -> Vec<Slot> {
+    let slot =
+        |(id, t): (u32, &[DVec3; 3])| Slot { primitive: Primitive::Triangle(Triangle(*t)), id: PrimId(id) };
+    (0..).zip(triangles).map(slot).collect()
+}
+
+fn tree(triangles: &[[DVec3; 3]], numerics: Numerics) -> Box<dyn Accelerator> {
+    build(slots(triangles), Structure::default(), numerics)
+}
+
+/// An icosphere of f32 corners.
+fn icosphere(level: u32, centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
+    let g = (1.0 + 5f64.sqrt()) / 2.0;
+    let corners: Vec<DVec3> = [(0.0, 1.0, g), (1.0, g, 0.0), (g, 0.0, 1.0)]
+        .into_iter()
+        .flat_map(|(x, y, z)| {
+            [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(s, t)| {
+                // The zero stays, the other two take the signs.
+                let (a, b) = (s, t);
+                if x == 0.0 {
+                    DVec3::new(0.0, a * y, b * z)
+                } else if z == 0.0 {
+                    DVec3::new(a * x, b * y, 0.0)
+                } else {
+                    DVec3::new(a * x, 0.0, b * z)
+                }
+            })
+        })
+        .map(DVec3::normalize)
+        .collect();
+    // Faces: triples of corners at the least distance from each other.
+    let edge = corners[1..].iter().map(|c| c.distance(corners[0])).fold(f64::INFINITY, f64::min) * 1.01;
+    let near = |a: usize, b: usize| corners[a].distance(corners[b]) < edge;
+    let mut faces = Vec::new();
+    for a in 0..12 {
+        for b in a + 1..12 {
+            for c in b + 1..12 {
+                if near(a, b) && near(b, c) && near(a, c) {
+                    faces.push([corners[a], corners[b], corners[c]]);
+                }
+            }
+        }
+    }
+    assert_eq!(faces.len(), 20);
+    for _ in 0..level {
+        faces = faces
+            .into_iter()
+            .flat_map(|[a, b, c]| {
+                let [d, e, f] = [a + b, b + c, c + a].map(DVec3::normalize);
+                [[a, d, f], [d, b, e], [f, e, c], [d, e, f]]
+            })
+            .collect();
+    }
+    let place = |p: DVec3| (centre + radius * p).as_vec3().as_dvec3();
+    faces.into_iter().map(|face| face.map(place)).collect()
+}
+
+/// A point of a triangle as a hit there would give it.
+fn point_on(corners: [DVec3; 3], numbers: &mut Numbers) -> SurfacePoint {
+    let (u, v) = (numbers.unit(), numbers.unit());
+    let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+    SurfacePoint::on_triangle(corners, [1.0 - u - v, u, v])
+}
+
+fn light(direction: DVec3, distance: f64) -> LightSample {
+    LightSample { direction, distance, radiance: DVec3::ONE, cosine: 1.0 }
+}
+
+/// E2: an icosphere is convex, so no point of it shadows another that faces the same way. At three scales and three
+/// places, towards lights as low as 1e-3 over the triangle.
+#[test]
+fn e2_convex_bodies_do_not_shadow_themselves() {
+    let mut numbers = Numbers::new(21);
+    for (scale, place) in [
+        (1.0, 0.0),
+        (1.0, 1e3),
+        (1.0, 1e5),
+        (2f64.powi(-20), 0.0),
+        (2f64.powi(20), 0.0),
+        (2f64.powi(-20), 1e-3),
+    ] {
+        let centre = DVec3::new(1.0, -0.4, 0.7) * place;
+        let mut triangles = icosphere(5, centre, scale);
+        triangles.retain(|t| (t[1] - t[0]).cross(t[2] - t[0]) != DVec3::ZERO);
+        for numerics in Numerics::ALL {
+            let accelerator = tree(&triangles, numerics);
+            let mut shadowed = 0;
+            let mut cast = 0;
+            for _ in 0..20_000 {
+                let corners = triangles[numbers.below(triangles.len())];
+                let point = point_on(corners, &mut numbers);
+                let outside = (point.position - centre).normalize();
+                let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+                let normal = if normal.dot(outside) < 0.0 { -normal } else { normal };
+                let direction = numbers.vector().normalize();
+                // Away from the origin, rounding the corners bends some edges inwards by more than a low light clears.
+                if direction.dot(normal) < 1e-3 || (place > 0.0 && direction.dot(outside) < 0.5) {
+                    continue;
+                }
+                cast += 1;
+                let origin = point.origin_towards(normal, numerics);
+                let ray = shadow_ray(origin, &light(direction, f64::INFINITY), numerics.precision());
+                shadowed += u32::from(accelerator.is_occluded(&ray, &mut Traversal::default()));
+            }
+            assert!(cast > 4000);
+            assert_eq!(shadowed, 0, "of {cast} at {scale}, {place} in {}", numerics.name());
+        }
+    }
+}
+
+/// E3: two parallel walls, 16, 64 and 200 units in the last place apart, at random angles: every ray from one towards a light
+/// behind the other is stopped by it, and none is stopped by the wall it leaves.
+#[test]
+fn e3_no_light_leaks_through_close_walls() {
+    let mut numbers = Numbers::new(22);
+    for numerics in Numerics::ALL {
+        for far in [1e2, 1e4, 1e5] {
+            for gap in [16.0, 64.0, 200.0] {
+                let (mut leaks, mut self_hits, mut tried) = (0, 0, 0);
+                for _ in 0..2000 {
+                    let at = numbers.vector().normalize() * far;
+                    let normal = numbers.vector().normalize();
+                    let (u, v) = normal.any_orthonormal_pair();
+                    let ulp = f64::from((far as f32).next_up()) - f64::from(far as f32);
+                    let single = |p: DVec3| p.as_vec3().as_dvec3();
+                    let size = far * 0.5;
+                    let wall = |offset: f64| {
+                        let corner = |a: f64, b: f64| single(at + size * (a * u + b * v) + offset * normal);
+                        [corner(-1.0, -1.0), corner(2.0, -1.0), corner(-1.0, 2.0)]
+                    };
+                    let (own, other) = (wall(0.0), wall(gap * ulp));
+                    let point = point_on(own, &mut numbers);
+                    let direction = (normal + 0.5 * numbers.vector()).normalize();
+                    // The corners are rounded to steps of their own: whether the walls are that far apart where the ray
+                    // crosses is measured, exactly enough in f64.
+                    let plane = |w: [DVec3; 3]| ((w[1] - w[0]).cross(w[2] - w[0]).normalize(), w[0]);
+                    let (n, p) = plane(other);
+                    let distance = (p - point.position).dot(n) * n.dot(normal).signum();
+                    let (own_normal, _) = plane(own);
+                    let own_normal = own_normal * own_normal.dot(normal).signum();
+                    // What a tier starts its rays beyond: at most two f32 steps, and in `fast` the error of its own test.
+                    let error = if numerics == Numerics::Fast { 4.0 * f64::from(f32::EPSILON) } else { 0.0 };
+                    let start = error * point.reach.dot(own_normal.abs()) + 4.0 * ulp;
+                    if distance < start {
+                        continue;
+                    }
+                    tried += 1;
+                    let origin = point.origin_towards(own_normal, numerics);
+                    let ray = shadow_ray(origin, &light(direction, 2.0 * far), numerics.precision());
+                    let hits = |wall: [DVec3; 3]| {
+                        tree(&[wall], numerics).is_occluded(&ray, &mut Traversal::default())
+                    };
+                    self_hits += u32::from(hits(own));
+                    // Only where the ray crosses the other wall well inside.
+                    let t = (p - point.position).dot(n) / direction.dot(n);
+                    if t > 0.0 && t < far {
+                        leaks += u32::from(!hits(other));
+                    }
+                }
+                assert!(tried > 1000, "{tried} with gap {gap} at {far} in {}", numerics.name());
+                assert_eq!(
+                    (leaks, self_hits),
+                    (0, 0),
+                    "leaks and self-hits, gap {gap} at {far} in {}",
+                    numerics.name()
+                );
+            }
+        }
+    }
+}
+
+/// E4: a lamp in the very point, on the surface, and at the end of the ray: no light that is not a number, and what the lamp
+/// stands on does not hide it.
+#[test]
+fn e4_the_end_of_a_shadow_ray() {
+    let floor = [DVec3::new(-10.0, 0.0, -10.0), DVec3::new(-10.0, 0.0, 30.0), DVec3::new(30.0, 0.0, -10.0)];
+    let mut numbers = Numbers::new(23);
+    for numerics in Numerics::ALL {
+        let accelerator = tree(&[floor], numerics);
+        for _ in 0..5000 {
+            // From above the floor to a lamp on it.
+            let start = DVec3::new(numbers.unit() * 5.0, 1.0 + numbers.unit(), numbers.unit() * 5.0);
+            let lamp = DVec3::new(numbers.unit() * 5.0, 0.0, numbers.unit() * 5.0);
+            let to_lamp = lamp - start;
+            let origin = start.as_vec3().as_dvec3();
+            let sample = light((lamp - origin).normalize(), (lamp - origin).length());
+            assert!(to_lamp.is_finite());
+            let ray = shadow_ray(origin, &sample, numerics.precision());
+            assert!(
+                !accelerator.is_occluded(&ray, &mut Traversal::default()),
+                "{lamp} from {start}, {}",
+                numerics.name()
+            );
+        }
+    }
+}
+
+/// E5: mirrored rays at grazing angles leave the surface: 10^5 a height, in f32 and f64 numbers.
+#[test]
+fn e5_mirrored_rays_at_grazing_angles_leave() {
+    let mut numbers = Numbers::new(24);
+    let scene = parse(
+        "[[camera]]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\nvertical_fov = 10\n\
+         [material.m]\ncolour = [9, 9, 9]\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 2\nmaterial = \"m\"\n",
+    );
+    for numerics in [Numerics::Watertight, Numerics::Double] {
+        let prepared = prepare(scene.clone(), [8, 8], numerics);
+        let ray = prepared.rays()[36];
+        let hit = prepared.world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("the ball");
+        let mut surface = prepared.world.surface(&ray, &hit);
+        for height in [1e-4, 1e-6, 1e-7, 1e-8, 1e-10] {
+            let mut inwards = 0;
+            for _ in 0..100_000 {
+                let normal = numbers.vector().normalize();
+                let along = normal.any_orthonormal_vector();
+                surface.geometric_normal = normal;
+                surface.shading_normal = normal;
+                surface.view = (along + height * numbers.unit() * normal).normalize();
+                let mirrored = mirrored_ray(DVec3::ZERO, &surface, numerics.precision());
+                inwards += u32::from(mirrored.direction.dot(normal) <= 0.0);
+            }
+            assert_eq!(inwards, 0, "height {height}, {}", numerics.name());
+        }
+    }
+}
+
+/// E6: two mirrors face to face, a thousandth apart, far from the origin, with many bounces: it ends, and no pixel is
+/// brighter than what the mirrors mix, or not a number.
+#[test]
+fn e6_parallel_mirrors_end() {
+    for far in [0.0, 1e3, 1e5] {
+        let gap = 1e-3;
+        let wall = |z: f64| {
+            format!(
+                "[[triangles]]\nmaterial = \"m\"\nvertices = [[{a}, {a}, {z}], [{b}, {a}, {z}], [{a}, {b}, {z}]]\nindices = [[0, 1, 2]]\n",
+                a = far - 1.0,
+                b = far + 3.0,
+            )
+        };
+        let toml = format!(
+            "[image]\nwidth = 16\nheight = 16\ncolour = \"display\"\n[[camera]]\nposition = [{far}, {far}, {eye}]\n\
+             look_at = [{aside}, {far}, {near}]\nvertical_fov = 40\n[ambient]\nintensity = 1\n[material.m]\ncolour = [255, 128, 0]\n\
+             ambient = 1\ndiffuse = 0\nspecular = 0\nglaze = {{ weight = 0.5, bounces = 40 }}\n{}{}",
+            wall(far),
+            wall(far + gap),
+            eye = far + gap / 2.0,
+            near = far,
+            aside = far + gap / 4.0,
+        );
+        for numerics in Numerics::ALL {
+            let prepared = prepare(parse(&toml), [16, 16], numerics);
+            let film = prepared.render(Choices::default()).0;
+            for at in 0..256u32 {
+                let [r, g, b] = film.pixel(at % 16, at / 16);
+                assert!(r.is_finite() && r <= 1.0 && g <= 0.502 && b == 0.0, "{r} {g} {b}");
+            }
+        }
+    }
+}
+
+/// K1: an icosphere with the normals of its sphere, under a lamp: wherever its normal is 0.05 above the horizon it is lit
+/// with the smooth terminator, and without it some of it lies in its own shadow; where neither normal sees the lamp it is
+/// dark in both.
+#[test]
+fn k1_the_terminator_of_a_coarse_smooth_sphere() {
+    let triangles = icosphere(2, DVec3::ZERO, 1.0);
+    let lamp = DVec3::new(8.0, 3.0, 2.0);
+    let scene = |lamp: DVec3| {
+        let mut scene = parse(&format!(
+            "[image]\nwidth = 160\nheight = 160\ncolour = \"display\"\n[[camera]]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n\
+             vertical_fov = 16\n[ambient]\nintensity = 0\n[material.m]\ncolour = [255, 255, 255]\ndiffuse = 1\nspecular = 0\n\
+             [[light]]\ntype = \"point\"\nposition = [{}, {}, {}]\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = \"m\"\n",
+            lamp.x, lamp.y, lamp.z
+        ));
+        let positions: Vec<DVec3> = triangles.iter().flatten().copied().collect();
+        let corners = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let normals =
+            Attribute { values: positions.iter().map(|p| p.normalize()).collect(), triangles: None };
+        scene.objects[0].shape =
+            Shape::Mesh(Mesh { positions, triangles: corners, normals: Some(normals), ..Mesh::default() });
+        scene
+    };
+    for numerics in Numerics::ALL {
+        let prepared = prepare(scene(lamp), [160, 160], numerics);
+        let smooth = prepared.render(Choices::default()).0;
+        let without = Choices { without: vec!["terminator".into()], ..Choices::default() };
+        let jagged = prepared.render(without).0;
+        let (mut lit, mut shadowed, mut shadowed_without) = (0, 0, 0);
+        for ((ray, hit), at) in prepared.rays().iter().zip(prepared.hits()).zip(0u32..) {
+            let Some(hit) = hit else { continue };
+            let surface = prepared.world.surface(ray, &hit);
+            let to_lamp = (lamp - surface.point.position).normalize();
+            let bright = |film: &kiln::film::Film| film.pixel(at % 160, at / 160)[0] > 0.0;
+            if surface.shading_normal.dot(to_lamp) > 0.05 {
+                lit += 1;
+                shadowed += u32::from(!bright(&smooth));
+                shadowed_without += u32::from(!bright(&jagged));
+            }
+            if surface.shading_normal.dot(to_lamp) < 0.0 && surface.geometric_normal.dot(to_lamp) < 0.0 {
+                assert!(!bright(&smooth) && !bright(&jagged));
+            }
+        }
+        assert!(lit > 3000 && shadowed_without > 50, "{shadowed_without} of {lit} without");
+        assert_eq!(shadowed, 0, "of {lit}, {}", numerics.name());
+    }
+}
