@@ -43,12 +43,22 @@ impl Engine for Kiln {
     }
 
     fn build(&self, mesh: &Mesh) -> Result<Box<dyn Built>> {
-        let slots = (0..mesh.triangles.len() as u32).map(|id| {
-            let triangle = Triangle(mesh.corners(id).map(|corner| corner.as_dvec3()));
-            Slot { primitive: Primitive::Triangle(triangle), id: PrimId(id) }
-        });
-        Ok(Box::new(BuiltKiln(bvh::build(slots, self.structure, self.numerics))))
+        Ok(built(mesh, self.structure, self.numerics))
     }
+}
+
+/// kiln's structure over a mesh.
+pub fn accelerator(mesh: &Mesh, structure: Structure, numerics: Numerics) -> Box<dyn Accelerator> {
+    let slots = (0..mesh.triangles.len() as u32).map(|id| {
+        let triangle = Triangle(mesh.corners(id).map(|corner| corner.as_dvec3()));
+        Slot { primitive: Primitive::Triangle(triangle), id: PrimId(id) }
+    });
+    bvh::build(slots, structure, numerics)
+}
+
+/// The same as an engine gives it.
+pub fn built(mesh: &Mesh, structure: Structure, numerics: Numerics) -> Box<dyn Built> {
+    Box::new(BuiltKiln(accelerator(mesh, structure, numerics)))
 }
 
 struct BuiltKiln(Box<dyn Accelerator>);

@@ -9,12 +9,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
-use super::{Built, Engine, Icosphere, Kind, Mesh, PLACEMENTS, ray};
+use super::{Built, Engine, Icosphere, Kind, LEVEL, Mesh, PLACEMENTS, kiln, ray};
+use crate::bvh::Structure;
 use crate::error::{Error, Result};
+use crate::geometry::Numerics;
 use crate::render::Watch;
-
-/// How often the mesh is subdivided: 81,920 triangles.
-const LEVEL: u32 = 6;
 
 /// The same for engines that test every triangle: 320.
 const EXHAUSTIVE_LEVEL: u32 = 2;
@@ -70,7 +69,7 @@ impl Counts {
         self.inside() + self.outside
     }
 
-    fn of(&mut self, kind: Kind) -> &mut u64 {
+    pub(super) fn of(&mut self, kind: Kind) -> &mut u64 {
         match kind {
             Kind::Inside => &mut self.aimed,
             Kind::AxisAligned => &mut self.axis_aligned,
@@ -113,6 +112,19 @@ pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &Watch) -> Result<
         }
     }
     Ok(rows)
+}
+
+/// Casts `rays` at a sphere through kiln's tree in one tier.
+///
+/// # Errors
+/// [`Error::Interrupted`] when cancelled.
+pub(super) fn measure_through(
+    numerics: Numerics,
+    sphere: &Icosphere,
+    rays: Counts,
+    watch: &Watch,
+) -> Result<Counts> {
+    leaks(&*kiln::built(&sphere.mesh, Structure::default(), numerics), sphere, rays, true, watch, &|_| {})
 }
 
 fn leaks(
@@ -180,7 +192,7 @@ impl Crossings {
 mod tests {
     use std::sync::atomic::AtomicBool;
 
-    use super::super::{engines, kiln};
+    use super::super::engines;
     use super::*;
 
     /// How many rays slip through `built`, which may lack something of `sphere`.

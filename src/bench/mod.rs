@@ -4,6 +4,7 @@
 //! To add an engine: a file here, and a line in [`engines`].
 //!
 //! - [`leaks`]: how many rays slip through a closed mesh.
+//! - [`tiers`]: what each of kiln's tiers of numerics costs, and what it gets wrong.
 
 // The peers that are not written in Rust are called as C and C++ are; `unsafe_code` is denied everywhere else.
 #[allow(unsafe_code)]
@@ -14,6 +15,7 @@ pub mod leaks;
 mod numbers;
 mod obvhs;
 mod rays;
+pub mod tiers;
 #[cfg(all(feature = "tinybvh", target_feature = "avx2"))]
 #[allow(unsafe_code)]
 mod tinybvh;
@@ -25,6 +27,9 @@ pub use rays::{Kind, ray};
 use glam::DVec3;
 
 use crate::error::Result;
+
+/// How often the closed mesh is subdivided: 81,920 triangles.
+const LEVEL: u32 = 6;
 
 /// A library with one of its layouts: what builds the structure that is tested.
 pub trait Engine: Sync {

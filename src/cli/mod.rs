@@ -135,6 +135,14 @@ fn print(text: &str) -> Result<()> {
     }
 }
 
+/// Threads to work on; as many as the machine has, where no number is given.
+fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads.map_or(0, usize::from));
+    builder
+        .build()
+        .map_err(|e| Error::Failed { what: format!("threads cannot be started: {e}"), hint: String::new() })
+}
+
 /// Writes a line to standard error. Whoever reads there may be gone or its disk full; that must not end the work, as
 /// `eprintln!` would with a panic.
 fn say(line: std::fmt::Arguments) {

@@ -143,13 +143,7 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
         }
         check_folder(file)?;
     }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(arguments.threads.map_or(0, usize::from))
-        .build()
-        .map_err(|e| Error::Failed {
-            what: format!("threads cannot be started: {e}"),
-            hint: String::new(),
-        })?;
+    let pool = super::pool(arguments.threads)?;
     pool.install(|| render_to(arguments, &target, interrupted))
 }
 

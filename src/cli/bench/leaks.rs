@@ -1,33 +1,19 @@
-//! `kiln bench`: kiln's acceleration structures beside those of other libraries.
+//! `kiln bench leaks`: how many rays slip through a closed mesh, in kiln's structures and in those of other libraries.
 
 use std::fmt::Write;
-use std::io::IsTerminal;
 use std::sync::atomic::AtomicBool;
 
-use clap::{Args, Subcommand};
+use clap::Args;
 use serde_json::{Value, json};
 
-use super::print;
-use super::progress::{Mode, Progress};
+use super::super::print;
+use super::{aligned, grouped, watched};
 use crate::bench::leaks::{Counts, Row, measure};
 use crate::bench::{Absent, NAMES, PLACEMENTS, engines};
 use crate::error::{Error, Result};
-use crate::render::Watch;
 
 #[derive(Args)]
 pub struct Arguments {
-    #[command(subcommand)]
-    test: Test,
-}
-
-#[derive(Subcommand)]
-enum Test {
-    /// How many rays slip through a closed mesh
-    Leaks(Leaks),
-}
-
-#[derive(Args)]
-struct Leaks {
     /// Rays aimed at the mesh from each side, at each size and place; 6 in a hundred more go along the axes
     #[arg(long, value_name = "N", default_value_t = 1_000_000,
           value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
@@ -44,7 +30,6 @@ struct Leaks {
 }
 
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
-    let Test::Leaks(arguments) = &arguments.test;
     let (mut engines, mut absent) = engines();
     if !arguments.engine.is_empty() {
         let asked = |name: &str| arguments.engine.iter().any(|engine| engine == name);
@@ -55,19 +40,9 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
             return Err(Error::Failed { what, hint: (*remedy).into() });
         }
     }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(arguments.threads.map_or(0, usize::from))
-        .build()
-        .map_err(|e| Error::Failed {
-            what: format!("threads cannot be started: {e}"),
-            hint: String::new(),
-        })?;
-    let progress = Progress::new(if std::io::stderr().is_terminal() { Mode::Bar } else { Mode::None });
-    progress.phase("casting rays");
-    let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
-    let rows = pool.install(|| measure(&engines, arguments.rays, &watch));
-    progress.clear();
-    let rows = rows?;
+    let rows = watched(arguments.threads, "casting rays", interrupted, |watch| {
+        measure(&engines, arguments.rays, watch)
+    })?;
     if arguments.json {
         print(&format!("{:#}\n", as_json(&rows, &absent)))
     } else {
@@ -150,29 +125,5 @@ fn table(rows: &[Row], cell: impl Fn(u64, u64) -> String) -> String {
         });
         lines.push(names.into_iter().chain([grouped(row.triangles as u64)]).chain(leaks).collect());
     }
-    let width = |column: usize| lines.iter().map(|line| line[column].len()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..4 + PLACEMENTS.len()).map(width).collect();
-    let mut text = String::new();
-    for line in &lines {
-        let cells = line.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| match column {
-            0..3 => format!("{cell:<width$}"),
-            _ => format!("{cell:>width$}"),
-        });
-        text += cells.collect::<Vec<_>>().join("  ").trim_end();
-        text.push('\n');
-    }
-    text
-}
-
-/// With a comma before every three digits.
-fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    aligned(&lines, 3)
 }

@@ -1,0 +1,250 @@
+//! What each tier of numerics costs, and what it gets wrong.
+//!
+//! All tiers are asked the same questions: corners and rays are f32 numbers, so that a difference is one of deciding and
+//! not of rounding the question. Wrong and right are what the tier `exact` says.
+
+use std::time::Instant;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::leaks::{Counts, measure_through};
+use super::{Icosphere, Kind, LEVEL, Mesh, Numbers, PLACEMENTS, kiln, ray};
+use crate::bvh::{Accelerator, Structure, Traversal};
+use crate::error::Result;
+use crate::geometry::{Hit, Numerics, Precision, Ray};
+use crate::render::Watch;
+
+/// What a tier costs and gets wrong.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TierRow {
+    /// The tier.
+    pub numerics: Numerics,
+    /// Time of a ray relative to `fast`, in the same run: quartiles over all runs, for rays of a picture.
+    pub picture: [f64; 3],
+    /// The same for rays from inside at vertices and edges, which keep no company.
+    pub aimed: [f64; 3],
+    /// Rays that slip through a closed mesh, of a million, over all placements and from both sides.
+    pub leaks: f64,
+    /// Rays of a million that hit where they should miss, miss where they should hit, or hit something else than the
+    /// nearest.
+    pub wrong: f64,
+    /// The largest error of a distance, in units of the last place of f32.
+    pub worst: f64,
+}
+
+/// How many rays are timed together.
+const TIMED: u64 = 200_000;
+
+/// Rays of a picture are asked about in tiles of this many.
+const BATCH: usize = 256;
+
+/// Casts `rays` aimed rays a side at each placement for the counts, and times `runs` runs on one thread.
+///
+/// # Errors
+/// [`crate::error::Error::Interrupted`] when cancelled.
+pub fn tiers(rays: u64, runs: u32, watch: &Watch) -> Result<Vec<TierRow>> {
+    let spheres = PLACEMENTS.map(|placement| Icosphere::new(LEVEL, placement));
+    let mut rows = Vec::new();
+    let mut done = 0;
+    for numerics in Numerics::ALL {
+        let (mut leaks, mut cast, mut wrong, mut compared, mut worst) = (0, 0, 0, 0, 0.0f64);
+        for sphere in &spheres {
+            let counts = Counts::of_rays(rays);
+            leaks += measure_through(numerics, sphere, counts, watch)?.total();
+            cast += counts.total();
+            let questions = Kind::ALL.map(|kind| aimed(sphere, kind, rays));
+            let answers = compare(&sphere.mesh, numerics, &questions.concat());
+            (wrong, compared) = (wrong + answers.wrong, compared + answers.compared);
+            worst = worst.max(answers.worst);
+            done += 1;
+            (watch.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
+        }
+        // The giant plane at grazing angles, where distances are hardest.
+        let plane = giant_plane();
+        let answers = compare(&plane, numerics, &grazing(rays));
+        (wrong, compared) = (wrong + answers.wrong, compared + answers.compared);
+        done += 1;
+        (watch.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
+        rows.push(TierRow {
+            numerics,
+            picture: [1.0; 3],
+            aimed: [1.0; 3],
+            leaks: leaks as f64 * 1e6 / cast as f64,
+            wrong: wrong as f64 * 1e6 / compared as f64,
+            worst: worst.max(answers.worst),
+        });
+    }
+    let (picture, aimed) = times(&spheres[0], runs);
+    for ((row, picture), aimed) in rows.iter_mut().zip(picture).zip(aimed) {
+        (row.picture, row.aimed) = (picture, aimed);
+    }
+    Ok(rows)
+}
+
+/// The rays of one kind, as f32 numbers.
+fn aimed(sphere: &Icosphere, kind: Kind, rays: u64) -> Vec<Ray> {
+    let count = *{ Counts::of_rays(rays) }.of(kind);
+    let single = |(origin, direction)| Precision::Single.ray(origin, direction, 0.0, f64::INFINITY);
+    (0..count).into_par_iter().map(|index| single(ray(sphere, kind, index))).collect()
+}
+
+/// Three corners 20,000 and 110,000 apart at a height of -500, as in the assignment.
+fn giant_plane() -> Mesh {
+    let [x, z, far, y] = [-1e4f32, -1e4, 1e5, -500.0];
+    let positions = [(x, z), (x, far), (-x, z), (-x, far)].map(|(x, z)| glam::Vec3::new(x, y, z));
+    Mesh { positions: positions.to_vec(), triangles: vec![[0, 1, 2], [3, 2, 1]] }
+}
+
+/// Rays from 2^-14 to 200 above the plane to points up to 90,000 away; a quarter of them aimed at the plane's diagonal.
+fn grazing(rays: u64) -> Vec<Ray> {
+    let one = |index: u64| {
+        let mut numbers = Numbers::new(4, index);
+        let heights = [200.0, 1.0, 1e-2, 1e-3, 2f64.powi(-14)];
+        let origin =
+            DVec3::new(0.0, -500.0 + heights[numbers.below(heights.len())], 0.0).as_vec3().as_dvec3();
+        let target = if index.is_multiple_of(4) {
+            DVec3::new(-1e4, -500.0, 1e5).lerp(DVec3::new(1e4, -500.0, -1e4), numbers.unit())
+        } else {
+            DVec3::new(1e4 * (2.0 * numbers.unit() - 1.0), -500.0, 9e4 * numbers.unit())
+        };
+        Precision::Single.ray(origin, (target - origin).normalize(), 0.0, f64::INFINITY)
+    };
+    (0..rays).map(one).collect()
+}
+
+/// What became of the answers to some questions.
+#[derive(Default)]
+struct Answers {
+    wrong: u64,
+    compared: u64,
+    worst: f64,
+}
+
+fn compare(mesh: &Mesh, numerics: Numerics, rays: &[Ray]) -> Answers {
+    let tier = kiln::accelerator(mesh, Structure::default(), numerics);
+    let exact = kiln::accelerator(mesh, Structure::default(), Numerics::Exact);
+    let one = |ray: &Ray| {
+        let mut traversal = Traversal::default();
+        let found = tier.closest_hit(ray, &mut traversal);
+        let mut truth = Vec::new();
+        exact.all_hits(ray, &mut truth, &mut traversal);
+        let (wrong, error) = judge(found, &truth);
+        Answers { wrong: u64::from(wrong), compared: 1, worst: error }
+    };
+    rays.par_iter().map(one).reduce(Answers::default, |a, b| Answers {
+        wrong: a.wrong + b.wrong,
+        compared: a.compared + b.compared,
+        worst: a.worst.max(b.worst),
+    })
+}
+
+/// Whether an answer is wrong, given every true hit, and the error of its distance in units of the last place of f32.
+///
+/// Of several triangles that meet where the ray passes, each is right: their distances differ by less than 2^-20 of
+/// themselves. So is a distance, however wrong, if it belongs to the right triangle: that is what the error is for.
+fn judge(found: Option<Hit>, truth: &[Hit]) -> (bool, f64) {
+    let nearest = truth.iter().map(|hit| hit.t).reduce(f64::min);
+    match (found, nearest) {
+        (None, None) => (false, 0.0),
+        (Some(hit), Some(nearest)) => match truth.iter().find(|t| t.prim == hit.prim) {
+            Some(true_hit) => {
+                let single = true_hit.t as f32;
+                let ulp = f64::from(single.next_up()) - f64::from(single);
+                let beyond = true_hit.t > nearest * (1.0 + 8.0 * f64::from(f32::EPSILON));
+                (beyond, (hit.t - true_hit.t).abs() / ulp)
+            }
+            None => (true, 0.0),
+        },
+        _ => (true, 0.0),
+    }
+}
+
+/// Times of all tiers relative to the first, in alternating runs on this thread: quartiles, for rays of a picture and for
+/// aimed ones.
+fn times(sphere: &Icosphere, runs: u32) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+    let accelerators =
+        Numerics::ALL.map(|numerics| kiln::accelerator(&sphere.mesh, Structure::default(), numerics));
+    let aimed: Vec<_> = (0..TIMED).map(|index| ray(sphere, Kind::Inside, index)).collect();
+    let picture = picture(sphere);
+    let of_tier = |rays: &[(DVec3, DVec3)], accelerator: &dyn Accelerator| -> Vec<Ray> {
+        let precision = accelerator.numerics().precision();
+        rays.iter().map(|&(o, d)| precision.ray(o, d, 0.0, f64::INFINITY)).collect()
+    };
+    [&picture, &aimed]
+        .map(|rays| {
+            let rays = accelerators.each_ref().map(|accelerator| of_tier(rays, &**accelerator));
+            let mut ratios = vec![Vec::new(); accelerators.len()];
+            for _ in 0..=runs {
+                let times: Vec<f64> = accelerators
+                    .iter()
+                    .zip(&rays)
+                    .map(|(accelerator, rays)| seconds(&**accelerator, rays))
+                    .collect();
+                times.iter().zip(&mut ratios).for_each(|(time, ratios)| ratios.push(time / times[0]));
+            }
+            // The first run warms up.
+            ratios.into_iter().map(|ratios| quartiles(&ratios[1..])).collect::<Vec<_>>()
+        })
+        .into()
+}
+
+fn seconds(accelerator: &dyn Accelerator, rays: &[Ray]) -> f64 {
+    let mut traversal = Traversal::default();
+    let mut hits = Vec::with_capacity(rays.len());
+    let start = Instant::now();
+    for tile in rays.chunks(BATCH) {
+        accelerator.closest_hits(tile, &mut hits, &mut traversal);
+    }
+    std::hint::black_box(&hits);
+    start.elapsed().as_secs_f64()
+}
+
+/// Rays of a picture of the sphere, tile by tile: a pinhole three radii away, a field of view that just holds it.
+fn picture(sphere: &Icosphere) -> Vec<(DVec3, DVec3)> {
+    let side = ((TIMED as f64).sqrt() as u32).next_multiple_of(16);
+    let eye = sphere.placement.centre + DVec3::Z * (3.0 * sphere.placement.radius);
+    let tiles = (0..side / 16).flat_map(|y| (0..side / 16).map(move |x| (16 * x, 16 * y)));
+    let pixels = tiles.flat_map(|(x, y)| (0..256).map(move |i| (x + i % 16, y + i / 16)));
+    let ray = |(x, y): (u32, u32)| {
+        let place = |i: u32| (2.0 * (f64::from(i) + 0.5) / f64::from(side) - 1.0) * 0.36;
+        (eye, DVec3::new(place(x), place(y), -1.0).normalize())
+    };
+    pixels.map(ray).collect()
+}
+
+/// The quartiles of some numbers: lower, median, upper.
+fn quartiles(numbers: &[f64]) -> [f64; 3] {
+    let mut sorted = numbers.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    [1, 2, 3].map(|quarter| {
+        sorted.get((sorted.len() * quarter / 4).min(sorted.len().saturating_sub(1))).copied().unwrap_or(1.0)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{PrimId, SlotId};
+
+    fn hit(t: f64, prim: u32) -> Hit {
+        Hit { t, prim: PrimId(prim), slot: SlotId(0), weights: [0.0; 2] }
+    }
+
+    #[test]
+    fn answers_are_judged_by_the_nearest_true_hit() {
+        let truth = [hit(2.0, 7), hit(1.0, 3), hit(1.0, 4)];
+        assert_eq!(judge(Some(hit(1.0, 3)), &truth), (false, 0.0));
+        assert_eq!(judge(Some(hit(1.0 + 3.0 * f64::from(f32::EPSILON), 4)), &truth), (false, 3.0));
+        assert!(judge(Some(hit(2.0, 7)), &truth).0, "slipped through the front");
+        assert!(judge(Some(hit(1.0, 9)), &truth).0, "not hit at all");
+        assert!(judge(None, &truth).0 && judge(Some(hit(1.0, 3)), &[]).0);
+        assert_eq!(judge(None, &[]), (false, 0.0));
+    }
+
+    #[test]
+    fn quartiles_by_hand() {
+        assert_eq!(quartiles(&[5.0, 1.0, 4.0, 2.0, 3.0]), [2.0, 3.0, 4.0]);
+        assert_eq!(quartiles(&[2.0]), [2.0; 3]);
+    }
+}

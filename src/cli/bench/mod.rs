@@ -1,0 +1,80 @@
+//! `kiln bench`: kiln's acceleration structures beside those of other libraries, and its tiers beside each other.
+
+mod leaks;
+mod numerics;
+
+use std::io::IsTerminal;
+use std::sync::atomic::AtomicBool;
+
+use clap::{Args, Subcommand};
+
+use super::progress::{Mode, Progress};
+use crate::error::Result;
+use crate::render::Watch;
+
+#[derive(Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    test: Test,
+}
+
+#[derive(Subcommand)]
+enum Test {
+    /// How many rays slip through a closed mesh
+    Leaks(leaks::Arguments),
+    /// What each tier of numerics costs, and what it gets wrong
+    Numerics(numerics::Arguments),
+}
+
+pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+    match &arguments.test {
+        Test::Leaks(arguments) => leaks::run(arguments, interrupted),
+        Test::Numerics(arguments) => numerics::run(arguments, interrupted),
+    }
+}
+
+/// Works on so many threads, with a bar where there is a terminal to show it.
+fn watched<T: Send>(
+    threads: Option<u16>,
+    phase: &str,
+    interrupted: &AtomicBool,
+    work: impl FnOnce(&Watch) -> Result<T> + Send,
+) -> Result<T> {
+    let pool = super::pool(threads)?;
+    let progress = Progress::new(if std::io::stderr().is_terminal() { Mode::Bar } else { Mode::None });
+    progress.phase(phase);
+    let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
+    let result = pool.install(|| work(&watch));
+    progress.clear();
+    result
+}
+
+/// Lines of cells with columns aligned: the first `left` to the left, the others to the right.
+fn aligned(lines: &[Vec<String>], left: usize) -> String {
+    let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
+    let width =
+        |column: usize| lines.iter().filter_map(|line| line.get(column)).map(|c| c.chars().count()).max();
+    let widths: Vec<usize> = (0..columns).map(|column| width(column).unwrap_or(0)).collect();
+    let mut text = String::new();
+    for line in lines {
+        let cells = line.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
+            if column < left { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+        });
+        text += cells.collect::<Vec<_>>().join("  ").trim_end();
+        text.push('\n');
+    }
+    text
+}
+
+/// With a comma before every three digits.
+fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}

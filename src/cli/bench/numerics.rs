@@ -1,0 +1,81 @@
+//! `kiln bench numerics`: what each tier costs, and what it gets wrong.
+
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::super::print;
+use super::{aligned, grouped, watched};
+use crate::bench::tiers::{TierRow, tiers};
+use crate::error::Result;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// Rays aimed at the mesh from each side, at each size and place; 6 in a hundred more go along the axes
+    #[arg(long, value_name = "N", default_value_t = 1_000_000,
+          value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
+    rays: u64,
+    /// Runs that are timed, after one to warm up; the tiers take turns
+    #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    runs: u32,
+    /// Threads to count on; times are those of one thread
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+    let rows = watched(arguments.threads, "casting rays", interrupted, |watch| {
+        tiers(arguments.rays, arguments.runs, watch)
+    })?;
+    if arguments.json {
+        print(&format!("{:#}\n", as_json(&rows, arguments)))
+    } else {
+        print(&as_text(&rows, arguments))
+    }
+}
+
+fn as_json(rows: &[TierRow], arguments: &Arguments) -> Value {
+    let quartiles =
+        |[lower, median, upper]: [f64; 3]| json!({ "lower": lower, "median": median, "upper": upper });
+    let row = |row: &TierRow| {
+        json!({
+            "tier": row.numerics.name(),
+            "rays": arguments.rays,
+            "runs": arguments.runs,
+            "relative_time": { "picture": quartiles(row.picture), "aimed": quartiles(row.aimed) },
+            "leaks_per_million": row.leaks,
+            "wrong_per_million": row.wrong,
+            "worst_t_error_ulps": row.worst,
+        })
+    };
+    rows.iter().map(row).collect()
+}
+
+fn as_text(rows: &[TierRow], arguments: &Arguments) -> String {
+    let titles =
+        ["tier", "time, picture", "time, aimed", "leaks per million", "wrong per million", "worst t, ulp"];
+    let mut lines = vec![titles.map(str::to_owned).to_vec()];
+    for row in rows {
+        let time = |[lower, median, upper]: [f64; 3]| format!("{median:.2} ({lower:.2}-{upper:.2})");
+        let few = |x: f64| if x == 0.0 || x >= 10.0 { grouped(x.round() as u64) } else { format!("{x:.3}") };
+        let worst = match row.worst {
+            0.0 => "0".into(),
+            small if small < 0.01 => format!("{small:.0e}"),
+            worst => format!("{worst:.2}"),
+        };
+        let name = row.numerics.name().to_owned();
+        lines.push(vec![name, time(row.picture), time(row.aimed), few(row.leaks), few(row.wrong), worst]);
+    }
+    format!(
+        "Times of a ray on one thread, relative to `fast`: medians and quartiles of {} runs, over an icosphere of 81,920 triangles.\n\
+         Leaks and wrong answers over it at four sizes and places, {} rays aimed at vertices and edges from each side; wrong\n\
+         answers and distances, in units of the last place of f32, also over a giant plane at grazing angles. Right is `exact`.\n\n{}",
+        arguments.runs,
+        grouped(arguments.rays),
+        aligned(&lines, 1)
+    )
+}
