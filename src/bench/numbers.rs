@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use crate::bvh::mix::{GOLDEN, mix};
+
 /// A sequence of random numbers: PCG-XSH-RR 64/32 (O'Neill, PCG: A Family of Simple Fast Space-Efficient Statistically
 /// Good Algorithms for Random Number Generation, 2014), started where SplitMix64 (Steele, Lea and Flood, Fast Splittable
 /// Pseudorandom Number Generators, 2014) puts it.
@@ -10,7 +12,7 @@ pub struct Numbers(u64);
 impl Numbers {
     /// The sequence of `seed` and `index`.
     pub fn new(seed: u64, index: u64) -> Self {
-        Numbers(mix(mix(seed).wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15))))
+        Numbers(mix(mix(seed).wrapping_add(index.wrapping_mul(GOLDEN))))
     }
 
     fn next(&mut self) -> u32 {
@@ -53,13 +55,6 @@ impl Numbers {
             }
         }
     }
-}
-
-/// SplitMix64's finaliser, which spreads a difference in any bit over all of them.
-fn mix(mut bits: u64) -> u64 {
-    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    bits ^ (bits >> 31)
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ use obvhs::ploc::PlocBuilder;
 use obvhs::splits::split_aabbs_preset;
 
 use super::Primitive;
+use super::mix::{GOLDEN, mix};
 use super::store::StoredSlot;
 use super::tree::Tree;
 use crate::geometry::{Bounds, Tier};
@@ -118,18 +119,10 @@ fn jitter(b: Bounds, place: u64) -> Bounds {
     let mut side = 6 * place;
     let mut step = || {
         side += 1;
-        ulp * (1 + mix(side) % MOST_JITTER) as f32
+        ulp * (1 + mix(side.wrapping_mul(GOLDEN)) % MOST_JITTER) as f32
     };
     let mut steps = || Vec3::new(step(), step(), step());
     b.grown(steps(), steps())
-}
-
-/// Bits as good as random from a number (the finaliser of SplitMix64; Steele, Lea and Flood 2014).
-fn mix(number: u64) -> u64 {
-    let z = number.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 /// Gives every node the box around what is below it, from the boxes of leaves.

@@ -7,6 +7,7 @@
 
 mod brute_force;
 mod build;
+pub mod mix;
 mod store;
 mod tree;
 

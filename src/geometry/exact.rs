@@ -132,6 +132,8 @@ fn decide(
     mut weights: [f64; 3],
     error: f64,
 ) -> Option<[f64; 3]> {
+    let mut positive = weights.iter().any(|&w| w > error);
+    let mut negative = weights.iter().any(|&w| w < -error);
     for (k, weight) in weights.iter_mut().enumerate() {
         if weight.abs() <= error {
             // The edge function of `a` is the triple product of the direction, `c` and `b`, over the direction's
@@ -140,19 +142,24 @@ fn decide(
             let triple = triple_product(ray, p, q);
             let sign = f64::from(triple.sign()) * test.shear[2].signum();
             *weight = (triple.estimate() * test.shear[2]).abs() * sign;
+            positive |= sign > 0.0;
+            negative |= sign < 0.0;
+            if positive && negative {
+                return None;
+            }
         }
     }
-    let inside = weights.iter().all(|&w| w >= 0.0) || weights.iter().all(|&w| w <= 0.0);
-    (inside && weights != [0.0; 3]).then_some(weights)
+    (positive || negative).then_some(weights)
 }
 
 /// `direction . ((p - origin) x (q - origin))`, exactly.
 fn triple_product(ray: &Ray, p: DVec3, q: DVec3) -> Expansion {
-    let side = |v: DVec3| [0, 1, 2].map(|k| Expansion::difference(v[k], ray.origin[k]));
-    let (p, q) = (side(p), side(q));
-    let component = |i: usize, j: usize| p[i].clone() * q[j].clone() - p[j].clone() * q[i].clone();
-    let [x, y, z] = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| component(i, j));
-    x.scaled(ray.direction.x) + y.scaled(ray.direction.y) + z.scaled(ray.direction.z)
+    let side = |v: DVec3, k: usize| Expansion::difference(v[k], ray.origin[k]);
+    let minor = |i: usize, j: usize| side(p, i) * side(q, j) - side(p, j) * side(q, i);
+    let terms = [(0, 1, 2), (1, 2, 0), (2, 0, 1)].into_iter().filter(|&(k, ..)| ray.direction[k] != 0.0);
+    terms
+        .map(|(k, i, j)| minor(i, j).scaled(ray.direction[k]))
+        .fold(Expansion::default(), |sum, term| sum + term)
 }
 
 /// Where a triangle that the ray's line certainly passes through is hit.
