@@ -30,7 +30,8 @@ pub fn shade(
         let mut returned = material.diffuse * sample.cosine;
         if mode == ShadingMode::Phong && material.specular > 0.0 {
             let mirrored = 2.0 * sample.cosine * surface.shading_normal - sample.direction;
-            let cosine = mirrored.dot(surface.view).max(0.0);
+            // Rounded, it may be above 1, and a sharp highlight would raise that to more light than there is.
+            let cosine = mirrored.dot(surface.view).clamp(0.0, 1.0);
             returned += material.specular * power(cosine, material.shininess);
         }
         light += sample.radiance * returned;
