@@ -13,6 +13,9 @@ use crate::scene::{Camera, Projection};
 /// as the sine has zeros, so this keeps ten of sixteen.
 const SMALLEST_SINE: f64 = 1e-6;
 
+/// No ray starts farther out than this on any axis: f32 holds it, and what is added to it.
+const FARTHEST: f64 = f32::MAX as f64 / 4.0;
+
 /// A camera made ready for a picture of a given size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
@@ -32,7 +35,7 @@ impl View {
     /// its own keeps its height.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the camera has no direction or is not finite.
+    /// [`Error::Usage`] where the camera has no direction, is not finite, or is beyond the numbers of rays.
     pub fn new(camera: &Camera, projection: Projection, [width, height]: [u32; 2]) -> Result<Self> {
         let [u, v, w] = basis(camera.position, camera.target, camera.up).ok_or_else(|| {
             Error::usage(
@@ -47,24 +50,38 @@ impl View {
         // The rectangle asked for, to the bit, where the shapes agree.
         let keep = |asked: f64, pixels: f64| if asked / pixels == pixel { asked } else { pixel * pixels };
         let rectangle = DVec2::new(keep(asked.x, size.x), keep(asked.y, size.y));
+        let scale = match projection {
+            Projection::Perspective => scale_to_one(rectangle.max_element().max(camera.viewpoint_distance)),
+            Projection::Orthographic => 1.0,
+        };
         let view = View {
             position: camera.position,
             u,
             v,
             w,
             projection,
-            distance: camera.viewpoint_distance,
-            rectangle,
+            distance: camera.viewpoint_distance * scale,
+            rectangle: rectangle * scale,
             size,
         };
-        let usable = rectangle.is_finite() && rectangle.min_element() > 0.0;
-        if usable && view.distance > 0.0 && view.distance.is_finite() {
-            return Ok(view);
+        let usable = view.rectangle.is_finite() && view.rectangle.min_element() > 0.0;
+        if !(usable && view.distance > 0.0 && view.distance.is_finite()) {
+            return Err(Error::usage(
+                format!("camera `{}` has an unusable viewing rectangle", camera.name),
+                "give its rectangle and its distance finite sizes above 0",
+            ));
         }
-        Err(Error::usage(
-            format!("camera `{}` has an unusable viewing rectangle", camera.name),
-            "give its rectangle and its distance finite sizes above 0",
-        ))
+        let reach = match projection {
+            Projection::Perspective => 0.0,
+            Projection::Orthographic => rectangle.max_element(),
+        };
+        if camera.position.abs().max_element() + reach > FARTHEST {
+            return Err(Error::usage(
+                format!("camera `{}` stands farther out than kiln's numbers reach", camera.name),
+                "move it towards the scene",
+            ));
+        }
+        Ok(view)
     }
 
     /// The ray through the centre of the pixel in column `x`, row `y` from the top, in numbers of `precision`.
@@ -110,6 +127,13 @@ pub fn basis(position: DVec3, target: DVec3, up: DVec3) -> Option<[DVec3; 3]> {
         unit(turned.cross(w))?
     };
     Some([u, w.cross(u), w])
+}
+
+/// The power of two that brings a size near 1, so that squares of it neither overflow nor vanish. A perspective view
+/// scaled by it is the same to the bit.
+fn scale_to_one(size: f64) -> f64 {
+    // Within what f64 holds together with its reciprocal.
+    (-size.log2().round().clamp(-1000.0, 1000.0)).exp2()
 }
 
 /// The vector at length 1, scaled first so that nothing overflows or vanishes.
