@@ -46,16 +46,14 @@ impl Stage for Shadows {
         for (index, &end) in lights_end.iter().enumerate() {
             let end = end as usize;
             let lights = &lights[start..end];
-            if let Some(lifted) = shadow_points.get(index) {
-                let surface = &surfaces[index];
-                let origin = lifted.origin_towards(surface.geometric_normal, numerics);
-                let moved = lifted.position - surface.point.position;
-                let rays = lights.iter().map(|light| shadow_ray(origin, &light.seen_from(moved), precision));
-                shadow_rays.extend(rays);
-            } else {
-                let origin = origins[index];
-                shadow_rays.extend(lights.iter().map(|light| shadow_ray(origin, light, precision)));
-            }
+            let surface = &surfaces[index];
+            let origin = match shadow_points.get(index) {
+                Some(lifted) => lifted.origin_towards(surface.geometric_normal, numerics),
+                None => origins[index],
+            };
+            let moved = origin - surface.point.position;
+            shadow_rays
+                .extend(lights.iter().map(|light| shadow_ray(origin, &light.seen_from(moved), precision)));
             start = end;
         }
         context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
@@ -76,10 +74,12 @@ impl Stage for Shadows {
     }
 }
 
-/// The ray from `origin`, on a surface's outer side, to a light, open at both ends.
+/// The ray from `origin`, on a surface's outer side, to a light as seen from there, open at both ends.
 ///
-/// Rounded, it ends beside the light, by up to a step of its numbers relative to its length: what it meets there may be
-/// what the light stands on, and does not count.
+/// Rounded, it ends beside the light, by up to half a step of its numbers relative to its length, and by a few of f64's
+/// from the way to the light: what it meets there may be what the light stands on, and does not count. Where the ray
+/// rises less than a quarter from what the light stands on it may still meet it.
 pub fn shadow_ray(origin: DVec3, light: &LightSample, precision: Precision) -> Ray {
-    precision.ray(origin, light.direction, 0.0, light.distance * (1.0 - 2.0 * precision.epsilon()))
+    let beside = 2.0 * precision.epsilon() + 8.0 * f64::EPSILON;
+    precision.ray(origin, light.direction, 0.0, light.distance * (1.0 - beside))
 }
