@@ -60,7 +60,8 @@ pub fn shade(
 /// pi times GGX's distribution, Smith's height-correlated visibility (Heitz 2014) and Schlick's Fresnel term.
 fn mirror(surface: &Surface, light: &LightSample, head_on: DVec3, roughness: f64) -> DVec3 {
     let n = surface.shading_normal;
-    let half = (light.direction + surface.view).normalize();
+    // A light right behind a smooth surface that is seen from its dark side has no half vector, and no highlight.
+    let Some(half) = (light.direction + surface.view).try_normalize() else { return DVec3::ZERO };
     let n_v = n.dot(surface.view).abs().max(f64::MIN_POSITIVE);
     let (n_l, n_h) = (light.cosine, n.dot(half).clamp(0.0, 1.0));
     let v_h = surface.view.dot(half).clamp(0.0, 1.0);
