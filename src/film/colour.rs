@@ -59,19 +59,23 @@ impl ColourPipeline {
         }
     }
 
-    /// Rounds a result to what the pipeline can hold: eight bits for `u8`, itself otherwise.
+    /// Rounds a result to what the pipeline can hold: eight bits for `u8`, what the film's f32 holds otherwise. Right at
+    /// a light there may be more.
     #[inline]
     pub fn hold(self, c: DVec3) -> DVec3 {
         match self {
             ColourPipeline::U8 => per_channel(c, |x| f64::from(quantise(x)) / 255.0),
-            ColourPipeline::Display | ColourPipeline::Linear => c,
+            ColourPipeline::Display | ColourPipeline::Linear => {
+                per_channel(c, |x| x.clamp(f32::MIN.into(), f32::MAX.into()))
+            }
         }
     }
 
     /// The assignment's `mix_light`: colour times light, per channel.
     #[inline]
     pub fn mix_light(self, colour: DVec3, light: DVec3) -> DVec3 {
-        self.hold(colour * light)
+        // However much light: black stays black.
+        self.hold(colour * per_channel(light, |x| x.clamp(f64::MIN, f64::MAX)))
     }
 
     /// The assignment's `weighted_combine`: `a * weight_a + b * weight_b`, per channel.
