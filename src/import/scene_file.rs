@@ -213,7 +213,10 @@ impl Builder<'_> {
             }
             (LightType::Directional, None, Some(direction)) => {
                 self.finite(start, "direction", &direction)?;
-                let direction = DVec3::from(direction).try_normalize().ok_or_else(|| {
+                // Scaled first, so that squares neither overflow nor vanish.
+                let direction = DVec3::from(direction);
+                let scaled = direction / direction.abs().max_element();
+                let direction = scaled.try_normalize().ok_or_else(|| {
                     self.error(start, "`direction` has no length", "give the direction the light travels in")
                 })?;
                 LightKind::Directional { direction }
