@@ -1,6 +1,7 @@
 //! Helpers shared by the tests. Not every test uses every one.
 #![allow(dead_code)]
 
+pub mod borders;
 pub mod picture;
 
 use std::path::{Path, PathBuf};
