@@ -61,11 +61,14 @@ impl Loader<'_> {
 
     pub(super) fn material(&self, m: &gltf::Material) -> Material {
         let pbr = m.pbr_metallic_roughness();
+        // Factors are held to the ranges that the format gives them.
+        let colour = |factors: [f32; 3]| dvec3(factors).clamp(DVec3::ZERO, DVec3::ONE);
         let [r, g, b, _] = pbr.base_color_factor();
-        let emission = dvec3(m.emissive_factor()) * f64::from(m.emissive_strength().unwrap_or(1.0));
+        let strength = f64::from(m.emissive_strength().unwrap_or(1.0).clamp(0.0, f32::MAX));
+        let emission = colour(m.emissive_factor()) * strength;
         Material::MetallicRoughness(MetallicRoughness {
             name: m.name().map_or_else(|| format!("material {}", m.index().unwrap_or(0)), str::to_owned),
-            base_colour: Colour::Linear(dvec3([r, g, b])),
+            base_colour: Colour::Linear(colour([r, g, b])),
             base_colour_texture: pbr.base_color_texture().and_then(|t| self.texture(&t.texture())),
             metallic: f64::from(pbr.metallic_factor()).clamp(0.0, 1.0),
             roughness: f64::from(pbr.roughness_factor()).clamp(0.0, 1.0),
@@ -142,7 +145,11 @@ impl Loader<'_> {
             self.warn(format!("light {name} is not finite; left out"));
             return;
         }
-        let colour = Colour::Linear(dvec3(light.color()));
+        if intensity < 0.0 {
+            self.warn(format!("light {name} takes light away (intensity {}); left out", light.intensity()));
+            return;
+        }
+        let colour = Colour::Linear(dvec3(light.color()).clamp(DVec3::ZERO, DVec3::ONE));
         self.scene.lights.push(Light { name, colour, intensity, kind });
     }
 }
@@ -155,7 +162,8 @@ pub(super) fn place_targets(scene: &mut Scene) {
     for camera in &mut scene.cameras {
         let direction = camera.target - camera.position;
         let distance = (middle - camera.position).dot(direction);
-        if distance > 0.0 {
+        // A vertex that is not a finite number will be left out; it must not take the cameras with it.
+        if distance > 0.0 && distance.is_finite() {
             let factor = distance / camera.viewpoint_distance;
             camera.target = camera.position + direction * distance;
             if camera.projection == Projection::Perspective {
