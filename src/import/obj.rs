@@ -137,7 +137,8 @@ fn convert_material(
         ));
     }
     let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
-    let parameter = |name: &str| m.unknown_param.get(name).and_then(|value| value.trim().parse::<f64>().ok());
+    let number = |value: &String| value.trim().parse().ok().filter(|number: &f64| number.is_finite());
+    let parameter = |name: &str| m.unknown_param.get(name).and_then(number);
     let (roughness, metallic) = (parameter("Pr"), parameter("Pm"));
     if roughness.is_some() || metallic.is_some() {
         return Material::MetallicRoughness(MetallicRoughness {

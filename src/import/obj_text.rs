@@ -201,8 +201,8 @@ fn clean_mtl_value(key: &str, rest: &str) -> Result<String, ()> {
         _ if rest.is_empty() => Err(()),
         "Ka" | "Kd" | "Ks" | "Ke" | "Tf" => match numbers()?.as_slice() {
             // The format lets green and blue be left out; they are then as red.
-            [r] | [r, _] if r.is_finite() => Ok(format!("{r} {r} {r}")),
-            [r, g, b, ..] if [r, g, b].iter().all(|c| c.is_finite()) => Ok(format!("{r} {g} {b}")),
+            [r] | [r, _] if is_colour(r) => Ok(format!("{r} {r} {r}")),
+            [r, g, b, ..] if [r, g, b].into_iter().all(is_colour) => Ok(format!("{r} {g} {b}")),
             _ => Err(()),
         },
         "Ns" | "Ni" | "d" | "Tr" => match numbers()?.as_slice() {
@@ -216,6 +216,11 @@ fn clean_mtl_value(key: &str, rest: &str) -> Result<String, ()> {
         _ if key.starts_with("map_") || key == "bump" || key == "norm" => Ok(file_of_map(rest)),
         _ => Ok(rest.to_owned()),
     }
+}
+
+/// Whether a number of a material can be a colour. It may exceed 1, but not by so much that linear light is beyond f32.
+fn is_colour(c: &f64) -> bool {
+    (0.0..=1e12).contains(c)
 }
 
 /// The file name of a texture map, without the options before it (`-s 1 1 1 wood.png`).
