@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::error::Warnings;
-use crate::scene::{Mesh, Scene, Shape};
+use crate::scene::{Attribute, Mesh, Scene, Shape};
 
 /// Coordinates beyond this are left out. f32 boxes square it without overflow, and the builder is measured to hold.
 const LARGEST_COORDINATE: f64 = 1e18;
@@ -16,6 +16,8 @@ struct Count {
     non_finite: usize,
     too_large: usize,
     degenerate: usize,
+    /// Normals, texture coordinates and colours.
+    attributes: usize,
 }
 
 /// Leaves out what cannot be rendered and says how much of it there was.
@@ -42,6 +44,7 @@ pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
     say(count.non_finite, "triangle(s) with a vertex that is not a finite number");
     say(count.too_large, "primitive(s) with a coordinate beyond 1e18");
     say(count.degenerate, "triangle(s) without area");
+    say(count.attributes, "normal(s), texture coordinate(s) or colour(s) that are not usable numbers");
 }
 
 fn clean_mesh(mesh: &mut Mesh, count: &mut Count) {
@@ -62,20 +65,23 @@ fn clean_mesh(mesh: &mut Mesh, count: &mut Count) {
         *keep = false;
     }
     mesh.retain(|i| keep[i]);
-    replace_non_finite(mesh);
+    count.attributes += replace_unusable(mesh);
 }
 
-/// Attributes that are not numbers become neutral: no normal (the triangle's own is taken), texture origin, white.
-fn replace_non_finite(mesh: &mut Mesh) {
-    if let Some(normals) = &mut mesh.normals {
-        normals.values.iter_mut().filter(|n| !n.is_finite()).for_each(|n| *n = DVec3::ZERO);
+/// Attributes that are not numbers, or not ones that f32 holds, become neutral: no normal (the triangle's own is taken),
+/// texture origin, white. So do colours that would take light away. How many there were.
+fn replace_unusable(mesh: &mut Mesh) -> usize {
+    fn replace<T: Copy>(
+        attribute: &mut Option<Attribute<T>>,
+        usable: impl Fn(T) -> bool,
+        neutral: T,
+    ) -> usize {
+        let values = attribute.iter_mut().flat_map(|attribute| &mut attribute.values);
+        values.filter(|value| !usable(**value)).map(|value| *value = neutral).count()
     }
-    if let Some(uvs) = &mut mesh.uvs {
-        uvs.values.iter_mut().filter(|uv| !uv.is_finite()).for_each(|uv| *uv = glam::DVec2::ZERO);
-    }
-    if let Some(colours) = &mut mesh.colours {
-        colours.values.iter_mut().filter(|c| !c.is_finite()).for_each(|c| *c = DVec3::ONE);
-    }
+    replace(&mut mesh.normals, |n| n.is_finite(), DVec3::ZERO)
+        + replace(&mut mesh.uvs, |uv| uv.as_vec2().is_finite(), DVec2::ZERO)
+        + replace(&mut mesh.colours, |c| c.as_vec3().is_finite() && c.min_element() >= 0.0, DVec3::ONE)
 }
 
 /// Whether a triangle has no area: corners that are equal, or on one line as far as f64 can tell.

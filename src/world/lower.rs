@@ -41,7 +41,7 @@ pub fn attributes(shape: Shape) -> Attributes {
         Corners { values: a.values.into_iter().map(lower).collect(), triangles }
     }
     // A normal of any length that f64 holds becomes one that f32 holds; zero stays zero.
-    let unit = |n: glam::DVec3| n.try_normalize().unwrap_or(DVec3::ZERO).as_vec3();
+    let unit = |n: DVec3| (n / n.abs().max_element()).try_normalize().unwrap_or(DVec3::ZERO).as_vec3();
     Attributes {
         normals: normals.map(|a| corners(a, &own, unit)),
         uvs: uvs.map(|a| corners(a, &own, |uv| uv.as_vec2())),
