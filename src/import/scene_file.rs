@@ -23,6 +23,9 @@ const LARGEST_SIDE: u32 = 65_535;
 /// The most bounces of a glaze. Each holds a level of rays; at a weight of 0.9 the 64th adds a thousandth.
 const MOST_BOUNCES: u32 = 64;
 
+/// The most that a strength or a coefficient may be: products of a light's and a material's stay finite.
+const STRONGEST: f64 = 1e100;
+
 /// The farthest that a light may be placed. Beyond, its squared distance overflows before long; it is directional.
 const FARTHEST_LIGHT: f64 = 1e100;
 
@@ -82,7 +85,9 @@ impl Builder<'_> {
     }
 
     fn not_negative(&self, start: usize, key: &str, value: f64) -> Result<f64> {
-        if value >= 0.0 && value.is_finite() {
+        if value > STRONGEST && value.is_finite() {
+            Err(self.error(start, format!("`{key}` is {value:e}"), "give at most 1e100"))
+        } else if value >= 0.0 && value.is_finite() {
             Ok(value)
         } else {
             Err(self.error(start, format!("`{key}` is {value}"), "give a number that is 0 or more"))
