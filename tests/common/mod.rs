@@ -1,5 +1,7 @@
 //! Helpers shared by the tests. Not every test uses every one.
-#![allow(dead_code)]
+#![allow(dead_code, unused_imports)]
+
+pub mod oracle;
 
 pub mod picture;
 
