@@ -136,7 +136,9 @@ fn triangles_are_closed_and_two_sided() {
         }
     }
     // One step of f64 beside an edge, even where that is denormal.
-    for (x, y) in [(0.5_f64.next_up(), 0.5), (-f64::from_bits(1), 0.5), (0.5, -1e-300), (1.0_f64.next_up(), 0.0)] {
+    for (x, y) in
+        [(0.5_f64.next_up(), 0.5), (-f64::from_bits(1), 0.5), (0.5, -1e-300), (1.0_f64.next_up(), 0.0)]
+    {
         let down = ray(DVec3::new(x, y, 2.0), DVec3::NEG_Z);
         assert_eq!(line_triangle(&down, &UNIT), None, "{x} {y}");
     }

@@ -12,6 +12,7 @@
 mod distance;
 mod filter;
 mod integers;
+mod rounding;
 
 use std::cmp::Ordering;
 
@@ -19,8 +20,9 @@ use glam::DVec3;
 use kiln::geometry::Ray;
 
 pub use distance::{Distance, sign_with_root, sign_with_two_roots};
-pub use filter::{Passage, distance_error, is_clear, passage};
+pub use filter::{Passage, passage};
 use integers::{Vector, integers, sign};
+pub use rounding::{distance_error, is_clear, is_clear_of_sphere, sphere_distance_error};
 
 /// Where the line of `ray` meets the triangle, if it does.
 pub fn line_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<Distance> {
@@ -101,17 +103,24 @@ pub fn sphere(ray: &Ray, centre: DVec3, radius: f64) -> Option<Distance> {
     line_sphere(ray, centre, radius)?.into_iter().find(|distance| is_within(ray, distance))
 }
 
+/// The power of two at or below `x`, which is a normal number.
+fn leading_digit(x: f64) -> f64 {
+    f64::from_bits(x.abs().to_bits() & !((1 << 52) - 1))
+}
+
+/// A step of f32 at `x`: what the last of 24 binary digits is worth there, also where f32 does not reach.
+pub fn f32_step(x: f64) -> f64 {
+    leading_digit(x) * f64::from(f32::EPSILON)
+}
+
 /// The distance of `found` from the exact one, in steps of f32 at that place.
 pub fn f32_ulps(found: f64, exact: &Distance) -> f64 {
     let exact = exact.to_f64();
-    let at = (exact.abs() as f32).max(f32::MIN_POSITIVE);
-    // The step below is the smaller one at a power of two.
-    (found - exact).abs() / (f64::from(at) - f64::from(at.next_down()))
+    (found - exact).abs() / f32_step(exact)
 }
 
 /// The same in steps of f64.
 pub fn f64_ulps(found: f64, exact: &Distance) -> f64 {
     let exact = exact.to_f64();
-    let at = exact.abs().max(f64::MIN_POSITIVE);
-    (found - exact).abs() / (at - at.next_down())
+    (found - exact).abs() / (leading_digit(exact) * f64::EPSILON)
 }
