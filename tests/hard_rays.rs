@@ -196,7 +196,7 @@ fn a5_the_length_of_a_direction_makes_no_difference() {
                     for hit in found.all.iter_mut().chain(&mut found.closest) {
                         hit.1 = (f64::from_bits(hit.1) * factor).to_bits();
                     }
-                    faults.check(found == expected, || format!("{original:?}: {found:?}, not {expected:?}"));
+                    faults.check(found == expected, || format!("{original:?}: {}", found.unlike(&expected)));
                 }
                 faults.none();
             }

@@ -259,7 +259,7 @@ fn b5_triangles_without_area_change_nothing_for_others() {
                 // The field's triangles have even numbers.
                 hit.0 = if hit.0.0 % 2 == 0 { PrimId(hit.0.0 / 2) } else { PrimId(u32::MAX) };
             }
-            faults.check(found == expected, || format!("{ray:?}: {found:?}, not {expected:?}"));
+            faults.check(found == expected, || format!("{ray:?}: {}", found.unlike(&expected)));
         }
         faults.none();
     }

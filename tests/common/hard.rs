@@ -5,6 +5,7 @@
 
 pub mod aim;
 pub mod balls;
+pub mod cases;
 pub mod check;
 pub mod meshes;
 pub mod piles;

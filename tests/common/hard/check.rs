@@ -58,6 +58,21 @@ impl Answer {
         let closest = accelerator.closest_hit(ray, traversal).as_ref().map(bits);
         Answer { closest, occluded: accelerator.is_occluded(ray, traversal), all }
     }
+
+    /// How this answer differs from the one that was expected, in few words.
+    pub fn unlike(&self, expected: &Answer) -> String {
+        let only = |a: &Answer, b: &Answer| {
+            let hits = a.all.iter().filter(|hit| !b.all.contains(hit));
+            hits.map(|(id, t)| (id.0, f64::from_bits(*t))).take(3).collect::<Vec<_>>()
+        };
+        format!(
+            "closest {:?}, expected {:?}; hits not expected {:?}, expected but missing {:?}",
+            self.closest.map(|(id, t)| (id.0, f64::from_bits(t))),
+            expected.closest.map(|(id, t)| (id.0, f64::from_bits(t))),
+            only(self, expected),
+            only(expected, self),
+        )
+    }
 }
 
 /// What was seen; for tests to be sure that something was.
@@ -104,12 +119,19 @@ pub fn judge_in(
             for (structure, other) in structures.iter().zip(&all).skip(1) {
                 let other = Answer::of(&**other, ray, &mut traversal);
                 faults
-                    .check(other == answer, || format!("{structure:?}: {ray:?}: {other:?}, not {answer:?}"));
+                    .check(other == answer, || format!("{structure:?}: {ray:?}: {}", other.unlike(&answer)));
             }
             let consistent = answer.occluded == !answer.all.is_empty()
                 && answer.closest.is_some() == answer.occluded
                 && answer.closest.is_none_or(|closest| answer.all.contains(&closest));
-            faults.check(consistent, || format!("{ray:?}: not consistent: {answer:?}"));
+            faults.check(consistent, || {
+                format!(
+                    "{ray:?}: closest {:?}, occluded {}, {} hits",
+                    answer.closest,
+                    answer.occluded,
+                    answer.all.len()
+                )
+            });
             if tier == Numerics::Exact {
                 judge_exact(ray, exact, &answer, &mut faults, &mut summary);
                 continue;
@@ -120,7 +142,9 @@ pub fn judge_in(
                 .iter()
                 .copied()
                 .min_by(|a, b| f64::from_bits(a.1).total_cmp(&f64::from_bits(b.1)).then(a.0.cmp(&b.0)));
-            faults.check(answer.closest == first, || format!("{ray:?}: not the first: {answer:?}"));
+            faults.check(answer.closest == first, || {
+                format!("{ray:?}: {first:?} is before {:?}", answer.closest)
+            });
             if tier != Numerics::Fast {
                 judge_rounded(ray, &by_id, exact, &answer, &mut faults, &mut summary);
             }
@@ -141,7 +165,17 @@ fn judge_exact(
     let mut expected: Vec<PrimId> = exact.iter().map(|hit| hit.1).collect();
     expected.sort_unstable();
     let found: Vec<PrimId> = answer.all.iter().map(|hit| hit.0).collect();
-    faults.check(found == expected, || format!("{ray:?}: hits {found:?}, not {expected:?}"));
+    let unlike = || {
+        let only = |a: &[PrimId], b: &[PrimId]| {
+            a.iter().filter(|id| !b.contains(id)).map(|id| id.0).collect::<Vec<_>>()
+        };
+        format!(
+            "{ray:?}: hit but should not be {:?}, the other way {:?}",
+            only(&found, &expected),
+            only(&expected, &found)
+        )
+    };
+    faults.check(found == expected, unlike);
     let first = exact.first().map(|hit| hit.1);
     let closest = answer.closest.map(|hit| hit.0);
     faults.check(closest == first, || format!("{ray:?}: closest {closest:?}, not {first:?}"));
@@ -264,7 +298,7 @@ pub fn scales_to_the_bit(what: &str, slots: &[Slot], rays: &[Ray], exponents: &[
                     for hit in found.all.iter_mut().chain(&mut found.closest) {
                         hit.1 = (f64::from_bits(hit.1) / scale).to_bits();
                     }
-                    faults.check(found == expected, || format!("{ray:?}: {found:?}, not {expected:?}"));
+                    faults.check(found == expected, || format!("{ray:?}: {}", found.unlike(&expected)));
                 }
                 faults.none();
             }
