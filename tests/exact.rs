@@ -6,8 +6,9 @@
 mod common;
 
 use common::Numbers;
+use common::hard::answer::Faults;
 use common::hard::cases::{Kind, aimed_ray, is_in_domain, nudged, point, touching_ball, triangle};
-use common::hard::check::{Faults, exact_hits};
+use common::hard::check::exact_hits;
 use common::hard::{Corners, ball, corners_of, numbered, placed, times_factor, triangles};
 use common::oracle::{self, Distance};
 use glam::DVec3;
@@ -183,8 +184,11 @@ fn the_ends_of_rays_are_compared_exactly() {
 fn compare_order(slots: &[Slot], ray: &Ray, faults: &mut Faults, count: &mut Count) {
     let mut left = slots.to_vec();
     while !left.is_empty() {
-        let structure =
-            if left.len() % 2 == 0 { Structure::BruteForce } else { Structure::Tree(Preset::MediumBuild) };
+        let structure = if left.len().is_multiple_of(2) {
+            Structure::BruteForce
+        } else {
+            Structure::Tree(Preset::MediumBuild)
+        };
         let exact = exactly(&left, structure);
         compare(&left, &*exact, ray, faults, count);
         let Some(closest) = exact.closest_hit(ray, &mut Traversal::default()) else { break };

@@ -1,7 +1,7 @@
-//! Hard cases, chapter C: building acceleration structures.
+//! Hard cases, chapter C, second part: what is built (C4 to C11). How long it takes is in `tests/hard_build_times.rs`.
 //!
 //! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
-//! which tier. Bounds on build times are the catalogue's, for a machine that is not busy: the best of three tries counts.
+//! which tier.
 //!
 //! Not tested here:
 //! - C7 as such: kiln's nodes hold boxes in f32, not in 8 bits; the boxes that 8 bits would cut are traced all the same.
@@ -11,142 +11,23 @@
 
 mod common;
 
-use std::time::{Duration, Instant};
-
 use common::Numbers;
 use common::hard::aim::{At, from_around, targets};
-use common::hard::check::{Answer, DEFAULT_TREE, Faults, all_structures, judge, judge_in, scales_to_the_bit};
+use common::hard::answer::{Answer, Faults};
+use common::hard::check::{DEFAULT_TREE, all_structures, judge, judge_in, scales_to_the_bit};
 use common::hard::{
     Corners, ball, meshes, numbered, piles, placed, ray, ray_towards, single, times_factor, triangles,
 };
 use glam::DVec3;
 use kiln::bvh::{Preset, Slot, Structure, Traversal, build};
-use kiln::geometry::{Numerics, PrimId, Ray};
-
-/// How long it takes to build a tree, the best of up to three tries.
-fn build_time(slots: &[Slot], preset: Preset, enough: Duration) -> Duration {
-    let mut best = Duration::MAX;
-    for _ in 0..3 {
-        let start = Instant::now();
-        build(slots.iter().copied(), Structure::Tree(preset), Numerics::Watertight);
-        best = best.min(start.elapsed());
-        if best < enough {
-            break;
-        }
-    }
-    best
-}
-
-/// A builder that merges one pair a round is hundreds of times slower on these than on triangles at random.
-const MOST_TIMES_SLOWER: u32 = 30;
-
-/// Builds a tree of every preset, the default one within the limit, none much slower than for as many triangles at random.
-fn builds_in_good_time(limit: Duration, what: &str, slots: &[Slot]) {
-    let random = triangles(meshes::soup(slots.len(), 0.02, 1));
-    for preset in Preset::ALL {
-        let usual = build_time(&random, preset, Duration::MAX);
-        let slow = usual * MOST_TIMES_SLOWER;
-        let most = if preset == Preset::default() { limit.min(slow) } else { slow };
-        let time = build_time(slots, preset, most);
-        let [time_ms, usual_ms] = [time, usual].map(|t| t.as_millis());
-        eprintln!("{what}, {preset:?}: {} triangles in {time_ms} ms, at random {usual_ms} ms", slots.len());
-        assert!(time < most, "{what}, {preset:?}: {time:?}; at random {usual:?}");
-    }
-}
-
-/// Set-up: 10^5 times the same triangle, built within a second in a thread with little stack; a ray at its centroid finds
-/// the first.
-#[test]
-fn c1_coincident_triangles_build_in_good_time() {
-    let slots = triangles(piles::coincident(100_000));
-    let body = move || {
-        builds_in_good_time(Duration::from_secs(1), "coincident", &slots);
-        let mut traversal = Traversal::default();
-        let at_centroid = [
-            ray(DVec3::ZERO, DVec3::Z),
-            ray(DVec3::new(1.0, 2.0, 9.0), DVec3::new(-1.0, -2.0, -4.0)),
-            ray_towards(DVec3::new(-3.0, 1.0, 1.0), DVec3::new(0.0, 0.0, 5.0)),
-        ];
-        for tier in Numerics::ALL {
-            for structure in [Structure::BruteForce, DEFAULT_TREE] {
-                let accelerator = build(slots.iter().copied(), structure, tier);
-                for ray in &at_centroid {
-                    let hit = accelerator.closest_hit(ray, &mut traversal).map(|hit| hit.prim);
-                    assert_eq!(hit, Some(PrimId(0)), "{}, {structure:?}, {ray:?}", tier.name());
-                }
-            }
-        }
-    };
-    // As little as a worker of rayon has.
-    let thread = std::thread::Builder::new().stack_size(2 << 20).spawn(body).expect("a thread");
-    thread.join().expect("no panic");
-}
-
-/// Set-up: 2000 times the same triangle, all hits counted, in every structure.
-#[test]
-fn c1_all_of_coincident_triangles_are_hit() {
-    let slots = triangles(piles::coincident(2000));
-    let mut numbers = Numbers::new(1);
-    let aimed = targets(&piles::coincident(1), &[At::Inside, At::Centroid], 20, &mut numbers);
-    let summary = judge_in(
-        "coincident",
-        &slots,
-        &from_around(DVec3::ZERO, 3.0, &aimed, &mut numbers),
-        &Numerics::ALL,
-        &all_structures(),
-    );
-    assert_eq!((summary.hit, summary.tied), (summary.rays, summary.rays));
-}
-
-/// Set-up: rows of 50 000 equal triangles at whole distances, side by side, behind each other, and as a fence.
-#[test]
-fn c2_rows_stacks_and_fences_build_in_good_time() {
-    let limit = Duration::from_millis(500);
-    let mut numbers = Numbers::new(2);
-    for (what, mesh) in [
-        ("row", piles::row(50_000, DVec3::X)),
-        ("diagonal row", piles::row(50_000, DVec3::ONE)),
-        ("stack", piles::row(8000, DVec3::Z)),
-        ("fence", piles::fence(224)),
-    ] {
-        let mut rays = Vec::new();
-        for target in targets(&mesh, &At::ALL, times_factor(12), &mut numbers) {
-            rays.push(ray_towards(target + numbers.vector() * 20.0, target));
-        }
-        // Along the row, through all of it, where that is possible.
-        rays.push(ray(DVec3::new(-5.0, 0.25, 0.25), DVec3::X));
-        rays.push(ray(DVec3::new(0.25, 0.25, -5.0), DVec3::Z));
-        let slots = triangles(mesh);
-        builds_in_good_time(limit, what, &slots);
-        judge_in(what, &slots, &rays, &Numerics::ALL, &[Structure::BruteForce, DEFAULT_TREE]);
-    }
-}
-
-/// Set-up: a fan of 50 000 triangles around a point, all in a plane.
-#[test]
-fn c3_fans_build_in_good_time() {
-    let mesh = meshes::fan(50_000);
-    let mut numbers = Numbers::new(3);
-    let aimed = targets(&mesh, &At::ALL, times_factor(10), &mut numbers);
-    let mut rays = from_around(DVec3::ZERO, 1.5, &aimed, &mut numbers);
-    rays.push(ray_towards(DVec3::new(0.125, 0.25, 3.0), DVec3::ZERO));
-    let slots = triangles(mesh);
-    builds_in_good_time(Duration::from_millis(500), "fan", &slots);
-    judge_in("fan", &slots, &rays, &Numerics::ALL, &[Structure::BruteForce, DEFAULT_TREE]);
-}
-
-/// Set-up: a double cone of 50 000 triangles.
-///
-/// Fails, and should not: every preset takes four times as long for twice as many triangles here (default preset, in ms: 252
-/// for 25 000, 967 for 50 000, 6200 for 100 000, 18 100 for 200 000; at random 11, 19, 42, 108). The boxes all reach from
-/// a tip to the rim and overlap, and growing them by a few units in the last place does not set them apart.
-#[test]
-fn c3_cones_build_in_good_time() {
-    builds_in_good_time(Duration::from_millis(500), "double cone", &triangles(meshes::bicone(25_000)));
-}
+use kiln::geometry::{Numerics, Ray};
 
 /// Set-up: one triangle in the other, growing by 1.01 and by 2, over 80 powers of two; and triangles of random sizes over as
 /// many.
+///
+/// Fails, and should not: in `watertight` and `double`, brute force takes rays that pass far beside a triangle for hits where
+/// the triangle is smaller than the last digit of its distance: the signs of its edge functions are then as good as random.
+/// Trees do not come to it.
 #[test]
 fn c4_geometric_progressions_are_built_and_traced() {
     let mut numbers = Numbers::new(4);
@@ -187,6 +68,9 @@ fn c4_mixed_scales_are_traced() {
 
 /// Set-up: 500 clusters of needles, one around the other, the last two million times as large as the first, and a small
 /// triangle in the middle; every cluster waits on the stack while the next is opened.
+///
+/// Fails, and should not: in `fast`, two of the rays find another closest hit in trees that cut triangles. The distance is
+/// wrong by more than the size of a piece, and so lies beyond its box, or before it.
 #[test]
 fn c5_deep_stacks_lose_nothing() {
     for clusters in [100, 230, 500] {
@@ -209,7 +93,7 @@ fn c5_deep_stacks_lose_nothing() {
 }
 
 /// Set-up: a mesh with spheres, times powers of two from 2^-40 to 2^40, which is as far as scenes are let in without being
-/// scaled. Builds in good time, and answers to the last bit. (The fast tier multiplies three lengths in f32: of numbers below
+/// scaled. It answers the same to the last bit. (The fast tier multiplies three lengths in f32: of numbers below
 /// 2^-34, the product's last digits are below what f32 can hold.)
 #[test]
 fn c6_every_scale_that_is_let_in_is_the_same() {
@@ -224,14 +108,6 @@ fn c6_every_scale_that_is_let_in_is_the_same() {
     let tiers = [Numerics::Watertight, Numerics::Double, Numerics::Exact];
     scales_to_the_bit("scales", &slots, &rays, &[-40, -27, -10, 10, 27, 40], &tiers);
     scales_to_the_bit("scales", &slots, &rays, &[-30, -20, -10, 10, 27, 40], &[Numerics::Fast]);
-    let large = triangles(meshes::icosphere(5, DVec3::ZERO, 1.0).iter().map(|corners| corners.map(single)));
-    for exponent in (-40..=40).step_by(8) {
-        let scale = f64::from(exponent).exp2();
-        let scaled: Vec<Slot> = large.iter().map(|slot| common::hard::check::scaled(slot, scale)).collect();
-        let limit = Duration::from_secs(1);
-        let time = build_time(&scaled, Preset::default(), limit);
-        assert!(time < limit, "2^{exponent}: {time:?}");
-    }
 }
 
 /// Set-up: a mesh times powers of two over the whole range that the border lets in, brought into range as scenes are. It
@@ -326,6 +202,46 @@ fn c8_triangles_cut_to_pieces_are_whole() {
         })
         .collect();
     judge_in("cut triangles, along axes", &slots, &across, &Numerics::ALL, &split);
+}
+
+/// How many slots the preset that cuts most makes of so many primitives.
+fn pieces(slots: &[Slot]) -> usize {
+    build(slots.iter().copied(), Structure::Tree(Preset::VerySlowBuild), Numerics::Watertight)
+        .describe()
+        .slots
+}
+
+/// Set-up: large triangles of whole numbers among small ones, and rays that run in their planes, through them and past them;
+/// where f64 cannot tell that a ray runs in a plane, it is still told the same by every structure.
+///
+/// Fails, and should not: in `watertight` and `double` a ray in a triangle's plane may be taken for a hit anywhere in the
+/// triangle's box. Trees that cut the triangle know less of that box than brute force does. (It fails after brute force has been
+/// held to the box, too.)
+#[test]
+fn c8_rays_in_the_planes_of_cut_triangles_are_told_the_same() {
+    let mut numbers = Numbers::new(89);
+    let mut whole = |size: f64| (numbers.vector() * size).round();
+    let large: Vec<Corners> = (0..40)
+        .map(|_| {
+            // Long and narrow: a cut leaves much less of its box.
+            let end = whole(100.0);
+            [end, whole(15.0) - end, whole(15.0)]
+        })
+        .collect();
+    let mut mesh = large.clone();
+    mesh.extend(meshes::soup(1500, 0.005, 90).iter().map(|corners| corners.map(|p| single(p * 100.0))));
+    let slots = triangles(mesh);
+    assert!(pieces(&slots) > slots.len() + 40, "hardly anything was cut");
+    let rays: Vec<Ray> = (0..times_factor(8000))
+        .map(|i| {
+            let [a, b, c] = large[i % large.len()];
+            let mut step = || f64::from(numbers.below(9) as u32) - 4.0;
+            let direction = (b - a) * step() + (c - a) * (step() + 0.5) * 2.0;
+            let origin = a + (b - a) * step() - direction * step();
+            ray(origin, direction)
+        })
+        .collect();
+    judge_in("in planes of cut triangles", &slots, &rays, &Numerics::ALL, &all_structures());
 }
 
 /// Set-up: 0 to 5 primitives, spheres among them, in every structure.

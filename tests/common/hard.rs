@@ -4,6 +4,7 @@
 //! triangles and the same rays, and one exact answer judges them all.
 
 pub mod aim;
+pub mod answer;
 pub mod balls;
 pub mod cases;
 pub mod check;

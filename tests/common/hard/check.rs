@@ -11,9 +11,10 @@
 
 use std::collections::BTreeMap;
 
-use kiln::bvh::{Accelerator, Preset, Primitive, Slot, Structure, Traversal, build};
-use kiln::geometry::{Hit, Numerics, PrimId, Ray, Sphere, Triangle};
+use kiln::bvh::{Preset, Primitive, Slot, Structure, Traversal, build};
+use kiln::geometry::{Numerics, PrimId, Ray, Sphere, Triangle};
 
+use super::answer::{Answer, Faults, answers_alike};
 use super::single;
 use crate::common::oracle::{self, Distance};
 
@@ -34,45 +35,6 @@ pub const WATERTIGHT: [Numerics; 3] = [Numerics::Watertight, Numerics::Double, N
 /// Brute force and a tree of every preset.
 pub fn all_structures() -> Vec<Structure> {
     [Structure::BruteForce].into_iter().chain(Preset::ALL.map(Structure::Tree)).collect()
-}
-
-/// Everything that a structure says of a ray.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Answer {
-    pub closest: Option<(PrimId, u64)>,
-    pub occluded: bool,
-    /// In the order of their numbers.
-    pub all: Vec<(PrimId, u64)>,
-}
-
-fn bits(hit: &Hit) -> (PrimId, u64) {
-    (hit.prim, hit.t.to_bits())
-}
-
-impl Answer {
-    pub fn of(accelerator: &dyn Accelerator, ray: &Ray, traversal: &mut Traversal) -> Self {
-        let mut all = Vec::new();
-        accelerator.all_hits(ray, &mut all, traversal);
-        let mut all: Vec<_> = all.iter().map(bits).collect();
-        all.sort_unstable();
-        let closest = accelerator.closest_hit(ray, traversal).as_ref().map(bits);
-        Answer { closest, occluded: accelerator.is_occluded(ray, traversal), all }
-    }
-
-    /// How this answer differs from the one that was expected, in few words.
-    pub fn unlike(&self, expected: &Answer) -> String {
-        let only = |a: &Answer, b: &Answer| {
-            let hits = a.all.iter().filter(|hit| !b.all.contains(hit));
-            hits.map(|(id, t)| (id.0, f64::from_bits(*t))).take(3).collect::<Vec<_>>()
-        };
-        format!(
-            "closest {:?}, expected {:?}; hits not expected {:?}, expected but missing {:?}",
-            self.closest.map(|(id, t)| (id.0, f64::from_bits(t))),
-            expected.closest.map(|(id, t)| (id.0, f64::from_bits(t))),
-            only(self, expected),
-            only(expected, self),
-        )
-    }
 }
 
 /// What was seen; for tests to be sure that something was.
@@ -114,39 +76,27 @@ pub fn judge_in(
     for &tier in tiers {
         let mut faults = Faults::new(format!("{what}, {}", tier.name()));
         let all: Vec<_> = structures.iter().map(|s| build(slots.iter().copied(), *s, tier)).collect();
-        for (ray, exact) in rays.iter().zip(&exact) {
-            let answer = Answer::of(&*all[0], ray, &mut traversal);
-            for (structure, other) in structures.iter().zip(&all).skip(1) {
-                let other = Answer::of(&**other, ray, &mut traversal);
-                faults
-                    .check(other == answer, || format!("{structure:?}: {ray:?}: {}", other.unlike(&answer)));
-            }
-            let consistent = answer.occluded == !answer.all.is_empty()
-                && answer.closest.is_some() == answer.occluded
-                && answer.closest.is_none_or(|closest| answer.all.contains(&closest));
+        let answers: Vec<Answer> = rays.iter().map(|ray| Answer::of(&*all[0], ray, &mut traversal)).collect();
+        for (structure, other) in structures.iter().zip(&all).skip(1) {
+            answers_alike(&format!("{structure:?}"), &**other, rays, &answers, &mut faults);
+        }
+        for ((ray, exact), answer) in rays.iter().zip(&exact).zip(&answers) {
+            let any = !answer.all.is_empty();
+            let consistent = answer.occluded == any && answer.closest.is_some() == any;
             faults.check(consistent, || {
-                format!(
-                    "{ray:?}: closest {:?}, occluded {}, {} hits",
-                    answer.closest,
-                    answer.occluded,
-                    answer.all.len()
-                )
+                format!("{ray:?}: closest {:?} of {}", answer.closest, answer.all.len())
             });
             if tier == Numerics::Exact {
-                judge_exact(ray, exact, &answer, &mut faults, &mut summary);
+                judge_exact(ray, exact, answer, &mut faults, &mut summary);
                 continue;
             }
             // By the tier's own distances, the closest is the first.
-            let first = answer
-                .all
-                .iter()
-                .copied()
-                .min_by(|a, b| f64::from_bits(a.1).total_cmp(&f64::from_bits(b.1)).then(a.0.cmp(&b.0)));
-            faults.check(answer.closest == first, || {
-                format!("{ray:?}: {first:?} is before {:?}", answer.closest)
-            });
+            let order = |a: &(PrimId, u64)| (f64::from_bits(a.1), a.0);
+            let first =
+                answer.all.iter().copied().min_by(|a, b| order(a).partial_cmp(&order(b)).expect("numbers"));
+            faults.check(answer.closest == first, || format!("{ray:?}: {first:?}, not {:?}", answer.closest));
             if tier != Numerics::Fast {
-                judge_rounded(ray, &by_id, exact, &answer, &mut faults, &mut summary);
+                judge_rounded(ray, &by_id, exact, answer, &mut faults, &mut summary);
             }
         }
         faults.none();
@@ -313,36 +263,4 @@ pub fn scaled(slot: &Slot, scale: f64) -> Slot {
         Primitive::Sphere(Sphere { centre, radius }) => super::ball(centre * scale, radius * scale),
     };
     Slot { primitive, ..*slot }
-}
-
-/// What differed: how often, and the first of it.
-pub struct Faults {
-    what: String,
-    checked: usize,
-    count: usize,
-    first: Option<String>,
-}
-
-impl Faults {
-    pub fn new(what: String) -> Self {
-        Faults { what, checked: 0, count: 0, first: None }
-    }
-
-    pub fn check(&mut self, holds: bool, say: impl FnOnce() -> String) {
-        self.checked += 1;
-        if !holds {
-            self.count += 1;
-            self.first.get_or_insert_with(say);
-        }
-    }
-
-    /// Panics if anything differed.
-    pub fn none(&self) {
-        let Faults { what, checked, count, first } = self;
-        assert!(
-            *count == 0,
-            "{what}: {count} of {checked} checks fail; the first: {}",
-            first.as_deref().unwrap_or("")
-        );
-    }
 }
