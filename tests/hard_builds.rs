@@ -66,7 +66,7 @@ fn c4_mixed_scales_are_traced() {
     judge("mixed scales", &slots, &rays);
 }
 
-/// Set-up: 500 clusters of needles, one around the other, the last two million times as large as the first, and a small
+/// Set-up: 500 clusters of needles, one around the other, the last 145 times as large as the first, and a small
 /// triangle in the middle; every cluster waits on the stack while the next is opened.
 ///
 /// Fails, and should not: in `fast`, two of the rays find another closest hit in trees that cut triangles. The distance is
