@@ -8,7 +8,7 @@ mod common;
 use common::Numbers;
 use common::hard::answer::Faults;
 use common::hard::cases::{Kind, aimed_ray, is_in_domain, nudged, point, touching_ball, triangle};
-use common::hard::check::exact_hits;
+use common::hard::check::{exact_hits, judge_in};
 use common::hard::{Corners, ball, corners_of, numbered, placed, times_factor, triangles};
 use common::oracle::{self, Distance};
 use glam::DVec3;
@@ -327,4 +327,28 @@ fn trees_of_everything_answer_exactly() {
     }
     eprintln!("trees: {count:?}");
     faults.none();
+}
+
+/// Set-up: the same kinds of primitives and rays for the tiers that round in f64. Where they decide otherwise, and how far off
+/// their distances are, is within the derived errors; where those are a step of f32 at most, so are the distances.
+#[test]
+fn tiers_that_round_err_no_more_than_derived() {
+    for i in 0..Kind::COUNT {
+        let mut numbers = Numbers::new(60 + i as u64);
+        let kind = Kind::nth(i, &mut numbers);
+        let mesh: Vec<Corners> = (0..40).map(|_| triangle(kind, &mut numbers)).collect();
+        let mut primitives: Vec<Primitive> =
+            triangles(mesh.iter().copied()).iter().map(|slot| slot.primitive).collect();
+        let mut rays: Vec<Ray> =
+            (0..times_factor(1500)).map(|i| aimed_ray(kind, &mesh[i % mesh.len()], &mut numbers)).collect();
+        for _ in 0..20 {
+            let (centre, radius, touching) = touching_ball(kind, &mut numbers);
+            primitives.push(ball(centre, radius));
+            rays.extend([touching, nudged(&touching, &mut numbers)]);
+        }
+        let slots = numbered(primitives);
+        let what = format!("rounded, {kind:?}");
+        let summary = judge_in(&what, &slots, &rays, &[Numerics::Double], &[Structure::BruteForce]);
+        assert!(summary.ulps[0] <= 1.0, "{what}: {summary:?}");
+    }
 }

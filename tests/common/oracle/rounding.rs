@@ -2,7 +2,7 @@
 //! one of Haines, Günther and Akenine-Möller (Ray Tracing Gems, chapter 7, 2019).
 //!
 //! A hit in f64 that is not the exact one is right if it can be blamed on rounding. These bounds say when it can. `u` is
-//! half the distance from 1 to the next f64; squares of `u` are left out, for which the constants have room.
+//! half the distance from 1 to the next f64; where its squares are left out, the constants have room for them.
 
 use glam::DVec3;
 use kiln::geometry::Ray;
@@ -67,18 +67,18 @@ struct Chord {
 
 /// With `f` the distance from the centre to the origin and `n` that to the line: the differences have an error of `u f`,
 /// `b / a` one of `4u + 3u + u` and so `d b / a` one of 9u f, the sum another `2u f`: 12u f per coordinate, at most 21u f in
-/// all. So `n^2` has an error of `42u f n + 4u n^2`, and the squared radius, less it, `2u r^2` more. `f^2 - r^2` has an error of
-/// `6u (f^2 + r^2)`.
+/// all. So `n^2` has an error of `2 (21u f) n + (21u f)^2 + 4u n^2`; the second is not small where the sphere is much smaller
+/// than its distance. The squared radius, less it, has `2u r^2` more, and `f^2 - r^2` an error of `6u (f^2 + r^2)`.
 fn chord(ray: &Ray, centre: DVec3, radius: f64) -> Chord {
     let (f, d) = (ray.origin - centre, ray.direction);
     let (length, distance) = (d.length(), f.length());
     let nearest = (f - d * (f.dot(d) / d.length_squared())).length();
+    let of_nearest = 21.0 * U * distance;
     Chord {
         squared: (radius - nearest) * (radius + nearest),
         // Twice the error: this is computed with as many roundings.
-        squared_error: 2.0
-            * U
-            * (42.0 * distance * nearest + 4.0 * nearest * nearest + 2.0 * radius * radius),
+        squared_error: 2.0 * (2.0 * of_nearest * nearest + of_nearest * of_nearest)
+            + 2.0 * U * (4.0 * nearest * nearest + 2.0 * radius * radius),
         middle: -f.dot(d) / length,
         power: (distance - radius) * (distance + radius),
         power_error: 2.0 * U * 6.0 * (distance * distance + radius * radius),
