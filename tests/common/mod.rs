@@ -1,5 +1,8 @@
 //! Helpers shared by the tests. Not every test uses every one.
-#![allow(dead_code)]
+#![allow(dead_code, unused_imports)]
+
+pub mod hard;
+pub mod oracle;
 
 pub mod borders;
 pub mod picture;
@@ -51,5 +54,31 @@ impl Numbers {
 
     pub fn vector(&mut self) -> glam::DVec3 {
         glam::DVec3::new(self.signed(), self.signed(), self.signed())
+    }
+
+    /// From 0 up to 1, with all the digits of f64.
+    pub fn fine_unit(&mut self) -> f64 {
+        let upper = u64::from(self.next()) << 21;
+        (upper | u64::from(self.next() >> 11)) as f64 / (1u64 << 53) as f64
+    }
+
+    /// From -1 up to 1 on every axis, with all the digits of f64.
+    pub fn fine_vector(&mut self) -> glam::DVec3 {
+        glam::DVec3::new(self.fine_unit(), self.fine_unit(), self.fine_unit()) * 2.0 - 1.0
+    }
+
+    /// A direction of length 1, every one as likely as every other.
+    pub fn direction(&mut self) -> glam::DVec3 {
+        loop {
+            let v = self.fine_vector();
+            if v.length_squared() <= 1.0 && v.length_squared() > 1e-3 {
+                return v.normalize();
+            }
+        }
+    }
+
+    /// One of the given.
+    pub fn one_of<T: Copy>(&mut self, items: &[T]) -> T {
+        items[self.below(items.len())]
     }
 }

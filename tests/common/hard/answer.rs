@@ -1,0 +1,103 @@
+//! What a structure says of a ray, how two of them differ, and how often.
+
+use kiln::bvh::{Accelerator, Traversal};
+use kiln::geometry::{Hit, PrimId, Ray};
+
+/// How many rays are asked about at once.
+const BATCH: usize = 64;
+
+/// Everything that a structure says of a ray.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Answer {
+    pub closest: Option<(PrimId, u64)>,
+    pub occluded: bool,
+    /// In the order of their numbers.
+    pub all: Vec<(PrimId, u64)>,
+}
+
+fn bits(hit: &Hit) -> (PrimId, u64) {
+    (hit.prim, hit.t.to_bits())
+}
+
+impl Answer {
+    pub fn of(accelerator: &dyn Accelerator, ray: &Ray, traversal: &mut Traversal) -> Self {
+        let mut all = Vec::new();
+        accelerator.all_hits(ray, &mut all, traversal);
+        let mut all: Vec<_> = all.iter().map(bits).collect();
+        all.sort_unstable();
+        let closest = accelerator.closest_hit(ray, traversal).as_ref().map(bits);
+        Answer { closest, occluded: accelerator.is_occluded(ray, traversal), all }
+    }
+
+    /// How this answer differs from the one that was expected, in few words.
+    pub fn unlike(&self, expected: &Answer) -> String {
+        let only = |a: &Answer, b: &Answer| {
+            let hits = a.all.iter().filter(|hit| !b.all.contains(hit));
+            hits.map(|(id, t)| (id.0, f64::from_bits(*t))).take(3).collect::<Vec<_>>()
+        };
+        format!(
+            "closest {:?}, expected {:?}; hits not expected {:?}, expected but missing {:?}",
+            self.closest.map(|(id, t)| (id.0, f64::from_bits(t))),
+            expected.closest.map(|(id, t)| (id.0, f64::from_bits(t))),
+            only(self, expected),
+            only(expected, self),
+        )
+    }
+}
+
+/// Asks a structure about every ray, one by one and in batches, which share their way down a tree; all answers must be the
+/// expected ones, bit for bit.
+pub fn answers_alike(
+    what: &str,
+    accelerator: &dyn Accelerator,
+    rays: &[Ray],
+    expected: &[Answer],
+    faults: &mut Faults,
+) {
+    let mut traversal = Traversal::default();
+    let (mut closest, mut occluded) = (Vec::new(), Vec::new());
+    for batch in rays.chunks(BATCH) {
+        accelerator.closest_hits(batch, &mut closest, &mut traversal);
+        accelerator.are_occluded(batch, &mut occluded, &mut traversal);
+    }
+    for (i, (ray, expected)) in rays.iter().zip(expected).enumerate() {
+        let found = Answer::of(accelerator, ray, &mut traversal);
+        faults.check(found == *expected, || format!("{what}: {ray:?}: {}", found.unlike(expected)));
+        let in_batch = Answer { closest: closest[i].as_ref().map(bits), occluded: occluded[i], ..found };
+        faults.check(in_batch == *expected, || {
+            format!("{what}, in batches: {ray:?}: {}", in_batch.unlike(expected))
+        });
+    }
+}
+
+/// What differed: how often, and the first of it.
+pub struct Faults {
+    what: String,
+    checked: usize,
+    count: usize,
+    first: Option<String>,
+}
+
+impl Faults {
+    pub fn new(what: String) -> Self {
+        Faults { what, checked: 0, count: 0, first: None }
+    }
+
+    pub fn check(&mut self, holds: bool, say: impl FnOnce() -> String) {
+        self.checked += 1;
+        if !holds {
+            self.count += 1;
+            self.first.get_or_insert_with(say);
+        }
+    }
+
+    /// Panics if anything differed.
+    pub fn none(&self) {
+        let Faults { what, checked, count, first } = self;
+        assert!(
+            *count == 0,
+            "{what}: {count} of {checked} checks fail; the first: {}",
+            first.as_deref().unwrap_or("")
+        );
+    }
+}

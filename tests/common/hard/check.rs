@@ -1,0 +1,278 @@
+//! The assertions that hard cases are used with. They count what differs, and show the first of it.
+//!
+//! What is asserted of which tier:
+//! - all: every structure gives the hits of brute force, bit for bit; the closest is the first of them; a ray is occluded
+//!   exactly if it has one.
+//! - `Exact`: the hits are those of exact arithmetic on the given f64 numbers, and the closest is the exact closest.
+//! - `Watertight` and `Double`, on data that f32 can hold, so that both are given the numbers that the oracle is given:
+//!   where a hit is not the exact one, the ray passes an edge or starts off a plane within a derived rounding error
+//!   ([`oracle::is_clear`]); distances are within a derived error of the exact ones.
+//! - `Fast`: nothing more. A tier is held against the oracle only where its numbers are the oracle's.
+
+use std::collections::BTreeMap;
+
+use kiln::bvh::{Preset, Primitive, Slot, Structure, Traversal, build};
+use kiln::geometry::{Numerics, PrimId, Ray, Sphere, Triangle};
+
+use super::answer::{Answer, Faults, answers_alike};
+use super::single;
+use crate::common::oracle::{self, Distance};
+
+/// Brute force, and the trees that differ most.
+pub const STRUCTURES: [Structure; 4] = [
+    Structure::BruteForce,
+    Structure::Tree(Preset::FastestBuild),
+    Structure::Tree(Preset::MediumBuild),
+    Structure::Tree(Preset::VerySlowBuild),
+];
+
+/// The tree that is built where nothing is asked for.
+pub const DEFAULT_TREE: Structure = Structure::Tree(Preset::MediumBuild);
+
+/// Tiers in which closed meshes do not leak.
+pub const WATERTIGHT: [Numerics; 3] = [Numerics::Watertight, Numerics::Double, Numerics::Exact];
+
+/// Brute force and a tree of every preset.
+pub fn all_structures() -> Vec<Structure> {
+    [Structure::BruteForce].into_iter().chain(Preset::ALL.map(Structure::Tree)).collect()
+}
+
+/// What was seen; for tests to be sure that something was.
+#[derive(Debug, Default, Clone, Copy, PartialEq)]
+pub struct Summary {
+    pub rays: usize,
+    /// Rays that hit anything.
+    pub hit: usize,
+    /// Rays whose two nearest hits are at exactly the same distance.
+    pub tied: usize,
+    /// Hits in `Watertight` and `Double` that are not the exact ones.
+    pub not_exact: usize,
+    /// The largest error of the closest hit's distance, in steps of f32, where the test knows it to one step or better;
+    /// in `Watertight` and `Double`, and in `Exact`.
+    pub ulps: [f64; 2],
+}
+
+/// Judges all tiers and some structures by the oracle. The data must be f32 numbers.
+pub fn judge(what: &str, slots: &[Slot], rays: &[Ray]) -> Summary {
+    judge_in(what, slots, rays, &Numerics::ALL, &STRUCTURES)
+}
+
+/// Judges the given tiers and structures by the oracle; the first structure is the one that the others are held to.
+pub fn judge_in(
+    what: &str,
+    slots: &[Slot],
+    rays: &[Ray],
+    tiers: &[Numerics],
+    structures: &[Structure],
+) -> Summary {
+    let all_single = slots.iter().all(is_single) && rays.iter().all(|r| r.origin == single(r.origin));
+    assert!(all_single || tiers.iter().all(|tier| !rounds(*tier)), "{what}: not f32 numbers");
+    let exact: Vec<Vec<(Distance, PrimId)>> = rays.iter().map(|ray| exact_hits(slots, ray)).collect();
+    let mut summary = Summary { rays: rays.len(), ..Summary::default() };
+    summary.hit = exact.iter().filter(|hits| !hits.is_empty()).count();
+    summary.tied = exact.iter().filter(|hits| hits.len() > 1 && hits[0].0 == hits[1].0).count();
+    let by_id: BTreeMap<PrimId, &Primitive> = slots.iter().map(|slot| (slot.id, &slot.primitive)).collect();
+    let mut traversal = Traversal::default();
+    for &tier in tiers {
+        let mut faults = Faults::new(format!("{what}, {}", tier.name()));
+        let all: Vec<_> = structures.iter().map(|s| build(slots.iter().copied(), *s, tier)).collect();
+        let answers: Vec<Answer> = rays.iter().map(|ray| Answer::of(&*all[0], ray, &mut traversal)).collect();
+        for (structure, other) in structures.iter().zip(&all).skip(1) {
+            answers_alike(&format!("{structure:?}"), &**other, rays, &answers, &mut faults);
+        }
+        for ((ray, exact), answer) in rays.iter().zip(&exact).zip(&answers) {
+            let any = !answer.all.is_empty();
+            let consistent = answer.occluded == any && answer.closest.is_some() == any;
+            faults.check(consistent, || {
+                format!("{ray:?}: closest {:?} of {}", answer.closest, answer.all.len())
+            });
+            if tier == Numerics::Exact {
+                judge_exact(ray, exact, answer, &mut faults, &mut summary);
+                continue;
+            }
+            // By the tier's own distances, the closest is the first.
+            let order = |a: &(PrimId, u64)| (f64::from_bits(a.1), a.0);
+            let first =
+                answer.all.iter().copied().min_by(|a, b| order(a).partial_cmp(&order(b)).expect("numbers"));
+            faults.check(answer.closest == first, || format!("{ray:?}: {first:?}, not {:?}", answer.closest));
+            if tier != Numerics::Fast {
+                judge_rounded(ray, &by_id, exact, answer, &mut faults, &mut summary);
+            }
+        }
+        faults.none();
+    }
+    eprintln!("{what}: {summary:?}");
+    summary
+}
+
+fn judge_exact(
+    ray: &Ray,
+    exact: &[(Distance, PrimId)],
+    answer: &Answer,
+    faults: &mut Faults,
+    summary: &mut Summary,
+) {
+    let mut expected: Vec<PrimId> = exact.iter().map(|hit| hit.1).collect();
+    expected.sort_unstable();
+    let found: Vec<PrimId> = answer.all.iter().map(|hit| hit.0).collect();
+    let unlike = || {
+        let only = |a: &[PrimId], b: &[PrimId]| {
+            a.iter().filter(|id| !b.contains(id)).map(|id| id.0).collect::<Vec<_>>()
+        };
+        format!(
+            "{ray:?}: hit but should not be {:?}, the other way {:?}",
+            only(&found, &expected),
+            only(&expected, &found)
+        )
+    };
+    faults.check(found == expected, unlike);
+    let first = exact.first().map(|hit| hit.1);
+    let closest = answer.closest.map(|hit| hit.0);
+    faults.check(closest == first, || format!("{ray:?}: closest {closest:?}, not {first:?}"));
+    if let (Some((distance, _)), Some((_, t))) = (exact.first(), answer.closest) {
+        let ulps = oracle::f32_ulps(f64::from_bits(t), distance);
+        faults.check(ulps <= 1.0, || format!("{ray:?}: {ulps} ulps off {distance:?}"));
+        summary.ulps[1] = summary.ulps[1].max(ulps);
+    }
+}
+
+fn judge_rounded(
+    ray: &Ray,
+    by_id: &BTreeMap<PrimId, &Primitive>,
+    exact: &[(Distance, PrimId)],
+    answer: &Answer,
+    faults: &mut Faults,
+    summary: &mut Summary,
+) {
+    let expected: BTreeMap<PrimId, &Distance> = exact.iter().map(|(t, id)| (*id, t)).collect();
+    let found: BTreeMap<PrimId, f64> = answer.all.iter().map(|(id, t)| (*id, f64::from_bits(*t))).collect();
+    let false_hits = found.keys().filter(|id| !expected.contains_key(id));
+    let false_misses = expected.keys().filter(|id| !found.contains_key(id));
+    for id in false_hits.chain(false_misses) {
+        summary.not_exact += 1;
+        let clear = is_clear(ray, by_id[id]);
+        faults.check(!clear, || format!("{ray:?}: {:?} decided wrong, and not by rounding", by_id[id]));
+    }
+    for (id, t) in &found {
+        if let Some(distance) = expected.get(id) {
+            let allowed = distance_error(ray, by_id[id]);
+            let exact = distance.to_f64();
+            let off = off_by(ray, by_id[id], *t, exact);
+            faults
+                .check(off <= allowed, || format!("{ray:?}: {id:?} at {t}, off by {off}, allowed {allowed}"));
+            let step = oracle::f32_step(exact);
+            if allowed <= step {
+                summary.ulps[0] = summary.ulps[0].max(off / step);
+            }
+        }
+    }
+}
+
+/// How far a distance is off. Where the ray starts on a sphere, up to rounding, either end of its chord may be the first.
+fn off_by(ray: &Ray, primitive: &Primitive, t: f64, exact: f64) -> f64 {
+    let off = (t - exact).abs();
+    match primitive {
+        Primitive::Sphere(Sphere { centre, radius }) if !is_clear(ray, primitive) => {
+            let ends = oracle::line_sphere(ray, *centre, *radius).into_iter().flatten();
+            ends.map(|end| (t - end.to_f64()).abs()).fold(off, f64::min)
+        }
+        _ => off,
+    }
+}
+
+/// All exact hits, in the order of their distance and number.
+pub fn exact_hits(slots: &[Slot], ray: &Ray) -> Vec<(Distance, PrimId)> {
+    let hit = |slot: &Slot| match &slot.primitive {
+        Primitive::Triangle(Triangle(corners)) => oracle::triangle(ray, corners),
+        Primitive::Sphere(Sphere { centre, radius }) => oracle::sphere(ray, *centre, *radius),
+    };
+    let mut hits: Vec<_> = slots.iter().filter_map(|slot| Some((hit(slot)?, slot.id))).collect();
+    hits.sort_unstable();
+    hits
+}
+
+fn is_clear(ray: &Ray, primitive: &Primitive) -> bool {
+    match primitive {
+        Primitive::Triangle(Triangle(corners)) => oracle::is_clear(ray, corners),
+        Primitive::Sphere(Sphere { centre, radius }) => oracle::is_clear_of_sphere(ray, *centre, *radius),
+    }
+}
+
+fn distance_error(ray: &Ray, primitive: &Primitive) -> f64 {
+    match primitive {
+        Primitive::Triangle(Triangle(corners)) => oracle::distance_error(ray, corners),
+        Primitive::Sphere(Sphere { centre, radius }) => oracle::sphere_distance_error(ray, *centre, *radius),
+    }
+}
+
+fn rounds(tier: Numerics) -> bool {
+    matches!(tier, Numerics::Fast | Numerics::Watertight)
+}
+
+fn is_single(slot: &Slot) -> bool {
+    match &slot.primitive {
+        Primitive::Triangle(Triangle(corners)) => corners.iter().all(|p| *p == single(*p)),
+        Primitive::Sphere(Sphere { centre, radius }) => {
+            *centre == single(*centre) && *radius == f64::from(*radius as f32)
+        }
+    }
+}
+
+/// Every one of the rays hits something: in tiers that do not leak, with every structure given.
+pub fn none_gets_out(what: &str, slots: &[Slot], rays: &[Ray], tiers: &[Numerics], structures: &[Structure]) {
+    let mut traversal = Traversal::default();
+    for &tier in tiers {
+        for &structure in structures {
+            let accelerator = build(slots.iter().copied(), structure, tier);
+            let mut faults = Faults::new(format!("{what}, {}, {structure:?}", tier.name()));
+            for ray in rays {
+                let hit = accelerator.closest_hit(ray, &mut traversal);
+                faults.check(hit.is_some(), || format!("{ray:?} gets out"));
+                faults.check(hit.is_none_or(|hit| hit.t.is_finite() && hit.t > 0.0), || {
+                    format!("{ray:?}: {hit:?}")
+                });
+            }
+            faults.none();
+        }
+    }
+    eprintln!("{what}: {} rays, none got out", rays.len());
+}
+
+/// Scaling everything by a power of two changes no digit of any answer.
+pub fn scales_to_the_bit(what: &str, slots: &[Slot], rays: &[Ray], exponents: &[i32], tiers: &[Numerics]) {
+    let mut traversal = Traversal::default();
+    for &tier in tiers {
+        for structure in [Structure::BruteForce, DEFAULT_TREE] {
+            let original = build(slots.iter().copied(), structure, tier);
+            for &exponent in exponents {
+                let scale = f64::from(exponent).exp2();
+                let scaled = build(slots.iter().map(|slot| scaled(slot, scale)), structure, tier);
+                let mut faults = Faults::new(format!("{what}, {}, {structure:?}, 2^{exponent}", tier.name()));
+                for ray in rays {
+                    let expected = Answer::of(&*original, ray, &mut traversal);
+                    let moved = Ray {
+                        origin: ray.origin * scale,
+                        t_min: ray.t_min * scale,
+                        t_max: ray.t_max * scale,
+                        ..*ray
+                    };
+                    let mut found = Answer::of(&*scaled, &moved, &mut traversal);
+                    for hit in found.all.iter_mut().chain(&mut found.closest) {
+                        hit.1 = (f64::from_bits(hit.1) / scale).to_bits();
+                    }
+                    faults.check(found == expected, || format!("{ray:?}: {}", found.unlike(&expected)));
+                }
+                faults.none();
+            }
+        }
+    }
+}
+
+/// A primitive times a power of two.
+pub fn scaled(slot: &Slot, scale: f64) -> Slot {
+    let primitive = match slot.primitive {
+        Primitive::Triangle(Triangle(corners)) => Primitive::Triangle(Triangle(corners.map(|p| p * scale))),
+        Primitive::Sphere(Sphere { centre, radius }) => super::ball(centre * scale, radius * scale),
+    };
+    Slot { primitive, ..*slot }
+}

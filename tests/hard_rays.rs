@@ -1,0 +1,407 @@
+//! Hard cases, chapter A: rays and boxes.
+//!
+//! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
+//! which tier.
+//!
+//! Not tested here: A8's count of rejected rays. A ray's maker says so at once when a direction is not one (debug assertion);
+//! what is tested is that such a ray does no harm where it gets through.
+
+mod common;
+
+use common::Numbers;
+use common::hard::aim::{
+    At, axes_with_signed_zeros, exactly_through, from_around, lattice, lattice_directions, targets,
+};
+use common::hard::answer::{Answer, Faults};
+use common::hard::check::{
+    DEFAULT_TREE, STRUCTURES, Summary, WATERTIGHT, all_structures, judge, judge_in, none_gets_out,
+};
+use common::hard::{
+    Corners, ball, corners_of, meshes, numbered, piles, placed, ray, ray_towards, single, single_mesh,
+    times_factor, triangles,
+};
+use glam::DVec3;
+use kiln::bvh::{Slot, Structure, Traversal, build};
+use kiln::geometry::{Numerics, PrimId, Ray};
+
+/// At least half of the rays hit: the case is not beside the point.
+fn mostly_hits(summary: Summary) {
+    assert!(summary.hit * 2 > summary.rays, "{summary:?}");
+}
+
+/// Set-up: all four patterns of signs of the two zeros of an axis-aligned direction, at a sphere of triangles.
+#[test]
+fn a1_signed_zeros_make_no_difference() {
+    let slots = triangles(single_mesh(&meshes::icosphere(4, DVec3::ZERO, 1.0)));
+    let mut traversal = Traversal::default();
+    for tier in Numerics::ALL {
+        for structure in all_structures() {
+            let accelerator = build(slots.iter().copied(), structure, tier);
+            let mut faults = Faults::new(format!("{}, {structure:?}", tier.name()));
+            let mut hits = 0;
+            let side = if structure == Structure::BruteForce { 10 } else { 40 };
+            for patterns in axes_with_signed_zeros() {
+                for i in 0..side * side {
+                    let along = patterns[0];
+                    let (u, v) =
+                        (along.any_orthonormal_vector(), along.cross(along.any_orthonormal_vector()));
+                    let place = |k: usize| (k as f64 + 0.5) / side as f64 * 2.0 - 1.0;
+                    let origin = u * place(i % side) + v * place(i / side) - along * 3.0;
+                    // A ray's two numbers may be set apart from its maker, so the patterns come in both ways.
+                    let made = patterns.map(|d| ray(origin, d));
+                    let answers = made.map(|ray| Answer::of(&*accelerator, &ray, &mut traversal));
+                    faults
+                        .check(answers.iter().all(|a| *a == answers[0]), || format!("{origin}: {answers:?}"));
+                    hits += usize::from(answers[0].occluded);
+                }
+            }
+            faults.none();
+            // The disc fills π/4 of the square.
+            assert!(hits > 6 * side * side * 3 / 4, "{hits} hits");
+        }
+    }
+}
+
+/// Set-up: a wall of two triangles from 10 to a million units away, seen along its normal at random places, along its edges
+/// and its diagonal. Every ray hits: a component of 0 leaves the ray within the wall at any distance.
+#[test]
+fn a2_a_wall_is_not_missed_from_far_away() {
+    let wall: [Corners; 2] = [
+        [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0)],
+        [DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), DVec3::Y],
+    ];
+    let slots = triangles(wall);
+    let mut numbers = Numbers::new(1);
+    let special = [0.0, 0.5, f64::from(1f32.next_down()), 1.0];
+    let mut places: Vec<(f64, f64)> = special.iter().flat_map(|&x| special.map(|y| (x, y))).collect();
+    places.extend((0..times_factor(400)).map(|_| (numbers.unit(), numbers.unit())));
+    for power in 1..=6 {
+        for side in [-1.0, 1.0] {
+            let z = side * 10f64.powi(power);
+            let rays: Vec<Ray> =
+                places.iter().map(|&(x, y)| ray(DVec3::new(x, y, z), DVec3::new(0.0, -0.0, -side))).collect();
+            let what = format!("wall from {z}");
+            let summary = judge(&what, &slots, &rays);
+            assert_eq!(summary.hit, rays.len(), "{what}: the oracle itself misses");
+            assert_eq!(summary.not_exact, 0, "{what}");
+            none_gets_out(&what, &slots, &rays, &WATERTIGHT, &STRUCTURES);
+            // Off the edges the fast tier hits too.
+            let inside: Vec<Ray> = rays
+                .into_iter()
+                .filter(|r| {
+                    let (x, y) = (r.origin.x, r.origin.y);
+                    x.min(y) > 1e-3 && x.max(y) < 0.999 && (x - y).abs() > 1e-3
+                })
+                .collect();
+            none_gets_out(&what, &slots, &inside, &[Numerics::Fast], &STRUCTURES);
+        }
+    }
+}
+
+/// Set-up: a height field of whole numbers, met along an axis at every corner, edge, middle of an edge and middle of a
+/// square; so rays run in faces of boxes, along their edges and through their corners. All numbers are small whole ones,
+/// so f64 decides exactly.
+#[test]
+fn a3_rays_in_faces_and_corners_of_boxes_hit() {
+    let size = 16;
+    let field = meshes::height_field(size, 3);
+    for axis in 0..3 {
+        // The heights turned to run along the axis.
+        let turned = |p: DVec3| match axis {
+            0 => DVec3::new(p.z, p.x, p.y),
+            1 => DVec3::new(p.y, p.z, p.x),
+            _ => p,
+        };
+        let slots = triangles(placed(&field, turned));
+        for side in [-1.0, 1.0] {
+            let mut direction = DVec3::ZERO;
+            direction[axis] = -side;
+            let rays = lattice(axis, 9.0 * side, (-0.5, size as f64 + 0.5), 0.5, direction);
+            let summary =
+                judge_in(&format!("lattice {axis}"), &slots, &rays, &Numerics::ALL, &all_structures());
+            // 33 x 33 of 35 x 35 places lie over the field.
+            assert_eq!(summary.hit, 33 * 33);
+            assert_eq!(summary.not_exact, 0);
+        }
+    }
+}
+
+/// Set-up: the same field, met through its corners and points of its edges by rays of whole numbers in all directions.
+///
+/// Fails, and should not: in `watertight` and `double`, brute force takes a ray that runs in the plane of a triangle, and past
+/// its box, for a hit; trees do not come to it. The smallest case: the ray from (21, 1, -3) along (-2, 1, 3) and the triangle
+/// (20, 6, 3), (21, 6, 2), (21, 7, 3). All three edge functions are 0, as computed they are not.
+#[test]
+fn a3_slanted_rays_through_lattice_points_hit() {
+    let field = meshes::height_field(24, 5);
+    let slots = triangles(field.clone());
+    let mut numbers = Numbers::new(2024);
+    let aimed = targets(&field, &[At::Corner, At::EdgeMiddle], times_factor(2500), &mut numbers);
+    let rays = exactly_through(&aimed, 6, 1.0, &mut numbers);
+    let summary = judge("slanted lattice", &slots, &rays);
+    mostly_hits(summary);
+    // Many rays meet two triangles at once.
+    assert!(summary.tied * 4 > summary.rays, "{summary:?}");
+}
+
+/// Set-up: a small sphere of triangles from far away, along an axis but for one component between 1e-9 and 2e-7.
+#[test]
+fn a4_tiny_components_lose_nothing() {
+    let ball = single_mesh(&meshes::icosphere(2, DVec3::ZERO, 0.05));
+    let slots = triangles(ball.clone());
+    let mut numbers = Numbers::new(4);
+    for component in [1e-9, 1e-8, 1e-7, 1.2e-7, 2e-7] {
+        for distance in [1e4, 1e5, 1e6] {
+            let rays: Vec<Ray> = targets(&ball, &[At::Inside], times_factor(200), &mut numbers)
+                .into_iter()
+                .map(|target| {
+                    let axis = numbers.below(3);
+                    let mut direction = DVec3::ZERO;
+                    direction[axis] = numbers.one_of(&[-1.0, 1.0]);
+                    direction[(axis + 1) % 3] = component;
+                    // What the direction is rounded to is followed back, so the aim is as good as the origin's rounding.
+                    let direction = single(direction);
+                    ray(single(target - direction * distance), direction)
+                })
+                .collect();
+            let summary = judge(&format!("component {component} from {distance}"), &slots, &rays);
+            mostly_hits(summary);
+        }
+    }
+}
+
+/// Set-up: the same rays with directions times powers of two. Distances change by that power, and no digit of them.
+#[test]
+fn a5_the_length_of_a_direction_makes_no_difference() {
+    let mut mesh = single_mesh(&meshes::icosphere(2, DVec3::ZERO, 1.0));
+    mesh.extend(meshes::soup(100, 0.5, 5));
+    let mut primitives: Vec<_> = triangles(mesh.clone()).into_iter().map(|slot| slot.primitive).collect();
+    primitives.push(ball(DVec3::new(0.25, 0.5, -0.125), 0.5));
+    let slots = numbered(primitives);
+    let mut numbers = Numbers::new(5);
+    let aimed = targets(&mesh, &At::ALL, times_factor(500), &mut numbers);
+    let rays = from_around(DVec3::ZERO, 3.0, &aimed, &mut numbers);
+    let mut traversal = Traversal::default();
+    for tier in Numerics::ALL {
+        for structure in [Structure::BruteForce, DEFAULT_TREE] {
+            let accelerator = build(slots.iter().copied(), structure, tier);
+            for exponent in [-100, -60, -20, -1, 1, 20, 60, 100] {
+                // The fast tier multiplies directions with edges, in f32.
+                if tier == Numerics::Fast && i32::abs(exponent) > 60 {
+                    continue;
+                }
+                let mut faults = Faults::new(format!("{}, {structure:?}, 2^{exponent}", tier.name()));
+                let factor = f64::from(exponent).exp2();
+                for original in &rays {
+                    let expected = Answer::of(&*accelerator, original, &mut traversal);
+                    let longer = ray(original.origin, original.direction * factor);
+                    let mut found = Answer::of(&*accelerator, &longer, &mut traversal);
+                    for hit in found.all.iter_mut().chain(&mut found.closest) {
+                        hit.1 = (f64::from_bits(hit.1) * factor).to_bits();
+                    }
+                    faults.check(found == expected, || format!("{original:?}: {}", found.unlike(&expected)));
+                }
+                faults.none();
+            }
+        }
+    }
+}
+
+/// Set-up: rays that start at corners, on edges, on faces and in the middle of the boxes of triangles, of pairs of them and
+/// of all of them; along all lattice directions and others.
+#[test]
+fn a6_rays_that_start_on_boxes_miss_nothing() {
+    let mut mesh = meshes::height_field(6, 6);
+    mesh.extend(
+        placed(&meshes::soup(60, 0.8, 6), |p| p * 3.0 + 3.0).iter().map(|corners| corners.map(single)),
+    );
+    let slots = triangles(mesh.clone());
+    let mut numbers = Numbers::new(6);
+    let all: Vec<DVec3> = mesh.iter().flatten().copied().collect();
+    let directions = lattice_directions();
+    let rays: Vec<Ray> = (0..times_factor(4000))
+        .map(|i| {
+            let mut of = mesh[numbers.below(mesh.len())].to_vec();
+            match i % 8 {
+                0 => of.clone_from(&all),
+                1..4 => of.extend(mesh[numbers.below(mesh.len())]),
+                _ => {}
+            }
+            let min = of.iter().copied().reduce(DVec3::min).expect("corners");
+            let max = of.iter().copied().reduce(DVec3::max).expect("corners");
+            let mut place = || numbers.one_of(&[0.0, 0.0, 1.0, 1.0, 0.5]);
+            let origin = min + (max - min) * DVec3::new(place(), place(), place());
+            let direction = if i % 2 == 0 { numbers.one_of(&directions) } else { numbers.direction() };
+            ray(origin, direction)
+        })
+        .collect();
+    let summary = judge("from boxes", &slots, &rays);
+    assert!(summary.hit * 3 > summary.rays, "{summary:?}");
+}
+
+/// Set-up: triangles in planes across an axis, whose boxes are flat. A ray in such a plane misses, in every tier; a ray one
+/// step of f32 beside it misses too, and a ray tilted by one step meets what it should.
+#[test]
+fn a7_flat_boxes_are_met_and_rays_in_them_miss() {
+    let mut numbers = Numbers::new(7);
+    for axis in 0..3 {
+        let flat = |p: DVec3| {
+            let mut q = p * 4.0;
+            q[axis] = 0.75;
+            q
+        };
+        let mesh = placed(&meshes::soup(60, 0.4, 70 + axis as u64), |p| single(flat(p)));
+        let slots = triangles(mesh.clone());
+        let mut in_plane = Vec::new();
+        let mut tilted = Vec::new();
+        for target in targets(&mesh, &At::ALL, times_factor(600), &mut numbers) {
+            let origin = single(flat(numbers.vector() * 2.0));
+            in_plane.push(ray_towards(origin, single(target)));
+            let mut aside = origin;
+            let step = if numbers.below(2) == 0 { 0.75f32.next_up() } else { 0.75f32.next_down() };
+            aside[axis] = f64::from(step);
+            in_plane.push(Ray { origin: aside, ..in_plane[in_plane.len() - 1] });
+            tilted.push(ray(aside, single(target) - aside));
+        }
+        let summary = judge(&format!("flat {axis}"), &slots, &in_plane);
+        assert_eq!((summary.hit, summary.not_exact), (0, 0));
+        judge(&format!("flat {axis}, tilted"), &slots, &tilted);
+        let mut traversal = Traversal::default();
+        for structure in STRUCTURES {
+            let fast = build(slots.iter().copied(), structure, Numerics::Fast);
+            let hits = in_plane.iter().filter(|ray| fast.is_occluded(ray, &mut traversal)).count();
+            assert_eq!(hits, 0, "fast, {structure:?}");
+        }
+    }
+}
+
+/// Set-up: closed boxes of 100 x 100 x 1e-4, met at corners, edges and faces from outside and from within.
+#[test]
+fn a7_thin_boxes_are_not_missed() {
+    let mesh = meshes::thin_boxes(12, 7);
+    let slots = triangles(mesh.clone());
+    let mut numbers = Numbers::new(77);
+    let aimed = targets(&mesh, &At::ALL, times_factor(3000), &mut numbers);
+    mostly_hits(judge("thin boxes", &slots, &from_around(DVec3::ZERO, 300.0, &aimed, &mut numbers)));
+    // From the middle of each box, anywhere: closed.
+    let from_within: Vec<Ray> = mesh
+        .chunks(12)
+        .flat_map(|thin| {
+            let min = thin.iter().flatten().copied().reduce(DVec3::min).expect("corners");
+            let max = thin.iter().flatten().copied().reduce(DVec3::max).expect("corners");
+            let middle = single((min + max) / 2.0);
+            // Rounding must not have put it on a face.
+            assert!(min.cmplt(middle).all() && middle.cmplt(max).all());
+            let aimed = targets(thin, &At::SHARED, times_factor(600), &mut numbers);
+            aimed.into_iter().map(move |target| ray_towards(middle, target)).collect::<Vec<_>>()
+        })
+        .collect();
+    none_gets_out("within thin boxes", &slots, &from_within, &WATERTIGHT, &STRUCTURES);
+}
+
+/// Set-up: directions that are zero or not numbers, past the maker of rays. Nothing is hit, and nothing panics.
+///
+/// Fails, and should not: in `exact`, the sphere is hit, at a distance near 0.
+#[test]
+fn a8_directions_that_are_none_hit_nothing() {
+    let mut primitives: Vec<_> = triangles(single_mesh(&meshes::icosphere(2, DVec3::ZERO, 1.0)))
+        .into_iter()
+        .map(|slot| slot.primitive)
+        .collect();
+    primitives.push(ball(DVec3::ZERO, 0.5));
+    let slots = numbered(primitives);
+    let (nan, infinite) = (f64::NAN, f64::INFINITY);
+    let bad = [
+        DVec3::ZERO,
+        DVec3::new(nan, 0.0, 1.0),
+        DVec3::new(0.0, nan, 1.0),
+        DVec3::new(0.0, 1.0, nan),
+        DVec3::splat(nan),
+        DVec3::new(infinite, 0.0, 0.0),
+        DVec3::new(0.0, -infinite, 1.0),
+    ];
+    let mut traversal = Traversal::default();
+    for tier in Numerics::ALL {
+        let mut faults = Faults::new(tier.name().to_owned());
+        for structure in all_structures() {
+            let accelerator = build(slots.iter().copied(), structure, tier);
+            for direction in bad {
+                for origin in [DVec3::ZERO, DVec3::new(0.25, 0.5, 3.0)] {
+                    let ray = Ray { origin, direction, t_min: 0.0, t_max: infinite };
+                    let answer = Answer::of(&*accelerator, &ray, &mut traversal);
+                    faults
+                        .check(!answer.occluded && answer.closest.is_none() && answer.all.is_empty(), || {
+                            format!("{structure:?}: {ray:?}: {answer:?}")
+                        });
+                }
+            }
+        }
+        faults.none();
+    }
+}
+
+/// Set-up: a triangle at z = 5, and rays whose ends are at it, just before or just beyond.
+#[test]
+fn a9_rays_are_open_at_both_ends() {
+    let slots = triangles(piles::coincident(1));
+    let (before, beyond) = (5f64.next_down(), 5f64.next_up());
+    let table = [
+        ((0.0, 5.0), false),
+        ((5.0, 10.0), false),
+        ((5.0, 5.0), false),
+        ((0.0, beyond), true),
+        ((before, 10.0), true),
+        ((before, beyond), true),
+        ((beyond, 10.0), false),
+        ((0.0, before), false),
+        ((0.0, f64::INFINITY), true),
+    ];
+    let mut traversal = Traversal::default();
+    for tier in Numerics::ALL {
+        for structure in all_structures() {
+            let accelerator = build(slots.iter().copied(), structure, tier);
+            for ((t_min, t_max), hits) in table {
+                let ray = tier.precision().ray(DVec3::ZERO, DVec3::Z, t_min, t_max);
+                let answer = Answer::of(&*accelerator, &ray, &mut traversal);
+                let expected = hits.then_some((PrimId(0), 5f64.to_bits()));
+                let what = format!("{}, {structure:?}, {t_min} to {t_max}", tier.name());
+                assert_eq!(answer.closest, expected, "{what}");
+                assert_eq!(answer.all, expected.into_iter().collect::<Vec<_>>(), "{what}");
+                assert_eq!(answer.occluded, hits, "{what}");
+            }
+        }
+    }
+}
+
+/// Set-up: directions so short that distances are beyond f32, and so long that they are below it.
+#[test]
+fn a10_distances_beyond_f32_are_right_or_no_hit_but_numbers() {
+    let slots: Vec<Slot> = triangles(placed(&meshes::icosphere(1, DVec3::ZERO, 1.0), |p| {
+        single(p * 100.0 + DVec3::new(1e6, 0.0, 0.0))
+    }));
+    let mut traversal = Traversal::default();
+    for length in [1e-38, 1e-30, 1e-20, 1e20, 1e30, 1e38] {
+        let length = f64::from(length as f32);
+        let mut numbers = Numbers::new(10);
+        let rays: Vec<Ray> = targets(&corners_of(&slots), &[At::Inside], times_factor(50), &mut numbers)
+            .into_iter()
+            .map(|p| ray(DVec3::new(0.0, p.y, p.z), DVec3::X * length))
+            .collect();
+        // The exact tier is right; others are within rounding, where they hit.
+        let exact = judge_in("far", &slots, &rays, &[Numerics::Exact], &STRUCTURES);
+        assert!(exact.hit * 10 > rays.len() * 9, "{exact:?}");
+        for tier in Numerics::ALL {
+            for structure in STRUCTURES {
+                let accelerator = build(slots.iter().copied(), structure, tier);
+                for ray in &rays {
+                    let hits = Answer::of(&*accelerator, ray, &mut traversal).all;
+                    for (_, t) in hits {
+                        let x = f64::from_bits(t) * length;
+                        // The ball reaches from 1e6 - 100 to 1e6 + 100.
+                        assert!((x - 1e6).abs() < 101.0, "{} {structure:?}: {ray:?}: {x}", tier.name());
+                    }
+                }
+            }
+        }
+    }
+}
