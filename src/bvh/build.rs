@@ -59,53 +59,49 @@ impl Preset {
 /// Where triangles are split, obvhs's halves are measured to leave gaps of up to 9.7 ulp at the cut.
 const SPLIT_GAP_ULPS: f32 = 16.0;
 
-/// The greatest growth of a box for the builder, in units of its last place.
-const MOST_JITTER: u64 = 16;
+/// The greatest growth of a box for the builder: units of its last place, and a share of its size.
+const MOST_JITTER: (u64, f32) = (16, 1.0 / 128.0);
 
 /// Builds a tree over `slots`.
 ///
 /// The steps are those of obvhs's own `build_bvh2`, with boxes of ours and without the validation that it runs in
 /// debug builds, which takes deep trees for broken ones.
 ///
-/// PLOC merges pairs of nearest neighbours, and where all are equally near (copies of a triangle, rows, fans) it merges
-/// one pair a round: time grows with the square of the number, and the tree becomes a chain. So it is given boxes that
-/// are grown by 1 to [`MOST_JITTER`] units in the last place on each side, by a number made from the primitive's place:
-/// no two are equally near, and equal input still gives equal trees. The nodes get their true boxes back afterwards.
+/// PLOC merges pairs that are each other's nearest. Where all are equally near (copies of a triangle, rows), or each is
+/// nearer to the next than to the last (fans, cones), that is one pair a round: time grows with the square of the number,
+/// and the tree becomes a chain. So it is given boxes that are grown a little on each side, by a number made from the
+/// primitive's place: no two are equally near, no long run is ordered, and equal input still gives equal trees. The nodes
+/// get their true boxes back before anything else looks at them.
 pub fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Tree<T> {
     if slots.is_empty() {
         return Tree::new(Vec::new(), Vec::new());
     }
     let parameters = preset.parameters();
     let whole: Vec<Bounds> = slots.iter().map(StoredSlot::bounds).collect();
-    let Boxes { order, boxes, indices } = if parameters.pre_split {
+    let Boxes { boxes, of_slot } = if parameters.pre_split && T::IS_TIGHT {
         split_large_triangles(slots, &whole)
     } else {
-        let order: Vec<u32> = (0..slots.len() as u32).collect();
-        Boxes { boxes: whole.clone(), indices: order.clone(), order }
+        Boxes { boxes: whole, of_slot: (0..slots.len() as u32).collect() }
     };
     let jittered: Vec<Aabb> = (0..).zip(&boxes).map(|(place, b)| to_obvhs(jitter(*b, place))).collect();
     let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
         parameters.ploc_search_distance,
         &jittered,
-        indices,
+        (0..boxes.len() as u32).collect(),
         parameters.sort_precision,
         parameters.search_depth_threshold,
     );
-    tree.uses_spatial_splits = parameters.pre_split;
+    tighten(&mut tree.nodes, |leaf| {
+        let inside = tree.primitive_indices[leaf].iter().map(|&i| boxes[i as usize]);
+        inside.reduce(Bounds::union).unwrap_or(boxes[0])
+    });
     let mut reinsertion = ReinsertionOptimizer::default();
     let ratio = parameters.reinsertion_batch_ratio;
     reinsertion.run(&mut tree, ratio, None);
     collapse(&mut tree, parameters.max_prims_per_leaf.clamp(1, 255), parameters.collapse_traversal_cost);
     reinsertion.run(&mut tree, ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier, None);
 
-    let place = |i: &u32| order[*i as usize] as usize;
-    if !parameters.pre_split {
-        tighten(&mut tree.nodes, |prims| {
-            let boxes = tree.primitive_indices[prims].iter().map(|i| whole[place(i)]);
-            boxes.reduce(Bounds::union).unwrap_or(whole[0])
-        });
-    }
-    let ordered = tree.primitive_indices.iter().map(|i| slots[place(i)]).collect();
+    let ordered = tree.primitive_indices.iter().map(|&i| slots[of_slot[i as usize] as usize]).collect();
     Tree::new(tree.nodes, ordered)
 }
 
@@ -113,13 +109,16 @@ fn to_obvhs(b: Bounds) -> Aabb {
     Aabb::new(Vec3A::from(b.min), Vec3A::from(b.max))
 }
 
-/// The box, larger by a number of units in the last place that depends on its place, 1 to [`MOST_JITTER`] on each side.
+/// The box, larger on each side by up to [`MOST_JITTER`], and by a unit in the last place at least, as its place tells.
 fn jitter(b: Bounds, place: u64) -> Bounds {
-    let ulp = b.ulp();
+    let (units, share) = MOST_JITTER;
+    let (ulp, size) = (b.ulp(), (b.max - b.min).max_element());
     let mut side = 6 * place;
     let mut step = || {
         side += 1;
-        ulp * (1 + mix(side.wrapping_mul(GOLDEN)) % MOST_JITTER) as f32
+        let bits = mix(side.wrapping_mul(GOLDEN));
+        let portion = (bits >> 40) as f32 / (1u32 << 24) as f32;
+        ulp * (1 + bits % units) as f32 + size * share * portion
     };
     let mut steps = || Vec3::new(step(), step(), step());
     b.grown(steps(), steps())
@@ -150,49 +149,44 @@ fn tighten(nodes: &mut [Bvh2Node], leaf: impl Fn(std::ops::Range<usize>) -> Boun
 
 /// What the builder is given.
 struct Boxes {
-    /// The slots in an order of its own.
-    order: Vec<u32>,
-    /// Boxes of slots, or of parts of them.
+    /// Boxes of primitives, or of parts of them.
     boxes: Vec<Bounds>,
-    /// For each box, the place of its slot in that order.
-    indices: Vec<u32>,
+    /// For each box, the slot of its primitive.
+    of_slot: Vec<u32>,
 }
 
 /// Boxes of parts of large triangles, and of everything else whole.
-///
-/// obvhs looks triangles up by their place in its list, and its leaf collapsing takes for granted that the first box of
-/// every primitive stands at the primitive's own place. So triangles come first, spheres next, further parts last.
 fn split_large_triangles<T: Tier>(slots: &[StoredSlot<T>], whole: &[Bounds]) -> Boxes {
-    let mut order = Vec::with_capacity(slots.len());
-    let mut spheres = Vec::new();
     let mut triangles = Vec::with_capacity(slots.len());
+    // obvhs looks triangles up by their place in its list.
+    let mut of_triangle = Vec::with_capacity(slots.len());
+    let mut spheres = Vec::new();
     for (index, slot) in (0..).zip(slots) {
         match slot.primitive() {
             Primitive::Triangle(triangle) => {
                 let [v0, v1, v2] = triangle.0.map(|corner| corner.as_vec3a());
                 triangles.push(obvhs::triangle::Triangle { v0, v1, v2 });
-                order.push(index);
+                of_triangle.push(index);
             }
             Primitive::Sphere(_) => spheres.push(index),
         }
     }
-    let count = triangles.len();
-    let mut split: Vec<Aabb> = order.iter().map(|&i| to_obvhs(whole[i as usize])).collect();
-    let mut indices: Vec<u32> = (0..count as u32).collect();
-    if count > 0 {
-        let half_areas = split.iter().map(Aabb::half_area);
+    let mut parts: Vec<Aabb> = of_triangle.iter().map(|&i: &u32| to_obvhs(whole[i as usize])).collect();
+    let mut of_part: Vec<u32> = (0..triangles.len() as u32).collect();
+    if !triangles.is_empty() {
+        let half_areas = parts.iter().map(Aabb::half_area);
         let (total, largest) =
             half_areas.fold((0.0, 0.0f32), |(sum, most), area| (sum + area, most.max(area)));
-        split_aabbs_preset(&mut split, &mut indices, &triangles, total / count as f32, largest);
+        split_aabbs_preset(&mut parts, &mut of_part, &triangles, total / triangles.len() as f32, largest);
     }
+    let mut of_slot: Vec<u32> = of_part.iter().map(|&part| of_triangle[part as usize]).collect();
     // The cuts are as exact as the whole triangle's coordinates are.
-    let closed = |(b, i): (&Aabb, &u32)| {
-        let gap = Vec3::splat(SPLIT_GAP_ULPS * whole[order[*i as usize] as usize].ulp());
-        Bounds { min: b.min.into(), max: b.max.into() }.grown(gap, gap)
+    let closed = |(part, &slot): (&Aabb, &u32)| {
+        let gap = Vec3::splat(SPLIT_GAP_ULPS * whole[slot as usize].ulp());
+        Bounds { min: part.min.into(), max: part.max.into() }.grown(gap, gap)
     };
-    let mut boxes: Vec<Bounds> = split.iter().zip(&indices).map(closed).collect();
-    boxes.splice(count..count, spheres.iter().map(|&i| whole[i as usize]));
-    indices.splice(count..count, count as u32..(count + spheres.len()) as u32);
-    order.extend(spheres);
-    Boxes { order, boxes, indices }
+    let mut boxes: Vec<Bounds> = parts.iter().zip(&of_slot).map(closed).collect();
+    boxes.extend(spheres.iter().map(|&i| whole[i as usize]));
+    of_slot.extend(spheres);
+    Boxes { boxes, of_slot }
 }

@@ -36,14 +36,14 @@ impl Bounds {
     }
 }
 
-/// Moves a distance along `ray` into the part of the ray that passes through the box from `min` to `max`.
+/// Moves a distance along `ray` into the part of the ray that passes through the box from `min` to `max`; `None` where
+/// there is no such part, up to [`DOUBLE_MARGIN`].
 ///
 /// The distances of the box's planes come from one subtraction, one reciprocal and one multiplication each, so they are
-/// good to 2 ulp of f64 even where the hit's own formula cancels. A box test that
-/// contains this box then contains the hit, whatever was lost in computing it; and on an axis-aligned triangle the
-/// plane's own distance is taken.
+/// good to 2 ulp of f64 even where the hit's own formula cancels. A box test that contains this box then contains the
+/// hit, whatever was lost in computing it; and on an axis-aligned triangle the plane's own distance is taken.
 #[inline(always)]
-pub fn hold(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> f64 {
+pub fn hold(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> Option<f64> {
     let inverse = ray.direction.recip();
     let downwards = inverse.cmplt(DVec3::ZERO);
     let near = (DVec3::select(downwards, max, min) - ray.origin) * inverse;
@@ -52,7 +52,9 @@ pub fn hold(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> f64 {
     // the ray does not move on the others are infinite, and hold nothing.
     let up = |t: f64, bound: f64| if bound > t { bound } else { t };
     let down = |t: f64, bound: f64| if bound < t { bound } else { t };
-    down(down(down(up(up(up(t, near.x), near.y), near.z), far.x), far.y), far.z)
+    let enter = up(up(up(f64::NEG_INFINITY, near.x), near.y), near.z);
+    let leave = down(down(down(f64::INFINITY, far.x), far.y), far.z);
+    (enter <= leave * DOUBLE_MARGIN).then(|| up(down(t, leave), enter))
 }
 
 fn per_axis(v: DVec3, f: impl Fn(f64) -> f32) -> Vec3 {
@@ -118,9 +120,10 @@ pub fn round_up(x: f64) -> f32 {
 /// factor is for the rounding of that move itself.
 pub const PRUNE_MARGIN: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// The margin of the f64 box test. Ize's derivation asks for 1 + 3.5 ε; the rest is for primitive tests that see every
-/// corner moved by a few roundings of its distance to the origin, axis by axis (see [`super::woop`]).
-const DOUBLE_MARGIN: f64 = 1.0 + 16.0 * f64::EPSILON;
+/// The margin of the f64 box test. Ize's derivation asks for 1 + 3.5 ε; the rest is for primitive tests that see corners
+/// moved by a few roundings of their distance to the ray's origin (see [`super::woop`]). The margin of f32 is wider by more
+/// than this beyond what it needs, so that a box that is held by this one is entered in f32, too.
+const DOUBLE_MARGIN: f64 = 1.0 + 1.0 / (1u32 << 30) as f64;
 
 /// A ray made ready for boxes, whose planes are f32 numbers.
 pub trait BoxTest {
@@ -235,7 +238,7 @@ mod tests {
     fn the_margin_is_what_ize_derives() {
         let u = f64::from(f32::EPSILON) / 2.0;
         let gamma3 = 3.0 * u / (1.0 - 3.0 * u);
-        let least = (1.0 + 2.0 * gamma3) * (1.0 + u);
+        let least = (1.0 + 2.0 * gamma3) * (1.0 + u) * DOUBLE_MARGIN;
         assert!(f64::from(PRUNE_MARGIN) >= least);
         assert!(f64::from(PRUNE_MARGIN.next_down()) < least);
     }

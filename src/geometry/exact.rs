@@ -132,6 +132,7 @@ fn decide(
     mut weights: [f64; 3],
     error: f64,
 ) -> Option<[f64; 3]> {
+    is_ray(ray).then_some(())?;
     let mut positive = weights.iter().any(|&w| w > error);
     let mut negative = weights.iter().any(|&w| w < -error);
     for (k, weight) in weights.iter_mut().enumerate() {
@@ -234,13 +235,20 @@ fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> Plane {
 /// The same in integers.
 #[cold]
 fn settle_exactly(ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {
+    is_ray(ray).then_some(())?;
     let Crossing { distance, weights } = Distance::to_triangle(ray, corners)?;
     distance.is_within(ray).then(|| TriangleHit { t: distance.to_f64(), weights: [weights[1], weights[2]] })
+}
+
+/// Whether it has an origin and a direction at all; what has not hits nothing.
+fn is_ray(ray: &Ray) -> bool {
+    ray.origin.is_finite() && ray.direction.is_finite() && ray.direction != DVec3::ZERO
 }
 
 /// The first of a sphere's two distances that lies within the ray's ends.
 #[cold]
 fn exact_sphere(ray: &Ray, sphere: &Sphere) -> Option<Distance> {
+    is_ray(ray).then_some(())?;
     Distance::to_sphere(ray, sphere)?.into_iter().find(|distance| distance.is_within(ray))
 }
 

@@ -103,7 +103,7 @@ impl Mul for Expansion {
 }
 
 /// The rounded sum and its rounding error (Knuth).
-fn two_sum(a: f64, b: f64) -> (f64, f64) {
+pub fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let (virtual_b, virtual_a) = (sum - a, sum - (sum - a));
     (sum, (a - virtual_a) + (b - virtual_b))
@@ -116,7 +116,7 @@ fn fast_two_sum(a: f64, b: f64) -> (f64, f64) {
 }
 
 /// The rounded product and its rounding error (Dekker, Veltkamp): without the fused instruction that not every machine has.
-fn two_product(a: f64, b: f64) -> (f64, f64) {
+pub fn two_product(a: f64, b: f64) -> (f64, f64) {
     const SPLITTER: f64 = 134_217_729.0; // 2^27 + 1
     let split = |x: f64| {
         let c = SPLITTER * x;

@@ -5,7 +5,7 @@
 //! rounded apart, so two triangles that share an edge do not see the same edge, and rays slip between them.
 //!
 //! Boxes stay conservative, and a hit counts only in its primitive's own box, at a distance within it: a wrong answer is
-//! the same wrong answer whatever structure holds the triangle.
+//! the same wrong answer whatever structure holds the triangle. So large triangles are not kept in parts here.
 
 use glam::{Vec3, Vec3A};
 
@@ -25,6 +25,7 @@ pub struct FastTest {
 
 impl Tier for Fast {
     const NUMERICS: Numerics = Numerics::Fast;
+    const IS_TIGHT: bool = false;
     type Corner = Vec3;
     type Boxes = SingleBoxTest;
     type Prepared = FastTest;

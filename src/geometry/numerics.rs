@@ -139,6 +139,9 @@ pub enum Stored<C> {
 pub trait Tier: Send + Sync + 'static {
     /// Its name.
     const NUMERICS: Numerics;
+    /// Whether a hit lies on its triangle up to a few units in the last place, so that boxes around parts of a triangle hold
+    /// the hits on those parts. Else only the box around the whole triangle does.
+    const IS_TIGHT: bool = true;
     /// What corners are kept in.
     type Corner: Corner;
     /// A ray made ready for boxes.

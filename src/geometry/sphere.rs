@@ -48,10 +48,7 @@ impl Sphere {
         let c = f.dot(f) - self.radius * self.radius;
         let (t0, t1) = (c / q, q / a);
         let [min, max] = self.box_in_f64();
-        let within = |t: f64| {
-            let t = hold(min, max, ray, t);
-            (ray.t_min < t && t < ray.t_max).then_some(t)
-        };
+        let within = |t: f64| hold(min, max, ray, t).filter(|&t| ray.t_min < t && t < ray.t_max);
         within(t0.min(t1)).or_else(|| within(t0.max(t1)))
     }
 

@@ -4,15 +4,17 @@
 //! vertices are sheared so that the ray is the third axis, and the hit is decided by three edge functions
 //! `p.x * q.y - p.y * q.x` in the plane.
 //!
-//! Why f64 throughout rather than f32 with a fallback: rounding is monotone, so the rounded difference of two rounded
-//! products has the sign of the exact difference or is zero. With zero on the inside, a hit between two triangles that
-//! share an edge cannot be lost, in any precision; in f64 the sheared vertices are moreover within a few 2^-53 of exact,
-//! relative on each axis to their distance from the ray's origin, so hits are decided as for the true triangles except
-//! within that of an edge. No FMA: it would break the symmetry between the two sides of an edge.
+//! Why f64 throughout rather than f32 with a fallback: in f64 the sheared corners are within a few 2^-53 of exact,
+//! relative to their distance from the ray's origin, and each edge function has the exact sign of what it is computed
+//! from: where its two products nearly cancel, their rounding errors are added, which are known exactly. So a hit is decided as
+//! if exactly, for a triangle whose corners are moved by that little, and every triangle at a corner sees it at the same
+//! place. With zero on the inside, a hit between two triangles that share an edge cannot be lost, and none is found beside a
+//! triangle that is seen edge-on. No FMA: it would break the symmetry between the two sides of an edge.
 
 use glam::DVec3;
 
 use super::bounds::hold;
+use super::expansion::{two_product, two_sum};
 use super::{Corner, Ray, TriangleHit};
 
 /// A ray made ready for triangles.
@@ -80,11 +82,14 @@ impl WoopTest {
     #[inline(always)]
     pub fn hit<C: Corner>(&self, ray: &Ray, corners: &[C; 3]) -> Option<TriangleHit> {
         let sheared = self.sheared(corners);
-        let [weight_a, weight_b, weight_c] = sheared.weights();
-        let inside = (weight_a >= 0.0 && weight_b >= 0.0 && weight_c >= 0.0)
-            || (weight_a <= 0.0 && weight_b <= 0.0 && weight_c <= 0.0);
+        // Rounded, a sign is right or zero: whatever has opposite signs is missed, and most triangles are.
+        let weights = sheared.weights();
+        if !inside(weights) {
+            return None;
+        }
+        let weights @ [weight_a, weight_b, weight_c] = sheared.weights_with_exact_signs(weights);
         let sum = weight_a + weight_b + weight_c;
-        if !inside || sum == 0.0 {
+        if !inside(weights) || sum == 0.0 {
             return None;
         }
         let share = 1.0 / sum;
@@ -92,7 +97,7 @@ impl WoopTest {
         let [a, b, c] = sheared.corners;
         let t = (weight_a * a.z + weight_b * b.z + weight_c * c.z) * share * self.shear[2];
         let [min, max] = C::span(corners);
-        let t = hold(min, max, ray, t);
+        let t = hold(min, max, ray, t)?;
         (ray.t_min < t && t < ray.t_max)
             .then_some(TriangleHit { t, weights: [weight_b * share, weight_c * share] })
     }
@@ -104,5 +109,71 @@ impl Sheared {
     pub fn weights(&self) -> [f64; 3] {
         let [[ax, ay], [bx, by], [cx, cy]] = self.aside;
         [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax]
+    }
+
+    /// The same, computed anew where the products of one nearly cancel.
+    #[inline(always)]
+    fn weights_with_exact_signs(&self, weights: [f64; 3]) -> [f64; 3] {
+        let [a, b, c] = self.aside;
+        let exact = |p: [f64; 2], q: [f64; 2], weight: f64| {
+            if weight.abs() > CANCELLED * (p[0] * q[1]).abs() { weight } else { cancelled(p, q) }
+        };
+        [exact(c, b, weights[0]), exact(a, c, weights[1]), exact(b, a, weights[2])]
+    }
+}
+
+/// Whether all are on the same side, zeros on both.
+#[inline(always)]
+fn inside([a, b, c]: [f64; 3]) -> bool {
+    (a >= 0.0 && b >= 0.0 && c >= 0.0) || (a <= 0.0 && b <= 0.0 && c <= 0.0)
+}
+
+/// Differences below this share of the products are computed to their last place. Above it the error is that of two
+/// roundings in at least 33 remaining places.
+const CANCELLED: f64 = 1.0 / (1u32 << 20) as f64;
+
+/// `p.x * q.y - p.y * q.x` where the products nearly cancel, with its exact sign: their rounded difference is exact then,
+/// and so are their rounding errors.
+#[cold]
+fn cancelled(p: [f64; 2], q: [f64; 2]) -> f64 {
+    let ((left, left_error), (right, right_error)) = (two_product(p[0], q[1]), two_product(p[1], q[0]));
+    let (errors, last) = two_sum(left_error, -right_error);
+    let (sum, error) = two_sum(left - right, errors);
+    sum + (error + last)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::expansion::Expansion;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(4000))]
+
+        /// Vectors that are nearly or exactly parallel: the sign is that of exact arithmetic, the value good to the share
+        /// of the products that is left when they do not cancel; and exchanging the two gives the negative.
+        #[test]
+        fn determinants_have_their_exact_sign(
+            p in prop::array::uniform2(-1.0f64..1.0),
+            factor in prop_oneof![-4.0f64..4.0, (-4i32..4).prop_map(f64::from)],
+            steps in prop::array::uniform2(-3i64..=3),
+            aside in prop::sample::select(vec![0.0, 1e-17, 1e-9, 1e-5, 0.1]),
+        ) {
+            let moved = |x: f64, by: i64| f64::from_bits((x.to_bits() as i64 + by) as u64);
+            let q = [moved(p[0] * factor, steps[0]), moved(p[1] * factor + aside, steps[1])];
+            prop_assume!(q[0].is_finite() && q[1].is_finite());
+            let difference = |a: f64| Expansion::difference(a, 0.0);
+            let exact = difference(p[0]).scaled(q[1]) - difference(p[1]).scaled(q[0]);
+            let determinant = |p: [f64; 2], q: [f64; 2]| {
+                let plain = p[0] * q[1] - p[1] * q[0];
+                if plain.abs() > CANCELLED * (p[0] * q[1]).abs() { plain } else { cancelled(p, q) }
+            };
+            let found = determinant(p, q);
+            let sign = if found == 0.0 { 0 } else { found.signum() as i32 };
+            prop_assert_eq!(sign, exact.sign());
+            prop_assert!((found - exact.estimate()).abs() <= f64::EPSILON / CANCELLED * exact.estimate().abs());
+            prop_assert_eq!(determinant(q, p), -found);
+        }
     }
 }
