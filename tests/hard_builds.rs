@@ -13,13 +13,13 @@ mod common;
 
 use common::Numbers;
 use common::hard::aim::{At, from_around, targets};
-use common::hard::answer::{Answer, Faults};
-use common::hard::check::{DEFAULT_TREE, all_structures, judge, judge_in, scales_to_the_bit};
+use common::hard::answer::{Answer, Faults, answers_alike};
+use common::hard::check::{DEFAULT_TREE, all_structures, judge, judge_in, scaled_ray, scales_to_the_bit};
 use common::hard::{
     Corners, ball, meshes, numbered, piles, placed, ray, ray_towards, single, times_factor, triangles,
 };
 use glam::DVec3;
-use kiln::bvh::{Preset, Slot, Structure, Traversal, build};
+use kiln::bvh::{Preset, Slot, Structure, build};
 use kiln::geometry::{Numerics, Ray};
 
 /// Set-up: one triangle in the other, growing by 1.01 and by 2, over 80 powers of two; and triangles of random sizes over as
@@ -119,9 +119,8 @@ fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
     let mut numbers = Numbers::new(66);
     let aimed = targets(&mesh, &At::ALL, times_factor(100), &mut numbers);
     let rays = from_around(DVec3::ZERO, 2.0, &aimed, &mut numbers);
-    let mut traversal = Traversal::default();
     for tier in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
-        let original = build(triangles(mesh.clone()), DEFAULT_TREE, tier);
+        let answers = Answer::to_all(&*build(triangles(mesh.clone()), DEFAULT_TREE, tier), &rays);
         for exponent in (-199..=59).step_by(3) {
             let power = |exponent: i32| f64::from(exponent).exp2();
             let positions = mesh.iter().flatten().map(|p| *p * power(exponent)).collect();
@@ -136,15 +135,9 @@ fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
             let corners = moved.triangles.iter().map(|t| t.map(|i| moved.positions[i as usize]));
             let there = build(triangles(corners), DEFAULT_TREE, tier);
             let mut faults = Faults::new(format!("{}, 2^{exponent}", tier.name()));
-            for ray in &rays {
-                let expected = Answer::of(&*original, ray, &mut traversal);
-                let moved = Ray { origin: ray.origin * scale, ..*ray };
-                let mut found = Answer::of(&*there, &moved, &mut traversal);
-                for hit in found.all.iter_mut().chain(&mut found.closest) {
-                    hit.1 = (f64::from_bits(hit.1) / scale).to_bits();
-                }
-                faults.check(found == expected, || format!("{ray:?}: {}", found.unlike(&expected)));
-            }
+            let expected: Vec<Answer> = answers.iter().map(|answer| answer.times(scale)).collect();
+            let moved: Vec<Ray> = rays.iter().map(|ray| scaled_ray(ray, scale)).collect();
+            answers_alike("in range", &*there, &moved, &expected, &mut faults);
             faults.none();
         }
     }

@@ -11,8 +11,6 @@ mod common;
 use common::hard::balls::{self, Ball};
 use common::hard::check::{Summary, judge, scales_to_the_bit};
 use common::hard::{ball, numbered, times_factor};
-use common::oracle;
-use kiln::bvh::{Structure, Traversal, build};
 use kiln::geometry::Numerics;
 
 fn judged(ball_and_rays: &Ball) -> Summary {
@@ -86,23 +84,5 @@ fn d_scaled_by_powers_of_two_nothing_changes() {
     for case in [balls::grazing(300, 1e-7, 13), balls::on_surface(300, 13), balls::touching(300, 13)] {
         let slots = numbered([ball(case.centre, case.radius)]);
         scales_to_the_bit(case.name, &slots, &case.rays, &[-20, -1, 7, 20], &Numerics::ALL);
-    }
-}
-
-/// What the exact tier says is f64's best: within two steps of f64 of the exact distance, also where the ray grazes.
-#[test]
-fn d_distances_of_the_exact_tier_are_good_to_f64() {
-    let mut traversal = Traversal::default();
-    for case in [balls::grazing(4000, 1e-7, 14), balls::huge(4000, 14), balls::touching(2000, 14)] {
-        let exact = build(numbered([ball(case.centre, case.radius)]), Structure::BruteForce, Numerics::Exact);
-        let mut worst = 0.0;
-        for ray in &case.rays {
-            if let (Some(hit), Some(distance)) =
-                (exact.closest_hit(ray, &mut traversal), oracle::sphere(ray, case.centre, case.radius))
-            {
-                worst = f64::max(worst, oracle::f64_ulps(hit.t, &distance));
-            }
-        }
-        eprintln!("{}: {worst} steps of f64", case.name);
     }
 }

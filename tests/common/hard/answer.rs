@@ -29,6 +29,22 @@ impl Answer {
         Answer { closest, occluded: accelerator.is_occluded(ray, traversal), all }
     }
 
+    /// The answers to many rays.
+    pub fn to_all(accelerator: &dyn Accelerator, rays: &[Ray]) -> Vec<Self> {
+        let mut traversal = Traversal::default();
+        rays.iter().map(|ray| Answer::of(accelerator, ray, &mut traversal)).collect()
+    }
+
+    /// The same answer, all distances times a power of two.
+    pub fn times(&self, factor: f64) -> Self {
+        let times = |(id, t): &(PrimId, u64)| (*id, (f64::from_bits(*t) * factor).to_bits());
+        Answer {
+            closest: self.closest.as_ref().map(times),
+            occluded: self.occluded,
+            all: self.all.iter().map(times).collect(),
+        }
+    }
+
     /// How this answer differs from the one that was expected, in few words.
     pub fn unlike(&self, expected: &Answer) -> String {
         let only = |a: &Answer, b: &Answer| {

@@ -72,11 +72,10 @@ pub fn judge_in(
     summary.hit = exact.iter().filter(|hits| !hits.is_empty()).count();
     summary.tied = exact.iter().filter(|hits| hits.len() > 1 && hits[0].0 == hits[1].0).count();
     let by_id: BTreeMap<PrimId, &Primitive> = slots.iter().map(|slot| (slot.id, &slot.primitive)).collect();
-    let mut traversal = Traversal::default();
     for &tier in tiers {
         let mut faults = Faults::new(format!("{what}, {}", tier.name()));
         let all: Vec<_> = structures.iter().map(|s| build(slots.iter().copied(), *s, tier)).collect();
-        let answers: Vec<Answer> = rays.iter().map(|ray| Answer::of(&*all[0], ray, &mut traversal)).collect();
+        let answers = Answer::to_all(&*all[0], rays);
         for (structure, other) in structures.iter().zip(&all).skip(1) {
             answers_alike(&format!("{structure:?}"), &**other, rays, &answers, &mut faults);
         }
@@ -240,32 +239,25 @@ pub fn none_gets_out(what: &str, slots: &[Slot], rays: &[Ray], tiers: &[Numerics
 
 /// Scaling everything by a power of two changes no digit of any answer.
 pub fn scales_to_the_bit(what: &str, slots: &[Slot], rays: &[Ray], exponents: &[i32], tiers: &[Numerics]) {
-    let mut traversal = Traversal::default();
     for &tier in tiers {
         for structure in [Structure::BruteForce, DEFAULT_TREE] {
-            let original = build(slots.iter().copied(), structure, tier);
+            let answers = Answer::to_all(&*build(slots.iter().copied(), structure, tier), rays);
             for &exponent in exponents {
                 let scale = f64::from(exponent).exp2();
-                let scaled = build(slots.iter().map(|slot| scaled(slot, scale)), structure, tier);
+                let there = build(slots.iter().map(|slot| scaled(slot, scale)), structure, tier);
                 let mut faults = Faults::new(format!("{what}, {}, {structure:?}, 2^{exponent}", tier.name()));
-                for ray in rays {
-                    let expected = Answer::of(&*original, ray, &mut traversal);
-                    let moved = Ray {
-                        origin: ray.origin * scale,
-                        t_min: ray.t_min * scale,
-                        t_max: ray.t_max * scale,
-                        ..*ray
-                    };
-                    let mut found = Answer::of(&*scaled, &moved, &mut traversal);
-                    for hit in found.all.iter_mut().chain(&mut found.closest) {
-                        hit.1 = (f64::from_bits(hit.1) / scale).to_bits();
-                    }
-                    faults.check(found == expected, || format!("{ray:?}: {}", found.unlike(&expected)));
-                }
+                let expected: Vec<Answer> = answers.iter().map(|answer| answer.times(scale)).collect();
+                let moved: Vec<Ray> = rays.iter().map(|ray| scaled_ray(ray, scale)).collect();
+                answers_alike("scaled", &*there, &moved, &expected, &mut faults);
                 faults.none();
             }
         }
     }
+}
+
+/// A ray of everything times a power of two: the same direction from further away.
+pub fn scaled_ray(ray: &Ray, scale: f64) -> Ray {
+    Ray { origin: ray.origin * scale, t_min: ray.t_min * scale, t_max: ray.t_max * scale, ..*ray }
 }
 
 /// A primitive times a power of two.
