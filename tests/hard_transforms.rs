@@ -135,7 +135,7 @@ fn j2_a_mirrored_scene_gives_the_mirrored_picture() {
 }
 
 /// The cube of corners 0 and 1 under a node's transform.
-fn node(transform: serde_json::Value) -> (Scene, Vec<String>) {
+fn node(transform: &serde_json::Value) -> (Scene, Vec<String>) {
     let corner = |i: usize| [i & 1, i >> 1 & 1, i >> 2 & 1].map(|bit| bit as f32);
     let sides = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
     let corners: Vec<[f32; 3]> =
@@ -160,7 +160,7 @@ fn j2_singular_transforms_leave_what_has_area_and_say_what_does_not() {
         (json!({ "matrix": [1,0,0,0, 0,1,0,0, 1,1,0,0, 0,0,0,1] }), 12),
         (json!({ "matrix": [1,0,0,0, 2,0,0,0, 3,0,0,0, 0,0,0,1] }), 0),
     ] {
-        let (mut scene, warnings) = node(transform.clone());
+        let (mut scene, warnings) = node(&transform);
         assert_eq!(scene.primitive_count(), left, "{transform}");
         assert_eq!(warnings, if left == 12 { vec![] } else { without_area(12 - left) }, "{transform}");
         let eye = DVec3::new(3.0, 4.0, 5.0);
@@ -218,7 +218,7 @@ fn j2_uneven_transforms_turn_normals_the_other_way() {
     // The catalogue's (1e-4, 1, 1e4): a normal (1, 1, 1) becomes (1e4, 1, 1e-4) up to length, not (1e-4, 1, 1e4).
     let n = normal_matrix(&DMat4::from_scale(DVec3::new(1e-4, 1.0, 1e4))) * DVec3::ONE;
     assert!((n / n.y - DVec3::new(1e4, 1.0, 1e-4)).abs().max_element() <= 1e4 * 4.0 * f64::EPSILON, "{n}");
-    let (scene, warnings) = node(json!({ "scale": [1e-4, 1, 1e4] }));
+    let (scene, warnings) = node(&json!({ "scale": [1e-4, 1, 1e4] }));
     assert_eq!(warnings, [""; 0]);
     let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("a mesh") };
     let normals = &mesh.normals.as_ref().expect("it has normals").values;
