@@ -52,8 +52,7 @@ fn ball(centre: [f64; 3], position: [f64; 3], look_at: [f64; 3], up: [f64; 3], l
 fn assert_disc(prepared: &Prepared, text: &str) {
     for (index, hit) in (0..).zip(prepared.hits()) {
         let (x, y) = (index % 33 - 16, index / 33 - 16);
-        let numerics = prepared.world.numerics().name();
-        assert_eq!(hit.is_some(), x * x + y * y <= 125, "{numerics}: ({x}, {y}): {text}");
+        assert_eq!(hit.is_some(), x * x + y * y <= 125, "({x}, {y}): {text}");
     }
 }
 
@@ -162,7 +161,7 @@ fn f2_directions_near_the_axes_have_an_orthonormal_basis() {
 fn f3_directions_have_length_one_and_highlights_make_no_light() {
     // Inside a sphere, at its centre, with the lamp there too: the mirrored light meets the eye in every pixel, so the
     // sum of light is k_a I_a + k_d I + k_s I (R.V)^n with R.V = 1, and rounded never above it.
-    for shininess in ["16", "1000", "1e6", "1e9", "1e18", "1e300"] {
+    for shininess in ["16", "1000", "1e6", "1e9", "1e18", "1e99"] {
         let text = format!(
             "[image]\ncolour = 'display'\n[[camera]]\nposition = [1, 2, 3]\nlook_at = [4, -3, 1]\n\
              [ambient]\nintensity = 0.25\n[[light]]\ntype = 'point'\nposition = [1, 2, 3]\n\
@@ -176,10 +175,8 @@ fn f3_directions_have_length_one_and_highlights_make_no_light() {
             assert!(prepared.rays().iter().all(|ray| steps(ray.direction) <= 1.0));
             for [r, g, b] in sound(&prepared).rows() {
                 let rounding = 1.0 + 2.0 * f32::EPSILON;
-                assert!(
-                    r == g && g == b && (1.25 / rounding..=1.75 * rounding).contains(&r),
-                    "{shininess}: {r}"
-                );
+                let light = 1.25 / rounding..=1.75 * rounding;
+                assert!(r == g && g == b && light.contains(&r), "{shininess}: {r}");
             }
         }
     }
@@ -202,18 +199,15 @@ fn f4_a_camera_on_a_plane_does_not_see_it() {
         sound(&prepared);
         assert!(prepared.hits().iter().all(Option::is_none), "{}", prepared.world.numerics().name());
     }
-    // One f32 step above it the lower half is full of it, or of what lies beyond its far edge.
+    // One f32 step above it the lower half is full of it.
     let step = f64::from((-500f32).next_up()) + 500.0;
     for prepared in tiers(&on_the_plane(step), [32, 32]) {
         sound(&prepared);
         for (ray, hit) in prepared.rays().iter().zip(prepared.hits()) {
-            if let Some(hit) = hit {
-                let exact = -step / ray.direction.y;
-                assert!(ray.direction.y < 0.0 && (hit.t - exact).abs() <= f64::from(f32::EPSILON) * exact);
-            } else {
-                // Beyond the hypotenuse, whose nearest point in this direction is over a thousand steps away.
-                assert!(ray.direction.y >= 0.0, "{ray:?}");
-            }
+            let exact = -step / ray.direction.y;
+            // Downwards it is met before its hypotenuse, thousands of units away; upwards there is nothing.
+            assert_eq!(hit.is_some(), exact > 0.0, "{ray:?}");
+            assert!(hit.is_none_or(|hit| (hit.t - exact).abs() <= f64::from(f32::EPSILON) * exact));
         }
     }
 }
@@ -253,15 +247,15 @@ fn f4_a_camera_on_a_corner_of_a_cube_sees_the_three_faces_opposite() {
             let exact = 1.0 / ray.direction.max_element();
             let t = hit.expect("the cube is closed").t;
             let limit = 4.0 * prepared.world.numerics().precision().epsilon();
-            assert!((t - exact).abs() <= limit * exact, "{}: {t} {exact}", prepared.world.numerics().name());
+            assert!((t - exact).abs() <= limit * exact, "{t} {exact}");
         }
     }
 }
 
 #[test]
 fn f4_nothing_is_seen_through_a_closed_body_from_inside() {
-    // Inside a cube and inside a sphere, in every direction: four views of 90 degrees and up and down, a red ground
-    // behind the walls. Their inner sides are hit, and the lamp outside leaves them dark.
+    // Inside a cube and inside a sphere, in every direction: six views of 90 degrees. No red background is seen, and the
+    // lamp outside leaves the walls dark.
     for look_at in [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]] {
         for body in [CUBE.to_owned(), "[[sphere]]\ncentre = [0.5, 0.5, 0.5]\nradius = 0.5\n".into()] {
             let target = look_at.map(|c| f64::from(c) + 0.5);
@@ -270,10 +264,9 @@ fn f4_nothing_is_seen_through_a_closed_body_from_inside() {
                  vertical_fov = 90\n[ambient]\nintensity = 0.5\n\
                  [[light]]\ntype = 'point'\nposition = [3, 4, 5]\n{body}"
             );
-            let films = films(&scene(&text), [32, 32]);
-            // 204 / 255 is 0.6038273 in linear light; half of it is ambient.
+            // The default grey is 0.8 of white; half of it is ambient.
             let dark = (kiln::film::colour::srgb_decode(0.8) / 2.0) as f32;
-            for (film, numerics) in films.iter().zip(Numerics::ALL) {
+            for (film, numerics) in films(&scene(&text), [32, 32]).iter().zip(Numerics::ALL) {
                 let light = film.rows().filter(|pixel| *pixel != [dark; 3]).count();
                 assert!(light == 0 || !TIGHT.contains(&numerics), "{}: {light}", numerics.name());
             }
@@ -288,7 +281,7 @@ fn f5_parallel_rays_through_corners_and_edges_of_a_lattice_hit_what_whole_number
     let field = field();
     let vertices: Vec<[i64; 3]> = field.iter().flatten().copied().collect();
     for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-        let [cx, cy] = [dx, dy].map(|d| 32.0 + f64::from(d) / 2.0);
+        let [cx, cy] = [dx, dy].map(|d: i64| 32.0 + d as f64 / 2.0);
         let text = format!(
             "[[camera]]\nposition = [{cx:?}, {cy:?}, 16]\nlook_at = [{cx:?}, {cy:?}, 0]\n\
              projection = 'orthographic'\nviewing_rectangle = [64, 64]\nviewpoint_distance = 16\n\
@@ -299,8 +292,7 @@ fn f5_parallel_rays_through_corners_and_edges_of_a_lattice_hit_what_whole_number
             let numerics = prepared.world.numerics();
             for (index, hit) in (0i64..).zip(prepared.hits()) {
                 // Pixel centres in halves: 2 * (column + 0.5) + offset, rows counted from the bottom.
-                let (x, y) =
-                    (2 * (index % 64) + 1 + i64::from(dx), 2 * (63 - index / 64) + 1 + i64::from(dy));
+                let (x, y) = (2 * (index % 64) + 1 + dx, 2 * (63 - index / 64) + 1 + dy);
                 let expected = under(&field, x, y);
                 let found = hit.map(|hit| (hit.prim.0, hit.t));
                 match (expected, found) {
@@ -322,15 +314,12 @@ fn f5_parallel_rays_through_corners_and_edges_of_a_lattice_hit_what_whole_number
 fn f5_pictures_of_odd_and_even_sizes_have_no_holes() {
     // The same field from above and within its outline, in both projections and several sizes, odd and even.
     let vertices: Vec<[i64; 3]> = field().into_iter().flatten().collect();
-    for (size, projection) in [31, 32, 63, 64, 65]
-        .into_iter()
-        .flat_map(|s| [Projection::Perspective, Projection::Orthographic].map(|projection| (s, projection)))
-    {
-        let mut scene = scene(&format!("[[triangles]]\nvertices = {vertices:?}\n"));
-        let middle = DVec3::new(32.0, 32.0, 0.0);
+    let mut scene = scene(&format!("[[triangles]]\nvertices = {vertices:?}\n"));
+    let middle = DVec3::new(32.0, 32.0, 0.0);
+    for projection in [Projection::Perspective, Projection::Orthographic] {
         // At 64 above, 48 wide at z = 0: 24 to each side of the middle where the field reaches 32.
         scene.cameras = vec![camera(middle + DVec3::Z * 64.0, middle, projection, 48.0, 64.0)];
-        for numerics in TIGHT {
+        for (size, numerics) in [31, 32, 63, 64, 65].iter().flat_map(|size| TIGHT.map(|tier| (*size, tier))) {
             let prepared = prepare(scene.clone(), [size, size], numerics);
             assert!(prepared.hits().iter().all(Option::is_some), "{size}: {}", numerics.name());
         }
@@ -354,7 +343,7 @@ fn f5_parallel_rays_that_touch_a_sphere_hit_it_and_those_beside_it_do_not() {
 
 #[test]
 fn f5_parallel_rays_in_a_plane_miss_it() {
-    // A plane edge on: of 33 rows of rays the middle one lies in it, and none hits it; at 1e-30 more none is there.
+    // A plane edge on: of 33 rows of rays the middle one lies in it, the others pass above and below; none hits it.
     let text = "[[camera]]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\nprojection = 'orthographic'\n\
         viewing_rectangle = [33, 33]\nviewpoint_distance = 9\n\
         [[triangles]]\nvertices = [[-9, 0, -9], [9, 0, -9], [0, 0, 8]]\n";
@@ -375,7 +364,7 @@ fn f6_from_a_million_away_the_outline_is_that_of_the_rounded_rays() {
     for prepared in tiers(&scene, [33, 33]) {
         sound(&prepared);
         let numerics = prepared.world.numerics();
-        for ((index, ray), hit) in (0..).zip(prepared.rays()).zip(prepared.hits()) {
+        for (index, (ray, hit)) in (0..).zip(prepared.rays().iter().zip(prepared.hits())) {
             let (d, f) = (ray.direction, ray.origin);
             // How far the ray passes from the centre: |d x f| / |d|, to a few roundings of 1e6.
             let aside = d.cross(f).length() / d.length();
@@ -399,15 +388,11 @@ fn f6_a_camera_beyond_the_numbers_of_its_tier_is_an_error() {
         let scene = scene(&text);
         let camera = &scene.cameras[0];
         for projection in [Projection::Perspective, Projection::Orthographic] {
-            match View::new(camera, projection, [16, 16]) {
-                Ok(_) => {
-                    assert!(far < 1e38, "{far:e}");
-                    films(&scene, [16, 16]);
-                }
-                Err(e) => {
-                    assert!(far > 1e38, "{far:e}: {e}");
-                    assert!(matches!(e, Error::Usage { .. }) && !e.hint().is_empty());
-                }
+            let error = View::new(camera, projection, [16, 16]).err();
+            assert_eq!(error.is_some(), far > 1e38, "{far:e}");
+            match error {
+                None => drop(films(&scene, [16, 16])),
+                Some(e) => assert!(matches!(e, Error::Usage { .. }) && !e.hint().is_empty()),
             }
         }
     }
