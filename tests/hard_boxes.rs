@@ -110,9 +110,9 @@ fn a3_rays_in_faces_and_corners_of_boxes_hit() {
 
 /// Set-up: the same field, met through its corners and points of its edges by rays of whole numbers in all directions.
 ///
-/// Fails, and should not: in `watertight` and `double`, brute force takes a ray that runs in the plane of a triangle, and past
-/// its box, for a hit; trees do not come to it. The smallest case: the ray from (21, 1, -3) along (-2, 1, 3) and the triangle
-/// (20, 6, 3), (21, 6, 2), (21, 7, 3). All three edge functions are 0, as computed they are not.
+/// What this has found: in `watertight` and `double`, brute force took a ray that runs in the plane of a triangle, and past
+/// its box, for a hit, to which trees did not come. The smallest case: the ray from (21, 1, -3) along (-2, 1, 3) and the
+/// triangle (20, 6, 3), (21, 6, 2), (21, 7, 3). All three edge functions are 0; as computed they were not.
 #[test]
 fn a3_slanted_rays_through_lattice_points_hit() {
     let field = meshes::height_field(24, 5);

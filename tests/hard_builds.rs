@@ -25,9 +25,9 @@ use kiln::geometry::{Numerics, Ray};
 /// Set-up: one triangle in the other, growing by 1.01 and by 2, over 80 powers of two; and triangles of random sizes over as
 /// many.
 ///
-/// Fails, and should not: in `watertight` and `double`, brute force takes rays that pass far beside a triangle for hits where
-/// the triangle is smaller than the last digit of its distance: the signs of its edge functions are then as good as random.
-/// Trees do not come to it.
+/// What this has found: in `watertight` and `double`, brute force took rays that pass far beside a triangle for hits where the
+/// triangle is smaller than the last digit of its distance, where the signs of edge functions are as good as random. Trees
+/// did not come to it.
 #[test]
 fn c4_geometric_progressions_are_built_and_traced() {
     let mut numbers = Numbers::new(4);
@@ -69,8 +69,8 @@ fn c4_mixed_scales_are_traced() {
 /// Set-up: 500 clusters of needles, one around the other, the last 145 times as large as the first, and a small
 /// triangle in the middle; every cluster waits on the stack while the next is opened.
 ///
-/// Fails, and should not: in `fast`, two of the rays find another closest hit in trees that cut triangles. The distance is
-/// wrong by more than the size of a piece, and so lies beyond its box, or before it.
+/// What this has found: in `fast`, the closest hit was another one in trees that keep a triangle in parts. Its distance was
+/// wrong by more than the size of a part, and so lay outside of that part's box.
 #[test]
 fn c5_deep_stacks_lose_nothing() {
     for clusters in [100, 230, 500] {
@@ -207,9 +207,8 @@ fn pieces(slots: &[Slot]) -> usize {
 /// Set-up: large triangles of whole numbers among small ones, and rays that run in their planes, through them and past them;
 /// where f64 cannot tell that a ray runs in a plane, it is still told the same by every structure.
 ///
-/// Fails, and should not: in `watertight` and `double` a ray in a triangle's plane may be taken for a hit anywhere in the
-/// triangle's box. Trees that cut the triangle know less of that box than brute force does. (It fails after brute force has been
-/// held to the box, too.)
+/// What this has found: in `watertight` and `double` a ray in a triangle's plane was taken for a hit anywhere in the triangle's
+/// box. Trees that keep the triangle in parts know less of that box than brute force does.
 #[test]
 fn c8_rays_in_the_planes_of_cut_triangles_are_told_the_same() {
     let mut numbers = Numbers::new(89);

@@ -155,7 +155,7 @@ fn a5_the_length_of_a_direction_makes_no_difference() {
 
 /// Set-up: directions that are zero or not numbers, past the maker of rays. Nothing is hit, and nothing panics.
 ///
-/// Fails, and should not: in `exact`, the sphere is hit, at a distance near 0.
+/// What this has found: in `exact`, the sphere was hit, at a distance near 0.
 #[test]
 fn a8_directions_that_are_none_hit_nothing() {
     let mut primitives: Vec<_> = triangles(single_mesh(&meshes::icosphere(2, DVec3::ZERO, 1.0)))
