@@ -214,8 +214,9 @@ fn f4_a_camera_on_a_plane_does_not_see_it() {
 
 #[test]
 fn f4_a_camera_on_an_oblique_plane_sees_what_is_behind_it() {
-    // The middle of a triangle of x + y + z = 0 with whole corners, before a ball that fills the view: `exact` sees
-    // the ball in every pixel. Rounded tiers may find the triangle a rounding away, never anything between or a hole.
+    // The middle of a triangle of x + y + z = 0 with whole corners, before a ball that fills the view: `exact` sees the
+    // ball in every pixel. KNOWN FAULT: `watertight` and `double` see the triangle, a rounding away from the eye, in one
+    // pixel of five. They may not find anything between or a hole.
     let text = "[[camera]]\nposition = [0, 0, 0]\nlook_at = [1, 2, 3]\n\
         [[triangles]]\nvertices = [[3, -3, 0], [0, 3, -3], [-3, 0, 3]]\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 9\n";
     for prepared in tiers(&scene(text), [32, 32]) {
@@ -386,9 +387,8 @@ fn f6_a_camera_beyond_the_numbers_of_its_tier_is_an_error() {
     for far in [1e30, 1e37, 1e39, 1e100, 1e300] {
         let text = ball([0.0; 3], [0.0, 0.0, far], [0.0; 3], [0.0, 1.0, 0.0], 1.0);
         let scene = scene(&text);
-        let camera = &scene.cameras[0];
         for projection in [Projection::Perspective, Projection::Orthographic] {
-            let error = View::new(camera, projection, [16, 16]).err();
+            let error = View::new(&scene.cameras[0], projection, [16, 16]).err();
             assert_eq!(error.is_some(), far > 1e38, "{far:e}");
             match error {
                 None => drop(films(&scene, [16, 16])),
