@@ -185,6 +185,59 @@ fn e3_no_light_leaks_through_close_walls() {
     }
 }
 
+/// E2: needles, lengths 1 and widths down to 1e-8, at random angles: no ray that leaves one hits it again.
+#[test]
+fn e2_needles_do_not_shadow_themselves() {
+    let mut numbers = Numbers::new(25);
+    for numerics in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
+        for width in [1e-1, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8] {
+            let mut hits = 0;
+            for _ in 0..4000 {
+                let at = numbers.vector();
+                let along = numbers.vector().normalize();
+                let across = along.any_orthonormal_vector() * width;
+                let corners = [at, at + along, at + along * numbers.unit() + across]
+                    .map(|p| if numerics == Numerics::Watertight { p.as_vec3().as_dvec3() } else { p });
+                let Some(normal) = (corners[1] - corners[0]).cross(corners[2] - corners[0]).try_normalize()
+                else {
+                    continue;
+                };
+                let origin = point_on(corners, &mut numbers).origin_towards(normal, numerics);
+                let direction = numbers.vector().normalize();
+                let direction = direction * direction.dot(normal).signum();
+                let ray = shadow_ray(origin, &light(direction, f64::INFINITY), numerics.precision());
+                hits += u32::from(tree(&[corners], numerics).is_occluded(&ray, &mut Traversal::default()));
+            }
+            assert_eq!(hits, 0, "width {width} in {}", numerics.name());
+        }
+    }
+}
+
+/// K1: the smooth surface over a triangle bulges through a roof close above it: the lamp over the roof must not be seen from
+/// there.
+#[test]
+fn k1_the_smooth_surface_does_not_pass_through_a_roof() {
+    let mut scene = parse(
+        "[image]\nwidth = 32\nheight = 32\ncolour = \"display\"\n[[camera]]\nposition = [0.1, -0.2, 0.08]\nlook_at = [0, 0, 0]\n\
+         vertical_fov = 60\n[ambient]\nintensity = 0\n[material.m]\ncolour = [255, 255, 255]\ndiffuse = 1\nspecular = 0\n\
+         [[light]]\ntype = \"directional\"\ndirection = [0, 0, -1]\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = \"m\"\n\
+         [[triangles]]\nmaterial = \"m\"\nvertices = [[-9, -9, 0.1], [20, -9, 0.1], [-9, 20, 0.1]]\nindices = [[0, 1, 2]]\n",
+    );
+    let positions = vec![DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, 0.0)];
+    let values = positions.iter().map(|p| (p + DVec3::Z).normalize()).collect();
+    let normals = Some(Attribute { values, triangles: None });
+    scene.objects[0].shape =
+        Shape::Mesh(Mesh { positions, triangles: vec![[0, 1, 2]], normals, ..Mesh::default() });
+    for numerics in Numerics::ALL {
+        let prepared = prepare(scene.clone(), [32, 32], numerics);
+        let film = prepared.render(Choices::default()).0;
+        let seen = prepared.hits().iter().flatten().filter(|hit| hit.prim == PrimId(0)).count();
+        assert!(seen > 100, "the triangle is seen by {seen} pixels");
+        let lit = (0..1024u32).filter(|at| film.pixel(at % 32, at / 32)[0] > 0.0).count();
+        assert_eq!(lit, 0, "pixels under the roof are lit in {}", numerics.name());
+    }
+}
+
 /// E4: a lamp in the very point, on the surface, and at the end of the ray: no light that is not a number, and what the lamp
 /// stands on does not hide it.
 #[test]

@@ -3,7 +3,7 @@
 //! A ray that starts inside has to leave, so it crosses a triangle from behind; a ray from outside that is aimed at the
 //! mesh has to enter and to leave, so it crosses one from the front and one from behind. A ray that does not is a leak:
 //! it passed between two triangles, or past a box that holds one. The rays are aimed at vertices and edges, where that
-//! can happen ([`Kind`]).
+//! can happen ([`Kind`]). Crossings are looked at by side and not counted: on an edge both its triangles are crossed.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 

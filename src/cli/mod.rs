@@ -38,7 +38,7 @@ enum Command {
     Render(Box<render::Arguments>),
     /// Say what files hold, how large it is, and what is odd about it
     Info(info::Arguments),
-    /// Hold kiln's acceleration structures against those of other libraries
+    /// Measure kiln: leaks beside other libraries, cost and errors of its tiers
     Bench(bench::Arguments),
     /// Print the JSON schema of scene files, for editors
     Schema,

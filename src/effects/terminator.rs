@@ -4,7 +4,8 @@
 //! plane, or in the shadow of its neighbours: the line between light and dark follows the triangles, in steps. Hanika,
 //! Hacking the Shadow Terminator (Ray Tracing Gems II, chapter 4, 2021) lets shadow rays start from the smooth surface
 //! instead: the point is lifted above the tangent planes of the three corners, each weighted by its barycentric
-//! coordinate. Where the surface is concave it lies above them already and stays where it is.
+//! coordinate. Where the surface is concave it lies above them already and stays where it is; and so it does where something
+//! lies between the point and its place on the smooth surface, which the shadow ray would else pass over.
 
 use super::tile::{Context, Level, Tile};
 use super::{Effect, Stage};
@@ -39,10 +40,26 @@ impl Stage for Lift {
 
     fn run(&self, tile: &mut Tile, context: &Context) {
         let world = context.world;
-        let Level { surfaces, hits, ray_of, shadow_points, .. } = tile.level(self.level);
-        for (surface, &ray) in surfaces.iter().zip(ray_of.iter()) {
-            let lifted = hits[ray as usize].map(|hit| world.smooth_point(surface, &hit));
-            shadow_points.push(lifted.unwrap_or(surface.point));
+        let numerics = world.numerics();
+        let Tile { levels, traversal, shadow_rays, occluded, .. } = tile;
+        let Level { surfaces, hits, ray_of, origins, shadow_points, .. } = &mut levels[self.level];
+        shadow_rays.clear();
+        occluded.clear();
+        let mut moved = Vec::with_capacity(surfaces.len());
+        for ((index, surface), &ray) in surfaces.iter().enumerate().zip(ray_of.iter()) {
+            let lifted = hits[ray as usize].map_or(surface.point, |hit| world.smooth_point(surface, &hit));
+            shadow_points.push(lifted);
+            let way = lifted.origin_towards(surface.geometric_normal, numerics) - origins[index];
+            if lifted.position != surface.point.position
+                && let Some(direction) = way.try_normalize()
+            {
+                shadow_rays.push(numerics.precision().ray(origins[index], direction, 0.0, way.length()));
+                moved.push(index);
+            }
+        }
+        world.accelerator.are_occluded(shadow_rays, occluded, traversal);
+        for (&index, _) in moved.iter().zip(occluded.iter()).filter(|(_, blocked)| **blocked) {
+            shadow_points[index] = surfaces[index].point;
         }
     }
 }

@@ -5,7 +5,8 @@
 //! edges, corners and tangents included; whether that lies within the ray's ends; which of two hits is nearer, and that
 //! two are equally near. A hit's distance is good to [`TOLERANCE`], its weights to 2^-24.
 //!
-//! What it does not promise: rays themselves, and the points that secondary rays start from, are rounded numbers.
+//! What it does not promise: coordinates below 2^-250 and components of directions below 2^-100 of the largest are taken
+//! as 0 beforehand; rays themselves, and the points that secondary rays start from, are rounded numbers.
 //!
 //! In the bounds, u = 2^-53 is half of `f64::EPSILON`.
 
@@ -217,8 +218,9 @@ fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> Plane {
     let (u, v, to_a) = (b - a, c - a, a - ray.origin);
     let normal = u.cross(v);
     let permanent = u.abs().yzx() * v.abs().zxy() + u.abs().zxy() * v.abs().yzx();
-    // The normal is off by 4u of its permanent, a product with it by 2u more, their sum by 2u more.
-    let product = |with: DVec3| (normal.dot(with), 4.0 * f64::EPSILON * permanent.dot(with.abs()));
+    // The normal is off by 4u of its permanent, the way to the corner by u, their product by u more, the sum by 2u more; and
+    // 2u for what is of second order.
+    let product = |with: DVec3| (normal.dot(with), 5.0 * f64::EPSILON * permanent.dot(with.abs()));
     let (numerator, numerator_error) = product(to_a);
     let (denominator, denominator_error) = product(ray.direction);
     let within = |share: f64| {

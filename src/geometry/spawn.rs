@@ -35,8 +35,8 @@ impl SurfacePoint {
         SurfacePoint { position: centre + normal * radius, reach: centre.abs() + radius }
     }
 
-    /// The nearest start, in the numbers of a tier, that is certain to lie on the side of the surface that `normal` (of
-    /// length 1) points to.
+    /// The nearest start, in the numbers of a tier, that lies on the side of the surface that `normal` (of length 1) points
+    /// to; or on it, where it is a plane through zero along an axis: a distance of 0 does not count.
     #[inline]
     pub fn origin_towards(&self, normal: DVec3, numerics: Numerics) -> DVec3 {
         let error = numerics.surface_error() * normal.abs().dot(self.reach);
@@ -48,9 +48,8 @@ impl Numerics {
     /// How far a point may lie beside its surface and be taken for one of it, relative to the coordinates of that
     /// surface. A bound on the point's own rounding and on that of a test that starts from it.
     ///
-    /// In f32 it is pbrt's γ7, rounded up to 8 u. In f64 the point is off by at most 8 u, and Woop's test by 7 of its
-    /// bounds on an edge function, 48 u each (see `exact`), for a ray across the surface; for one along it both count
-    /// for less by the same factor.
+    /// In f32 it is pbrt's γ7, rounded up to 8 u. In f64 it is 2^-44, well above the 8 u that the point is off by; tests
+    /// that start so near a triangle look at the side of its plane ([`super::woop`]), whose error is of that order.
     fn surface_error(self) -> f64 {
         match self {
             Numerics::Fast => 4.0 * f64::from(f32::EPSILON),

@@ -11,10 +11,10 @@
 //! place. With zero on the inside, a hit between two triangles that share an edge cannot be lost, and none is found beside a
 //! triangle that is seen edge-on. No FMA: it would break the symmetry between the two sides of an edge.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3Swizzles};
 
 use super::bounds::hold;
-use super::expansion::{two_product, two_sum};
+use super::expansion::{Expansion, two_product, two_sum};
 use super::{Corner, Ray, TriangleHit};
 
 /// A ray made ready for triangles.
@@ -95,7 +95,14 @@ impl WoopTest {
         let share = 1.0 / sum;
         // A convex combination of the corners' depths: its error is relative to the triangle, not to the scene.
         let [a, b, c] = sheared.corners;
-        let t = (weight_a * a.z + weight_b * b.z + weight_c * c.z) * share * self.shear[2];
+        let depth = (weight_a * a.z + weight_b * b.z + weight_c * c.z) * share;
+        // Right before a triangle that is far larger than that, and above all before a needle, the error may be more than the
+        // depth: the side of the plane that the ray starts on tells whether the triangle lies ahead.
+        let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
+        if depth.abs() < reach * NEAR && is_behind(ray, corners, sum * self.shear[2]) {
+            return None;
+        }
+        let t = depth * self.shear[2];
         let [min, max] = C::span(corners);
         let t = hold(min, max, ray, t)?;
         (ray.t_min < t && t < ray.t_max)
@@ -126,6 +133,32 @@ impl Sheared {
 #[inline(always)]
 fn inside([a, b, c]: [f64; 3]) -> bool {
     (a >= 0.0 && b >= 0.0 && c >= 0.0) || (a <= 0.0 && b <= 0.0 && c <= 0.0)
+}
+
+/// The share of a triangle's own depths below which a depth is held against the triangle's plane.
+const NEAR: f64 = 1.0 / 64.0;
+
+/// Whether a ray, which runs against the side of a triangle that `against` has the sign of, starts on its plane or
+/// leaves it behind: exactly.
+#[inline(never)]
+fn is_behind<C: Corner>(ray: &Ray, corners: &[C; 3], against: f64) -> bool {
+    let corners = corners.map(Corner::raise);
+    let [a, b, c] = corners.map(|corner| corner - ray.origin);
+    // Six products of three numbers, each off by less than 8 u, and their sum by less than 8 u more.
+    let products = b.abs().yzx() * c.abs().zxy() + b.abs().zxy() * c.abs().yzx();
+    let height = a.dot(b.cross(c));
+    let height = if height.abs() > 8.0 * f64::EPSILON * a.abs().dot(products) {
+        height
+    } else {
+        let side = |corner: DVec3, k: usize| Expansion::difference(corner[k], ray.origin[k]);
+        let [a, b, c] = corners;
+        let term = |(k, i, j): (usize, usize, usize)| {
+            side(a, k) * (side(b, i) * side(c, j) - side(b, j) * side(c, i))
+        };
+        let terms = [(0, 1, 2), (1, 2, 0), (2, 0, 1)].map(term);
+        f64::from(terms.into_iter().fold(Expansion::default(), |sum, term| sum + term).sign())
+    };
+    height * against.signum() >= 0.0 && ray.t_min >= 0.0
 }
 
 /// Differences below this share of the products are computed to their last place. Above it the error is that of two
