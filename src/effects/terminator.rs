@@ -49,10 +49,11 @@ impl Stage for Lift {
         for ((index, surface), &ray) in surfaces.iter().enumerate().zip(ray_of.iter()) {
             let lifted = hits[ray as usize].map_or(surface.point, |hit| world.smooth_point(surface, &hit));
             shadow_points.push(lifted);
+            if lifted.position == surface.point.position {
+                continue;
+            }
             let way = lifted.origin_towards(surface.geometric_normal, numerics) - origins[index];
-            if lifted.position != surface.point.position
-                && let Some(direction) = way.try_normalize()
-            {
+            if let Some(direction) = way.try_normalize() {
                 shadow_rays.push(numerics.precision().ray(origins[index], direction, 0.0, way.length()));
                 moved.push(index);
             }
