@@ -244,7 +244,7 @@ fn of_spheres_and_triangles_the_first_is_found() {
     // a^2 + b^2 + c^2 = d^2
     let quadruples =
         [[1, 2, 2, 3], [2, 3, 6, 7], [1, 4, 8, 9], [4, 4, 7, 9], [2, 6, 9, 11], [0, 3, 4, 5], [0, 0, 1, 1]];
-    for _ in 0..times_factor(2500) {
+    for _ in 0..times_factor(1500) {
         let [a, b, c, radius] = numbers.one_of(&quadruples).map(f64::from);
         let mut sign = || numbers.one_of(&[-1.0, 1.0]);
         let arm = DVec3::new(a * sign(), b * sign(), c * sign());

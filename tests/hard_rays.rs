@@ -138,8 +138,9 @@ fn a5_the_length_of_a_direction_makes_no_difference() {
             let accelerator = build(slots.iter().copied(), structure, tier);
             let answers = Answer::to_all(&*accelerator, &rays);
             for exponent in [-100, -60, -20, -1, 1, 20, 60, 100] {
-                // The fast tier multiplies directions with edges, in f32.
-                if tier == Numerics::Fast && i32::abs(exponent) > 60 {
+                // The fast tier multiplies the squared length with the discriminant of a sphere, which may be 2^-48 of its
+                // squared radius where the ray grazes: at 2^-60, f32 has no such product.
+                if tier == Numerics::Fast && i32::abs(exponent) > 20 {
                     continue;
                 }
                 let mut faults = Faults::new(format!("{}, {structure:?}, 2^{exponent}", tier.name()));
