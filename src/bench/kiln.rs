@@ -15,7 +15,12 @@ struct Kiln {
 
 /// Every structure in every tier.
 pub fn engines() -> Vec<Box<dyn Engine>> {
-    let structures = [Structure::BruteForce, Structure::Tree(Preset::default())];
+    let structures = [
+        Structure::BruteForce,
+        Structure::Tree(Preset::default()),
+        Structure::Wide(Preset::default()),
+        Structure::Portable(Preset::default()),
+    ];
     let kilns = structures.into_iter().flat_map(|structure| {
         Numerics::ALL.map(|numerics| Box::new(Kiln { structure, numerics }) as Box<dyn Engine>)
     });
@@ -31,6 +36,8 @@ impl Engine for Kiln {
         match self.structure {
             Structure::BruteForce => "brute-force",
             Structure::Tree(_) => "bvh2",
+            Structure::Wide(_) => "bvh8",
+            Structure::Portable(_) => "bvh8-portable",
         }
     }
 

@@ -10,6 +10,7 @@ mod build;
 pub mod mix;
 mod store;
 mod tree;
+mod wide;
 
 pub use build::Preset;
 
@@ -53,13 +54,17 @@ pub struct Slot {
 pub enum Structure {
     /// obvhs's binary tree, built with a preset.
     Tree(Preset),
+    /// The same tree converted to nodes of eight, for the instructions that the machine has.
+    Wide(Preset),
+    /// The same without instructions that not every machine has.
+    Portable(Preset),
     /// No structure: every primitive is tested. The oracle that the others are held to.
     BruteForce,
 }
 
 impl Default for Structure {
     fn default() -> Self {
-        Structure::Tree(Preset::default())
+        Structure::Wide(Preset::default())
     }
 }
 
@@ -73,6 +78,8 @@ pub fn build(
         let stored: Vec<StoredSlot<T>> = slots.into_iter().map(StoredSlot::new).collect();
         match structure {
             Structure::Tree(preset) => Box::new(build::build(&stored, preset)),
+            Structure::Wide(preset) => Box::new(build::build_wide(&stored, preset, wide::is_accelerated())),
+            Structure::Portable(preset) => Box::new(build::build_wide(&stored, preset, false)),
             Structure::BruteForce => Box::new(BruteForce::new(stored)),
         }
     }
@@ -88,6 +95,7 @@ pub fn build(
 #[derive(Debug, Default)]
 pub struct Traversal {
     stack: Vec<(u32, f32)>,
+    children: Vec<(wide::Child, f32)>,
     /// Where the rays of a batch begin.
     entries: Vec<(u32, f32)>,
     /// The work done so far.

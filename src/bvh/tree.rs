@@ -203,7 +203,7 @@ enum Step {
 
 /// An f32 distance that no box around a hit at `t` is entered beyond: computed entries are at most 1 + γ3 too far.
 #[inline]
-fn prune_distance(t: f64) -> f32 {
+pub(super) fn prune_distance(t: f64) -> f32 {
     round_up(t) * PRUNE_MARGIN
 }
 
@@ -231,13 +231,13 @@ impl<T: Tier> Accelerator for Tree<T> {
 
     fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
         self.find_entries(rays, traversal);
-        let Traversal { stack, entries, tests } = traversal;
+        let Traversal { stack, entries, tests, .. } = traversal;
         hits.extend(rays.iter().map(|ray| self.closest_below(ray, entries, stack, tests)));
     }
 
     fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
         self.find_entries(rays, traversal);
-        let Traversal { stack, entries, tests } = traversal;
+        let Traversal { stack, entries, tests, .. } = traversal;
         occluded.extend(rays.iter().map(|ray| self.occluded_below(ray, entries, stack, tests)));
     }
 

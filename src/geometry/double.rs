@@ -5,9 +5,10 @@
 
 use glam::DVec3;
 
+use super::simd::Simd;
 use super::bounds::DoubleBoxTest;
 use super::woop::WoopTest;
-use super::{Ray, Sphere, Tier, TriangleHit};
+use super::{Quad, Ray, Sphere, Tier, TriangleHit};
 use crate::scene::Numerics;
 
 /// f64 geometry, decided in f64.
@@ -27,6 +28,11 @@ impl Tier for Double {
     #[inline(always)]
     fn hit_triangle(test: &WoopTest, ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {
         test.hit(ray, corners)
+    }
+
+    #[inline(always)]
+    fn candidates<S: Simd>(test: &WoopTest, quad: &Quad<DVec3>, t_max: f64) -> u32 {
+        test.candidates::<S, _>(quad, t_max)
     }
 
     #[inline(always)]

@@ -6,9 +6,10 @@
 
 use glam::Vec3;
 
+use super::simd::Simd;
 use super::bounds::SingleBoxTest;
 use super::woop::WoopTest;
-use super::{Ray, Sphere, Tier, TriangleHit};
+use super::{Quad, Ray, Sphere, Tier, TriangleHit};
 use crate::scene::Numerics;
 
 /// f32 geometry, decided in f64.
@@ -28,6 +29,11 @@ impl Tier for Watertight {
     #[inline(always)]
     fn hit_triangle(test: &WoopTest, ray: &Ray, corners: &[Vec3; 3]) -> Option<TriangleHit> {
         test.hit(ray, corners)
+    }
+
+    #[inline(always)]
+    fn candidates<S: Simd>(test: &WoopTest, quad: &Quad<Vec3>, t_max: f64) -> u32 {
+        test.candidates::<S, _>(quad, t_max)
     }
 
     #[inline(always)]

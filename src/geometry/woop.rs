@@ -15,6 +15,8 @@ use glam::{DVec3, Vec3Swizzles};
 
 use super::bounds::hold;
 use super::expansion::{Expansion, two_product, two_sum};
+use super::quad::Quad;
+use super::simd::Simd;
 use super::{Corner, Ray, TriangleHit};
 
 /// A ray made ready for triangles.
@@ -78,6 +80,38 @@ impl WoopTest {
         Sheared { corners, aside: corners.map(aside) }
     }
 
+    /// The lanes of `quad` that [`WoopTest::hit`] has to look at: their edge functions, computed as it does, do not differ in
+    /// sign, and not all of their corners lie beyond `t_max`.
+    #[inline(always)]
+    pub fn candidates<S: Simd, C: Corner>(&self, quad: &Quad<C>, t_max: f64) -> u32 {
+        let axes = match self.along {
+            Along::X => [1, 2, 0],
+            Along::Y => [2, 0, 1],
+            Along::Z => [0, 1, 2],
+        };
+        let origin = self.turned(self.origin);
+        let origin = [S::d4_splat(origin.x), S::d4_splat(origin.y), S::d4_splat(origin.z)];
+        let shear = [S::d4_splat(self.shear[0]), S::d4_splat(self.shear[1]), S::d4_splat(self.shear[2])];
+        // Loops and not the standard library's maps, which do not always become part of this.
+        let mut corners = [[shear[0]; 3]; 3];
+        for (k, seen) in corners.iter_mut().enumerate() {
+            for (axis, side) in seen.iter_mut().enumerate() {
+                *side = S::d4_sub(C::to_d4::<S>(quad.corners[k][axes[axis]]), origin[axis]);
+            }
+            seen[0] = S::d4_sub(seen[0], S::d4_mul(shear[0], seen[2]));
+            seen[1] = S::d4_sub(seen[1], S::d4_mul(shear[1], seen[2]));
+            seen[2] = S::d4_mul(seen[2], shear[2]);
+        }
+        let [[ax, ay, a], [bx, by, b], [cx, cy, c]] = corners;
+        let weights = [edges::<S>(cx, by, cy, bx), edges::<S>(ax, cy, ay, cx), edges::<S>(bx, ay, by, ax)];
+        let least = S::d4_min(S::d4_min(weights[0], weights[1]), weights[2]);
+        let most = S::d4_max(S::d4_max(weights[0], weights[1]), weights[2]);
+        let zero = S::d4_splat(0.0);
+        let inside = S::d4_le(zero, least) | S::d4_le(most, zero);
+        // A hit's distance lies within its own box, and this is one side of it.
+        inside & S::d4_le(S::d4_min(S::d4_min(a, b), c), S::d4_splat(t_max))
+    }
+
     /// Where `ray`, for which this was made, hits the triangle within the ray's ends.
     #[inline(always)]
     pub fn hit<C: Corner>(&self, ray: &Ray, corners: &[C; 3]) -> Option<TriangleHit> {
@@ -108,6 +142,12 @@ impl WoopTest {
         (ray.t_min < t && t < ray.t_max)
             .then_some(TriangleHit { t, weights: [weight_b * share, weight_c * share] })
     }
+}
+
+/// Four edge functions.
+#[inline(always)]
+fn edges<S: Simd>(px: S::D4, qy: S::D4, py: S::D4, qx: S::D4) -> S::D4 {
+    S::d4_sub(S::d4_mul(px, qy), S::d4_mul(py, qx))
 }
 
 impl Sheared {
