@@ -83,10 +83,15 @@ impl Built for BuiltKiln {
 /// What takes part in `kiln bench`: every layout in every tier, built as it is by default, and in the default tier built
 /// as quickly and as thoroughly as it can be.
 pub fn contenders() -> Vec<Box<dyn Contender>> {
-    let structure = Structure::Tree(Preset::default());
-    let tiers = Numerics::ALL.map(|numerics| Kiln { structure, numerics });
-    let presets = [Preset::FastestBuild, Preset::VerySlowBuild]
-        .map(|preset| Kiln { structure: Structure::Tree(preset), numerics: Numerics::default() });
+    let numerics = Numerics::default();
+    let presets = [
+        Structure::Tree(Preset::default()),
+        Structure::Portable(Preset::default()),
+        Structure::Wide(Preset::FastestBuild),
+        Structure::Wide(Preset::VerySlowBuild),
+    ]
+    .map(|structure| Kiln { structure, numerics });
+    let tiers = Numerics::ALL.map(|numerics| Kiln { structure: Structure::default(), numerics });
     tiers.into_iter().chain(presets).map(|kiln| Box::new(kiln) as Box<dyn Contender>).collect()
 }
 
@@ -110,7 +115,7 @@ impl Contender for Kiln {
     fn label(&self) -> Label {
         let preset = match self.structure {
             Structure::BruteForce => None,
-            Structure::Tree(preset) => Some(preset_name(preset)),
+            Structure::Tree(preset) | Structure::Wide(preset) | Structure::Portable(preset) => Some(preset_name(preset)),
         };
         Label {
             engine: self.name(),
