@@ -92,10 +92,11 @@ pub fn build(
 }
 
 /// What a traversal needs from one ray to the next, and what it counted.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Traversal {
     stack: Vec<(u32, f32)>,
     children: Vec<(wide::Child, f32)>,
+    packet: Box<wide::Scratch>,
     /// Where the rays of a batch begin.
     entries: Vec<(u32, f32)>,
     /// The work done so far.

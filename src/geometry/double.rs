@@ -5,6 +5,7 @@
 
 use glam::DVec3;
 
+use super::bundle::{BundleHits, WoopBundle};
 use super::simd::Simd;
 use super::bounds::DoubleBoxTest;
 use super::woop::WoopTest;
@@ -19,6 +20,16 @@ impl Tier for Double {
     type Corner = DVec3;
     type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
+    type Bundle = WoopBundle;
+
+    fn bundle(rays: &[Ray]) -> WoopBundle {
+        WoopBundle::new(rays)
+    }
+
+    #[inline(always)]
+    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[DVec3; 3]) -> BundleHits {
+        bundle.hit::<S, _>(corners)
+    }
 
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {

@@ -20,6 +20,7 @@
 
 mod beam;
 mod bounds;
+pub mod bundle;
 mod distance;
 mod double;
 mod exact;

@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::{BoxTest, round_away};
+use super::bundle::BundleHits;
 use super::quad::{LANES, Quad};
 use super::simd::Simd;
 use super::{Hit, Ray, Sphere, TriangleHit};
@@ -196,6 +197,15 @@ pub trait Tier: Send + Sync + 'static {
     type Boxes: BoxTest;
     /// A ray made ready for triangles.
     type Prepared;
+
+    /// Four rays made ready for triangles at once.
+    type Bundle: Copy + Send + Sync;
+
+    /// Makes up to four rays ready for triangles at once; at least one.
+    fn bundle(rays: &[Ray]) -> Self::Bundle;
+
+    /// What [`Tier::hit_triangle`] says of each ray of a bundle, as far as that can be told for all at once.
+    fn hit_bundle<S: Simd>(bundle: &Self::Bundle, corners: &[Self::Corner; 3]) -> BundleHits;
 
     /// Makes a ray ready for triangles.
     fn prepare(ray: &Ray) -> Self::Prepared;

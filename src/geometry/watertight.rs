@@ -6,6 +6,7 @@
 
 use glam::Vec3;
 
+use super::bundle::{BundleHits, WoopBundle};
 use super::simd::Simd;
 use super::bounds::SingleBoxTest;
 use super::woop::WoopTest;
@@ -20,6 +21,16 @@ impl Tier for Watertight {
     type Corner = Vec3;
     type Boxes = SingleBoxTest;
     type Prepared = WoopTest;
+    type Bundle = WoopBundle;
+
+    fn bundle(rays: &[Ray]) -> WoopBundle {
+        WoopBundle::new(rays)
+    }
+
+    #[inline(always)]
+    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[Vec3; 3]) -> BundleHits {
+        bundle.hit::<S, _>(corners)
+    }
 
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {

@@ -71,6 +71,16 @@ impl WoopTest {
         }
     }
 
+    /// Which axis becomes which by turning.
+    #[inline(always)]
+    pub fn axes(&self) -> [usize; 3] {
+        match self.along {
+            Along::X => [1, 2, 0],
+            Along::Y => [2, 0, 1],
+            Along::Z => [0, 1, 2],
+        }
+    }
+
     /// The triangle seen along the ray.
     #[inline(always)]
     pub fn sheared<C: Corner>(&self, [a, b, c]: &[C; 3]) -> Sheared {
@@ -84,11 +94,7 @@ impl WoopTest {
     /// sign, and not all of their corners lie beyond `t_max`.
     #[inline(always)]
     pub fn candidates<S: Simd, C: Corner>(&self, quad: &Quad<C>, t_max: f64) -> u32 {
-        let axes = match self.along {
-            Along::X => [1, 2, 0],
-            Along::Y => [2, 0, 1],
-            Along::Z => [0, 1, 2],
-        };
+        let axes = self.axes();
         let origin = self.turned(self.origin);
         let origin = [S::d4_splat(origin.x), S::d4_splat(origin.y), S::d4_splat(origin.z)];
         let shear = [S::d4_splat(self.shear[0]), S::d4_splat(self.shear[1]), S::d4_splat(self.shear[2])];
@@ -176,7 +182,7 @@ fn inside([a, b, c]: [f64; 3]) -> bool {
 }
 
 /// The share of a triangle's own depths below which a depth is held against the triangle's plane.
-const NEAR: f64 = 1.0 / 64.0;
+pub const NEAR: f64 = 1.0 / 64.0;
 
 /// Whether a ray, which runs against the side of a triangle that `against` has the sign of, starts on its plane or
 /// leaves it behind: exactly.
@@ -203,7 +209,7 @@ fn is_behind<C: Corner>(ray: &Ray, corners: &[C; 3], against: f64) -> bool {
 
 /// Differences below this share of the products are computed to their last place. Above it the error is that of two
 /// roundings in at least 33 remaining places.
-const CANCELLED: f64 = 1.0 / (1u32 << 20) as f64;
+pub const CANCELLED: f64 = 1.0 / (1u32 << 20) as f64;
 
 /// `p.x * q.y - p.y * q.x` where the products nearly cancel, with its exact sign: their rounded difference is exact then,
 /// and so are their rounding errors.

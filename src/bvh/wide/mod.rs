@@ -5,7 +5,9 @@
 //! that it has anywhere else. With AVX2 and FMA where the machine has them ([`Simd`]), and without them the same answers.
 
 mod convert;
+mod frustum;
 mod node;
+mod packet;
 
 pub use convert::convert;
 
@@ -13,6 +15,8 @@ pub use node::Child;
 use node::{BoxRay, Content, Node, WIDTH};
 
 use super::tree::prune_distance;
+use packet::PACKET;
+pub use packet::Scratch;
 use super::{Accelerator, Description, Primitive, Tests, Traversal};
 use crate::geometry::quad::LANES;
 #[cfg(target_arch = "x86_64")]
@@ -158,32 +162,47 @@ impl<T: Tier> Wide<T> {
         loop {
             tests.nodes += 1;
             let (mut mask, at) = boxes.enter::<S, FUSED>(node, t_max);
-            let first = top;
-            while mask != 0 {
+            let mut next = None;
+            if mask != 0 {
                 let place = mask.trailing_zeros() as usize % WIDTH;
                 mask &= mask - 1;
-                let item = (node.children[place], at[place]);
-                let mut j = top;
-                if NEAREST {
-                    // Farthest first.
-                    while j > first && stack[j - 1].1 < item.1 {
-                        stack[j] = stack[j - 1];
-                        j -= 1;
+                let (mut nearest, mut nearest_at) = (node.children[place], at[place]);
+                let first = top;
+                // The nearest goes next, without a detour over the stack; the others wait there, farthest first.
+                while mask != 0 {
+                    let place = mask.trailing_zeros() as usize % WIDTH;
+                    mask &= mask - 1;
+                    let mut item = (node.children[place], at[place]);
+                    let mut j = top;
+                    if NEAREST {
+                        if item.1 < nearest_at {
+                            (nearest, nearest_at, item) = (item.0, item.1, (nearest, nearest_at));
+                        }
+                        while j > first && stack[j - 1].1 < item.1 {
+                            stack[j] = stack[j - 1];
+                            j -= 1;
+                        }
                     }
+                    stack[j] = item;
+                    top += 1;
                 }
-                stack[j] = item;
-                top += 1;
+                next = Some(nearest);
             }
             // On to the next node that is still worth it, past leaves.
             loop {
-                if top == 0 {
-                    return;
-                }
-                top -= 1;
-                let (child, at) = stack[top];
-                if NEAREST && at > t_max {
-                    continue;
-                }
+                let child = match next.take() {
+                    Some(child) => child,
+                    None => loop {
+                        if top == 0 {
+                            return;
+                        }
+                        top -= 1;
+                        let (child, at) = stack[top];
+                        if !NEAREST || at <= t_max {
+                            break child;
+                        }
+                    },
+                };
                 if let Content::Node(index) = child.content() {
                     node = &self.nodes[index as usize];
                     break;
@@ -239,6 +258,29 @@ impl<T: Tier> Wide<T> {
     }
 }
 
+impl<T: Tier> Wide<T> {
+    fn packet_closest(&self, rays: &[Ray], hits: &mut [Option<Hit>], traversal: &mut Traversal) -> bool {
+        let Traversal { children, tests, packet, .. } = traversal;
+        #[cfg(target_arch = "x86_64")]
+        if self.simd {
+            return self.closest_of_packet::<Avx2>(rays, hits, packet, children, tests);
+        }
+        self.closest_of_packet::<Portable>(rays, hits, packet, children, tests)
+    }
+
+    fn packet_occluded(&self, rays: &[Ray], occluded: &mut [bool], traversal: &mut Traversal) -> bool {
+        let Traversal { children, tests, packet, .. } = traversal;
+        #[cfg(target_arch = "x86_64")]
+        if self.simd {
+            return self.occluded_of_packet::<Avx2>(rays, occluded, packet, children, tests);
+        }
+        self.occluded_of_packet::<Portable>(rays, occluded, packet, children, tests)
+    }
+}
+
+/// Fewer rays than this are not worth a packet.
+const FEWEST: usize = 16;
+
 /// The hit of a triangle that has passed for all that a group can tell; few come here.
 #[inline(never)]
 fn hit_triangle<T: Tier>(prepared: &T::Prepared, ray: &Ray, group: &Group<T::Corner>, slot: SlotId) -> Option<Hit> {
@@ -276,6 +318,34 @@ impl<T: Tier> Accelerator for Wide<T> {
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
         let Traversal { children, tests, .. } = traversal;
         with_instructions!(self.occluded(ray, children, tests))
+    }
+
+    fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
+        for rays in rays.chunks(PACKET) {
+            let first = hits.len();
+            hits.resize(first + rays.len(), None);
+            let of_packet = &mut hits[first..];
+            if rays.len() >= FEWEST && self.packet_closest(rays, of_packet, traversal) {
+                continue;
+            }
+            for (ray, hit) in rays.iter().zip(of_packet) {
+                *hit = self.closest_hit(ray, traversal);
+            }
+        }
+    }
+
+    fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
+        for rays in rays.chunks(PACKET) {
+            let first = occluded.len();
+            occluded.resize(first + rays.len(), false);
+            let of_packet = &mut occluded[first..];
+            if rays.len() >= FEWEST && self.packet_occluded(rays, of_packet, traversal) {
+                continue;
+            }
+            for (ray, occluded) in rays.iter().zip(of_packet) {
+                *occluded = self.is_occluded(ray, traversal);
+            }
+        }
     }
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {

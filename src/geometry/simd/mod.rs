@@ -39,6 +39,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn f8_sub(a: Self::F8, b: Self::F8) -> Self::F8;
     /// a b
     fn f8_mul(a: Self::F8, b: Self::F8) -> Self::F8;
+    /// a / b
+    fn f8_div(a: Self::F8, b: Self::F8) -> Self::F8;
     /// a b + c, rounded once or twice.
     fn mul_add(a: Self::F8, b: Self::F8, c: Self::F8) -> Self::F8;
     /// a b - c, rounded once or twice.

@@ -63,6 +63,11 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn f8_div(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        each(a, b, |a, b| a / b)
+    }
+
+    #[inline(always)]
     fn mul_add(a: [f32; 8], b: [f32; 8], c: [f32; 8]) -> [f32; 8] {
         Self::f8_add(Self::f8_mul(a, b), c)
     }

@@ -86,6 +86,12 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn f8_div(a: __m256, b: __m256) -> __m256 {
+        // SAFETY: see [`Avx2`].
+        unsafe { _mm256_div_ps(a, b) }
+    }
+
+    #[inline(always)]
     fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
         // SAFETY: see [`Avx2`].
         unsafe { _mm256_fmadd_ps(a, b, c) }
