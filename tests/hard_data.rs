@@ -46,7 +46,7 @@ fn hits_by_every_structure(scene: &Scene) -> Vec<Vec<Option<(u32, u64)>>> {
     let mut scene = scene.clone();
     equip(&mut scene);
     let rays = prepare(scene.clone(), SIZE, Numerics::Watertight).rays();
-    let structures = Preset::ALL.map(Structure::Tree).into_iter().chain([Structure::BruteForce]);
+    let structures = Structure::trees().chain([Structure::BruteForce]);
     let answers = structures.map(|structure| {
         let world = World::prepare(scene.clone(), ColourPipeline::Linear, structure, Numerics::Watertight);
         let mut traversal = Traversal::default();

@@ -5,7 +5,7 @@ mod common;
 
 use common::Numbers;
 use glam::DVec3;
-use kiln::bvh::{Preset, Primitive, Slot, Structure, Traversal, build};
+use kiln::bvh::{Primitive, Slot, Structure, Traversal, build};
 use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
 
 /// How many rays are asked about at once.
@@ -179,8 +179,8 @@ fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str, numeric
     let expected: Vec<_> = rays.iter().map(|ray| bits(oracle.closest_hit(ray, &mut traversal))).collect();
     let count = expected.iter().flatten().count();
     assert!(count * 2 > rays.len(), "{what}: only {count} of {} rays hit; they test too little", rays.len());
-    for preset in Preset::ALL {
-        let tree = build(slots.iter().copied(), Structure::Tree(preset), numerics);
+    for structure in Structure::trees() {
+        let tree = build(slots.iter().copied(), structure, numerics);
         let wrong = rays
             .iter()
             .zip(&expected)
@@ -189,7 +189,7 @@ fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str, numeric
                     || tree.is_occluded(ray, &mut traversal) != expected.is_some()
             })
             .count();
-        assert_eq!(wrong, 0, "{what}, {preset:?}: {wrong} of {} rays differ from brute force", rays.len());
+        assert_eq!(wrong, 0, "{what}, {structure:?}: {wrong} of {} rays differ from brute force", rays.len());
 
         // The same in batches, in which rays share their way down the tree.
         let (mut hits, mut occluded) = (Vec::new(), Vec::new());
@@ -200,7 +200,7 @@ fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str, numeric
         let found = hits.into_iter().zip(occluded);
         let wrong =
             found.zip(&expected).filter(|((hit, blocked), e)| bits(*hit) != **e || *blocked != e.is_some());
-        assert_eq!(wrong.count(), 0, "{what}, {preset:?}, in batches");
+        assert_eq!(wrong.count(), 0, "{what}, {structure:?}, in batches");
 
         let all = |accelerator: &dyn kiln::bvh::Accelerator, ray: &Ray| {
             let mut hits = Vec::new();
@@ -210,7 +210,7 @@ fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str, numeric
             hits
         };
         let wrong = rays.iter().step_by(7).filter(|ray| all(&*tree, ray) != all(&*oracle, ray)).count();
-        assert_eq!(wrong, 0, "{what}, {preset:?}, all hits");
+        assert_eq!(wrong, 0, "{what}, {structure:?}, all hits");
     }
 }
 
@@ -273,12 +273,12 @@ fn few_primitives_answer_as_brute_force() {
             let few: Vec<Slot> = all.iter().rev().take(count).copied().collect();
             let oracle = build(few.iter().copied(), Structure::BruteForce, numerics);
             let mut traversal = Traversal::default();
-            for preset in Preset::ALL {
-                let tree = build(few.iter().copied(), Structure::Tree(preset), numerics);
+            for structure in Structure::trees() {
+                let tree = build(few.iter().copied(), structure, numerics);
                 for ray in &rays {
                     let expected = bits(oracle.closest_hit(ray, &mut traversal));
                     let found = bits(tree.closest_hit(ray, &mut traversal));
-                    assert_eq!(found, expected, "{count} primitives, {preset:?}, {}", numerics.name());
+                    assert_eq!(found, expected, "{count} primitives, {structure:?}, {}", numerics.name());
                 }
             }
         }

@@ -68,6 +68,13 @@ impl Default for Structure {
     }
 }
 
+impl Structure {
+    /// Every structure but brute force: every layout, built with every preset.
+    pub fn trees() -> impl Iterator<Item = Structure> {
+        [Structure::Tree, Structure::Wide, Structure::Portable].into_iter().flat_map(|layout| Preset::ALL.map(layout))
+    }
+}
+
 /// Builds a structure over primitives whose numbers are rounded to those of the tier.
 pub fn build(
     slots: impl IntoIterator<Item = Slot>,

@@ -110,7 +110,14 @@ impl WoopBundle {
         let (da, db, dc) = (S::d4_mul(weight_a, az), S::d4_mul(weight_b, bz), S::d4_mul(weight_c, cz));
         let depth = S::d4_mul(S::d4_add(S::d4_add(da, db), dc), share);
         let near = S::d4_lt(S::d4_abs(depth), S::d4_mul(reach, S::d4_splat(NEAR)));
-        let unsure = self.odd | inside & (cancelled_a | cancelled_b | cancelled_c | near);
+        let mut unsure = self.odd | inside & (cancelled_a | cancelled_b | cancelled_c);
+        let mut behind = 0;
+        if near & inside & !unsure != 0 {
+            let against = S::d4_mul(S::d4_add(S::d4_add(weight_a, weight_b), weight_c), shear[2]);
+            let (is_behind, cannot_say) = side::<S>(&seen, against);
+            behind = near & is_behind & S::d4_le(zero, S::d4(self.t_min));
+            unsure |= near & inside & cannot_say;
+        }
 
         // Held within the triangle's own box: see `hold`.
         let t = S::d4_mul(depth, shear[2]);
@@ -125,12 +132,32 @@ impl WoopBundle {
         let t = S::d4_max(enter, S::d4_min(leave, t));
         let within = S::d4_lt(S::d4(self.t_min), t) & S::d4_lt(t, S::d4(self.t_max));
         BundleHits {
-            hit: inside & passes & within & !unsure,
+            hit: inside & passes & within & !behind & !unsure,
             unsure,
             t: S::d4_array(t),
             weights: [S::d4_array(S::d4_mul(weight_b, share)), S::d4_array(S::d4_mul(weight_c, share))],
         }
     }
+}
+
+/// The rays that start on a triangle's plane or leave it behind, and those for which f64 cannot say. `against` has the sign of the
+/// side that a ray runs against. As `is_behind` of the test for one ray, whose answer is exact: so the order of sums,
+/// which is another here, does not matter.
+#[inline(always)]
+fn side<S: Simd>([a, b, c]: &[[S::D4; 3]; 3], against: S::D4) -> (u32, u32) {
+    let zero = S::d4_splat(0.0);
+    let (mut height, mut size) = (zero, zero);
+    for (k, i, j) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
+        let (left, right) = (S::d4_mul(b[i], c[j]), S::d4_mul(b[j], c[i]));
+        height = S::d4_add(height, S::d4_mul(a[k], S::d4_sub(left, right)));
+        let products = S::d4_add(S::d4_abs(left), S::d4_abs(right));
+        size = S::d4_add(size, S::d4_mul(S::d4_abs(a[k]), products));
+    }
+    let bound = S::d4_mul(size, S::d4_splat(8.0 * f64::EPSILON));
+    let cannot_say = S::d4_le(S::d4_abs(height), bound);
+    // Not by the sign of a product, which could vanish.
+    let (up, down) = (S::d4_le(zero, height) & S::d4_le(zero, against), S::d4_le(height, zero) & S::d4_le(against, zero));
+    (up | down, cannot_say)
 }
 
 #[inline(always)]

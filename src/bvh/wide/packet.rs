@@ -71,6 +71,7 @@ impl<'a, T: Tier> Packet<'a, T> {
             scratch.extents[k][0][blocks..].fill(f32::INFINITY);
             scratch.extents[k][1][blocks..].fill(f32::NEG_INFINITY);
         }
+        scratch.active[blocks..].fill(0);
         for (block, rays) in rays.chunks(BLOCK).enumerate() {
             scratch.active[block] = (u32::MAX >> (32 - rays.len())) as u8;
             scratch.reach[block] = [f32::NEG_INFINITY; BLOCK];

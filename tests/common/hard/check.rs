@@ -19,22 +19,25 @@ use super::single;
 use crate::common::oracle::{self, Distance};
 
 /// Brute force, and the trees that differ most.
-pub const STRUCTURES: [Structure; 4] = [
+pub const STRUCTURES: [Structure; 7] = [
     Structure::BruteForce,
     Structure::Tree(Preset::FastestBuild),
     Structure::Tree(Preset::MediumBuild),
     Structure::Tree(Preset::VerySlowBuild),
+    Structure::Wide(Preset::MediumBuild),
+    Structure::Wide(Preset::VerySlowBuild),
+    Structure::Portable(Preset::FastestBuild),
 ];
 
 /// The tree that is built where nothing is asked for.
-pub const DEFAULT_TREE: Structure = Structure::Tree(Preset::MediumBuild);
+pub const DEFAULT_TREE: Structure = Structure::Wide(Preset::MediumBuild);
 
 /// Tiers in which closed meshes do not leak.
 pub const WATERTIGHT: [Numerics; 3] = [Numerics::Watertight, Numerics::Double, Numerics::Exact];
 
-/// Brute force and a tree of every preset.
+/// Brute force and every layout of every preset.
 pub fn all_structures() -> Vec<Structure> {
-    [Structure::BruteForce].into_iter().chain(Preset::ALL.map(Structure::Tree)).collect()
+    [Structure::BruteForce].into_iter().chain(Structure::trees()).collect()
 }
 
 /// What was seen; for tests to be sure that something was.

@@ -1,0 +1,165 @@
+//! Rays that share their start or their end are walked together; each answers as if it were alone, bit for bit.
+
+mod common;
+
+use common::Numbers;
+use glam::DVec3;
+use kiln::bvh::{Primitive, Slot, Structure, Traversal, build};
+use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
+
+/// As many rays as a tile has.
+const TILE: usize = 256;
+
+/// A terrain of whole numbers, a soup, copies, slivers, a giant triangle and spheres; `scale` and `offset` move all of it.
+fn slots(scale: f64, offset: DVec3) -> Vec<Slot> {
+    let mut numbers = Numbers::new(21);
+    let mut triangles = Vec::new();
+    let heights: Vec<f64> = (0..81).map(|_| numbers.below(3) as f64).collect();
+    let point = |x: usize, y: usize| DVec3::new(x as f64, heights[9 * y + x], y as f64);
+    for (x, y) in (0..64).map(|i| (i % 8, i / 8)) {
+        triangles.push([point(x, y), point(x + 1, y), point(x + 1, y + 1)]);
+        triangles.push([point(x, y), point(x + 1, y + 1), point(x, y + 1)]);
+    }
+    for _ in 0..100 {
+        let at = numbers.vector() * 4.0 + 4.0;
+        triangles.push([0; 3].map(|_| at + numbers.vector()));
+        triangles.push([at, at + numbers.vector() * 3.0, at + numbers.vector() * 1e-4]);
+    }
+    triangles.extend_from_within(..40);
+    triangles.push([DVec3::new(-1e4, -1.0, -1e4), DVec3::new(1e4, -1.0, -1e4), DVec3::new(0.0, -1.0, 1e5)]);
+    let single = |p: DVec3| (offset + p * scale).as_vec3().as_dvec3();
+    let mut primitives: Vec<Primitive> =
+        triangles.into_iter().map(|t| Primitive::Triangle(Triangle(t.map(single)))).collect();
+    for i in 0..6 {
+        let centre = single(numbers.vector() * 4.0 + 4.0);
+        primitives.push(Primitive::Sphere(Sphere { centre, radius: f64::from((0.2 * scale * f64::from(i + 1)) as f32) }));
+    }
+    let degenerate = |p: &Primitive| matches!(p, Primitive::Triangle(t) if t.is_degenerate());
+    primitives.retain(|p| !degenerate(p));
+    (0..).zip(primitives).map(|(id, primitive)| Slot { primitive, id: PrimId(id) }).collect()
+}
+
+/// Where tiles are aimed: corners, points of edges and of faces, so that rays graze, tie and cancel.
+fn target(slots: &[Slot], numbers: &mut Numbers) -> DVec3 {
+    match &slots[numbers.below(slots.len())].primitive {
+        Primitive::Triangle(Triangle([a, b, c])) => match numbers.below(3) {
+            0 => *a,
+            1 => a.lerp(*b, numbers.unit()),
+            _ => a.lerp(*b, numbers.unit()).lerp(*c, numbers.unit()),
+        },
+        Primitive::Sphere(sphere) => sphere.centre + sphere.radius * numbers.vector().normalize(),
+    }
+}
+
+/// Tiles of rays from an eye: narrow ones, wide ones, and ones of which every ray is aimed at something of its own.
+fn tiles(slots: &[Slot], scale: f64, offset: DVec3, precision: Precision) -> Vec<Vec<Ray>> {
+    let mut numbers = Numbers::new(5);
+    let mut tiles = Vec::new();
+    for index in 0..48 {
+        let target_at = target(slots, &mut numbers);
+        let eye = match index % 4 {
+            // In the middle of things, far away, right before something, and level with a corner of the grid.
+            0 => offset + (numbers.vector() * 3.0 + 4.0) * scale,
+            1 => offset + numbers.vector() * (300.0 * scale),
+            2 => target_at + numbers.vector() * (1e-3 * scale),
+            _ => offset + DVec3::new(4.0, 4.0, -7.0) * scale,
+        };
+        let eye = eye.as_vec3().as_dvec3();
+        let width = [1e-3, 0.05, 0.6][index % 3];
+        let middle = (target_at - eye).normalize_or(DVec3::X);
+        let (side, up) = middle.any_orthonormal_pair();
+        let aimed = index % 5 == 0;
+        let rays = (0..TILE).map(|i| {
+            let (x, y) = ((i % 16) as f64 / 16.0 - 0.5, (i / 16) as f64 / 16.0 - 0.5);
+            let towards = if aimed || i == 0 {
+                let mut towards = target(slots, &mut numbers) - eye;
+                for _ in 0..20 {
+                    if towards.normalize_or(-middle).dot(middle) > 0.3 {
+                        break;
+                    }
+                    towards = target(slots, &mut numbers) - eye;
+                }
+                towards
+            } else {
+                middle + width * (x * side + y * up)
+            };
+            precision.ray(eye, towards.normalize_or(middle), 0.0, f64::INFINITY)
+        });
+        // Not only whole tiles.
+        tiles.push(rays.take(if index % 7 == 6 { 37 } else { TILE }).collect());
+    }
+    tiles
+}
+
+/// Rays from points on what is around to a lamp, as shadows cast them: open at both ends, exact at neither.
+fn to_lamp(hits: &[(Ray, Hit)], lamp: DVec3, precision: Precision) -> Vec<Ray> {
+    let to_lamp = |(ray, hit): &(Ray, Hit)| {
+        let origin = precision.ray(ray.at(hit.t * (1.0 - 1e-6)), DVec3::X, 0.0, 1.0).origin;
+        let way = lamp - origin;
+        precision.ray(origin, way.normalize_or(DVec3::Y), 0.0, way.length() * (1.0 - 4.0 * precision.epsilon()))
+    };
+    hits.iter().map(to_lamp).collect()
+}
+
+fn bits(hit: &Option<Hit>) -> Option<(u64, PrimId, [u64; 2])> {
+    hit.map(|hit| (hit.t.to_bits(), hit.prim, hit.weights.map(f64::to_bits)))
+}
+
+fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {
+    let slots = slots(scale, offset);
+    for numerics in Numerics::ALL {
+        let precision = numerics.precision();
+        let oracle = build(slots.iter().copied(), Structure::BruteForce, numerics);
+        let mut traversal = Traversal::default();
+        let (mut all, mut hit, mut lit, mut dark) = (0, 0, 0, 0);
+        let tiles = tiles(&slots, scale, offset, precision);
+        let trees: Vec<_> = [Structure::default(), Structure::Portable(Default::default())]
+            .map(|structure| (structure, build(slots.iter().copied(), structure, numerics)))
+            .into();
+        for (index, rays) in tiles.iter().enumerate() {
+            let expected: Vec<_> = rays.iter().map(|ray| oracle.closest_hit(ray, &mut traversal)).collect();
+            let seen: Vec<_> =
+                rays.iter().zip(&expected).filter_map(|(ray, hit)| Some((*ray, (*hit)?))).collect();
+            let lamp = if index % 2 == 0 {
+                offset + DVec3::new(4.0, 9.0, 3.0) * scale
+            } else {
+                // On a surface: every ray ends at it.
+                target(&slots, &mut Numbers::new(index as u64))
+            };
+            let shadows = to_lamp(&seen, lamp, precision);
+            let blocked: Vec<_> = shadows.iter().map(|ray| oracle.is_occluded(ray, &mut traversal)).collect();
+            (all, hit) = (all + rays.len(), hit + seen.len());
+            dark += blocked.iter().filter(|&&b| b).count();
+            lit += blocked.iter().filter(|&&b| !b).count();
+            for (structure, tree) in &trees {
+                let (mut hits, mut occluded) = (Vec::new(), Vec::new());
+                tree.closest_hits(rays, &mut hits, &mut traversal);
+                tree.are_occluded(&shadows, &mut occluded, &mut traversal);
+                for ((ray, found), expected) in rays.iter().zip(&hits).zip(&expected) {
+                    let what = format!("tile {index}, {structure:?}, {}: {ray:?}", numerics.name());
+                    assert_eq!(bits(found), bits(expected), "{what}");
+                }
+                for ((ray, found), expected) in shadows.iter().zip(&occluded).zip(&blocked) {
+                    assert_eq!(found, expected, "tile {index}, {structure:?}, {}: {ray:?}", numerics.name());
+                }
+            }
+        }
+        assert!(hit * 3 > all && lit * 20 > hit && dark * 20 > hit, "{hit} of {all}, {lit} lit, {dark} dark");
+    }
+}
+
+#[test]
+fn at_unit_size() {
+    packets_answer_as_single_rays(1.0, DVec3::ZERO);
+}
+
+#[test]
+fn far_from_the_origin() {
+    packets_answer_as_single_rays(1.0, DVec3::new(1000.0, -500.0, 2000.0));
+}
+
+#[test]
+fn tiny_and_large() {
+    packets_answer_as_single_rays(2f64.powi(-30), DVec3::ZERO);
+    packets_answer_as_single_rays(1e5, DVec3::ZERO);
+}
