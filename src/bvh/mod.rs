@@ -104,6 +104,7 @@ pub struct Traversal {
     stack: Vec<(u32, f32)>,
     children: Vec<(wide::Child, f32)>,
     packet: Box<wide::Scratch>,
+    stacks: wide::Stacks,
     /// Where the rays of a batch begin.
     entries: Vec<(u32, f32)>,
     /// The work done so far.

@@ -8,6 +8,7 @@ mod convert;
 mod frustum;
 mod node;
 mod packet;
+mod stream;
 
 pub use convert::convert;
 
@@ -17,6 +18,7 @@ use node::{BoxRay, Content, Node, WIDTH};
 use super::tree::prune_distance;
 use packet::PACKET;
 pub use packet::Scratch;
+pub use stream::Stacks;
 use super::{Accelerator, Description, Primitive, Tests, Traversal};
 use crate::geometry::quad::LANES;
 #[cfg(target_arch = "x86_64")]
@@ -89,7 +91,7 @@ impl<T: Tier> Wide<T> {
     fn hits_in_leaf<S: Simd>(
         &self,
         ray: &Ray,
-        prepared: &mut Option<T::Prepared>,
+        prepared: &T::Prepared,
         leaf: Child,
         tests: &mut Tests,
         mut t_max: f64,
@@ -99,7 +101,6 @@ impl<T: Tier> Wide<T> {
         match leaf.content() {
             Content::Node(_) => {}
             Content::Groups(groups) => {
-                let prepared = prepared.get_or_insert_with(|| T::prepare(ray));
                 tests.primitives += groups.len() as u64;
                 for index in groups {
                     let group = &self.groups[index as usize];
@@ -149,7 +150,7 @@ impl<T: Tier> Wide<T> {
             return;
         }
         let boxes = BoxRay::new(ray, T::NUMERICS.precision(), FUSED);
-        let mut prepared = None;
+        let prepared = T::prepare(ray);
         let (mut t_best, mut t_max) = (ray.t_max, prune_distance(ray.t_max));
         // Every node on the way leaves at most all its children but one.
         let room = self.depth * WIDTH;
@@ -207,7 +208,7 @@ impl<T: Tier> Wide<T> {
                     node = &self.nodes[index as usize];
                     break;
                 }
-                match self.hits_in_leaf::<S>(ray, &mut prepared, child, tests, t_best, &mut found) {
+                match self.hits_in_leaf::<S>(ray, &prepared, child, tests, t_best, &mut found) {
                     Step::Stop => return,
                     Step::Prune(t) => (t_best, t_max) = (t, prune_distance(t)),
                     Step::Go => {}
@@ -278,6 +279,52 @@ impl<T: Tier> Wide<T> {
     }
 }
 
+impl<T: Tier> Wide<T> {
+    /// Rays in turns, where the machine can and their directions have no zeros.
+    fn stream_closest(&self, rays: &[Ray], hits: &mut [Option<Hit>], traversal: &mut Traversal) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        if self.simd && !rays.iter().any(|ray| ray.direction.cmpeq(glam::DVec3::ZERO).any()) {
+            let Traversal { stacks, tests, .. } = traversal;
+            Avx2::run(
+                #[inline(always)]
+                || {
+                    self.stream::<Avx2, false>(
+                        rays,
+                        stacks,
+                        tests,
+                        #[inline(always)]
+                        |ray, hit| hits[ray] = hit,
+                    );
+                },
+            );
+            return true;
+        }
+        false
+    }
+
+    /// The same for rays that any hit blocks.
+    fn stream_occluded(&self, rays: &[Ray], occluded: &mut [bool], traversal: &mut Traversal) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        if self.simd && !rays.iter().any(|ray| ray.direction.cmpeq(glam::DVec3::ZERO).any()) {
+            let Traversal { stacks, tests, .. } = traversal;
+            Avx2::run(
+                #[inline(always)]
+                || {
+                    self.stream::<Avx2, true>(
+                        rays,
+                        stacks,
+                        tests,
+                        #[inline(always)]
+                        |ray, hit| occluded[ray] = hit.is_some(),
+                    );
+                },
+            );
+            return true;
+        }
+        false
+    }
+}
+
 /// Fewer rays than this are not worth a packet.
 const FEWEST: usize = 16;
 
@@ -328,6 +375,9 @@ impl<T: Tier> Accelerator for Wide<T> {
             if rays.len() >= FEWEST && self.packet_closest(rays, of_packet, traversal) {
                 continue;
             }
+            if self.stream_closest(rays, of_packet, traversal) {
+                continue;
+            }
             for (ray, hit) in rays.iter().zip(of_packet) {
                 *hit = self.closest_hit(ray, traversal);
             }
@@ -340,6 +390,9 @@ impl<T: Tier> Accelerator for Wide<T> {
             occluded.resize(first + rays.len(), false);
             let of_packet = &mut occluded[first..];
             if rays.len() >= FEWEST && self.packet_occluded(rays, of_packet, traversal) {
+                continue;
+            }
+            if self.stream_occluded(rays, of_packet, traversal) {
                 continue;
             }
             for (ray, occluded) in rays.iter().zip(of_packet) {

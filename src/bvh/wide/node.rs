@@ -8,6 +8,7 @@
 //! `(plane - origin) * inverse`. That form serves every ray where there is no fused multiply-add.
 //! In either form rays of f64 numbers are tested against the same f32 boxes.
 
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 use crate::geometry::simd::Simd;
@@ -32,7 +33,8 @@ pub struct Node {
 }
 
 /// What a box holds, in 32 bits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(transparent)]
 pub struct Child(u32);
 
 /// What a [`Child`] stands for.
@@ -71,10 +73,16 @@ impl Child {
         Child(Self::LEAF | kind | (count as u32 - 1) << Self::COUNT_SHIFT | first as u32)
     }
 
-    /// Whether it is an inner node.
+    /// As numbers.
     #[inline(always)]
-    pub fn is_node(self) -> bool {
-        self.0 & Self::LEAF == 0
+    pub fn bits(children: [Child; WIDTH]) -> [u32; WIDTH] {
+        bytemuck::cast(children)
+    }
+
+    /// From numbers.
+    #[inline(always)]
+    pub fn of_bits(bits: [u32; WIDTH]) -> [Child; WIDTH] {
+        bytemuck::cast(bits)
     }
 
     /// What it stands for.
@@ -165,20 +173,28 @@ impl BoxRay {
 }
 
 impl BoxRay {
-    /// The places of `node` whose boxes the ray enters before `t_max`, as bits, and where it does. Never misses a box that
-    /// holds a point of the exact ray between its start and `t_max`.
+    /// Where the ray enters and leaves the boxes of `node`, not before its start and not beyond `t_max`; it may enter those
+    /// that it leaves no earlier. Never misses a box that holds a point of the exact ray between its start and `t_max`.
     #[inline(always)]
-    pub fn enter<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (u32, [f32; WIDTH]) {
+    pub fn span<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (S::F8, S::F8) {
         let mut enter = S::f8_splat(self.t_min);
         let mut leave = S::f8_splat(t_max);
         for axis in 0..3 {
             let (near, inverse) = (self.near[axis], S::f8_splat(self.inverse[axis]));
             let [near_offset, far_offset] = self.offsets[axis];
             // What is not a number, where a ray runs in a plane of the box, is never taken.
-            enter = S::f8_max(distances::<S, FUSED>(node.planes[axis][near], inverse, near_offset), enter);
-            leave = S::f8_min(distances::<S, FUSED>(node.planes[axis][1 - near], inverse, far_offset), leave);
+            let at_near = distances::<S, FUSED>(node.planes[axis][near], inverse, near_offset);
+            let at_far = distances::<S, FUSED>(node.planes[axis][1 - near], inverse, far_offset);
+            enter = S::f8_max(at_near, enter);
+            leave = S::f8_min(at_far, leave);
         }
-        let leave = S::f8_mul(leave, S::f8_splat(MARGIN));
+        (enter, S::f8_mul(leave, S::f8_splat(MARGIN)))
+    }
+
+    /// The places of `node` whose boxes the ray enters, as bits, and where it does.
+    #[inline(always)]
+    pub fn enter<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (u32, [f32; WIDTH]) {
+        let (enter, leave) = self.span::<S, FUSED>(node, t_max);
         (S::f8_le(enter, leave), S::f8_array(enter))
     }
 }

@@ -52,6 +52,11 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// Where a is at most b.
     fn f8_le(a: Self::F8, b: Self::F8) -> u32;
 
+    /// How many lanes have `enter` at most `leave`; and of those first, by `enter` from the greatest to the least, what `of`
+    /// has in these lanes, and a number that is at most `enter` and nearly as much. `enter` is not negative. The rest is of no
+    /// meaning.
+    fn sorted(enter: Self::F8, leave: Self::F8, of: [u32; 8]) -> (u32, [u32; 8], [f32; 8]);
+
     /// From an array.
     fn d4(x: [f64; 4]) -> Self::D4;
     /// From f32 numbers.

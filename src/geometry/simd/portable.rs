@@ -93,6 +93,23 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn sorted(enter: [f32; 8], leave: [f32; 8], of: [u32; 8]) -> (u32, [u32; 8], [f32; 8]) {
+        let (mut items, mut keys, mut count) = ([0; 8], [0.0; 8], 0);
+        for lane in 0..8 {
+            if enter[lane] <= leave[lane] {
+                let mut place = count;
+                while place > 0 && keys[place - 1] < enter[lane] {
+                    (items[place], keys[place]) = (items[place - 1], keys[place - 1]);
+                    place -= 1;
+                }
+                (items[place], keys[place]) = (of[lane], enter[lane]);
+                count += 1;
+            }
+        }
+        (count as u32, items, keys)
+    }
+
+    #[inline(always)]
     fn d4(x: [f64; 4]) -> [f64; 4] {
         x
     }

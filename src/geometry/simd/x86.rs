@@ -21,6 +21,35 @@ fn run<R>(f: impl FnOnce() -> R) -> R {
     f()
 }
 
+/// The order of numbers that are not negative is that of their bits; the lowest three make room for the lane. A bitonic
+/// network (Batcher, Sorting Networks and their Applications, 1968) sorts without a branch to guess wrong.
+#[inline]
+#[target_feature(enable = "avx2,fma")]
+fn sorted(enter: __m256, leave: __m256, of: [u32; 8]) -> (u32, [u32; 8], [f32; 8]) {
+    let holds = _mm256_cmp_ps::<_CMP_LE_OQ>(enter, leave);
+    let number = _mm256_set1_epi32(!7);
+    let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    let keys = _mm256_or_si256(_mm256_and_si256(_mm256_castps_si256(enter), number), lanes);
+    // The others become less than all.
+    let keys = _mm256_blendv_epi8(_mm256_set1_epi32(-1), keys, _mm256_castps_si256(holds));
+    let keys = exchange::<0x99>(keys, _mm256_shuffle_epi32::<0b10_11_00_01>(keys));
+    let keys = exchange::<0xc3>(keys, _mm256_shuffle_epi32::<0b01_00_11_10>(keys));
+    let keys = exchange::<0xa5>(keys, _mm256_shuffle_epi32::<0b10_11_00_01>(keys));
+    let keys = exchange::<0x0f>(keys, _mm256_permute2x128_si256::<1>(keys, keys));
+    let keys = exchange::<0x33>(keys, _mm256_shuffle_epi32::<0b01_00_11_10>(keys));
+    let keys = exchange::<0x55>(keys, _mm256_shuffle_epi32::<0b10_11_00_01>(keys));
+    let items = _mm256_permutevar8x32_epi32(bytemuck::cast(of), keys);
+    let at = _mm256_castsi256_ps(_mm256_and_si256(keys, number));
+    (_mm256_movemask_ps(holds).count_ones(), bytemuck::cast(items), bytemuck::cast(at))
+}
+
+/// The greater of two in the lanes of the mask, the less in the others.
+#[inline]
+#[target_feature(enable = "avx2,fma")]
+fn exchange<const GREATER: i32>(a: __m256i, b: __m256i) -> __m256i {
+    _mm256_blend_epi32::<GREATER>(_mm256_min_epi32(a, b), _mm256_max_epi32(a, b))
+}
+
 impl Simd for Avx2 {
     type F8 = __m256;
     type D4 = __m256d;
@@ -49,6 +78,12 @@ impl Simd for Avx2 {
     #[inline(always)]
     fn f8_array(x: __m256) -> [f32; 8] {
         bytemuck::cast(x)
+    }
+
+    #[inline(always)]
+    fn sorted(enter: __m256, leave: __m256, of: [u32; 8]) -> (u32, [u32; 8], [f32; 8]) {
+        // SAFETY: see [`Avx2`].
+        unsafe { sorted(enter, leave, of) }
     }
 
     #[inline(always)]
