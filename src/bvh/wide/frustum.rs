@@ -54,9 +54,10 @@ pub struct Lanes {
 pub const BLOCKS: usize = 32;
 
 impl Lanes {
-    /// Takes the directions of rays, at least one.
+    /// Takes the directions of rays, at least one, and tells whether all start at one place.
     #[inline(always)]
-    fn fill(&mut self, rays: &[Ray]) {
+    fn fill(&mut self, rays: &[Ray]) -> bool {
+        let mut apart = false;
         self.blocks = rays.len().div_ceil(WIDTH);
         let mut put = |i: usize, d: DVec3| {
             let (block, lane) = (i / WIDTH, i % WIDTH);
@@ -66,10 +67,13 @@ impl Lanes {
         };
         for (i, ray) in rays.iter().enumerate() {
             put(i, ray.direction);
+            // Without leaving at the first: comparing is quicker than looking at each.
+            apart |= ray.origin != rays[0].origin;
         }
         for i in rays.len()..rays.len().next_multiple_of(WIDTH) {
             put(i, rays[rays.len() - 1].direction);
         }
+        !apart
     }
 
     /// The least and the greatest of some numbers.
@@ -90,8 +94,16 @@ impl Frustum {
     #[inline(always)]
     pub fn new<S: Simd>(rays: &[Ray], to_end: bool, lanes: &mut Lanes) -> Option<Self> {
         let first = rays.first()?;
-        let (apex, spread) = if to_end { common_end(rays)? } else { (common_start(rays)?, 0.0) };
-        lanes.fill(rays);
+        // Packets that are none are found out early, as most are where rays scatter.
+        if !to_end && rays[rays.len() / 2].origin != first.origin {
+            return None;
+        }
+        let one_start = lanes.fill(rays);
+        let (apex, spread) = match to_end {
+            true => common_end(rays)?,
+            false if one_start => (first.origin, 0.0),
+            false => return None,
+        };
         let mut intervals = [[0.0; 2]; 3];
         for (interval, directions) in intervals.iter_mut().zip(&lanes.directions) {
             *interval = Lanes::interval::<S>(&directions[..lanes.blocks]);
@@ -179,14 +191,6 @@ impl Frustum {
         // Both factors are rounded, and so is their product.
         along * t as f32 * MARGIN
     }
-}
-
-/// The place that all rays start from.
-fn common_start(rays: &[Ray]) -> Option<DVec3> {
-    let first = rays.first()?.origin;
-    // Without leaving at the first: comparing is quicker than looking at each.
-    let apart = rays.iter().fold(false, |apart, ray| apart | (ray.origin != first));
-    (!apart).then_some(first)
 }
 
 /// The middle of the places that rays end at, and how far on any axis a ray passes beside it at most.

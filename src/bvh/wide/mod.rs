@@ -13,9 +13,8 @@ mod stream;
 pub use convert::convert;
 
 pub use node::Child;
-use node::{BoxRay, Content, Node, WIDTH};
+use node::{BoxRay, Content, Node, WIDTH, prune_distance};
 
-use super::tree::prune_distance;
 use packet::PACKET;
 pub use packet::Scratch;
 pub use stream::Stacks;
@@ -149,7 +148,7 @@ impl<T: Tier> Wide<T> {
         if self.nodes.is_empty() {
             return;
         }
-        let boxes = BoxRay::new(ray, T::NUMERICS.precision(), FUSED);
+        let boxes = BoxRay::new(ray, FUSED);
         let prepared = T::prepare(ray);
         let (mut t_best, mut t_max) = (ray.t_max, prune_distance(ray.t_max));
         // Every node on the way leaves at most all its children but one.
@@ -283,7 +282,7 @@ impl<T: Tier> Wide<T> {
     /// Rays in turns, where the machine can and their directions have no zeros.
     fn stream_closest(&self, rays: &[Ray], hits: &mut [Option<Hit>], traversal: &mut Traversal) -> bool {
         #[cfg(target_arch = "x86_64")]
-        if self.simd && !rays.iter().any(|ray| ray.direction.cmpeq(glam::DVec3::ZERO).any()) {
+        if self.simd && rays.iter().all(runs_along_all_axes) {
             let Traversal { stacks, tests, .. } = traversal;
             Avx2::run(
                 #[inline(always)]
@@ -305,7 +304,7 @@ impl<T: Tier> Wide<T> {
     /// The same for rays that any hit blocks.
     fn stream_occluded(&self, rays: &[Ray], occluded: &mut [bool], traversal: &mut Traversal) -> bool {
         #[cfg(target_arch = "x86_64")]
-        if self.simd && !rays.iter().any(|ray| ray.direction.cmpeq(glam::DVec3::ZERO).any()) {
+        if self.simd && rays.iter().all(runs_along_all_axes) {
             let Traversal { stacks, tests, .. } = traversal;
             Avx2::run(
                 #[inline(always)]
@@ -341,15 +340,21 @@ fn hit_sphere<T: Tier>(ray: &Ray, sphere: &Sphere) -> Option<f64> {
     T::hit_sphere(ray, sphere)
 }
 
+/// Whether no component of the direction is 0, and all are numbers.
+#[inline(always)]
+fn runs_along_all_axes(ray: &Ray) -> bool {
+    ray.direction.abs().cmpgt(glam::DVec3::ZERO).all()
+}
+
 /// Calls `$self.$method::<S>` with the instructions that serve the ray.
 macro_rules! with_instructions {
     ($self:ident.$method:ident($ray:expr $(, $argument:expr)*)) => {{
         #[cfg(target_arch = "x86_64")]
         if $self.simd {
-            return if $ray.direction.cmpeq(glam::DVec3::ZERO).any() {
-                $self.$method::<Avx2, false>($ray $(, $argument)*)
-            } else {
+            return if runs_along_all_axes($ray) {
                 $self.$method::<Avx2, true>($ray $(, $argument)*)
+            } else {
+                $self.$method::<Avx2, false>($ray $(, $argument)*)
             };
         }
         $self.$method::<Portable, false>($ray $(, $argument)*)

@@ -1,24 +1,22 @@
 //! Nodes of eight children, and what a ray needs to be tested against all of them at once.
 //!
 //! The distance to a plane is `plane * inverse - offset` with `offset = origin * inverse`: one fused multiply-add. Plainly
-//! computed that is off by the rounding of the offset, which is measured to lose rays; here the offset is computed in f64
-//! and rounded to f32 towards the side that makes the box larger, so what is left are two factors of 1 ± u, the
-//! reciprocal's and the result's own, which the margin absorbs ([`MARGIN`]). A ray with a component of 0 has no
-//! such offset on that axis: for those rays it is the origin that is rounded so, and distances are
+//! computed that is off by the rounding of the offset, which is measured to lose rays; here the offset is moved by more
+//! than that towards the side that makes the box larger ([`WIDENING`]), so what is left are factors of 1 ± u, two for the
+//! reciprocal and one for the result, which the margin absorbs ([`MARGIN`]). A ray with a component of 0 has no
+//! such offset on that axis: for those rays it is the origin that is moved so, and distances are
 //! `(plane - origin) * inverse`. That form serves every ray where there is no fused multiply-add.
 //! In either form rays of f64 numbers are tested against the same f32 boxes.
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
-
 use crate::geometry::simd::Simd;
-use crate::geometry::{Bounds, PRUNE_MARGIN, Precision, Ray, round_down, round_up};
+use crate::geometry::{Bounds, PRUNE_MARGIN, Ray, round_down};
 
 /// How many children a node has.
 pub const WIDTH: usize = 8;
 
-/// The margin by which a ray may leave a box before it enters it: that of the f32 box test, since hits are held to their
-/// own boxes by it, and the two roundings on either side that may be added here.
+/// The margin by which a ray may leave a box before it enters it: that of the f32 box test, since the tier `fast` holds hits
+/// to their own boxes by it, and 8 u for what is computed in another way here.
 pub const MARGIN: f32 = PRUNE_MARGIN + 4.0 * f32::EPSILON;
 
 /// Eight boxes, and what they hold.
@@ -30,6 +28,8 @@ pub struct Node {
     pub planes: [[[f32; WIDTH]; 2]; 3],
     /// What the boxes hold.
     pub children: [Child; WIDTH],
+    /// The places that hold something, as bits. Rays know by the boxes; those that are no rays do not.
+    pub present: u32,
 }
 
 /// What a box holds, in 32 bits.
@@ -103,6 +103,7 @@ impl Node {
     pub const EMPTY: Node = Node {
         planes: [[[f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]]; 3],
         children: [Child(Child::INDEX); WIDTH],
+        present: 0,
     };
 
     /// Puts `child` with its box into a place.
@@ -112,13 +113,7 @@ impl Node {
             self.planes[axis][1][place] = b.max[axis];
         }
         self.children[place] = child;
-    }
-
-    /// The box in a place; `None` where there is none.
-    pub fn bounds(&self, place: usize) -> Option<Bounds> {
-        let side = |side: usize| Vec3::from_array([0, 1, 2].map(|axis: usize| self.planes[axis][side][place]));
-        let b = Bounds { min: side(0), max: side(1) };
-        (b.min.x <= b.max.x).then_some(b)
+        self.present |= 1 << place;
     }
 }
 
@@ -135,41 +130,41 @@ pub struct BoxRay {
 }
 
 impl BoxRay {
-    /// Prepares a ray of numbers of `precision`. `fused` needs a direction without zeros.
+    /// Prepares a ray. `fused` needs a direction without zeros.
     #[inline(always)]
-    pub fn new(ray: &Ray, precision: Precision, fused: bool) -> Self {
-        let reciprocal = ray.direction.recip();
+    pub fn new(ray: &Ray, fused: bool) -> Self {
+        let (direction, origin) = (ray.direction.as_vec3(), ray.origin.as_vec3());
+        let inverse = direction.recip();
+        let offset = if fused { origin * inverse } else { origin };
+        let widening = offset.abs() * WIDENING + f32::MIN_POSITIVE;
+        let (greatest, least) = (offset + widening, offset - widening);
         let mut prepared = BoxRay {
-            inverse: [0.0; 3],
+            inverse: inverse.to_array(),
             near: [0; 3],
             offsets: [[0.0; 2]; 3],
             t_min: round_down(ray.t_min),
         };
         for axis in 0..3 {
-            let inverse = reciprocal[axis] as f32;
-            let downwards = inverse < 0.0;
-            // To f32 towards the side where the near plane is nearer and the far plane farther.
-            let origin = ray.origin[axis];
-            let [least, greatest] = match (fused, precision) {
-                (false, _) => [round_down(origin), round_up(origin)],
-                // The product of two f32 numbers is exact in f64,
-                (true, Precision::Single) => {
-                    let offset = origin * f64::from(inverse);
-                    [round_down(offset), round_up(offset)]
-                }
-                // that of others is not.
-                (true, Precision::Double) => {
-                    let offset = origin * f64::from(inverse);
-                    [round_down(offset.next_down()), round_up(offset.next_up())]
-                }
-            };
-            prepared.inverse[axis] = inverse;
+            let downwards = inverse[axis] < 0.0;
             prepared.near[axis] = usize::from(downwards);
+            // Towards the side where the near plane is nearer and the far plane farther.
+            let turned = downwards && !fused;
             prepared.offsets[axis] =
-                if fused || !downwards { [greatest, least] } else { [least, greatest] };
+                if turned { [least[axis], greatest[axis]] } else { [greatest[axis], least[axis]] };
         }
         prepared
     }
+}
+
+/// The share of itself by which an offset is moved: it is off by 2 u where the origin is no f32 number (rounded, then
+/// multiplied), by less elsewhere. This is 4 u; the least normal number stands for what underflows.
+const WIDENING: f32 = 2.0 * f32::EPSILON;
+
+/// The f32 distance beyond which no box around a hit at `t` is entered. Computed entries are at most 4 u too far, and
+/// rounding `t` takes u.
+#[inline(always)]
+pub fn prune_distance(t: f64) -> f32 {
+    (t as f32).max(f32::MIN_POSITIVE) * MARGIN
 }
 
 impl BoxRay {
@@ -195,7 +190,7 @@ impl BoxRay {
     #[inline(always)]
     pub fn enter<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (u32, [f32; WIDTH]) {
         let (enter, leave) = self.span::<S, FUSED>(node, t_max);
-        (S::f8_le(enter, leave), S::f8_array(enter))
+        (S::f8_le(enter, leave) & node.present, S::f8_array(enter))
     }
 }
 

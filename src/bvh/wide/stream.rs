@@ -4,10 +4,9 @@
 //! So some rays take turns, a node or a leaf each, and what a ray needs at its next turn is asked for at the end of this
 //! one.
 
-use super::node::{BoxRay, Child, Content, WIDTH};
+use super::node::{BoxRay, Child, Content, WIDTH, prune_distance};
 use super::{Step, Wide};
 use crate::bvh::Tests;
-use crate::bvh::tree::prune_distance;
 use crate::geometry::simd::Simd;
 use crate::geometry::{Hit, Ray, Tier};
 
@@ -41,7 +40,7 @@ impl<T: Tier> Walker<T> {
         let ray = &rays[index];
         Walker {
             ray: index,
-            boxes: BoxRay::new(ray, T::NUMERICS.precision(), true),
+            boxes: BoxRay::new(ray, true),
             prepared: T::prepare(ray),
             t_best: ray.t_max,
             t_max: prune_distance(ray.t_max),
