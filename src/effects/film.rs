@@ -15,8 +15,8 @@ impl Stage for Expose {
         let Tile { levels, pixels, .. } = tile;
         let level = &levels[0];
         pixels.resize(level.rays.len(), context.world.background.as_vec3().to_array());
-        for (&ray, colour) in level.ray_of.iter().zip(&level.colours) {
-            pixels[level.sources[ray as usize] as usize] = colour.as_vec3().to_array();
+        for (i, &ray) in level.surfaces.ray_of().iter().enumerate() {
+            pixels[level.sources[ray as usize] as usize] = level.colours.get(i).as_vec3().to_array();
         }
     }
 }

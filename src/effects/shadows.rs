@@ -8,8 +8,8 @@ use glam::DVec3;
 use super::tile::{Context, Level, Tile};
 use super::{Effect, RayKind, Stage};
 use crate::geometry::{Precision, Ray};
-use crate::shading::LightSample;
-use crate::world::World;
+use crate::shading::{LightLanes, LightSample};
+use crate::world::{LANES, Lanes, Surfaces, World, widely};
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
@@ -35,42 +35,71 @@ impl Stage for Shadows {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let Tile { levels, traversal, shadow_rays, occluded, .. } = tile;
-        let Level { surfaces, origins, shadow_points, lights, lights_end, .. } = &mut levels[self.level];
+        let Tile { levels, lights, traversal, shadow_rays, shadow_origins, occluded, shadowed, .. } = tile;
+        let Level { surfaces, origins, shadow_points, .. } = &levels[self.level];
         let numerics = context.world.numerics();
-        let precision = numerics.precision();
-        let cast = lights.len();
-        shadow_rays.clear();
-        occluded.clear();
-        let mut start = 0;
-        for (index, &end) in lights_end.iter().enumerate() {
-            let end = end as usize;
-            let lights = &lights[start..end];
-            let surface = &surfaces[index];
-            let origin = match shadow_points.get(index) {
-                Some(lifted) => lifted.origin_towards(surface.geometric_normal, numerics),
-                None => origins[index],
-            };
-            let moved = origin - surface.point.position;
-            shadow_rays
-                .extend(lights.iter().map(|light| shadow_ray(origin, &light.seen_from(moved), precision)));
-            start = end;
+        for (i, lifted) in shadow_points.iter().enumerate() {
+            shadow_origins.set(i, lifted.origin_towards(surfaces.geometric_normal.get(i), numerics));
         }
-        context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
-        // What reaches its surface moves up over what does not.
-        let (mut next, mut kept) = (0, 0);
-        for end in lights_end {
-            while next < *end as usize {
-                if !occluded[next] {
-                    lights[kept] = lights[next];
-                    kept += 1;
+        let origins = if shadow_points.is_empty() { origins } else { shadow_origins };
+        let (mut cast, mut blocked) = (0, 0);
+        for light in lights {
+            match numerics.precision() {
+                Precision::Single => {
+                    widely(#[inline(always)] || rays_to(light, surfaces, origins, Precision::Single, shadow_rays));
                 }
-                next += 1;
+                Precision::Double => {
+                    widely(#[inline(always)] || rays_to(light, surfaces, origins, Precision::Double, shadow_rays));
+                }
             }
-            *end = kept as u32;
+            keep_those_reached(light, shadow_rays, shadowed);
+            occluded.clear();
+            context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
+            cast += occluded.len();
+            for (&surface, _) in shadowed.iter().zip(&*occluded).filter(|(_, blocked)| **blocked) {
+                light.reaches[surface as usize] = false;
+                blocked += 1;
+            }
         }
-        lights.truncate(kept);
-        tile.count(RayKind::Shadow, cast, cast - kept);
+        tile.count(RayKind::Shadow, cast, blocked);
+    }
+}
+
+/// The rays from all surfaces to a light.
+#[inline(always)]
+fn rays_to(
+    light: &LightLanes,
+    surfaces: &Surfaces,
+    origins: &Lanes,
+    precision: Precision,
+    rays: &mut Vec<Ray>,
+) {
+    let unmade = Ray { origin: DVec3::ZERO, direction: DVec3::ZERO, t_min: 0.0, t_max: 0.0 };
+    rays.resize(surfaces.len(), unmade);
+    for (i, ray) in (0..LANES).zip(rays.iter_mut()) {
+        let origin = origins.get(i);
+        let seen = light.get(i).seen_from(origin - surfaces.position.get(i));
+        // Where the light does not reach it may have no direction, and nobody will ask.
+        let normal = surfaces.geometric_normal.get(i);
+        let pick = |a: f64, b: f64| if light.reaches[i] { a } else { b };
+        let direction = DVec3::new(
+            pick(seen.direction.x, normal.x),
+            pick(seen.direction.y, normal.y),
+            pick(seen.direction.z, normal.z),
+        );
+        *ray = shadow_ray(origin, &LightSample { direction, ..seen }, precision);
+    }
+}
+
+/// Leaves the rays of those surfaces that the light reaches, and lists these.
+fn keep_those_reached(light: &LightLanes, rays: &mut Vec<Ray>, surfaces: &mut Vec<u32>) {
+    surfaces.clear();
+    surfaces.extend((0..).zip(&light.reaches[..rays.len()]).filter(|(_, reaches)| **reaches).map(|(i, _)| i));
+    if surfaces.len() < rays.len() {
+        for (to, &from) in surfaces.iter().enumerate() {
+            rays[to] = rays[from as usize];
+        }
+        rays.truncate(surfaces.len());
     }
 }
 
@@ -79,6 +108,7 @@ impl Stage for Shadows {
 /// Rounded, it ends beside the light, by up to half a step of its numbers relative to its length, and by a few of f64's
 /// from the way to the light: what it meets there may be what the light stands on, and does not count. Where the ray
 /// rises less than a quarter from what the light stands on it may still meet it.
+#[inline(always)]
 pub fn shadow_ray(origin: DVec3, light: &LightSample, precision: Precision) -> Ray {
     let beside = 2.0 * precision.epsilon() + 8.0 * f64::EPSILON;
     precision.ray(origin, light.direction, 0.0, light.distance * (1.0 - beside))

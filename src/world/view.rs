@@ -5,7 +5,9 @@
 
 use glam::{DVec2, DVec3};
 
+use super::lanes::{LANES, widely};
 use crate::error::{Error, Result};
+use crate::film::{TILE, Window};
 use crate::geometry::{Precision, Ray};
 use crate::scene::{Camera, Projection};
 
@@ -87,10 +89,55 @@ impl View {
     /// The ray through the centre of the pixel in column `x`, row `y` from the top, in numbers of `precision`.
     #[inline]
     pub fn ray(&self, x: u32, y: u32, precision: Precision) -> Ray {
+        self.ray_at(self.across(x), self.up(y), precision)
+    }
+
+    /// How far right of the middle of the viewing rectangle a column of pixels is.
+    fn across(&self, x: u32) -> f64 {
         let i = f64::from(x) + 0.5;
+        i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0
+    }
+
+    /// How far above the middle of the viewing rectangle a row of pixels is.
+    fn up(&self, y: u32) -> f64 {
         let j = self.size.y - (f64::from(y) + 0.5);
-        let across = i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0;
-        let up = j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0;
+        j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0
+    }
+
+    /// The rays of the pixels of `window`, of which there are at most [`LANES`], row by row from the top: into `rays`.
+    pub fn rays(&self, window: Window, precision: Precision, rays: &mut Vec<Ray>) {
+        let Window { x, y, width, height } = window;
+        let (mut across, mut up) = ([0.0; LANES], [0.0; LANES]);
+        let columns: [f64; TILE as usize] = std::array::from_fn(|i| self.across(x + i as u32));
+        for row in 0..height as usize {
+            let part = row * width as usize..(row + 1) * width as usize;
+            across[part.clone()].copy_from_slice(&columns[..width as usize]);
+            up[part].fill(self.up(y + row as u32));
+        }
+        let unmade = Ray { origin: DVec3::ZERO, direction: DVec3::ZERO, t_min: 0.0, t_max: 0.0 };
+        rays.resize(window.area(), unmade);
+        let places = across.iter().zip(&up);
+        match precision {
+            Precision::Single => widely(#[inline(always)] || self.fill(rays, places, Precision::Single)),
+            Precision::Double => widely(#[inline(always)] || self.fill(rays, places, Precision::Double)),
+        }
+    }
+
+    #[inline(always)]
+    fn fill<'a>(
+        &self,
+        rays: &mut [Ray],
+        places: impl Iterator<Item = (&'a f64, &'a f64)>,
+        precision: Precision,
+    ) {
+        for (ray, (&across, &up)) in rays.iter_mut().zip(places) {
+            *ray = self.ray_at(across, up, precision);
+        }
+    }
+
+    /// The ray through a point of the viewing rectangle.
+    #[inline(always)]
+    fn ray_at(&self, across: f64, up: f64, precision: Precision) -> Ray {
         let offset = across * self.u + up * self.v;
         let (origin, direction) = match self.projection {
             Projection::Perspective => (self.position, (offset - self.distance * self.w).normalize()),
