@@ -48,41 +48,49 @@ impl Stage for Reflect {
         let (level, next) = (&before[self.from], &mut after[0]);
         let Level { surfaces, origins, .. } = level;
         let Level { sources, rays, .. } = next;
-        match precision {
-            Precision::Single => widely(#[inline(always)] || mirrored_rays(surfaces, origins, Precision::Single, rays)),
-            Precision::Double => widely(#[inline(always)] || mirrored_rays(surfaces, origins, Precision::Double, rays)),
-        }
+        let all_leave = match precision {
+            Precision::Single => widely(
+                #[inline(always)]
+                || mirrored_rays(surfaces, origins, Precision::Single, rays),
+            ),
+            Precision::Double => widely(
+                #[inline(always)]
+                || mirrored_rays(surfaces, origins, Precision::Double, rays),
+            ),
+        };
         sources.clear();
         for (material, range) in surfaces.by_material() {
-            let glaze = context.world.materials[material].glaze();
+            let glaze = context.world.materials[*material as usize].glaze();
             if glaze.is_some_and(|glaze| self.from < glaze.bounces as usize && glaze.weight > 0.0) {
                 sources.extend(range.start as u32..range.end as u32);
             }
         }
-        for (to, &from) in sources.iter().enumerate() {
-            if to != from as usize {
+        if sources.len() < rays.len() {
+            for (to, &from) in sources.iter().enumerate() {
                 rays[to] = rays[from as usize];
             }
+            rays.truncate(sources.len());
         }
-        rays.truncate(sources.len());
-        for (ray, &source) in rays.iter_mut().zip(&*sources) {
-            let source = source as usize;
-            if ray.direction.dot(surfaces.geometric_normal.get(source)) <= 0.0 {
-                *ray = mirrored_ray(origins.get(source), &surfaces.get(source), precision);
+        if !all_leave {
+            for (ray, &source) in rays.iter_mut().zip(&*sources) {
+                *ray = mirrored_ray(origins.get(source as usize), &surfaces.get(source as usize), precision);
             }
         }
     }
 }
 
-/// The mirrored rays of all surfaces, also where they point into them.
+/// The mirrored rays of all surfaces, also where they point into them; whether none does.
 #[inline(always)]
-fn mirrored_rays(surfaces: &Surfaces, origins: &Lanes, precision: Precision, rays: &mut Vec<Ray>) {
+fn mirrored_rays(surfaces: &Surfaces, origins: &Lanes, precision: Precision, rays: &mut Vec<Ray>) -> bool {
     let unmade = Ray { origin: DVec3::ZERO, direction: DVec3::ZERO, t_min: 0.0, t_max: 0.0 };
     rays.resize(surfaces.len(), unmade);
+    let mut all_leave = true;
     for (i, ray) in (0..LANES).zip(rays.iter_mut()) {
         let mirrored = mirrored(surfaces.view.get(i), surfaces.shading_normal.get(i));
         *ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
+        all_leave &= ray.direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
     }
+    all_leave
 }
 
 #[inline(always)]

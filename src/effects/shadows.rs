@@ -56,10 +56,13 @@ impl Stage for Shadows {
             occluded.clear();
             context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
             cast += occluded.len();
-            for (&surface, _) in shadowed.iter().zip(&*occluded).filter(|(_, blocked)| **blocked) {
-                light.reaches[surface as usize] = false;
-                blocked += 1;
+            let met = occluded.iter().filter(|&&blocked| blocked).count();
+            if met > 0 {
+                for (&surface, &is_blocked) in shadowed.iter().zip(&*occluded) {
+                    light.reaches[surface as usize] &= !is_blocked;
+                }
             }
+            blocked += met;
         }
         tile.count(RayKind::Shadow, cast, blocked);
     }
@@ -93,13 +96,17 @@ fn rays_to(
 
 /// Leaves the rays of those surfaces that the light reaches, and lists these.
 fn keep_those_reached(light: &LightLanes, rays: &mut Vec<Ray>, surfaces: &mut Vec<u32>) {
+    let reaches = &light.reaches[..rays.len()];
+    let reached = reaches.iter().filter(|&&reaches| reaches).count();
     surfaces.clear();
-    surfaces.extend((0..).zip(&light.reaches[..rays.len()]).filter(|(_, reaches)| **reaches).map(|(i, _)| i));
-    if surfaces.len() < rays.len() {
+    if reached == rays.len() {
+        surfaces.extend(0..reached as u32);
+    } else {
+        surfaces.extend((0..).zip(reaches).filter(|(_, reaches)| **reaches).map(|(i, _)| i));
         for (to, &from) in surfaces.iter().enumerate() {
             rays[to] = rays[from as usize];
         }
-        rays.truncate(surfaces.len());
+        rays.truncate(reached);
     }
 }
 

@@ -16,8 +16,8 @@ use rayon::prelude::*;
 use crate::effects::Plan;
 use crate::effects::tile::{Context, Tile};
 use crate::error::{Error, Result};
-use crate::film::{Film, FilmTile, Window};
-use crate::world::{View, World};
+use crate::film::{self, ColourPipeline, Film, FilmTile, Pixel, Window};
+use crate::world::{View, World, widely};
 
 /// What a render tells while it runs, and what it is told.
 pub struct Watch<'a> {
@@ -38,9 +38,23 @@ pub fn render(
     window: Window,
     watch: &Watch,
 ) -> Result<(Film, Statistics)> {
+    render_as(world, view, plan, window, watch)
+}
+
+/// [`render`], onto a film of any pixels.
+///
+/// # Errors
+/// As those of [`render`].
+pub fn render_as<P: Pixel>(
+    world: &World,
+    view: &View,
+    plan: &Plan,
+    window: Window,
+    watch: &Watch,
+) -> Result<(Film<P>, Statistics)> {
     let mut film = Film::new(window)?;
     let context = Context { world, view };
-    let idle: Mutex<Vec<Worker>> = Mutex::new(Vec::new());
+    let idle: Mutex<Vec<Box<Worker>>> = Mutex::new(Vec::new());
     let done = AtomicUsize::new(0);
     let tiles = film.tiles_mut();
     let total = tiles.len();
@@ -49,7 +63,7 @@ pub fn render(
             return;
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
-        let mut worker = taken.unwrap_or_else(|| Worker::new(plan));
+        let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan)));
         render_tile(plan, &context, &mut tile, &mut worker);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);
@@ -69,17 +83,19 @@ struct Worker {
     tile: Tile,
     /// Time spent in each stage.
     times: Vec<std::time::Duration>,
+    /// Pixels that are not numbers: their columns and rows.
+    non_finite: Vec<(u32, u32)>,
 }
 
 impl Worker {
     fn new(plan: &Plan) -> Self {
-        Worker { tile: Tile::default(), times: vec![Default::default(); plan.stages().len()] }
+        Worker { tile: Tile::default(), times: vec![Default::default(); plan.stages().len()], non_finite: Vec::new() }
     }
 }
 
 /// A tile: every stage of the plan in order, then the pixels.
-fn render_tile(plan: &Plan, context: &Context, film: &mut FilmTile, worker: &mut Worker) {
-    let Worker { tile, times } = worker;
+fn render_tile<P: Pixel>(plan: &Plan, context: &Context, film: &mut FilmTile<P>, worker: &mut Worker) {
+    let Worker { tile, times, non_finite } = worker;
     tile.start(film.window);
     let mut last = Instant::now();
     for (stage, time) in plan.stages().iter().zip(times) {
@@ -88,5 +104,17 @@ fn render_tile(plan: &Plan, context: &Context, film: &mut FilmTile, worker: &mut
         *time += now - last;
         last = now;
     }
-    film.pixels.copy_from_slice(&tile.pixels);
+    non_finite.extend(film::non_finite(film.window, &tile.pixels));
+    // Pipelines are told apart once, not for every pixel.
+    match context.world.pipeline {
+        ColourPipeline::Linear => develop(&tile.pixels, ColourPipeline::Linear, film.pixels),
+        _ => widely(#[inline(always)] || develop(&tile.pixels, ColourPipeline::Display, film.pixels)),
+    }
+}
+
+#[inline(always)]
+fn develop<P: Pixel>(colours: &[[f32; 3]], pipeline: ColourPipeline, pixels: &mut [P]) {
+    for (pixel, &colour) in pixels.iter_mut().zip(colours) {
+        *pixel = P::new(colour, pipeline);
+    }
 }

@@ -18,6 +18,8 @@ pub struct Statistics {
     pub tests: Tests,
     /// For each object, whether a primary ray has seen it.
     pub seen: Vec<bool>,
+    /// Pixels that are not a number or infinite: how many, and columns and rows of the first ten of them.
+    pub non_finite: (usize, Vec<(u32, u32)>),
 }
 
 /// Thread time spent in the stages of one name.
@@ -30,12 +32,13 @@ pub struct StageTime {
 }
 
 impl Statistics {
-    pub(super) fn gather(plan: &Plan, workers: &[Worker]) -> Self {
+    pub(super) fn gather(plan: &Plan, workers: &[Box<Worker>]) -> Self {
         let mut sum = Statistics {
             stages: Vec::new(),
             rays: Default::default(),
             tests: Tests::default(),
             seen: Vec::new(),
+            non_finite: Default::default(),
         };
         for (index, stage) in plan.stages().iter().enumerate() {
             let time = workers.iter().map(|worker| worker.times[index]).sum();
@@ -44,7 +47,11 @@ impl Statistics {
                 None => sum.stages.push(StageTime { name: stage.name(), time }),
             }
         }
-        for Worker { tile, .. } in workers {
+        let mut non_finite: Vec<(u32, u32)> = workers.iter().flat_map(|w| &w.non_finite).copied().collect();
+        non_finite.sort_unstable_by_key(|&(x, y)| (y, x));
+        sum.non_finite = (non_finite.len(), non_finite.into_iter().take(10).collect());
+        for worker in workers {
+            let tile = &worker.tile;
             for (sum, count) in sum.rays.iter_mut().zip(&tile.rays) {
                 sum.cast += count.cast;
                 sum.hit += count.hit;

@@ -68,7 +68,8 @@ pub fn shade_all(
 ) {
     let mut samples = Vec::new();
     for (index, range) in surfaces.by_material() {
-        if let LoweredMaterial::Phong(material) = &world.materials[index]
+        let range = range.clone();
+        if let LoweredMaterial::Phong(material) = &world.materials[*index as usize]
             && material.texture.is_none()
         {
             phong::shade_all(world, material, mode, (surfaces, range), lights, (colours, scratch));

@@ -1,6 +1,8 @@
 //! The full account of a tile's hits. What [`World::surface`] computes for one hit is computed here for as many at once
 //! as lie side by side on one sphere or flat triangle, in the same operations.
 
+use std::ops::Range;
+
 use glam::{DVec2, DVec3};
 
 use super::World;
@@ -37,6 +39,7 @@ pub struct Surfaces {
     material: [u32; LANES],
     ray_of: [u32; LANES],
     runs: Vec<Run>,
+    parts: Vec<(u32, Range<usize>)>,
 }
 
 /// The points from `start` on are all on one primitive.
@@ -65,6 +68,7 @@ impl Default for Surfaces {
             material: [0; LANES],
             ray_of: [0; LANES],
             runs: Vec::new(),
+            parts: Vec::new(),
         }
     }
 }
@@ -79,11 +83,6 @@ impl Surfaces {
     /// Whether nothing was hit.
     pub fn is_empty(&self) -> bool {
         self.len == 0
-    }
-
-    /// Forgets all points.
-    pub fn clear(&mut self) {
-        self.len = 0;
     }
 
     /// For each point, its ray.
@@ -102,13 +101,21 @@ impl Surfaces {
     }
 
     /// The points in parts of one material each: its index, and where the part begins and ends.
-    pub fn by_material(&self) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> + '_ {
-        let mut start = 0;
-        self.materials().chunk_by(|a, b| a == b).map(move |part| {
-            let range = start..start + part.len();
-            start = range.end;
-            (part[0] as usize, range)
-        })
+    pub fn by_material(&self) -> &[(u32, Range<usize>)] {
+        &self.parts
+    }
+
+    fn find_parts(&mut self) {
+        self.parts.clear();
+        for (index, run) in self.runs.iter().enumerate() {
+            let end = self.runs.get(index + 1).map_or(self.len, |next| next.start);
+            // A run is on one primitive, and has one material.
+            let material = self.material[run.start];
+            match self.parts.last_mut() {
+                Some((same, range)) if *same == material => range.end = end,
+                _ => self.parts.push((material, run.start..end)),
+            }
+        }
     }
 
     /// A point.
@@ -174,6 +181,7 @@ impl World {
             self.surfaces_of_run(run, end, rays, hits, surfaces);
             end = run.start;
         }
+        surfaces.find_parts();
     }
 
     /// Everything that is to be known of the hits of a run, which ends before `end`.
@@ -219,7 +227,7 @@ impl World {
     }
 
     /// Notes whose points those of a run are.
-    fn name_run(&self, prim: PrimId, range: std::ops::Range<usize>, surfaces: &mut Surfaces) {
+    fn name_run(&self, prim: PrimId, range: Range<usize>, surfaces: &mut Surfaces) {
         let object = self.object_of(prim);
         surfaces.prim[range.clone()].fill(prim.0);
         surfaces.object[range.clone()].fill(object);
@@ -230,7 +238,7 @@ impl World {
 
 /// The points of a run on a flat triangle whose normal has length 1.
 #[inline(always)]
-fn on_triangle(surfaces: &mut Surfaces, range: std::ops::Range<usize>, triangle: &Triangle, normal: DVec3) {
+fn on_triangle(surfaces: &mut Surfaces, range: Range<usize>, triangle: &Triangle, normal: DVec3) {
     for i in range.start..range.end.min(LANES) {
         let (v, w) = (surfaces.weights[0][i], surfaces.weights[1][i]);
         let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
@@ -240,7 +248,7 @@ fn on_triangle(surfaces: &mut Surfaces, range: std::ops::Range<usize>, triangle:
 
 /// The points of a run on a sphere; they stand where the rays' distances put them.
 #[inline(always)]
-fn on_sphere(surfaces: &mut Surfaces, range: std::ops::Range<usize>, sphere: &Sphere) {
+fn on_sphere(surfaces: &mut Surfaces, range: Range<usize>, sphere: &Sphere) {
     for i in range.start..range.end.min(LANES) {
         let (_, normal) = sphere.surface(surfaces.position.get(i));
         finish(surfaces, i, SurfacePoint::on_sphere(sphere.centre, sphere.radius, normal), normal);

@@ -116,22 +116,18 @@ impl View {
         }
         let unmade = Ray { origin: DVec3::ZERO, direction: DVec3::ZERO, t_min: 0.0, t_max: 0.0 };
         rays.resize(window.area(), unmade);
-        let places = across.iter().zip(&up);
-        match precision {
-            Precision::Single => widely(#[inline(always)] || self.fill(rays, places, Precision::Single)),
-            Precision::Double => widely(#[inline(always)] || self.fill(rays, places, Precision::Double)),
-        }
-    }
-
-    #[inline(always)]
-    fn fill<'a>(
-        &self,
-        rays: &mut [Ray],
-        places: impl Iterator<Item = (&'a f64, &'a f64)>,
-        precision: Precision,
-    ) {
-        for (ray, (&across, &up)) in rays.iter_mut().zip(places) {
-            *ray = self.ray_at(across, up, precision);
+        // Told apart once, not for every ray.
+        use Precision::{Double, Single};
+        use Projection::{Orthographic, Perspective};
+        let with = |projection| View { projection, ..self.clone() };
+        match (self.projection, precision) {
+            (Perspective, Single) => {
+                widely(#[inline(always)] || fill(&with(Perspective), rays, &across, &up, Single));
+            }
+            (Perspective, Double) => {
+                widely(#[inline(always)] || fill(&with(Perspective), rays, &across, &up, Double));
+            }
+            (Orthographic, precision) => fill(self, rays, &across, &up, precision),
         }
     }
 
@@ -156,6 +152,13 @@ impl View {
         };
         let shares = DVec2::new(across, up) * scale / self.rectangle + 0.5;
         (DVec2::new(shares.x, 1.0 - shares.y) * self.size, depth > 0.0)
+    }
+}
+
+#[inline(always)]
+fn fill(view: &View, rays: &mut [Ray], across: &[f64; LANES], up: &[f64; LANES], precision: Precision) {
+    for (i, ray) in (0..LANES).zip(rays) {
+        *ray = view.ray_at(across[i], up[i], precision);
     }
 }
 
