@@ -16,7 +16,7 @@ use crate::film::output::{describe, write_whole};
 use crate::film::write::{Format, Picture, write_picture, write_png};
 use crate::film::{ColourPipeline, Window};
 use crate::import;
-use crate::render::{Statistics, Watch, render, render_as};
+use crate::render::{Clock, Statistics, Watch, render_as};
 use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
 use crate::world::{View, World, bring_into_range, headlight};
@@ -189,10 +189,11 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
 
     progress.phase("rendering");
     let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
+    let clock = if arguments.stats.is_some() { Clock::EveryStage } else { Clock::Stopped };
     let (picture, statistics) = timed(&mut seconds.render, || match target {
-        Target::File(_, Format::Exr) => render(&world, &view, &plan, window, &watch)
+        Target::File(_, Format::Exr) => render_as(&world, &view, &plan, window, &watch, clock)
             .map(|(film, statistics)| (Picture::Numbers(film), statistics)),
-        _ => render_as(&world, &view, &plan, window, &watch)
+        _ => render_as(&world, &view, &plan, window, &watch, clock)
             .map(|(film, statistics)| (Picture::Bytes(film, pipeline), statistics)),
     })?;
     warn_of_the_picture(arguments, &world, &statistics, &mut warnings);

@@ -84,7 +84,15 @@ pub fn write_png(
         encoder.add_itxt_chunk(key.clone(), value.clone())?;
     }
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(&film.bytes())?;
+    // Row by row: the picture is not copied as a whole.
+    let mut rows = writer.stream_writer()?;
+    let mut row = Vec::with_capacity(window.width as usize * 3);
+    for y in 0..window.height {
+        row.clear();
+        film.row(y).for_each(|part| row.extend_from_slice(part.as_flattened()));
+        rows.write_all(&row)?;
+    }
+    rows.finish()?;
     writer.finish()?;
     Ok(())
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::Worker;
+use super::{Clock, Worker};
 use crate::bvh::Tests;
 use crate::effects::tile::RayCount;
 use crate::effects::{Plan, RayKind};
@@ -10,7 +10,7 @@ use crate::effects::{Plan, RayKind};
 /// What a render did.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Statistics {
-    /// Thread time of each stage, in the plan's order, stages of one name added up.
+    /// Thread time of each stage, in the plan's order, stages of one name added up; empty where the clock stood.
     pub stages: Vec<StageTime>,
     /// Rays cast and rays that hit, for each of [`RayKind::ALL`].
     pub rays: [RayCount; RayKind::ALL.len()],
@@ -32,7 +32,7 @@ pub struct StageTime {
 }
 
 impl Statistics {
-    pub(super) fn gather(plan: &Plan, workers: &[Box<Worker>]) -> Self {
+    pub(super) fn gather(plan: &Plan, workers: &[Box<Worker>], clock: Clock) -> Self {
         let mut sum = Statistics {
             stages: Vec::new(),
             rays: Default::default(),
@@ -40,7 +40,8 @@ impl Statistics {
             seen: Vec::new(),
             non_finite: Default::default(),
         };
-        for (index, stage) in plan.stages().iter().enumerate() {
+        let timed = if clock == Clock::EveryStage { plan.stages() } else { &[] };
+        for (index, stage) in timed.iter().enumerate() {
             let time = workers.iter().map(|worker| worker.times[index]).sum();
             match sum.stages.iter_mut().find(|s| s.name == stage.name()) {
                 Some(same) => same.time += time,
