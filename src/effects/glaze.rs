@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::tile::{Context, Level, Tile};
 use super::{Effect, Stage};
 use crate::geometry::{Precision, Ray};
-use crate::world::{LANES, Lanes, Surface, Surfaces, World, widely};
+use crate::world::{Lanes, RayLanes, Surface, Surfaces, World, widely};
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
@@ -47,15 +47,15 @@ impl Stage for Reflect {
         let (before, after) = tile.levels.split_at_mut(self.from + 1);
         let (level, next) = (&before[self.from], &mut after[0]);
         let Level { surfaces, origins, .. } = level;
-        let Level { sources, rays, .. } = next;
+        let Level { sources, rays, lanes, .. } = next;
         let all_leave = match precision {
             Precision::Single => widely(
                 #[inline(always)]
-                || mirrored_rays(surfaces, origins, Precision::Single, rays),
+                || mirrored_rays(surfaces, origins, Precision::Single, lanes),
             ),
             Precision::Double => widely(
                 #[inline(always)]
-                || mirrored_rays(surfaces, origins, Precision::Double, rays),
+                || mirrored_rays(surfaces, origins, Precision::Double, lanes),
             ),
         };
         sources.clear();
@@ -65,29 +65,29 @@ impl Stage for Reflect {
                 sources.extend(range.start as u32..range.end as u32);
             }
         }
-        if sources.len() < rays.len() {
-            for (to, &from) in sources.iter().enumerate() {
-                rays[to] = rays[from as usize];
-            }
-            rays.truncate(sources.len());
-        }
         if !all_leave {
-            for (ray, &source) in rays.iter_mut().zip(&*sources) {
-                *ray = mirrored_ray(origins.get(source as usize), &surfaces.get(source as usize), precision);
+            for &source in &*sources {
+                let source = source as usize;
+                lanes.set(source, &mirrored_ray(origins.get(source), &surfaces.get(source), precision));
             }
         }
+        if sources.len() < surfaces.len() {
+            for (to, &from) in sources.iter().enumerate() {
+                lanes.set(to, &lanes.get(from as usize));
+            }
+        }
+        lanes.weave(sources.len(), rays);
     }
 }
 
 /// The mirrored rays of all surfaces, also where they point into them; whether none does.
 #[inline(always)]
-fn mirrored_rays(surfaces: &Surfaces, origins: &Lanes, precision: Precision, rays: &mut Vec<Ray>) -> bool {
-    let unmade = Ray { origin: DVec3::ZERO, direction: DVec3::ZERO, t_min: 0.0, t_max: 0.0 };
-    rays.resize(surfaces.len(), unmade);
+fn mirrored_rays(surfaces: &Surfaces, origins: &Lanes, precision: Precision, rays: &mut RayLanes) -> bool {
     let mut all_leave = true;
-    for (i, ray) in (0..LANES).zip(rays.iter_mut()) {
+    for i in 0..surfaces.len() {
         let mirrored = mirrored(surfaces.view.get(i), surfaces.shading_normal.get(i));
-        *ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
+        let ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
+        rays.set(i, &ray);
         all_leave &= ray.direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
     }
     all_leave

@@ -15,7 +15,8 @@ impl Stage for Primary {
         let Some(window) = tile.window else { return };
         let precision = context.world.numerics().precision();
         let level = tile.level(0);
-        context.view.rays(window, precision, &mut level.rays);
+        context.view.rays(window, precision, &mut level.lanes);
+        level.lanes.weave(window.area(), &mut level.rays);
         if level.sources.len() != level.rays.len() {
             level.sources.clear();
             level.sources.extend(0..level.rays.len() as u32);

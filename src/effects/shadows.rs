@@ -9,7 +9,7 @@ use super::tile::{Context, Level, Tile};
 use super::{Effect, RayKind, Stage};
 use crate::geometry::{Precision, Ray};
 use crate::shading::{LightLanes, LightSample};
-use crate::world::{LANES, Lanes, Surfaces, World, widely};
+use crate::world::{Lanes, RayLanes, Surfaces, World, widely};
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
@@ -35,7 +35,7 @@ impl Stage for Shadows {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let Tile { levels, lights, traversal, shadow_rays, shadow_origins, occluded, shadowed, .. } = tile;
+        let Tile { levels, lights, traversal, shadow_rays, shadow_lanes, shadow_origins, occluded, shadowed, .. } = tile;
         let Level { surfaces, origins, shadow_points, .. } = &levels[self.level];
         let numerics = context.world.numerics();
         for (i, lifted) in shadow_points.iter().enumerate() {
@@ -45,14 +45,21 @@ impl Stage for Shadows {
         let (mut cast, mut blocked) = (0, 0);
         for light in lights {
             match numerics.precision() {
-                Precision::Single => {
-                    widely(#[inline(always)] || rays_to(light, surfaces, origins, Precision::Single, shadow_rays));
-                }
-                Precision::Double => {
-                    widely(#[inline(always)] || rays_to(light, surfaces, origins, Precision::Double, shadow_rays));
-                }
+                Precision::Single => widely(
+                    #[inline(always)]
+                    || rays_to(light, surfaces, origins, Precision::Single, shadow_lanes),
+                ),
+                Precision::Double => widely(
+                    #[inline(always)]
+                    || rays_to(light, surfaces, origins, Precision::Double, shadow_lanes),
+                ),
             }
-            keep_those_reached(light, shadow_rays, shadowed);
+            list_reached(&light.reaches[..surfaces.len()], shadowed);
+            if shadowed.len() == surfaces.len() {
+                shadow_lanes.weave(surfaces.len(), shadow_rays);
+            } else {
+                shadow_lanes.weave_some(shadowed, shadow_rays);
+            }
             occluded.clear();
             context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
             cast += occluded.len();
@@ -75,11 +82,9 @@ fn rays_to(
     surfaces: &Surfaces,
     origins: &Lanes,
     precision: Precision,
-    rays: &mut Vec<Ray>,
+    rays: &mut RayLanes,
 ) {
-    let unmade = Ray { origin: DVec3::ZERO, direction: DVec3::ZERO, t_min: 0.0, t_max: 0.0 };
-    rays.resize(surfaces.len(), unmade);
-    for (i, ray) in (0..LANES).zip(rays.iter_mut()) {
+    for i in 0..surfaces.len() {
         let origin = origins.get(i);
         let seen = light.get(i).seen_from(origin - surfaces.position.get(i));
         // Where the light does not reach it may have no direction, and nobody will ask.
@@ -90,23 +95,17 @@ fn rays_to(
             pick(seen.direction.y, normal.y),
             pick(seen.direction.z, normal.z),
         );
-        *ray = shadow_ray(origin, &LightSample { direction, ..seen }, precision);
+        rays.set(i, &shadow_ray(origin, &LightSample { direction, ..seen }, precision));
     }
 }
 
-/// Leaves the rays of those surfaces that the light reaches, and lists these.
-fn keep_those_reached(light: &LightLanes, rays: &mut Vec<Ray>, surfaces: &mut Vec<u32>) {
-    let reaches = &light.reaches[..rays.len()];
-    let reached = reaches.iter().filter(|&&reaches| reaches).count();
+/// Lists the surfaces that a light reaches.
+fn list_reached(reaches: &[bool], surfaces: &mut Vec<u32>) {
     surfaces.clear();
-    if reached == rays.len() {
-        surfaces.extend(0..reached as u32);
+    if reaches.iter().all(|&reaches| reaches) {
+        surfaces.extend(0..reaches.len() as u32);
     } else {
         surfaces.extend((0..).zip(reaches).filter(|(_, reaches)| **reaches).map(|(i, _)| i));
-        for (to, &from) in surfaces.iter().enumerate() {
-            rays[to] = rays[from as usize];
-        }
-        rays.truncate(reached);
     }
 }
 

@@ -9,7 +9,7 @@ use crate::film::Window;
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Hit, Ray};
 use crate::shading::{LightLanes, Scratch};
-use crate::world::{Lanes, Surfaces, View, World};
+use crate::world::{Lanes, RayLanes, Surfaces, View, World};
 
 /// What every stage may read.
 pub struct Context<'a> {
@@ -24,6 +24,8 @@ pub struct Context<'a> {
 pub struct Level {
     /// The rays.
     pub rays: Vec<Ray>,
+    /// The same, coordinate by coordinate.
+    pub lanes: Box<RayLanes>,
     /// For each ray, what sent it: a pixel of the tile on level 0, a surface of the level before on others.
     pub sources: Vec<u32>,
     /// For each ray, its closest hit.
@@ -54,7 +56,9 @@ pub struct Tile {
     /// The lights as the surfaces of a level see them, in the world's order, until those are shaded; empty where no stage
     /// looked for lights.
     pub lights: Vec<Box<LightLanes>>,
-    /// The shadow rays of a level, while it is being asked which are blocked.
+    /// The shadow rays of all surfaces of a level, coordinate by coordinate.
+    pub shadow_lanes: Box<RayLanes>,
+    /// Those that are cast, while it is being asked which are blocked.
     pub shadow_rays: Vec<Ray>,
     /// For each surface of that level, where they start, where that is not where other rays do.
     pub shadow_origins: Box<Lanes>,

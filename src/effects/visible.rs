@@ -29,7 +29,7 @@ impl Stage for Visible {
         let level = &mut levels[self.level];
         level.hits.clear();
         world.accelerator.closest_hits(&level.rays, &mut level.hits, traversal);
-        world.surfaces(&level.rays, &level.hits, &mut level.surfaces);
+        world.surfaces(&level.lanes, &level.hits, &mut level.surfaces);
         level.shadow_points.clear();
         if self.level == 0 {
             seen.resize(world.objects.len(), false);

@@ -123,17 +123,11 @@ fn render_tile<P: Pixel>(
         }
         last = now;
     }
-    non_finite.extend(film::non_finite(film.window, &tile.pixels));
+    let colours = &tile.pixels;
+    non_finite.extend(widely(#[inline(always)] || film::non_finite(film.window, colours)));
     // Pipelines are told apart once, not for every pixel.
     match context.world.pipeline {
-        ColourPipeline::Linear => develop(&tile.pixels, ColourPipeline::Linear, film.pixels),
-        _ => widely(#[inline(always)] || develop(&tile.pixels, ColourPipeline::Display, film.pixels)),
-    }
-}
-
-#[inline(always)]
-fn develop<P: Pixel>(colours: &[[f32; 3]], pipeline: ColourPipeline, pixels: &mut [P]) {
-    for (pixel, &colour) in pixels.iter_mut().zip(colours) {
-        *pixel = P::new(colour, pipeline);
+        ColourPipeline::Linear => P::develop(colours, ColourPipeline::Linear, film.pixels),
+        _ => widely(#[inline(always)] || P::develop(colours, ColourPipeline::Display, film.pixels)),
     }
 }

@@ -13,7 +13,7 @@ mod surfaces;
 mod view;
 
 pub use fit::{StandardView, fitted_camera, headlight};
-pub use lanes::{LANES, Lanes, widely};
+pub use lanes::{LANES, Lanes, RayLanes, widely};
 pub use lower::{Image, LoweredMaterial, LoweredTexture, MetallicRoughnessValues, PhongValues};
 pub use range::{Range, bring_into_range};
 pub use surface::Surface;

@@ -6,11 +6,11 @@ use std::ops::Range;
 use glam::{DVec2, DVec3};
 
 use super::World;
-use super::lanes::{LANES, Lanes, widely};
+use super::lanes::{LANES, Lanes, RayLanes, widely};
 use super::surface::Surface;
 use crate::bvh::Primitive;
 use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{Hit, PrimId, Ray, SlotId, Sphere, Triangle};
+use crate::geometry::{Hit, PrimId, SlotId, Sphere, Triangle};
 
 /// Hits beside one another on one primitive are worth a loop of their own from this many on.
 const WORTH_A_LOOP: usize = 4;
@@ -148,19 +148,17 @@ impl Surfaces {
     }
 
     /// Takes the hits in, and notes which of them lie side by side on one primitive.
-    fn gather(&mut self, rays: &[Ray], hits: &[Option<Hit>]) {
+    fn gather(&mut self, rays: &RayLanes, hits: &[Option<Hit>]) {
         assert!(hits.len() <= LANES, "a tile has at most one ray a pixel and level");
         self.runs.clear();
         let mut len = 0;
         let mut last = None;
-        for ((index, ray), hit) in (0..).zip(rays).zip(hits) {
+        for (index, hit) in (0..).zip(hits) {
             let Some(hit) = hit else { continue };
             self.ray_of[len] = index;
             self.t[len] = hit.t;
             self.weights[0][len] = hit.weights[0];
             self.weights[1][len] = hit.weights[1];
-            // Of length 1 up to the rounding of the ray, 2^-24 and less.
-            self.view.set(len, -ray.direction);
             if last != Some(hit.slot) {
                 last = Some(hit.slot);
                 self.runs.push(Run { start: len, slot: hit.slot, prim: hit.prim });
@@ -168,12 +166,23 @@ impl Surfaces {
             len += 1;
         }
         self.len = len;
+        // Of length 1 up to the rounding of the ray, 2^-24 and less.
+        if len == hits.len() {
+            widely(
+                #[inline(always)]
+                || (0..len.min(LANES)).for_each(|i| self.view.set(i, -rays.direction.get(i))),
+            );
+        } else {
+            for i in 0..len.min(LANES) {
+                self.view.set(i, -rays.direction.get(self.ray_of[i] as usize));
+            }
+        }
     }
 }
 
 impl World {
     /// Everything that is to be known of the closest hits of `rays`, at most [`LANES`] of them: into `surfaces`.
-    pub fn surfaces(&self, rays: &[Ray], hits: &[Option<Hit>], surfaces: &mut Surfaces) {
+    pub fn surfaces(&self, rays: &RayLanes, hits: &[Option<Hit>], surfaces: &mut Surfaces) {
         surfaces.gather(rays, hits);
         let mut end = surfaces.len();
         for index in (0..surfaces.runs.len()).rev() {
@@ -189,7 +198,7 @@ impl World {
         &self,
         run: Run,
         end: usize,
-        rays: &[Ray],
+        rays: &RayLanes,
         hits: &[Option<Hit>],
         surfaces: &mut Surfaces,
     ) {
@@ -198,7 +207,7 @@ impl World {
             match self.accelerator.primitive(run.slot) {
                 Primitive::Sphere(sphere) => {
                     for i in range.clone() {
-                        let point = rays[surfaces.ray_of[i] as usize].at(surfaces.t[i]);
+                        let point = rays.get(surfaces.ray_of[i] as usize).at(surfaces.t[i]);
                         surfaces.position.set(i, point);
                     }
                     widely(#[inline(always)] || on_sphere(surfaces, range.clone(), &sphere));
@@ -215,7 +224,7 @@ impl World {
         for i in range {
             let ray = surfaces.ray_of[i] as usize;
             if let Some(hit) = &hits[ray] {
-                surfaces.set(i, &self.surface(&rays[ray], hit));
+                surfaces.set(i, &self.surface(&rays.get(ray), hit));
             }
         }
     }

@@ -5,7 +5,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::lanes::{LANES, widely};
+use super::lanes::{LANES, RayLanes, widely};
 use crate::error::{Error, Result};
 use crate::film::{TILE, Window};
 use crate::geometry::{Precision, Ray};
@@ -105,7 +105,7 @@ impl View {
     }
 
     /// The rays of the pixels of `window`, of which there are at most [`LANES`], row by row from the top: into `rays`.
-    pub fn rays(&self, window: Window, precision: Precision, rays: &mut Vec<Ray>) {
+    pub fn rays(&self, window: Window, precision: Precision, rays: &mut RayLanes) {
         let Window { x, y, width, height } = window;
         let (mut across, mut up) = ([0.0; LANES], [0.0; LANES]);
         let columns: [f64; TILE as usize] = std::array::from_fn(|i| self.across(x + i as u32));
@@ -114,20 +114,19 @@ impl View {
             across[part.clone()].copy_from_slice(&columns[..width as usize]);
             up[part].fill(self.up(y + row as u32));
         }
-        let unmade = Ray { origin: DVec3::ZERO, direction: DVec3::ZERO, t_min: 0.0, t_max: 0.0 };
-        rays.resize(window.area(), unmade);
+        let len = window.area();
         // Told apart once, not for every ray.
         use Precision::{Double, Single};
         use Projection::{Orthographic, Perspective};
         let with = |projection| View { projection, ..self.clone() };
         match (self.projection, precision) {
             (Perspective, Single) => {
-                widely(#[inline(always)] || fill(&with(Perspective), rays, &across, &up, Single));
+                widely(#[inline(always)] || fill(&with(Perspective), rays, len, &across, &up, Single));
             }
             (Perspective, Double) => {
-                widely(#[inline(always)] || fill(&with(Perspective), rays, &across, &up, Double));
+                widely(#[inline(always)] || fill(&with(Perspective), rays, len, &across, &up, Double));
             }
-            (Orthographic, precision) => fill(self, rays, &across, &up, precision),
+            (Orthographic, precision) => fill(self, rays, len, &across, &up, precision),
         }
     }
 
@@ -156,9 +155,16 @@ impl View {
 }
 
 #[inline(always)]
-fn fill(view: &View, rays: &mut [Ray], across: &[f64; LANES], up: &[f64; LANES], precision: Precision) {
-    for (i, ray) in (0..LANES).zip(rays) {
-        *ray = view.ray_at(across[i], up[i], precision);
+fn fill(
+    view: &View,
+    rays: &mut RayLanes,
+    len: usize,
+    across: &[f64; LANES],
+    up: &[f64; LANES],
+    precision: Precision,
+) {
+    for i in 0..len.min(LANES) {
+        rays.set(i, &view.ray_at(across[i], up[i], precision));
     }
 }
 
