@@ -202,8 +202,7 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
 
     timed(&mut seconds.write, || write(&picture, &settings, target))?;
     if let Some(file) = &arguments.stats {
-        let report =
-            statistics::to_json(&settings, &seconds, &world, &plan, &statistics, &warnings);
+        let report = statistics::to_json(&settings, &seconds, &world, &plan, &statistics, &warnings);
         write_whole(file, |out| writeln!(out, "{report:#}"))?;
     }
     if arguments.strict && !warnings.is_empty() {

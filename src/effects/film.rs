@@ -19,7 +19,10 @@ impl Stage for Expose {
         pixels.resize(level.rays.len(), context.world.background.as_vec3().to_array());
         if surfaces.len() == pixels.len() {
             // A ray a pixel, a surface a ray.
-            widely(#[inline(always)] || expose(&level.colours, pixels));
+            widely(
+                #[inline(always)]
+                || expose(&level.colours, pixels),
+            );
             return;
         }
         for (i, &ray) in surfaces.ray_of().iter().enumerate() {

@@ -35,7 +35,17 @@ impl Stage for Shadows {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let Tile { levels, lights, traversal, shadow_rays, shadow_lanes, shadow_origins, occluded, shadowed, .. } = tile;
+        let Tile {
+            levels,
+            lights,
+            traversal,
+            shadow_rays,
+            shadow_lanes,
+            shadow_origins,
+            occluded,
+            shadowed,
+            ..
+        } = tile;
         let Level { surfaces, origins, shadow_points, .. } = &levels[self.level];
         let numerics = context.world.numerics();
         for (i, lifted) in shadow_points.iter().enumerate() {

@@ -55,10 +55,19 @@ impl Stage for Origins {
         let level = tile.level(self.level);
         let Level { surfaces, origins, .. } = level;
         match context.world.numerics() {
-            Numerics::Fast => widely(#[inline(always)] || find_origins(surfaces, origins, Numerics::Fast)),
-            Numerics::Watertight => widely(#[inline(always)] || find_origins(surfaces, origins, Numerics::Watertight)),
+            Numerics::Fast => widely(
+                #[inline(always)]
+                || find_origins(surfaces, origins, Numerics::Fast),
+            ),
+            Numerics::Watertight => widely(
+                #[inline(always)]
+                || find_origins(surfaces, origins, Numerics::Watertight),
+            ),
             Numerics::Double | Numerics::Exact => {
-                widely(#[inline(always)] || find_origins(surfaces, origins, context.world.numerics()));
+                widely(
+                    #[inline(always)]
+                    || find_origins(surfaces, origins, context.world.numerics()),
+                );
             }
         }
     }

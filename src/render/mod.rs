@@ -99,7 +99,11 @@ struct Worker {
 
 impl Worker {
     fn new(plan: &Plan) -> Self {
-        Worker { tile: Tile::default(), times: vec![Default::default(); plan.stages().len()], non_finite: Vec::new() }
+        Worker {
+            tile: Tile::default(),
+            times: vec![Default::default(); plan.stages().len()],
+            non_finite: Vec::new(),
+        }
     }
 }
 
@@ -124,10 +128,16 @@ fn render_tile<P: Pixel>(
         last = now;
     }
     let colours = &tile.pixels;
-    non_finite.extend(widely(#[inline(always)] || film::non_finite(film.window, colours)));
+    non_finite.extend(widely(
+        #[inline(always)]
+        || film::non_finite(film.window, colours),
+    ));
     // Pipelines are told apart once, not for every pixel.
     match context.world.pipeline {
         ColourPipeline::Linear => P::develop(colours, ColourPipeline::Linear, film.pixels),
-        _ => widely(#[inline(always)] || P::develop(colours, ColourPipeline::Display, film.pixels)),
+        _ => widely(
+            #[inline(always)]
+            || P::develop(colours, ColourPipeline::Display, film.pixels),
+        ),
     }
 }

@@ -120,16 +120,25 @@ impl LightLanes {
         // The common kinds are told apart once, not for every surface.
         match &light.kind {
             &LightKind::Directional { direction } => {
-                widely(#[inline(always)] || self.fill(&LightKind::Directional { direction }, light, surfaces, smooth));
+                widely(
+                    #[inline(always)]
+                    || self.fill(&LightKind::Directional { direction }, light, surfaces, smooth),
+                );
             }
-            &LightKind::Point { position, falloff: Falloff::None } => widely(#[inline(always)] || {
-                let kind = LightKind::Point { position, falloff: Falloff::None };
-                self.fill(&kind, light, surfaces, smooth);
-            }),
-            &LightKind::Point { position, falloff: Falloff::InverseSquare { range: None } } => widely(#[inline(always)] || {
-                let falloff = Falloff::InverseSquare { range: None };
-                self.fill(&LightKind::Point { position, falloff }, light, surfaces, smooth);
-            }),
+            &LightKind::Point { position, falloff: Falloff::None } => widely(
+                #[inline(always)]
+                || {
+                    let kind = LightKind::Point { position, falloff: Falloff::None };
+                    self.fill(&kind, light, surfaces, smooth);
+                },
+            ),
+            &LightKind::Point { position, falloff: Falloff::InverseSquare { range: None } } => widely(
+                #[inline(always)]
+                || {
+                    let falloff = Falloff::InverseSquare { range: None };
+                    self.fill(&LightKind::Point { position, falloff }, light, surfaces, smooth);
+                },
+            ),
             kind => self.fill(kind, light, surfaces, smooth),
         }
     }

@@ -88,12 +88,18 @@ pub fn shade_all(
             continue;
         }
         let range = range.clone();
-        widely(#[inline(always)] || add_light(material, mode, (surfaces, range), light, (colours, scratch)));
+        widely(
+            #[inline(always)]
+            || add_light(material, mode, (surfaces, range), light, (colours, scratch)),
+        );
     }
     // The numbers that a pipeline holds are told apart once, not for every surface.
     match pipeline {
         ColourPipeline::U8 => mix(ColourPipeline::U8, material.colour, (surfaces, range), colours),
-        _ => widely(#[inline(always)] || mix(ColourPipeline::Display, material.colour, (surfaces, range), colours)),
+        _ => widely(
+            #[inline(always)]
+            || mix(ColourPipeline::Display, material.colour, (surfaces, range), colours),
+        ),
     }
 }
 

@@ -210,12 +210,18 @@ impl World {
                         let point = rays.get(surfaces.ray_of[i] as usize).at(surfaces.t[i]);
                         surfaces.position.set(i, point);
                     }
-                    widely(#[inline(always)] || on_sphere(surfaces, range.clone(), &sphere));
+                    widely(
+                        #[inline(always)]
+                        || on_sphere(surfaces, range.clone(), &sphere),
+                    );
                     return self.name_run(run.prim, range, surfaces);
                 }
                 Primitive::Triangle(triangle) => {
                     if let Some(normal) = triangle.normal().try_normalize() {
-                        widely(#[inline(always)] || on_triangle(surfaces, range.clone(), &triangle, normal));
+                        widely(
+                            #[inline(always)]
+                            || on_triangle(surfaces, range.clone(), &triangle, normal),
+                        );
                         return self.name_run(run.prim, range, surfaces);
                     }
                 }

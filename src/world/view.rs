@@ -121,10 +121,16 @@ impl View {
         let with = |projection| View { projection, ..self.clone() };
         match (self.projection, precision) {
             (Perspective, Single) => {
-                widely(#[inline(always)] || fill(&with(Perspective), rays, len, &across, &up, Single));
+                widely(
+                    #[inline(always)]
+                    || fill(&with(Perspective), rays, len, &across, &up, Single),
+                );
             }
             (Perspective, Double) => {
-                widely(#[inline(always)] || fill(&with(Perspective), rays, len, &across, &up, Double));
+                widely(
+                    #[inline(always)]
+                    || fill(&with(Perspective), rays, len, &across, &up, Double),
+                );
             }
             (Orthographic, precision) => fill(self, rays, len, &across, &up, precision),
         }
