@@ -13,7 +13,7 @@ use crate::bvh::Structure;
 use crate::effects::{Choices, Plan, RayKind, check_names};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::{describe, write_whole};
-use crate::film::write::{Format, Picture, write_picture, write_png};
+use crate::film::write::{Format, Picture, encode, write_picture};
 use crate::film::{ColourPipeline, Window};
 use crate::import;
 use crate::render::{Clock, Statistics, Watch, render_as};
@@ -342,14 +342,13 @@ fn warn_of_the_picture(
 }
 
 fn write(picture: &Picture, settings: &[(String, String)], target: &Target) -> Result<()> {
-    match (target, picture) {
-        (Target::File(file, format), picture) => write_picture(picture, settings, *format, file),
-        (Target::StandardOutput, Picture::Bytes(film, pipeline)) => {
+    match target {
+        Target::File(file, format) => write_picture(picture, settings, *format, file),
+        Target::StandardOutput => {
             let mut bytes = Vec::new();
             let fail = |e| Error::output(Path::new("-"), describe(&e));
-            write_png(film, *pipeline, settings, &mut bytes).map_err(fail)?;
+            encode(picture, settings, Format::Png, &mut bytes).map_err(fail)?;
             std::io::Write::write_all(&mut std::io::stdout().lock(), &bytes).map_err(fail)
         }
-        (Target::StandardOutput, Picture::Numbers(_)) => Err(Error::usage("numbers on standard output", "")),
     }
 }

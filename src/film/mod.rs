@@ -4,9 +4,12 @@
 
 pub mod colour;
 pub mod output;
+mod pages;
 pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
+
+use pages::Pages;
 
 use crate::error::{Error, Result};
 
@@ -34,7 +37,7 @@ impl Window {
 }
 
 /// What a film keeps of a pixel.
-pub trait Pixel: Copy + Default + Send + Sync + 'static {
+pub trait Pixel: bytemuck::Pod + Send + Sync {
     /// Makes `pixels` of as many colours in the numbers of `pipeline`.
     fn develop(colours: &[[f32; 3]], pipeline: ColourPipeline, pixels: &mut [Self]);
 }
@@ -58,12 +61,12 @@ impl Pixel for [u8; 3] {
 }
 
 /// A picture, three channels a pixel, kept tile by tile so that each tile can be filled by another thread without sharing.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Film<P = [f32; 3]> {
+#[derive(Debug, PartialEq)]
+pub struct Film<P: Pixel = [f32; 3]> {
     window: Window,
     /// Tile after tile, rows of tiles from the top; within a tile, row after row. In one piece: thousands of small pieces
     /// were measured to cost a tenth of a render in the system's allocator.
-    pixels: Vec<P>,
+    pixels: Pages<P>,
 }
 
 /// One tile of a film: `window.width * window.height` pixels, row by row from the top.
@@ -80,15 +83,14 @@ impl<P: Pixel> Film<P> {
     /// # Errors
     /// [`Error::Failed`] where there is not enough memory for it.
     pub fn new(window: Window) -> Result<Self> {
-        // Asked for first, because running out of memory in `vec!` ends the process.
-        if Vec::<P>::new().try_reserve_exact(window.area()).is_err() {
+        let pixels = Pages::new(window.area()).map_err(|_| {
             let gib = window.area() as f64 * size_of::<P>() as f64 / f64::from(1 << 30);
-            return Err(Error::Failed {
+            Error::Failed {
                 what: format!("a picture of {} x {} needs {gib:.1} GiB", window.width, window.height),
                 hint: "give a smaller --size, or render it in parts with --crop".into(),
-            });
-        }
-        Ok(Film { window, pixels: vec![P::default(); window.area()] })
+            }
+        })?;
+        Ok(Film { window, pixels })
     }
 
     /// The part of the picture this film holds.
@@ -136,7 +138,7 @@ impl<P: Pixel> Film<P> {
 
     /// The pixel at column `x`, row `y` of the film, counted from its own top left corner.
     pub fn pixel(&self, x: u32, y: u32) -> P {
-        self.pixels[self.place(x, y)]
+        self.pixels.as_slice()[self.place(x, y)]
     }
 
     /// The pixels of row `y` of the film, tile by tile from the left.
@@ -144,7 +146,7 @@ impl<P: Pixel> Film<P> {
         let width = self.window.width;
         (0..width).step_by(TILE as usize).map(move |left| {
             let start = self.place(left, y);
-            &self.pixels[start..start + TILE.min(width - left) as usize]
+            &self.pixels.as_slice()[start..start + TILE.min(width - left) as usize]
         })
     }
 
@@ -164,7 +166,7 @@ impl Film {
 impl Film<[u8; 3]> {
     /// The picture in 8-bit display values, three a pixel, row by row from the top.
     pub fn bytes(&self) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
+        let mut bytes = Vec::with_capacity(self.window.area() * 3);
         for y in 0..self.window.height {
             self.row(y).for_each(|part| bytes.extend_from_slice(part.as_flattened()));
         }

@@ -50,23 +50,32 @@ pub enum Picture {
     Numbers(Film),
 }
 
-/// Writes a picture to `file`, whole or not at all. Bytes become JPEG where `format` says so.
+/// Writes a picture to `file`, whole or not at all.
 ///
 /// # Errors
 /// [`Error::Output`] when the file cannot be written.
 pub fn write_picture(picture: &Picture, metadata: &Metadata, format: Format, file: &Path) -> Result<()> {
-    write_whole(file, |out| match picture {
-        Picture::Bytes(film, _) if format == Format::Jpeg => write_jpeg(film, out),
-        Picture::Bytes(film, pipeline) => write_png(film, *pipeline, metadata, out),
-        Picture::Numbers(film) => write_exr(film, metadata, out),
-    })
+    write_whole(file, |out| encode(picture, metadata, format, out))
 }
 
-/// Writes the film as PNG to any stream.
+/// Writes a picture to any stream: numbers as OpenEXR, bytes as JPEG where `format` says so and as PNG otherwise.
 ///
 /// # Errors
 /// Those of the stream.
-pub fn write_png(
+pub fn encode(
+    picture: &Picture,
+    metadata: &Metadata,
+    format: Format,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
+    match picture {
+        Picture::Bytes(film, _) if format == Format::Jpeg => write_jpeg(film, out),
+        Picture::Bytes(film, pipeline) => write_png(film, *pipeline, metadata, out),
+        Picture::Numbers(film) => write_exr(film, metadata, out),
+    }
+}
+
+fn write_png(
     film: &Film<[u8; 3]>,
     pipeline: ColourPipeline,
     metadata: &Metadata,
