@@ -1,7 +1,7 @@
 //! Memory for pixels, in large pages where the system has them.
 //!
-//! A page is made, and cleared, when it is first written to, and that costs more than rendering the thousand pixels that
-//! lie on one of 4 KiB. Of those of 2 MiB a picture needs few.
+//! A page is made, and cleared, when it is first written to: measured at 3 to 7 microseconds on a virtual machine, for each
+//! of the 768 pages of 4 KiB of a picture of 1024 x 1024. Of those of 2 MiB it needs two.
 
 use std::fmt;
 use std::marker::PhantomData;

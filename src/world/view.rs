@@ -104,7 +104,7 @@ impl View {
         j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0
     }
 
-    /// The rays of the pixels of `window`, of which there are at most [`LANES`], row by row from the top: into `rays`.
+    /// The rays of the pixels of `window`, which is no larger than a tile, row by row from the top: into `rays`.
     pub fn rays(&self, window: Window, precision: Precision, rays: &mut RayLanes) {
         let Window { x, y, width, height } = window;
         let (mut across, mut up) = ([0.0; LANES], [0.0; LANES]);
