@@ -13,10 +13,10 @@ use crate::bvh::Structure;
 use crate::effects::{Choices, Plan, RayKind, check_names};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::{describe, write_whole};
-use crate::film::write::{Format, write_picture, write_png};
-use crate::film::{ColourPipeline, Film, Window};
+use crate::film::write::{Format, Picture, encode, write_picture};
+use crate::film::{ColourPipeline, Window};
 use crate::import;
-use crate::render::{Statistics, Watch, render};
+use crate::render::{Clock, Statistics, Watch, render_as};
 use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
 use crate::world::{View, World, bring_into_range, headlight};
@@ -189,16 +189,20 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
 
     progress.phase("rendering");
     let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
-    let (film, statistics) = timed(&mut seconds.render, || render(&world, &view, &plan, window, &watch))?;
-    let (non_finite, first) = film.non_finite();
-    warn_of_the_picture(arguments, &world, &statistics, non_finite, &first, &mut warnings);
+    let clock = if arguments.stats.is_some() { Clock::EveryStage } else { Clock::Stopped };
+    let (picture, statistics) = timed(&mut seconds.render, || match target {
+        Target::File(_, Format::Exr) => render_as(&world, &view, &plan, window, &watch, clock)
+            .map(|(film, statistics)| (Picture::Numbers(film), statistics)),
+        _ => render_as(&world, &view, &plan, window, &watch, clock)
+            .map(|(film, statistics)| (Picture::Bytes(film, pipeline), statistics)),
+    })?;
+    warn_of_the_picture(arguments, &world, &statistics, &mut warnings);
     progress.clear();
     printer.print(&warnings, with_notes);
 
-    timed(&mut seconds.write, || write(&film, pipeline, &settings, target))?;
+    timed(&mut seconds.write, || write(&picture, &settings, target))?;
     if let Some(file) = &arguments.stats {
-        let report =
-            statistics::to_json(&settings, &seconds, &world, &plan, &statistics, non_finite, &warnings);
+        let report = statistics::to_json(&settings, &seconds, &world, &plan, &statistics, &warnings);
         write_whole(file, |out| writeln!(out, "{report:#}"))?;
     }
     if arguments.strict && !warnings.is_empty() {
@@ -303,11 +307,10 @@ fn warn_of_the_picture(
     arguments: &Arguments,
     world: &World,
     statistics: &Statistics,
-    non_finite: usize,
-    first: &[(u32, u32)],
     warnings: &mut Warnings,
 ) {
-    if non_finite > 0 {
+    let (non_finite, first) = &statistics.non_finite;
+    if *non_finite > 0 {
         let places: Vec<String> = first.iter().map(|(x, y)| format!("({x}, {y})")).collect();
         warnings
             .push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
@@ -338,18 +341,13 @@ fn warn_of_the_picture(
     }
 }
 
-fn write(
-    film: &Film,
-    pipeline: ColourPipeline,
-    settings: &[(String, String)],
-    target: &Target,
-) -> Result<()> {
+fn write(picture: &Picture, settings: &[(String, String)], target: &Target) -> Result<()> {
     match target {
-        Target::File(file, format) => write_picture(film, pipeline, settings, *format, file),
+        Target::File(file, format) => write_picture(picture, settings, *format, file),
         Target::StandardOutput => {
             let mut bytes = Vec::new();
             let fail = |e| Error::output(Path::new("-"), describe(&e));
-            write_png(film, pipeline, settings, &mut bytes).map_err(fail)?;
+            encode(picture, settings, Format::Png, &mut bytes).map_err(fail)?;
             std::io::Write::write_all(&mut std::io::stdout().lock(), &bytes).map_err(fail)
         }
     }

@@ -26,7 +26,6 @@ pub fn to_json(
     world: &World,
     plan: &Plan,
     statistics: &Statistics,
-    non_finite: usize,
     warnings: &Warnings,
 ) -> Value {
     let settings: Map<String, Value> = settings.iter().map(|(k, v)| (k.clone(), json!(v))).collect();
@@ -69,7 +68,7 @@ pub fn to_json(
         "rays": rays,
         "tests": { "nodes": statistics.tests.nodes, "primitives": statistics.tests.primitives },
         "stages": stages,
-        "non_finite_pixels": non_finite,
+        "non_finite_pixels": statistics.non_finite.0,
         "peak_memory_bytes": peak_memory(),
         "warnings": warnings.messages(),
         "notes": warnings.notes(),

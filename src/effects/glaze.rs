@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::tile::{Context, Level, Tile};
 use super::{Effect, Stage};
 use crate::geometry::{Precision, Ray};
-use crate::world::{Surface, World};
+use crate::world::{Lanes, RayLanes, Surface, Surfaces, World, widely};
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
@@ -46,14 +46,56 @@ impl Stage for Reflect {
         tile.level(self.from + 1);
         let (before, after) = tile.levels.split_at_mut(self.from + 1);
         let (level, next) = (&before[self.from], &mut after[0]);
-        for ((index, surface), origin) in (0..).zip(&level.surfaces).zip(&level.origins) {
-            let glaze = context.world.materials[surface.material as usize].glaze();
+        let Level { surfaces, origins, .. } = level;
+        let Level { sources, rays, lanes, .. } = next;
+        let all_leave = match precision {
+            Precision::Single => widely(
+                #[inline(always)]
+                || mirrored_rays(surfaces, origins, Precision::Single, lanes),
+            ),
+            Precision::Double => widely(
+                #[inline(always)]
+                || mirrored_rays(surfaces, origins, Precision::Double, lanes),
+            ),
+        };
+        sources.clear();
+        for (material, range) in surfaces.by_material() {
+            let glaze = context.world.materials[*material as usize].glaze();
             if glaze.is_some_and(|glaze| self.from < glaze.bounces as usize && glaze.weight > 0.0) {
-                next.sources.push(index);
-                next.rays.push(mirrored_ray(*origin, surface, precision));
+                sources.extend(range.start as u32..range.end as u32);
             }
         }
+        if !all_leave {
+            for &source in &*sources {
+                let source = source as usize;
+                lanes.set(source, &mirrored_ray(origins.get(source), &surfaces.get(source), precision));
+            }
+        }
+        if sources.len() < surfaces.len() {
+            for (to, &from) in sources.iter().enumerate() {
+                lanes.set(to, &lanes.get(from as usize));
+            }
+        }
+        lanes.weave(sources.len(), rays);
     }
+}
+
+/// The mirrored rays of all surfaces, also where they point into them; whether none does.
+#[inline(always)]
+fn mirrored_rays(surfaces: &Surfaces, origins: &Lanes, precision: Precision, rays: &mut RayLanes) -> bool {
+    let mut all_leave = true;
+    for i in 0..surfaces.len() {
+        let mirrored = mirrored(surfaces.view.get(i), surfaces.shading_normal.get(i));
+        let ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
+        rays.set(i, &ray);
+        all_leave &= ray.direction.dot(surfaces.geometric_normal.get(i)) > 0.0;
+    }
+    all_leave
+}
+
+#[inline(always)]
+fn mirrored(view: DVec3, normal: DVec3) -> DVec3 {
+    2.0 * view.dot(normal) * normal - view
 }
 
 /// Mixes what mirrored rays saw into the surfaces that sent them.
@@ -70,13 +112,14 @@ impl Stage for Combine {
     fn run(&self, tile: &mut Tile, context: &Context) {
         let (before, after) = tile.levels.split_at_mut(self.into + 1);
         let (level, next): (&mut Level, &Level) = (&mut before[self.into], &after[0]);
-        for (&ray, &mirrored) in next.ray_of.iter().zip(&next.colours) {
+        for (i, &ray) in next.surfaces.ray_of().iter().enumerate() {
             let source = next.sources[ray as usize] as usize;
-            let material = level.surfaces[source].material as usize;
+            let material = level.surfaces.materials()[source] as usize;
             if let Some(glaze) = context.world.materials[material].glaze() {
-                let own = &mut level.colours[source];
-                *own =
-                    context.world.pipeline.weighted_combine(*own, mirrored, glaze.own_weight, glaze.weight);
+                let (own, mirrored) = (level.colours.get(source), next.colours.get(i));
+                let mixed =
+                    context.world.pipeline.weighted_combine(own, mirrored, glaze.own_weight, glaze.weight);
+                level.colours.set(source, mixed);
             }
         }
     }
@@ -86,7 +129,7 @@ impl Stage for Combine {
 /// turned back to just above it.
 pub fn mirrored_ray(origin: DVec3, surface: &Surface, precision: Precision) -> Ray {
     let (normal, outer) = (surface.shading_normal, surface.geometric_normal);
-    let mirrored = 2.0 * surface.view.dot(normal) * normal - surface.view;
+    let mirrored = mirrored(surface.view, normal);
     let ray = precision.ray(origin, mirrored, 0.0, f64::INFINITY);
     let height = ray.direction.dot(outer);
     if height > 0.0 {

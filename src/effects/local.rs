@@ -2,7 +2,7 @@
 
 use super::Stage;
 use super::tile::{Context, Level, Tile};
-use crate::shading::{LightSample, ShadingMode, shade};
+use crate::shading::{ShadingMode, shade_all};
 
 /// Finds, for each surface of a level, the lights that shine on its side.
 pub struct Illuminate {
@@ -18,12 +18,11 @@ impl Stage for Illuminate {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let Level { surfaces, lights, lights_end, .. } = tile.level(self.level);
-        for surface in surfaces.iter() {
-            lights.extend(
-                context.world.lights.iter().filter_map(|light| LightSample::new(light, surface, self.smooth)),
-            );
-            lights_end.push(lights.len() as u32);
+        let Tile { levels, lights, .. } = tile;
+        let surfaces = &levels[self.level].surfaces;
+        lights.resize_with(context.world.lights.len(), Box::default);
+        for (lanes, light) in lights.iter_mut().zip(&context.world.lights) {
+            lanes.look(light, surfaces, self.smooth);
         }
     }
 }
@@ -42,11 +41,8 @@ impl Stage for Shade {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let level = tile.level(self.level);
-        for index in 0..level.surfaces.len() {
-            let lights = &level.lights[level.lights_of(index)];
-            let colour = shade(context.world, self.mode, &level.surfaces[index], lights);
-            level.colours.push(colour);
-        }
+        let Tile { levels, lights, shading, .. } = tile;
+        let Level { surfaces, colours, .. } = &mut levels[self.level];
+        shade_all(context.world, self.mode, surfaces, lights, colours, shading);
     }
 }

@@ -15,11 +15,11 @@ impl Stage for Primary {
         let Some(window) = tile.window else { return };
         let precision = context.world.numerics().precision();
         let level = tile.level(0);
-        for y in window.y..window.y + window.height {
-            for x in window.x..window.x + window.width {
-                level.sources.push(level.rays.len() as u32);
-                level.rays.push(context.view.ray(x, y, precision));
-            }
+        context.view.rays(window, precision, &mut level.lanes);
+        level.lanes.weave(window.area(), &mut level.rays);
+        if level.sources.len() != level.rays.len() {
+            level.sources.clear();
+            level.sources.extend(0..level.rays.len() as u32);
         }
     }
 }

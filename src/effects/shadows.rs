@@ -8,8 +8,8 @@ use glam::DVec3;
 use super::tile::{Context, Level, Tile};
 use super::{Effect, RayKind, Stage};
 use crate::geometry::{Precision, Ray};
-use crate::shading::LightSample;
-use crate::world::World;
+use crate::shading::{LightLanes, LightSample};
+use crate::world::{Lanes, RayLanes, Surfaces, World, widely};
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
@@ -35,42 +35,87 @@ impl Stage for Shadows {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let Tile { levels, traversal, shadow_rays, occluded, .. } = tile;
-        let Level { surfaces, origins, shadow_points, lights, lights_end, .. } = &mut levels[self.level];
+        let Tile {
+            levels,
+            lights,
+            traversal,
+            shadow_rays,
+            shadow_lanes,
+            shadow_origins,
+            occluded,
+            shadowed,
+            ..
+        } = tile;
+        let Level { surfaces, origins, shadow_points, .. } = &levels[self.level];
         let numerics = context.world.numerics();
-        let precision = numerics.precision();
-        let cast = lights.len();
-        shadow_rays.clear();
-        occluded.clear();
-        let mut start = 0;
-        for (index, &end) in lights_end.iter().enumerate() {
-            let end = end as usize;
-            let lights = &lights[start..end];
-            let surface = &surfaces[index];
-            let origin = match shadow_points.get(index) {
-                Some(lifted) => lifted.origin_towards(surface.geometric_normal, numerics),
-                None => origins[index],
-            };
-            let moved = origin - surface.point.position;
-            shadow_rays
-                .extend(lights.iter().map(|light| shadow_ray(origin, &light.seen_from(moved), precision)));
-            start = end;
+        for (i, lifted) in shadow_points.iter().enumerate() {
+            shadow_origins.set(i, lifted.origin_towards(surfaces.geometric_normal.get(i), numerics));
         }
-        context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
-        // What reaches its surface moves up over what does not.
-        let (mut next, mut kept) = (0, 0);
-        for end in lights_end {
-            while next < *end as usize {
-                if !occluded[next] {
-                    lights[kept] = lights[next];
-                    kept += 1;
-                }
-                next += 1;
+        let origins = if shadow_points.is_empty() { origins } else { shadow_origins };
+        let (mut cast, mut blocked) = (0, 0);
+        for light in lights {
+            match numerics.precision() {
+                Precision::Single => widely(
+                    #[inline(always)]
+                    || rays_to(light, surfaces, origins, Precision::Single, shadow_lanes),
+                ),
+                Precision::Double => widely(
+                    #[inline(always)]
+                    || rays_to(light, surfaces, origins, Precision::Double, shadow_lanes),
+                ),
             }
-            *end = kept as u32;
+            list_reached(&light.reaches[..surfaces.len()], shadowed);
+            if shadowed.len() == surfaces.len() {
+                shadow_lanes.weave(surfaces.len(), shadow_rays);
+            } else {
+                shadow_lanes.weave_some(shadowed, shadow_rays);
+            }
+            occluded.clear();
+            context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
+            cast += occluded.len();
+            let met = occluded.iter().filter(|&&blocked| blocked).count();
+            if met > 0 {
+                for (&surface, &is_blocked) in shadowed.iter().zip(&*occluded) {
+                    light.reaches[surface as usize] &= !is_blocked;
+                }
+            }
+            blocked += met;
         }
-        lights.truncate(kept);
-        tile.count(RayKind::Shadow, cast, cast - kept);
+        tile.count(RayKind::Shadow, cast, blocked);
+    }
+}
+
+/// The rays from all surfaces to a light.
+#[inline(always)]
+fn rays_to(
+    light: &LightLanes,
+    surfaces: &Surfaces,
+    origins: &Lanes,
+    precision: Precision,
+    rays: &mut RayLanes,
+) {
+    for i in 0..surfaces.len() {
+        let origin = origins.get(i);
+        let seen = light.get(i).seen_from(origin - surfaces.position.get(i));
+        // Where the light does not reach it may have no direction, and nobody will ask.
+        let normal = surfaces.geometric_normal.get(i);
+        let pick = |a: f64, b: f64| if light.reaches[i] { a } else { b };
+        let direction = DVec3::new(
+            pick(seen.direction.x, normal.x),
+            pick(seen.direction.y, normal.y),
+            pick(seen.direction.z, normal.z),
+        );
+        rays.set(i, &shadow_ray(origin, &LightSample { direction, ..seen }, precision));
+    }
+}
+
+/// Lists the surfaces that a light reaches.
+fn list_reached(reaches: &[bool], surfaces: &mut Vec<u32>) {
+    surfaces.clear();
+    if reaches.iter().all(|&reaches| reaches) {
+        surfaces.extend(0..reaches.len() as u32);
+    } else {
+        surfaces.extend((0..).zip(reaches).filter(|(_, reaches)| **reaches).map(|(i, _)| i));
     }
 }
 
@@ -79,6 +124,7 @@ impl Stage for Shadows {
 /// Rounded, it ends beside the light, by up to half a step of its numbers relative to its length, and by a few of f64's
 /// from the way to the light: what it meets there may be what the light stands on, and does not count. Where the ray
 /// rises less than a quarter from what the light stands on it may still meet it.
+#[inline(always)]
 pub fn shadow_ray(origin: DVec3, light: &LightSample, precision: Precision) -> Ray {
     let beside = 2.0 * precision.epsilon() + 8.0 * f64::EPSILON;
     precision.ray(origin, light.direction, 0.0, light.distance * (1.0 - beside))

@@ -41,26 +41,28 @@ impl Stage for Lift {
     fn run(&self, tile: &mut Tile, context: &Context) {
         let world = context.world;
         let numerics = world.numerics();
-        let Tile { levels, traversal, shadow_rays, occluded, .. } = tile;
-        let Level { surfaces, hits, ray_of, origins, shadow_points, .. } = &mut levels[self.level];
+        let Tile { levels, traversal, shadow_rays, occluded, shadowed, .. } = tile;
+        let Level { surfaces, hits, origins, shadow_points, .. } = &mut levels[self.level];
         shadow_rays.clear();
+        shadowed.clear();
         occluded.clear();
-        let mut moved = Vec::with_capacity(surfaces.len());
-        for ((index, surface), &ray) in surfaces.iter().enumerate().zip(ray_of.iter()) {
-            let lifted = hits[ray as usize].map_or(surface.point, |hit| world.smooth_point(surface, &hit));
+        for (index, &ray) in surfaces.ray_of().iter().enumerate() {
+            let surface = surfaces.get(index);
+            let lifted = hits[ray as usize].map_or(surface.point, |hit| world.smooth_point(&surface, &hit));
             shadow_points.push(lifted);
             if lifted.position == surface.point.position {
                 continue;
             }
-            let way = lifted.origin_towards(surface.geometric_normal, numerics) - origins[index];
+            let origin = origins.get(index);
+            let way = lifted.origin_towards(surface.geometric_normal, numerics) - origin;
             if let Some(direction) = way.try_normalize() {
-                shadow_rays.push(numerics.precision().ray(origins[index], direction, 0.0, way.length()));
-                moved.push(index);
+                shadow_rays.push(numerics.precision().ray(origin, direction, 0.0, way.length()));
+                shadowed.push(index as u32);
             }
         }
         world.accelerator.are_occluded(shadow_rays, occluded, traversal);
-        for (&index, _) in moved.iter().zip(occluded.iter()).filter(|(_, blocked)| **blocked) {
-            shadow_points[index] = surfaces[index].point;
+        for (&index, _) in shadowed.iter().zip(occluded.iter()).filter(|(_, blocked)| **blocked) {
+            shadow_points[index as usize] = surfaces.get(index as usize).point;
         }
     }
 }

@@ -1,17 +1,15 @@
 //! What stages work on: the rays of one tile, level by level.
 //!
 //! Level 0 holds the rays of the tile's pixels, each further level the rays that surfaces of the one before sent out.
-//! All arrays of a level are kept from tile to tile, so that a steady state allocates nothing.
-
-use glam::DVec3;
+//! All arrays are kept from tile to tile, so that a steady state allocates nothing; each stage sets what it fills anew.
 
 use super::RayKind;
 use crate::bvh::Traversal;
 use crate::film::Window;
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Hit, Ray};
-use crate::shading::LightSample;
-use crate::world::{Surface, View, World};
+use crate::shading::{LightLanes, Scratch};
+use crate::world::{Lanes, RayLanes, Surfaces, View, World};
 
 /// What every stage may read.
 pub struct Context<'a> {
@@ -21,51 +19,25 @@ pub struct Context<'a> {
     pub view: &'a View,
 }
 
-/// The rays of one generation and what became of them.
+/// The rays of one generation and what became of them: at most one a pixel.
 #[derive(Default)]
 pub struct Level {
     /// The rays.
     pub rays: Vec<Ray>,
+    /// The same, coordinate by coordinate.
+    pub lanes: Box<RayLanes>,
     /// For each ray, what sent it: a pixel of the tile on level 0, a surface of the level before on others.
     pub sources: Vec<u32>,
     /// For each ray, its closest hit.
     pub hits: Vec<Option<Hit>>,
     /// The points that were hit, in the order of the rays.
-    pub surfaces: Vec<Surface>,
-    /// For each surface, where rays that leave it start; empty where none do.
-    pub origins: Vec<DVec3>,
+    pub surfaces: Box<Surfaces>,
+    /// For each surface, where rays that leave it start; set where some do.
+    pub origins: Box<Lanes>,
     /// For each surface, the point that its shadow rays start from; empty where that is the surface's own.
     pub shadow_points: Vec<SurfacePoint>,
-    /// For each surface, its ray.
-    pub ray_of: Vec<u32>,
-    /// The lights that reach the surfaces, surface after surface.
-    pub lights: Vec<LightSample>,
-    /// For each surface, the end of its part of `lights`; empty where no stage looked for lights.
-    pub lights_end: Vec<u32>,
     /// For each surface, its colour.
-    pub colours: Vec<DVec3>,
-}
-
-impl Level {
-    fn clear(&mut self) {
-        self.rays.clear();
-        self.sources.clear();
-        self.hits.clear();
-        self.surfaces.clear();
-        self.origins.clear();
-        self.shadow_points.clear();
-        self.ray_of.clear();
-        self.lights.clear();
-        self.lights_end.clear();
-        self.colours.clear();
-    }
-
-    /// The range of surface `index` in [`Level::lights`].
-    pub fn lights_of(&self, index: usize) -> std::ops::Range<usize> {
-        let end = |i: usize| self.lights_end.get(i).map_or(0, |&e| e as usize);
-        let start = if index == 0 { 0 } else { end(index - 1) };
-        start..end(index)
-    }
+    pub colours: Box<Lanes>,
 }
 
 /// A tile in the making.
@@ -81,10 +53,21 @@ pub struct Tile {
     pub traversal: Traversal,
     /// Rays cast and rays that hit, by kind.
     pub rays: [RayCount; RayKind::ALL.len()],
-    /// The shadow rays of a level, while it is being asked which are blocked.
+    /// The lights as the surfaces of a level see them, in the world's order, until those are shaded; empty where no stage
+    /// looked for lights.
+    pub lights: Vec<Box<LightLanes>>,
+    /// The shadow rays of all surfaces of a level, coordinate by coordinate.
+    pub shadow_lanes: Box<RayLanes>,
+    /// Those that are cast, while it is being asked which are blocked.
     pub shadow_rays: Vec<Ray>,
-    /// For each of them, whether it is.
+    /// For each surface of that level, where they start, where that is not where other rays do.
+    pub shadow_origins: Box<Lanes>,
+    /// For each of the rays, whether it is.
     pub occluded: Vec<bool>,
+    /// For each of them, its surface.
+    pub shadowed: Vec<u32>,
+    /// What shading needs in passing.
+    pub shading: Box<Scratch>,
     /// For each object, whether a primary ray has seen it.
     pub seen: Vec<bool>,
 }
@@ -102,7 +85,6 @@ impl Tile {
     /// Makes ready for the pixels of `window`. Counts go on.
     pub fn start(&mut self, window: Window) {
         self.window = Some(window);
-        self.levels.iter_mut().for_each(Level::clear);
         self.pixels.clear();
     }
 

@@ -1,8 +1,10 @@
 //! What rays see: closest hits, and the full account of each.
 
-use super::tile::{Context, Tile};
+use super::tile::{Context, Level, Tile};
 use super::{RayKind, Stage};
-use crate::world::Surface;
+use crate::geometry::Numerics;
+use crate::geometry::spawn::SurfacePoint;
+use crate::world::{Lanes, Surfaces, widely};
 
 /// Finds the surfaces that the rays of a level hit.
 pub struct Visible {
@@ -25,16 +27,13 @@ impl Stage for Visible {
         tile.level(self.level);
         let Tile { levels, traversal, seen, .. } = tile;
         let level = &mut levels[self.level];
+        level.hits.clear();
         world.accelerator.closest_hits(&level.rays, &mut level.hits, traversal);
-        for ((index, ray), hit) in (0..).zip(&level.rays).zip(&level.hits) {
-            if let Some(hit) = hit {
-                level.ray_of.push(index);
-                level.surfaces.push(world.surface(ray, hit));
-            }
-        }
+        world.surfaces(&level.lanes, &level.hits, &mut level.surfaces);
+        level.shadow_points.clear();
         if self.level == 0 {
             seen.resize(world.objects.len(), false);
-            level.surfaces.iter().for_each(|surface| seen[surface.object as usize] = true);
+            level.surfaces.objects().iter().for_each(|&object| seen[object as usize] = true);
         }
         let (cast, hit) = (level.rays.len(), level.surfaces.len());
         tile.count(self.kind, cast, hit);
@@ -53,9 +52,31 @@ impl Stage for Origins {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let numerics = context.world.numerics();
         let level = tile.level(self.level);
-        let origin = |s: &Surface| s.point.origin_towards(s.geometric_normal, numerics);
-        level.origins.extend(level.surfaces.iter().map(origin));
+        let Level { surfaces, origins, .. } = level;
+        match context.world.numerics() {
+            Numerics::Fast => widely(
+                #[inline(always)]
+                || find_origins(surfaces, origins, Numerics::Fast),
+            ),
+            Numerics::Watertight => widely(
+                #[inline(always)]
+                || find_origins(surfaces, origins, Numerics::Watertight),
+            ),
+            Numerics::Double | Numerics::Exact => {
+                widely(
+                    #[inline(always)]
+                    || find_origins(surfaces, origins, context.world.numerics()),
+                );
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn find_origins(surfaces: &Surfaces, origins: &mut Lanes, numerics: Numerics) {
+    for i in 0..surfaces.len() {
+        let point = SurfacePoint { position: surfaces.position.get(i), reach: surfaces.reach.get(i) };
+        origins.set(i, point.origin_towards(surfaces.geometric_normal.get(i), numerics));
     }
 }

@@ -87,18 +87,27 @@ impl ColourPipeline {
     /// The 8-bit display values of a film value.
     #[inline]
     pub fn encode(self, rgb: [f32; 3]) -> [u8; 3] {
-        rgb.map(|c| match self {
+        rgb.map(|c| self.encode_channel(c))
+    }
+
+    /// The 8-bit display value of one channel of a film value.
+    #[inline(always)]
+    pub fn encode_channel(self, c: f32) -> u8 {
+        match self {
             ColourPipeline::Linear => quantise(srgb_encode(f64::from(c))),
             ColourPipeline::Display | ColourPipeline::U8 => quantise(f64::from(c)),
-        })
+        }
     }
 }
 
 /// Clamps to 0..1 and rounds to eight bits, halves upwards. What is not a number becomes 0.
-#[inline]
+#[inline(always)]
 pub fn quantise(x: f64) -> u8 {
-    // A float-to-integer cast truncates, saturates at both ends and sends NaN to 0.
-    (x * 255.0 + 0.5) as u8
+    let y = x * 255.0 + 0.5;
+    // Held in this way the cast, which truncates, becomes one instruction for many numbers.
+    let above = if y > 0.0 { y } else { 0.0 };
+    let held = if above < 255.0 { above } else { 255.0 };
+    held as i32 as u8
 }
 
 /// The sRGB transfer function, display value to linear light (IEC 61966-2-1). Odd in `x`, so that no value is lost.

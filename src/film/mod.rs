@@ -4,9 +4,12 @@
 
 pub mod colour;
 pub mod output;
+mod pages;
 pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
+
+use pages::Pages;
 
 use crate::error::{Error, Result};
 
@@ -33,39 +36,61 @@ impl Window {
     }
 }
 
-/// A picture in the numbers of its colour pipeline: three 32-bit channels a pixel, kept tile by tile so that each
-/// tile can be filled by another thread without sharing.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Film {
+/// What a film keeps of a pixel.
+pub trait Pixel: bytemuck::Pod + Send + Sync {
+    /// Makes `pixels` of as many colours in the numbers of `pipeline`.
+    fn develop(colours: &[[f32; 3]], pipeline: ColourPipeline, pixels: &mut [Self]);
+}
+
+/// The colour itself, in the numbers of its pipeline.
+impl Pixel for [f32; 3] {
+    #[inline(always)]
+    fn develop(colours: &[[f32; 3]], _: ColourPipeline, pixels: &mut [Self]) {
+        pixels.copy_from_slice(colours);
+    }
+}
+
+/// What a display shows of it: all that 8-bit pictures need, in a quarter of the memory.
+impl Pixel for [u8; 3] {
+    #[inline(always)]
+    fn develop(colours: &[[f32; 3]], pipeline: ColourPipeline, pixels: &mut [Self]) {
+        for (channel, &colour) in pixels.as_flattened_mut().iter_mut().zip(colours.as_flattened()) {
+            *channel = pipeline.encode_channel(colour);
+        }
+    }
+}
+
+/// A picture, three channels a pixel, kept tile by tile so that each tile can be filled by another thread without sharing.
+#[derive(Debug, PartialEq)]
+pub struct Film<P: Pixel = [f32; 3]> {
     window: Window,
     /// Tile after tile, rows of tiles from the top; within a tile, row after row. In one piece: thousands of small pieces
     /// were measured to cost a tenth of a render in the system's allocator.
-    pixels: Vec<[f32; 3]>,
+    pixels: Pages<P>,
 }
 
 /// One tile of a film: `window.width * window.height` pixels, row by row from the top.
-pub struct FilmTile<'a> {
+pub struct FilmTile<'a, P = [f32; 3]> {
     /// The pixels of the picture that the tile covers.
     pub window: Window,
     /// Their values.
-    pub pixels: &'a mut [[f32; 3]],
+    pub pixels: &'a mut [P],
 }
 
-impl Film {
+impl<P: Pixel> Film<P> {
     /// A black film for the part `window` of a picture.
     ///
     /// # Errors
     /// [`Error::Failed`] where there is not enough memory for it.
     pub fn new(window: Window) -> Result<Self> {
-        // Asked for first, because running out of memory in `vec!` ends the process.
-        if Vec::<[f32; 3]>::new().try_reserve_exact(window.area()).is_err() {
-            let gib = window.area() as f64 * size_of::<[f32; 3]>() as f64 / f64::from(1 << 30);
-            return Err(Error::Failed {
+        let pixels = Pages::new(window.area()).map_err(|_| {
+            let gib = window.area() as f64 * size_of::<P>() as f64 / f64::from(1 << 30);
+            Error::Failed {
                 what: format!("a picture of {} x {} needs {gib:.1} GiB", window.width, window.height),
                 hint: "give a smaller --size, or render it in parts with --crop".into(),
-            });
-        }
-        Ok(Film { window, pixels: vec![[0.0; 3]; window.area()] })
+            }
+        })?;
+        Ok(Film { window, pixels })
     }
 
     /// The part of the picture this film holds.
@@ -74,7 +99,7 @@ impl Film {
     }
 
     /// The parts of the picture that the tiles cover, in the order they are kept.
-    fn tile_windows(&self) -> impl Iterator<Item = Window> + use<> {
+    fn tile_windows(&self) -> impl Iterator<Item = Window> + use<P> {
         let whole = self.window;
         let starts = move |size: u32| (0..size).step_by(TILE as usize);
         starts(whole.height).flat_map(move |y| {
@@ -88,7 +113,7 @@ impl Film {
     }
 
     /// The tiles, each with its own pixels.
-    pub fn tiles_mut(&mut self) -> Vec<FilmTile<'_>> {
+    pub fn tiles_mut(&mut self) -> Vec<FilmTile<'_, P>> {
         let windows = self.tile_windows();
         let mut rest = self.pixels.as_mut_slice();
         windows
@@ -99,17 +124,8 @@ impl Film {
             .collect()
     }
 
-    /// The tiles, to look at.
-    fn tiles(&self) -> impl Iterator<Item = (Window, &[[f32; 3]])> {
-        self.tile_windows().scan(0, |start, window| {
-            let tile = *start..*start + window.area();
-            *start = tile.end;
-            Some((window, &self.pixels[tile]))
-        })
-    }
-
-    /// The pixel at column `x`, row `y` of the film, counted from its own top left corner.
-    pub fn pixel(&self, x: u32, y: u32) -> [f32; 3] {
+    /// Where the pixel at column `x`, row `y` of the film is kept.
+    fn place(&self, x: u32, y: u32) -> usize {
         let Window { width, height, .. } = self.window;
         assert!(x < width && y < height, "pixel ({x}, {y}) is outside the film");
         let (left, top) = (x - x % TILE, y - y % TILE);
@@ -117,45 +133,58 @@ impl Film {
         // What comes before: whole rows of tiles, whole tiles of this row, whole rows of this tile.
         let before = [(top, width), (left, tile_height), (y - top, tile_width)];
         let index: usize = before.iter().map(|&(a, b)| a as usize * b as usize).sum();
-        self.pixels[index + (x - left) as usize]
+        index + (x - left) as usize
+    }
+
+    /// The pixel at column `x`, row `y` of the film, counted from its own top left corner.
+    pub fn pixel(&self, x: u32, y: u32) -> P {
+        self.pixels.as_slice()[self.place(x, y)]
+    }
+
+    /// The pixels of row `y` of the film, tile by tile from the left.
+    pub fn row(&self, y: u32) -> impl Iterator<Item = &[P]> {
+        let width = self.window.width;
+        (0..width).step_by(TILE as usize).map(move |left| {
+            let start = self.place(left, y);
+            &self.pixels.as_slice()[start..start + TILE.min(width - left) as usize]
+        })
     }
 
     /// All pixels, row by row from the top.
-    pub fn rows(&self) -> impl Iterator<Item = [f32; 3]> + '_ {
+    pub fn rows(&self) -> impl Iterator<Item = P> + '_ {
         (0..self.window.height).flat_map(move |y| (0..self.window.width).map(move |x| self.pixel(x, y)))
     }
+}
 
+impl Film {
     /// The picture in 8-bit display values, three a pixel, row by row from the top.
     pub fn to_rgb8(&self, pipeline: ColourPipeline) -> Vec<u8> {
-        let mut bytes = vec![0; self.window.area() * 3];
-        for (window, pixels) in self.tiles() {
-            let (left, top) = (window.x - self.window.x, window.y - self.window.y);
-            for (row, pixels) in (top..).zip(pixels.chunks_exact(window.width as usize)) {
-                let start = (row as usize * self.window.width as usize + left as usize) * 3;
-                for (out, &pixel) in bytes[start..].chunks_exact_mut(3).zip(pixels) {
-                    out.copy_from_slice(&pipeline.encode(pixel));
-                }
-            }
+        self.rows().flat_map(|pixel| pipeline.encode(pixel)).collect()
+    }
+}
+
+impl Film<[u8; 3]> {
+    /// The picture in 8-bit display values, three a pixel, row by row from the top.
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::with_capacity(self.window.area() * 3);
+        for y in 0..self.window.height {
+            self.row(y).for_each(|part| bytes.extend_from_slice(part.as_flattened()));
         }
         bytes
     }
+}
 
-    /// Where the film holds something that is not a number or infinite: how many pixels, and the first ten of them.
-    pub fn non_finite(&self) -> (usize, Vec<(u32, u32)>) {
-        let mut found = Vec::new();
-        for (window, pixels) in self.tiles() {
-            // Zero times anything finite is zero; a sum over the tile is quicker than a question to each channel.
-            if pixels.iter().flatten().map(|c| c * 0.0).sum::<f32>() == 0.0 {
-                continue;
-            }
-            let places = (0..).zip(pixels).filter(|(_, pixel)| pixel.iter().any(|c| !c.is_finite()));
-            found.extend(places.map(|(i, _)| (window.y + i / window.width, window.x + i % window.width)));
-        }
-        found.sort_unstable();
-        let count = found.len();
-        let first = found.into_iter().take(10).map(|(y, x)| (x, y)).collect();
-        (count, first)
+/// Which of the pixels of a tile are not a number or infinite: their columns and rows.
+#[inline(always)]
+pub fn non_finite(window: Window, pixels: &[[f32; 3]]) -> Vec<(u32, u32)> {
+    // What is not finite has all bits of the exponent.
+    const EXPONENT: u32 = 0x7f80_0000;
+    let finite = |all: bool, c: &f32| all & (c.to_bits() & EXPONENT != EXPONENT);
+    if pixels.as_flattened().iter().fold(true, finite) {
+        return Vec::new();
     }
+    let places = (0..).zip(pixels).filter(|(_, pixel)| pixel.iter().any(|c| !c.is_finite()));
+    places.map(|(i, _)| (window.x + i % window.width, window.y + i / window.width)).collect()
 }
 
 #[cfg(test)]
@@ -165,7 +194,7 @@ mod tests {
     #[test]
     fn tiles_cover_every_pixel_once() {
         let window = Window { x: 5, y: 9, width: 37, height: 18 };
-        let mut film = Film::new(window).unwrap();
+        let mut film: Film = Film::new(window).unwrap();
         for tile in film.tiles_mut() {
             let w = tile.window;
             for (i, pixel) in (0..).zip(tile.pixels) {
@@ -181,12 +210,33 @@ mod tests {
         }
         let bytes = film.to_rgb8(ColourPipeline::Display);
         assert_eq!(bytes.len(), 37 * 18 * 3);
+        for y in 0..window.height {
+            let row: Vec<_> = film.row(y).flatten().copied().collect();
+            let pixels: Vec<_> = (0..window.width).map(|x| film.pixel(x, y)).collect();
+            assert_eq!(row, pixels);
+        }
+    }
+
+    #[test]
+    fn a_film_of_bytes_holds_what_a_display_shows() {
+        let window = Window { x: 3, y: 0, width: 37, height: 18 };
+        let colour = |x: u32, y: u32| [x as f32 / 40.0, y as f32 / 20.0, 2.0];
+        let (mut floats, mut bytes): (Film, Film<[u8; 3]>) =
+            (Film::new(window).unwrap(), Film::new(window).unwrap());
+        for (a, b) in floats.tiles_mut().into_iter().zip(bytes.tiles_mut()) {
+            (0..).zip(a.pixels.iter_mut()).for_each(|(i, pixel)| *pixel = colour(i, i / 2));
+            Pixel::develop(a.pixels, ColourPipeline::Linear, b.pixels);
+        }
+        assert_eq!(floats.to_rgb8(ColourPipeline::Linear), bytes.bytes());
     }
 
     #[test]
     fn non_finite_pixels_are_found_where_they_are() {
-        let mut film = Film::new(Window { x: 100, y: 200, width: 20, height: 20 }).unwrap();
-        film.tiles_mut()[1].pixels[0][2] = f32::NAN;
-        assert_eq!(film.non_finite(), (1, vec![(116, 200)]));
+        let window = Window { x: 100, y: 200, width: 4, height: 4 };
+        let mut pixels = [[0.5; 3]; 16];
+        assert_eq!(non_finite(window, &pixels), []);
+        // The tenth: third row, second column.
+        pixels[9][2] = f32::NAN;
+        assert_eq!(non_finite(window, &pixels), [(101, 202)]);
     }
 }

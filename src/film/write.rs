@@ -42,30 +42,41 @@ impl Format {
 /// The settings that made a picture, as names and values, to be kept in its metadata.
 pub type Metadata = [(String, String)];
 
-/// Writes the film to `file`, whole or not at all.
+/// A rendered picture, in what its format keeps of a pixel.
+pub enum Picture {
+    /// 8-bit display values, to be written as PNG or JPEG, with the pipeline that they come from.
+    Bytes(Film<[u8; 3]>, ColourPipeline),
+    /// The film's own numbers, to be written as OpenEXR.
+    Numbers(Film),
+}
+
+/// Writes a picture to `file`, whole or not at all.
 ///
 /// # Errors
 /// [`Error::Output`] when the file cannot be written.
-pub fn write_picture(
-    film: &Film,
-    pipeline: ColourPipeline,
-    metadata: &Metadata,
-    format: Format,
-    file: &Path,
-) -> Result<()> {
-    write_whole(file, |out| match format {
-        Format::Png => write_png(film, pipeline, metadata, out),
-        Format::Jpeg => write_jpeg(film, pipeline, out),
-        Format::Exr => write_exr(film, metadata, out),
-    })
+pub fn write_picture(picture: &Picture, metadata: &Metadata, format: Format, file: &Path) -> Result<()> {
+    write_whole(file, |out| encode(picture, metadata, format, out))
 }
 
-/// Writes the film as PNG to any stream.
+/// Writes a picture to any stream: numbers as OpenEXR, bytes as JPEG where `format` says so and as PNG otherwise.
 ///
 /// # Errors
 /// Those of the stream.
-pub fn write_png(
-    film: &Film,
+pub fn encode(
+    picture: &Picture,
+    metadata: &Metadata,
+    format: Format,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
+    match picture {
+        Picture::Bytes(film, _) if format == Format::Jpeg => write_jpeg(film, out),
+        Picture::Bytes(film, pipeline) => write_png(film, *pipeline, metadata, out),
+        Picture::Numbers(film) => write_exr(film, metadata, out),
+    }
+}
+
+fn write_png(
+    film: &Film<[u8; 3]>,
     pipeline: ColourPipeline,
     metadata: &Metadata,
     out: impl Write,
@@ -82,15 +93,23 @@ pub fn write_png(
         encoder.add_itxt_chunk(key.clone(), value.clone())?;
     }
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(&film.to_rgb8(pipeline))?;
+    // Row by row: the picture is not copied as a whole.
+    let mut rows = writer.stream_writer()?;
+    let mut row = Vec::with_capacity(window.width as usize * 3);
+    for y in 0..window.height {
+        row.clear();
+        film.row(y).for_each(|part| row.extend_from_slice(part.as_flattened()));
+        rows.write_all(&row)?;
+    }
+    rows.finish()?;
     writer.finish()?;
     Ok(())
 }
 
-fn write_jpeg(film: &Film, pipeline: ColourPipeline, out: &mut dyn Write) -> std::io::Result<()> {
+fn write_jpeg(film: &Film<[u8; 3]>, out: &mut dyn Write) -> std::io::Result<()> {
     let window = film.window();
     image::codecs::jpeg::JpegEncoder::new_with_quality(out, 95)
-        .encode(&film.to_rgb8(pipeline), window.width, window.height, image::ExtendedColorType::Rgb8)
+        .encode(&film.bytes(), window.width, window.height, image::ExtendedColorType::Rgb8)
         .map_err(std::io::Error::other)
 }
 

@@ -64,7 +64,7 @@ fn per_axis(v: DVec3, f: impl Fn(f64) -> f32) -> Vec3 {
 /// `x` rounded to f32 upwards where `side` is above 0, downwards where it is below, and to the nearest where it is 0.
 ///
 /// Without branches on the numbers: they are as good as random.
-#[inline]
+#[inline(always)]
 pub fn round_towards(x: f64, side: f64) -> f32 {
     let y = x as f32;
     if y == 0.0 {
@@ -78,7 +78,7 @@ pub fn round_towards(x: f64, side: f64) -> f32 {
 
 /// Each coordinate rounded to the numbers of `precision`, towards the side that `normal` points to on its axis; to the
 /// nearest where it points to neither.
-#[inline]
+#[inline(always)]
 pub fn round_away(precision: Precision, point: DVec3, normal: DVec3) -> DVec3 {
     match precision {
         Precision::Single => {
@@ -97,13 +97,13 @@ pub fn round_away(precision: Precision, point: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// The largest f32 that is not above `x`.
-#[inline]
+#[inline(always)]
 pub fn round_down(x: f64) -> f32 {
     -round_up(-x)
 }
 
 /// The smallest f32 that is not below `x`.
-#[inline]
+#[inline(always)]
 pub fn round_up(x: f64) -> f32 {
     let y = x as f32;
     let bits = y.to_bits();

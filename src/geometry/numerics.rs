@@ -40,7 +40,7 @@ impl Precision {
     /// A ray whose origin and direction are rounded to the nearest of these numbers. Zeros are positive zeros.
     ///
     /// `direction` must be finite and not zero, `origin` finite.
-    #[inline]
+    #[inline(always)]
     pub fn ray(self, origin: DVec3, direction: DVec3, t_min: f64, t_max: f64) -> Ray {
         let (origin, direction) = match self {
             Precision::Single => (origin.as_vec3().as_dvec3(), direction.as_vec3().as_dvec3()),
@@ -59,7 +59,7 @@ impl Precision {
     }
 
     /// `point` rounded to these numbers, on each axis towards the side that `normal` points to.
-    #[inline]
+    #[inline(always)]
     pub fn round_towards(self, point: DVec3, normal: DVec3) -> DVec3 {
         round_away(self, point, normal)
     }

@@ -22,6 +22,7 @@ pub struct SurfacePoint {
 
 impl SurfacePoint {
     /// The point of a triangle with the given barycentric coordinates.
+    #[inline(always)]
     pub fn on_triangle(corners: [DVec3; 3], weights: [f64; 3]) -> Self {
         let [a, b, c] = corners;
         SurfacePoint {
@@ -31,13 +32,14 @@ impl SurfacePoint {
     }
 
     /// The point of a sphere in direction `normal` from its centre.
+    #[inline(always)]
     pub fn on_sphere(centre: DVec3, radius: f64, normal: DVec3) -> Self {
         SurfacePoint { position: centre + normal * radius, reach: centre.abs() + radius }
     }
 
     /// The nearest start, in the numbers of a tier, that lies on the side of the surface that `normal` (of length 1) points
     /// to; or on it, where it is a plane through zero along an axis: a distance of 0 does not count.
-    #[inline]
+    #[inline(always)]
     pub fn origin_towards(&self, normal: DVec3, numerics: Numerics) -> DVec3 {
         let error = numerics.surface_error() * normal.abs().dot(self.reach);
         numerics.precision().round_towards(self.position + normal * error, normal)
@@ -50,6 +52,7 @@ impl Numerics {
     ///
     /// In f32 it is pbrt's γ7, rounded up to 8 u. In f64 it is 2^-44, well above the 8 u that the point is off by; tests
     /// that start so near a triangle look at the side of its plane ([`super::woop`]), whose error is of that order.
+    #[inline(always)]
     fn surface_error(self) -> f64 {
         match self {
             Numerics::Fast => 4.0 * f64::from(f32::EPSILON),

@@ -16,8 +16,8 @@ use rayon::prelude::*;
 use crate::effects::Plan;
 use crate::effects::tile::{Context, Tile};
 use crate::error::{Error, Result};
-use crate::film::{Film, FilmTile, Window};
-use crate::world::{View, World};
+use crate::film::{self, ColourPipeline, Film, FilmTile, Pixel, Window};
+use crate::world::{View, World, widely};
 
 /// What a render tells while it runs, and what it is told.
 pub struct Watch<'a> {
@@ -38,9 +38,33 @@ pub fn render(
     window: Window,
     watch: &Watch,
 ) -> Result<(Film, Statistics)> {
+    render_as(world, view, plan, window, watch, Clock::EveryStage)
+}
+
+/// Whether the stages are timed: reading the clock between them costs a few hundredths of a quick render.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Clock {
+    /// [`Statistics::stages`] says how long each took.
+    EveryStage,
+    /// [`Statistics::stages`] stays empty.
+    Stopped,
+}
+
+/// [`render`], onto a film of any pixels.
+///
+/// # Errors
+/// As those of [`render`].
+pub fn render_as<P: Pixel>(
+    world: &World,
+    view: &View,
+    plan: &Plan,
+    window: Window,
+    watch: &Watch,
+    clock: Clock,
+) -> Result<(Film<P>, Statistics)> {
     let mut film = Film::new(window)?;
     let context = Context { world, view };
-    let idle: Mutex<Vec<Worker>> = Mutex::new(Vec::new());
+    let idle: Mutex<Vec<Box<Worker>>> = Mutex::new(Vec::new());
     let done = AtomicUsize::new(0);
     let tiles = film.tiles_mut();
     let total = tiles.len();
@@ -49,8 +73,8 @@ pub fn render(
             return;
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
-        let mut worker = taken.unwrap_or_else(|| Worker::new(plan));
-        render_tile(plan, &context, &mut tile, &mut worker);
+        let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan)));
+        render_tile(plan, &context, &mut tile, &mut worker, clock);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);
         }
@@ -60,7 +84,7 @@ pub fn render(
         return Err(Error::Interrupted);
     }
     let workers = idle.into_inner().unwrap_or_default();
-    let statistics = Statistics::gather(plan, &workers);
+    let statistics = Statistics::gather(plan, &workers, clock);
     Ok((film, statistics))
 }
 
@@ -69,24 +93,51 @@ struct Worker {
     tile: Tile,
     /// Time spent in each stage.
     times: Vec<std::time::Duration>,
+    /// Pixels that are not numbers: their columns and rows.
+    non_finite: Vec<(u32, u32)>,
 }
 
 impl Worker {
     fn new(plan: &Plan) -> Self {
-        Worker { tile: Tile::default(), times: vec![Default::default(); plan.stages().len()] }
+        Worker {
+            tile: Tile::default(),
+            times: vec![Default::default(); plan.stages().len()],
+            non_finite: Vec::new(),
+        }
     }
 }
 
 /// A tile: every stage of the plan in order, then the pixels.
-fn render_tile(plan: &Plan, context: &Context, film: &mut FilmTile, worker: &mut Worker) {
-    let Worker { tile, times } = worker;
+fn render_tile<P: Pixel>(
+    plan: &Plan,
+    context: &Context,
+    film: &mut FilmTile<P>,
+    worker: &mut Worker,
+    clock: Clock,
+) {
+    let Worker { tile, times, non_finite } = worker;
     tile.start(film.window);
-    let mut last = Instant::now();
+    let now = || (clock == Clock::EveryStage).then(Instant::now);
+    let mut last = now();
     for (stage, time) in plan.stages().iter().zip(times) {
         stage.run(tile, context);
-        let now = Instant::now();
-        *time += now - last;
+        let now = now();
+        if let (Some(last), Some(now)) = (last, now) {
+            *time += now - last;
+        }
         last = now;
     }
-    film.pixels.copy_from_slice(&tile.pixels);
+    let colours = &tile.pixels;
+    non_finite.extend(widely(
+        #[inline(always)]
+        || film::non_finite(film.window, colours),
+    ));
+    // Pipelines are told apart once, not for every pixel.
+    match context.world.pipeline {
+        ColourPipeline::Linear => P::develop(colours, ColourPipeline::Linear, film.pixels),
+        _ => widely(
+            #[inline(always)]
+            || P::develop(colours, ColourPipeline::Display, film.pixels),
+        ),
+    }
 }

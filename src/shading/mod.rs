@@ -7,12 +7,13 @@ mod metallic_roughness;
 mod phong;
 mod texture;
 
-pub use lights::LightSample;
+pub use lights::{LightLanes, LightSample};
+pub use phong::Scratch;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::world::{LoweredMaterial, Surface, World};
+use crate::world::{Lanes, LoweredMaterial, Surface, Surfaces, World};
 
 /// How far shading goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
@@ -52,6 +53,32 @@ pub fn shade(world: &World, mode: ShadingMode, surface: &Surface, lights: &[Ligh
         LoweredMaterial::Phong(material) => phong::shade(world, material, mode, surface, lights),
         LoweredMaterial::MetallicRoughness(material) => {
             metallic_roughness::shade(world, material, mode, surface, lights)
+        }
+    }
+}
+
+/// The colours of all `surfaces` under the lights as they see them: [`shade`] for each, in the order of the lights.
+pub fn shade_all(
+    world: &World,
+    mode: ShadingMode,
+    surfaces: &Surfaces,
+    lights: &[Box<LightLanes>],
+    colours: &mut Lanes,
+    scratch: &mut Scratch,
+) {
+    let mut samples = Vec::new();
+    for (index, range) in surfaces.by_material() {
+        let range = range.clone();
+        if let LoweredMaterial::Phong(material) = &world.materials[*index as usize]
+            && material.texture.is_none()
+        {
+            phong::shade_all(world, material, mode, (surfaces, range), lights, (colours, scratch));
+            continue;
+        }
+        for i in range {
+            samples.clear();
+            samples.extend(lights.iter().filter(|light| light.reaches[i]).map(|light| light.get(i)));
+            colours.set(i, shade(world, mode, &surfaces.get(i), &samples));
         }
     }
 }

@@ -5,15 +5,19 @@
 //! threads. It knows nothing of effects or of how rays are scheduled.
 
 mod fit;
+mod lanes;
 mod lower;
 mod range;
 mod surface;
+mod surfaces;
 mod view;
 
 pub use fit::{StandardView, fitted_camera, headlight};
+pub use lanes::{LANES, Lanes, RayLanes, widely};
 pub use lower::{Image, LoweredMaterial, LoweredTexture, MetallicRoughnessValues, PhongValues};
 pub use range::{Range, bring_into_range};
 pub use surface::Surface;
+pub use surfaces::Surfaces;
 pub use view::View;
 
 use glam::DVec3;

@@ -5,7 +5,9 @@
 
 use glam::{DVec2, DVec3};
 
+use super::lanes::{LANES, RayLanes, widely};
 use crate::error::{Error, Result};
+use crate::film::{TILE, Window};
 use crate::geometry::{Precision, Ray};
 use crate::scene::{Camera, Projection};
 
@@ -87,10 +89,56 @@ impl View {
     /// The ray through the centre of the pixel in column `x`, row `y` from the top, in numbers of `precision`.
     #[inline]
     pub fn ray(&self, x: u32, y: u32, precision: Precision) -> Ray {
+        self.ray_at(self.across(x), self.up(y), precision)
+    }
+
+    /// How far right of the middle of the viewing rectangle a column of pixels is.
+    fn across(&self, x: u32) -> f64 {
         let i = f64::from(x) + 0.5;
+        i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0
+    }
+
+    /// How far above the middle of the viewing rectangle a row of pixels is.
+    fn up(&self, y: u32) -> f64 {
         let j = self.size.y - (f64::from(y) + 0.5);
-        let across = i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0;
-        let up = j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0;
+        j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0
+    }
+
+    /// The rays of the pixels of `window`, which is no larger than a tile, row by row from the top: into `rays`.
+    pub fn rays(&self, window: Window, precision: Precision, rays: &mut RayLanes) {
+        let Window { x, y, width, height } = window;
+        let (mut across, mut up) = ([0.0; LANES], [0.0; LANES]);
+        let columns: [f64; TILE as usize] = std::array::from_fn(|i| self.across(x + i as u32));
+        for row in 0..height as usize {
+            let part = row * width as usize..(row + 1) * width as usize;
+            across[part.clone()].copy_from_slice(&columns[..width as usize]);
+            up[part].fill(self.up(y + row as u32));
+        }
+        let len = window.area();
+        // Told apart once, not for every ray.
+        use Precision::{Double, Single};
+        use Projection::{Orthographic, Perspective};
+        let with = |projection| View { projection, ..self.clone() };
+        match (self.projection, precision) {
+            (Perspective, Single) => {
+                widely(
+                    #[inline(always)]
+                    || fill(&with(Perspective), rays, len, &across, &up, Single),
+                );
+            }
+            (Perspective, Double) => {
+                widely(
+                    #[inline(always)]
+                    || fill(&with(Perspective), rays, len, &across, &up, Double),
+                );
+            }
+            (Orthographic, precision) => fill(self, rays, len, &across, &up, precision),
+        }
+    }
+
+    /// The ray through a point of the viewing rectangle.
+    #[inline(always)]
+    fn ray_at(&self, across: f64, up: f64, precision: Precision) -> Ray {
         let offset = across * self.u + up * self.v;
         let (origin, direction) = match self.projection {
             Projection::Perspective => (self.position, (offset - self.distance * self.w).normalize()),
@@ -109,6 +157,20 @@ impl View {
         };
         let shares = DVec2::new(across, up) * scale / self.rectangle + 0.5;
         (DVec2::new(shares.x, 1.0 - shares.y) * self.size, depth > 0.0)
+    }
+}
+
+#[inline(always)]
+fn fill(
+    view: &View,
+    rays: &mut RayLanes,
+    len: usize,
+    across: &[f64; LANES],
+    up: &[f64; LANES],
+    precision: Precision,
+) {
+    for i in 0..len.min(LANES) {
+        rays.set(i, &view.ray_at(across[i], up[i], precision));
     }
 }
 
