@@ -44,7 +44,7 @@ impl Preset {
         Preset::VerySlowBuild,
     ];
 
-    fn parameters(self) -> BvhBuildParams {
+    pub(super) fn parameters(self) -> BvhBuildParams {
         match self {
             Preset::FastestBuild => BvhBuildParams::fastest_build(),
             Preset::VeryFastBuild => BvhBuildParams::very_fast_build(),
@@ -83,7 +83,16 @@ pub fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Tree<T> {
     } else {
         Boxes { boxes: whole, of_slot: (0..slots.len() as u32).collect() }
     };
-    let jittered: Vec<Aabb> = (0..).zip(&boxes).map(|(place, b)| to_obvhs(jitter(*b, place))).collect();
+    let (nodes, order) = build_nodes(&boxes, parameters);
+    Tree::new(nodes, order.iter().map(|&i| slots[of_slot[i as usize] as usize]).collect())
+}
+
+/// Nodes over boxes, and the boxes in the order of the leaves.
+pub(super) fn build_nodes(boxes: &[Bounds], parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
+    if boxes.is_empty() {
+        return (Vec::new(), Vec::new());
+    }
+    let jittered: Vec<Aabb> = (0..).zip(boxes).map(|(place, b)| to_obvhs(jitter(*b, place))).collect();
     let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
         parameters.ploc_search_distance,
         &jittered,
@@ -101,8 +110,7 @@ pub fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Tree<T> {
     collapse(&mut tree, parameters.max_prims_per_leaf.clamp(1, 255), parameters.collapse_traversal_cost);
     reinsertion.run(&mut tree, ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier, None);
 
-    let ordered = tree.primitive_indices.iter().map(|&i| slots[of_slot[i as usize] as usize]).collect();
-    Tree::new(tree.nodes, ordered)
+    (tree.nodes, tree.primitive_indices)
 }
 
 fn to_obvhs(b: Bounds) -> Aabb {

@@ -7,13 +7,16 @@
 
 mod brute_force;
 mod build;
+mod instances;
 pub mod mix;
 mod store;
 mod tree;
 
 pub use build::Preset;
+pub use instances::{Instance, MeshSpace, can_be_instance};
 
 use brute_force::BruteForce;
+use instances::Instances;
 use store::StoredSlot;
 
 use crate::geometry::{
@@ -84,12 +87,36 @@ pub fn build(
     }
 }
 
+/// Builds a structure over primitives, and over meshes that stand in many places, of which each [`can_be_instance`].
+pub fn build_with_instances(
+    slots: impl IntoIterator<Item = Slot>,
+    instances: Vec<Instance>,
+    structure: Structure,
+    numerics: Numerics,
+) -> Box<dyn Accelerator> {
+    let preset = match structure {
+        Structure::Tree(preset) if !instances.is_empty() => preset,
+        _ => {
+            let copies = instances.iter().flat_map(Instance::slots);
+            return build(slots.into_iter().chain(copies), structure, numerics);
+        }
+    };
+    let flat = build(slots, structure, numerics);
+    match numerics {
+        Numerics::Fast => Box::new(Instances::<Fast>::new(flat, instances, preset)),
+        Numerics::Watertight => Box::new(Instances::<Watertight>::new(flat, instances, preset)),
+        Numerics::Double => Box::new(Instances::<Double>::new(flat, instances, preset)),
+        Numerics::Exact => Box::new(Instances::<Exact>::new(flat, instances, preset)),
+    }
+}
+
 /// What a traversal needs from one ray to the next, and what it counted.
 #[derive(Debug, Default)]
 pub struct Traversal {
     stack: Vec<(u32, f32)>,
     /// Where the rays of a batch begin.
     entries: Vec<(u32, f32)>,
+    instances: instances::Stacks,
     /// The work done so far.
     pub tests: Tests,
 }

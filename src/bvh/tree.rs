@@ -231,13 +231,13 @@ impl<T: Tier> Accelerator for Tree<T> {
 
     fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
         self.find_entries(rays, traversal);
-        let Traversal { stack, entries, tests } = traversal;
+        let Traversal { stack, entries, tests, .. } = traversal;
         hits.extend(rays.iter().map(|ray| self.closest_below(ray, entries, stack, tests)));
     }
 
     fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
         self.find_entries(rays, traversal);
-        let Traversal { stack, entries, tests } = traversal;
+        let Traversal { stack, entries, tests, .. } = traversal;
         occluded.extend(rays.iter().map(|ray| self.occluded_below(ray, entries, stack, tests)));
     }
 

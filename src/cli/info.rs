@@ -39,9 +39,9 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
         .objects
         .iter()
         .map(|object| {
-            let (kind, attributes) = match &object.shape {
-                Shape::Sphere { .. } => ("sphere", json!({})),
-                Shape::Mesh(m) => (
+            let (kind, attributes) = match object.shape.mesh() {
+                None => ("sphere", json!({})),
+                Some(m) => (
                     "mesh",
                     json!({
                         "normals": m.normals.is_some(),
@@ -57,6 +57,7 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
                 "primitives": object.shape.primitive_count(),
                 "material": scene.materials[object.material.0 as usize].name(),
                 "attributes": attributes,
+                "shared": matches!(object.shape, Shape::Placed(_)),
             })
         })
         .collect();
@@ -81,12 +82,7 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
 }
 
 fn triangles(scene: &Scene) -> usize {
-    scene
-        .objects
-        .iter()
-        .filter(|o| matches!(o.shape, Shape::Mesh(_)))
-        .map(|o| o.shape.primitive_count())
-        .sum()
+    scene.objects.iter().filter(|o| o.shape.mesh().is_some()).map(|o| o.shape.primitive_count()).sum()
 }
 
 fn model(material: &Material) -> &'static str {
@@ -124,8 +120,7 @@ fn as_text(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> String {
     line("textures", list(scene.images.iter().map(|i| format!("{} ({} x {})", i.name, i.width, i.height))));
     line("cameras", list(scene.cameras.iter().map(|c| format!("{} ({})", c.name, c.projection.name()))));
     line("lights", list(scene.lights.iter().map(|l| format!("{} ({})", l.name, light_type(&l.kind)))));
-    let smooth =
-        scene.objects.iter().filter(|o| matches!(&o.shape, Shape::Mesh(m) if m.normals.is_some())).count();
+    let smooth = scene.objects.iter().filter(|o| o.shape.mesh().is_some_and(|m| m.normals.is_some())).count();
     line("normals", format!("{smooth} object(s) with normals, the others are flat or spheres"));
     for message in warnings.messages() {
         line("warning", message.clone());

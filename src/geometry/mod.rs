@@ -31,6 +31,7 @@ pub mod spawn;
 pub mod sphere;
 mod triangle;
 mod watertight;
+mod widened;
 mod woop;
 
 pub use crate::scene::Numerics;
@@ -44,3 +45,4 @@ pub use ray::{Hit, PrimId, Ray, SlotId};
 pub use sphere::Sphere;
 pub use triangle::{Triangle, TriangleHit};
 pub use watertight::Watertight;
+pub use widened::{WidenedBoxTest, prune_distance};

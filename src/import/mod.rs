@@ -11,6 +11,7 @@ mod pictures;
 mod polygon;
 mod sanitise;
 mod scene_file;
+mod sharing;
 mod uri;
 
 use std::io::Read;
@@ -92,11 +93,18 @@ pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
     let mut scene = Scene::default();
     for (index, file) in inputs.iter().enumerate() {
         let mut one = read_one(&Source::open(file)?, warnings)?;
+        sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
         for object in &mut one.objects {
             object.input = index;
         }
         scene.append(one);
+        let count = scene.primitive_count();
+        if u32::try_from(count).is_err() {
+            let what = format!("{count} triangles and spheres are more than kiln can number");
+            let hint = "give at most 4,294,967,295: fewer placements, or meshes of fewer triangles";
+            return Err(Error::input(file.as_path(), what, hint));
+        }
     }
     Ok(scene)
 }

@@ -246,8 +246,23 @@ pub struct MeshSection {
     pub rotate: Option<[f64; 3]>,
     /// One factor, or one for each axis.
     pub scale: Option<ScaleValue>,
+    /// The places where the mesh stands, instead of a single one. However many there are, its triangles are kept once.
+    #[schemars(with = "Option<Vec<PlacementValue>>")]
+    pub placements: Option<Vec<Spanned<PlacementValue>>>,
     /// The name of a material that replaces the file's own.
     pub material: Option<String>,
+}
+
+/// A place of a mesh: scaled, then rotated, then translated.
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlacementValue {
+    /// Where its origin goes.
+    pub translate: Option<[f64; 3]>,
+    /// Rotation about the x, then the y, then the z axis, in degrees.
+    pub rotate: Option<[f64; 3]>,
+    /// One factor, or one for each axis.
+    pub scale: Option<ScaleValue>,
 }
 
 /// One factor, or one for each axis.

@@ -103,6 +103,7 @@ pub fn placed(mut scene: Scene, scale: f64, offset: DVec3) -> Scene {
                 *radius *= scale;
             }
             Shape::Mesh(mesh) => mesh.positions.iter_mut().for_each(place),
+            Shape::Placed(_) => unimplemented!("meshes that are shared"),
         }
     }
     for camera in &mut scene.cameras {
