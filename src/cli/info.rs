@@ -1,7 +1,9 @@
 //! `kiln info`: what files hold, how large it is, and what is odd about it.
 
+use std::collections::HashMap;
 use std::fmt::Write;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Args;
 use glam::DVec3;
@@ -10,7 +12,7 @@ use serde_json::{Value, json};
 use super::print;
 use crate::error::{Result, Warnings};
 use crate::import;
-use crate::scene::{LightKind, Material, Scene, Shape};
+use crate::scene::{LightKind, Material, Mesh, Scene, Shape};
 
 #[derive(Args)]
 pub struct Arguments {
@@ -85,6 +87,18 @@ fn triangles(scene: &Scene) -> usize {
     scene.objects.iter().filter(|o| o.shape.mesh().is_some()).map(|o| o.shape.primitive_count()).sum()
 }
 
+/// The meshes that stand in many places: in how many, and how many triangles each has.
+fn shared(scene: &Scene) -> HashMap<*const Mesh, (usize, usize)> {
+    let mut shared = HashMap::new();
+    for object in &scene.objects {
+        if let Shape::Placed(placed) = &object.shape {
+            let entry = shared.entry(Arc::as_ptr(&placed.mesh)).or_insert((0, placed.mesh.triangles.len()));
+            entry.0 += 1;
+        }
+    }
+    shared
+}
+
 fn model(material: &Material) -> &'static str {
     match material {
         Material::Phong(_) => "phong",
@@ -109,6 +123,12 @@ fn as_text(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> String {
     let spheres = scene.primitive_count() - triangles(scene);
     line("input", names.join(" "));
     line("objects", format!("{} ({} triangles, {spheres} spheres)", scene.objects.len(), triangles(scene)));
+    let shared = shared(scene);
+    if !shared.is_empty() {
+        let (places, kept) = shared.values().fold((0, 0), |(p, k), (places, mesh)| (p + places, k + mesh));
+        let meshes = shared.len();
+        line("shared", format!("{places} objects are places of {meshes} mesh(es) of {kept} triangles"));
+    }
     match scene.bounds() {
         None => line("bounds", "nothing that can be seen".into()),
         Some((min, max)) => {
