@@ -5,7 +5,7 @@ mod common;
 
 use std::sync::Arc;
 
-use common::hard::aim::{At, from_around, targets};
+use common::hard::aim::{At, targets};
 use common::hard::answer::Answer;
 use common::hard::{Corners, meshes, times_factor};
 use common::picture::{bits, prepare};
@@ -81,12 +81,24 @@ enum Family {
     Far,
     /// From 1e-6 to 1e6 in size.
     Scales,
+    /// As thin as 1e-9 of its size, turned before that or after.
+    Squeezed,
+    /// So far away that f32 has a few dozen places for it: most triangles are lines, many the same.
+    Lost,
     /// Through a node and a placement, and then brought into range.
     Steps,
 }
 
-const FAMILIES: [Family; 6] =
-    [Family::Rows, Family::Turned, Family::Skewed, Family::Far, Family::Scales, Family::Steps];
+const FAMILIES: [Family; 8] = [
+    Family::Rows,
+    Family::Turned,
+    Family::Skewed,
+    Family::Far,
+    Family::Scales,
+    Family::Squeezed,
+    Family::Lost,
+    Family::Steps,
+];
 
 impl Family {
     fn place(self, i: usize, numbers: &mut Numbers) -> Placement {
@@ -106,6 +118,11 @@ impl Family {
                 DMat4::from_translation(at) * DMat4::from_scale(axes) * DMat4::from_quat(rotation)
             }
             Family::Far => DMat4::from_translation(DVec3::new(1e3, -2e3, 5e2)) * turned,
+            Family::Squeezed => {
+                let thin = DMat4::from_scale(DVec3::new(1.0, 1.0, 10f64.powi(-(i as i32 % 10))));
+                if i % 2 == 0 { turned * thin } else { DMat4::from_translation(at) * thin * turned }
+            }
+            Family::Lost => DMat4::from_translation(DVec3::splat(3e5)) * turned,
             Family::Scales => {
                 let size = 10f64.powi(i as i32 % 13 - 6);
                 DMat4::from_scale_rotation_translation(even * size, rotation, at * size)
@@ -275,6 +292,10 @@ fn what_is_left_out_of_a_place_has_no_number_there() {
 fn nothing_gets_out_of_a_closed_mesh_in_any_place() {
     let ball = meshes::icosphere(3, DVec3::ZERO, 1.0);
     for family in FAMILIES {
+        if matches!(family, Family::Squeezed | Family::Lost) {
+            // Of these f32 makes something that has no inside.
+            continue;
+        }
         let mut numbers = Numbers::new(5);
         for i in 0..10 {
             let placement = family.place(i, &mut numbers);
@@ -299,26 +320,16 @@ fn nothing_gets_out_of_a_closed_mesh_in_any_place() {
 
 #[test]
 fn what_cannot_be_brought_back_is_copied() {
-    // Flat, as thin as nothing beside its distance, larger than f32's reciprocals: the same picture, without instances.
-    let thin = DMat4::from_scale(DVec3::new(1.0, 1.0, 1e-9));
-    let places = [
-        DMat4::from_scale(DVec3::new(1.0, 1.0, 0.0)),
-        DMat4::from_translation(DVec3::splat(100.0)) * DMat4::from_rotation_x(0.5) * thin,
-    ]
-    .map(Placement::new);
-    let mut numbers = Numbers::new(8);
-    for place in places {
-        let scene = scene_with(mesh_of(&meshes::icosphere(1, DVec3::ZERO, 1.0)), &[place.clone(), place]);
-        for numerics in [Numerics::Fast, Numerics::Watertight] {
-            let [shared, flat] =
-                [Structure::default(), Structure::BruteForce].map(|s| world(&scene, s, numerics));
-            assert_ne!(shared.accelerator.describe().layout, "instances");
-            let (min, max) = scene.bounds().unwrap();
-            let aims = targets(&copies(&scene), &At::ALL, 300, &mut numbers);
-            let rays = from_around((min + max) / 2.0, 10.0, &aims, &mut numbers);
-            let answers = |world: &World| Answer::to_all(&*world.accelerator, &rays);
-            assert!(answers(&shared) == answers(&flat));
-        }
+    // Flat: no ray finds the way back.
+    let place = Placement::new(DMat4::from_rotation_x(0.5) * DMat4::from_scale(DVec3::new(1.0, 1.0, 0.0)));
+    let scene = scene_with(mesh_of(&meshes::icosphere(1, DVec3::ZERO, 1.0)), &[place.clone(), place]);
+    for numerics in Numerics::ALL {
+        let [shared, flat] =
+            [Structure::default(), Structure::BruteForce].map(|s| world(&scene, s, numerics));
+        assert_ne!(shared.accelerator.describe().layout, "instances");
+        let rays = rays(&scene, 400, numerics, &mut Numbers::new(8));
+        let answers = |world: &World| Answer::to_all(&*world.accelerator, &rays);
+        assert!(answers(&shared) == answers(&flat));
     }
 }
 
@@ -375,8 +386,8 @@ fn far_and_extreme_scenes_are_brought_into_range_alike() {
 
 #[test]
 fn places_cost_no_triangles() {
-    // 20,480 triangles at 16 bytes, nodes of 32 bytes of which there are less than two a triangle; and for each of 10,000
-    // places at most 1 KiB: less than the 64 MiB that a million such triangles would take many times over.
+    // 20,480 triangles at 16 bytes, 10,242 corners at 24, nodes of 32 bytes of which there are less than two a triangle; and
+    // for each of 10,000 places at most 1 KiB. As copies, 204,800,000 triangles of 36 bytes are 7 GB.
     let mesh = Arc::new(mesh_of(&meshes::icosphere(5, DVec3::ZERO, 1.0)));
     let place = |i: u32| {
         let at = DVec3::new(f64::from(i % 100), 0.0, f64::from(i / 100)) * 3.0;
@@ -387,6 +398,6 @@ fn places_cost_no_triangles() {
     let world = world(&scene, Structure::default(), Numerics::Watertight);
     let description = world.accelerator.describe();
     assert_eq!((description.layout, description.slots), ("instances", 20_480));
-    assert!(description.bytes < 20_480 * (16 + 2 * 32) + 10_000 * 1024, "{description:?}");
+    assert!(description.bytes < 20_480 * (16 + 2 * 32) + 10_242 * 24 + 10_000 * 1024, "{description:?}");
     assert_eq!((world.primitive_count(), world.object_of(PrimId(204_799_999))), (204_800_000, 9_999));
 }

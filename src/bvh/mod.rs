@@ -19,8 +19,11 @@ use brute_force::BruteForce;
 use instances::Instances;
 use store::StoredSlot;
 
+use glam::{DVec3, Vec3};
+
 use crate::geometry::{
-    Bounds, Double, Exact, Fast, Hit, Numerics, PrimId, Ray, SlotId, Sphere, Tier, Triangle, Watertight,
+    Bounds, Double, Exact, Fast, Hit, Numerics, Precision, PrimId, Ray, SlotId, Sphere, Tier, Triangle,
+    Watertight,
 };
 
 /// The geometry of one primitive.
@@ -97,8 +100,19 @@ pub fn build_with_instances(
     let preset = match structure {
         Structure::Tree(preset) if !instances.is_empty() => preset,
         _ => {
-            let copies = instances.iter().flat_map(Instance::slots);
-            return build(slots.into_iter().chain(copies), structure, numerics);
+            let slots = slots.into_iter();
+            return match numerics.precision() {
+                Precision::Single => build(
+                    slots.chain(instances.iter().flat_map(Instance::slots::<Vec3>)),
+                    structure,
+                    numerics,
+                ),
+                Precision::Double => build(
+                    slots.chain(instances.iter().flat_map(Instance::slots::<DVec3>)),
+                    structure,
+                    numerics,
+                ),
+            };
         }
     };
     let flat = build(slots, structure, numerics);

@@ -20,16 +20,16 @@ pub struct WidenedBoxTest {
 }
 
 impl WidenedBoxTest {
-    /// A ray from `origin` in `direction` that may lie `aside` of what is meant, on each axis, wherever it meets a box; the
-    /// boxes' coordinates are no larger than 1 or thereabouts.
+    /// A ray from `origin` in `direction` that may lie `aside` of what is meant, on each axis, wherever it meets a box; no
+    /// coordinate of what it is to find in the boxes is larger than 1 + `aside`.
     ///
     /// Rounding the origin and the direction to f32 moves a point of the ray by no more than u of its distance from the
-    /// origin and u of the origin, so by u (1 + 2 |origin|); moving the origin rounds by u of it again. 2^-21 of each is
-    /// above that.
+    /// origin and u of the origin, so by u (1 + aside + 2 |origin|); moving the origin rounds by u of both again. 2^-21 of
+    /// each is above that.
     #[inline]
     pub fn new(origin: DVec3, direction: DVec3, aside: DVec3) -> Self {
         const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
-        let aside = aside + (origin.abs() + 1.0) * ROUNDING;
+        let aside = aside + (origin.abs() + aside + 1.0) * ROUNDING;
         WidenedBoxTest {
             above: (origin + aside).as_vec3a(),
             below: (origin - aside).as_vec3a(),

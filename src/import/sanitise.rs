@@ -96,7 +96,8 @@ fn clean_placed(objects: &mut [Object], count: &mut Count) {
         // Beyond the numbers' range every triangle has to be looked at by itself.
         for &index in &group {
             let Shape::Placed(placed) = &objects[index].shape else { continue };
-            if !(placed.placement.reach(thin.reach()).max_element() <= LARGEST_COORDINATE) {
+            let reach = placed.placement.reach(thin.reach()).max_element();
+            if reach > LARGEST_COORDINATE || !reach.is_finite() {
                 objects[index].shape = Shape::Mesh(placed.bake());
             }
         }

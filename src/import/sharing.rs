@@ -7,8 +7,9 @@ use std::sync::Arc;
 
 use crate::scene::{Mesh, Object, Scene, Shape};
 
-/// A mesh is shared where this many triangles at least are saved. Each takes about 150 bytes while it is read and 100 once
-/// it is prepared, so less than this is not missed.
+/// A mesh is shared where this many triangles at least are saved. Nine copies of the bunny take 305 bytes for each triangle
+/// beyond the first copy's, at the peak; shared, they are built in a tenth of the time and rendered in 1.7 times of it. So
+/// what is traded for less than 80 MB is speed.
 const LEAST_SAVED: usize = 1 << 18;
 
 /// The objects of each mesh that is shared, by their index, in order of their first.

@@ -41,6 +41,11 @@ impl Placement {
         self.steps.push(step);
     }
 
+    /// Its size in bytes, beyond that of the type.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.steps.as_slice())
+    }
+
     /// The point in the world.
     #[inline]
     pub fn point(&self, mut p: DVec3) -> DVec3 {

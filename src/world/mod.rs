@@ -183,21 +183,18 @@ fn instances(objects: &[Object], structure: Structure, numerics: Numerics) -> Pa
         if !fits {
             continue;
         }
-        let lost = too_thin(placed, thin, numerics);
-        parts.too_thin += lost.len();
-        let mut skipped = [lost.as_slice(), placed.left_out.as_slice()].concat();
-        skipped.sort_unstable();
+        parts.too_thin += too_thin(placed, thin, numerics);
         let first = *parts.firsts.last().expect("the object's own");
-        parts.instances.push(Instance { placed: placed.clone(), first, skipped });
+        parts.instances.push(Instance { placed: placed.clone(), first });
     }
     parts
 }
 
-/// The triangles of a placed mesh whose corners, rounded to the tier's numbers, lie on one line.
+/// How many triangles of a placed mesh have corners that, rounded to the tier's numbers, lie on one line.
 ///
 /// A corner moves by what placing it rounds and by half a step of the tier's numbers, so a height changes by no more than
 /// twice that; on three axes, less than four times the largest.
-fn too_thin(placed: &Placed, thin: &Thin, numerics: Numerics) -> Vec<u32> {
+fn too_thin(placed: &Placed, thin: &Thin, numerics: Numerics) -> usize {
     let moved = placed.placement.error(thin.reach())
         + placed.placement.reach(thin.reach()) * numerics.precision().epsilon()
         + f64::from(f32::MIN_POSITIVE);
@@ -205,7 +202,7 @@ fn too_thin(placed: &Placed, thin: &Thin, numerics: Numerics) -> Vec<u32> {
         placed.left_out.binary_search(&triangle).is_err()
             && lowered(placed.corners_of(triangle), numerics).is_none()
     };
-    thin.below(4.0 * moved.max_element(), &placed.placement.as_one().0).filter(is_lost).collect()
+    thin.below(4.0 * moved.max_element(), &placed.placement.as_one().0).filter(is_lost).count()
 }
 
 /// A triangle in the numbers of a tier; `None` where these cannot hold it.

@@ -60,8 +60,10 @@ impl Bottom {
         Bounds::rounded_out(min, max)
     }
 
-    /// Its size in bytes, without the mesh.
+    /// Its size in bytes, with the corners that it reads.
     pub fn bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice()) + size_of_val(self.triangles.as_slice())
+        size_of_val(self.nodes.as_slice())
+            + size_of_val(self.triangles.as_slice())
+            + size_of_val(self.mesh.positions.as_slice())
     }
 }

@@ -33,9 +33,6 @@ pub struct Instance {
     pub placed: Placed,
     /// The number of its first triangle.
     pub first: PrimId,
-    /// Triangles of the mesh that are not hit here, in ascending order: those that are left out, and those that have no
-    /// area in the numbers of the tier.
-    pub skipped: Vec<u32>,
 }
 
 impl Instance {
@@ -44,18 +41,24 @@ impl Instance {
         PrimId(self.first.0 + self.placed.number_of(triangle))
     }
 
+    /// Whether a triangle of the mesh, with these corners in the numbers of a tier, is there to be hit.
+    #[inline]
+    fn is_there<C: Corner>(&self, triangle: u32, corners: &[C; 3]) -> bool {
+        self.placed.left_out.binary_search(&triangle).is_err()
+            && !Triangle(corners.map(Corner::raise)).is_degenerate()
+    }
+
     /// Every triangle that can be hit, as if it were not shared.
-    pub fn slots(&self) -> impl Iterator<Item = Slot> + '_ {
-        let hittable = |triangle: &u32| self.skipped.binary_search(triangle).is_err();
-        self.placed.triangles().filter(hittable).map(|triangle| {
-            let primitive = Primitive::Triangle(Triangle(self.placed.corners_of(triangle)));
-            Slot { primitive, id: self.prim(triangle) }
+    pub(super) fn slots<C: Corner>(&self) -> impl Iterator<Item = Slot> {
+        (0..self.placed.mesh.triangles.len() as u32).filter_map(|triangle| {
+            let corners = self.placed.corners_of(triangle).map(C::lower);
+            let primitive = Primitive::Triangle(Triangle(corners.map(Corner::raise)));
+            self.is_there(triangle, &corners).then(|| Slot { primitive, id: self.prim(triangle) })
         })
     }
 }
 
-/// Whether a mesh in one of its places can be an [`Instance`]. Where it is squeezed flat, or moved so far that the numbers of
-/// the tier lose its shape, rays cannot be brought back to it with any use.
+/// Whether a mesh in one of its places can be an [`Instance`]. To one that is squeezed flat no ray can be brought back.
 pub fn can_be_instance(placed: &Placed, space: &MeshSpace, numerics: Numerics) -> bool {
     Frame::new(placed, space, numerics).is_some()
 }
@@ -162,7 +165,7 @@ impl<T: Tier> Instances<T> {
                         let corners = corners.map(corner);
                         let prepared = prepared.get_or_insert_with(|| T::prepare(ray));
                         if let Some(hit) = T::hit_triangle(prepared, ray, &corners)
-                            && instance.skipped.binary_search(triangle).is_err()
+                            && instance.is_there(*triangle, &corners)
                         {
                             let (prim, slot) = (instance.prim(*triangle), SlotId(slot + triangle));
                             match found(Hit { t: hit.t, prim, slot, weights: hit.weights }, corners) {
@@ -264,7 +267,12 @@ impl<T: Tier> Accelerator for Instances<T> {
 
     fn describe(&self) -> Description {
         let flat = self.flat.describe();
+        let lists = |ready: &Ready| {
+            let Placed { placement, left_out, .. } = &ready.instance.placed;
+            placement.bytes() + size_of_val(left_out.as_slice())
+        };
         let own = size_of_val(self.ready.as_slice())
+            + self.ready.iter().map(lists).sum::<usize>()
             + size_of_val(self.top.as_slice())
             + size_of_val(self.order.as_slice());
         let bytes = self.bottoms.iter().map(Bottom::bytes).sum::<usize>() + own;

@@ -75,9 +75,9 @@ fn share_of_distance(numerics: Numerics) -> f64 {
     }
 }
 
-/// A mesh whose boxes would have to be larger than this share of it is not placed but copied: little would be passed
-/// over. So it is where it is squeezed flat, or moved far away, for the numbers of its tier.
-const MOST_ASIDE: f64 = 0.25;
+/// How much larger boxes may be taken to be, in half sizes of the mesh: f32 holds it with the rest. Where the tier's
+/// numbers cannot tell parts of the mesh apart along an axis, boxes are no use along it: it is squeezed, or far away.
+const MOST_ASIDE: f64 = (1u32 << 20) as f64;
 
 /// Scales beyond this, either way, are beyond what f32 directions hold together with their reciprocals and products.
 const LARGEST_SCALE: f64 = (1u128 << 60) as f64;
@@ -105,7 +105,11 @@ impl Frame {
         // What inverse and map together are off the identity, with what computing that rounds.
         let residual =
             (box_from_world * world_from_box - DMat3::IDENTITY).abs() + (back * out) * (8.0 * f64::EPSILON);
-        let aside = back * (error + rounding + off_the_triangle) + residual * DVec3::ONE;
+        let mut aside = back * (error + rounding + off_the_triangle) + residual * DVec3::ONE;
+        if numerics == Numerics::Fast {
+            // A hit anywhere in the box of its triangle may lie that far outside the mesh, which rounds in f32.
+            aside += spread(&back, &out) * DVec3::splat(4.0 * f64::from(f32::EPSILON));
+        }
         (aside.max_element() <= MOST_ASIDE).then_some(Frame {
             world_from_box,
             origin,
@@ -119,7 +123,7 @@ impl Frame {
     /// How far the box around a triangle in the world reaches beyond the triangle's own, seen from the mesh, in half
     /// sizes of that: 0 where axes stay axes.
     pub fn spread(&self) -> DMat3 {
-        (self.box_from_world.abs() * self.world_from_box.abs() - DMat3::IDENTITY).abs()
+        spread(&self.box_from_world.abs(), &self.world_from_box.abs())
     }
 
     /// A box in the world that holds every corner in a box of the mesh's tree, before it is rounded.
@@ -148,4 +152,8 @@ impl Frame {
         let aside = self.aside + self.aside_per_distance * from.abs().max_element();
         (WidenedBoxTest::new(origin, direction, aside), start)
     }
+}
+
+fn spread(back: &DMat3, out: &DMat3) -> DMat3 {
+    (*back * *out - DMat3::IDENTITY).abs()
 }
