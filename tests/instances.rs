@@ -104,7 +104,7 @@ impl Family {
     fn place(self, i: usize, numbers: &mut Numbers) -> Placement {
         let rotation = DQuat::from_axis_angle(numbers.direction(), numbers.signed() * 4.0);
         let at = numbers.vector() * 4.0;
-        let sign = if i % 3 == 0 { -1.0 } else { 1.0 };
+        let sign = if i.is_multiple_of(3) { -1.0 } else { 1.0 };
         let even = DVec3::new(sign, 1.0, 1.0) * (0.2 + numbers.unit());
         let axes = DVec3::from([(); 3].map(|()| 10f64.powf(numbers.signed())));
         let turned = DMat4::from_scale_rotation_translation(even, rotation, at);
@@ -113,14 +113,16 @@ impl Family {
                 DMat4::from_translation(DVec3::new((i % 4) as f64, (i / 4) as f64, (i % 3) as f64) * 1.5)
             }
             Family::Turned => turned,
-            Family::Skewed if i % 2 == 0 => DMat4::from_scale_rotation_translation(axes, rotation, at),
+            Family::Skewed if i.is_multiple_of(2) => {
+                DMat4::from_scale_rotation_translation(axes, rotation, at)
+            }
             Family::Skewed => {
                 DMat4::from_translation(at) * DMat4::from_scale(axes) * DMat4::from_quat(rotation)
             }
             Family::Far => DMat4::from_translation(DVec3::new(1e3, -2e3, 5e2)) * turned,
             Family::Squeezed => {
                 let thin = DMat4::from_scale(DVec3::new(1.0, 1.0, 10f64.powi(-(i as i32 % 10))));
-                if i % 2 == 0 { turned * thin } else { DMat4::from_translation(at) * thin * turned }
+                if i.is_multiple_of(2) { turned * thin } else { DMat4::from_translation(at) * thin * turned }
             }
             Family::Lost => DMat4::from_translation(DVec3::splat(3e5)) * turned,
             Family::Scales => {
@@ -172,8 +174,11 @@ fn rays(scene: &Scene, count: usize, numerics: Numerics, numbers: &mut Numbers) 
         if direction == DVec3::ZERO {
             continue;
         }
-        let t_max =
-            if i % 5 == 0 { direction.length() * (1.0 + numbers.signed() * 1e-7) } else { f64::INFINITY };
+        let t_max = if i.is_multiple_of(5) {
+            direction.length() * (1.0 + numbers.signed() * 1e-7)
+        } else {
+            f64::INFINITY
+        };
         rays.push(precision.ray(from, direction.normalize(), 0.0, t_max));
     }
     rays
@@ -275,8 +280,8 @@ fn what_loses_its_area_in_one_place_is_not_hit_there() {
 fn what_is_left_out_of_a_place_has_no_number_there() {
     let mesh = Arc::new(decorated(1));
     let mut numbers = Numbers::new(3);
-    let shapes = (0..8).map(|i| {
-        let left_out = if i % 2 == 0 { vec![0, 1, 5, 40, 79] } else { Vec::new() };
+    let shapes = (0..8usize).map(|i| {
+        let left_out = if i.is_multiple_of(2) { vec![0, 1, 5, 40, 79] } else { Vec::new() };
         let placement = Family::Turned.place(i, &mut numbers);
         Shape::Placed(Placed { left_out, ..Placed::new(mesh.clone(), placement) })
     });

@@ -44,11 +44,15 @@ fn obj(triangles: &[[[f32; 3]; 3]]) -> String {
 /// What is said of the place of this number.
 fn place(i: usize) -> [String; 3] {
     let (x, z) = (i % 20, i / 20);
-    let sign = if i % 4 == 0 { "-" } else { "" };
+    let sign = if i.is_multiple_of(4) { "-" } else { "" };
     [
         format!("translate = [{}.25, {}.1, -{}.5]", x * 2, i % 3, z * 2),
         format!("rotate = [{}, {}, 10]", i * 7 % 360, i * 31 % 360),
-        if i % 2 == 0 { format!("scale = 1.{i}") } else { format!("scale = [{sign}1.5, 0.7, {i}e-2]") },
+        if i.is_multiple_of(2) {
+            format!("scale = 1.{i}")
+        } else {
+            format!("scale = [{sign}1.5, 0.7, {i}e-2]")
+        },
     ]
 }
 
@@ -298,5 +302,56 @@ fn places_of_a_node_that_are_not_usable_are_errors() {
             json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });
         let e = folder.fails("a.glb", model.binary());
         assert!(e.to_string().ends_with(&format!("node 0, EXT_mesh_gpu_instancing: {message}")), "{e}");
+    }
+}
+
+#[test]
+fn the_sunflower_is_one_ball() {
+    let scene = common::picture::load(&common::repository("scenes/sunflower.toml"));
+    let is_ball =
+        |shape: &Shape| matches!(shape, Shape::Placed(placed) if placed.mesh.triangles.len() == 320);
+    assert_eq!(scene.objects.iter().filter(|object| is_ball(&object.shape)).count(), 850);
+    // On the ground, none below it.
+    assert_eq!(scene.bounds().expect("something to see").0.y, 0.0);
+}
+
+#[test]
+fn ten_thousand_bunnies_take_little_more_than_one() {
+    let Some(models) = common::models("ten_thousand_bunnies_take_little_more_than_one") else { return };
+    let folder = Folder::new();
+    let file = models.join("stanford-bunny.obj");
+    let peak = |places: usize| {
+        let place = |i: usize| {
+            let [x, z, angle] = [i % 100, i / 100, i * 37 % 360].map(|x| x as f64);
+            format!("{{ translate = [{}, 0, -{}], rotate = [0, {angle}, 0] }}", x / 5.0, z / 5.0)
+        };
+        let places: Vec<String> = (0..places).map(place).collect();
+        let text = format!(
+            "[[camera]]\nposition = [10, 5, 6]\nlook_at = [10, 0, -5]\n[[light]]\ntype = 'point'\nposition = [0, 9, 9]\n\
+             [[mesh]]\nfile = '{}'\nplacements = [\n{}\n]\n",
+            file.display(),
+            places.join(",\n")
+        );
+        let scene = folder.write("bunnies.toml", text);
+        let statistics = scene.with_extension("json");
+        assert_cmd::Command::cargo_bin("kiln")
+            .expect("the command is built with the tests")
+            .arg("render")
+            .arg(&scene)
+            .args(["--size", "160x120", "--progress", "none", "--stats"])
+            .arg(&statistics)
+            .arg("-o")
+            .arg(scene.with_extension("png"))
+            .assert()
+            .success();
+        let text = std::fs::read_to_string(statistics).expect("statistics");
+        let statistics: Value = serde_json::from_str(&text).expect("JSON");
+        (statistics["primitives"].as_u64(), statistics["peak_memory_bytes"].as_u64())
+    };
+    let (one, many) = (peak(1), peak(10_000));
+    assert_eq!((one.0, many.0), (Some(69_451), Some(694_510_000)));
+    if let (Some(one), Some(many)) = (one.1, many.1) {
+        eprintln!("{} MiB more", (many - one) >> 20);
+        assert!(many - one < 64 << 20, "{one} and {many} bytes");
     }
 }

@@ -6,6 +6,7 @@
 //! objects as written, triangles as listed.
 
 mod camera;
+mod colour_value;
 pub mod extreme;
 pub mod file;
 mod material;
