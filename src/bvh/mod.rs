@@ -4,6 +4,8 @@
 //! its boxes are tested without margin, tiny direction components are clamped, ties depend on the layout, and its
 //! triangle test loses rays on edges seen from behind. The picture must not depend on the structure, so every
 //! structure here answers exactly as [`Structure::BruteForce`] does, in every tier of numerics: the least t, ties to the lowest primitive id.
+//!
+//! Meshes that stand in many places are kept once ([`Instance`]), beside a structure for everything else.
 
 mod brute_force;
 mod build;
@@ -63,6 +65,16 @@ pub enum Structure {
     BruteForce,
 }
 
+impl Structure {
+    /// How its trees are built; `None` where it has none, and no place for instances.
+    pub fn preset(self) -> Option<Preset> {
+        match self {
+            Structure::Tree(preset) => Some(preset),
+            Structure::BruteForce => None,
+        }
+    }
+}
+
 impl Default for Structure {
     fn default() -> Self {
         Structure::Tree(Preset::default())
@@ -97,23 +109,16 @@ pub fn build_with_instances(
     structure: Structure,
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
-    let preset = match structure {
-        Structure::Tree(preset) if !instances.is_empty() => preset,
-        _ => {
-            let slots = slots.into_iter();
-            return match numerics.precision() {
-                Precision::Single => build(
-                    slots.chain(instances.iter().flat_map(Instance::slots::<Vec3>)),
-                    structure,
-                    numerics,
-                ),
-                Precision::Double => build(
-                    slots.chain(instances.iter().flat_map(Instance::slots::<DVec3>)),
-                    structure,
-                    numerics,
-                ),
-            };
-        }
+    let Some(preset) = structure.preset().filter(|_| !instances.is_empty()) else {
+        let slots = slots.into_iter();
+        return match numerics.precision() {
+            Precision::Single => {
+                build(slots.chain(instances.iter().flat_map(Instance::slots::<Vec3>)), structure, numerics)
+            }
+            Precision::Double => {
+                build(slots.chain(instances.iter().flat_map(Instance::slots::<DVec3>)), structure, numerics)
+            }
+        };
     };
     let flat = build(slots, structure, numerics);
     match numerics {

@@ -18,7 +18,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result, Warnings};
-use crate::scene::Scene;
+use crate::scene::{Object, Scene};
 
 /// A kind of file that can be read.
 pub struct Importer {
@@ -99,7 +99,9 @@ pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
             object.input = index;
         }
         scene.append(one);
-        let count = scene.primitive_count();
+        // Also those that have no area in a place: the acceleration structure has numbers for them.
+        let count = |object: &Object| object.shape.mesh().map_or(1, |mesh| mesh.triangles.len() as u64);
+        let count: u64 = scene.objects.iter().map(count).sum();
         if u32::try_from(count).is_err() {
             let what = format!("{count} triangles and spheres are more than kiln can number");
             let hint = "give at most 4,294,967,295: fewer placements, or meshes of fewer triangles";

@@ -169,7 +169,7 @@ fn instances(objects: &[Object], structure: Structure, numerics: Numerics) -> Pa
         parts.firsts.push(PrimId(first as u32));
         first += object.shape.primitive_count();
         let placed = match &object.shape {
-            Shape::Placed(placed) if structure != Structure::BruteForce => placed,
+            Shape::Placed(placed) if structure.preset().is_some() => placed,
             _ => {
                 parts.shared.push(false);
                 continue;

@@ -94,7 +94,10 @@ pub struct Instances<T: Tier> {
 impl<T: Tier> Instances<T> {
     /// `flat` and these, of which each [`can_be_instance`].
     pub fn new(flat: Box<dyn Accelerator>, instances: Vec<Instance>, preset: Preset) -> Self {
-        let mut slot = flat.describe().slots;
+        // The last numbers, whatever slots the other structure has.
+        let triangles: usize = instances.iter().map(|i| i.placed.mesh.triangles.len()).sum();
+        let triangles = u32::try_from(triangles).expect("primitives are numbered with 32 bits");
+        let mut slot = u32::MAX - triangles;
         let mut places: HashMap<*const Mesh, (u32, MeshSpace)> = HashMap::new();
         let mut meshes: Vec<(Arc<Mesh>, MeshSpace, DMat3)> = Vec::new();
         let mut ready = Vec::with_capacity(instances.len());
@@ -109,8 +112,8 @@ impl<T: Tier> Instances<T> {
             let spread = &mut meshes[bottom as usize].2;
             let [x, y, z] = [0, 1, 2].map(|k| spread.col(k).max(frame.spread().col(k)));
             *spread = DMat3::from_cols(x, y, z);
-            let first = u32::try_from(slot).expect("primitives are numbered with 32 bits");
-            slot += mesh.triangles.len();
+            let first = slot;
+            slot += mesh.triangles.len() as u32;
             ready.push(Ready { instance, frame, bottom, slot: first });
         }
         let bottoms: Vec<Bottom> = meshes

@@ -90,8 +90,8 @@ impl Frame {
         let origin = linear * space.middle + offset;
         let box_from_world = world_from_box.inverse();
         let (out, back) = (world_from_box.abs(), box_from_world.abs());
-        let largest = |m: &DMat3| m.to_cols_array().into_iter().fold(0.0, f64::max);
-        let usable = largest(&out) < LARGEST_SCALE && largest(&back) < LARGEST_SCALE;
+        let greatest = |m: &DMat3| m.to_cols_array().into_iter().fold(0.0, f64::max);
+        let usable = greatest(&out) < LARGEST_SCALE && greatest(&back) < LARGEST_SCALE;
         if !(usable && out.is_finite() && back.is_finite()) {
             return None;
         }
