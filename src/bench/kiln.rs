@@ -2,10 +2,11 @@
 
 use glam::DVec3;
 
+use super::speed::{self, Contender, Facts, Label, Queue, Ready};
 use super::{Built, Engine, Mesh};
-use crate::bvh::{self, Accelerator, Preset, Primitive, Slot, Structure, Traversal};
+use crate::bvh::{self, Accelerator, Preset, Primitive, Slot, Structure, Tests, Traversal};
 use crate::error::Result;
-use crate::geometry::{Numerics, PrimId, Triangle};
+use crate::geometry::{Hit, Numerics, PrimId, Ray, SlotId, Triangle};
 
 /// One of kiln's structures in one of its tiers.
 struct Kiln {
@@ -15,7 +16,12 @@ struct Kiln {
 
 /// Every structure in every tier.
 pub fn engines() -> Vec<Box<dyn Engine>> {
-    let structures = [Structure::BruteForce, Structure::Tree(Preset::default())];
+    let structures = [
+        Structure::BruteForce,
+        Structure::Tree(Preset::default()),
+        Structure::Wide(Preset::default()),
+        Structure::Portable(Preset::default()),
+    ];
     let kilns = structures.into_iter().flat_map(|structure| {
         Numerics::ALL.map(|numerics| Box::new(Kiln { structure, numerics }) as Box<dyn Engine>)
     });
@@ -31,6 +37,8 @@ impl Engine for Kiln {
         match self.structure {
             Structure::BruteForce => "brute-force",
             Structure::Tree(_) => "bvh2",
+            Structure::Wide(_) => "bvh8",
+            Structure::Portable(_) => "bvh8-portable",
         }
     }
 
@@ -69,5 +77,140 @@ impl Built for BuiltKiln {
         let (mut traversal, mut hits) = (Traversal::default(), Vec::new());
         self.0.all_hits(&ray, &mut hits, &mut traversal);
         found.extend(hits.iter().map(|hit| hit.prim.0));
+    }
+}
+
+/// What takes part in `kiln bench`: every layout in every tier, built as it is by default, and in the default tier built
+/// as quickly and as thoroughly as it can be.
+pub fn contenders() -> Vec<Box<dyn Contender>> {
+    let numerics = Numerics::default();
+    let presets = [
+        Structure::Tree(Preset::default()),
+        Structure::Portable(Preset::default()),
+        Structure::Wide(Preset::FastestBuild),
+        Structure::Wide(Preset::VerySlowBuild),
+    ]
+    .map(|structure| Kiln { structure, numerics });
+    let tiers = Numerics::ALL.map(|numerics| Kiln { structure: Structure::default(), numerics });
+    tiers.into_iter().chain(presets).map(|kiln| Box::new(kiln) as Box<dyn Contender>).collect()
+}
+
+/// The widest instructions that a structure's traversal uses.
+fn isa(_: Structure) -> &'static str {
+    compiled_isa()
+}
+
+/// What the compiler was allowed to use.
+pub fn compiled_isa() -> &'static str {
+    match () {
+        () if cfg!(target_feature = "avx512f") => "avx512",
+        () if cfg!(target_feature = "avx2") => "avx2",
+        () if cfg!(target_feature = "sse2") => "sse2",
+        () if cfg!(target_feature = "neon") => "neon",
+        () => "scalar",
+    }
+}
+
+impl Contender for Kiln {
+    fn label(&self) -> Label {
+        let preset = match self.structure {
+            Structure::BruteForce => None,
+            Structure::Tree(preset) | Structure::Wide(preset) | Structure::Portable(preset) => Some(preset_name(preset)),
+        };
+        Label {
+            engine: self.name(),
+            layout: self.layout(),
+            tier: self.tier(),
+            preset,
+            isa: isa(self.structure),
+        }
+    }
+
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+        Ok(Box::new(BuiltKiln(accelerator(mesh, self.structure, self.numerics))))
+    }
+}
+
+fn preset_name(preset: Preset) -> &'static str {
+    match preset {
+        Preset::FastestBuild => "fastest-build",
+        Preset::VeryFastBuild => "very-fast-build",
+        Preset::FastBuild => "fast-build",
+        Preset::MediumBuild => "medium-build",
+        Preset::SlowBuild => "slow-build",
+        Preset::VerySlowBuild => "very-slow-build",
+    }
+}
+
+impl Ready for BuiltKiln {
+    fn facts(&self) -> Facts {
+        let description = self.0.describe();
+        Facts { nodes: Some(description.nodes as u64), bytes: Some(description.bytes as u64) }
+    }
+
+    fn queue<'a>(&'a self, kind: speed::Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {
+        let accelerator = &*self.0;
+        if kind.is_any_hit() {
+            let occluded = touched(rays.len(), true);
+            return Box::new(Shadows { accelerator, rays, occluded, traversal: Traversal::default() });
+        }
+        let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId(0), weights: [0.0; 2] };
+        let hits = touched(rays.len(), Some(nothing));
+        Box::new(Closest { accelerator, rays, hits, traversal: Traversal::default() })
+    }
+}
+
+/// An empty vector with room for so many, whose memory is really there.
+fn touched<T: Clone>(count: usize, with: T) -> Vec<T> {
+    let mut room = vec![with; count];
+    room.clear();
+    room
+}
+
+/// Rays that ask for the closest hit.
+struct Closest<'a> {
+    accelerator: &'a dyn Accelerator,
+    rays: &'a [Ray],
+    hits: Vec<Option<Hit>>,
+    traversal: Traversal,
+}
+
+impl Queue for Closest<'_> {
+    fn run(&mut self) {
+        for batch in self.rays.chunks(speed::BATCH) {
+            self.accelerator.closest_hits(batch, &mut self.hits, &mut self.traversal);
+        }
+    }
+
+    fn answers(&self) -> Vec<Option<u32>> {
+        self.hits.iter().map(|hit| hit.map(|hit| hit.prim.0)).collect()
+    }
+
+    fn tests(&self) -> Option<Tests> {
+        Some(self.traversal.tests)
+    }
+}
+
+/// Rays that ask whether anything is hit.
+struct Shadows<'a> {
+    accelerator: &'a dyn Accelerator,
+    rays: &'a [Ray],
+    occluded: Vec<bool>,
+    traversal: Traversal,
+}
+
+impl Queue for Shadows<'_> {
+    fn run(&mut self) {
+        for batch in self.rays.chunks(speed::BATCH) {
+            self.accelerator.are_occluded(batch, &mut self.occluded, &mut self.traversal);
+        }
+    }
+
+    fn answers(&self) -> Vec<Option<u32>> {
+        self.occluded.iter().map(|&occluded| occluded.then_some(0)).collect()
+    }
+
+    fn tests(&self) -> Option<Tests> {
+        Some(self.traversal.tests)
     }
 }

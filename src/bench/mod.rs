@@ -4,6 +4,7 @@
 //! To add an engine: a file here, and a line in [`engines`].
 //!
 //! - [`leaks`]: how many rays slip through a closed mesh.
+//! - [`speed`]: how fast rays are answered, and how many answers are wrong.
 //! - [`tiers`]: what each of kiln's tiers of numerics costs, and what it gets wrong.
 
 // The peers that are not written in Rust are called as C and C++ are; `unsafe_code` is denied everywhere else.
@@ -15,6 +16,8 @@ pub mod leaks;
 mod numbers;
 mod obvhs;
 mod rays;
+pub mod speed;
+mod spread;
 pub mod tiers;
 #[cfg(all(feature = "tinybvh", target_feature = "avx2"))]
 #[allow(unsafe_code)]
@@ -23,10 +26,12 @@ mod tinybvh;
 pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
 pub use numbers::Numbers;
 pub use rays::{Kind, ray};
+pub use spread::Spread;
 
 use glam::DVec3;
 
 use crate::error::Result;
+use crate::geometry::Hit;
 
 /// How often the closed mesh is subdivided: 81,920 triangles.
 const LEVEL: u32 = 6;
@@ -103,4 +108,14 @@ pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Absent>) {
         remedy: "build with RUSTFLAGS=\"-C target-feature=+avx2\" and --features tinybvh",
     });
     (present, absent)
+}
+
+/// Whether a primitive is among those that are hit nearest, given every true hit of a ray.
+///
+/// Of several triangles that meet where the ray passes, each is right: their distances differ by less than 2^-20 of
+/// themselves.
+fn is_nearest(prim: u32, truth: &[Hit]) -> bool {
+    let nearest = truth.iter().map(|hit| hit.t).fold(f64::INFINITY, f64::min);
+    let within = nearest * (1.0 + 8.0 * f64::from(f32::EPSILON));
+    truth.iter().any(|hit| hit.prim.0 == prim && hit.t <= within)
 }

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::leaks::{Counts, measure_through};
-use super::{Icosphere, Kind, LEVEL, Mesh, Numbers, PLACEMENTS, kiln, ray};
+use super::{Icosphere, Kind, LEVEL, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, ray};
 use crate::bvh::{Accelerator, Structure, Traversal};
 use crate::error::Result;
 use crate::geometry::{Hit, Numerics, Precision, Ray};
@@ -148,23 +148,16 @@ fn compare(mesh: &Mesh, numerics: Numerics, rays: &[Ray]) -> Answers {
 
 /// Whether an answer is wrong, given every true hit, and the error of its distance in units of the last place of f32.
 ///
-/// Of several triangles that meet where the ray passes, each is right: their distances differ by less than 2^-20 of
-/// themselves. So is a distance, however wrong, if it belongs to the right triangle: that is what the error is for.
+/// Right is a nearest triangle ([`is_nearest`]). Its distance, however wrong, is right if it belongs to the right triangle:
+/// that is what the error is for.
 fn judge(found: Option<Hit>, truth: &[Hit]) -> (bool, f64) {
-    let nearest = truth.iter().map(|hit| hit.t).reduce(f64::min);
-    match (found, nearest) {
-        (None, None) => (false, 0.0),
-        (Some(hit), Some(nearest)) => match truth.iter().find(|t| t.prim == hit.prim) {
-            Some(true_hit) => {
-                let single = true_hit.t as f32;
-                let ulp = f64::from(single.next_up()) - f64::from(single);
-                let beyond = true_hit.t > nearest * (1.0 + 8.0 * f64::from(f32::EPSILON));
-                (beyond, (hit.t - true_hit.t).abs() / ulp)
-            }
-            None => (true, 0.0),
-        },
-        _ => (true, 0.0),
-    }
+    let Some(hit) = found else { return (!truth.is_empty(), 0.0) };
+    let error = truth.iter().find(|t| t.prim == hit.prim).map_or(0.0, |true_hit| {
+        let single = true_hit.t as f32;
+        let ulp = f64::from(single.next_up()) - f64::from(single);
+        (hit.t - true_hit.t).abs() / ulp
+    });
+    (!is_nearest(hit.prim.0, truth), error)
 }
 
 /// Times of all tiers relative to the first, in alternating runs on this thread: quartiles, for rays of a picture and for

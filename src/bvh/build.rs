@@ -3,6 +3,7 @@
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::leaf_collapser::collapse;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -13,6 +14,7 @@ use super::Primitive;
 use super::mix::{GOLDEN, mix};
 use super::store::StoredSlot;
 use super::tree::Tree;
+use super::wide::{Wide, convert};
 use crate::geometry::{Bounds, Tier};
 
 /// obvhs's build presets, from the least work spent on building to the least spent on tracing.
@@ -76,14 +78,8 @@ pub fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Tree<T> {
     if slots.is_empty() {
         return Tree::new(Vec::new(), Vec::new());
     }
-    let parameters = preset.parameters();
-    let whole: Vec<Bounds> = slots.iter().map(StoredSlot::bounds).collect();
-    let Boxes { boxes, of_slot } = if parameters.pre_split && T::IS_TIGHT {
-        split_large_triangles(slots, &whole)
-    } else {
-        Boxes { boxes: whole, of_slot: (0..slots.len() as u32).collect() }
-    };
-    let (nodes, order) = build_nodes(&boxes, parameters);
+    let Binary { tree, of_slot, parameters } = binary(slots, preset);
+    let (nodes, order) = with_leaves(tree, parameters);
     Tree::new(nodes, order.iter().map(|&i| slots[of_slot[i as usize] as usize]).collect())
 }
 
@@ -92,6 +88,52 @@ pub(super) fn build_nodes(boxes: &[Bounds], parameters: BvhBuildParams) -> (Vec<
     if boxes.is_empty() {
         return (Vec::new(), Vec::new());
     }
+    with_leaves(nearest_first(boxes, parameters), parameters)
+}
+
+/// The tree, optimised, with as many boxes a leaf as pay.
+fn with_leaves(mut tree: Bvh2, parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
+    let mut reinsertion = ReinsertionOptimizer::default();
+    let ratio = parameters.reinsertion_batch_ratio;
+    reinsertion.run(&mut tree, ratio, None);
+    collapse(&mut tree, parameters.max_prims_per_leaf.clamp(1, 255), parameters.collapse_traversal_cost);
+    reinsertion.run(&mut tree, ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier, None);
+    (tree.nodes, tree.primitive_indices)
+}
+
+/// The same for nodes of eight, which find their leaves themselves.
+pub fn build_wide<T: Tier>(slots: &[StoredSlot<T>], preset: Preset, simd: bool) -> Wide<T> {
+    if slots.is_empty() {
+        return convert(&Bvh2::default(), &[], slots, &[], simd);
+    }
+    let Binary { mut tree, of_slot, parameters } = binary(slots, preset);
+    ReinsertionOptimizer::default().run(&mut tree, parameters.reinsertion_batch_ratio, None);
+    let order = parents_first(&tree.nodes);
+    convert(&tree, &of_slot, slots, &order, simd)
+}
+
+/// A binary tree, one primitive a leaf, before it is optimised.
+struct Binary {
+    tree: Bvh2,
+    /// For each box that the tree was built over, the slot of its primitive.
+    of_slot: Vec<u32>,
+    parameters: BvhBuildParams,
+}
+
+fn binary<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Binary {
+    let parameters = preset.parameters();
+    let whole: Vec<Bounds> = slots.iter().map(StoredSlot::bounds).collect();
+    let Boxes { boxes, of_slot } = if parameters.pre_split && T::IS_TIGHT {
+        split_large_triangles(slots, &whole)
+    } else {
+        Boxes { boxes: whole, of_slot: (0..slots.len() as u32).collect() }
+    };
+    let tree = nearest_first(&boxes, parameters);
+    Binary { tree, of_slot, parameters }
+}
+
+/// PLOC's tree over boxes, one a leaf.
+fn nearest_first(boxes: &[Bounds], parameters: BvhBuildParams) -> Bvh2 {
     let jittered: Vec<Aabb> = (0..).zip(boxes).map(|(place, b)| to_obvhs(jitter(*b, place))).collect();
     let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
         parameters.ploc_search_distance,
@@ -104,13 +146,7 @@ pub(super) fn build_nodes(boxes: &[Bounds], parameters: BvhBuildParams) -> (Vec<
         let inside = tree.primitive_indices[leaf].iter().map(|&i| boxes[i as usize]);
         inside.reduce(Bounds::union).unwrap_or(boxes[0])
     });
-    let mut reinsertion = ReinsertionOptimizer::default();
-    let ratio = parameters.reinsertion_batch_ratio;
-    reinsertion.run(&mut tree, ratio, None);
-    collapse(&mut tree, parameters.max_prims_per_leaf.clamp(1, 255), parameters.collapse_traversal_cost);
-    reinsertion.run(&mut tree, ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier, None);
-
-    (tree.nodes, tree.primitive_indices)
+    tree
 }
 
 fn to_obvhs(b: Bounds) -> Aabb {
@@ -134,17 +170,8 @@ fn jitter(b: Bounds, place: u64) -> Bounds {
 
 /// Gives every node the box around what is below it, from the boxes of leaves.
 fn tighten(nodes: &mut [Bvh2Node], leaf: impl Fn(std::ops::Range<usize>) -> Bounds) {
-    // Every node before its children: backwards, children come first. As deep as the tree is, without recursion.
-    let mut order = Vec::with_capacity(nodes.len());
-    let mut waiting = vec![0usize];
-    while let Some(index) = waiting.pop() {
-        order.push(index);
-        if !nodes[index].is_leaf() {
-            let first = nodes[index].first_index as usize;
-            waiting.extend([first, first + 1]);
-        }
-    }
-    for index in order.into_iter().rev() {
+    for index in parents_first(nodes).into_iter().rev() {
+        let index = index as usize;
         let first = nodes[index].first_index as usize;
         let b = if nodes[index].is_leaf() {
             to_obvhs(leaf(first..first + nodes[index].prim_count as usize))
@@ -153,6 +180,20 @@ fn tighten(nodes: &mut [Bvh2Node], leaf: impl Fn(std::ops::Range<usize>) -> Boun
         };
         nodes[index].set_aabb(b);
     }
+}
+
+/// Every node before its children. As deep as the tree is, without recursion.
+fn parents_first(nodes: &[Bvh2Node]) -> Vec<u32> {
+    let mut order = Vec::with_capacity(nodes.len());
+    let mut waiting = vec![0u32];
+    while let Some(index) = waiting.pop() {
+        order.push(index);
+        let node = &nodes[index as usize];
+        if !node.is_leaf() {
+            waiting.extend([node.first_index, node.first_index + 1]);
+        }
+    }
+    order
 }
 
 /// What the builder is given.

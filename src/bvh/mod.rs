@@ -13,6 +13,7 @@ mod instances;
 pub mod mix;
 mod store;
 mod tree;
+mod wide;
 
 pub use build::Preset;
 pub use instances::{Instance, MeshSpace, can_be_instance};
@@ -61,6 +62,10 @@ pub struct Slot {
 pub enum Structure {
     /// obvhs's binary tree, built with a preset.
     Tree(Preset),
+    /// The same tree converted to nodes of eight, for the instructions that the machine has.
+    Wide(Preset),
+    /// The same without instructions that not every machine has.
+    Portable(Preset),
     /// No structure: every primitive is tested. The oracle that the others are held to.
     BruteForce,
 }
@@ -69,7 +74,7 @@ impl Structure {
     /// How its trees are built; `None` where it has none, and no place for instances.
     pub fn preset(self) -> Option<Preset> {
         match self {
-            Structure::Tree(preset) => Some(preset),
+            Structure::Tree(preset) | Structure::Wide(preset) | Structure::Portable(preset) => Some(preset),
             Structure::BruteForce => None,
         }
     }
@@ -77,7 +82,7 @@ impl Structure {
 
 impl Default for Structure {
     fn default() -> Self {
-        Structure::Tree(Preset::default())
+        Structure::Wide(Preset::default())
     }
 }
 
@@ -91,6 +96,8 @@ pub fn build(
         let stored: Vec<StoredSlot<T>> = slots.into_iter().map(StoredSlot::new).collect();
         match structure {
             Structure::Tree(preset) => Box::new(build::build(&stored, preset)),
+            Structure::Wide(preset) => Box::new(build::build_wide(&stored, preset, wide::is_accelerated())),
+            Structure::Portable(preset) => Box::new(build::build_wide(&stored, preset, false)),
             Structure::BruteForce => Box::new(BruteForce::new(stored)),
         }
     }
@@ -130,9 +137,11 @@ pub fn build_with_instances(
 }
 
 /// What a traversal needs from one ray to the next, and what it counted.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Traversal {
     stack: Vec<(u32, f32)>,
+    children: Vec<(wide::Child, f32)>,
+    packet: Box<wide::Scratch>,
     /// Where the rays of a batch begin.
     entries: Vec<(u32, f32)>,
     instances: instances::Stacks,

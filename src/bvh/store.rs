@@ -5,8 +5,8 @@ use crate::geometry::{Bounds, Corner, Hit, PrimId, Ray, SlotId, Stored, Tier, Tr
 
 /// A primitive as an acceleration structure keeps it, next to those it is tested with.
 pub struct StoredSlot<T: Tier> {
-    primitive: Stored<T::Corner>,
-    id: PrimId,
+    pub(super) primitive: Stored<T::Corner>,
+    pub(super) id: PrimId,
 }
 
 impl<T: Tier> Clone for StoredSlot<T> {

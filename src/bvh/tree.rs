@@ -203,7 +203,7 @@ enum Step {
 
 /// An f32 distance that no box around a hit at `t` is entered beyond: computed entries are at most 1 + γ3 too far.
 #[inline]
-fn prune_distance(t: f64) -> f32 {
+pub(super) fn prune_distance(t: f64) -> f32 {
     round_up(t) * PRUNE_MARGIN
 }
 

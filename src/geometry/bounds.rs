@@ -123,7 +123,7 @@ pub const PRUNE_MARGIN: f32 = 1.0 + 4.0 * f32::EPSILON;
 /// The margin of the f64 box test. Ize's derivation asks for 1 + 3.5 ε; the rest is for primitive tests that see corners
 /// moved by a few roundings of their distance to the ray's origin (see [`super::woop`]). The margin of f32 is wider by more
 /// than this beyond what it needs, so that a box that is held by this one is entered in f32, too.
-const DOUBLE_MARGIN: f64 = 1.0 + 1.0 / (1u32 << 30) as f64;
+pub const DOUBLE_MARGIN: f64 = 1.0 + 1.0 / (1u32 << 30) as f64;
 
 /// A ray made ready for boxes, whose planes are f32 numbers.
 pub trait BoxTest {

@@ -5,9 +5,11 @@
 
 use glam::DVec3;
 
+use super::bundle::{BundleHits, WoopBundle};
+use super::simd::Simd;
 use super::bounds::DoubleBoxTest;
 use super::woop::WoopTest;
-use super::{Ray, Sphere, Tier, TriangleHit};
+use super::{Quad, Ray, Sphere, Tier, TriangleHit};
 use crate::scene::Numerics;
 
 /// f64 geometry, decided in f64.
@@ -18,6 +20,16 @@ impl Tier for Double {
     type Corner = DVec3;
     type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
+    type Bundle = WoopBundle;
+
+    fn bundle(rays: &[Ray]) -> WoopBundle {
+        WoopBundle::new(rays)
+    }
+
+    #[inline(always)]
+    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[DVec3; 3]) -> BundleHits {
+        bundle.hit::<S, _>(corners)
+    }
 
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {
@@ -27,6 +39,11 @@ impl Tier for Double {
     #[inline(always)]
     fn hit_triangle(test: &WoopTest, ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {
         test.hit(ray, corners)
+    }
+
+    #[inline(always)]
+    fn candidates<S: Simd>(test: &WoopTest, quad: &Quad<DVec3>, t_max: f64) -> u32 {
+        test.candidates::<S, _>(quad, t_max)
     }
 
     #[inline(always)]

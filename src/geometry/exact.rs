@@ -12,6 +12,8 @@
 
 use glam::{DVec3, Vec3Swizzles};
 
+use super::bundle::BundleHits;
+use super::simd::Simd;
 use super::bounds::DoubleBoxTest;
 use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
@@ -34,6 +36,14 @@ impl Tier for Exact {
     type Corner = DVec3;
     type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
+    type Bundle = ();
+
+    fn bundle(_: &[Ray]) {}
+
+    #[inline(always)]
+    fn hit_bundle<S: Simd>(_: &(), _: &[DVec3; 3]) -> BundleHits {
+        BundleHits::ONE_BY_ONE
+    }
 
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {

@@ -9,6 +9,8 @@
 
 use glam::{Vec3, Vec3A};
 
+use super::bundle::BundleHits;
+use super::simd::Simd;
 use super::bounds::{BoxTest, SingleBoxTest, round_up};
 use super::{Corner, Ray, Sphere, Tier, TriangleHit};
 use crate::scene::Numerics;
@@ -29,6 +31,14 @@ impl Tier for Fast {
     type Corner = Vec3;
     type Boxes = SingleBoxTest;
     type Prepared = FastTest;
+    type Bundle = ();
+
+    fn bundle(_: &[Ray]) {}
+
+    #[inline(always)]
+    fn hit_bundle<S: Simd>(_: &(), _: &[Vec3; 3]) -> BundleHits {
+        BundleHits::ONE_BY_ONE
+    }
 
     #[inline]
     fn prepare(ray: &Ray) -> FastTest {

@@ -20,13 +20,16 @@
 
 mod beam;
 mod bounds;
+pub mod bundle;
 mod distance;
 mod double;
 mod exact;
 mod expansion;
 mod fast;
 mod numerics;
+pub mod quad;
 mod ray;
+pub mod simd;
 pub mod spawn;
 pub mod sphere;
 mod triangle;
@@ -36,11 +39,12 @@ mod woop;
 
 pub use crate::scene::Numerics;
 pub use beam::Beam;
-pub use bounds::{Bounds, BoxTest, DoubleBoxTest, PRUNE_MARGIN, SingleBoxTest, round_up};
+pub use bounds::{Bounds, BoxTest, DoubleBoxTest, PRUNE_MARGIN, SingleBoxTest, round_down, round_up};
 pub use double::Double;
 pub use exact::Exact;
 pub use fast::Fast;
 pub use numerics::{Corner, Precision, Stored, Tier};
+pub use quad::Quad;
 pub use ray::{Hit, PrimId, Ray, SlotId};
 pub use sphere::Sphere;
 pub use triangle::{Triangle, TriangleHit};

@@ -3,6 +3,9 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::{BoxTest, round_away};
+use super::bundle::BundleHits;
+use super::quad::{LANES, Quad};
+use super::simd::Simd;
 use super::{Hit, Ray, Sphere, TriangleHit};
 use crate::scene::Numerics;
 
@@ -82,6 +85,16 @@ impl Numerics {
 
 /// A corner of a triangle in the numbers that a tier keeps.
 pub trait Corner: Copy + Send + Sync + 'static {
+    /// These numbers.
+    type Scalar: Copy + Send + Sync + 'static;
+    /// What is not a number.
+    const NONE: Self::Scalar;
+    /// x, y and z.
+    fn to_array(self) -> [Self::Scalar; 3];
+    /// Four of these numbers in f64.
+    fn to_d4<S: Simd>(numbers: [Self::Scalar; LANES]) -> S::D4;
+    /// From x, y and z.
+    fn from_array(array: [Self::Scalar; 3]) -> Self;
     /// The nearest that these numbers have.
     fn lower(point: DVec3) -> Self;
     /// In f64, without rounding.
@@ -91,6 +104,24 @@ pub trait Corner: Copy + Send + Sync + 'static {
 }
 
 impl Corner for Vec3 {
+    type Scalar = f32;
+    const NONE: f32 = f32::NAN;
+
+    #[inline(always)]
+    fn to_d4<S: Simd>(numbers: [f32; LANES]) -> S::D4 {
+        S::d4_from_f32(numbers)
+    }
+
+    #[inline(always)]
+    fn to_array(self) -> [f32; 3] {
+        Vec3::to_array(&self)
+    }
+
+    #[inline(always)]
+    fn from_array(array: [f32; 3]) -> Self {
+        Vec3::from_array(array)
+    }
+
     fn lower(point: DVec3) -> Self {
         point.as_vec3()
     }
@@ -108,6 +139,24 @@ impl Corner for Vec3 {
 }
 
 impl Corner for DVec3 {
+    type Scalar = f64;
+    const NONE: f64 = f64::NAN;
+
+    #[inline(always)]
+    fn to_d4<S: Simd>(numbers: [f64; LANES]) -> S::D4 {
+        S::d4(numbers)
+    }
+
+    #[inline(always)]
+    fn to_array(self) -> [f64; 3] {
+        DVec3::to_array(&self)
+    }
+
+    #[inline(always)]
+    fn from_array(array: [f64; 3]) -> Self {
+        DVec3::from_array(array)
+    }
+
     fn lower(point: DVec3) -> Self {
         point.map(|c| Precision::Double.round(c))
     }
@@ -149,6 +198,15 @@ pub trait Tier: Send + Sync + 'static {
     /// A ray made ready for triangles.
     type Prepared;
 
+    /// Four rays made ready for triangles at once.
+    type Bundle: Copy + Send + Sync;
+
+    /// Makes up to four rays ready for triangles at once; at least one.
+    fn bundle(rays: &[Ray]) -> Self::Bundle;
+
+    /// What [`Tier::hit_triangle`] says of each ray of a bundle, as far as that can be told for all at once.
+    fn hit_bundle<S: Simd>(bundle: &Self::Bundle, corners: &[Self::Corner; 3]) -> BundleHits;
+
     /// Makes a ray ready for triangles.
     fn prepare(ray: &Ray) -> Self::Prepared;
 
@@ -156,6 +214,13 @@ pub trait Tier: Send + Sync + 'static {
     /// triangle's plane does not hit.
     fn hit_triangle(prepared: &Self::Prepared, ray: &Ray, corners: &[Self::Corner; 3])
     -> Option<TriangleHit>;
+
+    /// The lanes of `quad`, as bits, whose triangles the ray may hit before `t_max`. Every lane that [`Tier::hit_triangle`] finds
+    /// a hit in is among them.
+    #[inline(always)]
+    fn candidates<S: Simd>(_: &Self::Prepared, _quad: &Quad<Self::Corner>, _t_max: f64) -> u32 {
+        (1 << LANES) - 1
+    }
 
     /// The least distance within the ray's ends at which it meets a sphere, from outside or from inside.
     fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64>;

@@ -6,9 +6,11 @@
 
 use glam::Vec3;
 
+use super::bundle::{BundleHits, WoopBundle};
+use super::simd::Simd;
 use super::bounds::SingleBoxTest;
 use super::woop::WoopTest;
-use super::{Ray, Sphere, Tier, TriangleHit};
+use super::{Quad, Ray, Sphere, Tier, TriangleHit};
 use crate::scene::Numerics;
 
 /// f32 geometry, decided in f64.
@@ -19,6 +21,16 @@ impl Tier for Watertight {
     type Corner = Vec3;
     type Boxes = SingleBoxTest;
     type Prepared = WoopTest;
+    type Bundle = WoopBundle;
+
+    fn bundle(rays: &[Ray]) -> WoopBundle {
+        WoopBundle::new(rays)
+    }
+
+    #[inline(always)]
+    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[Vec3; 3]) -> BundleHits {
+        bundle.hit::<S, _>(corners)
+    }
 
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {
@@ -28,6 +40,11 @@ impl Tier for Watertight {
     #[inline(always)]
     fn hit_triangle(test: &WoopTest, ray: &Ray, corners: &[Vec3; 3]) -> Option<TriangleHit> {
         test.hit(ray, corners)
+    }
+
+    #[inline(always)]
+    fn candidates<S: Simd>(test: &WoopTest, quad: &Quad<Vec3>, t_max: f64) -> u32 {
+        test.candidates::<S, _>(quad, t_max)
     }
 
     #[inline(always)]

@@ -15,6 +15,8 @@ use glam::{DVec3, Vec3Swizzles};
 
 use super::bounds::hold;
 use super::expansion::{Expansion, two_product, two_sum};
+use super::quad::Quad;
+use super::simd::Simd;
 use super::{Corner, Ray, TriangleHit};
 
 /// A ray made ready for triangles.
@@ -69,6 +71,16 @@ impl WoopTest {
         }
     }
 
+    /// Which axis becomes which by turning.
+    #[inline(always)]
+    pub fn axes(&self) -> [usize; 3] {
+        match self.along {
+            Along::X => [1, 2, 0],
+            Along::Y => [2, 0, 1],
+            Along::Z => [0, 1, 2],
+        }
+    }
+
     /// The triangle seen along the ray.
     #[inline(always)]
     pub fn sheared<C: Corner>(&self, [a, b, c]: &[C; 3]) -> Sheared {
@@ -76,6 +88,34 @@ impl WoopTest {
         let corners = [from_origin(a), from_origin(b), from_origin(c)];
         let aside = |v: DVec3| [v.x - self.shear[0] * v.z, v.y - self.shear[1] * v.z];
         Sheared { corners, aside: corners.map(aside) }
+    }
+
+    /// The lanes of `quad` that [`WoopTest::hit`] has to look at: their edge functions, computed as it does, do not differ in
+    /// sign, and not all of their corners lie beyond `t_max`.
+    #[inline(always)]
+    pub fn candidates<S: Simd, C: Corner>(&self, quad: &Quad<C>, t_max: f64) -> u32 {
+        let axes = self.axes();
+        let origin = self.turned(self.origin);
+        let origin = [S::d4_splat(origin.x), S::d4_splat(origin.y), S::d4_splat(origin.z)];
+        let shear = [S::d4_splat(self.shear[0]), S::d4_splat(self.shear[1]), S::d4_splat(self.shear[2])];
+        // Loops and not the standard library's maps, which do not always become part of this.
+        let mut corners = [[shear[0]; 3]; 3];
+        for (k, seen) in corners.iter_mut().enumerate() {
+            for (axis, side) in seen.iter_mut().enumerate() {
+                *side = S::d4_sub(C::to_d4::<S>(quad.corners[k][axes[axis]]), origin[axis]);
+            }
+            seen[0] = S::d4_sub(seen[0], S::d4_mul(shear[0], seen[2]));
+            seen[1] = S::d4_sub(seen[1], S::d4_mul(shear[1], seen[2]));
+            seen[2] = S::d4_mul(seen[2], shear[2]);
+        }
+        let [[ax, ay, a], [bx, by, b], [cx, cy, c]] = corners;
+        let weights = [edges::<S>(cx, by, cy, bx), edges::<S>(ax, cy, ay, cx), edges::<S>(bx, ay, by, ax)];
+        let least = S::d4_min(S::d4_min(weights[0], weights[1]), weights[2]);
+        let most = S::d4_max(S::d4_max(weights[0], weights[1]), weights[2]);
+        let zero = S::d4_splat(0.0);
+        let inside = S::d4_le(zero, least) | S::d4_le(most, zero);
+        // A hit's distance lies within its own box, and this is one side of it.
+        inside & S::d4_le(S::d4_min(S::d4_min(a, b), c), S::d4_splat(t_max))
     }
 
     /// Where `ray`, for which this was made, hits the triangle within the ray's ends.
@@ -110,6 +150,12 @@ impl WoopTest {
     }
 }
 
+/// Four edge functions.
+#[inline(always)]
+fn edges<S: Simd>(px: S::D4, qy: S::D4, py: S::D4, qx: S::D4) -> S::D4 {
+    S::d4_sub(S::d4_mul(px, qy), S::d4_mul(py, qx))
+}
+
 impl Sheared {
     /// The edge functions, each proportional to the weight of the corner opposite.
     #[inline(always)]
@@ -136,7 +182,7 @@ fn inside([a, b, c]: [f64; 3]) -> bool {
 }
 
 /// The share of a triangle's own depths below which a depth is held against the triangle's plane.
-const NEAR: f64 = 1.0 / 64.0;
+pub const NEAR: f64 = 1.0 / 64.0;
 
 /// Whether a ray, which runs against the side of a triangle that `against` has the sign of, starts on its plane or
 /// leaves it behind: exactly.
@@ -163,7 +209,7 @@ fn is_behind<C: Corner>(ray: &Ray, corners: &[C; 3], against: f64) -> bool {
 
 /// Differences below this share of the products are computed to their last place. Above it the error is that of two
 /// roundings in at least 33 remaining places.
-const CANCELLED: f64 = 1.0 / (1u32 << 20) as f64;
+pub const CANCELLED: f64 = 1.0 / (1u32 << 20) as f64;
 
 /// `p.x * q.y - p.y * q.x` where the products nearly cancel, with its exact sign: their rounded difference is exact then,
 /// and so are their rounding errors.

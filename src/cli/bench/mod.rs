@@ -2,6 +2,7 @@
 
 mod leaks;
 mod numerics;
+mod speed;
 
 use std::io::IsTerminal;
 use std::sync::atomic::AtomicBool;
@@ -13,9 +14,12 @@ use crate::error::Result;
 use crate::render::Watch;
 
 #[derive(Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Arguments {
     #[command(subcommand)]
-    test: Test,
+    test: Option<Test>,
+    #[command(flatten)]
+    speed: speed::Arguments,
 }
 
 #[derive(Subcommand)]
@@ -28,8 +32,9 @@ enum Test {
 
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     match &arguments.test {
-        Test::Leaks(arguments) => leaks::run(arguments, interrupted),
-        Test::Numerics(arguments) => numerics::run(arguments, interrupted),
+        None => speed::run(&arguments.speed, interrupted),
+        Some(Test::Leaks(arguments)) => leaks::run(arguments, interrupted),
+        Some(Test::Numerics(arguments)) => numerics::run(arguments, interrupted),
     }
 }
 

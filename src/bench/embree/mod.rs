@@ -2,16 +2,23 @@
 //!
 //! Only its public C API is used: `embree4/rtcore*.h` of Embree 4, whose names and numbers stand here.
 
-use std::ffi::{c_char, c_int, c_uint, c_void};
+mod crossings;
+mod race;
+mod records;
+
+pub use crossings::engines;
+pub use race::contenders;
+
+use std::ffi::{CString, c_char, c_int, c_uint, c_void};
 use std::path::Path;
 use std::ptr;
 
 use bytemuck::Pod;
-use glam::DVec3;
 use libloading::Library;
 
-use super::{Absent, Built, Engine, Mesh};
+use super::{Absent, Mesh};
 use crate::error::{Error, Result};
+use records::{Arguments, RayHit, RayHits, RayOnly, Rays};
 
 /// Names the library file.
 const VARIABLE: &str = "KILN_EMBREE";
@@ -30,33 +37,15 @@ const VERTICES: (c_int, c_int) = (1, 0x9003);
 const ROBUST: c_int = 1 << 2;
 /// `RTCDeviceProperty`.
 const VERSION: c_int = 0;
-/// `RTC_INVALID_GEOMETRY_ID`.
-const NOTHING: c_uint = c_uint::MAX;
+const NATIVE_RAY8: c_int = 33;
+const NATIVE_RAY16: c_int = 34;
 
-/// Embree finds one crossing at a time; a ray that seems to cross more than this is left at that.
-const MOST_CROSSINGS: usize = 64;
-
-/// `RTCRayHit`, as it is in builds with instance arrays; in those without, it lacks `instance_primitive`, which is last,
-/// so that this serves both.
-#[repr(C, align(16))]
-struct RayHit {
-    origin: [f32; 3],
-    t_near: f32,
-    direction: [f32; 3],
-    time: f32,
-    t_far: f32,
-    mask: c_uint,
-    id: c_uint,
-    flags: c_uint,
-    normal: [f32; 3],
-    barycentrics: [f32; 2],
-    primitive: c_uint,
-    geometry: c_uint,
-    instance: c_uint,
-    instance_primitive: c_uint,
+/// `RTCBuildQuality`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Quality {
+    Medium = 1,
+    High = 2,
 }
-
-const _: () = assert!(size_of::<RayHit>() == 96);
 
 /// The functions of the library that are used, by their names without `rtc`.
 struct Functions {
@@ -72,7 +61,13 @@ struct Functions {
     commit_geometry: unsafe extern "C" fn(Handle),
     attach_geometry: unsafe extern "C" fn(Handle, Handle) -> c_uint,
     release_geometry: unsafe extern "C" fn(Handle),
-    intersect: unsafe extern "C" fn(Handle, *mut RayHit, *mut c_void),
+    set_scene_build_quality: unsafe extern "C" fn(Handle, c_int),
+    intersect: unsafe extern "C" fn(Handle, *mut RayHit, *mut Arguments),
+    intersect8: unsafe extern "C" fn(*const c_int, Handle, *mut RayHits<8>, *mut Arguments),
+    intersect16: unsafe extern "C" fn(*const c_int, Handle, *mut RayHits<16>, *mut Arguments),
+    occluded: unsafe extern "C" fn(Handle, *mut RayOnly, *mut Arguments),
+    occluded8: unsafe extern "C" fn(*const c_int, Handle, *mut Rays<8>, *mut Arguments),
+    occluded16: unsafe extern "C" fn(*const c_int, Handle, *mut Rays<16>, *mut Arguments),
 }
 
 impl Functions {
@@ -93,7 +88,13 @@ impl Functions {
                 commit_geometry: *library.get("rtcCommitGeometry")?,
                 attach_geometry: *library.get("rtcAttachGeometry")?,
                 release_geometry: *library.get("rtcReleaseGeometry")?,
+                set_scene_build_quality: *library.get("rtcSetSceneBuildQuality")?,
                 intersect: *library.get("rtcIntersect1")?,
+                intersect8: *library.get("rtcIntersect8")?,
+                intersect16: *library.get("rtcIntersect16")?,
+                occluded: *library.get("rtcOccluded1")?,
+                occluded8: *library.get("rtcOccluded8")?,
+                occluded16: *library.get("rtcOccluded16")?,
             })
         }
     }
@@ -109,22 +110,36 @@ struct Device {
 unsafe impl Sync for Device {}
 
 impl Device {
-    fn load(file: &Path) -> std::result::Result<&'static Self, String> {
+    /// The device of the library that [`VARIABLE`] names. `configuration` is Embree's own, such as `threads=1`.
+    fn find(configuration: &str) -> std::result::Result<&'static Self, Absent> {
+        let absent = |reason| Absent { name: "embree", reason, remedy: REMEDY };
+        let file = std::env::var_os(VARIABLE).filter(|file| !file.is_empty());
+        let file = file.ok_or_else(|| absent(format!("{VARIABLE} names no library")))?;
+        Device::load(Path::new(&file), configuration).map_err(absent)
+    }
+
+    fn load(file: &Path, configuration: &str) -> std::result::Result<&'static Self, String> {
         // SAFETY: loading a library runs what it has to run first. The user named the file as Embree.
         let library = unsafe { Library::new(file) }.map_err(|e| format!("{}: {e}", file.display()))?;
         let functions = Functions::load(Box::leak(Box::new(library)))
             .map_err(|e| format!("{}: not Embree 4: {e}", file.display()))?;
-        // SAFETY: a null configuration asks for the defaults.
-        let handle = unsafe { (functions.new_device)(ptr::null()) };
+        let configuration = CString::new(configuration).map_err(|e| e.to_string())?;
+        // SAFETY: the configuration is a string that ends with a zero; an empty one asks for the defaults.
+        let handle = unsafe { (functions.new_device)(configuration.as_ptr()) };
         if handle.is_null() {
             return Err(format!("{}: no device can be made", file.display()));
         }
-        // SAFETY: `handle` is a device; the version is a property of every device.
-        let version = unsafe { (functions.get_device_property)(handle, VERSION) };
+        let device = Device { functions, handle };
+        let version = device.property(VERSION);
         if version / 10_000 != 4 {
             return Err(format!("{}: version {} is not 4", file.display(), version / 10_000));
         }
-        Ok(Box::leak(Box::new(Device { functions, handle })))
+        Ok(Box::leak(Box::new(device)))
+    }
+
+    fn property(&self, property: c_int) -> isize {
+        // SAFETY: `handle` is a device; a property that it does not know is an error, and 0.
+        unsafe { (self.functions.get_device_property)(self.handle, property) }
     }
 
     /// Fails where the last calls did.
@@ -153,55 +168,6 @@ impl Device {
     }
 }
 
-/// Both modes, where the library is there.
-pub fn engines() -> std::result::Result<Vec<Box<dyn Engine>>, Absent> {
-    let absent = |reason| Absent { name: "embree", reason, remedy: REMEDY };
-    let file = std::env::var_os(VARIABLE).filter(|file| !file.is_empty());
-    let file = file.ok_or_else(|| absent(format!("{VARIABLE} names no library")))?;
-    let device = Device::load(Path::new(&file)).map_err(absent)?;
-    Ok(vec![Box::new(Embree { device, robust: false }), Box::new(Embree { device, robust: true })])
-}
-
-/// Embree with its own choice of layout, in either of its modes.
-struct Embree {
-    device: &'static Device,
-    robust: bool,
-}
-
-impl Engine for Embree {
-    fn name(&self) -> &'static str {
-        "embree"
-    }
-
-    fn layout(&self) -> &'static str {
-        if self.robust { "robust" } else { "default" }
-    }
-
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Built>> {
-        let Device { functions, handle } = self.device;
-        // SAFETY: `handle` is a device. Null handles, which Embree takes and answers with an error, are found by `check`.
-        let scene = unsafe { (functions.new_scene)(*handle) };
-        self.device.check()?;
-        let scene = Scene { device: self.device, handle: scene };
-        // SAFETY: as above; the geometry is released once the scene holds it, or on failure.
-        unsafe {
-            (functions.set_scene_flags)(scene.handle, if self.robust { ROBUST } else { 0 });
-            let geometry = (functions.new_geometry)(*handle, TRIANGLE);
-            let filled = self
-                .device
-                .fill(geometry, VERTICES, &mesh.positions)
-                .and_then(|()| self.device.fill(geometry, INDICES, &mesh.triangles));
-            (functions.commit_geometry)(geometry);
-            (functions.attach_geometry)(scene.handle, geometry);
-            (functions.release_geometry)(geometry);
-            filled?;
-            (functions.commit_scene)(scene.handle);
-        }
-        self.device.check()?;
-        Ok(Box::new(scene))
-    }
-}
-
 /// A scene with one mesh in it.
 struct Scene {
     device: &'static Device,
@@ -218,34 +184,32 @@ impl Drop for Scene {
 // SAFETY: a scene that is built may be asked from any thread; it is changed no more.
 unsafe impl Sync for Scene {}
 
-impl Built for Scene {
-    fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
-        let mut t_near = 0.0f32;
-        for _ in 0..MOST_CROSSINGS {
-            let mut query = RayHit {
-                origin: origin.as_vec3().to_array(),
-                t_near,
-                direction: direction.as_vec3().to_array(),
-                time: 0.0,
-                t_far: f32::INFINITY,
-                mask: c_uint::MAX,
-                id: 0,
-                flags: 0,
-                normal: [0.0; 3],
-                barycentrics: [0.0; 2],
-                primitive: NOTHING,
-                geometry: NOTHING,
-                instance: NOTHING,
-                instance_primitive: NOTHING,
-            };
-            // SAFETY: `handle` is a scene that is built, and `query` has the form and alignment that Embree expects; null
-            // arguments ask for the defaults.
-            unsafe { (self.device.functions.intersect)(self.handle, &raw mut query, ptr::null_mut()) };
-            if query.geometry == NOTHING {
-                return;
-            }
-            found.push(query.primitive);
-            t_near = query.t_far.next_up();
+// SAFETY: a scene may be released by any thread.
+unsafe impl Send for Scene {}
+
+impl Scene {
+    /// Builds over a mesh.
+    fn new(device: &'static Device, quality: Quality, robust: bool, mesh: &Mesh) -> Result<Self> {
+        let Device { functions, handle } = device;
+        // SAFETY: `handle` is a device. Null handles, which Embree takes and answers with an error, are found by `check`.
+        let scene = unsafe { (functions.new_scene)(*handle) };
+        device.check()?;
+        let scene = Scene { device, handle: scene };
+        // SAFETY: as above; the geometry is released once the scene holds it, or on failure.
+        unsafe {
+            (functions.set_scene_flags)(scene.handle, if robust { ROBUST } else { 0 });
+            (functions.set_scene_build_quality)(scene.handle, quality as c_int);
+            let geometry = (functions.new_geometry)(*handle, TRIANGLE);
+            let filled = device
+                .fill(geometry, VERTICES, &mesh.positions)
+                .and_then(|()| device.fill(geometry, INDICES, &mesh.triangles));
+            (functions.commit_geometry)(geometry);
+            (functions.attach_geometry)(scene.handle, geometry);
+            (functions.release_geometry)(geometry);
+            filled?;
+            (functions.commit_scene)(scene.handle);
         }
+        device.check()?;
+        Ok(scene)
     }
 }

@@ -1,0 +1,235 @@
+//! Embree as it is timed: ray by ray and in packets, with its build qualities and its robust mode.
+
+use super::super::speed::{Contender, Facts, Kind, Label, Queue, Ready};
+use super::super::{Absent, Mesh};
+use super::records::{Arguments, NOTHING, RayHit, RayHits, RayOnly, Rays, Valid};
+use super::{Device, NATIVE_RAY8, NATIVE_RAY16, Quality, Scene};
+use crate::error::Result;
+use crate::geometry::Ray;
+
+/// How rays are handed over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Calls {
+    Single,
+    Eight,
+    Sixteen,
+}
+
+/// One way to use Embree.
+struct Embree {
+    device: &'static Device,
+    quality: Quality,
+    robust: bool,
+    calls: Calls,
+    /// Whether it is told of coherent rays that they are.
+    coherent: bool,
+}
+
+/// Every way, where the library is there, with so many threads to build on.
+pub fn contenders(threads: usize) -> std::result::Result<Vec<Box<dyn Contender>>, Absent> {
+    let device = Device::find(&format!("threads={threads}"))?;
+    let single = |quality, robust| Embree { device, quality, robust, calls: Calls::Single, coherent: false };
+    let mut ways =
+        vec![single(Quality::Medium, false), single(Quality::High, false), single(Quality::Medium, true)];
+    let packets: &[Calls] = match device.property(NATIVE_RAY16) {
+        0 => &[Calls::Eight],
+        _ => &[Calls::Eight, Calls::Sixteen],
+    };
+    for &calls in packets {
+        for coherent in [false, true] {
+            let way = |quality| Embree { device, quality, robust: false, calls, coherent };
+            ways.extend([Quality::Medium, Quality::High].map(way));
+        }
+    }
+    Ok(ways.into_iter().map(|way| Box::new(way) as Box<dyn Contender>).collect())
+}
+
+impl Contender for Embree {
+    fn label(&self) -> Label {
+        let layout = match (self.calls, self.coherent) {
+            (Calls::Single, _) => "single",
+            (Calls::Eight, false) => "packets-8",
+            (Calls::Eight, true) => "packets-8-coherent",
+            (Calls::Sixteen, false) => "packets-16",
+            (Calls::Sixteen, true) => "packets-16-coherent",
+        };
+        let isa = match () {
+            () if self.device.property(NATIVE_RAY16) != 0 => "avx512",
+            () if self.device.property(NATIVE_RAY8) != 0 => "avx2",
+            () => "sse",
+        };
+        Label {
+            engine: "embree",
+            layout,
+            tier: self.robust.then_some("robust"),
+            preset: Some(match self.quality {
+                Quality::Medium => "medium",
+                Quality::High => "high",
+            }),
+            isa,
+        }
+    }
+
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+        let scene = Scene::new(self.device, self.quality, self.robust, mesh)?;
+        Ok(Box::new(BuiltEmbree { scene, calls: self.calls, coherent: self.coherent }))
+    }
+}
+
+struct BuiltEmbree {
+    scene: Scene,
+    calls: Calls,
+    coherent: bool,
+}
+
+impl Ready for BuiltEmbree {
+    fn facts(&self) -> Facts {
+        Facts::default()
+    }
+
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {
+        let (scene, count) = (&self.scene, rays.len());
+        let coherent = self.coherent && kind.is_coherent();
+        match (kind.is_any_hit(), self.calls) {
+            (false, Calls::Single) => {
+                Box::new(Asked { scene, coherent, count, records: rays.iter().map(RayHit::from).collect() })
+            }
+            (true, Calls::Single) => {
+                Box::new(Asked { scene, coherent, count, records: rays.iter().map(RayOnly::from).collect() })
+            }
+            (false, Calls::Eight) => Box::new(Asked {
+                scene,
+                coherent,
+                count,
+                records: rays.chunks(8).map(RayHits::<8>::new).collect(),
+            }),
+            (true, Calls::Eight) => Box::new(Asked {
+                scene,
+                coherent,
+                count,
+                records: rays.chunks(8).map(Rays::<8>::new).collect(),
+            }),
+            (false, Calls::Sixteen) => Box::new(Asked {
+                scene,
+                coherent,
+                count,
+                records: rays.chunks(16).map(RayHits::<16>::new).collect(),
+            }),
+            (true, Calls::Sixteen) => Box::new(Asked {
+                scene,
+                coherent,
+                count,
+                records: rays.chunks(16).map(Rays::<16>::new).collect(),
+            }),
+        }
+    }
+}
+
+/// A record that Embree answers into.
+trait Record: Send {
+    /// How many rays it has room for.
+    const WIDTH: usize;
+
+    /// Asks about the first `count` of its rays.
+    fn ask(&mut self, scene: &Scene, count: usize, arguments: &mut Arguments);
+
+    /// What became of one of its rays.
+    fn answer(&self, lane: usize) -> Option<u32>;
+}
+
+struct Asked<'a, R> {
+    scene: &'a Scene,
+    coherent: bool,
+    count: usize,
+    records: Vec<R>,
+}
+
+impl<R: Record> Queue for Asked<'_, R> {
+    fn run(&mut self) {
+        let mut arguments = Arguments::new(self.coherent);
+        let mut left = self.count;
+        for record in &mut self.records {
+            record.ask(self.scene, left.min(R::WIDTH), &mut arguments);
+            left -= left.min(R::WIDTH);
+        }
+    }
+
+    fn answers(&self) -> Vec<Option<u32>> {
+        let answer = |index: usize| self.records[index / R::WIDTH].answer(index % R::WIDTH);
+        (0..self.count).map(answer).collect()
+    }
+}
+
+// In all calls below the scene is built, and records and arguments have the form and the alignment that Embree expects.
+
+impl Record for RayHit {
+    const WIDTH: usize = 1;
+
+    #[inline]
+    fn ask(&mut self, scene: &Scene, _: usize, arguments: &mut Arguments) {
+        // SAFETY: see above.
+        unsafe { (scene.device.functions.intersect)(scene.handle, self, arguments) }
+    }
+
+    fn answer(&self, _: usize) -> Option<u32> {
+        (self.geometry != NOTHING).then_some(self.primitive)
+    }
+}
+
+impl Record for RayOnly {
+    const WIDTH: usize = 1;
+
+    #[inline]
+    fn ask(&mut self, scene: &Scene, _: usize, arguments: &mut Arguments) {
+        // SAFETY: see above.
+        unsafe { (scene.device.functions.occluded)(scene.handle, self, arguments) }
+    }
+
+    fn answer(&self, _: usize) -> Option<u32> {
+        is_occluded(self.t_far)
+    }
+}
+
+/// Embree says so by a far end of minus infinity.
+fn is_occluded(t_far: f32) -> Option<u32> {
+    (t_far == f32::NEG_INFINITY).then_some(0)
+}
+
+macro_rules! packets {
+    ($width:literal, $intersect:ident, $occluded:ident) => {
+        impl Record for RayHits<$width> {
+            const WIDTH: usize = $width;
+
+            #[inline]
+            fn ask(&mut self, scene: &Scene, count: usize, arguments: &mut Arguments) {
+                let valid = Valid::<$width>::first(count);
+                // SAFETY: see above.
+                unsafe {
+                    (scene.device.functions.$intersect)(valid.0.as_ptr(), scene.handle, self, arguments)
+                }
+            }
+
+            fn answer(&self, lane: usize) -> Option<u32> {
+                (self.geometry[lane] != NOTHING).then_some(self.primitive[lane])
+            }
+        }
+
+        impl Record for Rays<$width> {
+            const WIDTH: usize = $width;
+
+            #[inline]
+            fn ask(&mut self, scene: &Scene, count: usize, arguments: &mut Arguments) {
+                let valid = Valid::<$width>::first(count);
+                // SAFETY: see above.
+                unsafe { (scene.device.functions.$occluded)(valid.0.as_ptr(), scene.handle, self, arguments) }
+            }
+
+            fn answer(&self, lane: usize) -> Option<u32> {
+                is_occluded(self.t_far[lane])
+            }
+        }
+    };
+}
+
+packets!(8, intersect8, occluded8);
+packets!(16, intersect16, occluded16);

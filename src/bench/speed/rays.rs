@@ -1,0 +1,176 @@
+//! The rays that are timed: those of a picture, of its shadows, of light that bounces once, and rays at random.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::super::{Mesh, Numbers, kiln};
+use crate::bvh::{Accelerator, Primitive, Structure, Traversal};
+use crate::geometry::spawn::SurfacePoint;
+use crate::geometry::{Hit, Numerics, Precision, Ray};
+use crate::world::View;
+
+/// What rays are cast for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// From a pinhole through the pixels of a picture, tile by tile: the closest hit.
+    Primary,
+    /// From what they hit to a point light, in the same order: whether anything is in the way.
+    Shadow,
+    /// From what they hit in a random direction, cosine-distributed about the normal: the closest hit.
+    Diffuse,
+    /// From a random point of the bounds towards another: the closest hit.
+    Random,
+}
+
+impl Kind {
+    /// Every kind.
+    pub const ALL: [Kind; 4] = [Kind::Primary, Kind::Shadow, Kind::Diffuse, Kind::Random];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Primary => "primary",
+            Kind::Shadow => "shadow",
+            Kind::Diffuse => "diffuse",
+            Kind::Random => "random",
+        }
+    }
+
+    /// Whether the question is only if anything is hit.
+    pub fn is_any_hit(self) -> bool {
+        self == Kind::Shadow
+    }
+
+    /// Whether neighbouring rays go similar ways.
+    pub fn is_coherent(self) -> bool {
+        matches!(self, Kind::Primary | Kind::Shadow)
+    }
+}
+
+/// Sides of the tiles that rays of a picture come in, in pixels.
+const TILE: u32 = 16;
+
+/// Rays are asked about in batches of a tile.
+pub const BATCH: usize = (TILE * TILE) as usize;
+
+/// Where the picture is seen from and lit from.
+#[derive(Debug, Clone)]
+pub struct Eye {
+    /// The camera.
+    pub view: View,
+    /// Pixels along each side of the picture.
+    pub size: u32,
+    /// The light.
+    pub light: DVec3,
+}
+
+/// Rays of every kind. All their numbers are f32 numbers.
+#[derive(Debug, Clone, Default)]
+pub struct Questions {
+    rays: [Vec<Ray>; 4],
+}
+
+impl Questions {
+    /// As `eye` sees the mesh.
+    pub fn new(mesh: &Mesh, eye: &Eye) -> Self {
+        let accelerator = kiln::accelerator(mesh, Structure::default(), Numerics::Watertight);
+        let primary = primary(eye);
+        let hits = closest_hits(&*accelerator, &primary);
+        let points: Vec<(u64, Point)> = (0..)
+            .zip(primary.iter().zip(&hits))
+            .filter_map(|(index, (ray, hit))| Some((index, Point::new(&*accelerator, ray, hit.as_ref()?))))
+            .collect();
+        let shadow = points.iter().filter_map(|(_, point)| shadow(point, eye.light)).collect();
+        let diffuse = points.iter().filter_map(|(index, point)| diffuse(point, *index)).collect();
+        let random = random(mesh, primary.len() as u64);
+        Questions { rays: [primary, shadow, diffuse, random] }
+    }
+
+    /// The rays of a kind.
+    pub fn of(&self, kind: Kind) -> &[Ray] {
+        &self.rays[kind as usize]
+    }
+}
+
+/// Tiles row by row, pixels row by row within each; tiles at the right and lower sides may be smaller.
+fn primary(eye: &Eye) -> Vec<Ray> {
+    let starts = || (0..eye.size).step_by(TILE as usize);
+    let side = |start: u32| start..(start + TILE).min(eye.size);
+    let tiles = starts().flat_map(|y| starts().map(move |x| (x, y)));
+    let pixels = tiles.flat_map(|(x, y)| side(y).flat_map(move |y| side(x).map(move |x| (x, y))));
+    pixels.map(|(x, y)| eye.view.ray(x, y, Precision::Single)).collect()
+}
+
+fn closest_hits(accelerator: &dyn Accelerator, rays: &[Ray]) -> Vec<Option<Hit>> {
+    let batch = |rays: &[Ray]| {
+        let mut hits = Vec::with_capacity(rays.len());
+        accelerator.closest_hits(rays, &mut hits, &mut Traversal::default());
+        hits
+    };
+    rays.par_chunks(BATCH).flat_map_iter(batch).collect()
+}
+
+/// Where a ray hit, on the side it came from.
+struct Point {
+    surface: SurfacePoint,
+    normal: DVec3,
+    origin: DVec3,
+}
+
+impl Point {
+    fn new(accelerator: &dyn Accelerator, ray: &Ray, hit: &Hit) -> Self {
+        let (surface, normal) = match accelerator.primitive(hit.slot) {
+            Primitive::Triangle(triangle) => {
+                let [v, w] = hit.weights;
+                let surface = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
+                (surface, triangle.normal().try_normalize().unwrap_or(-ray.direction))
+            }
+            Primitive::Sphere(sphere) => {
+                let (_, normal) = sphere.surface(ray.at(hit.t));
+                (SurfacePoint::on_sphere(sphere.centre, sphere.radius, normal), normal)
+            }
+        };
+        let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
+        Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Watertight) }
+    }
+}
+
+/// The ray to the light, where the light is on this side, as a renderer casts it.
+fn shadow(point: &Point, light: DVec3) -> Option<Ray> {
+    if (light - point.surface.position).dot(point.normal) <= 0.0 {
+        return None;
+    }
+    let to_light = light - point.origin;
+    let distance = to_light.length();
+    // It ends beside the light, by as much as its own rounding may turn it.
+    let beside = 2.0 * Precision::Single.epsilon();
+    let ray =
+        Precision::Single.ray(point.origin, to_light / distance, 0.0, single(distance * (1.0 - beside)));
+    (ray.t_max > 0.0).then_some(ray)
+}
+
+fn single(x: f64) -> f64 {
+    f64::from(x as f32)
+}
+
+/// The sum of the normal and a random direction is cosine-distributed.
+fn diffuse(point: &Point, index: u64) -> Option<Ray> {
+    let direction = (point.normal + Numbers::new(10, index).direction()).try_normalize()?;
+    let ray = Precision::Single.ray(point.origin, direction, 0.0, f64::INFINITY);
+    // Rounding may have turned it into the surface.
+    (ray.direction.dot(point.normal) > 0.0).then_some(ray)
+}
+
+fn random(mesh: &Mesh, count: u64) -> Vec<Ray> {
+    let corners = || mesh.positions.iter().map(|p| p.as_dvec3());
+    let (Some(min), Some(max)) = (corners().reduce(DVec3::min), corners().reduce(DVec3::max)) else {
+        return Vec::new();
+    };
+    let one = |index: u64| {
+        let mut numbers = Numbers::new(11, index);
+        let mut point = || min + (max - min) * DVec3::new(numbers.unit(), numbers.unit(), numbers.unit());
+        let (from, to) = (point(), point());
+        Some(Precision::Single.ray(from, (to - from).try_normalize()?, 0.0, f64::INFINITY))
+    };
+    (0..count).filter_map(one).collect()
+}

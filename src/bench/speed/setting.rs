@@ -1,0 +1,121 @@
+//! From a scene to what is timed: its triangles, and where they are seen and lit from.
+
+use glam::DVec3;
+
+use super::super::Mesh;
+use super::Eye;
+use crate::error::{Error, Result};
+use crate::geometry::Triangle;
+use crate::scene::{Camera, LightKind, Projection, Scene, Shape};
+use crate::world::{StandardView, View, fitted_camera};
+
+/// Where a mesh is seen from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum From {
+    /// From the scene's first camera, or from outside where it has none.
+    #[default]
+    Scene,
+    /// From where the whole of it is in the picture.
+    Outside,
+    /// From the middle of its bounds, along the longer of the two horizontal axes.
+    Inside,
+}
+
+impl From {
+    /// The names of all.
+    pub const NAMES: [&str; 3] = ["scene", "outside", "inside"];
+
+    /// The one of a name.
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "scene" => Some(From::Scene),
+            "outside" => Some(From::Outside),
+            "inside" => Some(From::Inside),
+            _ => None,
+        }
+    }
+}
+
+/// The vertical field of view from inside, in degrees.
+const INSIDE_FIELD_OF_VIEW: f64 = 70.0;
+
+/// How high the light hangs from inside, as a share of the height; the eye is at one half.
+const CEILING: f64 = 0.85;
+
+/// The triangles of a scene.
+pub struct Triangles {
+    /// With f32 corners, numbered in the order of the description.
+    pub mesh: Mesh,
+    /// How many f32 has no room for; they are left out.
+    pub too_small: usize,
+    /// How many spheres the scene has; they are left out, because most of the others know only triangles.
+    pub spheres: usize,
+}
+
+/// Takes the triangles out of a scene.
+pub fn triangles(scene: &Scene) -> Triangles {
+    let mut taken = Triangles { mesh: Mesh::default(), too_small: 0, spheres: 0 };
+    for object in &scene.objects {
+        let Shape::Mesh(mesh) = &object.shape else {
+            taken.spheres += 1;
+            continue;
+        };
+        let first = taken.mesh.positions.len() as u32;
+        let positions: Vec<_> = mesh.positions.iter().map(|p| p.as_vec3()).collect();
+        let is_real = |corners: &&[u32; 3]| {
+            !Triangle(corners.map(|index| positions[index as usize].as_dvec3())).is_degenerate()
+        };
+        let before = taken.mesh.triangles.len();
+        let real = mesh.triangles.iter().filter(is_real).map(|corners| corners.map(|index| first + index));
+        taken.mesh.triangles.extend(real);
+        taken.too_small += mesh.triangles.len() - (taken.mesh.triangles.len() - before);
+        taken.mesh.positions.extend(positions);
+    }
+    taken
+}
+
+/// The eye of a picture of `size` by `size` pixels. Its light is the scene's first point light; where there is none, one
+/// behind the camera's right shoulder, or below the ceiling.
+///
+/// # Errors
+/// [`Error::Usage`] where there is nothing to look at, or the scene's camera cannot be used.
+pub fn eye(scene: &Scene, from: From, size: u32) -> Result<Eye> {
+    let nothing =
+        || Error::usage("there is nothing in it to look at", "`kiln info` says what the file holds");
+    let bounds = scene.bounds().ok_or_else(nothing)?;
+    let outside =
+        || fitted_camera(scene, StandardView::Auto, 1.0, Projection::Perspective).ok_or_else(nothing);
+    let camera = match from {
+        From::Scene => scene.cameras.first().cloned().map_or_else(outside, Ok)?,
+        From::Outside => outside()?,
+        From::Inside => inside(bounds),
+    };
+    let of_scene = scene.lights.iter().find_map(|light| match light.kind {
+        LightKind::Point { position, .. } => Some(position),
+        _ => None,
+    });
+    let light = of_scene.unwrap_or_else(|| match from {
+        From::Inside => light_inside(bounds),
+        From::Scene | From::Outside => light_outside(&camera, bounds),
+    });
+    Ok(Eye { view: View::new(&camera, camera.projection, [size; 2])?, size, light })
+}
+
+fn inside((min, max): (DVec3, DVec3)) -> Camera {
+    let (middle, size) = (min / 2.0 + max / 2.0, max - min);
+    let along = if size.x >= size.z { DVec3::X * size.x } else { DVec3::Z * size.z };
+    let angle = INSIDE_FIELD_OF_VIEW.to_radians();
+    Camera::from_field_of_view("inside".into(), middle, middle + along, DVec3::Y, angle)
+}
+
+fn light_inside((min, max): (DVec3, DVec3)) -> DVec3 {
+    let mut light = min / 2.0 + max / 2.0;
+    light.y = min.y + CEILING * (max.y - min.y);
+    light
+}
+
+/// As far to the right of the camera, and above it, as half the size of the scene.
+fn light_outside(camera: &Camera, (min, max): (DVec3, DVec3)) -> DVec3 {
+    let right = (camera.target - camera.position).cross(camera.up).normalize_or(DVec3::X);
+    camera.position + (max - min).length() / 2.0 * (right + camera.up.normalize_or(DVec3::Y))
+}

@@ -1,0 +1,205 @@
+//! What a packet of rays that come from one place, or go to one, has in common: a frustum around all of them.
+//!
+//! Seen from the apex along the axis that the rays run along most, a ray is a point (u, v): how far it goes aside on the
+//! two other axes for each step along this one. The frustum holds the apex and the intervals of u and v. A box is outside
+//! when, over all depths that it spans, it lies aside of what the intervals reach; only differences and products of
+//! f32 numbers are compared, after the ends of the intervals were moved outwards by more than what these round
+//! ([`SLACK`]). That the hits of a primitive are within its own box (as [`Tier`](crate::geometry::Tier) says) makes the boxes
+//! of a tree conservative for rays, and so for frusta.
+
+use glam::DVec3;
+
+use crate::geometry::simd::Simd;
+use crate::geometry::{Ray, round_down, round_up};
+
+use super::node::{MARGIN, Node, WIDTH};
+
+/// The share by which the ends of intervals are moved outwards. A slope is off by 5 u (two components, a reciprocal, a
+/// product and its rounding to f32), a difference by u, its product with the slope by u more, and the other difference by
+/// u: 8 u, and the margin within which hits are held to their boxes is 2^-30. This is 16 u.
+const SLACK: f64 = 8.0 * f32::EPSILON as f64;
+
+/// How far the ends of rays that go to one place may lie from their middle, as a share of the shortest way there. Beyond
+/// that a frustum is too wide to be of use.
+const MOST_SPREAD: f64 = 1.0 / 65536.0;
+
+/// A frustum around rays.
+pub struct Frustum {
+    /// The axes of u and v, and the one of depth.
+    pub axes: [usize; 3],
+    /// Whether depth grows downwards along its axis.
+    pub downwards: bool,
+    /// The middle of the apex.
+    pub apex: [f64; 3],
+    /// How far any ray may pass beside that, on each axis.
+    pub spread: f64,
+    /// Least and greatest coordinates of the apex, for boxes.
+    bounds: [[f32; 2]; 3],
+    /// Intervals of u and of v, moved outwards.
+    pub slopes: [[f32; 2]; 2],
+    /// Nothing beyond this depth counts.
+    pub depth: f32,
+}
+
+/// Rays in blocks of [`WIDTH`], one array for each number.
+pub struct Lanes {
+    /// Directions; after [`Frustum::new`] u and v of every ray, and what it advances in depth. What is beyond the last ray
+    /// repeats it.
+    pub directions: [[[f32; WIDTH]; BLOCKS]; 3],
+    /// How many blocks there are.
+    pub blocks: usize,
+}
+
+/// How many blocks there are at most.
+pub const BLOCKS: usize = 32;
+
+impl Lanes {
+    /// Takes the directions of rays, at least one.
+    #[inline(always)]
+    fn fill(&mut self, rays: &[Ray]) {
+        self.blocks = rays.len().div_ceil(WIDTH);
+        let mut put = |i: usize, d: DVec3| {
+            let (block, lane) = (i / WIDTH, i % WIDTH);
+            self.directions[0][block][lane] = d.x as f32;
+            self.directions[1][block][lane] = d.y as f32;
+            self.directions[2][block][lane] = d.z as f32;
+        };
+        for (i, ray) in rays.iter().enumerate() {
+            put(i, ray.direction);
+        }
+        for i in rays.len()..rays.len().next_multiple_of(WIDTH) {
+            put(i, rays[rays.len() - 1].direction);
+        }
+    }
+
+    /// The least and the greatest of some numbers.
+    #[inline(always)]
+    fn interval<S: Simd>(list: &[[f32; WIDTH]]) -> [f32; 2] {
+        let (mut least, mut most) = (S::f8_splat(f32::INFINITY), S::f8_splat(f32::NEG_INFINITY));
+        for block in list {
+            (least, most) = (S::f8_min(S::f8(*block), least), S::f8_max(S::f8(*block), most));
+        }
+        let least = S::f8_array(least).into_iter().fold(f32::INFINITY, f32::min);
+        [least, S::f8_array(most).into_iter().fold(f32::NEG_INFINITY, f32::max)]
+    }
+}
+
+impl Frustum {
+    /// Around rays that start at one place (`to_end` false) or end at one. `None` where the rays have no such place in common
+    /// or run in too different directions.
+    #[inline(always)]
+    pub fn new<S: Simd>(rays: &[Ray], to_end: bool, lanes: &mut Lanes) -> Option<Self> {
+        let first = rays.first()?;
+        let (apex, spread) = if to_end { common_end(rays)? } else { (common_start(rays)?, 0.0) };
+        lanes.fill(rays);
+        let mut intervals = [[0.0; 2]; 3];
+        for (interval, directions) in intervals.iter_mut().zip(&lanes.directions) {
+            *interval = Lanes::interval::<S>(&directions[..lanes.blocks]);
+        }
+        // The axis along which the ray that runs least along it runs most; all the same way.
+        let along = |axis: usize| {
+            let [least, most] = intervals[axis];
+            if least > 0.0 || most < 0.0 { least.abs().min(most.abs()) } else { 0.0 }
+        };
+        let depth = if along(0) >= along(1) && along(0) >= along(2) {
+            0
+        } else if along(1) >= along(2) {
+            1
+        } else {
+            2
+        };
+        if !(along(depth) > 0.0) {
+            return None;
+        }
+        let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
+        let downwards = (first.direction[depth] < 0.0) != to_end;
+        lanes.directions.rotate_left(axes[0]);
+        let sign = S::f8_splat(if to_end { -1.0 } else { 1.0 });
+        let one = S::f8_splat(1.0);
+        for block in 0..lanes.blocks {
+            let along = S::f8(lanes.directions[2][block]);
+            let along = S::f8_max(along, S::f8_sub(S::f8_splat(0.0), along));
+            let share = S::f8_mul(sign, S::f8_div(one, along));
+            lanes.directions[2][block] = S::f8_array(along);
+            for k in 0..2 {
+                let slope = S::f8_mul(S::f8(lanes.directions[k][block]), share);
+                lanes.directions[k][block] = S::f8_array(slope);
+            }
+        }
+        let mut slopes = [[0.0; 2]; 2];
+        for (slopes, list) in slopes.iter_mut().zip(&lanes.directions) {
+            let [a, b] = Lanes::interval::<S>(&list[..lanes.blocks]);
+            let (a, b) = (f64::from(a), f64::from(b));
+            *slopes = [round_down(a - a.abs() * SLACK), round_up(b + b.abs() * SLACK)];
+        }
+        let around = |x: f64| [round_down(x - spread), round_up(x + spread)];
+        let frustum = Frustum {
+            axes,
+            downwards,
+            apex: apex.to_array(),
+            spread,
+            bounds: apex.to_array().map(around),
+            slopes,
+            depth: f32::INFINITY,
+        };
+        // Slopes that f32 cannot hold are of no use.
+        frustum.slopes.as_flattened().iter().all(|slope| slope.is_finite()).then_some(frustum)
+    }
+
+    /// The places of `node` whose boxes any of the rays may enter, as bits, and the depths from which.
+    #[inline(always)]
+    pub fn enter<S: Simd>(&self, node: &Node) -> (u32, [f32; WIDTH]) {
+        let [u, v, depth] = self.axes;
+        let side = self.bounds[depth];
+        let [least, greatest] = [S::f8(node.planes[depth][0]), S::f8(node.planes[depth][1])];
+        // The nearest and the farthest depth of each box, from wherever the apex may be.
+        let (near, far) = if self.downwards {
+            (S::f8_sub(S::f8_splat(side[0]), greatest), S::f8_sub(S::f8_splat(side[1]), least))
+        } else {
+            (S::f8_sub(least, S::f8_splat(side[1])), S::f8_sub(greatest, S::f8_splat(side[0])))
+        };
+        let zero = S::f8_splat(0.0);
+        let near = S::f8_max(near, zero);
+        let mut mask = S::f8_le(zero, far) & S::f8_le(near, S::f8_splat(self.depth));
+        for (k, axis) in [u, v].into_iter().enumerate() {
+            let [apex_least, apex_most] = self.bounds[axis];
+            let [slope_least, slope_most] = self.slopes[k];
+            let (low, high) = (S::f8_splat(slope_least), S::f8_splat(slope_most));
+            let above = S::f8_sub(S::f8(node.planes[axis][0]), S::f8_splat(apex_most));
+            let below = S::f8_sub(S::f8(node.planes[axis][1]), S::f8_splat(apex_least));
+            mask &= S::f8_le(above, S::f8_max(S::f8_mul(high, near), S::f8_mul(high, far)));
+            mask &= S::f8_le(S::f8_min(S::f8_mul(low, near), S::f8_mul(low, far)), below);
+        }
+        (mask, S::f8_array(near))
+    }
+
+    /// A depth that holds the one at `t` along a ray from the apex.
+    #[inline(always)]
+    pub fn depth_at(along: f32, t: f64) -> f32 {
+        // Both factors are rounded, and so is their product.
+        along * t as f32 * MARGIN
+    }
+}
+
+/// The place that all rays start from.
+fn common_start(rays: &[Ray]) -> Option<DVec3> {
+    let first = rays.first()?.origin;
+    // Without leaving at the first: comparing is quicker than looking at each.
+    let apart = rays.iter().fold(false, |apart, ray| apart | (ray.origin != first));
+    (!apart).then_some(first)
+}
+
+/// The middle of the places that rays end at, and how far on any axis a ray passes beside it at most.
+fn common_end(rays: &[Ray]) -> Option<(DVec3, f64)> {
+    let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (mut reach, mut least_t) = (0.0f64, f64::INFINITY);
+    for ray in rays {
+        let end = ray.at(ray.t_max);
+        (least, most) = (least.min(end), most.max(end));
+        reach = reach.max(ray.origin.abs().max_element()).max(ray.t_max);
+        least_t = least_t.min(ray.t_max);
+    }
+    // The ends are computed, and hits are held to their boxes, to far less than this.
+    let spread = (most - least).max_element() + reach * SLACK;
+    (spread <= least_t * MOST_SPREAD).then_some(((least + most) / 2.0, spread))
+}

@@ -1,0 +1,154 @@
+//! Four rays against one triangle at once, with the bits that each of them would get alone.
+
+use glam::DVec3;
+
+use super::simd::Simd;
+use super::woop::{CANCELLED, NEAR, WoopTest};
+use super::{Corner, Ray};
+
+/// How many rays a bundle holds.
+pub const RAYS: usize = 4;
+
+/// What four rays found on a triangle. Lanes are bits.
+pub struct BundleHits {
+    /// Rays that hit it.
+    pub hit: u32,
+    /// Rays that have to be asked one by one.
+    pub unsure: u32,
+    /// Distances.
+    pub t: [f64; RAYS],
+    /// Barycentric coordinates of the second and the third corner.
+    pub weights: [[f64; RAYS]; 2],
+}
+
+impl BundleHits {
+    /// For tiers that do not work on bundles.
+    pub const ONE_BY_ONE: BundleHits =
+        BundleHits { hit: 0, unsure: (1 << RAYS) - 1, t: [0.0; RAYS], weights: [[0.0; RAYS]; 2] };
+}
+
+/// Four rays made ready for triangles, axes turned so that all run along the third most.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+pub struct WoopBundle {
+    origin: [[f64; RAYS]; 3],
+    shear: [[f64; RAYS]; 3],
+    inverse: [[f64; RAYS]; 3],
+    t_min: [f64; RAYS],
+    t_max: [f64; RAYS],
+    /// How the axes are turned.
+    axes: [usize; 3],
+    /// Rays that do not fit in: they run along another axis, or not at all along one.
+    odd: u32,
+}
+
+impl WoopBundle {
+    /// Prepares up to four rays; lanes beyond hold the last.
+    ///
+    /// # Panics
+    /// Without rays.
+    pub fn new(rays: &[Ray]) -> Self {
+        let axes = WoopTest::new(&rays[0]).axes();
+        let mut bundle = WoopBundle {
+            origin: [[0.0; RAYS]; 3],
+            shear: [[0.0; RAYS]; 3],
+            inverse: [[0.0; RAYS]; 3],
+            t_min: [0.0; RAYS],
+            t_max: [0.0; RAYS],
+            axes,
+            odd: 0,
+        };
+        for lane in 0..RAYS {
+            let ray = &rays[lane.min(rays.len() - 1)];
+            let test = WoopTest::new(ray);
+            if test.axes() != axes || ray.direction.cmpeq(DVec3::ZERO).any() {
+                bundle.odd |= 1 << lane;
+            }
+            let inverse = ray.direction.recip();
+            for (k, &axis) in axes.iter().enumerate() {
+                bundle.origin[k][lane] = ray.origin[axis];
+                bundle.shear[k][lane] = test.shear[k];
+                bundle.inverse[k][lane] = inverse[axis];
+            }
+            (bundle.t_min[lane], bundle.t_max[lane]) = (ray.t_min, ray.t_max);
+        }
+        bundle
+    }
+
+    /// What [`WoopTest::hit`] says of each of the rays, by the same operations in the same order.
+    #[inline(always)]
+    pub fn hit<S: Simd, C: Corner>(&self, corners: &[C; 3]) -> BundleHits {
+        let (origin, shear) = (load::<S>(&self.origin), load::<S>(&self.shear));
+        let inverse = load::<S>(&self.inverse);
+        let zero = S::d4_splat(0.0);
+        let mut least = [zero; 3];
+        let mut most = [zero; 3];
+        let mut reach = zero;
+        let mut seen = [[zero; 3]; 3];
+        for (k, corner) in corners.iter().enumerate() {
+            let corner = corner.raise();
+            for axis in 0..3 {
+                let side = S::d4_sub(S::d4_splat(corner[self.axes[axis]]), origin[axis]);
+                seen[k][axis] = side;
+                least[axis] = if k == 0 { side } else { S::d4_min(least[axis], side) };
+                most[axis] = if k == 0 { side } else { S::d4_max(most[axis], side) };
+                reach = S::d4_max(S::d4_abs(side), reach);
+            }
+        }
+        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = seen;
+        let (ax, ay) = aside::<S>(ax, ay, az, &shear);
+        let (bx, by) = aside::<S>(bx, by, bz, &shear);
+        let (cx, cy) = aside::<S>(cx, cy, cz, &shear);
+        let (weight_a, cancelled_a) = edge::<S>(cx, by, cy, bx);
+        let (weight_b, cancelled_b) = edge::<S>(ax, cy, ay, cx);
+        let (weight_c, cancelled_c) = edge::<S>(bx, ay, by, ax);
+        let lowest = S::d4_min(S::d4_min(weight_a, weight_b), weight_c);
+        let highest = S::d4_max(S::d4_max(weight_a, weight_b), weight_c);
+        let inside = S::d4_le(zero, lowest) | S::d4_le(highest, zero);
+
+        let share = S::d4_div(S::d4_splat(1.0), S::d4_add(S::d4_add(weight_a, weight_b), weight_c));
+        let (da, db, dc) = (S::d4_mul(weight_a, az), S::d4_mul(weight_b, bz), S::d4_mul(weight_c, cz));
+        let depth = S::d4_mul(S::d4_add(S::d4_add(da, db), dc), share);
+        let near = S::d4_lt(S::d4_abs(depth), S::d4_mul(reach, S::d4_splat(NEAR)));
+        let unsure = self.odd | inside & (cancelled_a | cancelled_b | cancelled_c | near);
+
+        // Held within the triangle's own box: see `hold`.
+        let t = S::d4_mul(depth, shear[2]);
+        let mut enter = S::d4_splat(f64::NEG_INFINITY);
+        let mut leave = S::d4_splat(f64::INFINITY);
+        for axis in 0..3 {
+            let (a, b) = (S::d4_mul(least[axis], inverse[axis]), S::d4_mul(most[axis], inverse[axis]));
+            enter = S::d4_max(S::d4_min(a, b), enter);
+            leave = S::d4_min(S::d4_max(a, b), leave);
+        }
+        let passes = S::d4_le(enter, S::d4_mul(leave, S::d4_splat(super::bounds::DOUBLE_MARGIN)));
+        let t = S::d4_max(enter, S::d4_min(leave, t));
+        let within = S::d4_lt(S::d4(self.t_min), t) & S::d4_lt(t, S::d4(self.t_max));
+        BundleHits {
+            hit: inside & passes & within & !unsure,
+            unsure,
+            t: S::d4_array(t),
+            weights: [S::d4_array(S::d4_mul(weight_b, share)), S::d4_array(S::d4_mul(weight_c, share))],
+        }
+    }
+}
+
+#[inline(always)]
+fn load<S: Simd>(axes: &[[f64; RAYS]; 3]) -> [S::D4; 3] {
+    [S::d4(axes[0]), S::d4(axes[1]), S::d4(axes[2])]
+}
+
+/// How far a corner lies aside of the rays.
+#[inline(always)]
+fn aside<S: Simd>(x: S::D4, y: S::D4, z: S::D4, shear: &[S::D4; 3]) -> (S::D4, S::D4) {
+    (S::d4_sub(x, S::d4_mul(shear[0], z)), S::d4_sub(y, S::d4_mul(shear[1], z)))
+}
+
+/// An edge function, and where its products nearly cancel.
+#[inline(always)]
+fn edge<S: Simd>(px: S::D4, qy: S::D4, py: S::D4, qx: S::D4) -> (S::D4, u32) {
+    let product = S::d4_mul(px, qy);
+    let weight = S::d4_sub(product, S::d4_mul(py, qx));
+    let bound = S::d4_mul(S::d4_splat(CANCELLED), S::d4_abs(product));
+    (weight, S::d4_le(S::d4_abs(weight), bound))
+}

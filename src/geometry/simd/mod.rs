@@ -1,0 +1,81 @@
+//! Eight f32 numbers, or four f64 numbers, at once.
+//!
+//! What is written over [`Simd`] is compiled for the instructions of the machine and for none in particular, and gives the
+//! same bits either way: every operation is one operation of IEEE 754 on each lane, but for [`Simd::mul_sub`] and
+//! [`Simd::mul_add`] on f32, which round once or twice. So those serve bounds, never answers.
+
+mod portable;
+#[cfg(target_arch = "x86_64")]
+#[allow(unsafe_code)]
+mod x86;
+
+pub use portable::Portable;
+#[cfg(target_arch = "x86_64")]
+pub use x86::Avx2;
+
+/// Instructions, and the vectors they work on. Masks are bits, the lowest for the first lane.
+pub trait Simd: Copy + Send + Sync + 'static {
+    /// Eight f32 numbers.
+    type F8: Copy;
+    /// Four f64 numbers.
+    type D4: Copy;
+    /// Whether [`Simd::mul_sub`] rounds once.
+    const FUSED: bool;
+
+    /// Calls `f`, compiled for these instructions if it is inlined.
+    fn run<R>(f: impl FnOnce() -> R) -> R;
+    /// Asks for memory that will be read.
+    fn prefetch<T>(what: &T);
+
+    /// From an array.
+    fn f8(x: [f32; 8]) -> Self::F8;
+    /// To an array.
+    fn f8_array(x: Self::F8) -> [f32; 8];
+    /// The same number eight times.
+    fn f8_splat(x: f32) -> Self::F8;
+    /// a + b
+    fn f8_add(a: Self::F8, b: Self::F8) -> Self::F8;
+    /// a - b
+    fn f8_sub(a: Self::F8, b: Self::F8) -> Self::F8;
+    /// a b
+    fn f8_mul(a: Self::F8, b: Self::F8) -> Self::F8;
+    /// a / b
+    fn f8_div(a: Self::F8, b: Self::F8) -> Self::F8;
+    /// a b + c, rounded once or twice.
+    fn mul_add(a: Self::F8, b: Self::F8, c: Self::F8) -> Self::F8;
+    /// a b - c, rounded once or twice.
+    fn mul_sub(a: Self::F8, b: Self::F8, c: Self::F8) -> Self::F8;
+    /// a where it is greater, else b: also where one is not a number.
+    fn f8_max(a: Self::F8, b: Self::F8) -> Self::F8;
+    /// a where it is less, else b: also where one is not a number.
+    fn f8_min(a: Self::F8, b: Self::F8) -> Self::F8;
+    /// Where a is at most b.
+    fn f8_le(a: Self::F8, b: Self::F8) -> u32;
+
+    /// From an array.
+    fn d4(x: [f64; 4]) -> Self::D4;
+    /// From f32 numbers.
+    fn d4_from_f32(x: [f32; 4]) -> Self::D4;
+    /// To an array.
+    fn d4_array(x: Self::D4) -> [f64; 4];
+    /// The same number four times.
+    fn d4_splat(x: f64) -> Self::D4;
+    /// a + b
+    fn d4_add(a: Self::D4, b: Self::D4) -> Self::D4;
+    /// a - b
+    fn d4_sub(a: Self::D4, b: Self::D4) -> Self::D4;
+    /// a b
+    fn d4_mul(a: Self::D4, b: Self::D4) -> Self::D4;
+    /// a / b
+    fn d4_div(a: Self::D4, b: Self::D4) -> Self::D4;
+    /// a where it is greater, else b: also where one is not a number.
+    fn d4_max(a: Self::D4, b: Self::D4) -> Self::D4;
+    /// a where it is less, else b: also where one is not a number.
+    fn d4_min(a: Self::D4, b: Self::D4) -> Self::D4;
+    /// |a|
+    fn d4_abs(a: Self::D4) -> Self::D4;
+    /// Where a is at most b.
+    fn d4_le(a: Self::D4, b: Self::D4) -> u32;
+    /// Where a is less than b.
+    fn d4_lt(a: Self::D4, b: Self::D4) -> u32;
+}

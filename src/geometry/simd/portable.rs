@@ -1,0 +1,159 @@
+//! Arrays, for every machine; compilers make of them what they can.
+
+use super::Simd;
+
+/// No instructions in particular.
+#[derive(Clone, Copy)]
+pub struct Portable;
+
+#[inline(always)]
+fn each<T: Copy, R, const N: usize>(a: [T; N], b: [T; N], f: impl Fn(T, T) -> R) -> [R; N] {
+    std::array::from_fn(
+        #[inline(always)]
+        |lane| f(a[lane], b[lane]),
+    )
+}
+
+#[inline(always)]
+fn mask<T: Copy, const N: usize>(a: [T; N], b: [T; N], holds: impl Fn(T, T) -> bool) -> u32 {
+    (0..N).fold(0, |mask, lane| mask | (u32::from(holds(a[lane], b[lane])) << lane))
+}
+
+impl Simd for Portable {
+    type F8 = [f32; 8];
+    type D4 = [f64; 4];
+    const FUSED: bool = false;
+
+    #[inline(always)]
+    fn run<R>(f: impl FnOnce() -> R) -> R {
+        f()
+    }
+
+    #[inline(always)]
+    fn prefetch<T>(_: &T) {}
+
+    #[inline(always)]
+    fn f8(x: [f32; 8]) -> [f32; 8] {
+        x
+    }
+
+    #[inline(always)]
+    fn f8_array(x: [f32; 8]) -> [f32; 8] {
+        x
+    }
+
+    #[inline(always)]
+    fn f8_splat(x: f32) -> [f32; 8] {
+        [x; 8]
+    }
+
+    #[inline(always)]
+    fn f8_add(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        each(a, b, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn f8_sub(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        each(a, b, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn f8_mul(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        each(a, b, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn f8_div(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        each(a, b, |a, b| a / b)
+    }
+
+    #[inline(always)]
+    fn mul_add(a: [f32; 8], b: [f32; 8], c: [f32; 8]) -> [f32; 8] {
+        Self::f8_add(Self::f8_mul(a, b), c)
+    }
+
+    #[inline(always)]
+    fn mul_sub(a: [f32; 8], b: [f32; 8], c: [f32; 8]) -> [f32; 8] {
+        Self::f8_sub(Self::f8_mul(a, b), c)
+    }
+
+    #[inline(always)]
+    fn f8_max(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        each(a, b, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn f8_min(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        each(a, b, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn f8_le(a: [f32; 8], b: [f32; 8]) -> u32 {
+        mask(a, b, |a, b| a <= b)
+    }
+
+    #[inline(always)]
+    fn d4(x: [f64; 4]) -> [f64; 4] {
+        x
+    }
+
+    #[inline(always)]
+    fn d4_from_f32(x: [f32; 4]) -> [f64; 4] {
+        each(x, x, |x, _| f64::from(x))
+    }
+
+    #[inline(always)]
+    fn d4_array(x: [f64; 4]) -> [f64; 4] {
+        x
+    }
+
+    #[inline(always)]
+    fn d4_splat(x: f64) -> [f64; 4] {
+        [x; 4]
+    }
+
+    #[inline(always)]
+    fn d4_add(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(a, b, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    fn d4_sub(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(a, b, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    fn d4_mul(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(a, b, |a, b| a * b)
+    }
+
+    #[inline(always)]
+    fn d4_div(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(a, b, |a, b| a / b)
+    }
+
+    #[inline(always)]
+    fn d4_max(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(a, b, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn d4_min(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(a, b, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn d4_abs(a: [f64; 4]) -> [f64; 4] {
+        each(a, a, |a, _| a.abs())
+    }
+
+    #[inline(always)]
+    fn d4_le(a: [f64; 4], b: [f64; 4]) -> u32 {
+        mask(a, b, |a, b| a <= b)
+    }
+
+    #[inline(always)]
+    fn d4_lt(a: [f64; 4], b: [f64; 4]) -> u32 {
+        mask(a, b, |a, b| a < b)
+    }
+}
