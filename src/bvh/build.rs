@@ -46,7 +46,7 @@ impl Preset {
         Preset::VerySlowBuild,
     ];
 
-    fn parameters(self) -> BvhBuildParams {
+    pub(super) fn parameters(self) -> BvhBuildParams {
         match self {
             Preset::FastestBuild => BvhBuildParams::fastest_build(),
             Preset::VeryFastBuild => BvhBuildParams::very_fast_build(),
@@ -78,15 +78,27 @@ pub fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Tree<T> {
     if slots.is_empty() {
         return Tree::new(Vec::new(), Vec::new());
     }
-    let Binary { mut tree, of_slot, parameters, .. } = binary(slots, preset);
+    let Binary { tree, of_slot, parameters } = binary(slots, preset);
+    let (nodes, order) = with_leaves(tree, parameters);
+    Tree::new(nodes, order.iter().map(|&i| slots[of_slot[i as usize] as usize]).collect())
+}
+
+/// Nodes over boxes, and the boxes in the order of the leaves.
+pub(super) fn build_nodes(boxes: &[Bounds], parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
+    if boxes.is_empty() {
+        return (Vec::new(), Vec::new());
+    }
+    with_leaves(nearest_first(boxes, parameters), parameters)
+}
+
+/// The tree, optimised, with as many boxes a leaf as pay.
+fn with_leaves(mut tree: Bvh2, parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
     let mut reinsertion = ReinsertionOptimizer::default();
     let ratio = parameters.reinsertion_batch_ratio;
     reinsertion.run(&mut tree, ratio, None);
     collapse(&mut tree, parameters.max_prims_per_leaf.clamp(1, 255), parameters.collapse_traversal_cost);
     reinsertion.run(&mut tree, ratio * parameters.post_collapse_reinsertion_batch_ratio_multiplier, None);
-
-    let ordered = tree.primitive_indices.iter().map(|&i| slots[of_slot[i as usize] as usize]).collect();
-    Tree::new(tree.nodes, ordered)
+    (tree.nodes, tree.primitive_indices)
 }
 
 /// The same for nodes of eight, which find their leaves themselves.
@@ -116,7 +128,13 @@ fn binary<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Binary {
     } else {
         Boxes { boxes: whole, of_slot: (0..slots.len() as u32).collect() }
     };
-    let jittered: Vec<Aabb> = (0..).zip(&boxes).map(|(place, b)| to_obvhs(jitter(*b, place))).collect();
+    let tree = nearest_first(&boxes, parameters);
+    Binary { tree, of_slot, parameters }
+}
+
+/// PLOC's tree over boxes, one a leaf.
+fn nearest_first(boxes: &[Bounds], parameters: BvhBuildParams) -> Bvh2 {
+    let jittered: Vec<Aabb> = (0..).zip(boxes).map(|(place, b)| to_obvhs(jitter(*b, place))).collect();
     let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
         parameters.ploc_search_distance,
         &jittered,
@@ -128,7 +146,7 @@ fn binary<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Binary {
         let inside = tree.primitive_indices[leaf].iter().map(|&i| boxes[i as usize]);
         inside.reduce(Bounds::union).unwrap_or(boxes[0])
     });
-    Binary { tree, of_slot, parameters }
+    tree
 }
 
 fn to_obvhs(b: Bounds) -> Aabb {

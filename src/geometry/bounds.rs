@@ -210,14 +210,14 @@ impl BoxTest for DoubleBoxTest {
 
 /// For each lane `a` if it is less than `b`, and `b` otherwise: also where one of them is not a number.
 #[inline(always)]
-fn lesser(a: Vec3A, b: Vec3A) -> Vec3A {
+pub(super) fn lesser(a: Vec3A, b: Vec3A) -> Vec3A {
     // One instruction of SSE does just this; elsewhere `min` treats what is not a number otherwise.
     if cfg!(target_feature = "sse2") { a.min(b) } else { Vec3A::select(a.cmplt(b), a, b) }
 }
 
 /// For each lane `a` if it is greater than `b`, and `b` otherwise: also where one of them is not a number.
 #[inline(always)]
-fn greater(a: Vec3A, b: Vec3A) -> Vec3A {
+pub(super) fn greater(a: Vec3A, b: Vec3A) -> Vec3A {
     if cfg!(target_feature = "sse2") { a.max(b) } else { Vec3A::select(a.cmpgt(b), a, b) }
 }
 
