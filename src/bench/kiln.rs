@@ -132,8 +132,13 @@ fn preset_name(preset: Preset) -> &'static str {
 
 impl Ready for BuiltKiln {
     fn facts(&self) -> Facts {
-        let description = self.0.describe();
-        Facts { nodes: Some(description.nodes as u64), bytes: Some(description.bytes as u64) }
+        let (description, quality) = (self.0.describe(), self.0.quality());
+        Facts {
+            nodes: Some(description.nodes as u64),
+            depth: quality.map(|quality| quality.depth),
+            sah_cost: quality.map(|quality| quality.sah_cost),
+            bytes: Some(description.bytes as u64),
+        }
     }
 
     fn queue<'a>(&'a self, kind: speed::Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {

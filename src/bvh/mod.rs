@@ -8,10 +8,12 @@
 mod brute_force;
 mod build;
 pub mod mix;
+mod quality;
 mod store;
 mod tree;
 
 pub use build::Preset;
+pub use quality::{Quality, Seen, quality};
 
 use brute_force::BruteForce;
 use store::StoredSlot;
@@ -129,6 +131,9 @@ pub trait Accelerator: Send + Sync {
 
     /// What there is to say about the structure.
     fn describe(&self) -> Description;
+
+    /// How good its tree is; `None` where there is none. Looks at every node.
+    fn quality(&self) -> Option<Quality>;
 
     /// The closest hit of every ray, in order, appended to `hits`.
     fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {

@@ -1,11 +1,10 @@
 //! Rounds in which all contenders take turns.
 
 use std::sync::atomic::Ordering;
-use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::super::{Mesh, Spread};
+use super::super::{Clock, Mesh, Spread};
 use super::{Contender, Facts, Kind, Label, Questions, Queue, Ready, Truth, rays};
 use crate::bvh::Tests;
 use crate::error::{Error, Result};
@@ -21,6 +20,12 @@ pub struct Settings<'a> {
     pub runs: u32,
     /// The threads to build and to ask on.
     pub pool: &'a rayon::ThreadPool,
+}
+
+impl Settings<'_> {
+    fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
 }
 
 /// What was measured of a contender.
@@ -100,9 +105,9 @@ pub fn measure(
 
 fn build(contender: &dyn Contender, mesh: &Mesh, settings: &Settings) -> Result<(Box<dyn Ready>, f64)> {
     settings.pool.install(|| {
-        let start = Instant::now();
+        let clock = Clock::start(settings.threads());
         let ready = contender.build(mesh)?;
-        Ok((ready, start.elapsed().as_secs_f64() * 1e3))
+        Ok((ready, clock.seconds() * 1e3))
     })
 }
 
@@ -126,9 +131,9 @@ impl<'a> Lane<'a> {
         let mut queues: Vec<Box<dyn Queue + '_>> =
             rays.chunks(PORTION).map(|rays| self.ready.queue(kind, rays)).collect();
         let seconds = settings.pool.install(|| {
-            let start = Instant::now();
+            let clock = Clock::start(settings.threads());
             queues.par_iter_mut().for_each(|queue| queue.run());
-            start.elapsed().as_secs_f64()
+            clock.seconds()
         });
         let Some(truth) = truth else {
             self.seconds[kind as usize].push(seconds);
@@ -155,7 +160,7 @@ impl<'a> Lane<'a> {
         let nothing = Spread { lower: 0.0, median: 0.0, upper: 0.0 };
         Row {
             label: self.contender.label(),
-            threads: settings.pool.current_num_threads(),
+            threads: settings.threads(),
             build_ms: Spread::of(&self.build_ms).unwrap_or(nothing),
             facts: self.ready.facts(),
             triangles: mesh.triangles.len(),
