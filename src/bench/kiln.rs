@@ -83,6 +83,11 @@ pub fn contenders() -> Vec<Box<dyn Contender>> {
     tiers.into_iter().chain(presets).map(|kiln| Box::new(kiln) as Box<dyn Contender>).collect()
 }
 
+/// What renders where nothing else is asked for.
+pub fn default_contender() -> Box<dyn Contender> {
+    Box::new(Kiln { structure: Structure::default(), numerics: Numerics::default() })
+}
+
 /// The widest instructions that a structure's traversal uses.
 fn isa(_: Structure) -> &'static str {
     compiled_isa()

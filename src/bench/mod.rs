@@ -17,10 +17,12 @@ pub mod generate;
 mod icosphere;
 mod kiln;
 pub mod leaks;
+pub mod memory;
 mod numbers;
 mod obvhs;
 #[cfg(feature = "peers")]
 mod parry;
+mod plot;
 mod rays;
 pub mod speed;
 mod spread;

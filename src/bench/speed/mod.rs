@@ -7,14 +7,18 @@
 //! To add a contender: implement [`Contender`] in the engine's file, and give it a line in [`contenders`].
 
 mod measure;
+mod page;
 mod rays;
+mod scaling;
 mod setting;
 mod singly;
 mod truth;
 
-pub use measure::{Row, Settings, measure};
+pub use measure::{Row, Settings, best, measure};
+pub use page::page;
 pub use rays::{BATCH, Eye, Kind, Questions};
-pub use setting::{From, Triangles, eye, triangles};
+pub use scaling::{Step, plot as scaling_plot, scaling, sizes};
+pub use setting::{From, Triangles, eye, scene, triangles};
 pub(super) use singly::singly;
 pub use truth::Truth;
 
@@ -115,4 +119,11 @@ pub fn contenders(threads: usize) -> (Vec<Box<dyn Contender>>, Vec<Absent>) {
         Err(reason) => absent.push(reason),
     }
     (present, absent)
+}
+
+/// kiln as it renders, and Embree by single rays where it is there.
+pub fn defaults(threads: usize) -> Vec<Box<dyn Contender>> {
+    let mut defaults = vec![kiln::default_contender()];
+    defaults.extend(embree::contenders(threads).into_iter().flat_map(|ways| ways.into_iter().take(1)));
+    defaults
 }

@@ -6,7 +6,7 @@ use super::super::Mesh;
 use super::Eye;
 use crate::error::{Error, Result};
 use crate::geometry::Triangle;
-use crate::scene::{Camera, LightKind, Projection, Scene, Shape};
+use crate::scene::{self, Camera, LightKind, MaterialId, Object, Projection, Scene, Shape};
 use crate::world::{StandardView, View, fitted_camera};
 
 /// Where a mesh is seen from.
@@ -72,6 +72,14 @@ pub fn triangles(scene: &Scene) -> Triangles {
         taken.mesh.positions.extend(positions);
     }
     taken
+}
+
+/// A scene of nothing but a mesh.
+pub fn scene(mesh: &Mesh) -> Scene {
+    let positions = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+    let shape = scene::Mesh { positions, triangles: mesh.triangles.clone(), ..scene::Mesh::default() };
+    let object = Object { name: "mesh".into(), input: 0, material: MaterialId(0), shape: Shape::Mesh(shape) };
+    Scene { objects: vec![object], ..Scene::default() }
 }
 
 /// The eye of a picture of `size` by `size` pixels. Its light is the scene's first point light; where there is none, one

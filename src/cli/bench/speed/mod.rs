@@ -1,21 +1,26 @@
 //! `kiln bench`: how fast kiln and other libraries answer rays, and how many of their answers are wrong.
 
+pub mod json;
+mod text;
+
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
 use super::super::{Printer, pool, print};
-use super::{aligned, grouped, watched};
-use crate::bench::speed::{self, From, Kind, Questions, Row, Settings, contenders, measure};
-use crate::bench::{Absent, Spread};
+use super::watched;
+use crate::bench::generate::Family;
+use crate::bench::speed::{self, Eye, From, Questions, Row, Settings, contenders, measure, page};
+use crate::bench::{Absent, Mesh};
 use crate::error::{Error, Result, Warnings};
+use crate::film::output::write_whole;
 use crate::import;
 use crate::world::bring_into_range;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// Files to put into one scene: .toml, .obj, .gltf, .glb
+    /// Files to put into one scene: .toml, .obj, .gltf, .glb; a bumpy sphere, if not given
     #[arg(value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// Rounds that count, after one to warm up; in each of them all engines take turns
@@ -33,10 +38,65 @@ pub struct Arguments {
     /// Where it is seen from: by the scene's camera or else from outside, from outside, or from its middle
     #[arg(long, value_name = "PLACE", default_value = "scene", value_parser = From::NAMES)]
     from: String,
+    /// Triangles of the bumpy sphere, about
+    #[arg(long, value_name = "N", default_value_t = 1_000_000, conflicts_with = "inputs",
+          value_parser = clap::value_parser!(u32).range(100..=20_000_000))]
+    triangles: u32,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Write a page with plots, which needs nothing besides itself
+    #[arg(long, value_name = "FILE.html")]
+    page: Option<PathBuf>,
+}
+
+/// What was measured, for those who write it down.
+pub struct Report<'a> {
+    pub rows: &'a [Row],
+    pub absent: &'a [Absent],
+    /// What was measured over.
+    pub subject: &'a str,
+    /// In how many rounds.
+    pub runs: u32,
 }
 
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let (contenders, absent) = chosen(&arguments.engine, usize::from(arguments.threads))?;
+    let (mesh, eye) = subject(arguments)?;
+    let timed = pool(Some(arguments.threads))?;
+    let rows = watched(None, "timing", interrupted, |watch| {
+        let questions = Questions::new(&mesh, &eye);
+        let settings = Settings { runs: arguments.runs, pool: &timed, check: true };
+        measure(&contenders, &mesh, &questions, &settings, watch)
+    })?;
+    let subject = name(arguments);
+    let report = Report { rows: &rows, absent: &absent, subject: &subject, runs: arguments.runs };
+    if let Some(file) = &arguments.page {
+        let html = page(&rows, &absent, &subject, arguments.runs)?;
+        write_whole(file, |out| out.write_all(html.as_bytes()))?;
+    }
+    print(&if arguments.json { format!("{:#}\n", json::rows(&report)) } else { text::tables(&report) })
+}
+
+/// What to call the triangles.
+fn name(arguments: &Arguments) -> String {
+    let files: Vec<String> = arguments
+        .inputs
+        .iter()
+        .map(|file| file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned())
+        .collect();
+    let place = if arguments.from == "scene" { String::new() } else { format!(", from {}", arguments.from) };
+    if files.is_empty() { format!("a bumpy sphere{place}") } else { format!("{}{place}", files.join(" ")) }
+}
+
+/// The triangles, and where they are seen from.
+fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
+    let from = From::named(&arguments.from).unwrap_or_default();
+    if arguments.inputs.is_empty() {
+        let mesh = Family::Sphere.mesh(arguments.triangles as usize);
+        let eye = speed::eye(&speed::scene(&mesh), from, arguments.size)?;
+        return Ok((mesh, eye));
+    }
     let mut warnings = Warnings::default();
     let mut scene = import::load(&arguments.inputs, &mut warnings)?;
     bring_into_range(&mut scene);
@@ -48,21 +108,18 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
         warnings.push(format!("{} triangle(s) too small for f32; left out", triangles.too_small));
     }
     Printer::default().print(&warnings, true);
-    let eye = speed::eye(&scene, From::named(&arguments.from).unwrap_or_default(), arguments.size)?;
-    drop(scene);
-    let timed = pool(Some(arguments.threads))?;
-    let rows = watched(None, "timing", interrupted, |watch| {
-        let questions = Questions::new(&triangles.mesh, &eye);
-        let settings = Settings { runs: arguments.runs, pool: &timed };
-        measure(&contenders, &triangles.mesh, &questions, &settings, watch)
-    })?;
-    print(&as_text(&rows, &absent, arguments))
+    if triangles.mesh.triangles.is_empty() {
+        let hint = "`kiln info` says what the files hold; without INPUT a mesh is made";
+        return Err(Error::usage("there is no triangle to cast rays at", hint));
+    }
+    let eye = speed::eye(&scene, from, arguments.size)?;
+    Ok((triangles.mesh, eye))
 }
 
-type Chosen = (Vec<Box<dyn speed::Contender>>, Vec<Absent>);
+pub type Chosen = (Vec<Box<dyn speed::Contender>>, Vec<Absent>);
 
 /// The contenders that are asked for: `kiln`, or `kiln/bvh2/exact` for those of that layout and tier.
-fn chosen(asked: &[String], threads: usize) -> Result<Chosen> {
+pub fn chosen(asked: &[String], threads: usize) -> Result<Chosen> {
     let (mut present, mut absent) = contenders(threads);
     if asked.is_empty() {
         return Ok((present, absent));
@@ -86,62 +143,4 @@ fn is_meant(label: &speed::Label, name: &str) -> bool {
     let mut parts = name.split('/');
     let known = [Some(label.layout), label.tier, label.preset];
     parts.next() == Some(label.engine) && parts.all(|part| known.contains(&Some(part)))
-}
-
-fn as_text(rows: &[Row], absent: &[Absent], arguments: &Arguments) -> String {
-    let titles = ["engine", "layout", "tier", "preset", "build ms", "B/tri"];
-    let kinds = Kind::ALL.map(Kind::name);
-    let titles = titles.into_iter().chain(kinds).chain(["wrong"]);
-    let mut lines = vec![titles.map(str::to_owned).collect::<Vec<_>>()];
-    for row in rows {
-        let label = &row.label;
-        let rate = |rate: &Option<Spread>| rate.map_or("-".into(), |spread| with_spread(&spread));
-        let bytes = row.facts.bytes.map(|bytes| bytes as f64 / row.triangles as f64);
-        let mut line: Vec<String> =
-            [label.engine, label.layout, label.tier.unwrap_or("-"), label.preset.unwrap_or("-")]
-                .map(str::to_owned)
-                .to_vec();
-        line.push(few(row.build_ms.median));
-        line.push(bytes.map_or("-".into(), few));
-        line.extend(row.mrays_per_s.iter().map(rate));
-        line.push(grouped(row.wrong.iter().sum()));
-        lines.push(line);
-    }
-    let mut text = String::new();
-    if let Some(row) = rows.first() {
-        let rays: Vec<String> = Kind::ALL
-            .iter()
-            .map(|&kind| format!("{} {}", grouped(row.rays[kind as usize] as u64), kind.name()))
-            .collect();
-        text += &format!(
-            "{} triangles; rays: {}.\nMillion rays a second on {} thread(s): medians of {} rounds, half the distance of the \
-             quartiles in per cent.\n\n",
-            grouped(row.triangles as u64),
-            rays.join(", "),
-            row.threads,
-            arguments.runs
-        );
-    }
-    text += &aligned(&lines, 4);
-    for Absent { name, reason, remedy } in absent {
-        text += &format!("\n{name}: not timed: {reason}; {remedy}");
-    }
-    if !absent.is_empty() {
-        text.push('\n');
-    }
-    text
-}
-
-/// With three digits.
-fn few(x: f64) -> String {
-    match x {
-        _ if x >= 99.95 => grouped(x.round() as u64),
-        _ if x >= 9.995 => format!("{x:.1}"),
-        _ => format!("{x:.2}"),
-    }
-}
-
-fn with_spread(spread: &Spread) -> String {
-    let half = (spread.upper - spread.lower) / 2.0 / spread.median * 100.0;
-    format!("{} ±{half:.0}%", few(spread.median))
 }
