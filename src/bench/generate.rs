@@ -13,7 +13,7 @@ pub enum Family {
     Sphere,
     /// Triangles anywhere in a cube, turned any way, that overlap.
     Soup,
-    /// A tube along a helix of many turns: triangles much longer than wide, along no axis.
+    /// A thin tube, wound on a spool: triangles much longer than wide, along no axis.
     Thin,
 }
 
@@ -116,18 +116,19 @@ fn soup(triangles: usize) -> Mesh {
 /// Sides of the tube.
 const SIDES: usize = 8;
 
-/// A tube of eight sides along a helix; its turns are ten radii of the tube apart, and it has as many as make its
-/// triangles twenty times as long as wide.
+/// A tube of eight sides, wound in a helix into a spool of radius 1 and height 2, its turns 2.5 of its diameters apart. Its
+/// radius is such that its triangles are twenty times as long as wide, however many there are: of 16 triangles a ring,
+/// n have the length `n / 16 * 20 * (2 * pi * radius / 8)`, which is that of `0.4 / radius` turns of length `2 * pi`.
 fn thin(triangles: usize) -> Mesh {
     let rings = (triangles / (2 * SIDES)).max(1);
-    let radius = 0.02;
-    let width = TAU * radius / SIDES as f64;
-    let turns = rings as f64 * 20.0 * width / TAU;
+    let radius = (0.4 * 8.0 / 20.0 / rings as f64).sqrt();
+    let turns = 0.4 / radius;
     let mut mesh = Mesh::default();
     for ring in 0..=rings {
-        let angle = turns * TAU * ring as f64 / rings as f64;
-        let out = DVec3::new(angle.cos(), 0.0, angle.sin());
-        let centre = out + DVec3::Y * (10.0 * radius * angle / TAU);
+        let along = ring as f64 / rings as f64;
+        let (sine, cosine) = (turns * TAU * along).sin_cos();
+        let out = DVec3::new(cosine, 0.0, sine);
+        let centre = out + DVec3::Y * (2.0 * along - 1.0);
         for side in 0..SIDES {
             let (across, up) = (TAU * side as f64 / SIDES as f64).sin_cos();
             mesh.positions.push((centre + radius * (up * out + across * DVec3::Y)).as_vec3());

@@ -44,11 +44,11 @@ pub struct Panel {
 /// Colours that can be told apart, also by those who see red and green alike (Okabe and Ito, Color Universal Design, 2008).
 const PALETTE: [RGBColor; 7] = [
     RGBColor(213, 94, 0),
-    RGBColor(0, 114, 178),
+    RGBColor(150, 130, 20),
     RGBColor(0, 158, 115),
     RGBColor(204, 121, 167),
     RGBColor(86, 180, 233),
-    RGBColor(150, 130, 20),
+    RGBColor(0, 114, 178),
     RGBColor(90, 90, 90),
 ];
 
@@ -85,7 +85,8 @@ fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
     let root = SVGBackend::with_string(svg, size).into_drawing_area();
     root.fill(&WHITE)?;
     let longest = bars.iter().map(|bar| bar.value.upper).fold(f64::MIN_POSITIVE, f64::max);
-    let rows = (0..bars.len().max(1)).into_segmented();
+    // plotters' segments go up to the last number and with it.
+    let rows = (0..bars.len().max(1) - 1).into_segmented();
     let mut chart = ChartBuilder::on(&root)
         .margin(8)
         .x_label_area_size(40)
@@ -105,6 +106,7 @@ fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
         .axis_style(INK)
         .x_labels(8)
         .y_labels(bars.len())
+        .x_label_formatter(&|x| plain(*x))
         .y_label_formatter(&label)
         .x_desc(unit)
         .label_style(text(13))

@@ -18,7 +18,7 @@ pub use measure::{Row, Settings, best, measure};
 pub use page::page;
 pub use rays::{BATCH, Eye, Kind, Questions};
 pub use scaling::{Step, plot as scaling_plot, scaling, sizes};
-pub use setting::{From, Triangles, eye, scene, triangles};
+pub use setting::{Triangles, Viewpoint, eye, scene, triangles};
 pub(super) use singly::singly;
 pub use truth::Truth;
 

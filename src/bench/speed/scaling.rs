@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use super::super::generate::Family;
 use super::super::plot::{Line, Panel, logarithmic};
 use super::super::{Spread, memory};
-use super::{Contender, From, Kind, Questions, Row, Settings, eye, measure, scene};
+use super::{Contender, Kind, Questions, Row, Settings, Viewpoint, eye, measure, scene};
 use crate::error::{Error, Result};
 use crate::render::Watch;
 
@@ -44,7 +44,7 @@ pub fn scaling(
         for &size in sizes {
             memory::forget_peak();
             let mesh = family.mesh(size);
-            let eye = eye(&scene(&mesh), From::Outside, pixels)?;
+            let eye = eye(&scene(&mesh), Viewpoint::Outside, pixels)?;
             let questions = Questions::new(&mesh, &eye);
             let inner = Watch { cancel: watch.cancel, progress: &|_, _| {} };
             let rows = measure(contenders, &mesh, &questions, settings, &inner)?;
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn sizes_are_powers_of_ten() {
-        assert_eq!(sizes(999), []);
+        assert!(sizes(999).is_empty());
         assert_eq!(sizes(10_000), [1000, 10_000]);
         assert_eq!(sizes(10_000_000).len(), 5);
     }

@@ -95,7 +95,7 @@ fn as_text(steps: &[Step], arguments: &Arguments) -> String {
         }
     }
     let mut text = format!(
-        "Generated meshes: a bumpy sphere, a soup, a long thin tube; {} thread(s), {} time, medians of {} rounds.\n\
+        "Generated meshes: a bumpy sphere, a soup of triangles, a long thin tube on a spool; {} thread(s), {} time, medians of {} rounds.\n\
          Build peak: memory that building took at once, with the structure itself; rays: million a second.\n\n{}",
         arguments.threads,
         Clock::name(usize::from(arguments.threads)),

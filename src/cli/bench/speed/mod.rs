@@ -11,7 +11,7 @@ use clap::Args;
 use super::super::{Printer, pool, print};
 use super::watched;
 use crate::bench::generate::Family;
-use crate::bench::speed::{self, Eye, From, Questions, Row, Settings, contenders, measure, page};
+use crate::bench::speed::{self, Eye, Questions, Row, Settings, Viewpoint, contenders, measure, page};
 use crate::bench::{Absent, Mesh};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
@@ -36,7 +36,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=8192))]
     size: u32,
     /// Where it is seen from: by the scene's camera or else from outside, from outside, or from its middle
-    #[arg(long, value_name = "PLACE", default_value = "scene", value_parser = From::NAMES)]
+    #[arg(long, value_name = "PLACE", default_value = "scene", value_parser = Viewpoint::NAMES)]
     from: String,
     /// Triangles of the bumpy sphere, about
     #[arg(long, value_name = "N", default_value_t = 1_000_000, conflicts_with = "inputs",
@@ -91,7 +91,7 @@ fn name(arguments: &Arguments) -> String {
 
 /// The triangles, and where they are seen from.
 fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
-    let from = From::named(&arguments.from).unwrap_or_default();
+    let from = Viewpoint::named(&arguments.from).unwrap_or_default();
     if arguments.inputs.is_empty() {
         let mesh = Family::Sphere.mesh(arguments.triangles as usize);
         let eye = speed::eye(&speed::scene(&mesh), from, arguments.size)?;
@@ -110,7 +110,8 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
     Printer::default().print(&warnings, true);
     if triangles.mesh.triangles.is_empty() {
         let hint = "`kiln info` says what the files hold; without INPUT a mesh is made";
-        return Err(Error::usage("there is no triangle to cast rays at", hint));
+        let what = "there is no triangle in it to cast rays at";
+        return Err(Error::input(arguments.inputs[0].as_path(), what, hint));
     }
     let eye = speed::eye(&scene, from, arguments.size)?;
     Ok((triangles.mesh, eye))
