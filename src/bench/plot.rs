@@ -1,6 +1,7 @@
 //! Plots as SVG, by plotters.
 
-use plotters::coord::ranged1d::SegmentValue;
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{AsRangedCoord, Ranged, SegmentValue, ValueFormatter};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -37,6 +38,8 @@ pub struct Panel {
     pub title: String,
     /// What stands beside the upright axis.
     pub unit: &'static str,
+    /// Whether the upright axis is linear from 0, and not logarithmic.
+    pub linear: bool,
     /// Its lines.
     pub lines: Vec<Line>,
 }
@@ -101,7 +104,7 @@ fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
     chart
         .configure_mesh()
         .disable_y_mesh()
-        .light_line_style(WHITE)
+        .max_light_lines(0)
         .bold_line_style(GRID)
         .axis_style(INK)
         .x_labels(8)
@@ -123,13 +126,10 @@ fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
         let spread = [(bar.value.lower, middle()), (bar.value.upper, middle())];
         chart.draw_series([PathElement::new(spread, INK.stroke_width(2))])?;
         let anchor = Pos::new(HPos::Left, VPos::Center);
-        let at = |shift: i32| {
-            EmptyElement::at((bar.value.upper, middle())) + Text::new(String::new(), (shift, 0), text(12))
-        };
         let number = Text::new(short(bar.value.median), (8, 0), text(12).pos(anchor));
         let style = text(12).color(&WARNING).pos(anchor);
         let warning = Text::new(bar.warning.clone(), (52, 0), style);
-        chart.draw_series([at(0) + number + warning])?;
+        chart.draw_series([EmptyElement::at((bar.value.upper, middle())) + number + warning])?;
     }
     root.present()
 }
@@ -144,11 +144,11 @@ pub fn short(x: f64) -> String {
     }
 }
 
-/// Panels side by side with logarithmic axes, the same along the bottom, and one legend.
+/// Panels side by side with one legend; the axis along the bottom is logarithmic.
 ///
 /// # Errors
 /// [`Error::Failed`] where plotters does.
-pub fn logarithmic(across: &str, panels: &[Panel]) -> Result<String> {
+pub fn panels(across: &str, panels: &[Panel]) -> Result<String> {
     let mut svg = String::new();
     draw_panels(&mut svg, across, panels).map_err(failed)?;
     Ok(svg)
@@ -173,49 +173,63 @@ fn draw_panels<'a>(svg: &'a mut String, across: &str, panels: &[Panel]) -> Drawn
     root.fill(&WHITE)?;
     let (plots, legend) = root.split_vertically(310);
     for (panel, area) in panels.iter().zip(plots.split_evenly((1, columns))) {
-        let points = || panel.lines.iter().flat_map(|line| line.points.iter());
-        let mut chart = ChartBuilder::on(&area)
-            .caption(&panel.title, text(15))
-            .margin(8)
-            .x_label_area_size(38)
-            .y_label_area_size(56)
-            .build_cartesian_2d(
-                decades(points().map(|point| point[0])).log_scale(),
-                decades(points().map(|point| point[1])).log_scale(),
-            )?;
-        chart
-            .configure_mesh()
-            .light_line_style(WHITE)
-            .bold_line_style(GRID)
-            .axis_style(INK)
-            .x_labels(6)
-            .y_labels(8)
-            .x_label_formatter(&|x| power_of_ten(*x))
-            .y_label_formatter(&|y| plain(*y))
-            .x_desc(across)
-            .y_desc(panel.unit)
-            .label_style(text(12))
-            .axis_desc_style(text(12))
-            .draw()?;
-        for line in &panel.lines {
-            let (points, colour) = (line.points.iter().map(|&[x, y]| (x, y)), colour(line.colour));
-            let style = colour.stroke_width(2);
-            if line.broken {
-                chart.draw_series(DashedLineSeries::new(points.clone(), 5, 4, style))?;
-            } else {
-                chart.draw_series(LineSeries::new(points.clone(), style))?;
-            }
-            chart.draw_series(points.map(|point| Circle::new(point, 3, colour.filled())))?;
+        let values = || panel.lines.iter().flat_map(|line| line.points.iter().map(|point| point[1]));
+        if panel.linear {
+            let top = values().fold(f64::MIN_POSITIVE, f64::max);
+            draw_panel(&area, across, panel, 0.0..1.1 * top)?;
+        } else {
+            draw_panel(&area, across, panel, decades(values()).log_scale())?;
         }
     }
     draw_legend(&legend, panels)?;
     root.present()
 }
 
-fn draw_legend<'a>(
-    area: &DrawingArea<SVGBackend<'a>, plotters::coord::Shift>,
-    panels: &[Panel],
-) -> Drawn<'a> {
+fn draw_panel<'a, Y>(
+    area: &DrawingArea<SVGBackend<'a>, Shift>,
+    across: &str,
+    panel: &Panel,
+    upright: Y,
+) -> Drawn<'a>
+where
+    Y: AsRangedCoord<Value = f64>,
+    Y::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
+{
+    let along = decades(panel.lines.iter().flat_map(|line| line.points.iter().map(|point| point[0])));
+    let mut chart = ChartBuilder::on(area)
+        .caption(&panel.title, text(15))
+        .margin(8)
+        .x_label_area_size(38)
+        .y_label_area_size(56)
+        .build_cartesian_2d(along.log_scale(), upright)?;
+    chart
+        .configure_mesh()
+        .max_light_lines(0)
+        .bold_line_style(GRID)
+        .axis_style(INK)
+        .x_labels(6)
+        .y_labels(8)
+        .x_label_formatter(&|x| power_of_ten(*x))
+        .y_label_formatter(&|y| plain(*y))
+        .x_desc(across)
+        .y_desc(panel.unit)
+        .label_style(text(12))
+        .axis_desc_style(text(12))
+        .draw()?;
+    for line in &panel.lines {
+        let (points, colour) = (line.points.iter().map(|&[x, y]| (x, y)), colour(line.colour));
+        let style = colour.stroke_width(2);
+        if line.broken {
+            chart.draw_series(DashedLineSeries::new(points.clone(), 5, 4, style))?;
+        } else {
+            chart.draw_series(LineSeries::new(points.clone(), style))?;
+        }
+        chart.draw_series(points.map(|point| Circle::new(point, 3, colour.filled())))?;
+    }
+    Ok(())
+}
+
+fn draw_legend<'a>(area: &DrawingArea<SVGBackend<'a>, Shift>, panels: &[Panel]) -> Drawn<'a> {
     let lines = panels.first().map_or(&[][..], |panel| &panel.lines);
     let (width, _) = area.dim_in_pixel();
     let step = width as i32 / lines.len().max(1) as i32;

@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use super::super::generate::Family;
-use super::super::plot::{Line, Panel, logarithmic};
+use super::super::plot::{Line, Panel, panels};
 use super::super::{Spread, memory};
 use super::{Contender, Kind, Questions, Row, Settings, Viewpoint, eye, measure, scene};
 use crate::error::{Error, Result};
@@ -58,6 +58,9 @@ pub fn scaling(
     Ok(steps)
 }
 
+/// What hardly changes with size, so that its axis is linear.
+const BYTES: &str = "bytes a triangle";
+
 /// The steps as a plot: a colour for each kind of mesh, and a kind of line for each engine.
 ///
 /// # Errors
@@ -67,20 +70,21 @@ pub fn plot(steps: &[Step]) -> Result<String> {
     let panel = |title: &str, unit, value: &dyn Fn(&Row) -> Option<f64>| Panel {
         title: title.to_owned(),
         unit,
+        linear: unit == BYTES,
         lines: lines(steps, value),
     };
-    let panels = [
+    let drawn = [
         panel("Building", "milliseconds", &|row| Some(row.build_ms.median)),
-        panel("Memory", "bytes a triangle", &Row::bytes_per_triangle),
+        panel("Memory", BYTES, &Row::bytes_per_triangle),
         panel("Primary rays", "million a second", &|row| median(row.mrays_per_s(Kind::Primary))),
         panel("Diffuse rays", "million a second", &|row| median(row.mrays_per_s(Kind::Diffuse))),
     ];
-    logarithmic("triangles", &panels)
+    panels("triangles", &drawn)
 }
 
 fn lines(steps: &[Step], value: &dyn Fn(&Row) -> Option<f64>) -> Vec<Line> {
     let mut lines = Vec::new();
-    for (colour, family) in Family::ALL.into_iter().enumerate() {
+    for (family, colour) in Family::ALL.into_iter().zip([0, 5, 2]) {
         let steps = || steps.iter().filter(|step| step.family == family);
         let count = steps().map(|step| step.rows.len()).min().unwrap_or(0);
         for place in 0..count {
