@@ -11,12 +11,14 @@ mod brute_force;
 mod build;
 mod instances;
 pub mod mix;
+mod quality;
 mod store;
 mod tree;
 mod wide;
 
 pub use build::Preset;
 pub use instances::{Instance, MeshSpace, can_be_instance};
+pub use quality::{Quality, Seen, quality};
 
 use brute_force::BruteForce;
 use instances::Instances;
@@ -89,7 +91,9 @@ impl Default for Structure {
 impl Structure {
     /// Every structure but brute force: every layout, built with every preset.
     pub fn trees() -> impl Iterator<Item = Structure> {
-        [Structure::Tree, Structure::Wide, Structure::Portable].into_iter().flat_map(|layout| Preset::ALL.map(layout))
+        [Structure::Tree, Structure::Wide, Structure::Portable]
+            .into_iter()
+            .flat_map(|layout| Preset::ALL.map(layout))
     }
 }
 
@@ -192,6 +196,9 @@ pub trait Accelerator: Send + Sync {
 
     /// What there is to say about the structure.
     fn describe(&self) -> Description;
+
+    /// How good its tree is; `None` where there is none. Looks at every node.
+    fn quality(&self) -> Option<Quality>;
 
     /// The closest hit of every ray, in order, appended to `hits`.
     fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {

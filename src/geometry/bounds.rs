@@ -24,6 +24,12 @@ impl Bounds {
         Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
+    /// Half of the surface's area.
+    pub fn half_area(&self) -> f32 {
+        let size = self.max - self.min;
+        size.x * size.y + size.y * size.z + size.z * size.x
+    }
+
     /// The last place of the largest coordinate.
     pub fn ulp(&self) -> f32 {
         let largest = self.min.abs().max(self.max.abs()).max_element();

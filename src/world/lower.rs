@@ -77,6 +77,13 @@ impl Attributes {
         Some(self.lowered.uvs.as_ref()?.of(self.in_mesh(triangle)))
     }
 
+    /// Whether there is nothing to interpolate.
+    pub fn are_none(&self) -> bool {
+        let Lowered { normals, uvs, colours } = &*self.lowered;
+        let placed = self.placed.as_ref().is_some_and(|placed| placed.mesh.normals.is_some());
+        normals.is_none() && uvs.is_none() && colours.is_none() && !placed
+    }
+
     /// The colours at a triangle's corners.
     #[inline]
     pub fn colours(&self, triangle: u32) -> Option<[Vec3; 3]> {

@@ -17,7 +17,7 @@ use glam::{DMat3, Vec3A};
 use obvhs::bvh2::node::Bvh2Node;
 
 use super::build::{Preset, build_nodes};
-use super::{Accelerator, Description, Primitive, Slot, Traversal};
+use super::{Accelerator, Description, Primitive, Quality, Slot, Traversal};
 use crate::geometry::{
     Bounds, BoxTest, Corner, Hit, Numerics, PrimId, Ray, SlotId, Stored, Tier, Triangle, prune_distance,
 };
@@ -266,6 +266,11 @@ impl<T: Tier> Accelerator for Instances<T> {
 
     fn numerics(&self) -> Numerics {
         T::NUMERICS
+    }
+
+    fn quality(&self) -> Option<Quality> {
+        // Two levels and a structure beside them have no area in common to measure by.
+        None
     }
 
     fn describe(&self) -> Description {

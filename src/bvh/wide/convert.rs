@@ -21,13 +21,20 @@ struct Below {
 const MOST_IN_LEAF: u32 = LANES as u32;
 
 /// Converts a binary tree whose leaves refer to `slots` by `of_slot[tree.primitive_indices[i]]`.
-pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], order: &[u32], simd: bool) -> Wide<T> {
+pub fn convert<T: Tier>(
+    tree: &Bvh2,
+    of_slot: &[u32],
+    slots: &[StoredSlot<T>],
+    order: &[u32],
+    simd: bool,
+) -> Wide<T> {
     let mut wide = Wide { nodes: Vec::new(), groups: Vec::new(), spheres: Vec::new(), depth: 0, simd };
     if tree.nodes.is_empty() {
         return wide;
     }
     let slot_of = |place: u32| of_slot[tree.primitive_indices[place as usize] as usize];
-    let below = count(tree, order, |place| matches!(slots[slot_of(place) as usize].primitive, Stored::Sphere(_)));
+    let below =
+        count(tree, order, |place| matches!(slots[slot_of(place) as usize].primitive, Stored::Sphere(_)));
     let is_leaf = |node: u32| {
         let Below { count, pure } = below[node as usize];
         tree.nodes[node as usize].is_leaf() || (pure && count <= MOST_IN_LEAF)
@@ -47,7 +54,9 @@ pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], o
         while len < WIDTH {
             let area = |node: u32| tree.nodes[node as usize].aabb().half_area();
             let inner = (0..len).filter(|&i| !is_leaf(children[i]));
-            let Some(largest) = inner.max_by(|&i, &j| area(children[i]).total_cmp(&area(children[j]))) else { break };
+            let Some(largest) = inner.max_by(|&i, &j| area(children[i]).total_cmp(&area(children[j]))) else {
+                break;
+            };
             let first = tree.nodes[children[largest] as usize].first_index;
             children[largest] = first;
             children[len] = first + 1;
@@ -126,7 +135,8 @@ fn count(tree: &Bvh2, order: &[u32], is_sphere: impl Fn(u32) -> bool) -> Vec<Bel
             Kinds { triangles: a.triangles + b.triangles, spheres: a.spheres + b.spheres }
         };
     }
-    let below = |k: &Kinds| Below { count: k.triangles + k.spheres, pure: k.triangles == 0 || k.spheres == 0 };
+    let below =
+        |k: &Kinds| Below { count: k.triangles + k.spheres, pure: k.triangles == 0 || k.spheres == 0 };
     kinds.iter().map(below).collect()
 }
 
