@@ -8,6 +8,7 @@ mod convert;
 mod frustum;
 mod node;
 mod packet;
+mod seen;
 mod stream;
 
 pub use convert::convert;
@@ -415,7 +416,7 @@ impl<T: Tier> Accelerator for Wide<T> {
             let first = hits.len();
             hits.resize(first + rays.len(), None);
             let of_packet = &mut hits[first..];
-            if rays.len() >= FEWEST && self.packet_closest(rays, of_packet, traversal) {
+            if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_closest(rays, of_packet, traversal) {
                 continue;
             }
             if self.stream_closest(rays, of_packet, traversal) {
@@ -432,7 +433,7 @@ impl<T: Tier> Accelerator for Wide<T> {
             let first = occluded.len();
             occluded.resize(first + rays.len(), false);
             let of_packet = &mut occluded[first..];
-            if rays.len() >= FEWEST && self.packet_occluded(rays, of_packet, traversal) {
+            if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_occluded(rays, of_packet, traversal) {
                 continue;
             }
             if self.stream_occluded(rays, of_packet, traversal) {
