@@ -199,9 +199,7 @@ fn c8_triangles_cut_to_pieces_are_whole() {
 
 /// How many slots the preset that cuts most makes of so many primitives.
 fn pieces(slots: &[Slot]) -> usize {
-    build(slots.iter().copied(), Structure::Tree(Preset::BestTrace), Numerics::Watertight)
-        .describe()
-        .slots
+    build(slots.iter().copied(), Structure::Tree(Preset::BestTrace), Numerics::Watertight).describe().slots
 }
 
 /// Set-up: large triangles of whole numbers among small ones, and rays that run in their planes, through them and past them;

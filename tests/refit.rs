@@ -56,7 +56,7 @@ fn rays(primitives: &[Primitive], numerics: Numerics, numbers: &mut Numbers) -> 
         let direction = (target - origin).try_normalize().unwrap_or(DVec3::Z);
         numerics.precision().ray(origin, direction, 0.0, f64::INFINITY)
     };
-    (0..600).map(&mut one).collect()
+    (0..if primitives.is_empty() { 0 } else { 600 }).map(&mut one).collect()
 }
 
 /// A hit without its place, which differs from one structure to another.
@@ -108,7 +108,7 @@ fn all_degenerate_at_once_is_nothing_to_hit() {
     let first = crowd(100, &mut numbers);
     let mut structure = build(slots(&first, Numerics::Exact), Structure::default(), Numerics::Exact);
     let nothing = Primitive::Triangle(Triangle([DVec3::ZERO; 3]));
-    assert_eq!(structure.refit(&|_| nothing), Some(0.0).map(|_: f64| 1.0));
+    assert_eq!(structure.refit(&|_| nothing), Some(1.0));
     for ray in rays(&first, Numerics::Exact, &mut numbers) {
         assert_eq!(structure.closest_hit(&ray, &mut Traversal::default()), None);
     }
@@ -148,7 +148,9 @@ fn an_update_refits_what_it_can_and_builds_what_it_must() {
     };
     // A step aside changes nothing but the numbers.
     let step = |p: &Primitive| match *p {
-        Primitive::Triangle(Triangle(corners)) => Primitive::Triangle(Triangle(corners.map(|c| c + DVec3::X))),
+        Primitive::Triangle(Triangle(corners)) => {
+            Primitive::Triangle(Triangle(corners.map(|c| c + DVec3::X)))
+        }
         Primitive::Sphere(s) => Primitive::Sphere(Sphere { centre: s.centre + DVec3::X, ..s }),
     };
     let aside: Vec<Primitive> = first.iter().map(step).collect();
@@ -189,7 +191,9 @@ fn what_is_not_finite_is_an_error_and_changes_nothing() {
     }
     let down = bvh.ray([0.0, 1.0, 0.25], [0.0, -1.0, 0.0]).expect("finite");
     assert!(bvh.occluded(&down, &mut Traversal::default()));
-    for (origin, direction) in [([f64::NAN; 3], [1.0; 3]), ([0.0; 3], [0.0; 3]), ([0.0; 3], [1e-60; 3]), ([0.0; 3], [1e39; 3])] {
+    for (origin, direction) in
+        [([f64::NAN; 3], [1.0; 3]), ([0.0; 3], [0.0; 3]), ([0.0; 3], [1e-60; 3]), ([0.0; 3], [1e39; 3])]
+    {
         assert_eq!(bvh.ray(origin, direction), Err(NotFinite::Ray));
     }
 }

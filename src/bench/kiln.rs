@@ -115,7 +115,9 @@ impl Contender for Kiln {
     fn label(&self) -> Label {
         let preset = match self.structure {
             Structure::BruteForce => None,
-            Structure::Tree(preset) | Structure::Wide(preset) | Structure::Portable(preset) => Some(preset.name()),
+            Structure::Tree(preset) | Structure::Wide(preset) | Structure::Portable(preset) => {
+                Some(preset.name())
+            }
         };
         Label {
             engine: self.name(),

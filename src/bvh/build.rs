@@ -11,11 +11,11 @@ use obvhs::ploc::PlocBuilder;
 use obvhs::splits::split_aabbs_preset;
 use rayon::prelude::*;
 
-use super::{Preset, Primitive};
 use super::mix::{GOLDEN, mix};
 use super::store::StoredSlot;
 use super::tree::Tree;
 use super::wide::{Wide, convert};
+use super::{Preset, Primitive};
 use crate::geometry::{Bounds, Tier};
 
 /// Where triangles are split, obvhs's halves are measured to leave gaps of up to 9.7 ulp at the cut.
@@ -74,8 +74,7 @@ pub(super) const LEAST_SHARE: usize = 4096;
 
 fn binary<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Binary {
     let parameters = preset.parameters();
-    let whole: Vec<Bounds> =
-        slots.par_iter().with_min_len(LEAST_SHARE).map(StoredSlot::bounds).collect();
+    let whole: Vec<Bounds> = slots.par_iter().with_min_len(LEAST_SHARE).map(StoredSlot::bounds).collect();
     let Boxes { boxes, of_slot } = if parameters.pre_split && T::IS_TIGHT {
         split_large_triangles(slots, &whole)
     } else {

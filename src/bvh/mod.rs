@@ -21,7 +21,8 @@ use brute_force::BruteForce;
 use store::StoredSlot;
 
 use crate::geometry::{
-    Bounds, Double, Exact, Fast, Hit, Numerics, Precision, PrimId, Ray, SlotId, Sphere, Tier, Triangle, Watertight,
+    Bounds, Double, Exact, Fast, Hit, Numerics, Precision, PrimId, Ray, SlotId, Sphere, Tier, Triangle,
+    Watertight,
 };
 
 /// The geometry of one primitive.
@@ -89,7 +90,9 @@ impl Default for Structure {
 impl Structure {
     /// Every structure but brute force: every layout, built with every preset.
     pub fn trees() -> impl Iterator<Item = Structure> {
-        [Structure::Tree, Structure::Wide, Structure::Portable].into_iter().flat_map(|layout| Preset::ALL.map(layout))
+        [Structure::Tree, Structure::Wide, Structure::Portable]
+            .into_iter()
+            .flat_map(|layout| Preset::ALL.map(layout))
     }
 }
 

@@ -34,6 +34,8 @@ impl Preset {
         Preset::ALL.into_iter().find(|preset| preset.name() == name)
     }
 
+    /// As measured with trees of eight. Sorting by 128 bits changed no count of tests; searching wider than 14, a second
+    /// reinsertion, or a ratio above 0.02 for the default, brought less than 3 % of them.
     pub(super) fn parameters(self) -> BvhBuildParams {
         let common = BvhBuildParams {
             pre_split: false,
@@ -45,19 +47,12 @@ impl Preset {
             max_prims_per_leaf: 8,
             collapse_traversal_cost: 3.0,
         };
-        if let Ok(text) = std::env::var("KB") {
-            let v: Vec<f32> = text.split(',').map(|x| x.parse().unwrap()).collect();
-            return BvhBuildParams {
-                pre_split: v[0] > 0.0,
-                ploc_search_distance: PlocSearchDistance::from(v[1] as u32),
-                search_depth_threshold: v[2] as usize,
-                reinsertion_batch_ratio: v[3],
-                sort_precision: if v[4] > 64.0 { SortPrecision::U128 } else { SortPrecision::U64 },
-                ..common
-            };
-        }
         match self {
-            Preset::FastBuild => common,
+            Preset::FastBuild => BvhBuildParams {
+                ploc_search_distance: PlocSearchDistance::VeryLow,
+                reinsertion_batch_ratio: 0.01,
+                ..common
+            },
             Preset::Balanced => BvhBuildParams {
                 ploc_search_distance: PlocSearchDistance::Low,
                 search_depth_threshold: 2,
@@ -71,7 +66,6 @@ impl Preset {
                 search_depth_threshold: 1,
                 reinsertion_batch_ratio: 1.0,
                 post_collapse_reinsertion_batch_ratio_multiplier: 1.0,
-                sort_precision: SortPrecision::U128,
                 ..common
             },
         }

@@ -81,7 +81,8 @@ impl Bvh {
     }
 
     fn over(primitives: &[Option<Primitive>], structure: Structure, numerics: Numerics) -> Self {
-        let slots = (0..).zip(primitives).filter_map(|(id, p)| Some(Slot { primitive: (*p)?, id: PrimId(id) }));
+        let slots =
+            (0..).zip(primitives).filter_map(|(id, p)| Some(Slot { primitive: (*p)?, id: PrimId(id) }));
         let held = primitives.iter().map(Option::is_some).collect();
         Bvh { accelerator: build(slots, structure, numerics), structure, numerics, held }
     }
@@ -133,7 +134,8 @@ impl Bvh {
     pub fn update(&mut self, primitives: impl IntoIterator<Item = Primitive>) -> Result<Update, NotFinite> {
         let now = checked(primitives, self.numerics)?;
         // A triangle that could not be held before has no place in the tree.
-        let is_same = self.held.len() == now.len() && self.held.iter().zip(&now).all(|(held, p)| *held || p.is_none());
+        let is_same =
+            self.held.len() == now.len() && self.held.iter().zip(&now).all(|(held, p)| *held || p.is_none());
         if is_same {
             // What cannot be held is told as a triangle or a sphere of no size is: by nothing.
             let nothing = Primitive::Triangle(Triangle([DVec3::ZERO; 3]));

@@ -22,14 +22,23 @@ const NONE: u32 = u32::MAX;
 /// Which node holds what is settled in one pass over the tree; the triangles themselves follow in parallel. Neither depends
 /// on the number of threads.
 pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], simd: bool) -> Wide<T> {
-    let mut wide =
-        Wide { nodes: Vec::new(), groups: Vec::new(), spheres: Vec::new(), depth: 0, simd, cost_at_build: None };
+    let mut wide = Wide {
+        nodes: Vec::new(),
+        groups: Vec::new(),
+        spheres: Vec::new(),
+        depth: 0,
+        simd,
+        cost_at_build: None,
+    };
     if tree.nodes.is_empty() {
         return wide;
     }
-    let slot_of = |node: u32| of_slot[tree.primitive_indices[tree.nodes[node as usize].first_index as usize] as usize];
-    let is_sphere = |node: u32| matches!(slots[slot_of(node) as usize].primitive, Stored::Sphere(_));
-    let below = below(tree, is_sphere);
+    let slot_of =
+        |node: u32| of_slot[tree.primitive_indices[tree.nodes[node as usize].first_index as usize] as usize];
+    // Apart from the slots, which are large: nodes refer to them in no order.
+    let spheres: Vec<bool> = slots.iter().map(|slot| matches!(slot.primitive, Stored::Sphere(_))).collect();
+    let is_sphere = |node: u32| spheres[slot_of(node) as usize];
+    let below = if spheres.contains(&true) { below(tree, is_sphere) } else { below(tree, |_| false) };
     let is_leaf = |node: u32| below[node as usize] != MANY;
     // As measured on meshes; there is always room for more.
     wide.nodes.reserve(tree.nodes.len() / 10);
@@ -56,16 +65,19 @@ pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], s
                 Child::leaf(groups.len() - 1, 1, false)
             } else {
                 let first = wide.spheres.len();
-                wide.spheres.extend(members[..count].iter().filter_map(|&slot| match slots[slot as usize].primitive {
-                    Stored::Sphere(sphere) => Some((sphere, slots[slot as usize].id)),
-                    Stored::Triangle(_) => None,
+                wide.spheres.extend(members[..count].iter().filter_map(|&slot| {
+                    match slots[slot as usize].primitive {
+                        Stored::Sphere(sphere) => Some((sphere, slots[slot as usize].id)),
+                        Stored::Triangle(_) => None,
+                    }
                 }));
                 Child::leaf(first, count, true)
             };
             wide.nodes[place].set(i, b, leaf);
         }
     }
-    wide.groups = groups.par_iter().with_min_len(LEAST_SHARE).map(|members| Group::new(members, slots)).collect();
+    wide.groups =
+        groups.par_iter().with_min_len(LEAST_SHARE).map(|members| Group::new(members, slots)).collect();
     wide
 }
 

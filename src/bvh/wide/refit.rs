@@ -37,7 +37,8 @@ impl<T: Tier> Wide<T> {
             }
             whole
         };
-        let groups: Vec<Around> = self.groups.par_iter_mut().with_min_len(LEAST_SHARE).map(of_group).collect();
+        let groups: Vec<Around> =
+            self.groups.par_iter_mut().with_min_len(LEAST_SHARE).map(of_group).collect();
         let mut spheres = vec![Around::NONE; self.spheres.len()];
         for ((sphere, id), whole) in self.spheres.iter_mut().zip(&mut spheres) {
             match now(*id) {
@@ -53,11 +54,15 @@ impl<T: Tier> Wide<T> {
         for index in (0..self.nodes.len()).rev() {
             for place in 0..WIDTH {
                 let union = |boxes: &[Around], range: std::ops::Range<u32>| {
-                    boxes[range.start as usize..range.end as usize].iter().fold(Around::NONE, |a, b| a.union(b))
+                    boxes[range.start as usize..range.end as usize]
+                        .iter()
+                        .fold(Around::NONE, |a, b| a.union(b))
                 };
                 let b = match self.nodes[index].children[place].content() {
                     // Places that hold nothing refer to a node that there is not.
-                    Content::Node(child) => self.nodes.get(child as usize).map_or(Around::NONE, Around::around),
+                    Content::Node(child) => {
+                        self.nodes.get(child as usize).map_or(Around::NONE, Around::around)
+                    }
                     Content::Groups(range) => union(&groups, range),
                     Content::Spheres(range) => union(&spheres, range),
                 };
@@ -70,7 +75,7 @@ impl<T: Tier> Wide<T> {
         }
         let after = self.cost();
         // Where nothing has any area all trees are as good.
-        Some(if before > 0.0 && after.is_finite() { after / before } else { 1.0 })
+        Some(if before > 0.0 && after > 0.0 { after / before } else { 1.0 })
     }
 
     /// How many nodes and leaves a line through the whole meets on average (the surface area heuristic, MacDonald and Booth
@@ -88,7 +93,8 @@ impl<T: Tier> Wide<T> {
             glam::Vec3::from_array([0, 1, 2].map(|axis: usize| node.planes[axis][side][place]))
         };
         // What is inside out has no area.
-        let of_place = |node: &Node, place| area(Bounds { min: side(node, place, 0), max: side(node, place, 1) });
+        let of_place =
+            |node: &Node, place| area(Bounds { min: side(node, place, 0), max: side(node, place, 1) });
         let of_node = |node: &Node| (0..WIDTH).map(|place| of_place(node, place)).sum::<f64>();
         1.0 + self.nodes.iter().map(of_node).sum::<f64>() / whole
     }
@@ -99,8 +105,7 @@ impl<T: Tier> Wide<T> {
 struct Around(Bounds);
 
 impl Around {
-    const NONE: Self =
-        Around(Bounds { min: glam::Vec3::INFINITY, max: glam::Vec3::NEG_INFINITY });
+    const NONE: Self = Around(Bounds { min: glam::Vec3::INFINITY, max: glam::Vec3::NEG_INFINITY });
 
     fn add(&mut self, b: Bounds) {
         self.0 = self.0.union(b);
