@@ -8,7 +8,7 @@ mod common;
 use common::borders::{CUBE, Folder, Model, TIGHT, camera, films, scene, sound};
 use common::picture::{bits, equip, prepare};
 use glam::DVec3;
-use kiln::bvh::{Preset, Structure, Traversal};
+use kiln::bvh::{Structure, Traversal};
 use kiln::film::ColourPipeline;
 use kiln::scene::{Numerics, Projection, Scene};
 use kiln::world::World;

@@ -13,7 +13,7 @@ use std::sync::atomic::AtomicBool;
 use common::borders::{Folder, camera, scene, sound, tiers};
 use common::picture::{bits, prepare};
 use glam::DVec3;
-use kiln::bvh::{Preset, Structure};
+use kiln::bvh::Structure;
 use kiln::effects::{Choices, Plan};
 use kiln::film::Window;
 use kiln::render::{Watch, render};

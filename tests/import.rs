@@ -72,6 +72,7 @@ fn fixture(name: &str) -> (Scene, Vec<String>) {
 fn mesh(scene: &Scene, object: usize) -> &Mesh {
     match &scene.objects[object].shape {
         Shape::Mesh(mesh) => mesh,
+        Shape::Placed(placed) => &placed.mesh,
         Shape::Sphere { .. } => panic!("object {object} is a sphere"),
     }
 }

@@ -32,7 +32,10 @@ fn slots(scale: f64, offset: DVec3) -> Vec<Slot> {
         triangles.into_iter().map(|t| Primitive::Triangle(Triangle(t.map(single)))).collect();
     for i in 0..6 {
         let centre = single(numbers.vector() * 4.0 + 4.0);
-        primitives.push(Primitive::Sphere(Sphere { centre, radius: f64::from((0.2 * scale * f64::from(i + 1)) as f32) }));
+        primitives.push(Primitive::Sphere(Sphere {
+            centre,
+            radius: f64::from((0.2 * scale * f64::from(i + 1)) as f32),
+        }));
     }
     let degenerate = |p: &Primitive| matches!(p, Primitive::Triangle(t) if t.is_degenerate());
     primitives.retain(|p| !degenerate(p));
@@ -96,7 +99,12 @@ fn to_lamp(hits: &[(Ray, Hit)], lamp: DVec3, precision: Precision) -> Vec<Ray> {
     let to_lamp = |(ray, hit): &(Ray, Hit)| {
         let origin = precision.ray(ray.at(hit.t * (1.0 - 1e-6)), DVec3::X, 0.0, 1.0).origin;
         let way = lamp - origin;
-        precision.ray(origin, way.normalize_or(DVec3::Y), 0.0, way.length() * (1.0 - 4.0 * precision.epsilon()))
+        precision.ray(
+            origin,
+            way.normalize_or(DVec3::Y),
+            0.0,
+            way.length() * (1.0 - 4.0 * precision.epsilon()),
+        )
     };
     hits.iter().map(to_lamp).collect()
 }

@@ -95,6 +95,11 @@ pub fn contenders() -> Vec<Box<dyn Contender>> {
     tiers.into_iter().chain(presets).map(|kiln| Box::new(kiln) as Box<dyn Contender>).collect()
 }
 
+/// What renders where nothing else is asked for.
+pub fn default_contender() -> Box<dyn Contender> {
+    Box::new(Kiln { structure: Structure::default(), numerics: Numerics::default() })
+}
+
 /// The widest instructions that a structure's traversal uses.
 fn isa(_: Structure) -> &'static str {
     compiled_isa()
@@ -135,8 +140,13 @@ impl Contender for Kiln {
 
 impl Ready for BuiltKiln {
     fn facts(&self) -> Facts {
-        let description = self.0.describe();
-        Facts { nodes: Some(description.nodes as u64), bytes: Some(description.bytes as u64) }
+        let (description, quality) = (self.0.describe(), self.0.quality());
+        Facts {
+            nodes: Some(description.nodes as u64),
+            depth: quality.map(|quality| quality.depth),
+            sah_cost: quality.map(|quality| quality.sah_cost),
+            bytes: Some(description.bytes as u64),
+        }
     }
 
     fn queue<'a>(&'a self, kind: speed::Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {

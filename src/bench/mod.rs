@@ -7,14 +7,22 @@
 //! - [`speed`]: how fast rays are answered, and how many answers are wrong.
 //! - [`tiers`]: what each of kiln's tiers of numerics costs, and what it gets wrong.
 
+#[cfg(feature = "peers")]
+mod bvh_crate;
+mod clock;
 // The peers that are not written in Rust are called as C and C++ are; `unsafe_code` is denied everywhere else.
 #[allow(unsafe_code)]
 mod embree;
+pub mod generate;
 mod icosphere;
 mod kiln;
 pub mod leaks;
+pub mod memory;
 mod numbers;
 mod obvhs;
+#[cfg(feature = "peers")]
+mod parry;
+mod plot;
 mod rays;
 pub mod speed;
 mod spread;
@@ -23,6 +31,7 @@ pub mod tiers;
 #[allow(unsafe_code)]
 mod tinybvh;
 
+pub use clock::Clock;
 pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
 pub use numbers::Numbers;
 pub use rays::{Kind, ray};
@@ -102,12 +111,17 @@ pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Absent>) {
     #[cfg(all(feature = "tinybvh", target_feature = "avx2"))]
     present.extend(tinybvh::engines());
     #[cfg(not(all(feature = "tinybvh", target_feature = "avx2")))]
-    absent.push(Absent {
+    absent.push(no_tinybvh());
+    (present, absent)
+}
+
+#[cfg(not(all(feature = "tinybvh", target_feature = "avx2")))]
+fn no_tinybvh() -> Absent {
+    Absent {
         name: "tinybvh",
         reason: "kiln was built without it".into(),
         remedy: "build with RUSTFLAGS=\"-C target-feature=+avx2\" and --features tinybvh",
-    });
-    (present, absent)
+    }
 }
 
 /// Whether a primitive is among those that are hit nearest, given every true hit of a ray.

@@ -8,12 +8,15 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2_from_tris;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh_from_tris;
-use obvhs::ray::Ray;
+use obvhs::ray::{INVALID_ID, Ray, RayHit};
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
-use super::{Built, Engine, Mesh};
+use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
+use super::{Built, Engine, Mesh, kiln};
+use crate::bvh::{Seen, quality};
 use crate::error::Result;
+use crate::geometry;
 
 /// One of its layouts.
 enum Layout {
@@ -39,29 +42,7 @@ impl Engine for Layout {
     }
 
     fn build(&self, mesh: &Mesh) -> Result<Box<dyn Built>> {
-        let triangles: Vec<Triangle> = (0..mesh.triangles.len() as u32)
-            .map(|id| {
-                let [v0, v1, v2] = mesh.corners(id).map(Vec3A::from);
-                Triangle { v0, v1, v2 }
-            })
-            .collect();
-        let mut time = Duration::ZERO;
-        let parameters = BvhBuildParams::medium_build();
-        let (tree, order) = match self {
-            Layout::Bvh2 => {
-                let tree = build_bvh2_from_tris(&triangles, parameters, &mut time);
-                let order = tree.primitive_indices.clone();
-                (Tree::Bvh2(tree), order)
-            }
-            Layout::CwBvh => {
-                let tree = build_cwbvh_from_tris(&triangles, parameters, &mut time);
-                let order = tree.primitive_indices.clone();
-                (Tree::CwBvh(tree), order)
-            }
-        };
-        // In the order of the leaves, as obvhs advises.
-        let slots = order.into_iter().map(|id| (RtTriangle::from(&triangles[id as usize]), id)).collect();
-        Ok(Box::new(BuiltObvhs { tree, slots }))
+        Ok(Box::new(BuiltObvhs::new(self, mesh)))
     }
 }
 
@@ -72,21 +53,121 @@ enum Tree {
 
 struct BuiltObvhs {
     tree: Tree,
-    slots: Vec<(RtTriangle, u32)>,
+    /// In the order of the leaves, as obvhs advises.
+    triangles: Vec<RtTriangle>,
+}
+
+impl BuiltObvhs {
+    fn new(layout: &Layout, mesh: &Mesh) -> Self {
+        let triangles: Vec<Triangle> = (0..mesh.triangles.len() as u32)
+            .map(|id| {
+                let [v0, v1, v2] = mesh.corners(id).map(Vec3A::from);
+                Triangle { v0, v1, v2 }
+            })
+            .collect();
+        let mut time = Duration::ZERO;
+        let parameters = BvhBuildParams::medium_build();
+        let tree = match layout {
+            Layout::Bvh2 => Tree::Bvh2(build_bvh2_from_tris(&triangles, parameters, &mut time)),
+            Layout::CwBvh => Tree::CwBvh(build_cwbvh_from_tris(&triangles, parameters, &mut time)),
+        };
+        let order = tree.order().iter().map(|&id| RtTriangle::from(&triangles[id as usize])).collect();
+        BuiltObvhs { tree, triangles: order }
+    }
+
+    fn closest(&self, ray: Ray) -> Option<u32> {
+        let mut hit = RayHit::none();
+        let test = |ray: &Ray, slot: usize| self.triangles[slot].intersect(ray);
+        match &self.tree {
+            Tree::Bvh2(tree) => tree.ray_traverse(ray, &mut hit, test),
+            Tree::CwBvh(tree) => tree.ray_traverse(ray, &mut hit, test),
+        };
+        (hit.primitive_id != INVALID_ID).then(|| self.tree.order()[hit.primitive_id as usize])
+    }
+
+    fn is_occluded(&self, ray: Ray) -> bool {
+        let test = |ray: &Ray, slot: usize| self.triangles[slot].intersect(ray);
+        !match &self.tree {
+            Tree::Bvh2(tree) => tree.ray_traverse_miss(ray, test),
+            Tree::CwBvh(tree) => tree.ray_traverse_miss(ray, test),
+        }
+    }
+}
+
+impl Tree {
+    /// The triangle in each place of the leaves.
+    fn order(&self) -> &[u32] {
+        match self {
+            Tree::Bvh2(tree) => &tree.primitive_indices,
+            Tree::CwBvh(tree) => &tree.primitive_indices,
+        }
+    }
 }
 
 impl Built for BuiltObvhs {
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
         let ray = Ray::new_inf(origin.as_vec3a(), direction.as_vec3a());
         let test = |ray: &Ray, slot: usize| {
-            let (triangle, id) = &self.slots[slot];
-            if triangle.intersect(ray) < f32::INFINITY {
-                found.push(*id);
+            if self.triangles[slot].intersect(ray) < f32::INFINITY {
+                found.push(self.tree.order()[slot]);
             }
         };
         match &self.tree {
             Tree::Bvh2(tree) => tree.ray_traverse_anyhit(ray, test),
             Tree::CwBvh(tree) => tree.ray_traverse_anyhit(ray, test),
         }
+    }
+}
+
+/// Every layout.
+pub fn contenders() -> Vec<Box<dyn Contender>> {
+    vec![Box::new(Layout::Bvh2), Box::new(Layout::CwBvh)]
+}
+
+impl Contender for Layout {
+    fn label(&self) -> Label {
+        let (layout, isa) = (self.layout(), kiln::compiled_isa());
+        Label { engine: "obvhs", layout, tier: None, preset: Some("medium-build"), isa }
+    }
+
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+        Ok(Box::new(BuiltObvhs::new(self, mesh)))
+    }
+}
+
+impl Ready for BuiltObvhs {
+    fn facts(&self) -> Facts {
+        let (nodes, node_bytes, quality) = match &self.tree {
+            Tree::Bvh2(tree) => {
+                let quality = quality(0, |index, children| {
+                    let node = &tree.nodes[index];
+                    if !node.is_leaf() {
+                        children.extend([node.first_index as usize, node.first_index as usize + 1]);
+                    }
+                    Seen { area: f64::from(node.aabb().half_area()), primitives: node.prim_count as usize }
+                });
+                (tree.nodes.len(), size_of_val(&tree.nodes[..]), Some(quality))
+            }
+            Tree::CwBvh(tree) => (tree.nodes.len(), size_of_val(&tree.nodes[..]), None),
+        };
+        let bytes = node_bytes + size_of_val(self.tree.order()) + size_of_val(&self.triangles[..]);
+        Facts {
+            nodes: Some(nodes as u64),
+            depth: quality.map(|quality| quality.depth),
+            sah_cost: quality.map(|quality| quality.sah_cost),
+            bytes: Some(bytes as u64),
+        }
+    }
+
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [geometry::Ray]) -> Box<dyn Queue + 'a> {
+        let own = |ray: &geometry::Ray| {
+            let [near, far] = [ray.t_min, ray.t_max].map(|t| t as f32);
+            Ray::new(ray.origin.as_vec3a(), ray.direction.as_vec3a(), near, far)
+        };
+        let rays = rays.iter().map(own);
+        if kind.is_any_hit() {
+            return singly(rays, |ray| self.is_occluded(*ray).then_some(0));
+        }
+        singly(rays, |ray| self.closest(*ray))
     }
 }

@@ -1,10 +1,12 @@
 //! tinybvh by its Rust wrapper, in its fastest layout for CPUs.
 
-use glam::{DVec3, Vec4};
+use glam::{DVec3, Vec3, Vec4};
 use tinybvh_rs::{Intersection, Intersector, Ray, bvh, bvh8_cpu, mbvh};
 
+use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
 use super::{Built, Engine, Mesh};
 use crate::error::{Error, Result};
+use crate::geometry;
 
 /// BVH8_CPU: eight boxes a node, four triangles a leaf, by AVX2.
 struct Bvh8Cpu;
@@ -29,6 +31,14 @@ impl Engine for Bvh8Cpu {
     }
 
     fn build(&self, mesh: &Mesh) -> Result<Box<dyn Built>> {
+        Ok(Box::new(BuiltTinybvh::new(mesh)?))
+    }
+}
+
+struct BuiltTinybvh(bvh8_cpu::BVH);
+
+impl BuiltTinybvh {
+    fn new(mesh: &Mesh) -> Result<Self> {
         let failed = |e| Error::Failed { what: format!("tinybvh: {e}"), hint: String::new() };
         let triangles = 0..mesh.triangles.len() as u32;
         // Of the alignment that its own vectors have.
@@ -39,11 +49,9 @@ impl Engine for Bvh8Cpu {
         binary.split_leaves(4);
         let wide = mbvh::BVH::new(&binary);
         let tree = bvh8_cpu::BVH::new(&wide).map_err(failed)?;
-        Ok(Box::new(BuiltTinybvh(tree)))
+        Ok(BuiltTinybvh(tree))
     }
 }
-
-struct BuiltTinybvh(bvh8_cpu::BVH);
 
 // SAFETY: `BVH8_CPU::Intersect` is a const method that reads the tree and writes the ray; the tree has copies of the
 // triangles.
@@ -53,27 +61,70 @@ unsafe impl Sync for BuiltTinybvh {}
 #[repr(align(64))]
 struct Aligned(Ray);
 
-impl Built for BuiltTinybvh {
-    fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
+impl Aligned {
+    fn new(origin: Vec3, direction: Vec3, t_max: f32) -> Self {
         // As tinybvh's own constructor does it, except that it would normalise the direction once more.
         let reciprocal = |x: f32| match x.abs() > 1e-12 {
             true => 1.0 / x,
             false if x >= 0.0 => tinybvh_rs::INFINITE,
             false => -tinybvh_rs::INFINITE,
         };
-        let dir = direction.as_vec3().to_array();
-        let mut ray = Aligned(Ray {
-            origin: origin.as_vec3().to_array(),
+        let dir = direction.to_array();
+        Aligned(Ray {
+            origin: origin.to_array(),
             // Its mask of instances: all.
             padding_0: 0xffff,
             dir,
             r_d: dir.map(reciprocal),
-            hit: Intersection::new(),
+            hit: Intersection { t: t_max.min(tinybvh_rs::INFINITE), ..Intersection::new() },
             ..Ray::default()
-        });
+        })
+    }
+}
+
+impl Built for BuiltTinybvh {
+    fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
+        let mut ray = Aligned::new(origin.as_vec3(), direction.as_vec3(), f32::INFINITY);
         self.0.intersect(&mut ray.0);
         if ray.0.hit.t < tinybvh_rs::INFINITE {
             found.push(ray.0.hit.prim);
         }
+    }
+}
+
+/// Every layout.
+pub fn contenders() -> Vec<Box<dyn Contender>> {
+    vec![Box::new(Bvh8Cpu)]
+}
+
+impl Contender for Bvh8Cpu {
+    fn label(&self) -> Label {
+        Label { engine: "tinybvh", layout: "bvh8-cpu", tier: None, preset: None, isa: "avx2" }
+    }
+
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+        Ok(Box::new(BuiltTinybvh::new(mesh)?))
+    }
+}
+
+// SAFETY: the tree belongs to no thread; see above.
+unsafe impl Send for BuiltTinybvh {}
+
+impl Ready for BuiltTinybvh {
+    fn facts(&self) -> Facts {
+        Facts::default()
+    }
+
+    /// The wrapper has no call for occlusion: a hit before the far end is one.
+    fn queue<'a>(&'a self, _: Kind, rays: &'a [geometry::Ray]) -> Box<dyn Queue + 'a> {
+        let own = |ray: &geometry::Ray| {
+            let t_max = (ray.t_max as f32).min(tinybvh_rs::INFINITE);
+            (Aligned::new(ray.origin.as_vec3(), ray.direction.as_vec3(), t_max), t_max)
+        };
+        singly(rays.iter().map(own), |(ray, t_max)| {
+            let mut ray = Aligned(ray.0);
+            self.0.intersect(&mut ray.0);
+            (ray.0.hit.t < *t_max).then_some(ray.0.hit.prim)
+        })
     }
 }

@@ -1,7 +1,7 @@
 //! Every primitive, every time: the oracle that the acceleration structures are held to.
 
 use super::store::{PrimitiveTest, StoredSlot};
-use super::{Accelerator, Description, Primitive, Traversal};
+use super::{Accelerator, Description, Primitive, Quality, Traversal};
 use crate::geometry::{Hit, Numerics, Ray, SlotId, Tier};
 
 /// No structure at all.
@@ -54,5 +54,9 @@ impl<T: Tier> Accelerator for BruteForce<T> {
     fn describe(&self) -> Description {
         let slots = self.slots.len();
         Description { layout: "brute-force", nodes: 0, slots, bytes: slots * size_of::<StoredSlot<T>>() }
+    }
+
+    fn quality(&self) -> Option<Quality> {
+        None
     }
 }

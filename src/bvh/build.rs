@@ -40,6 +40,14 @@ pub fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Tree<T> {
     Tree::new(nodes, order.iter().map(|&i| slots[of_slot[i as usize] as usize]).collect())
 }
 
+/// Nodes over boxes, and the boxes in the order of the leaves.
+pub(super) fn build_nodes(boxes: &[Bounds], parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
+    if boxes.is_empty() {
+        return (Vec::new(), Vec::new());
+    }
+    with_leaves(nearest_first(boxes, parameters), parameters)
+}
+
 /// The tree, optimised, with as many boxes a leaf as pay.
 fn with_leaves(mut tree: Bvh2, parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
     let mut reinsertion = ReinsertionOptimizer::default();

@@ -4,11 +4,15 @@
 //! its boxes are tested without margin, tiny direction components are clamped, ties depend on the layout, and its
 //! triangle test loses rays on edges seen from behind. The picture must not depend on the structure, so every
 //! structure here answers exactly as [`Structure::BruteForce`] does, in every tier of numerics: the least t, ties to the lowest primitive id.
+//!
+//! Meshes that stand in many places are kept once ([`Instance`]), beside a structure for everything else.
 
 mod brute_force;
 mod build;
+mod instances;
 pub mod mix;
 mod preset;
+mod quality;
 mod store;
 mod tree;
 mod user;
@@ -16,9 +20,14 @@ mod wide;
 
 pub use preset::Preset;
 pub use user::{Bvh, NotFinite, Update, is_worth_keeping};
+pub use instances::{Instance, MeshSpace, can_be_instance};
+pub use quality::{Quality, Seen, quality};
 
 use brute_force::BruteForce;
+use instances::Instances;
 use store::StoredSlot;
+
+use glam::{DVec3, Vec3};
 
 use crate::geometry::{
     Bounds, Double, Exact, Fast, Hit, Numerics, Precision, PrimId, Ray, SlotId, Sphere, Tier, Triangle,
@@ -81,6 +90,16 @@ pub enum Structure {
     BruteForce,
 }
 
+impl Structure {
+    /// How its trees are built; `None` where it has none, and no place for instances.
+    pub fn preset(self) -> Option<Preset> {
+        match self {
+            Structure::Tree(preset) | Structure::Wide(preset) | Structure::Portable(preset) => Some(preset),
+            Structure::BruteForce => None,
+        }
+    }
+}
+
 impl Default for Structure {
     fn default() -> Self {
         Structure::Wide(Preset::default())
@@ -119,6 +138,33 @@ pub fn build(
     }
 }
 
+/// Builds a structure over primitives, and over meshes that stand in many places, of which each [`can_be_instance`].
+pub fn build_with_instances(
+    slots: impl IntoIterator<Item = Slot>,
+    instances: Vec<Instance>,
+    structure: Structure,
+    numerics: Numerics,
+) -> Box<dyn Accelerator> {
+    let Some(preset) = structure.preset().filter(|_| !instances.is_empty()) else {
+        let slots = slots.into_iter();
+        return match numerics.precision() {
+            Precision::Single => {
+                build(slots.chain(instances.iter().flat_map(Instance::slots::<Vec3>)), structure, numerics)
+            }
+            Precision::Double => {
+                build(slots.chain(instances.iter().flat_map(Instance::slots::<DVec3>)), structure, numerics)
+            }
+        };
+    };
+    let flat = build(slots, structure, numerics);
+    match numerics {
+        Numerics::Fast => Box::new(Instances::<Fast>::new(flat, instances, preset)),
+        Numerics::Watertight => Box::new(Instances::<Watertight>::new(flat, instances, preset)),
+        Numerics::Double => Box::new(Instances::<Double>::new(flat, instances, preset)),
+        Numerics::Exact => Box::new(Instances::<Exact>::new(flat, instances, preset)),
+    }
+}
+
 /// What a traversal needs from one ray to the next, and what it counted.
 #[derive(Default)]
 pub struct Traversal {
@@ -128,6 +174,7 @@ pub struct Traversal {
     stacks: wide::Stacks,
     /// Where the rays of a batch begin.
     entries: Vec<(u32, f32)>,
+    instances: instances::Stacks,
     /// The work done so far.
     pub tests: Tests,
 }
@@ -178,6 +225,9 @@ pub trait Accelerator: Send + Sync {
     fn refit(&mut self, _primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
         None
     }
+
+    /// How good its tree is; `None` where there is none. Looks at every node.
+    fn quality(&self) -> Option<Quality>;
 
     /// The closest hit of every ray, in order, appended to `hits`.
     fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {

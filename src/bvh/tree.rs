@@ -8,7 +8,7 @@ use glam::{Vec3A, Vec4};
 use obvhs::bvh2::node::Bvh2Node;
 
 use super::store::{PrimitiveTest, StoredSlot};
-use super::{Accelerator, Description, Primitive, Tests, Traversal};
+use super::{Accelerator, Description, Primitive, Quality, Seen, Tests, Traversal, quality};
 use crate::geometry::{Beam, BoxTest, Hit, Numerics, PRUNE_MARGIN, Ray, SlotId, Tier, round_up};
 
 /// A binary tree of boxes.
@@ -268,6 +268,17 @@ impl<T: Tier> Accelerator for Tree<T> {
         let (nodes, slots) = (self.nodes.len(), self.slots.len());
         let bytes = nodes * size_of::<Bvh2Node>() + slots * size_of::<StoredSlot<T>>();
         Description { layout: "bvh2", nodes, slots, bytes }
+    }
+
+    fn quality(&self) -> Option<Quality> {
+        let look = |index: usize, children: &mut Vec<usize>| {
+            let node = &self.nodes[index];
+            if !node.is_leaf() {
+                children.extend([node.first_index as usize, node.first_index as usize + 1]);
+            }
+            Seen { area: f64::from(node.aabb().half_area()), primitives: node.prim_count as usize }
+        };
+        (!self.nodes.is_empty()).then(|| quality(0, look))
     }
 }
 

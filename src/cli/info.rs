@@ -1,7 +1,9 @@
 //! `kiln info`: what files hold, how large it is, and what is odd about it.
 
+use std::collections::HashMap;
 use std::fmt::Write;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Args;
 use glam::DVec3;
@@ -10,7 +12,7 @@ use serde_json::{Value, json};
 use super::print;
 use crate::error::{Result, Warnings};
 use crate::import;
-use crate::scene::{LightKind, Material, Scene, Shape};
+use crate::scene::{LightKind, Material, Mesh, Scene, Shape};
 
 #[derive(Args)]
 pub struct Arguments {
@@ -39,9 +41,9 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
         .objects
         .iter()
         .map(|object| {
-            let (kind, attributes) = match &object.shape {
-                Shape::Sphere { .. } => ("sphere", json!({})),
-                Shape::Mesh(m) => (
+            let (kind, attributes) = match object.shape.mesh() {
+                None => ("sphere", json!({})),
+                Some(m) => (
                     "mesh",
                     json!({
                         "normals": m.normals.is_some(),
@@ -57,6 +59,7 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
                 "primitives": object.shape.primitive_count(),
                 "material": scene.materials[object.material.0 as usize].name(),
                 "attributes": attributes,
+                "shared": matches!(object.shape, Shape::Placed(_)),
             })
         })
         .collect();
@@ -81,12 +84,19 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
 }
 
 fn triangles(scene: &Scene) -> usize {
-    scene
-        .objects
-        .iter()
-        .filter(|o| matches!(o.shape, Shape::Mesh(_)))
-        .map(|o| o.shape.primitive_count())
-        .sum()
+    scene.objects.iter().filter(|o| o.shape.mesh().is_some()).map(|o| o.shape.primitive_count()).sum()
+}
+
+/// The meshes that stand in many places: in how many, and how many triangles each has.
+fn shared(scene: &Scene) -> HashMap<*const Mesh, (usize, usize)> {
+    let mut shared = HashMap::new();
+    for object in &scene.objects {
+        if let Shape::Placed(placed) = &object.shape {
+            let entry = shared.entry(Arc::as_ptr(&placed.mesh)).or_insert((0, placed.mesh.triangles.len()));
+            entry.0 += 1;
+        }
+    }
+    shared
 }
 
 fn model(material: &Material) -> &'static str {
@@ -113,6 +123,12 @@ fn as_text(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> String {
     let spheres = scene.primitive_count() - triangles(scene);
     line("input", names.join(" "));
     line("objects", format!("{} ({} triangles, {spheres} spheres)", scene.objects.len(), triangles(scene)));
+    let shared = shared(scene);
+    if !shared.is_empty() {
+        let (places, kept) = shared.values().fold((0, 0), |(p, k), (places, mesh)| (p + places, k + mesh));
+        let meshes = shared.len();
+        line("shared", format!("{places} objects are places of {meshes} mesh(es) of {kept} triangles"));
+    }
     match scene.bounds() {
         None => line("bounds", "nothing that can be seen".into()),
         Some((min, max)) => {
@@ -124,8 +140,7 @@ fn as_text(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> String {
     line("textures", list(scene.images.iter().map(|i| format!("{} ({} x {})", i.name, i.width, i.height))));
     line("cameras", list(scene.cameras.iter().map(|c| format!("{} ({})", c.name, c.projection.name()))));
     line("lights", list(scene.lights.iter().map(|l| format!("{} ({})", l.name, light_type(&l.kind)))));
-    let smooth =
-        scene.objects.iter().filter(|o| matches!(&o.shape, Shape::Mesh(m) if m.normals.is_some())).count();
+    let smooth = scene.objects.iter().filter(|o| o.shape.mesh().is_some_and(|m| m.normals.is_some())).count();
     line("normals", format!("{smooth} object(s) with normals, the others are flat or spheres"));
     for message in warnings.messages() {
         line("warning", message.clone());

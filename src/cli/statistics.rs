@@ -2,6 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
+use crate::bench::memory;
 use crate::effects::{Plan, RayKind};
 use crate::error::Warnings;
 use crate::render::Statistics;
@@ -69,15 +70,8 @@ pub fn to_json(
         "tests": { "nodes": statistics.tests.nodes, "primitives": statistics.tests.primitives },
         "stages": stages,
         "non_finite_pixels": statistics.non_finite.0,
-        "peak_memory_bytes": peak_memory(),
+        "peak_memory_bytes": memory::peak(),
         "warnings": warnings.messages(),
         "notes": warnings.notes(),
     })
-}
-
-/// The most memory this process has held, where the system tells.
-fn peak_memory() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
 }

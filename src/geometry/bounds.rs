@@ -24,6 +24,12 @@ impl Bounds {
         Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
+    /// Half of the surface's area.
+    pub fn half_area(&self) -> f32 {
+        let size = self.max - self.min;
+        size.x * size.y + size.y * size.z + size.z * size.x
+    }
+
     /// The last place of the largest coordinate.
     pub fn ulp(&self) -> f32 {
         let largest = self.min.abs().max(self.max.abs()).max_element();
@@ -210,14 +216,14 @@ impl BoxTest for DoubleBoxTest {
 
 /// For each lane `a` if it is less than `b`, and `b` otherwise: also where one of them is not a number.
 #[inline(always)]
-fn lesser(a: Vec3A, b: Vec3A) -> Vec3A {
+pub(super) fn lesser(a: Vec3A, b: Vec3A) -> Vec3A {
     // One instruction of SSE does just this; elsewhere `min` treats what is not a number otherwise.
     if cfg!(target_feature = "sse2") { a.min(b) } else { Vec3A::select(a.cmplt(b), a, b) }
 }
 
 /// For each lane `a` if it is greater than `b`, and `b` otherwise: also where one of them is not a number.
 #[inline(always)]
-fn greater(a: Vec3A, b: Vec3A) -> Vec3A {
+pub(super) fn greater(a: Vec3A, b: Vec3A) -> Vec3A {
     if cfg!(target_feature = "sse2") { a.max(b) } else { Vec3A::select(a.cmpgt(b), a, b) }
 }
 

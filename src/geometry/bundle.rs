@@ -156,7 +156,8 @@ fn side<S: Simd>([a, b, c]: &[[S::D4; 3]; 3], against: S::D4) -> (u32, u32) {
     let bound = S::d4_mul(size, S::d4_splat(8.0 * f64::EPSILON));
     let cannot_say = S::d4_le(S::d4_abs(height), bound);
     // Not by the sign of a product, which could vanish.
-    let (up, down) = (S::d4_le(zero, height) & S::d4_le(zero, against), S::d4_le(height, zero) & S::d4_le(against, zero));
+    let (up, down) =
+        (S::d4_le(zero, height) & S::d4_le(zero, against), S::d4_le(height, zero) & S::d4_le(against, zero));
     (up | down, cannot_say)
 }
 

@@ -5,9 +5,9 @@
 
 use glam::DVec3;
 
+use super::bounds::DoubleBoxTest;
 use super::bundle::{BundleHits, WoopBundle};
 use super::simd::Simd;
-use super::bounds::DoubleBoxTest;
 use super::woop::WoopTest;
 use super::{Quad, Ray, Sphere, Tier, TriangleHit};
 use crate::scene::Numerics;

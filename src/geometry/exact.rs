@@ -12,11 +12,11 @@
 
 use glam::{DVec3, Vec3Swizzles};
 
-use super::bundle::BundleHits;
-use super::simd::Simd;
 use super::bounds::DoubleBoxTest;
+use super::bundle::BundleHits;
 use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
+use super::simd::Simd;
 use super::woop::{Sheared, WoopTest};
 use super::{Hit, Ray, Sphere, Stored, Tier, TriangleHit};
 use crate::scene::Numerics;

@@ -9,9 +9,9 @@
 
 use glam::{Vec3, Vec3A};
 
+use super::bounds::{BoxTest, SingleBoxTest, round_up};
 use super::bundle::BundleHits;
 use super::simd::Simd;
-use super::bounds::{BoxTest, SingleBoxTest, round_up};
 use super::{Corner, Ray, Sphere, Tier, TriangleHit};
 use crate::scene::Numerics;
 

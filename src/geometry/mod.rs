@@ -34,6 +34,7 @@ pub mod spawn;
 pub mod sphere;
 mod triangle;
 mod watertight;
+mod widened;
 mod woop;
 
 pub use crate::scene::Numerics;
@@ -48,3 +49,4 @@ pub use ray::{Hit, PrimId, Ray, SlotId};
 pub use sphere::Sphere;
 pub use triangle::{Triangle, TriangleHit};
 pub use watertight::Watertight;
+pub use widened::{WidenedBoxTest, prune_distance};

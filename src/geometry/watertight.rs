@@ -6,9 +6,9 @@
 
 use glam::Vec3;
 
+use super::bounds::SingleBoxTest;
 use super::bundle::{BundleHits, WoopBundle};
 use super::simd::Simd;
-use super::bounds::SingleBoxTest;
 use super::woop::WoopTest;
 use super::{Quad, Ray, Sphere, Tier, TriangleHit};
 use crate::scene::Numerics;

@@ -11,13 +11,14 @@ mod pictures;
 mod polygon;
 mod sanitise;
 mod scene_file;
+mod sharing;
 mod uri;
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result, Warnings};
-use crate::scene::Scene;
+use crate::scene::{Object, Scene};
 
 /// A kind of file that can be read.
 pub struct Importer {
@@ -92,11 +93,20 @@ pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
     let mut scene = Scene::default();
     for (index, file) in inputs.iter().enumerate() {
         let mut one = read_one(&Source::open(file)?, warnings)?;
+        sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
         for object in &mut one.objects {
             object.input = index;
         }
         scene.append(one);
+        // Also those that have no area in a place: the acceleration structure has numbers for them.
+        let count = |object: &Object| object.shape.mesh().map_or(1, |mesh| mesh.triangles.len() as u64);
+        let count: u64 = scene.objects.iter().map(count).sum();
+        if u32::try_from(count).is_err() {
+            let what = format!("{count} triangles and spheres are more than kiln can number");
+            let hint = "give at most 4,294,967,295: fewer placements, or meshes of fewer triangles";
+            return Err(Error::input(file.as_path(), what, hint));
+        }
     }
     Ok(scene)
 }

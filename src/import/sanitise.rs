@@ -2,11 +2,13 @@
 //! warned of and left out.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
+use super::sharing::shared;
 use crate::error::Warnings;
-use crate::scene::{Attribute, Mesh, Scene, Shape};
+use crate::scene::{Attribute, Mesh, Object, Placed, Scene, Shape, Thin};
 
 /// Coordinates beyond this are left out. f32 boxes square it without overflow, and the builder is measured to hold.
 const LARGEST_COORDINATE: f64 = 1e18;
@@ -23,6 +25,7 @@ struct Count {
 /// Leaves out what cannot be rendered and says how much of it there was.
 pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
     let mut count = Count::default();
+    clean_placed(&mut scene.objects, &mut count);
     for object in &mut scene.objects {
         if let Shape::Mesh(mesh) = &mut object.shape {
             clean_mesh(mesh, &mut count);
@@ -35,6 +38,7 @@ pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
             fits
         }
         Shape::Mesh(mesh) => !mesh.triangles.is_empty(),
+        Shape::Placed(placed) => placed.triangle_count() > 0,
     });
     let mut say = |n: usize, what: &str| {
         if n > 0 {
@@ -68,6 +72,79 @@ fn clean_mesh(mesh: &mut Mesh, count: &mut Count) {
     count.attributes += replace_unusable(mesh);
 }
 
+/// Does for meshes that are shared what [`clean_mesh`] does for others. What cannot be used anywhere is left out of the
+/// mesh; what cannot be used in one place, of that place.
+fn clean_placed(objects: &mut [Object], count: &mut Count) {
+    for group in shared(objects).into_values() {
+        let mut placed: Vec<&mut Placed> = objects_at(objects, &group);
+        let [first, others @ ..] = placed.as_mut_slice() else { continue };
+        // Only one is left that refers to it, so that it need not be copied.
+        let nothing = Arc::default();
+        others.iter_mut().for_each(|other| other.mesh = Arc::clone(&nothing));
+        let mut mesh = Arc::unwrap_or_clone(std::mem::replace(&mut first.mesh, nothing));
+        let mut own = Count::default();
+        clean_shared(&mut mesh, &mut own);
+        count.non_finite += own.non_finite * group.len();
+        count.degenerate += own.degenerate * group.len();
+        count.attributes += own.attributes * group.len();
+        let thin = Thin::of(&mesh);
+        let mesh = Arc::new(mesh);
+        for placed in placed {
+            placed.mesh = mesh.clone();
+            leave_out(placed, &thin, count);
+        }
+        // Beyond the numbers' range every triangle has to be looked at by itself.
+        for &index in &group {
+            let Shape::Placed(placed) = &objects[index].shape else { continue };
+            let reach = placed.placement.reach(thin.reach()).max_element();
+            if reach > LARGEST_COORDINATE || !reach.is_finite() {
+                objects[index].shape = Shape::Mesh(placed.bake());
+            }
+        }
+    }
+}
+
+fn objects_at<'a>(objects: &'a mut [Object], group: &[usize]) -> Vec<&'a mut Placed> {
+    let mut group = group.iter().peekable();
+    let placed = objects.iter_mut().enumerate().filter_map(|(index, object)| match &mut object.shape {
+        Shape::Placed(placed) if group.next_if(|&&wanted| wanted == index).is_some() => Some(placed),
+        _ => None,
+    });
+    placed.collect()
+}
+
+/// Leaves out of a mesh what no placement can mend: triangles with corners that are no numbers, or the same.
+fn clean_shared(mesh: &mut Mesh, count: &mut Count) {
+    let corners = |i: usize| mesh.triangles[i].map(|k| mesh.positions[k as usize]);
+    let keep: Vec<bool> = (0..mesh.triangles.len())
+        .map(|i| {
+            let [a, b, c] = corners(i);
+            let finite = a.is_finite() && b.is_finite() && c.is_finite();
+            let point = a == b || b == c || c == a;
+            count.non_finite += usize::from(!finite);
+            count.degenerate += usize::from(finite && point);
+            finite && !point
+        })
+        .collect();
+    mesh.retain(|i| keep[i]);
+    count.attributes += replace_unusable(mesh);
+}
+
+/// Leaves out the triangles that have no area in this place.
+///
+/// A corner is off by what [`Placement::error`] says, and the cross product of two edges by a few roundings of f64 more,
+/// relative to their squared length: 2^-38 of the largest number is far above both, taken as a height. A height of 1e-140
+/// keeps its square.
+fn leave_out(placed: &mut Placed, thin: &Thin, count: &mut Count) {
+    const ROUNDING: f64 = 1.0 / (1u64 << 38) as f64;
+    let error = (placed.placement.reach(thin.reach()).max_element() * ROUNDING).max(1e-140);
+    let lost = |&triangle: &u32| is_degenerate(placed.corners_of(triangle));
+    let mut left_out: Vec<u32> = thin.below(error, &placed.placement.as_one().0).filter(lost).collect();
+    left_out.sort_unstable();
+    count.degenerate += left_out.len();
+    placed.left_out = left_out;
+}
+
 /// Attributes that are not numbers, or not ones that f32 holds, become neutral: no normal (the triangle's own is taken),
 /// texture origin, white. So do colours that would take light away. How many there were.
 fn replace_unusable(mesh: &mut Mesh) -> usize {
@@ -92,7 +169,7 @@ fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MaterialId, Object};
+    use crate::scene::MaterialId;
 
     fn scene_of(positions: Vec<DVec3>) -> Scene {
         let triangles = (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();

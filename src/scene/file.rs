@@ -9,8 +9,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::Numerics;
-use super::Projection;
+pub use super::colour_value::ColourValue;
+use super::{Numerics, Projection};
 use crate::error::{Error, Place, Result};
 use crate::film::ColourPipeline;
 
@@ -246,8 +246,23 @@ pub struct MeshSection {
     pub rotate: Option<[f64; 3]>,
     /// One factor, or one for each axis.
     pub scale: Option<ScaleValue>,
+    /// The places where the mesh stands, instead of a single one. However many there are, its triangles are kept once.
+    #[schemars(with = "Option<Vec<PlacementValue>>")]
+    pub placements: Option<Vec<Spanned<PlacementValue>>>,
     /// The name of a material that replaces the file's own.
     pub material: Option<String>,
+}
+
+/// A place of a mesh: scaled, then rotated, then translated.
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlacementValue {
+    /// Where its origin goes.
+    pub translate: Option<[f64; 3]>,
+    /// Rotation about the x, then the y, then the z axis, in degrees.
+    pub rotate: Option<[f64; 3]>,
+    /// One factor, or one for each axis.
+    pub scale: Option<ScaleValue>,
 }
 
 /// One factor, or one for each axis.
@@ -258,55 +273,6 @@ pub enum ScaleValue {
     Uniform(f64),
     /// One for each axis.
     PerAxis([f64; 3]),
-}
-
-/// A colour as typed: `[r, g, b]` with integers from 0 to 255, or `"#rrggbb"`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct ColourValue(pub [u8; 3]);
-
-impl<'de> Deserialize<'de> for ColourValue {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(
-            untagged,
-            expecting = "expected a colour: [r, g, b] with integers from 0 to 255, or \"#rrggbb\""
-        )]
-        enum Form {
-            Numbers([u8; 3]),
-            Text(String),
-        }
-        match Form::deserialize(deserializer)? {
-            Form::Numbers(rgb) => Ok(ColourValue(rgb)),
-            Form::Text(text) => parse_hex(&text).map(ColourValue).ok_or_else(|| {
-                serde::de::Error::custom(format!("\"{text}\" is not a colour like \"#7c0a02\""))
-            }),
-        }
-    }
-}
-
-impl JsonSchema for ColourValue {
-    fn schema_name() -> std::borrow::Cow<'static, str> {
-        "Colour".into()
-    }
-
-    fn json_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-        schemars::json_schema!({
-            "description": "A colour: [r, g, b] with integers from 0 to 255, or \"#rrggbb\".",
-            "oneOf": [
-                { "type": "array", "items": { "type": "integer", "minimum": 0, "maximum": 255 },
-                  "minItems": 3, "maxItems": 3 },
-                { "type": "string", "pattern": "^#[0-9a-fA-F]{6}$" }
-            ]
-        })
-    }
-}
-
-fn parse_hex(text: &str) -> Option<[u8; 3]> {
-    let digits =
-        text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()))?;
-    let value = u32::from_str_radix(digits, 16).ok()?;
-    let [_, r, g, b] = value.to_be_bytes();
-    Some([r, g, b])
 }
 
 impl SceneFile {

@@ -6,15 +6,23 @@
 //! objects as written, triangles as listed.
 
 mod camera;
+mod colour_value;
+pub mod extreme;
 pub mod file;
 mod material;
 mod mesh;
 mod numerics;
+mod placed;
+mod thin;
 
 pub use camera::{Camera, Projection};
 pub use material::{Glaze, Material, MetallicRoughness, Phong, Sampler, Texture, TextureImage, Wrap};
 pub use mesh::{Attribute, Mesh, normal_matrix};
 pub use numerics::Numerics;
+pub use placed::{Placed, Placement, Step};
+pub use thin::Thin;
+
+use extreme::Measure;
 
 use crate::film::{Colour, ColourPipeline};
 use glam::DVec3;
@@ -80,6 +88,8 @@ pub enum Shape {
     },
     /// Triangles that share vertices.
     Mesh(Mesh),
+    /// One of the places of a mesh that stands in many.
+    Placed(Placed),
 }
 
 /// A light.
@@ -182,8 +192,39 @@ impl Scene {
 
     /// The smallest box that holds everything, or `None` for an empty scene.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        let boxes = self.objects.iter().filter_map(|object| object.shape.bounds());
-        boxes.reduce(|(a_min, a_max), (b_min, b_max)| (a_min.min(b_min), a_max.max(b_max)))
+        let value = |axis: usize, sign: f64| move |p: DVec3| sign * p[axis];
+        let of_sphere =
+            |axis: usize, sign: f64| move |centre: DVec3, radius: f64| sign * (centre[axis] + sign * radius);
+        let sides = [0, 1, 2].map(|axis| [1.0, -1.0].map(|sign| (axis, sign)));
+        let functions = sides.as_flattened().iter().map(|&(axis, sign)| {
+            let weight = DVec3::AXES[axis];
+            (value(axis, sign), of_sphere(axis, sign), weight * sign, weight)
+        });
+        let functions: Vec<_> = functions.collect();
+        let measures: Vec<Measure> = functions
+            .iter()
+            .map(|(value, of_sphere, gradient, weight)| Measure {
+                value,
+                of_sphere,
+                gradient: *gradient,
+                weight: *weight,
+                offset: DVec3::ZERO,
+            })
+            .collect();
+        let far = extreme::greatest(&self.objects, &measures);
+        let [max, min] = [0, 1].map(|k| DVec3::new(far[k], far[2 + k], far[4 + k]));
+        (max.x > f64::NEG_INFINITY).then_some((-min, max))
+    }
+
+    /// Gives every placed mesh for which `is_baked` says so triangles of its own.
+    pub fn bake(&mut self, is_baked: impl Fn(&Placed) -> bool) {
+        for object in &mut self.objects {
+            if let Shape::Placed(placed) = &object.shape
+                && is_baked(placed)
+            {
+                object.shape = Shape::Mesh(placed.bake());
+            }
+        }
     }
 }
 
@@ -193,17 +234,16 @@ impl Shape {
         match self {
             Shape::Sphere { .. } => 1,
             Shape::Mesh(mesh) => mesh.triangles.len(),
+            Shape::Placed(placed) => placed.triangle_count(),
         }
     }
 
-    /// The smallest box that holds the shape, or `None` for a mesh without triangles.
-    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+    /// Its mesh where it has one, not yet in its place where it is shared.
+    pub fn mesh(&self) -> Option<&Mesh> {
         match self {
-            Shape::Sphere { centre, radius } => Some((centre - *radius, centre + *radius)),
-            Shape::Mesh(mesh) => mesh.corners().fold(None, |bounds, p| match bounds {
-                None => Some((p, p)),
-                Some((min, max)) => Some((p.min(min), p.max(max))),
-            }),
+            Shape::Sphere { .. } => None,
+            Shape::Mesh(mesh) => Some(mesh),
+            Shape::Placed(placed) => Some(&placed.mesh),
         }
     }
 }

@@ -4,7 +4,8 @@ use glam::{DVec2, DVec3};
 
 use super::view::basis;
 use crate::film::Colour;
-use crate::scene::{Camera, Light, LightKind, Projection, Scene, Shape};
+use crate::scene::extreme::{Measure, greatest};
+use crate::scene::{Camera, Light, LightKind, Projection, Scene};
 
 /// What is behind a bare mesh.
 pub const BACKGROUND: Colour = Colour::Display(DVec3::new(32.0 / 255.0, 34.0 / 255.0, 38.0 / 255.0));
@@ -147,22 +148,36 @@ struct Extent {
 /// A slope of 0 gives the plain extents, for parallel rays.
 fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> Extent {
     let length = DVec2::new(1.0f64.hypot(slope.x), 1.0f64.hypot(slope.y));
-    let mut extent =
-        Extent { plus: DVec2::NEG_INFINITY, minus: DVec2::NEG_INFINITY, nearest: f64::NEG_INFINITY };
-    let mut include = |centre: DVec3, radius: f64| {
-        let p = centre - middle;
-        let (across, depth) = (DVec2::new(p.dot(u), p.dot(v)), p.dot(w));
-        extent.plus = extent.plus.max(across + slope * depth + radius * length);
-        extent.minus = extent.minus.max(-across + slope * depth + radius * length);
-        extent.nearest = extent.nearest.max(depth + radius);
+    // Sideways, along one of the axes across or its opposite, plus the slope's share of the depth.
+    let side = |sign: f64, across: DVec3, slope: f64, length: f64| {
+        let value = move |p: DVec3, radius: f64| {
+            let p = p - middle;
+            sign * p.dot(across) + slope * p.dot(w) + radius * length
+        };
+        (value, across * sign + w * slope, across.abs() + w.abs() * slope)
     };
-    for object in &scene.objects {
-        match &object.shape {
-            Shape::Sphere { centre, radius } => include(*centre, *radius),
-            Shape::Mesh(mesh) => mesh.corners().for_each(|p| include(p, 0.0)),
-        }
-    }
-    extent
+    let functions = [
+        side(1.0, u, slope.x, length.x),
+        side(-1.0, u, slope.x, length.x),
+        side(1.0, v, slope.y, length.y),
+        side(-1.0, v, slope.y, length.y),
+        // Towards the camera.
+        side(0.0, u, 1.0, 1.0),
+    ];
+    let of_points: Vec<_> = functions.iter().map(|(value, ..)| move |p: DVec3| value(p, 0.0)).collect();
+    let measures: Vec<Measure> = functions
+        .iter()
+        .zip(&of_points)
+        .map(|((of_sphere, gradient, weight), value)| Measure {
+            value,
+            of_sphere,
+            gradient: *gradient,
+            weight: *weight,
+            offset: middle.abs(),
+        })
+        .collect();
+    let far = greatest(&scene.objects, &measures);
+    Extent { plus: DVec2::new(far[0], far[2]), minus: DVec2::new(far[1], far[3]), nearest: far[4] }
 }
 
 /// The light of scenes that have none: directional, from 20 degrees right of the view and 30 degrees above it.
@@ -181,7 +196,7 @@ pub fn headlight(camera: &Camera) -> Option<Light> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MaterialId, Mesh, Object};
+    use crate::scene::{MaterialId, Mesh, Object, Shape};
     use crate::world::View;
 
     fn scene_of(shape: Shape) -> Scene {

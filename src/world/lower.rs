@@ -1,51 +1,142 @@
 //! Attributes, materials and pictures in the form that shading reads.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use crate::film::colour::srgb_decode;
 use crate::film::{Colour, ColourPipeline};
-use crate::scene::{Attribute, Glaze, Material, Mesh, Sampler, Shape, Texture, TextureImage};
+use crate::scene::{Attribute, Glaze, Material, Mesh, Placed, Sampler, Shape, Texture, TextureImage};
 
-/// What is interpolated across the triangles of an object; nothing for a sphere.
-#[derive(Default)]
+/// What is interpolated across the triangles of an object; nothing for a sphere. Triangles are counted within the object.
 pub struct Attributes {
-    pub normals: Option<Corners<Vec3>>,
-    pub uvs: Option<Corners<Vec2>>,
-    pub colours: Option<Corners<Vec3>>,
+    lowered: Arc<Lowered>,
+    /// Where a shared mesh stands. Its normals are carried there as they are asked for.
+    placed: Option<Placed>,
+}
+
+/// Values in the numbers that they are kept in.
+#[derive(Default)]
+struct Lowered {
+    normals: Option<Corners<Vec3>>,
+    uvs: Option<Corners<Vec2>>,
+    colours: Option<Corners<Vec3>>,
 }
 
 /// Values at the corners of triangles.
-pub struct Corners<T> {
+struct Corners<T> {
     values: Vec<T>,
     triangles: Arc<[[u32; 3]]>,
 }
 
 impl<T: Copy> Corners<T> {
-    /// The values at the three corners of a triangle, counted within the object.
+    /// The values at the three corners of a triangle.
     #[inline]
-    pub fn of(&self, triangle: u32) -> [T; 3] {
+    fn of(&self, triangle: u32) -> [T; 3] {
         self.triangles[triangle as usize].map(|i| self.values[i as usize])
     }
 }
 
-/// Takes the attributes out of a shape.
-pub fn attributes(shape: Shape) -> Attributes {
-    let Shape::Mesh(Mesh { triangles, normals, uvs, colours, .. }) = shape else {
-        return Attributes::default();
-    };
-    let own: Arc<[[u32; 3]]> = triangles.into();
-    fn corners<A, B>(a: Attribute<A>, own: &Arc<[[u32; 3]]>, lower: impl Fn(A) -> B) -> Corners<B> {
-        let triangles = a.triangles.map_or_else(|| own.clone(), Arc::from);
-        Corners { values: a.values.into_iter().map(lower).collect(), triangles }
+impl Attributes {
+    /// Whether there are normals.
+    pub fn is_smooth(&self) -> bool {
+        match &self.placed {
+            None => self.lowered.normals.is_some(),
+            Some(placed) => placed.mesh.normals.is_some(),
+        }
     }
-    // A normal of any length that f64 holds becomes one that f32 holds; zero stays zero.
-    let unit = |n: DVec3| (n / n.abs().max_element()).try_normalize().unwrap_or(DVec3::ZERO).as_vec3();
-    Attributes {
-        normals: normals.map(|a| corners(a, &own, unit)),
-        uvs: uvs.map(|a| corners(a, &own, |uv| uv.as_vec2())),
-        colours: colours.map(|a| corners(a, &own, |c| c.as_vec3())),
+
+    /// The triangle of the mesh.
+    #[inline]
+    fn in_mesh(&self, triangle: u32) -> u32 {
+        self.placed.as_ref().map_or(triangle, |placed| placed.triangle_at(triangle))
+    }
+
+    /// The normals at a triangle's corners, of length 1 or 0.
+    #[inline]
+    pub fn normals(&self, triangle: u32) -> Option<[DVec3; 3]> {
+        match &self.placed {
+            None => Some(self.lowered.normals.as_ref()?.of(triangle).map(|n| n.as_dvec3())),
+            Some(placed) => {
+                let normals = placed.mesh.normals.as_ref()?;
+                let triangles = normals.triangles.as_ref().unwrap_or(&placed.mesh.triangles);
+                let corners = triangles[placed.triangle_at(triangle) as usize];
+                Some(corners.map(|i| {
+                    let normal = placed.placement.normal(normals.values[i as usize]);
+                    // As where data comes in: what is not a number is none.
+                    unit(if normal.is_finite() { normal } else { DVec3::ZERO }).as_dvec3()
+                }))
+            }
+        }
+    }
+
+    /// The texture coordinates at a triangle's corners.
+    #[inline]
+    pub fn uvs(&self, triangle: u32) -> Option<[Vec2; 3]> {
+        Some(self.lowered.uvs.as_ref()?.of(self.in_mesh(triangle)))
+    }
+
+    /// Whether there is nothing to interpolate.
+    pub fn are_none(&self) -> bool {
+        let Lowered { normals, uvs, colours } = &*self.lowered;
+        let placed = self.placed.as_ref().is_some_and(|placed| placed.mesh.normals.is_some());
+        normals.is_none() && uvs.is_none() && colours.is_none() && !placed
+    }
+
+    /// The colours at a triangle's corners.
+    #[inline]
+    pub fn colours(&self, triangle: u32) -> Option<[Vec3; 3]> {
+        Some(self.lowered.colours.as_ref()?.of(self.in_mesh(triangle)))
+    }
+}
+
+/// A normal of any length that f64 holds becomes one that f32 holds; zero stays zero.
+fn unit(n: DVec3) -> Vec3 {
+    (n / n.abs().max_element()).try_normalize().unwrap_or(DVec3::ZERO).as_vec3()
+}
+
+/// What shared meshes have become, once each.
+#[derive(Default)]
+pub struct Shared(HashMap<*const Mesh, Arc<Lowered>>);
+
+impl Shared {
+    /// Takes the attributes out of a shape.
+    pub fn attributes(&mut self, shape: Shape) -> Attributes {
+        match shape {
+            Shape::Sphere { .. } => Attributes { lowered: Arc::default(), placed: None },
+            Shape::Mesh(mut mesh) => {
+                let normals = mesh.normals.take();
+                let own: Arc<[[u32; 3]]> = std::mem::take(&mut mesh.triangles).into();
+                let mut lowered = lower(mesh.uvs, mesh.colours, &own);
+                lowered.normals = normals.map(|a| corners(a, &own, unit));
+                Attributes { lowered: Arc::new(lowered), placed: None }
+            }
+            Shape::Placed(placed) => {
+                // The mesh is kept, so no other can be taken for it.
+                let lowered = self.0.entry(Arc::as_ptr(&placed.mesh)).or_insert_with(|| {
+                    let Mesh { uvs, colours, triangles, .. } = &*placed.mesh;
+                    let is_kept = uvs.is_some() || colours.is_some();
+                    let own: Arc<[[u32; 3]]> =
+                        if is_kept { triangles.clone().into() } else { Arc::default() };
+                    Arc::new(lower(uvs.clone(), colours.clone(), &own))
+                });
+                Attributes { lowered: lowered.clone(), placed: Some(placed) }
+            }
+        }
+    }
+}
+
+fn corners<A, B>(a: Attribute<A>, own: &Arc<[[u32; 3]]>, lower: impl Fn(A) -> B) -> Corners<B> {
+    let triangles = a.triangles.map_or_else(|| own.clone(), Arc::from);
+    Corners { values: a.values.into_iter().map(lower).collect(), triangles }
+}
+
+fn lower(uvs: Option<Attribute<DVec2>>, colours: Option<Attribute<DVec3>>, own: &Arc<[[u32; 3]]>) -> Lowered {
+    Lowered {
+        normals: None,
+        uvs: uvs.map(|a| corners(a, own, |uv| uv.as_vec2())),
+        colours: colours.map(|a| corners(a, own, |c| c.as_vec3())),
     }
 }
 

@@ -20,12 +20,15 @@ pub use surface::Surface;
 pub use surfaces::Surfaces;
 pub use view::View;
 
+use std::collections::HashMap;
+use std::sync::Arc;
+
 use glam::DVec3;
 
-use crate::bvh::{self, Accelerator, Primitive, Slot, Structure};
+use crate::bvh::{self, Accelerator, Instance, MeshSpace, Primitive, Slot, Structure};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, Precision, PrimId, Sphere, Triangle};
-use crate::scene::{LightKind, Object, Scene, Shape};
+use crate::scene::{LightKind, Mesh, Object, Placed, Scene, Shape, Thin};
 
 /// The ambient intensity where no input gives one.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -51,8 +54,7 @@ pub struct World {
     /// Primitives left out because the tier's numbers cannot hold them: triangles whose corners, rounded, lie on one line,
     /// spheres of no size.
     pub too_small: usize,
-    /// The object that each primitive belongs to.
-    object_of: Vec<u32>,
+    primitive_count: usize,
 }
 
 /// An object of the world.
@@ -72,7 +74,7 @@ pub struct WorldObject {
 impl WorldObject {
     /// Whether it has normals of its own to be shaded by.
     pub fn is_smooth(&self) -> bool {
-        self.attributes.normals.is_some()
+        self.attributes.is_smooth()
     }
 }
 
@@ -95,23 +97,22 @@ impl World {
         structure: Structure,
         numerics: Numerics,
     ) -> World {
+        let Parts { instances, shared, firsts, too_thin } = instances(&scene.objects, structure, numerics);
         let mut kept = 0;
-        let slots = slots(&scene.objects, numerics).inspect(|_| kept += 1);
-        let accelerator = bvh::build(slots, structure, numerics);
-        let mut object_of = Vec::with_capacity(scene.primitive_count());
-        let mut objects = Vec::with_capacity(scene.objects.len());
-        for object in scene.objects {
-            let first = PrimId(object_of.len() as u32);
-            object_of.resize(object_of.len() + object.shape.primitive_count(), objects.len() as u32);
-            objects.push(WorldObject {
-                name: object.name,
-                input: object.input,
-                material: object.material.0,
-                first,
-                attributes: lower::attributes(object.shape),
-            });
-        }
-        let too_small = object_of.len() - kept;
+        let slots = slots(&scene.objects, &firsts, &shared, numerics).inspect(|_| kept += 1);
+        let of_instances: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();
+        let accelerator = bvh::build_with_instances(slots, instances, structure, numerics);
+        let primitive_count = scene.primitive_count();
+        let too_small = primitive_count - of_instances - kept + too_thin;
+        let mut lowered = lower::Shared::default();
+        let objects = scene.objects.into_iter().zip(firsts).map(|(object, first)| WorldObject {
+            name: object.name,
+            input: object.input,
+            material: object.material.0,
+            first,
+            attributes: lowered.attributes(object.shape),
+        });
+        let objects = objects.collect();
         World {
             accelerator,
             objects,
@@ -130,7 +131,7 @@ impl World {
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
             background: scene.background.unwrap_or(fit::BACKGROUND).lower(pipeline),
             too_small,
-            object_of,
+            primitive_count,
         }
     }
 
@@ -141,36 +142,104 @@ impl World {
 
     /// The index of the object that a primitive belongs to.
     pub fn object_of(&self, prim: PrimId) -> u32 {
-        self.object_of[prim.0 as usize]
+        // Of those that begin at the same number all but the last are empty.
+        (self.objects.partition_point(|object| object.first <= prim) - 1) as u32
     }
 
     /// How many primitives there are.
     pub fn primitive_count(&self) -> usize {
-        self.object_of.len()
+        self.primitive_count
     }
 }
 
-/// The primitives of all objects, numbered in order. Those that the tier's numbers cannot hold have their number but no
-/// slot: no ray can hit them.
-fn slots(objects: &[Object], numerics: Numerics) -> impl Iterator<Item = Slot> + '_ {
-    let round = move |p: DVec3| p.map(|c| numerics.precision().round(c));
-    let triangle = move |corners: [DVec3; 3]| {
-        let triangle = Triangle(corners.map(round));
-        (!triangle.is_degenerate()).then_some(Primitive::Triangle(triangle))
-    };
-    let sphere = move |centre: DVec3, radius: f64| {
-        let sphere = Sphere { centre: centre.map(|c| Precision::Double.round(c)), radius };
-        (numerics.precision().round(radius) > 0.0).then_some(Primitive::Sphere(sphere))
-    };
-    let primitives = objects.iter().flat_map(move |object| {
-        let (mesh, ball) = match &object.shape {
-            Shape::Mesh(mesh) => (Some(mesh), None),
-            Shape::Sphere { centre, radius } => (None, Some(sphere(*centre, *radius))),
+/// Objects, and how they are kept.
+struct Parts {
+    /// Those that share their mesh.
+    instances: Vec<Instance>,
+    /// For each object, whether it is among them.
+    shared: Vec<bool>,
+    /// The number of its first primitive.
+    firsts: Vec<PrimId>,
+    /// How many triangles of instances the tier's numbers cannot hold.
+    too_thin: usize,
+}
+
+/// Finds the objects that share their mesh with others, where the structure has a place for them.
+fn instances(objects: &[Object], structure: Structure, numerics: Numerics) -> Parts {
+    let mut parts = Parts { instances: Vec::new(), shared: Vec::new(), firsts: Vec::new(), too_thin: 0 };
+    let mut meshes: HashMap<*const Mesh, (Thin, Option<MeshSpace>)> = HashMap::new();
+    let mut first = 0;
+    for object in objects {
+        parts.firsts.push(PrimId(first as u32));
+        first += object.shape.primitive_count();
+        let placed = match &object.shape {
+            Shape::Placed(placed) if structure.preset().is_some() => placed,
+            _ => {
+                parts.shared.push(false);
+                continue;
+            }
         };
-        let of_mesh = mesh.into_iter().flat_map(move |mesh| {
-            mesh.triangles.iter().map(move |t| triangle(t.map(|i| mesh.positions[i as usize])))
-        });
-        of_mesh.chain(ball)
-    });
-    (0..).zip(primitives).filter_map(|(id, primitive)| Some(Slot { primitive: primitive?, id: PrimId(id) }))
+        let mesh = &placed.mesh;
+        let look = || (Thin::of(mesh), MeshSpace::of(mesh));
+        let (thin, space) = meshes.entry(Arc::as_ptr(mesh)).or_insert_with(look);
+        let fits = space.is_some_and(|space| bvh::can_be_instance(placed, &space, numerics));
+        parts.shared.push(fits);
+        if !fits {
+            continue;
+        }
+        parts.too_thin += too_thin(placed, thin, numerics);
+        let first = *parts.firsts.last().expect("the object's own");
+        parts.instances.push(Instance { placed: placed.clone(), first });
+    }
+    parts
+}
+
+/// How many triangles of a placed mesh have corners that, rounded to the tier's numbers, lie on one line.
+///
+/// A corner moves by what placing it rounds and by half a step of the tier's numbers, so a height changes by no more than
+/// twice that; on three axes, less than four times the largest.
+fn too_thin(placed: &Placed, thin: &Thin, numerics: Numerics) -> usize {
+    let moved = placed.placement.error(thin.reach())
+        + placed.placement.reach(thin.reach()) * numerics.precision().epsilon()
+        + f64::from(f32::MIN_POSITIVE);
+    let is_lost = |&triangle: &u32| {
+        placed.left_out.binary_search(&triangle).is_err()
+            && lowered(placed.corners_of(triangle), numerics).is_none()
+    };
+    thin.below(4.0 * moved.max_element(), &placed.placement.as_one().0).filter(is_lost).count()
+}
+
+/// A triangle in the numbers of a tier; `None` where these cannot hold it.
+fn lowered(corners: [DVec3; 3], numerics: Numerics) -> Option<Primitive> {
+    let triangle = Triangle(corners.map(|p| p.map(|c| numerics.precision().round(c))));
+    (!triangle.is_degenerate()).then_some(Primitive::Triangle(triangle))
+}
+
+/// The primitives of all objects but the shared ones. Those that the tier's numbers cannot hold have their number but no
+/// slot: no ray can hit them.
+fn slots(
+    objects: &[Object],
+    firsts: &[PrimId],
+    shared: &[bool],
+    numerics: Numerics,
+) -> impl Iterator<Item = Slot> {
+    let own = objects.iter().zip(firsts).zip(shared).filter(|(_, shared)| !**shared);
+    own.flat_map(move |((object, first), _)| {
+        let primitives: Box<dyn Iterator<Item = Option<Primitive>> + '_> = match &object.shape {
+            Shape::Mesh(mesh) => Box::new(
+                mesh.triangles.iter().map(move |t| lowered(t.map(|i| mesh.positions[i as usize]), numerics)),
+            ),
+            Shape::Placed(placed) => {
+                Box::new(placed.triangles().map(move |t| lowered(placed.corners_of(t), numerics)))
+            }
+            Shape::Sphere { centre, radius } => {
+                let centre = centre.map(|c| Precision::Double.round(c));
+                let sphere = Primitive::Sphere(Sphere { centre, radius: *radius });
+                Box::new(std::iter::once((numerics.precision().round(*radius) > 0.0).then_some(sphere)))
+            }
+        };
+        (first.0..)
+            .zip(primitives)
+            .filter_map(|(id, primitive)| Some(Slot { primitive: primitive?, id: PrimId(id) }))
+    })
 }

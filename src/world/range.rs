@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use crate::scene::{Camera, Falloff, LightKind, Scene, Shape};
+use crate::scene::{Camera, Falloff, LightKind, Scene, Shape, Step};
 
 /// How far from the origin, in sizes of its own, a scene may lie and keep 20 of 24 bits.
 const FAR: f64 = 16.0;
@@ -47,6 +47,9 @@ pub fn bring_into_range(scene: &mut Scene) -> Option<Range> {
                 *radius *= range.scale;
             }
             Shape::Mesh(mesh) => mesh.positions.iter_mut().for_each(place),
+            Shape::Placed(placed) => {
+                placed.placement.then(Step::Shift { middle: range.middle, scale: range.scale });
+            }
         }
     }
     scene.cameras.iter_mut().for_each(|camera| range.move_camera(camera));

@@ -67,21 +67,21 @@ impl World {
                 surface.geometric_normal = normal;
                 surface.shading_normal = normal;
                 let local = hit.prim.0 - object.first.0;
-                if let Some(normals) = &object.attributes.normals {
-                    let smooth = blend(normals.of(local).map(|n| n.as_dvec3()), weights);
+                if let Some(normals) = object.attributes.normals(local) {
+                    let smooth = blend(normals, weights);
                     // Where the corners' normals are missing or cancel, the triangle's own stands.
                     if let Some(smooth) = smooth.try_normalize() {
                         surface.shading_normal = if smooth.dot(normal) < 0.0 { -smooth } else { smooth };
                     }
                 }
-                if let Some(uvs) = &object.attributes.uvs
-                    && self.materials[object.material as usize].is_textured()
+                if self.materials[object.material as usize].is_textured()
+                    && let Some(uvs) = object.attributes.uvs(local)
                 {
-                    let [a, b, c] = uvs.of(local).map(|uv| uv.as_dvec2());
+                    let [a, b, c] = uvs.map(|uv| uv.as_dvec2());
                     surface.uv = a * weights[0] + b * weights[1] + c * weights[2];
                 }
-                if let Some(colours) = &object.attributes.colours {
-                    let linear = blend(colours.of(local).map(|c| c.as_dvec3()), weights);
+                if let Some(colours) = object.attributes.colours(local) {
+                    let linear = blend(colours.map(|c| c.as_dvec3()), weights);
                     surface.tint = vertex_colour(linear, self.pipeline);
                 }
             }
@@ -95,12 +95,12 @@ impl World {
     /// Ray Tracing Gems II, chapter 4, 2021). The point itself where there is none.
     pub fn smooth_point(&self, surface: &Surface, hit: &Hit) -> SurfacePoint {
         let object = &self.objects[surface.object as usize];
-        let (Some(normals), Primitive::Triangle(triangle)) =
-            (&object.attributes.normals, self.accelerator.primitive(hit.slot))
-        else {
+        let Some(normals) = object.attributes.normals(hit.prim.0 - object.first.0) else {
             return surface.point;
         };
-        let normals = normals.of(hit.prim.0 - object.first.0).map(|n| n.as_dvec3());
+        let Primitive::Triangle(triangle) = self.accelerator.primitive(hit.slot) else {
+            return surface.point;
+        };
         let [v, w] = hit.weights;
         let weights = [1.0 - v - w, v, w];
         // On the side that the surface is seen from.

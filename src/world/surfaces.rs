@@ -237,8 +237,7 @@ impl World {
 
     /// Whether nothing is interpolated across the object of a primitive.
     fn is_plain(&self, prim: PrimId) -> bool {
-        let attributes = &self.objects[self.object_of(prim) as usize].attributes;
-        attributes.normals.is_none() && attributes.uvs.is_none() && attributes.colours.is_none()
+        self.objects[self.object_of(prim) as usize].attributes.are_none()
     }
 
     /// Notes whose points those of a run are.

@@ -6,6 +6,7 @@ pub mod oracle;
 
 pub mod borders;
 pub mod picture;
+pub mod places;
 
 use std::path::{Path, PathBuf};
 

@@ -3,14 +3,14 @@
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use glam::DVec3;
+use glam::{DMat4, DVec3};
 use kiln::bvh::{Structure, Traversal};
 use kiln::effects::{Choices, Plan};
 use kiln::error::Warnings;
 use kiln::film::{ColourPipeline, Film, Window};
 use kiln::geometry::{Hit, Ray};
 use kiln::render::{Statistics, Watch, render};
-use kiln::scene::{Falloff, LightKind, Numerics, Scene, Shape};
+use kiln::scene::{Falloff, LightKind, Numerics, Scene, Shape, Step};
 use kiln::world::{StandardView, View, World, bring_into_range, fitted_camera, headlight};
 
 /// A scene from a file.
@@ -103,6 +103,10 @@ pub fn placed(mut scene: Scene, scale: f64, offset: DVec3) -> Scene {
                 *radius *= scale;
             }
             Shape::Mesh(mesh) => mesh.positions.iter_mut().for_each(place),
+            Shape::Placed(placed) => {
+                let map = DMat4::from_translation(offset) * DMat4::from_scale(DVec3::splat(scale));
+                placed.placement.then(Step::Affine(map));
+            }
         }
     }
     for camera in &mut scene.cameras {

@@ -12,6 +12,7 @@ pub use race::contenders;
 use std::ffi::{CString, c_char, c_int, c_uint, c_void};
 use std::path::Path;
 use std::ptr;
+use std::sync::atomic::{AtomicIsize, Ordering};
 
 use bytemuck::Pod;
 use libloading::Library;
@@ -47,11 +48,24 @@ enum Quality {
     High = 2,
 }
 
+/// `RTCMemoryMonitorFunction`.
+type MemoryMonitor = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
+
+/// Bytes that all devices hold.
+static BYTES: AtomicIsize = AtomicIsize::new(0);
+
+/// Counts what Embree allocates and gives back, and lets it.
+unsafe extern "C" fn count_bytes(_: *mut c_void, bytes: isize, _: bool) -> bool {
+    BYTES.fetch_add(bytes, Ordering::Relaxed);
+    true
+}
+
 /// The functions of the library that are used, by their names without `rtc`.
 struct Functions {
     new_device: unsafe extern "C" fn(*const c_char) -> Handle,
     get_device_error: unsafe extern "C" fn(Handle) -> c_int,
     get_device_property: unsafe extern "C" fn(Handle, c_int) -> isize,
+    set_device_memory_monitor_function: unsafe extern "C" fn(Handle, MemoryMonitor, *mut c_void),
     new_scene: unsafe extern "C" fn(Handle) -> Handle,
     set_scene_flags: unsafe extern "C" fn(Handle, c_int),
     commit_scene: unsafe extern "C" fn(Handle),
@@ -79,6 +93,7 @@ impl Functions {
                 new_device: *library.get("rtcNewDevice")?,
                 get_device_error: *library.get("rtcGetDeviceError")?,
                 get_device_property: *library.get("rtcGetDeviceProperty")?,
+                set_device_memory_monitor_function: *library.get("rtcSetDeviceMemoryMonitorFunction")?,
                 new_scene: *library.get("rtcNewScene")?,
                 set_scene_flags: *library.get("rtcSetSceneFlags")?,
                 commit_scene: *library.get("rtcCommitScene")?,
@@ -129,6 +144,8 @@ impl Device {
         if handle.is_null() {
             return Err(format!("{}: no device can be made", file.display()));
         }
+        // SAFETY: `handle` is a device, and the function keeps to what Embree asks of it, from any thread.
+        unsafe { (functions.set_device_memory_monitor_function)(handle, count_bytes, ptr::null_mut()) };
         let device = Device { functions, handle };
         let version = device.property(VERSION);
         if version / 10_000 != 4 {
@@ -172,6 +189,8 @@ impl Device {
 struct Scene {
     device: &'static Device,
     handle: Handle,
+    /// What it holds of memory, if nothing else was built meanwhile.
+    bytes: isize,
 }
 
 impl Drop for Scene {
@@ -194,7 +213,8 @@ impl Scene {
         // SAFETY: `handle` is a device. Null handles, which Embree takes and answers with an error, are found by `check`.
         let scene = unsafe { (functions.new_scene)(*handle) };
         device.check()?;
-        let scene = Scene { device, handle: scene };
+        let before = BYTES.load(Ordering::Relaxed);
+        let mut scene = Scene { device, handle: scene, bytes: 0 };
         // SAFETY: as above; the geometry is released once the scene holds it, or on failure.
         unsafe {
             (functions.set_scene_flags)(scene.handle, if robust { ROBUST } else { 0 });
@@ -210,6 +230,7 @@ impl Scene {
             (functions.commit_scene)(scene.handle);
         }
         device.check()?;
+        scene.bytes = BYTES.load(Ordering::Relaxed) - before;
         Ok(scene)
     }
 }

@@ -84,7 +84,7 @@ struct BuiltEmbree {
 
 impl Ready for BuiltEmbree {
     fn facts(&self) -> Facts {
-        Facts::default()
+        Facts { bytes: u64::try_from(self.scene.bytes).ok(), ..Facts::default() }
     }
 
     fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {

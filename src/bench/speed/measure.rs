@@ -1,15 +1,14 @@
 //! Rounds in which all contenders take turns.
 
 use std::sync::atomic::Ordering;
-use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::super::{Mesh, Spread};
+use super::super::{Clock, Mesh, Spread, memory};
 use super::{Contender, Facts, Kind, Label, Questions, Queue, Ready, Truth, rays};
 use crate::bvh::Tests;
 use crate::error::{Error, Result};
-use crate::geometry::Ray;
+use crate::geometry::{Numerics, Ray};
 use crate::render::Watch;
 
 /// Rays that one thread takes at a time: whole batches, few enough to share, enough that it costs nothing.
@@ -21,6 +20,14 @@ pub struct Settings<'a> {
     pub runs: u32,
     /// The threads to build and to ask on.
     pub pool: &'a rayon::ThreadPool,
+    /// Whether answers are compared with the right ones.
+    pub check: bool,
+}
+
+impl Settings<'_> {
+    fn threads(&self) -> usize {
+        self.pool.current_num_threads()
+    }
 }
 
 /// What was measured of a contender.
@@ -38,12 +45,54 @@ pub struct Row {
     pub triangles: usize,
     /// Rays of each kind of [`Kind::ALL`].
     pub rays: [usize; 4],
-    /// Million rays a second, of each kind; `None` where there are no rays.
-    pub mrays_per_s: [Option<Spread>; 4],
+    /// Million rays a second, of each kind, in every round; empty where there are no rays.
+    pub rates: [Vec<f64>; 4],
     /// Tests that all rays of a kind took, where they are counted.
     pub tests: [Option<Tests>; 4],
-    /// Answers that are wrong, of each kind.
-    pub wrong: [u64; 4],
+    /// Answers that are wrong, of each kind; `None` where they were not compared.
+    pub wrong: Option<[u64; 4]>,
+    /// The most memory that building took at once, with the structure itself, where the system tells.
+    pub build_peak_bytes: Option<u64>,
+}
+
+impl Row {
+    /// Answers that are wrong, of all kinds.
+    pub fn all_wrong(&self) -> Option<u64> {
+        self.wrong.map(|wrong| wrong.iter().sum())
+    }
+
+    /// Million rays a second; `None` where there are no rays of the kind.
+    pub fn mrays_per_s(&self, kind: Kind) -> Option<Spread> {
+        Spread::of(&self.rates[kind as usize])
+    }
+
+    /// How many times as fast it is as another, round by round.
+    pub fn ratio(&self, other: &Row, kind: Kind) -> Option<Spread> {
+        let rounds = self.rates[kind as usize].iter().zip(&other.rates[kind as usize]);
+        Spread::of(&rounds.map(|(own, other)| own / other).collect::<Vec<_>>())
+    }
+
+    /// Boxes and primitives tested by a ray of a kind, on average.
+    pub fn tests_per_ray(&self, kind: Kind) -> Option<[f64; 2]> {
+        let Tests { nodes, primitives } = self.tests[kind as usize]?;
+        let rays = self.rays[kind as usize];
+        (rays > 0).then(|| [nodes, primitives].map(|count| count as f64 / rays as f64))
+    }
+
+    /// Bytes of the structure for each triangle of the mesh, and those with it.
+    pub fn bytes_per_triangle(&self) -> Option<f64> {
+        Some(self.facts.bytes? as f64 / self.triangles as f64)
+    }
+}
+
+/// The fastest row of a library for a kind of rays; of kiln's those in its default tier, which others are held against.
+pub fn best<'a>(rows: &'a [Row], engine: &str, kind: Kind) -> Option<&'a Row> {
+    let median = |row: &Row| row.mrays_per_s(kind).map_or(0.0, |spread| spread.median);
+    let default = Some(Numerics::default().name());
+    let of_engine = rows
+        .iter()
+        .filter(|row| row.label.engine == engine && (engine != "kiln" || row.label.tier == default));
+    of_engine.max_by(|a, b| median(a).total_cmp(&median(b)))
 }
 
 /// What is being measured of a contender.
@@ -53,7 +102,8 @@ struct Lane<'a> {
     build_ms: Vec<f64>,
     seconds: [Vec<f64>; 4],
     tests: [Option<Tests>; 4],
-    wrong: [u64; 4],
+    wrong: Option<[u64; 4]>,
+    peak: Option<u64>,
 }
 
 /// Measures every contender.
@@ -67,7 +117,7 @@ pub fn measure(
     settings: &Settings,
     watch: &Watch,
 ) -> Result<Vec<Row>> {
-    let truth = Truth::new(mesh, questions);
+    let truth = settings.check.then(|| Truth::new(mesh, questions));
     let rounds = settings.runs as usize + 1;
     let steps = contenders.len() * rounds * (1 + Kind::ALL.len());
     let mut done = 0;
@@ -90,7 +140,12 @@ pub fn measure(
         for kind in Kind::ALL {
             for index in 0..lanes.len() {
                 let place = (index + round) % lanes.len();
-                lanes[place].ask(kind, questions.of(kind), (round == 0).then_some(&truth), settings);
+                let rays = questions.of(kind);
+                if round == 0 {
+                    lanes[place].warm_up(kind, rays, truth.as_ref(), settings);
+                } else {
+                    lanes[place].time(kind, rays, settings);
+                }
                 step()?;
             }
         }
@@ -100,18 +155,21 @@ pub fn measure(
 
 fn build(contender: &dyn Contender, mesh: &Mesh, settings: &Settings) -> Result<(Box<dyn Ready>, f64)> {
     settings.pool.install(|| {
-        let start = Instant::now();
+        let clock = Clock::start(settings.threads());
         let ready = contender.build(mesh)?;
-        Ok((ready, start.elapsed().as_secs_f64() * 1e3))
+        Ok((ready, clock.seconds() * 1e3))
     })
 }
 
 impl<'a> Lane<'a> {
-    /// The build that warms up is not counted.
+    /// The build that warms up is not timed, but its memory is looked at.
     fn start(contender: &'a dyn Contender, mesh: &Mesh, settings: &Settings) -> Result<Self> {
+        memory::forget_peak();
+        let before = memory::resident();
         let (ready, _) = build(contender, mesh, settings)?;
+        let peak = memory::peak().zip(before).map(|(peak, before)| peak.saturating_sub(before));
         let (build_ms, seconds) = (Vec::new(), Default::default());
-        Ok(Lane { contender, ready, build_ms, seconds, tests: [None; 4], wrong: [0; 4] })
+        Ok(Lane { contender, ready, build_ms, seconds, tests: [None; 4], wrong: None, peak })
     }
 
     fn build(&mut self, mesh: &Mesh, settings: &Settings) -> Result<()> {
@@ -121,48 +179,65 @@ impl<'a> Lane<'a> {
         Ok(())
     }
 
-    /// Where `truth` is given the answers are compared with it, and otherwise the time counts.
-    fn ask(&mut self, kind: Kind, rays: &[Ray], truth: Option<&Truth>, settings: &Settings) {
-        let mut queues: Vec<Box<dyn Queue + '_>> =
-            rays.chunks(PORTION).map(|rays| self.ready.queue(kind, rays)).collect();
+    /// The rays in the engine's own form, answered, and how long that took.
+    fn ask<'q>(
+        &'q self,
+        rays: &'q [Ray],
+        kind: Kind,
+        settings: &Settings,
+    ) -> (Vec<Box<dyn Queue + 'q>>, f64) {
+        let mut queues: Vec<_> = rays.chunks(PORTION).map(|rays| self.ready.queue(kind, rays)).collect();
         let seconds = settings.pool.install(|| {
-            let start = Instant::now();
+            let clock = Clock::start(settings.threads());
             queues.par_iter_mut().for_each(|queue| queue.run());
-            start.elapsed().as_secs_f64()
+            clock.seconds()
         });
-        let Some(truth) = truth else {
-            self.seconds[kind as usize].push(seconds);
-            return;
-        };
-        let answers: Vec<Option<u32>> = queues.iter().flat_map(|queue| queue.answers()).collect();
-        self.wrong[kind as usize] = truth.wrong(kind, &answers);
+        (queues, seconds)
+    }
+
+    fn time(&mut self, kind: Kind, rays: &[Ray], settings: &Settings) {
+        let (_, seconds) = self.ask(rays, kind, settings);
+        self.seconds[kind as usize].push(seconds);
+    }
+
+    /// The round that is not timed: what was answered, and how much work it was, is the same in all.
+    fn warm_up(&mut self, kind: Kind, rays: &[Ray], truth: Option<&Truth>, settings: &Settings) {
+        let (queues, _) = self.ask(rays, kind, settings);
         let counted: Option<Vec<Tests>> = queues.iter().map(|queue| queue.tests()).collect();
+        let wrong = truth.map(|truth| {
+            let answers: Vec<Option<u32>> = queues.iter().flat_map(|queue| queue.answers()).collect();
+            truth.wrong(kind, &answers)
+        });
+        drop(queues);
         self.tests[kind as usize] = counted.map(|counted| {
             let mut sum = Tests::default();
             counted.into_iter().for_each(|tests| sum += tests);
             sum
         });
+        if let Some(wrong) = wrong {
+            self.wrong.get_or_insert_default()[kind as usize] = wrong;
+        }
     }
 
     fn row(&self, mesh: &Mesh, questions: &Questions, settings: &Settings) -> Row {
         let rays = Kind::ALL.map(|kind| questions.of(kind).len());
         let rate = |kind: Kind| {
             let rays = rays[kind as usize];
-            let rates: Vec<f64> =
-                self.seconds[kind as usize].iter().map(|seconds| rays as f64 / seconds / 1e6).collect();
-            Spread::of(&rates).filter(|_| rays > 0)
+            let seconds = self.seconds[kind as usize].iter().filter(|_| rays > 0);
+            seconds.map(|seconds| rays as f64 / seconds / 1e6).collect()
         };
         let nothing = Spread { lower: 0.0, median: 0.0, upper: 0.0 };
         Row {
             label: self.contender.label(),
-            threads: settings.pool.current_num_threads(),
+            threads: settings.threads(),
             build_ms: Spread::of(&self.build_ms).unwrap_or(nothing),
             facts: self.ready.facts(),
             triangles: mesh.triangles.len(),
             rays,
-            mrays_per_s: Kind::ALL.map(rate),
+            rates: Kind::ALL.map(rate),
             tests: self.tests,
             wrong: self.wrong,
+            build_peak_bytes: self.peak,
         }
     }
 }

@@ -7,22 +7,28 @@
 //! To add a contender: implement [`Contender`] in the engine's file, and give it a line in [`contenders`].
 
 mod measure;
+mod page;
 mod rays;
+mod scaling;
 mod setting;
+mod singly;
 mod truth;
 
-pub use measure::{Row, Settings, measure};
+pub use measure::{Row, Settings, best, measure};
+pub use page::page;
 pub use rays::{BATCH, Eye, Kind, Questions};
-pub use setting::{From, Triangles, eye, triangles};
+pub use scaling::{Step, plot as scaling_plot, scaling, sizes};
+pub use setting::{Triangles, Viewpoint, eye, scene, triangles};
+pub(super) use singly::singly;
 pub use truth::Truth;
 
-use super::{Absent, Mesh, embree, kiln};
+use super::{Absent, Mesh, embree, kiln, obvhs};
 use crate::bvh::Tests;
 use crate::error::Result;
 use crate::geometry::Ray;
 
 /// Every library that can take part.
-pub const NAMES: [&str; 2] = ["kiln", "embree"];
+pub const NAMES: [&str; 6] = ["kiln", "obvhs", "bvh", "parry3d", "tinybvh", "embree"];
 
 /// What a contender is called.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,6 +62,10 @@ pub trait Contender: Sync {
 pub struct Facts {
     /// How many nodes it has.
     pub nodes: Option<u64>,
+    /// See [`Quality::depth`](crate::bvh::Quality::depth).
+    pub depth: Option<u32>,
+    /// See [`Quality::sah_cost`](crate::bvh::Quality::sah_cost).
+    pub sah_cost: Option<f64>,
     /// Its size in bytes, with its triangles.
     pub bytes: Option<u64>,
 }
@@ -87,11 +97,33 @@ pub trait Queue: Send {
 /// Every contender that is there, built and asked on so many threads, in the order of [`NAMES`], and the libraries that
 /// are not.
 pub fn contenders(threads: usize) -> (Vec<Box<dyn Contender>>, Vec<Absent>) {
-    let mut present = kiln::contenders();
-    let mut absent = Vec::new();
+    let (mut present, mut absent) = (kiln::contenders(), Vec::new());
+    present.extend(obvhs::contenders());
+    #[cfg(feature = "peers")]
+    {
+        present.extend(super::bvh_crate::contenders());
+        present.extend(super::parry::contenders());
+    }
+    #[cfg(not(feature = "peers"))]
+    absent.extend(["bvh", "parry3d"].map(|name| Absent {
+        name,
+        reason: "kiln was built without it".into(),
+        remedy: "build with --features peers",
+    }));
+    #[cfg(all(feature = "tinybvh", target_feature = "avx2"))]
+    present.extend(super::tinybvh::contenders());
+    #[cfg(not(all(feature = "tinybvh", target_feature = "avx2")))]
+    absent.push(super::no_tinybvh());
     match embree::contenders(threads) {
         Ok(engines) => present.extend(engines),
         Err(reason) => absent.push(reason),
     }
     (present, absent)
+}
+
+/// kiln as it renders, and Embree by single rays where it is there.
+pub fn defaults(threads: usize) -> Vec<Box<dyn Contender>> {
+    let mut defaults = vec![kiln::default_contender()];
+    defaults.extend(embree::contenders(threads).into_iter().flat_map(|ways| ways.into_iter().take(1)));
+    defaults
 }

@@ -174,3 +174,70 @@ fn random(mesh: &Mesh, count: u64) -> Vec<Ray> {
     };
     (0..count).filter_map(one).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::generate::Family;
+    use super::super::{Viewpoint, eye, scene};
+    use super::*;
+
+    fn questions(mesh: &Mesh, size: u32) -> (Eye, Questions) {
+        let eye = eye(&scene(mesh), Viewpoint::Outside, size).expect("an eye");
+        let questions = Questions::new(mesh, &eye);
+        (eye, questions)
+    }
+
+    #[test]
+    fn primary_rays_come_tile_by_tile() {
+        let (eye, questions) = questions(&Family::Sphere.mesh(1000), 40);
+        let primary = questions.of(Kind::Primary);
+        let at = |x, y| eye.view.ray(x, y, Precision::Single);
+        assert_eq!(primary.len(), 1600);
+        // The second ray of the first tile, the first of its second row, and the first of the second tile.
+        assert_eq!((primary[1], primary[16], primary[256]), (at(1, 0), at(0, 1), at(16, 0)));
+        // The third tile is 8 wide, so the second row of tiles begins after 256 + 256 + 128 rays.
+        assert_eq!((primary[512 + 8], primary[640]), (at(32, 1), at(0, 16)));
+    }
+
+    #[test]
+    fn all_numbers_are_f32_numbers() {
+        let (_, questions) = questions(&Family::Soup.mesh(1000), 64);
+        for kind in Kind::ALL {
+            assert!(!questions.of(kind).is_empty(), "{kind:?}");
+            for ray in questions.of(kind) {
+                for number in
+                    [ray.origin.to_array(), ray.direction.to_array(), [ray.t_min, ray.t_max, 0.0]].concat()
+                {
+                    assert_eq!(number, f64::from(number as f32), "{kind:?} {ray:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn diffuse_rays_are_cosine_distributed() {
+        let (normal, origin) = (DVec3::new(1.0, 2.0, -2.0) / 3.0, DVec3::ZERO);
+        let surface = SurfacePoint { position: origin, reach: DVec3::ZERO };
+        let rays = (0..100_000).filter_map(|index| diffuse(&Point { surface, normal, origin }, index));
+        let cosines: Vec<f64> = rays.map(|ray| ray.direction.dot(normal)).collect();
+        // With density cos / pi the mean cosine is 2/3 and that of its square 1/2, so the mean of n has a standard deviation
+        // of sqrt((1/2 - 4/9) / n).
+        let n = cosines.len() as f64;
+        assert!(n > 99_990.0, "few are lost to rounding");
+        let mean = cosines.iter().sum::<f64>() / n;
+        assert!((mean - 2.0 / 3.0).abs() < 5.0 / (18.0 * n).sqrt(), "{mean}");
+    }
+
+    #[test]
+    fn shadow_rays_end_before_the_light_and_start_on_its_side() {
+        let normal = DVec3::Y;
+        let surface = SurfacePoint { position: DVec3::ZERO, reach: DVec3::ONE };
+        let point = Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Watertight) };
+        let light = DVec3::new(3.0, 4.0, 0.0);
+        let ray = shadow(&point, light).expect("a ray");
+        // The light is 5 away.
+        assert!(ray.t_max < 5.0 && ray.t_max > 5.0 * (1.0 - 1e-6), "{}", ray.t_max);
+        assert!((ray.at(ray.t_max) - light).length() < 1e-5);
+        assert_eq!(shadow(&point, -light), None);
+    }
+}

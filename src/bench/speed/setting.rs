@@ -6,12 +6,12 @@ use super::super::Mesh;
 use super::Eye;
 use crate::error::{Error, Result};
 use crate::geometry::Triangle;
-use crate::scene::{Camera, LightKind, Projection, Scene, Shape};
+use crate::scene::{self, Camera, LightKind, MaterialId, Object, Projection, Scene, Shape};
 use crate::world::{StandardView, View, fitted_camera};
 
 /// Where a mesh is seen from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum From {
+pub enum Viewpoint {
     /// From the scene's first camera, or from outside where it has none.
     #[default]
     Scene,
@@ -21,16 +21,16 @@ pub enum From {
     Inside,
 }
 
-impl From {
+impl Viewpoint {
     /// The names of all.
     pub const NAMES: [&str; 3] = ["scene", "outside", "inside"];
 
     /// The one of a name.
     pub fn named(name: &str) -> Option<Self> {
         match name {
-            "scene" => Some(From::Scene),
-            "outside" => Some(From::Outside),
-            "inside" => Some(From::Inside),
+            "scene" => Some(Viewpoint::Scene),
+            "outside" => Some(Viewpoint::Outside),
+            "inside" => Some(Viewpoint::Inside),
             _ => None,
         }
     }
@@ -74,29 +74,37 @@ pub fn triangles(scene: &Scene) -> Triangles {
     taken
 }
 
+/// A scene of nothing but a mesh.
+pub fn scene(mesh: &Mesh) -> Scene {
+    let positions = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
+    let shape = scene::Mesh { positions, triangles: mesh.triangles.clone(), ..scene::Mesh::default() };
+    let object = Object { name: "mesh".into(), input: 0, material: MaterialId(0), shape: Shape::Mesh(shape) };
+    Scene { objects: vec![object], ..Scene::default() }
+}
+
 /// The eye of a picture of `size` by `size` pixels. Its light is the scene's first point light; where there is none, one
 /// behind the camera's right shoulder, or below the ceiling.
 ///
 /// # Errors
 /// [`Error::Usage`] where there is nothing to look at, or the scene's camera cannot be used.
-pub fn eye(scene: &Scene, from: From, size: u32) -> Result<Eye> {
+pub fn eye(scene: &Scene, from: Viewpoint, size: u32) -> Result<Eye> {
     let nothing =
         || Error::usage("there is nothing in it to look at", "`kiln info` says what the file holds");
     let bounds = scene.bounds().ok_or_else(nothing)?;
     let outside =
         || fitted_camera(scene, StandardView::Auto, 1.0, Projection::Perspective).ok_or_else(nothing);
     let camera = match from {
-        From::Scene => scene.cameras.first().cloned().map_or_else(outside, Ok)?,
-        From::Outside => outside()?,
-        From::Inside => inside(bounds),
+        Viewpoint::Scene => scene.cameras.first().cloned().map_or_else(outside, Ok)?,
+        Viewpoint::Outside => outside()?,
+        Viewpoint::Inside => inside(bounds),
     };
     let of_scene = scene.lights.iter().find_map(|light| match light.kind {
         LightKind::Point { position, .. } => Some(position),
         _ => None,
     });
     let light = of_scene.unwrap_or_else(|| match from {
-        From::Inside => light_inside(bounds),
-        From::Scene | From::Outside => light_outside(&camera, bounds),
+        Viewpoint::Inside => light_inside(bounds),
+        Viewpoint::Scene | Viewpoint::Outside => light_outside(&camera, bounds),
     });
     Ok(Eye { view: View::new(&camera, camera.projection, [size; 2])?, size, light })
 }

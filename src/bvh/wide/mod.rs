@@ -16,15 +16,17 @@ pub use convert::convert;
 pub use node::Child;
 use node::{BoxRay, Content, Node, WIDTH, prune_distance};
 
-use packet::PACKET;
-pub use packet::Scratch;
-pub use stream::Stacks;
-use super::{Accelerator, Description, Primitive, Tests, Traversal};
+use super::{Accelerator, Description, Primitive, Quality, Seen, Tests, Traversal, quality};
 use crate::geometry::quad::LANES;
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::Avx2;
 use crate::geometry::simd::{Portable, Simd};
-use crate::geometry::{Corner, Hit, Numerics, PrimId, Quad, Ray, SlotId, Sphere, Stored, Tier, Triangle};
+use crate::geometry::{
+    Bounds, Corner, Hit, Numerics, PrimId, Quad, Ray, SlotId, Sphere, Stored, Tier, Triangle,
+};
+use packet::PACKET;
+pub use packet::Scratch;
+pub use stream::Stacks;
 
 /// A tree of eight children a node.
 pub struct Wide<T: Tier> {
@@ -46,9 +48,6 @@ pub struct Group<C: Corner> {
     ids: [u32; LANES],
 }
 
-/// Marks the slots of spheres.
-const SPHERE: u32 = 1 << 31;
-
 /// Whether the instructions of [`Avx2`] are there.
 pub fn is_accelerated() -> bool {
     #[cfg(target_arch = "x86_64")]
@@ -68,14 +67,20 @@ enum Step {
 }
 
 impl<T: Tier> Wide<T> {
+    /// Spheres have the slots after those of triangles.
+    #[inline(always)]
+    fn slot_of_sphere(&self, index: u32) -> SlotId {
+        SlotId((self.groups.len() * LANES) as u32 + index)
+    }
+
     /// The primitive in a slot, in the numbers of the tier.
     #[inline(always)]
     fn stored(&self, slot: SlotId) -> Stored<T::Corner> {
-        if slot.0 & SPHERE != 0 {
-            return Stored::Sphere(self.spheres[(slot.0 & !SPHERE) as usize].0);
-        }
         let slot = slot.0 as usize;
-        Stored::Triangle(self.groups[slot / LANES].quad.triangle(slot % LANES))
+        match self.groups.get(slot / LANES) {
+            Some(group) => Stored::Triangle(group.quad.triangle(slot % LANES)),
+            None => Stored::Sphere(self.spheres[slot - self.groups.len() * LANES].0),
+        }
     }
 
     /// Whether `hit` comes before the best so far.
@@ -128,7 +133,7 @@ impl<T: Tier> Wide<T> {
                 for index in spheres {
                     let (sphere, prim) = &self.spheres[index as usize];
                     let Some(t) = hit_sphere::<T>(ray, sphere) else { continue };
-                    match found(Hit { t, prim: *prim, slot: SlotId(SPHERE | index), weights: [0.0; 2] }) {
+                    match found(Hit { t, prim: *prim, slot: self.slot_of_sphere(index), weights: [0.0; 2] }) {
                         Step::Stop => return Step::Stop,
                         Step::Prune(t) => after = Step::Prune(t),
                         Step::Go => {}
@@ -220,40 +225,68 @@ impl<T: Tier> Wide<T> {
     }
 
     #[inline(always)]
-    fn closest<S: Simd, const FUSED: bool>(&self, ray: &Ray, stack: &mut Vec<(Child, f32)>, tests: &mut Tests) -> Option<Hit> {
+    fn closest<S: Simd, const FUSED: bool>(
+        &self,
+        ray: &Ray,
+        stack: &mut Vec<(Child, f32)>,
+        tests: &mut Tests,
+    ) -> Option<Hit> {
         S::run(
             #[inline(always)]
             || {
                 let mut best: Option<Hit> = None;
-                self.walk::<S, FUSED, true>(ray, stack, tests, #[inline(always)] |hit| {
-                    if !self.is_better(ray, &hit, best.as_ref()) {
-                        return Step::Go;
-                    }
-                    best = Some(hit);
-                    Step::Prune(hit.t)
-                });
+                self.walk::<S, FUSED, true>(
+                    ray,
+                    stack,
+                    tests,
+                    #[inline(always)]
+                    |hit| {
+                        if !self.is_better(ray, &hit, best.as_ref()) {
+                            return Step::Go;
+                        }
+                        best = Some(hit);
+                        Step::Prune(hit.t)
+                    },
+                );
                 best
             },
         )
     }
 
     #[inline(always)]
-    fn occluded<S: Simd, const FUSED: bool>(&self, ray: &Ray, stack: &mut Vec<(Child, f32)>, tests: &mut Tests) -> bool {
+    fn occluded<S: Simd, const FUSED: bool>(
+        &self,
+        ray: &Ray,
+        stack: &mut Vec<(Child, f32)>,
+        tests: &mut Tests,
+    ) -> bool {
         S::run(
             #[inline(always)]
             || {
                 let mut occluded = false;
-                self.walk::<S, FUSED, false>(ray, stack, tests, #[inline(always)] |_| {
-                    occluded = true;
-                    Step::Stop
-                });
+                self.walk::<S, FUSED, false>(
+                    ray,
+                    stack,
+                    tests,
+                    #[inline(always)]
+                    |_| {
+                        occluded = true;
+                        Step::Stop
+                    },
+                );
                 occluded
             },
         )
     }
 
     #[inline(always)]
-    fn all<S: Simd, const FUSED: bool>(&self, ray: &Ray, hits: &mut Vec<Hit>, stack: &mut Vec<(Child, f32)>, tests: &mut Tests) {
+    fn all<S: Simd, const FUSED: bool>(
+        &self,
+        ray: &Ray,
+        hits: &mut Vec<Hit>,
+        stack: &mut Vec<(Child, f32)>,
+        tests: &mut Tests,
+    ) {
         self.walk::<S, FUSED, false>(ray, stack, tests, |hit| {
             hits.push(hit);
             Step::Go
@@ -332,7 +365,12 @@ const FEWEST: usize = 16;
 
 /// The hit of a triangle that has passed for all that a group can tell; few come here.
 #[inline(never)]
-fn hit_triangle<T: Tier>(prepared: &T::Prepared, ray: &Ray, group: &Group<T::Corner>, slot: SlotId) -> Option<Hit> {
+fn hit_triangle<T: Tier>(
+    prepared: &T::Prepared,
+    ray: &Ray,
+    group: &Group<T::Corner>,
+    slot: SlotId,
+) -> Option<Hit> {
     let lane = slot.0 as usize % LANES;
     let hit = T::hit_triangle(prepared, ray, &group.quad.triangle(lane))?;
     Some(Hit { t: hit.t, prim: PrimId(group.ids[lane]), slot, weights: hit.weights })
@@ -437,6 +475,35 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn refit(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
         self.refit_to(primitive)
+    }
+
+    fn quality(&self) -> Option<Quality> {
+        // Numbered: nodes by their place, and after them the places in nodes that hold leaves.
+        let nodes = self.nodes.len();
+        let area = |index: usize| -> f64 {
+            let node = &self.nodes[index];
+            let held = (0..WIDTH).filter(|place| node.present >> place & 1 != 0);
+            let whole = held.map(|place| node.bounds(place)).reduce(Bounds::union);
+            whole.map_or(0.0, |b| f64::from(b.half_area()))
+        };
+        let look = |index: usize, children: &mut Vec<usize>| {
+            if index < nodes {
+                let node = &self.nodes[index];
+                let held = (0..WIDTH).filter(|place| node.present >> place & 1 != 0);
+                children.extend(held.map(|place| match node.children[place].content() {
+                    Content::Node(child) => child as usize,
+                    _ => nodes + index * WIDTH + place,
+                }));
+                return Seen { area: area(index), primitives: 0 };
+            }
+            let (node, place) = (&self.nodes[(index - nodes) / WIDTH], (index - nodes) % WIDTH);
+            let primitives = match node.children[place].content() {
+                Content::Groups(range) | Content::Spheres(range) => range.len(),
+                Content::Node(_) => 0,
+            };
+            Seen { area: f64::from(node.bounds(place).half_area()), primitives }
+        };
+        (nodes > 0).then(|| quality(0, look))
     }
 
     fn describe(&self) -> Description {

@@ -8,9 +8,10 @@
 //! `(plane - origin) * inverse`. That form serves every ray where there is no fused multiply-add.
 //! In either form rays of f64 numbers are tested against the same f32 boxes.
 
-use bytemuck::{Pod, Zeroable};
 use crate::geometry::simd::Simd;
 use crate::geometry::{Bounds, PRUNE_MARGIN, Ray, round_down};
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
 
 /// How many children a node has.
 pub const WIDTH: usize = 8;
@@ -114,6 +115,15 @@ impl Node {
         }
         self.children[place] = child;
         self.present |= 1 << place;
+    }
+}
+
+impl Node {
+    /// The box in a place.
+    pub fn bounds(&self, place: usize) -> Bounds {
+        let side =
+            |side: usize| Vec3::from_array([0, 1, 2].map(|axis: usize| self.planes[axis][side][place]));
+        Bounds { min: side(0), max: side(1) }
     }
 }
 

@@ -8,7 +8,7 @@
 
 use super::frustum::{BLOCKS, Frustum, Lanes};
 use super::node::{Child, Content, WIDTH};
-use super::{SPHERE, Wide, hit_sphere};
+use super::{Wide, hit_sphere};
 use crate::bvh::Tests;
 use crate::geometry::bundle::RAYS;
 use crate::geometry::quad::LANES;
@@ -37,11 +37,11 @@ pub struct Scratch {
 impl Default for Scratch {
     fn default() -> Self {
         Scratch {
-        lanes: Lanes { directions: [[[0.0; BLOCK]; BLOCKS]; 3], blocks: 0 },
-        extents: [[[f32::INFINITY; BLOCKS], [f32::NEG_INFINITY; BLOCKS]]; 2],
-        reach: [[f32::NEG_INFINITY; BLOCK]; BLOCKS],
-        depths: [f32::NEG_INFINITY; BLOCKS],
-        active: [0; BLOCKS],
+            lanes: Lanes { directions: [[[0.0; BLOCK]; BLOCKS]; 3], blocks: 0 },
+            extents: [[[f32::INFINITY; BLOCKS], [f32::NEG_INFINITY; BLOCKS]]; 2],
+            reach: [[f32::NEG_INFINITY; BLOCK]; BLOCKS],
+            depths: [f32::NEG_INFINITY; BLOCKS],
+            active: [0; BLOCKS],
         }
     }
 }
@@ -98,7 +98,8 @@ impl<'a, T: Tier> Packet<'a, T> {
     /// Brings the frustum's depth up to date with those of the blocks.
     #[inline(always)]
     fn shorten(&mut self) {
-        let deepest = self.scratch.depths[..self.scratch.lanes.blocks].iter().copied().fold(f32::NEG_INFINITY, most);
+        let deepest =
+            self.scratch.depths[..self.scratch.lanes.blocks].iter().copied().fold(f32::NEG_INFINITY, most);
         self.frustum.depth = deepest + self.frustum.spread as f32;
     }
 
@@ -198,7 +199,7 @@ impl<T: Tier> Wide<T> {
             }
             tests.primitives += 1;
             if let Some(t) = hit_sphere::<T>(ray, sphere) {
-                let hit = Hit { t, prim: *prim, slot: SlotId(SPHERE | index), weights: [0.0; 2] };
+                let hit = Hit { t, prim: *prim, slot: self.slot_of_sphere(index), weights: [0.0; 2] };
                 if found(packet, i, hit) {
                     packet.shorten_block(i / BLOCK);
                 }
@@ -229,10 +230,14 @@ impl<T: Tier> Wide<T> {
             while blocks != 0 {
                 let block = blocks.trailing_zeros() as usize % BLOCKS;
                 blocks &= blocks - 1;
-                if nearest > packet.scratch.depths[block] * super::node::MARGIN + packet.frustum.spread as f32 {
+                if nearest > packet.scratch.depths[block] * super::node::MARGIN + packet.frustum.spread as f32
+                {
                     continue;
                 }
-                let inside = edges.inside::<S>(packet.scratch.lanes.directions[0][block], packet.scratch.lanes.directions[1][block]);
+                let inside = edges.inside::<S>(
+                    packet.scratch.lanes.directions[0][block],
+                    packet.scratch.lanes.directions[1][block],
+                );
                 let maybe = inside & u32::from(packet.scratch.active[block]);
                 if maybe == 0 {
                     continue;
@@ -371,7 +376,8 @@ impl Seen {
         for (k, corner) in corners.iter_mut().enumerate() {
             for (place, side) in corner.iter_mut().enumerate() {
                 let axis = frustum.axes[place];
-                let (at, apex) = (T::Corner::to_d4::<S>(quad.corners[k][axis]), S::d4_splat(frustum.apex[axis]));
+                let (at, apex) =
+                    (T::Corner::to_d4::<S>(quad.corners[k][axis]), S::d4_splat(frustum.apex[axis]));
                 let down = place == 2 && frustum.downwards;
                 *side = if down { S::d4_sub(apex, at) } else { S::d4_sub(at, apex) };
             }

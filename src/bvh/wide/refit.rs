@@ -58,16 +58,20 @@ impl<T: Tier> Wide<T> {
                         .iter()
                         .fold(Around::NONE, |a, b| a.union(b))
                 };
-                let b = match self.nodes[index].children[place].content() {
-                    // Places that hold nothing refer to a node that there is not.
-                    Content::Node(child) => {
-                        self.nodes.get(child as usize).map_or(Around::NONE, Around::around)
-                    }
+                let child = self.nodes[index].children[place];
+                let b = match child.content() {
+                    Content::Node(child) => match self.nodes.get(child as usize) {
+                        Some(node) => Around::all_of(node),
+                        // A place that never held anything.
+                        None => continue,
+                    },
                     Content::Groups(range) => union(&groups, range),
                     Content::Spheres(range) => union(&spheres, range),
                 };
-                let child = self.nodes[index].children[place];
                 self.nodes[index].set(place, b.0, child);
+                if b.is_nothing() {
+                    self.nodes[index].present &= !(1 << place);
+                }
             }
         }
         if is_other_kind.into_inner() {
@@ -85,17 +89,14 @@ impl<T: Tier> Wide<T> {
             let size = (b.max.as_dvec3() - b.min.as_dvec3()).max(glam::DVec3::ZERO);
             size.x * size.y + size.y * size.z + size.z * size.x
         };
-        let whole = self.nodes.first().map_or(0.0, |root| area(Around::around(root).0));
+        let whole = self.nodes.first().map_or(0.0, |root| area(Around::all_of(root).0));
         if whole <= 0.0 {
             return 0.0;
         }
-        let side = |node: &Node, place: usize, side: usize| {
-            glam::Vec3::from_array([0, 1, 2].map(|axis: usize| node.planes[axis][side][place]))
+        let of_node = |node: &Node| -> f64 {
+            let held = (0..WIDTH).filter(|place| node.present >> place & 1 != 0);
+            held.map(|place| area(node.bounds(place))).sum()
         };
-        // What is inside out has no area.
-        let of_place =
-            |node: &Node, place| area(Bounds { min: side(node, place, 0), max: side(node, place, 1) });
-        let of_node = |node: &Node| (0..WIDTH).map(|place| of_place(node, place)).sum::<f64>();
         1.0 + self.nodes.iter().map(of_node).sum::<f64>() / whole
     }
 }
@@ -115,8 +116,12 @@ impl Around {
         Around(self.0.union(other.0))
     }
 
+    fn is_nothing(&self) -> bool {
+        self.0.min.x > self.0.max.x
+    }
+
     /// Around all that a node holds.
-    fn around(node: &Node) -> Self {
+    fn all_of(node: &Node) -> Self {
         let least = |axis: usize| node.planes[axis][0].into_iter().fold(f32::INFINITY, f32::min);
         let greatest = |axis: usize| node.planes[axis][1].into_iter().fold(f32::NEG_INFINITY, f32::max);
         let [min, max] = [[0, 1, 2].map(least), [0, 1, 2].map(greatest)];

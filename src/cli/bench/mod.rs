@@ -2,6 +2,7 @@
 
 mod leaks;
 mod numerics;
+mod scaling;
 mod speed;
 
 use std::io::IsTerminal;
@@ -28,6 +29,8 @@ enum Test {
     Leaks(leaks::Arguments),
     /// What each tier of numerics costs, and what it gets wrong
     Numerics(numerics::Arguments),
+    /// Building, memory and speed against the number of triangles
+    Scaling(scaling::Arguments),
 }
 
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
@@ -35,6 +38,7 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
         None => speed::run(&arguments.speed, interrupted),
         Some(Test::Leaks(arguments)) => leaks::run(arguments, interrupted),
         Some(Test::Numerics(arguments)) => numerics::run(arguments, interrupted),
+        Some(Test::Scaling(arguments)) => scaling::run(arguments, interrupted),
     }
 }
 
@@ -82,4 +86,13 @@ fn grouped(number: u64) -> String {
         text.push(digit);
     }
     text
+}
+
+/// With three digits.
+fn few(x: f64) -> String {
+    match x {
+        _ if x >= 99.95 => grouped(x.round() as u64),
+        _ if x >= 9.995 => format!("{x:.1}"),
+        _ => format!("{x:.2}"),
+    }
 }

@@ -6,6 +6,7 @@
 //! cameras and lights.
 
 mod check;
+mod instancing;
 mod look;
 mod triangles;
 
@@ -15,19 +16,26 @@ use super::Source;
 use crate::error::{Result, Warnings};
 use crate::scene::{ImageId, Material, MaterialId, MetallicRoughness, Object, Scene, Shape};
 use check::{check_accessors, check_images, explain, load_buffers, world_transforms};
+use instancing::SharedMeshes;
 use look::place_targets;
 use triangles::deform;
 
 /// Reads a .gltf or .glb file.
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let bytes = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
-    let gltf::Gltf { document, blob } =
-        gltf::Gltf::from_slice(bytes).map_err(|e| explain(&source.file, e))?;
+    let gltf::Gltf { document, blob } = instancing::open(bytes).map_err(|e| explain(&source.file, e))?;
     check_accessors(&document, &source.file)?;
     check_images(&document, &source.file)?;
     let buffers = load_buffers(&document, blob, source)?;
-    let mut loader =
-        Loader { source, buffers, images: Vec::new(), scene: Scene::default(), warnings, plain: None };
+    let mut loader = Loader {
+        source,
+        buffers,
+        images: Vec::new(),
+        scene: Scene::default(),
+        warnings,
+        plain: None,
+        shared: SharedMeshes::default(),
+    };
     loader.warn_of_what_is_not_drawn(&document);
     loader.images = loader.load_images(&document);
     for material in document.materials() {
@@ -35,10 +43,18 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         loader.scene.add_material(material);
     }
     let world_from_node = world_transforms(&document, &source.file, loader.warnings)?;
+    let mut placed = Vec::new();
     for node in document.nodes() {
-        if let Some(transform) = world_from_node[node.index()] {
-            loader.node(&node, &transform, &world_from_node)?;
+        if let Some(world_from_node) = &world_from_node[node.index()] {
+            let places = loader.places_of(&node, world_from_node, &document)?;
+            if let Some(mesh) = node.mesh() {
+                loader.shared.count(&mesh, places.len());
+            }
+            placed.push((node, world_from_node, places));
         }
+    }
+    for (node, transform, places) in placed {
+        loader.node(&node, transform, &places, &world_from_node)?;
     }
     let mut scene = loader.scene;
     place_targets(&mut scene);
@@ -52,6 +68,7 @@ struct Loader<'a> {
     scene: Scene,
     warnings: &'a mut Warnings,
     plain: Option<MaterialId>,
+    shared: SharedMeshes,
 }
 
 impl Loader<'_> {
@@ -63,8 +80,12 @@ impl Loader<'_> {
         if document.animations().next().is_some() {
             self.warn("it has animations; drawn at rest");
         }
-        const READ: [&str; 3] =
-            ["KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_unlit"];
+        const READ: [&str; 4] = [
+            "KHR_lights_punctual",
+            "KHR_materials_emissive_strength",
+            "KHR_materials_unlit",
+            instancing::NAME,
+        ];
         let unread: Vec<&str> = document.extensions_used().filter(|name| !READ.contains(name)).collect();
         for name in unread {
             self.warn(format!("extension {name} is not used"));
@@ -85,6 +106,7 @@ impl Loader<'_> {
         &mut self,
         node: &gltf::Node,
         world_from_node: &DMat4,
+        places: &[DMat4],
         world_from_nodes: &[Option<DMat4>],
     ) -> Result<()> {
         let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
@@ -95,19 +117,36 @@ impl Loader<'_> {
             self.light(&light, name.clone(), world_from_node);
         }
         let Some(mesh) = node.mesh() else { return Ok(()) };
+        // Place after place, all primitives in each, as if every place were a node.
+        let mut shapes: Vec<(usize, MaterialId, Shape)> = Vec::new();
         for primitive in mesh.primitives() {
-            let Some(mut triangles) = self.primitive(&primitive, &name)? else { continue };
-            match node.skin().and_then(|skin| self.pose(&skin, &primitive, world_from_nodes)) {
-                Some(matrices) => deform(&mut triangles, &matrices),
-                None => triangles.transform(world_from_node),
+            let pose = node.skin().and_then(|skin| self.pose(&skin, &primitive, world_from_nodes));
+            let placed = match pose {
+                Some(matrices) => {
+                    let posed = self.primitive(&primitive, &name)?.map(|mut triangles| {
+                        deform(&mut triangles, &matrices);
+                        Shape::Mesh(triangles)
+                    });
+                    posed.into_iter().collect()
+                }
+                None => self.placed(&mesh, &primitive, &name, places)?,
+            };
+            if placed.is_empty() {
+                continue;
             }
             let material = match primitive.material().index() {
                 Some(index) => MaterialId(index as u32),
                 None => self.plain_material(),
             };
-            let shape = Shape::Mesh(triangles);
-            self.scene.objects.push(Object { name: name.clone(), input: 0, material, shape });
+            shapes.extend(placed.into_iter().enumerate().map(|(place, shape)| (place, material, shape)));
         }
+        shapes.sort_by_key(|(place, ..)| *place);
+        self.scene.objects.extend(shapes.into_iter().map(|(_, material, shape)| Object {
+            name: name.clone(),
+            input: 0,
+            material,
+            shape,
+        }));
         Ok(())
     }
 

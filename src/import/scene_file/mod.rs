@@ -1,21 +1,23 @@
 //! Scene files: from what is typed ([`SceneFile`]) to what it means ([`Scene`]), with the meshes it names.
 
 use std::collections::HashMap;
-use std::path::Path;
 
-use glam::{DMat4, DQuat, DVec3};
+use glam::DVec3;
 use toml::Spanned;
+
+mod meshes;
 
 use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::Colour;
 use crate::scene::file::{
-    CameraSection, FalloffValue, LightSection, LightType, MaterialSection, MeshSection, ScaleValue,
-    SceneFile, SphereSection, TrianglesSection, line_of, nearest_name,
+    CameraSection, FalloffValue, LightSection, LightType, MaterialSection, MeshSection, SceneFile,
+    SphereSection, TrianglesSection, line_of, nearest_name,
 };
 use crate::scene::{
     Camera, Falloff, Glaze, Light, LightKind, Material, MaterialId, Mesh, Object, Phong, Scene, Shape,
 };
+use meshes::Meshes;
 
 /// The most pixels along a side; the same as for `--size`.
 const LARGEST_SIDE: u32 = 65_535;
@@ -33,8 +35,14 @@ const FARTHEST_LIGHT: f64 = 1e100;
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let text = source.text();
     let file = SceneFile::parse(&text, &source.file)?;
-    let mut builder =
-        Builder { source, text: &text, scene: Scene::default(), materials: HashMap::new(), plain: None };
+    let mut builder = Builder {
+        source,
+        text: &text,
+        scene: Scene::default(),
+        materials: HashMap::new(),
+        plain: None,
+        meshes: Meshes::of(&file),
+    };
     builder.picture(&file)?;
     for (name, section) in &file.material {
         let material = builder.material(name, section)?;
@@ -69,6 +77,7 @@ struct Builder<'a> {
     scene: Scene,
     materials: HashMap<String, MaterialId>,
     plain: Option<MaterialId>,
+    meshes: Meshes,
 }
 
 impl Builder<'_> {
@@ -357,72 +366,5 @@ impl Builder<'_> {
         let shape = Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() });
         self.push(s.name.as_ref(), "triangles", material, shape);
         Ok(())
-    }
-
-    fn mesh(&mut self, section: &Spanned<MeshSection>, warnings: &mut Warnings) -> Result<()> {
-        let (start, s) = (section.span().start, section.get_ref());
-        if s.file == "-" || super::is_scene_file(Path::new(&s.file)) {
-            let what = format!("`{}` is not a mesh", s.file);
-            return Err(self.error(start, what, "name an .obj, .gltf or .glb file"));
-        }
-        let material = match &s.material {
-            Some(name) => Some(self.material_named(start, Some(name))?),
-            None => None,
-        };
-        let world_from_mesh = self.placement(start, s)?;
-        let path = self.source.sibling(&s.file);
-        let mut part =
-            Source::open(&path).and_then(|source| super::read_one(&source, warnings)).map_err(|e| {
-                let line = line_of(self.text, start);
-                match e {
-                    Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {
-                        let what = format!("mesh {place}: {what}");
-                        Error::input(Place::line(&self.source.file, line), what, hint)
-                    }
-                    other => other,
-                }
-            })?;
-        for object in &mut part.objects {
-            if let Shape::Mesh(mesh) = &mut object.shape {
-                mesh.transform(&world_from_mesh);
-            }
-        }
-        // The scene file decides on cameras, lights and the picture; a mesh in it is only a mesh.
-        let part = Scene {
-            objects: part.objects,
-            materials: part.materials,
-            images: part.images,
-            ..Scene::default()
-        };
-        let first = self.scene.objects.len();
-        self.scene.append(part);
-        if let Some(material) = material {
-            self.scene.objects[first..].iter_mut().for_each(|object| object.material = material);
-        }
-        Ok(())
-    }
-
-    /// Scale, then rotation about x, y and z, then translation.
-    fn placement(&self, start: usize, s: &MeshSection) -> Result<DMat4> {
-        let translate = s.translate.unwrap_or([0.0; 3]);
-        let rotate = s.rotate.unwrap_or([0.0; 3]);
-        let scale = match s.scale {
-            None => [1.0; 3],
-            Some(ScaleValue::Uniform(factor)) => [factor; 3],
-            Some(ScaleValue::PerAxis(factors)) => factors,
-        };
-        self.finite(start, "translate", &translate)?;
-        self.finite(start, "rotate", &rotate)?;
-        self.finite(start, "scale", &scale)?;
-        if scale.contains(&0.0) {
-            return Err(self.error(
-                start,
-                "`scale` is 0",
-                "a mesh without size cannot be seen; give other factors",
-            ));
-        }
-        let [x, y, z] = rotate.map(f64::to_radians);
-        let rotation = DQuat::from_rotation_z(z) * DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x);
-        Ok(DMat4::from_scale_rotation_translation(scale.into(), rotation, translate.into()))
     }
 }

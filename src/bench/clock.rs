@@ -1,0 +1,64 @@
+//! What time is measured by.
+
+use std::time::Instant;
+
+/// A clock that has started.
+///
+/// One thread is timed by the time that processors spent on this process, whatever thread of it they spent it on: what
+/// else the machine does at the same time then changes the times of two engines little, and cannot favour one. Several
+/// threads are timed by what passes outside, and so is one thread where the system does not tell.
+pub struct Clock {
+    start: f64,
+    outside: Option<Instant>,
+}
+
+impl Clock {
+    /// Starts.
+    pub fn start(threads: usize) -> Self {
+        match processor_time() {
+            Some(start) if threads == 1 => Clock { start, outside: None },
+            _ => Clock { start: 0.0, outside: Some(Instant::now()) },
+        }
+    }
+
+    /// Seconds since the start.
+    pub fn seconds(&self) -> f64 {
+        match self.outside {
+            Some(outside) => outside.elapsed().as_secs_f64(),
+            None => processor_time().unwrap_or(self.start) - self.start,
+        }
+    }
+
+    /// What a clock for so many threads goes by: `processor` or `wall`.
+    pub fn name(threads: usize) -> &'static str {
+        if threads == 1 && processor_time().is_some() { "processor" } else { "wall" }
+    }
+}
+
+/// Seconds that processors have spent on this process.
+#[cfg(unix)]
+fn processor_time() -> Option<f64> {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    Some(time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9)
+}
+
+#[cfg(not(unix))]
+fn processor_time() -> Option<f64> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn sleep_is_not_counted_for_one_thread() {
+        let (one, several) = (Clock::start(1), Clock::start(2));
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(several.seconds() >= 0.05);
+        // Other tests of the same process may work meanwhile, on as many threads as there are.
+        assert!(one.seconds() >= 0.0 && (Clock::name(1) == "wall" || one.seconds() < 50.0));
+        assert_eq!(Clock::name(2), "wall");
+    }
+}

@@ -1,0 +1,287 @@
+//! Plots as SVG, by plotters.
+
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{AsRangedCoord, Ranged, SegmentValue, ValueFormatter};
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::Spread;
+use crate::error::{Error, Result};
+
+/// A bar with its spread.
+pub struct Bar {
+    /// What stands beside it.
+    pub name: String,
+    /// Its colour: of the palette, by number.
+    pub colour: usize,
+    /// How long it is.
+    pub value: Spread,
+    /// What stands behind it, in red: what is wrong about it. Empty where nothing is.
+    pub warning: String,
+}
+
+/// A line through points.
+pub struct Line {
+    /// What the legend calls it.
+    pub name: String,
+    /// Its colour: of the palette, by number.
+    pub colour: usize,
+    /// Whether it is drawn broken.
+    pub broken: bool,
+    /// Its points.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// Lines over axes of their own.
+pub struct Panel {
+    /// What stands above it.
+    pub title: String,
+    /// What stands beside the upright axis.
+    pub unit: &'static str,
+    /// Whether the upright axis is linear from 0, and not logarithmic.
+    pub linear: bool,
+    /// Its lines.
+    pub lines: Vec<Line>,
+}
+
+/// Colours that can be told apart, also by those who see red and green alike (Okabe and Ito, Color Universal Design, 2008).
+const PALETTE: [RGBColor; 7] = [
+    RGBColor(213, 94, 0),
+    RGBColor(150, 130, 20),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+    RGBColor(0, 114, 178),
+    RGBColor(90, 90, 90),
+];
+
+const INK: RGBColor = RGBColor(40, 40, 40);
+const WARNING: RGBColor = RGBColor(190, 0, 0);
+const GRID: RGBColor = RGBColor(225, 225, 225);
+
+fn colour(index: usize) -> RGBColor {
+    PALETTE[index % PALETTE.len()]
+}
+
+fn text(size: i32) -> TextStyle<'static> {
+    ("sans-serif", size).into_font().color(&INK)
+}
+
+fn failed(e: impl std::fmt::Display) -> Error {
+    Error::Failed { what: format!("the plot cannot be drawn: {e}"), hint: String::new() }
+}
+
+/// Horizontal bars, the first on top, with a line from the lower to the upper quartile at the end of each.
+///
+/// # Errors
+/// [`Error::Failed`] where plotters does.
+pub fn bars(unit: &str, bars: &[Bar]) -> Result<String> {
+    let mut svg = String::new();
+    draw_bars(&mut svg, unit, bars).map_err(failed)?;
+    Ok(svg)
+}
+
+type Drawn<'a> = std::result::Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
+
+fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
+    let size = (900, 64 + 22 * bars.len() as u32);
+    let root = SVGBackend::with_string(svg, size).into_drawing_area();
+    root.fill(&WHITE)?;
+    let longest = bars.iter().map(|bar| bar.value.upper).fold(f64::MIN_POSITIVE, f64::max);
+    // plotters' segments go up to the last number and with it.
+    let rows = (0..bars.len().max(1) - 1).into_segmented();
+    let mut chart = ChartBuilder::on(&root)
+        .margin(8)
+        .x_label_area_size(40)
+        .y_label_area_size(290)
+        .build_cartesian_2d(0.0..longest * 1.3, rows)?;
+    // plotters counts upwards.
+    let place = |index: usize| bars.len() - 1 - index;
+    let label = |value: &SegmentValue<usize>| match value {
+        SegmentValue::CenterOf(row) if *row < bars.len() => bars[place(*row)].name.clone(),
+        _ => String::new(),
+    };
+    chart
+        .configure_mesh()
+        .disable_y_mesh()
+        .max_light_lines(0)
+        .bold_line_style(GRID)
+        .axis_style(INK)
+        .x_labels(8)
+        .y_labels(bars.len())
+        .x_label_formatter(&|x| plain(*x))
+        .y_label_formatter(&label)
+        .x_desc(unit)
+        .label_style(text(13))
+        .axis_desc_style(text(13))
+        .draw()?;
+    for (index, bar) in bars.iter().enumerate() {
+        let row = place(index);
+        let (lower, upper) = (SegmentValue::Exact(row), SegmentValue::Exact(row + 1));
+        let fill = colour(bar.colour).filled();
+        let mut shape = Rectangle::new([(0.0, lower), (bar.value.median, upper)], fill);
+        shape.set_margin(4, 4, 0, 0);
+        chart.draw_series([shape])?;
+        let middle = || SegmentValue::CenterOf(row);
+        let spread = [(bar.value.lower, middle()), (bar.value.upper, middle())];
+        chart.draw_series([PathElement::new(spread, INK.stroke_width(2))])?;
+        let anchor = Pos::new(HPos::Left, VPos::Center);
+        let number = Text::new(short(bar.value.median), (8, 0), text(12).pos(anchor));
+        let style = text(12).color(&WARNING).pos(anchor);
+        let warning = Text::new(bar.warning.clone(), (52, 0), style);
+        chart.draw_series([EmptyElement::at((bar.value.upper, middle())) + number + warning])?;
+    }
+    root.present()
+}
+
+/// With three digits, or in thousands or millions.
+pub fn short(x: f64) -> String {
+    match x.abs() {
+        size if size >= 999_500.0 => format!("{:.3} M", x / 1e6),
+        size if size >= 99.95 => format!("{x:.0}"),
+        size if size >= 9.995 => format!("{x:.1}"),
+        _ => format!("{x:.2}"),
+    }
+}
+
+/// Panels side by side with one legend; the axis along the bottom is logarithmic.
+///
+/// # Errors
+/// [`Error::Failed`] where plotters does.
+pub fn panels(across: &str, panels: &[Panel]) -> Result<String> {
+    let mut svg = String::new();
+    draw_panels(&mut svg, across, panels).map_err(failed)?;
+    Ok(svg)
+}
+
+/// The smallest powers of ten, or twice or five times one, that hold some positive numbers.
+fn decades(numbers: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
+    let (low, high) = (numbers.clone().fold(f64::INFINITY, f64::min), numbers.fold(0.0, f64::max));
+    if low > high {
+        return 1.0..10.0;
+    }
+    let power = |x: f64| 10f64.powf(x.log10().floor());
+    let nice = |x: f64| [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power(x));
+    let below = nice(low).into_iter().rev().find(|nice| *nice <= low * 1.001).unwrap_or(low);
+    let above = nice(high).into_iter().find(|nice| *nice >= high * 0.999).unwrap_or(high);
+    below..above.max(below * 2.0)
+}
+
+fn draw_panels<'a>(svg: &'a mut String, across: &str, panels: &[Panel]) -> Drawn<'a> {
+    let columns = panels.len().max(1);
+    let root = SVGBackend::with_string(svg, (330 * columns as u32, 360)).into_drawing_area();
+    root.fill(&WHITE)?;
+    let (plots, legend) = root.split_vertically(310);
+    for (panel, area) in panels.iter().zip(plots.split_evenly((1, columns))) {
+        let values = || panel.lines.iter().flat_map(|line| line.points.iter().map(|point| point[1]));
+        if panel.linear {
+            let top = values().fold(f64::MIN_POSITIVE, f64::max);
+            draw_panel(&area, across, panel, 0.0..1.1 * top)?;
+        } else {
+            draw_panel(&area, across, panel, decades(values()).log_scale())?;
+        }
+    }
+    draw_legend(&legend, panels)?;
+    root.present()
+}
+
+fn draw_panel<'a, Y>(
+    area: &DrawingArea<SVGBackend<'a>, Shift>,
+    across: &str,
+    panel: &Panel,
+    upright: Y,
+) -> Drawn<'a>
+where
+    Y: AsRangedCoord<Value = f64>,
+    Y::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
+{
+    let along = decades(panel.lines.iter().flat_map(|line| line.points.iter().map(|point| point[0])));
+    let mut chart = ChartBuilder::on(area)
+        .caption(&panel.title, text(15))
+        .margin(8)
+        .x_label_area_size(38)
+        .y_label_area_size(56)
+        .build_cartesian_2d(along.log_scale(), upright)?;
+    chart
+        .configure_mesh()
+        .max_light_lines(0)
+        .bold_line_style(GRID)
+        .axis_style(INK)
+        .x_labels(6)
+        .y_labels(8)
+        .x_label_formatter(&|x| power_of_ten(*x))
+        .y_label_formatter(&|y| plain(*y))
+        .x_desc(across)
+        .y_desc(panel.unit)
+        .label_style(text(12))
+        .axis_desc_style(text(12))
+        .draw()?;
+    for line in &panel.lines {
+        let (points, colour) = (line.points.iter().map(|&[x, y]| (x, y)), colour(line.colour));
+        let style = colour.stroke_width(2);
+        if line.broken {
+            chart.draw_series(DashedLineSeries::new(points.clone(), 5, 4, style))?;
+        } else {
+            chart.draw_series(LineSeries::new(points.clone(), style))?;
+        }
+        chart.draw_series(points.map(|point| Circle::new(point, 3, colour.filled())))?;
+    }
+    Ok(())
+}
+
+fn draw_legend<'a>(area: &DrawingArea<SVGBackend<'a>, Shift>, panels: &[Panel]) -> Drawn<'a> {
+    let lines = panels.first().map_or(&[][..], |panel| &panel.lines);
+    let (width, _) = area.dim_in_pixel();
+    let step = width as i32 / lines.len().max(1) as i32;
+    for (place, line) in (0..).zip(lines) {
+        let (x, y, style) = (20 + place * step, 22, colour(line.colour).stroke_width(2));
+        let dashes: &[(i32, i32)] = if line.broken { &[(0, 8), (12, 20), (24, 28)] } else { &[(0, 28)] };
+        for (from, to) in dashes {
+            area.draw(&PathElement::new([(x + from, y), (x + to, y)], style))?;
+        }
+        let anchor = Pos::new(HPos::Left, VPos::Center);
+        area.draw(&Text::new(line.name.clone(), (x + 36, y), text(13).pos(anchor)))?;
+    }
+    Ok(())
+}
+
+/// 10^3 as people write it on an axis.
+fn power_of_ten(x: f64) -> String {
+    const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+    let exponent = x.log10().round();
+    if (x.log10() - exponent).abs() > 1e-6 || !(0.0..10.0).contains(&exponent) {
+        return String::new();
+    }
+    format!("10{}", DIGITS[exponent as usize])
+}
+
+/// Without needless digits.
+fn plain(x: f64) -> String {
+    if x >= 10_000.0 { power_of_ten(x) } else { format!("{}", (x * 1e4).round() / 1e4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bars_say_what_they_are_and_what_is_wrong() {
+        let value = Spread { lower: 9.0, median: 10.0, upper: 11.0 };
+        let bar =
+            |name: &str, warning: &str| Bar { name: name.into(), colour: 0, value, warning: warning.into() };
+        let svg = bars("furlongs", &[bar("quick", ""), bar("brown <fox>", "3 wrong")]).expect("a plot");
+        assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"));
+        for text in ["furlongs", "quick", "brown &lt;fox&gt;", "3 wrong", "10.0"] {
+            assert!(svg.contains(text), "{text}: {svg}");
+        }
+        bars("nothing", &[]).expect("a plot of nothing");
+    }
+
+    #[test]
+    fn axes_reach_round_numbers() {
+        assert_eq!(decades([3.0, 60.0].into_iter()), 2.0..100.0);
+        assert_eq!(decades([1000.0, 1e7].into_iter()), 1000.0..1e7);
+        assert_eq!(decades([5.0].into_iter()), 5.0..10.0);
+        assert_eq!([1e3, 2e3, 1e7].map(power_of_ten), ["10³", "", "10⁷"]);
+    }
+}

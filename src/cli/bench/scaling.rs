@@ -1,0 +1,116 @@
+//! `kiln bench scaling`: building, memory and speed against the number of triangles.
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+use serde_json::Value;
+
+use super::super::{pool, print};
+use super::speed::{Report, chosen, json};
+use super::{aligned, few, grouped, watched};
+use crate::bench::Clock;
+use crate::bench::speed::{self, Kind, Settings, Step, scaling, sizes};
+use crate::error::Result;
+use crate::film::output::write_whole;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// Triangles of the largest meshes; the others have a tenth, a hundredth and so on, down to a thousand
+    #[arg(long, value_name = "N", default_value_t = 10_000_000,
+          value_parser = clap::value_parser!(u32).range(1000..=100_000_000))]
+    largest: u32,
+    /// Rounds that count, after one to warm up; in each of them all engines take turns
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    runs: u32,
+    /// Threads to build and to cast rays on
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    threads: u16,
+    /// An engine to measure, as `kiln bench` names them; kiln as it renders and Embree, if not given
+    #[arg(long, value_name = "NAME")]
+    engine: Vec<String>,
+    /// Pixels along each side of the picture that rays are cast for
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(16..=8192))]
+    size: u32,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Write a plot
+    #[arg(long, value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+}
+
+pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+    let threads = usize::from(arguments.threads);
+    let contenders = match arguments.engine.as_slice() {
+        [] => speed::defaults(threads),
+        asked => chosen(asked, threads)?.0,
+    };
+    let timed = pool(Some(arguments.threads))?;
+    let steps = watched(None, "timing", interrupted, |watch| {
+        let settings = Settings { runs: arguments.runs, pool: &timed, check: false };
+        scaling(&contenders, &sizes(arguments.largest as usize), arguments.size, &settings, watch)
+    })?;
+    if let Some(file) = &arguments.plot {
+        let svg = speed::scaling_plot(&steps)?;
+        write_whole(file, |out| out.write_all(svg.as_bytes()))?;
+    }
+    print(&if arguments.json {
+        format!("{:#}\n", as_json(&steps, arguments))
+    } else {
+        as_text(&steps, arguments)
+    })
+}
+
+fn as_json(steps: &[Step], arguments: &Arguments) -> Value {
+    let rows = steps.iter().flat_map(|step| {
+        let report =
+            Report { rows: &step.rows, absent: &[], subject: step.family.name(), runs: arguments.runs };
+        let Value::Array(mut rows) = json::rows(&report) else { return Vec::new() };
+        for row in &mut rows {
+            row["peak_bytes"] = step.peak_bytes.into();
+        }
+        rows
+    });
+    rows.collect()
+}
+
+fn as_text(steps: &[Step], arguments: &Arguments) -> String {
+    let titles = ["mesh", "engine", "layout", "triangles", "build ms", "ns/tri", "B/tri", "build peak"];
+    let titles = titles.into_iter().chain(Kind::ALL.map(Kind::name));
+    let mut lines = vec![titles.map(str::to_owned).collect::<Vec<_>>()];
+    for step in steps {
+        for row in &step.rows {
+            let dash = || "-".to_owned();
+            let mut line =
+                [step.family.name(), row.label.engine, row.label.layout].map(str::to_owned).to_vec();
+            line.push(grouped(row.triangles as u64));
+            line.push(few(row.build_ms.median));
+            line.push(few(row.build_ms.median * 1e6 / row.triangles as f64));
+            line.push(row.bytes_per_triangle().map_or_else(dash, few));
+            line.push(row.build_peak_bytes.map_or_else(dash, mebibytes));
+            let speed = |kind| row.mrays_per_s(kind).map_or_else(dash, |spread| few(spread.median));
+            line.extend(Kind::ALL.map(speed));
+            lines.push(line);
+        }
+    }
+    let mut text = format!(
+        "Generated meshes: a bumpy sphere, a soup of triangles, a long thin tube on a spool; {} thread(s), {} time, medians of {} rounds.\n\
+         Build peak: memory that building took at once, with the structure itself; rays: million a second.\n\n{}",
+        arguments.threads,
+        Clock::name(usize::from(arguments.threads)),
+        arguments.runs,
+        aligned(&lines, 3)
+    );
+    if let Some(peak) = steps.iter().filter_map(|step| step.peak_bytes).max() {
+        text += &format!(
+            "\nThe most memory that the whole process held, with the mesh, the rays and all structures: {}\n",
+            mebibytes(peak)
+        );
+    }
+    text
+}
+
+fn mebibytes(bytes: u64) -> String {
+    format!("{} MiB", grouped(bytes / (1 << 20)))
+}

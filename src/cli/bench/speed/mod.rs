@@ -1,0 +1,147 @@
+//! `kiln bench`: how fast kiln and other libraries answer rays, and how many of their answers are wrong.
+
+pub mod json;
+mod text;
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+
+use super::super::{Printer, pool, print};
+use super::watched;
+use crate::bench::generate::Family;
+use crate::bench::speed::{self, Eye, Questions, Row, Settings, Viewpoint, contenders, measure, page};
+use crate::bench::{Absent, Mesh};
+use crate::error::{Error, Result, Warnings};
+use crate::film::output::write_whole;
+use crate::import;
+use crate::world::bring_into_range;
+
+#[derive(Args)]
+pub struct Arguments {
+    /// Files to put into one scene: .toml, .obj, .gltf, .glb; a bumpy sphere, if not given
+    #[arg(value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// Rounds that count, after one to warm up; in each of them all engines take turns
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    runs: u32,
+    /// Threads to build and to cast rays on
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    threads: u16,
+    /// An engine to time, or `/` and its layout, tier or preset after it; all that are there, if not given
+    #[arg(long, value_name = "NAME")]
+    engine: Vec<String>,
+    /// Pixels along each side of the picture that rays are cast for
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=8192))]
+    size: u32,
+    /// Where it is seen from: by the scene's camera or else from outside, from outside, or from its middle
+    #[arg(long, value_name = "PLACE", default_value = "scene", value_parser = Viewpoint::NAMES)]
+    from: String,
+    /// Triangles of the bumpy sphere, about
+    #[arg(long, value_name = "N", default_value_t = 1_000_000, conflicts_with = "inputs",
+          value_parser = clap::value_parser!(u32).range(100..=20_000_000))]
+    triangles: u32,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Write a page with plots, which needs nothing besides itself
+    #[arg(long, value_name = "FILE.html")]
+    page: Option<PathBuf>,
+}
+
+/// What was measured, for those who write it down.
+pub struct Report<'a> {
+    pub rows: &'a [Row],
+    pub absent: &'a [Absent],
+    /// What was measured over.
+    pub subject: &'a str,
+    /// In how many rounds.
+    pub runs: u32,
+}
+
+pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+    let (contenders, absent) = chosen(&arguments.engine, usize::from(arguments.threads))?;
+    let (mesh, eye) = subject(arguments)?;
+    let timed = pool(Some(arguments.threads))?;
+    let rows = watched(None, "timing", interrupted, |watch| {
+        let questions = Questions::new(&mesh, &eye);
+        let settings = Settings { runs: arguments.runs, pool: &timed, check: true };
+        measure(&contenders, &mesh, &questions, &settings, watch)
+    })?;
+    let subject = name(arguments);
+    let report = Report { rows: &rows, absent: &absent, subject: &subject, runs: arguments.runs };
+    if let Some(file) = &arguments.page {
+        let html = page(&rows, &absent, &subject, arguments.runs)?;
+        write_whole(file, |out| out.write_all(html.as_bytes()))?;
+    }
+    print(&if arguments.json { format!("{:#}\n", json::rows(&report)) } else { text::tables(&report) })
+}
+
+/// What to call the triangles.
+fn name(arguments: &Arguments) -> String {
+    let files: Vec<String> = arguments
+        .inputs
+        .iter()
+        .map(|file| file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned())
+        .collect();
+    let place = if arguments.from == "scene" { String::new() } else { format!(", from {}", arguments.from) };
+    if files.is_empty() { format!("a bumpy sphere{place}") } else { format!("{}{place}", files.join(" ")) }
+}
+
+/// The triangles, and where they are seen from.
+fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
+    let from = Viewpoint::named(&arguments.from).unwrap_or_default();
+    if arguments.inputs.is_empty() {
+        let mesh = Family::Sphere.mesh(arguments.triangles as usize);
+        let eye = speed::eye(&speed::scene(&mesh), from, arguments.size)?;
+        return Ok((mesh, eye));
+    }
+    let mut warnings = Warnings::default();
+    let mut scene = import::load(&arguments.inputs, &mut warnings)?;
+    bring_into_range(&mut scene);
+    let triangles = speed::triangles(&scene);
+    if triangles.spheres > 0 {
+        warnings.note(format!("{} sphere(s) left out: triangles alone are compared", triangles.spheres));
+    }
+    if triangles.too_small > 0 {
+        warnings.push(format!("{} triangle(s) too small for f32; left out", triangles.too_small));
+    }
+    Printer::default().print(&warnings, true);
+    if triangles.mesh.triangles.is_empty() {
+        let hint = "`kiln info` says what the files hold; without INPUT a mesh is made";
+        let what = "there is no triangle in it to cast rays at";
+        return Err(Error::input(arguments.inputs[0].as_path(), what, hint));
+    }
+    let eye = speed::eye(&scene, from, arguments.size)?;
+    Ok((triangles.mesh, eye))
+}
+
+pub type Chosen = (Vec<Box<dyn speed::Contender>>, Vec<Absent>);
+
+/// The contenders that are asked for: `kiln`, or `kiln/bvh2/exact` for those of that layout and tier.
+pub fn chosen(asked: &[String], threads: usize) -> Result<Chosen> {
+    let (mut present, mut absent) = contenders(threads);
+    if asked.is_empty() {
+        return Ok((present, absent));
+    }
+    for name in asked {
+        let engine = name.split('/').next().unwrap_or(name);
+        if let Some(Absent { name, reason, remedy }) = absent.iter().find(|absent| absent.name == engine) {
+            return Err(Error::Failed { what: format!("{name}: {reason}"), hint: (*remedy).into() });
+        }
+        if !present.iter().any(|contender| is_meant(&contender.label(), name)) {
+            let hint = format!("engines are {}; without --engine, all are listed", speed::NAMES.join(", "));
+            return Err(Error::usage(format!("no engine is called `{name}`"), hint));
+        }
+    }
+    present.retain(|contender| asked.iter().any(|name| is_meant(&contender.label(), name)));
+    absent.clear();
+    Ok((present, absent))
+}
+
+fn is_meant(label: &speed::Label, name: &str) -> bool {
+    let mut parts = name.split('/');
+    let known = [Some(label.layout), label.tier, label.preset];
+    parts.next() == Some(label.engine) && parts.all(|part| known.contains(&Some(part)))
+}

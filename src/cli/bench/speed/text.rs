@@ -1,0 +1,123 @@
+//! Rows as tables on the terminal.
+
+use std::fmt::Write;
+
+use super::super::{aligned, few, grouped};
+use super::Report;
+use crate::bench::speed::{Kind, Row, best};
+use crate::bench::{Absent, Clock, Spread};
+
+/// How fast, what is behind it, and how the fastest compare.
+pub fn tables(report: &Report) -> String {
+    let mut text = String::new();
+    if let Some(row) = report.rows.first() {
+        let count = |kind: Kind| format!("{} {}", grouped(row.rays[kind as usize] as u64), kind.name());
+        let _ = writeln!(text, "{}: {} triangles", report.subject, grouped(row.triangles as u64));
+        let _ = writeln!(text, "rays: {}", Kind::ALL.map(count).join(", "));
+        let _ = writeln!(
+            text,
+            "Million rays a second on {} thread(s) by {} time: median of {} rounds ± half the distance of its quartiles.\n",
+            row.threads,
+            Clock::name(row.threads),
+            report.runs
+        );
+        text += &speeds(report.rows);
+        text.push('\n');
+        text += &structures(report.rows);
+        text += &comparison(report.rows);
+    }
+    for Absent { name, reason, remedy } in report.absent {
+        let _ = writeln!(text, "\n{name}: not timed: {reason}; {remedy}");
+    }
+    text
+}
+
+fn name(row: &Row) -> Vec<String> {
+    let label = &row.label;
+    [label.engine, label.layout, label.tier.unwrap_or("-"), label.preset.unwrap_or("-")]
+        .map(str::to_owned)
+        .to_vec()
+}
+
+/// The columns that say which row it is.
+const NAMES: [&str; 4] = ["engine", "layout", "tier", "preset"];
+
+fn table(titles: impl IntoIterator<Item = &'static str>, lines: impl Iterator<Item = Vec<String>>) -> String {
+    let titles = NAMES.into_iter().chain(titles).map(str::to_owned).collect();
+    aligned(&std::iter::once(titles).chain(lines).collect::<Vec<_>>(), NAMES.len())
+}
+
+fn speeds(rows: &[Row]) -> String {
+    let line = |row: &Row| {
+        let mut line = name(row);
+        line.push(with_spread(&row.build_ms));
+        line.extend(Kind::ALL.map(|kind| or_dash(row.mrays_per_s(kind), |spread| with_spread(&spread))));
+        line.push(or_dash(row.all_wrong(), grouped));
+        line
+    };
+    let kinds = Kind::ALL.map(Kind::name);
+    table(["build ms"].into_iter().chain(kinds).chain(["wrong"]), rows.iter().map(line))
+}
+
+fn structures(rows: &[Row]) -> String {
+    let line = |row: &Row| {
+        let (mut line, facts) = (name(row), &row.facts);
+        line.push(row.label.isa.to_owned());
+        line.push(or_dash(facts.nodes, grouped));
+        line.push(or_dash(facts.depth, |depth| depth.to_string()));
+        line.push(or_dash(facts.sah_cost, few));
+        line.push(or_dash(row.bytes_per_triangle(), few));
+        line.extend([Kind::Primary, Kind::Diffuse].map(|kind| {
+            or_dash(row.tests_per_ray(kind), |[nodes, prims]| format!("{} + {}", few(nodes), few(prims)))
+        }));
+        line
+    };
+    let titles = ["isa", "nodes", "depth", "SAH", "B/tri", "primary tests", "diffuse tests"];
+    let mut text = table(titles, rows.iter().map(line));
+    text +=
+        "B/tri: bytes of the structure and its triangles; tests: boxes + primitives of a ray, on average.\n";
+    text
+}
+
+/// kiln in its default tier beside the fastest row of each other library, kind by kind.
+fn comparison(rows: &[Row]) -> String {
+    let mut engines: Vec<&str> =
+        rows.iter().map(|row| row.label.engine).filter(|name| *name != "kiln").collect();
+    engines.dedup();
+    let mut lines = Vec::new();
+    for kind in Kind::ALL {
+        let Some(own) = best(rows, "kiln", kind) else { continue };
+        for engine in &engines {
+            let Some(other) = best(rows, engine, kind) else { continue };
+            let Some(ratio) = own.ratio(other, kind) else { continue };
+            let what = |row: &Row| {
+                let label = &row.label;
+                [Some(label.layout), label.tier, label.preset]
+                    .into_iter()
+                    .flatten()
+                    .collect::<Vec<_>>()
+                    .join(" ")
+            };
+            let times = format!("{:.2} ({:.2}-{:.2})", ratio.median, ratio.lower, ratio.upper);
+            lines.push(vec![kind.name().to_owned(), what(own), format!("{engine} {}", what(other)), times]);
+        }
+    }
+    if lines.is_empty() {
+        return String::new();
+    }
+    let titles = ["rays", "kiln", "the fastest of another library", "times as fast"].map(str::to_owned);
+    lines.insert(0, titles.to_vec());
+    format!(
+        "\nkiln in its default tier beside the fastest of each library, round by round: median (quartiles).\n\n{}",
+        aligned(&lines, 3)
+    )
+}
+
+fn or_dash<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
+    value.map_or("-".into(), show)
+}
+
+fn with_spread(spread: &Spread) -> String {
+    let half = (spread.upper - spread.lower) / 2.0 / spread.median * 100.0;
+    format!("{} ±{half:.0}%", few(spread.median))
+}

@@ -1,0 +1,157 @@
+//! Meshes that stand in many places: nodes that name the same mesh, and the extension EXT_mesh_gpu_instancing, which gives a
+//! node many places at once.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::{DMat4, DQuat, DVec3, DVec4};
+use gltf::accessor::{DataType, Dimensions, Iter};
+
+use super::{Loader, dvec3};
+use crate::error::{Error, Place, Result};
+use crate::scene::{Mesh, Placed, Placement, Shape};
+
+/// The extension.
+pub const NAME: &str = "EXT_mesh_gpu_instancing";
+
+/// The meshes of a document that stand in several places.
+#[derive(Default)]
+pub(super) struct SharedMeshes {
+    /// In how many, by their index.
+    places: HashMap<usize, usize>,
+    /// What has been read of them, by the indices of mesh and primitive.
+    read: HashMap<(usize, usize), Option<Arc<Mesh>>>,
+}
+
+impl SharedMeshes {
+    /// Counts more places of a mesh.
+    pub(super) fn count(&mut self, mesh: &gltf::Mesh, places: usize) {
+        *self.places.entry(mesh.index()).or_default() += places;
+    }
+}
+
+impl Loader<'_> {
+    /// The triangles of one primitive in every one of these places.
+    pub(super) fn placed(
+        &mut self,
+        mesh: &gltf::Mesh,
+        primitive: &gltf::Primitive,
+        name: &str,
+        places: &[DMat4],
+    ) -> Result<Vec<Shape>> {
+        if self.shared.places.get(&mesh.index()).is_none_or(|&places| places < 2) {
+            let [world_from_mesh] = places else { return Ok(Vec::new()) };
+            let own = self.primitive(primitive, name)?;
+            return Ok(own.map(|own| moved(own, world_from_mesh)).into_iter().collect());
+        }
+        let key = (mesh.index(), primitive.index());
+        let shared = match self.shared.read.get(&key) {
+            Some(shared) => shared.clone(),
+            None => {
+                let shared = self.primitive(primitive, name)?.map(Arc::new);
+                self.shared.read.insert(key, shared.clone());
+                shared
+            }
+        };
+        let place = |world_from_mesh: &DMat4| {
+            Some(Shape::Placed(Placed::new(shared.clone()?, Placement::new(*world_from_mesh))))
+        };
+        Ok(places.iter().filter_map(place).collect())
+    }
+
+    /// The places of a node's mesh: those that the extension gives it, or its own alone.
+    pub(super) fn places_of(
+        &self,
+        node: &gltf::Node,
+        world_from_node: &DMat4,
+        document: &gltf::Document,
+    ) -> Result<Vec<DMat4>> {
+        let Some(value) = node.extension_value(NAME) else { return Ok(vec![*world_from_node]) };
+        let fault = |what: &str| {
+            let item = Place::item(&self.source.file, format!("node {}, {NAME}", node.index()));
+            Err(Error::input(item, what, "export the file again"))
+        };
+        let index_of =
+            |key: &str| value.get("attributes").and_then(|attributes| attributes.get(key)?.as_u64());
+        let accessors = ["TRANSLATION", "ROTATION", "SCALE"]
+            .map(|key| index_of(key).map(|index| document.accessors().nth(index as usize)));
+        if accessors.iter().any(|accessor| matches!(accessor, Some(None))) {
+            return fault("it names an accessor that is not there");
+        }
+        let [translation, rotation, scale] = accessors.map(Option::flatten);
+        let counts = [&translation, &rotation, &scale].map(|accessor| accessor.as_ref().map(|a| a.count()));
+        let Some(count) = counts.into_iter().flatten().next() else { return fault("it gives no places") };
+        if counts.into_iter().flatten().any(|other| other != count) {
+            return fault("its attributes differ in number");
+        }
+        let vectors = |accessor: Option<gltf::Accessor>, default: DVec3| match accessor {
+            None => Some(vec![default; count]),
+            Some(accessor) => self.vectors(accessor),
+        };
+        let (Some(translations), Some(scales)) =
+            (vectors(translation, DVec3::ZERO), vectors(scale, DVec3::ONE))
+        else {
+            return fault("its translations or scales are not three floating-point numbers each");
+        };
+        let rotations = match rotation {
+            None => Some(vec![DQuat::IDENTITY; count]),
+            Some(accessor) => self.rotations(accessor),
+        };
+        let Some(rotations) = rotations else { return fault("its rotations are not quaternions") };
+        Ok(translations
+            .iter()
+            .zip(&rotations)
+            .zip(&scales)
+            .map(|((translation, rotation), scale)| {
+                *world_from_node * DMat4::from_scale_rotation_translation(*scale, *rotation, *translation)
+            })
+            .collect())
+    }
+
+    fn vectors(&self, accessor: gltf::Accessor) -> Option<Vec<DVec3>> {
+        if (accessor.data_type(), accessor.dimensions()) != (DataType::F32, Dimensions::Vec3) {
+            return None;
+        }
+        Some(self.elements::<[f32; 3]>(accessor)?.map(dvec3).collect())
+    }
+
+    /// Quaternions of floating-point numbers, or of integers that stand for -1 to 1 (glTF 2.0, section 3.6.2.2).
+    fn rotations(&self, accessor: gltf::Accessor) -> Option<Vec<DQuat>> {
+        if accessor.dimensions() != Dimensions::Vec4 {
+            return None;
+        }
+        let numbers: Vec<[f64; 4]> = match accessor.data_type() {
+            DataType::F32 => self.elements::<[f32; 4]>(accessor)?.map(|q| q.map(f64::from)).collect(),
+            DataType::I16 => {
+                self.elements::<[i16; 4]>(accessor)?.map(|q| q.map(|x| f64::from(x) / 32767.0)).collect()
+            }
+            DataType::I8 => {
+                self.elements::<[i8; 4]>(accessor)?.map(|q| q.map(|x| f64::from(x) / 127.0)).collect()
+            }
+            _ => return None,
+        };
+        // One that is not of length 1 would scale.
+        let unit = |q: [f64; 4]| DVec4::from_array(q.map(|x| x.max(-1.0))).try_normalize();
+        Some(numbers.into_iter().map(|q| unit(q).map_or(DQuat::IDENTITY, DQuat::from_vec4)).collect())
+    }
+
+    fn elements<'a, T: gltf::accessor::Item + 'a>(
+        &'a self,
+        accessor: gltf::Accessor<'a>,
+    ) -> Option<Iter<'a, T>> {
+        Iter::new(accessor, |buffer| self.buffers.get(buffer.index()).map(Vec::as_slice))
+    }
+}
+
+fn moved(mut mesh: Mesh, world_from_mesh: &DMat4) -> Shape {
+    mesh.transform(world_from_mesh);
+    Shape::Mesh(mesh)
+}
+
+/// Reads a document that may require the extension, which the `gltf` crate does not know of.
+pub(super) fn open(bytes: &[u8]) -> gltf::Result<gltf::Gltf> {
+    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes)?;
+    let mut json = document.into_json();
+    json.extensions_required.retain(|name| name != NAME);
+    Ok(gltf::Gltf { document: gltf::Document::from_json(json)?, blob })
+}

@@ -1,0 +1,164 @@
+//! The meshes that a scene file names, read once each, wherever and however often they stand.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use glam::{DMat4, DQuat};
+use toml::Spanned;
+
+use super::Builder;
+use crate::error::{Error, Place, Result, Warnings};
+use crate::import::{self, Source};
+use crate::scene::file::{MeshSection, PlacementValue, ScaleValue, SceneFile, line_of};
+use crate::scene::{MaterialId, Object, Placed, Placement, Scene, Shape, Step};
+
+/// The files of meshes.
+pub(super) struct Meshes {
+    /// How many places each has that are still to come.
+    places: HashMap<String, usize>,
+    /// What was in those that have some.
+    read: HashMap<String, Rc<Vec<Object>>>,
+}
+
+impl Meshes {
+    /// Counts the places of each mesh.
+    pub(super) fn of(file: &SceneFile) -> Self {
+        let mut places = HashMap::new();
+        for section in &file.mesh {
+            let section = section.get_ref();
+            *places.entry(section.file.clone()).or_default() +=
+                section.placements.as_ref().map_or(1, Vec::len);
+        }
+        Meshes { places, read: HashMap::new() }
+    }
+}
+
+impl Builder<'_> {
+    pub(super) fn mesh(&mut self, section: &Spanned<MeshSection>, warnings: &mut Warnings) -> Result<()> {
+        let (start, s) = (section.span().start, section.get_ref());
+        if s.file == "-" || import::is_scene_file(Path::new(&s.file)) {
+            let what = format!("`{}` is not a mesh", s.file);
+            return Err(self.error(start, what, "name an .obj, .gltf or .glb file"));
+        }
+        let material = match &s.material {
+            Some(name) => Some(self.material_named(start, Some(name))?),
+            None => None,
+        };
+        let placements = self.placements(start, s)?;
+        // Read even where it stands nowhere: a name that is wrong is wrong there, too.
+        let objects = match self.meshes.read.get(&s.file) {
+            Some(objects) => objects.clone(),
+            None => Rc::new(self.read_mesh(start, &s.file, warnings)?),
+        };
+        let to_come = self.meshes.places.entry(s.file.clone()).or_default();
+        *to_come = to_come.saturating_sub(placements.len());
+        if *to_come > 0 {
+            self.meshes.read.insert(s.file.clone(), objects.clone());
+        } else {
+            self.meshes.read.remove(&s.file);
+        }
+        // The last place may take what is there; the others make copies, of everything but shared meshes.
+        let first = self.scene.objects.len();
+        let mut objects = Some(objects);
+        for (index, world_from_mesh) in placements.iter().enumerate() {
+            let own = if index + 1 == placements.len() {
+                objects.take().map(Rc::unwrap_or_clone)
+            } else {
+                objects.as_deref().cloned()
+            };
+            self.scene.objects.extend(own.into_iter().flatten().map(|mut object| {
+                place(&mut object.shape, world_from_mesh);
+                object
+            }));
+        }
+        if let Some(material) = material {
+            self.scene.objects[first..].iter_mut().for_each(|object| object.material = material);
+        }
+        Ok(())
+    }
+
+    /// The objects of a file, not yet in their place, their materials and pictures already in the scene. The scene file
+    /// decides on cameras, lights and the picture; a mesh in it is only a mesh.
+    fn read_mesh(&mut self, start: usize, file: &str, warnings: &mut Warnings) -> Result<Vec<Object>> {
+        let path = self.source.sibling(file);
+        let read = Source::open(&path).and_then(|source| import::read_one(&source, warnings));
+        let part = read.map_err(|e| match e {
+            Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {
+                let what = format!("mesh {place}: {what}");
+                Error::input(Place::line(&self.source.file, line_of(self.text, start)), what, hint)
+            }
+            other => other,
+        })?;
+        let is_shared = self.meshes.places.get(file).is_some_and(|&places| places > 1);
+        let first_material = self.scene.materials.len() as u32;
+        let Scene { objects, materials, images, .. } = part;
+        self.scene.append(Scene { materials, images, ..Scene::default() });
+        Ok(objects
+            .into_iter()
+            .map(|object| Object {
+                material: MaterialId(object.material.0 + first_material),
+                shape: if is_shared { share(object.shape) } else { object.shape },
+                ..object
+            })
+            .collect())
+    }
+
+    /// The places of a mesh: those that are listed, or the one that its own keys say.
+    fn placements(&self, start: usize, s: &MeshSection) -> Result<Vec<DMat4>> {
+        let own = PlacementValue { translate: s.translate, rotate: s.rotate, scale: s.scale };
+        let Some(placements) = &s.placements else { return Ok(vec![self.placement(start, &own)?]) };
+        let keys = [
+            ("translate", own.translate.is_some()),
+            ("rotate", own.rotate.is_some()),
+            ("scale", own.scale.is_some()),
+        ];
+        if let Some((key, _)) = keys.into_iter().find(|(_, given)| *given) {
+            let what = format!("`{key}` beside `placements`");
+            return Err(self.error(start, what, "give it in every placement, or give no `placements`"));
+        }
+        placements.iter().map(|place| self.placement(place.span().start, place.get_ref())).collect()
+    }
+
+    /// Scale, then rotation about x, y and z, then translation.
+    fn placement(&self, start: usize, s: &PlacementValue) -> Result<DMat4> {
+        let translate = s.translate.unwrap_or([0.0; 3]);
+        let rotate = s.rotate.unwrap_or([0.0; 3]);
+        let scale = match s.scale {
+            None => [1.0; 3],
+            Some(ScaleValue::Uniform(factor)) => [factor; 3],
+            Some(ScaleValue::PerAxis(factors)) => factors,
+        };
+        self.finite(start, "translate", &translate)?;
+        self.finite(start, "rotate", &rotate)?;
+        self.finite(start, "scale", &scale)?;
+        if scale.contains(&0.0) {
+            return Err(self.error(
+                start,
+                "`scale` is 0",
+                "a mesh without size cannot be seen; give other factors",
+            ));
+        }
+        let [x, y, z] = rotate.map(f64::to_radians);
+        let rotation = DQuat::from_rotation_z(z) * DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x);
+        Ok(DMat4::from_scale_rotation_translation(scale.into(), rotation, translate.into()))
+    }
+}
+
+/// Makes a mesh one that may stand in many places, where it stands already.
+fn share(shape: Shape) -> Shape {
+    match shape {
+        Shape::Mesh(mesh) => Shape::Placed(Placed::new(Arc::new(mesh), Placement::default())),
+        other => other,
+    }
+}
+
+/// Moves a shape that a mesh file can hold.
+fn place(shape: &mut Shape, world_from_mesh: &DMat4) {
+    match shape {
+        Shape::Mesh(mesh) => mesh.transform(world_from_mesh),
+        Shape::Placed(placed) => placed.placement.then(Step::Affine(*world_from_mesh)),
+        Shape::Sphere { .. } => {}
+    }
+}
