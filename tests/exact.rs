@@ -187,7 +187,7 @@ fn compare_order(slots: &[Slot], ray: &Ray, faults: &mut Faults, count: &mut Cou
         let structure = if left.len().is_multiple_of(2) {
             Structure::BruteForce
         } else {
-            Structure::Tree(Preset::MediumBuild)
+            Structure::Tree(Preset::Balanced)
         };
         let exact = exactly(&left, structure);
         compare(&left, &*exact, ray, faults, count);

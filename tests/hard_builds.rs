@@ -173,7 +173,7 @@ fn c8_triangles_cut_to_pieces_are_whole() {
     let large: Vec<Corners> = mesh.into_iter().filter(|[a, b, _]| a.distance(*b) > 10.0).collect();
     assert!(large.len() > 30);
     let split =
-        [Structure::BruteForce, Structure::Tree(Preset::SlowBuild), Structure::Tree(Preset::VerySlowBuild)];
+        [Structure::BruteForce, Structure::Tree(Preset::BestTrace), Structure::Tree(Preset::BestTrace)];
     // They do cut: there are more slots than triangles.
     let most = build(slots.iter().copied(), split[2], Numerics::Watertight).describe().slots;
     assert!(most > slots.len(), "nothing was cut");
@@ -199,9 +199,7 @@ fn c8_triangles_cut_to_pieces_are_whole() {
 
 /// How many slots the preset that cuts most makes of so many primitives.
 fn pieces(slots: &[Slot]) -> usize {
-    build(slots.iter().copied(), Structure::Tree(Preset::VerySlowBuild), Numerics::Watertight)
-        .describe()
-        .slots
+    build(slots.iter().copied(), Structure::Tree(Preset::BestTrace), Numerics::Watertight).describe().slots
 }
 
 /// Set-up: large triangles of whole numbers among small ones, and rays that run in their planes, through them and past them;

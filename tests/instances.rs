@@ -122,7 +122,7 @@ fn same_answers(what: &str, scene: &Scene, rays: usize, tiers: &[Numerics]) {
         let expected = Answer::to_all(&*flat.accelerator, &rays);
         let hits: usize = expected.iter().map(|answer| answer.all.len()).sum();
         assert!(hits > rays.len() / 8, "{what}: {hits} hits");
-        for preset in [Preset::FastestBuild, Preset::MediumBuild, Preset::VerySlowBuild] {
+        for preset in Preset::ALL {
             let shared = world(scene, Structure::Tree(preset), numerics);
             assert_eq!(shared.accelerator.describe().layout, "instances", "{what}");
             assert_eq!(shared.too_small, flat.too_small, "{what}");

@@ -87,8 +87,8 @@ pub fn contenders() -> Vec<Box<dyn Contender>> {
     let presets = [
         Structure::Tree(Preset::default()),
         Structure::Portable(Preset::default()),
-        Structure::Wide(Preset::FastestBuild),
-        Structure::Wide(Preset::VerySlowBuild),
+        Structure::Wide(Preset::FastBuild),
+        Structure::Wide(Preset::BestTrace),
     ]
     .map(|structure| Kiln { structure, numerics });
     let tiers = Numerics::ALL.map(|numerics| Kiln { structure: Structure::default(), numerics });
@@ -121,7 +121,7 @@ impl Contender for Kiln {
         let preset = match self.structure {
             Structure::BruteForce => None,
             Structure::Tree(preset) | Structure::Wide(preset) | Structure::Portable(preset) => {
-                Some(preset_name(preset))
+                Some(preset.name())
             }
         };
         Label {
@@ -135,17 +135,6 @@ impl Contender for Kiln {
 
     fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
         Ok(Box::new(BuiltKiln(accelerator(mesh, self.structure, self.numerics))))
-    }
-}
-
-fn preset_name(preset: Preset) -> &'static str {
-    match preset {
-        Preset::FastestBuild => "fastest-build",
-        Preset::VeryFastBuild => "very-fast-build",
-        Preset::FastBuild => "fast-build",
-        Preset::MediumBuild => "medium-build",
-        Preset::SlowBuild => "slow-build",
-        Preset::VerySlowBuild => "very-slow-build",
     }
 }
 

@@ -9,71 +9,28 @@ use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::PlocBuilder;
 use obvhs::splits::split_aabbs_preset;
+use rayon::prelude::*;
 
-use super::Primitive;
 use super::mix::{GOLDEN, mix};
 use super::store::StoredSlot;
 use super::tree::Tree;
 use super::wide::{Wide, convert};
+use super::{Preset, Primitive};
 use crate::geometry::{Bounds, Tier};
-
-/// obvhs's build presets, from the least work spent on building to the least spent on tracing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Preset {
-    /// One pass, no optimisation, one primitive a leaf.
-    FastestBuild,
-    /// A little reinsertion.
-    VeryFastBuild,
-    /// A wider search and more reinsertion.
-    FastBuild,
-    /// About the build time of Embree, and the default.
-    #[default]
-    MediumBuild,
-    /// Large triangles are split beforehand.
-    SlowBuild,
-    /// Split beforehand, and every node considered for reinsertion.
-    VerySlowBuild,
-}
-
-impl Preset {
-    /// Every preset.
-    pub const ALL: [Preset; 6] = [
-        Preset::FastestBuild,
-        Preset::VeryFastBuild,
-        Preset::FastBuild,
-        Preset::MediumBuild,
-        Preset::SlowBuild,
-        Preset::VerySlowBuild,
-    ];
-
-    pub(super) fn parameters(self) -> BvhBuildParams {
-        match self {
-            Preset::FastestBuild => BvhBuildParams::fastest_build(),
-            Preset::VeryFastBuild => BvhBuildParams::very_fast_build(),
-            Preset::FastBuild => BvhBuildParams::fast_build(),
-            Preset::MediumBuild => BvhBuildParams::medium_build(),
-            Preset::SlowBuild => BvhBuildParams::slow_build(),
-            Preset::VerySlowBuild => BvhBuildParams::very_slow_build(),
-        }
-    }
-}
 
 /// Where triangles are split, obvhs's halves are measured to leave gaps of up to 9.7 ulp at the cut.
 const SPLIT_GAP_ULPS: f32 = 16.0;
 
 /// The greatest growth of a box for the builder: units of its last place, and a share of its size.
-const MOST_JITTER: (u64, f32) = (16, 1.0 / 128.0);
+const MOST_JITTER: (u32, f32) = (16, 1.0 / 128.0);
+
+/// Random bits for each side: three sides of 64.
+const STEP_BITS: u32 = 21;
 
 /// Builds a tree over `slots`.
 ///
 /// The steps are those of obvhs's own `build_bvh2`, with boxes of ours and without the validation that it runs in
 /// debug builds, which takes deep trees for broken ones.
-///
-/// PLOC merges pairs that are each other's nearest. Where all are equally near (copies of a triangle, rows), or each is
-/// nearer to the next than to the last (fans, cones), that is one pair a round: time grows with the square of the number,
-/// and the tree becomes a chain. So it is given boxes that are grown a little on each side, by a number made from the
-/// primitive's place: no two are equally near, no long run is ordered, and equal input still gives equal trees. The nodes
-/// get their true boxes back before anything else looks at them.
 pub fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Tree<T> {
     if slots.is_empty() {
         return Tree::new(Vec::new(), Vec::new());
@@ -104,12 +61,12 @@ fn with_leaves(mut tree: Bvh2, parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Ve
 /// The same for nodes of eight, which find their leaves themselves.
 pub fn build_wide<T: Tier>(slots: &[StoredSlot<T>], preset: Preset, simd: bool) -> Wide<T> {
     if slots.is_empty() {
-        return convert(&Bvh2::default(), &[], slots, &[], simd);
+        return convert(&Bvh2::default(), &[], slots, simd);
     }
     let Binary { mut tree, of_slot, parameters } = binary(slots, preset);
     ReinsertionOptimizer::default().run(&mut tree, parameters.reinsertion_batch_ratio, None);
-    let order = parents_first(&tree.nodes);
-    convert(&tree, &of_slot, slots, &order, simd)
+    tree.init_parents_if_uninit();
+    convert(&tree, &of_slot, slots, simd)
 }
 
 /// A binary tree, one primitive a leaf, before it is optimised.
@@ -120,9 +77,12 @@ struct Binary {
     parameters: BvhBuildParams,
 }
 
+/// Boxes, slots or nodes that one thread works on at least.
+pub(super) const LEAST_SHARE: usize = 4096;
+
 fn binary<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Binary {
     let parameters = preset.parameters();
-    let whole: Vec<Bounds> = slots.iter().map(StoredSlot::bounds).collect();
+    let whole: Vec<Bounds> = slots.par_iter().with_min_len(LEAST_SHARE).map(StoredSlot::bounds).collect();
     let Boxes { boxes, of_slot } = if parameters.pre_split && T::IS_TIGHT {
         split_large_triangles(slots, &whole)
     } else {
@@ -133,8 +93,15 @@ fn binary<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Binary {
 }
 
 /// PLOC's tree over boxes, one a leaf.
+///
+/// PLOC merges pairs that are each other's nearest. Where all are equally near (copies of a triangle, rows), or each is
+/// nearer to the next than to the last (fans, cones), that is one pair a round: time grows with the square of the number,
+/// and the tree becomes a chain. So it is given boxes that are grown a little on each side, by a number made from the
+/// primitive's place: no two are equally near, no long run is ordered, and equal input still gives equal trees. The nodes
+/// get their true boxes back before anything else looks at them.
 fn nearest_first(boxes: &[Bounds], parameters: BvhBuildParams) -> Bvh2 {
-    let jittered: Vec<Aabb> = (0..).zip(boxes).map(|(place, b)| to_obvhs(jitter(*b, place))).collect();
+    let places = boxes.par_iter().with_min_len(LEAST_SHARE).enumerate();
+    let jittered: Vec<Aabb> = places.map(|(place, b)| to_obvhs(jitter(*b, place as u64))).collect();
     let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
         parameters.ploc_search_distance,
         &jittered,
@@ -142,10 +109,7 @@ fn nearest_first(boxes: &[Bounds], parameters: BvhBuildParams) -> Bvh2 {
         parameters.sort_precision,
         parameters.search_depth_threshold,
     );
-    tighten(&mut tree.nodes, |leaf| {
-        let inside = tree.primitive_indices[leaf].iter().map(|&i| boxes[i as usize]);
-        inside.reduce(Bounds::union).unwrap_or(boxes[0])
-    });
+    tighten(&mut tree, boxes);
     tree
 }
 
@@ -157,43 +121,31 @@ fn to_obvhs(b: Bounds) -> Aabb {
 fn jitter(b: Bounds, place: u64) -> Bounds {
     let (units, share) = MOST_JITTER;
     let (ulp, size) = (b.ulp(), (b.max - b.min).max_element());
-    let mut side = 6 * place;
-    let mut step = || {
-        side += 1;
-        let bits = mix(side.wrapping_mul(GOLDEN));
-        let portion = (bits >> 40) as f32 / (1u32 << 24) as f32;
-        ulp * (1 + bits % units) as f32 + size * share * portion
+    let steps = |bits: u64| {
+        let step = |bits: u32| {
+            let portion = bits as f32 / (1u32 << STEP_BITS) as f32;
+            ulp * (1 + bits % units) as f32 + size * share * portion
+        };
+        let part = |k: u32| (bits >> (k * STEP_BITS)) as u32 & ((1 << STEP_BITS) - 1);
+        Vec3::new(step(part(0)), step(part(1)), step(part(2)))
     };
-    let mut steps = || Vec3::new(step(), step(), step());
-    b.grown(steps(), steps())
+    let below = steps(mix((2 * place + 1).wrapping_mul(GOLDEN)));
+    b.grown(below, steps(mix((2 * place + 2).wrapping_mul(GOLDEN))))
 }
 
 /// Gives every node the box around what is below it, from the boxes of leaves.
-fn tighten(nodes: &mut [Bvh2Node], leaf: impl Fn(std::ops::Range<usize>) -> Bounds) {
-    for index in parents_first(nodes).into_iter().rev() {
-        let index = index as usize;
-        let first = nodes[index].first_index as usize;
-        let b = if nodes[index].is_leaf() {
-            to_obvhs(leaf(first..first + nodes[index].prim_count as usize))
+fn tighten(tree: &mut Bvh2, boxes: &[Bounds]) {
+    assert!(tree.children_are_ordered_after_parents, "as PLOC leaves them");
+    for index in (0..tree.nodes.len()).rev() {
+        let node = &tree.nodes[index];
+        let first = node.first_index as usize;
+        let b = if node.is_leaf() {
+            to_obvhs(boxes[tree.primitive_indices[first] as usize])
         } else {
-            nodes[first].aabb().union(nodes[first + 1].aabb())
+            tree.nodes[first].aabb().union(tree.nodes[first + 1].aabb())
         };
-        nodes[index].set_aabb(b);
+        tree.nodes[index].set_aabb(b);
     }
-}
-
-/// Every node before its children. As deep as the tree is, without recursion.
-fn parents_first(nodes: &[Bvh2Node]) -> Vec<u32> {
-    let mut order = Vec::with_capacity(nodes.len());
-    let mut waiting = vec![0u32];
-    while let Some(index) = waiting.pop() {
-        order.push(index);
-        let node = &nodes[index as usize];
-        if !node.is_leaf() {
-            waiting.extend([node.first_index, node.first_index + 1]);
-        }
-    }
-    order
 }
 
 /// What the builder is given.

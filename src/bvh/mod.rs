@@ -11,14 +11,17 @@ mod brute_force;
 mod build;
 mod instances;
 pub mod mix;
+mod preset;
 mod quality;
 mod store;
 mod tree;
+mod user;
 mod wide;
 
-pub use build::Preset;
 pub use instances::{Instance, MeshSpace, can_be_instance};
+pub use preset::Preset;
 pub use quality::{Quality, Seen, quality};
+pub use user::{Bvh, NotFinite, Update, is_worth_keeping};
 
 use brute_force::BruteForce;
 use instances::Instances;
@@ -46,6 +49,21 @@ impl Primitive {
         match self {
             Primitive::Triangle(triangle) => triangle.bounds(),
             Primitive::Sphere(sphere) => sphere.bounds(),
+        }
+    }
+
+    /// In numbers of `precision`; `None` where they cannot hold it: corners that, rounded, are on one line, a radius that
+    /// is no more than 0.
+    pub fn rounded(&self, precision: Precision) -> Option<Self> {
+        match *self {
+            Primitive::Triangle(Triangle(corners)) => {
+                let triangle = Triangle(corners.map(|corner| corner.map(|c| precision.round(c))));
+                (!triangle.is_degenerate()).then_some(Primitive::Triangle(triangle))
+            }
+            Primitive::Sphere(Sphere { centre, radius }) => {
+                let sphere = Sphere { centre: centre.map(|c| Precision::Double.round(c)), radius };
+                (precision.round(radius) > 0.0).then_some(Primitive::Sphere(sphere))
+            }
         }
     }
 }
@@ -196,6 +214,17 @@ pub trait Accelerator: Send + Sync {
 
     /// What there is to say about the structure.
     fn describe(&self) -> Description;
+
+    /// Takes new positions for the primitives it was built over, `primitive` telling each by its id, and keeps its shape:
+    /// much quicker than to build, and as right. Those that the tier's numbers cannot hold ([`Primitive::rounded`]) are not
+    /// hit until they are back. Says how many times the cost by the surface area heuristic, which grows with the time of
+    /// rays, is what it was when it was built: [`is_worth_keeping`] judges.
+    ///
+    /// `None` where it cannot be: the structure is not made for it, or a triangle has become a sphere. Such a one must be
+    /// built anew.
+    fn refit(&mut self, _primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
+        None
+    }
 
     /// How good its tree is; `None` where there is none. Looks at every node.
     fn quality(&self) -> Option<Quality>;

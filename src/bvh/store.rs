@@ -37,7 +37,10 @@ impl<T: Tier> StoredSlot<T> {
 
     /// The smallest f32 box that holds it.
     pub fn bounds(&self) -> Bounds {
-        self.primitive().bounds()
+        match &self.primitive {
+            Stored::Triangle(corners) => T::Corner::bounds(corners),
+            Stored::Sphere(sphere) => sphere.bounds(),
+        }
     }
 }
 

@@ -9,7 +9,7 @@ use clap::Args;
 use super::progress::{Mode, Progress};
 use super::statistics::{self, Seconds};
 use super::{Printer, picture};
-use crate::bvh::Structure;
+use crate::bvh::{Preset, Structure};
 use crate::effects::{Choices, Plan, RayKind, check_names};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::{describe, write_whole};
@@ -50,6 +50,9 @@ pub struct Arguments {
     /// How exactly it is decided what a ray hits [default: the scene's, or watertight]
     #[arg(long, value_name = "TIER", value_parser = ["fast", "watertight", "double", "exact"])]
     numerics: Option<String>,
+    /// How much work is spent on building the tree that rays go through; the picture does not depend on it
+    #[arg(long, value_name = "PRESET", value_parser = Preset::ALL.map(Preset::name), default_value = Preset::default().name())]
+    bvh: String,
     /// How far shading goes; below `phong` that term is shown alone, without effects
     #[arg(long, value_parser = ["flat", "ambient", "diffuse", "phong"], default_value = "phong")]
     shading: String,
@@ -182,7 +185,8 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
     let settings = settings(arguments, &camera, projection, size, pipeline, numerics);
 
     progress.phase("building");
-    let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, Structure::default(), numerics));
+    let structure = Structure::Wide(Preset::named(&arguments.bvh).unwrap_or_default());
+    let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, structure, numerics));
     let plan = Plan::new(&world, &choices)?;
     warn_of_the_world(&world, &plan, &choices, &mut warnings);
     progress.pause(|| printer.print(&warnings, with_notes));

@@ -6,7 +6,7 @@ use super::bounds::{BoxTest, round_away};
 use super::bundle::BundleHits;
 use super::quad::{LANES, Quad};
 use super::simd::Simd;
-use super::{Hit, Ray, Sphere, TriangleHit};
+use super::{Bounds, Hit, Ray, Sphere, TriangleHit};
 use crate::scene::Numerics;
 
 /// The floating-point numbers that rays and corners are kept in.
@@ -101,6 +101,11 @@ pub trait Corner: Copy + Send + Sync + 'static {
     fn raise(self) -> DVec3;
     /// Least and greatest coordinates of three corners.
     fn span(corners: &[Self; 3]) -> [DVec3; 2];
+    /// The smallest f32 box that holds three corners.
+    fn bounds(corners: &[Self; 3]) -> Bounds {
+        let [min, max] = Self::span(corners);
+        Bounds::rounded_out(min, max)
+    }
 }
 
 impl Corner for Vec3 {
@@ -135,6 +140,11 @@ impl Corner for Vec3 {
     fn span(corners: &[Self; 3]) -> [DVec3; 2] {
         let [a, b, c] = corners.map(Vec3A::from);
         [Vec3::from(a.min(b).min(c)).as_dvec3(), Vec3::from(a.max(b).max(c)).as_dvec3()]
+    }
+
+    #[inline(always)]
+    fn bounds(&[a, b, c]: &[Self; 3]) -> Bounds {
+        Bounds { min: a.min(b).min(c), max: a.max(b).max(c) }
     }
 }
 

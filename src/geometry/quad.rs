@@ -14,16 +14,17 @@ pub struct Quad<C: Corner> {
 }
 
 impl<C: Corner> Quad<C> {
-    /// Of at most [`LANES`] triangles.
-    pub fn new(triangles: &[[C; 3]]) -> Self {
-        let mut corners = [[[C::NONE; LANES]; 3]; 3];
-        for (lane, triangle) in triangles.iter().enumerate() {
-            for (k, corner) in triangle.iter().enumerate() {
-                let [x, y, z] = corner.to_array();
-                (corners[k][0][lane], corners[k][1][lane], corners[k][2][lane]) = (x, y, z);
-            }
+    /// Of none.
+    pub const EMPTY: Self = Quad { corners: [[[C::NONE; LANES]; 3]; 3] };
+
+    /// Puts a triangle, or nothing, into a lane.
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, triangle: Option<&[C; 3]>) {
+        for k in 0..3 {
+            let [x, y, z] = triangle.map_or([C::NONE; 3], |corners| corners[k].to_array());
+            let corner = &mut self.corners[k];
+            (corner[0][lane], corner[1][lane], corner[2][lane]) = (x, y, z);
         }
-        Quad { corners }
     }
 
     /// The triangle in a lane.

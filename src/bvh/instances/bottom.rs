@@ -6,7 +6,8 @@ use glam::{DMat3, DVec3};
 use obvhs::bvh2::node::Bvh2Node;
 
 use super::space::{Frame, MeshSpace};
-use crate::bvh::build::{Preset, build_nodes};
+use crate::bvh::Preset;
+use crate::bvh::build::build_nodes;
 use crate::geometry::{Bounds, Corner};
 use crate::scene::Mesh;
 

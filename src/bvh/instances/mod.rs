@@ -16,7 +16,8 @@ use std::sync::Arc;
 use glam::{DMat3, Vec3A};
 use obvhs::bvh2::node::Bvh2Node;
 
-use super::build::{Preset, build_nodes};
+use super::Preset;
+use super::build::build_nodes;
 use super::{Accelerator, Description, Primitive, Quality, Slot, Traversal};
 use crate::geometry::{
     Bounds, BoxTest, Corner, Hit, Numerics, PrimId, Ray, SlotId, Stored, Tier, Triangle, prune_distance,

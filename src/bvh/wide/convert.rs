@@ -1,157 +1,184 @@
 //! From obvhs's binary tree to nodes of eight.
 
 use obvhs::bvh2::Bvh2;
+use rayon::prelude::*;
 
+use super::super::build::LEAST_SHARE;
 use super::super::store::StoredSlot;
 use super::node::{Child, Node, WIDTH};
 use super::{Group, Wide};
 use crate::geometry::quad::LANES;
 use crate::geometry::{Bounds, Quad, Stored, Tier};
 
-/// What is below a node of the binary tree.
-#[derive(Clone, Copy)]
-struct Below {
-    /// How many leaves' primitives.
-    count: u32,
-    /// Whether all are triangles, or all are spheres.
-    pure: bool,
-}
+/// The slots of a group, as many as there are.
+type Members = [u32; LANES];
 
-/// The most primitives that are kept together: one group of triangles.
-const MOST_IN_LEAF: u32 = LANES as u32;
+/// Marks a lane that holds nothing.
+const NONE: u32 = u32::MAX;
 
-/// Converts a binary tree whose leaves refer to `slots` by `of_slot[tree.primitive_indices[i]]`.
-pub fn convert<T: Tier>(
-    tree: &Bvh2,
-    of_slot: &[u32],
-    slots: &[StoredSlot<T>],
-    order: &[u32],
-    simd: bool,
-) -> Wide<T> {
-    let mut wide = Wide { nodes: Vec::new(), groups: Vec::new(), spheres: Vec::new(), depth: 0, simd };
+/// Converts a binary tree with a primitive a leaf, whose parents are known. A leaf refers to
+/// `slots[of_slot[tree.primitive_indices[i]]]`.
+///
+/// Which node holds what is settled in one pass over the tree; the triangles themselves follow in parallel. Neither depends
+/// on the number of threads.
+pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], simd: bool) -> Wide<T> {
+    let mut wide = Wide {
+        nodes: Vec::new(),
+        groups: Vec::new(),
+        spheres: Vec::new(),
+        depth: 0,
+        simd,
+        cost_at_build: None,
+    };
     if tree.nodes.is_empty() {
         return wide;
     }
-    let slot_of = |place: u32| of_slot[tree.primitive_indices[place as usize] as usize];
-    let below =
-        count(tree, order, |place| matches!(slots[slot_of(place) as usize].primitive, Stored::Sphere(_)));
-    let is_leaf = |node: u32| {
-        let Below { count, pure } = below[node as usize];
-        tree.nodes[node as usize].is_leaf() || (pure && count <= MOST_IN_LEAF)
-    };
-    wide.nodes.reserve(tree.nodes.len() / 8);
-    wide.groups.reserve(tree.nodes.len() / 5);
+    let slot_of =
+        |node: u32| of_slot[tree.primitive_indices[tree.nodes[node as usize].first_index as usize] as usize];
+    // Apart from the slots, which are large: nodes refer to them in no order.
+    let spheres: Vec<bool> = slots.iter().map(|slot| matches!(slot.primitive, Stored::Sphere(_))).collect();
+    let is_sphere = |node: u32| spheres[slot_of(node) as usize];
+    let below = if spheres.contains(&true) { below(tree, is_sphere) } else { below(tree, |_| false) };
+    let is_leaf = |node: u32| below[node as usize] != MANY;
+    // As measured on meshes; there is always room for more.
+    wide.nodes.reserve(tree.nodes.len() / 10);
+    let mut groups: Vec<Members> = Vec::with_capacity(tree.nodes.len() / 5);
     wide.nodes.push(Node::EMPTY);
     // A node of the binary tree, the place of its wide node, and how deep that is.
     let mut waiting = vec![(0u32, 0usize, 1usize)];
-    let mut members = Vec::new();
     while let Some((root, place, depth)) = waiting.pop() {
         wide.depth = wide.depth.max(depth);
-        let mut children = [0u32; WIDTH];
-        children[0] = root;
-        let mut len = 1;
-        // The largest is opened until there is no more room.
-        while len < WIDTH {
-            let area = |node: u32| tree.nodes[node as usize].aabb().half_area();
-            let inner = (0..len).filter(|&i| !is_leaf(children[i]));
-            let Some(largest) = inner.max_by(|&i, &j| area(children[i]).total_cmp(&area(children[j]))) else {
-                break;
-            };
-            let first = tree.nodes[children[largest] as usize].first_index;
-            children[largest] = first;
-            children[len] = first + 1;
-            len += 1;
-        }
+        let (children, len) = open(tree, root, is_leaf);
         for (i, &child) in children[..len].iter().enumerate() {
             let b = tree.nodes[child as usize].aabb();
             let b = Bounds { min: b.min.into(), max: b.max.into() };
-            if is_leaf(child) {
-                collect(tree, child, &mut members);
-                members.iter_mut().for_each(|place| *place = slot_of(*place));
-                // Parts of one triangle.
-                members.sort_unstable();
-                members.dedup();
-                let leaf = wide.add_leaf(slots, &members);
-                wide.nodes[place].set(i, b, leaf);
-            } else {
+            if !is_leaf(child) {
                 let index = wide.nodes.len();
                 wide.nodes.push(Node::EMPTY);
                 wide.nodes[place].set(i, b, Child::node(index));
                 waiting.push((child, index, depth + 1));
+                continue;
             }
+            let (members, count) = members(tree, child, slot_of);
+            let leaf = if below[child as usize] & TRIANGLES != 0 {
+                groups.push(members);
+                Child::leaf(groups.len() - 1, 1, false)
+            } else {
+                let first = wide.spheres.len();
+                wide.spheres.extend(members[..count].iter().filter_map(|&slot| {
+                    match slots[slot as usize].primitive {
+                        Stored::Sphere(sphere) => Some((sphere, slots[slot as usize].id)),
+                        Stored::Triangle(_) => None,
+                    }
+                }));
+                Child::leaf(first, count, true)
+            };
+            wide.nodes[place].set(i, b, leaf);
         }
     }
+    wide.groups =
+        groups.par_iter().with_min_len(LEAST_SHARE).map(|members| Group::new(members, slots)).collect();
     wide
 }
 
-impl<T: Tier> Wide<T> {
-    /// Stores the primitives of a leaf, all of one kind.
-    fn add_leaf(&mut self, slots: &[StoredSlot<T>], members: &[u32]) -> Child {
-        let slots = || members.iter().map(|&slot| &slots[slot as usize]);
-        let triangles: Vec<([T::Corner; 3], u32)> = slots()
-            .filter_map(|slot| match slot.primitive {
-                Stored::Triangle(corners) => Some((corners, slot.id.0)),
-                Stored::Sphere(_) => None,
-            })
-            .collect();
-        if triangles.is_empty() {
-            let first = self.spheres.len();
-            self.spheres.extend(slots().filter_map(|slot| match slot.primitive {
-                Stored::Sphere(sphere) => Some((sphere, slot.id)),
-                Stored::Triangle(_) => None,
-            }));
-            return Child::leaf(first, self.spheres.len() - first, true);
-        }
-        let first = self.groups.len();
-        for group in triangles.chunks(LANES) {
-            let mut ids = [u32::MAX; LANES];
-            let mut corners = [group[0].0; LANES];
-            for (lane, (triangle, id)) in group.iter().enumerate() {
-                (corners[lane], ids[lane]) = (*triangle, *id);
+/// The nodes of the binary tree that a wide node over `root` holds: the largest is opened until there is no more room.
+fn open(tree: &Bvh2, root: u32, is_leaf: impl Fn(u32) -> bool) -> ([u32; WIDTH], usize) {
+    // Leaves are never opened.
+    let area = |node: u32| if is_leaf(node) { -1.0 } else { tree.nodes[node as usize].aabb().half_area() };
+    let (mut children, mut areas, mut len) = ([root; WIDTH], [-1.0; WIDTH], 1);
+    areas[0] = area(root);
+    while len < WIDTH {
+        let mut largest = 0;
+        for i in 1..len {
+            if areas[i] > areas[largest] {
+                largest = i;
             }
-            self.groups.push(Group { quad: Quad::new(&corners[..group.len()]), ids });
         }
-        Child::leaf(first, self.groups.len() - first, false)
+        if areas[largest] < 0.0 {
+            break;
+        }
+        let first = tree.nodes[children[largest] as usize].first_index;
+        (children[largest], areas[largest]) = (first, area(first));
+        (children[len], areas[len]) = (first + 1, area(first + 1));
+        len += 1;
     }
+    (children, len)
 }
 
-/// For each node what is below it. `order` has every node before its children.
-fn count(tree: &Bvh2, order: &[u32], is_sphere: impl Fn(u32) -> bool) -> Vec<Below> {
-    #[derive(Clone, Copy, Default)]
-    struct Kinds {
-        triangles: u32,
-        spheres: u32,
+/// What is below a node: 1 to 4 triangles in the lower half, 1 to 4 spheres in the upper, or [`MANY`].
+type Below = u8;
+
+/// More than fit into one leaf, or of both kinds.
+const MANY: Below = u8::MAX;
+/// The half that counts triangles.
+const TRIANGLES: Below = 0x0f;
+const TRIANGLE: Below = 0x01;
+const SPHERE: Below = 0x10;
+
+/// For each node what is below it: one group of triangles, as many spheres, or more. Every leaf tells those above it, up to
+/// one that has heard enough; so it needs no order of nodes, and little time for trees of any depth.
+fn below(tree: &Bvh2, is_sphere: impl Fn(u32) -> bool) -> Vec<Below> {
+    const MOST: Below = LANES as Below;
+    let mut below = vec![0; tree.nodes.len()];
+    for leaf in 0..tree.nodes.len() as u32 {
+        let node = &tree.nodes[leaf as usize];
+        if !node.is_leaf() {
+            continue;
+        }
+        debug_assert_eq!(node.prim_count, 1);
+        let (one, other, most) =
+            if is_sphere(leaf) { (SPHERE, TRIANGLES, MOST * SPHERE) } else { (TRIANGLE, !TRIANGLES, MOST) };
+        let mut at = leaf;
+        loop {
+            let count = &mut below[at as usize];
+            if *count == MANY {
+                break;
+            }
+            *count = if *count & other != 0 || *count == most { MANY } else { *count + one };
+            if at == 0 {
+                break;
+            }
+            at = tree.parents[at as usize];
+        }
     }
-    let mut kinds = vec![Kinds::default(); tree.nodes.len()];
-    for &index in order.iter().rev() {
+    below
+}
+
+/// The slots below a node that is a leaf, each once, in order.
+fn members(tree: &Bvh2, node: u32, slot_of: impl Fn(u32) -> u32) -> (Members, usize) {
+    let (mut members, mut count) = ([NONE; LANES], 0);
+    // Not more than there are leaves wait.
+    let (mut waiting, mut top) = ([node; LANES], 1);
+    while top > 0 {
+        top -= 1;
+        let index = waiting[top];
         let node = &tree.nodes[index as usize];
-        let first = node.first_index as usize;
-        kinds[index as usize] = if node.is_leaf() {
-            let range = node.first_index..node.first_index + node.prim_count;
-            let spheres = range.filter(|&place| is_sphere(place)).count() as u32;
-            Kinds { triangles: node.prim_count - spheres, spheres }
-        } else {
-            let (a, b) = (kinds[first], kinds[first + 1]);
-            Kinds { triangles: a.triangles + b.triangles, spheres: a.spheres + b.spheres }
-        };
-    }
-    let below =
-        |k: &Kinds| Below { count: k.triangles + k.spheres, pure: k.triangles == 0 || k.spheres == 0 };
-    kinds.iter().map(below).collect()
-}
-
-/// The places in the tree's list of what is below a node.
-fn collect(tree: &Bvh2, node: u32, places: &mut Vec<u32>) {
-    places.clear();
-    // Few are below a leaf, so the recursion is short.
-    fn visit(tree: &Bvh2, node: u32, places: &mut Vec<u32>) {
-        let node = &tree.nodes[node as usize];
         if node.is_leaf() {
-            places.extend(node.first_index..node.first_index + node.prim_count);
+            let slot = slot_of(index);
+            // Parts of one triangle.
+            if !members[..count].contains(&slot) {
+                members[count] = slot;
+                count += 1;
+            }
         } else {
-            visit(tree, node.first_index, places);
-            visit(tree, node.first_index + 1, places);
+            (waiting[top], waiting[top + 1]) = (node.first_index + 1, node.first_index);
+            top += 2;
         }
     }
-    visit(tree, node, places);
+    members[..count].sort_unstable();
+    (members, count)
+}
+
+impl<C: crate::geometry::Corner> Group<C> {
+    fn new<T: Tier<Corner = C>>(members: &Members, slots: &[StoredSlot<T>]) -> Self {
+        let mut group = Group { quad: Quad::EMPTY, ids: [NONE; LANES] };
+        for (lane, &slot) in members.iter().enumerate().filter(|(_, slot)| **slot != NONE) {
+            let StoredSlot { primitive, id } = &slots[slot as usize];
+            if let Stored::Triangle(corners) = primitive {
+                group.quad.set(lane, Some(corners));
+                group.ids[lane] = id.0;
+            }
+        }
+        group
+    }
 }

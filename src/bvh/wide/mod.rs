@@ -8,6 +8,7 @@ mod convert;
 mod frustum;
 mod node;
 mod packet;
+mod refit;
 mod seen;
 mod stream;
 
@@ -37,6 +38,8 @@ pub struct Wide<T: Tier> {
     depth: usize,
     /// Whether the machine's own instructions are used.
     simd: bool,
+    /// What it cost by the surface area heuristic before it was first given other positions.
+    cost_at_build: Option<f64>,
 }
 
 /// Up to four triangles and their numbers.
@@ -376,7 +379,8 @@ fn hit_triangle<T: Tier>(
 
 #[inline(never)]
 fn hit_sphere<T: Tier>(ray: &Ray, sphere: &Sphere) -> Option<f64> {
-    T::hit_sphere(ray, sphere)
+    // One that has shrunk to nothing is kept, for the day when it grows again.
+    if sphere.radius > 0.0 { T::hit_sphere(ray, sphere) } else { None }
 }
 
 /// Whether no component of the direction is 0, and all are numbers.
@@ -468,6 +472,10 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn numerics(&self) -> Numerics {
         T::NUMERICS
+    }
+
+    fn refit(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
+        self.refit_to(primitive)
     }
 
     fn quality(&self) -> Option<Quality> {

@@ -21,16 +21,16 @@ use crate::common::oracle::{self, Distance};
 /// Brute force, and the trees that differ most.
 pub const STRUCTURES: [Structure; 7] = [
     Structure::BruteForce,
-    Structure::Tree(Preset::FastestBuild),
-    Structure::Tree(Preset::MediumBuild),
-    Structure::Tree(Preset::VerySlowBuild),
-    Structure::Wide(Preset::MediumBuild),
-    Structure::Wide(Preset::VerySlowBuild),
-    Structure::Portable(Preset::FastestBuild),
+    Structure::Tree(Preset::FastBuild),
+    Structure::Tree(Preset::Balanced),
+    Structure::Tree(Preset::BestTrace),
+    Structure::Wide(Preset::Balanced),
+    Structure::Wide(Preset::BestTrace),
+    Structure::Portable(Preset::FastBuild),
 ];
 
 /// The tree that is built where nothing is asked for.
-pub const DEFAULT_TREE: Structure = Structure::Wide(Preset::MediumBuild);
+pub const DEFAULT_TREE: Structure = Structure::Wide(Preset::Balanced);
 
 /// Tiers in which closed meshes do not leak.
 pub const WATERTIGHT: [Numerics; 3] = [Numerics::Watertight, Numerics::Double, Numerics::Exact];
