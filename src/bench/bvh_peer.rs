@@ -22,7 +22,7 @@ pub fn contenders() -> Vec<Box<dyn Contender>> {
 
 impl Contender for Binary {
     fn label(&self) -> Label {
-        Label { engine: "bvh", layout: "bvh2", tier: None, preset: None, isa: kiln::compiled_isa() }
+        Label { engine: "bvh", layout: "bvh2", tier: None, preset: None, isa: crate::bvh::compiled_isa() }
     }
 
     fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {

@@ -101,19 +101,9 @@ pub fn default_contender() -> Box<dyn Contender> {
 }
 
 /// The widest instructions that a structure's traversal uses.
-fn isa(_: Structure) -> &'static str {
-    compiled_isa()
-}
-
-/// What the compiler was allowed to use.
-pub fn compiled_isa() -> &'static str {
-    match () {
-        () if cfg!(target_feature = "avx512f") => "avx512",
-        () if cfg!(target_feature = "avx2") => "avx2",
-        () if cfg!(target_feature = "sse2") => "sse2",
-        () if cfg!(target_feature = "neon") => "neon",
-        () => "scalar",
-    }
+fn isa(structure: Structure) -> &'static str {
+    let nothing = bvh::build([], structure, Numerics::default());
+    nothing.describe().isa
 }
 
 impl Contender for Kiln {

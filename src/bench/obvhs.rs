@@ -13,7 +13,7 @@ use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
 use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
-use super::{Built, Engine, Mesh, kiln};
+use super::{Built, Engine, Mesh};
 use crate::bvh::{Seen, quality};
 use crate::error::Result;
 use crate::geometry;
@@ -126,7 +126,7 @@ pub fn contenders() -> Vec<Box<dyn Contender>> {
 
 impl Contender for Layout {
     fn label(&self) -> Label {
-        let (layout, isa) = (self.layout(), kiln::compiled_isa());
+        let (layout, isa) = (self.layout(), crate::bvh::compiled_isa());
         Label { engine: "obvhs", layout, tier: None, preset: Some("medium-build"), isa }
     }
 

@@ -20,7 +20,7 @@ pub fn contenders() -> Vec<Box<dyn Contender>> {
 
 impl Contender for Parry {
     fn label(&self) -> Label {
-        let isa = kiln::compiled_isa();
+        let isa = crate::bvh::compiled_isa();
         Label { engine: "parry3d", layout: "trimesh", tier: None, preset: None, isa }
     }
 

@@ -53,7 +53,13 @@ impl<T: Tier> Accelerator for BruteForce<T> {
 
     fn describe(&self) -> Description {
         let slots = self.slots.len();
-        Description { layout: "brute-force", nodes: 0, slots, bytes: slots * size_of::<StoredSlot<T>>() }
+        Description {
+            layout: "brute-force",
+            isa: super::compiled_isa(),
+            nodes: 0,
+            slots,
+            bytes: slots * size_of::<StoredSlot<T>>(),
+        }
     }
 
     fn quality(&self) -> Option<Quality> {

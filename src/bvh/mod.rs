@@ -245,10 +245,23 @@ pub trait Accelerator: Send + Sync {
 pub struct Description {
     /// Its name.
     pub layout: &'static str,
+    /// The widest instructions that its traversal uses: see [`compiled_isa`].
+    pub isa: &'static str,
     /// How many nodes it has.
     pub nodes: usize,
     /// How many slots it has; may exceed the primitives where large ones are kept in several places.
     pub slots: usize,
     /// Its size in bytes.
     pub bytes: usize,
+}
+
+/// The widest instructions that the compiler was allowed to use: `avx512`, `avx2`, `sse2`, `neon` or `scalar`.
+pub fn compiled_isa() -> &'static str {
+    match () {
+        () if cfg!(target_feature = "avx512f") => "avx512",
+        () if cfg!(target_feature = "avx2") => "avx2",
+        () if cfg!(target_feature = "sse2") => "sse2",
+        () if cfg!(target_feature = "neon") => "neon",
+        () => "scalar",
+    }
 }

@@ -267,7 +267,7 @@ impl<T: Tier> Accelerator for Tree<T> {
     fn describe(&self) -> Description {
         let (nodes, slots) = (self.nodes.len(), self.slots.len());
         let bytes = nodes * size_of::<Bvh2Node>() + slots * size_of::<StoredSlot<T>>();
-        Description { layout: "bvh2", nodes, slots, bytes }
+        Description { layout: "bvh2", isa: super::compiled_isa(), nodes, slots, bytes }
     }
 
     fn quality(&self) -> Option<Quality> {

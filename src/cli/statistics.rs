@@ -64,7 +64,7 @@ pub fn to_json(
             "slots": description.slots,
             "bytes": description.bytes,
         },
-        "instruction_set": std::env::consts::ARCH,
+        "instruction_set": description.isa,
         "effects": effects,
         "rays": rays,
         "tests": { "nodes": statistics.tests.nodes, "primitives": statistics.tests.primitives },

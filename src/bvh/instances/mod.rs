@@ -289,6 +289,7 @@ impl<T: Tier> Accelerator for Instances<T> {
         let slots = self.bottoms.iter().map(|bottom| bottom.triangles.len()).sum::<usize>();
         Description {
             layout: "instances",
+            isa: flat.isa,
             nodes: flat.nodes + nodes,
             slots: flat.slots + slots,
             bytes: flat.bytes + bytes,

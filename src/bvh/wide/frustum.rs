@@ -141,7 +141,7 @@ impl Frustum {
         } else {
             2
         };
-        if !(along(depth) > 0.0) {
+        if along(depth) <= 0.0 {
             return None;
         }
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
@@ -190,7 +190,7 @@ impl Frustum {
         let depth = (0..3).fold(0, |best, axis| if length[axis] > length[best] { axis } else { best });
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
         let downwards = direction[depth] < 0.0;
-        if !(length[depth] > 0.0) || rays.iter().any(|ray| ray.direction != direction) {
+        if length[depth] <= 0.0 || rays.iter().any(|ray| ray.direction != direction) {
             return None;
         }
         let shear = [0, 1].map(|k| direction[axes[k]] / length[depth]);

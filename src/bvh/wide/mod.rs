@@ -513,6 +513,7 @@ impl<T: Tier> Accelerator for Wide<T> {
         let bytes = self.nodes.len() * size_of::<Node>()
             + self.groups.len() * size_of::<Group<T::Corner>>()
             + self.spheres.len() * size_of::<(Sphere, PrimId)>();
-        Description { layout: "bvh8", nodes: self.nodes.len(), slots, bytes }
+        let isa = if self.simd { "avx2" } else { super::compiled_isa() };
+        Description { layout: "bvh8", isa, nodes: self.nodes.len(), slots, bytes }
     }
 }

@@ -85,8 +85,8 @@ impl Seen {
             overlapping: ahead & (across | !clear & all),
         };
         for k in 0..3 {
-            for place in 0..3 {
-                seen.corners[k][place] = S::d4_array(corners[k][place]);
+            for (kept, corner) in seen.corners[k].iter_mut().zip(corners[k]) {
+                *kept = S::d4_array(corner);
             }
             if parallel {
                 seen.points[k] = [S::d4_array(points[k][0]), S::d4_array(points[k][1])];
@@ -109,10 +109,9 @@ impl Seen {
         let mut blocks = 0;
         for some in (0..BLOCKS).step_by(WIDTH) {
             let mut mask = u32::MAX;
-            for k in 0..2 {
-                let low = S::f8_splat(round_down(self.extents[k][0][lane]));
-                let high = S::f8_splat(round_up(self.extents[k][1][lane]));
-                let [least, most] = &extents[k];
+            for ([least, most], extent) in extents.iter().zip(&self.extents) {
+                let low = S::f8_splat(round_down(extent[0][lane]));
+                let high = S::f8_splat(round_up(extent[1][lane]));
                 mask &= S::f8_le(eight::<S>(least, some), high) & S::f8_le(low, eight::<S>(most, some));
             }
             blocks |= mask << some;
