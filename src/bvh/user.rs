@@ -6,22 +6,7 @@ use super::{Accelerator, Preset, Primitive, Slot, Structure, Traversal, build};
 use crate::geometry::{Hit, Numerics, PrimId, Ray, Sphere, Triangle};
 
 /// Triangles and spheres, ready for rays. A primitive's number is its place in the list that it came in.
-///
-/// ```
-/// use kiln::bvh::{Bvh, Primitive, Traversal};
-///
-/// let ball = Primitive::from(([0.0, 0.0, 5.0], 1.0));
-/// let floor = Primitive::from([[-9.0, -1.0, 0.0], [9.0, -1.0, 0.0], [0.0, -1.0, 9.0]]);
-/// let mut bvh = Bvh::new([ball, floor])?;
-/// let ray = bvh.ray([0.0; 3], [0.0, 0.0, 1.0])?;
-/// let mut traversal = Traversal::default(); // one a thread; its memory is used again
-/// assert_eq!(bvh.closest_hit(&ray, &mut traversal).map(|hit| (hit.prim.0, hit.t)), Some((0, 4.0)));
-/// assert!(bvh.occluded(&ray, &mut traversal));
-/// assert_eq!(bvh.closest_hits(&[ray; 64], &mut traversal).len(), 64);
-/// bvh.update([Primitive::from(([0.0, 3.0, 5.0], 1.0)), floor])?;
-/// assert!(!bvh.occluded(&ray, &mut traversal));
-/// # Ok::<(), kiln::bvh::NotFinite>(())
-/// ```
+/// [The first page of the crate](crate) has an example.
 pub struct Bvh {
     accelerator: Box<dyn Accelerator>,
     structure: Structure,
