@@ -18,10 +18,10 @@ mod tree;
 mod user;
 mod wide;
 
-pub use preset::Preset;
-pub use user::{Bvh, NotFinite, Update, is_worth_keeping};
 pub use instances::{Instance, MeshSpace, can_be_instance};
+pub use preset::Preset;
 pub use quality::{Quality, Seen, quality};
+pub use user::{Bvh, NotFinite, Update, is_worth_keeping};
 
 use brute_force::BruteForce;
 use instances::Instances;
