@@ -1,4 +1,4 @@
-//! Rays that share their start or their end are walked together; each answers as if it were alone, bit for bit.
+//! Rays that share their start, their end or their direction are walked together; each answers as if it were alone, bit for bit.
 
 mod common;
 
@@ -109,6 +109,42 @@ fn to_lamp(hits: &[(Ray, Hit)], lamp: DVec3, precision: Precision) -> Vec<Ray> {
     hits.iter().map(to_lamp).collect()
 }
 
+/// The same towards a lamp that is infinitely far away.
+fn towards(hits: &[(Ray, Hit)], direction: DVec3, precision: Precision) -> Vec<Ray> {
+    let towards = |(ray, hit): &(Ray, Hit)| {
+        let origin = precision.ray(ray.at(hit.t * (1.0 - 1e-6)), DVec3::X, 0.0, 1.0).origin;
+        precision.ray(origin, direction, 0.0, f64::INFINITY)
+    };
+    hits.iter().map(towards).collect()
+}
+
+/// Tiles of rays that run the same way, from a plane before or within everything, some of them along an axis, and some aimed.
+fn parallel_tiles(slots: &[Slot], scale: f64, precision: Precision) -> Vec<Vec<Ray>> {
+    let mut numbers = Numbers::new(6);
+    (0..24)
+        .map(|index| {
+            let axes = [DVec3::X, DVec3::NEG_Y, DVec3::Z];
+            let direction = if index % 4 == 0 { axes[index / 4 % 3] } else { numbers.vector().normalize() };
+            let (side, up) = direction.any_orthonormal_pair();
+            let back = [40.0, 400.0, 0.5][index % 3] * scale;
+            let width = [0.05, 1.0, 10.0][index / 3 % 3] * scale;
+            let middle = target(slots, &mut numbers);
+            let ray = |i: usize, numbers: &mut Numbers| {
+                let (x, y) = ((i % 16) as f64 / 16.0 - 0.5, (i / 16) as f64 / 16.0 - 0.5);
+                let at = if index % 5 == 0 {
+                    target(slots, numbers)
+                } else {
+                    middle + width * (x * side + y * up)
+                };
+                // Not all from one plane.
+                let back = back * if index % 7 == 0 { 1.0 + numbers.unit() } else { 1.0 };
+                precision.ray(at - direction * back, direction, 0.0, f64::INFINITY)
+            };
+            (0..TILE).map(|i| ray(i, &mut numbers)).collect()
+        })
+        .collect()
+}
+
 fn bits(hit: &Option<Hit>) -> Option<(u64, PrimId, [u64; 2])> {
     hit.map(|hit| (hit.t.to_bits(), hit.prim, hit.weights.map(f64::to_bits)))
 }
@@ -120,7 +156,8 @@ fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {
         let oracle = build(slots.iter().copied(), Structure::BruteForce, numerics);
         let mut traversal = Traversal::default();
         let (mut all, mut hit, mut lit, mut dark) = (0, 0, 0, 0);
-        let tiles = tiles(&slots, scale, offset, precision);
+        let mut tiles = tiles(&slots, scale, offset, precision);
+        tiles.extend(parallel_tiles(&slots, scale, precision));
         let trees: Vec<_> = [Structure::default(), Structure::Portable(Default::default())]
             .map(|structure| (structure, build(slots.iter().copied(), structure, numerics)))
             .into();
@@ -134,7 +171,11 @@ fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {
                 // On a surface: every ray ends at it.
                 target(&slots, &mut Numbers::new(index as u64))
             };
-            let shadows = to_lamp(&seen, lamp, precision);
+            let shadows = if index % 3 == 0 {
+                towards(&seen, (lamp - offset).normalize_or(DVec3::Y), precision)
+            } else {
+                to_lamp(&seen, lamp, precision)
+            };
             let blocked: Vec<_> = shadows.iter().map(|ray| oracle.is_occluded(ray, &mut traversal)).collect();
             (all, hit) = (all + rays.len(), hit + seen.len());
             dark += blocked.iter().filter(|&&b| b).count();

@@ -8,7 +8,7 @@
 //! - [`tiers`]: what each of kiln's tiers of numerics costs, and what it gets wrong.
 
 #[cfg(feature = "peers")]
-mod bvh_crate;
+mod bvh_peer;
 mod clock;
 // The peers that are not written in Rust are called as C and C++ are; `unsafe_code` is denied everywhere else.
 #[allow(unsafe_code)]

@@ -104,7 +104,7 @@ fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
     chart
         .configure_mesh()
         .disable_y_mesh()
-        .max_light_lines(0)
+        .light_line_style(WHITE)
         .bold_line_style(GRID)
         .axis_style(INK)
         .x_labels(8)
@@ -204,7 +204,7 @@ where
         .build_cartesian_2d(along.log_scale(), upright)?;
     chart
         .configure_mesh()
-        .max_light_lines(0)
+        .light_line_style(WHITE)
         .bold_line_style(GRID)
         .axis_style(INK)
         .x_labels(6)

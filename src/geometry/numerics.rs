@@ -199,7 +199,8 @@ pub trait Tier: Send + Sync + 'static {
     /// Its name.
     const NUMERICS: Numerics;
     /// Whether a hit lies on its triangle up to a few units in the last place, so that boxes around parts of a triangle hold
-    /// the hits on those parts. Else only the box around the whole triangle does.
+    /// the hits on those parts, and a ray that passes beside it by more does not hit it. Else only the box around the whole
+    /// triangle tells.
     const IS_TIGHT: bool = true;
     /// What corners are kept in.
     type Corner: Corner;

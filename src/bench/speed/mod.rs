@@ -101,7 +101,7 @@ pub fn contenders(threads: usize) -> (Vec<Box<dyn Contender>>, Vec<Absent>) {
     present.extend(obvhs::contenders());
     #[cfg(feature = "peers")]
     {
-        present.extend(super::bvh_crate::contenders());
+        present.extend(super::bvh_peer::contenders());
         present.extend(super::parry::contenders());
     }
     #[cfg(not(feature = "peers"))]

@@ -1,10 +1,12 @@
-//! What a packet of rays that come from one place, or go to one, has in common: a frustum around all of them.
+//! What a packet of rays that come from one place, or go to one, or run the same way, has in common: a frustum around all of
+//! them.
 //!
 //! Seen from the apex along the axis that the rays run along most, a ray is a point (u, v): how far it goes aside on the
 //! two other axes for each step along this one. The frustum holds the apex and the intervals of u and v. A box is outside
 //! when, over all depths that it spans, it lies aside of what the intervals reach; only differences and products of
 //! f32 numbers are compared, after the ends of the intervals were moved outwards by more than what these round
-//! ([`SLACK`]). That the hits of a primitive are within its own box (as [`Tier`](crate::geometry::Tier) says) makes the boxes
+//! ([`SLACK`]). Rays that run the same way are points where they cross the plane of depth 0; a box is outside when, carried along
+//! them to that plane, it lies aside. There the sum is moved by what its terms may be off by. That the hits of a primitive are within its own box (as [`Tier`](crate::geometry::Tier) says) makes the boxes
 //! of a tree conservative for rays, and so for frusta.
 
 use glam::DVec3;
@@ -37,6 +39,12 @@ pub struct Frustum {
     bounds: [[f32; 2]; 3],
     /// Intervals of u and of v, moved outwards.
     pub slopes: [[f32; 2]; 2],
+    /// For rays that run the same way: how far they go aside for each step in depth.
+    pub shear: Option<[f64; 2]>,
+    /// How far from the apex any ray starts, on each axis, and as far as that moves it aside.
+    pub size: f64,
+    /// Nothing before this depth counts.
+    pub start: f32,
     /// Nothing beyond this depth counts.
     pub depth: f32,
 }
@@ -46,6 +54,8 @@ pub struct Lanes {
     /// Directions; after [`Frustum::new`] u and v of every ray, and what it advances in depth. What is beyond the last ray
     /// repeats it.
     pub directions: [[[f32; WIDTH]; BLOCKS]; 3],
+    /// The depths from which the rays' distances count, or more.
+    pub starts: [[f32; WIDTH]; BLOCKS],
     /// How many blocks there are.
     pub blocks: usize,
 }
@@ -76,6 +86,12 @@ impl Lanes {
         !apart
     }
 
+    /// A depth that holds the one at `t` along a ray.
+    #[inline(always)]
+    pub fn depth_at(&self, block: usize, lane: usize, t: f64) -> f32 {
+        Frustum::depth_at(self.starts[block][lane], self.directions[2][block][lane], t)
+    }
+
     /// The least and the greatest of some numbers.
     #[inline(always)]
     fn interval<S: Simd>(list: &[[f32; WIDTH]]) -> [f32; 2] {
@@ -89,11 +105,16 @@ impl Lanes {
 }
 
 impl Frustum {
-    /// Around rays that start at one place (`to_end` false) or end at one. `None` where the rays have no such place in common
-    /// or run in too different directions.
+    /// Around rays that start at one place (`to_end` false) or end at one, or run the same way. `None` where the rays have
+    /// nothing of that in common or run in too different directions.
     #[inline(always)]
     pub fn new<S: Simd>(rays: &[Ray], to_end: bool, lanes: &mut Lanes) -> Option<Self> {
         let first = rays.first()?;
+        if rays[rays.len() / 2].direction == first.direction
+            && rays[rays.len() - 1].direction == first.direction
+        {
+            return Self::parallel(rays, lanes);
+        }
         // Packets that are none are found out early, as most are where rays scatter.
         if !to_end && rays[rays.len() / 2].origin != first.origin {
             return None;
@@ -152,10 +173,58 @@ impl Frustum {
             spread,
             bounds: apex.to_array().map(around),
             slopes,
+            shear: None,
+            size: 0.0,
+            start: 0.0,
             depth: f32::INFINITY,
         };
+        lanes.starts = [[0.0; WIDTH]; BLOCKS];
         // Slopes that f32 cannot hold are of no use.
         frustum.slopes.as_flattened().iter().all(|slope| slope.is_finite()).then_some(frustum)
+    }
+
+    /// Around rays that run the same way.
+    fn parallel(rays: &[Ray], lanes: &mut Lanes) -> Option<Self> {
+        let (direction, apex) = (rays[0].direction, rays[0].origin);
+        let length = direction.abs();
+        let depth = (0..3).fold(0, |best, axis| if length[axis] > length[best] { axis } else { best });
+        let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
+        let downwards = direction[depth] < 0.0;
+        if !(length[depth] > 0.0) || rays.iter().any(|ray| ray.direction != direction) {
+            return None;
+        }
+        let shear = [0, 1].map(|k| direction[axes[k]] / length[depth]);
+        lanes.blocks = rays.len().div_ceil(WIDTH);
+        let mut frustum = Frustum {
+            axes,
+            downwards,
+            apex: apex.to_array(),
+            spread: 0.0,
+            bounds: apex.to_array().map(|x| [round_down(x), round_up(x)]),
+            slopes: [[f32::INFINITY, f32::NEG_INFINITY]; 2],
+            shear: Some(shear),
+            size: 0.0,
+            start: f32::INFINITY,
+            depth: f32::INFINITY,
+        };
+        for i in 0..lanes.blocks * WIDTH {
+            let (block, lane) = (i / WIDTH, i % WIDTH);
+            let from_apex = rays[i.min(rays.len() - 1)].origin - apex;
+            let start = if downwards { -from_apex[depth] } else { from_apex[depth] };
+            for (k, interval) in frustum.slopes.iter_mut().enumerate() {
+                let (aside, back) = (from_apex[axes[k]], shear[k] * start);
+                let at = aside - back;
+                let off = (aside.abs() + back.abs()) * SLACK;
+                lanes.directions[k][block][lane] = at as f32;
+                *interval = [interval[0].min(round_down(at - off)), interval[1].max(round_up(at + off))];
+                frustum.size = frustum.size.max(aside.abs() + back.abs());
+            }
+            lanes.directions[2][block][lane] = length[depth] as f32;
+            lanes.starts[block][lane] = round_up(start + start.abs() * SLACK);
+            frustum.start = frustum.start.min(round_down(start - start.abs() * SLACK));
+            frustum.size = frustum.size.max(start.abs());
+        }
+        frustum.slopes.as_flattened().iter().all(|at| at.is_finite()).then_some(frustum)
     }
 
     /// The places of `node` whose boxes any of the rays may enter, as bits, and the depths from which.
@@ -170,9 +239,26 @@ impl Frustum {
         } else {
             (S::f8_sub(least, S::f8_splat(side[1])), S::f8_sub(greatest, S::f8_splat(side[0])))
         };
-        let zero = S::f8_splat(0.0);
-        let near = S::f8_max(near, zero);
-        let mut mask = S::f8_le(zero, far) & S::f8_le(near, S::f8_splat(self.depth));
+        let start = S::f8_splat(self.start);
+        let near = S::f8_max(near, start);
+        let mut mask = S::f8_le(start, far) & S::f8_le(near, S::f8_splat(self.depth));
+        if let Some(shear) = self.shear {
+            for (k, axis) in [u, v].into_iter().enumerate() {
+                let shear = S::f8_splat(shear[k] as f32);
+                let (a, b) = (S::f8_mul(shear, near), S::f8_mul(shear, far));
+                let (low, high) = (S::f8_min(a, b), S::f8_max(a, b));
+                let least = S::f8_sub(S::f8(node.planes[axis][0]), S::f8_splat(self.bounds[axis][1]));
+                let most = S::f8_sub(S::f8(node.planes[axis][1]), S::f8_splat(self.bounds[axis][0]));
+                // Each term is off by 3 u of itself at most (the shear, depth, product), and their difference by u.
+                let size = S::f8_add(size_of::<S>(least, most), size_of::<S>(low, high));
+                let off =
+                    S::f8_mul(S::f8_add(size, S::f8_splat(self.size as f32)), S::f8_splat(SLACK as f32));
+                let [first, last] = self.slopes[k];
+                mask &= S::f8_le(S::f8_sub(S::f8_sub(least, high), off), S::f8_splat(last));
+                mask &= S::f8_le(S::f8_splat(first), S::f8_add(S::f8_sub(most, low), off));
+            }
+            return (mask, S::f8_array(near));
+        }
         for (k, axis) in [u, v].into_iter().enumerate() {
             let [apex_least, apex_most] = self.bounds[axis];
             let [slope_least, slope_most] = self.slopes[k];
@@ -185,12 +271,20 @@ impl Frustum {
         (mask, S::f8_array(near))
     }
 
-    /// A depth that holds the one at `t` along a ray from the apex.
+    /// A depth that holds the one at `t` along a ray that advances by `along` from `start`.
     #[inline(always)]
-    pub fn depth_at(along: f32, t: f64) -> f32 {
-        // Both factors are rounded, and so is their product.
-        along * t as f32 * MARGIN
+    fn depth_at(start: f32, along: f32, t: f64) -> f32 {
+        // Both factors are rounded, and so is their product, and the sum.
+        let depth = start + along * t as f32 * MARGIN;
+        depth + depth.abs() * SLACK as f32
     }
+}
+
+/// The greater of two numbers' sizes.
+#[inline(always)]
+fn size_of<S: Simd>(a: S::F8, b: S::F8) -> S::F8 {
+    let zero = S::f8_splat(0.0);
+    S::f8_max(S::f8_max(a, S::f8_sub(zero, a)), S::f8_max(b, S::f8_sub(zero, b)))
 }
 
 /// The middle of the places that rays end at, and how far on any axis a ray passes beside it at most.

@@ -9,6 +9,7 @@ mod frustum;
 mod node;
 mod packet;
 mod refit;
+mod seen;
 mod stream;
 
 pub use convert::convert;
@@ -419,7 +420,7 @@ impl<T: Tier> Accelerator for Wide<T> {
             let first = hits.len();
             hits.resize(first + rays.len(), None);
             let of_packet = &mut hits[first..];
-            if rays.len() >= FEWEST && self.packet_closest(rays, of_packet, traversal) {
+            if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_closest(rays, of_packet, traversal) {
                 continue;
             }
             if self.stream_closest(rays, of_packet, traversal) {
@@ -436,7 +437,7 @@ impl<T: Tier> Accelerator for Wide<T> {
             let first = occluded.len();
             occluded.resize(first + rays.len(), false);
             let of_packet = &mut occluded[first..];
-            if rays.len() >= FEWEST && self.packet_occluded(rays, of_packet, traversal) {
+            if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_occluded(rays, of_packet, traversal) {
                 continue;
             }
             if self.stream_occluded(rays, of_packet, traversal) {
