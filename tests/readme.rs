@@ -77,6 +77,7 @@ fn the_library_example_is_the_one_that_is_tested() {
     let source = std::fs::read_to_string(repository("src/lib.rs")).expect("the crate");
     let documented: Vec<&str> = source
         .lines()
+        .skip_while(|line| *line != "//! # As a library")
         .skip_while(|line| *line != "//! ```")
         .skip(1)
         .take_while(|line| *line != "//! ```")

@@ -38,9 +38,9 @@ pub enum NotFinite {
 /// How many times its cost at build a tree may come to before another is built.
 ///
 /// On the bunny, twisted and bent as a whole, rays need 11 to 16 % more tests than in a new tree at 1.2 times the cost,
-/// 30 to 40 % at 1.6, and 1.7 to 2 times as many at 2.3. Refitting takes 0.4 of the time of building (6.7 ms and 16.3 ms on
-/// one thread), so what it saves is what 12 % of the work of a million rays or fewer comes to. Where corners shake each
-/// on its own, new trees grow as much worse, and another is built for nothing.
+/// 30 to 40 % at 1.6, and 1.6 to 1.9 times as many at 2.3. Refitting takes 0.4 of the time of building (6.7 ms and 16.3 ms on
+/// one thread); the difference is what 12 % of the work of about 200,000 diffuse rays comes to. Where every corner shakes
+/// on its own, new trees become nearly as much worse, and another is built for nothing.
 const MOST_TIMES_WORSE: f64 = 1.2;
 
 /// Whether a tree that was refitted is to be kept, by what [`Accelerator::refit`] says.
