@@ -10,6 +10,26 @@
 //!
 //! Conventions: right-handed, +y up, no physical unit; column vectors, transforms named `b_from_a`; row 0 of a picture
 //! is its top row; directions have length 1, so t is a distance.
+//!
+//! # As a library
+//! Rays against triangles and spheres of your own, by the code that pictures are made with, and without scenes, files or
+//! shading ([`bvh::Bvh`]):
+//!
+//! ```
+//! use kiln::bvh::{Bvh, Primitive, Traversal};
+//!
+//! let ball = Primitive::from(([0.0, 0.0, 5.0], 1.0));
+//! let floor = Primitive::from([[-9.0, -1.0, 0.0], [9.0, -1.0, 0.0], [0.0, -1.0, 9.0]]);
+//! let mut bvh = Bvh::new([ball, floor])?;
+//! let ray = bvh.ray([0.0; 3], [0.0, 0.0, 1.0])?;
+//! let mut traversal = Traversal::default(); // one a thread; its memory is used again
+//! assert_eq!(bvh.closest_hit(&ray, &mut traversal).map(|hit| (hit.prim.0, hit.t)), Some((0, 4.0)));
+//! assert!(bvh.occluded(&ray, &mut traversal));
+//! assert_eq!(bvh.closest_hits(&[ray; 64], &mut traversal).len(), 64);
+//! bvh.update([Primitive::from(([0.0, 3.0, 5.0], 1.0)), floor])?;
+//! assert!(!bvh.occluded(&ray, &mut traversal));
+//! # Ok::<(), kiln::bvh::NotFinite>(())
+//! ```
 
 pub mod bench;
 pub mod bvh;

@@ -409,6 +409,19 @@ fn threads_do_not_change_a_byte() {
 }
 
 #[test]
+fn presets_of_the_tree_do_not_change_a_byte() {
+    let workshop = Workshop::new();
+    let scene = repository("scenes/assignment.toml");
+    for preset in kiln::bvh::Preset::ALL.map(kiln::bvh::Preset::name) {
+        workshop.succeed(&format!("render {} -o {preset}.png --size 70x50 --bvh {preset}", scene.display()));
+    }
+    workshop.succeed(&format!("render {} -o default.png --size 70x50", scene.display()));
+    for preset in kiln::bvh::Preset::ALL.map(kiln::bvh::Preset::name) {
+        assert!(workshop.bytes(&format!("{preset}.png")) == workshop.bytes("default.png"), "{preset}");
+    }
+}
+
+#[test]
 fn four_crops_make_the_whole_picture() {
     let workshop = Workshop::new();
     let scene = repository("scenes/assignment.toml");

@@ -69,3 +69,21 @@ fn the_options_are_the_commands_options() {
     known.remove("--output");
     assert_eq!(shown, known);
 }
+
+#[test]
+fn the_library_example_is_the_one_that_is_tested() {
+    let readme = readme();
+    let [shown] = fences(&readme, "rust")[..] else { panic!("one example is shown") };
+    let source = std::fs::read_to_string(repository("src/lib.rs")).expect("the crate");
+    let documented: Vec<&str> = source
+        .lines()
+        .skip_while(|line| *line != "//! # As a library")
+        .skip_while(|line| *line != "//! ```")
+        .skip(1)
+        .take_while(|line| *line != "//! ```")
+        .map(|line| line.trim_start_matches("//!").trim_start())
+        .filter(|line| !line.starts_with("# "))
+        .collect();
+    let shown: Vec<&str> = shown.lines().map(str::trim_start).collect();
+    assert_eq!(shown, documented);
+}
