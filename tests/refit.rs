@@ -44,19 +44,24 @@ fn slots(primitives: &[Primitive], numerics: Numerics) -> Vec<Slot> {
     (0..).zip(rounded).filter_map(|(id, p)| Some(Slot { primitive: p?, id: PrimId(id) })).collect()
 }
 
-/// Rays from around, half of them aimed at corners and centres, hit or not.
+/// A pencil of rays, which are taken together, and rays from around, half of them aimed at corners and centres, hit or not.
 fn rays(primitives: &[Primitive], numerics: Numerics, numbers: &mut Numbers) -> Vec<Ray> {
     let mut one = |index: usize| {
         let origin = numbers.vector() * 4.0;
         let target = match primitives[index % primitives.len()] {
-            Primitive::Triangle(Triangle(corners)) if index % 2 == 0 => corners[index % 3],
+            Primitive::Triangle(Triangle(corners)) if index.is_multiple_of(2) => corners[index % 3],
             Primitive::Sphere(sphere) => sphere.centre,
             Primitive::Triangle(_) => numbers.vector(),
         };
         let direction = (target - origin).try_normalize().unwrap_or(DVec3::Z);
         numerics.precision().ray(origin, direction, 0.0, f64::INFINITY)
     };
-    (0..if primitives.is_empty() { 0 } else { 600 }).map(&mut one).collect()
+    let around: Vec<Ray> = (0..if primitives.is_empty() { 0 } else { 600 }).map(&mut one).collect();
+    let direction = |i: i32| DVec3::new(f64::from(i % 16 - 8) / 20.0, f64::from(i / 16 - 8) / 20.0, -1.0);
+    let precision = numerics.precision();
+    let pencil =
+        (0..256).map(|i| precision.ray(DVec3::Z * 4.0, direction(i).normalize(), 0.0, f64::INFINITY));
+    pencil.chain(around).collect()
 }
 
 /// A hit without its place, which differs from one structure to another.
