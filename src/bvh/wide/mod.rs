@@ -423,6 +423,7 @@ impl<T: Tier> Accelerator for Wide<T> {
             if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_closest(rays, of_packet, traversal) {
                 continue;
             }
+            of_packet.fill(None);
             if self.stream_closest(rays, of_packet, traversal) {
                 continue;
             }
@@ -440,6 +441,7 @@ impl<T: Tier> Accelerator for Wide<T> {
             if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_occluded(rays, of_packet, traversal) {
                 continue;
             }
+            of_packet.fill(false);
             if self.stream_occluded(rays, of_packet, traversal) {
                 continue;
             }
