@@ -6,8 +6,8 @@ use bvh::bvh::{Bvh, BvhNode};
 use bvh::ray::Ray as BvhRay;
 use nalgebra::{Point3, Vector3};
 
+use super::Mesh;
 use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
-use super::{Mesh, kiln};
 use crate::bvh::{Quality, Seen, quality};
 use crate::error::Result;
 use crate::geometry::Ray;

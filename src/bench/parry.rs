@@ -5,8 +5,8 @@ use parry3d::partitioning::{BvhNode, TraversalAction};
 use parry3d::query::{Ray as ParryRay, RayCast};
 use parry3d::shape::{CompositeShapeRef, TriMesh};
 
+use super::Mesh;
 use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
-use super::{Mesh, kiln};
 use crate::error::{Error, Result};
 use crate::geometry::Ray;
 
