@@ -184,11 +184,8 @@ fn the_ends_of_rays_are_compared_exactly() {
 fn compare_order(slots: &[Slot], ray: &Ray, faults: &mut Faults, count: &mut Count) {
     let mut left = slots.to_vec();
     while !left.is_empty() {
-        let structure = if left.len().is_multiple_of(2) {
-            Structure::BruteForce
-        } else {
-            Structure::Tree(Preset::Balanced)
-        };
+        let structure =
+            if left.len().is_multiple_of(2) { Structure::BruteForce } else { Structure::default() };
         let exact = exactly(&left, structure);
         compare(&left, &*exact, ray, faults, count);
         let Some(closest) = exact.closest_hit(ray, &mut Traversal::default()) else { break };
@@ -318,8 +315,10 @@ fn trees_of_everything_answer_exactly() {
             rays.push(touching);
         }
         let slots = shuffled(primitives, &mut numbers);
-        for preset in Preset::ALL {
-            let tree = exactly(&slots, Structure::Tree(preset));
+        for structure in
+            [Structure::Tree(Preset::BestTrace), Structure::default(), Structure::Wide(Preset::BestTrace)]
+        {
+            let tree = exactly(&slots, structure);
             for ray in &rays {
                 compare(&slots, &*tree, ray, &mut faults, &mut count);
             }

@@ -75,7 +75,7 @@ impl WoopBundle {
         bundle
     }
 
-    /// What [`WoopTest::hit`] says of each of the rays, by the same operations in the same order.
+    /// What the test for one ray, Woop's in f64, says of each of the rays, by the same operations in the same order.
     #[inline(always)]
     pub fn hit<S: Simd, C: Corner>(&self, corners: &[C; 3]) -> BundleHits {
         let (origin, shear) = (load::<S>(&self.origin), load::<S>(&self.shear));
