@@ -274,9 +274,9 @@ impl Frustum {
     /// A depth that holds the one at `t` along a ray that advances by `along` from `start`.
     #[inline(always)]
     fn depth_at(start: f32, along: f32, t: f64) -> f32 {
-        // Both factors are rounded, and so is their product, and the sum.
+        // Both factors are rounded, and so is their product, and the sum; what is too small for f32 is less than its least normal.
         let depth = start + along * t as f32 * MARGIN;
-        depth + depth.abs() * SLACK as f32
+        depth + depth.abs() * SLACK as f32 + f32::MIN_POSITIVE
     }
 }
 
