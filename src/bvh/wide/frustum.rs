@@ -14,7 +14,7 @@ use glam::DVec3;
 use crate::geometry::simd::Simd;
 use crate::geometry::{Ray, round_down, round_up};
 
-use super::node::{MARGIN, Node, WIDTH};
+use super::node::{LENGTHS, MARGIN, Node, WIDTH};
 
 /// The share by which the ends of intervals are moved outwards. A slope is off by 5 u (two components, a reciprocal, a
 /// product and its rounding to f32), a difference by u, its product with the slope by u more, and the other difference by
@@ -141,7 +141,9 @@ impl Frustum {
         } else {
             2
         };
-        if along(depth) <= 0.0 {
+        // Rays of other lengths than about 1 go one by one, where those are seen to.
+        let longest = intervals.as_flattened().iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+        if !(LENGTHS.contains(&f64::from(along(depth))) && LENGTHS.contains(&f64::from(longest))) {
             return None;
         }
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
@@ -190,7 +192,7 @@ impl Frustum {
         let depth = (0..3).fold(0, |best, axis| if length[axis] > length[best] { axis } else { best });
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
         let downwards = direction[depth] < 0.0;
-        if length[depth] <= 0.0 || rays.iter().any(|ray| ray.direction != direction) {
+        if !LENGTHS.contains(&length[depth]) || rays.iter().any(|ray| ray.direction != direction) {
             return None;
         }
         let shear = [0, 1].map(|k| direction[axes[k]] / length[depth]);
@@ -253,6 +255,7 @@ impl Frustum {
                 let size = S::f8_add(size_of::<S>(least, most), size_of::<S>(low, high));
                 let off =
                     S::f8_mul(S::f8_add(size, S::f8_splat(self.size as f32)), S::f8_splat(SLACK as f32));
+                let off = S::f8_add(off, S::f8_splat(f32::MIN_POSITIVE));
                 let [first, last] = self.slopes[k];
                 mask &= S::f8_le(S::f8_sub(S::f8_sub(least, high), off), S::f8_splat(last));
                 mask &= S::f8_le(S::f8_splat(first), S::f8_add(S::f8_sub(most, low), off));

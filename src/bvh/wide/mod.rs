@@ -16,7 +16,7 @@ mod stream;
 pub use convert::convert;
 
 pub use node::Child;
-use node::{BoxRay, Content, Node, WIDTH, prune_distance};
+use node::{BoxRay, Content, Node, WIDTH};
 
 use super::Tests;
 use crate::geometry::quad::LANES;
@@ -157,7 +157,7 @@ impl<T: Tier> Wide<T> {
         }
         let boxes = BoxRay::new(ray, FUSED);
         let prepared = T::prepare(ray);
-        let (mut t_best, mut t_max) = (ray.t_max, prune_distance(ray.t_max));
+        let (mut t_best, mut t_max) = (ray.t_max, boxes.prune_distance(ray.t_max));
         // Every node on the way leaves at most all its children but one.
         let room = self.depth * WIDTH;
         if stack.len() < room {
@@ -216,7 +216,7 @@ impl<T: Tier> Wide<T> {
                 }
                 match self.hits_in_leaf::<S>(ray, &prepared, child, tests, t_best, &mut found) {
                     Step::Stop => return,
-                    Step::Prune(t) => (t_best, t_max) = (t, prune_distance(t)),
+                    Step::Prune(t) => (t_best, t_max) = (t, boxes.prune_distance(t)),
                     Step::Go => {}
                 }
             }

@@ -137,13 +137,27 @@ pub struct BoxRay {
     pub offsets: [[f32; 2]; 3],
     /// Boxes that end before this are not entered.
     pub t_min: f32,
+    /// What distances are to be multiplied by to be those of boxes.
+    scale: f64,
+}
+
+/// Lengths of directions with which distances to planes are far from the ends of f32's range.
+pub const LENGTHS: std::ops::RangeInclusive<f64> = 1.0 / 1024.0..=1024.0;
+
+/// The greatest power of two that is not above a positive number; the least normal number for those below it.
+#[cold]
+fn power_of_two_below(x: f64) -> f64 {
+    f64::from_bits(x.max(f64::MIN_POSITIVE).to_bits() & 0x7ff0_0000_0000_0000)
 }
 
 impl BoxRay {
     /// Prepares a ray. `fused` needs a direction without zeros.
     #[inline(always)]
     pub fn new(ray: &Ray, fused: bool) -> Self {
-        let (direction, origin) = (ray.direction.as_vec3(), ray.origin.as_vec3());
+        let longest = ray.direction.abs().max_element();
+        // Directions of length 1 are as they should be. Others are brought near it by a power of two, which rounds nothing.
+        let scale = if LENGTHS.contains(&longest) { 1.0 } else { power_of_two_below(longest) };
+        let (direction, origin) = ((ray.direction / scale).as_vec3(), ray.origin.as_vec3());
         let inverse = direction.recip();
         let offset = if fused { origin * inverse } else { origin };
         // An origin so small that f32 has few places for it is off by half of the last one, as many times as it is multiplied.
@@ -154,7 +168,8 @@ impl BoxRay {
             inverse: inverse.to_array(),
             near: [0; 3],
             offsets: [[0.0; 2]; 3],
-            t_min: round_down(ray.t_min),
+            t_min: round_down(ray.t_min * scale),
+            scale,
         };
         for axis in 0..3 {
             let downwards = inverse[axis] < 0.0;
@@ -172,14 +187,14 @@ impl BoxRay {
 /// multiplied), by less elsewhere. This is 4 u; the least normal number stands for what underflows.
 const WIDENING: f32 = 2.0 * f32::EPSILON;
 
-/// The f32 distance beyond which no box around a hit at `t` is entered. Computed entries are at most 4 u too far, and
-/// rounding `t` takes u.
-#[inline(always)]
-pub fn prune_distance(t: f64) -> f32 {
-    (t as f32).max(f32::MIN_POSITIVE) * MARGIN
-}
-
 impl BoxRay {
+    /// The distance beyond which no box around a hit at `t` is entered. Computed entries are at most 4 u too far, and rounding
+    /// `t` takes u.
+    #[inline(always)]
+    pub fn prune_distance(&self, t: f64) -> f32 {
+        ((t * self.scale) as f32).max(f32::MIN_POSITIVE) * MARGIN
+    }
+
     /// Where the ray enters and leaves the boxes of `node`, not before its start and not beyond `t_max`; it may enter those
     /// that it leaves no earlier. Never misses a box that holds a point of the exact ray between its start and `t_max`.
     #[inline(always)]

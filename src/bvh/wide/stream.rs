@@ -4,7 +4,7 @@
 //! So some rays take turns, a node or a leaf each, and what a ray needs at its next turn is asked for at the end of this
 //! one.
 
-use super::node::{BoxRay, Child, Content, WIDTH, prune_distance};
+use super::node::{BoxRay, Child, Content, WIDTH};
 use super::{Step, Wide};
 use crate::bvh::Tests;
 use crate::geometry::simd::Simd;
@@ -38,12 +38,13 @@ impl<T: Tier> Walker<T> {
     #[inline(always)]
     fn new(rays: &[Ray], index: usize, base: usize) -> Self {
         let ray = &rays[index];
+        let boxes = BoxRay::new(ray, true);
         Walker {
             ray: index,
-            boxes: BoxRay::new(ray, true),
+            t_max: boxes.prune_distance(ray.t_max),
+            boxes,
             prepared: T::prepare(ray),
             t_best: ray.t_max,
-            t_max: prune_distance(ray.t_max),
             best: None,
             base,
             top: base + 1,
@@ -129,7 +130,9 @@ impl<T: Tier> Wide<T> {
                         walker.best = best;
                         match after {
                             Step::Stop => walker.top = walker.base,
-                            Step::Prune(t) => (walker.t_best, walker.t_max) = (t, prune_distance(t)),
+                            Step::Prune(t) => {
+                                (walker.t_best, walker.t_max) = (t, walker.boxes.prune_distance(t))
+                            }
                             Step::Go => {}
                         }
                     }
