@@ -131,7 +131,7 @@ impl<T: Tier> Wide<T> {
                         match after {
                             Step::Stop => walker.top = walker.base,
                             Step::Prune(t) => {
-                                (walker.t_best, walker.t_max) = (t, walker.boxes.prune_distance(t))
+                                (walker.t_best, walker.t_max) = (t, walker.boxes.prune_distance(t));
                             }
                             Step::Go => {}
                         }
