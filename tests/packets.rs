@@ -182,6 +182,11 @@ fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {
             lit += blocked.iter().filter(|&&b| !b).count();
             for (structure, tree) in &trees {
                 let (mut hits, mut occluded) = (Vec::new(), Vec::new());
+                // Rays without an end have none in common.
+                tree.are_occluded(rays, &mut occluded, &mut traversal);
+                let expected_occluded: Vec<bool> = expected.iter().map(Option::is_some).collect();
+                assert_eq!(occluded, expected_occluded, "tile {index}, {structure:?}, {}", numerics.name());
+                occluded.clear();
                 tree.closest_hits(rays, &mut hits, &mut traversal);
                 tree.are_occluded(&shadows, &mut occluded, &mut traversal);
                 for ((ray, found), expected) in rays.iter().zip(&hits).zip(&expected) {

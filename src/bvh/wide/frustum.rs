@@ -302,5 +302,6 @@ fn common_end(rays: &[Ray]) -> Option<(DVec3, f64)> {
     }
     // The ends are computed, and hits are held to their boxes, to far less than this.
     let spread = (most - least).max_element() + reach * SLACK;
-    (spread <= least_t * MOST_SPREAD).then_some(((least + most) / 2.0, spread))
+    // Rays without an end have none in common.
+    (spread.is_finite() && spread <= least_t * MOST_SPREAD).then_some(((least + most) / 2.0, spread))
 }
