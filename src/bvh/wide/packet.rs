@@ -20,8 +20,9 @@ use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier, round_down};
 pub const PACKET: usize = BLOCK * BLOCKS;
 
 /// How much work a packet may take for each of its rays: 1 for a group of triangles, 2 more for each of them that the packet
-/// overlaps. Of 2, 4 and 8 on the bunny at 128 to 1024 pixels a side, 2 gave up too early at 512 (10.4 Mray/s of primary rays
-/// against 10.9 and 13.1), 8 too late at 128 (2.1 against 4.1 with 2 or 4).
+/// overlaps. Of 2, 4 and 8 on the bunny at 128 to 1024 pixels a side, in runs timed by a clock of 4 ms: 2 gave up early at 512
+/// (10.4 Mray/s of primary rays against 10.9 and 13.1), at 1024 the three were alike, and at 128, where nothing is gained by
+/// packets, 8 seemed the slowest. To be chosen anew with a finer clock.
 const MOST_WORK: usize = 4;
 
 /// Rays whose edge functions are computed at once.
