@@ -10,7 +10,7 @@ pub struct Ray {
     pub origin: DVec3,
     /// Where it goes; of length 1 up to that rounding, so that t is a distance.
     pub direction: DVec3,
-    /// What lies at or before this is not hit.
+    /// What lies at or before this is not hit. Not negative: boxes are tested with margins that hold on that side of 0 only.
     pub t_min: f64,
     /// What lies at or beyond this is not hit.
     pub t_max: f64,

@@ -118,6 +118,7 @@ impl<T: Tier> Accelerator for Wide<T> {
             if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_closest(rays, of_packet, traversal) {
                 continue;
             }
+            // A packet that was given up left what it had found.
             of_packet.fill(None);
             if self.stream_closest(rays, of_packet, traversal) {
                 continue;
@@ -136,6 +137,7 @@ impl<T: Tier> Accelerator for Wide<T> {
             if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_occluded(rays, of_packet, traversal) {
                 continue;
             }
+            // As above.
             of_packet.fill(false);
             if self.stream_occluded(rays, of_packet, traversal) {
                 continue;
