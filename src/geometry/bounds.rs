@@ -142,6 +142,7 @@ pub trait BoxTest {
 }
 
 /// The box test in f32, for rays of f32 numbers.
+#[derive(Clone, Copy)]
 pub struct SingleBoxTest {
     origin: Vec3A,
     /// Reciprocals of the direction; infinite where it is 0.

@@ -1,6 +1,4 @@
-//! Four rays against one triangle at once, with the bits that each of them would get alone.
-
-use glam::DVec3;
+//! Four rays against one triangle at once, or one ray against four, with the bits that each of them would get alone.
 
 use super::simd::Simd;
 use super::woop::{CANCELLED, NEAR, WoopTest};
@@ -9,11 +7,11 @@ use super::{Corner, Ray};
 /// How many rays a bundle holds.
 pub const RAYS: usize = 4;
 
-/// What four rays found on a triangle. Lanes are bits.
-pub struct BundleHits {
-    /// Rays that hit it.
+/// What four rays found on a triangle, or one on four. Lanes are bits.
+pub struct FourHits {
+    /// Those that hit.
     pub hit: u32,
-    /// Rays that have to be asked one by one.
+    /// Those that have to be asked one by one.
     pub unsure: u32,
     /// Distances.
     pub t: [f64; RAYS],
@@ -21,10 +19,11 @@ pub struct BundleHits {
     pub weights: [[f64; RAYS]; 2],
 }
 
-impl BundleHits {
-    /// For tiers that do not work on bundles.
-    pub const ONE_BY_ONE: BundleHits =
-        BundleHits { hit: 0, unsure: (1 << RAYS) - 1, t: [0.0; RAYS], weights: [[0.0; RAYS]; 2] };
+impl FourHits {
+    /// All are missed.
+    pub const NONE: FourHits = FourHits { hit: 0, unsure: 0, t: [0.0; RAYS], weights: [[0.0; RAYS]; 2] };
+    /// For tiers that do not work on four at once.
+    pub const ONE_BY_ONE: FourHits = FourHits { unsure: (1 << RAYS) - 1, ..FourHits::NONE };
 }
 
 /// Four rays made ready for triangles, axes turned so that all run along the third most.
@@ -61,14 +60,13 @@ impl WoopBundle {
         for lane in 0..RAYS {
             let ray = &rays[lane.min(rays.len() - 1)];
             let test = WoopTest::new(ray);
-            if test.axes() != axes || ray.direction.cmpeq(DVec3::ZERO).any() {
+            if test.axes() != axes || test.odd != 0 {
                 bundle.odd |= 1 << lane;
             }
-            let inverse = ray.direction.recip();
-            for (k, &axis) in axes.iter().enumerate() {
-                bundle.origin[k][lane] = ray.origin[axis];
+            for k in 0..3 {
+                bundle.origin[k][lane] = test.turned_origin[k];
                 bundle.shear[k][lane] = test.shear[k];
-                bundle.inverse[k][lane] = inverse[axis];
+                bundle.inverse[k][lane] = test.inverse[k];
             }
             (bundle.t_min[lane], bundle.t_max[lane]) = (ray.t_min, ray.t_max);
         }
@@ -77,66 +75,104 @@ impl WoopBundle {
 
     /// What the test for one ray, Woop's in f64, says of each of the rays, by the same operations in the same order.
     #[inline(always)]
-    pub fn hit<S: Simd, C: Corner>(&self, corners: &[C; 3]) -> BundleHits {
-        let (origin, shear) = (load::<S>(&self.origin), load::<S>(&self.shear));
-        let inverse = load::<S>(&self.inverse);
-        let zero = S::d4_splat(0.0);
-        let mut least = [zero; 3];
-        let mut most = [zero; 3];
-        let mut reach = zero;
-        let mut seen = [[zero; 3]; 3];
+    pub fn hit<S: Simd, C: Corner>(&self, corners: &[C; 3]) -> FourHits {
+        let origin = load::<S>(&self.origin);
+        let mut seen = [[origin[0]; 3]; 3];
         for (k, corner) in corners.iter().enumerate() {
             let corner = corner.raise();
             for axis in 0..3 {
-                let side = S::d4_sub(S::d4_splat(corner[self.axes[axis]]), origin[axis]);
-                seen[k][axis] = side;
-                least[axis] = if k == 0 { side } else { S::d4_min(least[axis], side) };
-                most[axis] = if k == 0 { side } else { S::d4_max(most[axis], side) };
-                reach = S::d4_max(S::d4_abs(side), reach);
+                seen[k][axis] = S::d4_sub(S::d4_splat(corner[self.axes[axis]]), origin[axis]);
             }
         }
-        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = seen;
-        let (ax, ay) = aside::<S>(ax, ay, az, &shear);
-        let (bx, by) = aside::<S>(bx, by, bz, &shear);
-        let (cx, cy) = aside::<S>(cx, cy, cz, &shear);
-        let (weight_a, cancelled_a) = edge::<S>(cx, by, cy, bx);
-        let (weight_b, cancelled_b) = edge::<S>(ax, cy, ay, cx);
-        let (weight_c, cancelled_c) = edge::<S>(bx, ay, by, ax);
-        let lowest = S::d4_min(S::d4_min(weight_a, weight_b), weight_c);
-        let highest = S::d4_max(S::d4_max(weight_a, weight_b), weight_c);
-        let inside = S::d4_le(zero, lowest) | S::d4_le(highest, zero);
+        let rays = FourRays {
+            shear: load::<S>(&self.shear),
+            inverse: load::<S>(&self.inverse),
+            t_min: S::d4(self.t_min),
+            t_max: S::d4(self.t_max),
+        };
+        let mut hits = hit_four::<S>(&seen, &rays, 0);
+        hits.hit &= !self.odd;
+        hits.unsure |= self.odd;
+        hits
+    }
+}
 
-        let share = S::d4_div(S::d4_splat(1.0), S::d4_add(S::d4_add(weight_a, weight_b), weight_c));
-        let (da, db, dc) = (S::d4_mul(weight_a, az), S::d4_mul(weight_b, bz), S::d4_mul(weight_c, cz));
-        let depth = S::d4_mul(S::d4_add(S::d4_add(da, db), dc), share);
-        let near = S::d4_lt(S::d4_abs(depth), S::d4_mul(reach, S::d4_splat(NEAR)));
-        let mut unsure = self.odd | inside & (cancelled_a | cancelled_b | cancelled_c);
-        let mut behind = 0;
-        if near & inside & !unsure != 0 {
-            let against = S::d4_mul(S::d4_add(S::d4_add(weight_a, weight_b), weight_c), shear[2]);
-            let (is_behind, cannot_say) = side::<S>(&seen, against);
-            behind = near & is_behind & S::d4_le(zero, S::d4(self.t_min));
-            unsure |= near & inside & cannot_say;
-        }
+/// What is known of four rays besides where they see corners.
+pub struct FourRays<S: Simd> {
+    /// The two shears, and the reciprocal of the direction along the third axis.
+    pub shear: [S::D4; 3],
+    /// Reciprocals of the direction.
+    pub inverse: [S::D4; 3],
+    /// Hits are beyond this,
+    pub t_min: S::D4,
+    /// and before this.
+    pub t_max: S::D4,
+}
 
-        // Held within the triangle's own box: see `hold`.
-        let t = S::d4_mul(depth, shear[2]);
-        let mut enter = S::d4_splat(f64::NEG_INFINITY);
-        let mut leave = S::d4_splat(f64::INFINITY);
-        for axis in 0..3 {
-            let (a, b) = (S::d4_mul(least[axis], inverse[axis]), S::d4_mul(most[axis], inverse[axis]));
-            enter = S::d4_max(S::d4_min(a, b), enter);
-            leave = S::d4_min(S::d4_max(a, b), leave);
+/// Four pairs of a ray and a triangle. `seen` are the corners from the ray's origin, axes turned so that the ray runs along the
+/// third most. The lanes of `odd` have to be asked one by one where they are not missed.
+#[inline(always)]
+pub fn hit_four<S: Simd>(seen: &[[S::D4; 3]; 3], rays: &FourRays<S>, odd: u32) -> FourHits {
+    let zero = S::d4_splat(0.0);
+    let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = *seen;
+    let shear = &rays.shear;
+    let ((ax, ay), (bx, by), (cx, cy)) =
+        (aside::<S>(ax, ay, az, shear), aside::<S>(bx, by, bz, shear), aside::<S>(cx, cy, cz, shear));
+    let (weight_a, product_a) = edge::<S>(cx, by, cy, bx);
+    let (weight_b, product_b) = edge::<S>(ax, cy, ay, cx);
+    let (weight_c, product_c) = edge::<S>(bx, ay, by, ax);
+    let lowest = S::d4_min(S::d4_min(weight_a, weight_b), weight_c);
+    let highest = S::d4_max(S::d4_max(weight_a, weight_b), weight_c);
+    let inside = S::d4_le(zero, lowest) | S::d4_le(highest, zero);
+    // Most triangles are missed.
+    if inside == 0 {
+        return FourHits::NONE;
+    }
+    let cancelled = nearly_cancel::<S>(weight_a, product_a)
+        | nearly_cancel::<S>(weight_b, product_b)
+        | nearly_cancel::<S>(weight_c, product_c);
+    let mut unsure = inside & (odd | cancelled);
+
+    let sum = S::d4_add(S::d4_add(weight_a, weight_b), weight_c);
+    let share = S::d4_div(S::d4_splat(1.0), sum);
+    let (da, db, dc) = (S::d4_mul(weight_a, az), S::d4_mul(weight_b, bz), S::d4_mul(weight_c, cz));
+    let depth = S::d4_mul(S::d4_add(S::d4_add(da, db), dc), share);
+    let (mut least, mut most, mut reach) = (seen[0], seen[0], zero);
+    for (k, corner) in seen.iter().enumerate() {
+        for (axis, &side) in corner.iter().enumerate() {
+            if k > 0 {
+                least[axis] = S::d4_min(least[axis], side);
+                most[axis] = S::d4_max(most[axis], side);
+            }
+            reach = S::d4_max(S::d4_abs(side), reach);
         }
-        let passes = S::d4_le(enter, S::d4_mul(leave, S::d4_splat(super::bounds::DOUBLE_MARGIN)));
-        let t = S::d4_max(enter, S::d4_min(leave, t));
-        let within = S::d4_lt(S::d4(self.t_min), t) & S::d4_lt(t, S::d4(self.t_max));
-        BundleHits {
-            hit: inside & passes & within & !behind & !unsure,
-            unsure,
-            t: S::d4_array(t),
-            weights: [S::d4_array(S::d4_mul(weight_b, share)), S::d4_array(S::d4_mul(weight_c, share))],
-        }
+    }
+    let near = S::d4_lt(S::d4_abs(depth), S::d4_mul(reach, S::d4_splat(NEAR)));
+    let mut behind = 0;
+    if near & inside & !unsure != 0 {
+        let (is_behind, cannot_say) = side::<S>(seen, S::d4_mul(sum, shear[2]));
+        behind = near & is_behind & S::d4_le(zero, rays.t_min);
+        unsure |= near & inside & cannot_say;
+    }
+
+    // Held within the triangle's own box: see `hold`.
+    let t = S::d4_mul(depth, shear[2]);
+    let mut enter = S::d4_splat(f64::NEG_INFINITY);
+    let mut leave = S::d4_splat(f64::INFINITY);
+    for axis in 0..3 {
+        let inverse = rays.inverse[axis];
+        let (a, b) = (S::d4_mul(least[axis], inverse), S::d4_mul(most[axis], inverse));
+        enter = S::d4_max(S::d4_min(a, b), enter);
+        leave = S::d4_min(S::d4_max(a, b), leave);
+    }
+    let passes = S::d4_le(enter, S::d4_mul(leave, S::d4_splat(super::bounds::DOUBLE_MARGIN)));
+    let t = S::d4_max(enter, S::d4_min(leave, t));
+    let within = S::d4_lt(rays.t_min, t) & S::d4_lt(t, rays.t_max);
+    FourHits {
+        hit: inside & passes & within & !behind & !unsure,
+        unsure,
+        t: S::d4_array(t),
+        weights: [S::d4_array(S::d4_mul(weight_b, share)), S::d4_array(S::d4_mul(weight_c, share))],
     }
 }
 
@@ -172,11 +208,16 @@ fn aside<S: Simd>(x: S::D4, y: S::D4, z: S::D4, shear: &[S::D4; 3]) -> (S::D4, S
     (S::d4_sub(x, S::d4_mul(shear[0], z)), S::d4_sub(y, S::d4_mul(shear[1], z)))
 }
 
-/// An edge function, and where its products nearly cancel.
+/// An edge function, and the first of its two products.
 #[inline(always)]
-fn edge<S: Simd>(px: S::D4, qy: S::D4, py: S::D4, qx: S::D4) -> (S::D4, u32) {
+fn edge<S: Simd>(px: S::D4, qy: S::D4, py: S::D4, qx: S::D4) -> (S::D4, S::D4) {
     let product = S::d4_mul(px, qy);
-    let weight = S::d4_sub(product, S::d4_mul(py, qx));
+    (S::d4_sub(product, S::d4_mul(py, qx)), product)
+}
+
+/// Where the products of an edge function nearly cancel.
+#[inline(always)]
+fn nearly_cancel<S: Simd>(weight: S::D4, product: S::D4) -> u32 {
     let bound = S::d4_mul(S::d4_splat(CANCELLED), S::d4_abs(product));
-    (weight, S::d4_le(S::d4_abs(weight), bound))
+    S::d4_le(S::d4_abs(weight), bound)
 }

@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use super::bounds::DoubleBoxTest;
-use super::bundle::{BundleHits, WoopBundle};
+use super::bundle::{FourHits, WoopBundle};
 use super::simd::Simd;
 use super::woop::WoopTest;
 use super::{Quad, Ray, Sphere, Tier, TriangleHit};
@@ -27,7 +27,7 @@ impl Tier for Double {
     }
 
     #[inline(always)]
-    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[DVec3; 3]) -> BundleHits {
+    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[DVec3; 3]) -> FourHits {
         bundle.hit::<S, _>(corners)
     }
 
@@ -42,8 +42,8 @@ impl Tier for Double {
     }
 
     #[inline(always)]
-    fn candidates<S: Simd>(test: &WoopTest, quad: &Quad<DVec3>, t_max: f64) -> u32 {
-        test.candidates::<S, _>(quad, t_max)
+    fn hit_quad<S: Simd>(test: &WoopTest, quad: &Quad<DVec3>) -> FourHits {
+        test.hit_quad::<S, _>(quad)
     }
 
     #[inline(always)]

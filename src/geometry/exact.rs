@@ -13,7 +13,7 @@
 use glam::{DVec3, Vec3Swizzles};
 
 use super::bounds::DoubleBoxTest;
-use super::bundle::BundleHits;
+use super::bundle::FourHits;
 use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
 use super::simd::Simd;
@@ -41,8 +41,8 @@ impl Tier for Exact {
     fn bundle(_: &[Ray]) {}
 
     #[inline(always)]
-    fn hit_bundle<S: Simd>(_: &(), _: &[DVec3; 3]) -> BundleHits {
-        BundleHits::ONE_BY_ONE
+    fn hit_bundle<S: Simd>(_: &(), _: &[DVec3; 3]) -> FourHits {
+        FourHits::ONE_BY_ONE
     }
 
     #[inline]

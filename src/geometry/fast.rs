@@ -10,7 +10,7 @@
 use glam::{Vec3, Vec3A};
 
 use super::bounds::{BoxTest, SingleBoxTest, round_up};
-use super::bundle::BundleHits;
+use super::bundle::FourHits;
 use super::simd::Simd;
 use super::{Corner, Ray, Sphere, Tier, TriangleHit};
 use crate::scene::Numerics;
@@ -19,6 +19,7 @@ use crate::scene::Numerics;
 pub struct Fast;
 
 /// A ray in f32.
+#[derive(Clone, Copy)]
 pub struct FastTest {
     origin: Vec3,
     direction: Vec3,
@@ -36,8 +37,8 @@ impl Tier for Fast {
     fn bundle(_: &[Ray]) {}
 
     #[inline(always)]
-    fn hit_bundle<S: Simd>(_: &(), _: &[Vec3; 3]) -> BundleHits {
-        BundleHits::ONE_BY_ONE
+    fn hit_bundle<S: Simd>(_: &(), _: &[Vec3; 3]) -> FourHits {
+        FourHits::ONE_BY_ONE
     }
 
     #[inline]

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::{BoxTest, round_away};
-use super::bundle::BundleHits;
+use super::bundle::FourHits;
 use super::quad::{LANES, Quad};
 use super::simd::Simd;
 use super::{Bounds, Hit, Ray, Sphere, TriangleHit};
@@ -207,7 +207,7 @@ pub trait Tier: Send + Sync + 'static {
     /// A ray made ready for boxes.
     type Boxes: BoxTest;
     /// A ray made ready for triangles.
-    type Prepared;
+    type Prepared: Copy;
 
     /// Four rays made ready for triangles at once.
     type Bundle: Copy + Send + Sync;
@@ -216,7 +216,7 @@ pub trait Tier: Send + Sync + 'static {
     fn bundle(rays: &[Ray]) -> Self::Bundle;
 
     /// What [`Tier::hit_triangle`] says of each ray of a bundle, as far as that can be told for all at once.
-    fn hit_bundle<S: Simd>(bundle: &Self::Bundle, corners: &[Self::Corner; 3]) -> BundleHits;
+    fn hit_bundle<S: Simd>(bundle: &Self::Bundle, corners: &[Self::Corner; 3]) -> FourHits;
 
     /// Makes a ray ready for triangles.
     fn prepare(ray: &Ray) -> Self::Prepared;
@@ -226,11 +226,10 @@ pub trait Tier: Send + Sync + 'static {
     fn hit_triangle(prepared: &Self::Prepared, ray: &Ray, corners: &[Self::Corner; 3])
     -> Option<TriangleHit>;
 
-    /// The lanes of `quad`, as bits, whose triangles the ray may hit before `t_max`. Every lane that [`Tier::hit_triangle`] finds
-    /// a hit in is among them.
+    /// What [`Tier::hit_triangle`] says of each triangle of a quad, as far as that can be told for all at once.
     #[inline(always)]
-    fn candidates<S: Simd>(_: &Self::Prepared, _quad: &Quad<Self::Corner>, _t_max: f64) -> u32 {
-        (1 << LANES) - 1
+    fn hit_quad<S: Simd>(_: &Self::Prepared, _quad: &Quad<Self::Corner>) -> FourHits {
+        FourHits::ONE_BY_ONE
     }
 
     /// The least distance within the ray's ends at which it meets a sphere, from outside or from inside.

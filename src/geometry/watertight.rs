@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use super::bounds::SingleBoxTest;
-use super::bundle::{BundleHits, WoopBundle};
+use super::bundle::{FourHits, WoopBundle};
 use super::simd::Simd;
 use super::woop::WoopTest;
 use super::{Quad, Ray, Sphere, Tier, TriangleHit};
@@ -28,7 +28,7 @@ impl Tier for Watertight {
     }
 
     #[inline(always)]
-    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[Vec3; 3]) -> BundleHits {
+    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[Vec3; 3]) -> FourHits {
         bundle.hit::<S, _>(corners)
     }
 
@@ -43,8 +43,8 @@ impl Tier for Watertight {
     }
 
     #[inline(always)]
-    fn candidates<S: Simd>(test: &WoopTest, quad: &Quad<Vec3>, t_max: f64) -> u32 {
-        test.candidates::<S, _>(quad, t_max)
+    fn hit_quad<S: Simd>(test: &WoopTest, quad: &Quad<Vec3>) -> FourHits {
+        test.hit_quad::<S, _>(quad)
     }
 
     #[inline(always)]

@@ -15,20 +15,34 @@ use glam::{DVec3, Vec3Swizzles};
 
 use super::bounds::hold;
 use super::expansion::{Expansion, two_product, two_sum};
-use super::quad::Quad;
+use super::bundle::{FourHits, FourRays, hit_four};
+use super::quad::{LANES, Quad};
 use super::simd::Simd;
 use super::{Corner, Ray, TriangleHit};
 
+/// For each [`Along`] which axes come first, second and third.
+const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
+
 /// A ray made ready for triangles.
+#[derive(Clone, Copy)]
 pub struct WoopTest {
     origin: DVec3,
     /// The axis that the ray runs along most.
     along: Along,
     /// The two shears, and the reciprocal of the direction along that axis.
     pub shear: [f64; 3],
+    /// The origin and the reciprocals of the direction, axes turned so that the ray runs along the last.
+    pub turned_origin: [f64; 3],
+    /// See there.
+    pub inverse: [f64; 3],
+    /// The ends.
+    t_min: f64,
+    t_max: f64,
+    /// All lanes of four where the direction has a 0: the box of a triangle has to be asked in another way then.
+    pub odd: u32,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq, Eq)]
 enum Along {
     X,
     Y,
@@ -46,19 +60,29 @@ pub struct Sheared {
 
 impl WoopTest {
     /// Prepares `ray`.
-    #[inline]
+    #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
         let (d, length) = (ray.direction, ray.direction.abs());
-        let (along, turned) = if length.x >= length.y && length.x >= length.z {
-            (Along::X, DVec3::new(d.y, d.z, d.x))
-        } else if length.y >= length.z {
-            (Along::Y, DVec3::new(d.z, d.x, d.y))
-        } else {
-            (Along::Z, d)
-        };
-        let reciprocal = 1.0 / turned.z;
-        let shear = [turned.x * reciprocal, turned.y * reciprocal, reciprocal];
-        WoopTest { origin: ray.origin, along, shear }
+        // Without branches: which axis it is, is as good as random.
+        let x_first = length.x >= length.y && length.x >= length.z;
+        let along =
+            [[Along::Z, Along::Y], [Along::X; 2]][usize::from(x_first)][usize::from(length.y >= length.z)];
+        let inverse = d.recip();
+        let axes = AXES[along as usize];
+        let turned = |v: DVec3| axes.map(|axis| v.to_array()[axis]);
+        let [x, y, _] = turned(d);
+        let inverse = turned(inverse);
+        let reciprocal = inverse[2];
+        WoopTest {
+            origin: ray.origin,
+            along,
+            shear: [x * reciprocal, y * reciprocal, reciprocal],
+            turned_origin: turned(ray.origin),
+            inverse,
+            t_min: ray.t_min,
+            t_max: ray.t_max,
+            odd: if d.cmpeq(DVec3::ZERO).any() { (1 << LANES) - 1 } else { 0 },
+        }
     }
 
     /// The axes turned so that the ray runs along the last; written out, they stay in registers.
@@ -74,11 +98,7 @@ impl WoopTest {
     /// Which axis becomes which by turning.
     #[inline(always)]
     pub fn axes(&self) -> [usize; 3] {
-        match self.along {
-            Along::X => [1, 2, 0],
-            Along::Y => [2, 0, 1],
-            Along::Z => [0, 1, 2],
-        }
+        AXES[self.along as usize]
     }
 
     /// The triangle seen along the ray.
@@ -90,32 +110,27 @@ impl WoopTest {
         Sheared { corners, aside: corners.map(aside) }
     }
 
-    /// The lanes of `quad` that [`WoopTest::hit`] has to look at: their edge functions, computed as it does, do not differ in
-    /// sign, and not all of their corners lie beyond `t_max`.
+    /// What [`WoopTest::hit`] says of each triangle of `quad`, as far as that can be told for all at once.
     #[inline(always)]
-    pub fn candidates<S: Simd, C: Corner>(&self, quad: &Quad<C>, t_max: f64) -> u32 {
+    pub fn hit_quad<S: Simd, C: Corner>(&self, quad: &Quad<C>) -> FourHits {
         let axes = self.axes();
-        let origin = self.turned(self.origin);
-        let origin = [S::d4_splat(origin.x), S::d4_splat(origin.y), S::d4_splat(origin.z)];
-        let shear = [S::d4_splat(self.shear[0]), S::d4_splat(self.shear[1]), S::d4_splat(self.shear[2])];
+        let [x, y, z] = self.turned_origin;
+        let origin = [S::d4_splat(x), S::d4_splat(y), S::d4_splat(z)];
         // Loops and not the standard library's maps, which do not always become part of this.
-        let mut corners = [[shear[0]; 3]; 3];
-        for (k, seen) in corners.iter_mut().enumerate() {
-            for (axis, side) in seen.iter_mut().enumerate() {
-                *side = S::d4_sub(C::to_d4::<S>(quad.corners[k][axes[axis]]), origin[axis]);
+        let mut seen = [origin; 3];
+        for (corner, seen) in quad.corners.iter().zip(&mut seen) {
+            for axis in 0..3 {
+                seen[axis] = S::d4_sub(C::to_d4::<S>(corner[axes[axis]]), origin[axis]);
             }
-            seen[0] = S::d4_sub(seen[0], S::d4_mul(shear[0], seen[2]));
-            seen[1] = S::d4_sub(seen[1], S::d4_mul(shear[1], seen[2]));
-            seen[2] = S::d4_mul(seen[2], shear[2]);
         }
-        let [[ax, ay, a], [bx, by, b], [cx, cy, c]] = corners;
-        let weights = [edges::<S>(cx, by, cy, bx), edges::<S>(ax, cy, ay, cx), edges::<S>(bx, ay, by, ax)];
-        let least = S::d4_min(S::d4_min(weights[0], weights[1]), weights[2]);
-        let most = S::d4_max(S::d4_max(weights[0], weights[1]), weights[2]);
-        let zero = S::d4_splat(0.0);
-        let inside = S::d4_le(zero, least) | S::d4_le(most, zero);
-        // A hit's distance lies within its own box, and this is one side of it.
-        inside & S::d4_le(S::d4_min(S::d4_min(a, b), c), S::d4_splat(t_max))
+        let ([sx, sy, sz], [ix, iy, iz]) = (self.shear, self.inverse);
+        let rays = FourRays {
+            shear: [S::d4_splat(sx), S::d4_splat(sy), S::d4_splat(sz)],
+            inverse: [S::d4_splat(ix), S::d4_splat(iy), S::d4_splat(iz)],
+            t_min: S::d4_splat(self.t_min),
+            t_max: S::d4_splat(self.t_max),
+        };
+        hit_four::<S>(&seen, &rays, self.odd)
     }
 
     /// Where `ray`, for which this was made, hits the triangle within the ray's ends.
@@ -148,12 +163,6 @@ impl WoopTest {
         (ray.t_min < t && t < ray.t_max)
             .then_some(TriangleHit { t, weights: [weight_b * share, weight_c * share] })
     }
-}
-
-/// Four edge functions.
-#[inline(always)]
-fn edges<S: Simd>(px: S::D4, qy: S::D4, py: S::D4, qx: S::D4) -> S::D4 {
-    S::d4_sub(S::d4_mul(px, qy), S::d4_mul(py, qx))
 }
 
 impl Sheared {

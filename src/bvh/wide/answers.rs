@@ -2,7 +2,7 @@
 
 use super::node::{Content, Node, WIDTH};
 use super::packet::PACKET;
-use super::{Group, Wide};
+use super::{Group, Step, Wide};
 use crate::bvh::{Accelerator, Description, Primitive, Quality, Seen, Traversal, compiled_isa, quality};
 use crate::geometry::simd::Portable;
 #[cfg(target_arch = "x86_64")]
@@ -30,20 +30,27 @@ impl<T: Tier> Wide<T> {
 }
 
 impl<T: Tier> Wide<T> {
-    /// Rays in turns, where the machine can and their directions have no zeros.
+    /// Rays in turns, where the machine and the tree can and their directions have no zeros.
     fn stream_closest(&self, rays: &[Ray], hits: &mut [Option<Hit>], traversal: &mut Traversal) -> bool {
         #[cfg(target_arch = "x86_64")]
-        if self.simd && rays.iter().all(runs_along_all_axes) {
+        if self.simd && self.can_stream() && rays.iter().all(runs_along_all_axes) {
             let Traversal { stacks, tests, .. } = traversal;
             Avx2::run(
                 #[inline(always)]
                 || {
-                    self.stream::<Avx2, false>(
+                    self.stream::<Avx2>(
                         rays,
                         stacks,
                         tests,
                         #[inline(always)]
-                        |ray, hit| hits[ray] = hit,
+                        |ray, hit| {
+                            let best = &mut hits[ray];
+                            if !self.is_better(&rays[ray], &hit, best.as_ref()) {
+                                return Step::Go;
+                            }
+                            *best = Some(hit);
+                            Step::Prune(hit.t)
+                        },
                     );
                 },
             );
@@ -55,17 +62,20 @@ impl<T: Tier> Wide<T> {
     /// The same for rays that any hit blocks.
     fn stream_occluded(&self, rays: &[Ray], occluded: &mut [bool], traversal: &mut Traversal) -> bool {
         #[cfg(target_arch = "x86_64")]
-        if self.simd && rays.iter().all(runs_along_all_axes) {
+        if self.simd && self.can_stream() && rays.iter().all(runs_along_all_axes) {
             let Traversal { stacks, tests, .. } = traversal;
             Avx2::run(
                 #[inline(always)]
                 || {
-                    self.stream::<Avx2, true>(
+                    self.stream::<Avx2>(
                         rays,
                         stacks,
                         tests,
                         #[inline(always)]
-                        |ray, hit| occluded[ray] = hit.is_some(),
+                        |ray, _| {
+                            occluded[ray] = true;
+                            Step::Stop
+                        },
                     );
                 },
             );

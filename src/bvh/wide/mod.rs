@@ -1,8 +1,8 @@
 //! Nodes of eight, converted from obvhs's binary tree, and leaves of four triangles side by side.
 //!
 //! One ray is tested against the eight boxes of a node at once ([`node`]), and against four triangles at once by the
-//! arithmetic of the tier ([`Tier::candidates`]); what is left goes through the tier's own test, so an answer has the bits
-//! that it has anywhere else. With AVX2 and FMA where the machine has them ([`Simd`]), and without them the same answers.
+//! arithmetic of the tier ([`Tier::hit_quad`]), so that an answer has the bits that it has anywhere else; what that cannot tell
+//! goes through the tier's own test. With AVX2 and FMA where the machine has them ([`Simd`]), and without them the same answers.
 
 mod answers;
 mod convert;
@@ -92,7 +92,7 @@ impl<T: Tier> Wide<T> {
         })
     }
 
-    /// Calls `found` with every hit in a leaf that may come before `t_max`, until it says that this is enough.
+    /// Calls `found` with every hit in a leaf, until it says that this is enough.
     #[inline(always)]
     fn hits_in_leaf<S: Simd>(
         &self,
@@ -100,7 +100,6 @@ impl<T: Tier> Wide<T> {
         prepared: &T::Prepared,
         leaf: Child,
         tests: &mut Tests,
-        mut t_max: f64,
         mut found: impl FnMut(Hit) -> Step,
     ) -> Step {
         let mut after = Step::Go;
@@ -110,18 +109,28 @@ impl<T: Tier> Wide<T> {
                 tests.primitives += groups.len() as u64;
                 for index in groups {
                     let group = &self.groups[index as usize];
-                    let mut lanes = T::candidates::<S>(prepared, &group.quad, t_max);
+                    let four = T::hit_quad::<S>(prepared, &group.quad);
+                    let mut lanes = four.hit | four.unsure;
                     while lanes != 0 {
                         let lane = lanes.trailing_zeros() as usize % LANES;
                         lanes &= lanes - 1;
                         let slot = SlotId(index * LANES as u32 + lane as u32);
-                        let Some(hit) = hit_triangle::<T>(prepared, ray, group, slot) else { continue };
+                        let hit = if four.unsure >> lane & 1 == 0 {
+                            Hit {
+                                t: four.t[lane],
+                                prim: PrimId(group.ids[lane]),
+                                slot,
+                                weights: [four.weights[0][lane], four.weights[1][lane]],
+                            }
+                        } else {
+                            match hit_triangle::<T>(prepared, ray, group, slot) {
+                                Some(hit) => hit,
+                                None => continue,
+                            }
+                        };
                         match found(hit) {
                             Step::Stop => return Step::Stop,
-                            Step::Prune(t) => {
-                                t_max = t;
-                                after = Step::Prune(t);
-                            }
+                            Step::Prune(t) => after = Step::Prune(t),
                             Step::Go => {}
                         }
                     }
@@ -157,7 +166,7 @@ impl<T: Tier> Wide<T> {
         }
         let boxes = BoxRay::new(ray, FUSED);
         let prepared = T::prepare(ray);
-        let (mut t_best, mut t_max) = (ray.t_max, boxes.prune_distance(ray.t_max));
+        let mut t_max = boxes.prune_distance(ray.t_max);
         // Every node on the way leaves at most all its children but one.
         let room = self.depth * WIDTH;
         if stack.len() < room {
@@ -214,9 +223,9 @@ impl<T: Tier> Wide<T> {
                     node = &self.nodes[index as usize];
                     break;
                 }
-                match self.hits_in_leaf::<S>(ray, &prepared, child, tests, t_best, &mut found) {
+                match self.hits_in_leaf::<S>(ray, &prepared, child, tests, &mut found) {
                     Step::Stop => return,
-                    Step::Prune(t) => (t_best, t_max) = (t, boxes.prune_distance(t)),
+                    Step::Prune(t) => t_max = boxes.prune_distance(t),
                     Step::Go => {}
                 }
             }
@@ -293,7 +302,7 @@ impl<T: Tier> Wide<T> {
     }
 }
 
-/// The hit of a triangle that has passed for all that a group can tell; few come here.
+/// The hit of a triangle of which a group cannot tell; few come here.
 #[inline(never)]
 fn hit_triangle<T: Tier>(
     prepared: &T::Prepared,

@@ -8,7 +8,7 @@
 //! `(plane - origin) * inverse`. That form serves every ray where there is no fused multiply-add.
 //! In either form rays of f64 numbers are tested against the same f32 boxes.
 
-use crate::geometry::simd::Simd;
+use crate::geometry::simd::{Side, Simd};
 use crate::geometry::{Bounds, PRUNE_MARGIN, Ray, round_down};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -76,14 +76,14 @@ impl Child {
 
     /// As numbers.
     #[inline(always)]
-    pub fn bits(children: [Child; WIDTH]) -> [u32; WIDTH] {
-        bytemuck::cast(children)
+    pub fn bits(children: &[Child; WIDTH]) -> &[u32; WIDTH] {
+        bytemuck::cast_ref(children)
     }
 
-    /// From numbers.
+    /// From a number.
     #[inline(always)]
-    pub fn of_bits(bits: [u32; WIDTH]) -> [Child; WIDTH] {
-        bytemuck::cast(bits)
+    pub fn of_bits(bits: u32) -> Child {
+        Child(bits)
     }
 
     /// What it stands for.
@@ -128,11 +128,12 @@ impl Node {
 }
 
 /// A ray made ready for the boxes of nodes.
+#[derive(Clone, Copy)]
 pub struct BoxRay {
     /// Reciprocals of the direction; infinite where it is 0.
     pub inverse: [f32; 3],
     /// For each axis which of the two planes is met first.
-    pub near: [usize; 3],
+    pub near: [Side; 3],
     /// For each axis what belongs to the near plane and what to the far one: offsets, or origins.
     pub offsets: [[f32; 2]; 3],
     /// Boxes that end before this are not entered.
@@ -156,8 +157,13 @@ impl BoxRay {
     pub fn new(ray: &Ray, fused: bool) -> Self {
         let longest = ray.direction.abs().max_element();
         // Directions of length 1 are as they should be. Others are brought near it by a power of two, which rounds nothing.
-        let scale = if LENGTHS.contains(&longest) { 1.0 } else { power_of_two_below(longest) };
-        let (direction, origin) = ((ray.direction / scale).as_vec3(), ray.origin.as_vec3());
+        let (scale, direction) = if LENGTHS.contains(&longest) {
+            (1.0, ray.direction)
+        } else {
+            let scale = power_of_two_below(longest);
+            (scale, ray.direction / scale)
+        };
+        let (direction, origin) = (direction.as_vec3(), ray.origin.as_vec3());
         let inverse = direction.recip();
         let offset = if fused { origin * inverse } else { origin };
         // An origin so small that f32 has few places for it is off by half of the last one, as many times as it is multiplied.
@@ -166,14 +172,14 @@ impl BoxRay {
         let (greatest, least) = (offset + widening, offset - widening);
         let mut prepared = BoxRay {
             inverse: inverse.to_array(),
-            near: [0; 3],
+            near: [Side::new(false); 3],
             offsets: [[0.0; 2]; 3],
             t_min: round_down(ray.t_min * scale),
             scale,
         };
         for axis in 0..3 {
             let downwards = inverse[axis] < 0.0;
-            prepared.near[axis] = usize::from(downwards);
+            prepared.near[axis] = Side::new(downwards);
             // Towards the side where the near plane is nearer and the far plane farther.
             let turned = downwards && !fused;
             prepared.offsets[axis] =
@@ -205,8 +211,9 @@ impl BoxRay {
             let (near, inverse) = (self.near[axis], S::f8_splat(self.inverse[axis]));
             let [near_offset, far_offset] = self.offsets[axis];
             // What is not a number, where a ray runs in a plane of the box, is never taken.
-            let at_near = distances::<S, FUSED>(node.planes[axis][near], inverse, near_offset);
-            let at_far = distances::<S, FUSED>(node.planes[axis][1 - near], inverse, far_offset);
+            let planes = &node.planes[axis];
+            let at_near = distances::<S, FUSED>(S::f8_of(planes, near), inverse, near_offset);
+            let at_far = distances::<S, FUSED>(S::f8_of(planes, near.other()), inverse, far_offset);
             enter = S::f8_max(at_near, enter);
             leave = S::f8_min(at_far, leave);
         }
@@ -223,7 +230,7 @@ impl BoxRay {
 
 /// Where a ray crosses eight planes of one axis.
 #[inline(always)]
-fn distances<S: Simd, const FUSED: bool>(planes: [f32; WIDTH], inverse: S::F8, offset: f32) -> S::F8 {
-    let (planes, offset) = (S::f8(planes), S::f8_splat(offset));
+fn distances<S: Simd, const FUSED: bool>(planes: S::F8, inverse: S::F8, offset: f32) -> S::F8 {
+    let offset = S::f8_splat(offset);
     if FUSED { S::mul_sub(planes, inverse, offset) } else { S::f8_mul(S::f8_sub(planes, offset), inverse) }
 }

@@ -13,150 +13,140 @@ use crate::geometry::{Hit, Ray, Tier};
 /// How many rays take turns.
 const TURNS: usize = 6;
 
-/// What waits to be visited, the next one last.
-#[derive(Default)]
-pub struct Stacks {
-    children: Vec<Child>,
-    distances: Vec<f32>,
+/// How much can wait to be visited by one ray. Every node on the way leaves at most all its children but one, and a whole
+/// vector is written at the end; trees that are deeper than that allows are walked by one ray at a time.
+const ROOM: usize = 256;
+
+/// What waits to be visited, the next last, for every ray: a [`Child`], and in the upper half the bits of the distance at which
+/// the ray enters it. Positive numbers are in the order of their bits.
+pub struct Stacks(Vec<[u64; ROOM]>);
+
+impl Default for Stacks {
+    fn default() -> Self {
+        Stacks(vec![[0; ROOM]; TURNS])
+    }
 }
 
 /// A ray on its way.
-struct Walker<T: Tier> {
-    ray: usize,
+#[derive(Clone, Copy)]
+struct Walker<P: Copy> {
     boxes: BoxRay,
-    prepared: T::Prepared,
-    /// Beyond these nothing counts: in primitives, and in boxes.
-    t_best: f64,
-    t_max: f32,
-    best: Option<Hit>,
-    /// Its part of the stacks, and how much of that is in use.
-    base: usize,
+    prepared: P,
+    ray: usize,
+    /// Its stack, and how much of that is in use.
+    stack: usize,
     top: usize,
+    /// Boxes beyond this are not entered.
+    t_max: f32,
 }
 
-impl<T: Tier> Walker<T> {
+impl<P: Copy> Walker<P> {
     #[inline(always)]
-    fn new(rays: &[Ray], index: usize, base: usize) -> Self {
+    fn new<T: Tier<Prepared = P>>(rays: &[Ray], index: usize, stack: usize, stacks: &mut Stacks) -> Self {
         let ray = &rays[index];
         let boxes = BoxRay::new(ray, true);
+        // The root is entered wherever it is.
+        stacks.0[stack][0] = 0;
         Walker {
-            ray: index,
             t_max: boxes.prune_distance(ray.t_max),
             boxes,
             prepared: T::prepare(ray),
-            t_best: ray.t_max,
-            best: None,
-            base,
-            top: base + 1,
+            ray: index,
+            stack,
+            top: 1,
         }
     }
 }
 
 impl<T: Tier> Wide<T> {
-    /// Walks all rays, none of which may have a direction with a 0. `ANY` hit is enough, or the closest is found; `done` is
-    /// told of each ray when its way ends.
+    /// Whether [`Wide::stream`] has room for this tree.
+    pub fn can_stream(&self) -> bool {
+        !self.nodes.is_empty() && (self.depth + 1) * WIDTH <= ROOM
+    }
+
+    /// Walks all rays, none of which may have a direction with a 0. Calls `found` with every hit of a ray that it may want,
+    /// nearest boxes first, until it says that this is enough.
     #[inline(always)]
-    pub fn stream<S: Simd, const ANY: bool>(
+    pub fn stream<S: Simd>(
         &self,
         rays: &[Ray],
         stacks: &mut Stacks,
         tests: &mut Tests,
-        mut done: impl FnMut(usize, Option<Hit>),
+        mut found: impl FnMut(usize, Hit) -> Step,
     ) {
-        if self.nodes.is_empty() {
-            (0..rays.len()).for_each(|ray| done(ray, None));
+        let mut live = rays.len().min(TURNS);
+        if live == 0 {
             return;
         }
-        // Every node on the way leaves at most all its children, and a whole vector is written at the end.
-        let room = (self.depth + 1) * WIDTH;
-        if stacks.children.len() < TURNS * room {
-            stacks.children.resize(TURNS * room, Child::node(0));
-            stacks.distances.resize(TURNS * room, 0.0);
-        }
-        let Stacks { children, distances } = stacks;
-        let mut next = 0;
-        let mut walkers: [Option<Walker<T>>; TURNS] = [const { None }; TURNS];
-        let mut live = 0;
-        for (turn, walker) in walkers.iter_mut().enumerate() {
-            if next < rays.len() {
-                let new = Walker::new(rays, next, turn * room);
-                (children[new.base], distances[new.base]) = (Child::node(0), 0.0);
-                *walker = Some(new);
-                next += 1;
-                live += 1;
-            }
-        }
+        // Where there are fewer rays than turns the others stay out.
+        let mut walkers: [Walker<T::Prepared>; TURNS] = std::array::from_fn(
+            #[inline(always)]
+            |turn| Walker::new::<T>(rays, turn.min(live - 1), turn, stacks),
+        );
+        let mut next = live;
+        let mut turn = 0;
         while live > 0 {
-            for slot in &mut walkers {
-                let Some(walker) = slot else { continue };
-                // What is still worth a visit.
-                let child = loop {
-                    if walker.top == walker.base {
-                        break None;
-                    }
-                    walker.top -= 1;
-                    if ANY || distances[walker.top] <= walker.t_max {
-                        break Some(children[walker.top]);
-                    }
-                };
-                match child.map(Child::content) {
-                    Some(Content::Node(index)) => {
-                        tests.nodes += 1;
-                        let node = &self.nodes[index as usize];
-                        let (enter, leave) = walker.boxes.span::<S, true>(node, walker.t_max);
-                        let (count, sorted, at) = S::sorted(enter, leave, Child::bits(node.children));
-                        children[walker.top..walker.top + WIDTH].copy_from_slice(&Child::of_bits(sorted));
-                        distances[walker.top..walker.top + WIDTH].copy_from_slice(&at);
-                        walker.top += count as usize;
-                    }
-                    Some(_) => {
-                        let (ray, mut best) = (&rays[walker.ray], walker.best);
-                        let leaf = children[walker.top];
-                        let after = self.hits_in_leaf::<S>(
-                            ray,
-                            &walker.prepared,
-                            leaf,
-                            tests,
-                            walker.t_best,
-                            #[inline(always)]
-                            |hit| {
-                                if !ANY && !self.is_better(ray, &hit, best.as_ref()) {
-                                    return Step::Go;
-                                }
-                                best = Some(hit);
-                                if ANY { Step::Stop } else { Step::Prune(hit.t) }
-                            },
-                        );
-                        walker.best = best;
-                        match after {
-                            Step::Stop => walker.top = walker.base,
-                            Step::Prune(t) => {
-                                (walker.t_best, walker.t_max) = (t, walker.boxes.prune_distance(t));
-                            }
-                            Step::Go => {}
-                        }
-                    }
-                    None => {
-                        done(walker.ray, walker.best);
-                        if next == rays.len() {
-                            *slot = None;
-                            live -= 1;
-                            continue;
-                        }
-                        let new = Walker::new(rays, next, walker.base);
-                        (children[new.base], distances[new.base]) = (Child::node(0), 0.0);
-                        *walker = new;
-                        next += 1;
+            if turn >= live {
+                turn = 0;
+            }
+            let walker = &mut walkers[turn];
+            let stack = &mut stacks.0[walker.stack];
+            // What is still worth a visit.
+            let child = loop {
+                if walker.top == 0 {
+                    break None;
+                }
+                walker.top -= 1;
+                let item = stack[walker.top];
+                if (item >> 32) as u32 <= walker.t_max.to_bits() {
+                    break Some(Child::of_bits(item as u32));
+                }
+            };
+            match child.map(Child::content) {
+                Some(Content::Node(index)) => {
+                    tests.nodes += 1;
+                    let node = &self.nodes[index as usize];
+                    let (enter, leave) = walker.boxes.span::<S, true>(node, walker.t_max);
+                    let Some(to) = stack[walker.top..].first_chunk_mut() else { unreachable!("there is room") };
+                    walker.top += S::sort(enter, leave, Child::bits(&node.children), to);
+                }
+                Some(_) => {
+                    let leaf = Child::of_bits(stack[walker.top] as u32);
+                    let (ray, index) = (&rays[walker.ray], walker.ray);
+                    let after = self.hits_in_leaf::<S>(
+                        ray,
+                        &walker.prepared,
+                        leaf,
+                        tests,
+                        #[inline(always)]
+                        |hit| found(index, hit),
+                    );
+                    match after {
+                        Step::Stop => walker.top = 0,
+                        Step::Prune(t) => walker.t_max = walker.boxes.prune_distance(t),
+                        Step::Go => {}
                     }
                 }
-                if walker.top > walker.base {
-                    match children[walker.top - 1].content() {
-                        Content::Node(index) => S::prefetch(&self.nodes[index as usize]),
-                        Content::Groups(groups) => S::prefetch(&self.groups[groups.start as usize]),
-                        Content::Spheres(_) => {}
-                    }
+                None if next < rays.len() => {
+                    *walker = Walker::new::<T>(rays, next, walker.stack, stacks);
+                    next += 1;
+                    turn += 1;
+                    continue;
+                }
+                None => {
+                    live -= 1;
+                    walkers[turn] = walkers[live];
+                    continue;
                 }
             }
+            if walker.top > 0 {
+                match Child::of_bits(stack[walker.top - 1] as u32).content() {
+                    Content::Node(index) => S::prefetch(&self.nodes, index as usize),
+                    Content::Groups(groups) => S::prefetch(&self.groups, groups.start as usize),
+                    Content::Spheres(_) => {}
+                }
+            }
+            turn += 1;
         }
     }
 }

@@ -13,6 +13,26 @@ pub use portable::Portable;
 #[cfg(target_arch = "x86_64")]
 pub use x86::Avx2;
 
+/// One of two arrays of eight f32 numbers, as far from the first as it lies in bytes, so that choosing takes one addition.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Side(usize);
+
+impl Side {
+    const BYTES: usize = size_of::<[f32; 8]>();
+
+    /// The second, or the first.
+    #[inline(always)]
+    pub fn new(second: bool) -> Self {
+        Side(usize::from(second) * Self::BYTES)
+    }
+
+    /// The other.
+    #[inline(always)]
+    pub fn other(self) -> Self {
+        Side(self.0 ^ Self::BYTES)
+    }
+}
+
 /// Instructions, and the vectors they work on. Masks are bits, the lowest for the first lane.
 pub trait Simd: Copy + Send + Sync + 'static {
     /// Eight f32 numbers.
@@ -24,11 +44,13 @@ pub trait Simd: Copy + Send + Sync + 'static {
 
     /// Calls `f`, compiled for these instructions if it is inlined.
     fn run<R>(f: impl FnOnce() -> R) -> R;
-    /// Asks for memory that will be read.
-    fn prefetch<T>(what: &T);
+    /// Asks for the memory of an item that will be read; one that does not exist is of no harm.
+    fn prefetch<T>(list: &[T], index: usize);
 
     /// From an array.
     fn f8(x: [f32; 8]) -> Self::F8;
+    /// One of two arrays.
+    fn f8_of(pair: &[[f32; 8]; 2], side: Side) -> Self::F8;
     /// To an array.
     fn f8_array(x: Self::F8) -> [f32; 8];
     /// The same number eight times.
@@ -52,10 +74,10 @@ pub trait Simd: Copy + Send + Sync + 'static {
     /// Where a is at most b.
     fn f8_le(a: Self::F8, b: Self::F8) -> u32;
 
-    /// How many lanes have `enter` at most `leave`; and of those first, by `enter` from the greatest to the least, what `of`
-    /// has in these lanes, and a number that is at most `enter` and nearly as much. `enter` is not negative. The rest is of no
-    /// meaning.
-    fn sorted(enter: Self::F8, leave: Self::F8, of: [u32; 8]) -> (u32, [u32; 8], [f32; 8]);
+    /// How many lanes have `enter` at most `leave`; and of those first in `to`, by `enter` from the greatest to the least: in
+    /// the upper half the bits of a number that is at most `enter` and nearly as much, in the lower half what `of` has in the
+    /// lane. `enter` is not negative. The rest of `to` is of no meaning.
+    fn sort(enter: Self::F8, leave: Self::F8, of: &[u32; 8], to: &mut [u64; 8]) -> usize;
 
     /// From an array.
     fn d4(x: [f64; 4]) -> Self::D4;

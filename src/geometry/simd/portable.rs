@@ -1,6 +1,6 @@
 //! Arrays, for every machine; compilers make of them what they can.
 
-use super::Simd;
+use super::{Side, Simd};
 
 /// No instructions in particular.
 #[derive(Clone, Copy)]
@@ -30,11 +30,16 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn prefetch<T>(_: &T) {}
+    fn prefetch<T>(_: &[T], _: usize) {}
 
     #[inline(always)]
     fn f8(x: [f32; 8]) -> [f32; 8] {
         x
+    }
+
+    #[inline(always)]
+    fn f8_of(pair: &[[f32; 8]; 2], side: Side) -> [f32; 8] {
+        pair[usize::from(side != Side::new(false))]
     }
 
     #[inline(always)]
@@ -93,20 +98,21 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn sorted(enter: [f32; 8], leave: [f32; 8], of: [u32; 8]) -> (u32, [u32; 8], [f32; 8]) {
-        let (mut items, mut keys, mut count) = ([0; 8], [0.0; 8], 0);
+    fn sort(enter: [f32; 8], leave: [f32; 8], of: &[u32; 8], to: &mut [u64; 8]) -> usize {
+        let mut count = 0;
         for lane in 0..8 {
             if enter[lane] <= leave[lane] {
+                let item = u64::from(enter[lane].to_bits()) << 32 | u64::from(of[lane]);
                 let mut place = count;
-                while place > 0 && keys[place - 1] < enter[lane] {
-                    (items[place], keys[place]) = (items[place - 1], keys[place - 1]);
+                while place > 0 && to[place - 1] < item {
+                    to[place] = to[place - 1];
                     place -= 1;
                 }
-                (items[place], keys[place]) = (of[lane], enter[lane]);
+                to[place] = item;
                 count += 1;
             }
         }
-        (count as u32, items, keys)
+        count
     }
 
     #[inline(always)]

@@ -1,8 +1,8 @@
-//! AVX2 and FMA. The only file of the room with `unsafe`: calls of instructions that the machine was asked for beforehand.
+//! AVX2 and FMA, and what came with them or before. The only file of the room with `unsafe`: calls of instructions that the machine was asked for beforehand.
 
 use std::arch::x86_64::*;
 
-use super::Simd;
+use super::{Side, Simd};
 
 /// AVX2 and FMA. To be used only where [`Avx2::is_there`]: that is what makes the calls in this file safe, and why nothing
 /// outside this crate can name the type.
@@ -12,40 +12,87 @@ pub struct Avx2;
 impl Avx2 {
     /// Whether this machine has them.
     pub fn is_there() -> bool {
-        std::arch::is_x86_feature_detected!("avx2") && std::arch::is_x86_feature_detected!("fma")
+        use std::arch::is_x86_feature_detected as has;
+        let counts_bits = has!("popcnt") && has!("bmi1") && has!("bmi2") && has!("lzcnt");
+        counts_bits && has!("avx2") && has!("fma")
     }
 }
 
-#[target_feature(enable = "avx2,fma")]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
 fn run<R>(f: impl FnOnce() -> R) -> R {
     f()
 }
 
-/// The order of numbers that are not negative is that of their bits; the lowest three make room for the lane. A bitonic
-/// network (Batcher, Sorting Networks and their Applications, 1968) sorts without a branch to guess wrong.
+/// For every mask of lanes those that it holds, from the first on, and then the others.
+static FRONT: [[u8; 8]; 256] = {
+    let mut table = [[0; 8]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut place, mut lane) = (0, 0);
+        while lane < 16 {
+            // First those that are held, then the others.
+            if (mask >> (lane % 8) & 1 == 1) == (lane < 8) {
+                table[mask][place] = (lane % 8) as u8;
+                place += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+};
+
+/// The order of numbers that are not negative is that of their bits; the lowest three make room for the lane. Bitonic
+/// networks (Batcher, Sorting Networks and their Applications, 1968) sort without a branch to guess wrong: one of four for
+/// what is nearly always all there is, else one of eight.
 #[inline]
-#[target_feature(enable = "avx2,fma")]
-fn sorted(enter: __m256, leave: __m256, of: [u32; 8]) -> (u32, [u32; 8], [f32; 8]) {
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
+fn sort(enter: __m256, leave: __m256, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
     let holds = _mm256_cmp_ps::<_CMP_LE_OQ>(enter, leave);
     let number = _mm256_set1_epi32(!7);
     let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
     let keys = _mm256_or_si256(_mm256_and_si256(_mm256_castps_si256(enter), number), lanes);
     // The others become less than all.
     let keys = _mm256_blendv_epi8(_mm256_set1_epi32(-1), keys, _mm256_castps_si256(holds));
+    let mask = _mm256_movemask_ps(holds) as u32;
+    let count = mask.count_ones() as usize;
+    let of: __m256i = bytemuck::cast(*of);
+    if count <= 4 {
+        let front = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(i64::from_le_bytes(FRONT[mask as usize % 256])));
+        let keys = _mm256_castsi256_si128(_mm256_permutevar8x32_epi32(keys, front));
+        let keys = exchange_four::<0b0101>(keys, _mm_shuffle_epi32::<0b10_11_00_01>(keys));
+        let keys = exchange_four::<0b0011>(keys, _mm_shuffle_epi32::<0b01_00_11_10>(keys));
+        let keys = exchange_four::<0b0010>(keys, _mm_shuffle_epi32::<0b11_01_10_00>(keys));
+        let items = _mm256_castsi256_si128(_mm256_permutevar8x32_epi32(of, _mm256_castsi128_si256(keys)));
+        let at = _mm_and_si128(keys, _mm256_castsi256_si128(number));
+        to[..2].copy_from_slice(&bytemuck::cast::<_, [u64; 2]>(_mm_unpacklo_epi32(items, at)));
+        to[2..4].copy_from_slice(&bytemuck::cast::<_, [u64; 2]>(_mm_unpackhi_epi32(items, at)));
+        return count;
+    }
     let keys = exchange::<0x99>(keys, _mm256_shuffle_epi32::<0b10_11_00_01>(keys));
     let keys = exchange::<0xc3>(keys, _mm256_shuffle_epi32::<0b01_00_11_10>(keys));
     let keys = exchange::<0xa5>(keys, _mm256_shuffle_epi32::<0b10_11_00_01>(keys));
     let keys = exchange::<0x0f>(keys, _mm256_permute2x128_si256::<1>(keys, keys));
     let keys = exchange::<0x33>(keys, _mm256_shuffle_epi32::<0b01_00_11_10>(keys));
     let keys = exchange::<0x55>(keys, _mm256_shuffle_epi32::<0b10_11_00_01>(keys));
-    let items = _mm256_permutevar8x32_epi32(bytemuck::cast(of), keys);
-    let at = _mm256_castsi256_ps(_mm256_and_si256(keys, number));
-    (_mm256_movemask_ps(holds).count_ones(), bytemuck::cast(items), bytemuck::cast(at))
+    let items = _mm256_permutevar8x32_epi32(of, keys);
+    let at = _mm256_and_si256(keys, number);
+    let (low, high) = (_mm256_unpacklo_epi32(items, at), _mm256_unpackhi_epi32(items, at));
+    to[..4].copy_from_slice(&bytemuck::cast::<_, [u64; 4]>(_mm256_permute2x128_si256::<0x20>(low, high)));
+    to[4..].copy_from_slice(&bytemuck::cast::<_, [u64; 4]>(_mm256_permute2x128_si256::<0x31>(low, high)));
+    count
 }
 
 /// The greater of two in the lanes of the mask, the less in the others.
 #[inline]
-#[target_feature(enable = "avx2,fma")]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
+fn exchange_four<const GREATER: i32>(a: __m128i, b: __m128i) -> __m128i {
+    _mm_blend_epi32::<GREATER>(_mm_min_epi32(a, b), _mm_max_epi32(a, b))
+}
+
+/// The greater of two in the lanes of the mask, the less in the others.
+#[inline]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
 fn exchange<const GREATER: i32>(a: __m256i, b: __m256i) -> __m256i {
     _mm256_blend_epi32::<GREATER>(_mm256_min_epi32(a, b), _mm256_max_epi32(a, b))
 }
@@ -62,11 +109,11 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn prefetch<T>(what: &T) {
+    fn prefetch<T>(list: &[T], index: usize) {
+        let first = list.as_ptr().wrapping_add(index).cast::<i8>();
         for line in (0..size_of::<T>()).step_by(64) {
-            let at = std::ptr::from_ref(what).cast::<i8>().wrapping_add(line);
             // SAFETY: asking for memory reads nothing.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(at) };
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(line)) };
         }
     }
 
@@ -81,9 +128,15 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn sorted(enter: __m256, leave: __m256, of: [u32; 8]) -> (u32, [u32; 8], [f32; 8]) {
+    fn f8_of(pair: &[[f32; 8]; 2], side: Side) -> __m256 {
+        // SAFETY: a side is one of the two, and nothing else can make one.
+        unsafe { _mm256_loadu_ps(pair.as_ptr().byte_add(side.0).cast()) }
+    }
+
+    #[inline(always)]
+    fn sort(enter: __m256, leave: __m256, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
         // SAFETY: see [`Avx2`].
-        unsafe { sorted(enter, leave, of) }
+        unsafe { sort(enter, leave, of, to) }
     }
 
     #[inline(always)]
