@@ -74,6 +74,44 @@ impl Child {
         Child(Self::LEAF | kind | (count as u32 - 1) << Self::COUNT_SHIFT | first as u32)
     }
 
+    /// What is none of these, where there has to be something.
+    pub const NOTHING: Child = Child(Self::SPHERES);
+
+    /// How many kinds there are, and which.
+    pub const KINDS: usize = 4;
+    /// An inner node.
+    pub const KIND_NODE: usize = 0;
+    /// A leaf of triangles.
+    pub const KIND_GROUPS: usize = 1;
+    /// Of [`Child::NOTHING`].
+    pub const KIND_NOTHING: usize = 2;
+    /// A leaf of spheres.
+    pub const KIND_SPHERES: usize = 3;
+
+    /// Which kind it is of.
+    #[inline(always)]
+    pub fn kind(self) -> usize {
+        (self.0 >> Self::LEAF.trailing_zeros()) as usize
+    }
+
+    /// Whether it is a leaf.
+    #[inline(always)]
+    pub fn is_leaf(self) -> bool {
+        self.0 & Self::LEAF != 0
+    }
+
+    /// The index of the node, or of the first group or sphere.
+    #[inline(always)]
+    pub fn index(self) -> usize {
+        (self.0 & Self::INDEX) as usize
+    }
+
+    /// As a number.
+    #[inline(always)]
+    pub fn as_bits(self) -> u32 {
+        self.0
+    }
+
     /// As numbers.
     #[inline(always)]
     pub fn bits(children: &[Child; WIDTH]) -> &[u32; WIDTH] {

@@ -4,26 +4,26 @@
 //! So some rays take turns, a node or a leaf each, and what a ray needs at its next turn is asked for at the end of this
 //! one.
 
-use super::node::{BoxRay, Child, Content, WIDTH};
+use super::node::{BoxRay, Child, WIDTH};
 use super::{Step, Wide};
 use crate::bvh::Tests;
 use crate::geometry::simd::Simd;
 use crate::geometry::{Hit, Ray, Tier};
 
-/// How many rays take turns.
-const TURNS: usize = 6;
+/// How many rays are on their way at once.
+const WALKERS: usize = 32;
 
 /// How much can wait to be visited by one ray. Every node on the way leaves at most all its children but one, and a whole
 /// vector is written at the end; trees that are deeper than that allows are walked by one ray at a time.
 const ROOM: usize = 256;
 
 /// What waits to be visited, the next last, for every ray: a [`Child`], and in the upper half the bits of the distance at which
-/// the ray enters it. Positive numbers are in the order of their bits.
+/// the ray enters it. Positive numbers are in the order of their bits. At the bottom lies [`Child::NOTHING`].
 pub struct Stacks(Vec<[u64; ROOM]>);
 
 impl Default for Stacks {
     fn default() -> Self {
-        Stacks(vec![[0; ROOM]; TURNS])
+        Stacks(vec![[0; ROOM]; WALKERS])
     }
 }
 
@@ -33,120 +33,146 @@ struct Walker<P: Copy> {
     boxes: BoxRay,
     prepared: P,
     ray: usize,
-    /// Its stack, and how much of that is in use.
-    stack: usize,
+    /// How much of its stack is in use.
     top: usize,
     /// Boxes beyond this are not entered.
     t_max: f32,
+    /// What it visits next.
+    child: Child,
 }
 
 impl<P: Copy> Walker<P> {
+    /// At the root.
     #[inline(always)]
-    fn new<T: Tier<Prepared = P>>(rays: &[Ray], index: usize, stack: usize, stacks: &mut Stacks) -> Self {
+    fn new<T: Tier<Prepared = P>>(rays: &[Ray], index: usize, stack: &mut [u64; ROOM]) -> Self {
         let ray = &rays[index];
         let boxes = BoxRay::new(ray, true);
-        // The root is entered wherever it is.
-        stacks.0[stack][0] = 0;
+        stack[0] = u64::from(Child::NOTHING.as_bits());
         Walker {
             t_max: boxes.prune_distance(ray.t_max),
             boxes,
             prepared: T::prepare(ray),
             ray: index,
-            stack,
             top: 1,
+            child: Child::node(0),
         }
     }
+
+    /// Takes what is still worth a visit from the stack.
+    #[inline(always)]
+    fn pop(&mut self, stack: &[u64; ROOM]) {
+        let mut top = self.top - 1;
+        let mut item = stack[top % ROOM];
+        // What was entered beyond a hit that was found since is passed over.
+        while (item >> 32) as u32 > self.t_max.to_bits() {
+            top -= 1;
+            item = stack[top % ROOM];
+        }
+        (self.top, self.child) = (top, Child::of_bits(item as u32));
+    }
+}
+
+/// The walkers that are about to visit something of one kind.
+#[derive(Clone, Copy)]
+struct Queue {
+    walkers: [u8; WALKERS],
+    len: usize,
+}
+
+/// One for each kind.
+type Queues = [Queue; Child::KINDS];
+
+/// Puts a walker into the queue of what it visits next: without a branch, since what that is, is as good as random.
+#[inline(always)]
+fn enqueue(queues: &mut Queues, walker: usize, child: Child) {
+    let queue = &mut queues[child.kind()];
+    queue.walkers[queue.len % WALKERS] = walker as u8;
+    queue.len += 1;
 }
 
 impl<T: Tier> Wide<T> {
     /// Whether [`Wide::stream`] has room for this tree.
     pub fn can_stream(&self) -> bool {
-        !self.nodes.is_empty() && (self.depth + 1) * WIDTH <= ROOM
+        !self.nodes.is_empty() && (self.depth + 2) * WIDTH <= ROOM
     }
 
     /// Walks all rays, none of which may have a direction with a 0. Calls `found` with every hit of a ray that it may want,
     /// nearest boxes first, until it says that this is enough.
     #[inline(always)]
-    pub fn stream<S: Simd>(
+    pub(super) fn stream<S: Simd>(
         &self,
         rays: &[Ray],
-        stacks: &mut Stacks,
+        Stacks(stacks): &mut Stacks,
         tests: &mut Tests,
         mut found: impl FnMut(usize, Hit) -> Step,
     ) {
-        let mut live = rays.len().min(TURNS);
+        let live = rays.len().min(WALKERS);
         if live == 0 {
             return;
         }
-        // Where there are fewer rays than turns the others stay out.
-        let mut walkers: [Walker<T::Prepared>; TURNS] = std::array::from_fn(
-            #[inline(always)]
-            |turn| Walker::new::<T>(rays, turn.min(live - 1), turn, stacks),
-        );
+        let mut queues: Queues = [Queue { walkers: [0; WALKERS], len: 0 }; Child::KINDS];
+        let mut walkers = [Walker::new::<T>(rays, 0, &mut stacks[0]); WALKERS];
+        for (index, walker) in walkers.iter_mut().enumerate().take(live) {
+            *walker = Walker::new::<T>(rays, index, &mut stacks[index]);
+            enqueue(&mut queues, index, walker.child);
+        }
         let mut next = live;
-        let mut turn = 0;
-        while live > 0 {
-            if turn >= live {
-                turn = 0;
+        loop {
+            let Queue { walkers: ready, len } = queues[Child::KIND_NODE];
+            queues[Child::KIND_NODE].len = 0;
+            tests.nodes += len as u64;
+            for &index in &ready[..len] {
+                let index = usize::from(index) % WALKERS;
+                let (walker, stack) = (&mut walkers[index], &mut stacks[index]);
+                let node = &self.nodes[walker.child.index()];
+                let (enter, leave) = walker.boxes.span::<S, true>(node, walker.t_max);
+                let Some(to) = stack[walker.top..].first_chunk_mut() else { unreachable!("there is room") };
+                walker.top += S::sort(enter, leave, Child::bits(&node.children), to);
+                walker.pop(stack);
+                self.prefetch::<S>(walker.child);
+                enqueue(&mut queues, index, walker.child);
             }
-            let walker = &mut walkers[turn];
-            let stack = &mut stacks.0[walker.stack];
-            // What is still worth a visit.
-            let child = loop {
-                if walker.top == 0 {
-                    break None;
-                }
-                walker.top -= 1;
-                let item = stack[walker.top];
-                if (item >> 32) as u32 <= walker.t_max.to_bits() {
-                    break Some(Child::of_bits(item as u32));
-                }
-            };
-            match child.map(Child::content) {
-                Some(Content::Node(index)) => {
-                    tests.nodes += 1;
-                    let node = &self.nodes[index as usize];
-                    let (enter, leave) = walker.boxes.span::<S, true>(node, walker.t_max);
-                    let Some(to) = stack[walker.top..].first_chunk_mut() else { unreachable!("there is room") };
-                    walker.top += S::sort(enter, leave, Child::bits(&node.children), to);
-                }
-                Some(_) => {
-                    let leaf = Child::of_bits(stack[walker.top] as u32);
-                    let (ray, index) = (&rays[walker.ray], walker.ray);
+            for kind in [Child::KIND_GROUPS, Child::KIND_SPHERES] {
+                let Queue { walkers: ready, len } = queues[kind];
+                queues[kind].len = 0;
+                for &index in &ready[..len] {
+                    let index = usize::from(index) % WALKERS;
+                    let (walker, stack) = (&mut walkers[index], &mut stacks[index]);
+                    let ray = walker.ray;
                     let after = self.hits_in_leaf::<S>(
-                        ray,
+                        &rays[ray],
                         &walker.prepared,
-                        leaf,
+                        walker.child,
                         tests,
                         #[inline(always)]
-                        |hit| found(index, hit),
+                        |hit| found(ray, hit),
                     );
                     match after {
-                        Step::Stop => walker.top = 0,
+                        Step::Stop => walker.top = 1,
                         Step::Prune(t) => walker.t_max = walker.boxes.prune_distance(t),
                         Step::Go => {}
                     }
-                }
-                None if next < rays.len() => {
-                    *walker = Walker::new::<T>(rays, next, walker.stack, stacks);
-                    next += 1;
-                    turn += 1;
-                    continue;
-                }
-                None => {
-                    live -= 1;
-                    walkers[turn] = walkers[live];
-                    continue;
+                    walker.pop(stack);
+                    self.prefetch::<S>(walker.child);
+                    enqueue(&mut queues, index, walker.child);
                 }
             }
-            if walker.top > 0 {
-                match Child::of_bits(stack[walker.top - 1] as u32).content() {
-                    Content::Node(index) => S::prefetch(&self.nodes, index as usize),
-                    Content::Groups(groups) => S::prefetch(&self.groups, groups.start as usize),
-                    Content::Spheres(_) => {}
-                }
+            let Queue { walkers: ready, len } = queues[Child::KIND_NOTHING];
+            queues[Child::KIND_NOTHING].len = 0;
+            for &index in ready[..len].iter().take(rays.len() - next) {
+                let index = usize::from(index) % WALKERS;
+                walkers[index] = Walker::new::<T>(rays, next, &mut stacks[index]);
+                enqueue(&mut queues, index, walkers[index].child);
+                next += 1;
             }
-            turn += 1;
+            if queues.iter().all(|queue| queue.len == 0) {
+                return;
+            }
         }
+    }
+
+    #[inline(always)]
+    fn prefetch<S: Simd>(&self, child: Child) {
+        S::prefetch(&self.nodes, &self.groups, child.is_leaf(), child.index());
     }
 }

@@ -44,8 +44,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
 
     /// Calls `f`, compiled for these instructions if it is inlined.
     fn run<R>(f: impl FnOnce() -> R) -> R;
-    /// Asks for the memory of an item that will be read; one that does not exist is of no harm.
-    fn prefetch<T>(list: &[T], index: usize);
+    /// Asks for the memory of an item of `a`, or of `b`, that will be read; one that does not exist is of no harm.
+    fn prefetch<A, B>(a: &[A], b: &[B], of_b: bool, index: usize);
 
     /// From an array.
     fn f8(x: [f32; 8]) -> Self::F8;

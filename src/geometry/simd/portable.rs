@@ -30,7 +30,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn prefetch<T>(_: &[T], _: usize) {}
+    fn prefetch<A, B>(_: &[A], _: &[B], _: bool, _: usize) {}
 
     #[inline(always)]
     fn f8(x: [f32; 8]) -> [f32; 8] {

@@ -109,11 +109,13 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn prefetch<T>(list: &[T], index: usize) {
-        let first = list.as_ptr().wrapping_add(index).cast::<i8>();
-        for line in (0..size_of::<T>()).step_by(64) {
+    fn prefetch<A, B>(a: &[A], b: &[B], of_b: bool, index: usize) {
+        // Chosen without a branch; the longer of the two is asked for.
+        let first = [a.as_ptr().cast::<i8>(), b.as_ptr().cast::<i8>()][usize::from(of_b)];
+        let at = first.wrapping_add(index * [size_of::<A>(), size_of::<B>()][usize::from(of_b)]);
+        for line in (0..size_of::<A>().max(size_of::<B>())).step_by(64) {
             // SAFETY: asking for memory reads nothing.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(first.wrapping_add(line)) };
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(line)) };
         }
     }
 
