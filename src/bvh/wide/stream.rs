@@ -19,11 +19,19 @@ const ROOM: usize = 256;
 
 /// What waits to be visited, the next last, for every ray: a [`Child`], and in the upper half the bits of the distance at which
 /// the ray enters it. Positive numbers are in the order of their bits. At the bottom lies [`Child::NOTHING`].
-pub struct Stacks(Vec<[u64; ROOM]>);
+pub struct Stacks(Vec<Stack>);
+
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+struct Stack {
+    items: [u64; ROOM],
+    /// Puts the beginnings of stacks, which are nearly all that is ever used, into different sets of the cache.
+    apart: [u64; 8],
+}
 
 impl Default for Stacks {
     fn default() -> Self {
-        Stacks(vec![[0; ROOM]; WALKERS])
+        Stacks(vec![Stack { items: [0; ROOM], apart: [0; 8] }; WALKERS])
     }
 }
 
@@ -72,22 +80,37 @@ impl<P: Copy> Walker<P> {
     }
 }
 
-/// The walkers that are about to visit something of one kind.
-#[derive(Clone, Copy)]
-struct Queue {
-    walkers: [u8; WALKERS],
-    len: usize,
+/// For each kind of [`Child`] the walkers that are about to visit one.
+struct Queues {
+    walkers: [[u8; WALKERS]; Child::KINDS],
+    /// How many there are, 16 bits for each kind: in one register. Lengths in memory would make every walker wait for the one
+    /// before, because it cannot be foreseen which of them is written.
+    lengths: u64,
 }
 
-/// One for each kind.
-type Queues = [Queue; Child::KINDS];
+impl Queues {
+    const BITS: usize = u64::BITS as usize / Child::KINDS;
 
-/// Puts a walker into the queue of what it visits next: without a branch, since what that is, is as good as random.
-#[inline(always)]
-fn enqueue(queues: &mut Queues, walker: usize, child: Child) {
-    let queue = &mut queues[child.kind()];
-    queue.walkers[queue.len % WALKERS] = walker as u8;
-    queue.len += 1;
+    /// Puts a walker into the queue of what it visits next: without a branch, since what that is, is as good as random.
+    #[inline(always)]
+    fn push(&mut self, walker: usize, child: Child) {
+        let kind = child.kind();
+        self.walkers[kind][self.len(kind) % WALKERS] = walker as u8;
+        self.lengths += 1 << (kind * Self::BITS);
+    }
+
+    #[inline(always)]
+    fn len(&self, kind: usize) -> usize {
+        (self.lengths >> (kind * Self::BITS)) as u16 as usize
+    }
+
+    /// Empties a queue, and tells what was in it.
+    #[inline(always)]
+    fn take(&mut self, kind: usize) -> ([u8; WALKERS], usize) {
+        let len = self.len(kind);
+        self.lengths -= (len as u64) << (kind * Self::BITS);
+        (self.walkers[kind], len)
+    }
 }
 
 impl<T: Tier> Wide<T> {
@@ -110,34 +133,32 @@ impl<T: Tier> Wide<T> {
         if live == 0 {
             return;
         }
-        let mut queues: Queues = [Queue { walkers: [0; WALKERS], len: 0 }; Child::KINDS];
-        let mut walkers = [Walker::new::<T>(rays, 0, &mut stacks[0]); WALKERS];
+        let mut queues = Queues { walkers: [[0; WALKERS]; Child::KINDS], lengths: 0 };
+        let mut walkers = [Walker::new::<T>(rays, 0, &mut stacks[0].items); WALKERS];
         for (index, walker) in walkers.iter_mut().enumerate().take(live) {
-            *walker = Walker::new::<T>(rays, index, &mut stacks[index]);
-            enqueue(&mut queues, index, walker.child);
+            *walker = Walker::new::<T>(rays, index, &mut stacks[index].items);
+            queues.push(index, walker.child);
         }
         let mut next = live;
         loop {
-            let Queue { walkers: ready, len } = queues[Child::KIND_NODE];
-            queues[Child::KIND_NODE].len = 0;
+            let (ready, len) = queues.take(Child::KIND_NODE);
             tests.nodes += len as u64;
             for &index in &ready[..len] {
                 let index = usize::from(index) % WALKERS;
-                let (walker, stack) = (&mut walkers[index], &mut stacks[index]);
+                let (walker, stack) = (&mut walkers[index], &mut stacks[index].items);
                 let node = &self.nodes[walker.child.index()];
                 let (enter, leave) = walker.boxes.span::<S, true>(node, walker.t_max);
                 let Some(to) = stack[walker.top..].first_chunk_mut() else { unreachable!("there is room") };
                 walker.top += S::sort(enter, leave, Child::bits(&node.children), to);
                 walker.pop(stack);
                 self.prefetch::<S>(walker.child);
-                enqueue(&mut queues, index, walker.child);
+                queues.push(index, walker.child);
             }
             for kind in [Child::KIND_GROUPS, Child::KIND_SPHERES] {
-                let Queue { walkers: ready, len } = queues[kind];
-                queues[kind].len = 0;
+                let (ready, len) = queues.take(kind);
                 for &index in &ready[..len] {
                     let index = usize::from(index) % WALKERS;
-                    let (walker, stack) = (&mut walkers[index], &mut stacks[index]);
+                    let (walker, stack) = (&mut walkers[index], &mut stacks[index].items);
                     let ray = walker.ray;
                     let after = self.hits_in_leaf::<S>(
                         &rays[ray],
@@ -154,18 +175,17 @@ impl<T: Tier> Wide<T> {
                     }
                     walker.pop(stack);
                     self.prefetch::<S>(walker.child);
-                    enqueue(&mut queues, index, walker.child);
+                    queues.push(index, walker.child);
                 }
             }
-            let Queue { walkers: ready, len } = queues[Child::KIND_NOTHING];
-            queues[Child::KIND_NOTHING].len = 0;
+            let (ready, len) = queues.take(Child::KIND_NOTHING);
             for &index in ready[..len].iter().take(rays.len() - next) {
                 let index = usize::from(index) % WALKERS;
-                walkers[index] = Walker::new::<T>(rays, next, &mut stacks[index]);
-                enqueue(&mut queues, index, walkers[index].child);
+                walkers[index] = Walker::new::<T>(rays, next, &mut stacks[index].items);
+                queues.push(index, walkers[index].child);
                 next += 1;
             }
-            if queues.iter().all(|queue| queue.len == 0) {
+            if queues.lengths == 0 {
                 return;
             }
         }
