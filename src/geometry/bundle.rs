@@ -1,7 +1,7 @@
 //! Four rays against one triangle at once, or one ray against four, with the bits that each of them would get alone.
 
 use super::simd::Simd;
-use super::woop::{CANCELLED, NEAR, WoopTest};
+use super::woop::{Along, CANCELLED, NEAR};
 use super::{Corner, Ray};
 
 /// How many rays a bundle holds.
@@ -41,36 +41,65 @@ pub struct WoopBundle {
     odd: u32,
 }
 
+impl Default for WoopBundle {
+    /// Of rays that are asked one by one.
+    fn default() -> Self {
+        let none = [[0.0; RAYS]; 3];
+        WoopBundle {
+            origin: none,
+            shear: none,
+            inverse: none,
+            t_min: [0.0; RAYS],
+            t_max: [0.0; RAYS],
+            axes: [0, 1, 2],
+            odd: (1 << RAYS) - 1,
+        }
+    }
+}
+
 impl WoopBundle {
-    /// Prepares up to four rays; lanes beyond hold the last.
+    /// Makes up to four rays ready, at least one; lanes beyond hold the last. As [`WoopTest::new`] does, for all at once.
     ///
     /// # Panics
     /// Without rays.
-    pub fn new(rays: &[Ray]) -> Self {
-        let axes = WoopTest::new(&rays[0]).axes();
-        let mut bundle = WoopBundle {
-            origin: [[0.0; RAYS]; 3],
-            shear: [[0.0; RAYS]; 3],
-            inverse: [[0.0; RAYS]; 3],
-            t_min: [0.0; RAYS],
-            t_max: [0.0; RAYS],
-            axes,
-            odd: 0,
-        };
+    #[inline(always)]
+    pub fn fill<S: Simd>(&mut self, rays: &[Ray]) {
+        let along = Along::of(&rays[0]);
+        self.axes = along.axes();
+        let mut direction = [[0.0; RAYS]; 3];
         for lane in 0..RAYS {
             let ray = &rays[lane.min(rays.len() - 1)];
-            let test = WoopTest::new(ray);
-            if test.axes() != axes || test.odd != 0 {
-                bundle.odd |= 1 << lane;
-            }
+            let (origin, along) = (ray.origin.to_array(), ray.direction.to_array());
             for k in 0..3 {
-                bundle.origin[k][lane] = test.turned_origin[k];
-                bundle.shear[k][lane] = test.shear[k];
-                bundle.inverse[k][lane] = test.inverse[k];
+                self.origin[k][lane] = origin[self.axes[k]];
+                direction[k][lane] = along[self.axes[k]];
             }
-            (bundle.t_min[lane], bundle.t_max[lane]) = (ray.t_min, ray.t_max);
+            (self.t_min[lane], self.t_max[lane]) = (ray.t_min, ray.t_max);
         }
-        bundle
+        let (zero, one) = (S::d4_splat(0.0), S::d4_splat(1.0));
+        let mut length = [zero; 3];
+        let mut inverse = [zero; 3];
+        let mut zeros = 0;
+        for k in 0..3 {
+            let along = S::d4(direction[k]);
+            inverse[k] = S::d4_div(one, along);
+            self.inverse[k] = S::d4_array(inverse[k]);
+            length[self.axes[k]] = S::d4_abs(along);
+            zeros |= S::d4_le(length[self.axes[k]], zero);
+        }
+        for k in 0..2 {
+            self.shear[k] = S::d4_array(S::d4_mul(S::d4(direction[k]), inverse[2]));
+        }
+        self.shear[2] = self.inverse[2];
+        let [x, y, z] = length;
+        let x_first = S::d4_le(y, x) & S::d4_le(z, x);
+        let y_first = S::d4_le(z, y);
+        let same = match along {
+            Along::X => x_first,
+            Along::Y => !x_first & y_first,
+            Along::Z => !(x_first | y_first),
+        };
+        self.odd = (!same | zeros) & ((1 << RAYS) - 1);
     }
 
     /// What the test for one ray, Woop's in f64, says of each of the rays, by the same operations in the same order.

@@ -20,11 +20,7 @@ impl Tier for Double {
     type Corner = DVec3;
     type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
-    type Bundle = WoopBundle;
-
-    fn bundle(rays: &[Ray]) -> WoopBundle {
-        WoopBundle::new(rays)
-    }
+    const HAS_BUNDLES: bool = true;
 
     #[inline(always)]
     fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[DVec3; 3]) -> FourHits {

@@ -13,10 +13,8 @@
 use glam::{DVec3, Vec3Swizzles};
 
 use super::bounds::DoubleBoxTest;
-use super::bundle::FourHits;
 use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
-use super::simd::Simd;
 use super::woop::{Sheared, WoopTest};
 use super::{Hit, Ray, Sphere, Stored, Tier, TriangleHit};
 use crate::scene::Numerics;
@@ -36,14 +34,6 @@ impl Tier for Exact {
     type Corner = DVec3;
     type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
-    type Bundle = ();
-
-    fn bundle(_: &[Ray]) {}
-
-    #[inline(always)]
-    fn hit_bundle<S: Simd>(_: &(), _: &[DVec3; 3]) -> FourHits {
-        FourHits::ONE_BY_ONE
-    }
 
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {

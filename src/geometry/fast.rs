@@ -10,8 +10,6 @@
 use glam::{Vec3, Vec3A};
 
 use super::bounds::{BoxTest, SingleBoxTest, round_up};
-use super::bundle::FourHits;
-use super::simd::Simd;
 use super::{Corner, Ray, Sphere, Tier, TriangleHit};
 use crate::scene::Numerics;
 
@@ -32,14 +30,6 @@ impl Tier for Fast {
     type Corner = Vec3;
     type Boxes = SingleBoxTest;
     type Prepared = FastTest;
-    type Bundle = ();
-
-    fn bundle(_: &[Ray]) {}
-
-    #[inline(always)]
-    fn hit_bundle<S: Simd>(_: &(), _: &[Vec3; 3]) -> FourHits {
-        FourHits::ONE_BY_ONE
-    }
 
     #[inline]
     fn prepare(ray: &Ray) -> FastTest {

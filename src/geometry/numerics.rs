@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::{BoxTest, round_away};
-use super::bundle::FourHits;
+use super::bundle::{FourHits, WoopBundle};
 use super::quad::{LANES, Quad};
 use super::simd::Simd;
 use super::{Bounds, Hit, Ray, Sphere, TriangleHit};
@@ -209,14 +209,14 @@ pub trait Tier: Send + Sync + 'static {
     /// A ray made ready for triangles.
     type Prepared: Copy;
 
-    /// Four rays made ready for triangles at once.
-    type Bundle: Copy + Send + Sync;
-
-    /// Makes up to four rays ready for triangles at once; at least one.
-    fn bundle(rays: &[Ray]) -> Self::Bundle;
+    /// Whether [`Tier::hit_bundle`] tells more than nothing.
+    const HAS_BUNDLES: bool = false;
 
     /// What [`Tier::hit_triangle`] says of each ray of a bundle, as far as that can be told for all at once.
-    fn hit_bundle<S: Simd>(bundle: &Self::Bundle, corners: &[Self::Corner; 3]) -> FourHits;
+    #[inline(always)]
+    fn hit_bundle<S: Simd>(_: &WoopBundle, _corners: &[Self::Corner; 3]) -> FourHits {
+        FourHits::ONE_BY_ONE
+    }
 
     /// Makes a ray ready for triangles.
     fn prepare(ray: &Ray) -> Self::Prepared;

@@ -21,11 +21,7 @@ impl Tier for Watertight {
     type Corner = Vec3;
     type Boxes = SingleBoxTest;
     type Prepared = WoopTest;
-    type Bundle = WoopBundle;
-
-    fn bundle(rays: &[Ray]) -> WoopBundle {
-        WoopBundle::new(rays)
-    }
+    const HAS_BUNDLES: bool = true;
 
     #[inline(always)]
     fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[Vec3; 3]) -> FourHits {

@@ -20,9 +20,6 @@ use super::quad::{LANES, Quad};
 use super::simd::Simd;
 use super::{Corner, Ray, TriangleHit};
 
-/// For each [`Along`] which axes come first, second and third.
-const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
-
 /// A ray made ready for triangles.
 #[derive(Clone, Copy)]
 pub struct WoopTest {
@@ -42,11 +39,31 @@ pub struct WoopTest {
     pub odd: u32,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Along {
+/// The axis that a ray runs along most; the first of those that are alike.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Along {
+    /// The first.
     X,
+    /// The second.
     Y,
+    /// The third.
     Z,
+}
+
+impl Along {
+    /// Of a ray. Without branches: which axis it is, is as good as random.
+    #[inline(always)]
+    pub fn of(ray: &Ray) -> Self {
+        let length = ray.direction.abs();
+        let x_first = length.x >= length.y && length.x >= length.z;
+        [[Along::Z, Along::Y], [Along::X; 2]][usize::from(x_first)][usize::from(length.y >= length.z)]
+    }
+
+    /// The axes turned so that this one is the last.
+    #[inline(always)]
+    pub fn axes(self) -> [usize; 3] {
+        [[1, 2, 0], [2, 0, 1], [0, 1, 2]][self as usize]
+    }
 }
 
 /// A triangle seen along a ray: its corners from the ray's origin, axes turned so that the ray runs along the third,
@@ -62,13 +79,9 @@ impl WoopTest {
     /// Prepares `ray`.
     #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
-        let (d, length) = (ray.direction, ray.direction.abs());
-        // Without branches: which axis it is, is as good as random.
-        let x_first = length.x >= length.y && length.x >= length.z;
-        let along =
-            [[Along::Z, Along::Y], [Along::X; 2]][usize::from(x_first)][usize::from(length.y >= length.z)];
+        let (d, along) = (ray.direction, Along::of(ray));
         let inverse = d.recip();
-        let axes = AXES[along as usize];
+        let axes = along.axes();
         let turned = |v: DVec3| axes.map(|axis| v.to_array()[axis]);
         let [x, y, _] = turned(d);
         let inverse = turned(inverse);
@@ -95,12 +108,6 @@ impl WoopTest {
         }
     }
 
-    /// Which axis becomes which by turning.
-    #[inline(always)]
-    pub fn axes(&self) -> [usize; 3] {
-        AXES[self.along as usize]
-    }
-
     /// The triangle seen along the ray.
     #[inline(always)]
     pub fn sheared<C: Corner>(&self, [a, b, c]: &[C; 3]) -> Sheared {
@@ -113,7 +120,7 @@ impl WoopTest {
     /// What [`WoopTest::hit`] says of each triangle of `quad`, as far as that can be told for all at once.
     #[inline(always)]
     pub fn hit_quad<S: Simd, C: Corner>(&self, quad: &Quad<C>) -> FourHits {
-        let axes = self.axes();
+        let axes = self.along.axes();
         let [x, y, z] = self.turned_origin;
         let origin = [S::d4_splat(x), S::d4_splat(y), S::d4_splat(z)];
         // Loops and not the standard library's maps, which do not always become part of this.

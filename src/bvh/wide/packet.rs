@@ -11,7 +11,7 @@ use super::node::{Child, Content, WIDTH};
 use super::seen::{Extents, Seen};
 use super::{Wide, hit_sphere};
 use crate::bvh::Tests;
-use crate::geometry::bundle::RAYS;
+use crate::geometry::bundle::{RAYS, WoopBundle};
 use crate::geometry::quad::LANES;
 use crate::geometry::simd::Simd;
 use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier, round_down};
@@ -39,6 +39,8 @@ pub struct Scratch {
     depths: [f32; BLOCKS],
     /// The rays that are still asked, a byte a block.
     active: [u8; BLOCKS],
+    /// Rays made ready for triangles.
+    bundles: Vec<WoopBundle>,
 }
 
 impl Default for Scratch {
@@ -53,6 +55,7 @@ impl Default for Scratch {
             reach: [[f32::NEG_INFINITY; BLOCK]; BLOCKS],
             depths: [f32::NEG_INFINITY; BLOCKS],
             active: [0; BLOCKS],
+            bundles: vec![WoopBundle::default(); PACKET / RAYS],
         }
     }
 }
@@ -62,8 +65,9 @@ pub struct Packet<'a, T: Tier> {
     rays: &'a [Ray],
     frustum: Frustum,
     scratch: &'a mut Scratch,
-    /// Rays made ready for triangles, once one of them is asked about one.
-    bundles: Vec<Option<T::Bundle>>,
+    /// The bundles that were made, as bits: once one of their rays is asked about a triangle.
+    made: u64,
+    tier: std::marker::PhantomData<T>,
 }
 
 impl<'a, T: Tier> Packet<'a, T> {
@@ -90,8 +94,7 @@ impl<'a, T: Tier> Packet<'a, T> {
                 scratch.reach[block][lane] = scratch.lanes.depth_at(block, lane, ray.t_max);
             }
         }
-        let bundles = vec![None; rays.len().div_ceil(RAYS)];
-        let mut packet = Packet { rays, frustum, scratch, bundles };
+        let mut packet = Packet { rays, frustum, scratch, made: 0, tier: std::marker::PhantomData };
         for block in 0..blocks {
             packet.shorten_block(block);
         }
@@ -115,12 +118,14 @@ impl<'a, T: Tier> Packet<'a, T> {
 
     /// Four rays made ready for triangles.
     #[inline(always)]
-    fn bundle(&mut self, index: usize) -> &T::Bundle {
-        let rays = self.rays;
-        self.bundles[index].get_or_insert_with(
-            #[cold]
-            || T::bundle(&rays[index * RAYS..rays.len().min((index + 1) * RAYS)]),
-        )
+    fn bundle<S: Simd>(&mut self, index: usize) -> &WoopBundle {
+        let index = index % (PACKET / RAYS);
+        if T::HAS_BUNDLES && self.made >> index & 1 == 0 {
+            self.made |= 1 << index;
+            let (first, end) = (index * RAYS, self.rays.len().min((index + 1) * RAYS));
+            self.scratch.bundles[index].fill::<S>(&self.rays[first..end]);
+        }
+        &self.scratch.bundles[index]
     }
 }
 
@@ -252,7 +257,7 @@ impl<T: Tier> Wide<T> {
                     }
                     tests.primitives += u64::from(asked.count_ones());
                     let first = block * BLOCK + half * RAYS;
-                    let hits = T::hit_bundle::<S>(packet.bundle(first / RAYS), &corners);
+                    let hits = T::hit_bundle::<S>(packet.bundle::<S>(first / RAYS), &corners);
                     let mut lanes = (hits.hit | hits.unsure) & asked;
                     while lanes != 0 {
                         let place = lanes.trailing_zeros() as usize % RAYS;
