@@ -87,10 +87,8 @@ impl WoopBundle {
             length[self.axes[k]] = S::d4_abs(along);
             zeros |= S::d4_le(length[self.axes[k]], zero);
         }
-        for k in 0..2 {
-            self.shear[k] = S::d4_array(S::d4_mul(S::d4(direction[k]), inverse[2]));
-        }
-        self.shear[2] = self.inverse[2];
+        let shear = [S::d4_mul(S::d4(direction[0]), inverse[2]), S::d4_mul(S::d4(direction[1]), inverse[2])];
+        self.shear = [S::d4_array(shear[0]), S::d4_array(shear[1]), self.inverse[2]];
         let [x, y, z] = length;
         let x_first = S::d4_le(y, x) & S::d4_le(z, x);
         let y_first = S::d4_le(z, y);

@@ -14,8 +14,8 @@
 use glam::{DVec3, Vec3Swizzles};
 
 use super::bounds::hold;
-use super::expansion::{Expansion, two_product, two_sum};
 use super::bundle::{FourHits, FourRays, hit_four};
+use super::expansion::{Expansion, two_product, two_sum};
 use super::quad::{LANES, Quad};
 use super::simd::Simd;
 use super::{Corner, Ray, TriangleHit};
