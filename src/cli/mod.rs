@@ -9,6 +9,7 @@ mod interrupt;
 mod picture;
 mod progress;
 mod render;
+mod sampling;
 mod statistics;
 
 use std::io::Write;

@@ -8,6 +8,7 @@ use clap::Args;
 
 use super::progress::{Mode, Progress};
 use super::statistics::{self, Seconds};
+use super::sampling::SamplingArguments;
 use super::{Printer, picture};
 use crate::bvh::{Preset, Structure};
 use crate::effects::{Choices, Plan, RayKind, check_names};
@@ -56,6 +57,8 @@ pub struct Arguments {
     /// How far shading goes; below `phong` that term is shown alone, without effects
     #[arg(long, value_parser = ["flat", "ambient", "diffuse", "phong"], default_value = "phong")]
     shading: String,
+    #[command(flatten)]
+    sampling: SamplingArguments,
     /// Have an effect that would be off; may be given several times
     #[arg(long, value_name = "EFFECT")]
     with: Vec<String>,
@@ -176,6 +179,7 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
     let choices = Choices {
         shading: shading(arguments),
         scene: scene.effects,
+        sampling: arguments.sampling.said().or(scene.sampling),
         with: arguments.with.clone(),
         without: arguments.without.clone(),
     };

@@ -15,7 +15,8 @@ pub const EFFECT: Effect = Effect {
     name: "glaze",
     summary: "glazed materials mirror what is around them",
     needs_lights: false,
-    called_for: |world: &World| {
+    is_shading: true,
+    called_for: |world, _| {
         let glazed =
             world.materials.iter().filter(|m| m.glaze().is_some_and(|g| g.bounces > 0 && g.weight > 0.0));
         match glazed.count() {

@@ -5,19 +5,25 @@
 //! file an effect; to add one, write it, give it a line in [`EFFECTS`], a key in
 //! [`crate::scene::file::EffectsSection`], and a place in [`Plan::new`].
 
+pub mod adaptive;
+pub mod antialiasing;
 mod film;
 pub mod glaze;
 mod local;
 mod primary;
+pub mod random;
 pub mod shadows;
 pub mod terminator;
 pub mod tile;
 mod visible;
 
 use crate::error::{Error, Result};
+use crate::scene::Sampling;
 use crate::scene::file::{EffectsSection, nearest_name};
 use crate::shading::ShadingMode;
 use crate::world::World;
+use antialiasing::Sampler;
+use std::sync::Arc;
 use tile::{Context, Tile};
 
 /// A kind of ray, for counting.
@@ -62,12 +68,15 @@ pub struct Effect {
     pub summary: &'static str,
     /// Whether it has a meaning only where lights shine.
     needs_lights: bool,
-    /// What in the world calls for it, or why nothing does.
-    called_for: fn(&World) -> std::result::Result<String, String>,
+    /// Whether it is a part of shading, which pictures of single terms leave out.
+    is_shading: bool,
+    /// What in the world or of the choices calls for it, or why nothing does.
+    called_for: fn(&World, &Choices) -> std::result::Result<String, String>,
 }
 
 /// Every effect there is.
-pub const EFFECTS: &[Effect] = &[shadows::EFFECT, terminator::EFFECT, glaze::EFFECT];
+pub const EFFECTS: &[Effect] =
+    &[shadows::EFFECT, terminator::EFFECT, glaze::EFFECT, antialiasing::EFFECT, adaptive::EFFECT];
 
 /// What the user asks for, over what the scene says.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -76,6 +85,8 @@ pub struct Choices {
     pub shading: ShadingMode,
     /// What the scene file says of effects.
     pub scene: EffectsSection,
+    /// How pixels are sampled.
+    pub sampling: Sampling,
     /// Effects to have.
     pub with: Vec<String>,
     /// Effects to do without.
@@ -99,6 +110,8 @@ pub struct Plan {
     pub shading: ShadingMode,
     /// What was decided of each effect.
     pub decisions: Vec<Decision>,
+    /// How pixels are sampled, where it is not by their centres alone.
+    pub sampler: Option<Arc<Sampler>>,
     stages: Vec<Box<dyn Stage>>,
 }
 
@@ -119,7 +132,12 @@ impl Plan {
 
         let lit = choices.shading.uses_lights() && !world.lights.is_empty();
         let bounces = if glaze { glaze::most_bounces(world) } else { 0 };
-        let mut stages: Vec<Box<dyn Stage>> = vec![Box::new(primary::Primary)];
+        let sampler = on(antialiasing::EFFECT.name)
+            .then(|| Arc::new(Sampler::new(&choices.sampling, on(adaptive::EFFECT.name))));
+        let mut stages: Vec<Box<dyn Stage>> = vec![match &sampler {
+            None => Box::new(primary::Primary),
+            Some(sampler) => Box::new(antialiasing::Scatter(sampler.clone())),
+        }];
         for level in 0..=bounces as usize {
             if level > 0 {
                 stages.push(Box::new(glaze::Reflect { from: level - 1 }));
@@ -144,7 +162,10 @@ impl Plan {
             stages.push(Box::new(glaze::Combine { into: level - 1 }));
         }
         stages.push(Box::new(film::Expose));
-        Ok(Plan { shading: choices.shading, decisions, stages })
+        if let Some(sampler) = &sampler {
+            stages.push(Box::new(antialiasing::Gather(sampler.clone())));
+        }
+        Ok(Plan { shading: choices.shading, decisions, sampler, stages })
     }
 
     /// The stages in the order they run.
@@ -155,6 +176,19 @@ impl Plan {
     /// The names of the effects that are computed.
     pub fn effects_on(&self) -> impl Iterator<Item = &'static str> + '_ {
         self.decisions.iter().filter(|d| d.on).map(|d| d.effect)
+    }
+}
+
+impl Choices {
+    /// Whether the user or the scene asks for an effect by its name.
+    fn ask_for(&self, name: &str) -> bool {
+        self.with.iter().any(|with| with == name) || self.scene.get(name) == Some(true)
+    }
+
+    /// Whether the user or the scene wants to do without an effect.
+    fn rule_out(&self, name: &str) -> bool {
+        let with = self.with.iter().any(|with| with == name);
+        self.without.iter().any(|without| without == name) || (!with && self.scene.get(name) == Some(false))
     }
 }
 
@@ -175,7 +209,7 @@ pub fn check_names<'a>(names: impl IntoIterator<Item = &'a String>) -> Result<()
 fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
     let name = effect.name;
     let decision = |on, why: String| Decision { effect: name, on, why };
-    let calls = match (effect.called_for)(world) {
+    let calls = match (effect.called_for)(world, choices) {
         Ok(calls) => calls,
         Err(nothing) => return decision(false, nothing),
     };
@@ -193,7 +227,7 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
         Some(true) => return decision(true, format!("the scene file turns it on; {calls}")),
         None => {}
     }
-    if choices.shading < ShadingMode::Phong {
+    if effect.is_shading && choices.shading < ShadingMode::Phong {
         return decision(false, format!("--shading {} shows that term alone", choices.shading.name()));
     }
     decision(true, calls)

@@ -9,14 +9,15 @@ use super::tile::{Context, Level, Tile};
 use super::{Effect, RayKind, Stage};
 use crate::geometry::{Precision, Ray};
 use crate::shading::{LightLanes, LightSample};
-use crate::world::{Lanes, RayLanes, Surfaces, World, widely};
+use crate::world::{Lanes, RayLanes, Surfaces, widely};
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
     name: "shadows",
     summary: "lights are blocked by what stands in their way",
     needs_lights: true,
-    called_for: |world: &World| match world.lights.as_slice() {
+    is_shading: true,
+    called_for: |world, _| match world.lights.as_slice() {
         [] => Err("the scene has no lights".into()),
         [one] => Ok(format!("light `{}`", one.name)),
         many => Ok(format!("{} lights", many.len())),

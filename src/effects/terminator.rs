@@ -9,14 +9,14 @@
 
 use super::tile::{Context, Level, Tile};
 use super::{Effect, Stage};
-use crate::world::World;
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
     name: "terminator",
     summary: "the shadow line of smooth meshes follows their normals, not their triangles",
     needs_lights: true,
-    called_for: |world: &World| {
+    is_shading: true,
+    called_for: |world, _| {
         if world.lights.is_empty() {
             return Err("the scene has no lights".into());
         }

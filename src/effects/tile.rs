@@ -4,6 +4,7 @@
 //! All arrays are kept from tile to tile, so that a steady state allocates nothing; each stage sets what it fills anew.
 
 use super::RayKind;
+use super::antialiasing::Samples;
 use crate::bvh::Traversal;
 use crate::film::Window;
 use crate::geometry::spawn::SurfacePoint;
@@ -47,8 +48,12 @@ pub struct Tile {
     pub window: Option<Window>,
     /// The generations of rays.
     pub levels: Vec<Level>,
-    /// The finished pixels, row by row from the top.
+    /// The finished pixels, row by row from the top; while there are more passes to come, what each ray of level 0 saw.
     pub pixels: Vec<[f32; 3]>,
+    /// Whether the stages are to be run again, for further samples.
+    pub again: bool,
+    /// What was seen so far, where a pixel takes several samples.
+    pub samples: Option<Box<Samples>>,
     /// What traversals need and count.
     pub traversal: Traversal,
     /// Rays cast and rays that hit, by kind.
@@ -85,6 +90,7 @@ impl Tile {
     /// Makes ready for the pixels of `window`. Counts go on.
     pub fn start(&mut self, window: Window) {
         self.window = Some(window);
+        self.again = false;
         self.pixels.clear();
     }
 

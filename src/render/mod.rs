@@ -74,7 +74,7 @@ pub fn render_as<P: Pixel>(
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
         let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan)));
-        render_tile(plan, &context, &mut tile, &mut worker, clock);
+        render_tile(plan, &context, &mut tile, &mut worker, clock, watch.cancel);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);
         }
@@ -107,25 +107,34 @@ impl Worker {
     }
 }
 
-/// A tile: every stage of the plan in order, then the pixels.
+/// A tile: every stage of the plan in order, again while there are samples to take, then the pixels.
 fn render_tile<P: Pixel>(
     plan: &Plan,
     context: &Context,
     film: &mut FilmTile<P>,
     worker: &mut Worker,
     clock: Clock,
+    cancel: &AtomicBool,
 ) {
     let Worker { tile, times, non_finite } = worker;
     tile.start(film.window);
     let now = || (clock == Clock::EveryStage).then(Instant::now);
     let mut last = now();
-    for (stage, time) in plan.stages().iter().zip(times) {
-        stage.run(tile, context);
-        let now = now();
-        if let (Some(last), Some(now)) = (last, now) {
-            *time += now - last;
+    loop {
+        for (stage, time) in plan.stages().iter().zip(&mut *times) {
+            stage.run(tile, context);
+            let now = now();
+            if let (Some(last), Some(now)) = (last, now) {
+                *time += now - last;
+            }
+            last = now;
         }
-        last = now;
+        if !tile.again {
+            break;
+        }
+        if cancel.load(Ordering::Relaxed) {
+            return;
+        }
     }
     let colours = &tile.pixels;
     non_finite.extend(widely(

@@ -12,7 +12,7 @@ use toml::Spanned;
 pub use super::colour_value::ColourValue;
 use super::{Numerics, Projection};
 use crate::error::{Error, Place, Result};
-use crate::film::ColourPipeline;
+use crate::film::{ColourPipeline, FilterShape};
 
 /// A scene file.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
@@ -63,6 +63,10 @@ pub struct EffectsSection {
     pub terminator: Option<bool>,
     /// Whether glazed materials mirror their surroundings.
     pub glaze: Option<bool>,
+    /// Whether pixels take several samples.
+    pub antialiasing: Option<bool>,
+    /// Whether pixels that are certain enough take fewer of them.
+    pub adaptive: Option<bool>,
 }
 
 impl EffectsSection {
@@ -72,6 +76,8 @@ impl EffectsSection {
             "shadows" => self.shadows,
             "terminator" => self.terminator,
             "glaze" => self.glaze,
+            "antialiasing" => self.antialiasing,
+            "adaptive" => self.adaptive,
             _ => None,
         }
     }
@@ -82,6 +88,8 @@ impl EffectsSection {
             shadows: self.shadows.or(other.shadows),
             terminator: self.terminator.or(other.terminator),
             glaze: self.glaze.or(other.glaze),
+            antialiasing: self.antialiasing.or(other.antialiasing),
+            adaptive: self.adaptive.or(other.adaptive),
         }
     }
 }
@@ -100,6 +108,22 @@ pub struct ImageSection {
     pub colour: Option<ColourPipeline>,
     /// How exactly it is decided what a ray hits; `watertight` if not given.
     pub numerics: Option<Numerics>,
+    /// Samples a pixel, 1 to 65536; 1, at the pixel's centre, if not given. With `noise` the most of them.
+    #[schemars(with = "Option<u32>")]
+    pub samples: Option<Spanned<i64>>,
+    /// The filter that pixels are seen through; `gaussian` if not given.
+    pub filter: Option<FilterShape>,
+    /// How far the filter reaches from the pixel's centre, in pixels; its usual radius if not given.
+    #[schemars(with = "Option<f64>")]
+    pub filter_radius: Option<Spanned<f64>>,
+    /// The standard error of a pixel's displayed value, 1 being white, below which it is sampled no further.
+    #[schemars(with = "Option<f64>")]
+    pub noise: Option<Spanned<f64>>,
+    /// Samples that every pixel takes before its error is looked at; 16 if not given.
+    #[schemars(with = "Option<u32>")]
+    pub min_samples: Option<Spanned<i64>>,
+    /// What the random numbers depend on besides the pixel; 0 if not given.
+    pub seed: Option<u32>,
 }
 
 /// A camera: either a viewing rectangle at a distance, or a vertical field of view.

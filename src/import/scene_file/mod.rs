@@ -6,6 +6,7 @@ use glam::DVec3;
 use toml::Spanned;
 
 mod meshes;
+mod sampling;
 
 use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
@@ -122,6 +123,7 @@ impl Builder<'_> {
         self.scene.background = Some(Colour::from_u8(image.background.map_or([0; 3], |c| c.0)));
         self.scene.colour = image.colour;
         self.scene.numerics = image.numerics;
+        self.scene.sampling = self.sampling(&image)?;
         if let Some(section) = &file.ambient
             && let Some(intensity) = section.get_ref().intensity
         {

@@ -1,0 +1,74 @@
+//! How often and where in its pixels a picture is looked at.
+
+use crate::film::FilterShape;
+use crate::film::filter::RADII;
+
+/// The most samples a pixel can have: so many numbers its random sequence has.
+pub const MOST_SAMPLES: u32 = 1 << 16;
+
+/// The least error that can be asked for: what f32 makes of display values is not much better.
+const LEAST_NOISE: f64 = 1e-6;
+
+/// What is said of samples; what is `None` was not said.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Sampling {
+    /// Samples a pixel, 1 to 65536; the most of them where there is a `noise`.
+    pub samples: Option<u32>,
+    /// The filter that a pixel is seen through.
+    pub filter: Option<FilterShape>,
+    /// How far the filter reaches from the pixel's centre, in pixels.
+    pub filter_radius: Option<f64>,
+    /// The standard error of a pixel's displayed value, 1 being white, below which it is sampled no further.
+    pub noise: Option<f64>,
+    /// Samples that every pixel takes before its error is looked at.
+    pub min_samples: Option<u32>,
+    /// What the random numbers depend on besides pixel, sample and dimension.
+    pub seed: Option<u32>,
+}
+
+impl Sampling {
+    /// These settings where they say something, the others' where not.
+    pub fn or(self, other: Self) -> Self {
+        Sampling {
+            samples: self.samples.or(other.samples),
+            filter: self.filter.or(other.filter),
+            filter_radius: self.filter_radius.or(other.filter_radius),
+            noise: self.noise.or(other.noise),
+            min_samples: self.min_samples.or(other.min_samples),
+            seed: self.seed.or(other.seed),
+        }
+    }
+
+    /// A number of samples a pixel; or which there may be.
+    ///
+    /// # Errors
+    /// What to give instead.
+    pub fn check_samples(samples: i64) -> Result<u32, String> {
+        match u32::try_from(samples) {
+            Ok(samples @ 1..=MOST_SAMPLES) => Ok(samples),
+            _ => Err(format!("give a number of samples from 1 to {MOST_SAMPLES}")),
+        }
+    }
+
+    /// A radius of a filter, in pixels; or which there may be.
+    ///
+    /// # Errors
+    /// What to give instead.
+    pub fn check_radius(radius: f64) -> Result<f64, String> {
+        if RADII.contains(&radius) {
+            return Ok(radius);
+        }
+        Err(format!("give a radius in pixels from {} to {}", RADII.start(), RADII.end()))
+    }
+
+    /// A level of noise, 1 being white; or which there may be.
+    ///
+    /// # Errors
+    /// What to give instead.
+    pub fn check_noise(level: f64) -> Result<f64, String> {
+        if (LEAST_NOISE..=1.0).contains(&level) {
+            return Ok(level);
+        }
+        Err("give a standard error from 0.000001 to 1, 1 being white; one step of 8 bits is 0.004".into())
+    }
+}
