@@ -49,6 +49,8 @@ pub struct Costs {
     pub rounds: usize,
     /// What the clock went by: `processor` or `wall`.
     pub clock: &'static str,
+    /// The threads that worked.
+    pub threads: usize,
 }
 
 impl Costs {
@@ -120,6 +122,7 @@ pub fn measure(
         parts: on.iter().enumerate().map(part).collect(),
         rounds,
         clock: Clock::name(threads),
+        threads,
     })
 }
 
