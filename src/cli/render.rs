@@ -7,11 +7,11 @@ use std::time::Instant;
 use clap::Args;
 
 use super::progress::{Mode, Progress};
-use super::statistics::{self, Seconds};
 use super::sampling::SamplingArguments;
+use super::statistics::{self, Seconds};
 use super::{Printer, picture};
 use crate::bvh::{Preset, Structure};
-use crate::effects::{Choices, Plan, RayKind, check_names};
+use crate::effects::{Choices, Plan, RayKind, check_names, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::{describe, write_whole};
 use crate::film::write::{Format, Picture, encode, write_picture};
@@ -22,14 +22,12 @@ use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
 use crate::world::{View, World, bring_into_range, headlight};
 
+/// What there is to see, and how: what every command that makes pictures is told.
 #[derive(Args)]
 pub struct Arguments {
     /// Files to put into one scene: .toml, .obj, .gltf, .glb; `-` for a scene file or GLB on standard input
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
-    /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output
-    #[arg(short, long, value_name = "OUT")]
-    output: PathBuf,
     /// A camera of the scene by name or by number, or `auto` for one that fits
     #[arg(long, value_name = "NAME|INDEX|auto")]
     pub camera: Option<String>,
@@ -47,7 +45,7 @@ pub struct Arguments {
     pub crop: Option<Window>,
     /// Threads to work on [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    threads: Option<u16>,
+    pub threads: Option<u16>,
     /// How exactly it is decided what a ray hits [default: the scene's, or watertight]
     #[arg(long, value_name = "TIER", value_parser = ["fast", "watertight", "double", "exact"])]
     numerics: Option<String>,
@@ -68,6 +66,15 @@ pub struct Arguments {
     /// The numbers light is added up in [default: the scene's, or linear]
     #[arg(long, value_parser = ["display", "u8", "linear"])]
     colour: Option<String>,
+}
+
+#[derive(Args)]
+pub struct Command {
+    #[command(flatten)]
+    what: Arguments,
+    /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
     /// How to show progress, on standard error
     #[arg(long, value_enum, default_value = "auto")]
     progress: Mode,
@@ -136,33 +143,51 @@ fn check_folder(output: &Path) -> Result<()> {
     Ok(())
 }
 
-pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
-    check_names(arguments.with.iter().chain(&arguments.without))?;
+/// Whether names and inputs are such as can be used at all.
+pub fn check(arguments: &Arguments) -> Result<()> {
+    check_names(&arguments.with, &arguments.without)?;
     if arguments.inputs.iter().filter(|input| *input == Path::new("-")).count() > 1 {
         return Err(Error::usage("standard input can be read once", "give `-` once"));
     }
-    let target = Target::new(&arguments.output)?;
-    if let Some(file) = &arguments.stats {
-        if same_file(file, &arguments.output) {
+    Ok(())
+}
+
+pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+    check(&command.what)?;
+    let target = Target::new(&command.output)?;
+    if let Some(file) = &command.stats {
+        if same_file(file, &command.output) {
             let what = format!("{}: both the picture and its statistics", file.display());
             return Err(Error::usage(what, "give --stats another file than --output"));
         }
         check_folder(file)?;
     }
-    let pool = super::pool(arguments.threads)?;
-    pool.install(|| render_to(arguments, &target, interrupted))
+    let pool = super::pool(command.what.threads)?;
+    pool.install(|| render_to(command, &target, interrupted))
 }
 
-fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -> Result<()> {
-    let progress = Progress::new(arguments.progress);
-    let mut warnings = Warnings::default();
-    let mut printer = Printer::default();
-    let with_notes = arguments.progress != Mode::None;
-    let mut seconds = Seconds::default();
+/// A scene that is ready for its picture.
+pub struct Ready {
+    pub world: World,
+    pub view: View,
+    pub window: Window,
+    pub plan: Plan,
+    pub pipeline: ColourPipeline,
+    /// What made the picture.
+    pub settings: Vec<(String, String)>,
+}
 
-    progress.phase("loading");
-    let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, &mut warnings))?;
-    progress.pause(|| printer.print(&warnings, with_notes));
+/// Reads the inputs and prepares all that a picture of them takes; `show` is called with what is done next, and with what
+/// there is to say of what was done.
+pub fn make_ready(
+    arguments: &Arguments,
+    seconds: &mut Seconds,
+    warnings: &mut Warnings,
+    show: &mut dyn FnMut(&str, &Warnings),
+) -> Result<Ready> {
+    show("loading", warnings);
+    let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, warnings))?;
+    check_scene(&scene.effects)?;
     if let Some(range) = bring_into_range(&mut scene) {
         warnings.note(match range.scale {
             1.0 => "the scene lies far from the origin; moved to it, to keep its digits",
@@ -174,46 +199,63 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
         scene.lights.extend(headlight(&camera));
         warnings.note("no light in the scene; added a headlight");
     }
+    scene.sampling = arguments.sampling.said().or(scene.sampling);
     let pipeline = colour(arguments).or(scene.colour).unwrap_or_default();
     let numerics = numerics(arguments).or(scene.numerics).unwrap_or_default();
     let choices = Choices {
         shading: shading(arguments),
-        scene: scene.effects,
-        sampling: arguments.sampling.said().or(scene.sampling),
+        scene: std::mem::take(&mut scene.effects),
         with: arguments.with.clone(),
         without: arguments.without.clone(),
+        even_idle: false,
     };
     let projection = arguments.projection().unwrap_or(camera.projection);
     let view = View::new(&camera, projection, size)?;
     let window = picture::window(arguments.crop, size)?;
     let settings = settings(arguments, &camera, projection, size, pipeline, numerics);
 
-    progress.phase("building");
+    show("building", warnings);
     let structure = Structure::Wide(Preset::named(&arguments.bvh).unwrap_or_default());
     let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, structure, numerics));
     let plan = Plan::new(&world, &choices)?;
-    warn_of_the_world(&world, &plan, &choices, &mut warnings);
+    warn_of_the_world(&world, &plan, &choices, warnings);
+    Ok(Ready { world, view, window, plan, pipeline, settings })
+}
+
+fn render_to(command: &Command, target: &Target, interrupted: &AtomicBool) -> Result<()> {
+    let progress = Progress::new(command.progress);
+    let mut warnings = Warnings::default();
+    let mut printer = Printer::default();
+    let with_notes = command.progress != Mode::None;
+    let mut seconds = Seconds::default();
+
+    let ready = make_ready(&command.what, &mut seconds, &mut warnings, &mut |phase, said| {
+        progress.pause(|| printer.print(said, with_notes));
+        progress.phase(phase);
+    })?;
+    let Ready { world, view, window, plan, pipeline, settings, .. } = &ready;
+    let window = *window;
     progress.pause(|| printer.print(&warnings, with_notes));
 
     progress.phase("rendering");
     let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
-    let clock = if arguments.stats.is_some() { Clock::EveryStage } else { Clock::Stopped };
+    let clock = if command.stats.is_some() { Clock::EveryStage } else { Clock::Stopped };
     let (picture, statistics) = timed(&mut seconds.render, || match target {
-        Target::File(_, Format::Exr) => render_as(&world, &view, &plan, window, &watch, clock)
+        Target::File(_, Format::Exr) => render_as(world, view, plan, window, &watch, clock)
             .map(|(film, statistics)| (Picture::Numbers(film), statistics)),
-        _ => render_as(&world, &view, &plan, window, &watch, clock)
-            .map(|(film, statistics)| (Picture::Bytes(film, pipeline), statistics)),
+        _ => render_as(world, view, plan, window, &watch, clock)
+            .map(|(film, statistics)| (Picture::Bytes(film, *pipeline), statistics)),
     })?;
-    warn_of_the_picture(arguments, &world, &statistics, &mut warnings);
+    warn_of_the_picture(&command.what, world, &statistics, &mut warnings);
     progress.clear();
     printer.print(&warnings, with_notes);
 
-    timed(&mut seconds.write, || write(&picture, &settings, target))?;
-    if let Some(file) = &arguments.stats {
-        let report = statistics::to_json(&settings, &seconds, &world, &plan, &statistics, &warnings);
+    timed(&mut seconds.write, || write(&picture, settings, target))?;
+    if let Some(file) = &command.stats {
+        let report = statistics::to_json(settings, &seconds, world, plan, &statistics, &warnings);
         write_whole(file, |out| writeln!(out, "{report:#}"))?;
     }
-    if arguments.strict && !warnings.is_empty() {
+    if command.strict && !warnings.is_empty() {
         return Err(Error::Failed {
             what: format!("{} warning(s), and --strict was given", warnings.messages().len()),
             hint: "the picture was written; mend what the warnings name, or leave --strict out".into(),
@@ -221,7 +263,7 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
     }
     progress.finish(&format!(
         "wrote {} ({} x {}; load {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s)",
-        arguments.output.display(),
+        command.output.display(),
         window.width,
         window.height,
         seconds.load,
@@ -323,7 +365,7 @@ fn warn_of_the_picture(
         warnings
             .push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
     }
-    let primary = statistics.rays(RayKind::Primary);
+    let primary = statistics.rays(RayKind::PRIMARY);
     if primary.hit == 0 {
         warnings.push(format!(
             "nothing is in the picture: none of {} primary rays hits anything; try `--camera auto`",
@@ -331,7 +373,7 @@ fn warn_of_the_picture(
         ));
         return;
     }
-    let shadow = statistics.rays(RayKind::Shadow);
+    let shadow = statistics.rays(RayKind("shadow"));
     if shadow.cast > 0 && shadow.hit == shadow.cast {
         warnings.push("no light reaches anything in the picture: every shadow ray is blocked");
     }

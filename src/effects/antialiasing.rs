@@ -1,19 +1,16 @@
 //! Antialiasing: a pixel is the filtered mean of several samples instead of what its centre sees.
 //!
 //! The stages between [`Scatter`] and [`Gather`] are run as often as it takes, each time with as many rays as a tile has
-//! pixels: one through each pixel while all are sampled, several through each where few are left ([`super::adaptive`]). A
+//! pixels: one through each pixel while all are sampled, several through each where few are left ([`super::effort`]). A
 //! pixel's samples and their order depend on nothing but the pixel.
-
-use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::{Choices, Effect, Stage};
-use super::adaptive::{Adaptive, Groups, displayed_error};
+use super::effort::{Adaptive, Groups, displayed_error};
 use super::random::{Point, Purpose, Scramble};
-use super::tile::{Context, Tile};
+use super::tile::{Context, Tile, vec_bytes};
+use super::{Asked, Effect, Hook, Stage};
 use crate::film::{ColourPipeline, Filter, Window};
-use crate::scene::Sampling;
 use crate::world::{LANES, World, widely};
 
 /// In the registry.
@@ -21,29 +18,25 @@ pub const EFFECT: Effect = Effect {
     name: "antialiasing",
     summary: "a pixel is the filtered mean of several samples, not what its centre sees",
     needs_lights: false,
-    is_shading: false,
-    called_for: |_: &World, choices: &Choices| {
-        let Sampling { samples, filter, filter_radius, noise, .. } = choices.sampling;
-        let asked = samples.is_some_and(|samples| samples > 1)
-            || filter.is_some()
-            || filter_radius.is_some()
-            || noise.is_some()
-            || choices.ask_for("antialiasing")
-            || choices.ask_for("adaptive");
-        if !asked {
-            return Err("one sample a pixel, through its centre".into());
+    rays: &[],
+    value: None,
+    called_for: |world: &World| {
+        let sampling = &world.sampling;
+        if !sampling.is_wanted() {
+            return Err("one sample a pixel, through its centre; --samples asks for more".into());
         }
-        let Sampler { samples, filter, .. } = Sampler::new(&choices.sampling, noise.is_some());
-        let (name, radius) = (filter.shape().name(), filter.radius());
+        let filter = sampling.shape_and_radius();
+        let (samples, name, radius) = (sampling.most_samples(), filter.0.name(), filter.1);
         Ok(format!("{samples} sample(s) a pixel, {name} filter of radius {radius}"))
     },
+    outline: |_, outline| outline.own_rays = true,
+    stages: |asked: &Asked, hook| match hook {
+        Hook::Rays => vec![Box::new(Scatter(Sampler::new(asked)))],
+        Hook::Film => vec![Box::new(Gather(Sampler::new(asked)))],
+        _ => Vec::new(),
+    },
+    bytes: |tile| tile.kept::<Samples>().map_or(0, Samples::bytes),
 };
-
-/// Samples a pixel where a filter is asked for and no number of samples is.
-const USUAL_SAMPLES: u32 = 16;
-
-/// The most samples a pixel where effort is adaptive and no number of samples is given.
-const USUAL_MOST: u32 = 256;
 
 /// How the pixels of a picture are sampled.
 #[derive(Debug, Clone)]
@@ -59,14 +52,15 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// What the settings say, and the usual where they say nothing.
-    pub fn new(sampling: &Sampling, is_adaptive: bool) -> Self {
-        let usual = if is_adaptive { USUAL_MOST } else { USUAL_SAMPLES };
-        let samples = sampling.samples.unwrap_or(usual);
-        let shape = sampling.filter.unwrap_or_default();
-        let filter = Filter::new(shape, sampling.filter_radius.unwrap_or(shape.usual_radius()));
-        let adaptive = is_adaptive.then(|| Adaptive::new(sampling, samples));
-        Sampler { samples, filter, seed: sampling.seed.unwrap_or(0), adaptive }
+    fn new(asked: &Asked) -> Self {
+        let sampling = &asked.world.sampling;
+        let (shape, radius) = sampling.shape_and_radius();
+        Sampler {
+            samples: sampling.most_samples(),
+            filter: Filter::new(shape, radius),
+            seed: sampling.seed.unwrap_or(0),
+            adaptive: asked.outline.adaptive.then(|| Adaptive::new(sampling)),
+        }
     }
 }
 
@@ -207,6 +201,11 @@ impl Samples {
     pub fn taken(&self) -> impl Iterator<Item = u32> + '_ {
         self.sums.iter().map(|sum| sum.taken)
     }
+
+    fn bytes(&self) -> usize {
+        let Samples { sums, groups, live, pass, .. } = self;
+        size_of::<Samples>() + vec_bytes(sums) + vec_bytes(groups) + vec_bytes(live) + size_of_val(&**pass)
+    }
 }
 
 /// The samples of a pixel, added up. In f64, where so many numbers of f32 as a pixel can have add up with no rounding that f32
@@ -247,7 +246,7 @@ impl Sum {
 }
 
 /// Fills level 0 with the rays of the next pass of samples.
-pub struct Scatter(pub Arc<Sampler>);
+pub struct Scatter(Sampler);
 
 impl Stage for Scatter {
     fn name(&self) -> &'static str {
@@ -256,25 +255,25 @@ impl Stage for Scatter {
 
     fn run(&self, tile: &mut Tile, context: &Context) {
         let Some(window) = tile.window else { return };
-        let mut samples = tile.samples.take().unwrap_or_default();
-        if !tile.again {
-            samples.start(window, &self.0);
-        }
-        samples.list(window, &self.0);
-        let Pass { len, x, y, .. } = &*samples.pass;
-        let level = tile.level(0);
-        let precision = context.world.numerics().precision();
-        context.view.rays_through(&x[..*len], &y[..*len], precision, &mut level.lanes);
-        level.lanes.weave(*len, &mut level.rays);
-        level.sources.clear();
-        level.sources.extend(0..level.rays.len() as u32);
-        tile.pixels.clear();
-        tile.samples = Some(samples);
+        tile.with(|samples: &mut Samples, tile| {
+            if !tile.again {
+                samples.start(window, &self.0);
+            }
+            samples.list(window, &self.0);
+            let Pass { len, x, y, .. } = &*samples.pass;
+            let precision = context.world.numerics().precision();
+            let level = tile.level();
+            context.view.rays_through(&x[..*len], &y[..*len], precision, &mut level.lanes);
+            level.lanes.weave(*len, &mut level.rays);
+            level.sources.clear();
+            level.sources.extend(0..*len as u32);
+            tile.pixels.clear();
+        });
     }
 }
 
 /// Adds what the pass saw to the pixels, and gives them their values after the last.
-pub struct Gather(pub Arc<Sampler>);
+pub struct Gather(Sampler);
 
 impl Stage for Gather {
     fn name(&self) -> &'static str {
@@ -282,18 +281,20 @@ impl Stage for Gather {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let Tile { samples: Some(samples), pixels, again, .. } = tile else { return };
         let pipeline = context.world.pipeline;
-        samples.take(pixels);
-        *again = samples.goes_on(&self.0, pipeline);
-        if !*again {
+        tile.with(|samples: &mut Samples, tile| {
+            samples.take(&tile.pixels);
+            tile.again = samples.goes_on(&self.0, pipeline);
+            if tile.again {
+                return;
+            }
             let value = |sum: &Sum| match pipeline {
                 // What a film of 8 bits cannot hold is rounded.
                 ColourPipeline::U8 => pipeline.hold(sum.value(&self.0.filter)),
                 _ => sum.value(&self.0.filter),
             };
-            pixels.clear();
-            pixels.extend(samples.sums.iter().map(|sum| value(sum).as_vec3().to_array()));
-        }
+            tile.pixels.clear();
+            tile.pixels.extend(samples.sums.iter().map(|sum| value(sum).as_vec3().to_array()));
+        });
     }
 }

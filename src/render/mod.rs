@@ -5,7 +5,7 @@
 
 mod statistics;
 
-pub use statistics::{StageTime, Statistics};
+pub use statistics::{Bill, StageTime, Statistics};
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -101,7 +101,7 @@ impl Worker {
     fn new(plan: &Plan) -> Self {
         Worker {
             tile: Tile::default(),
-            times: vec![Default::default(); plan.stages().len()],
+            times: vec![Default::default(); plan.steps().len()],
             non_finite: Vec::new(),
         }
     }
@@ -121,14 +121,13 @@ fn render_tile<P: Pixel>(
     let now = || (clock == Clock::EveryStage).then(Instant::now);
     let mut last = now();
     loop {
-        for (stage, time) in plan.stages().iter().zip(&mut *times) {
-            stage.run(tile, context);
+        plan.run(tile, context, |step| {
             let now = now();
             if let (Some(last), Some(now)) = (last, now) {
-                *time += now - last;
+                times[step] += now - last;
             }
             last = now;
-        }
+        });
         if !tile.again {
             break;
         }

@@ -6,10 +6,11 @@
 use std::path::Path;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use toml::Spanned;
 
 pub use super::colour_value::ColourValue;
+pub use super::effects::{EffectValue, EffectsSection};
 use super::{Numerics, Projection};
 use crate::error::{Error, Place, Result};
 use crate::film::{ColourPipeline, FilterShape};
@@ -50,48 +51,8 @@ pub struct SceneFile {
     pub mesh: Vec<Spanned<MeshSection>>,
     /// Effects turned on or off against what the scene's contents imply.
     #[serde(default)]
-    pub effects: EffectsSection,
-}
-
-/// Effects turned on or off against what the scene's contents imply.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct EffectsSection {
-    /// Whether things in the way of a light take it away.
-    pub shadows: Option<bool>,
-    /// Whether the shadow line of smooth meshes follows their normals.
-    pub terminator: Option<bool>,
-    /// Whether glazed materials mirror their surroundings.
-    pub glaze: Option<bool>,
-    /// Whether pixels take several samples.
-    pub antialiasing: Option<bool>,
-    /// Whether pixels that are certain enough take fewer of them.
-    pub adaptive: Option<bool>,
-}
-
-impl EffectsSection {
-    /// What is said of the effect of this name.
-    pub fn get(&self, name: &str) -> Option<bool> {
-        match name {
-            "shadows" => self.shadows,
-            "terminator" => self.terminator,
-            "glaze" => self.glaze,
-            "antialiasing" => self.antialiasing,
-            "adaptive" => self.adaptive,
-            _ => None,
-        }
-    }
-
-    /// This section's word where it has one, the other's where not.
-    pub fn or(self, other: Self) -> Self {
-        EffectsSection {
-            shadows: self.shadows.or(other.shadows),
-            terminator: self.terminator.or(other.terminator),
-            glaze: self.glaze.or(other.glaze),
-            antialiasing: self.antialiasing.or(other.antialiasing),
-            adaptive: self.adaptive.or(other.adaptive),
-        }
-    }
+    #[schemars(with = "std::collections::BTreeMap<String, EffectValue>")]
+    pub effects: std::collections::BTreeMap<String, Spanned<EffectValue>>,
 }
 
 /// The picture.

@@ -6,6 +6,12 @@ use crate::film::filter::RADII;
 /// The most samples a pixel can have: so many numbers its random sequence has.
 pub const MOST_SAMPLES: u32 = 1 << 16;
 
+/// Samples a pixel where a filter is asked for and no number of samples is.
+const USUAL_SAMPLES: u32 = 16;
+
+/// The most samples a pixel where a level of noise is given and no number of samples is.
+const USUAL_MOST: u32 = 256;
+
 /// The least error that can be asked for: what f32 makes of display values is not much better.
 const LEAST_NOISE: f64 = 1e-6;
 
@@ -37,6 +43,23 @@ impl Sampling {
             min_samples: self.min_samples.or(other.min_samples),
             seed: self.seed.or(other.seed),
         }
+    }
+
+    /// Whether anything is asked for but one sample at each pixel's centre.
+    pub fn is_wanted(&self) -> bool {
+        let Sampling { samples, filter, filter_radius, noise, .. } = self;
+        samples.is_some_and(|n| n > 1) || filter.is_some() || filter_radius.is_some() || noise.is_some()
+    }
+
+    /// Samples a pixel; the most of them where there is a `noise`.
+    pub fn most_samples(&self) -> u32 {
+        self.samples.unwrap_or(if self.noise.is_some() { USUAL_MOST } else { USUAL_SAMPLES })
+    }
+
+    /// The filter's shape and its radius in pixels.
+    pub fn shape_and_radius(&self) -> (FilterShape, f64) {
+        let shape = self.filter.unwrap_or_default();
+        (shape, self.filter_radius.unwrap_or(shape.usual_radius()))
     }
 
     /// A number of samples a pixel; or which there may be.
