@@ -170,10 +170,9 @@ impl Samples {
     fn take(&mut self, colours: &[[f32; 3]]) {
         let Pass { len, pixels, signs, .. } = &*self.pass;
         for ((&pixel, &sign), &colour) in pixels[..*len].iter().zip(signs).zip(colours) {
-            let colour = DVec3::from(colour.map(f64::from));
             self.sums[pixel as usize].add(colour, sign);
             if let Some(groups) = self.groups.get_mut(pixel as usize) {
-                groups.add(colour * sign, sign);
+                groups.add(colour, sign as f32);
             }
         }
     }
@@ -213,18 +212,23 @@ impl Samples {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Sum {
     taken: u32,
+    /// Those that count with a negative sign.
+    negative: u32,
     colours: DVec3,
-    signed: DVec3,
-    signs: f64,
+    of_negative: DVec3,
 }
 
 impl Sum {
     /// Takes in a sample that counts with a sign.
-    pub fn add(&mut self, colour: DVec3, sign: f64) {
+    #[inline(always)]
+    pub fn add(&mut self, colour: [f32; 3], sign: f64) {
+        let colour = DVec3::from(colour.map(f64::from));
         self.taken += 1;
         self.colours += colour;
-        self.signed += colour * sign;
-        self.signs += sign;
+        if sign < 0.0 {
+            self.negative += 1;
+            self.of_negative += colour;
+        }
     }
 
     /// The plain mean of the samples.
@@ -241,7 +245,9 @@ impl Sum {
         if !filter.is_signed() {
             return mean;
         }
-        mean + (self.signed - mean * self.signs) / (f64::from(self.taken) * filter.mean_sign())
+        let (signed, signs) =
+            (self.colours - 2.0 * self.of_negative, f64::from(self.taken) - 2.0 * f64::from(self.negative));
+        mean + (signed - mean * signs) / (f64::from(self.taken) * filter.mean_sign())
     }
 }
 

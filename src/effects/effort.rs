@@ -8,7 +8,7 @@
 //! Graphics, SIGGRAPH 1996, section 3); scrambled Sobol sequences were measured to do the same. Where a
 //! pixel holds more detail than samples, this is up to 1.7 times too sure of itself.
 
-use glam::DVec3;
+use glam::{DVec3, Vec4};
 
 use crate::film::ColourPipeline;
 use crate::scene::Sampling;
@@ -54,52 +54,49 @@ impl Adaptive {
 /// How many groups there are at most; when they are full, two and two become one.
 const GROUPS: usize = 8;
 
-/// The samples of one pixel in groups of one size.
-#[derive(Debug, Clone, Copy)]
+/// The samples of one pixel in groups of one size. In f32, whose rounding is far below any error that is asked for.
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Groups {
-    /// Sums of signed colours and of signs.
-    sums: [(DVec3, f64); GROUPS],
-    /// Samples a group: a power of two.
-    size: u32,
+    /// Sums of signed colours, and of signs.
+    sums: [Vec4; GROUPS],
+    /// Samples a group: 2 to this power.
+    power: u32,
     taken: u32,
 }
 
-impl Default for Groups {
-    fn default() -> Self {
-        Groups { sums: [(DVec3::ZERO, 0.0); GROUPS], size: 1, taken: 0 }
-    }
-}
-
 impl Groups {
-    /// Takes in the next sample.
-    pub fn add(&mut self, signed: DVec3, sign: f64) {
-        if self.taken == self.size * GROUPS as u32 {
-            for i in 0..GROUPS / 2 {
-                let (a, b) = (self.sums[2 * i], self.sums[2 * i + 1]);
-                self.sums[i] = (a.0 + b.0, a.1 + b.1);
-            }
-            self.sums[GROUPS / 2..].fill((DVec3::ZERO, 0.0));
-            self.size *= 2;
+    /// Takes in the next sample, which counts with a sign.
+    #[inline(always)]
+    pub fn add(&mut self, colour: [f32; 3], sign: f32) {
+        if self.taken >> self.power == GROUPS as u32 {
+            self.pair_up();
         }
-        let group = &mut self.sums[(self.taken / self.size) as usize];
-        group.0 += signed;
-        group.1 += sign;
+        let [r, g, b] = colour;
+        self.sums[(self.taken >> self.power) as usize % GROUPS] += Vec4::new(r, g, b, 1.0) * sign;
         self.taken += 1;
+    }
+
+    fn pair_up(&mut self) {
+        for i in 0..GROUPS / 2 {
+            self.sums[i] = self.sums[2 * i] + self.sums[2 * i + 1];
+        }
+        self.sums[GROUPS / 2..].fill(Vec4::ZERO);
+        self.power += 1;
     }
 
     /// The standard error of the mean of all samples, per channel; infinite for fewer than two groups. `mean` is the plain mean of
     /// the samples, `mean_sign` that of their signs in the long run.
     pub fn standard_error(&self, mean: DVec3, mean_sign: f64) -> DVec3 {
-        let full = (self.taken / self.size) as usize;
+        let full = (self.taken >> self.power) as usize;
         if full < 2 {
             return DVec3::INFINITY;
         }
-        let scale = 1.0 / (f64::from(self.size) * mean_sign);
-        let value = |&(signed, signs): &(DVec3, f64)| (signed - mean * signs) * scale;
+        let scale = 1.0 / (f64::from(1 << self.power) * mean_sign);
+        let value = |sum: &Vec4| (sum.truncate().as_dvec3() - mean * f64::from(sum.w)) * scale;
         let groups = &self.sums[..full];
         let count = full as f64;
         let middle = groups.iter().map(value).sum::<DVec3>() / count;
-        let squares: DVec3 = groups.iter().map(|group| (value(group) - middle).powf(2.0)).sum();
+        let squares: DVec3 = groups.iter().map(|group| (value(group) - middle) * (value(group) - middle)).sum();
         // Of independent groups the mean's variance would be theirs over their count; it falls by the power 3/2 where ever more
         // samples of a scrambled Sobol sequence meet edges.
         let variance = squares / ((count - 1.0) * count.powf(1.5));
