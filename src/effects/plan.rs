@@ -54,6 +54,8 @@ pub struct Plan {
     /// What was decided of each effect.
     pub decisions: Vec<Decision>,
     steps: Vec<Step>,
+    /// How many it takes to have the camera's rays.
+    rays_made: usize,
     /// Those of the first level, those of every further one, those on the way back, and those of the film.
     parts: [Range<usize>; 4],
 }
@@ -90,9 +92,12 @@ impl Plan {
         }
         asked.iter_mut().for_each(|(_, own)| own.outline = made);
         let mut list = List { steps: Vec::new(), asked, outline: made };
+        list.add(primary::Primary, None);
+        list.hook(Hook::Rays);
+        let rays_made = list.steps.len();
         let parts = list.fill();
         let steps = list.steps;
-        Plan { shading, decisions, steps, parts }
+        Plan { shading, decisions, steps, rays_made, parts }
     }
 
     /// Does all the work on a tile that was started, and calls `done` with the index of each step that is.
@@ -113,6 +118,11 @@ impl Plan {
             each(back, tile);
         }
         each(film, tile);
+    }
+
+    /// Makes the camera's rays for a tile that was started, and nothing else: on its first level.
+    pub fn camera_rays(&self, tile: &mut Tile, context: &Context) {
+        self.steps[..self.rays_made].iter().for_each(|step| step.stage.run(tile, context));
     }
 
     /// The steps in the order they run; those of further levels run once for each.
@@ -140,8 +150,6 @@ impl List<'_> {
             let start = std::mem::replace(&mut end, list.steps.len());
             start..end
         };
-        self.add(primary::Primary, None);
-        self.hook(Hook::Rays);
         self.level(Depth::First);
         let first = part(self);
         if self.outline.further.is_some() {
