@@ -17,10 +17,11 @@ use crate::film::output::{describe, write_whole};
 use crate::film::write::{Format, Picture, encode, write_picture};
 use crate::film::{ColourPipeline, Window};
 use crate::import;
+use crate::render::aov::{self, LARGEST_NUMBER, Subject, Wanted};
 use crate::render::{Clock, Statistics, Watch, render_as};
 use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
-use crate::world::{View, World, bring_into_range, headlight};
+use crate::world::{Range, View, World, bring_into_range, headlight};
 
 /// What there is to see, and how: what every command that makes pictures is told.
 #[derive(Args)]
@@ -75,6 +76,10 @@ pub struct Command {
     /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+    /// What else to keep of each pixel, as layers of an .exr: depth, position, normal, geometric-normal, albedo, object,
+    /// material, primitive, samples, node-tests, effects (what each of them adds), or all
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    aov: Vec<String>,
     /// How to show progress, on standard error
     #[arg(long, value_enum, default_value = "auto")]
     progress: Mode,
@@ -155,6 +160,11 @@ pub fn check(arguments: &Arguments) -> Result<()> {
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     check(&command.what)?;
     let target = Target::new(&command.output)?;
+    let wanted = Wanted::new(&command.aov)?;
+    if !command.aov.is_empty() && !matches!(target, Target::File(_, Format::Exr)) {
+        let what = format!("{}: only .exr has layers for --aov", command.output.display());
+        return Err(Error::usage(what, "name a file that ends in .exr"));
+    }
     if let Some(file) = &command.stats {
         if same_file(file, &command.output) {
             let what = format!("{}: both the picture and its statistics", file.display());
@@ -163,12 +173,14 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         check_folder(file)?;
     }
     let pool = super::pool(command.what.threads)?;
-    pool.install(|| render_to(command, &target, interrupted))
+    pool.install(|| render_to(command, &target, &wanted, interrupted))
 }
 
 /// A scene that is ready for its picture.
 pub struct Ready {
     pub world: World,
+    /// How the scene was moved before it was prepared.
+    pub range: Option<Range>,
     pub view: View,
     pub window: Window,
     pub plan: Plan,
@@ -188,7 +200,8 @@ pub fn make_ready(
     show("loading", warnings);
     let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, warnings))?;
     check_scene(&scene.effects)?;
-    if let Some(range) = bring_into_range(&mut scene) {
+    let range = bring_into_range(&mut scene);
+    if let Some(range) = &range {
         warnings.note(match range.scale {
             1.0 => "the scene lies far from the origin; moved to it, to keep its digits",
             _ => "the scene's size is beyond what f32 holds well; scaled by a power of two",
@@ -219,10 +232,10 @@ pub fn make_ready(
     let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, structure, numerics));
     let plan = Plan::new(&world, &choices)?;
     warn_of_the_world(&world, &plan, &choices, warnings);
-    Ok(Ready { world, view, window, plan, pipeline, settings })
+    Ok(Ready { world, range, view, window, plan, pipeline, settings })
 }
 
-fn render_to(command: &Command, target: &Target, interrupted: &AtomicBool) -> Result<()> {
+fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &AtomicBool) -> Result<()> {
     let progress = Progress::new(command.progress);
     let mut warnings = Warnings::default();
     let mut printer = Printer::default();
@@ -233,7 +246,7 @@ fn render_to(command: &Command, target: &Target, interrupted: &AtomicBool) -> Re
         progress.pause(|| printer.print(said, with_notes));
         progress.phase(phase);
     })?;
-    let Ready { world, view, window, plan, pipeline, settings, .. } = &ready;
+    let Ready { world, range, view, window, plan, pipeline, settings } = &ready;
     let window = *window;
     progress.pause(|| printer.print(&warnings, with_notes));
 
@@ -241,11 +254,19 @@ fn render_to(command: &Command, target: &Target, interrupted: &AtomicBool) -> Re
     let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
     let clock = if command.stats.is_some() { Clock::EveryStage } else { Clock::Stopped };
     let (picture, statistics) = timed(&mut seconds.render, || match target {
-        Target::File(_, Format::Exr) => render_as(world, view, plan, window, &watch, clock)
-            .map(|(film, statistics)| (Picture::Numbers(film), statistics)),
+        Target::File(_, Format::Exr) => {
+            render_as(world, view, plan, window, &watch, clock).and_then(|(film, statistics)| {
+                let subject = Subject { world, range: *range, view, plan, window, film: &film };
+                let channels = aov::channels(&subject, wanted, &watch)?;
+                Ok((Picture::Numbers(film, channels), statistics))
+            })
+        }
         _ => render_as(world, view, plan, window, &watch, clock)
             .map(|(film, statistics)| (Picture::Bytes(film, *pipeline), statistics)),
     })?;
+    if wanted.has_primitives() && world.primitive_count() > LARGEST_NUMBER {
+        warnings.push(format!("--aov primitive: numbers above {LARGEST_NUMBER} are rounded"));
+    }
     warn_of_the_picture(&command.what, world, &statistics, &mut warnings);
     progress.clear();
     printer.print(&warnings, with_notes);

@@ -1,7 +1,9 @@
 //! Adaptive effort: a pixel whose value is certain enough is sampled no further ([`super::effort`]).
 
-use super::effort::Adaptive;
-use super::{Effect, Outline};
+use super::effort::{Adaptive, Groups, displayed_error};
+use super::samples::{Sampler, Samples};
+use super::tile::{Context, Tile, vec_bytes};
+use super::{Asked, Effect, Hook, Outline, Stage};
 use crate::world::World;
 
 /// In the registry.
@@ -19,10 +21,63 @@ pub const EFFECT: Effect = Effect {
         if floor == most {
             return Err(format!("every pixel takes {most} sample(s) anyway"));
         }
-        Ok(format!("noise {level}, {floor} to {most} samples a pixel"))
+        Ok(format!("`noise` {level}, {floor} to {most} samples a pixel"))
     },
     outline: |_, outline: &mut Outline| outline.adaptive = true,
-    stages: |_, _| Vec::new(),
-    // What it needs is kept with the samples.
-    bytes: |_| 0,
+    stages: |asked: &Asked, hook| match hook {
+        Hook::Film => {
+            let adaptive = Adaptive::new(&asked.world.sampling);
+            vec![Box::new(Judge { sampler: Sampler::new(asked), adaptive })]
+        }
+        _ => Vec::new(),
+    },
+    bytes: |tile| tile.kept::<Buffers>().map_or(0, |Buffers { groups }| vec_bytes(groups)),
 };
+
+/// The samples of each pixel in groups.
+#[derive(Default)]
+struct Buffers {
+    groups: Vec<Groups>,
+}
+
+/// After each pass, takes it in; after each round, lets go of the pixels that are done.
+struct Judge {
+    sampler: Sampler,
+    adaptive: Adaptive,
+}
+
+impl Stage for Judge {
+    fn name(&self) -> &'static str {
+        "adaptive"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &Context) {
+        if !tile.again {
+            return;
+        }
+        let pipeline = context.world.pipeline;
+        let (sampler, adaptive) = (&self.sampler, &self.adaptive);
+        tile.with(|Buffers { groups }, tile| {
+            tile.with(|samples: &mut Samples, tile| {
+                if samples.is_first_pass() {
+                    groups.clear();
+                    groups.resize(samples.pixels(), Groups::default());
+                }
+                for (pixel, sign, &colour) in samples.seen(&tile.pixels) {
+                    groups[pixel].add(colour, sign as f32);
+                }
+                if !samples.is_round_done() {
+                    return;
+                }
+                let mean_sign = sampler.filter.mean_sign();
+                samples.go_on_where(adaptive.next_look(samples.round_end(), sampler.samples), |pixel, sum| {
+                    let error = groups[pixel].standard_error(sum.mean(), mean_sign);
+                    displayed_error(sum.value(&sampler.filter), error, pipeline) > adaptive.level
+                });
+                if samples.is_over() {
+                    samples.finish(tile, sampler, pipeline);
+                }
+            });
+        });
+    }
+}

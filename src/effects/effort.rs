@@ -30,7 +30,8 @@ impl Adaptive {
     pub fn new(sampling: &Sampling) -> Self {
         let most = sampling.most_samples();
         Adaptive {
-            level: sampling.noise.unwrap_or(0.0),
+            // Below 0 there is no error.
+            level: sampling.noise.unwrap_or(-1.0),
             floor: sampling.min_samples.unwrap_or(USUAL_FLOOR).min(most),
         }
     }
@@ -96,7 +97,8 @@ impl Groups {
         let groups = &self.sums[..full];
         let count = full as f64;
         let middle = groups.iter().map(value).sum::<DVec3>() / count;
-        let squares: DVec3 = groups.iter().map(|group| (value(group) - middle) * (value(group) - middle)).sum();
+        let squares: DVec3 =
+            groups.iter().map(|group| (value(group) - middle) * (value(group) - middle)).sum();
         // Of independent groups the mean's variance would be theirs over their count; it falls by the power 3/2 where ever more
         // samples of a scrambled Sobol sequence meet edges.
         let variance = squares / ((count - 1.0) * count.powf(1.5));

@@ -2,13 +2,26 @@
 //!
 //! The assignment's report: a ray from the point along `r = d - 2 N (d.N)`; if it hits something of colour C_I, the
 //! surface's colour becomes `own_weight * C + weight * C_I`; if it hits nothing, the colour stays as it is.
+//!
+//! # When a path stops
+//! After its bounces, and before where going on could not show. The colour of a surface that a path has come to counts in its
+//! pixel by the product W of the weights on the way. Not sending a ray from there changes it by at most the largest colour M around
+//! (both weights are 0 to 1), and the pixel by at most W M. A path stops where W < 2^-53, half the step of f64 at white:
+//! then W M is no more than the sum's own rounding does for colours up to white, and for lights a million times as bright it is
+//! 2^-33, where the steps of eight bits are 2^-8 apart in `display` and 2^-11.7 (1 / (255 * 12.92)) or more in `linear`, the
+//! sRGB curve being steepest at black. Between sum and steps the film rounds to f32, so eight bits can change only if the f64 sum
+//! lies within W M of one of 255 numbers, those halfway between the two f32 beside a step: for colours up to white that is a chance of
+//! 2^-44 a channel. The f32 of an EXR can differ by a step, with a chance of 2^-28 for colours around white and more for darker ones;
+//! `--with glaze=every-bounce` never stops. In `u8` every mixing rounds, and a rounding can carry the least change on, so
+//! there paths do not stop.
 
 use std::ops::Range;
 
 use glam::DVec3;
 
 use super::tile::{Context, Level, Tile, vec_bytes};
-use super::{Asked, Depth, Effect, Further, Hook, RayKind, Stage, named};
+use super::{Asked, Depth, Effect, Further, Hook, RayKind, Stage, Value, named};
+use crate::film::ColourPipeline;
 use crate::geometry::{Precision, Ray};
 use crate::scene::Glaze;
 use crate::world::{LANES, Lanes, LoweredMaterial, RayLanes, Surface, Surfaces, World, widely};
@@ -24,7 +37,13 @@ pub const EFFECT: Effect = Effect {
     summary: "glazed materials mirror what is around them",
     needs_lights: false,
     rays: &[RAYS],
-    value: None,
+    value: Some(Value {
+        meaning: "rule for stopping",
+        check: |value| match value {
+            EVERY_BOUNCE => Ok(()),
+            _ => Err(format!("only `{EVERY_BOUNCE}` is one")),
+        },
+    }),
     called_for: |world: &World| {
         let glazed = world.materials_in_use().filter(|(_, material)| mirror(material).is_some());
         let names: Vec<&str> = glazed.map(|(name, _)| name).collect();
@@ -35,17 +54,35 @@ pub const EFFECT: Effect = Effect {
         outline.further = Some(Further { kind: RAYS, hits: "glaze hits", effect: NAME });
     },
     stages: |asked: &Asked, hook| match hook {
-        Hook::AfterShading(Depth::First) => vec![Box::new(Reflect)],
-        Hook::AfterShading(Depth::Further) if most_bounces(asked.world) > 1 => vec![Box::new(Reflect)],
+        Hook::AfterShading(Depth::Further) if most_bounces(asked.world) < 2 => Vec::new(),
+        Hook::AfterShading(_) => vec![Box::new(Reflect { least: least_weight(asked) })],
         Hook::AfterLevels => vec![Box::new(Combine)],
         _ => Vec::new(),
     },
     bytes: |tile| {
         let levels: usize = tile.levels.iter().skip(1).map(Level::bytes).sum();
-        levels
-            + tile.kept::<Buffers>().map_or(0, |Buffers { glazed }| size_of::<Buffers>() + vec_bytes(glazed))
+        let own = tile.kept::<Buffers>().map_or(0, |Buffers { glazed, weights, next_weights }| {
+            size_of::<Buffers>() + vec_bytes(glazed) + vec_bytes(weights) + vec_bytes(next_weights)
+        });
+        levels + own
     },
 };
+
+/// The value that lets paths go on to their last bounce.
+const EVERY_BOUNCE: &str = "every-bounce";
+
+/// A path of less weight stops: half the step of f64 at 1.
+const LEAST_WEIGHT: f64 = f64::EPSILON / 2.0;
+
+/// The weight below which paths stop; 0 where none does.
+fn least_weight(asked: &Asked) -> f64 {
+    let world = asked.world;
+    let weights = world.materials_in_use().filter_map(|(_, material)| Some(mirror(material)?.weight));
+    // Of the path to the last surface that could send a ray.
+    let least = weights.fold(0.0, f64::max).powf(f64::from(most_bounces(world).saturating_sub(1)));
+    let never = asked.value.is_some() || world.pipeline == ColourPipeline::U8 || least >= LEAST_WEIGHT;
+    if never { 0.0 } else { LEAST_WEIGHT }
+}
 
 /// The mirror over a material, where there is anything to see in it.
 fn mirror(material: &LoweredMaterial) -> Option<&Glaze> {
@@ -67,10 +104,17 @@ fn most_bounces(world: &World) -> u32 {
 struct Buffers {
     /// Where the surfaces that send rays out are, side by side.
     glazed: Vec<Range<usize>>,
+    /// For each ray of the level, the weight that what it sees has in its pixel; there where paths can stop by it.
+    weights: Vec<f64>,
+    /// The same for the next level.
+    next_weights: Vec<f64>,
 }
 
 /// Sends mirrored rays out from the glazed surfaces of a level, onto the next one.
-struct Reflect;
+struct Reflect {
+    /// Paths of less weight stop.
+    least: f64,
+}
 
 impl Stage for Reflect {
     fn name(&self) -> &'static str {
@@ -78,11 +122,12 @@ impl Stage for Reflect {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        tile.with(|own: &mut Buffers, tile| reflect(&mut own.glazed, tile, context.world));
+        tile.with(|own: &mut Buffers, tile| reflect(own, self.least, tile, context.world));
     }
 }
 
-fn reflect(glazed: &mut Vec<Range<usize>>, tile: &mut Tile, world: &World) {
+fn reflect(own: &mut Buffers, least: f64, tile: &mut Tile, world: &World) {
+    let glazed = &mut own.glazed;
     let (depth, surfaces) = (tile.depth, &tile.levels[tile.depth].surfaces);
     glazed.clear();
     for (material, range) in surfaces.by_material() {
@@ -118,6 +163,13 @@ fn reflect(glazed: &mut Vec<Range<usize>>, tile: &mut Tile, world: &World) {
             ),
         };
     }
+    if least > 0.0 {
+        if depth == 0 {
+            own.weights.clear();
+            own.weights.resize(LANES, 1.0);
+        }
+        stop_light_paths(own, least, surfaces, sources, world);
+    }
     if !all_leave {
         for &source in &*sources {
             let source = source as usize;
@@ -130,6 +182,28 @@ fn reflect(glazed: &mut Vec<Range<usize>>, tile: &mut Tile, world: &World) {
         }
     }
     lanes.weave(sources.len(), rays);
+}
+
+/// Takes those surfaces out of `sources` whose colours count too little in their pixels to be mixed with anything.
+fn stop_light_paths(
+    own: &mut Buffers,
+    least: f64,
+    surfaces: &Surfaces,
+    sources: &mut Vec<u32>,
+    world: &World,
+) {
+    let Buffers { weights, next_weights, .. } = own;
+    next_weights.clear();
+    sources.retain(|&source| {
+        let path = weights[surfaces.ray_of()[source as usize] as usize];
+        let material = &world.materials[surfaces.materials()[source as usize] as usize];
+        let goes_on = path >= least;
+        if goes_on {
+            next_weights.push(path * mirror(material).map_or(0.0, |glaze| glaze.weight));
+        }
+        goes_on
+    });
+    std::mem::swap(weights, next_weights);
 }
 
 /// The mirrored rays of the surfaces in `range`, also where they point into them; whether none does.

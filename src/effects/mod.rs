@@ -15,6 +15,7 @@ mod local;
 mod plan;
 mod primary;
 pub mod random;
+pub mod samples;
 pub mod tile;
 mod visible;
 
@@ -171,16 +172,20 @@ pub enum Hook {
     Film,
 }
 
-/// What calls for an effect: things of a kind, by name. `None` for none.
+/// What calls for an effect: things of a kind, the first few by name. `None` for none.
 pub fn named(kind: &str, names: &[&str]) -> Option<String> {
-    let quoted: Vec<String> = names.iter().take(3).map(|name| format!("`{name}`")).collect();
-    match names.len() {
-        0 => None,
-        1 => Some(format!("{kind} {}", quoted[0])),
-        many if many > quoted.len() => {
-            Some(format!("{kind}s {} and {} more", quoted.join(", "), many - quoted.len()))
+    let mut shown: Vec<&str> = Vec::new();
+    for name in names {
+        if shown.len() < 3 && !shown.contains(name) {
+            shown.push(name);
         }
-        _ => Some(format!("{kind}s {}", quoted.join(", "))),
+    }
+    let quoted = shown.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    match names.len() - shown.len() {
+        _ if names.is_empty() => None,
+        0 if shown.len() == 1 => Some(format!("{kind} {quoted}")),
+        0 => Some(format!("{kind}s {quoted}")),
+        more => Some(format!("{kind}s {quoted} and {more} more")),
     }
 }
 
@@ -222,6 +227,7 @@ mod tests {
         assert_eq!(named("light", &[]), None);
         assert_eq!(named("light", &["a"]).unwrap(), "light `a`");
         assert_eq!(named("light", &["a", "b"]).unwrap(), "lights `a`, `b`");
+        assert_eq!(named("light", &["a", "a", "b"]).unwrap(), "lights `a`, `b` and 1 more");
         assert_eq!(named("light", &["a", "b", "c", "d", "e"]).unwrap(), "lights `a`, `b`, `c` and 2 more");
     }
 

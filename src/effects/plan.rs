@@ -7,6 +7,7 @@ use super::{
     Asked, Depth, EFFECTS, Effect, Hook, Outline, RayKind, Stage, Value, film, leave, local, primary, visible,
 };
 use crate::error::{Error, Result};
+use crate::film::Window;
 use crate::scene::file::{EffectsSection, nearest_name};
 use crate::shading::ShadingMode;
 use crate::world::World;
@@ -56,6 +57,8 @@ pub struct Plan {
     pub shading: ShadingMode,
     /// What was decided of each effect.
     pub decisions: Vec<Decision>,
+    /// Whether an effect makes the camera's rays.
+    own_rays: bool,
     steps: Vec<Step>,
     /// Those of the first level, those of every further one, those on the way back, and those of the film.
     parts: [Range<usize>; 4],
@@ -72,7 +75,7 @@ impl Plan {
         check_scene(&choices.scene)?;
         let mut decisions: Vec<Decision> =
             EFFECTS.iter().map(|effect| decide(effect, world, choices)).collect();
-        for (effect, base) in BUILDS_ON {
+        for (effect, base) in BUILDS_ON.iter().filter(|_| !choices.even_idle) {
             let stands = decisions.iter().any(|d| d.effect == *base && d.on);
             for decision in decisions.iter_mut().filter(|d| d.effect == *effect && d.on && !stands) {
                 (decision.on, decision.why) = (false, format!("there is no {base}"));
@@ -102,9 +105,13 @@ impl Plan {
         }
         asked.iter_mut().for_each(|(_, own)| own.outline = made);
         let mut list = List { steps: Vec::new(), asked, outline: made };
+        if !made.own_rays {
+            list.add(primary::Primary, None);
+        }
+        list.hook(Hook::Rays);
         let parts = list.fill();
         let steps = list.steps;
-        Plan { shading, decisions, steps, parts }
+        Plan { shading, decisions, own_rays: made.own_rays, steps, parts }
     }
 
     /// Does all the work on a tile that was started, and calls `done` with the index of each step that is.
@@ -125,6 +132,24 @@ impl Plan {
             each(back, tile);
         }
         each(film, tile);
+    }
+
+    /// Makes the rays through the centres of a tile's pixels, and nothing else, whatever rays the picture takes: on the first level
+    /// of a tile that was started.
+    pub fn centre_rays(&self, tile: &mut Tile, context: &Context) {
+        primary::Primary.run(tile, context);
+    }
+
+    /// Finds how many samples each pixel of a tile takes: by taking them, where it is not one.
+    pub fn samples(&self, tile: &mut Tile, context: &Context, window: Window) -> Vec<u32> {
+        tile.start(window);
+        if self.own_rays {
+            self.run(tile, context, |_| {});
+            while tile.again {
+                self.run(tile, context, |_| {});
+            }
+        }
+        if tile.taken.is_empty() { vec![1; window.area()] } else { tile.taken.clone() }
     }
 
     /// The steps in the order they run; those of further levels run once for each.
@@ -152,10 +177,6 @@ impl List<'_> {
             let start = std::mem::replace(&mut end, list.steps.len());
             start..end
         };
-        if !self.outline.own_rays {
-            self.add(primary::Primary, None);
-        }
-        self.hook(Hook::Rays);
         self.level(Depth::First);
         let first = part(self);
         if self.outline.further.is_some() {

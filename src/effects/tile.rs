@@ -76,6 +76,8 @@ pub struct Tile {
     pub pixels: Vec<[f32; 3]>,
     /// Whether the stages are to be run again, for further samples.
     pub again: bool,
+    /// How many samples each of the finished pixels took; empty where it is one.
+    pub taken: Vec<u32>,
     /// What traversals need and count.
     pub traversal: Traversal,
     /// Rays cast and rays that hit, by kind; no entry for kinds of which none was.
@@ -106,6 +108,7 @@ impl Tile {
         self.window = Some(window);
         self.depth = 0;
         self.again = false;
+        self.taken.clear();
         self.pixels.clear();
     }
 

@@ -149,7 +149,11 @@ fn profile(shape: FilterShape, x: f64) -> f64 {
         FilterShape::Gaussian => (-4.5 * x * x).exp() - (-4.5f64).exp(),
         FilterShape::Mitchell => {
             let t = 2.0 * x;
-            if t < 1.0 { (7.0 * t - 12.0) * t * t + 16.0 / 3.0 } else { (2.0 - t).powi(2) * (8.0 - 7.0 * t) / 3.0 }
+            if t < 1.0 {
+                (7.0 * t - 12.0) * t * t + 16.0 / 3.0
+            } else {
+                (2.0 - t).powi(2) * (8.0 - 7.0 * t) / 3.0
+            }
         }
     }
 }

@@ -3,6 +3,7 @@
 //! The whole way from a tile to its pixels is `render_tile`. Every pixel depends on nothing but its own rays, so the
 //! picture is the same to the bit for any number of threads, any order of tiles and any part of the picture.
 
+pub mod aov;
 mod statistics;
 
 pub use statistics::{Bill, StageTime, Statistics};

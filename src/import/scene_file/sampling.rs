@@ -24,7 +24,11 @@ impl Builder<'_> {
         Ok(Sampling {
             samples,
             filter: image.filter,
-            filter_radius: self.held(image.filter_radius.as_ref(), "filter_radius", Sampling::check_radius)?,
+            filter_radius: self.held(
+                image.filter_radius.as_ref(),
+                "filter_radius",
+                Sampling::check_radius,
+            )?,
             noise: self.held(image.noise.as_ref(), "noise", Sampling::check_noise)?,
             min_samples,
             seed: image.seed,
@@ -39,8 +43,8 @@ impl Builder<'_> {
         check: impl Fn(T) -> std::result::Result<U, String>,
     ) -> Result<Option<U>> {
         let Some(value) = value else { return Ok(None) };
-        check(*value.get_ref()).map(Some).map_err(|hint| {
-            self.error(value.span().start, format!("`{key}` is {}", value.get_ref()), &hint)
-        })
+        check(*value.get_ref())
+            .map(Some)
+            .map_err(|hint| self.error(value.span().start, format!("`{key}` is {}", value.get_ref()), &hint))
     }
 }
