@@ -225,7 +225,8 @@ pub fn make_ready(
     let projection = arguments.projection().unwrap_or(camera.projection);
     let view = View::new(&camera, projection, size)?;
     let window = picture::window(arguments.crop, size)?;
-    let settings = settings(arguments, &camera, projection, size, pipeline, numerics);
+    let mut settings = settings(arguments, &camera, projection, size, pipeline, numerics);
+    settings.extend(scene.sampling.settings());
 
     show("building", warnings);
     let structure = Structure::Wide(Preset::named(&arguments.bvh).unwrap_or_default());

@@ -62,6 +62,22 @@ impl Sampling {
         (shape, self.filter_radius.unwrap_or(shape.usual_radius()))
     }
 
+    /// What made a picture of more than its pixels' centres, for its metadata; nothing for others.
+    pub fn settings(&self) -> Vec<(String, String)> {
+        if !self.is_wanted() {
+            return Vec::new();
+        }
+        let (shape, radius) = self.shape_and_radius();
+        let mut settings = vec![
+            ("kiln:samples".to_owned(), self.most_samples().to_string()),
+            ("kiln:filter".into(), format!("{} {radius}", shape.name())),
+            ("kiln:seed".into(), self.seed.unwrap_or(0).to_string()),
+        ];
+        settings.extend(self.noise.map(|level| ("kiln:noise".into(), level.to_string())));
+        settings.extend(self.min_samples.map(|least| ("kiln:min-samples".into(), least.to_string())));
+        settings
+    }
+
     /// A number of samples a pixel; or which there may be.
     ///
     /// # Errors
