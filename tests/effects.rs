@@ -214,6 +214,40 @@ fn values_are_checked() {
     assert!(error("glaze=never").0.contains("`never` cannot be the rule for stopping of `glaze`"));
 }
 
+#[test]
+fn a_scene_file_is_told_of_unknown_effects_with_their_line() {
+    let error = |said: &str| {
+        let text = format!("[effects]\nshadows = true\n{said}\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n");
+        let effects = parse(&text).effects;
+        let error = kiln::effects::check_scene(&effects).expect_err("it is no effect");
+        (error.to_string().rsplit('/').next().unwrap_or_default().to_owned(), error.hint().to_owned())
+    };
+    assert_eq!(
+        error("glaez = true"),
+        ("scene.toml:3: unknown key `glaez`".into(), "did you mean `glaze`?".into())
+    );
+    let (what, _) = error("terminator = 16");
+    assert_eq!(what, "scene.toml:3: `terminator` takes no value, and `16` was given");
+}
+
+/// What a scene file says counts, unless the user says otherwise; a value comes along.
+#[test]
+fn the_users_word_comes_before_the_scenes() {
+    let text = "[effects]\nglaze = 'every-bounce'\nshadows = false\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = 'm'\n\
+                [material.m]\ncolour = '#ffffff'\nglaze = {}\n[[light]]\ntype = 'point'\nposition = [5, 5, 5]\n\
+                [[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n";
+    let prepared = prepare(parse(text), [8, 8], Numerics::Watertight);
+    let decide = |with: &[&str]| {
+        let with = with.iter().map(|&name| name.into()).collect();
+        let choices = Choices { scene: prepared.scene_effects.clone(), with, ..Choices::default() };
+        let decisions = Plan::new(&prepared.world, &choices).expect("a plan").decisions;
+        let of = |name: &str| decisions.iter().find(|d| d.effect == name).cloned().expect("one of each");
+        [of("glaze"), of("shadows")].map(|d| (d.on, d.value))
+    };
+    assert_eq!(decide(&[]), [(true, Some("every-bounce".into())), (false, None)]);
+    assert_eq!(decide(&["shadows"]), [(true, Some("every-bounce".into())), (true, None)]);
+}
+
 /// `scenes/effects/make` writes the page and the pictures.
 #[test]
 fn the_page_shows_every_effect() {

@@ -38,8 +38,8 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let threads = command.what.threads.or(command.measure.then_some(1));
     let (ready, costs) = super::pool(threads)?.install(|| {
         let (mut warnings, mut printer) = (Warnings::default(), Printer::default());
-        let ready =
-            render::make_ready(&command.what, &mut Seconds::default(), &mut warnings, &mut |_, _| {})?;
+        let mut show = |_: &str, said: &Warnings| printer.print(said, true);
+        let ready = render::make_ready(&command.what, &mut Seconds::default(), &mut warnings, &mut show)?;
         printer.print(&warnings, true);
         let Ready { world, view, window, plan, .. } = &ready;
         let rounds = command.rounds.into();
@@ -98,8 +98,10 @@ fn part_of<'a>(costs: &'a Costs, decision: &Decision) -> Option<&'a Part> {
 
 fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
     let mut text = String::new();
+    let width =
+        2 + decisions.iter().map(|decision| decision.effect.len()).max().unwrap_or(0).max("effect".len());
     let mut line = |name: &str, on: &str, numbers: &str, why: &str| {
-        let row = format!("{name:<12}{on:<5}{numbers}{why}");
+        let row = format!("{name:<width$}{on:<5}{numbers}{why}");
         let _ = writeln!(text, "{}", row.trim_end());
     };
     let blank = if costs.is_some() { " ".repeat(WIDTH) } else { String::new() };
@@ -131,7 +133,7 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
 }
 
 /// The width of all columns of numbers.
-const WIDTH: usize = 58;
+const WIDTH: usize = 12 + 11 + 9 + 12 + 12 + 2;
 
 fn row([rays, ms, share, bytes, alone]: [&str; 5]) -> String {
     format!("{rays:>12}{ms:>11}{share:>9}{bytes:>12}{alone:>12}  ")

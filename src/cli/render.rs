@@ -199,6 +199,7 @@ pub fn make_ready(
 ) -> Result<Ready> {
     show("loading", warnings);
     let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, warnings))?;
+    show("preparing", warnings);
     check_scene(&scene.effects)?;
     let range = bring_into_range(&mut scene);
     if let Some(range) = &range {

@@ -12,7 +12,7 @@ pixels = picture.read_image("float")
 channels = {name: pixels[:, :, i].astype(numpy.float64) for i, name in enumerate(spec.channelnames)}
 print(spec.width, "x", spec.height, picture.format_name(), ", ".join(spec.channelnames))
 assert not picture.seek_subimage(1, 0), "one part"
-assert {spec.channelformat(i) for i in range(spec.nchannels)} == {oiio.FLOAT}
+assert all(str(spec.channelformat(i)) == "float" for i in range(spec.nchannels))
 
 
 def layer(name, letters):
