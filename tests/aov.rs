@@ -4,11 +4,15 @@ mod common;
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 use assert_cmd::Command;
-use common::picture::{load, prepare};
+use common::picture::{Prepared, load, prepare};
 use common::repository;
-use kiln::render::aov::AOVS;
+use kiln::effects::{Choices, Plan};
+use kiln::error::Error;
+use kiln::render::Watch;
+use kiln::render::aov::{self, AOVS, Subject, Wanted};
 use kiln::scene::Numerics;
 use kiln::shading::{ShadingMode, shade};
 
@@ -151,6 +155,27 @@ fn the_picture_itself_stays_the_same() {
     let (plain, all) = (channels(&plain), render("assignment", "all", folder.path()));
     for letter in ["R", "G", "B"] {
         assert_eq!(plain[letter], all[letter]);
+    }
+}
+
+#[test]
+fn what_nobody_asks_for_is_not_worked_on() {
+    let prepared = prepare(load(&repository("scenes/effects/glaze.toml")), SIZE, Numerics::Watertight);
+    let plan = Plan::new(&prepared.world, &Choices::default()).expect("a plan");
+    let film = prepared.render(Choices::default()).0;
+    let Prepared { world, view, .. } = &prepared;
+    let subject = Subject { world, range: None, view, plan: &plan, window: film.window(), film: &film };
+    // Any work would see that it is to stop.
+    let watch = Watch { cancel: &AtomicBool::new(true), progress: &|_, _| {} };
+    let wanted =
+        |names: &[&str]| Wanted::new(&names.iter().map(|&n| n.into()).collect::<Vec<_>>()).expect("names");
+    assert!(aov::channels(&subject, &wanted(&[]), &watch).is_ok_and(|channels| channels.is_empty()));
+    for name in ["depth", "effects"] {
+        assert_eq!(
+            aov::channels(&subject, &wanted(&[name]), &watch).err(),
+            Some(Error::Interrupted),
+            "{name}"
+        );
     }
 }
 

@@ -585,6 +585,17 @@ fn statistics_are_json_with_the_documented_fields() {
     assert_eq!((&stats["threads"], &stats["primitives"]), (&2.into(), &1.into()));
     assert_eq!(stats["non_finite_pixels"], 0);
     assert_eq!(stats["effects"]["shadows"]["on"], true);
+    // The bill of each effect, and the stages that it is made of.
+    for (effect, is_on) in [("shadows", true), ("terminator", false), ("glaze", false)] {
+        for key in ["stages", "rays", "bytes", "thread_seconds"] {
+            let figure = stats["effects"][effect][key].as_f64();
+            let fits = if is_on { figure > Some(0.0) } else { figure == Some(0.0) };
+            assert!(fits, "{effect} {key}: {figure:?}");
+        }
+        let stages = stats["stages"].as_array().expect("a list");
+        assert_eq!(stages.iter().any(|stage| stage["effect"] == effect), is_on, "{effect}");
+        assert!(stats["effects"][effect]["why"].is_string(), "{effect}");
+    }
     // Nothing is glazed, so nothing mirrors: no stage, no ray.
     assert_eq!(
         (&stats["effects"]["glaze"]["on"], &stats["rays"]["glaze"]["cast"]),

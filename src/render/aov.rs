@@ -183,7 +183,10 @@ pub struct Subject<'a> {
 /// # Errors
 /// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory.
 pub fn channels(subject: &Subject, wanted: &Wanted, watch: &Watch) -> Result<Vec<Channel>> {
-    let mut channels = geometry(subject, &wanted.aovs, watch)?;
+    let mut channels = Vec::new();
+    if !wanted.aovs.is_empty() {
+        channels.extend(geometry(subject, &wanted.aovs, watch)?);
+    }
     if wanted.effects {
         channels.extend(shares(subject, watch)?);
     }
