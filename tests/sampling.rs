@@ -28,7 +28,7 @@ type Integrand = (Box<dyn Fn(f64, f64) -> f64>, f64);
 
 fn edge(numbers: &mut Numbers) -> Integrand {
     // Never along an axis, which the formula does not have.
-    let (angle, d) = ((numbers.unit() + 1e-3) * 6.28, 0.6 * numbers.signed());
+    let (angle, d) = ((numbers.unit() + 1e-3) * std::f64::consts::TAU, 0.6 * numbers.signed());
     let (a, b) = (angle.cos(), angle.sin());
     (Box::new(move |x, y| f64::from(u8::from(a * x + b * y < d))), area(a, b, d))
 }
@@ -41,7 +41,8 @@ fn smooth(numbers: &mut Numbers) -> Integrand {
 
 /// A fine texture: a few waves a pixel.
 fn texture(numbers: &mut Numbers) -> Integrand {
-    let (a, b, phase) = (numbers.unit() * 12.0 + 1.0, numbers.unit() * 12.0 + 1.0, numbers.unit() * 6.3);
+    let (a, b, phase) =
+        (numbers.unit() * 12.0 + 1.0, numbers.unit() * 12.0 + 1.0, numbers.unit() * std::f64::consts::TAU);
     let along = |a: f64| 2.0 * (a / 2.0).sin() / a;
     (Box::new(move |x, y| (a * x + b * y + phase).sin()), phase.sin() * along(a) * along(b))
 }
