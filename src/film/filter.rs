@@ -65,7 +65,9 @@ pub struct Filter {
     radius: f64,
     /// What half of the filter's absolute value lies within, in equal steps from 0 to 1, in pixels.
     quantiles: Box<[f32; STEPS + 1]>,
-    /// The integral of the absolute value, along one axis.
+    /// The integral of [`profile`] along one axis, in pixels.
+    integral: f64,
+    /// The integral of the absolute value of the filter, along one axis.
     absolute: f64,
     /// From how far on it is negative, in pixels.
     turns_at: f64,
@@ -82,7 +84,8 @@ impl Filter {
             FilterShape::Mitchell => ZERO_OF_MITCHELL * radius,
             _ => f64::INFINITY,
         };
-        Filter { shape, radius, quantiles, absolute: half / half_integral(shape), turns_at }
+        let plain = half_integral(shape);
+        Filter { shape, radius, quantiles, integral: 2.0 * plain * radius, absolute: half / plain, turns_at }
     }
 
     /// Its shape.
@@ -97,7 +100,7 @@ impl Filter {
 
     /// The filter at a distance from the centre along one axis, in pixels.
     pub fn value(&self, x: f64) -> f64 {
-        profile(self.shape, (x / self.radius).abs()) / (2.0 * half_integral(self.shape) * self.radius)
+        profile(self.shape, (x / self.radius).abs()) / self.integral
     }
 
     /// Whether some of its weights are negative.
