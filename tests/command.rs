@@ -166,6 +166,12 @@ fn wrong_usage_is_2() {
         ("render scene.toml -o a.png --view side", "invalid value 'side'", "possible values"),
         ("render scene.toml -o a.png --shading fong", "invalid value 'fong'", "phong"),
         ("render scene.toml -o a.png --view iso --camera front", "cannot be used with", ""),
+        ("render scene.toml -o a.png --filter mitchel", "invalid value 'mitchel'", "'mitchell'"),
+        ("render scene.toml -o a.png --filter-radius 99", "give a radius in pixels from 0.01 to 32", ""),
+        ("render scene.toml -o a.png --samples 0", "give a number of samples from 1 to 65536", ""),
+        ("render scene.toml -o a.png --samples 65537", "give a number of samples from 1 to 65536", ""),
+        ("render scene.toml -o a.png --noise 2", "give a standard error from 0.000001 to 1", ""),
+        ("render scene.toml -o a.png --noise NaN", "give a standard error from 0.000001 to 1", ""),
         (
             "render scene.toml -o a.gif",
             "a.gif: not a picture format that can be written",
@@ -216,7 +222,17 @@ fn inputs_that_cannot_be_used_are_3() {
     workshop.write("bad.stl", "solid");
     workshop.write("empty.obj", "");
     std::fs::create_dir(workshop.path("folder.obj")).expect("a folder can be made");
+    workshop.write("filter.toml", "[image]\nfilter = 'gausian'\n");
+    workshop.write("samples.toml", "[image]\n\nsamples = 70000\n");
+    workshop.write("floor.toml", "[image]\nsamples = 8\nmin_samples = 16\n");
+    workshop.write("noise.toml", "[image]\nnoise = 0\n");
+    workshop.write("radius.toml", "[image]\nfilter_radius = -1\n");
     for (input, error, hint) in [
+        ("filter.toml", "filter.toml:2: unknown value `gausian`", "did you mean `gaussian`?"),
+        ("samples.toml", "samples.toml:3: `samples` is 70000", "give a number of samples from 1 to 65536"),
+        ("floor.toml", "floor.toml:3: `min_samples` is 16, and `samples` 8", "at most as many"),
+        ("noise.toml", "noise.toml:2: `noise` is 0", "give a standard error from 0.000001 to 1"),
+        ("radius.toml", "radius.toml:2: `filter_radius` is -1", "give a radius in pixels from 0.01 to 32"),
         ("gone.obj", "gone.obj: no such file", "check the name and the folder"),
         ("folder.obj", "folder.obj: is a folder", "name a file in it"),
         ("bad.toml", "bad.toml:2: unknown key `widht`", "did you mean `width`?"),
@@ -324,6 +340,7 @@ fn pictures_say_what_made_them() {
         let chunk = reader.info().utf8_text.iter().find(|chunk| chunk.keyword == key);
         chunk.map(|chunk| chunk.get_text().expect("it is UTF-8"))
     };
+    assert_eq!(said("kiln:samples"), None);
     for (key, value) in [
         ("kiln:camera", "above"),
         ("kiln:inputs", "scene.toml"),
@@ -568,6 +585,17 @@ fn statistics_are_json_with_the_documented_fields() {
     assert_eq!((&stats["threads"], &stats["primitives"]), (&2.into(), &1.into()));
     assert_eq!(stats["non_finite_pixels"], 0);
     assert_eq!(stats["effects"]["shadows"]["on"], true);
+    // The bill of each effect, and the stages that it is made of.
+    for (effect, is_on) in [("shadows", true), ("terminator", false), ("glaze", false)] {
+        for key in ["stages", "rays", "bytes", "thread_seconds"] {
+            let figure = stats["effects"][effect][key].as_f64();
+            let fits = if is_on { figure > Some(0.0) } else { figure == Some(0.0) };
+            assert!(fits, "{effect} {key}: {figure:?}");
+        }
+        let stages = stats["stages"].as_array().expect("a list");
+        assert_eq!(stages.iter().any(|stage| stage["effect"] == effect), is_on, "{effect}");
+        assert!(stats["effects"][effect]["why"].is_string(), "{effect}");
+    }
     // Nothing is glazed, so nothing mirrors: no stage, no ray.
     assert_eq!(
         (&stats["effects"]["glaze"]["on"], &stats["rays"]["glaze"]["cast"]),

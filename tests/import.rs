@@ -1163,7 +1163,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
     (
         "[material.a]\ncolour = '#000000'\nglaze = { bounces = 20000000 }\n",
         "1: the glaze of `a` asks for 20000000 bounces",
-        "at most 64",
+        "at most 4096",
     ),
     ("[image]\nwidth = 4000000000\nheight = 3\n", "1: a picture of 4000000000 x 3 pixels", "at most 65535"),
     (

@@ -13,7 +13,7 @@ use common::places::{FAMILIES, Family};
 use common::{Numbers, picture};
 use glam::{DMat4, DVec2, DVec3};
 use kiln::bvh::{Preset, Structure, Traversal};
-use kiln::effects::Choices;
+use kiln::effects::{Choices, RayKind};
 use kiln::film::ColourPipeline;
 use kiln::geometry::{Numerics, PrimId, Ray};
 use kiln::scene::{
@@ -284,7 +284,8 @@ fn pictures_are_those_of_the_copies() {
         let [(shared, statistics), (copied, _)] = [shared, copied].map(|p| p.render(Choices::default()));
         assert!(bits(&shared, size) == bits(&copied, size), "{}", numerics.name());
         // Shadows, the shadow line and the mirror are in it.
-        assert!(statistics.rays.iter().all(|count| count.hit > 0), "{:?}", statistics.rays);
+        let hits = ["primary", "shadow", "glaze"].map(|kind| statistics.rays(RayKind(kind)).hit);
+        assert!(hits.iter().all(|&hits| hits > 0), "{:?}", statistics.rays);
         seen.push(bits(&shared, size));
     }
     assert!(seen[0].iter().any(|pixel| *pixel != seen[0][0]));

@@ -4,11 +4,13 @@
 //! usage, 3 an input cannot be used, 4 output cannot be written, 130 and 143 interrupted.
 
 mod bench;
+mod explain;
 mod info;
 mod interrupt;
 mod picture;
 mod progress;
 mod render;
+mod sampling;
 mod statistics;
 
 use std::io::Write;
@@ -16,8 +18,8 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
+use crate::effects;
 use crate::error::{Error, Result, Warnings};
-use crate::scene::file::SceneFile;
 
 #[derive(Parser)]
 #[command(
@@ -35,7 +37,9 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     /// Render a picture
-    Render(Box<render::Arguments>),
+    Render(Box<render::Command>),
+    /// Say which effects a picture takes, why, and what each of them costs
+    Explain(Box<explain::Command>),
     /// Say what files hold, how large it is, and what is odd about it
     Info(info::Arguments),
     /// Measure kiln: leaks beside other libraries, cost and errors of its tiers
@@ -64,9 +68,10 @@ pub fn main() -> ExitCode {
     let interrupted = interrupt::install();
     let result = std::panic::catch_unwind(|| match arguments.command {
         Command::Render(arguments) => render::run(&arguments, interrupted),
+        Command::Explain(arguments) => explain::run(&arguments, interrupted),
         Command::Info(arguments) => info::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments, interrupted),
-        Command::Schema => print(&format!("{:#}\n", SceneFile::schema())),
+        Command::Schema => print(&format!("{:#}\n", effects::schema())),
         Command::Completions { shell } => {
             let mut text = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "kiln", &mut text);

@@ -7,28 +7,28 @@ use std::time::Instant;
 use clap::Args;
 
 use super::progress::{Mode, Progress};
+use super::sampling::SamplingArguments;
 use super::statistics::{self, Seconds};
 use super::{Printer, picture};
 use crate::bvh::{Preset, Structure};
-use crate::effects::{Choices, Plan, RayKind, check_names};
+use crate::effects::{Choices, Plan, RayKind, check_names, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::{describe, write_whole};
 use crate::film::write::{Format, Picture, encode, write_picture};
 use crate::film::{ColourPipeline, Window};
 use crate::import;
+use crate::render::aov::{self, LARGEST_NUMBER, Subject, Wanted};
 use crate::render::{Clock, Statistics, Watch, render_as};
 use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
-use crate::world::{View, World, bring_into_range, headlight};
+use crate::world::{Range, View, World, bring_into_range, headlight};
 
+/// What there is to see, and how: what every command that makes pictures is told.
 #[derive(Args)]
 pub struct Arguments {
     /// Files to put into one scene: .toml, .obj, .gltf, .glb; `-` for a scene file or GLB on standard input
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
-    /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output
-    #[arg(short, long, value_name = "OUT")]
-    output: PathBuf,
     /// A camera of the scene by name or by number, or `auto` for one that fits
     #[arg(long, value_name = "NAME|INDEX|auto")]
     pub camera: Option<String>,
@@ -46,7 +46,7 @@ pub struct Arguments {
     pub crop: Option<Window>,
     /// Threads to work on [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    threads: Option<u16>,
+    pub threads: Option<u16>,
     /// How exactly it is decided what a ray hits [default: the scene's, or watertight]
     #[arg(long, value_name = "TIER", value_parser = ["fast", "watertight", "double", "exact"])]
     numerics: Option<String>,
@@ -56,6 +56,8 @@ pub struct Arguments {
     /// How far shading goes; below `phong` that term is shown alone, without effects
     #[arg(long, value_parser = ["flat", "ambient", "diffuse", "phong"], default_value = "phong")]
     shading: String,
+    #[command(flatten)]
+    sampling: SamplingArguments,
     /// Have an effect that would be off; may be given several times
     #[arg(long, value_name = "EFFECT")]
     with: Vec<String>,
@@ -65,6 +67,19 @@ pub struct Arguments {
     /// The numbers light is added up in [default: the scene's, or linear]
     #[arg(long, value_parser = ["display", "u8", "linear"])]
     colour: Option<String>,
+}
+
+#[derive(Args)]
+pub struct Command {
+    #[command(flatten)]
+    what: Arguments,
+    /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// What else to keep of each pixel, as layers of an .exr: depth, position, normal, geometric-normal, albedo, object,
+    /// material, primitive, samples, node-tests, effects (what each of them adds), or all
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    aov: Vec<String>,
     /// How to show progress, on standard error
     #[arg(long, value_enum, default_value = "auto")]
     progress: Mode,
@@ -133,34 +148,61 @@ fn check_folder(output: &Path) -> Result<()> {
     Ok(())
 }
 
-pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
-    check_names(arguments.with.iter().chain(&arguments.without))?;
+/// Whether names and inputs are such as can be used at all.
+pub fn check(arguments: &Arguments) -> Result<()> {
+    check_names(&arguments.with, &arguments.without)?;
     if arguments.inputs.iter().filter(|input| *input == Path::new("-")).count() > 1 {
         return Err(Error::usage("standard input can be read once", "give `-` once"));
     }
-    let target = Target::new(&arguments.output)?;
-    if let Some(file) = &arguments.stats {
-        if same_file(file, &arguments.output) {
+    Ok(())
+}
+
+pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+    check(&command.what)?;
+    let target = Target::new(&command.output)?;
+    let wanted = Wanted::new(&command.aov)?;
+    if !command.aov.is_empty() && !matches!(target, Target::File(_, Format::Exr)) {
+        let what = format!("{}: only .exr has layers for --aov", command.output.display());
+        return Err(Error::usage(what, "name a file that ends in .exr"));
+    }
+    if let Some(file) = &command.stats {
+        if same_file(file, &command.output) {
             let what = format!("{}: both the picture and its statistics", file.display());
             return Err(Error::usage(what, "give --stats another file than --output"));
         }
         check_folder(file)?;
     }
-    let pool = super::pool(arguments.threads)?;
-    pool.install(|| render_to(arguments, &target, interrupted))
+    let pool = super::pool(command.what.threads)?;
+    pool.install(|| render_to(command, &target, &wanted, interrupted))
 }
 
-fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -> Result<()> {
-    let progress = Progress::new(arguments.progress);
-    let mut warnings = Warnings::default();
-    let mut printer = Printer::default();
-    let with_notes = arguments.progress != Mode::None;
-    let mut seconds = Seconds::default();
+/// A scene that is ready for its picture.
+pub struct Ready {
+    pub world: World,
+    /// How the scene was moved before it was prepared.
+    pub range: Option<Range>,
+    pub view: View,
+    pub window: Window,
+    pub plan: Plan,
+    pub pipeline: ColourPipeline,
+    /// What made the picture.
+    pub settings: Vec<(String, String)>,
+}
 
-    progress.phase("loading");
-    let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, &mut warnings))?;
-    progress.pause(|| printer.print(&warnings, with_notes));
-    if let Some(range) = bring_into_range(&mut scene) {
+/// Reads the inputs and prepares all that a picture of them takes; `show` is called with what is done next, and with what
+/// there is to say of what was done.
+pub fn make_ready(
+    arguments: &Arguments,
+    seconds: &mut Seconds,
+    warnings: &mut Warnings,
+    show: &mut dyn FnMut(&str, &Warnings),
+) -> Result<Ready> {
+    show("loading", warnings);
+    let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, warnings))?;
+    show("preparing", warnings);
+    check_scene(&scene.effects)?;
+    let range = bring_into_range(&mut scene);
+    if let Some(range) = &range {
         warnings.note(match range.scale {
             1.0 => "the scene lies far from the origin; moved to it, to keep its digits",
             _ => "the scene's size is beyond what f32 holds well; scaled by a power of two",
@@ -171,45 +213,72 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
         scene.lights.extend(headlight(&camera));
         warnings.note("no light in the scene; added a headlight");
     }
+    scene.sampling = arguments.sampling.said().or(scene.sampling);
     let pipeline = colour(arguments).or(scene.colour).unwrap_or_default();
     let numerics = numerics(arguments).or(scene.numerics).unwrap_or_default();
     let choices = Choices {
         shading: shading(arguments),
-        scene: scene.effects,
+        scene: std::mem::take(&mut scene.effects),
         with: arguments.with.clone(),
         without: arguments.without.clone(),
+        even_idle: false,
     };
     let projection = arguments.projection().unwrap_or(camera.projection);
     let view = View::new(&camera, projection, size)?;
     let window = picture::window(arguments.crop, size)?;
-    let settings = settings(arguments, &camera, projection, size, pipeline, numerics);
+    let mut settings = settings(arguments, &camera, projection, size, pipeline, numerics);
+    settings.extend(scene.sampling.settings());
 
-    progress.phase("building");
+    show("building", warnings);
     let structure = Structure::Wide(Preset::named(&arguments.bvh).unwrap_or_default());
     let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, structure, numerics));
     let plan = Plan::new(&world, &choices)?;
-    warn_of_the_world(&world, &plan, &choices, &mut warnings);
+    warn_of_the_world(&world, &plan, &choices, warnings);
+    Ok(Ready { world, range, view, window, plan, pipeline, settings })
+}
+
+fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &AtomicBool) -> Result<()> {
+    let progress = Progress::new(command.progress);
+    let mut warnings = Warnings::default();
+    let mut printer = Printer::default();
+    let with_notes = command.progress != Mode::None;
+    let mut seconds = Seconds::default();
+
+    let ready = make_ready(&command.what, &mut seconds, &mut warnings, &mut |phase, said| {
+        progress.pause(|| printer.print(said, with_notes));
+        progress.phase(phase);
+    })?;
+    let Ready { world, range, view, window, plan, pipeline, settings } = &ready;
+    let window = *window;
     progress.pause(|| printer.print(&warnings, with_notes));
 
     progress.phase("rendering");
     let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
-    let clock = if arguments.stats.is_some() { Clock::EveryStage } else { Clock::Stopped };
+    let clock = if command.stats.is_some() { Clock::EveryStage } else { Clock::Stopped };
     let (picture, statistics) = timed(&mut seconds.render, || match target {
-        Target::File(_, Format::Exr) => render_as(&world, &view, &plan, window, &watch, clock)
-            .map(|(film, statistics)| (Picture::Numbers(film), statistics)),
-        _ => render_as(&world, &view, &plan, window, &watch, clock)
-            .map(|(film, statistics)| (Picture::Bytes(film, pipeline), statistics)),
+        Target::File(_, Format::Exr) => {
+            render_as(world, view, plan, window, &watch, clock).and_then(|(film, statistics)| {
+                let subject = Subject { world, range: *range, view, plan, window, film: &film };
+                let channels = aov::channels(&subject, wanted, &watch)?;
+                Ok((Picture::Numbers(film, channels), statistics))
+            })
+        }
+        _ => render_as(world, view, plan, window, &watch, clock)
+            .map(|(film, statistics)| (Picture::Bytes(film, *pipeline), statistics)),
     })?;
-    warn_of_the_picture(arguments, &world, &statistics, &mut warnings);
+    if wanted.has_primitives() && world.primitive_count() > LARGEST_NUMBER {
+        warnings.push(format!("--aov primitive: numbers above {LARGEST_NUMBER} are rounded"));
+    }
+    warn_of_the_picture(&command.what, world, &statistics, &mut warnings);
     progress.clear();
     printer.print(&warnings, with_notes);
 
-    timed(&mut seconds.write, || write(&picture, &settings, target))?;
-    if let Some(file) = &arguments.stats {
-        let report = statistics::to_json(&settings, &seconds, &world, &plan, &statistics, &warnings);
+    timed(&mut seconds.write, || write(&picture, settings, target))?;
+    if let Some(file) = &command.stats {
+        let report = statistics::to_json(settings, &seconds, world, plan, &statistics, &warnings);
         write_whole(file, |out| writeln!(out, "{report:#}"))?;
     }
-    if arguments.strict && !warnings.is_empty() {
+    if command.strict && !warnings.is_empty() {
         return Err(Error::Failed {
             what: format!("{} warning(s), and --strict was given", warnings.messages().len()),
             hint: "the picture was written; mend what the warnings name, or leave --strict out".into(),
@@ -217,7 +286,7 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
     }
     progress.finish(&format!(
         "wrote {} ({} x {}; load {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s)",
-        arguments.output.display(),
+        command.output.display(),
         window.width,
         window.height,
         seconds.load,
@@ -319,7 +388,7 @@ fn warn_of_the_picture(
         warnings
             .push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
     }
-    let primary = statistics.rays(RayKind::Primary);
+    let primary = statistics.rays(RayKind::PRIMARY);
     if primary.hit == 0 {
         warnings.push(format!(
             "nothing is in the picture: none of {} primary rays hits anything; try `--camera auto`",
@@ -327,7 +396,7 @@ fn warn_of_the_picture(
         ));
         return;
     }
-    let shadow = statistics.rays(RayKind::Shadow);
+    let shadow = statistics.rays(RayKind("shadow"));
     if shadow.cast > 0 && shadow.hit == shadow.cast {
         warnings.push("no light reaches anything in the picture: every shadow ray is blocked");
     }

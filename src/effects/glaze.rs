@@ -2,38 +2,118 @@
 //!
 //! The assignment's report: a ray from the point along `r = d - 2 N (d.N)`; if it hits something of colour C_I, the
 //! surface's colour becomes `own_weight * C + weight * C_I`; if it hits nothing, the colour stays as it is.
+//!
+//! # When a path stops
+//! After its bounces, and before where going on could not show. The colour of a surface that a path has come to counts in its
+//! pixel by the product W of the weights on the way. Not sending a ray from there changes it by at most the largest colour M around
+//! (both weights are 0 to 1), and the pixel by at most W M. A path stops where W < 2^-53, half the step of f64 at white:
+//! then W M is no more than the sum's own rounding does for colours up to white, and for lights a million times as bright it is
+//! 2^-33, where the steps of eight bits are 2^-8 apart in `display` and 2^-11.7 (1 / (255 * 12.92)) or more in `linear`, the
+//! sRGB curve being steepest at black. Between sum and steps the film rounds to f32, so eight bits can change only if the f64 sum
+//! lies within W M of one of 255 numbers, those halfway between the two f32 beside a step: for colours up to white that is a chance of
+//! 2^-44 a channel. The f32 of an EXR can differ by a step, with a chance of 2^-28 for colours around white and more for darker ones;
+//! `--with glaze=every-bounce` never stops. In `u8` every mixing rounds, and a rounding can carry the least change on, so
+//! there paths do not stop.
+
+use std::ops::Range;
 
 use glam::DVec3;
 
-use super::tile::{Context, Level, Tile};
-use super::{Effect, Stage};
+use super::tile::{Context, Level, Tile, vec_bytes};
+use super::{Asked, Depth, Effect, Further, Hook, RayKind, Stage, Value, named};
+use crate::film::ColourPipeline;
 use crate::geometry::{Precision, Ray};
-use crate::world::{Lanes, RayLanes, Surface, Surfaces, World, widely};
+use crate::scene::Glaze;
+use crate::world::{LANES, Lanes, LoweredMaterial, RayLanes, Surface, Surfaces, World, widely};
+
+const NAME: &str = "glaze";
+
+/// Mirrored by a glazed surface.
+const RAYS: RayKind = RayKind(NAME);
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
-    name: "glaze",
+    name: NAME,
     summary: "glazed materials mirror what is around them",
     needs_lights: false,
+    rays: &[RAYS],
+    value: Some(Value {
+        meaning: "rule for stopping",
+        check: |value| match value {
+            EVERY_BOUNCE => Ok(()),
+            _ => Err(format!("only `{EVERY_BOUNCE}` is one")),
+        },
+    }),
     called_for: |world: &World| {
-        let glazed =
-            world.materials.iter().filter(|m| m.glaze().is_some_and(|g| g.bounces > 0 && g.weight > 0.0));
-        match glazed.count() {
-            0 => Err("no material is glazed".into()),
-            n => Ok(format!("{n} glazed material(s)")),
-        }
+        let glazed = world.materials_in_use().filter(|(_, material)| mirror(material).is_some());
+        let names: Vec<&str> = glazed.map(|(name, _)| name).collect();
+        named("material", &names).ok_or_else(|| "no object is of a glazed material".into())
+    },
+    outline: |asked, outline| {
+        outline.leaving = outline.leaving.max(most_bounces(asked.world));
+        outline.further = Some(Further { kind: RAYS, hits: "glaze hits", effect: NAME });
+    },
+    stages: |asked: &Asked, hook| match hook {
+        Hook::AfterShading(Depth::Further) if most_bounces(asked.world) < 2 => Vec::new(),
+        Hook::AfterShading(_) => vec![Box::new(Reflect { least: least_weight(asked) })],
+        Hook::AfterLevels => vec![Box::new(Combine)],
+        _ => Vec::new(),
+    },
+    bytes: |tile| {
+        let levels: usize = tile.levels.iter().skip(1).map(Level::bytes).sum();
+        let own = tile.kept::<Buffers>().map_or(0, |Buffers { glazed, weights, next_weights }| {
+            size_of::<Buffers>() + vec_bytes(glazed) + vec_bytes(weights) + vec_bytes(next_weights)
+        });
+        levels + own
     },
 };
 
+/// The value that lets paths go on to their last bounce.
+const EVERY_BOUNCE: &str = "every-bounce";
+
+/// A path of less weight stops: half the step of f64 at 1.
+const LEAST_WEIGHT: f64 = f64::EPSILON / 2.0;
+
+/// The weight below which paths stop; 0 where none does.
+fn least_weight(asked: &Asked) -> f64 {
+    let world = asked.world;
+    let weights = world.materials_in_use().filter_map(|(_, material)| Some(mirror(material)?.weight));
+    // Of the path to the last surface that could send a ray.
+    let least = weights.fold(0.0, f64::max).powf(f64::from(most_bounces(world).saturating_sub(1)));
+    let never = asked.value.is_some() || world.pipeline == ColourPipeline::U8 || least >= LEAST_WEIGHT;
+    if never { 0.0 } else { LEAST_WEIGHT }
+}
+
+/// The mirror over a material, where there is anything to see in it.
+fn mirror(material: &LoweredMaterial) -> Option<&Glaze> {
+    material.glaze().filter(|glaze| glaze.bounces > 0 && glaze.weight > 0.0)
+}
+
 /// The most bounces that any material asks for.
-pub fn most_bounces(world: &World) -> u32 {
-    world.materials.iter().filter_map(|m| m.glaze()).map(|g| g.bounces).max().unwrap_or(0)
+fn most_bounces(world: &World) -> u32 {
+    world
+        .materials_in_use()
+        .filter_map(|(_, material)| mirror(material))
+        .map(|glaze| glaze.bounces)
+        .max()
+        .unwrap_or(0)
+}
+
+/// What sending rays out takes.
+#[derive(Default)]
+struct Buffers {
+    /// Where the surfaces that send rays out are, side by side.
+    glazed: Vec<Range<usize>>,
+    /// For each ray of the level, the weight that what it sees has in its pixel; there where paths can stop by it.
+    weights: Vec<f64>,
+    /// The same for the next level.
+    next_weights: Vec<f64>,
 }
 
 /// Sends mirrored rays out from the glazed surfaces of a level, onto the next one.
-pub struct Reflect {
-    /// Which level.
-    pub from: usize,
+struct Reflect {
+    /// Paths of less weight stop.
+    least: f64,
 }
 
 impl Stage for Reflect {
@@ -42,49 +122,101 @@ impl Stage for Reflect {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let precision = context.world.numerics().precision();
-        tile.level(self.from + 1);
-        let (before, after) = tile.levels.split_at_mut(self.from + 1);
-        let (level, next) = (&before[self.from], &mut after[0]);
-        let Level { surfaces, origins, .. } = level;
-        let Level { sources, rays, lanes, .. } = next;
-        let all_leave = match precision {
-            Precision::Single => widely(
-                #[inline(always)]
-                || mirrored_rays(surfaces, origins, Precision::Single, lanes),
-            ),
-            Precision::Double => widely(
-                #[inline(always)]
-                || mirrored_rays(surfaces, origins, Precision::Double, lanes),
-            ),
-        };
-        sources.clear();
-        for (material, range) in surfaces.by_material() {
-            let glaze = context.world.materials[*material as usize].glaze();
-            if glaze.is_some_and(|glaze| self.from < glaze.bounces as usize && glaze.weight > 0.0) {
-                sources.extend(range.start as u32..range.end as u32);
-            }
-        }
-        if !all_leave {
-            for &source in &*sources {
-                let source = source as usize;
-                lanes.set(source, &mirrored_ray(origins.get(source), &surfaces.get(source), precision));
-            }
-        }
-        if sources.len() < surfaces.len() {
-            for (to, &from) in sources.iter().enumerate() {
-                lanes.set(to, &lanes.get(from as usize));
-            }
-        }
-        lanes.weave(sources.len(), rays);
+        tile.with(|own: &mut Buffers, tile| reflect(own, self.least, tile, context.world));
     }
 }
 
-/// The mirrored rays of all surfaces, also where they point into them; whether none does.
-#[inline(always)]
-fn mirrored_rays(surfaces: &Surfaces, origins: &Lanes, precision: Precision, rays: &mut RayLanes) -> bool {
+fn reflect(own: &mut Buffers, least: f64, tile: &mut Tile, world: &World) {
+    let glazed = &mut own.glazed;
+    let (depth, surfaces) = (tile.depth, &tile.levels[tile.depth].surfaces);
+    glazed.clear();
+    for (material, range) in surfaces.by_material() {
+        if mirror(&world.materials[*material as usize]).is_some_and(|glaze| depth < glaze.bounces as usize) {
+            match glazed.last_mut() {
+                Some(last) if last.end == range.start => last.end = range.end,
+                _ => glazed.push(range.clone()),
+            }
+        }
+    }
+    if glazed.is_empty() && tile.levels.len() == depth + 1 {
+        // Nothing is sent out, and no level was.
+        return;
+    }
+    let precision = world.numerics().precision();
+    let (level, next) = tile.this_and_next();
+    let Level { surfaces, origins, .. } = level;
+    let Level { sources, rays, lanes, .. } = next;
+    sources.clear();
+    rays.clear();
+    let Some(origins) = origins else { return };
     let mut all_leave = true;
-    for i in 0..surfaces.len() {
+    for range in &*glazed {
+        sources.extend(range.start as u32..range.end as u32);
+        all_leave &= match precision {
+            Precision::Single => widely(
+                #[inline(always)]
+                || mirrored_rays(surfaces, range, origins, Precision::Single, lanes),
+            ),
+            Precision::Double => widely(
+                #[inline(always)]
+                || mirrored_rays(surfaces, range, origins, Precision::Double, lanes),
+            ),
+        };
+    }
+    if least > 0.0 {
+        if depth == 0 {
+            own.weights.clear();
+            own.weights.resize(LANES, 1.0);
+        }
+        stop_light_paths(own, least, surfaces, sources, world);
+    }
+    if !all_leave {
+        for &source in &*sources {
+            let source = source as usize;
+            lanes.set(source, &mirrored_ray(origins.get(source), &surfaces.get(source), precision));
+        }
+    }
+    if sources.len() < surfaces.len() {
+        for (to, &from) in sources.iter().enumerate() {
+            lanes.set(to, &lanes.get(from as usize));
+        }
+    }
+    lanes.weave(sources.len(), rays);
+}
+
+/// Takes those surfaces out of `sources` whose colours count too little in their pixels to be mixed with anything.
+fn stop_light_paths(
+    own: &mut Buffers,
+    least: f64,
+    surfaces: &Surfaces,
+    sources: &mut Vec<u32>,
+    world: &World,
+) {
+    let Buffers { weights, next_weights, .. } = own;
+    next_weights.clear();
+    sources.retain(|&source| {
+        let path = weights[surfaces.ray_of()[source as usize] as usize];
+        let material = &world.materials[surfaces.materials()[source as usize] as usize];
+        let goes_on = path >= least;
+        if goes_on {
+            next_weights.push(path * mirror(material).map_or(0.0, |glaze| glaze.weight));
+        }
+        goes_on
+    });
+    std::mem::swap(weights, next_weights);
+}
+
+/// The mirrored rays of the surfaces in `range`, also where they point into them; whether none does.
+#[inline(always)]
+fn mirrored_rays(
+    surfaces: &Surfaces,
+    range: &Range<usize>,
+    origins: &Lanes,
+    precision: Precision,
+    rays: &mut RayLanes,
+) -> bool {
+    let mut all_leave = true;
+    for i in range.start..range.end.min(LANES) {
         let mirrored = mirrored(surfaces.view.get(i), surfaces.shading_normal.get(i));
         let ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
         rays.set(i, &ray);
@@ -99,10 +231,7 @@ fn mirrored(view: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// Mixes what mirrored rays saw into the surfaces that sent them.
-pub struct Combine {
-    /// The level of those surfaces.
-    pub into: usize,
-}
+struct Combine;
 
 impl Stage for Combine {
     fn name(&self) -> &'static str {
@@ -110,8 +239,7 @@ impl Stage for Combine {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let (before, after) = tile.levels.split_at_mut(self.into + 1);
-        let (level, next): (&mut Level, &Level) = (&mut before[self.into], &after[0]);
+        let (level, next) = tile.this_and_next();
         for (i, &ray) in next.surfaces.ray_of().iter().enumerate() {
             let source = next.sources[ray as usize] as usize;
             let material = level.surfaces.materials()[source] as usize;

@@ -84,6 +84,15 @@ impl ColourPipeline {
         self.hold(a * weight_a + b * weight_b)
     }
 
+    /// What a display shows of one channel, from 0 to 1, before it is rounded to 8 bits.
+    #[inline]
+    pub fn displayed(self, c: f64) -> f64 {
+        match self {
+            ColourPipeline::Linear => srgb_encode(c).clamp(0.0, 1.0),
+            ColourPipeline::Display | ColourPipeline::U8 => c.clamp(0.0, 1.0),
+        }
+    }
+
     /// The 8-bit display values of a film value.
     #[inline]
     pub fn encode(self, rgb: [f32; 3]) -> [u8; 3] {

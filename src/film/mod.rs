@@ -3,11 +3,13 @@
 //! Render fills it, writers read it. It knows nothing of scenes or rays.
 
 pub mod colour;
+pub mod filter;
 pub mod output;
 mod pages;
 pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
+pub use filter::{Filter, FilterShape};
 
 use pages::Pages;
 

@@ -3,7 +3,9 @@
 use std::io::{Seek, Write};
 use std::path::Path;
 
-use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, Text, WritableImage};
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text, WritableImage,
+};
 
 use super::output::write_whole;
 use super::{ColourPipeline, Film};
@@ -46,8 +48,16 @@ pub type Metadata = [(String, String)];
 pub enum Picture {
     /// 8-bit display values, to be written as PNG or JPEG, with the pipeline that they come from.
     Bytes(Film<[u8; 3]>, ColourPipeline),
-    /// The film's own numbers, to be written as OpenEXR.
-    Numbers(Film),
+    /// The film's own numbers, to be written as OpenEXR, and channels beside them.
+    Numbers(Film, Vec<Channel>),
+}
+
+/// A channel beside the picture's own: a number for each pixel, row by row from the top.
+pub struct Channel {
+    /// Its name: `LAYER.CHANNEL`, as OpenEXR has it.
+    pub name: String,
+    /// Its values.
+    pub values: Vec<f32>,
 }
 
 /// Writes a picture to `file`, whole or not at all.
@@ -71,7 +81,7 @@ pub fn encode(
     match picture {
         Picture::Bytes(film, _) if format == Format::Jpeg => write_jpeg(film, out),
         Picture::Bytes(film, pipeline) => write_png(film, *pipeline, metadata, out),
-        Picture::Numbers(film) => write_exr(film, metadata, out),
+        Picture::Numbers(film, more) => write_exr(film, more, metadata, out),
     }
 }
 
@@ -113,12 +123,13 @@ fn write_jpeg(film: &Film<[u8; 3]>, out: &mut dyn Write) -> std::io::Result<()> 
         .map_err(std::io::Error::other)
 }
 
-fn write_exr(film: &Film, metadata: &Metadata, out: &mut dyn Write) -> std::io::Result<()> {
+fn write_exr(film: &Film, more: &[Channel], metadata: &Metadata, out: &mut dyn Write) -> std::io::Result<()> {
     let window = film.window();
-    let channels = SpecificChannels::rgb(|at: exr::math::Vec2<usize>| {
-        let [r, g, b] = film.pixel(at.x() as u32, at.y() as u32);
-        (r, g, b)
-    });
+    let channel = |name: &str, values: Vec<f32>| AnyChannel::new(name, FlatSamples::F32(values));
+    let own = ["R", "G", "B"].into_iter().enumerate();
+    let own = own.map(|(c, name)| channel(name, film.rows().map(|pixel| pixel[c]).collect()));
+    let more = more.iter().map(|more| channel(&more.name, more.values.clone()));
+    let channels = AnyChannels::sort(own.chain(more).collect());
     let mut attributes = LayerAttributes::named("kiln");
     for (key, value) in metadata {
         // Text of other alphabets is kept as UTF-8; OpenEXR does not say what the bytes of a text mean.
@@ -132,5 +143,51 @@ fn write_exr(film: &Film, metadata: &Metadata, out: &mut dyn Write) -> std::io::
     let mut bytes = std::io::Cursor::new(Vec::new());
     picture.write().to_buffered(&mut bytes).map_err(std::io::Error::other)?;
     bytes.rewind()?;
-    out.write_all(bytes.get_ref())
+    let mut bytes = bytes.into_inner();
+    sort_header(&mut bytes);
+    out.write_all(&bytes)
+}
+
+/// Puts the attributes of an EXR file's one header in the order of their names, for equal bytes from equal pictures: the
+/// writer keeps them in a hash map. Nothing else moves. Technical Introduction to OpenEXR, "File Layout": magic
+/// number and version, four bytes each, then attributes (name, 0, type, 0, size in four bytes, value) and a 0.
+fn sort_header(bytes: &mut [u8]) {
+    const START: usize = 8;
+    let mut attributes: Vec<&[u8]> = Vec::new();
+    let mut rest = &bytes[START..];
+    while rest.first().is_some_and(|&first| first != 0) {
+        let text = |from: usize| rest[from..].iter().position(|&b| b == 0).map(|end| from + end + 1);
+        let Some(size_at) = text(0).and_then(text) else { return };
+        let Some(size) = rest.get(size_at..size_at + 4) else { return };
+        let size = u32::from_le_bytes([size[0], size[1], size[2], size[3]]) as usize;
+        let Some((attribute, after)) = rest.split_at_checked(size_at + 4 + size) else { return };
+        attributes.push(attribute);
+        rest = after;
+    }
+    attributes.sort_unstable();
+    let sorted = attributes.concat();
+    bytes[START..START + sorted.len()].copy_from_slice(&sorted);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headers_are_sorted_and_nothing_else_is_touched() {
+        let attribute = |name: &str, value: &[u8]| -> Vec<u8> {
+            let size = (value.len() as u32).to_le_bytes();
+            [name.as_bytes(), b"\0string\0", size.as_slice(), value].concat()
+        };
+        let (a, b, c) = (attribute("a", b"zz\0"), attribute("b", b""), attribute("c", b"x"));
+        let file = |parts: [&[u8]; 3]| [b"magicver", parts[0], parts[1], parts[2], b"\0zap"].concat();
+        let mut mixed = file([&c, &a, &b]);
+        sort_header(&mut mixed);
+        assert_eq!(mixed, file([&a, &b, &c]));
+        // A header that ends too early stays as it is.
+        let mut broken = b"magicverc\0string\0\xff\0\0\0".to_vec();
+        let before = broken.clone();
+        sort_header(&mut broken);
+        assert_eq!(broken, before);
+    }
 }

@@ -3,9 +3,10 @@
 //! The whole way from a tile to its pixels is `render_tile`. Every pixel depends on nothing but its own rays, so the
 //! picture is the same to the bit for any number of threads, any order of tiles and any part of the picture.
 
+pub mod aov;
 mod statistics;
 
-pub use statistics::{StageTime, Statistics};
+pub use statistics::{Bill, StageTime, Statistics};
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -74,7 +75,7 @@ pub fn render_as<P: Pixel>(
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
         let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan)));
-        render_tile(plan, &context, &mut tile, &mut worker, clock);
+        render_tile(plan, &context, &mut tile, &mut worker, clock, watch.cancel);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);
         }
@@ -101,31 +102,39 @@ impl Worker {
     fn new(plan: &Plan) -> Self {
         Worker {
             tile: Tile::default(),
-            times: vec![Default::default(); plan.stages().len()],
+            times: vec![Default::default(); plan.steps().len()],
             non_finite: Vec::new(),
         }
     }
 }
 
-/// A tile: every stage of the plan in order, then the pixels.
+/// A tile: every stage of the plan in order, again while there are samples to take, then the pixels.
 fn render_tile<P: Pixel>(
     plan: &Plan,
     context: &Context,
     film: &mut FilmTile<P>,
     worker: &mut Worker,
     clock: Clock,
+    cancel: &AtomicBool,
 ) {
     let Worker { tile, times, non_finite } = worker;
     tile.start(film.window);
     let now = || (clock == Clock::EveryStage).then(Instant::now);
     let mut last = now();
-    for (stage, time) in plan.stages().iter().zip(times) {
-        stage.run(tile, context);
-        let now = now();
-        if let (Some(last), Some(now)) = (last, now) {
-            *time += now - last;
+    loop {
+        plan.run(tile, context, |step| {
+            let now = now();
+            if let (Some(last), Some(now)) = (last, now) {
+                times[step] += now - last;
+            }
+            last = now;
+        });
+        if !tile.again {
+            break;
         }
-        last = now;
+        if cancel.load(Ordering::Relaxed) {
+            return;
+        }
     }
     let colours = &tile.pixels;
     non_finite.extend(widely(

@@ -6,13 +6,14 @@
 use std::path::Path;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use toml::Spanned;
 
 pub use super::colour_value::ColourValue;
+pub use super::effects::{EffectValue, EffectsSection};
 use super::{Numerics, Projection};
 use crate::error::{Error, Place, Result};
-use crate::film::ColourPipeline;
+use crate::film::{ColourPipeline, FilterShape};
 
 /// A scene file.
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
@@ -50,40 +51,8 @@ pub struct SceneFile {
     pub mesh: Vec<Spanned<MeshSection>>,
     /// Effects turned on or off against what the scene's contents imply.
     #[serde(default)]
-    pub effects: EffectsSection,
-}
-
-/// Effects turned on or off against what the scene's contents imply.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct EffectsSection {
-    /// Whether things in the way of a light take it away.
-    pub shadows: Option<bool>,
-    /// Whether the shadow line of smooth meshes follows their normals.
-    pub terminator: Option<bool>,
-    /// Whether glazed materials mirror their surroundings.
-    pub glaze: Option<bool>,
-}
-
-impl EffectsSection {
-    /// What is said of the effect of this name.
-    pub fn get(&self, name: &str) -> Option<bool> {
-        match name {
-            "shadows" => self.shadows,
-            "terminator" => self.terminator,
-            "glaze" => self.glaze,
-            _ => None,
-        }
-    }
-
-    /// This section's word where it has one, the other's where not.
-    pub fn or(self, other: Self) -> Self {
-        EffectsSection {
-            shadows: self.shadows.or(other.shadows),
-            terminator: self.terminator.or(other.terminator),
-            glaze: self.glaze.or(other.glaze),
-        }
-    }
+    #[schemars(with = "std::collections::BTreeMap<String, EffectValue>")]
+    pub effects: std::collections::BTreeMap<String, Spanned<EffectValue>>,
 }
 
 /// The picture.
@@ -100,6 +69,22 @@ pub struct ImageSection {
     pub colour: Option<ColourPipeline>,
     /// How exactly it is decided what a ray hits; `watertight` if not given.
     pub numerics: Option<Numerics>,
+    /// Samples a pixel, 1 to 65536; 1, at the pixel's centre, if not given. With `noise` the most of them.
+    #[schemars(with = "Option<u32>")]
+    pub samples: Option<Spanned<i64>>,
+    /// The filter that pixels are seen through; `gaussian` if not given.
+    pub filter: Option<FilterShape>,
+    /// How far the filter reaches from the pixel's centre, in pixels; its usual radius if not given.
+    #[schemars(with = "Option<f64>")]
+    pub filter_radius: Option<Spanned<f64>>,
+    /// The standard error of a pixel's displayed value, 1 being white, below which it is sampled no further.
+    #[schemars(with = "Option<f64>")]
+    pub noise: Option<Spanned<f64>>,
+    /// Samples that every pixel takes before its error is looked at; 16 if not given.
+    #[schemars(with = "Option<u32>")]
+    pub min_samples: Option<Spanned<i64>>,
+    /// What the random numbers depend on besides the pixel; 0 if not given.
+    pub seed: Option<u32>,
 }
 
 /// A camera: either a viewing rectangle at a distance, or a vertical field of view.

@@ -7,12 +7,14 @@
 
 mod camera;
 mod colour_value;
+mod effects;
 pub mod extreme;
 pub mod file;
 mod material;
 mod mesh;
 mod numerics;
 mod placed;
+mod sampling;
 mod thin;
 
 pub use camera::{Camera, Projection};
@@ -20,6 +22,7 @@ pub use material::{Glaze, Material, MetallicRoughness, Phong, Sampler, Texture, 
 pub use mesh::{Attribute, Mesh, normal_matrix};
 pub use numerics::Numerics;
 pub use placed::{Placed, Placement, Step};
+pub use sampling::{MOST_SAMPLES, Sampling};
 pub use thin::Thin;
 
 use extreme::Measure;
@@ -47,6 +50,8 @@ pub struct Scene {
     pub colour: Option<ColourPipeline>,
     /// How exactly it is decided what a ray hits.
     pub numerics: Option<Numerics>,
+    /// How often and where pixels are sampled.
+    pub sampling: Sampling,
     /// Intensity of the ambient light, per unit of a material's ambient coefficient.
     pub ambient: Option<f64>,
     /// Named cameras; the first is the default.
@@ -168,10 +173,11 @@ impl Scene {
         self.size = self.size.or(other.size);
         self.background = self.background.or(other.background);
         self.colour = self.colour.or(other.colour);
+        self.sampling = self.sampling.or(other.sampling);
         self.ambient = self.ambient.or(other.ambient);
         self.cameras.extend(other.cameras);
         self.lights.extend(other.lights);
-        self.effects = self.effects.or(other.effects);
+        self.effects = std::mem::take(&mut self.effects).or(other.effects);
         self.images.extend(other.images);
         self.materials.extend(other.materials.into_iter().map(|mut material| {
             for texture in material.textures_mut() {

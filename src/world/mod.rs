@@ -28,7 +28,7 @@ use glam::DVec3;
 use crate::bvh::{self, Accelerator, Instance, MeshSpace, Primitive, Slot, Structure};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, Precision, PrimId, Sphere, Triangle};
-use crate::scene::{LightKind, Mesh, Object, Placed, Scene, Shape, Thin};
+use crate::scene::{LightKind, Mesh, Object, Placed, Sampling, Scene, Shape, Thin};
 
 /// The ambient intensity where no input gives one.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -41,6 +41,8 @@ pub struct World {
     pub objects: Vec<WorldObject>,
     /// The materials.
     pub materials: Vec<LoweredMaterial>,
+    /// Their names.
+    pub material_names: Vec<String>,
     /// The pictures that textures read.
     pub images: Vec<Image>,
     /// The lights.
@@ -51,6 +53,8 @@ pub struct World {
     pub ambient: f64,
     /// What a ray that hits nothing sees.
     pub background: DVec3,
+    /// How often and where pixels are sampled.
+    pub sampling: Sampling,
     /// Primitives left out because the tier's numbers cannot hold them: triangles whose corners, rounded, lie on one line,
     /// spheres of no size.
     pub too_small: usize,
@@ -117,7 +121,9 @@ impl World {
             accelerator,
             objects,
             materials: scene.materials.iter().map(|m| lower::material(m, pipeline)).collect(),
+            material_names: scene.materials.iter().map(|m| m.name().to_owned()).collect(),
             images: scene.images.into_iter().map(|image| Image::new(image, pipeline)).collect(),
+            // Those that give no light are none to anyone.
             lights: scene
                 .lights
                 .into_iter()
@@ -126,9 +132,11 @@ impl World {
                     radiance: light.colour.lower(pipeline) * light.intensity,
                     kind: light.kind,
                 })
+                .filter(|light| light.radiance != DVec3::ZERO)
                 .collect(),
             pipeline,
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
+            sampling: scene.sampling,
             background: scene.background.unwrap_or(fit::BACKGROUND).lower(pipeline),
             too_small,
             primitive_count,
@@ -138,6 +146,14 @@ impl World {
     /// How exactly it is decided what a ray hits.
     pub fn numerics(&self) -> Numerics {
         self.accelerator.numerics()
+    }
+
+    /// The materials that objects are made of, with their names.
+    pub fn materials_in_use(&self) -> impl Iterator<Item = (&str, &LoweredMaterial)> {
+        let mut used = vec![false; self.materials.len()];
+        self.objects.iter().for_each(|object| used[object.material as usize] = true);
+        let all = self.material_names.iter().zip(&self.materials).zip(used);
+        all.filter(|(_, used)| *used).map(|((name, material), _)| (name.as_str(), material))
     }
 
     /// The index of the object that a primitive belongs to.

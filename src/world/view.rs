@@ -89,18 +89,19 @@ impl View {
     /// The ray through the centre of the pixel in column `x`, row `y` from the top, in numbers of `precision`.
     #[inline]
     pub fn ray(&self, x: u32, y: u32, precision: Precision) -> Ray {
-        self.ray_at(self.across(x), self.up(y), precision)
+        self.ray_at(self.across(centre(x)), self.up(centre(y)), precision)
     }
 
-    /// How far right of the middle of the viewing rectangle a column of pixels is.
-    fn across(&self, x: u32) -> f64 {
-        let i = f64::from(x) + 0.5;
+    /// How far right of the middle of the viewing rectangle a point is that lies `i` pixels right of the picture's left edge.
+    #[inline(always)]
+    fn across(&self, i: f64) -> f64 {
         i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0
     }
 
-    /// How far above the middle of the viewing rectangle a row of pixels is.
-    fn up(&self, y: u32) -> f64 {
-        let j = self.size.y - (f64::from(y) + 0.5);
+    /// How far above the middle of the viewing rectangle a point is that lies `row` pixels below the picture's top edge.
+    #[inline(always)]
+    fn up(&self, row: f64) -> f64 {
+        let j = self.size.y - row;
         j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0
     }
 
@@ -108,13 +109,33 @@ impl View {
     pub fn rays(&self, window: Window, precision: Precision, rays: &mut RayLanes) {
         let Window { x, y, width, height } = window;
         let (mut across, mut up) = ([0.0; LANES], [0.0; LANES]);
-        let columns: [f64; TILE as usize] = std::array::from_fn(|i| self.across(x + i as u32));
+        let columns: [f64; TILE as usize] = std::array::from_fn(|i| self.across(centre(x + i as u32)));
         for row in 0..height as usize {
             let part = row * width as usize..(row + 1) * width as usize;
             across[part.clone()].copy_from_slice(&columns[..width as usize]);
-            up[part].fill(self.up(y + row as u32));
+            up[part].fill(self.up(centre(y + row as u32)));
         }
-        let len = window.area();
+        self.fill_all(rays, window.area(), &across, &up, precision);
+    }
+
+    /// The rays through points of the picture, at most [`LANES`] of them, `x` pixels right of and `y` pixels below its top left
+    /// corner: into `rays`. Points may lie outside the picture.
+    pub fn rays_through(&self, x: &[f64], y: &[f64], precision: Precision, rays: &mut RayLanes) {
+        let (mut across, mut up) = ([0.0; LANES], [0.0; LANES]);
+        across.iter_mut().zip(x).for_each(|(across, &x)| *across = self.across(x));
+        up.iter_mut().zip(y).for_each(|(up, &y)| *up = self.up(y));
+        self.fill_all(rays, x.len().min(y.len()), &across, &up, precision);
+    }
+
+    /// The first `len` rays, through points of the viewing rectangle.
+    fn fill_all(
+        &self,
+        rays: &mut RayLanes,
+        len: usize,
+        across: &[f64; LANES],
+        up: &[f64; LANES],
+        precision: Precision,
+    ) {
         // Told apart once, not for every ray.
         use Precision::{Double, Single};
         use Projection::{Orthographic, Perspective};
@@ -123,16 +144,16 @@ impl View {
             (Perspective, Single) => {
                 widely(
                     #[inline(always)]
-                    || fill(&with(Perspective), rays, len, &across, &up, Single),
+                    || fill(&with(Perspective), rays, len, across, up, Single),
                 );
             }
             (Perspective, Double) => {
                 widely(
                     #[inline(always)]
-                    || fill(&with(Perspective), rays, len, &across, &up, Double),
+                    || fill(&with(Perspective), rays, len, across, up, Double),
                 );
             }
-            (Orthographic, precision) => fill(self, rays, len, &across, &up, precision),
+            (Orthographic, precision) => fill(self, rays, len, across, up, precision),
         }
     }
 
@@ -158,6 +179,12 @@ impl View {
         let shares = DVec2::new(across, up) * scale / self.rectangle + 0.5;
         (DVec2::new(shares.x, 1.0 - shares.y) * self.size, depth > 0.0)
     }
+}
+
+/// The middle of a row or column of pixels.
+#[inline(always)]
+fn centre(pixel: u32) -> f64 {
+    f64::from(pixel) + 0.5
 }
 
 #[inline(always)]
@@ -276,6 +303,11 @@ mod tests {
         assert_eq!(view.ray(0, 0, Precision::Single).origin, DVec3::new(-1.5, 1.5, 10.0));
         assert_eq!(view.ray(3, 2, Precision::Single).origin, DVec3::new(1.5, -0.5, 10.0));
         assert_eq!(view.ray(3, 2, Precision::Single).direction, -DVec3::Z);
+        // Two pixels left of the picture and at its bottom right corner.
+        let mut rays = RayLanes::default();
+        view.rays_through(&[-2.0, 4.0], &[2.0, 4.0], Precision::Single, &mut rays);
+        assert_eq!(rays.get(0).origin, DVec3::new(-4.0, 0.0, 10.0));
+        assert_eq!(rays.get(1).origin, DVec3::new(2.0, -2.0, 10.0));
         let view = View::new(&camera(), Projection::Perspective, [4, 4]).unwrap();
         let ray = view.ray(0, 0, Precision::Single);
         assert_eq!(ray.origin, DVec3::new(0.0, 0.0, 10.0));

@@ -6,6 +6,7 @@ use glam::DVec3;
 use toml::Spanned;
 
 mod meshes;
+mod sampling;
 
 use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
@@ -22,8 +23,9 @@ use meshes::Meshes;
 /// The most pixels along a side; the same as for `--size`.
 const LARGEST_SIDE: u32 = 65_535;
 
-/// The most bounces of a glaze. Each holds a level of rays; at a weight of 0.9 the 64th adds a thousandth.
-const MOST_BOUNCES: u32 = 64;
+/// The most bounces of a glaze. Each holds a level of rays, a tenth of a megabyte a thread, where a path comes so deep; below
+/// a weight of 0.991 paths stop before (`effects::glaze`).
+const MOST_BOUNCES: u32 = 4096;
 
 /// The most that a strength or a coefficient may be: products of a light's and a material's stay finite.
 const STRONGEST: f64 = 1e100;
@@ -83,7 +85,11 @@ struct Builder<'a> {
 impl Builder<'_> {
     /// An error in the section that starts at byte `start`.
     fn error(&self, start: usize, what: impl Into<String>, hint: &str) -> Error {
-        Error::input(Place::line(&self.source.file, line_of(self.text, start)), what, hint)
+        Error::input(self.place(start), what, hint)
+    }
+
+    fn place(&self, start: usize) -> Place {
+        Place::line(&self.source.file, line_of(self.text, start))
     }
 
     fn finite(&self, start: usize, key: &str, values: &[f64]) -> Result<()> {
@@ -122,12 +128,16 @@ impl Builder<'_> {
         self.scene.background = Some(Colour::from_u8(image.background.map_or([0; 3], |c| c.0)));
         self.scene.colour = image.colour;
         self.scene.numerics = image.numerics;
+        self.scene.sampling = self.sampling(&image)?;
         if let Some(section) = &file.ambient
             && let Some(intensity) = section.get_ref().intensity
         {
             self.scene.ambient = Some(self.not_negative(section.span().start, "intensity", intensity)?);
         }
-        self.scene.effects = file.effects;
+        for (name, said) in &file.effects {
+            let place = self.place(said.span().start);
+            self.scene.effects.set(name, said.get_ref().clone(), Some(place));
+        }
         for (index, section) in file.camera.iter().enumerate() {
             let camera = self.camera(index, section)?;
             if self.scene.cameras.iter().any(|c| c.name == camera.name) {
@@ -271,7 +281,7 @@ impl Builder<'_> {
                     return Err(self.error(
                         start,
                         what,
-                        "give at most 64; what is mirrored so often is not seen",
+                        "give at most 4096; what is mirrored so often is not seen",
                     ));
                 }
                 Some(Glaze { weight, own_weight, bounces })

@@ -1,0 +1,147 @@
+//! `kiln explain`: the effects that a picture takes, why, and what each of them costs.
+
+use std::fmt::Write;
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::render::{self, Arguments, Ready};
+use super::statistics::Seconds;
+use super::{Printer, print};
+use crate::bench::Spread;
+use crate::bench::effects::{Cost, Costs, Part, measure};
+use crate::effects::{Decision, EFFECTS};
+use crate::error::{Result, Warnings};
+
+/// The version of the JSON's schema; it goes up when a field changes its meaning or goes.
+const SCHEMA: u32 = 1;
+
+#[derive(Args)]
+pub struct Command {
+    #[command(flatten)]
+    what: Arguments,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Make the picture with and without each effect, and say what each costs; on one thread where --threads says nothing
+    #[arg(long)]
+    measure: bool,
+    /// How often everything is measured
+    #[arg(long, value_name = "N", default_value = "9", requires = "measure",
+        value_parser = clap::value_parser!(u16).range(1..=1000))]
+    rounds: u16,
+}
+
+pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+    render::check(&command.what)?;
+    let threads = command.what.threads.or(command.measure.then_some(1));
+    let (ready, costs) = super::pool(threads)?.install(|| {
+        let (mut warnings, mut printer) = (Warnings::default(), Printer::default());
+        let mut show = |_: &str, said: &Warnings| printer.print(said, true);
+        let ready = render::make_ready(&command.what, &mut Seconds::default(), &mut warnings, &mut show)?;
+        printer.print(&warnings, true);
+        let Ready { world, view, window, plan, .. } = &ready;
+        let rounds = command.rounds.into();
+        let costs = command.measure.then(|| measure((world, view, *window), plan, rounds, interrupted));
+        costs.transpose().map(|costs| (ready, costs))
+    })?;
+    if command.json {
+        print(&format!("{:#}\n", to_json(&ready, costs.as_ref())))
+    } else {
+        print(&to_text(&ready.plan.decisions, costs.as_ref()))
+    }
+}
+
+fn to_json(ready: &Ready, costs: Option<&Costs>) -> Value {
+    let settings: serde_json::Map<String, Value> =
+        ready.settings.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
+    let spread = |s: Spread| json!({ "lower": s.lower, "median": s.median, "upper": s.upper });
+    let cost = |c: &Cost| json!({ "rays": c.rays, "ms": spread(c.ms), "bytes": c.bytes });
+    let effects: Vec<Value> = EFFECTS
+        .iter()
+        .zip(&ready.plan.decisions)
+        .map(|(effect, decision)| {
+            let part = costs.and_then(|costs| part_of(costs, decision));
+            json!({
+                "name": effect.name,
+                "summary": effect.summary,
+                "on": decision.on,
+                "why": decision.why,
+                "value": decision.value,
+                "stages": ready.plan.steps().iter().filter(|step| step.effect == Some(effect.name)).count(),
+                "adds": part.map(|part| cost(&part.adds)),
+                "share": part.zip(costs).map(|(part, costs)| part.adds.ms.median / costs.whole.ms.median),
+                "alone_ms": part.map(|part| spread(part.alone)),
+            })
+        })
+        .collect();
+    json!({
+        "schema": SCHEMA,
+        "kiln": env!("CARGO_PKG_VERSION"),
+        "settings": settings,
+        "effects": effects,
+        "measured": costs.map(|costs| json!({
+            "whole": cost(&costs.whole),
+            "base": cost(&costs.base),
+            "sum_ms": costs.sum_ms(),
+            "rounds": costs.rounds,
+            "clock": costs.clock,
+            "threads": costs.threads,
+        })),
+    })
+}
+
+fn part_of<'a>(costs: &'a Costs, decision: &Decision) -> Option<&'a Part> {
+    costs.parts.iter().find(|part| part.effect == decision.effect)
+}
+
+fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
+    let mut text = String::new();
+    let width =
+        2 + decisions.iter().map(|decision| decision.effect.len()).max().unwrap_or(0).max("effect".len());
+    let mut line = |name: &str, on: &str, numbers: &str, why: &str| {
+        let row = format!("{name:<width$}{on:<5}{numbers}{why}");
+        let _ = writeln!(text, "{}", row.trim_end());
+    };
+    let blank = if costs.is_some() { " ".repeat(WIDTH) } else { String::new() };
+    let heading =
+        if costs.is_some() { row(["rays", "ms", "share", "bytes", "alone ms"]) } else { String::new() };
+    line("effect", "", &heading, "why");
+    if let Some(costs) = costs {
+        line("base", "on", &numbers(&costs.base, costs, None), "what every picture takes");
+    }
+    for decision in decisions {
+        let part = costs.and_then(|costs| Some((part_of(costs, decision)?, costs)));
+        let numbers =
+            part.map_or(blank.clone(), |(part, costs)| numbers(&part.adds, costs, Some(part.alone.median)));
+        let on = if decision.on { "on" } else { "off" };
+        line(decision.effect, on, &numbers, &decision.why);
+    }
+    if let Some(costs) = costs {
+        line("whole", "", &numbers(&costs.whole, costs, None), "");
+        let share = costs.sum_ms() / costs.whole.ms.median * 100.0;
+        let _ = write!(
+            text,
+            "\nrays, ms, bytes: what an effect adds to a picture with those above it and none of those below, so that they add\n\
+             up to the whole picture: {share:.1} % of it. alone: what the whole picture saves without this one effect. bytes: held\n\
+             by each thread. Medians of {} rounds, {} time; of half of them, the whole picture took {:.2} to {:.2} ms.\n",
+            costs.rounds, costs.clock, costs.whole.ms.lower, costs.whole.ms.upper
+        );
+    }
+    text
+}
+
+/// The width of all columns of numbers.
+const WIDTH: usize = 12 + 11 + 9 + 12 + 12 + 2;
+
+fn row([rays, ms, share, bytes, alone]: [&str; 5]) -> String {
+    format!("{rays:>12}{ms:>11}{share:>9}{bytes:>12}{alone:>12}  ")
+}
+
+fn numbers(cost: &Cost, costs: &Costs, alone: Option<f64>) -> String {
+    let share = cost.ms.median / costs.whole.ms.median * 100.0;
+    let alone = alone.map_or(String::new(), |alone| format!("{alone:.2}"));
+    let ms = format!("{:.2}", cost.ms.median);
+    row([&cost.rays.to_string(), &ms, &format!("{share:.1} %"), &cost.bytes.to_string(), &alone])
+}

@@ -1,0 +1,79 @@
+//! Antialiasing: a pixel is the filtered mean of several samples instead of what its centre sees ([`super::samples`]).
+
+use super::samples::{Sampler, Samples};
+use super::tile::{Context, Tile, vec_bytes};
+use super::{Asked, Effect, Hook, Stage};
+use crate::world::World;
+
+/// In the registry.
+pub const EFFECT: Effect = Effect {
+    name: "antialiasing",
+    summary: "a pixel is the filtered mean of several samples, not what its centre sees",
+    needs_lights: false,
+    rays: &[],
+    value: None,
+    called_for: |world: &World| {
+        let sampling = &world.sampling;
+        if !sampling.is_wanted() {
+            return Err("one sample a pixel, through its centre; --samples asks for more".into());
+        }
+        let filter = sampling.shape_and_radius();
+        let (samples, name, radius) = (sampling.most_samples(), filter.0.name(), filter.1);
+        let up_to = if sampling.noise.is_some() { "up to " } else { "" };
+        Ok(format!("{up_to}{samples} sample(s) a pixel, filter `{name}` of radius {radius}"))
+    },
+    outline: |_, outline| outline.own_rays = true,
+    stages: |asked: &Asked, hook| match hook {
+        Hook::Rays => vec![Box::new(Scatter(Sampler::new(asked)))],
+        Hook::Film => vec![Box::new(Gather(Sampler::new(asked)))],
+        _ => Vec::new(),
+    },
+    bytes: |tile| tile.kept::<Samples>().map_or(0, Samples::bytes) + vec_bytes(&tile.taken),
+};
+
+/// Fills level 0 with the rays of the next pass of samples.
+pub struct Scatter(Sampler);
+
+impl Stage for Scatter {
+    fn name(&self) -> &'static str {
+        "primary"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &Context) {
+        let Some(window) = tile.window else { return };
+        tile.with(|samples: &mut Samples, tile| {
+            if !tile.again {
+                samples.start(window, &self.0);
+            }
+            samples.list(window, &self.0);
+            let (x, y) = samples.places();
+            let precision = context.world.numerics().precision();
+            let level = tile.level();
+            context.view.rays_through(x, y, precision, &mut level.lanes);
+            level.lanes.weave(x.len(), &mut level.rays);
+            level.sources.clear();
+            level.sources.extend(0..x.len() as u32);
+            tile.pixels.clear();
+        });
+    }
+}
+
+/// Adds what the pass saw to the pixels, and gives them their values after the last.
+pub struct Gather(Sampler);
+
+impl Stage for Gather {
+    fn name(&self) -> &'static str {
+        "samples"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &Context) {
+        tile.with(|samples: &mut Samples, tile| {
+            samples.take(&tile.pixels);
+            // Whether pixels that could take more do so is for the next stage to say.
+            tile.again = !samples.is_round_done() || samples.round_end() < self.0.samples;
+            if !tile.again {
+                samples.finish(tile, &self.0, context.world.pipeline);
+            }
+        });
+    }
+}

@@ -1,0 +1,286 @@
+//! Reconstruction filters: which part of the picture plane a pixel is the average of.
+//!
+//! A pixel's value is the integral of the picture around its centre, weighted by a filter. Sample points are placed with a
+//! density proportional to the filter's absolute value ("filter importance sampling": Ernst, Stamminger and Greiner 2006;
+//! Pharr, Jakob and Humphreys, Physically Based Rendering, 4th edition, section 8.8), so that all samples count alike, up to
+//! their sign, and no pixel needs those of its neighbours.
+//!
+//! All filters are products of the same function of x and of y, symmetric, and of integral one.
+
+use serde::{Deserialize, Serialize};
+
+/// The shapes of filters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum FilterShape {
+    /// Everything within the radius alike.
+    Box,
+    /// Falling linearly to nothing at the radius.
+    Tent,
+    /// A normal distribution of standard deviation `radius / 3`, lowered so that it ends at 0 at the radius.
+    #[default]
+    Gaussian,
+    /// Mitchell and Netravali, Reconstruction Filters in Computer Graphics (SIGGRAPH 1988), with B = C = 1/3: negative
+    /// from 4/7 of its radius on, which sharpens edges.
+    Mitchell,
+}
+
+impl FilterShape {
+    /// Every shape.
+    pub const ALL: [FilterShape; 4] =
+        [FilterShape::Box, FilterShape::Tent, FilterShape::Gaussian, FilterShape::Mitchell];
+
+    /// The name as typed by users.
+    pub fn name(self) -> &'static str {
+        match self {
+            FilterShape::Box => "box",
+            FilterShape::Tent => "tent",
+            FilterShape::Gaussian => "gaussian",
+            FilterShape::Mitchell => "mitchell",
+        }
+    }
+
+    /// The usual radius, in pixels: the pixel itself, its bilinear neighbourhood, a standard deviation of half a pixel (as
+    /// in pbrt-v4), the paper's four pixels across.
+    pub fn usual_radius(self) -> f64 {
+        match self {
+            FilterShape::Box => 0.5,
+            FilterShape::Tent => 1.0,
+            FilterShape::Gaussian => 1.5,
+            FilterShape::Mitchell => 2.0,
+        }
+    }
+}
+
+/// Radii that filters may have, in pixels: below, all samples would fall on one spot; above, the picture is mere blur.
+pub const RADII: std::ops::RangeInclusive<f64> = 0.01..=32.0;
+
+/// Steps in which the quantiles of a filter are kept.
+const STEPS: usize = 2048;
+
+/// A filter made ready to place samples by.
+#[derive(Debug, Clone)]
+pub struct Filter {
+    shape: FilterShape,
+    radius: f64,
+    /// What half of the filter's absolute value lies within, in equal steps from 0 to 1, in pixels.
+    quantiles: Box<[f32; STEPS + 1]>,
+    /// The integral of [`profile`] along one axis, in pixels.
+    integral: f64,
+    /// The integral of the absolute value of the filter, along one axis.
+    absolute: f64,
+    /// From how far on it is negative, in pixels.
+    turns_at: f64,
+}
+
+impl Filter {
+    /// A filter of a shape and a radius in pixels, within [`RADII`].
+    pub fn new(shape: FilterShape, radius: f64) -> Self {
+        let radius = if radius.is_nan() { shape.usual_radius() } else { radius };
+        let radius = radius.clamp(*RADII.start(), *RADII.end());
+        let (quantiles, half) = quantiles(shape);
+        let quantiles = Box::new(std::array::from_fn(|step| (quantiles[step] * radius) as f32));
+        let turns_at = match shape {
+            FilterShape::Mitchell => ZERO_OF_MITCHELL * radius,
+            _ => f64::INFINITY,
+        };
+        let plain = half_integral(shape);
+        Filter { shape, radius, quantiles, integral: 2.0 * plain * radius, absolute: half / plain, turns_at }
+    }
+
+    /// Its shape.
+    pub fn shape(&self) -> FilterShape {
+        self.shape
+    }
+
+    /// How far it reaches, in pixels.
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// The filter at a distance from the centre along one axis, in pixels.
+    pub fn value(&self, x: f64) -> f64 {
+        profile(self.shape, (x / self.radius).abs()) / self.integral
+    }
+
+    /// Whether some of its weights are negative.
+    pub fn is_signed(&self) -> bool {
+        self.shape == FilterShape::Mitchell
+    }
+
+    /// The mean of the signs of samples: the integral of the filter over that of its absolute value, over the plane.
+    pub fn mean_sign(&self) -> f64 {
+        self.absolute.powi(-2)
+    }
+
+    /// Where in the plane, from the pixel's centre and in pixels, a sample of two random numbers from 0 to below 1 lies, and
+    /// with which sign it counts. Monotone in both, so that numbers spread evenly give points spread evenly.
+    #[inline(always)]
+    pub fn place(&self, u: [f32; 2]) -> ([f64; 2], f64) {
+        let [x, y] = u.map(|u| self.quantile(f64::from(u)));
+        (([x, y]), self.sign(x) * self.sign(y))
+    }
+
+    #[inline(always)]
+    fn sign(&self, x: f64) -> f64 {
+        if x.abs() > self.turns_at { -1.0 } else { 1.0 }
+    }
+
+    #[inline(always)]
+    fn quantile(&self, u: f64) -> f64 {
+        let v = 2.0 * u - 1.0;
+        let place = v.abs() * STEPS as f64;
+        let step = (place as usize).min(STEPS - 1);
+        let (low, high) = (f64::from(self.quantiles[step]), f64::from(self.quantiles[step + 1]));
+        (low + (high - low) * (place - step as f64)).copysign(v)
+    }
+}
+
+/// Where Mitchell and Netravali's filter of radius 1 changes its sign: beyond half of it, with B = C = 1/3, it is
+/// `(2 - t)^2 (8 - 7 t) / 18` at `t` = 2 x.
+const ZERO_OF_MITCHELL: f64 = 4.0 / 7.0;
+
+/// The filter of radius 1 at `x` >= 0, in a scale of its own.
+fn profile(shape: FilterShape, x: f64) -> f64 {
+    if x > 1.0 {
+        return 0.0;
+    }
+    match shape {
+        FilterShape::Box => 1.0,
+        FilterShape::Tent => 1.0 - x,
+        // Three standard deviations to the radius.
+        FilterShape::Gaussian => (-4.5 * x * x).exp() - (-4.5f64).exp(),
+        FilterShape::Mitchell => {
+            let t = 2.0 * x;
+            if t < 1.0 {
+                (7.0 * t - 12.0) * t * t + 16.0 / 3.0
+            } else {
+                (2.0 - t).powi(2) * (8.0 - 7.0 * t) / 3.0
+            }
+        }
+    }
+}
+
+/// The integral of [`profile`] from 0 to 1.
+fn half_integral(shape: FilterShape) -> f64 {
+    (0..STEPS).map(|step| simpson(|x| profile(shape, x), step)).sum()
+}
+
+/// Where the integral of the absolute value of [`profile`] reaches each of [`STEPS`] equal shares, and all of it.
+fn quantiles(shape: FilterShape) -> (Vec<f64>, f64) {
+    let absolute = |x: f64| profile(shape, x).abs();
+    let mut sums = vec![0.0];
+    for step in 0..STEPS {
+        sums.push(sums[step] + simpson(absolute, step));
+    }
+    let all = sums[STEPS];
+    let mut step = 0;
+    let quantile = |share: usize| {
+        let wanted = all * share as f64 / STEPS as f64;
+        while step + 1 < STEPS && sums[step + 1] < wanted {
+            step += 1;
+        }
+        // Within a step the filter is as good as linear, from a to b: the positive root of (b - a) / 2 s^2 + a s = rest.
+        let [a, b] = [step, step + 1].map(|i| absolute(i as f64 / STEPS as f64));
+        let rest = (wanted - sums[step]) * STEPS as f64;
+        let root = (a * a + 2.0 * (b - a) * rest).max(0.0).sqrt();
+        let within = if a + root > 0.0 { 2.0 * rest / (a + root) } else { 1.0 };
+        (step as f64 + within.clamp(0.0, 1.0)) / STEPS as f64
+    };
+    let mut quantiles: Vec<f64> = (0..STEPS).map(quantile).collect();
+    quantiles.push(1.0);
+    (quantiles, all)
+}
+
+/// Simpson's rule over one of [`STEPS`] equal parts of 0 to 1.
+fn simpson(f: impl Fn(f64) -> f64, step: usize) -> f64 {
+    let h = 1.0 / STEPS as f64;
+    let x = step as f64 * h;
+    (f(x) + 4.0 * f(x + h / 2.0) + f(x + h)) * h / 6.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn usual() -> [Filter; 4] {
+        FilterShape::ALL.map(|shape| Filter::new(shape, shape.usual_radius()))
+    }
+
+    /// The integral of `x^power` times the filter along one axis, by the midpoint rule.
+    fn moment(filter: &Filter, power: i32, value: impl Fn(f64) -> f64) -> f64 {
+        let n = 100_000;
+        let h = 2.0 * filter.radius() / f64::from(n);
+        (0..n).map(|i| (f64::from(i) + 0.5) * h - filter.radius()).map(|x| x.powi(power) * value(x) * h).sum()
+    }
+
+    #[test]
+    fn integrals_and_variances_are_the_closed_forms() {
+        // Box of radius r: r^2 / 3. Tent: r^2 / 6. Mitchell and Netravali with B + 2C = 1 reproduce straight lines, and the
+        // second moment of their kernel is B / 3 in steps of one pixel: 1/9 for the usual radius.
+        let expected = [0.25 / 3.0, 1.0 / 6.0, f64::NAN, 1.0 / 9.0];
+        for (filter, expected) in usual().iter().zip(expected) {
+            let name = filter.shape().name();
+            assert!((moment(filter, 0, |x| filter.value(x)) - 1.0).abs() < 1e-8, "{name}");
+            assert!(moment(filter, 1, |x| filter.value(x)).abs() < 1e-9, "{name}");
+            let variance = moment(filter, 2, |x| filter.value(x));
+            if expected.is_finite() {
+                assert!((variance - expected).abs() < 1e-6, "{name}: {variance}");
+            }
+        }
+        // The lowered Gaussian, s = 1/2, r = 3 s, e = exp(-9/2), erf = erf(3 / sqrt 2) = 0.997300203936740:
+        // integral of the kernel s sqrt(2 pi) erf - 2 r e; of its second moment s^3 (sqrt(2 pi) erf - 6 e) - 2/3 r^3 e.
+        let (s, e, erf) = (0.5f64, (-4.5f64).exp(), 0.997_300_203_936_740);
+        let root = std::f64::consts::TAU.sqrt() * erf;
+        let r = 3.0 * s;
+        let expected = (s.powi(3) * (root - 6.0 * e) - 2.0 / 3.0 * r.powi(3) * e) / (s * root - 2.0 * r * e);
+        let gaussian = &usual()[2];
+        assert!((moment(gaussian, 2, |x| gaussian.value(x)) - expected).abs() < 1e-8);
+    }
+
+    #[test]
+    fn samples_have_the_moments_of_their_filter() {
+        // At the midpoints of n equal parts of 0 to 1 the mean of sign * x^k is the moment over the integral of the
+        // absolute value, up to the table's steps.
+        let n = 1 << 16;
+        for filter in usual() {
+            let places: Vec<f64> =
+                (0..n).map(|i| filter.quantile((f64::from(i) + 0.5) / f64::from(n))).collect();
+            for power in 0..=4 {
+                let mean: f64 =
+                    places.iter().map(|&x| filter.sign(x) * x.powi(power)).sum::<f64>() / f64::from(n);
+                let exact = moment(&filter, power, |x| filter.value(x)) * filter.mean_sign().sqrt();
+                let largest = filter.radius().powi(power).max(1.0);
+                assert!(
+                    (mean - exact).abs() < 1e-4 * largest,
+                    "{} {power}: {mean} {exact}",
+                    filter.shape().name()
+                );
+            }
+            assert!(places.is_sorted() && places.iter().all(|x| x.abs() <= filter.radius()));
+        }
+    }
+
+    #[test]
+    fn mitchells_lobes_weigh_what_they_should() {
+        // Of the kernel of integral one, a lobe is (2 - t)^2 (8 - 7 t) / 18 from 8/7 to 2; with y = 2 - t from 0 to a = 6/7 that is
+        // y^2 (7 y - 6) / 18, whose integral is (7 a^4 / 4 - 2 a^3) / 18. There are two; the absolute value's is 1 less twice them.
+        let a = 6.0f64 / 7.0;
+        let negative = 2.0 * (7.0 / 4.0 * a.powi(4) - 2.0 * a.powi(3)) / 18.0;
+        let mitchell = Filter::new(FilterShape::Mitchell, 2.0);
+        assert!((moment(&mitchell, 0, |x| mitchell.value(x).min(0.0)) - negative).abs() < 1e-8);
+        assert!((mitchell.mean_sign() - (1.0 - 2.0 * negative).powi(-2)).abs() < 1e-6);
+        // Zero where the sign changes, the paper's values at the centre and one pixel off: (6 - 2B) / 6 and B / 6.
+        assert!(mitchell.value(8.0 / 7.0).abs() < 1e-12);
+        assert!((mitchell.value(0.0) - 8.0 / 9.0).abs() < 1e-9);
+        assert!((mitchell.value(1.0) - 1.0 / 18.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn others_are_never_negative() {
+        for filter in usual().iter().filter(|filter| !filter.is_signed()) {
+            assert!((filter.mean_sign() - 1.0).abs() < 1e-12, "{}", filter.shape().name());
+            assert_eq!(filter.place([0.0, 0.999_999]).1, 1.0);
+        }
+    }
+}
