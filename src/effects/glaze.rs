@@ -164,7 +164,7 @@ mod tests {
             view: (along + height * outer).normalize(),
             geometric_normal: outer,
             shading_normal: smooth,
-            uv: glam::DVec2::ZERO,
+            texels: crate::world::Texels::default(),
             tint: DVec3::ONE,
             prim: crate::geometry::PrimId(0),
             object: 0,

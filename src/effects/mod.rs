@@ -8,14 +8,17 @@
 mod film;
 pub mod glaze;
 mod local;
+pub mod normal_maps;
 mod primary;
 pub mod shadows;
 pub mod terminator;
+pub mod textures;
 pub mod tile;
 mod visible;
 
 use crate::error::{Error, Result};
-use crate::scene::file::{EffectsSection, nearest_name};
+use crate::scene::TextureFilter;
+use crate::scene::file::{EffectsSection, TexturesValue, nearest_name};
 use crate::shading::ShadingMode;
 use crate::world::World;
 use tile::{Context, Tile};
@@ -67,7 +70,8 @@ pub struct Effect {
 }
 
 /// Every effect there is.
-pub const EFFECTS: &[Effect] = &[shadows::EFFECT, terminator::EFFECT, glaze::EFFECT];
+pub const EFFECTS: &[Effect] =
+    &[textures::EFFECT, normal_maps::EFFECT, shadows::EFFECT, terminator::EFFECT, glaze::EFFECT];
 
 /// What the user asks for, over what the scene says.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -80,6 +84,16 @@ pub struct Choices {
     pub with: Vec<String>,
     /// Effects to do without.
     pub without: Vec<String>,
+}
+
+impl Choices {
+    /// The filter that the scene asks for.
+    fn filter(&self) -> Option<TextureFilter> {
+        match self.scene.textures {
+            Some(TexturesValue::Filter(filter)) => Some(filter),
+            _ => None,
+        }
+    }
 }
 
 /// Whether an effect is computed, and why.
@@ -118,14 +132,26 @@ impl Plan {
         let smooth = on(terminator::EFFECT.name);
 
         let lit = choices.shading.uses_lights() && !world.lights.is_empty();
+        let (textures, normal_maps) = (on(textures::EFFECT.name), on(normal_maps::EFFECT.name));
+        let pictures = (textures || normal_maps)
+            .then(|| textures::Pictures::new(world, textures, normal_maps, choices.filter(), 1));
         let bounces = if glaze { glaze::most_bounces(world) } else { 0 };
         let mut stages: Vec<Box<dyn Stage>> = vec![Box::new(primary::Primary)];
         for level in 0..=bounces as usize {
             if level > 0 {
                 stages.push(Box::new(glaze::Reflect { from: level - 1 }));
+                if let Some(pictures) = pictures.clone().filter(|pictures| pictures.footprints) {
+                    stages.push(Box::new(textures::Follow { from: level - 1, pictures }));
+                }
             }
             let kind = if level == 0 { RayKind::Primary } else { RayKind::Glaze };
             stages.push(Box::new(visible::Visible { level, kind }));
+            if let Some(pictures) = pictures.clone() {
+                stages.push(Box::new(textures::Locate { level, pictures }));
+            }
+            if let Some(pictures) = pictures.clone().filter(|_| normal_maps) {
+                stages.push(Box::new(normal_maps::NormalMaps { level, pictures }));
+            }
             if (lit && shadows) || level < bounces as usize {
                 stages.push(Box::new(visible::Origins { level }));
             }
@@ -137,6 +163,9 @@ impl Plan {
                     }
                     stages.push(Box::new(shadows::Shadows { level }));
                 }
+            }
+            if let Some(pictures) = pictures.clone().filter(|_| textures) {
+                stages.push(Box::new(textures::Textures { level, pictures }));
             }
             stages.push(Box::new(local::Shade { level, mode: choices.shading }));
         }
@@ -193,7 +222,9 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
         Some(true) => return decision(true, format!("the scene file turns it on; {calls}")),
         None => {}
     }
-    if choices.shading < ShadingMode::Phong {
+    // A surface's own looks are there however far shading goes.
+    let is_surface = name == textures::EFFECT.name || name == normal_maps::EFFECT.name;
+    if choices.shading < ShadingMode::Phong && !is_surface {
         return decision(false, format!("--shading {} shows that term alone", choices.shading.name()));
     }
     decision(true, calls)

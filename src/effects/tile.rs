@@ -9,7 +9,7 @@ use crate::film::Window;
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Hit, Ray};
 use crate::shading::{LightLanes, Scratch};
-use crate::world::{Lanes, RayLanes, Surfaces, View, World};
+use crate::world::{Differential, Lanes, RayLanes, Surfaces, TexturePoint, View, World};
 
 /// What every stage may read.
 pub struct Context<'a> {
@@ -32,6 +32,10 @@ pub struct Level {
     pub hits: Vec<Option<Hit>>,
     /// The points that were hit, in the order of the rays.
     pub surfaces: Box<Surfaces>,
+    /// For each ray, how it changes from pixel to pixel; on levels above 0, where footprints are followed.
+    pub differentials: Vec<Differential>,
+    /// For each surface, where it is in its pictures, if it is in any; empty where none is or nobody asks.
+    pub texture_points: Vec<Option<TexturePoint>>,
     /// For each surface, where rays that leave it start; set where some do.
     pub origins: Box<Lanes>,
     /// For each surface, the point that its shadow rays start from; empty where that is the surface's own.

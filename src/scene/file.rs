@@ -63,6 +63,24 @@ pub struct EffectsSection {
     pub terminator: Option<bool>,
     /// Whether glazed materials mirror their surroundings.
     pub glaze: Option<bool>,
+    /// Whether pictures are looked up, or how.
+    pub textures: Option<TexturesValue>,
+    /// Whether normal maps tilt normals.
+    #[serde(rename = "normal-maps")]
+    pub normal_maps: Option<bool>,
+}
+
+/// Whether pictures are looked up, or how they all are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(
+    untagged,
+    expecting = "expected true, false, \"nearest\", \"bilinear\", \"mipmap\" or \"anisotropic\""
+)]
+pub enum TexturesValue {
+    /// Whether they are, each as its sampler says.
+    Switch(bool),
+    /// All of them with this filter.
+    Filter(super::TextureFilter),
 }
 
 impl EffectsSection {
@@ -72,6 +90,8 @@ impl EffectsSection {
             "shadows" => self.shadows,
             "terminator" => self.terminator,
             "glaze" => self.glaze,
+            "textures" => self.textures.map(|value| value != TexturesValue::Switch(false)),
+            "normal-maps" => self.normal_maps,
             _ => None,
         }
     }
@@ -82,6 +102,8 @@ impl EffectsSection {
             shadows: self.shadows.or(other.shadows),
             terminator: self.terminator.or(other.terminator),
             glaze: self.glaze.or(other.glaze),
+            textures: self.textures.or(other.textures),
+            normal_maps: self.normal_maps.or(other.normal_maps),
         }
     }
 }
