@@ -3,6 +3,7 @@
 //! An [`Engine`] builds a [`Built`] over a [`Mesh`]; a test asks every `Built` through one trait and knows no more of it.
 //! To add an engine: a file here, and a line in [`engines`].
 //!
+//! - [`effects`]: what each effect of a picture costs.
 //! - [`leaks`]: how many rays slip through a closed mesh.
 //! - [`speed`]: how fast rays are answered, and how many answers are wrong.
 //! - [`tiers`]: what each of kiln's tiers of numerics costs, and what it gets wrong.
@@ -11,6 +12,7 @@
 mod bvh_peer;
 mod clock;
 // The peers that are not written in Rust are called as C and C++ are; `unsafe_code` is denied everywhere else.
+pub mod effects;
 #[allow(unsafe_code)]
 mod embree;
 pub mod generate;

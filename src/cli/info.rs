@@ -10,6 +10,7 @@ use glam::DVec3;
 use serde_json::{Value, json};
 
 use super::print;
+use crate::effects::check_scene;
 use crate::error::{Result, Warnings};
 use crate::import;
 use crate::scene::{LightKind, Material, Mesh, Scene, Shape};
@@ -27,6 +28,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     let mut warnings = Warnings::default();
     let scene = import::load(&arguments.inputs, &mut warnings)?;
+    check_scene(&scene.effects)?;
     let report = describe(&arguments.inputs, &scene, &warnings);
     if arguments.json {
         print(&format!("{report:#}\n"))

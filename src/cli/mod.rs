@@ -16,8 +16,8 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
+use crate::effects;
 use crate::error::{Error, Result, Warnings};
-use crate::scene::file::SceneFile;
 
 #[derive(Parser)]
 #[command(
@@ -66,7 +66,7 @@ pub fn main() -> ExitCode {
         Command::Render(arguments) => render::run(&arguments, interrupted),
         Command::Info(arguments) => info::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments, interrupted),
-        Command::Schema => print(&format!("{:#}\n", SceneFile::schema())),
+        Command::Schema => print(&format!("{:#}\n", effects::schema())),
         Command::Completions { shell } => {
             let mut text = Vec::new();
             clap_complete::generate(shell, &mut Arguments::command(), "kiln", &mut text);

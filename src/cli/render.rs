@@ -10,7 +10,7 @@ use super::progress::{Mode, Progress};
 use super::statistics::{self, Seconds};
 use super::{Printer, picture};
 use crate::bvh::{Preset, Structure};
-use crate::effects::{Choices, Plan, RayKind, check_names};
+use crate::effects::{Choices, Plan, RayKind, check_names, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::{describe, write_whole};
 use crate::film::write::{Format, Picture, encode, write_picture};
@@ -134,7 +134,7 @@ fn check_folder(output: &Path) -> Result<()> {
 }
 
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
-    check_names(arguments.with.iter().chain(&arguments.without))?;
+    check_names(&arguments.with, &arguments.without)?;
     if arguments.inputs.iter().filter(|input| *input == Path::new("-")).count() > 1 {
         return Err(Error::usage("standard input can be read once", "give `-` once"));
     }
@@ -159,6 +159,7 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
 
     progress.phase("loading");
     let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, &mut warnings))?;
+    check_scene(&scene.effects)?;
     progress.pause(|| printer.print(&warnings, with_notes));
     if let Some(range) = bring_into_range(&mut scene) {
         warnings.note(match range.scale {
@@ -175,9 +176,10 @@ fn render_to(arguments: &Arguments, target: &Target, interrupted: &AtomicBool) -
     let numerics = numerics(arguments).or(scene.numerics).unwrap_or_default();
     let choices = Choices {
         shading: shading(arguments),
-        scene: scene.effects,
+        scene: std::mem::take(&mut scene.effects),
         with: arguments.with.clone(),
         without: arguments.without.clone(),
+        even_idle: false,
     };
     let projection = arguments.projection().unwrap_or(camera.projection);
     let view = View::new(&camera, projection, size)?;
@@ -319,7 +321,7 @@ fn warn_of_the_picture(
         warnings
             .push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
     }
-    let primary = statistics.rays(RayKind::Primary);
+    let primary = statistics.rays(RayKind::PRIMARY);
     if primary.hit == 0 {
         warnings.push(format!(
             "nothing is in the picture: none of {} primary rays hits anything; try `--camera auto`",
@@ -327,7 +329,7 @@ fn warn_of_the_picture(
         ));
         return;
     }
-    let shadow = statistics.rays(RayKind::Shadow);
+    let shadow = statistics.rays(RayKind("shadow"));
     if shadow.cast > 0 && shadow.hit == shadow.cast {
         warnings.push("no light reaches anything in the picture: every shadow ray is blocked");
     }

@@ -3,10 +3,10 @@
 use serde_json::{Map, Value, json};
 
 use crate::bench::memory;
-use crate::effects::{Plan, RayKind};
+use crate::effects::{Decision, Plan};
 use crate::error::Warnings;
-use crate::render::Statistics;
-use crate::world::World;
+use crate::render::{Bill, Statistics};
+use crate::world::{Image, World};
 
 /// The version of the schema.
 const SCHEMA: u32 = 1;
@@ -30,19 +30,21 @@ pub fn to_json(
     warnings: &Warnings,
 ) -> Value {
     let settings: Map<String, Value> = settings.iter().map(|(k, v)| (k.clone(), json!(v))).collect();
-    let rays: Map<String, Value> = RayKind::ALL
+    let rays: Map<String, Value> = statistics
+        .rays
         .iter()
-        .map(|&kind| {
-            let count = statistics.rays(kind);
-            (kind.name().to_owned(), json!({ "cast": count.cast, "hit": count.hit }))
-        })
+        .map(|(kind, count)| (kind.0.to_owned(), json!({ "cast": count.cast, "hit": count.hit })))
         .collect();
-    let effects: Map<String, Value> =
-        plan.decisions.iter().map(|d| (d.effect.to_owned(), json!({ "on": d.on, "why": d.why }))).collect();
+    let effects: Map<String, Value> = plan
+        .decisions
+        .iter()
+        .zip(&statistics.bills)
+        .map(|(decision, bill)| (decision.effect.to_owned(), effect(decision, bill)))
+        .collect();
     let stages: Vec<Value> = statistics
         .stages
         .iter()
-        .map(|stage| json!({ "name": stage.name, "thread_seconds": stage.time.as_secs_f64() }))
+        .map(|s| json!({ "name": s.name, "effect": s.effect, "thread_seconds": s.time.as_secs_f64() }))
         .collect();
     let description = world.accelerator.describe();
     json!({
@@ -66,6 +68,11 @@ pub fn to_json(
         },
         "instruction_set": description.isa,
         "effects": effects,
+        "pictures": {
+            "count": world.images.len(),
+            "bytes": world.images.iter().map(|image| size_of_val(&*image.pixels)).sum::<usize>(),
+            "pyramid_bytes": world.images.iter().map(Image::pyramid_bytes).sum::<usize>(),
+        },
         "rays": rays,
         "tests": { "nodes": statistics.tests.nodes, "primitives": statistics.tests.primitives },
         "stages": stages,
@@ -73,5 +80,18 @@ pub fn to_json(
         "peak_memory_bytes": memory::peak(),
         "warnings": warnings.messages(),
         "notes": warnings.notes(),
+    })
+}
+
+/// What was decided of an effect, and what it took.
+fn effect(decision: &Decision, bill: &Bill) -> Value {
+    json!({
+        "on": decision.on,
+        "why": decision.why,
+        "value": decision.value,
+        "stages": bill.stages,
+        "rays": bill.rays,
+        "thread_seconds": bill.time.map(|time| time.as_secs_f64()),
+        "bytes": bill.bytes,
     })
 }

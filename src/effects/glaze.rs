@@ -3,38 +3,75 @@
 //! The assignment's report: a ray from the point along `r = d - 2 N (d.N)`; if it hits something of colour C_I, the
 //! surface's colour becomes `own_weight * C + weight * C_I`; if it hits nothing, the colour stays as it is.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
-use super::tile::{Context, Level, Tile};
-use super::{Effect, Stage};
+use super::tile::{Context, Level, Tile, vec_bytes};
+use super::{Asked, Depth, Effect, Further, Hook, RayKind, Stage, named};
 use crate::geometry::{Precision, Ray};
-use crate::world::{Lanes, RayLanes, Surface, Surfaces, World, widely};
+use crate::scene::Glaze;
+use crate::world::{LANES, Lanes, LoweredMaterial, RayLanes, Surface, Surfaces, World, widely};
+
+const NAME: &str = "glaze";
+
+/// Mirrored by a glazed surface.
+const RAYS: RayKind = RayKind(NAME);
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
-    name: "glaze",
+    name: NAME,
     summary: "glazed materials mirror what is around them",
     needs_lights: false,
+    is_shading: true,
+    rays: &[RAYS],
+    value: None,
     called_for: |world: &World| {
-        let glazed =
-            world.materials.iter().filter(|m| m.glaze().is_some_and(|g| g.bounces > 0 && g.weight > 0.0));
-        match glazed.count() {
-            0 => Err("no material is glazed".into()),
-            n => Ok(format!("{n} glazed material(s)")),
-        }
+        let glazed = world.materials_in_use().filter(|(_, material)| mirror(material).is_some());
+        let names: Vec<&str> = glazed.map(|(name, _)| name).collect();
+        named("material", &names).ok_or_else(|| "no object is of a glazed material".into())
+    },
+    outline: |asked, outline| {
+        outline.leaving = outline.leaving.max(most_bounces(asked.world));
+        outline.further = Some(Further { kind: RAYS, hits: "glaze hits", effect: NAME });
+    },
+    stages: |asked: &Asked, hook| match hook {
+        Hook::AfterShading(Depth::First) => vec![Box::new(Reflect)],
+        Hook::AfterShading(Depth::Further) if most_bounces(asked.world) > 1 => vec![Box::new(Reflect)],
+        Hook::AfterLevels => vec![Box::new(Combine)],
+        _ => Vec::new(),
+    },
+    bytes: |tile| {
+        let levels: usize = tile.levels.iter().skip(1).map(Level::bytes).sum();
+        levels
+            + tile.kept::<Buffers>().map_or(0, |Buffers { glazed }| size_of::<Buffers>() + vec_bytes(glazed))
     },
 };
 
+/// The mirror over a material, where there is anything to see in it.
+fn mirror(material: &LoweredMaterial) -> Option<&Glaze> {
+    material.glaze().filter(|glaze| glaze.bounces > 0 && glaze.weight > 0.0)
+}
+
 /// The most bounces that any material asks for.
-pub fn most_bounces(world: &World) -> u32 {
-    world.materials.iter().filter_map(|m| m.glaze()).map(|g| g.bounces).max().unwrap_or(0)
+fn most_bounces(world: &World) -> u32 {
+    world
+        .materials_in_use()
+        .filter_map(|(_, material)| mirror(material))
+        .map(|glaze| glaze.bounces)
+        .max()
+        .unwrap_or(0)
+}
+
+/// What sending rays out takes.
+#[derive(Default)]
+struct Buffers {
+    /// Where the surfaces that send rays out are, side by side.
+    glazed: Vec<Range<usize>>,
 }
 
 /// Sends mirrored rays out from the glazed surfaces of a level, onto the next one.
-pub struct Reflect {
-    /// Which level.
-    pub from: usize,
-}
+struct Reflect;
 
 impl Stage for Reflect {
     fn name(&self) -> &'static str {
@@ -42,49 +79,71 @@ impl Stage for Reflect {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let precision = context.world.numerics().precision();
-        tile.level(self.from + 1);
-        let (before, after) = tile.levels.split_at_mut(self.from + 1);
-        let (level, next) = (&before[self.from], &mut after[0]);
-        let Level { surfaces, origins, .. } = level;
-        let Level { sources, rays, lanes, .. } = next;
-        let all_leave = match precision {
-            Precision::Single => widely(
-                #[inline(always)]
-                || mirrored_rays(surfaces, origins, Precision::Single, lanes),
-            ),
-            Precision::Double => widely(
-                #[inline(always)]
-                || mirrored_rays(surfaces, origins, Precision::Double, lanes),
-            ),
-        };
-        sources.clear();
-        for (material, range) in surfaces.by_material() {
-            let glaze = context.world.materials[*material as usize].glaze();
-            if glaze.is_some_and(|glaze| self.from < glaze.bounces as usize && glaze.weight > 0.0) {
-                sources.extend(range.start as u32..range.end as u32);
-            }
-        }
-        if !all_leave {
-            for &source in &*sources {
-                let source = source as usize;
-                lanes.set(source, &mirrored_ray(origins.get(source), &surfaces.get(source), precision));
-            }
-        }
-        if sources.len() < surfaces.len() {
-            for (to, &from) in sources.iter().enumerate() {
-                lanes.set(to, &lanes.get(from as usize));
-            }
-        }
-        lanes.weave(sources.len(), rays);
+        tile.with(|own: &mut Buffers, tile| reflect(&mut own.glazed, tile, context.world));
     }
 }
 
-/// The mirrored rays of all surfaces, also where they point into them; whether none does.
-#[inline(always)]
-fn mirrored_rays(surfaces: &Surfaces, origins: &Lanes, precision: Precision, rays: &mut RayLanes) -> bool {
+fn reflect(glazed: &mut Vec<Range<usize>>, tile: &mut Tile, world: &World) {
+    let (depth, surfaces) = (tile.depth, &tile.levels[tile.depth].surfaces);
+    glazed.clear();
+    for (material, range) in surfaces.by_material() {
+        if mirror(&world.materials[*material as usize]).is_some_and(|glaze| depth < glaze.bounces as usize) {
+            match glazed.last_mut() {
+                Some(last) if last.end == range.start => last.end = range.end,
+                _ => glazed.push(range.clone()),
+            }
+        }
+    }
+    if glazed.is_empty() && tile.levels.len() == depth + 1 {
+        // Nothing is sent out, and no level was.
+        return;
+    }
+    let precision = world.numerics().precision();
+    let (level, next) = tile.this_and_next();
+    let Level { surfaces, origins, .. } = level;
+    let Level { sources, rays, lanes, .. } = next;
+    sources.clear();
+    rays.clear();
+    let Some(origins) = origins else { return };
     let mut all_leave = true;
-    for i in 0..surfaces.len() {
+    for range in &*glazed {
+        sources.extend(range.start as u32..range.end as u32);
+        all_leave &= match precision {
+            Precision::Single => widely(
+                #[inline(always)]
+                || mirrored_rays(surfaces, range, origins, Precision::Single, lanes),
+            ),
+            Precision::Double => widely(
+                #[inline(always)]
+                || mirrored_rays(surfaces, range, origins, Precision::Double, lanes),
+            ),
+        };
+    }
+    if !all_leave {
+        for &source in &*sources {
+            let source = source as usize;
+            lanes.set(source, &mirrored_ray(origins.get(source), &surfaces.get(source), precision));
+        }
+    }
+    if sources.len() < surfaces.len() {
+        for (to, &from) in sources.iter().enumerate() {
+            lanes.set(to, &lanes.get(from as usize));
+        }
+    }
+    lanes.weave(sources.len(), rays);
+}
+
+/// The mirrored rays of the surfaces in `range`, also where they point into them; whether none does.
+#[inline(always)]
+fn mirrored_rays(
+    surfaces: &Surfaces,
+    range: &Range<usize>,
+    origins: &Lanes,
+    precision: Precision,
+    rays: &mut RayLanes,
+) -> bool {
+    let mut all_leave = true;
+    for i in range.start..range.end.min(LANES) {
         let mirrored = mirrored(surfaces.view.get(i), surfaces.shading_normal.get(i));
         let ray = precision.ray(origins.get(i), mirrored, 0.0, f64::INFINITY);
         rays.set(i, &ray);
@@ -99,10 +158,7 @@ fn mirrored(view: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// Mixes what mirrored rays saw into the surfaces that sent them.
-pub struct Combine {
-    /// The level of those surfaces.
-    pub into: usize,
-}
+struct Combine;
 
 impl Stage for Combine {
     fn name(&self) -> &'static str {
@@ -110,8 +166,7 @@ impl Stage for Combine {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let (before, after) = tile.levels.split_at_mut(self.into + 1);
-        let (level, next): (&mut Level, &Level) = (&mut before[self.into], &after[0]);
+        let (level, next) = tile.this_and_next();
         for (i, &ray) in next.surfaces.ray_of().iter().enumerate() {
             let source = next.sources[ray as usize] as usize;
             let material = level.surfaces.materials()[source] as usize;

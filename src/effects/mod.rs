@@ -1,50 +1,59 @@
-//! The plan: which effects there are to compute, and the stages that compute them.
+//! Effects: each computed where the scene calls for it, and nowhere else.
 //!
-//! Rendering is a list of [`Stage`]s over arrays of rays (see [`tile::Tile`]). The list is made from what the scene calls
-//! for and from nothing else, so an effect that nobody calls for has no stage, casts no ray and holds no memory. One
-//! file an effect; to add one, write it, give it a line in [`EFFECTS`], a key in
-//! [`crate::scene::file::EffectsSection`], and a place in [`Plan::new`].
+//! Rendering is a list of [`Stage`]s over arrays of rays (see [`tile::Tile`]). [`Plan::new`] makes the list from what the
+//! scene calls for and from nothing else, so an effect that nobody calls for has no stage, casts no ray and holds no memory.
+//!
+//! One file an effect, and one line in [`EFFECTS`]. The file says all there is to say: what calls for the effect, what it
+//! changes in the [`Outline`] of the plan, its stages at the [`Hook`]s, its kinds of rays, and the memory it holds (kept in the
+//! tile by [`tile::Tile::with`], so that it exists only where the effect runs). A build without an effect:
+//! `RUSTFLAGS='--cfg kiln_without="glaze"'`.
 
 mod film;
-pub mod glaze;
+mod leave;
 mod local;
-pub mod normal_maps;
+mod pictures;
+mod plan;
 mod primary;
-pub mod shadows;
-pub mod terminator;
-pub mod textures;
 pub mod tile;
 mod visible;
 
-use crate::error::{Error, Result};
+pub use plan::{Choices, Decision, Plan, Step, check_names, check_scene};
+
 use crate::scene::TextureFilter;
-use crate::scene::file::{EffectsSection, TexturesValue, nearest_name};
+use crate::scene::file::SceneFile;
 use crate::shading::ShadingMode;
 use crate::world::World;
 use tile::{Context, Tile};
 
-/// A kind of ray, for counting.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum RayKind {
-    /// From the camera.
-    Primary,
-    /// Towards a light.
-    Shadow,
-    /// Mirrored by a glazed surface.
-    Glaze,
+/// Names the files of effects, in the order of the plan.
+macro_rules! registry {
+    ($($name:tt => $file:ident,)*) => {
+        $(#[cfg(not(kiln_without = $name))] pub mod $file;)*
+
+        /// Every effect there is, in the order of the plan: each builds on those before it.
+        pub const EFFECTS: &[Effect] = &[$(#[cfg(not(kiln_without = $name))] $file::EFFECT,)*];
+    };
 }
 
-impl RayKind {
-    /// Every kind.
-    pub const ALL: [RayKind; 3] = [RayKind::Primary, RayKind::Shadow, RayKind::Glaze];
+registry! {
+    "textures" => textures,
+    "normal-maps" => normal_maps,
+    "shadows" => shadows,
+    "terminator" => terminator,
+    "glaze" => glaze,
+}
 
-    /// The name in statistics.
-    pub fn name(self) -> &'static str {
-        match self {
-            RayKind::Primary => "primary",
-            RayKind::Shadow => "shadow",
-            RayKind::Glaze => "glaze",
-        }
+/// A kind of ray, for counting, by its name in statistics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RayKind(pub &'static str);
+
+impl RayKind {
+    /// From the camera.
+    pub const PRIMARY: RayKind = RayKind("primary");
+
+    /// Every kind: primary rays, then those of the effects.
+    pub fn all() -> impl Iterator<Item = RayKind> {
+        std::iter::once(RayKind::PRIMARY).chain(EFFECTS.iter().flat_map(|effect| effect.rays).copied())
     }
 }
 
@@ -53,181 +62,147 @@ pub trait Stage: Send + Sync {
     /// The name in statistics.
     fn name(&self) -> &'static str;
 
-    /// Does the step.
+    /// Does the step, on the level [`Tile::depth`] where it is one of a level.
     fn run(&self, tile: &mut Tile, context: &Context);
 }
 
-/// An effect that scenes can call for.
+/// An effect that scenes can call for: everything about it.
 pub struct Effect {
     /// The name as typed by users.
     pub name: &'static str,
     /// One line on what it does.
     pub summary: &'static str,
     /// Whether it has a meaning only where lights shine.
-    needs_lights: bool,
-    /// What in the world calls for it, or why nothing does.
-    called_for: fn(&World) -> std::result::Result<String, String>,
+    pub needs_lights: bool,
+    /// Whether it is a part of shading, which pictures of single terms leave out.
+    pub is_shading: bool,
+    /// The kinds of rays that it casts.
+    pub rays: &'static [RayKind],
+    /// What it can be told beyond on and off.
+    pub value: Option<Value>,
+    /// What in the world calls for it, by name, or why nothing does.
+    pub called_for: fn(&World) -> Result<String, String>,
+    /// What it changes in the plan's outline.
+    pub outline: fn(&Asked, &mut Outline),
+    /// Its stages at a hook, in order.
+    pub stages: fn(&Asked, Hook) -> Vec<Box<dyn Stage>>,
+    /// Bytes of memory that it holds in a tile.
+    pub bytes: fn(&Tile) -> usize,
 }
 
-/// Every effect there is.
-pub const EFFECTS: &[Effect] =
-    &[textures::EFFECT, normal_maps::EFFECT, shadows::EFFECT, terminator::EFFECT, glaze::EFFECT];
+/// A value that an effect takes: `--with NAME=VALUE`, and `NAME = VALUE` in a scene file.
+pub struct Value {
+    /// What it is, such as "samples a pixel".
+    pub meaning: &'static str,
+    /// Whether it can be used, or what is wrong with it.
+    pub check: fn(&str) -> Result<(), String>,
+}
 
-/// What the user asks for, over what the scene says.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Choices {
+/// What an effect may know when it lists its stages.
+pub struct Asked<'a> {
+    /// The prepared scene.
+    pub world: &'a World,
+    /// The plan's outline: while that is being made, what earlier effects made of it.
+    pub outline: Outline,
+    /// The value that the effect was given.
+    pub value: Option<String>,
+}
+
+/// What a plan is going to be, decided before any stage is listed. Effects change it, in their order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Outline {
     /// How far shading goes.
     pub shading: ShadingMode,
-    /// What the scene file says of effects.
-    pub scene: EffectsSection,
-    /// Effects to have.
-    pub with: Vec<String>,
-    /// Effects to do without.
-    pub without: Vec<String>,
+    /// Whether lights take part.
+    pub lit: bool,
+    /// Which pictures are looked up, and how.
+    pub pictures: Pictures,
+    /// Whether smooth meshes are lit by their normals alone.
+    pub smooth: bool,
+    /// Whether surfaces ask what stands between them and the lights.
+    pub shadow_rays: bool,
+    /// On how many levels, from the first, rays leave the surfaces.
+    pub leaving: u32,
+    /// What the rays of levels beyond the first are; `None` where there are no such levels.
+    pub further: Option<Further>,
 }
 
-impl Choices {
-    /// The filter that the scene asks for.
-    fn filter(&self) -> Option<TextureFilter> {
-        match self.scene.textures {
-            Some(TexturesValue::Filter(filter)) => Some(filter),
-            _ => None,
-        }
-    }
+/// Pictures that are looked up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Pictures {
+    /// Those that say what surfaces are of.
+    pub textures: bool,
+    /// Those that tilt normals.
+    pub normal_maps: bool,
+    /// How; `None` for each as its sampler says.
+    pub filter: Option<TextureFilter>,
 }
 
-/// Whether an effect is computed, and why.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Decision {
-    /// The effect's name.
+/// Levels beyond the first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Further {
+    /// What their rays count as.
+    pub kind: RayKind,
+    /// The name of the stage that finds what they hit.
+    pub hits: &'static str,
+    /// The effect that sends them.
     pub effect: &'static str,
-    /// Whether it is computed.
-    pub on: bool,
-    /// What calls for it, or what keeps it off.
-    pub why: String,
 }
 
-/// The stages that a picture takes, in order.
-pub struct Plan {
-    /// How far shading goes.
-    pub shading: ShadingMode,
-    /// What was decided of each effect.
-    pub decisions: Vec<Decision>,
-    stages: Vec<Box<dyn Stage>>,
+/// Whether a list of stages is the first level's or that of all others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Depth {
+    /// The level of the pixels' own rays.
+    First,
+    /// Every level beyond.
+    Further,
 }
 
-impl Plan {
-    /// Decides which effects there is anything to do for, and lists the stages.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] for an effect that does not exist or is both asked for and not.
-    pub fn new(world: &World, choices: &Choices) -> Result<Plan> {
-        check_names(choices.with.iter().chain(&choices.without))?;
-        if let Some(both) = choices.with.iter().find(|name| choices.without.contains(name)) {
-            return Err(Error::usage(format!("both with and without `{both}`"), "ask for one of the two"));
+/// The places in a plan where effects have stages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hook {
+    /// The camera's rays are made; nothing is asked yet.
+    Rays,
+    /// A level's surfaces are found, and where rays leave them; lights are not looked at yet.
+    BeforeLighting(Depth),
+    /// It is known which lights shine on the side of each surface of a level. Only where lights take part.
+    AfterLighting(Depth),
+    /// A level's surfaces have their colours. Who sends rays out fills the next level ([`Tile::this_and_next`]).
+    AfterShading(Depth),
+    /// All levels are done. Once for each level that sent rays out, the deepest first.
+    AfterLevels,
+    /// The pixels have their colours.
+    Film,
+}
+
+/// What calls for an effect: things of a kind, by name. `None` for none.
+pub fn named(kind: &str, names: &[&str]) -> Option<String> {
+    let quoted: Vec<String> = names.iter().take(3).map(|name| format!("`{name}`")).collect();
+    match names.len() {
+        0 => None,
+        1 => Some(format!("{kind} {}", quoted[0])),
+        many if many > quoted.len() => {
+            Some(format!("{kind}s {} and {} more", quoted.join(", "), many - quoted.len()))
         }
-        let decisions: Vec<Decision> = EFFECTS.iter().map(|effect| decide(effect, world, choices)).collect();
-        let on = |name: &str| decisions.iter().any(|d| d.effect == name && d.on);
-        let (shadows, glaze) = (on(shadows::EFFECT.name), on(glaze::EFFECT.name));
-        let smooth = on(terminator::EFFECT.name);
-
-        let lit = choices.shading.uses_lights() && !world.lights.is_empty();
-        let (textures, normal_maps) = (on(textures::EFFECT.name), on(normal_maps::EFFECT.name));
-        let pictures = (textures || normal_maps)
-            .then(|| textures::Pictures::new(world, textures, normal_maps, choices.filter(), 1));
-        let bounces = if glaze { glaze::most_bounces(world) } else { 0 };
-        let mut stages: Vec<Box<dyn Stage>> = vec![Box::new(primary::Primary)];
-        for level in 0..=bounces as usize {
-            if level > 0 {
-                stages.push(Box::new(glaze::Reflect { from: level - 1 }));
-                if let Some(pictures) = pictures.clone().filter(|pictures| pictures.footprints) {
-                    stages.push(Box::new(textures::Follow { from: level - 1, pictures }));
-                }
-            }
-            let kind = if level == 0 { RayKind::Primary } else { RayKind::Glaze };
-            stages.push(Box::new(visible::Visible { level, kind }));
-            if let Some(pictures) = pictures.clone() {
-                stages.push(Box::new(textures::Locate { level, pictures }));
-            }
-            if let Some(pictures) = pictures.clone().filter(|_| normal_maps) {
-                stages.push(Box::new(normal_maps::NormalMaps { level, pictures }));
-            }
-            if (lit && shadows) || level < bounces as usize {
-                stages.push(Box::new(visible::Origins { level }));
-            }
-            if lit {
-                stages.push(Box::new(local::Illuminate { level, smooth }));
-                if shadows {
-                    if smooth {
-                        stages.push(Box::new(terminator::Lift { level }));
-                    }
-                    stages.push(Box::new(shadows::Shadows { level }));
-                }
-            }
-            if let Some(pictures) = pictures.clone().filter(|_| textures) {
-                stages.push(Box::new(textures::Textures { level, pictures }));
-            }
-            stages.push(Box::new(local::Shade { level, mode: choices.shading }));
-        }
-        for level in (1..=bounces as usize).rev() {
-            stages.push(Box::new(glaze::Combine { into: level - 1 }));
-        }
-        stages.push(Box::new(film::Expose));
-        Ok(Plan { shading: choices.shading, decisions, stages })
-    }
-
-    /// The stages in the order they run.
-    pub fn stages(&self) -> &[Box<dyn Stage>] {
-        &self.stages
-    }
-
-    /// The names of the effects that are computed.
-    pub fn effects_on(&self) -> impl Iterator<Item = &'static str> + '_ {
-        self.decisions.iter().filter(|d| d.on).map(|d| d.effect)
+        _ => Some(format!("{kind}s {}", quoted.join(", "))),
     }
 }
 
-/// Whether every name is that of an effect.
-///
-/// # Errors
-/// [`Error::Usage`] for the first that is not, with the nearest one that is.
-pub fn check_names<'a>(names: impl IntoIterator<Item = &'a String>) -> Result<()> {
-    let known: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
-    match names.into_iter().find(|name| !known.contains(&name.as_str())) {
-        Some(name) => Err(Error::usage(format!("there is no effect `{name}`"), nearest_name(name, &known))),
-        None => Ok(()),
+/// The JSON schema of scene files, with the names of the effects.
+pub fn schema() -> serde_json::Value {
+    let mut schema = SceneFile::schema();
+    let mut names = serde_json::Map::new();
+    for effect in EFFECTS {
+        let kinds =
+            if effect.value.is_some() { ["boolean", "number", "string"].as_slice() } else { &["boolean"] };
+        let entry = serde_json::json!({ "description": effect.summary, "type": kinds });
+        names.insert(effect.name.into(), entry);
     }
-}
-
-/// The user's word first, then the scene's, then the shading mode's, then what there is to do. An effect with nothing
-/// to do stays off whoever asks: it could not change the picture.
-fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
-    let name = effect.name;
-    let decision = |on, why: String| Decision { effect: name, on, why };
-    let calls = match (effect.called_for)(world) {
-        Ok(calls) => calls,
-        Err(nothing) => return decision(false, nothing),
-    };
-    if !choices.shading.uses_lights() && effect.needs_lights {
-        return decision(false, format!("{} shading has no lights", choices.shading.name()));
+    if let Some(section) = schema.pointer_mut("/properties/effects").and_then(|s| s.as_object_mut()) {
+        section.insert("properties".into(), names.into());
+        section.insert("additionalProperties".into(), false.into());
     }
-    if choices.without.iter().any(|n| n == name) {
-        return decision(false, format!("--without {name}"));
-    }
-    if choices.with.iter().any(|n| n == name) {
-        return decision(true, format!("--with {name}; {calls}"));
-    }
-    match choices.scene.get(name) {
-        Some(false) => return decision(false, "the scene file turns it off".into()),
-        Some(true) => return decision(true, format!("the scene file turns it on; {calls}")),
-        None => {}
-    }
-    // A surface's own looks are there however far shading goes.
-    let is_surface = name == textures::EFFECT.name || name == normal_maps::EFFECT.name;
-    if choices.shading < ShadingMode::Phong && !is_surface {
-        return decision(false, format!("--shading {} shows that term alone", choices.shading.name()));
-    }
-    decision(true, calls)
+    schema
 }
 
 #[cfg(test)]
@@ -236,13 +211,30 @@ mod tests {
 
     #[test]
     fn every_effect_can_be_said_in_a_scene_file() {
-        let schema = crate::scene::file::SceneFile::schema().to_string();
+        let schema = schema();
         for effect in EFFECTS {
             let text = format!("[effects]\n{} = true\n", effect.name);
-            let file = crate::scene::file::SceneFile::parse(&text, std::path::Path::new("a.toml")).unwrap();
-            assert_eq!(file.effects.get(effect.name), Some(true), "{} has no key", effect.name);
-            assert!(schema.contains(&format!("\"{}\"", effect.name)));
+            let file = SceneFile::parse(&text, std::path::Path::new("a.toml")).unwrap();
+            assert!(file.effects[effect.name].get_ref().is_on());
+            assert!(schema["properties"]["effects"]["properties"][effect.name].is_object());
             assert!(!effect.summary.is_empty());
+        }
+    }
+
+    #[test]
+    fn what_calls_is_named() {
+        assert_eq!(named("light", &[]), None);
+        assert_eq!(named("light", &["a"]).unwrap(), "light `a`");
+        assert_eq!(named("light", &["a", "b"]).unwrap(), "lights `a`, `b`");
+        assert_eq!(named("light", &["a", "b", "c", "d", "e"]).unwrap(), "lights `a`, `b`, `c` and 2 more");
+    }
+
+    #[test]
+    fn names_are_told_apart() {
+        let kinds: Vec<&str> = RayKind::all().map(|kind| kind.0).collect();
+        let effects: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
+        for names in [kinds, effects] {
+            assert!(names.iter().enumerate().all(|(i, name)| !names[..i].contains(name)), "{names:?}");
         }
     }
 }

@@ -1,8 +1,8 @@
 //! Normal maps: pictures that tilt the normals which surfaces are shaded and mirror by.
 
-use super::textures::Pictures;
+use super::pictures::{self, Buffers};
 use super::tile::{Context, Level, Tile};
-use super::{Effect, Stage};
+use super::{Asked, Effect, Hook, Pictures, Stage, named};
 use crate::shading::normal_map::{decode, held_above};
 use crate::shading::texture::look_up;
 use crate::world::{Meaning, World};
@@ -12,23 +12,33 @@ pub const EFFECT: Effect = Effect {
     name: "normal-maps",
     summary: "pictures tilt the normals that surfaces are shaded by",
     needs_lights: true,
+    is_shading: false,
+    rays: &[],
+    value: None,
     called_for: |world: &World| {
         let mapped = world.objects.iter().filter(|object| {
             object.has_tangents() && world.materials[object.material as usize].normal_map().is_some()
         });
-        match mapped.count() {
-            0 => Err("no mesh has a normal map".into()),
-            n => Ok(format!("{n} mesh(es) with normal maps")),
-        }
+        let names: Vec<&str> = mapped.map(|object| object.name.as_str()).collect();
+        named("object", &names)
+            .map(|names| format!("the normal maps of {names}"))
+            .ok_or_else(|| "no mesh has a normal map".into())
+    },
+    outline: |_, outline| outline.pictures.normal_maps = true,
+    stages: |asked: &Asked, hook: Hook| {
+        let pictures = asked.outline.pictures;
+        pictures::stages(asked, hook, !pictures.textures, NormalMaps { pictures })
+    },
+    bytes: |tile| {
+        // Where there are textures they are billed for what both share.
+        let texels = tile.levels.iter().any(|level| level.surfaces.texels.capacity() > 0);
+        tile.kept::<Buffers>().filter(|_| !texels).map_or(0, Buffers::bytes)
     },
 };
 
 /// Tilts the shading normals of the surfaces of a level.
-pub struct NormalMaps {
-    /// Which level.
-    pub level: usize,
-    /// What is asked for.
-    pub pictures: Pictures,
+struct NormalMaps {
+    pictures: Pictures,
 }
 
 impl Stage for NormalMaps {
@@ -37,20 +47,25 @@ impl Stage for NormalMaps {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let world = context.world;
-        let Level { surfaces, texture_points, hits, .. } = &mut tile.levels[self.level];
-        if texture_points.is_empty() {
+        tile.with(|own: &mut Buffers, tile| self.tilt(own, tile, context.world));
+    }
+}
+
+impl NormalMaps {
+    fn tilt(&self, own: &Buffers, tile: &mut Tile, world: &World) {
+        let points = own.points(tile.depth);
+        if points.is_empty() {
             return;
         }
+        let Level { surfaces, hits, .. } = &mut tile.levels[tile.depth];
         for part in 0..surfaces.by_material().len() {
             let (material, range) = surfaces.by_material()[part].clone();
             let Some(map) = world.materials[material as usize].normal_map() else { continue };
             let texture = &map.texture;
             let image = &world.images[texture.image as usize];
-            let filter = texture.sampler.filter(self.pictures.filter);
+            let filter = self.pictures.filter(texture);
             for i in range {
-                let (Some(point), Some(hit)) = (&texture_points[i], &hits[surfaces.ray_of()[i] as usize])
-                else {
+                let (Some(point), Some(hit)) = (&points[i], &hits[surfaces.ray_of()[i] as usize]) else {
                     continue;
                 };
                 let surface = surfaces.get(i);

@@ -5,29 +5,63 @@
 
 use glam::DVec3;
 
-use super::tile::{Context, Level, Tile};
-use super::{Effect, RayKind, Stage};
+use super::tile::{Context, Level, Tile, vec_bytes};
+use super::{Asked, Effect, Hook, RayKind, Stage, named};
 use crate::geometry::{Precision, Ray};
 use crate::shading::{LightLanes, LightSample};
 use crate::world::{Lanes, RayLanes, Surfaces, World, widely};
+
+/// Towards lights.
+const RAYS: RayKind = RayKind("shadow");
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
     name: "shadows",
     summary: "lights are blocked by what stands in their way",
     needs_lights: true,
-    called_for: |world: &World| match world.lights.as_slice() {
-        [] => Err("the scene has no lights".into()),
-        [one] => Ok(format!("light `{}`", one.name)),
-        many => Ok(format!("{} lights", many.len())),
+    is_shading: true,
+    rays: &[RAYS],
+    value: None,
+    called_for: |world: &World| {
+        let names: Vec<&str> = world.lights.iter().map(|light| light.name.as_str()).collect();
+        named("light", &names).ok_or_else(|| "the scene has no lights".into())
+    },
+    outline: |_, outline| {
+        if outline.lit {
+            outline.shadow_rays = true;
+            outline.leaving = u32::MAX;
+        }
+    },
+    stages: |_: &Asked, hook| match hook {
+        Hook::AfterLighting(_) => vec![Box::new(Shadows)],
+        _ => Vec::new(),
+    },
+    bytes: |tile| {
+        tile.kept::<Buffers>().map_or(0, |Buffers { lanes, rays, occluded, asked }| {
+            size_of::<Buffers>()
+                + size_of_val(&**lanes)
+                + vec_bytes(rays)
+                + vec_bytes(occluded)
+                + vec_bytes(asked)
+        })
     },
 };
 
-/// Takes away the lights that do not reach the surfaces of a level.
-pub struct Shadows {
-    /// Which level.
-    pub level: usize,
+/// What asking about one light takes.
+#[derive(Default)]
+struct Buffers {
+    /// The shadow rays of all surfaces of a level, coordinate by coordinate.
+    lanes: Box<RayLanes>,
+    /// Those that are cast.
+    rays: Vec<Ray>,
+    /// For each of them, whether it is blocked.
+    occluded: Vec<bool>,
+    /// For each of them, its surface.
+    asked: Vec<u32>,
 }
+
+/// Takes away the lights that do not reach the surfaces of a level.
+struct Shadows;
 
 impl Stage for Shadows {
     fn name(&self) -> &'static str {
@@ -35,54 +69,48 @@ impl Stage for Shadows {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let Tile {
-            levels,
-            lights,
-            traversal,
-            shadow_rays,
-            shadow_lanes,
-            shadow_origins,
-            occluded,
-            shadowed,
-            ..
-        } = tile;
-        let Level { surfaces, origins, shadow_points, .. } = &levels[self.level];
-        let numerics = context.world.numerics();
-        for (i, lifted) in shadow_points.iter().enumerate() {
-            shadow_origins.set(i, lifted.origin_towards(surfaces.geometric_normal.get(i), numerics));
-        }
-        let origins = if shadow_points.is_empty() { origins } else { shadow_origins };
-        let (mut cast, mut blocked) = (0, 0);
-        for light in lights {
-            match numerics.precision() {
-                Precision::Single => widely(
-                    #[inline(always)]
-                    || rays_to(light, surfaces, origins, Precision::Single, shadow_lanes),
-                ),
-                Precision::Double => widely(
-                    #[inline(always)]
-                    || rays_to(light, surfaces, origins, Precision::Double, shadow_lanes),
-                ),
-            }
-            list_reached(&light.reaches[..surfaces.len()], shadowed);
-            if shadowed.len() == surfaces.len() {
-                shadow_lanes.weave(surfaces.len(), shadow_rays);
-            } else {
-                shadow_lanes.weave_some(shadowed, shadow_rays);
-            }
-            occluded.clear();
-            context.world.accelerator.are_occluded(shadow_rays, occluded, traversal);
-            cast += occluded.len();
-            let met = occluded.iter().filter(|&&blocked| blocked).count();
-            if met > 0 {
-                for (&surface, &is_blocked) in shadowed.iter().zip(&*occluded) {
-                    light.reaches[surface as usize] &= !is_blocked;
-                }
-            }
-            blocked += met;
-        }
-        tile.count(RayKind::Shadow, cast, blocked);
+        tile.with(|own: &mut Buffers, tile| take_away(own, tile, context));
     }
+}
+
+fn take_away(own: &mut Buffers, tile: &mut Tile, context: &Context) {
+    let Tile { levels, depth, lights, traversal, .. } = tile;
+    let Level { surfaces, origins, shadow_origins, .. } = &levels[*depth];
+    let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
+    let Buffers { lanes, rays, occluded, asked } = own;
+    let (mut cast, mut blocked) = (0, 0);
+    for light in lights {
+        list_reached(&light.reaches[..surfaces.len()], asked);
+        if asked.is_empty() {
+            continue;
+        }
+        match context.world.numerics().precision() {
+            Precision::Single => widely(
+                #[inline(always)]
+                || rays_to(light, surfaces, origins, Precision::Single, lanes),
+            ),
+            Precision::Double => widely(
+                #[inline(always)]
+                || rays_to(light, surfaces, origins, Precision::Double, lanes),
+            ),
+        }
+        if asked.len() == surfaces.len() {
+            lanes.weave(surfaces.len(), rays);
+        } else {
+            lanes.weave_some(asked, rays);
+        }
+        occluded.clear();
+        context.world.accelerator.are_occluded(rays, occluded, traversal);
+        cast += occluded.len();
+        let met = occluded.iter().filter(|&&blocked| blocked).count();
+        if met > 0 {
+            for (&surface, &is_blocked) in asked.iter().zip(&*occluded) {
+                light.reaches[surface as usize] &= !is_blocked;
+            }
+        }
+        blocked += met;
+    }
+    tile.count(RAYS, cast, blocked);
 }
 
 /// The rays from all surfaces to a light.

@@ -7,31 +7,59 @@
 //! coordinate. Where the surface is concave it lies above them already and stays where it is; and so it does where something
 //! lies between the point and its place on the smooth surface, which the shadow ray would else pass over.
 
-use super::tile::{Context, Level, Tile};
-use super::{Effect, Stage};
-use crate::world::World;
+use super::tile::{Context, Level, Tile, vec_bytes};
+use super::{Asked, Effect, Hook, RayKind, Stage, named};
+use crate::geometry::Ray;
+use crate::world::{Lanes, World};
+
+/// From points to their places on the smooth surface.
+const RAYS: RayKind = RayKind("terminator");
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
     name: "terminator",
     summary: "the shadow line of smooth meshes follows their normals, not their triangles",
     needs_lights: true,
+    is_shading: true,
+    rays: &[RAYS],
+    value: None,
     called_for: |world: &World| {
         if world.lights.is_empty() {
             return Err("the scene has no lights".into());
         }
-        match world.objects.iter().filter(|object| object.is_smooth()).count() {
-            0 => Err("no mesh has normals of its own".into()),
-            n => Ok(format!("{n} mesh(es) with normals")),
-        }
+        let smooth = world.objects.iter().filter(|object| object.is_smooth());
+        let names: Vec<&str> = smooth.map(|object| object.name.as_str()).collect();
+        named("object", &names)
+            .map(|names| format!("the normals of {names}"))
+            .ok_or_else(|| "no mesh has normals of its own".into())
+    },
+    outline: |_, outline| outline.smooth = true,
+    stages: |asked: &Asked, hook| match hook {
+        Hook::BeforeLighting(_) if asked.outline.shadow_rays => vec![Box::new(Lift)],
+        _ => Vec::new(),
+    },
+    bytes: |tile| {
+        let lifted = tile.levels.iter().filter(|level| level.shadow_origins.is_some()).count();
+        let own = tile.kept::<Buffers>().map_or(0, |Buffers { rays, occluded, lifted }| {
+            size_of::<Buffers>() + vec_bytes(rays) + vec_bytes(occluded) + vec_bytes(lifted)
+        });
+        lifted * size_of::<Lanes>() + own
     },
 };
 
-/// Lifts the points that shadow rays start from onto the smooth surface.
-pub struct Lift {
-    /// Which level.
-    pub level: usize,
+/// What asking for a level takes.
+#[derive(Default)]
+struct Buffers {
+    /// From where rays leave the surfaces to where their shadow rays are to start.
+    rays: Vec<Ray>,
+    /// For each of them, whether something is in the way.
+    occluded: Vec<bool>,
+    /// For each of them, its surface.
+    lifted: Vec<u32>,
 }
+
+/// Lifts the points that shadow rays start from onto the smooth surface.
+struct Lift;
 
 impl Stage for Lift {
     fn name(&self) -> &'static str {
@@ -39,30 +67,47 @@ impl Stage for Lift {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        let world = context.world;
-        let numerics = world.numerics();
-        let Tile { levels, traversal, shadow_rays, occluded, shadowed, .. } = tile;
-        let Level { surfaces, hits, origins, shadow_points, .. } = &mut levels[self.level];
-        shadow_rays.clear();
-        shadowed.clear();
-        occluded.clear();
-        for (index, &ray) in surfaces.ray_of().iter().enumerate() {
-            let surface = surfaces.get(index);
-            let lifted = hits[ray as usize].map_or(surface.point, |hit| world.smooth_point(&surface, &hit));
-            shadow_points.push(lifted);
-            if lifted.position == surface.point.position {
-                continue;
-            }
-            let origin = origins.get(index);
-            let way = lifted.origin_towards(surface.geometric_normal, numerics) - origin;
-            if let Some(direction) = way.try_normalize() {
-                shadow_rays.push(numerics.precision().ray(origin, direction, 0.0, way.length()));
-                shadowed.push(index as u32);
-            }
+        tile.with(|own: &mut Buffers, tile| lift(own, tile, context));
+    }
+}
+
+fn lift(own: &mut Buffers, tile: &mut Tile, context: &Context) {
+    let world = context.world;
+    let numerics = world.numerics();
+    let Tile { levels, depth, traversal, .. } = tile;
+    let Level { surfaces, hits, origins, shadow_origins, .. } = &mut levels[*depth];
+    let Some(origins) = origins else { return };
+    let shadow_origins = shadow_origins.get_or_insert_default();
+    shadow_origins.clone_from(origins);
+    let Buffers { rays, occluded, lifted } = own;
+    rays.clear();
+    occluded.clear();
+    lifted.clear();
+    for (index, (&ray, &object)) in surfaces.ray_of().iter().zip(surfaces.objects()).enumerate() {
+        let Some(hit) = &hits[ray as usize] else { continue };
+        if !world.objects[object as usize].is_smooth() {
+            continue;
         }
-        world.accelerator.are_occluded(shadow_rays, occluded, traversal);
-        for (&index, _) in shadowed.iter().zip(occluded.iter()).filter(|(_, blocked)| **blocked) {
-            shadow_points[index as usize] = surfaces.get(index as usize).point;
+        let surface = surfaces.get(index);
+        let point = world.smooth_point(&surface, hit);
+        if point.position == surface.point.position {
+            continue;
+        }
+        let start = point.origin_towards(surface.geometric_normal, numerics);
+        shadow_origins.set(index, start);
+        let way = start - origins.get(index);
+        if let Some(direction) = way.try_normalize() {
+            rays.push(numerics.precision().ray(origins.get(index), direction, 0.0, way.length()));
+            lifted.push(index as u32);
         }
     }
+    world.accelerator.are_occluded(rays, occluded, traversal);
+    let blocked = lifted.iter().zip(&*occluded).filter(|(_, blocked)| **blocked);
+    let mut met = 0;
+    for (&index, _) in blocked {
+        shadow_origins.set(index as usize, origins.get(index as usize));
+        met += 1;
+    }
+    let cast = rays.len();
+    tile.count(RAYS, cast, met);
 }

@@ -2,14 +2,16 @@
 //!
 //! Level 0 holds the rays of the tile's pixels, each further level the rays that surfaces of the one before sent out.
 //! All arrays are kept from tile to tile, so that a steady state allocates nothing; each stage sets what it fills anew.
+//! What only one effect needs is not here but in its own file, and exists where that runs ([`Tile::with`]).
+
+use std::any::Any;
 
 use super::RayKind;
 use crate::bvh::Traversal;
 use crate::film::Window;
-use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Hit, Ray};
 use crate::shading::{LightLanes, Scratch};
-use crate::world::{Differential, Lanes, RayLanes, Surfaces, TexturePoint, View, World};
+use crate::world::{Lanes, RayLanes, Surfaces, View, World};
 
 /// What every stage may read.
 pub struct Context<'a> {
@@ -32,16 +34,32 @@ pub struct Level {
     pub hits: Vec<Option<Hit>>,
     /// The points that were hit, in the order of the rays.
     pub surfaces: Box<Surfaces>,
-    /// For each ray, how it changes from pixel to pixel; on levels above 0, where footprints are followed.
-    pub differentials: Vec<Differential>,
-    /// For each surface, where it is in its pictures, if it is in any; empty where none is or nobody asks.
-    pub texture_points: Vec<Option<TexturePoint>>,
-    /// For each surface, where rays that leave it start; set where some do.
-    pub origins: Box<Lanes>,
-    /// For each surface, the point that its shadow rays start from; empty where that is the surface's own.
-    pub shadow_points: Vec<SurfacePoint>,
+    /// For each surface, where rays that leave it start; there where some do.
+    pub origins: Option<Box<Lanes>>,
+    /// For each surface, where its shadow rays start; there where that is not where other rays do.
+    pub shadow_origins: Option<Box<Lanes>>,
     /// For each surface, its colour.
     pub colours: Box<Lanes>,
+}
+
+impl Level {
+    /// Bytes of memory that it holds, but for what an effect put there.
+    pub fn bytes(&self) -> usize {
+        let Level { rays, lanes, sources, hits, surfaces, origins, shadow_origins: _, colours } = self;
+        size_of::<Level>()
+            + vec_bytes(rays)
+            + size_of_val(&**lanes)
+            + vec_bytes(sources)
+            + vec_bytes(hits)
+            + size_of_val(&**surfaces)
+            + usize::from(origins.is_some()) * size_of::<Lanes>()
+            + size_of_val(&**colours)
+    }
+}
+
+/// Bytes of memory that a vector holds.
+pub fn vec_bytes<T>(values: &Vec<T>) -> usize {
+    values.capacity() * size_of::<T>()
 }
 
 /// A tile in the making.
@@ -51,29 +69,23 @@ pub struct Tile {
     pub window: Option<Window>,
     /// The generations of rays.
     pub levels: Vec<Level>,
+    /// The one that is being worked on.
+    pub depth: usize,
     /// The finished pixels, row by row from the top.
     pub pixels: Vec<[f32; 3]>,
     /// What traversals need and count.
     pub traversal: Traversal,
-    /// Rays cast and rays that hit, by kind.
-    pub rays: [RayCount; RayKind::ALL.len()],
+    /// Rays cast and rays that hit, by kind; no entry for kinds of which none was.
+    pub rays: Vec<(RayKind, RayCount)>,
     /// The lights as the surfaces of a level see them, in the world's order, until those are shaded; empty where no stage
     /// looked for lights.
     pub lights: Vec<Box<LightLanes>>,
-    /// The shadow rays of all surfaces of a level, coordinate by coordinate.
-    pub shadow_lanes: Box<RayLanes>,
-    /// Those that are cast, while it is being asked which are blocked.
-    pub shadow_rays: Vec<Ray>,
-    /// For each surface of that level, where they start, where that is not where other rays do.
-    pub shadow_origins: Box<Lanes>,
-    /// For each of the rays, whether it is.
-    pub occluded: Vec<bool>,
-    /// For each of them, its surface.
-    pub shadowed: Vec<u32>,
     /// What shading needs in passing.
     pub shading: Box<Scratch>,
     /// For each object, whether a primary ray has seen it.
     pub seen: Vec<bool>,
+    /// What effects keep for themselves, each in a type of its own.
+    own: Vec<Box<dyn Any + Send>>,
 }
 
 /// Rays of a kind.
@@ -89,20 +101,78 @@ impl Tile {
     /// Makes ready for the pixels of `window`. Counts go on.
     pub fn start(&mut self, window: Window) {
         self.window = Some(window);
+        self.depth = 0;
         self.pixels.clear();
     }
 
-    /// A level, made where it does not exist yet.
-    pub fn level(&mut self, index: usize) -> &mut Level {
-        if self.levels.len() <= index {
-            self.levels.resize_with(index + 1, Level::default);
+    /// The level that is being worked on, made where it does not exist yet.
+    pub fn level(&mut self) -> &mut Level {
+        if self.levels.len() <= self.depth {
+            self.levels.resize_with(self.depth + 1, Level::default);
         }
-        &mut self.levels[index]
+        &mut self.levels[self.depth]
+    }
+
+    /// The level that is being worked on and the next, made where it does not exist yet.
+    pub fn this_and_next(&mut self) -> (&mut Level, &mut Level) {
+        if self.levels.len() <= self.depth + 1 {
+            self.levels.resize_with(self.depth + 2, Level::default);
+        }
+        let (before, after) = self.levels.split_at_mut(self.depth + 1);
+        (&mut before[self.depth], &mut after[0])
+    }
+
+    /// Goes on to the next level, if it has rays.
+    pub fn descend(&mut self) -> bool {
+        let goes_on = self.levels.get(self.depth + 1).is_some_and(|next| !next.rays.is_empty());
+        self.depth += usize::from(goes_on);
+        goes_on
+    }
+
+    /// Goes back to the level before, if there is one.
+    pub fn ascend(&mut self) -> bool {
+        let goes_back = self.depth > 0;
+        self.depth -= usize::from(goes_back);
+        goes_back
+    }
+
+    /// Works on the tile with what an effect keeps for itself, made where it does not exist yet.
+    pub fn with<T: Default + Send + 'static, R>(&mut self, work: impl FnOnce(&mut T, &mut Tile) -> R) -> R {
+        let at = self.own.iter().position(|own| own.is::<T>());
+        let mut taken = match at {
+            Some(at) => self.own.swap_remove(at),
+            None => Box::<T>::default(),
+        };
+        let own = taken.downcast_mut().expect("what was found by its type");
+        let result = work(own, self);
+        self.own.push(taken);
+        result
+    }
+
+    /// What an effect keeps for itself; `None` where it never ran.
+    pub fn kept<T: 'static>(&self) -> Option<&T> {
+        self.own.iter().find_map(|own| own.downcast_ref())
+    }
+
+    /// Bytes of memory that it holds for what every picture takes: what effects hold is theirs to say.
+    pub fn bytes(&self) -> usize {
+        let Tile { levels, pixels, lights, shading, seen, .. } = self;
+        size_of::<Tile>()
+            + levels.first().map_or(0, Level::bytes)
+            + vec_bytes(pixels)
+            + vec_bytes(lights)
+            + lights.len() * size_of::<LightLanes>()
+            + size_of_val(&**shading)
+            + vec_bytes(seen)
     }
 
     /// Adds to the count of a kind of ray.
     pub fn count(&mut self, kind: RayKind, cast: usize, hit: usize) {
-        let count = &mut self.rays[kind as usize];
+        let at = self.rays.iter().position(|(known, _)| *known == kind).unwrap_or_else(|| {
+            self.rays.push((kind, RayCount::default()));
+            self.rays.len() - 1
+        });
+        let count = &mut self.rays[at].1;
         count.cast += cast as u64;
         count.hit += hit as u64;
     }

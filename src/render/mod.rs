@@ -5,7 +5,7 @@
 
 mod statistics;
 
-pub use statistics::{StageTime, Statistics};
+pub use statistics::{Bill, StageTime, Statistics};
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -101,7 +101,7 @@ impl Worker {
     fn new(plan: &Plan) -> Self {
         Worker {
             tile: Tile::default(),
-            times: vec![Default::default(); plan.stages().len()],
+            times: vec![Default::default(); plan.steps().len()],
             non_finite: Vec::new(),
         }
     }
@@ -119,14 +119,13 @@ fn render_tile<P: Pixel>(
     tile.start(film.window);
     let now = || (clock == Clock::EveryStage).then(Instant::now);
     let mut last = now();
-    for (stage, time) in plan.stages().iter().zip(times) {
-        stage.run(tile, context);
+    plan.run(tile, context, |step| {
         let now = now();
         if let (Some(last), Some(now)) = (last, now) {
-            *time += now - last;
+            times[step] += now - last;
         }
         last = now;
-    }
+    });
     let colours = &tile.pixels;
     non_finite.extend(widely(
         #[inline(always)]

@@ -1,21 +1,26 @@
-//! What a render did: rays, tests, and the time of each stage.
+//! What a render did: rays, tests, the time of each stage, and what each effect was billed for.
 
 use std::time::Duration;
 
 use super::{Clock, Worker};
 use crate::bvh::Tests;
 use crate::effects::tile::RayCount;
-use crate::effects::{Plan, RayKind};
+use crate::effects::{EFFECTS, Plan, RayKind};
 
 /// What a render did.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Statistics {
-    /// Thread time of each stage, in the plan's order, stages of one name added up; empty where the clock stood.
+    /// Thread time of each stage, in the plan's order, stages of one name and one effect added up; empty where the clock
+    /// stood.
     pub stages: Vec<StageTime>,
-    /// Rays cast and rays that hit, for each of [`RayKind::ALL`].
-    pub rays: [RayCount; RayKind::ALL.len()],
+    /// Rays cast and rays that hit, of each of [`RayKind::all`].
+    pub rays: Vec<(RayKind, RayCount)>,
     /// Boxes and primitives tested.
     pub tests: Tests,
+    /// What each of [`EFFECTS`] took.
+    pub bills: Vec<Bill>,
+    /// Bytes that the tile of a thread holds at most for what every picture takes.
+    pub base_bytes: usize,
     /// For each object, whether a primary ray has seen it.
     pub seen: Vec<bool>,
     /// Pixels that are not a number or infinite: how many, and columns and rows of the first ten of them.
@@ -27,25 +32,46 @@ pub struct Statistics {
 pub struct StageTime {
     /// The stage.
     pub name: &'static str,
+    /// The effect that it is there for; `None` for what every picture takes.
+    pub effect: Option<&'static str>,
     /// The time.
     pub time: Duration,
 }
 
+/// What an effect took.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Bill {
+    /// The effect.
+    pub effect: &'static str,
+    /// Its stages in the plan.
+    pub stages: usize,
+    /// Rays of its kinds.
+    pub rays: u64,
+    /// Thread time of its stages; `None` where the clock stood.
+    pub time: Option<Duration>,
+    /// Bytes that the tile of a thread holds for it at most.
+    pub bytes: usize,
+}
+
 impl Statistics {
     pub(super) fn gather(plan: &Plan, workers: &[Box<Worker>], clock: Clock) -> Self {
+        let count = |kind| (kind, RayCount::default());
         let mut sum = Statistics {
             stages: Vec::new(),
-            rays: Default::default(),
+            rays: RayKind::all().map(count).collect(),
             tests: Tests::default(),
+            bills: Vec::new(),
+            base_bytes: workers.iter().map(|worker| worker.tile.bytes()).max().unwrap_or(0),
             seen: Vec::new(),
             non_finite: Default::default(),
         };
-        let timed = if clock == Clock::EveryStage { plan.stages() } else { &[] };
-        for (index, stage) in timed.iter().enumerate() {
+        let timed = if clock == Clock::EveryStage { plan.steps() } else { &[] };
+        for (index, step) in timed.iter().enumerate() {
             let time = workers.iter().map(|worker| worker.times[index]).sum();
-            match sum.stages.iter_mut().find(|s| s.name == stage.name()) {
+            let (name, effect) = (step.stage.name(), step.effect);
+            match sum.stages.iter_mut().find(|s| s.name == name && s.effect == effect) {
                 Some(same) => same.time += time,
-                None => sum.stages.push(StageTime { name: stage.name(), time }),
+                None => sum.stages.push(StageTime { name, effect, time }),
             }
         }
         let mut non_finite: Vec<(u32, u32)> = workers.iter().flat_map(|w| &w.non_finite).copied().collect();
@@ -53,7 +79,8 @@ impl Statistics {
         sum.non_finite = (non_finite.len(), non_finite.into_iter().take(10).collect());
         for worker in workers {
             let tile = &worker.tile;
-            for (sum, count) in sum.rays.iter_mut().zip(&tile.rays) {
+            for &(kind, count) in &tile.rays {
+                let Some((_, sum)) = sum.rays.iter_mut().find(|(known, _)| *known == kind) else { continue };
                 sum.cast += count.cast;
                 sum.hit += count.hit;
             }
@@ -61,11 +88,30 @@ impl Statistics {
             sum.seen.resize(sum.seen.len().max(tile.seen.len()), false);
             sum.seen.iter_mut().zip(&tile.seen).for_each(|(sum, &seen)| *sum |= seen);
         }
+        sum.bills = EFFECTS
+            .iter()
+            .map(|effect| {
+                let own = |owner: Option<&'static str>| owner == Some(effect.name);
+                let times = sum.stages.iter().filter(|stage| own(stage.effect)).map(|stage| stage.time);
+                Bill {
+                    effect: effect.name,
+                    stages: plan.steps().iter().filter(|step| own(step.effect)).count(),
+                    rays: effect.rays.iter().map(|&kind| sum.rays(kind).cast).sum(),
+                    time: (clock == Clock::EveryStage).then(|| times.sum()),
+                    bytes: workers.iter().map(|worker| (effect.bytes)(&worker.tile)).max().unwrap_or(0),
+                }
+            })
+            .collect();
         sum
+    }
+
+    /// Bytes that the tile of a thread holds at most.
+    pub fn bytes(&self) -> usize {
+        self.base_bytes + self.bills.iter().map(|bill| bill.bytes).sum::<usize>()
     }
 
     /// Rays of a kind.
     pub fn rays(&self, kind: RayKind) -> RayCount {
-        self.rays[kind as usize]
+        self.rays.iter().find(|(known, _)| *known == kind).map_or(RayCount::default(), |(_, count)| *count)
     }
 }

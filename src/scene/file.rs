@@ -6,10 +6,11 @@
 use std::path::Path;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 use toml::Spanned;
 
 pub use super::colour_value::ColourValue;
+pub use super::effects::{EffectValue, EffectsSection};
 use super::{Numerics, Projection};
 use crate::error::{Error, Place, Result};
 use crate::film::ColourPipeline;
@@ -50,62 +51,8 @@ pub struct SceneFile {
     pub mesh: Vec<Spanned<MeshSection>>,
     /// Effects turned on or off against what the scene's contents imply.
     #[serde(default)]
-    pub effects: EffectsSection,
-}
-
-/// Effects turned on or off against what the scene's contents imply.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct EffectsSection {
-    /// Whether things in the way of a light take it away.
-    pub shadows: Option<bool>,
-    /// Whether the shadow line of smooth meshes follows their normals.
-    pub terminator: Option<bool>,
-    /// Whether glazed materials mirror their surroundings.
-    pub glaze: Option<bool>,
-    /// Whether pictures are looked up, or how.
-    pub textures: Option<TexturesValue>,
-    /// Whether normal maps tilt normals.
-    #[serde(rename = "normal-maps")]
-    pub normal_maps: Option<bool>,
-}
-
-/// Whether pictures are looked up, or how they all are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(
-    untagged,
-    expecting = "expected true, false, \"nearest\", \"bilinear\", \"mipmap\" or \"anisotropic\""
-)]
-pub enum TexturesValue {
-    /// Whether they are, each as its sampler says.
-    Switch(bool),
-    /// All of them with this filter.
-    Filter(super::TextureFilter),
-}
-
-impl EffectsSection {
-    /// What is said of the effect of this name.
-    pub fn get(&self, name: &str) -> Option<bool> {
-        match name {
-            "shadows" => self.shadows,
-            "terminator" => self.terminator,
-            "glaze" => self.glaze,
-            "textures" => self.textures.map(|value| value != TexturesValue::Switch(false)),
-            "normal-maps" => self.normal_maps,
-            _ => None,
-        }
-    }
-
-    /// This section's word where it has one, the other's where not.
-    pub fn or(self, other: Self) -> Self {
-        EffectsSection {
-            shadows: self.shadows.or(other.shadows),
-            terminator: self.terminator.or(other.terminator),
-            glaze: self.glaze.or(other.glaze),
-            textures: self.textures.or(other.textures),
-            normal_maps: self.normal_maps.or(other.normal_maps),
-        }
-    }
+    #[schemars(with = "std::collections::BTreeMap<String, EffectValue>")]
+    pub effects: std::collections::BTreeMap<String, Spanned<EffectValue>>,
 }
 
 /// The picture.

@@ -7,6 +7,7 @@
 
 mod camera;
 mod colour_value;
+mod effects;
 pub mod extreme;
 pub mod file;
 mod material;
@@ -173,7 +174,7 @@ impl Scene {
         self.ambient = self.ambient.or(other.ambient);
         self.cameras.extend(other.cameras);
         self.lights.extend(other.lights);
-        self.effects = self.effects.or(other.effects);
+        self.effects = std::mem::take(&mut self.effects).or(other.effects);
         self.images.extend(other.images);
         self.materials.extend(other.materials.into_iter().map(|mut material| {
             for texture in material.textures_mut() {

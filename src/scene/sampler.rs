@@ -1,8 +1,5 @@
 //! How pictures are looked up.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 /// How a picture is looked up: outside 0..1, and where its texels are larger or smaller than pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Sampler {
@@ -47,8 +44,7 @@ pub struct Minify {
 }
 
 /// A user's choice of filter for all pictures, over what their samplers say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TextureFilter {
     /// The nearest texel.
     Nearest,

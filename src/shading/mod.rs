@@ -48,6 +48,14 @@ impl ShadingMode {
     }
 }
 
+/// Whether any light, whatever its strength, can change the colour of such a material.
+pub fn takes_light(material: &LoweredMaterial, mode: ShadingMode) -> bool {
+    match material {
+        LoweredMaterial::Phong(material) => phong::takes_light(material, mode),
+        LoweredMaterial::MetallicRoughness(material) => !material.unlit,
+    }
+}
+
 /// The colour of a surface under the given lights: those that reach it, each as seen from it.
 pub fn shade(world: &World, mode: ShadingMode, surface: &Surface, lights: &[LightSample]) -> DVec3 {
     match &world.materials[surface.material as usize] {

@@ -39,6 +39,11 @@ pub fn shade(
     world.pipeline.mix_light(colour, light)
 }
 
+/// Whether it returns anything of a light. Where not, a light adds zero to what is never below it.
+pub fn takes_light(material: &PhongValues, mode: ShadingMode) -> bool {
+    material.diffuse != 0.0 || has_highlight(material, mode)
+}
+
 fn has_highlight(material: &PhongValues, mode: ShadingMode) -> bool {
     mode == ShadingMode::Phong && material.specular > 0.0
 }

@@ -292,8 +292,8 @@ impl LoweredMaterial {
         }
     }
 
-    /// The pictures that shading looks up, and what their values mean.
-    pub fn textures(&self) -> impl Iterator<Item = (LoweredTexture, Meaning)> {
+    /// The pictures of its colour, its roughness and metallic, and its emission, and what their values mean.
+    pub fn slots(&self) -> [(Option<LoweredTexture>, Meaning); 3] {
         use Meaning::{Colours, Numbers};
         match self {
             LoweredMaterial::Phong(m) => [(m.texture, Colours), (None, Numbers), (None, Colours)],
@@ -303,8 +303,11 @@ impl LoweredMaterial {
                 (m.emission_texture, Colours),
             ],
         }
-        .into_iter()
-        .filter_map(|(texture, meaning)| Some((texture?, meaning)))
+    }
+
+    /// Those of them that there are.
+    pub fn textures(&self) -> impl Iterator<Item = (LoweredTexture, Meaning)> + use<> {
+        self.slots().into_iter().filter_map(|(texture, meaning)| Some((texture?, meaning)))
     }
 
     /// What tilts its normals.

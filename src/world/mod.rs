@@ -47,6 +47,8 @@ pub struct World {
     pub objects: Vec<WorldObject>,
     /// The materials.
     pub materials: Vec<LoweredMaterial>,
+    /// Their names.
+    pub material_names: Vec<String>,
     /// The pictures that textures read.
     pub images: Vec<Image>,
     /// The lights.
@@ -129,7 +131,9 @@ impl World {
             accelerator,
             objects,
             materials: scene.materials.iter().map(|m| lower::material(m, pipeline)).collect(),
+            material_names: scene.materials.iter().map(|m| m.name().to_owned()).collect(),
             images: scene.images.into_iter().map(|image| Image::new(image, pipeline)).collect(),
+            // Those that give no light are none to anyone.
             lights: scene
                 .lights
                 .into_iter()
@@ -138,6 +142,7 @@ impl World {
                     radiance: light.colour.lower(pipeline) * light.intensity,
                     kind: light.kind,
                 })
+                .filter(|light| light.radiance != DVec3::ZERO)
                 .collect(),
             pipeline,
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
@@ -150,6 +155,14 @@ impl World {
     /// How exactly it is decided what a ray hits.
     pub fn numerics(&self) -> Numerics {
         self.accelerator.numerics()
+    }
+
+    /// The materials that objects are made of, with their names.
+    pub fn materials_in_use(&self) -> impl Iterator<Item = (&str, &LoweredMaterial)> {
+        let mut used = vec![false; self.materials.len()];
+        self.objects.iter().for_each(|object| used[object.material as usize] = true);
+        let all = self.material_names.iter().zip(&self.materials).zip(used);
+        all.filter(|(_, used)| *used).map(|((name, material), _)| (name.as_str(), material))
     }
 
     /// The index of the object that a primitive belongs to.

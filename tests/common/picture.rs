@@ -50,14 +50,14 @@ pub fn prepare(mut scene: Scene, size: [u32; 2], numerics: Numerics) -> Prepared
     let camera = scene.cameras[0].clone();
     let view = View::new(&camera, camera.projection, size).expect("a usable camera");
     let pipeline = scene.colour.unwrap_or(ColourPipeline::Linear);
-    let scene_effects = scene.effects;
+    let scene_effects = scene.effects.clone();
     let world = World::prepare(scene, pipeline, Structure::default(), numerics);
     Prepared { world, view, size, scene_effects }
 }
 
 impl Prepared {
     pub fn render(&self, choices: Choices) -> (Film, Statistics) {
-        let choices = Choices { scene: self.scene_effects, ..choices };
+        let choices = Choices { scene: self.scene_effects.clone(), ..choices };
         let plan = Plan::new(&self.world, &choices).expect("a plan");
         let watch = Watch { cancel: &AtomicBool::new(false), progress: &|_, _| {} };
         let [width, height] = self.size;

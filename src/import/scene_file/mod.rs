@@ -83,7 +83,11 @@ struct Builder<'a> {
 impl Builder<'_> {
     /// An error in the section that starts at byte `start`.
     fn error(&self, start: usize, what: impl Into<String>, hint: &str) -> Error {
-        Error::input(Place::line(&self.source.file, line_of(self.text, start)), what, hint)
+        Error::input(self.place(start), what, hint)
+    }
+
+    fn place(&self, start: usize) -> Place {
+        Place::line(&self.source.file, line_of(self.text, start))
     }
 
     fn finite(&self, start: usize, key: &str, values: &[f64]) -> Result<()> {
@@ -127,7 +131,10 @@ impl Builder<'_> {
         {
             self.scene.ambient = Some(self.not_negative(section.span().start, "intensity", intensity)?);
         }
-        self.scene.effects = file.effects;
+        for (name, said) in &file.effects {
+            let place = self.place(said.span().start);
+            self.scene.effects.set(name, said.get_ref().clone(), Some(place));
+        }
         for (index, section) in file.camera.iter().enumerate() {
             let camera = self.camera(index, section)?;
             if self.scene.cameras.iter().any(|c| c.name == camera.name) {

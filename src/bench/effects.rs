@@ -1,0 +1,129 @@
+//! What each effect of a picture costs: the picture with and without it, paired in every round.
+//!
+//! Two figures, because they answer two questions. *Adding up*: the effects are taken in the plan's order, and each costs
+//! what it adds to a picture that has the ones before it and none of those behind; these sum to the whole. *Alone*: what the whole
+//! picture would save without this one effect. They differ where effects act on each other: a mirrored surface asks for shadows, too.
+
+use std::sync::atomic::AtomicBool;
+
+use super::clock::Clock;
+use super::spread::Spread;
+use crate::effects::{Decision, Plan};
+use crate::error::Result;
+use crate::film::{Film, Window};
+use crate::render::{self, Statistics, Watch};
+use crate::world::{View, World};
+
+/// What a picture takes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cost {
+    /// Rays of all kinds.
+    pub rays: i64,
+    /// Milliseconds.
+    pub ms: Spread,
+    /// Bytes held in a thread's tile.
+    pub bytes: i64,
+}
+
+/// What an effect adds.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Part {
+    /// Its name.
+    pub effect: &'static str,
+    /// What it adds to a picture with all effects before it in the plan's order.
+    pub adds: Cost,
+    /// What the whole picture saves in milliseconds without it.
+    pub alone: Spread,
+}
+
+/// What a picture and its parts take.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Costs {
+    /// The whole picture.
+    pub whole: Cost,
+    /// The picture without any effect.
+    pub base: Cost,
+    /// The effects that are on, in the plan's order.
+    pub parts: Vec<Part>,
+    /// How often everything was measured.
+    pub rounds: usize,
+    /// What the clock went by: `processor` or `wall`.
+    pub clock: &'static str,
+}
+
+impl Costs {
+    /// The sum of base and parts in milliseconds.
+    pub fn sum_ms(&self) -> f64 {
+        self.base.ms.median + self.parts.iter().map(|part| part.adds.ms.median).sum::<f64>()
+    }
+}
+
+/// Measures a picture on the current pool, `rounds` times.
+///
+/// # Errors
+/// Those of [`render::render_as`].
+pub fn measure(
+    (world, view, window): (&World, &View, Window),
+    plan: &Plan,
+    rounds: usize,
+    cancel: &AtomicBool,
+) -> Result<Costs> {
+    let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
+    let keep = |keep: &dyn Fn(usize) -> bool| -> Plan {
+        let mut decisions: Vec<Decision> = plan.decisions.clone();
+        decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= keep(i));
+        Plan::of(world, plan.shading, decisions)
+    };
+    // The picture with the first k effects, for every k; then the whole without each one.
+    let firsts = (0..=on.len()).map(|k| keep(&|i| on[..k].contains(&i)));
+    let withouts = on.iter().map(|&one| keep(&|i| i != one));
+    let plans: Vec<Plan> = firsts.chain(withouts).collect();
+    let threads = rayon::current_num_threads();
+
+    let mut ms: Vec<Vec<f64>> = vec![Vec::new(); plans.len()];
+    let mut statistics: Vec<Option<Statistics>> = vec![None; plans.len()];
+    let watch = Watch { cancel, progress: &|_, _| {} };
+    for round in 0..=rounds {
+        // Each round begins with another plan, so that none is always the one that comes after the same other.
+        for turn in 0..plans.len() {
+            let index = (round + turn) % plans.len();
+            let clock = Clock::start(threads);
+            let made: Result<(Film<[u8; 3]>, Statistics)> =
+                render::render_as(world, view, &plans[index], window, &watch, render::Clock::Stopped);
+            let seconds = clock.seconds();
+            statistics[index] = Some(made?.1);
+            // The first round warms up.
+            if round > 0 {
+                ms[index].push(seconds * 1e3);
+            }
+        }
+    }
+    let of = |a: usize, b: Option<usize>| -> Cost {
+        let total = |index: usize| {
+            statistics[index].as_ref().map_or((0, 0), |s| {
+                let rays: u64 = s.rays.iter().map(|(_, count)| count.cast).sum();
+                (rays as i64, s.bytes() as i64)
+            })
+        };
+        let (more, less) = (total(a), b.map_or((0, 0), total));
+        let paired = ms[a].iter().enumerate().map(|(round, ms_a)| ms_a - b.map_or(0.0, |b| ms[b][round]));
+        Cost { rays: more.0 - less.0, ms: spread(paired), bytes: more.1 - less.1 }
+    };
+    let part = |(k, &index): (usize, &usize)| Part {
+        effect: plan.decisions[index].effect,
+        adds: of(k + 1, Some(k)),
+        alone: of(on.len(), Some(on.len() + 1 + k)).ms,
+    };
+    Ok(Costs {
+        whole: of(on.len(), None),
+        base: of(0, None),
+        parts: on.iter().enumerate().map(part).collect(),
+        rounds,
+        clock: Clock::name(threads),
+    })
+}
+
+fn spread(measurements: impl Iterator<Item = f64>) -> Spread {
+    let measurements: Vec<f64> = measurements.collect();
+    Spread::of(&measurements).unwrap_or(Spread { lower: 0.0, median: 0.0, upper: 0.0 })
+}

@@ -1,0 +1,51 @@
+//! Where rays that leave surfaces start: shared by all effects that send some out.
+
+use super::Stage;
+use super::tile::{Context, Level, Tile};
+use crate::geometry::Numerics;
+use crate::geometry::spawn::SurfacePoint;
+use crate::world::{Lanes, Surfaces, widely};
+
+/// Finds, for each surface of a level, where rays that leave it start. Only where some do.
+pub struct Origins {
+    /// On how many levels, from the first, some do.
+    pub levels: u32,
+}
+
+impl Stage for Origins {
+    fn name(&self) -> &'static str {
+        "ray origins"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &Context) {
+        if tile.depth >= self.levels as usize {
+            return;
+        }
+        let Level { surfaces, origins, .. } = tile.level();
+        let origins = origins.get_or_insert_default();
+        match context.world.numerics() {
+            Numerics::Fast => widely(
+                #[inline(always)]
+                || find_origins(surfaces, origins, Numerics::Fast),
+            ),
+            Numerics::Watertight => widely(
+                #[inline(always)]
+                || find_origins(surfaces, origins, Numerics::Watertight),
+            ),
+            Numerics::Double | Numerics::Exact => {
+                widely(
+                    #[inline(always)]
+                    || find_origins(surfaces, origins, context.world.numerics()),
+                );
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn find_origins(surfaces: &Surfaces, origins: &mut Lanes, numerics: Numerics) {
+    for i in 0..surfaces.len() {
+        let point = SurfacePoint { position: surfaces.position.get(i), reach: surfaces.reach.get(i) };
+        origins.set(i, point.origin_towards(surfaces.geometric_normal.get(i), numerics));
+    }
+}
