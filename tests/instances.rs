@@ -284,7 +284,11 @@ fn pictures_are_those_of_the_copies() {
         let [(shared, statistics), (copied, _)] = [shared, copied].map(|p| p.render(Choices::default()));
         assert!(bits(&shared, size) == bits(&copied, size), "{}", numerics.name());
         // Shadows, the shadow line and the mirror are in it.
-        assert!(statistics.rays.iter().all(|(_, count)| count.hit > 0 || count.cast == 0), "{:?}", statistics.rays);
+        assert!(
+            statistics.rays.iter().all(|(_, count)| count.hit > 0 || count.cast == 0),
+            "{:?}",
+            statistics.rays
+        );
         seen.push(bits(&shared, size));
     }
     assert!(seen[0].iter().any(|pixel| *pixel != seen[0][0]));

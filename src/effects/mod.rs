@@ -115,6 +115,8 @@ pub struct Outline {
     pub shading: ShadingMode,
     /// Whether lights take part.
     pub lit: bool,
+    /// How many samples a pixel takes: of several, each sees as much less of a picture.
+    pub samples: u32,
     /// Which pictures are looked up, and how.
     pub pictures: Pictures,
     /// Whether smooth meshes are lit by their normals alone.

@@ -1,7 +1,12 @@
 //! Normal maps: pictures that tilt the normals which surfaces are shaded and mirror by.
+//!
+//! However it is tilted, a surface is lit only from above the horizon of the mesh's own normal: a bump beyond the line where the
+//! mesh turns away from a light is in its shadow.
+
+use glam::DVec3;
 
 use super::pictures::{self, Buffers};
-use super::tile::{Context, Level, Tile};
+use super::tile::{Context, Level, Tile, vec_bytes};
 use super::{Asked, Effect, Hook, Pictures, Stage, named};
 use crate::shading::normal_map::{decode, held_above};
 use crate::shading::texture::look_up;
@@ -27,14 +32,22 @@ pub const EFFECT: Effect = Effect {
     outline: |_, outline| outline.pictures.normal_maps = true,
     stages: |asked: &Asked, hook: Hook| {
         let pictures = asked.outline.pictures;
-        pictures::stages(asked, hook, !pictures.textures, NormalMaps { pictures })
+        match hook {
+            Hook::AfterLighting(_) => vec![Box::new(Horizon)],
+            _ => pictures::stages(asked, hook, !pictures.textures, NormalMaps { pictures }),
+        }
     },
     bytes: |tile| {
         // Where there are textures they are billed for what both share.
         let texels = tile.levels.iter().any(|level| level.surfaces.texels.capacity() > 0);
-        tile.kept::<Buffers>().filter(|_| !texels).map_or(0, Buffers::bytes)
+        let shared = tile.kept::<Buffers>().filter(|_| !texels).map_or(0, Buffers::bytes);
+        shared + tile.kept::<Tilted>().map_or(0, |Tilted(tilted)| size_of::<Tilted>() + vec_bytes(tilted))
     },
 };
+
+/// The surfaces of the level in work whose normals were tilted, and the normals that they had.
+#[derive(Default)]
+struct Tilted(Vec<(u32, DVec3)>);
 
 /// Tilts the shading normals of the surfaces of a level.
 struct NormalMaps {
@@ -47,12 +60,15 @@ impl Stage for NormalMaps {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        tile.with(|own: &mut Buffers, tile| self.tilt(own, tile, context.world));
+        tile.with(|Tilted(tilted), tile| {
+            tilted.clear();
+            tile.with(|own: &mut Buffers, tile| self.tilt(own, tile, context.world, tilted));
+        });
     }
 }
 
 impl NormalMaps {
-    fn tilt(&self, own: &Buffers, tile: &mut Tile, world: &World) {
+    fn tilt(&self, own: &Buffers, tile: &mut Tile, world: &World, kept: &mut Vec<(u32, DVec3)>) {
         let points = own.points(tile.depth);
         if points.is_empty() {
             return;
@@ -79,8 +95,31 @@ impl NormalMaps {
                     let held =
                         held_above(surface.shading_normal, tilted, surface.geometric_normal, surface.view);
                     surfaces.shading_normal.set(i, held);
+                    kept.push((i as u32, surface.shading_normal));
                 }
             }
         }
+    }
+}
+
+/// Takes away the lights below the horizon of tilted surfaces.
+struct Horizon;
+
+impl Stage for Horizon {
+    fn name(&self) -> &'static str {
+        "normal maps"
+    }
+
+    fn run(&self, tile: &mut Tile, _: &Context) {
+        tile.with(|Tilted(tilted), tile| {
+            for light in &mut tile.lights {
+                for &(i, normal) in &*tilted {
+                    let i = i as usize;
+                    if light.reaches[i] {
+                        light.reaches[i] = light.get(i).direction.dot(normal) > 0.0;
+                    }
+                }
+            }
+        });
     }
 }

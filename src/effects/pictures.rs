@@ -104,7 +104,7 @@ impl Locate {
                 .materials_in_use()
                 .flat_map(|(_, material)| of(material))
                 .any(|(texture, _)| pictures.filter(&texture).needs_footprint()),
-            sample_width: sample_width(1),
+            sample_width: sample_width(asked.outline.samples),
         }
     }
 }

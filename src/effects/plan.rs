@@ -77,6 +77,7 @@ impl Plan {
         let outline = Outline {
             shading,
             lit: shading.uses_lights() && !world.lights.is_empty(),
+            samples: 1,
             pictures: Pictures::default(),
             smooth: false,
             shadow_rays: false,
