@@ -213,8 +213,14 @@ fn tangents_are_those_of_the_file() {
     }
     let name = "FlightHelmet.gltf";
     let text = std::fs::read_to_string(from.join(name)).expect("its text");
-    assert!(text.contains("\"TANGENT\""));
-    std::fs::write(folder.path().join(name), text.replace("\"TANGENT\"", "\"_TANGENT\"")).expect("a copy");
+    let mut json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    for mesh in json["meshes"].as_array_mut().expect("meshes") {
+        for primitive in mesh["primitives"].as_array_mut().expect("primitives") {
+            let attributes = primitive["attributes"].as_object_mut().expect("attributes");
+            assert!(attributes.remove("TANGENT").is_some());
+        }
+    }
+    std::fs::write(folder.path().join(name), json.to_string()).expect("a copy");
     let [own, made] = [load(&from.join(name)), load(&folder.path().join(name))];
     let corners = |mesh: &Mesh| -> Vec<DVec4> {
         let tangents = mesh.tangents.as_ref().expect("tangents");

@@ -159,13 +159,33 @@ fn the_level_of_a_tilted_plane_is_the_derived_one() {
                     (level - derived).abs() < 1e-4,
                     "{projection:?}, {degrees} degrees: {level} instead of {derived}"
                 );
-                // Along the shorter axis it is wanted * cos; where two lookups reach, the level is half as high.
-                if degrees == 60.0 && wanted < 5.0 {
-                    let sharp = red(&prepared, TextureFilter::Anisotropic, PIXELS / 2, PIXELS / 2);
-                    assert!(sharp > value, "{sharp} is no sharper than {value}");
-                }
             }
         }
+    }
+}
+
+/// Stripes of 4 texels that run along the longer axis, so that all lookups along it see the same. A pixel that sees `wanted`
+/// texels along it and that times the cosine across takes ceil(1 / cosine) lookups, each of the level for its share.
+#[test]
+fn anisotropic_lookups_are_of_the_derived_level() {
+    const PIXELS: u32 = 65;
+    let picture = image(256, 256, |x, _| [if x / 4 % 2 == 0 { 255 } else { 0 }; 3]);
+    let texel = 40.0 / (256.0 * 4.0);
+    for (degrees, lookups) in [(50.0f64, 2.0), (55.0, 2.0), (63.0, 3.0), (70.0, 3.0)] {
+        let tilt = degrees.to_radians();
+        assert_eq!((1.0 / tilt.cos()).ceil(), lookups);
+        let moved = DMat4::from_translation(DVec3::new(-2.0 * texel, 0.0, 0.0));
+        let world_from_square =
+            DMat4::from_translation(DVec3::new(0.0, 0.0, -2.0)) * DMat4::from_rotation_x(tilt) * moved;
+        // Between 2 and 3 levels, where the value at the middle of a stripe tells.
+        let wanted = 5.5 * lookups;
+        let half = wanted * texel * tilt.cos() / 2.0 * f64::from(PIXELS) / 2.0;
+        let mesh = square(20.0, 4.0, world_from_square);
+        let scene = scene(picture.clone(), mesh, camera(half, Projection::Perspective));
+        let prepared = prepare(scene, [PIXELS, PIXELS], Numerics::Watertight);
+        let value = red(&prepared, TextureFilter::Anisotropic, PIXELS / 2, PIXELS / 2);
+        let level = 2.0 + 2.0 * (1.0 - value);
+        assert!((level - 5.5f64.log2()).abs() < 1e-4, "{degrees} degrees: {level}");
     }
 }
 
@@ -178,7 +198,7 @@ fn mirrors_add_their_distance() {
     // The camera looks at a mirror at z = -1 and sees the square behind itself at z = 2: 1 + 3 away.
     let (size, repeats) = (20.0, 4.0);
     let texel = 2.0 * size / (256.0 * repeats);
-    let behind = DMat4::from_translation(DVec3::new(2.0 * texel, 2.0 * texel, 2.0));
+    let behind = DMat4::from_translation(DVec3::new(-2.0 * texel, 2.0 * texel, 2.0));
     let half = 5.5 * texel / 4.0 * f64::from(PIXELS) / 2.0;
     let mut scene = scene(picture, square(size, repeats, behind), camera(half, Projection::Perspective));
     let mirror = Phong {
@@ -202,7 +222,7 @@ fn mirrors_add_their_distance() {
 #[test]
 fn mirrored_differentials_are_finite_differences() {
     let mut smooth =
-        square(1.5, 1.0, DMat4::from_rotation_y(0.3) * DMat4::from_translation(DVec3::NEG_Z * 4.0));
+        square(1.5, 1.0, DMat4::from_translation(DVec3::NEG_Z * 4.0) * DMat4::from_rotation_y(0.3));
     let bulge = |p: &DVec3| (*p - DVec3::new(-0.8, 0.1, -7.0)).normalize() * 3.0;
     smooth.normals = Some(Attribute::per_position(smooth.positions.iter().map(bulge).collect()));
     let shapes = [
@@ -282,8 +302,9 @@ fn floor(size: [u32; 2]) -> Prepared {
 /// Errors of filters on the floor below the horizon, against 256 samples a pixel: root of mean square.
 ///
 /// A pixel of bilinear lookups shows one of its samples, black or white, whatever lies around it: where a pixel sees many
-/// fields its error is that of a coin, 1/2. A pyramid shows their mean. Measured: bilinear 0.304, mipmap 0.101, anisotropic
-/// 0.046; mipmap blurs across where it is blurred along, which is what the last mends. Held to a third more than that.
+/// fields its error is that of a coin, 1/2. A pyramid shows their mean; by the longer axis alone it is blurred across as well,
+/// which is an error, too, where fields are wide and flat; anisotropic lookups mend that. Measured: bilinear 0.206, mipmap
+/// 0.101, anisotropic 0.031, that is 2.0 and 6.7 times less. Held to three quarters of that.
 #[test]
 fn a_floor_to_the_horizon() {
     const TIMES: u32 = 16;
@@ -312,8 +333,8 @@ fn a_floor_to_the_horizon() {
     });
     println!("bilinear, mipmap, anisotropic: {errors:?}");
     let [bilinear, mipmap, anisotropic] = errors;
-    assert!(bilinear > 2.0 * mipmap, "{errors:?}");
-    assert!(bilinear > 4.0 * anisotropic, "{errors:?}");
+    assert!(bilinear > 1.5 * mipmap, "{errors:?}");
+    assert!(bilinear > 5.0 * anisotropic, "{errors:?}");
 }
 
 #[test]
@@ -389,7 +410,8 @@ fn the_same_bits_for_threads_and_crops() {
         let watch = Watch { cancel: &never, progress: &|_, _| {} };
         let (part, _) = render(&prepared.world, &prepared.view, &plan, window, &watch).expect("a picture");
         for (x, y) in (0..20).flat_map(|y| (0..29).map(move |x| (13 + x, 17 + y))) {
-            assert_eq!(part.pixel(x, y).map(f32::to_bits), whole.pixel(x, y).map(f32::to_bits));
+            let [of_part, of_whole] = [part.pixel(x - 13, y - 17), whole.pixel(x, y)];
+            assert_eq!(of_part.map(f32::to_bits), of_whole.map(f32::to_bits));
         }
     }
 }

@@ -82,7 +82,7 @@ impl Ellipse {
         let [a, b] = footprint.map(|change| change * size);
         let (xx, xy, yy) = (a.x * a.x + b.x * b.x, a.x * a.y + b.x * b.y, a.y * a.y + b.y * b.y);
         let (mean, half) = ((xx + yy) / 2.0, (xx - yy) / 2.0);
-        let spread = half.hypot(xy);
+        let spread = (half * half + xy * xy).sqrt();
         let (longer, determinant) = ((mean + spread).sqrt(), (a.x * b.y - a.y * b.x).abs());
         // Of the two forms of the eigenvector the one without cancellation.
         let axis = if half > 0.0 { DVec2::new(half + spread, xy) } else { DVec2::new(xy, spread - half) };
@@ -109,30 +109,35 @@ fn look_at(
     let level = level.checked_sub(1).and_then(|below| image.pyramid(meaning)?.levels().get(below));
     let (width, height) = level.map_or((image.width, image.height), |level| (level.width, level.height));
     let (w, h) = (i64::from(width), i64::from(height));
-    let texel = |x: i64, y: i64| {
-        let column = wrap(x, w, sampler.wrap_u);
-        let row = wrap(y, h, sampler.wrap_v);
-        let index = (row * w + column) as usize;
+    let column = |x: i64| wrap(x, w, sampler.wrap_u);
+    let row = |y: i64| wrap(y, h, sampler.wrap_v) * w;
+    let texel = |row: i64, column: i64| {
+        let index = (row + column) as usize;
         DVec3::from(level.map_or_else(|| image.texel(index, meaning), |level| level.texel(index)))
     };
     let place = uv * DVec2::new(w as f64, h as f64);
     // Casts saturate where coordinates are absurd; wrapping then still gives a texel of the picture.
     match lookup {
-        Lookup::Nearest => texel(place.x.floor() as i64, place.y.floor() as i64),
+        Lookup::Nearest => texel(row(place.y.floor() as i64), column(place.x.floor() as i64)),
         Lookup::Linear => {
             // Texels' centres lie at half-integers.
             let place = place - 0.5;
             let (corner, share) = (place.floor(), place - place.floor());
             let (x, y) = (corner.x as i64, corner.y as i64);
-            let (right, below) = (x.saturating_add(1), y.saturating_add(1));
-            let top = texel(x, y).lerp(texel(right, y), share.x);
-            let bottom = texel(x, below).lerp(texel(right, below), share.x);
+            let (left, right) = (column(x), column(x.saturating_add(1)));
+            let (above, below) = (row(y), row(y.saturating_add(1)));
+            let top = texel(above, left).lerp(texel(above, right), share.x);
+            let bottom = texel(below, left).lerp(texel(below, right), share.x);
             top.lerp(bottom, share.y)
         }
     }
 }
 
 fn wrap(i: i64, size: i64, mode: Wrap) -> i64 {
+    // Most are inside; a division takes longer than all the rest.
+    if (0..size).contains(&i) {
+        return i;
+    }
     match mode {
         Wrap::Repeat => i.rem_euclid(size),
         Wrap::ClampToEdge => i.clamp(0, size - 1),

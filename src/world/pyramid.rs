@@ -28,7 +28,7 @@ impl Level {
     /// The values of the texel at `index`, 0 to 1.
     #[inline]
     pub fn texel(&self, index: usize) -> [f64; 3] {
-        self.texels[index].map(|c| f64::from(c) / 65535.0)
+        self.texels[index].map(|c| f64::from(c) * (1.0 / 65535.0))
     }
 }
 
