@@ -317,7 +317,7 @@ fn a_floor_to_the_horizon() {
     };
     let errors = [TextureFilter::Bilinear, TextureFilter::Mipmap, TextureFilter::Anisotropic].map(|filter| {
         let film = prepared.render(flat(filter)).0;
-        let (mut sum, mut count) = (0.0, 0.0);
+        let (mut sum, mut count): (f64, f64) = (0.0, 0.0);
         for (x, y) in (size[1] / 2..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))) {
             sum += (f64::from(film.pixel(x, y)[0]) - reference(x, y)).powi(2);
             count += 1.0;
@@ -329,7 +329,7 @@ fn a_floor_to_the_horizon() {
                 assert!((far - 0.5).abs() < 0.01, "{filter:?}: {far}");
             }
         }
-        (sum / count as f64).sqrt()
+        (sum / count).sqrt()
     });
     println!("bilinear, mipmap, anisotropic: {errors:?}");
     let [bilinear, mipmap, anisotropic] = errors;
