@@ -5,7 +5,7 @@
 //! surfaces whose materials have no picture to look up.
 
 use super::tile::{Context, Level, Tile, vec_bytes};
-use super::{Asked, Hook, Pictures, Stage, named};
+use super::{Asked, Hook, Pictures, Stage};
 use crate::scene::Filter;
 use crate::world::{Differential, LoweredMaterial, LoweredTexture, Meaning, TexturePoint, World};
 
@@ -57,13 +57,6 @@ impl Pictures {
             world.images[texture.image as usize].make_pyramid(meaning);
         }
     }
-}
-
-/// Which materials of a world some pictures are on, by name; `None` where no material has any.
-pub fn on_materials(world: &World, has: impl Fn(&LoweredMaterial) -> bool) -> Option<String> {
-    let names: Vec<&str> =
-        world.materials_in_use().filter(|(_, material)| has(material)).map(|(name, _)| name).collect();
-    named("material", &names)
 }
 
 /// The stages of an effect at a hook: before lights are looked at, surfaces are found in their pictures, by the first effect

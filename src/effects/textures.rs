@@ -2,7 +2,7 @@
 
 use super::pictures::{self, Buffers};
 use super::tile::{Context, Level, Tile, vec_bytes};
-use super::{Asked, Effect, Hook, Pictures, Stage, Value};
+use super::{Asked, Effect, Hook, Pictures, Stage, Value, named};
 use crate::scene::TextureFilter;
 use crate::shading::texture::look_up;
 use crate::world::{LoweredMaterial, LoweredTexture, Meaning, Texels, World};
@@ -22,8 +22,9 @@ pub const EFFECT: Effect = Effect {
         },
     }),
     called_for: |world: &World| {
-        pictures::on_materials(world, |material| material.textures().next().is_some())
-            .ok_or_else(|| "no object is of a material with a picture".into())
+        let pictured = world.materials_in_use().filter(|(_, material)| material.textures().next().is_some());
+        let names: Vec<&str> = pictured.map(|(name, _)| name).collect();
+        named("material", &names).ok_or_else(|| "no object is of a material with a picture".into())
     },
     outline: |asked, outline| {
         outline.pictures.textures = true;
