@@ -323,7 +323,7 @@ fn obj_pictures_lie_beside_the_mtl_or_beside_the_obj() {
     folder.write("sub/one.png", &png);
     folder.write("two.png", &png);
     let (scene, warnings) =
-        folder.load("a.obj", format!("mtllib sub\\a.mtl\n{OBJ_TRIANGLE}usemtl a\nf 1 2 3\n"));
+        folder.load("a.obj", format!("mtllib sub\\a.mtl\n{OBJ_TRIANGLE}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n"));
     assert_eq!((scene.images.len(), warnings), (2, vec![]));
 }
 
