@@ -188,7 +188,7 @@ fn wrong_usage_is_2() {
         (
             "render scene.toml -o a.png --without zzz",
             "there is no effect `zzz`",
-            "known here: shadows, terminator, glaze",
+            "shadows, terminator, glaze",
         ),
         (
             "render scene.toml -o a.png --with glaze --without glaze",

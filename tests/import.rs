@@ -15,7 +15,7 @@ use kiln::error::{Error, Warnings};
 use kiln::film::{Colour, ColourPipeline, Window};
 use kiln::render::{Watch, render};
 use kiln::scene::Numerics;
-use kiln::scene::{Camera, Falloff, LightKind, Material, Mesh, Projection, Scene, Shape};
+use kiln::scene::{Camera, Falloff, LightKind, Lookup, Material, Mesh, Minify, Projection, Scene, Shape};
 use kiln::shading::ShadingMode;
 use kiln::world::{View, World};
 use serde_json::{Value, json};
@@ -323,7 +323,7 @@ fn obj_pictures_lie_beside_the_mtl_or_beside_the_obj() {
     folder.write("sub/one.png", &png);
     folder.write("two.png", &png);
     let (scene, warnings) =
-        folder.load("a.obj", format!("mtllib sub\\a.mtl\n{OBJ_TRIANGLE}usemtl a\nf 1 2 3\n"));
+        folder.load("a.obj", format!("mtllib sub\\a.mtl\n{OBJ_TRIANGLE}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n"));
     assert_eq!((scene.images.len(), warnings), (2, vec![]));
 }
 
@@ -619,6 +619,48 @@ fn gltf_without_its_picture_keeps_its_geometry() {
     assert_eq!(warnings[1], "a.gltf: image 1: texture left out: `../out.png` leaves the file's folder");
     assert!(warnings[2].starts_with("a.gltf: image 2: texture left out: "), "{warnings:?}");
     assert_eq!(warnings.len(), 3);
+}
+
+/// glTF 2.0, section 3.8.4: 9728 NEAREST, 9729 LINEAR, 9984 to 9987 with MIPMAP; what is not said is left open. A normal map has
+/// its scale, and a mesh without tangents of its own gets some: on this triangle u grows to +x and the picture goes up to +y.
+#[test]
+fn gltf_samplers_and_normal_maps() {
+    use Lookup::{Linear, Nearest};
+    let minify = |within, between| Some(Minify { within, between });
+    for (filters, magnify, minify) in [
+        (json!({}), None, None),
+        (json!({ "magFilter": 9728, "minFilter": 9728 }), Some(Nearest), minify(Nearest, None)),
+        (json!({ "magFilter": 9729, "minFilter": 9729 }), Some(Linear), minify(Linear, None)),
+        (json!({ "minFilter": 9984 }), None, minify(Nearest, Some(Nearest))),
+        (json!({ "minFilter": 9985 }), None, minify(Linear, Some(Nearest))),
+        (json!({ "minFilter": 9986 }), None, minify(Nearest, Some(Linear))),
+        (json!({ "minFilter": 9987 }), None, minify(Linear, Some(Linear))),
+    ] {
+        let folder = Folder::new();
+        let mut png = Vec::new();
+        image::RgbImage::from_pixel(1, 1, image::Rgb([128, 128, 255]))
+            .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
+            .expect("a picture");
+        folder.write("n.png", png);
+        let mut model = Model::new();
+        let position = model.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        let uv = model.floats(&[[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]]);
+        let attributes = json!({ "POSITION": position, "TEXCOORD_0": uv });
+        model.json["nodes"] = json!([{ "mesh": 0 }]);
+        model.json["meshes"] = json!([{ "primitives": [{ "attributes": attributes, "material": 0 }] }]);
+        model.json["images"] = json!([{ "uri": "n.png" }]);
+        model.json["samplers"] = json!([filters]);
+        model.json["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+        model.json["materials"] = json!([{ "normalTexture": { "index": 0, "scale": 0.5 } }]);
+        let (scene, warnings) = folder.load("a.gltf", model.text());
+        assert_eq!(warnings, [""; 0]);
+        let map = scene.materials[0].normal_map().expect("a normal map");
+        assert_eq!(map.scale, 0.5);
+        assert_eq!((map.texture.sampler.magnify, map.texture.sampler.minify), (magnify, minify));
+        let tangents = mesh(&scene, 0).tangents.as_ref().expect("tangents");
+        assert_eq!(tangents.values, [glam::DVec4::new(1.0, 0.0, 0.0, 1.0); 3]);
+        assert_eq!(normals(mesh(&scene, 0)), [[DVec3::Z; 3]]);
+    }
 }
 
 /// The rectangle a camera sees at a distance from it must fill the picture: its corners are the picture's.

@@ -11,13 +11,14 @@ use common::hard::{Corners, meshes, times_factor};
 use common::picture::{bits, prepare};
 use common::places::{FAMILIES, Family};
 use common::{Numbers, picture};
-use glam::{DMat4, DVec2, DVec3};
+use glam::{DMat4, DVec2, DVec3, DVec4};
 use kiln::bvh::{Preset, Structure, Traversal};
 use kiln::effects::{Choices, RayKind};
 use kiln::film::ColourPipeline;
 use kiln::geometry::{Numerics, PrimId, Ray};
 use kiln::scene::{
-    Attribute, Glaze, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Scene, Shape, Step,
+    Attribute, Glaze, ImageId, Material, MaterialId, Mesh, NormalMap, Object, Phong, Placed, Placement,
+    Sampler, Scene, Shape, Step, Texture, TextureImage,
 };
 use kiln::world::World;
 
@@ -43,6 +44,8 @@ fn decorated(level: u32) -> Mesh {
     let (normals, colours) = (values(|p| p * 3.0), values(|p| p.abs() / 2.0));
     (mesh.normals, mesh.colours) = (normals, colours);
     mesh.uvs = Some(Attribute::per_position(mesh.positions.iter().map(|p| DVec2::new(p.x, p.y)).collect()));
+    let tangent = |p: &DVec3| DVec4::new(p.z, 0.0, -p.x, if p.y < 0.0 { -1.0 } else { 1.0 });
+    mesh.tangents = Some(Attribute::per_position(mesh.positions.iter().map(tangent).collect()));
     mesh
 }
 
@@ -51,9 +54,19 @@ fn object(shape: Shape) -> Object {
 }
 
 fn scene_of(shapes: impl IntoIterator<Item = Shape>) -> Scene {
-    let phong = Phong { specular: 0.5, glaze: Some(Glaze::default()), ..Phong::default() };
+    let texel = |i: u32| [i * 37 % 256, i * 101 % 256, 128 + i % 128].map(|c| c as u8);
+    let image = TextureImage { name: "it".into(), width: 9, height: 6, pixels: (0..54).map(texel).collect() };
+    let texture = Texture { image: ImageId(0), sampler: Sampler::default() };
+    let phong = Phong {
+        specular: 0.5,
+        glaze: Some(Glaze::default()),
+        texture: Some(texture),
+        normal_map: Some(NormalMap { texture, scale: 0.5 }),
+        ..Phong::default()
+    };
     Scene {
         materials: vec![Material::Phong(phong)],
+        images: vec![image],
         objects: shapes.into_iter().map(object).collect(),
         ..Scene::default()
     }
@@ -283,7 +296,9 @@ fn pictures_are_those_of_the_copies() {
         assert_eq!(shared.world.accelerator.describe().layout, "instances");
         let [(shared, statistics), (copied, _)] = [shared, copied].map(|p| p.render(Choices::default()));
         assert!(bits(&shared, size) == bits(&copied, size), "{}", numerics.name());
-        // Shadows, the shadow line and the mirror are in it.
+        // Shadows, the shadow line and the mirror are in it, and pictures, which tilt normals, too.
+        let on = |effect: &str| statistics.bills.iter().any(|bill| bill.effect == effect && bill.stages > 0);
+        assert!(on("textures") && on("normal-maps"));
         let hits = ["primary", "shadow", "glaze"].map(|kind| statistics.rays(RayKind(kind)).hit);
         assert!(hits.iter().all(|&hits| hits > 0), "{:?}", statistics.rays);
         seen.push(bits(&shared, size));

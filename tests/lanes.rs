@@ -57,8 +57,7 @@ fn bits_of(surface: &Surface) -> Vec<u64> {
         surface.tint,
     ];
     let indices = [surface.prim.0, surface.object, surface.material].map(u64::from);
-    let uv = surface.uv.to_array().map(f64::to_bits);
-    vectors.into_iter().flat_map(bits).chain(indices).chain(uv).collect()
+    vectors.into_iter().flat_map(bits).chain(indices).collect()
 }
 
 /// A tile's rays and hits, one by one.

@@ -6,7 +6,7 @@ use crate::bench::memory;
 use crate::effects::{Decision, Plan};
 use crate::error::Warnings;
 use crate::render::{Bill, Statistics};
-use crate::world::World;
+use crate::world::{Image, World};
 
 /// The version of the schema.
 const SCHEMA: u32 = 1;
@@ -68,6 +68,11 @@ pub fn to_json(
         },
         "instruction_set": description.isa,
         "effects": effects,
+        "pictures": {
+            "count": world.images.len(),
+            "bytes": world.images.iter().map(|image| size_of_val(&*image.pixels)).sum::<usize>(),
+            "pyramid_bytes": world.images.iter().map(Image::pyramid_bytes).sum::<usize>(),
+        },
         "rays": rays,
         "tests": { "nodes": statistics.tests.nodes, "primitives": statistics.tests.primitives },
         "stages": stages,

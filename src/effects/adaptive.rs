@@ -11,6 +11,7 @@ pub const EFFECT: Effect = Effect {
     name: "adaptive",
     summary: "pixels that are certain enough take fewer samples than others",
     needs_lights: false,
+    is_shading: false,
     rays: &[],
     value: None,
     called_for: |world: &World| {

@@ -10,6 +10,7 @@ pub const EFFECT: Effect = Effect {
     name: "antialiasing",
     summary: "a pixel is the filtered mean of several samples, not what its centre sees",
     needs_lights: false,
+    is_shading: false,
     rays: &[],
     value: None,
     called_for: |world: &World| {
@@ -22,7 +23,10 @@ pub const EFFECT: Effect = Effect {
         let up_to = if sampling.noise.is_some() { "up to " } else { "" };
         Ok(format!("{up_to}{samples} sample(s) a pixel, filter `{name}` of radius {radius}"))
     },
-    outline: |_, outline| outline.own_rays = true,
+    outline: |asked: &Asked, outline| {
+        outline.own_rays = true;
+        outline.samples = asked.world.sampling.most_samples();
+    },
     stages: |asked: &Asked, hook| match hook {
         Hook::Rays => vec![Box::new(Scatter(Sampler::new(asked)))],
         Hook::Film => vec![Box::new(Gather(Sampler::new(asked)))],

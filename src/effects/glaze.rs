@@ -36,6 +36,7 @@ pub const EFFECT: Effect = Effect {
     name: NAME,
     summary: "glazed materials mirror what is around them",
     needs_lights: false,
+    is_shading: true,
     rays: &[RAYS],
     value: Some(Value {
         meaning: "rule for stopping",
@@ -292,7 +293,7 @@ mod tests {
             view: (along + height * outer).normalize(),
             geometric_normal: outer,
             shading_normal: smooth,
-            uv: glam::DVec2::ZERO,
+            texels: crate::world::Texels::default(),
             tint: DVec3::ONE,
             prim: crate::geometry::PrimId(0),
             object: 0,

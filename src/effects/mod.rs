@@ -12,6 +12,7 @@ pub mod effort;
 mod film;
 mod leave;
 mod local;
+mod pictures;
 mod plan;
 mod primary;
 pub mod random;
@@ -21,6 +22,7 @@ mod visible;
 
 pub use plan::{Choices, Decision, Plan, Step, check_names, check_scene};
 
+use crate::scene::TextureFilter;
 use crate::scene::file::SceneFile;
 use crate::shading::ShadingMode;
 use crate::world::World;
@@ -37,6 +39,8 @@ macro_rules! registry {
 }
 
 registry! {
+    "textures" => textures,
+    "normal-maps" => normal_maps,
     "shadows" => shadows,
     "terminator" => terminator,
     "glaze" => glaze,
@@ -75,6 +79,8 @@ pub struct Effect {
     pub summary: &'static str,
     /// Whether it has a meaning only where lights shine.
     pub needs_lights: bool,
+    /// Whether it is a part of shading, which pictures of single terms leave out.
+    pub is_shading: bool,
     /// The kinds of rays that it casts.
     pub rays: &'static [RayKind],
     /// What it can be told beyond on and off.
@@ -87,13 +93,6 @@ pub struct Effect {
     pub stages: fn(&Asked, Hook) -> Vec<Box<dyn Stage>>,
     /// Bytes of memory that it holds in a tile.
     pub bytes: fn(&Tile) -> usize,
-}
-
-impl Effect {
-    /// Whether it is about pixels, not about light: pictures of a single term of shading have it, too.
-    fn is_of_the_film(&self) -> bool {
-        ["antialiasing", "adaptive"].contains(&self.name)
-    }
 }
 
 /// A value that an effect takes: `--with NAME=VALUE`, and `NAME = VALUE` in a scene file.
@@ -121,6 +120,10 @@ pub struct Outline {
     pub shading: ShadingMode,
     /// Whether lights take part.
     pub lit: bool,
+    /// How many samples a pixel takes: of several, each sees as much less of a picture.
+    pub samples: u32,
+    /// Which pictures are looked up, and how.
+    pub pictures: Pictures,
     /// Whether smooth meshes are lit by their normals alone.
     pub smooth: bool,
     /// Whether surfaces ask what stands between them and the lights.
@@ -133,6 +136,17 @@ pub struct Outline {
     pub own_rays: bool,
     /// Whether pixels are sampled no further than it takes.
     pub adaptive: bool,
+}
+
+/// Pictures that are looked up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Pictures {
+    /// Those that say what surfaces are of.
+    pub textures: bool,
+    /// Those that tilt normals.
+    pub normal_maps: bool,
+    /// How; `None` for each as its sampler says.
+    pub filter: Option<TextureFilter>,
 }
 
 /// Levels beyond the first.

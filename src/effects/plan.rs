@@ -4,7 +4,8 @@ use std::ops::Range;
 
 use super::tile::{Context, Tile};
 use super::{
-    Asked, Depth, EFFECTS, Effect, Hook, Outline, RayKind, Stage, Value, film, leave, local, primary, visible,
+    Asked, Depth, EFFECTS, Effect, Hook, Outline, Pictures, RayKind, Stage, Value, film, leave, local,
+    primary, visible,
 };
 use crate::error::{Error, Result};
 use crate::film::Window;
@@ -89,6 +90,8 @@ impl Plan {
         let outline = Outline {
             shading,
             lit: shading.uses_lights() && !world.lights.is_empty(),
+            samples: 1,
+            pictures: Pictures::default(),
             smooth: false,
             shadow_rays: false,
             leaving: 0,
@@ -309,7 +312,7 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
         Some(true) => return decision(true, format!("the scene file turns it on; {calls}")),
         None => {}
     }
-    if choices.shading < ShadingMode::Phong && !effect.is_of_the_film() {
+    if effect.is_shading && choices.shading < ShadingMode::Phong {
         return decision(false, format!("--shading {} shows that term alone", choices.shading.name()));
     }
     decision(true, calls)

@@ -19,6 +19,7 @@ pub const EFFECT: Effect = Effect {
     name: "shadows",
     summary: "lights are blocked by what stands in their way",
     needs_lights: true,
+    is_shading: true,
     rays: &[RAYS],
     value: None,
     called_for: |world: &World| {

@@ -20,6 +20,7 @@ pub const EFFECT: Effect = Effect {
     name: "terminator",
     summary: "the shadow line of smooth meshes follows their normals, not their triangles",
     needs_lights: true,
+    is_shading: true,
     rays: &[RAYS],
     value: None,
     called_for: |world: &World| {

@@ -5,6 +5,7 @@
 //! and give it a line in [`IMPORTERS`].
 
 mod gltf;
+mod heights;
 mod obj;
 mod obj_text;
 mod pictures;
@@ -12,6 +13,7 @@ mod polygon;
 mod sanitise;
 mod scene_file;
 mod sharing;
+mod tangents;
 mod uri;
 
 use std::io::Read;
@@ -95,6 +97,7 @@ pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
         let mut one = read_one(&Source::open(file)?, warnings)?;
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
+        warn_of_lost_pictures(&one, file, warnings);
         for object in &mut one.objects {
             object.input = index;
         }
@@ -109,6 +112,21 @@ pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
         }
     }
     Ok(scene)
+}
+
+/// A picture on a mesh that has no place for it is not left out in silence.
+fn warn_of_lost_pictures(scene: &Scene, file: &Path, warnings: &mut Warnings) {
+    for object in &scene.objects {
+        let material = &scene.materials[object.material.0 as usize];
+        if material.is_textured() && object.shape.mesh().is_none_or(|mesh| mesh.uvs.is_none()) {
+            warnings.push(format!(
+                "{}: `{}` has no texture coordinates; drawn without the pictures of its material `{}`",
+                file.display(),
+                object.name,
+                material.name()
+            ));
+        }
+    }
 }
 
 /// Reads an input, or a file that one names. What is in it is checked once everything stands where it belongs.

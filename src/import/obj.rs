@@ -1,7 +1,7 @@
 //! Wavefront OBJ, read by `tobj` in double precision.
 //!
 //! MTL materials become Phong: own colour `Kd`, k_d = 1, k_s the largest of `Ks`, n = `Ns`, k_a = 1. Colours are
-//! display values. Where a material has `Pr` or `Pm` it becomes metallic-roughness.
+//! display values. Where a material has `Pr` or `Pm` it becomes metallic-roughness. `norm` and `bump` become normal maps.
 
 use std::cell::RefCell;
 use std::collections::HashSet;
@@ -9,15 +9,17 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 
-use super::obj_text::{clean_mtl, clean_obj, find_obj_fault};
+use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault};
 use super::pictures::Pictures;
 use super::polygon::Triangulator;
+use super::tangents::make_tangents;
 use super::{Source, unreadable};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::Colour;
 use crate::film::colour::srgb_decode;
 use crate::scene::{
-    Attribute, Material, MaterialId, Mesh, MetallicRoughness, Object, Phong, Sampler, Scene, Shape, Texture,
+    Attribute, Material, MaterialId, Mesh, MetallicRoughness, NormalMap, Object, Phong, Sampler, Scene,
+    Shape, Texture,
 };
 
 /// Reads an OBJ file, its materials and their textures.
@@ -51,7 +53,10 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
             Some(id) => MaterialId(id as u32),
             None => *plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))),
         };
-        let (mesh, faults) = convert_mesh(&model.mesh, &mut has_normals, &mut triangulator);
+        let (mut mesh, faults) = convert_mesh(&model.mesh, &mut has_normals, &mut triangulator);
+        if scene.materials[material.0 as usize].normal_map().is_some() {
+            make_tangents(&mut mesh);
+        }
         not_simple += faults;
         scene.objects.push(Object { name: model.name, input: 0, material, shape: Shape::Mesh(mesh) });
     }
@@ -98,7 +103,10 @@ fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLL
 /// Pictures are looked for beside the MTL file `name` that names them, then beside the OBJ: exporters write both.
 fn find_pictures(materials: &mut [tobj::Material], name: &Path, source: &Source) {
     let Some(folder) = name.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return };
-    for picture in materials.iter_mut().filter_map(|m| m.diffuse_texture.as_mut()) {
+    let pictures = materials.iter_mut().flat_map(|m| {
+        [m.diffuse_texture.as_mut(), m.normal_texture.as_mut(), m.unknown_param.get_mut("norm")]
+    });
+    for picture in pictures.flatten() {
         let beside = folder.join(&*picture);
         if source.sibling(&beside).is_file() {
             *picture = beside.to_string_lossy().into_owned();
@@ -136,6 +144,7 @@ fn convert_material(
             m.name
         ));
     }
+    let normal_map = convert_normal_map(m, source, scene, pictures, warnings);
     let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
     let number = |value: &String| value.trim().parse().ok().filter(|number: &f64| number.is_finite());
     let parameter = |name: &str| m.unknown_param.get(name).and_then(number);
@@ -148,6 +157,7 @@ fn convert_material(
             metallic: metallic.unwrap_or(0.0).clamp(0.0, 1.0),
             roughness: roughness.unwrap_or(1.0).clamp(0.0, 1.0),
             emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
+            normal_map,
             ..MetallicRoughness::default()
         });
     }
@@ -165,8 +175,32 @@ fn convert_material(
         texture,
         specular,
         shininess: m.shininess.unwrap_or(1.0).max(0.0),
+        normal_map,
         ..Phong::default()
     })
+}
+
+/// `norm` names a normal map, `map_Bump` or `bump` heights, which `-bm` multiplies.
+fn convert_normal_map(
+    m: &tobj::Material,
+    source: &Source,
+    scene: &mut Scene,
+    pictures: &mut Pictures,
+    warnings: &mut Warnings,
+) -> Option<NormalMap> {
+    let on = |image| Texture { image, sampler: Sampler::default() };
+    if let Some(name) = m.unknown_param.get("norm") {
+        if m.normal_texture.is_some() {
+            let (file, name) = (source.file.display(), &m.name);
+            warnings.push(format!("{file}: material `{name}` has a normal map; drawn without its bump map"));
+        }
+        let image = pictures.of_file(scene, &source.sibling(name), warnings)?;
+        return Some(NormalMap { texture: on(image), scale: 1.0 });
+    }
+    let file = source.sibling(m.normal_texture.as_ref()?);
+    let (image, steepest) = pictures.bump_of_file(scene, &file, warnings)?;
+    let multiplier = m.unknown_param.get(BUMP_MULTIPLIER).and_then(|bm| bm.parse::<f64>().ok());
+    Some(NormalMap { texture: on(image), scale: steepest * multiplier.unwrap_or(1.0) })
 }
 
 /// For each face of a straightened text, in order, whether all its corners name a normal.
@@ -230,7 +264,7 @@ fn convert_mesh(
         let decoded = triples(&m.vertex_color).into_iter();
         Attribute::per_position(decoded.map(|c| DVec3::from(c.to_array().map(srgb_decode))).collect())
     });
-    (Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours }, faults)
+    (Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours, tangents: None }, faults)
 }
 
 fn triples(values: &[f64]) -> Vec<DVec3> {

@@ -184,6 +184,9 @@ pub fn clean_mtl(text: &str, name: &str, warnings: &mut Warnings) -> String {
                 out.push(' ');
                 out.push_str(&value);
                 out.push('\n');
+                if let Some(multiplier) = is_bump(key).then(|| bump_multiplier(rest)).flatten() {
+                    out.push_str(&format!("{BUMP_MULTIPLIER} {multiplier}\n"));
+                }
             }
             Err(()) => warnings.push(format!("{name}:{number}: `{line}` left out: not understood")),
         }
@@ -213,9 +216,22 @@ fn clean_mtl_value(key: &str, rest: &str) -> Result<String, ()> {
             [x, ..] if (0.0..=10.0).contains(x) => Ok((*x as u8).to_string()),
             _ => Err(()),
         },
-        _ if key.starts_with("map_") || key == "bump" || key == "norm" => Ok(file_of_map(rest)),
+        _ if key.starts_with("map_") || is_bump(key) || key == "norm" => Ok(file_of_map(rest)),
         _ => Ok(rest.to_owned()),
     }
+}
+
+/// The key under which a straightened MTL text has the multiplier of its material's bump map.
+pub const BUMP_MULTIPLIER: &str = "kiln:bm";
+
+fn is_bump(key: &str) -> bool {
+    matches!(key, "bump" | "map_Bump" | "map_bump")
+}
+
+/// The value of the option `-bm` before the name of a bump map.
+fn bump_multiplier(rest: &str) -> Option<f64> {
+    let mut words = rest.split_whitespace().skip_while(|word| *word != "-bm");
+    words.nth(1)?.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
 /// Whether a number of a material can be a colour. It may exceed 1, but not by so much that linear light is beyond f32.

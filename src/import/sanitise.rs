@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, DVec4};
 
 use super::sharing::shared;
 use crate::error::Warnings;
@@ -157,6 +157,7 @@ fn replace_unusable(mesh: &mut Mesh) -> usize {
         values.filter(|value| !usable(**value)).map(|value| *value = neutral).count()
     }
     replace(&mut mesh.normals, |n| n.is_finite(), DVec3::ZERO)
+        + replace(&mut mesh.tangents, |t| t.as_vec4().is_finite(), DVec4::ZERO)
         + replace(&mut mesh.uvs, |uv| uv.as_vec2().is_finite(), DVec2::ZERO)
         + replace(&mut mesh.colours, |c| c.as_vec3().is_finite() && c.min_element() >= 0.0, DVec3::ONE)
 }

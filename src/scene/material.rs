@@ -1,6 +1,6 @@
 //! What things are made of.
 
-use super::ImageId;
+use super::{ImageId, Sampler};
 use crate::film::Colour;
 use std::sync::Arc;
 
@@ -33,6 +33,8 @@ pub struct Phong {
     pub shininess: f64,
     /// A faint mirror over the surface.
     pub glaze: Option<Glaze>,
+    /// What tilts its normals.
+    pub normal_map: Option<NormalMap>,
 }
 
 /// A faint mirror: where a reflected ray hits something, `colour = own_weight * colour + weight * reflected`.
@@ -67,6 +69,8 @@ pub struct MetallicRoughness {
     pub emission_texture: Option<Texture>,
     /// No shading at all: the base colour is what is seen.
     pub unlit: bool,
+    /// What tilts its normals.
+    pub normal_map: Option<NormalMap>,
 }
 
 /// A picture and how to look it up.
@@ -78,25 +82,14 @@ pub struct Texture {
     pub sampler: Sampler,
 }
 
-/// What happens to texture coordinates outside 0..1, for u and v.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Sampler {
-    /// Along u.
-    pub wrap_u: Wrap,
-    /// Along v.
-    pub wrap_v: Wrap,
-}
-
-/// What happens to a texture coordinate outside 0..1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Wrap {
-    /// The picture repeats.
-    #[default]
-    Repeat,
-    /// Every other repetition is mirrored.
-    MirroredRepeat,
-    /// The picture's edge goes on for ever.
-    ClampToEdge,
+/// A picture that tilts normals: red, green and blue stand for x (along u), y (against v) and z (along the normal), each
+/// from -1 at 0 to 1 at 255 (glTF 2.0, section 3.9.3).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NormalMap {
+    /// The picture.
+    pub texture: Texture,
+    /// What x and y are multiplied by.
+    pub scale: f64,
 }
 
 /// A decoded picture: 8-bit display values.
@@ -124,6 +117,7 @@ impl Default for Phong {
             specular: 0.0,
             shininess: 1.0,
             glaze: None,
+            normal_map: None,
         }
     }
 }
@@ -141,6 +135,7 @@ impl Default for MetallicRoughness {
             emission: Colour::Linear(glam::DVec3::ZERO),
             emission_texture: None,
             unlit: false,
+            normal_map: None,
         }
     }
 }
@@ -161,17 +156,38 @@ impl Material {
         }
     }
 
+    /// What tilts its normals.
+    pub fn normal_map(&self) -> Option<&NormalMap> {
+        match self {
+            Material::Phong(m) => m.normal_map.as_ref(),
+            Material::MetallicRoughness(m) => m.normal_map.as_ref(),
+        }
+    }
+
     /// The textures it reads.
     pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut Texture> {
+        let (textures, normal_map) = match self {
+            Material::Phong(m) => ([m.texture.as_mut(), None, None], m.normal_map.as_mut()),
+            Material::MetallicRoughness(m) => (
+                [
+                    m.base_colour_texture.as_mut(),
+                    m.metallic_roughness_texture.as_mut(),
+                    m.emission_texture.as_mut(),
+                ],
+                m.normal_map.as_mut(),
+            ),
+        };
+        textures.into_iter().flatten().chain(normal_map.map(|map| &mut map.texture))
+    }
+
+    /// Whether it reads any texture.
+    pub fn is_textured(&self) -> bool {
         match self {
-            Material::Phong(m) => [m.texture.as_mut(), None, None],
-            Material::MetallicRoughness(m) => [
-                m.base_colour_texture.as_mut(),
-                m.metallic_roughness_texture.as_mut(),
-                m.emission_texture.as_mut(),
-            ],
+            Material::Phong(m) => m.texture.is_some() || m.normal_map.is_some(),
+            Material::MetallicRoughness(m) => {
+                let textures = [m.base_colour_texture, m.metallic_roughness_texture, m.emission_texture];
+                textures.iter().any(Option::is_some) || m.normal_map.is_some()
+            }
         }
-        .into_iter()
-        .flatten()
     }
 }

@@ -1,6 +1,6 @@
 //! Triangles that share vertices, with what is interpolated across them.
 
-use glam::{DMat3, DMat4, DVec2, DVec3};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
 /// An indexed triangle mesh.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -15,6 +15,9 @@ pub struct Mesh {
     pub uvs: Option<Attribute<DVec2>>,
     /// Vertex colours in linear light, multiplied with the material's.
     pub colours: Option<Attribute<DVec3>>,
+    /// Tangents, for normal maps: x, y, z point to where u grows, and w, 1 or -1, says on which side of that the picture goes
+    /// up: the bitangent is `w * normal x tangent`.
+    pub tangents: Option<Attribute<DVec4>>,
 }
 
 /// Values at the corners of triangles.
@@ -51,6 +54,11 @@ impl Mesh {
                 *normal = cofactor * *normal;
             }
         }
+        if let Some(tangents) = &mut self.tangents {
+            for tangent in &mut tangents.values {
+                *tangent = moved_tangent(world_from_mesh, *tangent);
+            }
+        }
     }
 
     /// Keeps the triangles for which `keep` says so, and their attributes.
@@ -61,6 +69,7 @@ impl Mesh {
         }
         retain_by(&mut self.triangles, &kept);
         let attributes = [
+            self.tangents.as_mut().and_then(|a| a.triangles.as_mut()),
             self.normals.as_mut().and_then(|a| a.triangles.as_mut()),
             self.uvs.as_mut().and_then(|a| a.triangles.as_mut()),
             self.colours.as_mut().and_then(|a| a.triangles.as_mut()),
@@ -85,6 +94,13 @@ pub fn normal_matrix(world_from_mesh: &DMat4) -> DMat3 {
     if m.determinant() < 0.0 { cofactor * -1.0 } else { cofactor }
 }
 
+/// A tangent carried along with a transform. Under a mirror normals keep their side, so that bitangents change theirs.
+pub fn moved_tangent(world_from_mesh: &DMat4, tangent: DVec4) -> DVec4 {
+    let m = DMat3::from_mat4(*world_from_mesh);
+    let side = if m.determinant() < 0.0 { -tangent.w } else { tangent.w };
+    (m * tangent.truncate()).extend(side)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -106,6 +122,15 @@ mod tests {
         let m = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
         assert_eq!(normal_matrix(&m) * DVec3::X, -DVec3::X);
         assert_eq!(normal_matrix(&m) * DVec3::Y, DVec3::Y);
+    }
+
+    #[test]
+    fn bitangents_follow_mirrors() {
+        // A picture on the plane z = 0, seen from +z: u to +x, up to +y. Mirrored in x, u goes to -x and up stays up.
+        let m = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+        let (n, t) = (normal_matrix(&m) * DVec3::Z, moved_tangent(&m, DVec3::X.extend(1.0)));
+        assert_eq!((n, t.truncate()), (DVec3::Z, -DVec3::X));
+        assert_eq!(t.w * n.cross(t.truncate()), DVec3::Y);
     }
 
     #[test]

@@ -14,14 +14,16 @@ mod material;
 mod mesh;
 mod numerics;
 mod placed;
+mod sampler;
 mod sampling;
 mod thin;
 
 pub use camera::{Camera, Projection};
-pub use material::{Glaze, Material, MetallicRoughness, Phong, Sampler, Texture, TextureImage, Wrap};
-pub use mesh::{Attribute, Mesh, normal_matrix};
+pub use material::{Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture, TextureImage};
+pub use mesh::{Attribute, Mesh, moved_tangent, normal_matrix};
 pub use numerics::Numerics;
 pub use placed::{Placed, Placement, Step};
+pub use sampler::{Filter, Lookup, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MOST_SAMPLES, Sampling};
 pub use thin::Thin;
 

@@ -6,9 +6,9 @@
 
 use std::sync::Arc;
 
-use glam::{DMat3, DMat4, DVec3};
+use glam::{DMat3, DMat4, DVec3, DVec4};
 
-use super::{Mesh, normal_matrix};
+use super::{Mesh, moved_tangent, normal_matrix};
 
 /// What is done to a point on its way into the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,6 +66,16 @@ impl Placement {
             }
         }
         n
+    }
+
+    /// The tangent in the world, of any length; see [`moved_tangent`].
+    pub fn tangent(&self, mut tangent: DVec4) -> DVec4 {
+        for step in &self.steps {
+            if let Step::Affine(map) = step {
+                tangent = moved_tangent(map, tangent);
+            }
+        }
+        tangent
     }
 
     /// All steps as one map, `world = linear * mesh + offset`: [`Placement::point`] up to [`Placement::error`].

@@ -8,7 +8,6 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::texture::{colour_at, numbers_at};
 use super::{LightSample, ShadingMode};
 use crate::world::{MetallicRoughnessValues, Surface, World};
 
@@ -27,25 +26,15 @@ pub fn shade(
     surface: &Surface,
     lights: &[LightSample],
 ) -> DVec3 {
-    let mut base = material.base_colour * surface.tint;
-    if let Some(texture) = &material.base_colour_texture {
-        base *= colour_at(world, texture, surface.uv);
-    }
+    let base = material.base_colour * surface.tint * surface.texels.colour;
     if mode == ShadingMode::Flat || material.unlit {
         return world.pipeline.hold(base);
     }
-    let (mut metallic, mut roughness) = (material.metallic, material.roughness);
-    if let Some(texture) = &material.metallic_roughness_texture {
-        let numbers = numbers_at(world, texture, surface.uv);
-        roughness *= numbers.y;
-        metallic *= numbers.z;
-    }
+    let metallic = material.metallic * surface.texels.metallic;
+    let roughness = material.roughness * surface.texels.roughness;
     let diffuse = base * (1.0 - metallic) * (1.0 - DIELECTRIC);
     let head_on = DVec3::splat(DIELECTRIC).lerp(base, metallic);
-    let mut emission = material.emission;
-    if let Some(texture) = &material.emission_texture {
-        emission *= colour_at(world, texture, surface.uv);
-    }
+    let emission = material.emission * surface.texels.emission;
     let mut sum = emission + world.ambient * (diffuse + head_on);
     for light in lights {
         let mut returned = diffuse;
@@ -86,7 +75,7 @@ mod tests {
             view,
             geometric_normal: DVec3::Y,
             shading_normal: DVec3::Y,
-            uv: glam::DVec2::ZERO,
+            texels: crate::world::Texels::default(),
             tint: DVec3::ONE,
             prim: PrimId(0),
             object: 0,

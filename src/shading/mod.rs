@@ -4,8 +4,9 @@
 
 mod lights;
 mod metallic_roughness;
+pub mod normal_map;
 mod phong;
-mod texture;
+pub mod texture;
 
 pub use lights::{LightLanes, LightSample};
 pub use phong::Scratch;

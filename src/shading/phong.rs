@@ -7,7 +7,6 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::texture::colour_at;
 use super::{LightLanes, LightSample, ShadingMode};
 use crate::film::ColourPipeline;
 use crate::world::{LANES, Lanes, PhongValues, Surface, Surfaces, World, widely};
@@ -22,8 +21,8 @@ pub fn shade(
     lights: &[LightSample],
 ) -> DVec3 {
     let mut colour = material.colour * surface.tint;
-    if let Some(texture) = &material.texture {
-        colour *= colour_at(world, texture, surface.uv);
+    if material.texture.is_some() {
+        colour *= surface.texels.colour;
     }
     if mode == ShadingMode::Flat {
         return world.pipeline.hold(colour);

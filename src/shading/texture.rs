@@ -1,39 +1,143 @@
-//! Looking pictures up: bilinear, at full size.
+//! Looking pictures up, at full size or in their pyramids.
+//!
+//! What a pixel sees of a picture is taken as an ellipse, the image of a circle as wide as the pixel. Where its longer axis
+//! is longer than a texel, a level of the pyramid is chosen whose texels are that long (Williams, Pyramidal Parametrics,
+//! SIGGRAPH 1983); anisotropic lookups take the mean of several along that axis in a level for the shorter one (McCormack,
+//! Perry, Farkas and Jouppi, Feline, SIGGRAPH 1999, section 3).
 
 use glam::{DVec2, DVec3};
 
-use crate::scene::Wrap;
-use crate::world::{Image, LoweredTexture, World};
+use crate::scene::{Filter, Lookup, Sampler, Wrap};
+use crate::world::{Image, Meaning, TexturePoint};
 
-/// The colour of a picture at `uv`, in the numbers of the pipeline.
-pub fn colour_at(world: &World, texture: &LoweredTexture, uv: DVec2) -> DVec3 {
-    let image = &world.images[texture.image as usize];
-    bilinear(image, texture, uv, |c| f64::from(image.colours[c as usize]))
-}
+/// The most lookups along the longer axis; the most that graphics hardware does.
+const MOST_LOOKUPS: f64 = 16.0;
 
-/// The plain numbers of a picture at `uv`, 0 to 1.
-pub fn numbers_at(world: &World, texture: &LoweredTexture, uv: DVec2) -> DVec3 {
-    bilinear(&world.images[texture.image as usize], texture, uv, |c| f64::from(c) / 255.0)
-}
-
-fn bilinear(image: &Image, texture: &LoweredTexture, uv: DVec2, meaning: impl Fn(u8) -> f64) -> DVec3 {
-    let (w, h) = (i64::from(image.width), i64::from(image.height));
-    // Pixel centres lie at half-integers.
-    let place = uv * DVec2::new(w as f64, h as f64) - 0.5;
-    let (corner, share) = (place.floor(), place - place.floor());
-    // Saturates where coordinates are absurd; wrapping then still gives a pixel of the picture.
-    let (x, y) = (corner.x as i64, corner.y as i64);
-    let pixel = |dx: i64, dy: i64| {
-        let column = wrap(x.saturating_add(dx), w, texture.sampler.wrap_u);
-        let row = wrap(y.saturating_add(dy), h, texture.sampler.wrap_v);
-        DVec3::from(image.pixels[(row * w + column) as usize].map(&meaning))
+/// What a picture shows at a point, 0 to 1, without its pyramid where that was not made.
+pub fn look_up(
+    image: &Image,
+    meaning: Meaning,
+    sampler: &Sampler,
+    filter: &Filter,
+    point: &TexturePoint,
+) -> DVec3 {
+    let at_full_size = |lookup| look_at(image, meaning, sampler, 0, lookup, point.uv);
+    if !filter.needs_footprint() {
+        return at_full_size(filter.magnify);
+    }
+    let ellipse = Ellipse::new(point.footprint, DVec2::new(image.width.into(), image.height.into()));
+    // What is not a number is not here: it sees all of the picture.
+    if ellipse.longer <= 1.0 {
+        return at_full_size(filter.magnify);
+    }
+    let (Some(between), Some(pyramid)) = (filter.minify.between, image.pyramid(meaning)) else {
+        return at_full_size(filter.minify.within);
     };
-    let top = pixel(0, 0).lerp(pixel(1, 0), share.x);
-    let bottom = pixel(0, 1).lerp(pixel(1, 1), share.x);
-    top.lerp(bottom, share.y)
+    let last = pyramid.levels().len();
+    let in_level = |uv: DVec2, level: f64| {
+        let texel = |level: usize| look_at(image, meaning, sampler, level, filter.minify.within, uv);
+        match between {
+            Lookup::Nearest => texel((level + 0.5).floor() as usize),
+            Lookup::Linear => {
+                let lower = level.floor();
+                let (near, share) = (texel(lower as usize), level - lower);
+                if share > 0.0 { near.lerp(texel((lower as usize + 1).min(last)), share) } else { near }
+            }
+        }
+    };
+    if !filter.anisotropic {
+        return in_level(point.uv, level_of(ellipse.longer, last));
+    }
+    let count = ellipse.lookups();
+    let level = level_of(ellipse.longer / count, last);
+    let mut sum = DVec3::ZERO;
+    for k in 0..count as u32 {
+        let place = (f64::from(k) + 0.5) / count - 0.5;
+        sum += in_level(point.uv + place * ellipse.axis, level);
+    }
+    sum / count
+}
+
+/// The level whose texels are `size` times as long as the picture's: 0 for the picture itself, `last` for all from there.
+fn level_of(size: f64, last: usize) -> f64 {
+    // What is not a number is beyond all levels.
+    let level = size.log2();
+    if level < last as f64 { level.max(0.0) } else { last as f64 }
+}
+
+/// What a pixel sees of a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Ellipse {
+    /// Lengths of its axes, whole ones, in texels.
+    longer: f64,
+    shorter: f64,
+    /// The longer axis in texture coordinates.
+    axis: DVec2,
+}
+
+impl Ellipse {
+    /// The image of a circle of one pixel's diameter under the map whose columns are `footprint`: its axes are the map's
+    /// singular values, in closed form from the product of the map and its transpose.
+    fn new(footprint: [DVec2; 2], size: DVec2) -> Self {
+        let [a, b] = footprint.map(|change| change * size);
+        let (xx, xy, yy) = (a.x * a.x + b.x * b.x, a.x * a.y + b.x * b.y, a.y * a.y + b.y * b.y);
+        let (mean, half) = ((xx + yy) / 2.0, (xx - yy) / 2.0);
+        let spread = (half * half + xy * xy).sqrt();
+        let (longer, determinant) = ((mean + spread).sqrt(), (a.x * b.y - a.y * b.x).abs());
+        // Of the two forms of the eigenvector the one without cancellation.
+        let axis = if half > 0.0 { DVec2::new(half + spread, xy) } else { DVec2::new(xy, spread - half) };
+        let axis = axis.try_normalize().unwrap_or(DVec2::X) * longer / size;
+        Ellipse { longer, shorter: determinant / longer, axis }
+    }
+
+    /// How many lookups along the longer axis see no more than the shorter one is long.
+    fn lookups(&self) -> f64 {
+        let ratio = self.longer / self.shorter.max(1.0);
+        if ratio < MOST_LOOKUPS { ratio.ceil().max(1.0) } else { MOST_LOOKUPS }
+    }
+}
+
+/// What a level of a picture shows at `uv`; level 0 is the picture.
+fn look_at(
+    image: &Image,
+    meaning: Meaning,
+    sampler: &Sampler,
+    level: usize,
+    lookup: Lookup,
+    uv: DVec2,
+) -> DVec3 {
+    let level = level.checked_sub(1).and_then(|below| image.pyramid(meaning)?.levels().get(below));
+    let (width, height) = level.map_or((image.width, image.height), |level| (level.width, level.height));
+    let (w, h) = (i64::from(width), i64::from(height));
+    let column = |x: i64| wrap(x, w, sampler.wrap_u);
+    let row = |y: i64| wrap(y, h, sampler.wrap_v) * w;
+    let texel = |row: i64, column: i64| {
+        let index = (row + column) as usize;
+        DVec3::from(level.map_or_else(|| image.texel(index, meaning), |level| level.texel(index)))
+    };
+    let place = uv * DVec2::new(w as f64, h as f64);
+    // Casts saturate where coordinates are absurd; wrapping then still gives a texel of the picture.
+    match lookup {
+        Lookup::Nearest => texel(row(place.y.floor() as i64), column(place.x.floor() as i64)),
+        Lookup::Linear => {
+            // Texels' centres lie at half-integers.
+            let place = place - 0.5;
+            let (corner, share) = (place.floor(), place - place.floor());
+            let (x, y) = (corner.x as i64, corner.y as i64);
+            let (left, right) = (column(x), column(x.saturating_add(1)));
+            let (above, below) = (row(y), row(y.saturating_add(1)));
+            let top = texel(above, left).lerp(texel(above, right), share.x);
+            let bottom = texel(below, left).lerp(texel(below, right), share.x);
+            top.lerp(bottom, share.y)
+        }
+    }
 }
 
 fn wrap(i: i64, size: i64, mode: Wrap) -> i64 {
+    // Most are inside; a division takes longer than all the rest.
+    if (0..size).contains(&i) {
+        return i;
+    }
     match mode {
         Wrap::Repeat => i.rem_euclid(size),
         Wrap::ClampToEdge => i.clamp(0, size - 1),
@@ -55,5 +159,35 @@ mod tests {
         assert_eq!(row(Wrap::ClampToEdge), [0, 0, 0, 0, 1, 2, 2, 2, 2]);
         assert_eq!(row(Wrap::MirroredRepeat), [2, 1, 0, 0, 1, 2, 2, 1, 0]);
         assert_eq!(wrap(i64::MAX, 3, Wrap::Repeat), i64::MAX % 3);
+    }
+
+    /// A circle stretched to 8 by 2 1/8 texels and turned by any angle, before and after, is an ellipse of 8 by 2 1/8 texels.
+    #[test]
+    fn axes_of_ellipses() {
+        for k in 0..100 {
+            let (before, after) = (f64::from(k) * 0.7, f64::from(k) * 0.37);
+            let turned = DVec2::from_angle(after);
+            let step = |v: DVec2| turned.rotate(DVec2::new(8.0, 2.125) * DVec2::from_angle(before).rotate(v));
+            let size = DVec2::new(64.0, 256.0);
+            let ellipse = Ellipse::new([step(DVec2::X) / size, step(DVec2::Y) / size], size);
+            assert!((ellipse.longer - 8.0).abs() < 1e-13 && (ellipse.shorter - 2.125).abs() < 1e-13);
+            let along = (ellipse.axis * size).dot(turned).abs();
+            assert!((along - 8.0).abs() < 1e-13, "{along}");
+            // 8 / 2.125 is 3.76.
+            assert_eq!(ellipse.lookups(), 4.0);
+        }
+    }
+
+    #[test]
+    fn levels_end_where_the_pyramid_does() {
+        assert_eq!(level_of(4.0, 9), 2.0);
+        assert_eq!(level_of(0.5, 9), 0.0);
+        for endless in [1e300, f64::INFINITY, f64::NAN] {
+            assert_eq!(level_of(endless, 9), 9.0);
+        }
+        let nothing = Ellipse::new([DVec2::NAN; 2], DVec2::ONE);
+        assert_eq!(nothing.lookups(), MOST_LOOKUPS);
+        let line = Ellipse::new([DVec2::X, DVec2::ZERO], DVec2::splat(512.0));
+        assert_eq!((line.longer, line.shorter, line.lookups()), (512.0, 0.0, MOST_LOOKUPS));
     }
 }

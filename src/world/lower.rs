@@ -3,11 +3,11 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, DVec4, Vec2, Vec3, Vec4};
 
-use crate::film::colour::srgb_decode;
+use super::image::Meaning;
 use crate::film::{Colour, ColourPipeline};
-use crate::scene::{Attribute, Glaze, Material, Mesh, Placed, Sampler, Shape, Texture, TextureImage};
+use crate::scene::{Attribute, Glaze, Material, Mesh, NormalMap, Placed, Sampler, Shape, Texture};
 
 /// What is interpolated across the triangles of an object; nothing for a sphere. Triangles are counted within the object.
 pub struct Attributes {
@@ -22,6 +22,8 @@ struct Lowered {
     normals: Option<Corners<Vec3>>,
     uvs: Option<Corners<Vec2>>,
     colours: Option<Corners<Vec3>>,
+    /// Only where the material has a normal map.
+    tangents: Option<Corners<Vec4>>,
 }
 
 /// Values at the corners of triangles.
@@ -44,6 +46,14 @@ impl Attributes {
         match &self.placed {
             None => self.lowered.normals.is_some(),
             Some(placed) => placed.mesh.normals.is_some(),
+        }
+    }
+
+    /// Whether there are tangents.
+    pub fn has_tangents(&self) -> bool {
+        match &self.placed {
+            None => self.lowered.tangents.is_some(),
+            Some(placed) => placed.mesh.tangents.is_some(),
         }
     }
 
@@ -77,9 +87,27 @@ impl Attributes {
         Some(self.lowered.uvs.as_ref()?.of(self.in_mesh(triangle)))
     }
 
+    /// The tangents at a triangle's corners, of length 1 or 0; see [`Mesh::tangents`].
+    #[inline]
+    pub fn tangents(&self, triangle: u32) -> Option<[DVec4; 3]> {
+        match &self.placed {
+            None => Some(self.lowered.tangents.as_ref()?.of(triangle).map(|t| t.as_dvec4())),
+            Some(placed) => {
+                let tangents = placed.mesh.tangents.as_ref()?;
+                let triangles = tangents.triangles.as_ref().unwrap_or(&placed.mesh.triangles);
+                let corners = triangles[placed.triangle_at(triangle) as usize];
+                Some(
+                    corners.map(|i| {
+                        unit_tangent(placed.placement.tangent(tangents.values[i as usize])).as_dvec4()
+                    }),
+                )
+            }
+        }
+    }
+
     /// Whether there is nothing to interpolate.
     pub fn are_none(&self) -> bool {
-        let Lowered { normals, uvs, colours } = &*self.lowered;
+        let Lowered { normals, uvs, colours, .. } = &*self.lowered;
         let placed = self.placed.as_ref().is_some_and(|placed| placed.mesh.normals.is_some());
         normals.is_none() && uvs.is_none() && colours.is_none() && !placed
     }
@@ -96,20 +124,28 @@ fn unit(n: DVec3) -> Vec3 {
     (n / n.abs().max_element()).try_normalize().unwrap_or(DVec3::ZERO).as_vec3()
 }
 
+/// A tangent of any length that f64 holds becomes one that f32 holds; what is not a number becomes zero.
+fn unit_tangent(t: DVec4) -> Vec4 {
+    let along = t.truncate();
+    unit(if along.is_finite() { along } else { DVec3::ZERO }).extend(if t.w < 0.0 { -1.0 } else { 1.0 })
+}
+
 /// What shared meshes have become, once each.
 #[derive(Default)]
 pub struct Shared(HashMap<*const Mesh, Arc<Lowered>>);
 
 impl Shared {
-    /// Takes the attributes out of a shape.
-    pub fn attributes(&mut self, shape: Shape) -> Attributes {
+    /// Takes the attributes out of a shape. Tangents are left where no normal map needs them.
+    pub fn attributes(&mut self, shape: Shape, has_normal_map: bool) -> Attributes {
         match shape {
             Shape::Sphere { .. } => Attributes { lowered: Arc::default(), placed: None },
             Shape::Mesh(mut mesh) => {
-                let normals = mesh.normals.take();
+                let (normals, tangents) = (mesh.normals.take(), mesh.tangents.take());
                 let own: Arc<[[u32; 3]]> = std::mem::take(&mut mesh.triangles).into();
                 let mut lowered = lower(mesh.uvs, mesh.colours, &own);
                 lowered.normals = normals.map(|a| corners(a, &own, unit));
+                lowered.tangents =
+                    tangents.filter(|_| has_normal_map).map(|a| corners(a, &own, unit_tangent));
                 Attributes { lowered: Arc::new(lowered), placed: None }
             }
             Shape::Placed(placed) => {
@@ -135,6 +171,7 @@ fn corners<A, B>(a: Attribute<A>, own: &Arc<[[u32; 3]]>, lower: impl Fn(A) -> B)
 fn lower(uvs: Option<Attribute<DVec2>>, colours: Option<Attribute<DVec3>>, own: &Arc<[[u32; 3]]>) -> Lowered {
     Lowered {
         normals: None,
+        tangents: None,
         uvs: uvs.map(|a| corners(a, own, |uv| uv.as_vec2())),
         colours: colours.map(|a| corners(a, own, |c| c.as_vec3())),
     }
@@ -166,6 +203,8 @@ pub struct PhongValues {
     pub shininess: f64,
     /// The mirror over the surface.
     pub glaze: Option<Glaze>,
+    /// What tilts its normals.
+    pub normal_map: Option<LoweredNormalMap>,
 }
 
 /// Numbers of a metallic-roughness material; see [`crate::scene::MetallicRoughness`].
@@ -187,6 +226,8 @@ pub struct MetallicRoughnessValues {
     pub emission_texture: Option<LoweredTexture>,
     /// The base colour is all there is to see.
     pub unlit: bool,
+    /// What tilts its normals.
+    pub normal_map: Option<LoweredNormalMap>,
 }
 
 /// A picture and how to look it up.
@@ -196,6 +237,19 @@ pub struct LoweredTexture {
     pub image: u32,
     /// What happens outside 0..1.
     pub sampler: Sampler,
+}
+
+/// A picture that tilts normals; see [`crate::scene::NormalMap`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LoweredNormalMap {
+    /// The picture.
+    pub texture: LoweredTexture,
+    /// What x and y are multiplied by.
+    pub scale: f64,
+}
+
+fn normal_map(map: Option<NormalMap>) -> Option<LoweredNormalMap> {
+    map.and_then(|map| Some(LoweredNormalMap { texture: texture(Some(map.texture))?, scale: map.scale }))
 }
 
 fn texture(texture: Option<Texture>) -> Option<LoweredTexture> {
@@ -213,6 +267,7 @@ pub fn material(material: &Material, pipeline: ColourPipeline) -> LoweredMateria
             specular: m.specular,
             shininess: m.shininess,
             glaze: m.glaze,
+            normal_map: normal_map(m.normal_map),
         }),
         Material::MetallicRoughness(m) => LoweredMaterial::MetallicRoughness(MetallicRoughnessValues {
             base_colour: m.base_colour.lower(pipeline),
@@ -223,6 +278,7 @@ pub fn material(material: &Material, pipeline: ColourPipeline) -> LoweredMateria
             emission: m.emission.lower(pipeline),
             emission_texture: texture(m.emission_texture),
             unlit: m.unlit,
+            normal_map: normal_map(m.normal_map),
         }),
     }
 }
@@ -236,40 +292,29 @@ impl LoweredMaterial {
         }
     }
 
-    /// Whether shading it looks anything up by texture coordinates.
-    pub fn is_textured(&self) -> bool {
+    /// The pictures of its colour, its roughness and metallic, and its emission, and what their values mean.
+    pub fn slots(&self) -> [(Option<LoweredTexture>, Meaning); 3] {
+        use Meaning::{Colours, Numbers};
         match self {
-            LoweredMaterial::Phong(m) => m.texture.is_some(),
-            LoweredMaterial::MetallicRoughness(m) => {
-                m.base_colour_texture.or(m.metallic_roughness_texture).or(m.emission_texture).is_some()
-            }
+            LoweredMaterial::Phong(m) => [(m.texture, Colours), (None, Numbers), (None, Colours)],
+            LoweredMaterial::MetallicRoughness(m) => [
+                (m.base_colour_texture, Colours),
+                (m.metallic_roughness_texture, Numbers),
+                (m.emission_texture, Colours),
+            ],
         }
     }
-}
 
-/// A picture with what its 8-bit values mean as colours.
-pub struct Image {
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// Pixels, row by row from the top.
-    pub pixels: Arc<[[u8; 3]]>,
-    /// The pipeline's number for each 8-bit display value.
-    pub colours: [f32; 256],
-}
+    /// Those of them that there are.
+    pub fn textures(&self) -> impl Iterator<Item = (LoweredTexture, Meaning)> + use<> {
+        self.slots().into_iter().filter_map(|(texture, meaning)| Some((texture?, meaning)))
+    }
 
-impl Image {
-    pub(super) fn new(image: TextureImage, pipeline: ColourPipeline) -> Self {
-        let colour = |value: usize| {
-            let display = value as f64 / 255.0;
-            if pipeline == ColourPipeline::Linear { srgb_decode(display) as f32 } else { display as f32 }
-        };
-        Image {
-            width: image.width,
-            height: image.height,
-            pixels: image.pixels,
-            colours: std::array::from_fn(colour),
+    /// What tilts its normals.
+    pub fn normal_map(&self) -> Option<&LoweredNormalMap> {
+        match self {
+            LoweredMaterial::Phong(m) => m.normal_map.as_ref(),
+            LoweredMaterial::MetallicRoughness(m) => m.normal_map.as_ref(),
         }
     }
 }

@@ -4,19 +4,25 @@
 //! flattened, colours lowered to the numbers of the colour pipeline, defaults decided. It is immutable and shared by all
 //! threads. It knows nothing of effects or of how rays are scheduled.
 
+mod differential;
 mod fit;
+mod image;
 mod lanes;
 mod lower;
+mod pyramid;
 mod range;
 mod surface;
 mod surfaces;
 mod view;
 
+pub use differential::{Differential, TexturePoint};
 pub use fit::{StandardView, fitted_camera, headlight};
+pub use image::{Image, Meaning};
 pub use lanes::{LANES, Lanes, RayLanes, widely};
-pub use lower::{Image, LoweredMaterial, LoweredTexture, MetallicRoughnessValues, PhongValues};
+pub use lower::{LoweredMaterial, LoweredNormalMap, LoweredTexture, MetallicRoughnessValues, PhongValues};
+pub use pyramid::{Level as PyramidLevel, Pyramid};
 pub use range::{Range, bring_into_range};
-pub use surface::Surface;
+pub use surface::{Surface, Texels};
 pub use surfaces::Surfaces;
 pub use view::View;
 
@@ -76,6 +82,11 @@ pub struct WorldObject {
 }
 
 impl WorldObject {
+    /// Whether it has tangents, for a normal map of its material.
+    pub fn has_tangents(&self) -> bool {
+        self.attributes.has_tangents()
+    }
+
     /// Whether it has normals of its own to be shaded by.
     pub fn is_smooth(&self) -> bool {
         self.attributes.is_smooth()
@@ -114,7 +125,8 @@ impl World {
             input: object.input,
             material: object.material.0,
             first,
-            attributes: lowered.attributes(object.shape),
+            attributes: lowered
+                .attributes(object.shape, scene.materials[object.material.0 as usize].normal_map().is_some()),
         });
         let objects = objects.collect();
         World {

@@ -1,6 +1,6 @@
 //! The full account of a hit, computed once, for the hit that counts.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::World;
 use super::lower::vertex_colour;
@@ -19,8 +19,8 @@ pub struct Surface {
     pub geometric_normal: DVec3,
     /// Unit normal for shading, on the same side.
     pub shading_normal: DVec3,
-    /// Texture coordinates; zero where the object has none or its material reads none.
-    pub uv: DVec2,
+    /// What the material's pictures say here.
+    pub texels: Texels,
     /// The object's own tint at this point; white where it has none.
     pub tint: DVec3,
     /// Which primitive.
@@ -31,8 +31,27 @@ pub struct Surface {
     pub material: u32,
 }
 
+/// What a material's pictures say of a point: factors, 1 where there is no picture or nobody looked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Texels {
+    /// Of the colour.
+    pub colour: DVec3,
+    /// Of the roughness.
+    pub roughness: f64,
+    /// Of the metallic.
+    pub metallic: f64,
+    /// Of the emission.
+    pub emission: DVec3,
+}
+
+impl Default for Texels {
+    fn default() -> Self {
+        Texels { colour: DVec3::ONE, roughness: 1.0, metallic: 1.0, emission: DVec3::ONE }
+    }
+}
+
 impl World {
-    /// Everything that is to be known of `hit`, which must be a hit of `ray` with this world.
+    /// Everything that is to be known of `hit`, which must be a hit of `ray` with this world, but for pictures.
     #[inline(always)]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         let object_index = self.object_of(hit.prim);
@@ -44,7 +63,7 @@ impl World {
             view,
             geometric_normal: view,
             shading_normal: view,
-            uv: DVec2::ZERO,
+            texels: Texels::default(),
             tint: DVec3::ONE,
             prim: hit.prim,
             object: object_index,
@@ -74,12 +93,6 @@ impl World {
                         surface.shading_normal = if smooth.dot(normal) < 0.0 { -smooth } else { smooth };
                     }
                 }
-                if self.materials[object.material as usize].is_textured()
-                    && let Some(uvs) = object.attributes.uvs(local)
-                {
-                    let [a, b, c] = uvs.map(|uv| uv.as_dvec2());
-                    surface.uv = a * weights[0] + b * weights[1] + c * weights[2];
-                }
                 if let Some(colours) = object.attributes.colours(local) {
                     let linear = blend(colours.map(|c| c.as_dvec3()), weights);
                     surface.tint = vertex_colour(linear, self.pipeline);
@@ -91,6 +104,24 @@ impl World {
 }
 
 impl World {
+    /// The tangent frame at `hit`, for a normal map: the mesh's own normal, which may point to the other side than
+    /// `surface`'s, and directions to where u grows and to where the picture goes up, at right angles and of length 1. `None`
+    /// where the mesh has no tangents, or one along its normal.
+    pub fn tangent_frame(&self, surface: &Surface, hit: &Hit) -> Option<[DVec3; 3]> {
+        let object = &self.objects[surface.object as usize];
+        let local = hit.prim.0 - object.first.0;
+        let tangents = object.attributes.tangents(local)?;
+        let [v, w] = hit.weights;
+        let weights = [1.0 - v - w, v, w];
+        let smooth = blend(object.attributes.normals(local)?, weights);
+        let side = if smooth.dot(surface.shading_normal) < 0.0 { -1.0 } else { 1.0 };
+        let normal = side * surface.shading_normal;
+        let tangent = blend(tangents.map(|t| t.truncate()), weights);
+        let tangent = (tangent - tangent.dot(normal) * normal).try_normalize()?;
+        let handedness = tangents.iter().zip(weights).map(|(t, weight)| t.w * weight).sum::<f64>().signum();
+        Some([tangent, handedness * normal.cross(tangent), normal])
+    }
+
     /// The point of the smooth surface over `surface`, at `hit`: lifted above the tangent planes of the corners (Hanika,
     /// Ray Tracing Gems II, chapter 4, 2021). The point itself where there is none.
     pub fn smooth_point(&self, surface: &Surface, hit: &Hit) -> SurfacePoint {
@@ -103,8 +134,13 @@ impl World {
         };
         let [v, w] = hit.weights;
         let weights = [1.0 - v - w, v, w];
-        // On the side that the surface is seen from.
-        let side = blend(normals, weights).dot(surface.shading_normal).signum();
+        // On the side that the surface is seen from; a normal map may have tilted the shading normal.
+        let smooth = blend(normals, weights);
+        let side = match smooth.try_normalize() {
+            Some(smooth) if smooth.dot(surface.geometric_normal) < 0.0 => -1.0,
+            Some(_) => 1.0,
+            None => smooth.dot(surface.geometric_normal).signum(),
+        };
         let mut point = surface.point;
         for ((corner, normal), weight) in triangle.0.iter().zip(normals).zip(weights) {
             let normal = normal * side;
@@ -115,6 +151,6 @@ impl World {
     }
 }
 
-fn blend([a, b, c]: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
+pub(super) fn blend([a, b, c]: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
     a * weights[0] + b * weights[1] + c * weights[2]
 }

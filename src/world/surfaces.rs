@@ -3,11 +3,11 @@
 
 use std::ops::Range;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::World;
 use super::lanes::{LANES, Lanes, RayLanes, widely};
-use super::surface::Surface;
+use super::surface::{Surface, Texels};
 use crate::bvh::Primitive;
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Hit, PrimId, SlotId, Sphere, Triangle};
@@ -30,7 +30,8 @@ pub struct Surfaces {
     pub shading_normal: Lanes,
     /// The objects' own tints.
     pub tint: Lanes,
-    uv: [DVec2; LANES],
+    /// For each point, what its material's pictures say; empty where nobody looked.
+    pub texels: Vec<Texels>,
     /// Distance and barycentric coordinates.
     t: [f64; LANES],
     weights: [[f64; LANES]; 2],
@@ -60,7 +61,7 @@ impl Default for Surfaces {
             geometric_normal: Lanes::default(),
             shading_normal: Lanes::default(),
             tint: Lanes::default(),
-            uv: [DVec2::ZERO; LANES],
+            texels: Vec::new(),
             t: [0.0; LANES],
             weights: [[0.0; LANES]; 2],
             prim: [0; LANES],
@@ -126,7 +127,7 @@ impl Surfaces {
             view: self.view.get(i),
             geometric_normal: self.geometric_normal.get(i),
             shading_normal: self.shading_normal.get(i),
-            uv: self.uv[i],
+            texels: self.texels.get(i).copied().unwrap_or_default(),
             tint: self.tint.get(i),
             prim: PrimId(self.prim[i]),
             object: self.object[i],
@@ -141,7 +142,6 @@ impl Surfaces {
         self.geometric_normal.set(i, surface.geometric_normal);
         self.shading_normal.set(i, surface.shading_normal);
         self.tint.set(i, surface.tint);
-        self.uv[i] = surface.uv;
         self.prim[i] = surface.prim.0;
         self.object[i] = surface.object;
         self.material[i] = surface.material;
@@ -151,6 +151,7 @@ impl Surfaces {
     fn gather(&mut self, rays: &RayLanes, hits: &[Option<Hit>]) {
         assert!(hits.len() <= LANES, "a tile has at most one ray a pixel and level");
         self.runs.clear();
+        self.texels.clear();
         let mut len = 0;
         let mut last = None;
         for (index, hit) in (0..).zip(hits) {
@@ -245,8 +246,7 @@ impl World {
         let object = self.object_of(prim);
         surfaces.prim[range.clone()].fill(prim.0);
         surfaces.object[range.clone()].fill(object);
-        surfaces.material[range.clone()].fill(self.objects[object as usize].material);
-        surfaces.uv[range].fill(DVec2::ZERO);
+        surfaces.material[range].fill(self.objects[object as usize].material);
     }
 }
 

@@ -5,6 +5,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::differential::Differential;
 use super::lanes::{LANES, RayLanes, widely};
 use crate::error::{Error, Result};
 use crate::film::{TILE, Window};
@@ -166,6 +167,22 @@ impl View {
             Projection::Orthographic => (self.position + offset, -self.w),
         };
         precision.ray(origin, direction, 0.0, f64::INFINITY)
+    }
+
+    /// How a ray of this camera changes from one pixel to the next, from its `direction` alone: wherever in its pixel it
+    /// starts, it knows its pixel's size (Igehy, Tracing Ray Differentials, SIGGRAPH 1999, section 3.1).
+    pub fn differential(&self, direction: DVec3) -> Differential {
+        let [right, down] =
+            [self.u * (self.rectangle.x / self.size.x), -self.v * (self.rectangle.y / self.size.y)];
+        match self.projection {
+            Projection::Orthographic => Differential { origin: [right, down], direction: [DVec3::ZERO; 2] },
+            Projection::Perspective => {
+                // The direction is d / |d| with d = offset - distance w, so |d| = distance / (-direction . w).
+                let length = self.distance / -direction.dot(self.w);
+                let change = |step: DVec3| (step - step.dot(direction) * direction) / length;
+                Differential { origin: [DVec3::ZERO; 2], direction: [change(right), change(down)] }
+            }
+        }
     }
 
     /// Where a point appears, in pixels from the top left corner, and whether it lies before the camera.

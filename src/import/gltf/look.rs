@@ -7,8 +7,8 @@ use crate::film::Colour;
 use crate::import::pictures::{self, Pictures};
 use crate::import::uri::{self, Resource};
 use crate::scene::{
-    Camera, Falloff, ImageId, Light, LightKind, Material, MetallicRoughness, Projection, Sampler, Scene,
-    Texture, Wrap,
+    Camera, Falloff, ImageId, Light, LightKind, Lookup, Material, MetallicRoughness, Minify, NormalMap,
+    Projection, Sampler, Scene, Texture, Wrap,
 };
 
 impl Loader<'_> {
@@ -45,7 +45,8 @@ impl Loader<'_> {
     }
 
     pub(super) fn texture(&self, texture: &gltf::Texture) -> Option<Texture> {
-        use gltf::texture::WrappingMode;
+        use Lookup::{Linear, Nearest};
+        use gltf::texture::{MagFilter, MinFilter, WrappingMode};
         let wrap = |mode| match mode {
             WrappingMode::ClampToEdge => Wrap::ClampToEdge,
             WrappingMode::MirroredRepeat => Wrap::MirroredRepeat,
@@ -55,7 +56,22 @@ impl Loader<'_> {
         let sampler = texture.sampler();
         Some(Texture {
             image,
-            sampler: Sampler { wrap_u: wrap(sampler.wrap_s()), wrap_v: wrap(sampler.wrap_t()) },
+            sampler: Sampler {
+                wrap_u: wrap(sampler.wrap_s()),
+                wrap_v: wrap(sampler.wrap_t()),
+                magnify: sampler.mag_filter().map(|filter| match filter {
+                    MagFilter::Nearest => Nearest,
+                    MagFilter::Linear => Linear,
+                }),
+                minify: sampler.min_filter().map(|filter| match filter {
+                    MinFilter::Nearest => Minify { within: Nearest, between: None },
+                    MinFilter::Linear => Minify { within: Linear, between: None },
+                    MinFilter::NearestMipmapNearest => Minify { within: Nearest, between: Some(Nearest) },
+                    MinFilter::LinearMipmapNearest => Minify { within: Linear, between: Some(Nearest) },
+                    MinFilter::NearestMipmapLinear => Minify { within: Nearest, between: Some(Linear) },
+                    MinFilter::LinearMipmapLinear => Minify { within: Linear, between: Some(Linear) },
+                }),
+            },
         })
     }
 
@@ -78,6 +94,11 @@ impl Loader<'_> {
             emission: Colour::Linear(emission),
             emission_texture: m.emissive_texture().and_then(|t| self.texture(&t.texture())),
             unlit: m.unlit(),
+            normal_map: m.normal_texture().and_then(|t| {
+                let scale = f64::from(t.scale());
+                let texture = self.texture(&t.texture())?;
+                Some(NormalMap { texture, scale: if scale.is_finite() { scale } else { 1.0 } })
+            }),
         })
     }
 

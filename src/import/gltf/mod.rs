@@ -90,11 +90,6 @@ impl Loader<'_> {
         for name in unread {
             self.warn(format!("extension {name} is not used"));
         }
-        let bumpy = document.materials().filter(|m| m.normal_texture().is_some()).count();
-        if bumpy > 0 {
-            let what = format!("the normal maps of {bumpy} material(s) are not used yet");
-            self.warnings.note(format!("{}: {what}", self.source.file.display()));
-        }
         let transparent =
             document.materials().filter(|m| m.alpha_mode() != gltf::material::AlphaMode::Opaque).count();
         if transparent > 0 {

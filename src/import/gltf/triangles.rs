@@ -1,10 +1,11 @@
 //! Meshes: positions, indices, attributes and skins.
 
-use glam::{DMat4, DVec2, DVec3};
+use glam::{DMat4, DVec2, DVec3, DVec4};
 
 use super::{Loader, dvec3};
 use crate::error::{Error, Place, Result};
-use crate::scene::{Attribute, Mesh};
+use crate::import::tangents::make_tangents;
+use crate::scene::{Attribute, Mesh, moved_tangent};
 
 impl Loader<'_> {
     /// The triangles of one primitive in its mesh's own space; `None` for points and lines.
@@ -14,6 +15,7 @@ impl Loader<'_> {
             self.warn(format!("{name}: points and lines are not drawn"));
             return Ok(None);
         }
+        let uv_set = self.uv_set(&primitive.material());
         let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
         let fault = |what: &str| {
             let item = Place::item(&self.source.file, format!("{name}, primitive {}", primitive.index()));
@@ -45,20 +47,27 @@ impl Loader<'_> {
         let out_of_range = before - triangles.len();
 
         // An attribute that does not go with the positions is as good as none.
-        let uv_set =
-            primitive.material().pbr_metallic_roughness().base_color_texture().map_or(0, |t| t.tex_coord());
         let normals = reader.read_normals().map(|values| values.map(dvec3).collect::<Vec<_>>());
         let uvs = reader.read_tex_coords(uv_set).map(|uvs| {
             uvs.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect::<Vec<_>>()
         });
         let colours = reader.read_colors(0).map(|c| c.into_rgb_f32().map(dvec3).collect::<Vec<_>>());
-        let mesh = Mesh {
+        let tangents = primitive.material().normal_texture().and_then(|_| {
+            let values = reader.read_tangents()?.map(|t| DVec4::from(t.map(f64::from))).collect::<Vec<_>>();
+            // Tangents without normals mean nothing (glTF 2.0, section 3.7.2.1).
+            (values.len() == count && normals.is_some()).then(|| Attribute::per_position(values))
+        });
+        let mut mesh = Mesh {
+            tangents,
             normals: normals.filter(|v| v.len() == count).map(Attribute::per_position),
             uvs: uvs.filter(|v| v.len() == count).map(Attribute::per_position),
             colours: colours.filter(|v| v.len() == count).map(Attribute::per_position),
             positions,
             triangles,
         };
+        if primitive.material().normal_texture().is_some() {
+            make_tangents(&mut mesh);
+        }
         if primitive.morph_targets().next().is_some() {
             self.warn(format!("{name}: morph targets are not used"));
         }
@@ -66,6 +75,26 @@ impl Loader<'_> {
             self.warn(format!("{name}: left out {out_of_range} triangle(s) with an index out of range"));
         }
         Ok(Some(mesh))
+    }
+
+    /// The set of texture coordinates that a material's pictures go by: kiln has one for all of them.
+    fn uv_set(&mut self, material: &gltf::Material) -> u32 {
+        let pbr = material.pbr_metallic_roughness();
+        let sets = [
+            pbr.base_color_texture().map(|t| t.tex_coord()),
+            material.normal_texture().map(|t| t.tex_coord()),
+            pbr.metallic_roughness_texture().map(|t| t.tex_coord()),
+            material.emissive_texture().map(|t| t.tex_coord()),
+        ];
+        let mut sets = sets.into_iter().flatten();
+        let first = sets.next().unwrap_or(0);
+        if sets.any(|set| set != first) {
+            let name = material.name().unwrap_or("without a name");
+            self.warn(format!(
+                "material {name} has pictures by several sets of texture coordinates; all drawn by set {first}"
+            ));
+        }
+        first
     }
 
     /// One matrix a vertex, from the rest pose of a skin's joints (glTF 2.0, section 3.7.3).
@@ -115,6 +144,17 @@ pub(super) fn deform(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
     if let Some(normals) = &mut mesh.normals {
         for (normal, m) in normals.values.iter_mut().zip(world_from_vertex) {
             *normal = crate::scene::normal_matrix(m) * *normal;
+        }
+    }
+    // Made of texture coordinates, they go with the corners of triangles; those of the file with the positions.
+    if let Some(Attribute { values, triangles }) = &mut mesh.tangents {
+        let mut moved = vec![false; values.len()];
+        let corners = triangles.as_ref().unwrap_or(&mesh.triangles).as_flattened();
+        for (&tangent, &position) in corners.iter().zip(mesh.triangles.as_flattened()) {
+            if !std::mem::replace(&mut moved[tangent as usize], true) {
+                let value = &mut values[tangent as usize];
+                *value = moved_tangent(&world_from_vertex[position as usize], *value);
+            }
         }
     }
 }

@@ -296,6 +296,7 @@ impl Builder<'_> {
             specular: number("specular", s.specular, 0.0)?,
             shininess: number("shininess", s.shininess, 16.0)?,
             glaze,
+            normal_map: None,
         }))
     }
 

@@ -1,0 +1,87 @@
+//! Tangents for normal maps, where a file has none: by MikkTSpace (Mikkelsen, Simulation of Wrinkled Surfaces Revisited,
+//! 2008), as the programs do that normal maps are baked with.
+
+use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
+use glam::{DVec3, DVec4};
+
+use crate::scene::{Attribute, Mesh};
+
+/// Gives a mesh that will have a normal map the tangents that it lacks. A mesh without texture coordinates gets none. One
+/// without normals gets those of its triangles, so that it is known which side of them the picture is on.
+pub fn make_tangents(mesh: &mut Mesh) {
+    if mesh.uvs.is_none() || mesh.triangles.is_empty() {
+        return;
+    }
+    if mesh.normals.is_none() {
+        mesh.normals = Some(normals_of_triangles(mesh));
+    }
+    if mesh.tangents.is_some() {
+        return;
+    }
+    let mut corners =
+        Corners { mesh, origin: mesh.positions[mesh.triangles[0][0] as usize], made: Vec::new() };
+    corners.made.resize(mesh.triangles.len(), [DVec4::ZERO; 3]);
+    // It has no way to fail yet; should it, there are no tangents.
+    if generate_tangents(&mut corners).is_ok() {
+        let values = corners.made.into_flattened();
+        let triangles = (0..mesh.triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        mesh.tangents = Some(Attribute { values, triangles: Some(triangles) });
+    }
+}
+
+fn normals_of_triangles(mesh: &Mesh) -> Attribute<DVec3> {
+    let normal = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| mesh.positions[i as usize]);
+        (b - a).cross(c - a).normalize_or_zero()
+    };
+    let triangles = (0..mesh.triangles.len() as u32).map(|i| [i; 3]).collect();
+    Attribute { values: mesh.triangles.iter().map(normal).collect(), triangles: Some(triangles) }
+}
+
+/// A mesh as MikkTSpace sees it.
+struct Corners<'a> {
+    mesh: &'a Mesh,
+    /// Taken off all positions: far from the origin f32 would lose the triangles.
+    origin: DVec3,
+    made: Vec<[DVec4; 3]>,
+}
+
+impl Corners<'_> {
+    fn of<T: Copy>(&self, attribute: &Option<Attribute<T>>, face: usize, corner: usize) -> Option<T> {
+        let attribute = attribute.as_ref()?;
+        let triangles = attribute.triangles.as_ref().unwrap_or(&self.mesh.triangles);
+        Some(attribute.values[triangles[face][corner] as usize])
+    }
+}
+
+impl Geometry for Corners<'_> {
+    fn num_faces(&self) -> usize {
+        self.mesh.triangles.len()
+    }
+
+    fn num_vertices_of_face(&self, _face: usize) -> usize {
+        3
+    }
+
+    fn position(&self, face: usize, corner: usize) -> [f32; 3] {
+        let position = self.mesh.positions[self.mesh.triangles[face][corner] as usize];
+        (position - self.origin).as_vec3().to_array()
+    }
+
+    fn normal(&self, face: usize, corner: usize) -> [f32; 3] {
+        let normal = self.of(&self.mesh.normals, face, corner).unwrap_or_default();
+        normal.normalize_or_zero().as_vec3().to_array()
+    }
+
+    fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
+        let uv = self.of(&self.mesh.uvs, face, corner).unwrap_or_default();
+        // MikkTSpace's v grows up the picture, a mesh's down.
+        [uv.x as f32, (1.0 - uv.y) as f32]
+    }
+
+    fn set_tangent(&mut self, tangent: Option<TangentSpace>, face: usize, corner: usize) {
+        if let Some(tangent) = tangent {
+            self.made[face][corner] = DVec4::from(tangent.tangent_encoded().map(f64::from));
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! How a ray changes from one pixel to the next: Igehy, Tracing Ray Differentials (SIGGRAPH 1999). From it comes how much of
+//! a surface a pixel sees, without asking the pixels beside it.
+
+use glam::{DVec2, DVec3};
+
+use super::World;
+use super::surface::{Surface, blend};
+use crate::bvh::Primitive;
+use crate::geometry::{Hit, Ray};
+
+/// The change of a ray from one pixel to the next, to the right and down.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Differential {
+    /// Of its origin.
+    pub origin: [DVec3; 2],
+    /// Of its direction, which has length 1.
+    pub direction: [DVec3; 2],
+}
+
+/// Where a surface is in its pictures, and how much of them a pixel sees there.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct TexturePoint {
+    /// Texture coordinates.
+    pub uv: DVec2,
+    /// Their change from one pixel to the next, to the right and down; zero where nobody asks.
+    pub footprint: [DVec2; 2],
+}
+
+impl Differential {
+    /// The change over `width` pixels.
+    pub fn scaled(&self, width: f64) -> Self {
+        Differential { origin: self.origin.map(|d| d * width), direction: self.direction.map(|d| d * width) }
+    }
+
+    /// The change of the point at which the ray meets a plane at distance `t` (Igehy, equations 10 to 12). Not finite where
+    /// the ray runs along the plane.
+    pub fn at(&self, ray: &Ray, t: f64, normal: DVec3) -> [DVec3; 2] {
+        let along = ray.direction.dot(normal);
+        [0, 1].map(|k| {
+            let moved = self.origin[k] + t * self.direction[k];
+            moved - (moved.dot(normal) / along) * ray.direction
+        })
+    }
+
+    /// The change of the ray that is mirrored where this one ends: `points` is the change of that point, `normals` that of
+    /// the normal there (Igehy, equations 13 to 17).
+    pub fn mirrored(&self, ray: &Ray, points: [DVec3; 2], normal: DVec3, normals: [DVec3; 2]) -> Self {
+        let direction = [0, 1].map(|k| {
+            let along = ray.direction.dot(normal);
+            let change = self.direction[k].dot(normal) + ray.direction.dot(normals[k]);
+            self.direction[k] - 2.0 * (along * normals[k] + change * normal)
+        });
+        Differential { origin: points, direction }
+    }
+}
+
+impl World {
+    /// Where the surface at `hit` is in its pictures; `None` where it has no texture coordinates. `differential` is that of
+    /// the ray where footprints are wanted.
+    pub fn texture_point(
+        &self,
+        surface: &Surface,
+        hit: &Hit,
+        ray: &Ray,
+        differential: Option<&Differential>,
+    ) -> Option<TexturePoint> {
+        let object = &self.objects[surface.object as usize];
+        let [a, b, c] = object.attributes.uvs(hit.prim.0 - object.first.0)?.map(|uv| uv.as_dvec2());
+        let [v, w] = hit.weights;
+        let mut point = TexturePoint { uv: a * (1.0 - v - w) + b * v + c * w, ..TexturePoint::default() };
+        if let Some(differential) = differential
+            && let Some(weights) = self.weights_change(surface, hit, ray, differential)
+        {
+            point.footprint = weights.map(|weights| weights.x * (b - a) + weights.y * (c - a));
+        }
+        Some(point)
+    }
+
+    /// The change of the barycentric weights of a triangle's second and third corner; `None` on a sphere.
+    fn weights_change(
+        &self,
+        surface: &Surface,
+        hit: &Hit,
+        ray: &Ray,
+        differential: &Differential,
+    ) -> Option<[DVec2; 2]> {
+        let Primitive::Triangle(triangle) = self.accelerator.primitive(hit.slot) else { return None };
+        let [a, b, c] = triangle.0;
+        let (to_b, to_c) = (b - a, c - a);
+        let normal = to_b.cross(to_c);
+        // p = v to_b + w to_c, so p x to_c = v normal and to_b x p = w normal.
+        let scaled = normal / normal.length_squared();
+        let moved = differential.at(ray, hit.t, surface.geometric_normal);
+        Some(moved.map(|p| DVec2::new(p.cross(to_c).dot(scaled), to_b.cross(p).dot(scaled))))
+    }
+
+    /// The change of the ray that is mirrored at `surface`. A normal map bends it without spreading it.
+    pub fn mirrored_differential(
+        &self,
+        surface: &Surface,
+        hit: &Hit,
+        ray: &Ray,
+        differential: &Differential,
+    ) -> Differential {
+        let points = differential.at(ray, hit.t, surface.geometric_normal);
+        let object = &self.objects[surface.object as usize];
+        let mut normals = [DVec3::ZERO; 2];
+        match self.accelerator.primitive(hit.slot) {
+            // Seen from inside its normal points to the centre, and changes the other way.
+            Primitive::Sphere(sphere) => {
+                let outward = (surface.point.position - sphere.centre).dot(surface.geometric_normal).signum();
+                normals = points.map(|p| p * (outward / sphere.radius));
+            }
+            Primitive::Triangle(_) => {
+                if let Some(corners) = object.attributes.normals(hit.prim.0 - object.first.0)
+                    && let Some(weights) = self.weights_change(surface, hit, ray, differential)
+                {
+                    let [v, w] = hit.weights;
+                    let sum = blend(corners, [1.0 - v - w, v, w]);
+                    let length = sum.length();
+                    let (unit, [a, b, c]) = (sum / length, corners);
+                    let side = unit.dot(surface.geometric_normal).signum();
+                    if length > 0.0 {
+                        normals = weights.map(|weights| {
+                            let change = (weights.x * (b - a) + weights.y * (c - a)) / length;
+                            side * (change - change.dot(unit) * unit)
+                        });
+                    }
+                }
+            }
+        }
+        differential.mirrored(ray, points, surface.shading_normal, normals)
+    }
+}
