@@ -2,7 +2,7 @@
 
 use super::simd::Simd;
 use super::woop::{Along, CANCELLED, NEAR};
-use super::{Corner, Ray};
+use super::{Corner, Hit, PrimId, Ray, SlotId};
 
 /// How many rays a bundle holds.
 pub const RAYS: usize = 4;
@@ -24,6 +24,12 @@ impl FourHits {
     pub const NONE: FourHits = FourHits { hit: 0, unsure: 0, t: [0.0; RAYS], weights: [[0.0; RAYS]; 2] };
     /// For tiers that do not work on four at once.
     pub const ONE_BY_ONE: FourHits = FourHits { unsure: (1 << RAYS) - 1, ..FourHits::NONE };
+
+    /// The hit in a lane, on what is called `prim` and kept in `slot`.
+    #[inline(always)]
+    pub fn at(&self, lane: usize, prim: PrimId, slot: SlotId) -> Hit {
+        Hit { t: self.t[lane], prim, slot, weights: [self.weights[0][lane], self.weights[1][lane]] }
+    }
 }
 
 /// Four rays made ready for triangles, axes turned so that all run along the third most.

@@ -2,7 +2,7 @@
 
 use super::node::{Content, Node, WIDTH};
 use super::packet::PACKET;
-use super::{Group, Step, Wide};
+use super::{Group, NONE, Step, Wide};
 use crate::bvh::{Accelerator, Description, Primitive, Quality, Seen, Traversal, compiled_isa, quality};
 use crate::geometry::simd::Portable;
 #[cfg(target_arch = "x86_64")]
@@ -30,18 +30,17 @@ impl<T: Tier> Wide<T> {
 }
 
 impl<T: Tier> Wide<T> {
-    /// Rays in turns, where the machine and the tree can and their directions have no zeros.
-    fn stream_closest(&self, rays: &[Ray], hits: &mut [Option<Hit>], traversal: &mut Traversal) -> bool {
+    /// Rays that have nothing in common, many at once: all against all where there are few primitives, else in turns; where the
+    /// machine and the tree can, and for turns their directions have no zeros.
+    fn many_closest(&self, rays: &[Ray], hits: &mut [Option<Hit>], traversal: &mut Traversal) -> bool {
         #[cfg(target_arch = "x86_64")]
-        if self.simd && self.can_stream() && rays.iter().all(runs_along_all_axes) {
-            let Traversal { stacks, tests, .. } = traversal;
+        if self.simd && (self.has_few() || self.can_stream() && rays.iter().all(runs_along_all_axes)) {
             Avx2::run(
                 #[inline(always)]
                 || {
-                    self.stream::<Avx2>(
+                    self.many::<Avx2>(
                         rays,
-                        stacks,
-                        tests,
+                        traversal,
                         #[inline(always)]
                         |ray, hit| {
                             let best = &mut hits[ray];
@@ -60,17 +59,15 @@ impl<T: Tier> Wide<T> {
     }
 
     /// The same for rays that any hit blocks.
-    fn stream_occluded(&self, rays: &[Ray], occluded: &mut [bool], traversal: &mut Traversal) -> bool {
+    fn many_occluded(&self, rays: &[Ray], occluded: &mut [bool], traversal: &mut Traversal) -> bool {
         #[cfg(target_arch = "x86_64")]
-        if self.simd && self.can_stream() && rays.iter().all(runs_along_all_axes) {
-            let Traversal { stacks, tests, .. } = traversal;
+        if self.simd && (self.has_few() || self.can_stream() && rays.iter().all(runs_along_all_axes)) {
             Avx2::run(
                 #[inline(always)]
                 || {
-                    self.stream::<Avx2>(
+                    self.many::<Avx2>(
                         rays,
-                        stacks,
-                        tests,
+                        traversal,
                         #[inline(always)]
                         |ray, _| {
                             occluded[ray] = true;
@@ -82,6 +79,16 @@ impl<T: Tier> Wide<T> {
             return true;
         }
         false
+    }
+
+    #[inline(always)]
+    fn many<S: Simd>(&self, rays: &[Ray], traversal: &mut Traversal, found: impl FnMut(usize, Hit) -> Step) {
+        let Traversal { stacks, tests, packet, .. } = traversal;
+        if self.has_few() {
+            self.each_of_few::<S>(rays, packet.any_bundle(), tests, found);
+        } else {
+            self.stream::<S>(rays, stacks, tests, found);
+        }
     }
 }
 
@@ -130,7 +137,7 @@ impl<T: Tier> Accelerator for Wide<T> {
             }
             // A packet that was given up left what it had found.
             of_packet.fill(None);
-            if self.stream_closest(rays, of_packet, traversal) {
+            if self.many_closest(rays, of_packet, traversal) {
                 continue;
             }
             for (ray, hit) in rays.iter().zip(of_packet) {
@@ -149,7 +156,7 @@ impl<T: Tier> Accelerator for Wide<T> {
             }
             // As above.
             of_packet.fill(false);
-            if self.stream_occluded(rays, of_packet, traversal) {
+            if self.many_occluded(rays, of_packet, traversal) {
                 continue;
             }
             for (ray, occluded) in rays.iter().zip(of_packet) {
@@ -218,7 +225,7 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn describe(&self) -> Description {
         let ids = self.groups.iter().flat_map(|group| group.ids);
-        let slots = ids.filter(|&id| id != u32::MAX).count() + self.spheres.len();
+        let slots = ids.filter(|&id| id != NONE).count() + self.spheres.len();
         let bytes = self.nodes.len() * size_of::<Node>()
             + self.groups.len() * size_of::<Group<T::Corner>>()
             + self.spheres.len() * size_of::<(Sphere, PrimId)>();

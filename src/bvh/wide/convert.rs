@@ -6,15 +6,12 @@ use rayon::prelude::*;
 use super::super::build::LEAST_SHARE;
 use super::super::store::StoredSlot;
 use super::node::{Child, Node, WIDTH};
-use super::{Group, Wide};
+use super::{Group, NONE, Wide};
 use crate::geometry::quad::LANES;
 use crate::geometry::{Bounds, Quad, Stored, Tier};
 
 /// The slots of a group, as many as there are.
 type Members = [u32; LANES];
-
-/// Marks a lane that holds nothing.
-const NONE: u32 = u32::MAX;
 
 /// Converts a binary tree with a primitive a leaf, whose parents are known. A leaf refers to
 /// `slots[of_slot[tree.primitive_indices[i]]]`.

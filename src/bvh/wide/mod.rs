@@ -6,6 +6,7 @@
 
 mod answers;
 mod convert;
+mod few;
 mod frustum;
 mod node;
 mod packet;
@@ -46,6 +47,9 @@ pub struct Group<C: Corner> {
     quad: Quad<C>,
     ids: [u32; LANES],
 }
+
+/// The number of a lane that holds no triangle.
+const NONE: u32 = u32::MAX;
 
 /// Whether the instructions of [`Avx2`] are there.
 pub fn is_accelerated() -> bool {
@@ -116,12 +120,7 @@ impl<T: Tier> Wide<T> {
                         lanes &= lanes - 1;
                         let slot = SlotId(index * LANES as u32 + lane as u32);
                         let hit = if four.unsure >> lane & 1 == 0 {
-                            Hit {
-                                t: four.t[lane],
-                                prim: PrimId(group.ids[lane]),
-                                slot,
-                                weights: [four.weights[0][lane], four.weights[1][lane]],
-                            }
+                            four.at(lane, PrimId(group.ids[lane]), slot)
                         } else {
                             match hit_triangle::<T>(prepared, ray, group, slot) {
                                 Some(hit) => hit,

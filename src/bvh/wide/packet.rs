@@ -59,6 +59,13 @@ impl Default for Scratch {
     }
 }
 
+impl Scratch {
+    /// A bundle to be filled.
+    pub(super) fn any_bundle(&mut self) -> &mut WoopBundle {
+        &mut self.bundles[0]
+    }
+}
+
 /// The rays of a packet.
 pub struct Packet<'a, T: Tier> {
     rays: &'a [Ray],
@@ -264,12 +271,7 @@ impl<T: Tier> Wide<T> {
                         let ray = first + place;
                         let slot = SlotId(index * LANES as u32 + lane as u32);
                         let hit = if hits.unsure >> place & 1 == 0 {
-                            Hit {
-                                t: hits.t[place],
-                                prim: PrimId(group.ids[lane]),
-                                slot,
-                                weights: [hits.weights[0][place], hits.weights[1][place]],
-                            }
+                            hits.at(place, PrimId(group.ids[lane]), slot)
                         } else {
                             let prepared = T::prepare(&packet.rays[ray]);
                             match super::hit_triangle::<T>(&prepared, &packet.rays[ray], group, slot) {

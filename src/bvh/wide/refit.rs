@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::super::Primitive;
 use super::super::build::LEAST_SHARE;
 use super::node::{Content, Node, WIDTH};
-use super::{Group, Wide};
+use super::{Group, NONE, Wide};
 use crate::geometry::{Bounds, Corner, PrimId, Tier, Triangle};
 
 impl<T: Tier> Wide<T> {
@@ -22,7 +22,7 @@ impl<T: Tier> Wide<T> {
             let mut whole = Around::NONE;
             for lane in 0..group.ids.len() {
                 let id = group.ids[lane];
-                if id == u32::MAX {
+                if id == NONE {
                     continue;
                 }
                 match now(PrimId(id)) {
