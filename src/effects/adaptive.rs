@@ -96,10 +96,13 @@ impl Stage for Judge {
                     let seen = groups[pixel].variance(sum.mean(), mean_sign);
                     let variance = seen + unseen(around[pixel], taken);
                     // What has no variance, such as a background, is not worth the encoding.
-                    variance != DVec3::ZERO && {
+                    let error = if variance == DVec3::ZERO {
+                        0.0
+                    } else {
                         let error = DVec3::from(variance.to_array().map(f64::sqrt));
-                        displayed_error(sum.value(&sampler.filter), error, pipeline) > adaptive.level
-                    }
+                        displayed_error(sum.value(&sampler.filter), error, pipeline)
+                    };
+                    error > adaptive.level
                 });
                 if samples.is_over() {
                     samples.finish(tile, sampler, pipeline);

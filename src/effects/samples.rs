@@ -39,12 +39,14 @@ impl Sampler {
         let centred = !sampling.is_wanted();
         let samples = if centred { 1 } else { sampling.most_samples() };
         let is_adaptive = asked.outline.adaptive;
+        let floor = if is_adaptive { Adaptive::new(sampling).floor.min(samples) } else { samples };
         Sampler {
             samples,
             filter: Filter::new(shape, radius),
             seed: sampling.seed.unwrap_or(0),
-            floor: if is_adaptive { Adaptive::new(sampling).floor.min(samples) } else { samples },
-            apron: u32::from(is_adaptive),
+            floor,
+            // Nobody is judged where no level is given, or before all samples are taken.
+            apron: u32::from(is_adaptive && sampling.noise.is_some() && floor < samples),
             centred,
         }
     }
