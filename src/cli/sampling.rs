@@ -19,7 +19,7 @@ pub struct SamplingArguments {
     /// Sample a pixel no further once the standard error of its displayed value is below this; 1 is white
     #[arg(long, value_name = "LEVEL", value_parser = |text: &str| number(text).and_then(Sampling::check_noise))]
     noise: Option<f64>,
-    /// Samples that every pixel takes before --noise may end it [default: the scene's, or 16]
+    /// Samples that every pixel takes before --noise may end it [default: the scene's, or 4]
     #[arg(long, value_name = "N", value_parser = |text: &str| number(text).and_then(Sampling::check_samples))]
     min_samples: Option<u32>,
     /// What random numbers depend on besides pixel, sample and dimension [default: the scene's, or 0]

@@ -1,6 +1,6 @@
 //! Antialiasing: a pixel is the filtered mean of several samples instead of what its centre sees ([`super::samples`]).
 
-use super::samples::{Sampler, Samples};
+use super::samples::{Field, Sampler, Samples};
 use super::tile::{Context, Tile, vec_bytes};
 use super::{Asked, Effect, Hook, Stage};
 use crate::world::World;
@@ -47,9 +47,9 @@ impl Stage for Scatter {
         let Some(window) = tile.window else { return };
         tile.with(|samples: &mut Samples, tile| {
             if !tile.again {
-                samples.start(window, &self.0);
+                samples.start(Field::new(window, self.0.apron, context.view.size()), &self.0);
             }
-            samples.list(window, &self.0);
+            samples.list(&self.0);
             let (x, y) = samples.places();
             let precision = context.world.numerics().precision();
             let level = tile.level();

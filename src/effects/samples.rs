@@ -2,7 +2,8 @@
 //!
 //! The stages are run as often as it takes, each time with as many rays as a tile has pixels: one through each pixel while all are
 //! sampled, several through each where few are left ([`super::effort`]). A pixel's samples and their order depend on nothing but
-//! the pixel.
+//! the pixel. Where pixels are judged by their neighbours, too, those around a tile are sampled with it ([`Field`]) as often as
+//! that takes, and thrown away: a crop or another tiling then has the same pixels.
 
 use glam::DVec3;
 
@@ -24,6 +25,8 @@ pub struct Sampler {
     pub seed: u32,
     /// Samples that every pixel takes before it can be done.
     pub floor: u32,
+    /// How many pixels around a tile take those, too, because pixels in it are judged by their neighbours.
+    pub apron: u32,
     /// Whether all go through the pixel's centre, because nothing else is asked for.
     pub centred: bool,
 }
@@ -36,11 +39,14 @@ impl Sampler {
         let centred = !sampling.is_wanted();
         let samples = if centred { 1 } else { sampling.most_samples() };
         let is_adaptive = asked.outline.adaptive;
+        let floor = if is_adaptive { Adaptive::new(sampling).floor.min(samples) } else { samples };
         Sampler {
             samples,
             filter: Filter::new(shape, radius),
             seed: sampling.seed.unwrap_or(0),
-            floor: if is_adaptive { Adaptive::new(sampling).floor.min(samples) } else { samples },
+            floor,
+            // Nobody is judged where no level is given, or before all samples are taken.
+            apron: u32::from(is_adaptive && sampling.noise.is_some() && floor < samples),
             centred,
         }
     }
@@ -49,6 +55,8 @@ impl Sampler {
 /// What a tile keeps of its samples.
 #[derive(Default)]
 pub struct Samples {
+    /// The tile's pixels and those around it that are sampled for their sake.
+    field: Field,
     /// The sum of each pixel's samples.
     sums: Vec<Sum>,
     /// The pixels that are still sampled, in ascending order.
@@ -58,6 +66,60 @@ pub struct Samples {
     /// How many samples of the round have been cast, those of all pixels.
     cast: usize,
     pass: Box<Pass>,
+}
+
+/// A tile and its apron: the pixels around it, within the picture, that its own pixels are judged by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Field {
+    /// All of them. Pixels are counted row by row from the top.
+    pub whole: Window,
+    /// The tile's own.
+    pub tile: Window,
+}
+
+impl Default for Field {
+    fn default() -> Self {
+        let nothing = Window { x: 0, y: 0, width: 0, height: 0 };
+        Field { whole: nothing, tile: nothing }
+    }
+}
+
+impl Field {
+    /// A tile with so many pixels around it as there are in a picture of this width and height, `apron` at most.
+    pub fn new(tile: Window, apron: u32, [width, height]: [u32; 2]) -> Self {
+        let (x, y) = (tile.x.saturating_sub(apron), tile.y.saturating_sub(apron));
+        let right = tile.x.saturating_add(tile.width).saturating_add(apron).min(width);
+        let bottom = tile.y.saturating_add(tile.height).saturating_add(apron).min(height);
+        Field { whole: Window { x, y, width: right - x, height: bottom - y }, tile }
+    }
+
+    /// Whether a pixel is one of the tile's own.
+    #[inline(always)]
+    pub fn is_own(&self, pixel: usize) -> bool {
+        let Field { whole, tile } = self;
+        let (x, y) = (whole.x + pixel as u32 % whole.width, whole.y + pixel as u32 / whole.width);
+        // What lies before it wraps to more than any width.
+        x.wrapping_sub(tile.x) < tile.width && y.wrapping_sub(tile.y) < tile.height
+    }
+
+    /// A pixel and the up to eight around it, row by row from the top.
+    #[inline(always)]
+    pub fn near(&self, pixel: usize) -> impl Iterator<Item = usize> + use<> {
+        let Window { width, height, .. } = self.whole;
+        let (x, y) = (pixel as u32 % width, pixel as u32 / width);
+        let (left, right) = (x.saturating_sub(1), (x + 2).min(width));
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        rows.flat_map(move |row| (row * width + left) as usize..(row * width + right) as usize)
+    }
+
+    /// The tile's own pixels, row by row from the top.
+    pub fn own(&self) -> impl Iterator<Item = usize> + use<> {
+        let Field { whole, tile } = *self;
+        (tile.y - whole.y..tile.y - whole.y + tile.height).flat_map(move |row| {
+            let start = (row * whole.width + tile.x - whole.x) as usize;
+            start..start + tile.width as usize
+        })
+    }
 }
 
 /// The rays of a pass.
@@ -106,8 +168,9 @@ impl Pass {
 
 impl Samples {
     /// Begins with a tile.
-    pub fn start(&mut self, window: Window, sampler: &Sampler) {
-        let pixels = window.area();
+    pub fn start(&mut self, field: Field, sampler: &Sampler) {
+        let pixels = field.whole.area();
+        self.field = field;
         self.sums.clear();
         self.sums.resize(pixels, Sum::default());
         self.live.clear();
@@ -117,10 +180,10 @@ impl Samples {
     }
 
     /// Lists the rays of the next pass: sample by sample, within a sample pixel by pixel.
-    pub fn list(&mut self, window: Window, sampler: &Sampler) {
+    pub fn list(&mut self, sampler: &Sampler) {
         let (from, to) = self.round;
         let all = self.live.len() * (to - from) as usize;
-        let Samples { live, pass, .. } = self;
+        let Samples { live, pass, field, .. } = self;
         pass.len = LANES.min(all - self.cast);
         let mut pixel = self.cast % live.len();
         let mut sample = from + (self.cast / live.len()) as u32;
@@ -136,7 +199,7 @@ impl Samples {
         self.cast += pass.len;
         widely(
             #[inline(always)]
-            || pass.place(window, sampler),
+            || pass.place(field.whole, sampler),
         );
     }
 
@@ -161,9 +224,14 @@ impl Samples {
         rays.map(|((&pixel, &sign), colour)| (usize::from(pixel), sign, colour))
     }
 
-    /// How many pixels there are.
-    pub fn pixels(&self) -> usize {
-        self.sums.len()
+    /// The pixels that are sampled.
+    pub fn field(&self) -> Field {
+        self.field
+    }
+
+    /// What each pixel's samples add up to.
+    pub fn sums(&self) -> &[Sum] {
+        &self.sums
     }
 
     /// Whether the pass is the first of its tile.
@@ -181,10 +249,13 @@ impl Samples {
         self.round.1
     }
 
-    /// Begins another round, up to `end` samples, of those pixels that `goes_on` says so of.
+    /// Begins another round, up to `end` samples, of those of the tile's own pixels that `goes_on` says so of.
     pub fn go_on_where(&mut self, end: u32, goes_on: impl Fn(usize, &Sum) -> bool) {
-        let Samples { live, sums, .. } = self;
-        live.retain(|&pixel| goes_on(usize::from(pixel), &sums[usize::from(pixel)]));
+        let Samples { live, sums, field, .. } = self;
+        live.retain(|&pixel| {
+            let pixel = usize::from(pixel);
+            field.is_own(pixel) && goes_on(pixel, &sums[pixel])
+        });
         self.round = (self.round.1, end);
         self.cast = 0;
     }
@@ -203,9 +274,9 @@ impl Samples {
         };
         tile.again = false;
         tile.pixels.clear();
-        tile.pixels.extend(self.sums.iter().map(|sum| value(sum).as_vec3().to_array()));
+        tile.pixels.extend(self.field.own().map(|pixel| value(&self.sums[pixel]).as_vec3().to_array()));
         tile.taken.clear();
-        tile.taken.extend(self.sums.iter().map(|sum| sum.taken));
+        tile.taken.extend(self.field.own().map(|pixel| self.sums[pixel].taken));
     }
 
     /// Bytes of memory that it holds.

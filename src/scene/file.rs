@@ -80,7 +80,7 @@ pub struct ImageSection {
     /// The standard error of a pixel's displayed value, 1 being white, below which it is sampled no further.
     #[schemars(with = "Option<f64>")]
     pub noise: Option<Spanned<f64>>,
-    /// Samples that every pixel takes before its error is looked at; 16 if not given.
+    /// Samples that every pixel takes before its error is looked at; 4 if not given.
     #[schemars(with = "Option<u32>")]
     pub min_samples: Option<Spanned<i64>>,
     /// What the random numbers depend on besides the pixel; 0 if not given.

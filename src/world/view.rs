@@ -87,6 +87,11 @@ impl View {
         Ok(view)
     }
 
+    /// The width and the height of the picture, in pixels.
+    pub fn size(&self) -> [u32; 2] {
+        [self.size.x as u32, self.size.y as u32]
+    }
+
     /// The ray through the centre of the pixel in column `x`, row `y` from the top, in numbers of `precision`.
     #[inline]
     pub fn ray(&self, x: u32, y: u32, precision: Precision) -> Ray {
