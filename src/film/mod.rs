@@ -6,6 +6,7 @@ pub mod colour;
 pub mod filter;
 pub mod output;
 mod pages;
+pub mod read;
 pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
