@@ -8,7 +8,7 @@ mod heat;
 mod picture;
 
 pub use heat::heat_map;
-pub use picture::{Picture, Values};
+pub use picture::{Picture, Values, displayed};
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -142,6 +142,17 @@ impl NonFinite {
         let place = |i: usize| (i as u32 % reference.width, i as u32 / reference.width);
         NonFinite { reference: count(reference), test: count(test), first: first.map(place) }
     }
+}
+
+/// Mean LDR-FLIP of finite display values from 0 to 1, row by row, in rows of `width` pixels.
+pub fn mean_flip(a: &[[f32; 3]], b: &[[f32; 3]], width: u32) -> f64 {
+    let map = flip::map(a, b, width as usize, flip::PIXELS_PER_DEGREE);
+    sum_of(map.len(), |i| f64::from(map[i])) / map.len() as f64
+}
+
+/// The mean square difference over all channels.
+pub fn mean_square(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
+    mean(a, b, |a, b| (a - b) * (a - b))
 }
 
 /// What each figure means, as lines of `name: definition`.

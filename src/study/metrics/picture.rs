@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::Result;
@@ -70,12 +71,17 @@ impl Picture {
     /// What a display shows of each pixel, 0 to 1: linear light encoded by sRGB (IEC 61966-2-1), then clamped, without any
     /// exposure or tone mapping; not rounded to 8 bits. NaN stays NaN.
     pub fn displayed(&self) -> Vec<[f32; 3]> {
-        let pipeline = match self.values {
-            Values::Display => ColourPipeline::Display,
-            Values::Linear => ColourPipeline::Linear,
-        };
-        self.pixels.iter().map(|pixel| pixel.map(|c| pipeline.displayed(c.into()) as f32)).collect()
+        displayed(&self.pixels, self.values)
     }
+}
+
+/// What a display shows of `pixels`: see [`Picture::displayed`].
+pub fn displayed(pixels: &[[f32; 3]], values: Values) -> Vec<[f32; 3]> {
+    let pipeline = match values {
+        Values::Display => ColourPipeline::Display,
+        Values::Linear => ColourPipeline::Linear,
+    };
+    pixels.par_iter().map(|pixel| pixel.map(|c| pipeline.displayed(c.into()) as f32)).collect()
 }
 
 fn values(pipeline: ColourPipeline) -> Values {
