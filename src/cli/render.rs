@@ -325,7 +325,7 @@ fn render_to_wish(
     let chosen = choose::render(&mut subject, wish, &watch, clock)?;
     match chosen.end {
         End::Time if wish.accuracy.is_some() => warnings.push(chosen.line(wish)),
-        End::Most => warnings.push(chosen.line(wish)),
+        End::Most | End::NotFinite => warnings.push(chosen.line(wish)),
         _ => warnings.note(chosen.line(wish)),
     }
     ready.settings.retain(|(key, _)| !["kiln:samples", "kiln:filter", "kiln:seed"].contains(&key.as_str()));

@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::film::{ColourPipeline, Film, Window};
 use crate::render::{Clock, Statistics, Watch, render_as};
 use crate::scene::Sampling;
-use crate::study::metrics::{Values, displayed, mean_flip, mean_square};
+use crate::study::metrics::{Values, displayed, mean_flip, mean_over};
 use crate::world::{View, World};
 
 /// The most samples a pixel that are taken.
@@ -36,6 +36,9 @@ const MARGIN_OF_MAX: f64 = 1.5;
 /// At most by how much half as many samples more lower an error. By the exponent -3/4 of stratified samples it would be 0.74;
 /// but these lie less evenly than a power of two of them.
 const HALF_MORE: f64 = 0.87;
+
+/// Rows of a band, of which every fourth is looked at for a rough error.
+const BAND: u32 = 32;
 
 /// An error between what a display shows of two pictures, 1 being white, before it is rounded to 8 bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,7 +67,7 @@ impl Metric {
     fn between(self, a: &[[f32; 3]], b: &[[f32; 3]], width: u32) -> f64 {
         match self {
             Metric::Flip => mean_flip(a, b, width),
-            Metric::Rmse => mean_square(a, b).sqrt(),
+            Metric::Rmse => mean_over(a, b, |a, b| (a - b).powi(2)).sqrt(),
             Metric::Max => {
                 let apart = |(a, b): (&f32, &f32)| f64::from((a - b).abs());
                 a.as_flattened().iter().zip(b.as_flattened()).map(apart).fold(0.0, f64::max)
@@ -123,12 +126,17 @@ pub enum End {
     Time,
     /// There are no more samples.
     Most,
+    /// Pixels are not finite: there is no error to estimate.
+    NotFinite,
 }
 
 impl Chosen {
     /// What was chosen and why, in a line.
     pub fn line(&self, wish: &Wish) -> String {
         let (metric, error) = self.estimate;
+        if self.end == End::NotFinite {
+            return format!("{} samples a pixel: no estimate of a picture that is not finite", self.samples);
+        }
         let target = wish.accuracy.map(|(_, value)| format!("; asked for {value}")).unwrap_or_default();
         let why = match (self.end, wish.seconds) {
             (End::Time, Some(seconds)) => format!("; more do not fit into {seconds} s"),
@@ -162,53 +170,111 @@ pub fn render(subject: &mut Subject, wish: &Wish, watch: &Watch, clock: Clock) -
         Ok((film.rows().collect::<Vec<_>>(), statistics))
     };
 
-    let (mut pixels, mut statistics) = stretch(0, 1)?;
-    let (mut samples, mut apart) = (1, None);
+    let (first, mut statistics) = stretch(0, 1)?;
+    let mut level = Level { samples: 1, pixels: first, halves: Default::default(), apart: None, share: 0.0 };
+    // The last error that was measured, and how far the picture was off then.
+    let mut known: Option<(f64, f64)> = None;
     let (error, end) = loop {
-        let half = samples;
-        let (more, of_more) = stretch(samples, 2 * samples)?;
+        let (more, of_more) = stretch(level.samples, 2 * level.samples)?;
         statistics.add(&of_more);
-        let halves = (displayed(&pixels, values), displayed(&more, values));
-        pixels = joined(&pixels, samples, &more, half);
-        samples += half;
-        let shown = displayed(&pixels, values);
-        let apart_now = mean_square(&halves.0, &halves.1);
-        let share = share_of_difference(apart, apart_now);
-        apart = Some(apart_now);
-        let error = metric.between(&shown, &moved(&shown, &halves, share), width);
+        level = level.joined_by(more);
+        let samples = level.samples;
+        if statistics.non_finite.0 > 0 {
+            break (f64::NAN, End::NotFinite);
+        }
 
-        if is_enough(error) {
+        // Measuring costs as much as some samples: first where it may be enough, if errors fall as mean squares do; perceived ones
+        // fall more slowly.
+        let soon = |(error, off): (f64, f64)| error * level.off() / off * HALF_MORE;
+        let is_near = |known: Option<(f64, f64)>| known.is_none_or(|known| is_enough(soon(known)));
+        let is_asked = wish.accuracy.is_some();
+        if is_asked && known.is_none() {
+            known = Some((level.rough_error(metric, values, width), level.off()));
+        }
+        let measured = (is_asked && is_near(known)).then(|| level.error(metric, values, width));
+        if let Some(error) = measured {
+            known = Some((error, level.off()));
+        }
+        if let Some(error) = measured.filter(|&error| is_enough(error)) {
             break (error, End::Reached);
         }
-        let (error_soon, few) = (error * HALF_MORE, (samples / 2).max(1));
-        let left = wish.seconds.map(|seconds| seconds - start.elapsed().as_secs_f64());
+        if samples >= MOST {
+            break (measured.unwrap_or_else(|| level.error(metric, values, width)), End::Most);
+        }
         // Samples that there is time for, if they take as long as those before.
-        let fit = left
-            .map_or(f64::INFINITY, |left| left.max(0.0) * f64::from(samples) / start.elapsed().as_secs_f64());
-        let next = if is_enough(error_soon) { few } else { samples };
-        if f64::from(next) > fit || next == few {
-            let end = if is_enough(error_soon) && f64::from(few) <= fit { End::Reached } else { End::Time };
-            // A little less, so that no time is overrun.
-            let rest = if end == End::Reached { few } else { (0.9 * fit) as u32 };
-            if rest == 0 {
-                break (error, end);
-            }
+        let spent = start.elapsed().as_secs_f64();
+        let left = wish.seconds.map(|seconds| (seconds - spent).max(0.0));
+        let fit = left.map_or(f64::INFINITY, |left| 0.9 * left * f64::from(samples) / spent);
+        let few = (samples / 2).max(1);
+        let is_last = measured.is_some_and(|error| is_enough(error * HALF_MORE));
+        if !is_last && f64::from(samples) <= fit {
+            continue;
+        }
+        let error = measured.unwrap_or_else(|| level.error(metric, values, width));
+        let end = if is_last && f64::from(few) <= fit { End::Reached } else { End::Time };
+        let rest = if end == End::Reached { few } else { fit as u32 };
+        if rest > 0 {
             let (more, of_more) = stretch(samples, samples + rest)?;
             statistics.add(&of_more);
-            pixels = joined(&pixels, samples, &more, rest);
-            samples += rest;
-            // Of fewer, their share of what half as many more bring.
-            let gain = (1.0 - HALF_MORE) * f64::from(rest.min(few)) / f64::from(few);
-            break (error * (1.0 - gain), end);
+            level.pixels = joined(&level.pixels, samples, &more, rest);
+            level.samples += rest;
         }
-        if samples >= MOST {
-            break (error, End::Most);
-        }
+        // Of fewer, their share of what half as many more bring.
+        let gain = (1.0 - HALF_MORE) * f64::from(rest.min(few)) / f64::from(few);
+        break (error * (1.0 - gain), end);
     };
-    let filter = part_of(&asked, 0, samples);
-    subject.world.sampling = Sampling { first: None, ..filter };
+    let Level { pixels, samples, .. } = level;
+    subject.world.sampling = Sampling { first: None, ..part_of(&asked, 0, samples) };
     let plan = Plan::new(subject.world, subject.choices)?;
     Ok(Chosen { pixels, statistics, plan, samples, estimate: (metric, error), end })
+}
+
+/// A picture of so many samples, and its halves.
+struct Level {
+    samples: u32,
+    pixels: Vec<[f32; 3]>,
+    halves: [Vec<[f32; 3]>; 2],
+    /// The mean square of the difference of its halves, in the film's numbers up to 1.
+    apart: Option<f64>,
+    /// By which share of that difference it is off.
+    share: f64,
+}
+
+impl Level {
+    /// The picture of twice as many samples, by another half.
+    fn joined_by(self, more: Vec<[f32; 3]>) -> Self {
+        let pixels = joined(&self.pixels, self.samples, &more, self.samples);
+        let held = |c: f64| c.clamp(0.0, 1.0);
+        let apart = mean_over(&self.pixels, &more, |a, b| (held(a) - held(b)).powi(2));
+        let share = share_of_difference(self.apart, apart);
+        Level { samples: 2 * self.samples, pixels, halves: [self.pixels, more], apart: Some(apart), share }
+    }
+
+    /// How far it is off: root mean square, in the film's numbers.
+    fn off(&self) -> f64 {
+        // Not 0, to be divided by.
+        (self.share * self.apart.unwrap_or(0.0).sqrt()).max(f64::MIN_POSITIVE)
+    }
+
+    /// The estimate of an error.
+    fn error(&self, metric: Metric, values: Values, width: u32) -> f64 {
+        self.error_of_rows(metric, values, width, |_| true)
+    }
+
+    /// The same of a quarter of the rows, where there are many.
+    fn rough_error(&self, metric: Metric, values: Values, width: u32) -> f64 {
+        let is_high = self.pixels.len() as u32 / width >= 4 * BAND;
+        self.error_of_rows(metric, values, width, |y| !is_high || (y / BAND) % 4 == 1)
+    }
+
+    fn error_of_rows(&self, metric: Metric, values: Values, width: u32, wanted: impl Fn(u32) -> bool) -> f64 {
+        let shown = |pixels: &[[f32; 3]]| {
+            let rows = (0..).zip(pixels.chunks(width as usize)).filter(|(y, _)| wanted(*y));
+            displayed(&rows.flat_map(|(_, row)| row).copied().collect::<Vec<_>>(), values)
+        };
+        let (picture, halves) = (shown(&self.pixels), [shown(&self.halves[0]), shown(&self.halves[1])]);
+        metric.between(&picture, &moved(&picture, &halves, self.share), width)
+    }
 }
 
 /// The same sampling, of the samples from one number up to another, the same for all pixels.
@@ -242,10 +308,10 @@ fn share_of_difference(before: Option<f64>, now: f64) -> f64 {
 }
 
 /// A picture moved by a share of the difference of its halves.
-fn moved(shown: &[[f32; 3]], halves: &(Vec<[f32; 3]>, Vec<[f32; 3]>), share: f64) -> Vec<[f32; 3]> {
+fn moved(shown: &[[f32; 3]], halves: &[Vec<[f32; 3]>; 2], share: f64) -> Vec<[f32; 3]> {
     let share = share as f32;
     let pixel = |i: usize| {
-        std::array::from_fn(|c| (shown[i][c] + share * (halves.0[i][c] - halves.1[i][c])).clamp(0.0, 1.0))
+        std::array::from_fn(|c| (shown[i][c] + share * (halves[0][i][c] - halves[1][i][c])).clamp(0.0, 1.0))
     };
     (0..shown.len()).map(pixel).collect()
 }
@@ -273,7 +339,7 @@ mod tests {
 
     #[test]
     fn a_picture_stays_on_the_display_when_moved() {
-        let halves = (vec![[1.0, 0.5, 0.0]], vec![[0.0, 0.25, 1.0]]);
+        let halves = [vec![[1.0, 0.5, 0.0]], vec![[0.0, 0.25, 1.0]]];
         assert_eq!(moved(&[[0.75; 3]], &halves, 0.5), [[1.0, 0.875, 0.25]]);
     }
 }

@@ -117,11 +117,11 @@ impl Errors {
         let map = (non_finite.first.is_none())
             .then(|| flip::map(&displayed.0, &displayed.1, width as usize, flip::PIXELS_PER_DEGREE));
         let figures = map.as_ref().map(|map| {
-            let shown = mean(&displayed.0, &displayed.1, |a, b| (a - b) * (a - b));
+            let shown = mean_over(&displayed.0, &displayed.1, |a, b| (a - b) * (a - b));
             Figures {
                 max: differences(a, b).max_by(f64::total_cmp).unwrap_or(0.0),
-                rmse: mean(a, b, |a, b| (a - b) * (a - b)).sqrt(),
-                rel_mse: mean(a, b, |a, b| (a - b) * (a - b) / (a * a + REL_MSE_EPSILON)),
+                rmse: mean_over(a, b, |a, b| (a - b) * (a - b)).sqrt(),
+                rel_mse: mean_over(a, b, |a, b| (a - b) * (a - b) / (a * a + REL_MSE_EPSILON)),
                 psnr: (shown > 0.0).then(|| -10.0 * shown.log10()),
                 flip: sum_of(map.len(), |i| f64::from(map[i])) / map.len() as f64,
                 differing: sum_of(a.len(), |i| f64::from(u8::from(a[i] != b[i]))) / a.len() as f64,
@@ -150,11 +150,6 @@ pub fn mean_flip(a: &[[f32; 3]], b: &[[f32; 3]], width: u32) -> f64 {
     sum_of(map.len(), |i| f64::from(map[i])) / map.len() as f64
 }
 
-/// The mean square difference over all channels.
-pub fn mean_square(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
-    mean(a, b, |a, b| (a - b) * (a - b))
-}
-
 /// What each figure means, as lines of `name: definition`.
 pub fn definitions() -> [(&'static str, String); 6] {
     let flip = format!(
@@ -177,8 +172,8 @@ fn differences<'a>(a: &'a [[f32; 3]], b: &'a [[f32; 3]]) -> impl Iterator<Item =
     a.iter().zip(b).map(move |(a, b)| a.iter().zip(b).map(apart).fold(0.0, f64::max))
 }
 
-/// The mean of `f` over all channels.
-fn mean(a: &[[f32; 3]], b: &[[f32; 3]], f: impl Fn(f64, f64) -> f64 + Sync) -> f64 {
+/// The mean of `f` over all channels of two pictures of one size.
+pub fn mean_over(a: &[[f32; 3]], b: &[[f32; 3]], f: impl Fn(f64, f64) -> f64 + Sync) -> f64 {
     let (a, b) = (a.as_flattened(), b.as_flattened());
     sum_of(a.len(), |i| f(a[i].into(), b[i].into())) / a.len() as f64
 }
