@@ -37,8 +37,8 @@ const MARGIN_OF_MAX: f64 = 1.5;
 /// but these lie less evenly than a power of two of them.
 const HALF_MORE: f64 = 0.87;
 
-/// Rows of a band, of which every fourth is looked at for a rough error.
-const BAND: u32 = 32;
+/// How much lower than expected an error may turn out; where also that would be too much, it is not measured.
+const PATIENCE: f64 = 0.8;
 
 /// An error between what a display shows of two pictures, 1 being white, before it is rounded to 8 bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -184,14 +184,11 @@ pub fn render(subject: &mut Subject, wish: &Wish, watch: &Watch, clock: Clock) -
         }
 
         // Measuring costs as much as some samples: first where it may be enough, if errors fall as mean squares do; perceived ones
-        // fall more slowly.
+        // fall more slowly, or hardly faster.
         let soon = |(error, off): (f64, f64)| error * level.off() / off * HALF_MORE;
-        let is_near = |known: Option<(f64, f64)>| known.is_none_or(|known| is_enough(soon(known)));
-        let is_asked = wish.accuracy.is_some();
-        if is_asked && known.is_none() {
-            known = Some((level.rough_error(metric, values, width), level.off()));
-        }
-        let measured = (is_asked && is_near(known)).then(|| level.error(metric, values, width));
+        let is_near = |known: Option<(f64, f64)>| known.is_none_or(|known| is_enough(PATIENCE * soon(known)));
+        let measured =
+            (wish.accuracy.is_some() && is_near(known)).then(|| level.error(metric, values, width));
         if let Some(error) = measured {
             known = Some((error, level.off()));
         }
@@ -258,21 +255,8 @@ impl Level {
 
     /// The estimate of an error.
     fn error(&self, metric: Metric, values: Values, width: u32) -> f64 {
-        self.error_of_rows(metric, values, width, |_| true)
-    }
-
-    /// The same of a quarter of the rows, where there are many.
-    fn rough_error(&self, metric: Metric, values: Values, width: u32) -> f64 {
-        let is_high = self.pixels.len() as u32 / width >= 4 * BAND;
-        self.error_of_rows(metric, values, width, |y| !is_high || (y / BAND) % 4 == 1)
-    }
-
-    fn error_of_rows(&self, metric: Metric, values: Values, width: u32, wanted: impl Fn(u32) -> bool) -> f64 {
-        let shown = |pixels: &[[f32; 3]]| {
-            let rows = (0..).zip(pixels.chunks(width as usize)).filter(|(y, _)| wanted(*y));
-            displayed(&rows.flat_map(|(_, row)| row).copied().collect::<Vec<_>>(), values)
-        };
-        let (picture, halves) = (shown(&self.pixels), [shown(&self.halves[0]), shown(&self.halves[1])]);
+        let picture = displayed(&self.pixels, values);
+        let halves = [displayed(&self.halves[0], values), displayed(&self.halves[1], values)];
         metric.between(&picture, &moved(&picture, &halves, self.share), width)
     }
 }
