@@ -42,4 +42,5 @@ pub mod import;
 pub mod render;
 pub mod scene;
 pub mod shading;
+pub mod study;
 pub mod world;

@@ -7,7 +7,7 @@ use std::path::Path;
 /// The rooms, from the bottom up.
 const ROOMS: &[&str] = &[
     "error", "film", "scene", "import", "geometry", "bvh", "world", "shading", "effects", "render", "bench",
-    "cli",
+    "study", "cli",
 ];
 
 fn room_of(file: &Path) -> String {

@@ -1,9 +1,11 @@
 //! The command line: parse, call, print. One file a command; nothing here is worth testing but the contract itself.
 //!
 //! Standard output carries only results; everything else goes to standard error. Exit codes: 0 done, 1 failed, 2 wrong
-//! usage, 3 an input cannot be used, 4 output cannot be written, 130 and 143 interrupted.
+//! usage, 3 an input cannot be used, 4 output cannot be written, 130 and 143 interrupted. `compare` alone answers by it, too: 0
+//! same, 1 within limits, 2 beyond.
 
 mod bench;
+mod compare;
 mod explain;
 mod info;
 mod interrupt;
@@ -44,6 +46,8 @@ enum Command {
     Info(info::Arguments),
     /// Measure kiln: leaks beside other libraries, cost and errors of its tiers
     Bench(bench::Arguments),
+    /// Say how far two pictures are apart
+    Compare(compare::Arguments),
     /// Print the JSON schema of scene files, for editors
     Schema,
     /// Print completions for a shell
@@ -66,20 +70,24 @@ pub fn main() -> ExitCode {
         ));
     }));
     let interrupted = interrupt::install();
-    let result = std::panic::catch_unwind(|| match arguments.command {
-        Command::Render(arguments) => render::run(&arguments, interrupted),
-        Command::Explain(arguments) => explain::run(&arguments, interrupted),
-        Command::Info(arguments) => info::run(&arguments),
-        Command::Bench(arguments) => bench::run(&arguments, interrupted),
-        Command::Schema => print(&format!("{:#}\n", effects::schema())),
-        Command::Completions { shell } => {
-            let mut text = Vec::new();
-            clap_complete::generate(shell, &mut Arguments::command(), "kiln", &mut text);
-            print(&String::from_utf8_lossy(&text))
-        }
+    let result = std::panic::catch_unwind(|| {
+        let done = match arguments.command {
+            Command::Render(arguments) => render::run(&arguments, interrupted),
+            Command::Explain(arguments) => explain::run(&arguments, interrupted),
+            Command::Info(arguments) => info::run(&arguments),
+            Command::Bench(arguments) => bench::run(&arguments, interrupted),
+            Command::Compare(arguments) => return compare::run(&arguments),
+            Command::Schema => print(&format!("{:#}\n", effects::schema())),
+            Command::Completions { shell } => {
+                let mut text = Vec::new();
+                clap_complete::generate(shell, &mut Arguments::command(), "kiln", &mut text);
+                print(&String::from_utf8_lossy(&text))
+            }
+        };
+        done.map(|()| 0)
     });
     match result {
-        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Ok(code)) => ExitCode::from(code),
         Ok(Err(Error::Interrupted)) => ExitCode::from(interrupt::exit_code()),
         Ok(Err(e)) => {
             say(format_args!("kiln: error: {e}"));

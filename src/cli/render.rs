@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Args;
 
 use super::progress::{Mode, Progress};
-use super::sampling::SamplingArguments;
+use super::sampling::{SamplingArguments, TargetArguments};
 use super::statistics::{self, Seconds};
 use super::{Printer, picture};
 use crate::bvh::{Preset, Structure};
@@ -15,12 +15,13 @@ use crate::effects::{Choices, Plan, RayKind, check_names, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::{describe, write_whole};
 use crate::film::write::{Format, Picture, encode, write_picture};
-use crate::film::{ColourPipeline, Window};
+use crate::film::{ColourPipeline, Film, Pixel, Window};
 use crate::import;
 use crate::render::aov::{self, LARGEST_NUMBER, Subject, Wanted};
 use crate::render::{Clock, Statistics, Watch, render_as};
 use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
+use crate::study::choose::{self, End, Wish};
 use crate::world::{Range, View, World, bring_into_range, headlight};
 
 /// What there is to see, and how: what every command that makes pictures is told.
@@ -73,6 +74,8 @@ pub struct Arguments {
 pub struct Command {
     #[command(flatten)]
     what: Arguments,
+    #[command(flatten)]
+    target: TargetArguments,
     /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
@@ -184,6 +187,7 @@ pub struct Ready {
     pub view: View,
     pub window: Window,
     pub plan: Plan,
+    pub choices: Choices,
     pub pipeline: ColourPipeline,
     /// What made the picture.
     pub settings: Vec<(String, String)>,
@@ -234,7 +238,7 @@ pub fn make_ready(
     let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, structure, numerics));
     let plan = Plan::new(&world, &choices)?;
     warn_of_the_world(&world, &plan, &choices, warnings);
-    Ok(Ready { world, range, view, window, plan, pipeline, settings })
+    Ok(Ready { world, range, view, window, plan, choices, pipeline, settings })
 }
 
 fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &AtomicBool) -> Result<()> {
@@ -244,28 +248,35 @@ fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &
     let with_notes = command.progress != Mode::None;
     let mut seconds = Seconds::default();
 
-    let ready = make_ready(&command.what, &mut seconds, &mut warnings, &mut |phase, said| {
+    let mut ready = make_ready(&command.what, &mut seconds, &mut warnings, &mut |phase, said| {
         progress.pause(|| printer.print(said, with_notes));
         progress.phase(phase);
     })?;
-    let Ready { world, range, view, window, plan, pipeline, settings } = &ready;
-    let window = *window;
     progress.pause(|| printer.print(&warnings, with_notes));
 
     progress.phase("rendering");
     let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
     let clock = if command.stats.is_some() { Clock::EveryStage } else { Clock::Stopped };
-    let (picture, statistics) = timed(&mut seconds.render, || match target {
-        Target::File(_, Format::Exr) => {
-            render_as(world, view, plan, window, &watch, clock).and_then(|(film, statistics)| {
-                let subject = Subject { world, range: *range, view, plan, window, film: &film };
-                let channels = aov::channels(&subject, wanted, &watch)?;
-                Ok((Picture::Numbers(film, channels), statistics))
-            })
-        }
-        _ => render_as(world, view, plan, window, &watch, clock)
-            .map(|(film, statistics)| (Picture::Bytes(film, *pipeline), statistics)),
+    let rendered = timed(&mut seconds.render, || match command.target.wish() {
+        Some(wish) => render_to_wish(&mut ready, &wish, target, &watch, clock, &mut warnings).map(Some),
+        None => Ok(None),
     })?;
+    let Ready { world, range, view, window, plan, pipeline, settings, .. } = &ready;
+    let window = *window;
+    let mut plainly = || {
+        timed(&mut seconds.render, || match target {
+            Target::File(_, Format::Exr) => {
+                render_as(world, view, plan, window, &watch, clock).and_then(|(film, statistics)| {
+                    let subject = Subject { world, range: *range, view, plan, window, film: &film };
+                    let channels = aov::channels(&subject, wanted, &watch)?;
+                    Ok((Picture::Numbers(film, channels), statistics))
+                })
+            }
+            _ => render_as(world, view, plan, window, &watch, clock)
+                .map(|(film, statistics)| (Picture::Bytes(film, *pipeline), statistics)),
+        })
+    };
+    let (picture, statistics) = rendered.map_or_else(&mut plainly, Ok)?;
     if wanted.has_primitives() && world.primitive_count() > LARGEST_NUMBER {
         warnings.push(format!("--aov primitive: numbers above {LARGEST_NUMBER} are rounded"));
     }
@@ -295,6 +306,40 @@ fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &
         seconds.write
     ));
     Ok(())
+}
+
+/// Renders as many samples as the user's target takes, and says how many.
+fn render_to_wish(
+    ready: &mut Ready,
+    wish: &Wish,
+    target: &Target,
+    watch: &Watch,
+    clock: Clock,
+    warnings: &mut Warnings,
+) -> Result<(Picture, Statistics)> {
+    let Ready { world, view, choices, window, pipeline, .. } = ready;
+    let (window, pipeline) = (*window, *pipeline);
+    let mut subject = choose::Subject { world, view, choices, window };
+    // How many tiles there are to come is not known; progress would begin anew with each stretch.
+    let watch = Watch { cancel: watch.cancel, progress: &|_, _| () };
+    let chosen = choose::render(&mut subject, wish, &watch, clock)?;
+    match chosen.end {
+        End::Time if wish.accuracy.is_some() => warnings.push(chosen.line(wish)),
+        End::Most | End::NotFinite => warnings.push(chosen.line(wish)),
+        _ => warnings.note(chosen.line(wish)),
+    }
+    ready.settings.retain(|(key, _)| !["kiln:samples", "kiln:filter", "kiln:seed"].contains(&key.as_str()));
+    ready.settings.extend(ready.world.sampling.settings());
+    ready.plan = chosen.plan;
+    let picture = match target {
+        Target::File(_, Format::Exr) => Picture::Numbers(Film::of_rows(window, &chosen.pixels)?, Vec::new()),
+        _ => {
+            let mut bytes = vec![[0; 3]; chosen.pixels.len()];
+            Pixel::develop(&chosen.pixels, pipeline, &mut bytes);
+            Picture::Bytes(Film::of_rows(window, &bytes)?, pipeline)
+        }
+    };
+    Ok((picture, chosen.statistics))
 }
 
 fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {

@@ -4,6 +4,7 @@ use clap::Args;
 
 use crate::film::FilterShape;
 use crate::scene::Sampling;
+use crate::study::choose::{Metric, Wish};
 
 #[derive(Args)]
 pub struct SamplingArguments {
@@ -27,6 +28,44 @@ pub struct SamplingArguments {
     seed: Option<u32>,
 }
 
+/// The options of `kiln render` that leave the number of samples to kiln.
+#[derive(Args)]
+pub struct TargetArguments {
+    /// As many samples as it takes for FLIP, RMSE or MAX (of displayed values, 1 is white) to the truth to be below a value: the
+    /// truth is the antialiased picture, that of ever more samples
+    #[arg(long, value_name = "METRIC=VALUE", value_parser = parse_accuracy, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
+    accuracy: Option<(Metric, f64)>,
+    /// As many samples as fit into so many seconds of rendering; with --accuracy no more than it needs
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
+    budget: Option<f64>,
+}
+
+impl TargetArguments {
+    /// What was typed.
+    pub fn wish(&self) -> Option<Wish> {
+        let is_wish = self.accuracy.is_some() || self.budget.is_some();
+        is_wish.then_some(Wish { accuracy: self.accuracy, seconds: self.budget })
+    }
+}
+
+fn parse_accuracy(text: &str) -> Result<(Metric, f64), String> {
+    let form = || "give it as FLIP=0.01, RMSE=0.005 or MAX=0.05".to_owned();
+    let (name, value) = text.split_once('=').ok_or_else(form)?;
+    let metric =
+        Metric::ALL.into_iter().find(|m| m.name().eq_ignore_ascii_case(name.trim())).ok_or_else(form)?;
+    match value.trim().parse::<f64>() {
+        Ok(value) if value > 0.0 && value <= 1.0 => Ok((metric, value)),
+        _ => Err(format!("`{value}` is not a number above 0, up to 1")),
+    }
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("give a number of seconds above 0".into()),
+    }
+}
+
 fn number<T: std::str::FromStr<Err: std::fmt::Display>>(text: &str) -> Result<T, String> {
     text.parse().map_err(|e: T::Err| e.to_string())
 }
@@ -42,6 +81,7 @@ impl SamplingArguments {
             noise: self.noise,
             min_samples: self.min_samples,
             seed: self.seed,
+            first: None,
         }
     }
 }

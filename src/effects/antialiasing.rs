@@ -5,6 +5,10 @@ use super::tile::{Context, Tile, vec_bytes};
 use super::{Asked, Effect, Hook, Stage};
 use crate::world::World;
 
+/// How many samples pictures are taken to have that are made in parts, for what depends on it: how much of a texture each sees.
+/// Fewer would blur textures, which no measurement of noise sees.
+const SAMPLES_OF_PARTS: u32 = 64;
+
 /// In the registry.
 pub const EFFECT: Effect = Effect {
     name: "antialiasing",
@@ -25,7 +29,10 @@ pub const EFFECT: Effect = Effect {
     },
     outline: |asked: &Asked, outline| {
         outline.own_rays = true;
-        outline.samples = asked.world.sampling.most_samples();
+        let sampling = &asked.world.sampling;
+        // A part of a picture whose samples are not known yet: many.
+        let least = if sampling.first.is_some() { SAMPLES_OF_PARTS } else { 1 };
+        outline.samples = sampling.most_samples().max(least);
     },
     stages: |asked: &Asked, hook| match hook {
         Hook::Rays => vec![Box::new(Scatter(Sampler::new(asked)))],

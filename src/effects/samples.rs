@@ -19,6 +19,8 @@ use crate::world::{LANES, widely};
 pub struct Sampler {
     /// Samples a pixel; the most of them where effort is adaptive.
     pub samples: u32,
+    /// The first of them that is taken.
+    pub first: u32,
     /// What a pixel is seen through.
     pub filter: Filter,
     /// What the random numbers depend on besides pixel, sample and dimension.
@@ -42,6 +44,7 @@ impl Sampler {
         let floor = if is_adaptive { Adaptive::new(sampling).floor.min(samples) } else { samples };
         Sampler {
             samples,
+            first: sampling.first.unwrap_or(0),
             filter: Filter::new(shape, radius),
             seed: sampling.seed.unwrap_or(0),
             floor,
@@ -175,7 +178,7 @@ impl Samples {
         self.sums.resize(pixels, Sum::default());
         self.live.clear();
         self.live.extend(0..pixels as u16);
-        self.round = (0, sampler.floor);
+        self.round = (sampler.first, sampler.floor);
         self.cast = 0;
     }
 

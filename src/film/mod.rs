@@ -6,6 +6,7 @@ pub mod colour;
 pub mod filter;
 pub mod output;
 mod pages;
+pub mod read;
 pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
@@ -165,6 +166,26 @@ impl Film {
     }
 }
 
+impl<P: Pixel> Film<P> {
+    /// A film of pixels that are given row by row from the top, `window.area()` of them.
+    ///
+    /// # Errors
+    /// As those of [`Film::new`].
+    pub fn of_rows(window: Window, rows: &[P]) -> Result<Self> {
+        assert_eq!(rows.len(), window.area(), "as many pixels as the window has");
+        let mut film = Film::new(window)?;
+        for tile in film.tiles_mut() {
+            let left = (tile.window.x - window.x) as usize;
+            for (i, row) in tile.pixels.chunks_mut(tile.window.width as usize).enumerate() {
+                let start = (tile.window.y - window.y) as usize + i;
+                let start = start * window.width as usize + left;
+                row.copy_from_slice(&rows[start..start + row.len()]);
+            }
+        }
+        Ok(film)
+    }
+}
+
 impl Film<[u8; 3]> {
     /// The picture in 8-bit display values, three a pixel, row by row from the top.
     pub fn bytes(&self) -> Vec<u8> {
@@ -230,6 +251,13 @@ mod tests {
             Pixel::develop(a.pixels, ColourPipeline::Linear, b.pixels);
         }
         assert_eq!(floats.to_rgb8(ColourPipeline::Linear), bytes.bytes());
+    }
+
+    #[test]
+    fn rows_come_back_as_they_were_given() {
+        let window = Window { x: 5, y: 9, width: 37, height: 18 };
+        let rows: Vec<[f32; 3]> = (0..37 * 18).map(|i| [i as f32; 3]).collect();
+        assert_eq!(Film::of_rows(window, &rows).unwrap().rows().collect::<Vec<_>>(), rows);
     }
 
     #[test]

@@ -105,6 +105,29 @@ impl Statistics {
         sum
     }
 
+    /// Takes in another part of the same picture: as of other samples of the same pixels.
+    pub fn add(&mut self, other: &Statistics) {
+        for (own, other) in self.stages.iter_mut().zip(&other.stages) {
+            own.time += other.time;
+        }
+        for ((_, own), (_, other)) in self.rays.iter_mut().zip(&other.rays) {
+            own.cast += other.cast;
+            own.hit += other.hit;
+        }
+        self.tests += other.tests;
+        for (own, other) in self.bills.iter_mut().zip(&other.bills) {
+            own.rays += other.rays;
+            own.time = own.time.zip(other.time).map(|(a, b)| a + b);
+            own.bytes = own.bytes.max(other.bytes);
+        }
+        self.base_bytes = self.base_bytes.max(other.base_bytes);
+        self.seen.resize(self.seen.len().max(other.seen.len()), false);
+        self.seen.iter_mut().zip(&other.seen).for_each(|(own, &other)| *own |= other);
+        if other.non_finite.0 > self.non_finite.0 {
+            self.non_finite = other.non_finite.clone();
+        }
+    }
+
     /// Bytes that the tile of a thread holds at most.
     pub fn bytes(&self) -> usize {
         self.base_bytes + self.bills.iter().map(|bill| bill.bytes).sum::<usize>()

@@ -30,6 +30,8 @@ pub struct Sampling {
     pub min_samples: Option<u32>,
     /// What the random numbers depend on besides pixel, sample and dimension.
     pub seed: Option<u32>,
+    /// The first sample that is taken, below `samples`; those before it are another picture's. Not with `noise`.
+    pub first: Option<u32>,
 }
 
 impl Sampling {
@@ -42,6 +44,7 @@ impl Sampling {
             noise: self.noise.or(other.noise),
             min_samples: self.min_samples.or(other.min_samples),
             seed: self.seed.or(other.seed),
+            first: self.first.or(other.first),
         }
     }
 

@@ -31,6 +31,7 @@ impl Builder<'_> {
             )?,
             noise: self.held(image.noise.as_ref(), "noise", Sampling::check_noise)?,
             min_samples,
+            first: None,
             seed: image.seed,
         })
     }

@@ -1,0 +1,173 @@
+//! `kiln compare`: how far two pictures are apart.
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::{Map, Value, json};
+
+use super::{print, say};
+use crate::error::Result;
+use crate::film::write::{Format, Picture as Written, write_picture};
+use crate::film::{ColourPipeline, Film, Window};
+use crate::study::metrics::{Errors, Figures, Picture, Values, definitions, heat_map};
+
+#[derive(Args)]
+#[command(
+    after_help = "Exit codes: 0 every number is the same; 1 the pictures differ, within every limit given, or none is given;\n\
+2 beyond a limit, of other size, or with a pixel that is not finite; 3 a picture cannot be read.\n\n\
+PNG and JPEG are compared in display values, 0 to 1; two EXR in their own numbers: linear light, but where kiln wrote display values\n\
+and says so in the file. FLIP and PSNR are of what a display shows: linear light encoded by sRGB, clamped to 0 to 1, no exposure, no\n\
+tone mapping; so is everything where one picture is linear and the other not, or with --display. Transparency is left out."
+)]
+pub struct Arguments {
+    /// The reference: .png, .jpg or .exr
+    #[arg(value_name = "A")]
+    reference: PathBuf,
+    /// The picture to hold against it
+    #[arg(value_name = "B")]
+    test: PathBuf,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Exit with 2 where max, rmse, relmse, flip or differing (share of pixels, 0 to 1) is above a limit; may be given several
+    /// times
+    #[arg(long, value_name = "METRIC=VALUE", value_parser = parse_limit)]
+    fail_above: Vec<(&'static str, f64)>,
+    /// Write FLIP of each pixel as a picture: black is none, then purple, orange and light yellow
+    #[arg(long, value_name = "FILE.png")]
+    heat_map: Option<PathBuf>,
+    /// Compare what a display shows also of two pictures in linear light
+    #[arg(long)]
+    display: bool,
+}
+
+/// What can be limited.
+const METRICS: [&str; 5] = ["max", "rmse", "relmse", "flip", "differing"];
+
+fn parse_limit(text: &str) -> std::result::Result<(&'static str, f64), String> {
+    let form = || format!("give it as METRIC=VALUE, such as flip=0.01; there are {}", METRICS.join(", "));
+    let (name, value) = text.split_once('=').ok_or_else(form)?;
+    let name = METRICS.into_iter().find(|m| m.eq_ignore_ascii_case(name.trim())).ok_or_else(form)?;
+    match value.trim().parse::<f64>() {
+        Ok(value) if value >= 0.0 => Ok((name, value)),
+        _ => Err(format!("`{value}` is not a number from 0 upwards")),
+    }
+}
+
+fn figure(figures: &Figures, name: &str) -> f64 {
+    match name {
+        "max" => figures.max,
+        "rmse" => figures.rmse,
+        "relmse" => figures.rel_mse,
+        "flip" => figures.flip,
+        _ => figures.differing,
+    }
+}
+
+/// Compares, and says by the exit code what came of it.
+pub fn run(arguments: &Arguments) -> Result<u8> {
+    if let Some(file) = &arguments.heat_map
+        && Format::from_path(file)? != Format::Png
+    {
+        let what = format!("{}: heat maps are PNG", file.display());
+        return Err(crate::error::Error::usage(what, "name a file that ends in .png"));
+    }
+    let open = |file: &PathBuf| {
+        let picture = Picture::open(file)?;
+        Ok(if arguments.display {
+            Picture { pixels: picture.displayed(), values: Values::Display, ..picture }
+        } else {
+            picture
+        })
+    };
+    let (reference, test) = (open(&arguments.reference)?, open(&arguments.test)?);
+    let (errors, map) = Errors::with_map(&reference, &test)?;
+    let beyond: Vec<(&str, f64, f64)> = errors
+        .figures
+        .iter()
+        .flat_map(|figures| {
+            let all = arguments.fail_above.iter().map(|&(name, limit)| (name, figure(figures, name), limit));
+            all.filter(|(_, value, limit)| value > limit).collect::<Vec<_>>()
+        })
+        .collect();
+    let code = match () {
+        () if errors.figures.is_none() || !beyond.is_empty() => 2,
+        () if errors.same => 0,
+        () => 1,
+    };
+    print(&if arguments.json { as_json(arguments, &errors, code) } else { as_text(arguments, &errors) })?;
+    for (name, value, limit) in beyond {
+        say(format_args!("kiln: {name} is {value:.6}, above the limit of {limit}"));
+    }
+    match (&arguments.heat_map, map) {
+        (Some(file), Some(map)) => {
+            let window = Window { x: 0, y: 0, width: errors.width, height: errors.height };
+            let film = Film::of_rows(window, &heat_map(&map))?;
+            write_picture(&Written::Bytes(film, ColourPipeline::Display), &[], Format::Png, file)?;
+        }
+        (Some(file), None) => say(format_args!(
+            "kiln: warning: {}: no heat map of pictures that are not finite",
+            file.display()
+        )),
+        (None, _) => {}
+    }
+    Ok(code)
+}
+
+fn as_json(arguments: &Arguments, errors: &Errors, code: u8) -> String {
+    let definitions: Map<String, Value> =
+        definitions().into_iter().map(|(name, text)| (name.into(), text.into())).collect();
+    let verdict = ["same", "within", "beyond"][usize::from(code)];
+    let report = json!({
+        "schema": 1,
+        "reference": arguments.reference.display().to_string(),
+        "test": arguments.test.display().to_string(),
+        "verdict": verdict,
+        "errors": errors,
+        "definitions": definitions,
+    });
+    format!("{report:#}\n")
+}
+
+fn as_text(arguments: &Arguments, errors: &Errors) -> String {
+    let mut text = String::new();
+    let _ = writeln!(
+        text,
+        "{} and {}: {} x {} pixels, {} values{}",
+        arguments.reference.display(),
+        arguments.test.display(),
+        errors.width,
+        errors.height,
+        errors.values.name(),
+        if errors.same { ", all the same" } else { "" }
+    );
+    let bad = &errors.non_finite;
+    if let Some((x, y)) = bad.first {
+        let _ = writeln!(
+            text,
+            "not finite: {} pixel(s) of the first and {} of the second, the first at ({x}, {y}); so there are no figures",
+            bad.reference, bad.test
+        );
+    }
+    let Some(figures) = &errors.figures else { return text };
+    for (name, definition) in definitions() {
+        let value = match (name, figures.psnr) {
+            ("psnr", Some(psnr)) => format!("{psnr:.4}"),
+            ("psnr", None) => "infinite".into(),
+            _ => format!("{:.6}", figure(figures, name)),
+        };
+        let _ = writeln!(text, "  {name:<10} {value:>10}  {definition}");
+    }
+    for (i, place) in figures.worst.iter().enumerate() {
+        let head = if i == 0 { "worst" } else { "" };
+        let colour = |c: [f32; 3]| c.map(|c| format!("{c:.4}")).join(" ");
+        let (reference, test) = (colour(place.reference), colour(place.test));
+        let _ = writeln!(
+            text,
+            "  {head:<10} {:>10.6}  at ({}, {}): {reference} became {test}",
+            place.difference, place.x, place.y
+        );
+    }
+    text
+}

@@ -1,0 +1,44 @@
+//! A map of errors as a picture.
+
+/// Ten colours of matplotlib's "magma" (van der Walt and Smith 2015), equally far apart, in which FLIP maps are usually shown.
+const MAGMA: [[u8; 3]; 10] = [
+    [0, 0, 4],
+    [24, 15, 61],
+    [68, 15, 118],
+    [114, 31, 129],
+    [158, 47, 127],
+    [205, 64, 113],
+    [241, 96, 93],
+    [253, 150, 104],
+    [254, 202, 141],
+    [252, 253, 191],
+];
+
+/// The colours of `errors`, 0 to 1 each: black where there is none, through purple and orange, to light yellow.
+pub fn heat_map(errors: &[f32]) -> Vec<[u8; 3]> {
+    errors.iter().map(|&error| colour(error)).collect()
+}
+
+fn colour(error: f32) -> [u8; 3] {
+    let at = error.clamp(0.0, 1.0) * (MAGMA.len() - 1) as f32;
+    let below = (at as usize).min(MAGMA.len() - 2);
+    let part = at - below as f32;
+    std::array::from_fn(|c| {
+        let (low, high) = (f32::from(MAGMA[below][c]), f32::from(MAGMA[below + 1][c]));
+        (low + (high - low) * part).round() as u8
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ends_and_a_middle() {
+        // 1/18 is half-way from the first colour to the second: (12, 7.5, 32.5).
+        assert_eq!(
+            heat_map(&[0.0, 1.0, 1.0 / 18.0, 2.0]),
+            [[0, 0, 4], [252, 253, 191], [12, 8, 33], [252, 253, 191]]
+        );
+    }
+}

@@ -1,0 +1,105 @@
+//! Figures that can be worked out by hand.
+
+use super::*;
+
+const WIDTH: u32 = 40;
+const HEIGHT: u32 = 20;
+const PIXELS: f64 = 800.0;
+
+fn even(value: f32, values: Values) -> Picture {
+    let pixels = vec![[value; 3]; (WIDTH * HEIGHT) as usize];
+    Picture { width: WIDTH, height: HEIGHT, values, pixels }
+}
+
+fn figures(a: &Picture, b: &Picture) -> Figures {
+    Errors::between(a, b).unwrap().figures.unwrap()
+}
+
+#[test]
+fn identical_pictures_are_no_distance_apart() {
+    let a = even(0.25, Values::Linear);
+    let errors = Errors::between(&a, &a).unwrap();
+    let expected = Figures {
+        max: 0.0,
+        rmse: 0.0,
+        rel_mse: 0.0,
+        psnr: None,
+        flip: 0.0,
+        differing: 0.0,
+        worst: Vec::new(),
+    };
+    assert!(errors.same);
+    assert_eq!(errors.figures, Some(expected));
+}
+
+#[test]
+fn an_offset_is_the_error_of_every_pixel() {
+    // 1/4 and 3/4 are exact: the difference is 1/2, its square 1/4, and 10 log10 4 = 6.0206 dB.
+    let figures = figures(&even(0.25, Values::Display), &even(0.75, Values::Display));
+    assert_eq!((figures.max, figures.rmse, figures.differing), (0.5, 0.5, 1.0));
+    assert!((figures.rel_mse - 0.25 / (0.0625 + 0.01)).abs() < 1e-12);
+    assert!((figures.psnr.unwrap() - 10.0 * 4f64.log10()).abs() < 1e-12);
+    // One place a square: 3 x 2 squares, the first five of them.
+    assert_eq!(figures.worst.len(), WORST);
+}
+
+#[test]
+fn one_pixel_off_is_found_where_it_is() {
+    let a = even(0.5, Values::Display);
+    let mut b = a.clone();
+    b.pixels[(7 * WIDTH + 23) as usize][1] = 1.0;
+    let figures = figures(&a, &b);
+    assert_eq!(figures.max, 0.5);
+    // One channel of 3 * 800 is off by 1/2.
+    assert!((figures.rmse - (0.25 / (3.0 * PIXELS)).sqrt()).abs() < 1e-15);
+    assert_eq!(figures.differing, 1.0 / PIXELS);
+    let worst = Worst { x: 23, y: 7, difference: 0.5, reference: [0.5; 3], test: [0.5, 1.0, 0.5] };
+    assert_eq!(figures.worst, [worst]);
+    assert!(figures.flip > 0.0 && figures.flip < 0.5, "{}", figures.flip);
+}
+
+/// Linear light is compared as it is; FLIP and PSNR see what a display shows, and that is white from 1 upwards.
+#[test]
+fn linear_light_beyond_white_is_an_error_that_no_display_shows() {
+    let figures = figures(&even(1.0, Values::Linear), &even(3.0, Values::Linear));
+    assert_eq!((figures.max, figures.rmse, figures.psnr, figures.flip), (2.0, 2.0, None, 0.0));
+    assert!((figures.rel_mse - 4.0 / 1.01).abs() < 1e-12);
+}
+
+#[test]
+fn black_and_white_are_the_extremes() {
+    let figures = figures(&even(0.0, Values::Display), &even(1.0, Values::Display));
+    assert_eq!((figures.max, figures.rmse, figures.psnr), (1.0, 1.0, Some(0.0)));
+    assert!((figures.rel_mse - 100.0).abs() < 1e-9, "1 / 0.01");
+}
+
+#[test]
+fn of_different_numbers_what_a_display_shows_is_compared() {
+    // sRGB encodes 0.5 as 0.7354 (IEC 61966-2-1).
+    let errors = Errors::between(&even(0.5, Values::Linear), &even(0.5, Values::Display)).unwrap();
+    assert_eq!(errors.values, Values::Display);
+    assert!((errors.figures.unwrap().max - 0.235_357).abs() < 1e-6);
+    let white = Errors::between(&even(1.0, Values::Linear), &even(1.0, Values::Display)).unwrap();
+    assert!(!white.same && white.figures.unwrap().max == 0.0);
+}
+
+#[test]
+fn what_is_not_finite_is_counted_and_not_averaged() {
+    let a = even(0.5, Values::Linear);
+    let mut b = a.clone();
+    b.pixels[(3 * WIDTH + 2) as usize][2] = f32::NAN;
+    b.pixels[(9 * WIDTH + 1) as usize][0] = f32::INFINITY;
+    let errors = Errors::between(&a, &b).unwrap();
+    assert_eq!(errors.non_finite, NonFinite { reference: 0, test: 2, first: Some((2, 3)) });
+    assert_eq!(errors.figures, None);
+    // NaN in both is no agreement.
+    assert!(!Errors::between(&b, &b).unwrap().same);
+}
+
+#[test]
+fn pictures_of_other_sizes_are_refused() {
+    let a = even(0.5, Values::Display);
+    let b = Picture { width: HEIGHT, height: WIDTH, ..a.clone() };
+    let said = Errors::between(&a, &b).unwrap_err().to_string();
+    assert_eq!(said, "sizes differ: 40 x 20 pixels against 20 x 40");
+}
