@@ -65,7 +65,7 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 
     let write = |name: &str, text: &str| write_whole(&command.output.join(name), |out| out.write_all(text.as_bytes()));
     write("index.html", &page(&study, &pictures)?)?;
-    write("study.csv", &to_csv(&study.rows)?)?;
+    write("study.csv", &to_csv(&study.rows))?;
     write("study.json", &format!("{:#}\n", serde_json::json!(study)))?;
     write("study.svg", &error_against_time(&study.rows, study.floors.first().map(|floor| floor.rmse))?)?;
     progress.clear();

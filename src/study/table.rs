@@ -3,13 +3,9 @@
 use serde_json::{Map, Value};
 
 use super::data::Row;
-use crate::error::{Error, Result};
 
 /// The rows under a line of names; what is missing is empty.
-///
-/// # Errors
-/// [`Error::Failed`] where it cannot be made.
-pub fn to_csv(rows: &[Row]) -> Result<String> {
+pub fn to_csv(rows: &[Row]) -> String {
     let flat: Vec<Vec<(String, String)>> = rows.iter().map(flattened).collect();
     let mut names: Vec<&String> = Vec::new();
     // A row that lacks errors has one column where another has several: every column that any row fills.
@@ -20,15 +16,12 @@ pub fn to_csv(rows: &[Row]) -> Result<String> {
     }
     let is_parent = |name: &str| names.iter().any(|other| other.len() > name.len() && other.starts_with(&format!("{name}.")));
     let names: Vec<&String> = names.iter().filter(|name| !is_parent(name)).copied().collect();
-    let mut table = csv::Writer::from_writer(Vec::new());
-    let failed = |e: csv::Error| Error::Failed { what: format!("the table cannot be made: {e}"), hint: String::new() };
-    table.write_record(&names).map_err(failed)?;
+    let mut text = line(names.iter().map(|name| name.as_str()));
     for row in &flat {
         let cell = |name: &&String| row.iter().find(|(own, _)| own == *name).map_or("", |(_, value)| value.as_str());
-        table.write_record(names.iter().map(cell)).map_err(failed)?;
+        text += &line(names.iter().map(cell));
     }
-    let bytes = table.into_inner().map_err(|e| failed(e.into_error().into()))?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
+    text
 }
 
 fn flattened(row: &Row) -> Vec<(String, String)> {
@@ -53,15 +46,26 @@ fn flatten(name: &str, value: &Value, cells: &mut Vec<(String, String)>) {
     }
 }
 
-/// The rows of a table that [`to_csv`] made; or what is wrong with it.
+/// RFC 4180, section 2: what holds a comma, a quote or a line break is quoted, and quotes are doubled.
+fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
+    let quoted = |cell: &str| match cell.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", cell.replace('"', "\"\"")),
+        false => cell.to_owned(),
+    };
+    cells.map(quoted).collect::<Vec<_>>().join(",") + "\n"
+}
+
+/// The rows of a table that [`to_csv`] made.
 ///
 /// # Errors
-/// A line, and what was expected of it.
-pub fn from_csv(text: &str) -> std::result::Result<Vec<Row>, String> {
-    let mut table = csv::Reader::from_reader(text.as_bytes());
-    let names = table.headers().map_err(|e| e.to_string())?.clone();
-    let row = |(number, cells): (usize, csv::Result<csv::StringRecord>)| {
-        let cells = cells.map_err(|e| e.to_string())?;
+/// Which row is none, and why.
+pub fn from_csv(text: &str) -> Result<Vec<Row>, String> {
+    let mut lines = records(text).into_iter();
+    let names = lines.next().ok_or("there is no line of names")?;
+    let row = |(number, cells): (usize, Vec<String>)| {
+        if cells.len() != names.len() {
+            return Err(format!("row {number}: {} cells under {} names", cells.len(), names.len()));
+        }
         let mut whole = Map::new();
         for (name, cell) in names.iter().zip(&cells).filter(|(_, cell)| !cell.is_empty()) {
             insert(&mut whole, name, cell);
@@ -70,7 +74,7 @@ pub fn from_csv(text: &str) -> std::result::Result<Vec<Row>, String> {
         whole.entry("options").or_insert_with(|| Value::String(String::new()));
         serde_json::from_value(Value::Object(whole)).map_err(|e| format!("row {number}: {e}"))
     };
-    table.records().enumerate().map(|(index, cells)| row((index + 1, cells))).collect()
+    lines.enumerate().map(|(index, cells)| row((index + 1, cells))).collect()
 }
 
 /// Columns of text, whatever it looks like.
@@ -91,4 +95,26 @@ fn insert(into: &mut Map<String, Value>, name: &str, cell: &str) {
             into.insert(name.to_owned(), value);
         }
     }
+}
+
+fn records(text: &str) -> Vec<Vec<String>> {
+    let (mut records, mut record, mut cell, mut is_quoted) = (Vec::new(), Vec::new(), String::new(), false);
+    let mut chars = text.chars().peekable();
+    while let Some(c) = chars.next() {
+        match c {
+            '"' if is_quoted && chars.peek() == Some(&'"') => {
+                chars.next();
+                cell.push('"');
+            }
+            '"' => is_quoted = !is_quoted,
+            ',' if !is_quoted => record.push(std::mem::take(&mut cell)),
+            '\n' if !is_quoted => {
+                record.push(std::mem::take(&mut cell));
+                records.push(std::mem::take(&mut record));
+            }
+            '\r' if !is_quoted => {}
+            c => cell.push(c),
+        }
+    }
+    records
 }
