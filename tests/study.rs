@@ -109,10 +109,18 @@ fn errors_do_not_depend_on_the_run_or_on_threads() {
     let first = read(tiny().0.path());
     let (folder, _) = made(&["scenes/assignment.toml"], &["--size", "48x48", "--threads", "2"]);
     let second = read(folder.path());
-    assert_eq!((first.floors, first.geometry, first.left_out), (second.floors, second.geometry, second.left_out));
+    assert_eq!(
+        (first.floors, first.geometry, first.left_out),
+        (second.floors, second.geometry, second.left_out)
+    );
     assert_eq!(first.rows.len(), second.rows.len());
     for (a, b) in first.rows.iter().zip(&second.rows) {
-        assert_eq!((&a.limit, &a.twin, &a.fingerprint, a.rays), (&b.limit, &b.twin, &b.fingerprint, b.rays), "{}", a.name());
+        assert_eq!(
+            (&a.limit, &a.twin, &a.fingerprint, a.rays),
+            (&b.limit, &b.twin, &b.fingerprint, b.rays),
+            "{}",
+            a.name()
+        );
     }
 }
 
@@ -157,7 +165,8 @@ fn advice_is_printed_and_is_that_of_the_front() {
         assert!(row.limit.expect("finite").rmse < advice.below);
         // Nothing that is as good is quicker.
         let quicker = study.rows.iter().filter(|other| other.filter == row.filter).find(|other| {
-            other.limit.is_some_and(|limit| limit.rmse < advice.below) && other.trace_ms.median < row.trace_ms.median
+            other.limit.is_some_and(|limit| limit.rmse < advice.below)
+                && other.trace_ms.median < row.trace_ms.median
         });
         assert!(quicker.is_none(), "{}: {:?}", advice.text, quicker.map(|row| row.name()));
     }

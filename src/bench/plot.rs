@@ -81,7 +81,8 @@ pub fn bars(unit: &str, bars: &[Bar]) -> Result<String> {
     Ok(svg)
 }
 
-pub(crate) type Drawn<'a> = std::result::Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
+pub(crate) type Drawn<'a> =
+    std::result::Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 
 fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
     let size = (900, 64 + 22 * bars.len() as u32);

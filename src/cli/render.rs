@@ -276,7 +276,8 @@ pub fn make_ready(
     show: &mut dyn FnMut(&str, &Warnings),
 ) -> Result<Ready> {
     let described = take_in(arguments, None, seconds, warnings, show)?;
-    let Described { scene, range, view, window, choices, pipeline, numerics, structure, settings, .. } = described;
+    let Described { scene, range, view, window, choices, pipeline, numerics, structure, settings, .. } =
+        described;
     show("building", warnings);
     let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, structure, numerics));
     let plan = Plan::new(&world, &choices)?;

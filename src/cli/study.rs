@@ -63,7 +63,9 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let pools = Pools { timed: &timed, wide: &wide };
     let (study, pictures) = study(&subject, &options(command), load, &pools, &watch)?;
 
-    let write = |name: &str, text: &str| write_whole(&command.output.join(name), |out| out.write_all(text.as_bytes()));
+    let write = |name: &str, text: &str| {
+        write_whole(&command.output.join(name), |out| out.write_all(text.as_bytes()))
+    };
     write("index.html", &page(&study, &pictures)?)?;
     write("study.csv", &to_csv(&study.rows))?;
     write("study.json", &format!("{:#}\n", serde_json::json!(study)))?;
@@ -89,16 +91,41 @@ fn options(command: &Command) -> Options {
             leak_rays: 4_000_000,
         }
     } else {
-        Options { rounds: rounds(7), most_samples: 32, reference_samples: 512, rays_across: 1024, leak_rays: 400_000 }
+        Options {
+            rounds: rounds(7),
+            most_samples: 32,
+            reference_samples: 512,
+            rays_across: 1024,
+            leak_rays: 400_000,
+        }
     }
 }
 
 fn subject(arguments: &Arguments, described: Described) -> Subject {
-    let Described { scene, camera, projection, size, window, choices, pipeline, numerics, structure, settings, .. } =
-        described;
+    let Described {
+        scene,
+        camera,
+        projection,
+        size,
+        window,
+        choices,
+        pipeline,
+        numerics,
+        structure,
+        settings,
+        ..
+    } = described;
     let inputs: Vec<String> = arguments.inputs.iter().map(|input| input.display().to_string()).collect();
     let sampling = scene.sampling;
-    let base = Setting { numerics, structure, pipeline, sampling, bounces: None, textures: None, without: Vec::new() };
+    let base = Setting {
+        numerics,
+        structure,
+        pipeline,
+        sampling,
+        bounces: None,
+        textures: None,
+        without: Vec::new(),
+    };
     Subject {
         name: inputs.join(" "),
         command: typed(),

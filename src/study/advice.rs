@@ -83,7 +83,9 @@ fn round_errors(best: f64, worst: f64) -> Vec<f64> {
     if !(worst > 0.0 && best.is_finite()) {
         return Vec::new();
     }
-    let all = (-9..1i32).rev().flat_map(|power| [5.0, 2.0, 1.0].map(|digit| format!("{digit}e{power}").parse().unwrap_or(1.0)));
+    let all = (-9..1i32)
+        .rev()
+        .flat_map(|power| [5.0, 2.0, 1.0].map(|digit| format!("{digit}e{power}").parse().unwrap_or(1.0)));
     let inside: Vec<f64> = all.filter(|&below: &f64| below < worst).collect();
     let count = inside.iter().take_while(|&&below| below > best).count() + 1;
     inside.into_iter().take(count.min(6)).collect()

@@ -75,7 +75,8 @@ pub fn compare(
 
 fn find(world: &World, view: &View, width: u32, pixels: &[u32]) -> Vec<Option<Found>> {
     let precision = world.numerics().precision();
-    let rays: Vec<Ray> = pixels.iter().map(|pixel| view.ray(pixel % width, pixel / width, precision)).collect();
+    let rays: Vec<Ray> =
+        pixels.iter().map(|pixel| view.ray(pixel % width, pixel / width, precision)).collect();
     let (mut traversal, mut hits) = (Traversal::default(), Vec::new());
     rays.chunks(BATCH).for_each(|rays| world.accelerator.closest_hits(rays, &mut hits, &mut traversal));
     let found = |(ray, hit): (&Ray, &Option<crate::geometry::Hit>)| {
@@ -156,7 +157,10 @@ mod tests {
         assert_eq!(tally.count(found(1.0, 4), found(1.0, 3)), None);
         assert_eq!(tally.count(found(f64::NAN, 3), found(1.0, 3)), None);
         // f32 steps by 2^-23 above 1.
-        assert_eq!(tally.count(found(1.0 + 3.0 * f64::from(f32::EPSILON), 3), found(1.0, 3)), Some((3.0, 0.0)));
+        assert_eq!(
+            tally.count(found(1.0 + 3.0 * f64::from(f32::EPSILON), 3), found(1.0, 3)),
+            Some((3.0, 0.0))
+        );
         assert_eq!(tally, Tally { false_hits: 1, false_misses: 1, wrong: 1, non_finite: 1 });
     }
 

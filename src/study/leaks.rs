@@ -72,10 +72,9 @@ impl Closed {
     }
 
     fn accelerator(&self, numerics: Numerics) -> Box<dyn Accelerator> {
-        let slots = (0..).zip(&self.corners).map(|(id, &corners)| Slot {
-            primitive: Primitive::Triangle(Triangle(corners)),
-            id: PrimId(id),
-        });
+        let slots = (0..)
+            .zip(&self.corners)
+            .map(|(id, &corners)| Slot { primitive: Primitive::Triangle(Triangle(corners)), id: PrimId(id) });
         bvh::build(slots, Structure::default(), numerics)
     }
 
@@ -87,7 +86,8 @@ impl Closed {
         (0..TRIES).find_map(|attempt| {
             let mut numbers = Numbers::new(index, attempt);
             let target = self.corners[numbers.below(self.corners.len())].into_iter().sum::<DVec3>() / 3.0;
-            let towards = DVec3::new(numbers.unit() - 0.5, numbers.unit() - 0.5, numbers.unit() - 0.5).try_normalize()?;
+            let towards = DVec3::new(numbers.unit() - 0.5, numbers.unit() - 0.5, numbers.unit() - 0.5)
+                .try_normalize()?;
             let origin = (target - 4.0 * reach * towards).as_vec3().as_dvec3();
             let precision = Numerics::Exact.precision();
             let ray = precision.ray(origin, (target - origin).try_normalize()?, 0.0, f64::INFINITY);
@@ -96,7 +96,9 @@ impl Closed {
             let mut t: Vec<f64> = hits.iter().map(|hit| hit.t).collect();
             t.sort_by(f64::total_cmp);
             // On an edge or touching it is not clear what was crossed; another line will do.
-            let is_clear = t.len() >= 2 && t.len().is_multiple_of(2) && t.windows(2).all(|pair| pair[1] - pair[0] > reach * 1e-4);
+            let is_clear = t.len() >= 2
+                && t.len().is_multiple_of(2)
+                && t.windows(2).all(|pair| pair[1] - pair[0] > reach * 1e-4);
             is_clear.then(|| ray.at((t[0] + t[1]) / 2.0).as_vec3().as_dvec3())
         })
     }
@@ -171,7 +173,11 @@ mod tests {
         // Of this tetrahedron: all coordinates above 0, their sum below 1.
         let closed = Closed::new(tetrahedron()).unwrap();
         assert_eq!(closed.inside.len(), INSIDE);
-        assert!(closed.inside.iter().all(|p| p.min_element() > 0.0 && p.element_sum() < 1.0), "{:?}", closed.inside);
+        assert!(
+            closed.inside.iter().all(|p| p.min_element() > 0.0 && p.element_sum() < 1.0),
+            "{:?}",
+            closed.inside
+        );
     }
 
     #[test]

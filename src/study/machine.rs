@@ -7,7 +7,8 @@ use crate::bvh::{Accelerator, compiled_isa};
 /// What is known of the machine, as names and values. What the system does not tell is left out.
 pub fn machine(accelerator: &dyn Accelerator) -> Vec<[String; 2]> {
     let mut facts: Vec<[String; 2]> = Vec::new();
-    let mut add = |name: &str, value: Option<String>| facts.extend(value.map(|value| [name.to_owned(), value]));
+    let mut add =
+        |name: &str, value: Option<String>| facts.extend(value.map(|value| [name.to_owned(), value]));
     let cpuinfo = read_to_string("/proc/cpuinfo").unwrap_or_default();
     let field = |name: &str| {
         let line = cpuinfo.lines().find(|line| line.starts_with(name))?;

@@ -61,6 +61,14 @@ pub struct Options {
     pub leak_rays: u64,
 }
 
+impl Options {
+    /// Samples a pixel of each half of a limit. The first is the base's; those of other filters are held against half of the most
+    /// samples at most, so half are enough.
+    fn samples_of_limit(&self, index: usize) -> u32 {
+        if index == 0 { self.reference_samples } else { self.reference_samples.div_ceil(2) }
+    }
+}
+
 /// Where the work is done.
 pub struct Pools<'a> {
     /// What is timed.
@@ -202,7 +210,13 @@ impl Work<'_> {
         let mut found = Vec::new();
         for numerics in Numerics::ALL {
             let tier = world(numerics);
-            found.push(geometry::compare([&tier, &exact], (&view, size), &closed, self.options.leak_rays, watch)?);
+            found.push(geometry::compare(
+                [&tier, &exact],
+                (&view, size),
+                &closed,
+                self.options.leak_rays,
+                watch,
+            )?);
         }
         Ok(found)
     }
@@ -221,9 +235,9 @@ impl Work<'_> {
     }
 
     fn limits(&self, filters: &[(FilterShape, f64)]) -> Result<Vec<Limit>> {
-        let samples = self.options.reference_samples;
         let mut limits = Vec::new();
-        for &filter in filters {
+        for (index, &filter) in filters.iter().enumerate() {
+            let samples = self.options.samples_of_limit(index);
             let [a, b] = halves(&self.subject.base, filter, samples).map(|half| {
                 let mut world = prepare(self.subject, &half);
                 let (film, _) = self.picture::<[f32; 3]>(&mut world, &half)?;
@@ -286,7 +300,11 @@ impl Work<'_> {
     }
 
     /// Times all settings, each once a round; says how long reading the inputs takes.
-    fn time(&self, cells: &mut [Cell], load: Option<&(dyn Fn() -> Result<()> + Sync)>) -> Result<Option<Quartiles>> {
+    fn time(
+        &self,
+        cells: &mut [Cell],
+        load: Option<&(dyn Fn() -> Result<()> + Sync)>,
+    ) -> Result<Option<Quartiles>> {
         let threads = rayon::current_num_threads();
         let mut load_ms = Vec::new();
         let groups = groups(cells);
@@ -365,7 +383,8 @@ impl<'a> Meter<'a> {
             }
         });
         let twins: usize = twins.iter().map(effort).sum();
-        let references = 2 * limits * work.options.reference_samples as usize;
+        let references: usize =
+            (0..limits).map(|index| 2 * work.options.samples_of_limit(index) as usize).sum();
         let samples = references + twins + once * (1 + rounds) + groups(cells).len() * rounds;
         self.total.store(tiles * samples, Ordering::Relaxed);
     }
@@ -388,7 +407,8 @@ fn rows(candidates: &[Candidate], cells: &[Cell], base: &Setting, pixels: u64) -
     for candidate in candidates {
         let Some(cell) = cells.iter().find(|cell| cell.setting == candidate.setting) else { continue };
         let Some(seen) = &cell.seen else { continue };
-        let (Some(build_ms), Some(trace_ms)) = (Quartiles::of(&cell.build_ms), Quartiles::of(&cell.trace_ms)) else {
+        let (Some(build_ms), Some(trace_ms)) = (Quartiles::of(&cell.build_ms), Quartiles::of(&cell.trace_ms))
+        else {
             continue;
         };
         let (setting, statistics) = (&cell.setting, &seen.statistics);

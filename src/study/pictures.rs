@@ -17,8 +17,8 @@ const WORST: usize = 3;
 /// Bytes of PNG that a report holds at most; pictures beyond are left out. A browser copes with as much at once.
 const BUDGET: usize = 24 << 20;
 
-/// The errors that heat maps begin at and end at, as powers of ten: a fortieth of a step of 8 bits, and black against white.
-pub const HEAT: [f64; 2] = [-4.0, 0.0];
+/// The errors that heat maps begin at and end at, as powers of ten: less than f32 tells from 1, and black against white.
+const HEAT: [f64; 2] = [-8.0, 0.0];
 
 /// A picture held against another.
 pub struct Against {
@@ -49,7 +49,8 @@ impl Against {
 /// The largest difference of a channel of each pixel in what a display shows, as colours.
 fn heat(a: &Compared, b: &Compared) -> Result<Vec<u8>> {
     let largest = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
-    let place = |error: f32| ((f64::from(error).log10() - HEAT[0]) / (HEAT[1] - HEAT[0])).clamp(0.0, 1.0) as f32;
+    let place =
+        |error: f32| ((f64::from(error).log10() - HEAT[0]) / (HEAT[1] - HEAT[0])).clamp(0.0, 1.0) as f32;
     let errors: Vec<f32> = a.displayed().iter().zip(&b.displayed()).map(largest).map(place).collect();
     encode(a.width, a.height, heat_map(&errors).as_flattened())
 }
@@ -65,7 +66,10 @@ pub fn png(picture: &Compared) -> Result<Vec<u8>> {
 }
 
 fn encode(width: u32, height: u32, bytes: &[u8]) -> Result<Vec<u8>> {
-    let failed = |e: png::EncodingError| Error::Failed { what: format!("a picture cannot be made: {e}"), hint: String::new() };
+    let failed = |e: png::EncodingError| Error::Failed {
+        what: format!("a picture cannot be made: {e}"),
+        hint: String::new(),
+    };
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, width, height);
     encoder.set_color(png::ColorType::Rgb);
@@ -164,7 +168,12 @@ mod tests {
 
     #[test]
     fn equal_files_are_kept_once_and_equal_pictures_have_no_heat() {
-        let even = |value: f32| Compared { width: 4, height: 4, values: Values::Display, pixels: vec![[value; 3]; 16] };
+        let even = |value: f32| Compared {
+            width: 4,
+            height: 4,
+            values: Values::Display,
+            pixels: vec![[value; 3]; 16],
+        };
         let shown = |value: f32| {
             let twin = Against::new(&even(0.5), &even(value)).unwrap();
             Some(Shown { png: png(&even(value)).unwrap(), limit: None, twin })

@@ -39,6 +39,8 @@ struct Plot {
 const WIDTH: u32 = 560;
 /// Height without the legend.
 const HEIGHT: u32 = 400;
+/// The colours of the palette but the last, the grey of what has no group.
+const COLOURS: usize = PALETTE.len() - 1;
 /// Height of a line of the legend.
 const LEGEND: i32 = 18;
 
@@ -47,12 +49,13 @@ const LEGEND: i32 = 18;
 /// # Errors
 /// [`Error::Failed`](crate::error::Error::Failed) where plotters does.
 pub fn error_against_time(rows: &[Row], floor: Option<f64>) -> Result<String> {
+    let groups = knobs(rows);
     let rows = comparable(rows);
     let all = points(&rows);
     let best = front(&all);
     let plot = Plot {
-        groups: knobs(&rows),
-        marks: marks(&rows, &all, &best),
+        marks: marks(&groups, &rows, &all, &best),
+        groups,
         front: best.iter().map(|&i| all[i]).collect(),
         floor: floor.filter(|floor| *floor > 0.0),
         error: "error (RMSE against the limit)",
@@ -66,13 +69,15 @@ pub fn error_against_time(rows: &[Row], floor: Option<f64>) -> Result<String> {
 /// # Errors
 /// [`Error::Failed`](crate::error::Error::Failed) where plotters does.
 pub fn error_against_twin(rows: &[Row]) -> Result<String> {
-    let rows: Vec<&Row> = rows.iter().filter(|row| row.judge == super::Judge::Twin && row.twin.is_some()).collect();
+    let groups = knobs(rows);
+    let rows: Vec<&Row> =
+        rows.iter().filter(|row| row.judge == super::Judge::Twin && row.twin.is_some()).collect();
     let all: Vec<[f64; 2]> =
         rows.iter().map(|row| [row.trace_ms.median, row.twin.map_or(f64::NAN, |twin| twin.rmse)]).collect();
     let wrong: Vec<usize> = (0..rows.len()).filter(|&i| all[i][1] > 0.0).collect();
     let plot = Plot {
-        groups: knobs(&rows),
-        marks: marks(&rows, &all, &wrong),
+        marks: marks(&groups, &rows, &all, &wrong),
+        groups,
         front: Vec::new(),
         floor: None,
         error: "error (RMSE, same sample points in exact)",
@@ -80,7 +85,8 @@ pub fn error_against_twin(rows: &[Row]) -> Result<String> {
     drawn(&plot)
 }
 
-fn knobs(rows: &[&Row]) -> Vec<String> {
+/// All knobs, so that each has the same colour in every plot.
+fn knobs(rows: &[Row]) -> Vec<String> {
     let mut knobs: Vec<String> = Vec::new();
     for row in rows {
         if !knobs.contains(&row.knob) {
@@ -90,8 +96,7 @@ fn knobs(rows: &[&Row]) -> Vec<String> {
     knobs
 }
 
-fn marks(rows: &[&Row], points: &[[f64; 2]], labelled: &[usize]) -> Vec<Mark> {
-    let knobs = knobs(rows);
+fn marks(knobs: &[String], rows: &[&Row], points: &[[f64; 2]], labelled: &[usize]) -> Vec<Mark> {
     let mark = |(i, (row, &[time, error])): (usize, (&&Row, &[f64; 2]))| Mark {
         group: knobs.iter().position(|knob| *knob == row.knob).unwrap_or(0),
         time,
@@ -109,14 +114,23 @@ fn drawn(plot: &Plot) -> Result<String> {
     Ok(svg.replacen("<svg ", "<svg role=\"img\" ", 1))
 }
 
-/// Of a group, its colour; the grey of the palette is kept for what has no group.
+/// Of a group, its colour.
 fn colour(group: usize) -> RGBColor {
-    PALETTE[group % (PALETTE.len() - 1)]
+    PALETTE[group % COLOURS]
+}
+
+/// The times that are written on the axis: those that begin with 1, 2 or 5.
+fn round_time(time: f64) -> String {
+    let digit = time / 10f64.powf((time.log10() + 1e-9).floor());
+    let is_round = [1.0, 2.0, 5.0].iter().any(|round| (digit - round).abs() < 1e-6);
+    if is_round { format!("{}", (time * 1e4).round() / 1e4) } else { String::new() }
 }
 
 fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
     let columns = 3;
-    let legend_lines = plot.groups.len().div_ceil(columns) as i32;
+    let present: Vec<usize> =
+        (0..plot.groups.len()).filter(|&group| plot.marks.iter().any(|mark| mark.group == group)).collect();
+    let legend_lines = present.len().div_ceil(columns) as i32;
     let height = HEIGHT + (LEGEND * legend_lines) as u32;
     let root = SVGBackend::with_string(svg, (WIDTH, height)).into_drawing_area();
     root.fill(&WHITE)?;
@@ -148,20 +162,25 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
         .light_line_style(WHITE)
         .bold_line_style(GRID)
         .axis_style(INK)
-        .x_labels(6)
+        // Enough of them that plotters goes through the digits of each power of ten.
+        .x_labels(40)
         .y_labels(8)
-        .x_label_formatter(&|time| format!("{}", (time * 1e4).round() / 1e4))
+        .x_label_formatter(&|time| round_time(*time))
         .y_label_formatter(&error_label)
         .x_desc("milliseconds")
         .y_desc(plot.error)
-        .label_style(text(14))
-        .axis_desc_style(text(14))
+        .label_style(text(16))
+        .axis_desc_style(text(16))
         .draw()?;
     if let Some(floor) = plot.floor {
         let line = [(times.start, floor), (times.end, floor)];
         chart.draw_series(DashedLineSeries::new(line, 4, 4, PALETTE[6].stroke_width(1)))?;
-        let style = text(12).color(&PALETTE[6]).pos(Pos::new(HPos::Left, VPos::Bottom));
-        chart.draw_series([Text::new("the reference's own error", (times.start * 1.05, floor * 1.03), style)])?;
+        let style = text(14).color(&PALETTE[6]).pos(Pos::new(HPos::Left, VPos::Bottom));
+        chart.draw_series([Text::new(
+            "the reference's own error",
+            (times.start * 1.05, floor * 1.03),
+            style,
+        )])?;
     }
     let steps = plot.front.windows(2).flat_map(|pair| {
         let [[a, b], [c, d]] = [pair[0], pair[1]];
@@ -174,7 +193,11 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
         let spread = [(mark.spread[0], y), (mark.spread[1], y)];
         chart.draw_series([PathElement::new(spread, colour.stroke_width(1))])?;
         let style = if mark.label.is_some() { colour.filled() } else { colour.stroke_width(1) };
-        chart.draw_series([Circle::new((mark.time, y), 4, style)])?;
+        // Colours are fewer than knobs: those that come round again have another shape.
+        match mark.group / COLOURS {
+            0 => chart.draw_series([Circle::new((mark.time, y), 4, style)])?,
+            _ => chart.draw_series([TriangleMarker::new((mark.time, y), 5, style)])?,
+        };
     }
     let mut taken: Vec<(i32, i32)> = Vec::new();
     for mark in &plot.marks {
@@ -182,18 +205,25 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
         let point = (mark.time, place(mark.error));
         let at = chart.backend_coord(&point);
         // Labels that would lie on one another are left to the table.
-        if taken.iter().any(|other| (other.1 - at.1).abs() < 12 && (other.0 - at.0).abs() < 110) {
+        if taken.iter().any(|other| (other.1 - at.1).abs() < 15 && (other.0 - at.0).abs() < 110) {
             continue;
         }
         taken.push(at);
-        let style = text(12).pos(Pos::new(HPos::Left, VPos::Bottom));
+        let style = text(14).pos(Pos::new(HPos::Left, VPos::Bottom));
         chart.draw_series([EmptyElement::at(point) + Text::new(label.clone(), (6, -3), style)])?;
     }
-    for (index, group) in plot.groups.iter().enumerate() {
-        let (column, line) = (index % columns, index / columns);
+    for (place, &index) in present.iter().enumerate() {
+        let (column, line, group) = (place % columns, place / columns, &plot.groups[index]);
         let (x, y) = (70 + column as i32 * 160, 6 + LEGEND * line as i32);
-        legend.draw(&Circle::new((x, y), 4, colour(index).filled()))?;
-        legend.draw(&Text::new(group.clone(), (x + 10, y), text(13).pos(Pos::new(HPos::Left, VPos::Center))))?;
+        match index / COLOURS {
+            0 => legend.draw(&Circle::new((x, y), 4, colour(index).filled()))?,
+            _ => legend.draw(&TriangleMarker::new((x, y), 5, colour(index).filled()))?,
+        }
+        legend.draw(&Text::new(
+            group.clone(),
+            (x + 10, y),
+            text(15).pos(Pos::new(HPos::Left, VPos::Center)),
+        ))?;
     }
     root.present()
 }

@@ -45,7 +45,9 @@ impl Limit {
     /// Those of the metrics.
     pub fn new(filter: (FilterShape, f64), samples: u32, [a, b]: &[Picture; 2]) -> Result<Option<Self>> {
         let Some(errors) = PictureErrors::between(a, b)? else { return Ok(None) };
-        let mean = |(a, b): (&[f32; 3], &[f32; 3])| std::array::from_fn(|c| ((f64::from(a[c]) + f64::from(b[c])) / 2.0) as f32);
+        let mean = |(a, b): (&[f32; 3], &[f32; 3])| {
+            std::array::from_fn(|c| ((f64::from(a[c]) + f64::from(b[c])) / 2.0) as f32)
+        };
         let picture = Picture { pixels: a.pixels.iter().zip(&b.pixels).map(mean).collect(), ..a.clone() };
         let floor = Floor { filter: filter.0.name().into(), samples: 2 * samples, rmse: errors.rmse / 2.0 };
         Ok(Some(Limit { filter, picture, floor }))

@@ -54,7 +54,12 @@ fn head(study: &Study) -> String {
          <title>{title}</title>\n<style>{STYLE}</style></head><body>\n<h1>{title}</h1>\n\
          <p class=\"note\">{} × {} pixels; {} thread(s), timed by {} time; {} rounds in which all settings take turns, after one to warm up. \
          kiln {}.</p>\n",
-        study.size[0], study.size[1], study.threads, study.clock, study.rounds, escaped(&study.kiln)
+        study.size[0],
+        study.size[1],
+        study.threads,
+        study.clock,
+        study.rounds,
+        escaped(&study.kiln)
     )
 }
 
@@ -67,7 +72,7 @@ fn summary(study: &Study) -> String {
         html += "<li>No setting measured has an error against the limit.</li>\n";
     }
     for line in facts(study) {
-        let _ = writeln!(html, "<li>{}</li>", escaped(&line));
+        let _ = writeln!(html, "<li>{}</li>", with_code(&line));
     }
     html + "</ul>\n"
 }
@@ -85,16 +90,27 @@ pub fn facts(study: &Study) -> Vec<String> {
         lines.push(if differing.is_empty() {
             format!("All {} acceleration structures gave the same picture, to the bit.", bvh.len())
         } else {
-            format!("Acceleration structures gave different pictures, which is a fault in kiln: {}.", differing.join(", "))
+            format!(
+                "Acceleration structures gave different pictures, which is a fault in kiln: {}.",
+                differing.join(", ")
+            )
         });
     }
     for geometry in &study.geometry {
         let wrong = geometry.false_hits + geometry.false_misses + geometry.wrong_primitives;
-        let leaks = geometry.leaks_per_million.map_or(String::new(), |leaks| format!("; {leaks} leaks per million"));
-        lines.push(format!("{}: {} of {} rays find something else than in `exact`{leaks}.", geometry.numerics, wrong, geometry.rays));
+        let leaks =
+            geometry.leaks_per_million.map_or(String::new(), |leaks| format!("; {leaks} leaks per million"));
+        lines.push(format!(
+            "{}: {} of {} rays find something else than in `exact`{leaks}.",
+            geometry.numerics, wrong, geometry.rays
+        ));
     }
     for row in study.rows.iter().filter(|row| row.non_finite > 0) {
-        lines.push(format!("{}: {} pixel(s) are no finite numbers; no error was computed.", row.name(), row.non_finite));
+        lines.push(format!(
+            "{}: {} pixel(s) are no finite numbers; no error was computed.",
+            row.name(),
+            row.non_finite
+        ));
     }
     lines
 }
@@ -118,7 +134,9 @@ fn geometry(tiers: &[Geometry]) -> String {
         <th>wrong primitive</th><th>not finite</th><th>t error, ulp</th><th>normals, °</th><th>leaks per million</th></tr>\n"
         .to_owned();
     for tier in tiers {
-        let three = |values: Option<[f64; 3]>| values.map_or("–".into(), |values| values.map(scientific).join(" / "));
+        let three = |values: Option<[f64; 3]>| {
+            values.map_or("–".into(), |values| values.map(scientific).join(" / "))
+        };
         let leaks = tier.leaks_per_million.map_or("no closed mesh".to_owned(), scientific);
         let class = |bad: bool| if bad { " class=\"bad\"" } else { "" };
         let _ = writeln!(
@@ -126,10 +144,14 @@ fn geometry(tiers: &[Geometry]) -> String {
             "<tr><td class=\"left\">{}</td><td>{}</td><td{}>{}</td><td{}>{}</td><td{}>{}</td><td{}>{}</td><td>{}</td><td>{}</td><td{}>{leaks}</td></tr>",
             tier.numerics,
             tier.rays,
-            class(tier.false_hits > 0), tier.false_hits,
-            class(tier.false_misses > 0), tier.false_misses,
-            class(tier.wrong_primitives > 0), tier.wrong_primitives,
-            class(tier.non_finite > 0), tier.non_finite,
+            class(tier.false_hits > 0),
+            tier.false_hits,
+            class(tier.false_misses > 0),
+            tier.false_misses,
+            class(tier.wrong_primitives > 0),
+            tier.wrong_primitives,
+            class(tier.non_finite > 0),
+            tier.non_finite,
             three(tier.t_ulps),
             three(tier.normal_degrees),
             class(tier.leaks_per_million.is_some_and(|leaks| leaks > 0.0)),
@@ -146,13 +168,17 @@ fn steps(study: &Study) -> String {
     for step in &study.steps {
         let (Some(from), Some(to)) = (study.rows.get(step.from), study.rows.get(step.to)) else { continue };
         let time = if step.time_is_apart { format!("× {:.2}", step.time_ratio) } else { "alike".into() };
-        let error = |error: Option<f64>| error.map_or("–".into(), |error| if error == 0.0 { "0".into() } else { scientific(error) });
+        let error = |error: Option<f64>| {
+            error.map_or("–".into(), |error| if error == 0.0 { "0".into() } else { scientific(error) })
+        };
         let buys = match (step.error_before, step.error_after) {
             _ if from.fingerprint == to.fingerprint => "same picture".to_owned(),
             (Some(before), Some(after)) if before > 0.0 && after > 0.0 && before >= after => {
-                format!("error ÷ {:.2}", before / after)
+                format!("error ÷ {}", scientific(before / after))
             }
-            (Some(before), Some(after)) if before > 0.0 && after > 0.0 => format!("error × {:.2}", after / before),
+            (Some(before), Some(after)) if before > 0.0 && after > 0.0 => {
+                format!("error × {}", scientific(after / before))
+            }
             (Some(before), Some(0.0)) if before > 0.0 => "no error".into(),
             _ => String::new(),
         };
@@ -179,11 +205,12 @@ fn steps(study: &Study) -> String {
 }
 
 fn look(study: &Study, pictures: &Pictures) -> String {
-    let shown: Vec<&Row> = study.rows.iter().filter(|row| pictures.rows.get(row.id).is_some_and(Option::is_some)).collect();
+    let shown: Vec<&Row> =
+        study.rows.iter().filter(|row| pictures.rows.get(row.id).is_some_and(Option::is_some)).collect();
     if shown.is_empty() {
         return String::new();
     }
-    let first = shown.iter().find(|row| row.knob == "numerics" && row.errors().is_some_and(|e| !e.are_none())).unwrap_or(&shown[0]).id;
+    let first = shown.iter().find(|row| row.base).unwrap_or(&shown[0]).id;
     let mut html = "<h2 id=\"look\">Look at it</h2>\n<p><label>Setting <select id=\"choice\">".to_owned();
     for row in &shown {
         let selected = if row.id == first { " selected" } else { "" };
@@ -191,14 +218,18 @@ fn look(study: &Study, pictures: &Pictures) -> String {
     }
     html += "</select></label></p>\n";
     if shown.len() < study.rows.len() {
-        let _ = writeln!(html, "<p class=\"note\">Pictures of {} settings are left out, to keep the page small.</p>", study.rows.len() - shown.len());
+        let _ = writeln!(
+            html,
+            "<p class=\"note\">Pictures of {} settings are left out, to keep the page small.</p>",
+            study.rows.len() - shown.len()
+        );
     }
     html + "<div class=\"two\"><figure><div class=\"slider\" id=\"slider\" tabindex=\"0\" role=\"slider\" aria-label=\"reference against setting\" \
         aria-valuemin=\"0\" aria-valuemax=\"100\" aria-valuenow=\"50\"><img class=\"own\" alt=\"the picture of this setting\">\
         <div class=\"top\"><img alt=\"the reference\"></div><span class=\"a\" id=\"what\"></span><span class=\"b\" id=\"name\"></span></div>\
         <figcaption>Drag, or use the arrow keys.</figcaption></figure>\n\
-        <figure class=\"heat\"><div id=\"heat\"><img alt=\"where the two differ\"><div class=\"scale\"></div><div class=\"ends\"><span>0.0001 and less</span>\
-        <span>0.01</span><span>1</span></div></div><p id=\"nothing\" class=\"same\" hidden>No pixel differs.</p>\
+        <figure class=\"heat\"><div id=\"heat\"><img alt=\"where the two differ\"><div class=\"scale\"></div><div class=\"ends\"><span>10⁻⁸</span><span>10⁻⁶</span><span>10⁻⁴</span>\
+        <span>10⁻²</span><span>1</span></div></div><p id=\"nothing\" class=\"same\" hidden>No pixel differs.</p>\
         <figcaption>The largest difference of a channel of each pixel, as displayed, on a logarithmic scale; 1 is white.</figcaption></figure></div>\n\
         <div id=\"worst\"><h3>The worst places, enlarged</h3><div class=\"crops\" id=\"crops\"></div></div>\n"
 }
@@ -214,7 +245,7 @@ fn table(study: &Study) -> String {
     let alternatives = comparable(&study.rows);
     let best: Vec<usize> = front(&points(&alternatives)).into_iter().map(|i| alternatives[i].id).collect();
     let mut html = "<h2>All settings</h2>\n<p class=\"note\">● on the Pareto front of time and error against the limit, ○ dominated; settings of another \
-        filter have another limit and no mark. Errors: against what the column says. A row shows its picture when it is clicked.</p>\n\
+        filter have another limit and no mark. Errors: against what the column says. Quartiles of building are in the CSV. A row shows its picture when it is clicked.</p>\n\
         <div class=\"scroll\"><table><tr><th class=\"left\">setting</th><th>build ms</th><th>picture ms</th><th>rays</th><th>samples a pixel</th>\
         <th>structure KB</th><th class=\"left\">against</th><th>RMSE</th><th>max</th><th>PSNR dB</th><th>relMSE</th><th>FLIP</th><th>pixels that differ</th>\
         <th>RMSE to limit</th></tr>\n"
@@ -226,14 +257,20 @@ fn table(study: &Study) -> String {
             false => "",
         };
         let limit = row.limit.map_or("–".into(), |limit| scientific(limit.rmse));
-        let limit = if row.told == Told::Within { format!("<span class=\"within\" title=\"cannot be told from the reference's own error\">≈ {limit}</span>") } else { limit };
+        let limit = if row.told == Told::Within {
+            format!(
+                "<span class=\"within\" title=\"cannot be told from the reference's own error\">≈ {limit}</span>"
+            )
+        } else {
+            limit
+        };
         let _ = writeln!(
             html,
             "<tr class=\"{class}\" data-row=\"{}\"><td class=\"left\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.1}</td><td>{:.1}</td>\
              <td class=\"left\">{}</td>{}<td>{limit}</td></tr>",
             row.id,
             escaped(&row.name()),
-            brief(row.build_ms),
+            scientific(row.build_ms.median),
             brief(row.trace_ms),
             row.rays,
             row.samples_per_pixel,
@@ -248,11 +285,16 @@ fn table(study: &Study) -> String {
 
 fn cells(row: &Row) -> String {
     if row.non_finite > 0 {
-        return format!("<td colspan=\"6\" class=\"bad\">{} pixels are no finite numbers</td>", row.non_finite);
+        return format!(
+            "<td colspan=\"6\" class=\"bad\">{} pixels are no finite numbers</td>",
+            row.non_finite
+        );
     }
     match row.errors() {
         None => "<td colspan=\"6\">–</td>".into(),
-        Some(errors) if errors.are_none() => "<td colspan=\"6\" class=\"same\">same picture: error 0</td>".into(),
+        Some(errors) if errors.are_none() => {
+            "<td colspan=\"6\" class=\"same\">same picture: error 0</td>".into()
+        }
         Some(&PictureErrors { max, rmse, rel_mse, psnr, flip, differing }) => format!(
             "<td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3} %</td>",
             scientific(rmse),
@@ -302,7 +344,17 @@ fn scientific(x: f64) -> String {
     if x == 0.0 {
         "0".into()
     } else if (0.01..1e4).contains(&x.abs()) {
-        format!("{:.*}", if x < 1.0 { 3 } else if x < 100.0 { 2 } else { 0 }, x)
+        format!(
+            "{:.*}",
+            if x < 1.0 {
+                3
+            } else if x < 100.0 {
+                2
+            } else {
+                0
+            },
+            x
+        )
     } else {
         format!("{x:.1e}")
     }
@@ -311,7 +363,9 @@ fn scientific(x: f64) -> String {
 /// Text with what stands between backquotes as code.
 fn with_code(text: &str) -> String {
     let parts = text.split('`').enumerate();
-    parts.map(|(i, part)| if i % 2 == 1 { format!("<code>{}</code>", escaped(part)) } else { escaped(part) }).collect()
+    parts
+        .map(|(i, part)| if i % 2 == 1 { format!("<code>{}</code>", escaped(part)) } else { escaped(part) })
+        .collect()
 }
 
 fn escaped(text: &str) -> String {

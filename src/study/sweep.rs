@@ -90,8 +90,10 @@ impl List<'_> {
             self.add("bvh", preset.name(), Judge::Twin, Setting { structure, ..self.base.clone() });
         }
         let preset = self.base.structure.preset().unwrap_or_default();
-        let mut layouts =
-            vec![("layout bvh8-portable", Structure::Portable(preset)), ("layout bvh2", Structure::Tree(preset))];
+        let mut layouts = vec![
+            ("layout bvh8-portable", Structure::Portable(preset)),
+            ("layout bvh2", Structure::Tree(preset)),
+        ];
         if scene.primitive_count() <= FEW {
             layouts.push(("layout brute-force", Structure::BruteForce));
         }
@@ -163,7 +165,10 @@ impl List<'_> {
             self.add("filter", name, Judge::Limit, setting);
         }
         if most <= FILTERED {
-            self.absent.push(("noise", format!("at most {most} samples a pixel are looked at; it needs more than {FILTERED}")));
+            self.absent.push((
+                "noise",
+                format!("at most {most} samples a pixel are looked at; it needs more than {FILTERED}"),
+            ));
             return;
         }
         for noise in NOISE {
@@ -205,7 +210,8 @@ impl List<'_> {
 
 /// 1, 2, 4, …
 fn counts(most: u32) -> impl Iterator<Item = u32> {
-    std::iter::successors(Some(1u32), |samples| samples.checked_mul(2)).take_while(move |&samples| samples <= most)
+    std::iter::successors(Some(1u32), |samples| samples.checked_mul(2))
+        .take_while(move |&samples| samples <= most)
 }
 
 fn samples_named(samples: u32) -> String {

@@ -14,11 +14,14 @@ pub fn to_csv(rows: &[Row]) -> String {
             names.push(name);
         }
     }
-    let is_parent = |name: &str| names.iter().any(|other| other.len() > name.len() && other.starts_with(&format!("{name}.")));
+    let is_parent = |name: &str| {
+        names.iter().any(|other| other.len() > name.len() && other.starts_with(&format!("{name}.")))
+    };
     let names: Vec<&String> = names.iter().filter(|name| !is_parent(name)).copied().collect();
     let mut text = line(names.iter().map(|name| name.as_str()));
     for row in &flat {
-        let cell = |name: &&String| row.iter().find(|(own, _)| own == *name).map_or("", |(_, value)| value.as_str());
+        let cell =
+            |name: &&String| row.iter().find(|(own, _)| own == *name).map_or("", |(_, value)| value.as_str());
         text += &line(names.iter().map(cell));
     }
     text
@@ -78,8 +81,18 @@ pub fn from_csv(text: &str) -> Result<Vec<Row>, String> {
 }
 
 /// Columns of text, whatever it looks like.
-const TEXTS: [&str; 10] =
-    ["knob", "setting", "options", "numerics", "layout", "preset", "colour", "filter", "fingerprint", "judge"];
+const TEXTS: [&str; 10] = [
+    "knob",
+    "setting",
+    "options",
+    "numerics",
+    "layout",
+    "preset",
+    "colour",
+    "filter",
+    "fingerprint",
+    "judge",
+];
 
 fn insert(into: &mut Map<String, Value>, name: &str, cell: &str) {
     match name.split_once('.') {
@@ -91,7 +104,11 @@ fn insert(into: &mut Map<String, Value>, name: &str, cell: &str) {
         }
         None => {
             let text = || Value::String(cell.to_owned());
-            let value = if TEXTS.contains(&name) { text() } else { serde_json::from_str(cell).unwrap_or_else(|_| text()) };
+            let value = if TEXTS.contains(&name) {
+                text()
+            } else {
+                serde_json::from_str(cell).unwrap_or_else(|_| text())
+            };
             into.insert(name.to_owned(), value);
         }
     }
