@@ -57,7 +57,7 @@ fn read_exr(bytes: Vec<u8>) -> std::result::Result<Pixels, String> {
         .rgb_channels(
             |size, _| -> Rows { (size.width(), vec![[0.0; 3]; size.area()]) },
             |(width, rows): &mut Rows, at, (r, g, b): (f32, f32, f32)| {
-                rows[at.y() * *width + at.x()] = [r, g, b]
+                rows[at.y() * *width + at.x()] = [r, g, b];
             },
         )
         .first_valid_layer()

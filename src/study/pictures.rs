@@ -117,7 +117,7 @@ pub struct Picture {
 
 impl Pictures {
     /// Of each row the number of its cell and what judges it; and the cells.
-    pub fn new(limit: Option<Vec<u8>>, rows: &[Option<(usize, Judge)>], cells: Vec<Option<Shown>>) -> Self {
+    pub fn new(limit: Option<Vec<u8>>, rows: &[Option<(usize, Judge)>], cells: &[Option<Shown>]) -> Self {
         let mut files = Files::default();
         let limit = limit.map(|limit| files.number(limit));
         let mut pictures = Vec::new();
@@ -179,7 +179,7 @@ mod tests {
             Some(Shown { png: png(&even(value)).unwrap(), limit: None, twin })
         };
         let rows = [Some((0, Judge::Twin)), Some((1, Judge::Twin)), Some((1, Judge::Limit)), None];
-        let pictures = Pictures::new(None, &rows, vec![shown(0.5), shown(0.25)]);
+        let pictures = Pictures::new(None, &rows, &[shown(0.5), shown(0.25)]);
         // Grey, darker grey, and the map of their difference.
         assert_eq!(pictures.files.len(), 3);
         assert_eq!(pictures.rows[0], Some(Picture { own: 0, reference: 0, heat: None, worst: Vec::new() }));
