@@ -137,6 +137,8 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
     let (area, legend) = root.split_vertically(HEIGHT);
     let positive = || plot.marks.iter().map(|mark| mark.error).chain(plot.floor).filter(|error| *error > 0.0);
     let errors = if positive().next().is_some() { decades(positive()) } else { 0.1..1.0 };
+    // Room for a label above the largest, and beside the slowest.
+    let errors = errors.start..errors.end * 1.6;
     let has_zero = plot.marks.iter().any(|mark| mark.error == 0.0);
     // A line of its own for 0, which has no logarithm.
     let zero = 10f64.powf((errors.start.log10() - 0.6).floor());
