@@ -24,7 +24,7 @@ mod numbers;
 mod obvhs;
 #[cfg(feature = "peers")]
 mod parry;
-mod plot;
+pub(crate) mod plot;
 mod rays;
 pub mod speed;
 mod spread;

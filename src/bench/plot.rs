@@ -45,7 +45,7 @@ pub struct Panel {
 }
 
 /// Colours that can be told apart, also by those who see red and green alike (Okabe and Ito, Color Universal Design, 2008).
-const PALETTE: [RGBColor; 7] = [
+pub(crate) const PALETTE: [RGBColor; 7] = [
     RGBColor(213, 94, 0),
     RGBColor(150, 130, 20),
     RGBColor(0, 158, 115),
@@ -55,19 +55,19 @@ const PALETTE: [RGBColor; 7] = [
     RGBColor(90, 90, 90),
 ];
 
-const INK: RGBColor = RGBColor(40, 40, 40);
-const WARNING: RGBColor = RGBColor(190, 0, 0);
-const GRID: RGBColor = RGBColor(225, 225, 225);
+pub(crate) const INK: RGBColor = RGBColor(40, 40, 40);
+pub(crate) const WARNING: RGBColor = RGBColor(190, 0, 0);
+pub(crate) const GRID: RGBColor = RGBColor(225, 225, 225);
 
-fn colour(index: usize) -> RGBColor {
+pub(crate) fn colour(index: usize) -> RGBColor {
     PALETTE[index % PALETTE.len()]
 }
 
-fn text(size: i32) -> TextStyle<'static> {
+pub(crate) fn text(size: i32) -> TextStyle<'static> {
     ("sans-serif", size).into_font().color(&INK)
 }
 
-fn failed(e: impl std::fmt::Display) -> Error {
+pub(crate) fn failed(e: impl std::fmt::Display) -> Error {
     Error::Failed { what: format!("the plot cannot be drawn: {e}"), hint: String::new() }
 }
 
@@ -81,7 +81,8 @@ pub fn bars(unit: &str, bars: &[Bar]) -> Result<String> {
     Ok(svg)
 }
 
-type Drawn<'a> = std::result::Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
+pub(crate) type Drawn<'a> =
+    std::result::Result<(), DrawingAreaErrorKind<<SVGBackend<'a> as DrawingBackend>::ErrorType>>;
 
 fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
     let size = (900, 64 + 22 * bars.len() as u32);
@@ -155,7 +156,7 @@ pub fn panels(across: &str, panels: &[Panel]) -> Result<String> {
 }
 
 /// The smallest powers of ten, or twice or five times one, that hold some positive numbers.
-fn decades(numbers: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
+pub(crate) fn decades(numbers: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
     let (low, high) = (numbers.clone().fold(f64::INFINITY, f64::min), numbers.fold(0.0, f64::max));
     if low > high {
         return 1.0..10.0;

@@ -14,6 +14,7 @@ mod progress;
 mod render;
 mod sampling;
 mod statistics;
+mod study;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -44,6 +45,8 @@ enum Command {
     Explain(Box<explain::Command>),
     /// Say what files hold, how large it is, and what is odd about it
     Info(info::Arguments),
+    /// Show what accuracy costs in time: a scene in many settings, each with its time and its error, as a page
+    Study(Box<study::Command>),
     /// Measure kiln: leaks beside other libraries, cost and errors of its tiers
     Bench(bench::Arguments),
     /// Say how far two pictures are apart
@@ -75,6 +78,7 @@ pub fn main() -> ExitCode {
             Command::Render(arguments) => render::run(&arguments, interrupted),
             Command::Explain(arguments) => explain::run(&arguments, interrupted),
             Command::Info(arguments) => info::run(&arguments),
+            Command::Study(arguments) => study::run(&arguments, interrupted),
             Command::Bench(arguments) => bench::run(&arguments, interrupted),
             Command::Compare(arguments) => return compare::run(&arguments),
             Command::Schema => print(&format!("{:#}\n", effects::schema())),

@@ -75,6 +75,12 @@ fn size_like(camera: &Camera) -> Option<[u32; 2]> {
     Some(shape.map(|pixels| pixels.round().max(1.0) as u32))
 }
 
+/// The same shape with no side longer than so many pixels.
+pub fn no_longer_than(longest: u32, [width, height]: [u32; 2]) -> [u32; 2] {
+    let scale = f64::from(longest) / f64::from(width.max(height).max(longest));
+    [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1))
+}
+
 /// The part of the picture to render.
 pub fn window(crop: Option<Window>, [width, height]: [u32; 2]) -> Result<Window> {
     let Some(crop) = crop else { return Ok(Window { x: 0, y: 0, width, height }) };

@@ -19,7 +19,7 @@ use crate::film::{ColourPipeline, Film, Pixel, Window};
 use crate::import;
 use crate::render::aov::{self, LARGEST_NUMBER, Subject, Wanted};
 use crate::render::{Clock, Statistics, Watch, render_as};
-use crate::scene::{Camera, Numerics, Projection};
+use crate::scene::{Camera, Numerics, Projection, Scene};
 use crate::shading::ShadingMode;
 use crate::study::choose::{self, End, Wish};
 use crate::world::{Range, View, World, bring_into_range, headlight};
@@ -193,14 +193,33 @@ pub struct Ready {
     pub settings: Vec<(String, String)>,
 }
 
-/// Reads the inputs and prepares all that a picture of them takes; `show` is called with what is done next, and with what
-/// there is to say of what was done.
-pub fn make_ready(
+/// A scene with all that was said of its picture, before anything is prepared.
+pub struct Described {
+    pub scene: Scene,
+    /// How the scene was moved.
+    pub range: Option<Range>,
+    pub camera: Camera,
+    pub projection: Projection,
+    pub size: [u32; 2],
+    pub view: View,
+    pub window: Window,
+    pub choices: Choices,
+    pub pipeline: ColourPipeline,
+    pub numerics: Numerics,
+    pub structure: Structure,
+    /// What makes the picture.
+    pub settings: Vec<(String, String)>,
+}
+
+/// Reads the inputs and finds out which picture of them is wanted; `show` is called with what is done next, and with what
+/// there is to say of what was done. `longest` limits the picture's sides, in pixels, where no size is given.
+pub fn take_in(
     arguments: &Arguments,
+    longest: Option<u32>,
     seconds: &mut Seconds,
     warnings: &mut Warnings,
     show: &mut dyn FnMut(&str, &Warnings),
-) -> Result<Ready> {
+) -> Result<Described> {
     show("loading", warnings);
     let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, warnings))?;
     show("preparing", warnings);
@@ -212,7 +231,10 @@ pub fn make_ready(
             _ => "the scene's size is beyond what f32 holds well; scaled by a power of two",
         });
     }
-    let (camera, size) = picture::choose(arguments, &scene)?;
+    let (camera, mut size) = picture::choose(arguments, &scene)?;
+    if let Some(longest) = longest.filter(|_| arguments.size.is_none() && arguments.crop.is_none()) {
+        size = picture::no_longer_than(longest, size);
+    }
     if scene.lights.is_empty() && shading(arguments).uses_lights() {
         scene.lights.extend(headlight(&camera));
         warnings.note("no light in the scene; added a headlight");
@@ -232,9 +254,35 @@ pub fn make_ready(
     let window = picture::window(arguments.crop, size)?;
     let mut settings = settings(arguments, &camera, projection, size, pipeline, numerics);
     settings.extend(scene.sampling.settings());
-
-    show("building", warnings);
     let structure = Structure::Wide(Preset::named(&arguments.bvh).unwrap_or_default());
+    Ok(Described {
+        scene,
+        range,
+        camera,
+        projection,
+        size,
+        view,
+        window,
+        choices,
+        pipeline,
+        numerics,
+        structure,
+        settings,
+    })
+}
+
+/// Reads the inputs and prepares all that a picture of them takes; `show` is called with what is done next, and with what
+/// there is to say of what was done.
+pub fn make_ready(
+    arguments: &Arguments,
+    seconds: &mut Seconds,
+    warnings: &mut Warnings,
+    show: &mut dyn FnMut(&str, &Warnings),
+) -> Result<Ready> {
+    let described = take_in(arguments, None, seconds, warnings, show)?;
+    let Described { scene, range, view, window, choices, pipeline, numerics, structure, settings, .. } =
+        described;
+    show("building", warnings);
     let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, structure, numerics));
     let plan = Plan::new(&world, &choices)?;
     warn_of_the_world(&world, &plan, &choices, warnings);

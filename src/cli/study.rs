@@ -1,0 +1,166 @@
+//! `kiln study`: what accuracy costs, as a page, a table and JSON.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+
+use super::progress::{Mode, Progress};
+use super::render::{self, Arguments, Described};
+use super::statistics::Seconds;
+use super::{Printer, print};
+use crate::error::{Error, Result, Warnings};
+use crate::film::output::write_whole;
+use crate::import;
+use crate::render::Watch;
+use crate::study::{Options, Pools, Setting, Study, Subject, error_against_time, facts, page, study, to_csv};
+
+/// The longer side of the picture where no size is given, in pixels.
+const LONGEST: u32 = 256;
+
+#[derive(Args)]
+pub struct Command {
+    #[command(flatten)]
+    what: Arguments,
+    /// The folder to write index.html, study.csv, study.json and study.svg to; made where there is none
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// How often everything is timed, after a round to warm up [default: 7, with --full 15]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    rounds: Option<u16>,
+    /// The scene's own size and many more samples, instead of a small picture in about a minute
+    #[arg(long)]
+    full: bool,
+    /// How to show progress, on standard error
+    #[arg(long, value_enum, default_value = "auto")]
+    progress: Mode,
+}
+
+pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+    render::check(&command.what)?;
+    make_folder(&command.output)?;
+    let arguments = &command.what;
+    let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
+    let progress = Progress::new(command.progress);
+    let (mut warnings, mut printer) = (Warnings::default(), Printer::default());
+    let with_notes = command.progress != Mode::None;
+
+    let longest = (!command.full).then_some(LONGEST);
+    let described = wide.install(|| {
+        render::take_in(arguments, longest, &mut Seconds::default(), &mut warnings, &mut |phase, said| {
+            progress.pause(|| printer.print(said, with_notes));
+            progress.phase(phase);
+        })
+    })?;
+    let subject = subject(arguments, described);
+    let load = || import::load(&arguments.inputs, &mut Warnings::default()).map(drop);
+    let is_file = arguments.inputs.iter().all(|input| input != Path::new("-"));
+    let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
+
+    progress.phase("studying");
+    let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
+    let pools = Pools { timed: &timed, wide: &wide };
+    let (study, pictures) = study(&subject, &options(command), load, &pools, &watch)?;
+
+    let write = |name: &str, text: &str| {
+        write_whole(&command.output.join(name), |out| out.write_all(text.as_bytes()))
+    };
+    write("index.html", &page(&study, &pictures)?)?;
+    write("study.csv", &to_csv(&study.rows))?;
+    write("study.json", &format!("{:#}\n", serde_json::json!(study)))?;
+    write("study.svg", &error_against_time(&study.rows, study.floors.first().map(|floor| floor.rmse))?)?;
+    progress.clear();
+    print(&text(&study))?;
+    progress.finish(&format!("wrote {}", command.output.join("index.html").display()));
+    Ok(())
+}
+
+fn make_folder(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::output(folder, e))
+}
+
+fn options(command: &Command) -> Options {
+    let rounds = |usual| command.rounds.map_or(usual, u32::from);
+    if command.full {
+        Options {
+            rounds: rounds(15),
+            most_samples: 128,
+            reference_samples: 4096,
+            rays_across: 2048,
+            leak_rays: 4_000_000,
+        }
+    } else {
+        Options {
+            rounds: rounds(7),
+            most_samples: 32,
+            reference_samples: 512,
+            rays_across: 1024,
+            leak_rays: 400_000,
+        }
+    }
+}
+
+fn subject(arguments: &Arguments, described: Described) -> Subject {
+    let Described {
+        scene,
+        camera,
+        projection,
+        size,
+        window,
+        choices,
+        pipeline,
+        numerics,
+        structure,
+        settings,
+        ..
+    } = described;
+    let inputs: Vec<String> = arguments.inputs.iter().map(|input| input.display().to_string()).collect();
+    let sampling = scene.sampling;
+    let base = Setting {
+        numerics,
+        structure,
+        pipeline,
+        sampling,
+        bounces: None,
+        textures: None,
+        without: Vec::new(),
+    };
+    Subject {
+        name: inputs.join(" "),
+        command: typed(),
+        scene,
+        camera,
+        projection,
+        size,
+        window,
+        choices,
+        base,
+        settings,
+    }
+}
+
+/// The command as it was typed, quoted where a shell wants it.
+fn typed() -> String {
+    let word = |word: String| match word.chars().all(|c| c.is_ascii_alphanumeric() || "-_./=,:".contains(c)) {
+        true => word,
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    };
+    let rest = std::env::args_os().skip(1).map(|argument| word(argument.to_string_lossy().into_owned()));
+    std::iter::once("kiln".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")
+}
+
+/// The advice, and what else there is to say in a line.
+fn text(study: &Study) -> String {
+    let mut text = String::new();
+    for advice in &study.advice {
+        let _ = writeln!(text, "{}", advice.text);
+    }
+    for line in facts(study) {
+        let _ = writeln!(text, "{line}");
+    }
+    for [knob, why] in &study.left_out {
+        let _ = writeln!(text, "left out: {knob}: {why}");
+    }
+    text
+}

@@ -1,0 +1,181 @@
+//! What tiers decide otherwise than `exact`, before any shading: hits and misses, primitives, distances, normals.
+//!
+//! Asked are the rays through the centres of a picture's pixels. Each tier asks in its own numbers: what `fast` and `watertight`
+//! lose by rounding rays and corners to f32 counts, as it does in their pictures. `kiln bench numerics` asks all tiers the same
+//! f32 questions instead.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::data::Geometry;
+use super::leaks::Closed;
+use crate::bvh::Traversal;
+use crate::error::Result;
+use crate::geometry::Ray;
+use crate::render::Watch;
+use crate::world::{View, World};
+
+/// Rays are asked about in batches of as many as a tile has.
+const BATCH: usize = 256;
+
+/// What one ray found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Found {
+    t: f64,
+    prim: u32,
+    normal: DVec3,
+}
+
+/// Compares a tier with `exact` on the rays of a picture of `size` pixels, and casts `leak_rays` rays at closed meshes.
+///
+/// # Errors
+/// [`crate::error::Error::Interrupted`] when cancelled.
+pub fn compare(
+    [tier, exact]: [&World; 2],
+    (view, size): (&View, [u32; 2]),
+    closed: &[Closed],
+    leak_rays: u64,
+    watch: &Watch,
+) -> Result<Geometry> {
+    let pixels: Vec<u32> = (0..size[0] * size[1]).collect();
+    let parts: Vec<(Tally, Vec<f64>, Vec<f64>)> = pixels
+        .par_chunks(BATCH * 16)
+        .map(|pixels| {
+            let [own, truth] = [tier, exact].map(|world| find(world, view, size[0], pixels));
+            let (mut tally, mut ulps, mut degrees) = (Tally::default(), Vec::new(), Vec::new());
+            for (own, truth) in own.into_iter().zip(truth) {
+                if let Some((error, angle)) = tally.count(own, truth) {
+                    ulps.push(error);
+                    degrees.push(angle);
+                }
+            }
+            (tally, ulps, degrees)
+        })
+        .collect();
+    let (mut tally, mut ulps, mut degrees) = (Tally::default(), Vec::new(), Vec::new());
+    for (part, more_ulps, more_degrees) in parts {
+        tally.add(&part);
+        ulps.extend(more_ulps);
+        degrees.extend(more_degrees);
+    }
+    let (leaks, cast) = super::leaks::count(closed, tier.numerics(), leak_rays, watch)?;
+    Ok(Geometry {
+        numerics: tier.numerics().name().into(),
+        rays: pixels.len() as u64,
+        false_hits: tally.false_hits,
+        false_misses: tally.false_misses,
+        wrong_primitives: tally.wrong,
+        non_finite: tally.non_finite,
+        t_ulps: summary(ulps),
+        normal_degrees: summary(degrees),
+        leaks_per_million: (cast > 0).then(|| leaks as f64 * 1e6 / cast as f64),
+        leak_rays: cast,
+    })
+}
+
+fn find(world: &World, view: &View, width: u32, pixels: &[u32]) -> Vec<Option<Found>> {
+    let precision = world.numerics().precision();
+    let rays: Vec<Ray> =
+        pixels.iter().map(|pixel| view.ray(pixel % width, pixel / width, precision)).collect();
+    let (mut traversal, mut hits) = (Traversal::default(), Vec::new());
+    rays.chunks(BATCH).for_each(|rays| world.accelerator.closest_hits(rays, &mut hits, &mut traversal));
+    let found = |(ray, hit): (&Ray, &Option<crate::geometry::Hit>)| {
+        let hit = hit.as_ref()?;
+        Some(Found { t: hit.t, prim: hit.prim.0, normal: world.surface(ray, hit).geometric_normal })
+    };
+    rays.iter().zip(&hits).map(found).collect()
+}
+
+/// What became of the answers.
+#[derive(Debug, Default, PartialEq)]
+struct Tally {
+    false_hits: u64,
+    false_misses: u64,
+    wrong: u64,
+    non_finite: u64,
+}
+
+impl Tally {
+    /// Counts an answer; where it is the right primitive, the error of its distance in units of the last place of f32 and the
+    /// angle of its normal in degrees.
+    fn count(&mut self, own: Option<Found>, truth: Option<Found>) -> Option<(f64, f64)> {
+        let (own, truth) = match (own, truth) {
+            (None, None) => return None,
+            (Some(_), None) => {
+                self.false_hits += 1;
+                return None;
+            }
+            (None, Some(_)) => {
+                self.false_misses += 1;
+                return None;
+            }
+            (Some(own), Some(truth)) => (own, truth),
+        };
+        if own.prim != truth.prim {
+            self.wrong += 1;
+            return None;
+        }
+        // Before any figure: what is no finite number is counted, and no part of it.
+        if !(own.t.is_finite() && own.normal.is_finite()) {
+            self.non_finite += 1;
+            return None;
+        }
+        let single = truth.t as f32;
+        let ulp = f64::from(single.next_up()) - f64::from(single);
+        // Through the chord, which stays precise where the angle is small.
+        let angle = 2.0 * ((own.normal - truth.normal).length() / 2.0).min(1.0).asin().to_degrees();
+        Some(((own.t - truth.t).abs() / ulp, angle))
+    }
+
+    fn add(&mut self, other: &Tally) {
+        self.false_hits += other.false_hits;
+        self.false_misses += other.false_misses;
+        self.wrong += other.wrong;
+        self.non_finite += other.non_finite;
+    }
+}
+
+/// Median, 99.9th percentile (nearest rank) and the largest. `None` of nothing.
+fn summary(mut numbers: Vec<f64>) -> Option<[f64; 3]> {
+    numbers.sort_unstable_by(f64::total_cmp);
+    let last = numbers.len().checked_sub(1)?;
+    let rank = |share: f64| ((share * numbers.len() as f64).ceil() as usize).clamp(1, last + 1) - 1;
+    Some([numbers[rank(0.5)], numbers[rank(0.999)], numbers[last]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_are_told_apart() {
+        let found = |t: f64, prim: u32| Some(Found { t, prim, normal: DVec3::Z });
+        let mut tally = Tally::default();
+        assert_eq!(tally.count(None, None), None);
+        assert_eq!(tally.count(found(1.0, 3), None), None);
+        assert_eq!(tally.count(None, found(1.0, 3)), None);
+        assert_eq!(tally.count(found(1.0, 4), found(1.0, 3)), None);
+        assert_eq!(tally.count(found(f64::NAN, 3), found(1.0, 3)), None);
+        // f32 steps by 2^-23 above 1.
+        assert_eq!(
+            tally.count(found(1.0 + 3.0 * f64::from(f32::EPSILON), 3), found(1.0, 3)),
+            Some((3.0, 0.0))
+        );
+        assert_eq!(tally, Tally { false_hits: 1, false_misses: 1, wrong: 1, non_finite: 1 });
+    }
+
+    #[test]
+    fn a_right_angle_has_ninety_degrees() {
+        let one = |normal| Some(Found { t: 1.0, prim: 0, normal });
+        let (_, angle) = Tally::default().count(one(DVec3::X), one(DVec3::Z)).unwrap();
+        assert!((angle - 90.0).abs() < 1e-12, "{angle}");
+    }
+
+    #[test]
+    fn percentiles_by_hand() {
+        // Nearest rank: of 1 to 2000 the 1000th and the 1998th.
+        assert_eq!(summary((1..=2000).map(f64::from).rev().collect()), Some([1000.0, 1998.0, 2000.0]));
+        assert_eq!(summary(vec![7.0]), Some([7.0; 3]));
+        assert_eq!(summary(Vec::new()), None);
+    }
+}

@@ -1,0 +1,196 @@
+//! The tables of a report, and how its text and numbers are written.
+
+use std::fmt::Write;
+
+use super::advice::{brief, comparable, points};
+use super::data::{Geometry, Judge, Row, Study, Told};
+use super::errors::PictureErrors;
+use super::pareto::front;
+
+/// What each tier decides otherwise than `exact`.
+pub fn geometry(tiers: &[Geometry]) -> String {
+    let mut html = "<h2>Geometry</h2>\n<p class=\"note\">Rays through the centres of a larger picture's pixels, each tier in its own numbers, \
+        against <code>exact</code>, before any shading. t in units of the last place of f32; angles between normals in degrees: median, 99.9 %, \
+        worst.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">tier</th><th>rays</th><th>false hits</th><th>false misses</th>\
+        <th>wrong primitive</th><th>not finite</th><th>t error, ulp</th><th>normals, °</th><th>leaks per million</th></tr>\n"
+        .to_owned();
+    for tier in tiers {
+        let three = |values: Option<[f64; 3]>| {
+            values.map_or("–".into(), |values| values.map(scientific).join(" / "))
+        };
+        let leaks = tier.leaks_per_million.map_or("no closed mesh".to_owned(), scientific);
+        let class = |bad: bool| if bad { " class=\"bad\"" } else { "" };
+        let _ = writeln!(
+            html,
+            "<tr><td class=\"left\">{}</td><td>{}</td><td{}>{}</td><td{}>{}</td><td{}>{}</td><td{}>{}</td><td>{}</td><td>{}</td><td{}>{leaks}</td></tr>",
+            tier.numerics,
+            tier.rays,
+            class(tier.false_hits > 0),
+            tier.false_hits,
+            class(tier.false_misses > 0),
+            tier.false_misses,
+            class(tier.wrong_primitives > 0),
+            tier.wrong_primitives,
+            class(tier.non_finite > 0),
+            tier.non_finite,
+            three(tier.t_ulps),
+            three(tier.normal_degrees),
+            class(tier.leaks_per_million.is_some_and(|leaks| leaks > 0.0)),
+        );
+    }
+    html + "</table></div>\n"
+}
+
+/// What each step along a knob costs and buys, and the knobs that are left out.
+pub fn steps(study: &Study) -> String {
+    let mut html = "<h2>What the next step costs and buys</h2>\n<p class=\"note\">Along each knob, from one setting to the next. Times that \
+        differ by no more than their quartiles are called alike.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">knob</th>\
+        <th class=\"left\">from</th><th class=\"left\">to</th><th>time</th><th>error before</th><th>error after</th><th class=\"left\">buys</th></tr>\n"
+        .to_owned();
+    for step in &study.steps {
+        let (Some(from), Some(to)) = (study.rows.get(step.from), study.rows.get(step.to)) else { continue };
+        let time = if step.time_is_apart { format!("× {:.2}", step.time_ratio) } else { "alike".into() };
+        let error = |error: Option<f64>| {
+            error.map_or("–".into(), |error| if error == 0.0 { "0".into() } else { scientific(error) })
+        };
+        let buys = match (step.error_before, step.error_after) {
+            _ if from.fingerprint == to.fingerprint => "same picture".to_owned(),
+            (Some(before), Some(after)) if before > 0.0 && after > 0.0 && before >= after => {
+                format!("error ÷ {}", scientific(before / after))
+            }
+            (Some(before), Some(after)) if before > 0.0 && after > 0.0 => {
+                format!("error × {}", scientific(after / before))
+            }
+            (Some(before), Some(0.0)) if before > 0.0 => "no error".into(),
+            _ => String::new(),
+        };
+        let _ = writeln!(
+            html,
+            "<tr><td class=\"left\">{}</td><td class=\"left\">{}</td><td class=\"left\">{}</td><td>{time}</td><td>{}</td><td>{}</td>\
+             <td class=\"left\">{buys}</td></tr>",
+            escaped(&step.knob),
+            escaped(&from.setting),
+            escaped(&to.setting),
+            error(step.error_before),
+            error(step.error_after)
+        );
+    }
+    html += "</table></div>\n";
+    if !study.left_out.is_empty() {
+        html += "<h3>Left out, having nothing to do here</h3>\n<ul>\n";
+        for [knob, why] in &study.left_out {
+            let _ = writeln!(html, "<li>{}: {}</li>", escaped(knob), with_code(why));
+        }
+        html += "</ul>\n";
+    }
+    html
+}
+
+/// What a judge is called.
+pub fn against(judge: Judge) -> &'static str {
+    match judge {
+        Judge::Limit => "limit",
+        Judge::Twin => "exact, same samples",
+    }
+}
+
+/// Every setting.
+pub fn table(study: &Study) -> String {
+    let alternatives = comparable(&study.rows);
+    let best: Vec<usize> = front(&points(&alternatives)).into_iter().map(|i| alternatives[i].id).collect();
+    let mut html = "<h2>All settings</h2>\n<p class=\"note\">● on the Pareto front of time and error against the limit, ○ dominated; settings of another \
+        filter have another limit and no mark. Errors: against what the column says. Quartiles of building are in the CSV. A row shows its picture when it is clicked.</p>\n\
+        <div class=\"scroll\"><table><tr><th class=\"left\">setting</th><th>build ms</th><th>picture ms</th><th>rays</th><th>samples a pixel</th>\
+        <th>structure KB</th><th class=\"left\">against</th><th>RMSE</th><th>max</th><th>PSNR dB</th><th>relMSE</th><th>FLIP</th><th>pixels that differ</th>\
+        <th>RMSE to limit</th></tr>\n"
+        .to_owned();
+    for row in &study.rows {
+        let class = match alternatives.iter().any(|other| other.id == row.id) {
+            true if best.contains(&row.id) => "front",
+            true => "dominated",
+            false => "",
+        };
+        let limit = row.limit.map_or("–".into(), |limit| scientific(limit.rmse));
+        let limit = if row.told == Told::Within {
+            format!(
+                "<span class=\"within\" title=\"cannot be told from the reference's own error\">≈ {limit}</span>"
+            )
+        } else {
+            limit
+        };
+        let _ = writeln!(
+            html,
+            "<tr class=\"{class}\" data-row=\"{}\"><td class=\"left\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.1}</td><td>{:.1}</td>\
+             <td class=\"left\">{}</td>{}<td>{limit}</td></tr>",
+            row.id,
+            escaped(&row.name()),
+            scientific(row.build_ms.median),
+            brief(row.trace_ms),
+            row.rays,
+            row.samples_per_pixel,
+            row.structure_bytes as f64 / 1024.0,
+            against(row.judge),
+            cells(row)
+        );
+    }
+    html + "</table></div>\n<p class=\"note\">≈: less than ten times the reference's own error; the true one may be anything up to about that. \
+        The same numbers, and those that are not shown, are in study.csv and study.json beside this page.</p>\n"
+}
+
+fn cells(row: &Row) -> String {
+    if row.non_finite > 0 {
+        return format!(
+            "<td colspan=\"6\" class=\"bad\">{} pixels are no finite numbers</td>",
+            row.non_finite
+        );
+    }
+    match row.errors() {
+        None => "<td colspan=\"6\">–</td>".into(),
+        Some(errors) if errors.are_none() => {
+            "<td colspan=\"6\" class=\"same\">same picture: error 0</td>".into()
+        }
+        Some(&PictureErrors { max, rmse, rel_mse, psnr, flip, differing }) => format!(
+            "<td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3} %</td>",
+            scientific(rmse),
+            scientific(max),
+            psnr.map_or("–".into(), |psnr| format!("{psnr:.1}")),
+            scientific(rel_mse),
+            scientific(flip),
+            100.0 * differing
+        ),
+    }
+}
+
+/// With two digits.
+pub fn scientific(x: f64) -> String {
+    if x == 0.0 {
+        "0".into()
+    } else if (0.01..1e4).contains(&x.abs()) {
+        format!(
+            "{:.*}",
+            if x < 1.0 {
+                3
+            } else if x < 100.0 {
+                2
+            } else {
+                0
+            },
+            x
+        )
+    } else {
+        format!("{x:.1e}")
+    }
+}
+
+/// Text with what stands between backquotes as code.
+pub fn with_code(text: &str) -> String {
+    let parts = text.split('`').enumerate();
+    parts
+        .map(|(i, part)| if i % 2 == 1 { format!("<code>{}</code>", escaped(part)) } else { escaped(part) })
+        .collect()
+}
+
+/// Text as HTML.
+pub fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

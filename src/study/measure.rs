@@ -1,0 +1,190 @@
+//! The study itself: references, errors, then rounds of timing in which all settings take turns.
+
+use rayon::ThreadPool;
+
+use super::data::{Quartiles, Row, SCHEMA, Study};
+use super::meter::Meter;
+use super::pictures::{Pictures, png};
+use super::setting::Setting;
+use super::sweep::{Candidate, sweep};
+use super::work::{Cell, Work, filters, prepare};
+use super::{advice, machine, steps};
+use crate::bench::Clock;
+use crate::effects::{Choices, Plan, RayKind};
+use crate::error::{Error, Result};
+use crate::film::Window;
+use crate::render::Watch;
+use crate::scene::{Camera, Projection, Scene};
+use crate::world::View;
+
+/// What is studied.
+pub struct Subject {
+    /// What to call it.
+    pub name: String,
+    /// The command that asked for it.
+    pub command: String,
+    /// The scene, with its lights.
+    pub scene: Scene,
+    /// Where it is seen from.
+    pub camera: Camera,
+    /// How.
+    pub projection: Projection,
+    /// Width and height of the picture in pixels.
+    pub size: [u32; 2],
+    /// The part of it that is rendered.
+    pub window: Window,
+    /// What is asked of effects.
+    pub choices: Choices,
+    /// How the picture is asked for.
+    pub base: Setting,
+    /// What made it, as names and values.
+    pub settings: Vec<(String, String)>,
+}
+
+/// How thorough a study is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Options {
+    /// How often everything is timed, after a round to warm up.
+    pub rounds: u32,
+    /// The most samples a pixel that are looked at.
+    pub most_samples: u32,
+    /// Samples a pixel of each half of a reference.
+    pub reference_samples: u32,
+    /// Rays across the longer side of the picture that geometry is compared by.
+    pub rays_across: u32,
+    /// Rays that are cast at closed meshes in each tier.
+    pub leak_rays: u64,
+}
+
+impl Options {
+    /// Samples a pixel of each half of a limit. The first is the base's; those of other filters are held against half of the most
+    /// samples at most, so half are enough.
+    pub(super) fn samples_of_limit(&self, index: usize) -> u32 {
+        if index == 0 { self.reference_samples } else { self.reference_samples.div_ceil(2) }
+    }
+}
+
+/// Where the work is done.
+pub struct Pools<'a> {
+    /// What is timed.
+    pub timed: &'a ThreadPool,
+    /// Everything else.
+    pub wide: &'a ThreadPool,
+}
+
+/// Studies `subject`. `load` reads the inputs again, to be timed, where they can be.
+///
+/// # Errors
+/// [`Error::Interrupted`] when cancelled, and those of rendering.
+pub fn study(
+    subject: &Subject,
+    options: &Options,
+    load: Option<&(dyn Fn() -> Result<()> + Sync)>,
+    pools: &Pools,
+    watch: &Watch,
+) -> Result<(Study, Pictures)> {
+    let view = View::new(&subject.camera, subject.projection, subject.size)?;
+    let (candidates, left_out, machine) = pools.wide.install(|| {
+        let world = prepare(subject, &subject.base);
+        let plan = Plan::new(&world, &subject.base.choices(&subject.choices))?;
+        let (candidates, left_out) = sweep(&subject.scene, &subject.base, &plan, options.most_samples);
+        Ok::<_, Error>((candidates, left_out, machine::machine(&*world.accelerator)))
+    })?;
+    let mut cells: Vec<Cell> = Vec::new();
+    for Candidate { setting, .. } in &candidates {
+        if !cells.iter().any(|cell| cell.setting == *setting) {
+            let setting = setting.clone();
+            cells.push(Cell { setting, build_ms: Vec::new(), trace_ms: Vec::new(), seen: None });
+        }
+    }
+    let filters = filters(&cells);
+    let work = Work { subject, options, view: &view, meter: Meter::new(watch) };
+    work.announce(&cells, filters.len());
+
+    let (limits, twins, geometry) = pools.wide.install(|| {
+        let geometry = work.geometry(watch)?;
+        let limits = work.limits(&filters)?;
+        Ok::<_, Error>((limits, work.twins(&cells)?, geometry))
+    })?;
+    pools.wide.install(|| work.look(&mut cells, &limits, &twins))?;
+    let load_ms = pools.timed.install(|| work.time(&mut cells, load))?;
+
+    let threads = pools.timed.current_num_threads();
+    let rows = rows(&candidates, &cells, &subject.base, pixels(subject.window));
+    let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| [a.clone(), b.clone()]).collect();
+    let base_limit = limits.iter().find(|limit| limit.filter == subject.base.sampling.shape_and_radius());
+    let study = Study {
+        schema: SCHEMA,
+        kiln: env!("CARGO_PKG_VERSION").into(),
+        subject: subject.name.clone(),
+        command: subject.command.clone(),
+        machine,
+        settings: pairs(&subject.settings),
+        size: [subject.window.width, subject.window.height],
+        rounds: options.rounds,
+        threads,
+        clock: Clock::name(threads).into(),
+        load_ms,
+        floors: limits.iter().map(|limit| limit.floor.clone()).collect(),
+        geometry,
+        left_out: left_out.into_iter().map(|(knob, why)| [knob.to_owned(), why]).collect(),
+        advice: advice(&rows),
+        steps: steps(&rows),
+        rows,
+    };
+    let shown = candidates.iter().map(|candidate| {
+        let cell = cells.iter().position(|cell| cell.setting == candidate.setting)?;
+        Some((cell, candidate.judge))
+    });
+    let pictures = Pictures::new(
+        base_limit.map(|limit| png(&limit.picture)).transpose()?,
+        &shown.collect::<Vec<_>>(),
+        &cells.into_iter().map(|cell| cell.seen.map(|seen| seen.shown)).collect::<Vec<_>>(),
+    );
+    Ok((study, pictures))
+}
+
+fn pixels(window: Window) -> u64 {
+    window.area() as u64
+}
+
+fn rows(candidates: &[Candidate], cells: &[Cell], base: &Setting, pixels: u64) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for candidate in candidates {
+        let Some(cell) = cells.iter().find(|cell| cell.setting == candidate.setting) else { continue };
+        let Some(seen) = &cell.seen else { continue };
+        let (Some(build_ms), Some(trace_ms)) = (Quartiles::of(&cell.build_ms), Quartiles::of(&cell.trace_ms))
+        else {
+            continue;
+        };
+        let (setting, statistics) = (&cell.setting, &seen.statistics);
+        let (shape, radius) = setting.sampling.shape_and_radius();
+        let primary_rays = statistics.rays(RayKind::PRIMARY).cast;
+        rows.push(Row {
+            id: rows.len(),
+            knob: candidate.knob.into(),
+            setting: candidate.name.clone(),
+            base: candidate.base,
+            options: setting.options(base),
+            numerics: setting.numerics.name().into(),
+            layout: seen.layout.into(),
+            preset: setting.structure.preset().map(|preset| preset.name().into()),
+            colour: setting.pipeline.name().into(),
+            filter: format!("{} {radius}", shape.name()),
+            build_ms,
+            trace_ms,
+            rays: statistics.rays.iter().map(|(_, count)| count.cast).sum(),
+            primary_rays,
+            samples_per_pixel: primary_rays as f64 / pixels as f64,
+            structure_bytes: seen.structure_bytes,
+            tile_bytes: statistics.bytes(),
+            judge: candidate.judge,
+            non_finite: statistics.non_finite.0,
+            limit: seen.limit,
+            told: seen.told,
+            twin: seen.twin,
+            fingerprint: seen.fingerprint.clone(),
+        });
+    }
+    rows
+}

@@ -1,0 +1,189 @@
+//! A study as one page that needs no network and no other file.
+
+use std::fmt::Write;
+
+use super::advice::brief;
+use super::data::{Floor, Row, Study};
+use super::html::{against, escaped, geometry, scientific, steps, table, with_code};
+use super::pictures::Pictures;
+use super::plot::{error_against_time, error_against_twin};
+use crate::error::Result;
+
+const STYLE: &str = include_str!("page.css");
+const SCRIPT: &str = include_str!("page.js");
+
+/// The page.
+///
+/// # Errors
+/// [`Error::Failed`](crate::error::Error::Failed) where a plot cannot be drawn.
+pub fn page(study: &Study, pictures: &Pictures) -> Result<String> {
+    let mut html = head(study);
+    html += &summary(study);
+    html += &plots(study)?;
+    html += &geometry(&study.geometry);
+    html += &steps(study);
+    html += &look(study, pictures);
+    html += &table(study);
+    html += &methods(study);
+    let names: Vec<serde_json::Value> = study
+        .rows
+        .iter()
+        .map(|row| serde_json::json!({ "name": row.name(), "what": against(row.judge) }))
+        .collect();
+    let _ = write!(
+        html,
+        "<script type=\"application/json\" id=\"pictures\">{}</script>\n\
+         <script type=\"application/json\" id=\"rows\">{}</script>\n<script>{SCRIPT}</script>\n</body></html>\n",
+        embedded(&serde_json::json!(pictures)),
+        embedded(&serde_json::json!(names)),
+    );
+    Ok(html)
+}
+
+/// JSON that cannot end the element that it stands in.
+fn embedded(value: &serde_json::Value) -> String {
+    value.to_string().replace('<', "\\u003c")
+}
+
+fn head(study: &Study) -> String {
+    let title = format!("What accuracy costs: {}", escaped(&study.subject));
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><meta name=\"color-scheme\" content=\"light dark\">\
+         <title>{title}</title>\n<style>{STYLE}</style></head><body>\n<h1>{title}</h1>\n\
+         <p class=\"note\">{} × {} pixels; {} thread(s), timed by {} time; {} rounds in which all settings take turns, after one to warm up. \
+         kiln {}.</p>\n",
+        study.size[0],
+        study.size[1],
+        study.threads,
+        study.clock,
+        study.rounds,
+        escaped(&study.kiln)
+    )
+}
+
+fn summary(study: &Study) -> String {
+    let mut html = "<h2>In short</h2>\n<ul>\n".to_owned();
+    for advice in &study.advice {
+        let _ = writeln!(html, "<li>{}</li>", with_code(&advice.text));
+    }
+    if study.advice.is_empty() {
+        html += "<li>No setting measured has an error against the limit.</li>\n";
+    }
+    for line in facts(study) {
+        let _ = writeln!(html, "<li>{}</li>", with_code(&line));
+    }
+    html + "</ul>\n"
+}
+
+/// What there is to say beside the advice: which knobs change nothing, and what could not be measured.
+pub fn facts(study: &Study) -> Vec<String> {
+    let mut lines = Vec::new();
+    let bvh: Vec<&Row> = study.rows.iter().filter(|row| row.knob == "bvh").collect();
+    if !bvh.is_empty() {
+        let differing: Vec<&str> = bvh
+            .iter()
+            .filter(|row| bvh.iter().any(|other| other.fingerprint != row.fingerprint))
+            .map(|row| row.setting.as_str())
+            .collect();
+        lines.push(if differing.is_empty() {
+            format!("All {} acceleration structures gave the same picture, to the bit.", bvh.len())
+        } else {
+            format!(
+                "Acceleration structures gave different pictures, which is a fault in kiln: {}.",
+                differing.join(", ")
+            )
+        });
+    }
+    for geometry in &study.geometry {
+        let wrong = geometry.false_hits + geometry.false_misses + geometry.wrong_primitives;
+        let leaks =
+            geometry.leaks_per_million.map_or(String::new(), |leaks| format!("; {leaks} leaks per million"));
+        lines.push(format!(
+            "{}: {} of {} rays find something else than in `exact`{leaks}.",
+            geometry.numerics, wrong, geometry.rays
+        ));
+    }
+    for row in study.rows.iter().filter(|row| row.non_finite > 0) {
+        lines.push(format!(
+            "{}: {} pixel(s) are no finite numbers; no error was computed.",
+            row.name(),
+            row.non_finite
+        ));
+    }
+    lines
+}
+
+fn plots(study: &Study) -> Result<String> {
+    let floor = study.floors.first().map(|floor| floor.rmse);
+    Ok(format!(
+        "<h2>Error against time</h2>\n<div class=\"two\">\n<figure>{}<figcaption>Everything that a picture of so few samples gets wrong, \
+         against the limit. Filled: no other setting is both quicker and closer; the line joins these. Hollow: dominated. Horizontal strokes \
+         reach from the lower to the upper quartile.</figcaption></figure>\n<figure>{}<figcaption>What a knob alone gets wrong: the same \
+         sample points in <code>exact</code> are the measure. On the line 0 the pictures are the same.</figcaption></figure>\n</div>\n",
+        error_against_time(&study.rows, floor)?,
+        error_against_twin(&study.rows)?
+    ))
+}
+
+fn look(study: &Study, pictures: &Pictures) -> String {
+    let shown: Vec<&Row> =
+        study.rows.iter().filter(|row| pictures.rows.get(row.id).is_some_and(Option::is_some)).collect();
+    if shown.is_empty() {
+        return String::new();
+    }
+    let first = shown.iter().find(|row| row.base).unwrap_or(&shown[0]).id;
+    let mut html = "<h2 id=\"look\">Look at it</h2>\n<p><label>Setting <select id=\"choice\">".to_owned();
+    for row in &shown {
+        let selected = if row.id == first { " selected" } else { "" };
+        let _ = write!(html, "<option value=\"{}\"{selected}>{}</option>", row.id, escaped(&row.name()));
+    }
+    html += "</select></label></p>\n";
+    if shown.len() < study.rows.len() {
+        let _ = writeln!(
+            html,
+            "<p class=\"note\">Pictures of {} settings are left out, to keep the page small.</p>",
+            study.rows.len() - shown.len()
+        );
+    }
+    html + "<div class=\"two\"><figure><div class=\"slider\" id=\"slider\" tabindex=\"0\" role=\"slider\" aria-label=\"reference against setting\" \
+        aria-valuemin=\"0\" aria-valuemax=\"100\" aria-valuenow=\"50\"><img class=\"own\" alt=\"the picture of this setting\">\
+        <div class=\"top\"><img alt=\"the reference\"></div><span class=\"a\" id=\"what\"></span><span class=\"b\" id=\"name\"></span></div>\
+        <figcaption>Drag, or use the arrow keys.</figcaption></figure>\n\
+        <figure class=\"heat\"><div id=\"heat\"><img alt=\"where the two differ\"><div class=\"scale\"></div><div class=\"ends\"><span>10⁻⁸</span><span>10⁻⁶</span><span>10⁻⁴</span>\
+        <span>10⁻²</span><span>1</span></div></div><p id=\"nothing\" class=\"same\" hidden>No pixel differs.</p>\
+        <figcaption>The largest difference of a channel of each pixel, as displayed, on a logarithmic scale; 1 is white.</figcaption></figure></div>\n\
+        <div id=\"worst\"><h3>The worst places, enlarged</h3><div class=\"crops\" id=\"crops\"></div></div>\n"
+}
+
+fn methods(study: &Study) -> String {
+    let mut html = "<h2>How this was measured</h2>\n<dl class=\"facts\">\n".to_owned();
+    let mut fact = |name: &str, value: &str| {
+        let _ = writeln!(html, "<dt>{}</dt><dd>{}</dd>", escaped(name), escaped(value));
+    };
+    for [name, value] in study.machine.iter().chain(&study.settings) {
+        fact(name, value);
+    }
+    if let Some(load) = study.load_ms {
+        fact("reading the inputs", &format!("{} ms", brief(load)));
+    }
+    html += "</dl>\n<p>Made by</p>\n";
+    let _ = writeln!(html, "<pre>{}</pre>", escaped(&study.command));
+    html += "<p>Every error is preceded by a check that all pixels are finite numbers. It has no spread: equal settings give equal bits, so a second \
+        study gives the same errors. Times have one: the median of all rounds stands before the quartiles in brackets. A time is that of the \
+        picture alone, without reading files, building, planning and writing.</p>\n<ul>\n";
+    for Floor { filter, samples, rmse } in &study.floors {
+        let _ = writeln!(
+            html,
+            "<li>The limit for the filter {}: <code>exact</code>, {samples} samples a pixel. Its own error is {} (root mean square), half the \
+             difference of its two halves, which have seeds of their own.</li>",
+            escaped(filter),
+            scientific(*rmse)
+        );
+    }
+    html += "</ul>\n<p>";
+    for (name, meaning) in super::metrics::definitions() {
+        let _ = write!(html, "<b>{}</b>: {}. ", escaped(name), escaped(meaning.trim_end_matches('.')));
+    }
+    html + "</p>\n"
+}

@@ -1,0 +1,137 @@
+//! Rows as CSV, one column for each number: those of JSON, with the names of what they are in joined by dots.
+
+use serde_json::{Map, Value};
+
+use super::data::Row;
+
+/// The rows under a line of names; what is missing is empty.
+pub fn to_csv(rows: &[Row]) -> String {
+    let flat: Vec<Vec<(String, String)>> = rows.iter().map(flattened).collect();
+    let mut names: Vec<&String> = Vec::new();
+    // A row that lacks errors has one column where another has several: every column that any row fills.
+    for (name, _) in flat.iter().flatten() {
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    let is_parent = |name: &str| {
+        names.iter().any(|other| other.len() > name.len() && other.starts_with(&format!("{name}.")))
+    };
+    let names: Vec<&String> = names.iter().filter(|name| !is_parent(name)).copied().collect();
+    let mut text = line(names.iter().map(|name| name.as_str()));
+    for row in &flat {
+        let cell =
+            |name: &&String| row.iter().find(|(own, _)| own == *name).map_or("", |(_, value)| value.as_str());
+        text += &line(names.iter().map(cell));
+    }
+    text
+}
+
+fn flattened(row: &Row) -> Vec<(String, String)> {
+    let mut cells = Vec::new();
+    if let Ok(value) = serde_json::to_value(row) {
+        flatten("", &value, &mut cells);
+    }
+    cells
+}
+
+fn flatten(name: &str, value: &Value, cells: &mut Vec<(String, String)>) {
+    match value {
+        Value::Object(map) => {
+            for (key, value) in map {
+                let name = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
+                flatten(&name, value, cells);
+            }
+        }
+        Value::Null => cells.push((name.to_owned(), String::new())),
+        Value::String(text) => cells.push((name.to_owned(), text.clone())),
+        other => cells.push((name.to_owned(), other.to_string())),
+    }
+}
+
+/// RFC 4180, section 2: what holds a comma, a quote or a line break is quoted, and quotes are doubled.
+fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
+    let quoted = |cell: &str| match cell.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", cell.replace('"', "\"\"")),
+        false => cell.to_owned(),
+    };
+    cells.map(quoted).collect::<Vec<_>>().join(",") + "\n"
+}
+
+/// The rows of a table that [`to_csv`] made.
+///
+/// # Errors
+/// Which row is none, and why.
+pub fn from_csv(text: &str) -> Result<Vec<Row>, String> {
+    let mut lines = records(text).into_iter();
+    let names = lines.next().ok_or("there is no line of names")?;
+    let row = |(number, cells): (usize, Vec<String>)| {
+        if cells.len() != names.len() {
+            return Err(format!("row {number}: {} cells under {} names", cells.len(), names.len()));
+        }
+        let mut whole = Map::new();
+        for (name, cell) in names.iter().zip(&cells).filter(|(_, cell)| !cell.is_empty()) {
+            insert(&mut whole, name, cell);
+        }
+        // Text that may be empty, which CSV does not tell from missing.
+        whole.entry("options").or_insert_with(|| Value::String(String::new()));
+        serde_json::from_value(Value::Object(whole)).map_err(|e| format!("row {number}: {e}"))
+    };
+    lines.enumerate().map(|(index, cells)| row((index + 1, cells))).collect()
+}
+
+/// Columns of text, whatever it looks like.
+const TEXTS: [&str; 10] = [
+    "knob",
+    "setting",
+    "options",
+    "numerics",
+    "layout",
+    "preset",
+    "colour",
+    "filter",
+    "fingerprint",
+    "judge",
+];
+
+fn insert(into: &mut Map<String, Value>, name: &str, cell: &str) {
+    match name.split_once('.') {
+        Some((first, rest)) => {
+            let inner = into.entry(first).or_insert_with(|| Value::Object(Map::new()));
+            if let Value::Object(inner) = inner {
+                insert(inner, rest, cell);
+            }
+        }
+        None => {
+            let text = || Value::String(cell.to_owned());
+            let value = if TEXTS.contains(&name) {
+                text()
+            } else {
+                serde_json::from_str(cell).unwrap_or_else(|_| text())
+            };
+            into.insert(name.to_owned(), value);
+        }
+    }
+}
+
+fn records(text: &str) -> Vec<Vec<String>> {
+    let (mut records, mut record, mut cell, mut is_quoted) = (Vec::new(), Vec::new(), String::new(), false);
+    let mut chars = text.chars().peekable();
+    while let Some(c) = chars.next() {
+        match c {
+            '"' if is_quoted && chars.peek() == Some(&'"') => {
+                chars.next();
+                cell.push('"');
+            }
+            '"' => is_quoted = !is_quoted,
+            ',' if !is_quoted => record.push(std::mem::take(&mut cell)),
+            '\n' if !is_quoted => {
+                record.push(std::mem::take(&mut cell));
+                records.push(std::mem::take(&mut record));
+            }
+            '\r' if !is_quoted => {}
+            c => cell.push(c),
+        }
+    }
+    records
+}

@@ -1,0 +1,252 @@
+//! The parts of a study: geometry, limits, twins, a look at every picture, and the rounds of timing.
+
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+use super::data::{Geometry, Quartiles, Told};
+use super::errors::PictureErrors;
+use super::measure::{Options, Subject};
+use super::meter::{Meter, effort};
+use super::metrics::Picture;
+use super::pictures::{Against, Shown, png};
+use super::reference::{Limit, halves};
+use super::setting::{Setting, WorldKey};
+use super::{geometry, leaks};
+use crate::bench::Clock;
+use crate::effects::Plan;
+use crate::error::{Error, Result};
+use crate::film::{Film, FilterShape, Pixel, TILE, Window};
+use crate::geometry::Numerics;
+use crate::render::{self, Statistics, Watch, render_as};
+use crate::world::{View, World};
+
+/// A setting that is measured; candidates with equal settings share one.
+pub struct Cell {
+    pub setting: Setting,
+    pub build_ms: Vec<f64>,
+    pub trace_ms: Vec<f64>,
+    pub seen: Option<Seen>,
+}
+
+/// What the first picture of a setting showed.
+pub struct Seen {
+    pub statistics: Statistics,
+    pub structure_bytes: usize,
+    pub layout: &'static str,
+    pub limit: Option<PictureErrors>,
+    pub told: Told,
+    pub twin: Option<PictureErrors>,
+    pub fingerprint: String,
+    pub shown: Shown,
+}
+
+/// The scene in a setting.
+pub fn prepare(subject: &Subject, setting: &Setting) -> World {
+    World::prepare(setting.scene(&subject.scene), setting.pipeline, setting.structure, setting.numerics)
+}
+
+/// The filters of all settings, each once, the base's first.
+pub fn filters(cells: &[Cell]) -> Vec<(FilterShape, f64)> {
+    let mut filters = Vec::new();
+    for cell in cells {
+        let filter = cell.setting.sampling.shape_and_radius();
+        if !filters.contains(&filter) {
+            filters.push(filter);
+        }
+    }
+    filters
+}
+
+/// What all parts of the work need.
+pub struct Work<'a> {
+    /// What is studied.
+    pub subject: &'a Subject,
+    /// How thoroughly.
+    pub options: &'a Options,
+    /// Its camera.
+    pub view: &'a View,
+    /// How far it is.
+    pub meter: Meter<'a>,
+}
+
+impl Work<'_> {
+    /// Says how much there is to do.
+    pub fn announce(&self, cells: &[Cell], limits: usize) {
+        let Window { width, height, .. } = self.subject.window;
+        let tiles = (width.div_ceil(TILE) * height.div_ceil(TILE)) as usize;
+        let once: usize = cells.iter().map(|cell| effort(&cell.setting)).sum();
+        let rounds = self.options.rounds as usize;
+        let mut twins: Vec<Setting> = Vec::new();
+        cells.iter().map(|cell| cell.setting.twin(&self.subject.base)).for_each(|twin| {
+            if !twins.contains(&twin) {
+                twins.push(twin);
+            }
+        });
+        let twins: usize = twins.iter().map(effort).sum();
+        let references: usize =
+            (0..limits).map(|index| 2 * self.options.samples_of_limit(index) as usize).sum();
+        let samples = references + twins + once * (1 + rounds) + groups(cells).len() * rounds;
+        self.meter.expect(tiles * samples);
+    }
+
+    /// What each tier decides otherwise than `exact`.
+    pub fn geometry(&self, watch: &Watch) -> Result<Vec<Geometry>> {
+        let Subject { scene, camera, projection, size, base, .. } = self.subject;
+        let scale = f64::from(self.options.rays_across) / f64::from(size[0].max(size[1]));
+        let size = size.map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+        let view = View::new(camera, *projection, size)?;
+        let closed = leaks::closed(scene);
+        let world = |numerics| prepare(self.subject, &Setting { numerics, ..base.clone() });
+        let exact = world(Numerics::Exact);
+        let mut found = Vec::new();
+        for numerics in Numerics::ALL {
+            let tier = world(numerics);
+            found.push(geometry::compare(
+                [&tier, &exact],
+                (&view, size),
+                &closed,
+                self.options.leak_rays,
+                watch,
+            )?);
+        }
+        Ok(found)
+    }
+
+    /// A picture, with a plan of its own.
+    fn picture<P: Pixel>(&self, world: &mut World, setting: &Setting) -> Result<(Film<P>, Statistics)> {
+        world.sampling = setting.sampling;
+        let plan = Plan::new(world, &setting.choices(&self.subject.choices))?;
+        self.made(world, &plan, setting)
+    }
+
+    fn made<P: Pixel>(&self, world: &World, plan: &Plan, setting: &Setting) -> Result<(Film<P>, Statistics)> {
+        let step = |_: usize, _: usize| self.meter.step(effort(setting));
+        let watch = Watch { cancel: self.meter.watch.cancel, progress: &step };
+        render_as(world, self.view, plan, self.subject.window, &watch, render::Clock::Stopped)
+    }
+
+    /// Both halves of every limit.
+    pub fn limits(&self, filters: &[(FilterShape, f64)]) -> Result<Vec<Limit>> {
+        let mut limits = Vec::new();
+        for (index, &filter) in filters.iter().enumerate() {
+            let samples = self.options.samples_of_limit(index);
+            let [a, b] = halves(&self.subject.base, filter, samples).map(|half| {
+                let mut world = prepare(self.subject, &half);
+                let (film, _) = self.picture::<[f32; 3]>(&mut world, &half)?;
+                Ok::<_, Error>(Picture::of_film(&film, half.pipeline))
+            });
+            limits.extend(Limit::new(filter, samples, &[a?, b?])?);
+        }
+        Ok(limits)
+    }
+
+    /// Every twin once.
+    pub fn twins(&self, cells: &[Cell]) -> Result<Vec<(Setting, Picture)>> {
+        let mut twins: Vec<(Setting, Picture)> = Vec::new();
+        let mut world: Option<World> = None;
+        for cell in cells {
+            let twin = cell.setting.twin(&self.subject.base);
+            if twins.iter().any(|(setting, _)| *setting == twin) {
+                continue;
+            }
+            // They differ in nothing but their samples.
+            let world = world.get_or_insert_with(|| prepare(self.subject, &twin));
+            let (film, _) = self.picture::<[f32; 3]>(world, &twin)?;
+            let picture = Picture::of_film(&film, twin.pipeline);
+            twins.push((twin, picture));
+        }
+        Ok(twins)
+    }
+
+    /// Makes every picture once, and holds it against its limit and its twin.
+    pub fn look(&self, cells: &mut [Cell], limits: &[Limit], twins: &[(Setting, Picture)]) -> Result<()> {
+        for group in groups(cells) {
+            let mut world = prepare(self.subject, &cells[group[0]].setting);
+            let description = world.accelerator.describe();
+            for index in group {
+                let setting = cells[index].setting.clone();
+                let (film, statistics) = self.picture::<[f32; 3]>(&mut world, &setting)?;
+                let picture = Picture::of_film(&film, setting.pipeline);
+                let filter = setting.sampling.shape_and_radius();
+                let limit = limits.iter().find(|limit| limit.filter == filter);
+                let twin = setting.twin(&self.subject.base);
+                let twin = twins.iter().find(|(setting, _)| *setting == twin).map(|(_, picture)| picture);
+                let against = |reference: Option<&Picture>| -> Result<Option<Against>> {
+                    Ok(reference.map(|r| Against::new(r, &picture)).transpose()?.flatten())
+                };
+                let (to_limit, to_twin) = (against(limit.map(|limit| &limit.picture))?, against(twin)?);
+                let errors = to_limit.as_ref().map(|against| against.errors);
+                cells[index].seen = Some(Seen {
+                    statistics,
+                    structure_bytes: description.bytes,
+                    layout: description.layout,
+                    told: limit.zip(errors).map_or(Told::Within, |(limit, errors)| limit.told(&errors)),
+                    limit: errors,
+                    twin: to_twin.as_ref().map(|against| against.errors),
+                    fingerprint: fingerprint(&picture),
+                    shown: Shown { png: png(&picture)?, limit: to_limit, twin: to_twin },
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Times all settings, each once a round; says how long reading the inputs takes.
+    pub fn time(
+        &self,
+        cells: &mut [Cell],
+        load: Option<&(dyn Fn() -> Result<()> + Sync)>,
+    ) -> Result<Option<Quartiles>> {
+        let threads = rayon::current_num_threads();
+        let mut load_ms = Vec::new();
+        let groups = groups(cells);
+        for round in 0..self.options.rounds as usize {
+            if let Some(load) = load {
+                let clock = Clock::start(threads);
+                load()?;
+                load_ms.push(1e3 * clock.seconds());
+            }
+            // Each round begins with another, so that none is always the one that comes after the same other.
+            for turn in 0..groups.len() {
+                let group = &groups[(round + turn) % groups.len()];
+                let mut first = cells[group[0]].setting.clone();
+                let scene = first.scene(&self.subject.scene);
+                let clock = Clock::start(threads);
+                let mut world = World::prepare(scene, first.pipeline, first.structure, first.numerics);
+                let build = 1e3 * clock.seconds();
+                // Caches and predictors get to know the tree; nobody counts this.
+                (first.sampling.samples, first.sampling.noise) = (Some(1), None);
+                self.picture::<[u8; 3]>(&mut world, &first)?;
+                for turn in 0..group.len() {
+                    let cell = &mut cells[group[(round + turn) % group.len()]];
+                    world.sampling = cell.setting.sampling;
+                    let plan = Plan::new(&world, &cell.setting.choices(&self.subject.choices))?;
+                    let clock = Clock::start(threads);
+                    self.made::<[u8; 3]>(&world, &plan, &cell.setting)?;
+                    cell.trace_ms.push(1e3 * clock.seconds());
+                    cell.build_ms.push(build);
+                }
+            }
+        }
+        Ok(Quartiles::of(&load_ms))
+    }
+}
+
+/// The indices of cells that share a prepared scene.
+fn groups(cells: &[Cell]) -> Vec<Vec<usize>> {
+    let mut groups: Vec<(WorldKey, Vec<usize>)> = Vec::new();
+    for (index, cell) in cells.iter().enumerate() {
+        let key = cell.setting.world();
+        match groups.iter_mut().find(|(known, _)| *known == key) {
+            Some((_, group)) => group.push(index),
+            None => groups.push((key, vec![index])),
+        }
+    }
+    groups.into_iter().map(|(_, group)| group).collect()
+}
+
+/// A hash of a picture's bits, the same in every run.
+fn fingerprint(picture: &Picture) -> String {
+    let mut hasher = DefaultHasher::new();
+    picture.pixels.iter().flatten().for_each(|channel| channel.to_bits().hash(&mut hasher));
+    format!("{:016x}", hasher.finish())
+}
