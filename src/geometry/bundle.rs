@@ -64,7 +64,7 @@ impl Default for WoopBundle {
 }
 
 impl WoopBundle {
-    /// Makes up to four rays ready, at least one; lanes beyond hold the last. As [`WoopTest::new`] does, for all at once.
+    /// Makes up to four rays ready, at least one; lanes beyond hold the last. As `WoopTest::new` does, for all at once.
     ///
     /// # Panics
     /// Without rays.

@@ -1,13 +1,13 @@
 //! What accuracy costs in time: a scene rendered in many settings, each with its time and its error; and rendering to
 //! an error or a time ([`choose`]).
 //!
-//! [`study`] takes a [`Subject`] through a [`sweep`] of settings, one knob at a time and then some together. Every setting
+//! [`study()`] takes a [`Subject`] through a sweep of settings, one knob at a time and then some together. Every setting
 //! is timed in every round, so that what else the machine does hits all alike, and its picture is held against two others:
 //!
-//! - the *limit*: the scene in the tier `exact` with so many samples that what they leave open is known ([`reference`]);
+//! - the *limit*: the scene in the tier `exact` with so many samples that what they leave open is known (`reference`);
 //! - the *twin*: the scene in `exact` at the very same sample points, so that nothing but the knob differs.
 //!
-//! [`geometry`] asks before any picture what the tiers decide otherwise than `exact` does. [`report`] makes a page of it.
+//! `geometry` asks before any picture what the tiers decide otherwise than `exact` does. [`page`] makes a page of it.
 
 mod advice;
 pub mod choose;
