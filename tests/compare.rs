@@ -173,9 +173,14 @@ fn what_cannot_be_had_is_said() {
     assert!(said.contains("kiln: warning: ") && said.contains("more do not fit into 0.05 s"), "{said}");
     let (_, said) = shop.code("render scene.toml -o a.png --budget 0.05", 0);
     assert!(said.contains("kiln: note: ") && samples(&said) >= 2, "{said}");
-    for bad in
-        ["--accuracy FLIP", "--accuracy PSNR=1", "--accuracy RMSE=0", "--budget 0", "--budget 1 --samples 4"]
-    {
+    for bad in [
+        "--accuracy FLIP",
+        "--accuracy PSNR=1",
+        "--accuracy RMSE=0",
+        "--budget 0",
+        "--budget 1 --samples 4",
+        "--budget 1 --without antialiasing",
+    ] {
         shop.code(&format!("render scene.toml -o b.png {bad}"), 2);
     }
 }

@@ -14,7 +14,7 @@
 use std::time::Instant;
 
 use crate::effects::{Choices, Plan};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::render::{Clock, Statistics, Watch, render_as};
 use crate::scene::Sampling;
@@ -151,7 +151,7 @@ impl Chosen {
 /// Renders to a target, on the current rayon pool.
 ///
 /// # Errors
-/// As those of [`crate::render::render`] and [`Plan::new`].
+/// As those of [`crate::render::render`] and [`Plan::new`]; [`Error::Usage`] where antialiasing is turned off.
 pub fn render(subject: &mut Subject, wish: &Wish, watch: &Watch, clock: Clock) -> Result<Chosen> {
     let metric = wish.accuracy.map_or(Metric::Flip, |(metric, _)| metric);
     let is_enough = |error: f64| wish.accuracy.is_some_and(|(_, target)| error * metric.margin() <= target);
@@ -165,6 +165,10 @@ pub fn render(subject: &mut Subject, wish: &Wish, watch: &Watch, clock: Clock) -
     let mut stretch = |from: u32, to: u32| {
         subject.world.sampling = part_of(&asked, from, to);
         let plan = Plan::new(subject.world, subject.choices)?;
+        if !plan.effects_on().any(|effect| effect == "antialiasing") {
+            let what = "an error or a time is reached by samples, and there is no antialiasing";
+            return Err(Error::usage(what, "leave out --without antialiasing, or --accuracy and --budget"));
+        }
         let (film, statistics): (Film, _) =
             render_as(subject.world, subject.view, &plan, subject.window, watch, clock)?;
         Ok((film.rows().collect::<Vec<_>>(), statistics))
