@@ -198,6 +198,11 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
         // Colours are fewer than knobs: those that come round again have another shape.
         match mark.group / COLOURS {
             0 => chart.draw_series([Circle::new((mark.time, y), 4, style)])?,
+            // plotters fills its own triangles whatever the style.
+            _ if mark.label.is_none() => {
+                let outline = PathElement::new([(0, -5), (4, 3), (-4, 3), (0, -5)], style);
+                chart.draw_series([EmptyElement::at((mark.time, y)) + outline])?
+            }
             _ => chart.draw_series([TriangleMarker::new((mark.time, y), 5, style)])?,
         };
     }

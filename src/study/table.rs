@@ -94,6 +94,14 @@ const TEXTS: [&str; 10] = [
     "judge",
 ];
 
+/// A number to the last bit, which serde_json's own reading is not, or a word.
+fn value(cell: &str) -> Value {
+    let whole = || cell.parse::<u64>().ok().map(Value::from);
+    let number = || cell.parse::<f64>().ok().map(Value::from);
+    let word = || cell.parse::<bool>().ok().map(Value::from);
+    whole().or_else(number).or_else(word).unwrap_or_else(|| cell.into())
+}
+
 fn insert(into: &mut Map<String, Value>, name: &str, cell: &str) {
     match name.split_once('.') {
         Some((first, rest)) => {
@@ -103,12 +111,7 @@ fn insert(into: &mut Map<String, Value>, name: &str, cell: &str) {
             }
         }
         None => {
-            let text = || Value::String(cell.to_owned());
-            let value = if TEXTS.contains(&name) {
-                text()
-            } else {
-                serde_json::from_str(cell).unwrap_or_else(|_| text())
-            };
+            let value = if TEXTS.contains(&name) { cell.into() } else { value(cell) };
             into.insert(name.to_owned(), value);
         }
     }
