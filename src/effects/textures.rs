@@ -90,7 +90,11 @@ fn slots(material: &LoweredMaterial) -> impl Iterator<Item = (LoweredTexture, Me
         |texels, c| (texels.roughness, texels.metallic) = (c.y, c.z),
         |texels, c| texels.emission = c,
     ];
-    material.slots().into_iter().zip(puts).filter_map(|((texture, meaning), put)| Some((texture?, meaning, put)))
+    material
+        .slots()
+        .into_iter()
+        .zip(puts)
+        .filter_map(|((texture, meaning), put)| Some((texture?, meaning, put)))
 }
 
 #[cfg(test)]
