@@ -138,7 +138,7 @@ pub struct Row {
     pub samples_per_pixel: f64,
     /// Bytes of the structure.
     pub structure_bytes: usize,
-    /// Bytes that a thread's tile holds.
+    /// Bytes that a thread's tile holds at most; which tiles that are depends on the threads.
     pub tile_bytes: usize,
     /// Which of the two errors counts.
     pub judge: Judge,
