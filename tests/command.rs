@@ -191,6 +191,16 @@ fn wrong_usage_is_2() {
             "shadows, terminator, glaze",
         ),
         (
+            "render scene.toml -o a.png --with glaze --without glaze=every-bounce",
+            "`glaze=every-bounce` is a value to do without",
+            "`--without glaze`",
+        ),
+        (
+            "render scene.toml -o a.png --noise 0.1 --min-samples 500",
+            "at least 500 samples a pixel were asked for, and at most 256",
+            "a higher --samples",
+        ),
+        (
             "render scene.toml -o a.png --with glaze --without glaze",
             "both with and without `glaze`",
             "one of the two",

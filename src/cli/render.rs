@@ -240,6 +240,13 @@ pub fn take_in(
         warnings.note("no light in the scene; added a headlight");
     }
     scene.sampling = arguments.sampling.said().or(scene.sampling);
+    let most = scene.sampling.most_samples();
+    if let Some(least) =
+        scene.sampling.min_samples.filter(|&least| scene.sampling.noise.is_some() && least > most)
+    {
+        let what = format!("at least {least} samples a pixel were asked for, and at most {most}");
+        return Err(Error::usage(what, "give a lower --min-samples or a higher --samples"));
+    }
     let pipeline = colour(arguments).or(scene.colour).unwrap_or_default();
     let numerics = numerics(arguments).or(scene.numerics).unwrap_or_default();
     let choices = Choices {
@@ -482,7 +489,8 @@ fn warn_of_the_picture(
             .push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
     }
     let primary = statistics.rays(RayKind::PRIMARY);
-    if primary.hit == 0 {
+    // A part of a picture may well be of nothing.
+    if primary.hit == 0 && arguments.crop.is_none() {
         warnings.push(format!(
             "nothing is in the picture: none of {} primary rays hits anything; try `--camera auto`",
             primary.cast

@@ -258,6 +258,11 @@ pub fn check_names(with: &[String], without: &[String]) -> Result<()> {
             check_value(effect, value).map_err(|(what, hint)| Error::usage(what, hint))?;
         }
     }
+    if let Some(typed) = without.iter().find(|typed| typed.contains('=')) {
+        let name = name_and_value(typed).0;
+        let hint = format!("ask for `--without {name}`, or for another value by `--with`");
+        return Err(Error::usage(format!("`{typed}` is a value to do without"), hint));
+    }
     match with.iter().find(|typed| without.iter().any(|other| other == name_and_value(typed).0)) {
         Some(both) => Err(Error::usage(format!("both with and without `{both}`"), "ask for one of the two")),
         None => Ok(()),

@@ -11,7 +11,7 @@ mod x86;
 
 pub use portable::Portable;
 #[cfg(target_arch = "x86_64")]
-pub use x86::Avx2;
+pub(crate) use x86::Avx2;
 
 /// One of two arrays of eight f32 numbers, as far from the first as it lies in bytes, so that choosing takes one addition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
