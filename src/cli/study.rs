@@ -39,6 +39,7 @@ pub struct Command {
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     render::check(&command.what)?;
+    make_folder(&command.output)?;
     let arguments = &command.what;
     let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
     let progress = Progress::new(command.progress);
@@ -53,8 +54,6 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         })
     })?;
     let subject = subject(arguments, described);
-    // Not before it is known that there is something to study, and before that takes its time.
-    make_folder(&command.output)?;
     let load = || import::load(&arguments.inputs, &mut Warnings::default()).map(drop);
     let is_file = arguments.inputs.iter().all(|input| input != Path::new("-"));
     let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
