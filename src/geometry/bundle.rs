@@ -2,7 +2,7 @@
 
 use super::simd::Simd;
 use super::woop::{Along, CANCELLED, NEAR};
-use super::{Corner, Hit, PrimId, Ray, SlotId};
+use super::{Hit, PrimId, Ray, SlotId};
 
 /// How many rays a bundle holds.
 pub const RAYS: usize = 4;
@@ -32,12 +32,43 @@ impl FourHits {
     }
 }
 
+/// Four rays, number by number.
+pub struct Gathered<S: Simd> {
+    /// Where they start.
+    pub origin: [S::D4; 3],
+    /// Where they go.
+    pub direction: [S::D4; 3],
+    /// See [`Ray`].
+    pub t_min: S::D4,
+    /// See [`Ray`].
+    pub t_max: S::D4,
+}
+
+impl<S: Simd> Gathered<S> {
+    /// From `first` on; lanes beyond the last ray hold that.
+    ///
+    /// # Panics
+    /// Without rays.
+    #[inline(always)]
+    pub fn new(rays: &[Ray], first: usize) -> Self {
+        let last = rays.len() - 1;
+        let halves = |lane: usize| {
+            let [low, high]: [[f64; 4]; 2] = bytemuck::cast(rays[(first + lane).min(last)]);
+            (S::d4(low), S::d4(high))
+        };
+        let [a, b, c, d] = [halves(0), halves(1), halves(2), halves(3)];
+        let [ox, oy, oz, dx] = S::d4_transposed([a.0, b.0, c.0, d.0]);
+        let [dy, dz, t_min, t_max] = S::d4_transposed([a.1, b.1, c.1, d.1]);
+        Gathered { origin: [ox, oy, oz], direction: [dx, dy, dz], t_min, t_max }
+    }
+}
+
 /// Four rays made ready for triangles, axes turned so that all run along the third most.
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 pub struct WoopBundle {
     origin: [[f64; RAYS]; 3],
-    shear: [[f64; RAYS]; 3],
+    shear: [[f64; RAYS]; 2],
     inverse: [[f64; RAYS]; 3],
     t_min: [f64; RAYS],
     t_max: [f64; RAYS],
@@ -53,7 +84,7 @@ impl Default for WoopBundle {
         let none = [[0.0; RAYS]; 3];
         WoopBundle {
             origin: none,
-            shear: none,
+            shear: [[0.0; RAYS]; 2],
             inverse: none,
             t_min: [0.0; RAYS],
             t_max: [0.0; RAYS],
@@ -71,31 +102,23 @@ impl WoopBundle {
     #[inline(always)]
     pub fn fill<S: Simd>(&mut self, rays: &[Ray]) {
         let along = Along::of(&rays[0]);
+        let four = Gathered::<S>::new(rays, 0);
         self.axes = along.axes();
-        let mut direction = [[0.0; RAYS]; 3];
-        for lane in 0..RAYS {
-            let ray = &rays[lane.min(rays.len() - 1)];
-            let (origin, along) = (ray.origin.to_array(), ray.direction.to_array());
-            for k in 0..3 {
-                self.origin[k][lane] = origin[self.axes[k]];
-                direction[k][lane] = along[self.axes[k]];
-            }
-            (self.t_min[lane], self.t_max[lane]) = (ray.t_min, ray.t_max);
-        }
+        (self.t_min, self.t_max) = (S::d4_array(four.t_min), S::d4_array(four.t_max));
         let (zero, one) = (S::d4_splat(0.0), S::d4_splat(1.0));
-        let mut length = [zero; 3];
-        let mut inverse = [zero; 3];
+        let mut turned = [[0.0; RAYS]; 3];
         let mut zeros = 0;
-        for k in 0..3 {
-            let along = S::d4(direction[k]);
-            inverse[k] = S::d4_div(one, along);
-            self.inverse[k] = S::d4_array(inverse[k]);
-            length[self.axes[k]] = S::d4_abs(along);
-            zeros |= S::d4_le(length[self.axes[k]], zero);
+        for (axis, place) in along.places().into_iter().enumerate() {
+            let direction = four.direction[axis];
+            self.origin[place] = S::d4_array(four.origin[axis]);
+            self.inverse[place] = S::d4_array(S::d4_div(one, direction));
+            turned[place] = S::d4_array(direction);
+            zeros |= S::d4_le(S::d4_abs(direction), zero);
         }
-        let shear = [S::d4_mul(S::d4(direction[0]), inverse[2]), S::d4_mul(S::d4(direction[1]), inverse[2])];
-        self.shear = [S::d4_array(shear[0]), S::d4_array(shear[1]), self.inverse[2]];
-        let [x, y, z] = length;
+        let inverse = S::d4(self.inverse[2]);
+        let shear = |k: usize| S::d4_array(S::d4_mul(S::d4(turned[k]), inverse));
+        self.shear = [shear(0), shear(1)];
+        let [x, y, z] = four.direction.map(S::d4_abs);
         let x_first = S::d4_le(y, x) & S::d4_le(z, x);
         let y_first = S::d4_le(z, y);
         let same = match along {
@@ -108,18 +131,18 @@ impl WoopBundle {
 
     /// What the test for one ray, Woop's in f64, says of each of the rays, by the same operations in the same order.
     #[inline(always)]
-    pub fn hit<S: Simd, C: Corner>(&self, corners: &[C; 3]) -> FourHits {
-        let origin = load::<S>(&self.origin);
+    pub fn hit<S: Simd>(&self, corners: &[[f64; 3]; 3]) -> FourHits {
+        let (origin, inverse) = (load::<S>(&self.origin), load::<S>(&self.inverse));
         let mut seen = [[origin[0]; 3]; 3];
-        for (k, corner) in corners.iter().enumerate() {
-            let corner = corner.raise();
-            for axis in 0..3 {
-                seen[k][axis] = S::d4_sub(S::d4_splat(corner[self.axes[axis]]), origin[axis]);
+        for (corner, seen) in corners.iter().zip(&mut seen) {
+            for place in 0..3 {
+                let at = S::d4_splat(corner[self.axes[place] % 3]);
+                seen[place] = S::d4_sub(at, origin[place]);
             }
         }
         let rays = FourRays {
-            shear: load::<S>(&self.shear),
-            inverse: load::<S>(&self.inverse),
+            shear: [S::d4(self.shear[0]), S::d4(self.shear[1]), inverse[2]],
+            inverse,
             t_min: S::d4(self.t_min),
             t_max: S::d4(self.t_max),
         };

@@ -214,7 +214,7 @@ pub trait Tier: Send + Sync + 'static {
 
     /// What [`Tier::hit_triangle`] says of each ray of a bundle, as far as that can be told for all at once.
     #[inline(always)]
-    fn hit_bundle<S: Simd>(_: &WoopBundle, _corners: &[Self::Corner; 3]) -> FourHits {
+    fn hit_bundle<S: Simd>(_: &WoopBundle, _corners: &[[f64; 3]; 3]) -> FourHits {
         FourHits::ONE_BY_ONE
     }
 

@@ -30,6 +30,20 @@ impl<C: Corner> Quad<C> {
     /// The triangle in a lane.
     #[inline(always)]
     pub fn triangle(&self, lane: usize) -> [C; 3] {
-        self.corners.map(|[x, y, z]| C::from_array([x[lane], y[lane], z[lane]]))
+        [self.corner(0, lane), self.corner(1, lane), self.corner(2, lane)]
+    }
+
+    /// Its corners as f64 numbers.
+    #[inline(always)]
+    pub fn raised(&self, lane: usize) -> [[f64; 3]; 3] {
+        let [a, b, c] = self.triangle(lane);
+        [a.raise().to_array(), b.raise().to_array(), c.raise().to_array()]
+    }
+
+    // Without the standard library's map over arrays, which does not always become part of what calls it.
+    #[inline(always)]
+    fn corner(&self, k: usize, lane: usize) -> C {
+        let [x, y, z] = &self.corners[k];
+        C::from_array([x[lane], y[lane], z[lane]])
     }
 }

@@ -1,10 +1,12 @@
 //! Rays and what they hit.
 
+use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 /// A ray: the points `origin + t * direction` with `t_min < t < t_max`, open at both ends. Its origin
 /// and its direction are numbers of the tier that it is made for: see [`super::Precision::ray`].
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct Ray {
     /// Where it starts.
     pub origin: DVec3,

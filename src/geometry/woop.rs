@@ -64,6 +64,12 @@ impl Along {
     pub fn axes(self) -> [usize; 3] {
         [[1, 2, 0], [2, 0, 1], [0, 1, 2]][self as usize]
     }
+
+    /// Where each axis is then.
+    #[inline(always)]
+    pub fn places(self) -> [usize; 3] {
+        [[2, 0, 1], [1, 2, 0], [0, 1, 2]][self as usize]
+    }
 }
 
 /// A triangle seen along a ray: its corners from the ray's origin, axes turned so that the ray runs along the third,

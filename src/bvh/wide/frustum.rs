@@ -9,21 +9,20 @@
 //! them to that plane, it lies aside. There the sum is moved by what its terms may be off by. That the hits of a primitive are within its own box (as [`Tier`](crate::geometry::Tier) says) makes the boxes
 //! of a tree conservative for rays, and so for frusta.
 
-use glam::DVec3;
-
 use crate::geometry::simd::Simd;
 use crate::geometry::{Ray, round_down, round_up};
 
-use super::node::{LENGTHS, MARGIN, Node, WIDTH};
+use super::lanes::Lanes;
+use super::node::{LENGTHS, Node, WIDTH};
 
 /// The share by which the ends of intervals are moved outwards. A slope is off by 5 u (two components, a reciprocal, a
 /// product and its rounding to f32), a difference by u, its product with the slope by u more, and the other difference by
 /// u: 8 u, and the margin within which hits are held to their boxes is 2^-30. This is 16 u.
-const SLACK: f64 = 8.0 * f32::EPSILON as f64;
+pub const SLACK: f64 = 8.0 * f32::EPSILON as f64;
 
 /// How far the ends of rays that go to one place may lie from their middle, as a share of the shortest way there. Beyond
 /// that a frustum is too wide to be of use.
-const MOST_SPREAD: f64 = 1.0 / 65536.0;
+pub const MOST_SPREAD: f64 = 1.0 / 65536.0;
 
 /// A frustum around rays.
 pub struct Frustum {
@@ -49,61 +48,6 @@ pub struct Frustum {
     pub depth: f32,
 }
 
-/// Rays in blocks of [`WIDTH`], one array for each number.
-pub struct Lanes {
-    /// Directions; after [`Frustum::new`] u and v of every ray, and what it advances in depth. What is beyond the last ray
-    /// repeats it.
-    pub directions: [[[f32; WIDTH]; BLOCKS]; 3],
-    /// The depths from which the rays' distances count, or more.
-    pub starts: [[f32; WIDTH]; BLOCKS],
-    /// How many blocks there are.
-    pub blocks: usize,
-}
-
-/// How many blocks there are at most.
-pub const BLOCKS: usize = 32;
-
-impl Lanes {
-    /// Takes the directions of rays, at least one, and tells whether all start at one place.
-    #[inline(always)]
-    fn fill(&mut self, rays: &[Ray]) -> bool {
-        let mut apart = false;
-        self.blocks = rays.len().div_ceil(WIDTH);
-        let mut put = |i: usize, d: DVec3| {
-            let (block, lane) = (i / WIDTH, i % WIDTH);
-            self.directions[0][block][lane] = d.x as f32;
-            self.directions[1][block][lane] = d.y as f32;
-            self.directions[2][block][lane] = d.z as f32;
-        };
-        for (i, ray) in rays.iter().enumerate() {
-            put(i, ray.direction);
-            // Without leaving at the first: comparing is quicker than looking at each.
-            apart |= ray.origin != rays[0].origin;
-        }
-        for i in rays.len()..rays.len().next_multiple_of(WIDTH) {
-            put(i, rays[rays.len() - 1].direction);
-        }
-        !apart
-    }
-
-    /// A depth that holds the one at `t` along a ray.
-    #[inline(always)]
-    pub fn depth_at(&self, block: usize, lane: usize, t: f64) -> f32 {
-        Frustum::depth_at(self.starts[block][lane], self.directions[2][block][lane], t)
-    }
-
-    /// The least and the greatest of some numbers.
-    #[inline(always)]
-    fn interval<S: Simd>(list: &[[f32; WIDTH]]) -> [f32; 2] {
-        let (mut least, mut most) = (S::f8_splat(f32::INFINITY), S::f8_splat(f32::NEG_INFINITY));
-        for block in list {
-            (least, most) = (S::f8_min(S::f8(*block), least), S::f8_max(S::f8(*block), most));
-        }
-        let least = S::f8_array(least).into_iter().fold(f32::INFINITY, f32::min);
-        [least, S::f8_array(most).into_iter().fold(f32::NEG_INFINITY, f32::max)]
-    }
-}
-
 impl Frustum {
     /// Around rays that start at one place (`to_end` false) or end at one, or run the same way. `None` where the rays have
     /// nothing of that in common or run in too different directions.
@@ -119,16 +63,9 @@ impl Frustum {
         if !to_end && rays[rays.len() / 2].origin != first.origin {
             return None;
         }
-        let one_start = lanes.fill(rays);
-        let (apex, spread) = match to_end {
-            true => common_end(rays)?,
-            false if one_start => (first.origin, 0.0),
-            false => return None,
-        };
-        let mut intervals = [[0.0; 2]; 3];
-        for (interval, directions) in intervals.iter_mut().zip(&lanes.directions) {
-            *interval = Lanes::interval::<S>(&directions[..lanes.blocks]);
-        }
+        let common = lanes.fill::<S>(rays, to_end);
+        let (apex, spread) = if to_end { common.end? } else { (common.start?, 0.0) };
+        let intervals = common.directions;
         // The axis along which the ray that runs least along it runs most; all the same way.
         let along = |axis: usize| {
             let [least, most] = intervals[axis];
@@ -151,36 +88,37 @@ impl Frustum {
         lanes.directions.rotate_left(axes[0]);
         let sign = S::f8_splat(if to_end { -1.0 } else { 1.0 });
         let one = S::f8_splat(1.0);
+        let mut slopes = [[S::f8_splat(f32::INFINITY), S::f8_splat(f32::NEG_INFINITY)]; 2];
         for block in 0..lanes.blocks {
             let along = S::f8(lanes.directions[2][block]);
             let along = S::f8_max(along, S::f8_sub(S::f8_splat(0.0), along));
             let share = S::f8_mul(sign, S::f8_div(one, along));
             lanes.directions[2][block] = S::f8_array(along);
-            for k in 0..2 {
+            for (k, [least, most]) in slopes.iter_mut().enumerate() {
                 let slope = S::f8_mul(S::f8(lanes.directions[k][block]), share);
                 lanes.directions[k][block] = S::f8_array(slope);
+                (*least, *most) = (S::f8_min(slope, *least), S::f8_max(slope, *most));
             }
         }
-        let mut slopes = [[0.0; 2]; 2];
-        for (slopes, list) in slopes.iter_mut().zip(&lanes.directions) {
-            let [a, b] = Lanes::interval::<S>(&list[..lanes.blocks]);
-            let (a, b) = (f64::from(a), f64::from(b));
-            *slopes = [round_down(a - a.abs() * SLACK), round_up(b + b.abs() * SLACK)];
+        let mut intervals = [[0.0; 2]; 2];
+        for (interval, [least, most]) in intervals.iter_mut().zip(slopes) {
+            let (a, b) = (f64::from(S::f8_least(least)), f64::from(S::f8_most(most)));
+            *interval = [round_down(a - a.abs() * SLACK), round_up(b + b.abs() * SLACK)];
         }
         let around = |x: f64| [round_down(x - spread), round_up(x + spread)];
         let frustum = Frustum {
             axes,
             downwards,
-            apex: apex.to_array(),
+            apex,
             spread,
-            bounds: apex.to_array().map(around),
-            slopes,
+            bounds: apex.map(around),
+            slopes: intervals,
             shear: None,
             size: 0.0,
             start: 0.0,
             depth: f32::INFINITY,
         };
-        lanes.starts = [[0.0; WIDTH]; BLOCKS];
+        lanes.starts[..lanes.blocks].fill([0.0; WIDTH]);
         // Slopes that f32 cannot hold are of no use.
         frustum.slopes.as_flattened().iter().all(|slope| slope.is_finite()).then_some(frustum)
     }
@@ -222,6 +160,7 @@ impl Frustum {
                 frustum.size = frustum.size.max(aside.abs() + back.abs());
             }
             lanes.directions[2][block][lane] = length[depth] as f32;
+            lanes.ends[block][lane] = rays[i.min(rays.len() - 1)].t_max as f32;
             lanes.starts[block][lane] = round_up(start + start.abs() * SLACK);
             frustum.start = frustum.start.min(round_down(start - start.abs() * SLACK));
             frustum.size = frustum.size.max(start.abs());
@@ -273,14 +212,6 @@ impl Frustum {
         }
         (mask, S::f8_array(near))
     }
-
-    /// A depth that holds the one at `t` along a ray that advances by `along` from `start`.
-    #[inline(always)]
-    fn depth_at(start: f32, along: f32, t: f64) -> f32 {
-        // Both factors are rounded, and so is their product, and the sum; what is too small for f32 is less than its least normal.
-        let depth = start + along * t as f32 * MARGIN;
-        depth + depth.abs() * SLACK as f32 + f32::MIN_POSITIVE
-    }
 }
 
 /// The greater of two numbers' sizes.
@@ -288,20 +219,4 @@ impl Frustum {
 fn size_of<S: Simd>(a: S::F8, b: S::F8) -> S::F8 {
     let zero = S::f8_splat(0.0);
     S::f8_max(S::f8_max(a, S::f8_sub(zero, a)), S::f8_max(b, S::f8_sub(zero, b)))
-}
-
-/// The middle of the places that rays end at, and how far on any axis a ray passes beside it at most.
-fn common_end(rays: &[Ray]) -> Option<(DVec3, f64)> {
-    let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let (mut reach, mut least_t) = (0.0f64, f64::INFINITY);
-    for ray in rays {
-        let end = ray.at(ray.t_max);
-        (least, most) = (least.min(end), most.max(end));
-        reach = reach.max(ray.origin.abs().max_element()).max(ray.t_max);
-        least_t = least_t.min(ray.t_max);
-    }
-    // The ends are computed, and hits are held to their boxes, to far less than this.
-    let spread = (most - least).max_element() + reach * SLACK;
-    // Rays without an end have none in common.
-    (spread.is_finite() && spread <= least_t * MOST_SPREAD).then_some(((least + most) / 2.0, spread))
 }

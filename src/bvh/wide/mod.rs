@@ -8,6 +8,7 @@ mod answers;
 mod convert;
 mod few;
 mod frustum;
+mod lanes;
 mod node;
 mod packet;
 mod refit;

@@ -6,7 +6,8 @@
 //! outside by more than that is outside, and the others are tested by the tier, four at once where it can
 //! ([`Tier::hit_bundle`]).
 
-use super::frustum::{BLOCKS, Frustum, Lanes};
+use super::frustum::Frustum;
+use super::lanes::{BLOCKS, Lanes};
 use super::node::{Child, Content, WIDTH};
 use super::seen::{Extents, Seen};
 use super::{Wide, hit_sphere};
@@ -14,7 +15,7 @@ use crate::bvh::Tests;
 use crate::geometry::bundle::{RAYS, WoopBundle};
 use crate::geometry::quad::LANES;
 use crate::geometry::simd::Simd;
-use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier, round_down};
+use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
 
 /// How many rays a packet has at most: those of a tile.
 pub const PACKET: usize = BLOCK * BLOCKS;
@@ -32,9 +33,7 @@ pub struct Scratch {
     lanes: Lanes,
     /// Least and greatest u and v of every block.
     extents: Extents,
-    /// For every ray a depth beyond which nothing counts for it.
-    reach: [[f32; BLOCK]; BLOCKS],
-    /// The same for every block.
+    /// For every block a depth beyond which nothing counts for any of its rays.
     depths: [f32; BLOCKS],
     /// The rays that are still asked, a byte a block.
     active: [u8; BLOCKS],
@@ -45,13 +44,8 @@ pub struct Scratch {
 impl Default for Scratch {
     fn default() -> Self {
         Scratch {
-            lanes: Lanes {
-                directions: [[[0.0; BLOCK]; BLOCKS]; 3],
-                starts: [[0.0; BLOCK]; BLOCKS],
-                blocks: 0,
-            },
+            lanes: Lanes::default(),
             extents: [[[f32::INFINITY; BLOCKS], [f32::NEG_INFINITY; BLOCKS]]; 2],
-            reach: [[f32::NEG_INFINITY; BLOCK]; BLOCKS],
             depths: [f32::NEG_INFINITY; BLOCKS],
             active: [0; BLOCKS],
             bundles: vec![WoopBundle::default(); PACKET / RAYS],
@@ -83,43 +77,46 @@ impl<'a, T: Tier> Packet<'a, T> {
         debug_assert!(rays.len() <= PACKET);
         let frustum = Frustum::new::<S>(rays, to_end, &mut scratch.lanes)?;
         let blocks = scratch.lanes.blocks;
-        for k in 0..2 {
+        for (k, [least, most]) in scratch.extents.iter_mut().enumerate() {
             for block in 0..blocks {
-                let slopes = &scratch.lanes.directions[k][block];
-                scratch.extents[k][0][block] = slopes.iter().copied().fold(f32::INFINITY, least);
-                scratch.extents[k][1][block] = slopes.iter().copied().fold(f32::NEG_INFINITY, most);
+                let slopes = S::f8(scratch.lanes.directions[k][block]);
+                // What is not a number does not count.
+                least[block] = S::f8_least(S::f8_min(slopes, S::f8_splat(f32::INFINITY)));
+                most[block] = S::f8_most(S::f8_max(slopes, S::f8_splat(f32::NEG_INFINITY)));
             }
-            scratch.extents[k][0][blocks..].fill(f32::INFINITY);
-            scratch.extents[k][1][blocks..].fill(f32::NEG_INFINITY);
+            least[blocks..].fill(f32::INFINITY);
+            most[blocks..].fill(f32::NEG_INFINITY);
         }
-        scratch.active[blocks..].fill(0);
-        for (block, rays) in rays.chunks(BLOCK).enumerate() {
-            scratch.active[block] = (u32::MAX >> (32 - rays.len())) as u8;
-            scratch.reach[block] = [f32::NEG_INFINITY; BLOCK];
-            for (lane, ray) in rays.iter().enumerate() {
-                scratch.reach[block][lane] = scratch.lanes.depth_at(block, lane, ray.t_max);
-            }
-        }
+        scratch.active = [0; BLOCKS];
+        scratch.active[..blocks].fill(u8::MAX);
+        scratch.depths = [f32::NEG_INFINITY; BLOCKS];
+        // The last block may hold fewer.
+        let held = rays.len() - (blocks - 1) * BLOCK;
+        scratch.active[blocks - 1] = u8::MAX >> (BLOCK - held);
+        scratch.lanes.ends[blocks - 1][held..].fill(f32::NEG_INFINITY);
         let mut packet = Packet { rays, frustum, scratch, made: 0, tier: std::marker::PhantomData };
-        for block in 0..blocks {
-            packet.shorten_block(block);
-        }
-        packet.shorten();
+        packet.shorten::<S>(u32::MAX >> (BLOCKS - blocks));
         Some(packet)
     }
 
-    /// Brings the depth of a block up to date with those of its rays.
+    /// Brings the depths of blocks, given as bits, up to date with the ends of their rays, and the frustum's with theirs.
     #[inline(always)]
-    fn shorten_block(&mut self, block: usize) {
-        self.scratch.depths[block] = self.scratch.reach[block].into_iter().fold(f32::NEG_INFINITY, most);
-    }
-
-    /// Brings the frustum's depth up to date with those of the blocks.
-    #[inline(always)]
-    fn shorten(&mut self) {
-        let deepest =
-            self.scratch.depths[..self.scratch.lanes.blocks].iter().copied().fold(f32::NEG_INFINITY, most);
-        self.frustum.depth = deepest + self.frustum.spread as f32;
+    fn shorten<S: Simd>(&mut self, mut changed: u32) {
+        if changed == 0 {
+            return;
+        }
+        while changed != 0 {
+            let block = changed.trailing_zeros() as usize % BLOCKS;
+            changed &= changed - 1;
+            // Rays that are not asked any more end nowhere, which is no number here.
+            let depths = S::f8_max(self.scratch.lanes.depths::<S>(block), S::f8_splat(f32::NEG_INFINITY));
+            self.scratch.depths[block] = S::f8_most(depths);
+        }
+        let mut deepest = S::f8_splat(f32::NEG_INFINITY);
+        for some in self.scratch.depths.as_chunks().0 {
+            deepest = S::f8_max(S::f8(*some), deepest);
+        }
+        self.frustum.depth = S::f8_most(deepest) + self.frustum.spread as f32;
     }
 
     /// Four rays made ready for triangles.
@@ -133,16 +130,6 @@ impl<'a, T: Tier> Packet<'a, T> {
         }
         &self.scratch.bundles[index]
     }
-}
-
-#[inline(always)]
-fn least(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn most(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
 }
 
 impl<T: Tier> Wide<T> {
@@ -166,9 +153,16 @@ impl<T: Tier> Wide<T> {
             while mask != 0 {
                 let place = mask.trailing_zeros() as usize % WIDTH;
                 mask &= mask - 1;
-                stack.push((node.children[place], at[place]));
+                // Farthest first.
+                let item = (node.children[place], at[place]);
+                let mut after = stack.len();
+                stack.push(item);
+                while after > first && stack[after - 1].1 < item.1 {
+                    stack[after] = stack[after - 1];
+                    after -= 1;
+                }
+                stack[after] = item;
             }
-            stack[first..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
             loop {
                 let Some((child, at)) = stack.pop() else { return true };
                 if at > packet.frustum.depth {
@@ -189,7 +183,7 @@ impl<T: Tier> Wide<T> {
                     }
                     Content::Spheres(spheres) => {
                         for index in spheres {
-                            self.visit_sphere(index, packet, tests, &mut found);
+                            self.visit_sphere::<S>(index, packet, tests, &mut found);
                         }
                     }
                 }
@@ -198,7 +192,7 @@ impl<T: Tier> Wide<T> {
     }
 
     #[inline(always)]
-    fn visit_sphere(
+    fn visit_sphere<S: Simd>(
         &self,
         index: u32,
         packet: &mut Packet<T>,
@@ -207,6 +201,7 @@ impl<T: Tier> Wide<T> {
     ) {
         let (sphere, prim) = &self.spheres[index as usize];
         let rays = packet.rays;
+        let mut changed = 0;
         for (i, ray) in rays.iter().enumerate() {
             if packet.scratch.active[i / BLOCK] >> (i % BLOCK) & 1 == 0 {
                 continue;
@@ -214,12 +209,10 @@ impl<T: Tier> Wide<T> {
             tests.primitives += 1;
             if let Some(t) = hit_sphere::<T>(ray, sphere) {
                 let hit = Hit { t, prim: *prim, slot: self.slot_of_sphere(index), weights: [0.0; 2] };
-                if found(packet, i, hit) {
-                    packet.shorten_block(i / BLOCK);
-                }
+                changed |= u32::from(found(packet, i, hit)) << (i / BLOCK);
             }
         }
-        packet.shorten();
+        packet.shorten::<S>(changed);
     }
 
     #[inline(always)]
@@ -231,16 +224,20 @@ impl<T: Tier> Wide<T> {
         found: &mut impl FnMut(&mut Packet<T>, usize, Hit) -> bool,
     ) -> usize {
         let group = &self.groups[index as usize];
-        let seen = Seen::new::<S, T>(&group.quad, &packet.frustum);
+        let seen = Seen::<S>::new::<T>(&group.quad, &packet.frustum);
         let mut lanes = seen.overlapping;
-        let mut changed = false;
+        if lanes == 0 {
+            return 1;
+        }
+        let edges = seen.edges(&packet.frustum);
+        // Brought up to date at the end: what was just written, number by number, cannot be read at once.
+        let mut changed = 0u32;
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize % LANES;
             lanes &= lanes - 1;
-            let edges = seen.edges(lane, &packet.frustum);
-            let corners = group.quad.triangle(lane);
-            let mut blocks = seen.blocks::<S>(lane, &packet.scratch.extents);
-            let nearest = round_down(seen.nearest[lane]);
+            let corners = group.quad.raised(lane);
+            let mut blocks = seen.blocks(lane, &packet.scratch.extents);
+            let nearest = seen.nearest[lane];
             while blocks != 0 {
                 let block = blocks.trailing_zeros() as usize % BLOCKS;
                 blocks &= blocks - 1;
@@ -248,6 +245,7 @@ impl<T: Tier> Wide<T> {
                     continue;
                 }
                 let inside = edges.inside::<S>(
+                    lane,
                     packet.scratch.lanes.directions[0][block],
                     packet.scratch.lanes.directions[1][block],
                 );
@@ -282,15 +280,10 @@ impl<T: Tier> Wide<T> {
                         hit_any |= found(packet, ray, hit);
                     }
                 }
-                if hit_any {
-                    packet.shorten_block(block);
-                    changed = true;
-                }
+                changed |= u32::from(hit_any) << block;
             }
         }
-        if changed {
-            packet.shorten();
-        }
+        packet.shorten::<S>(changed);
         1 + 2 * seen.overlapping.count_ones() as usize
     }
 
@@ -318,8 +311,7 @@ impl<T: Tier> Wide<T> {
                             return false;
                         }
                         hits[ray] = Some(hit);
-                        let (block, lane) = (ray / BLOCK, ray % BLOCK);
-                        packet.scratch.reach[block][lane] = packet.scratch.lanes.depth_at(block, lane, hit.t);
+                        packet.scratch.lanes.ends[ray / BLOCK][ray % BLOCK] = hit.t as f32;
                         true
                     },
                 )
@@ -350,7 +342,7 @@ impl<T: Tier> Wide<T> {
                         occluded[ray] = true;
                         let (block, lane) = (ray / BLOCK, ray % BLOCK);
                         packet.scratch.active[block] &= !(1 << lane);
-                        packet.scratch.reach[block][lane] = f32::NEG_INFINITY;
+                        packet.scratch.lanes.ends[block][lane] = f32::NEG_INFINITY;
                         true
                     },
                 )

@@ -1,43 +1,49 @@
 //! Triangles as a packet sees them: where they lie in its plane of u and v, and which of its rays can be inside.
 
-use super::frustum::{BLOCKS, Frustum};
+use super::frustum::Frustum;
+use super::lanes::BLOCKS;
 use super::node::WIDTH;
 use crate::geometry::quad::LANES;
 use crate::geometry::simd::Simd;
-use crate::geometry::{Corner, Quad, Tier, round_down, round_up};
+use crate::geometry::{Corner, Quad, Tier};
 
 /// Least and greatest u, least and greatest v of every block of rays.
 pub type Extents = [[[f32; BLOCKS]; 2]; 2];
 
-/// The edges of a triangle as functions of u and v, each `[a, b, c]` for a u + b v + c; a ray is inside where all are
-/// positive or all negative.
+/// The edges of four triangles as functions of u and v; each a u + b v + c, and a ray is inside where all are positive or all
+/// negative.
 ///
 /// Each is off by less than its bound. With P = |a u| + |b v| + |c|: a, b and c are rounded to f32 (u of themselves each), u
 /// and v are off by 5 u, the products and sums round three times more: 9 u P at most, and 16 u P stands here. In f64, a, b and c are
 /// products of corners A and B: off by 4 of its roundings of |A| |B|, as is what the tier decides by. And a ray
 /// that passes the apex on a side by `spread` sees an edge function that differs by the edge's length times that.
-pub struct Edges {
-    lines: [[f32; 3]; 3],
-    bounds: [f32; 3],
+pub struct Edges([EdgeLanes; 3]);
+
+/// One edge of four triangles.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+struct EdgeLanes {
+    a_and_b: [f32; 2 * LANES],
+    c_and_bound: [f32; 2 * LANES],
 }
 
 /// A group of triangles seen from an apex: across its u and v, and in depth.
-pub struct Seen {
-    /// Corners from the apex, each `[u axis, v axis, depth][lane]`.
-    corners: [[[f64; LANES]; 3]; 3],
-    /// Where rays that run the same way carry them, each `[u, v][lane]`.
-    points: [[[f64; LANES]; 2]; 3],
-    /// The least depth of each triangle.
-    pub nearest: [f64; LANES],
-    /// Least and greatest u, least and greatest v; infinite where a corner is not before the apex.
-    extents: [[[f64; LANES]; 2]; 2],
+pub struct Seen<S: Simd> {
+    /// Corners from the apex, each `[u axis, v axis, depth]`.
+    corners: [[S::D4; 3]; 3],
+    /// Where corners are seen, each `[u, v]`.
+    points: [[S::D4; 2]; 3],
+    /// A depth before each triangle.
+    pub nearest: [f32; LANES],
+    /// Least and greatest u, least and greatest v, and more; infinite where a corner is not before the apex.
+    extents: [[[f32; LANES]; 2]; 2],
     /// The triangles that overlap the packet.
     pub overlapping: u32,
 }
 
-impl Seen {
+impl<S: Simd> Seen<S> {
     #[inline(always)]
-    pub fn new<S: Simd, T: Tier>(quad: &Quad<T::Corner>, frustum: &Frustum) -> Self {
+    pub fn new<T: Tier>(quad: &Quad<T::Corner>, frustum: &Frustum) -> Self {
         let zero = S::d4_splat(0.0);
         let mut corners = [[zero; 3]; 3];
         let (mut least, mut most) = ([zero; 2], [zero; 2]);
@@ -66,38 +72,27 @@ impl Seen {
             farthest = if k == 0 { corner[2] } else { S::d4_max(corner[2], farthest) };
         }
         // Where a corner is not clearly before the apex there is no saying where it is seen.
-        let parallel = frustum.shear.is_some();
-        let all = (1 << LANES) - 1;
-        let clear = if parallel { all } else { S::d4_lt(S::d4_add(spread, spread), nearest) };
-        let slope = |k: usize, side: usize| S::d4_splat(f64::from(frustum.slopes[k][side]));
-        let mut across = S::d4_le(least[0], slope(0, 1)) & S::d4_le(slope(0, 0), most[0]);
-        across &= S::d4_le(least[1], slope(1, 1)) & S::d4_le(slope(1, 0), most[1]);
+        let clear = if frustum.shear.is_some() { ALL } else { S::d4_lt(S::d4_add(spread, spread), nearest) };
+        let [[first_u, last_u], [first_v, last_v]] = frustum.slopes;
+        let mut across = S::d4_le(least[0], splat::<S>(last_u)) & S::d4_le(splat::<S>(first_u), most[0]);
+        across &= S::d4_le(least[1], splat::<S>(last_v)) & S::d4_le(splat::<S>(first_v), most[1]);
         let start = S::d4_sub(S::d4_splat(f64::from(frustum.start)), spread);
         let ahead = S::d4_le(start, farthest) & S::d4_le(nearest, depth);
+        let [low_u, low_v] = [four::<S>(below::<S>(least[0])), four::<S>(below::<S>(least[1]))];
+        let [high_u, high_v] = [four::<S>(above::<S>(most[0])), four::<S>(above::<S>(most[1]))];
         let mut seen = Seen {
-            corners: [[[0.0; LANES]; 3]; 3],
-            points: [[[0.0; LANES]; 2]; 3],
-            nearest: S::d4_array(nearest),
-            extents: [
-                [S::d4_array(least[0]), S::d4_array(most[0])],
-                [S::d4_array(least[1]), S::d4_array(most[1])],
-            ],
-            overlapping: ahead & (across | !clear & all),
+            corners,
+            points,
+            nearest: four::<S>(below::<S>(nearest)),
+            extents: [[low_u, high_u], [low_v, high_v]],
+            overlapping: ahead & (across | !clear & ALL),
         };
-        for k in 0..3 {
-            for (kept, corner) in seen.corners[k].iter_mut().zip(corners[k]) {
-                *kept = S::d4_array(corner);
-            }
-            if parallel {
-                seen.points[k] = [S::d4_array(points[k][0]), S::d4_array(points[k][1])];
-            }
-        }
-        let mut unclear = !clear & all;
+        let mut unclear = !clear & ALL;
         while unclear != 0 {
             let lane = unclear.trailing_zeros() as usize % LANES;
             unclear &= unclear - 1;
             for extent in &mut seen.extents {
-                (extent[0][lane], extent[1][lane]) = (f64::NEG_INFINITY, f64::INFINITY);
+                (extent[0][lane], extent[1][lane]) = (f32::NEG_INFINITY, f32::INFINITY);
             }
         }
         seen
@@ -105,13 +100,12 @@ impl Seen {
 
     /// The blocks of the packet that a triangle overlaps, as bits.
     #[inline(always)]
-    pub fn blocks<S: Simd>(&self, lane: usize, extents: &Extents) -> u32 {
+    pub fn blocks(&self, lane: usize, extents: &Extents) -> u32 {
         let mut blocks = 0;
         for some in (0..BLOCKS).step_by(WIDTH) {
             let mut mask = u32::MAX;
             for ([least, most], extent) in extents.iter().zip(&self.extents) {
-                let low = S::f8_splat(round_down(extent[0][lane]));
-                let high = S::f8_splat(round_up(extent[1][lane]));
+                let (low, high) = (S::f8_splat(extent[0][lane]), S::f8_splat(extent[1][lane]));
                 mask &= S::f8_le(eight::<S>(least, some), high) & S::f8_le(low, eight::<S>(most, some));
             }
             blocks |= mask << some;
@@ -119,45 +113,107 @@ impl Seen {
         blocks
     }
 
-    /// The edges of a triangle as functions of u and v.
+    /// The edges of the triangles as functions of u and v.
     #[inline(always)]
-    pub fn edges(&self, lane: usize, frustum: &Frustum) -> Edges {
-        let corner = |k: usize| [0, 1, 2].map(|place| self.corners[k][place][lane]);
-        let corners = [corner(0), corner(1), corner(2)];
+    pub fn edges(&self, frustum: &Frustum) -> Edges {
         let reach = frustum.slopes.map(|[low, high]| f64::from(low.abs().max(high.abs())));
-        let sum = |x: [f64; 3]| x[0].abs() + x[1].abs() + x[2].abs();
-        let mut edges = Edges { lines: [[0.0; 3]; 3], bounds: [0.0; 3] };
-        for k in 0..3 {
+        let aside = 1.0 + reach[0] + reach[1];
+        let (reach_u, reach_v) = (S::d4_splat(reach[0]), S::d4_splat(reach[1]));
+        let sizes =
+            [size_of::<S>(&self.corners[0]), size_of::<S>(&self.corners[1]), size_of::<S>(&self.corners[2])];
+        let mut edges = [EdgeLanes { a_and_b: [0.0; 2 * LANES], c_and_bound: [0.0; 2 * LANES] }; 3];
+        for (k, edge) in edges.iter_mut().enumerate() {
             let next = (k + 1) % 3;
-            let (p, q) = (corners[k], corners[next]);
-            let (line, off) = match frustum.shear {
+            let ([a, b, c], off) = match frustum.shear {
                 None => {
-                    let length = (q[0] - p[0]).abs() + (q[1] - p[1]).abs() + (q[2] - p[2]).abs();
-                    let line =
-                        [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
-                    let aside = 1.0 + reach[0] + reach[1];
-                    let passing = 2.0 * frustum.spread * (length + frustum.spread);
-                    (line, (sum(p) * sum(q) * PRODUCT_SLACK + passing) * aside)
+                    let (p, q) = (self.corners[k], self.corners[next]);
+                    let off = S::d4_mul(S::d4_mul(sizes[k], sizes[next]), S::d4_splat(PRODUCT_SLACK));
+                    let passing = if frustum.spread == 0.0 {
+                        off
+                    } else {
+                        let along = [S::d4_sub(q[0], p[0]), S::d4_sub(q[1], p[1]), S::d4_sub(q[2], p[2])];
+                        let length = S::d4_add(size_of::<S>(&along), S::d4_splat(frustum.spread));
+                        S::d4_add(off, S::d4_mul(S::d4_splat(2.0 * frustum.spread), length))
+                    };
+                    let line = [
+                        cross::<S>(p[1], q[2], p[2], q[1]),
+                        cross::<S>(p[2], q[0], p[0], q[2]),
+                        cross::<S>(p[0], q[1], p[1], q[0]),
+                    ];
+                    (line, S::d4_mul(passing, S::d4_splat(aside)))
                 }
                 Some(_) => {
-                    let point = |k: usize| [0, 1].map(|place| self.points[k][place][lane]);
-                    let (a, b) = (point(k), point(next));
-                    let line = [a[1] - b[1], b[0] - a[0], a[0] * b[1] - a[1] * b[0]];
+                    let (p, q) = (self.points[k], self.points[next]);
+                    let line =
+                        [S::d4_sub(p[1], q[1]), S::d4_sub(q[0], p[0]), cross::<S>(p[0], q[1], p[1], q[0])];
                     // A point is off by a few roundings of the corner that was carried, and of where the rays start.
-                    let size = sum(p) + sum(q) + frustum.size;
-                    (line, size * size * PRODUCT_SLACK)
+                    let size = S::d4_add(S::d4_add(sizes[k], sizes[next]), S::d4_splat(frustum.size));
+                    (line, S::d4_mul(S::d4_mul(size, size), S::d4_splat(PRODUCT_SLACK)))
                 }
             };
-            let size = line[0].abs() * reach[0] + line[1].abs() * reach[1] + line[2].abs();
-            let bound = size * EDGE_SLACK + off + UNDERFLOW * (1.0 + reach[0] + reach[1]);
+            let (of_u, of_v) = (S::d4_mul(S::d4_abs(a), reach_u), S::d4_mul(S::d4_abs(b), reach_v));
+            let size = S::d4_add(S::d4_add(of_u, of_v), S::d4_abs(c));
+            let off = S::d4_add(off, S::d4_splat(UNDERFLOW * aside));
+            let bound = above::<S>(S::d4_add(S::d4_mul(size, S::d4_splat(EDGE_SLACK)), off));
+            edge.a_and_b = S::f8_array(S::f8_from_d4(a, b));
+            edge.c_and_bound = S::f8_array(S::f8_from_d4(c, bound));
             // What f32 cannot hold says nothing: every ray may be inside.
-            edges.bounds[k] = if size < f64::from(f32::MAX) { round_up(bound) } else { f32::INFINITY };
-            if edges.bounds[k].is_finite() {
-                edges.lines[k] = [line[0] as f32, line[1] as f32, line[2] as f32];
+            let largest = S::d4_max(S::d4_abs(a), S::d4_max(S::d4_abs(b), S::d4_max(size, bound)));
+            let mut beyond = !S::d4_lt(largest, S::d4_splat(f64::from(f32::MAX) / 2.0)) & ALL;
+            while beyond != 0 {
+                let lane = beyond.trailing_zeros() as usize % LANES;
+                beyond &= beyond - 1;
+                (edge.a_and_b[lane], edge.a_and_b[LANES + lane]) = (0.0, 0.0);
+                (edge.c_and_bound[lane], edge.c_and_bound[LANES + lane]) = (0.0, f32::INFINITY);
             }
         }
-        edges
+        Edges(edges)
     }
+}
+
+/// An f32 number four times.
+#[inline(always)]
+fn splat<S: Simd>(x: f32) -> S::D4 {
+    S::d4_splat(f64::from(x))
+}
+
+/// All lanes.
+const ALL: u32 = (1 << LANES) - 1;
+
+/// a b - c d
+#[inline(always)]
+fn cross<S: Simd>(a: S::D4, b: S::D4, c: S::D4, d: S::D4) -> S::D4 {
+    S::d4_sub(S::d4_mul(a, b), S::d4_mul(c, d))
+}
+
+/// The sum of three numbers' sizes.
+#[inline(always)]
+fn size_of<S: Simd>(v: &[S::D4; 3]) -> S::D4 {
+    S::d4_add(S::d4_add(S::d4_abs(v[0]), S::d4_abs(v[1])), S::d4_abs(v[2]))
+}
+
+/// Numbers that are not above `x` when they are rounded to f32, which is off by u of them, or by what f32 has no places for.
+#[inline(always)]
+fn below<S: Simd>(x: S::D4) -> S::D4 {
+    S::d4_sub(x, rounding::<S>(x))
+}
+
+/// Numbers that are not below `x` when they are rounded to f32.
+#[inline(always)]
+fn above<S: Simd>(x: S::D4) -> S::D4 {
+    S::d4_add(x, rounding::<S>(x))
+}
+
+#[inline(always)]
+fn rounding<S: Simd>(x: S::D4) -> S::D4 {
+    S::d4_add(S::d4_mul(S::d4_abs(x), S::d4_splat(f64::from(f32::EPSILON))), S::d4_splat(UNDERFLOW))
+}
+
+/// Rounded to f32.
+#[inline(always)]
+fn four<S: Simd>(x: S::D4) -> [f32; LANES] {
+    let [a, b, c, d, ..] = S::f8_array(S::f8_from_d4(x, x));
+    [a, b, c, d]
 }
 
 /// Where a corner is seen from the apex, and what that may be off by.
@@ -207,16 +263,18 @@ fn eight<S: Simd>(list: &[f32; BLOCKS], first: usize) -> S::F8 {
 }
 
 impl Edges {
-    /// The rays of a block that may be inside, as bits.
+    /// The rays of a block that may be inside the triangle in a lane, as bits.
     #[inline(always)]
-    pub fn inside<S: Simd>(&self, u: [f32; WIDTH], v: [f32; WIDTH]) -> u32 {
+    pub fn inside<S: Simd>(&self, lane: usize, u: [f32; WIDTH], v: [f32; WIDTH]) -> u32 {
         let (u, v) = (S::f8(u), S::f8(v));
         let zero = S::f8_splat(0.0);
         let (mut least, mut most) = (S::f8_splat(f32::INFINITY), S::f8_splat(f32::NEG_INFINITY));
-        for ([a, b, c], bound) in self.lines.into_iter().zip(self.bounds) {
-            let value = S::mul_add(S::f8_splat(a), u, S::mul_add(S::f8_splat(b), v, S::f8_splat(c)));
-            least = S::f8_min(S::f8_add(value, S::f8_splat(bound)), least);
-            most = S::f8_max(S::f8_sub(value, S::f8_splat(bound)), most);
+        for EdgeLanes { a_and_b, c_and_bound } in &self.0 {
+            let (a, b) = (S::f8_splat(a_and_b[lane]), S::f8_splat(a_and_b[LANES + lane]));
+            let (c, bound) = (S::f8_splat(c_and_bound[lane]), S::f8_splat(c_and_bound[LANES + lane]));
+            let value = S::mul_add(a, u, S::mul_add(b, v, c));
+            least = S::f8_min(S::f8_add(value, bound), least);
+            most = S::f8_max(S::f8_sub(value, bound), most);
         }
         S::f8_le(zero, least) | S::f8_le(most, zero)
     }

@@ -73,6 +73,12 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn f8_min(a: Self::F8, b: Self::F8) -> Self::F8;
     /// Where a is at most b.
     fn f8_le(a: Self::F8, b: Self::F8) -> u32;
+    /// The least of eight, if all are numbers.
+    fn f8_least(x: Self::F8) -> f32;
+    /// The greatest of eight, if all are numbers.
+    fn f8_most(x: Self::F8) -> f32;
+    /// From f64 numbers, rounded to the nearest.
+    fn f8_from_d4(low: Self::D4, high: Self::D4) -> Self::F8;
 
     /// How many lanes have `enter` at most `leave`; and of those first in `to`, by `enter` from the greatest to the least: in
     /// the upper half the bits of a number that is at most `enter` and nearly as much, in the lower half what `of` has in the
@@ -81,6 +87,8 @@ pub trait Simd: Copy + Send + Sync + 'static {
 
     /// From an array.
     fn d4(x: [f64; 4]) -> Self::D4;
+    /// Rows to columns.
+    fn d4_transposed(rows: [Self::D4; 4]) -> [Self::D4; 4];
     /// From f32 numbers.
     fn d4_from_f32(x: [f32; 4]) -> Self::D4;
     /// To an array.

@@ -98,6 +98,22 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn f8_least(x: [f32; 8]) -> f32 {
+        x.into_iter().fold(f32::INFINITY, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn f8_most(x: [f32; 8]) -> f32 {
+        x.into_iter().fold(f32::NEG_INFINITY, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn f8_from_d4(low: [f64; 4], high: [f64; 4]) -> [f32; 8] {
+        let ([a, b, c, d], [e, f, g, h]) = (low, high);
+        [a, b, c, d, e, f, g, h].map(|x| x as f32)
+    }
+
+    #[inline(always)]
     fn sort(enter: [f32; 8], leave: [f32; 8], of: &[u32; 8], to: &mut [u64; 8]) -> usize {
         let mut count = 0;
         for lane in 0..8 {
@@ -118,6 +134,11 @@ impl Simd for Portable {
     #[inline(always)]
     fn d4(x: [f64; 4]) -> [f64; 4] {
         x
+    }
+
+    #[inline(always)]
+    fn d4_transposed(rows: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
+        std::array::from_fn(|column| rows.map(|row| row[column]))
     }
 
     #[inline(always)]

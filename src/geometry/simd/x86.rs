@@ -212,6 +212,47 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn f8_least(x: __m256) -> f32 {
+        // SAFETY: see [`Avx2`].
+        unsafe {
+            let x = _mm_min_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));
+            let x = _mm_min_ps(x, _mm_movehl_ps(x, x));
+            _mm_cvtss_f32(_mm_min_ss(x, _mm_movehdup_ps(x)))
+        }
+    }
+
+    #[inline(always)]
+    fn f8_most(x: __m256) -> f32 {
+        // SAFETY: see [`Avx2`].
+        unsafe {
+            let x = _mm_max_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));
+            let x = _mm_max_ps(x, _mm_movehl_ps(x, x));
+            _mm_cvtss_f32(_mm_max_ss(x, _mm_movehdup_ps(x)))
+        }
+    }
+
+    #[inline(always)]
+    fn f8_from_d4(low: __m256d, high: __m256d) -> __m256 {
+        // SAFETY: see [`Avx2`].
+        unsafe { _mm256_set_m128(_mm256_cvtpd_ps(high), _mm256_cvtpd_ps(low)) }
+    }
+
+    #[inline(always)]
+    fn d4_transposed([a, b, c, d]: [__m256d; 4]) -> [__m256d; 4] {
+        // SAFETY: see [`Avx2`].
+        unsafe {
+            let (ab_even, ab_odd) = (_mm256_unpacklo_pd(a, b), _mm256_unpackhi_pd(a, b));
+            let (cd_even, cd_odd) = (_mm256_unpacklo_pd(c, d), _mm256_unpackhi_pd(c, d));
+            [
+                _mm256_permute2f128_pd::<0x20>(ab_even, cd_even),
+                _mm256_permute2f128_pd::<0x20>(ab_odd, cd_odd),
+                _mm256_permute2f128_pd::<0x31>(ab_even, cd_even),
+                _mm256_permute2f128_pd::<0x31>(ab_odd, cd_odd),
+            ]
+        }
+    }
+
+    #[inline(always)]
     fn d4_from_f32(x: [f32; 4]) -> __m256d {
         // SAFETY: see [`Avx2`].
         unsafe { _mm256_cvtps_pd(bytemuck::cast(x)) }
