@@ -28,10 +28,8 @@ pub struct WoopTest {
     along: Along,
     /// The two shears, and the reciprocal of the direction along that axis.
     pub shear: [f64; 3],
-    /// The origin and the reciprocals of the direction, axes turned so that the ray runs along the last.
-    pub turned_origin: [f64; 3],
-    /// See there.
-    pub inverse: [f64; 3],
+    /// Reciprocals of the direction.
+    inverse: [f64; 3],
     /// The ends.
     t_min: f64,
     t_max: f64,
@@ -65,6 +63,16 @@ impl Along {
         [[1, 2, 0], [2, 0, 1], [0, 1, 2]][self as usize]
     }
 
+    /// A vector with its axes turned so; written out, they stay in registers.
+    #[inline(always)]
+    pub fn turned(self, v: DVec3) -> DVec3 {
+        match self {
+            Along::X => DVec3::new(v.y, v.z, v.x),
+            Along::Y => DVec3::new(v.z, v.x, v.y),
+            Along::Z => v,
+        }
+    }
+
     /// Where each axis is then.
     #[inline(always)]
     pub fn places(self) -> [usize; 3] {
@@ -86,38 +94,23 @@ impl WoopTest {
     #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
         let (d, along) = (ray.direction, Along::of(ray));
-        let inverse = d.recip();
-        let axes = along.axes();
-        let turned = |v: DVec3| axes.map(|axis| v.to_array()[axis]);
-        let [x, y, _] = turned(d);
-        let inverse = turned(inverse);
-        let reciprocal = inverse[2];
+        let (inverse, turned) = (d.recip(), along.turned(d));
+        let reciprocal = along.turned(inverse).z;
         WoopTest {
             origin: ray.origin,
             along,
-            shear: [x * reciprocal, y * reciprocal, reciprocal],
-            turned_origin: turned(ray.origin),
-            inverse,
+            shear: [turned.x * reciprocal, turned.y * reciprocal, reciprocal],
+            inverse: inverse.to_array(),
             t_min: ray.t_min,
             t_max: ray.t_max,
             odd: if d.cmpeq(DVec3::ZERO).any() { (1 << LANES) - 1 } else { 0 },
         }
     }
 
-    /// The axes turned so that the ray runs along the last; written out, they stay in registers.
-    #[inline(always)]
-    pub fn turned(&self, v: DVec3) -> DVec3 {
-        match self.along {
-            Along::X => DVec3::new(v.y, v.z, v.x),
-            Along::Y => DVec3::new(v.z, v.x, v.y),
-            Along::Z => v,
-        }
-    }
-
     /// The triangle seen along the ray.
     #[inline(always)]
     pub fn sheared<C: Corner>(&self, [a, b, c]: &[C; 3]) -> Sheared {
-        let from_origin = |corner: &C| self.turned(corner.raise() - self.origin);
+        let from_origin = |corner: &C| self.along.turned(corner.raise() - self.origin);
         let corners = [from_origin(a), from_origin(b), from_origin(c)];
         let aside = |v: DVec3| [v.x - self.shear[0] * v.z, v.y - self.shear[1] * v.z];
         Sheared { corners, aside: corners.map(aside) }
@@ -127,19 +120,22 @@ impl WoopTest {
     #[inline(always)]
     pub fn hit_quad<S: Simd, C: Corner>(&self, quad: &Quad<C>) -> FourHits {
         let axes = self.along.axes();
-        let [x, y, z] = self.turned_origin;
-        let origin = [S::d4_splat(x), S::d4_splat(y), S::d4_splat(z)];
+        let (own, inverses) = (self.origin.to_array(), self.inverse);
         // Loops and not the standard library's maps, which do not always become part of this.
+        let (mut origin, mut inverse) = ([S::d4_splat(0.0); 3], [S::d4_splat(0.0); 3]);
+        for (place, &axis) in axes.iter().enumerate() {
+            (origin[place], inverse[place]) = (S::d4_splat(own[axis]), S::d4_splat(inverses[axis]));
+        }
         let mut seen = [origin; 3];
         for (corner, seen) in quad.corners.iter().zip(&mut seen) {
-            for axis in 0..3 {
-                seen[axis] = S::d4_sub(C::to_d4::<S>(corner[axes[axis]]), origin[axis]);
+            for place in 0..3 {
+                seen[place] = S::d4_sub(C::to_d4::<S>(corner[axes[place]]), origin[place]);
             }
         }
-        let ([sx, sy, sz], [ix, iy, iz]) = (self.shear, self.inverse);
+        let [sx, sy, _] = self.shear;
         let rays = FourRays {
-            shear: [S::d4_splat(sx), S::d4_splat(sy), S::d4_splat(sz)],
-            inverse: [S::d4_splat(ix), S::d4_splat(iy), S::d4_splat(iz)],
+            shear: [S::d4_splat(sx), S::d4_splat(sy), inverse[2]],
+            inverse,
             t_min: S::d4_splat(self.t_min),
             t_max: S::d4_splat(self.t_max),
         };

@@ -204,9 +204,10 @@ impl BoxRay {
         let (direction, origin) = (direction.as_vec3(), ray.origin.as_vec3());
         let inverse = direction.recip();
         let offset = if fused { origin * inverse } else { origin };
-        // An origin so small that f32 has few places for it is off by half of the last one, as many times as it is multiplied.
-        let last_place = if fused { inverse.abs() * f32::from_bits(1) } else { Vec3::ZERO };
-        let widening = offset.abs() * WIDENING + last_place + f32::MIN_POSITIVE;
+        // An origin so small that f32 has few places for it is off by half of the last one, as many times as it is multiplied. The
+        // least normal number stands for that: processors are slow at smaller ones.
+        let few_places = if fused { inverse.abs() } else { Vec3::ZERO };
+        let widening = offset.abs() * WIDENING + (few_places + 1.0) * f32::MIN_POSITIVE;
         let (greatest, least) = (offset + widening, offset - widening);
         let mut prepared = BoxRay {
             inverse: inverse.to_array(),
