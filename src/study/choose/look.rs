@@ -1,0 +1,239 @@
+//! A first look: the picture of the pixels' centres, and how far it is from the truth by a few squares of four samples a pixel.
+//!
+//! Many targets are loose, and one ray a pixel reaches them. A ray through the centre is the quickest there is, and closer to the truth
+//! than one or two samples of the filter: at a straight edge at distance d, where the truth is F(d), its mean square error is that of
+//! (1 - F(|d|))^2, that of one sample F (1 - F). For a Gaussian filter these are in a ratio of 0.41, integrated over d.
+//!
+//! What the squares were sampled by is part of whatever comes after.
+
+use super::halves::{Level, Range, fall_of_variance, joined, moved};
+use super::survey::{Draws, Sum};
+use super::{Taker, Target};
+use crate::error::Result;
+use crate::study::metrics::{Values, displayed};
+
+/// Samples of the squares.
+const PROBED: u32 = 4;
+
+/// How much lower than the target an error has to be that is expected of two to four samples by what centres get wrong.
+const MARGIN_OF_EXPECTED: f64 = 1.05;
+
+/// The share of what the samples from two to four bring, on a log scale, that the third brings: less than half, being
+/// out of balance.
+const THIRD: f64 = 0.35;
+
+/// What came of it.
+pub enum Look {
+    /// So many samples are enough: 0 for the centres.
+    Enough(u32, Range),
+    /// Four are not, or may not be; expected of them is an error of so much.
+    Beyond(Range),
+}
+
+/// Pictures of the samples that were taken so far, where they were.
+pub struct Probe {
+    /// The pixels' centres.
+    pub centres: Vec<[f32; 3]>,
+    /// Of the first sample, the second, and the two after: whole pictures, black where nothing was taken.
+    parts: [Vec<[f32; 3]>; 3],
+    /// Of each square, whether it was.
+    taken: Vec<bool>,
+}
+
+/// Sums over squares, in displayed values.
+#[derive(Default, Clone, Copy)]
+struct Apart {
+    /// Of the squares of what lies between the first sample and the second.
+    one: f64,
+    /// Between the mean of these and that of the two after.
+    two: f64,
+    /// Between the centre and the mean of all four.
+    centre: f64,
+}
+
+impl Probe {
+    /// Takes the centres, and samples of some squares until it is clear whether these are enough.
+    pub fn new(taker: &mut Taker, target: Target) -> Result<(Self, Look)> {
+        let centres = taker.take_centres()?;
+        let (squares, values) = (taker.squares, taker.values);
+        let black = || vec![[0.0; 3]; centres.len()];
+        let mut probe = Probe { parts: [black(), black(), black()], taken: vec![false; squares.count()], centres };
+        // Edges are where centres are wrong.
+        let shown = |c: f32| if values == Values::Linear { c.clamp(0.0, 1.0).sqrt() } else { c.clamp(0.0, 1.0) };
+        let width = squares.width() as usize;
+        let contrast = |row: std::ops::Range<usize>| {
+            let pixels = &probe.centres;
+            let differ = |i: usize, j: usize| -> f32 {
+                (0..3).map(|c| (shown(pixels[i][c]) - shown(pixels[j][c])).abs()).sum()
+            };
+            let beside = row.clone().skip(1).map(|i| differ(i, i - 1));
+            let above = row.filter(|&i| i >= width).map(|i| differ(i, i - width));
+            f64::from(match target.metric {
+                super::Metric::Flip => beside.chain(above).map(f32::sqrt).sum::<f32>(),
+                _ => beside.chain(above).map(|d| d * d).sum(),
+            })
+        };
+        let draws = Draws::new(&squares.guesses(contrast));
+        let mut sums = Apart::default();
+        let measure = |chosen: &[usize]| {
+            probe.take(taker, chosen)?;
+            probe.measured(taker, target, chosen, &mut sums)
+        };
+        let range = |sum: &Sum| Range::of(sum, |amount| target.metric.of(amount, &squares));
+        let is_clear = |[sum]: &[Sum; 1]| target.is_clear(&range(sum));
+        let [sum] = draws.survey(measure, is_clear)?;
+        let look = verdict(range(&sum), &sums, target);
+        Ok((probe, look))
+    }
+
+    /// Takes the samples of some squares.
+    fn take(&mut self, taker: &mut Taker, chosen: &[usize]) -> Result<()> {
+        chosen.iter().for_each(|&square| self.taken[square] = true);
+        let is_new = |square: usize| chosen.binary_search(&square).is_ok();
+        for (part, (from, to)) in self.parts.iter_mut().zip([(0, 1), (1, 2), (2, PROBED)]) {
+            let more = taker.take_some(from, to, &is_new)?;
+            for &square in chosen {
+                for row in taker.squares.rows(square) {
+                    part[row.clone()].copy_from_slice(&more[row]);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// How far the centres of squares are off.
+    fn measured(
+        &self,
+        taker: &Taker,
+        target: Target,
+        chosen: &[usize],
+        sums: &mut Apart,
+    ) -> Result<Vec<[f64; 1]>> {
+        let cut = |square: usize| {
+            let of = |pixels: &[[f32; 3]]| taker.squares.cut(square, pixels);
+            let [first, second, more] = [&self.parts[0], &self.parts[1], &self.parts[2]].map(|part| of(part));
+            let both = joined(&first, 1, &second, 1);
+            let all = joined(&both, 2, &more, 2);
+            let shown = [of(&self.centres), all, first, second, both, more];
+            shown.map(|pixels| displayed(&pixels, taker.values))
+        };
+        let cuts: Vec<[Vec<[f32; 3]>; 6]> = chosen.iter().map(|&square| cut(square)).collect();
+        let aparts: Vec<Apart> = cuts
+            .iter()
+            .map(|[centre, all, first, second, both, more]| Apart {
+                one: super::squares_between(first, second),
+                two: super::squares_between(both, more),
+                centre: super::squares_between(centre, all),
+            })
+            .collect();
+        for apart in &aparts {
+            sums.one += apart.one;
+            sums.two += apart.two;
+            sums.centre += apart.centre;
+        }
+        let of_four = variance_of_four(sums);
+        let amount = |((&square, [centre, all, ..]), apart): ((&usize, &[Vec<[f32; 3]>; 6]), &Apart)| {
+            // What four samples are off themselves is part of the difference.
+            let noise = of_four * apart.two;
+            let share = if apart.centre > noise { (1.0 - noise / apart.centre).sqrt() } else { 0.0 };
+            let truth = moved(centre, [all, centre], share);
+            [target.metric.amount(centre, &truth, taker.squares.width_of(square))]
+        };
+        Ok(chosen.iter().zip(&cuts).zip(&aparts).map(amount).collect())
+    }
+
+    /// The centres of all pixels.
+    pub fn into_centres(self) -> Vec<[f32; 3]> {
+        self.centres
+    }
+
+    /// The picture of two or three samples a pixel, of four where they were taken.
+    pub fn into_few(mut self, taker: &mut Taker, samples: u32) -> Result<Vec<[f32; 3]>> {
+        let rest = taker.take_some(0, samples, &|square| !self.taken[square])?;
+        let mut pixels = std::mem::take(&mut self.parts[0]);
+        pixels = joined(&pixels, 1, &self.parts[1], 1);
+        pixels = joined(&pixels, 2, &self.parts[2], 2);
+        for square in (0..taker.squares.count()).filter(|&square| !self.taken[square]) {
+            for row in taker.squares.rows(square) {
+                pixels[row.clone()].copy_from_slice(&rest[row]);
+            }
+        }
+        Ok(pixels)
+    }
+
+    /// The picture of four samples a pixel, and its halves.
+    pub fn into_four(self, taker: &mut Taker) -> Result<Level> {
+        let [first, second, mut more] = self.parts;
+        let mut both = joined(&first, 1, &second, 1);
+        for (part, (from, to)) in [(&mut both, (0, 2)), (&mut more, (2, PROBED))] {
+            let rest = taker.take_some(from, to, &|square| !self.taken[square])?;
+            for square in (0..taker.squares.count()).filter(|&square| !self.taken[square]) {
+                for row in taker.squares.rows(square) {
+                    part[row.clone()].copy_from_slice(&rest[row]);
+                }
+            }
+        }
+        Ok(Level::new(2, both).joined_by(more))
+    }
+}
+
+/// The mean square error of four samples, in parts of the difference of their halves.
+fn variance_of_four(sums: &Apart) -> f64 {
+    let r = fall_of_variance(Some(sums.one), sums.two);
+    r / (4.0 * (1.0 - r))
+}
+
+/// What is enough, by how far the centres are off and how samples compare to them.
+fn verdict(centres: Range, sums: &Apart, target: Target) -> Look {
+    if target.is_enough(&centres) {
+        return Look::Enough(0, centres);
+    }
+    let r = fall_of_variance(Some(sums.one), sums.two);
+    let four = variance_of_four(sums) * sums.two;
+    let centre = (sums.centre - four).max(f64::MIN_POSITIVE);
+    let of_four = (four / centre).sqrt();
+    let of_two = (four / r / centre).sqrt();
+    let of_three = of_two * (of_four / of_two).powf(THIRD);
+    for (samples, of) in [(2, of_two), (3, of_three)] {
+        let error = centres.times(of);
+        if target.is_enough(&error.times(MARGIN_OF_EXPECTED)) {
+            return Look::Enough(samples, error);
+        }
+    }
+    Look::Beyond(centres.times(of_four))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Metric;
+    use super::*;
+
+    fn enough(centres: f64, sums: &Apart, value: f64) -> Option<u32> {
+        match verdict(Range::exactly(centres), sums, Target { metric: Metric::Rmse, value }) {
+            Look::Enough(samples, _) => Some(samples),
+            Look::Beyond(_) => None,
+        }
+    }
+
+    #[test]
+    fn the_fewest_samples_that_are_enough_are_chosen() {
+        // Independent samples of variance 1: one from the next is 2 apart, two from two 1, their mean has 1/4. Centres at a mean
+        // square error of 1 are 1 + 1/4 from that mean. So two samples have 0.71 of the error, four 0.5, three 0.63.
+        let sums = Apart { one: 2.0, two: 1.0, centre: 1.25 };
+        assert_eq!(enough(0.1, &sums, 0.12), Some(0));
+        assert_eq!(enough(0.1, &sums, 0.08), Some(2));
+        assert_eq!(enough(0.1, &sums, 0.07), Some(3));
+        assert_eq!(enough(0.1, &sums, 0.05), None);
+    }
+
+    #[test]
+    fn the_error_of_four_follows_from_the_halves() {
+        let sums = Apart { one: 2.0, two: 1.0, centre: 1.25 };
+        assert!((variance_of_four(&sums) - 0.25).abs() < 1e-12);
+        let Look::Beyond(four) = verdict(Range::exactly(0.1), &sums, Target { metric: Metric::Rmse, value: 0.01 })
+        else {
+            panic!("a tenth of it is not enough")
+        };
+        assert!((four.middle - 0.05).abs() < 1e-12, "{four:?}");
+    }
+}
