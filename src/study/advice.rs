@@ -63,9 +63,13 @@ pub fn advice(rows: &[Row]) -> Vec<Advice> {
                 brief(row.trace_ms),
                 row.limit.map_or(f64::NAN, |limit| limit.rmse),
                 if row.told == Told::Within { ", which the reference's own error blurs" } else { "" },
-                if row.options.is_empty() { String::new() } else { format!("; `{}`", row.options) },
+                match (row.has_options, row.options.as_str()) {
+                    (true, "") => String::new(),
+                    (true, options) => format!("; `{options}`"),
+                    (false, _) => "; no options of `kiln render` make it".into(),
+                },
             ),
-            None => format!("no setting measured has an error below {below}; --full tries more samples"),
+            None => format!("no setting measured has an error below {below}; `--full` tries more samples"),
         };
         advice.push(Advice { below, row: row.map(|row| row.id), text });
     }

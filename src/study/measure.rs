@@ -50,7 +50,7 @@ pub struct Options {
     pub most_samples: u32,
     /// Samples a pixel of each half of a reference.
     pub reference_samples: u32,
-    /// Rays across the longer side of the picture that geometry is compared by.
+    /// Rays across a pixel of the picture that geometry is compared by.
     pub rays_across: u32,
     /// Rays that are cast at closed meshes in each tier.
     pub leak_rays: u64,
@@ -110,7 +110,7 @@ pub fn study(
     let load_ms = pools.timed.install(|| work.time(&mut cells, load))?;
 
     let threads = pools.timed.current_num_threads();
-    let rows = rows(&candidates, &cells, &subject.base, pixels(subject.window));
+    let rows = rows(&candidates, &cells, subject);
     let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| [a.clone(), b.clone()]).collect();
     let base_limit = limits.iter().find(|limit| limit.filter == subject.base.sampling.shape_and_radius());
     let study = Study {
@@ -144,11 +144,8 @@ pub fn study(
     Ok((study, pictures))
 }
 
-fn pixels(window: Window) -> u64 {
-    window.area() as u64
-}
-
-fn rows(candidates: &[Candidate], cells: &[Cell], base: &Setting, pixels: u64) -> Vec<Row> {
+fn rows(candidates: &[Candidate], cells: &[Cell], subject: &Subject) -> Vec<Row> {
+    let pixels = subject.window.area() as f64;
     let mut rows = Vec::new();
     for candidate in candidates {
         let Some(cell) = cells.iter().find(|cell| cell.setting == candidate.setting) else { continue };
@@ -159,13 +156,15 @@ fn rows(candidates: &[Candidate], cells: &[Cell], base: &Setting, pixels: u64) -
         };
         let (setting, statistics) = (&cell.setting, &seen.statistics);
         let (shape, radius) = setting.sampling.shape_and_radius();
+        let options = setting.options(&subject.base, &subject.choices);
         let primary_rays = statistics.rays(RayKind::PRIMARY).cast;
         rows.push(Row {
             id: rows.len(),
             knob: candidate.knob.into(),
             setting: candidate.name.clone(),
             base: candidate.base,
-            options: setting.options(base),
+            has_options: options.is_some(),
+            options: options.unwrap_or_default(),
             numerics: setting.numerics.name().into(),
             layout: seen.layout.into(),
             preset: setting.structure.preset().map(|preset| preset.name().into()),
@@ -175,7 +174,7 @@ fn rows(candidates: &[Candidate], cells: &[Cell], base: &Setting, pixels: u64) -
             trace_ms,
             rays: statistics.rays.iter().map(|(_, count)| count.cast).sum(),
             primary_rays,
-            samples_per_pixel: primary_rays as f64 / pixels as f64,
+            samples_per_pixel: primary_rays as f64 / pixels,
             structure_bytes: seen.structure_bytes,
             tile_bytes: statistics.bytes(),
             judge: candidate.judge,

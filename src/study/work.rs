@@ -91,8 +91,7 @@ impl Work<'_> {
     /// What each tier decides otherwise than `exact`.
     pub fn geometry(&self, watch: &Watch) -> Result<Vec<Geometry>> {
         let Subject { scene, camera, projection, size, base, .. } = self.subject;
-        let scale = f64::from(self.options.rays_across) / f64::from(size[0].max(size[1]));
-        let size = size.map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+        let size = size.map(|side| side.saturating_mul(self.options.rays_across));
         let view = View::new(camera, *projection, size)?;
         let closed = leaks::closed(scene);
         let world = |numerics| prepare(self.subject, &Setting { numerics, ..base.clone() });

@@ -18,12 +18,19 @@ pub struct Level {
     apart: Option<f64>,
     /// By which share of that difference it is off.
     share: f64,
+    /// r up to this many samples.
+    fall: f64,
 }
 
 impl Level {
-    /// A picture of which nothing is known but itself.
-    pub fn new(samples: u32, pixels: Vec<[f32; 3]>) -> Self {
-        Level { samples, pixels, halves: Default::default(), apart: None, share: 0.0 }
+    /// A picture of one sample.
+    pub fn of_one(pixels: Vec<[f32; 3]>) -> Self {
+        Level { samples: 1, pixels, halves: Default::default(), apart: None, share: 0.0, fall: RATIOS.1 }
+    }
+
+    /// A picture of two samples, and r from two to four where it was measured.
+    pub fn of_two(pixels: Vec<[f32; 3]>, fall: f64) -> Self {
+        Level { samples: 2, fall, ..Level::of_one(pixels) }
     }
 
     /// The picture of twice as many samples, by another half.
@@ -31,8 +38,16 @@ impl Level {
         let pixels = joined(&self.pixels, self.samples, &more, self.samples);
         let held = |c: f64| c.clamp(0.0, 1.0);
         let apart = mean_over(&self.pixels, &more, |a, b| (held(a) - held(b)).powi(2));
-        let share = share_of_difference(self.apart, apart);
-        Level { samples: 2 * self.samples, pixels, halves: [self.pixels, more], apart: Some(apart), share }
+        let fall = if self.apart.is_some() { fall_of_variance(self.apart, apart) } else { self.fall };
+        let share = share_of_difference(fall);
+        Level {
+            fall,
+            samples: 2 * self.samples,
+            pixels,
+            halves: [self.pixels, more],
+            apart: Some(apart),
+            share,
+        }
     }
 
     /// The picture with some samples more.
@@ -65,9 +80,8 @@ impl Level {
         let guesses = squares.guesses(|row| {
             let pairs = a[row.clone()].as_flattened().iter().zip(b[row].as_flattened());
             let differences = pairs.map(|(&a, &b)| (shown(a) - shown(b)).abs());
-            // What is perceived grows more slowly than the difference.
             f64::from(match metric {
-                Metric::Flip => differences.map(f32::sqrt).sum::<f32>(),
+                Metric::Flip => differences.map(perceived).sum::<f32>(),
                 _ => differences.map(|d| d * d).sum(),
             })
         });
@@ -123,14 +137,18 @@ pub fn joined(a: &[[f32; 3]], of_a: u32, b: &[[f32; 3]], of_b: u32) -> Vec<[f32;
     a.iter().zip(b).map(|(a, b)| std::array::from_fn(|c| mean(a[c], b[c]))).collect()
 }
 
-/// By which share of the difference of its halves a picture is off. `before` and `now` are the mean squares of that difference at
-/// half as many samples, and at these.
-pub fn share_of_difference(before: Option<f64>, now: f64) -> f64 {
-    let r = fall_of_variance(before, now);
+/// About what FLIP makes of a difference, whose exponent is 0.7.
+pub fn perceived(difference: f32) -> f32 {
+    let root = difference.sqrt();
+    root * root.sqrt()
+}
+
+/// By which share of the difference of its halves a picture is off, by r.
+fn share_of_difference(r: f64) -> f64 {
     (r / (4.0 * (1.0 - r))).sqrt()
 }
 
-/// r, see [`super`].
+/// r, see [`super`]. `before` and `now` are the mean squares of the difference of both halves at half as many samples, and at these.
 pub fn fall_of_variance(before: Option<f64>, now: f64) -> f64 {
     let measured = before.filter(|&before| before > 0.0).map_or(RATIOS.1, |before| now / before);
     measured.clamp(RATIOS.0, RATIOS.1)
@@ -152,12 +170,13 @@ mod tests {
     #[test]
     fn the_share_follows_from_how_variance_falls() {
         // Independent halves: the mean of two is off by half of what lies between them, on average.
-        assert_eq!(share_of_difference(None, 1.0), 0.5);
-        assert_eq!(share_of_difference(Some(2.0), 1.0), 0.5);
+        let share = |before, now| share_of_difference(fall_of_variance(before, now));
+        assert_eq!(share(None, 1.0), 0.5);
+        assert_eq!(share(Some(2.0), 1.0), 0.5);
         // Variance that does not fall at all is not believed, nor one that falls faster than theory says.
-        assert_eq!(share_of_difference(Some(1.0), 1.0), 0.5);
+        assert_eq!(share(Some(1.0), 1.0), 0.5);
         // r / (4 (1 - r)) of 2^-1.5 is 0.136729.
-        assert!((share_of_difference(Some(10.0), 1.0).powi(2) - 0.136_729).abs() < 1e-6);
+        assert!((share(Some(10.0), 1.0).powi(2) - 0.136_729).abs() < 1e-6);
     }
 
     #[test]

@@ -6,10 +6,10 @@
 //!
 //! What the squares were sampled by is part of whatever comes after.
 
-use super::halves::{Level, Range, fall_of_variance, joined, moved};
+use super::halves::{Level, Range, fall_of_variance, joined, moved, perceived};
 use super::survey::{Draws, Sum};
 use super::{Taker, Target};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::study::metrics::{Values, displayed};
 
 /// Samples of the squares.
@@ -38,6 +38,8 @@ pub struct Probe {
     parts: [Vec<[f32; 3]>; 3],
     /// Of each square, whether it was.
     taken: Vec<bool>,
+    /// What lies between them there.
+    sums: Apart,
 }
 
 /// Sums over squares, in displayed values.
@@ -57,7 +59,8 @@ impl Probe {
         let centres = taker.take_centres()?;
         let (squares, values) = (taker.squares, taker.values);
         let black = || vec![[0.0; 3]; centres.len()];
-        let mut probe = Probe { parts: [black(), black(), black()], taken: vec![false; squares.count()], centres };
+        let parts = [black(), black(), black()];
+        let mut probe = Probe { centres, parts, taken: vec![false; squares.count()], sums: Apart::default() };
         // Edges are where centres are wrong.
         let shown = |c: f32| if values == Values::Linear { c.clamp(0.0, 1.0).sqrt() } else { c.clamp(0.0, 1.0) };
         let width = squares.width() as usize;
@@ -69,20 +72,19 @@ impl Probe {
             let beside = row.clone().skip(1).map(|i| differ(i, i - 1));
             let above = row.filter(|&i| i >= width).map(|i| differ(i, i - width));
             f64::from(match target.metric {
-                super::Metric::Flip => beside.chain(above).map(f32::sqrt).sum::<f32>(),
+                super::Metric::Flip => beside.chain(above).map(perceived).sum::<f32>(),
                 _ => beside.chain(above).map(|d| d * d).sum(),
             })
         };
         let draws = Draws::new(&squares.guesses(contrast));
-        let mut sums = Apart::default();
         let measure = |chosen: &[usize]| {
             probe.take(taker, chosen)?;
-            probe.measured(taker, target, chosen, &mut sums)
+            Ok::<_, Error>(probe.measured(taker, target, chosen))
         };
         let range = |sum: &Sum| Range::of(sum, |amount| target.metric.of(amount, &squares));
         let is_clear = |[sum]: &[Sum; 1]| target.is_clear(&range(sum));
         let [sum] = draws.survey(measure, is_clear)?;
-        let look = verdict(range(&sum), &sums, target);
+        let look = verdict(range(&sum), &probe.sums, target);
         Ok((probe, look))
     }
 
@@ -90,25 +92,14 @@ impl Probe {
     fn take(&mut self, taker: &mut Taker, chosen: &[usize]) -> Result<()> {
         chosen.iter().for_each(|&square| self.taken[square] = true);
         let is_new = |square: usize| chosen.binary_search(&square).is_ok();
-        for (part, (from, to)) in self.parts.iter_mut().zip([(0, 1), (1, 2), (2, PROBED)]) {
-            let more = taker.take_some(from, to, &is_new)?;
-            for &square in chosen {
-                for row in taker.squares.rows(square) {
-                    part[row.clone()].copy_from_slice(&more[row]);
-                }
-            }
+        for (part, stretch) in self.parts.iter_mut().zip([(0, 1), (1, 2), (2, PROBED)]) {
+            taker.take_some(stretch, &is_new, part)?;
         }
         Ok(())
     }
 
     /// How far the centres of squares are off.
-    fn measured(
-        &self,
-        taker: &Taker,
-        target: Target,
-        chosen: &[usize],
-        sums: &mut Apart,
-    ) -> Result<Vec<[f64; 1]>> {
+    fn measured(&mut self, taker: &Taker, target: Target, chosen: &[usize]) -> Vec<[f64; 1]> {
         let cut = |square: usize| {
             let of = |pixels: &[[f32; 3]]| taker.squares.cut(square, pixels);
             let [first, second, more] = [&self.parts[0], &self.parts[1], &self.parts[2]].map(|part| of(part));
@@ -127,11 +118,11 @@ impl Probe {
             })
             .collect();
         for apart in &aparts {
-            sums.one += apart.one;
-            sums.two += apart.two;
-            sums.centre += apart.centre;
+            self.sums.one += apart.one;
+            self.sums.two += apart.two;
+            self.sums.centre += apart.centre;
         }
-        let of_four = variance_of_four(sums);
+        let of_four = variance_of_four(&self.sums);
         let amount = |((&square, [centre, all, ..]), apart): ((&usize, &[Vec<[f32; 3]>; 6]), &Apart)| {
             // What four samples are off themselves is part of the difference.
             let noise = of_four * apart.two;
@@ -139,7 +130,7 @@ impl Probe {
             let truth = moved(centre, [all, centre], share);
             [target.metric.amount(centre, &truth, taker.squares.width_of(square))]
         };
-        Ok(chosen.iter().zip(&cuts).zip(&aparts).map(amount).collect())
+        chosen.iter().zip(&cuts).zip(&aparts).map(amount).collect()
     }
 
     /// The centres of all pixels.
@@ -149,31 +140,21 @@ impl Probe {
 
     /// The picture of two or three samples a pixel, of four where they were taken.
     pub fn into_few(mut self, taker: &mut Taker, samples: u32) -> Result<Vec<[f32; 3]>> {
-        let rest = taker.take_some(0, samples, &|square| !self.taken[square])?;
-        let mut pixels = std::mem::take(&mut self.parts[0]);
-        pixels = joined(&pixels, 1, &self.parts[1], 1);
+        let mut pixels = joined(&self.parts[0], 1, &self.parts[1], 1);
         pixels = joined(&pixels, 2, &self.parts[2], 2);
-        for square in (0..taker.squares.count()).filter(|&square| !self.taken[square]) {
-            for row in taker.squares.rows(square) {
-                pixels[row.clone()].copy_from_slice(&rest[row]);
-            }
-        }
+        let taken = std::mem::take(&mut self.taken);
+        taker.take_some((0, samples), &|square| !taken[square], &mut pixels)?;
         Ok(pixels)
     }
 
     /// The picture of four samples a pixel, and its halves.
     pub fn into_four(self, taker: &mut Taker) -> Result<Level> {
-        let [first, second, mut more] = self.parts;
+        let Probe { parts: [first, second, mut more], taken, sums, .. } = self;
         let mut both = joined(&first, 1, &second, 1);
-        for (part, (from, to)) in [(&mut both, (0, 2)), (&mut more, (2, PROBED))] {
-            let rest = taker.take_some(from, to, &|square| !self.taken[square])?;
-            for square in (0..taker.squares.count()).filter(|&square| !self.taken[square]) {
-                for row in taker.squares.rows(square) {
-                    part[row.clone()].copy_from_slice(&rest[row]);
-                }
-            }
-        }
-        Ok(Level::new(2, both).joined_by(more))
+        taker.take_some((0, 2), &|square| !taken[square], &mut both)?;
+        taker.take_some((2, PROBED), &|square| !taken[square], &mut more)?;
+        let fall = fall_of_variance(Some(sums.one), sums.two);
+        Ok(Level::of_two(both, fall).joined_by(more))
     }
 }
 

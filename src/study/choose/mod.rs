@@ -20,7 +20,7 @@ use std::time::Instant;
 
 use crate::effects::{Choices, Plan};
 use crate::error::{Error, Result};
-use crate::film::{ColourPipeline, Film, Window};
+use crate::film::{ColourPipeline, Film, TILE, Window};
 use crate::render::{Clock, Statistics, Watch, render_some_as};
 use crate::scene::Sampling;
 use crate::study::metrics::{Values, mean_flip};
@@ -202,7 +202,7 @@ pub fn render(subject: &mut Subject, wish: &Wish, watch: &Watch, clock: Clock) -
     let Some(target) = target.filter(|target| target.metric != Metric::Max) else {
         let first = taker.take(0, 1)?;
         let second = taker.take(1, 2)?;
-        return climb(taker, wish, Level::new(1, first).joined_by(second), None);
+        return climb(taker, wish, Level::of_one(first).joined_by(second), None);
     };
     let (probe, look) = Probe::new(&mut taker, target)?;
     if !taker.is_finite() {
@@ -219,6 +219,7 @@ pub fn render(subject: &mut Subject, wish: &Wish, watch: &Watch, clock: Clock) -
         }
         Look::Beyond(error) if taker.has_time_for(4, wish) => {
             let level = probe.into_four(&mut taker)?;
+            // It is expected by how far samples lie apart in some squares, and that is known of all now.
             let known = (error.middle, level.off());
             climb(taker, wish, level, Some(known))
         }
@@ -322,39 +323,58 @@ impl<'a, 'b> Taker<'a, 'b> {
 
     /// The pixels' centres.
     fn take_centres(&mut self) -> Result<Vec<[f32; 3]>> {
-        self.rendered(Sampling { seed: self.asked.seed, ..Sampling::default() }, &|_| true)
+        let mut pixels = self.black();
+        self.render(Sampling { seed: self.asked.seed, ..Sampling::default() }, &|_| true, &mut pixels)?;
+        Ok(pixels)
     }
 
     /// The mean of the samples from one number up to another, of the whole picture.
     fn take(&mut self, from: u32, to: u32) -> Result<Vec<[f32; 3]>> {
-        self.rendered(part_of(&self.asked, from, to), &|_| true)
+        let mut pixels = self.black();
+        self.take_some((from, to), &|_| true, &mut pixels)?;
+        Ok(pixels)
     }
 
-    /// The same of some squares; black elsewhere.
+    /// The same of some squares, into a picture of which the rest stays as it is.
     fn take_some(
         &mut self,
-        from: u32,
-        to: u32,
+        (from, to): (u32, u32),
         wanted: &(dyn Fn(usize) -> bool + Sync),
-    ) -> Result<Vec<[f32; 3]>> {
-        self.rendered(part_of(&self.asked, from, to), wanted)
+        pixels: &mut [[f32; 3]],
+    ) -> Result<()> {
+        self.render(part_of(&self.asked, from, to), wanted, pixels)
     }
 
-    fn rendered(&mut self, sampling: Sampling, wanted: &(dyn Fn(usize) -> bool + Sync)) -> Result<Vec<[f32; 3]>> {
-        let Subject { world, view, choices, window } = self.subject;
+    fn black(&self) -> Vec<[f32; 3]> {
+        vec![[0.0; 3]; self.subject.window.area()]
+    }
+
+    fn render(
+        &mut self,
+        sampling: Sampling,
+        wanted: &(dyn Fn(usize) -> bool + Sync),
+        pixels: &mut [[f32; 3]],
+    ) -> Result<()> {
+        let Subject { world, view, choices, window } = &mut *self.subject;
         world.sampling = sampling;
         let plan = Plan::new(world, choices)?;
         let (window, squares) = (*window, self.squares);
-        let wanted = |tile: Window| wanted(squares.at(tile.x - window.x, tile.y - window.y));
+        let is_wanted = |tile: Window| wanted(squares.at(tile.x - window.x, tile.y - window.y));
         let (film, statistics): (Film, _) =
-            render_some_as(world, view, &plan, window, self.watch, self.clock, wanted)?;
+            render_some_as(world, view, &plan, window, self.watch, self.clock, is_wanted)?;
         match &mut self.statistics {
             Some(sum) => sum.add(&statistics),
             none => *none = Some(statistics),
         }
-        let mut pixels = Vec::with_capacity(window.area());
-        (0..window.height).for_each(|y| film.row(y).for_each(|part| pixels.extend_from_slice(part)));
-        Ok(pixels)
+        for (y, row) in (0..).zip(pixels.chunks_mut(window.width as usize)) {
+            // The parts of a row are those of tiles.
+            for (i, (own, part)) in (0..).zip(row.chunks_mut(TILE as usize).zip(film.row(y))) {
+                if wanted(squares.at(i * TILE, y)) {
+                    own.copy_from_slice(part);
+                }
+            }
+        }
+        Ok(())
     }
 
     fn is_finite(&self) -> bool {
