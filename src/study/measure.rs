@@ -2,7 +2,7 @@
 
 use rayon::ThreadPool;
 
-use super::data::{Quartiles, Row, SCHEMA, Study};
+use super::data::{Judge, Quartiles, Row, SCHEMA, Study};
 use super::meter::Meter;
 use super::pictures::{Pictures, png};
 use super::setting::Setting;
@@ -42,7 +42,7 @@ pub struct Subject {
 }
 
 /// How thorough a study is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
     /// How often everything is timed, after a round to warm up.
     pub rounds: u32,
@@ -54,6 +54,8 @@ pub struct Options {
     pub rays_across: u32,
     /// Rays that are cast at closed meshes in each tier.
     pub leak_rays: u64,
+    /// The knobs that are varied, some of [`super::knobs`]; all of them where none is named.
+    pub knobs: Vec<&'static str>,
 }
 
 impl Options {
@@ -84,12 +86,15 @@ pub fn study(
     watch: &Watch,
 ) -> Result<(Study, Pictures)> {
     let view = View::new(&subject.camera, subject.projection, subject.size)?;
-    let (candidates, left_out, machine) = pools.wide.install(|| {
+    let (mut candidates, mut left_out, machine) = pools.wide.install(|| {
         let world = prepare(subject, &subject.base);
         let plan = Plan::new(&world, &subject.base.choices(&subject.choices))?;
         let (candidates, left_out) = sweep(&subject.scene, &subject.base, &plan, options.most_samples);
         Ok::<_, Error>((candidates, left_out, machine::machine(&*world.accelerator)))
     })?;
+    let is_wanted = |knob: &str| options.knobs.is_empty() || options.knobs.contains(&knob);
+    candidates.retain(|candidate| candidate.base || is_wanted(candidate.knob));
+    left_out.retain(|(knob, _)| is_wanted(knob));
     let mut cells: Vec<Cell> = Vec::new();
     for Candidate { setting, .. } in &candidates {
         if !cells.iter().any(|cell| cell.setting == *setting) {
@@ -97,7 +102,9 @@ pub fn study(
             cells.push(Cell { setting, build_ms: Vec::new(), trace_ms: Vec::new(), seen: None });
         }
     }
-    let filters = filters(&cells);
+    // What the base is off the limit is of no interest where nothing else is judged by it, and takes most of the time.
+    let needs_limit = candidates.iter().any(|candidate| !candidate.base && candidate.judge == Judge::Limit);
+    let filters = if needs_limit { filters(&cells) } else { Vec::new() };
     let work = Work { subject, options, view: &view, meter: Meter::new(watch) };
     work.announce(&cells, filters.len());
 

@@ -94,7 +94,8 @@ impl Setting {
         }
         if self.structure != base.structure {
             // Layouts are not for users to choose.
-            let preset = self.structure.preset().filter(|&preset| self.structure == Structure::Wide(preset))?;
+            let preset =
+                self.structure.preset().filter(|&preset| self.structure == Structure::Wide(preset))?;
             options.push(format!("--bvh {}", preset.name()));
         }
         options.extend(self.sampling_options(&base.sampling)?);

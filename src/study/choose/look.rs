@@ -6,11 +6,11 @@
 //!
 //! What the squares were sampled by is part of whatever comes after.
 
-use super::halves::{Level, Range, fall_of_variance, joined, moved, perceived};
+use super::halves::{Level, Range, about_displayed, fall_of_variance, joined, moved, summed};
 use super::survey::{Draws, Sum};
 use super::{Taker, Target};
 use crate::error::{Error, Result};
-use crate::study::metrics::{Values, displayed};
+use crate::study::metrics::displayed;
 
 /// Samples of the squares.
 const PROBED: u32 = 4;
@@ -62,19 +62,22 @@ impl Probe {
         let parts = [black(), black(), black()];
         let mut probe = Probe { centres, parts, taken: vec![false; squares.count()], sums: Apart::default() };
         // Edges are where centres are wrong.
-        let shown = |c: f32| if values == Values::Linear { c.clamp(0.0, 1.0).sqrt() } else { c.clamp(0.0, 1.0) };
+        let grey: Vec<f32> = probe
+            .centres
+            .iter()
+            .map(|pixel| pixel.map(|c| about_displayed(c, values)).iter().sum())
+            .collect();
         let width = squares.width() as usize;
         let contrast = |row: std::ops::Range<usize>| {
-            let pixels = &probe.centres;
-            let differ = |i: usize, j: usize| -> f32 {
-                (0..3).map(|c| (shown(pixels[i][c]) - shown(pixels[j][c])).abs()).sum()
-            };
-            let beside = row.clone().skip(1).map(|i| differ(i, i - 1));
-            let above = row.filter(|&i| i >= width).map(|i| differ(i, i - width));
-            f64::from(match target.metric {
-                super::Metric::Flip => beside.chain(above).map(perceived).sum::<f32>(),
-                _ => beside.chain(above).map(|d| d * d).sum(),
-            })
+            let beside = summed(&grey[row.start..row.end - 1], &grey[row.start + 1..row.end], |a, b| {
+                target.metric.guess(a - b)
+            });
+            // There is no row above the first.
+            let above = row.start.max(width)..row.end.max(width);
+            beside
+                + summed(&grey[above.start - width..above.end - width], &grey[above], |a, b| {
+                    target.metric.guess(a - b)
+                })
         };
         let draws = Draws::new(&squares.guesses(contrast));
         let measure = |chosen: &[usize]| {
@@ -211,7 +214,8 @@ mod tests {
     fn the_error_of_four_follows_from_the_halves() {
         let sums = Apart { one: 2.0, two: 1.0, centre: 1.25 };
         assert!((variance_of_four(&sums) - 0.25).abs() < 1e-12);
-        let Look::Beyond(four) = verdict(Range::exactly(0.1), &sums, Target { metric: Metric::Rmse, value: 0.01 })
+        let Look::Beyond(four) =
+            verdict(Range::exactly(0.1), &sums, Target { metric: Metric::Rmse, value: 0.01 })
         else {
             panic!("a tenth of it is not enough")
         };

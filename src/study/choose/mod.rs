@@ -90,6 +90,13 @@ impl Metric {
         }
     }
 
+    /// About what becomes of a difference: FLIP's exponent is 0.7.
+    #[inline(always)]
+    fn guess(self, difference: f32) -> f32 {
+        let root = difference.abs().sqrt();
+        if self == Metric::Flip { root * root.sqrt() } else { difference * difference }
+    }
+
     fn margin(self) -> f64 {
         if self == Metric::Max { MARGIN_OF_MAX } else { MARGIN }
     }
@@ -240,8 +247,7 @@ fn climb(mut taker: Taker, wish: &Wish, mut level: Level, mut known: Option<(f64
     // Also of half as many more it has to be clear whether they are enough.
     let is_clear = |range: &Range| {
         target.is_none_or(|target| {
-            target.is_enough(range)
-                || target.is_clear(range) && target.is_clear(&range.times(HALF_MORE))
+            target.is_enough(range) || target.is_clear(range) && target.is_clear(&range.times(HALF_MORE))
         })
     };
     let measure = |level: &Level| level.error((metric, values), &squares, is_clear);
@@ -254,9 +260,8 @@ fn climb(mut taker: Taker, wish: &Wish, mut level: Level, mut known: Option<(f64
         // Measuring costs as much as some samples: first where it may be enough, if errors fall as mean squares do; perceived ones
         // fall more slowly, or hardly faster.
         let soon = |(error, off): (f64, f64)| Range::exactly(error * level.off() / off * HALF_MORE);
-        let is_near = |known: Option<(f64, f64)>| {
-            known.is_none_or(|known| is_enough(&soon(known).times(PATIENCE)))
-        };
+        let is_near =
+            |known: Option<(f64, f64)>| known.is_none_or(|known| is_enough(&soon(known).times(PATIENCE)));
         let measured = (target.is_some() && is_near(known)).then(|| measure(&level));
         if let Some(error) = measured {
             known = Some((error.middle, level.off()));

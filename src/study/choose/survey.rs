@@ -24,8 +24,8 @@ const BATCHES: usize = 4;
 /// The share of the mean guess that every square has at least: a guess of nothing may be wrong.
 const LEAST_SHARE: f64 = 0.1;
 
-/// So many standard errors to either side the truth is rarely beyond: one time in ten.
-pub const SURE: f64 = 1.645;
+/// So many standard errors to one side the truth is rarely beyond: one time in ten.
+const SURE: f64 = 1.282;
 
 /// The squares of a picture.
 #[derive(Debug, Clone, Copy)]
@@ -136,7 +136,8 @@ impl Draws {
                 true => (0..self.chances.len()).collect(),
                 false => (drawn.len()..drawn.len() + BATCH).map(|index| self.nth(index)).collect(),
             };
-            let mut new: Vec<usize> = next.iter().copied().filter(|square| !known.contains_key(square)).collect();
+            let mut new: Vec<usize> =
+                next.iter().copied().filter(|square| !known.contains_key(square)).collect();
             new.sort_unstable();
             new.dedup();
             let values = measure(&new)?;
@@ -210,7 +211,8 @@ mod tests {
         // All chances in proportion to what is measured: each draw says the sum. The least share is given to the values, too.
         let values: Vec<f64> = (0..200).map(f64::from).collect();
         let least = LEAST_SHARE * values.iter().sum::<f64>() / 200.0;
-        let measured = |squares: &[usize]| Ok::<_, ()>(squares.iter().map(|&s| [values[s] + least]).collect());
+        let measured =
+            |squares: &[usize]| Ok::<_, ()>(squares.iter().map(|&s| [values[s] + least]).collect());
         let [sum] = Draws::new(&values).survey(measured, |_| true).unwrap();
         let expected = values.iter().sum::<f64>() + 200.0 * least;
         assert!((sum.value / expected - 1.0).abs() < 1e-12 && sum.deviation < 1e-9 * expected, "{sum:?}");
