@@ -6,7 +6,7 @@
 //!
 //! What the squares were sampled by is part of whatever comes after.
 
-use super::halves::{Level, Range, about_displayed, fall_of_variance, joined, moved, summed};
+use super::halves::{Level, Range, about_displayed, fall_of_variance, joined, summed};
 use super::survey::{Draws, Sum};
 use super::{Taker, Target};
 use crate::error::{Error, Result};
@@ -14,6 +14,10 @@ use crate::study::metrics::displayed;
 
 /// Samples of the squares.
 const PROBED: u32 = 4;
+
+/// By how much the error of centres may be underestimated: what is taken for noise is judged by few pixels, and by half as much
+/// too large is not made up for by half as much too small.
+const MARGIN_OF_CENTRES: f64 = 1.1;
 
 /// How much lower than the target an error has to be that is expected of two to four samples by what centres get wrong.
 const MARGIN_OF_EXPECTED: f64 = 1.05;
@@ -84,7 +88,8 @@ impl Probe {
             probe.take(taker, chosen)?;
             Ok::<_, Error>(probe.measured(taker, target, chosen))
         };
-        let range = |sum: &Sum| Range::of(sum, |amount| target.metric.of(amount, &squares));
+        let range =
+            |sum: &Sum| Range::of(sum, |amount| MARGIN_OF_CENTRES * target.metric.of(amount, &squares));
         let is_clear = |[sum]: &[Sum; 1]| target.is_clear(&range(sum));
         let [sum] = draws.survey(measure, is_clear)?;
         let look = verdict(range(&sum), &probe.sums, target);
@@ -112,28 +117,18 @@ impl Probe {
             shown.map(|pixels| displayed(&pixels, taker.values))
         };
         let cuts: Vec<[Vec<[f32; 3]>; 6]> = chosen.iter().map(|&square| cut(square)).collect();
-        let aparts: Vec<Apart> = cuts
-            .iter()
-            .map(|[centre, all, first, second, both, more]| Apart {
-                one: super::squares_between(first, second),
-                two: super::squares_between(both, more),
-                centre: super::squares_between(centre, all),
-            })
-            .collect();
-        for apart in &aparts {
-            self.sums.one += apart.one;
-            self.sums.two += apart.two;
-            self.sums.centre += apart.centre;
+        for [centre, all, first, second, both, more] in &cuts {
+            self.sums.one += super::squares_between(first, second);
+            self.sums.two += super::squares_between(both, more);
+            self.sums.centre += super::squares_between(centre, all);
         }
         let of_four = variance_of_four(&self.sums);
-        let amount = |((&square, [centre, all, ..]), apart): ((&usize, &[Vec<[f32; 3]>; 6]), &Apart)| {
-            // What four samples are off themselves is part of the difference.
-            let noise = of_four * apart.two;
-            let share = if apart.centre > noise { (1.0 - noise / apart.centre).sqrt() } else { 0.0 };
-            let truth = moved(centre, [all, centre], share);
-            [target.metric.amount(centre, &truth, taker.squares.width_of(square))]
+        let amount = |(&square, [centre, all, _, _, both, more]): (&usize, &[Vec<[f32; 3]>; 6])| {
+            let width = taker.squares.width_of(square) as usize;
+            let truth = without_noise(centre, all, [both, more], (width, of_four));
+            [target.metric.amount(centre, &truth, width as u32)]
         };
-        chosen.iter().zip(&cuts).zip(&aparts).map(amount).collect()
+        chosen.iter().zip(&cuts).map(amount).collect()
     }
 
     /// The centres of all pixels.
@@ -159,6 +154,38 @@ impl Probe {
         let fall = fall_of_variance(Some(sums.one), sums.two);
         Ok(Level::of_two(both, fall).joined_by(more))
     }
+}
+
+/// The truth as far as it is known: the centres moved towards the mean of four samples, by less where these are as far off
+/// themselves, as their halves say. Judged pixel by pixel by those around: where a surface is even, four samples are noise
+/// and centres are none, at an edge it is the other way round.
+fn without_noise(
+    centre: &[[f32; 3]],
+    all: &[[f32; 3]],
+    [both, more]: [&[[f32; 3]]; 2],
+    (width, of_four): (usize, f64),
+) -> Vec<[f32; 3]> {
+    let squares = |a: &[[f32; 3]], b: &[[f32; 3]]| {
+        let of_pixel = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).map(|c| (a[c] - b[c]).powi(2)).sum::<f32>();
+        around(&a.iter().zip(b).map(of_pixel).collect::<Vec<_>>(), width)
+    };
+    let (off, noise) = (squares(centre, all), squares(both, more));
+    let pixel = |i: usize| {
+        let noise = of_four as f32 * noise[i];
+        let share = if off[i] > noise { (1.0 - noise / off[i]).sqrt() } else { 0.0 };
+        std::array::from_fn(|c| centre[i][c] + share * (all[i][c] - centre[i][c]))
+    };
+    (0..centre.len()).map(pixel).collect()
+}
+
+/// Of each pixel, the sum over those up to two beside, above and below.
+fn around(plane: &[f32], width: usize) -> Vec<f32> {
+    const REACH: usize = 2;
+    let height = plane.len() / width;
+    let window = |at: usize, size: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(size);
+    let of_row = |i: usize| plane[i / width * width..][window(i % width, width)].iter().sum::<f32>();
+    let rows: Vec<f32> = (0..plane.len()).map(of_row).collect();
+    (0..plane.len()).map(|i| window(i / width, height).map(|y| rows[y * width + i % width]).sum()).collect()
 }
 
 /// The mean square error of four samples, in parts of the difference of their halves.
@@ -208,6 +235,17 @@ mod tests {
         assert_eq!(enough(0.1, &sums, 0.08), Some(2));
         assert_eq!(enough(0.1, &sums, 0.07), Some(3));
         assert_eq!(enough(0.1, &sums, 0.05), None);
+    }
+
+    #[test]
+    fn what_is_noise_is_no_error_of_the_centres() {
+        // Four samples of 0.4 whose halves, 0.2 and 0.6, are 0.4 apart are off by 0.2 themselves, of independent samples (1/4 of the
+        // square). Centres at 0.5 are no further off than that, centres at 0.9 are: 0.5^2 - 0.2^2 = 0.21 of 0.25.
+        let even = |value: f32| vec![[value; 3]; 12];
+        let truth =
+            |centre| without_noise(&even(centre), &even(0.4), [&even(0.2), &even(0.6)], (4, 0.25))[5][1];
+        assert_eq!(truth(0.5), 0.5);
+        assert!((truth(0.9) - (0.9 - 0.5 * 0.84f32.sqrt())).abs() < 1e-6, "{}", truth(0.9));
     }
 
     #[test]

@@ -45,6 +45,9 @@ const HALF_MORE: f64 = 0.87;
 /// How much lower than expected an error may turn out; where also that would be too much, it is not measured.
 const PATIENCE: f64 = 0.8;
 
+/// The same for what is expected of some squares.
+const FAR: f64 = 0.5;
+
 /// An error between what a display shows of two pictures, 1 being white, before it is rounded to 8 bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Metric {
@@ -196,6 +199,11 @@ impl Target {
     fn is_clear(&self, error: &Range) -> bool {
         self.is_enough(error) || error.least * self.metric.margin() > self.value
     }
+
+    /// Whether an error that is only expected is so far beyond that it need not be measured.
+    fn is_far(&self, expected: &Range) -> bool {
+        expected.least * FAR > self.value
+    }
 }
 
 /// Renders to a target, on the current rayon pool.
@@ -226,9 +234,10 @@ pub fn render(subject: &mut Subject, wish: &Wish, watch: &Watch, clock: Clock) -
         }
         Look::Beyond(error) if taker.has_time_for(4, wish) => {
             let level = probe.into_four(&mut taker)?;
-            // It is expected by how far samples lie apart in some squares, and that is known of all now.
-            let known = (error.middle, level.off());
-            climb(taker, wish, level, Some(known))
+            // What is only expected saves measuring where it is far off.
+            let is_far = target.is_far(&error);
+            let known = is_far.then(|| (error.middle, level.off()));
+            climb(taker, wish, level, known)
         }
         Look::Enough(_, error) | Look::Beyond(error) => {
             // Less than four samples are hardly better than the centres, which are there.

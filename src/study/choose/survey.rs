@@ -22,10 +22,10 @@ const BATCH: usize = 12;
 const BATCHES: usize = 4;
 
 /// The share of the mean guess that every square has at least: a guess of nothing may be wrong.
-const LEAST_SHARE: f64 = 0.1;
+const LEAST_SHARE: f64 = 0.25;
 
-/// So many standard errors to one side the truth is rarely beyond: one time in ten.
-const SURE: f64 = 1.282;
+/// So many standard errors to one side the truth is rarely beyond: one time in twenty.
+const SURE: f64 = 1.645;
 
 /// The squares of a picture.
 #[derive(Debug, Clone, Copy)]
