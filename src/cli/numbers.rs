@@ -5,11 +5,11 @@ use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 /// A whole number within a range.
-pub fn whole<N: FromStr + PartialOrd + Display>(
+pub fn whole<N>(
     range: RangeInclusive<N>,
 ) -> impl Fn(&str) -> Result<N, String> + Clone + Send + Sync + 'static
 where
-    N: Clone + Send + Sync + 'static,
+    N: FromStr + PartialOrd + Display + Clone + Send + Sync + 'static,
 {
     move |text| match text.trim().parse::<N>() {
         Ok(number) if range.contains(&number) => Ok(number),
