@@ -1,10 +1,10 @@
 //! Rendering to a target: as many samples as an error or a time allows, and an estimate of the error that is left.
 //!
 //! The truth is the antialiased picture: that of ever more samples through the same filter, with the same effects, bounces and
-//! numerics. First the pixels' centres are rendered, and a few squares sampled: often that is enough ([`look`]). Then samples are taken
+//! numerics. First the pixels' centres are rendered, and a few squares sampled: often that is enough (`look`). Then samples are taken
 //! in stretches of their sequence, each as long as all before it, of the whole picture; both halves are kept apart until they have
 //! been held against each other. So measuring casts no ray that the picture does not need; and it takes a few squares, those where the
-//! halves differ most with the greatest chance ([`survey`]).
+//! halves differ most with the greatest chance (`survey`).
 //!
 //! What the halves say: let v(n) be the variance of the mean of n samples, r = v(2n) / v(n), and A and B the halves of 2n. From
 //! v(2n) = (v(n) + cov) / 2 and E|A - B|^2 = 2 (v(n) - cov) follows v(2n) = E|A - B|^2 * r / (4 (1 - r)). Independent samples have
