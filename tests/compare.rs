@@ -139,7 +139,10 @@ fn heat_maps_are_hot_where_pictures_differ() {
 
 /// How many samples the note says.
 fn samples(said: &str) -> u32 {
-    let before = said.split(" samples a pixel").next().expect("a note");
+    let before = said.split(
+        [" sample a pixel", " samples a pixel"].into_iter().find(|name| said.contains(name)).expect("a note"),
+    );
+    let before = before.into_iter().next().expect("a note");
     before.rsplit(' ').next().and_then(|n| n.parse().ok()).unwrap_or_else(|| panic!("{said}"))
 }
 
@@ -167,6 +170,59 @@ fn accuracy_is_reached_by_the_picture_of_so_many_samples() {
 }
 
 #[test]
+fn a_loose_target_is_reached_by_the_pixels_centres() {
+    let shop = Workshop::new();
+    shop.code("render scene.toml -o truth.exr --samples 1024 --seed 9", 0);
+    shop.code("render scene.toml -o centres.exr", 0);
+    let (_, said) = shop.code("render scene.toml -o a.exr --accuracy FLIP=0.2", 0);
+    assert!(said.contains("1 sample a pixel, through its centre"), "{said}");
+    shop.code("compare centres.exr a.exr", 0);
+    shop.code("compare truth.exr a.exr --display --fail-above flip=0.2", 1);
+}
+
+#[test]
+fn standard_input_is_no_picture() {
+    let shop = Workshop::new();
+    let (_, said) = shop.code("compare - a.png", 2);
+    assert!(said.contains("standard input"), "{said}");
+}
+
+#[test]
+fn options_that_change_nothing_are_said_to() {
+    let shop = Workshop::new();
+    for (options, idle) in [
+        ("--min-samples 8 --samples 16", "--min-samples changes nothing"),
+        ("--seed 3", "--seed changes nothing"),
+        ("--samples 4 --without antialiasing", "--samples changes nothing"),
+        ("--noise 0.1 --without adaptive", "--noise changes nothing"),
+    ] {
+        let (_, said) = shop.code(&format!("render scene.toml -o a.png {options}"), 0);
+        assert!(said.contains(&format!("kiln: warning: {idle}")), "{options}: {said}");
+    }
+    for options in ["--seed 3 --samples 2", "--seed 3 --accuracy FLIP=0.2", "--noise 0.1 --min-samples 8"] {
+        let (_, said) = shop.code(&format!("render scene.toml -o a.png {options}"), 0);
+        assert!(!said.contains("changes nothing"), "{options}: {said}");
+    }
+}
+
+#[test]
+fn numbers_that_are_none_are_told_which_there_may_be() {
+    let shop = Workshop::new();
+    for (options, wanted) in [
+        ("--samples x", "give a number of samples from 1"),
+        ("--samples -4", "give a number of samples from 1"),
+        ("--threads 0.5", "give a whole number from 1 to 65535"),
+        ("--seed -1", "give a whole number from 0 to 4294967295"),
+        ("--noise much", "give a standard error"),
+        ("--crop -1,0,4,4", "give it as X,Y,WIDTH,HEIGHT"),
+        ("--size -8x8", "is not a number of pixels"),
+    ] {
+        let (_, said) = shop.code(&format!("render scene.toml -o a.png {options}"), 2);
+        assert!(said.contains(wanted), "{options}: {said}");
+    }
+}
+
+#[test]
 fn what_cannot_be_had_is_said() {
     let shop = Workshop::new();
     let (_, said) = shop.code("render scene.toml -o a.png --accuracy FLIP=0.0001 --budget 0.05", 0);
@@ -175,6 +231,7 @@ fn what_cannot_be_had_is_said() {
     assert!(said.contains("kiln: note: ") && samples(&said) >= 2, "{said}");
     for bad in [
         "--accuracy FLIP",
+        "--budget -1",
         "--accuracy PSNR=1",
         "--accuracy RMSE=0",
         "--budget 0",

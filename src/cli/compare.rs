@@ -1,7 +1,7 @@
 //! `kiln compare`: how far two pictures are apart.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde_json::{Map, Value, json};
@@ -72,6 +72,10 @@ pub fn run(arguments: &Arguments) -> Result<u8> {
     {
         let what = format!("{}: heat maps are PNG", file.display());
         return Err(crate::error::Error::usage(what, "name a file that ends in .png"));
+    }
+    if [&arguments.reference, &arguments.test].iter().any(|file| file.as_path() == Path::new("-")) {
+        let what = "pictures are compared from files, not from standard input";
+        return Err(crate::error::Error::usage(what, "write it to a file first, or name one `./-`"));
     }
     let open = |file: &PathBuf| {
         let picture = Picture::open(file)?;

@@ -29,7 +29,7 @@ pub struct Command {
     measure: bool,
     /// How often everything is measured
     #[arg(long, value_name = "N", default_value = "9", requires = "measure",
-        value_parser = clap::value_parser!(u16).range(1..=1000))]
+        value_parser = crate::cli::numbers::whole(1..=1000u16))]
     rounds: u16,
 }
 
@@ -125,8 +125,11 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
             text,
             "\nrays, ms, bytes: what an effect adds to a picture with those above it and none of those below, so that they add\n\
              up to the whole picture: {share:.1} % of it. alone: what the whole picture saves without this one effect. bytes: held\n\
-             by each thread. Medians of {} rounds, {} time; of half of them, the whole picture took {:.2} to {:.2} ms.\n",
-            costs.rounds, costs.clock, costs.whole.ms.lower, costs.whole.ms.upper
+             by each thread. Medians of {}, {} time; of half of them, the whole picture took {:.2} to {:.2} ms.\n",
+            super::numbers::counted(costs.rounds, "round", "rounds"),
+            costs.clock,
+            costs.whole.ms.lower,
+            costs.whole.ms.upper
         );
     }
     text

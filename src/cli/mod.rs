@@ -9,6 +9,7 @@ mod compare;
 mod explain;
 mod info;
 mod interrupt;
+mod numbers;
 mod picture;
 mod progress;
 mod render;

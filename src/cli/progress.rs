@@ -62,6 +62,11 @@ impl Progress {
 
     /// Tiles done of all tiles.
     pub fn tiles(&self, done: usize, total: usize) {
+        self.steps(done, total, "tiles");
+    }
+
+    /// What is done of the whole work, and what it is counted in.
+    pub fn steps(&self, done: usize, total: usize, unit: &str) {
         if let Some(bar) = &self.bar {
             if bar.length() != Some(total as u64) {
                 bar.set_length(total as u64);
@@ -91,7 +96,7 @@ impl Progress {
                 "{{\"event\":\"progress\",\"done\":{done},\"total\":{total},\"elapsed\":{elapsed:.1},\"left\":{left:.1}}}"
             ));
         } else {
-            say(format_args!("kiln: {} % ({done} of {total} tiles), {left:.0} s left", done * 100 / total));
+            say(format_args!("kiln: {} % ({done} of {total} {unit}), {left:.0} s left", done * 100 / total));
         }
     }
 

@@ -40,13 +40,13 @@ pub struct Arguments {
     #[arg(long, value_parser = ["perspective", "orthographic"])]
     projection: Option<String>,
     /// Size of the picture in pixels
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, allow_hyphen_values = true, value_name = "WxH", value_parser = parse_size)]
     pub size: Option<[u32; 2]>,
     /// Render only this part of the picture: left, top, width and height in pixels
-    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_crop)]
+    #[arg(long, allow_hyphen_values = true, value_name = "X,Y,W,H", value_parser = parse_crop)]
     pub crop: Option<Window>,
     /// Threads to work on [default: all]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     pub threads: Option<u16>,
     /// How exactly it is decided what a ray hits [default: the scene's, or watertight]
     #[arg(long, value_name = "TIER", value_parser = ["fast", "watertight", "double", "exact"])]
@@ -307,6 +307,9 @@ fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &
         progress.pause(|| printer.print(said, with_notes));
         progress.phase(phase);
     })?;
+    let has_target = command.target.wish().is_some();
+    let without = &command.what.without;
+    command.what.sampling.warn_of_idle(&ready.world.sampling, without, has_target, &mut warnings);
     progress.pause(|| printer.print(&warnings, with_notes));
 
     progress.phase("rendering");

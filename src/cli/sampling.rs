@@ -2,6 +2,8 @@
 
 use clap::Args;
 
+use super::numbers::number;
+use crate::error::Warnings;
 use crate::film::FilterShape;
 use crate::scene::Sampling;
 use crate::study::choose::{Metric, Wish};
@@ -9,22 +11,22 @@ use crate::study::choose::{Metric, Wish};
 #[derive(Args)]
 pub struct SamplingArguments {
     /// Samples a pixel; with --noise the most of them [default: the scene's, or 1 at the pixel's centre]
-    #[arg(long, value_name = "N", value_parser = |text: &str| number(text).and_then(Sampling::check_samples))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = parse_samples)]
     samples: Option<u32>,
     /// The filter that pixels are seen through [default: the scene's, or gaussian]
     #[arg(long, value_name = "FILTER", value_parser = FilterShape::ALL.map(FilterShape::name))]
     filter: Option<String>,
     /// How far the filter reaches from a pixel's centre, in pixels [default: box 0.5, tent 1, gaussian 1.5, mitchell 2]
-    #[arg(long, value_name = "PIXELS", value_parser = |text: &str| number(text).and_then(Sampling::check_radius))]
+    #[arg(long, allow_hyphen_values = true, value_name = "PIXELS", value_parser = |text: &str| number(text, "a radius in pixels").and_then(Sampling::check_radius))]
     filter_radius: Option<f64>,
     /// Sample a pixel no further once the standard error of its displayed value is below this; 1 is white
-    #[arg(long, value_name = "LEVEL", value_parser = |text: &str| number(text).and_then(Sampling::check_noise))]
+    #[arg(long, allow_hyphen_values = true, value_name = "LEVEL", value_parser = |text: &str| number(text, "a standard error, such as 0.01").and_then(Sampling::check_noise))]
     noise: Option<f64>,
     /// Samples that every pixel takes before --noise may end it [default: the scene's, or 4]
-    #[arg(long, value_name = "N", value_parser = |text: &str| number(text).and_then(Sampling::check_samples))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = parse_samples)]
     min_samples: Option<u32>,
     /// What random numbers depend on besides pixel, sample and dimension [default: the scene's, or 0]
-    #[arg(long, value_name = "N")]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = super::numbers::whole(0..=u32::MAX))]
     seed: Option<u32>,
 }
 
@@ -33,10 +35,10 @@ pub struct SamplingArguments {
 pub struct TargetArguments {
     /// As many samples as it takes for FLIP, RMSE or MAX (of displayed values, 1 is white) to the truth to be below a value: the
     /// truth is the antialiased picture, that of ever more samples
-    #[arg(long, value_name = "METRIC=VALUE", value_parser = parse_accuracy, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
+    #[arg(long, allow_hyphen_values = true, value_name = "METRIC=VALUE", value_parser = parse_accuracy, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
     accuracy: Option<(Metric, f64)>,
     /// As many samples as fit into so many seconds of rendering; with --accuracy no more than it needs
-    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
+    #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parse_seconds, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
     budget: Option<f64>,
 }
 
@@ -66,8 +68,9 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-fn number<T: std::str::FromStr<Err: std::fmt::Display>>(text: &str) -> Result<T, String> {
-    text.parse().map_err(|e: T::Err| e.to_string())
+fn parse_samples(text: &str) -> Result<u32, String> {
+    // What is no whole number is none that there may be.
+    Sampling::check_samples(text.trim().parse().unwrap_or(0))
 }
 
 impl SamplingArguments {
@@ -82,6 +85,43 @@ impl SamplingArguments {
             min_samples: self.min_samples,
             seed: self.seed,
             first: None,
+        }
+    }
+
+    /// Warns of what was typed and changes nothing, the picture being sampled as `sampling` says. With a target, kiln chooses the
+    /// samples, and random numbers are drawn.
+    pub fn warn_of_idle(
+        &self,
+        sampling: &Sampling,
+        without: &[String],
+        has_target: bool,
+        warnings: &mut Warnings,
+    ) {
+        let lacks = |effect: &str| without.iter().any(|name| name == effect);
+        if lacks("antialiasing") {
+            let typed = [
+                ("--samples", self.samples.is_some_and(|samples| samples > 1)),
+                ("--filter", self.filter.is_some()),
+                ("--filter-radius", self.filter_radius.is_some()),
+                ("--noise", self.noise.is_some()),
+                ("--min-samples", self.min_samples.is_some()),
+                ("--seed", self.seed.is_some()),
+            ];
+            for (option, _) in typed.iter().filter(|(_, typed)| *typed) {
+                warnings.push(format!("{option} changes nothing: there is no antialiasing"));
+            }
+            return;
+        }
+        if self.noise.is_some() && lacks("adaptive") {
+            warnings.push("--noise changes nothing: every pixel takes all samples without adaptive");
+        }
+        if self.min_samples.is_some() && sampling.noise.is_none() {
+            warnings.push("--min-samples changes nothing: without --noise every pixel takes all samples");
+        }
+        if self.seed.is_some() && !sampling.is_wanted() && !has_target {
+            warnings.push(
+                "--seed changes nothing: one sample a pixel, through its centre; --samples asks for more",
+            );
         }
     }
 }

@@ -27,11 +27,14 @@ pub struct Command {
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
     /// How often everything is timed, after a round to warm up [default: 7, with --full 15]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=1000u16))]
     rounds: Option<u16>,
     /// The scene's own size and many more samples, instead of a small picture in about a minute
     #[arg(long)]
     full: bool,
+    /// Vary this alone, as the study's table calls it, such as numerics or samples; may be given several times
+    #[arg(long, value_name = "KNOB")]
+    knob: Vec<String>,
     /// How to show progress, on standard error
     #[arg(long, value_enum, default_value = "auto")]
     progress: Mode,
@@ -39,7 +42,8 @@ pub struct Command {
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     render::check(&command.what)?;
-    make_folder(&command.output)?;
+    let knobs = knobs(&command.knob)?;
+    let _folder = Folder::new(&command.output)?;
     let arguments = &command.what;
     let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
     let progress = Progress::new(command.progress);
@@ -59,9 +63,9 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
 
     progress.phase("studying");
-    let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
+    let watch = Watch { cancel: interrupted, progress: &|done, total| progress.steps(done, total, "steps") };
     let pools = Pools { timed: &timed, wide: &wide };
-    let (study, pictures) = study(&subject, &options(command), load, &pools, &watch)?;
+    let (study, pictures) = study(&subject, &options(command, knobs), load, &pools, &watch)?;
 
     let write = |name: &str, text: &str| {
         write_whole(&command.output.join(name), |out| out.write_all(text.as_bytes()))
@@ -76,27 +80,60 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     Ok(())
 }
 
-fn make_folder(folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::output(folder, e))
+/// The folder that is written to. Made before any work, so that nobody waits for what cannot be kept; what of it was made and is
+/// still empty at the end goes again.
+struct Folder {
+    /// What was made, from the inside out.
+    made: Vec<PathBuf>,
 }
 
-fn options(command: &Command) -> Options {
+impl Folder {
+    fn new(folder: &Path) -> Result<Self> {
+        let above = folder.ancestors().filter(|above| !above.as_os_str().is_empty());
+        let made = above.take_while(|above| !above.exists()).map(Path::to_owned).collect();
+        let own = Folder { made };
+        std::fs::create_dir_all(folder).map_err(|e| Error::output(folder, e))?;
+        Ok(own)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // Those that hold something stay.
+        self.made.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
+    }
+}
+
+/// The knobs that were named, which have to be some of those there are.
+fn knobs(typed: &[String]) -> Result<Vec<&'static str>> {
+    let known = crate::study::knobs();
+    let named = typed.iter().map(|typed| {
+        known.iter().copied().find(|knob| knob == typed).ok_or_else(|| {
+            Error::usage(format!("there is no knob `{typed}`"), format!("there are {}", known.join(", ")))
+        })
+    });
+    named.collect()
+}
+
+fn options(command: &Command, knobs: Vec<&'static str>) -> Options {
     let rounds = |usual| command.rounds.map_or(usual, u32::from);
     if command.full {
         Options {
             rounds: rounds(15),
             most_samples: 128,
             reference_samples: 4096,
-            rays_across: 2048,
+            rays_across: 2,
             leak_rays: 4_000_000,
+            knobs,
         }
     } else {
         Options {
             rounds: rounds(7),
             most_samples: 32,
             reference_samples: 512,
-            rays_across: 1024,
+            rays_across: 4,
             leak_rays: 400_000,
+            knobs,
         }
     }
 }

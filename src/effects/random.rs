@@ -18,8 +18,8 @@ pub enum Purpose {
     Pixel,
 }
 
-/// How many purposes a seed has room for.
-const PURPOSES: u32 = 16;
+/// How many bits of a seed make room for a purpose.
+const BITS_OF_PURPOSES: u32 = 4;
 
 /// A point of Sobol's sequence in the unit square, its bits in reverse: what a sample of all pixels has in common.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -46,7 +46,8 @@ impl Scramble {
     /// That of the pixel in column `x`, row `y` of the whole picture.
     #[inline(always)]
     pub fn new(x: u32, y: u32, seed: u32, purpose: Purpose) -> Self {
-        let [a, b, _] = pcg3d([x, y, seed.wrapping_mul(PURPOSES).wrapping_add(purpose as u32)]);
+        // Turned and not shifted: no bit of a seed is lost.
+        let [a, b, _] = pcg3d([x, y, seed.rotate_left(BITS_OF_PURPOSES) ^ purpose as u32]);
         Scramble([a, b])
     }
 
@@ -69,4 +70,17 @@ fn pcg3d(v: [u32; 3]) -> [u32; 3] {
     };
     let spread = v.map(|c| c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
     mixed(mixed(spread).map(|c| c ^ (c >> 16)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_bit_of_a_seed_counts() {
+        let of = |seed| Scramble::new(3, 5, seed, Purpose::Pixel);
+        for bit in 0..32 {
+            assert_ne!(of(0), of(1 << bit), "bit {bit}");
+        }
+    }
 }

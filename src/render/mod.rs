@@ -63,11 +63,28 @@ pub fn render_as<P: Pixel>(
     watch: &Watch,
     clock: Clock,
 ) -> Result<(Film<P>, Statistics)> {
+    render_some_as(world, view, plan, window, watch, clock, |_| true)
+}
+
+/// [`render_as`], of those tiles only that are wanted; the others stay black, and nothing is done for them.
+///
+/// # Errors
+/// As those of [`render`].
+pub fn render_some_as<P: Pixel>(
+    world: &World,
+    view: &View,
+    plan: &Plan,
+    window: Window,
+    watch: &Watch,
+    clock: Clock,
+    wanted: impl Fn(Window) -> bool,
+) -> Result<(Film<P>, Statistics)> {
     let mut film = Film::new(window)?;
     let context = Context { world, view };
     let idle: Mutex<Vec<Box<Worker>>> = Mutex::new(Vec::new());
     let done = AtomicUsize::new(0);
-    let tiles = film.tiles_mut();
+    let mut tiles = film.tiles_mut();
+    tiles.retain(|tile| wanted(tile.window));
     let total = tiles.len();
     tiles.into_par_iter().for_each(|mut tile| {
         if watch.cancel.load(Ordering::Relaxed) {

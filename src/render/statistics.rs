@@ -105,10 +105,13 @@ impl Statistics {
         sum
     }
 
-    /// Takes in another part of the same picture: as of other samples of the same pixels.
+    /// Takes in another part of the same picture: as of other samples of the same pixels, by a plan that may have other stages.
     pub fn add(&mut self, other: &Statistics) {
-        for (own, other) in self.stages.iter_mut().zip(&other.stages) {
-            own.time += other.time;
+        for stage in &other.stages {
+            match self.stages.iter_mut().find(|own| own.name == stage.name && own.effect == stage.effect) {
+                Some(own) => own.time += stage.time,
+                None => self.stages.push(stage.clone()),
+            }
         }
         for ((_, own), (_, other)) in self.rays.iter_mut().zip(&other.rays) {
             own.cast += other.cast;
@@ -116,6 +119,7 @@ impl Statistics {
         }
         self.tests += other.tests;
         for (own, other) in self.bills.iter_mut().zip(&other.bills) {
+            own.stages = own.stages.max(other.stages);
             own.rays += other.rays;
             own.time = own.time.zip(other.time).map(|(a, b)| a + b);
             own.bytes = own.bytes.max(other.bytes);

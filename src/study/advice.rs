@@ -58,18 +58,41 @@ pub fn advice(rows: &[Row]) -> Vec<Advice> {
         let row = front.iter().find(|&&i| points[i][1] < below).map(|&i| rows[i]);
         let text = match row {
             Some(row) => format!(
-                "for an error below {below} (root mean square; 1 is white), the cheapest setting measured was {}: {} ms, error {:.1e}{}{}",
+                "for an error below {below} (root mean square; 1 is white), the cheapest setting measured was {}: {} ms, error {:.1e}{}{}{}",
                 row.name(),
                 brief(row.trace_ms),
                 row.limit.map_or(f64::NAN, |limit| limit.rmse),
                 if row.told == Told::Within { ", which the reference's own error blurs" } else { "" },
-                if row.options.is_empty() { String::new() } else { format!("; `{}`", row.options) },
+                match (row.has_options, row.options.as_str()) {
+                    (true, "") => String::new(),
+                    (true, options) => format!("; `{options}`"),
+                    (false, _) => "; no options of `kiln render` make it".into(),
+                },
+                as_quick(row, &rows, below),
             ),
-            None => format!("no setting measured has an error below {below}; --full tries more samples"),
+            None => format!("no setting measured has an error below {below}; `--full` tries more samples"),
         };
         advice.push(Advice { below, row: row.map(|row| row.id), text });
     }
     advice
+}
+
+/// Other pictures below an error whose times cannot be told from that of `row`.
+fn as_quick(row: &Row, rows: &[&Row], below: f64) -> String {
+    let mut seen = vec![&row.fingerprint];
+    let mut names = Vec::new();
+    for other in rows {
+        let is_below = other.limit.is_some_and(|limit| limit.rmse < below);
+        if is_below && !seen.contains(&&other.fingerprint) && !other.trace_ms.is_apart_from(&row.trace_ms) {
+            seen.push(&other.fingerprint);
+            names.push(other.name());
+        }
+    }
+    match names.len() {
+        0 => String::new(),
+        1 | 2 => format!("; as quick within the quartiles: {}", names.join(", ")),
+        more => format!("; {more} others are as quick within the quartiles"),
+    }
 }
 
 /// A median with its quartiles.

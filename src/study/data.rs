@@ -114,8 +114,11 @@ pub struct Row {
     pub setting: String,
     /// Whether it is the picture as it was asked for.
     pub base: bool,
-    /// The options of `kiln render` that make this picture, over those that were given.
+    /// The options of `kiln render` that make this picture beside those that were given; one of the same name takes the place of
+    /// one that was given.
     pub options: String,
+    /// Whether they do: not everything that is varied has an option.
+    pub has_options: bool,
     /// The tier of numerics.
     pub numerics: String,
     /// The acceleration structure.

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::bench::Numbers;
 use crate::bvh::{self, Accelerator, Primitive, Slot, Structure, Traversal};
 use crate::error::{Error, Result};
-use crate::geometry::{Numerics, PrimId, Triangle};
+use crate::geometry::{Numerics, PrimId, Ray, Triangle};
 use crate::render::Watch;
 use crate::scene::{Mesh, Scene, Shape};
 
@@ -91,17 +91,29 @@ impl Closed {
             let origin = (target - 4.0 * reach * towards).as_vec3().as_dvec3();
             let precision = Numerics::Exact.precision();
             let ray = precision.ray(origin, (target - origin).try_normalize()?, 0.0, f64::INFINITY);
-            let mut hits = Vec::new();
-            exact.all_hits(&ray, &mut hits, &mut traversal);
-            let mut t: Vec<f64> = hits.iter().map(|hit| hit.t).collect();
-            t.sort_by(f64::total_cmp);
-            // On an edge or touching it is not clear what was crossed; another line will do.
-            let is_clear = t.len() >= 2
-                && t.len().is_multiple_of(2)
-                && t.windows(2).all(|pair| pair[1] - pair[0] > reach * 1e-4);
-            is_clear.then(|| ray.at((t[0] + t[1]) / 2.0).as_vec3().as_dvec3())
+            let crossed = crossings(exact, &ray, &mut traversal)?;
+            let &[enters, leaves, ..] = crossed.as_slice() else { return None };
+            let middle = ray.at((enters + leaves) / 2.0).as_vec3().as_dvec3();
+            // What rounding the point to f32 has moved through a wall is outside. So is what an edge, counted for both of its triangles,
+            // made look like a way in and out.
+            let is_inside = |direction: DVec3| {
+                let ray = precision.ray(middle, direction, 0.0, f64::INFINITY);
+                crossings(exact, &ray, &mut Traversal::default()).is_some_and(|t| !t.len().is_multiple_of(2))
+            };
+            let aside = DVec3::new(numbers.unit() - 0.5, numbers.unit() - 0.5, numbers.unit() - 0.5);
+            let aside = aside.try_normalize()?;
+            [towards, -towards, aside, -aside].into_iter().all(is_inside).then_some(middle)
         })
     }
+}
+
+/// Where a ray crosses a closed mesh, in order; `None` where two of these are one number: at an edge, or where it is not clear.
+fn crossings(exact: &dyn Accelerator, ray: &Ray, traversal: &mut Traversal) -> Option<Vec<f64>> {
+    let mut hits = Vec::new();
+    exact.all_hits(ray, &mut hits, traversal);
+    let mut t: Vec<f64> = hits.iter().map(|hit| hit.t).collect();
+    t.sort_by(f64::total_cmp);
+    t.windows(2).all(|pair| pair[0] < pair[1]).then_some(t)
 }
 
 /// How many of `rays` rays slip out in a tier, all meshes together, and how many were cast.
@@ -178,6 +190,24 @@ mod tests {
             "{:?}",
             closed.inside
         );
+    }
+
+    /// A wall of one step of f32 has no number inside, one of four has; no threshold tells them apart.
+    #[test]
+    fn what_is_thinner_than_its_numbers_has_no_inside() {
+        let slab = |steps: f32| -> Vec<[DVec3; 3]> {
+            let top = f64::from(1.0 + steps * f32::EPSILON);
+            let p = |i: usize| {
+                DVec3::new((i & 1) as f64, (i >> 1 & 1) as f64, if i & 4 == 0 { 1.0 } else { top })
+            };
+            let faces = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+            faces.iter().flat_map(|&[a, b, c, d]| [[p(a), p(b), p(c)], [p(a), p(c), p(d)]]).collect()
+        };
+        assert!(is_closed(&slab(4.0)));
+        assert!(Closed::new(slab(1.0)).is_none());
+        let inside = Closed::new(slab(4.0)).expect("three numbers inside").inside;
+        let (low, high) = (1.0, f64::from(1.0 + 4.0 * f32::EPSILON));
+        assert!(inside.iter().all(|p| p.z > low && p.z < high), "{inside:?}");
     }
 
     #[test]

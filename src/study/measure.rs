@@ -2,7 +2,7 @@
 
 use rayon::ThreadPool;
 
-use super::data::{Quartiles, Row, SCHEMA, Study};
+use super::data::{Judge, Quartiles, Row, SCHEMA, Study};
 use super::meter::Meter;
 use super::pictures::{Pictures, png};
 use super::setting::Setting;
@@ -42,7 +42,7 @@ pub struct Subject {
 }
 
 /// How thorough a study is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
     /// How often everything is timed, after a round to warm up.
     pub rounds: u32,
@@ -50,10 +50,12 @@ pub struct Options {
     pub most_samples: u32,
     /// Samples a pixel of each half of a reference.
     pub reference_samples: u32,
-    /// Rays across the longer side of the picture that geometry is compared by.
+    /// Rays across a pixel of the picture that geometry is compared by.
     pub rays_across: u32,
     /// Rays that are cast at closed meshes in each tier.
     pub leak_rays: u64,
+    /// The knobs that are varied, some of [`super::knobs`]; all of them where none is named.
+    pub knobs: Vec<&'static str>,
 }
 
 impl Options {
@@ -84,12 +86,15 @@ pub fn study(
     watch: &Watch,
 ) -> Result<(Study, Pictures)> {
     let view = View::new(&subject.camera, subject.projection, subject.size)?;
-    let (candidates, left_out, machine) = pools.wide.install(|| {
+    let (mut candidates, mut left_out, machine) = pools.wide.install(|| {
         let world = prepare(subject, &subject.base);
         let plan = Plan::new(&world, &subject.base.choices(&subject.choices))?;
         let (candidates, left_out) = sweep(&subject.scene, &subject.base, &plan, options.most_samples);
         Ok::<_, Error>((candidates, left_out, machine::machine(&*world.accelerator)))
     })?;
+    let is_wanted = |knob: &str| options.knobs.is_empty() || options.knobs.contains(&knob);
+    candidates.retain(|candidate| candidate.base || is_wanted(candidate.knob));
+    left_out.retain(|(knob, _)| is_wanted(knob));
     let mut cells: Vec<Cell> = Vec::new();
     for Candidate { setting, .. } in &candidates {
         if !cells.iter().any(|cell| cell.setting == *setting) {
@@ -97,7 +102,9 @@ pub fn study(
             cells.push(Cell { setting, build_ms: Vec::new(), trace_ms: Vec::new(), seen: None });
         }
     }
-    let filters = filters(&cells);
+    // What the base is off the limit is of no interest where nothing else is judged by it, and takes most of the time.
+    let needs_limit = candidates.iter().any(|candidate| !candidate.base && candidate.judge == Judge::Limit);
+    let filters = if needs_limit { filters(&cells) } else { Vec::new() };
     let work = Work { subject, options, view: &view, meter: Meter::new(watch) };
     work.announce(&cells, filters.len());
 
@@ -110,7 +117,7 @@ pub fn study(
     let load_ms = pools.timed.install(|| work.time(&mut cells, load))?;
 
     let threads = pools.timed.current_num_threads();
-    let rows = rows(&candidates, &cells, &subject.base, pixels(subject.window));
+    let rows = rows(&candidates, &cells, subject);
     let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| [a.clone(), b.clone()]).collect();
     let base_limit = limits.iter().find(|limit| limit.filter == subject.base.sampling.shape_and_radius());
     let study = Study {
@@ -144,11 +151,8 @@ pub fn study(
     Ok((study, pictures))
 }
 
-fn pixels(window: Window) -> u64 {
-    window.area() as u64
-}
-
-fn rows(candidates: &[Candidate], cells: &[Cell], base: &Setting, pixels: u64) -> Vec<Row> {
+fn rows(candidates: &[Candidate], cells: &[Cell], subject: &Subject) -> Vec<Row> {
+    let pixels = subject.window.area() as f64;
     let mut rows = Vec::new();
     for candidate in candidates {
         let Some(cell) = cells.iter().find(|cell| cell.setting == candidate.setting) else { continue };
@@ -159,13 +163,15 @@ fn rows(candidates: &[Candidate], cells: &[Cell], base: &Setting, pixels: u64) -
         };
         let (setting, statistics) = (&cell.setting, &seen.statistics);
         let (shape, radius) = setting.sampling.shape_and_radius();
+        let options = setting.options(&subject.base, &subject.choices);
         let primary_rays = statistics.rays(RayKind::PRIMARY).cast;
         rows.push(Row {
             id: rows.len(),
             knob: candidate.knob.into(),
             setting: candidate.name.clone(),
             base: candidate.base,
-            options: setting.options(base),
+            has_options: options.is_some(),
+            options: options.unwrap_or_default(),
             numerics: setting.numerics.name().into(),
             layout: seen.layout.into(),
             preset: setting.structure.preset().map(|preset| preset.name().into()),
@@ -175,7 +181,7 @@ fn rows(candidates: &[Candidate], cells: &[Cell], base: &Setting, pixels: u64) -
             trace_ms,
             rays: statistics.rays.iter().map(|(_, count)| count.cast).sum(),
             primary_rays,
-            samples_per_pixel: primary_rays as f64 / pixels as f64,
+            samples_per_pixel: primary_rays as f64 / pixels,
             structure_bytes: seen.structure_bytes,
             tile_bytes: statistics.bytes(),
             judge: candidate.judge,

@@ -39,5 +39,5 @@ pub use pictures::{Picture, Pictures};
 pub use plot::error_against_time;
 pub use report::{facts, page};
 pub use setting::Setting;
-pub use sweep::{Absent, Candidate, sweep};
+pub use sweep::{Absent, Candidate, knobs, sweep};
 pub use table::{from_csv, to_csv};

@@ -51,13 +51,13 @@ fn head(study: &Study) -> String {
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><meta name=\"color-scheme\" content=\"light dark\">\
          <title>{title}</title>\n<style>{STYLE}</style></head><body>\n<h1>{title}</h1>\n\
-         <p class=\"note\">{} × {} pixels; {} thread(s), timed by {} time; {} rounds in which all settings take turns, after one to warm up. \
+         <p class=\"note\">{} × {} pixels; {} thread(s), timed by {} time; {} in which all settings take turns, after one to warm up. \
          kiln {}.</p>\n",
         study.size[0],
         study.size[1],
         study.threads,
         study.clock,
-        study.rounds,
+        if study.rounds == 1 { "1 round".into() } else { format!("{} rounds", study.rounds) },
         escaped(&study.kiln)
     )
 }
@@ -68,7 +68,7 @@ fn summary(study: &Study) -> String {
         let _ = writeln!(html, "<li>{}</li>", with_code(&advice.text));
     }
     if study.advice.is_empty() {
-        html += "<li>No setting measured has an error against the limit.</li>\n";
+        html += "<li>No setting was measured against the limit: there is no advice for an error.</li>\n";
     }
     for line in facts(study) {
         let _ = writeln!(html, "<li>{}</li>", with_code(&line));
@@ -97,8 +97,10 @@ pub fn facts(study: &Study) -> Vec<String> {
     }
     for geometry in &study.geometry {
         let wrong = geometry.false_hits + geometry.false_misses + geometry.wrong_primitives;
-        let leaks =
-            geometry.leaks_per_million.map_or(String::new(), |leaks| format!("; {leaks} leaks per million"));
+        let leaks = geometry.leaks_per_million.map_or(String::new(), |leaks| {
+            let leaks = if leaks < 1000.0 { scientific(leaks) } else { format!("{leaks:.0}") };
+            format!("; {leaks} leaks per million")
+        });
         lines.push(format!(
             "{}: {} of {} rays find something else than in `exact`{leaks}.",
             geometry.numerics, wrong, geometry.rays

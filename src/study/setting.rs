@@ -82,36 +82,66 @@ impl Setting {
         choices
     }
 
-    /// The options of `kiln render` that make of the base what this is.
-    pub fn options(&self, base: &Setting) -> String {
+    /// The options of `kiln render` that make this picture, to the bit, given beside those that `base` and `asked` come from; one
+    /// of the same name takes the place of one that was given. `None` where there are none that do.
+    pub fn options(&self, base: &Setting, asked: &Choices) -> Option<String> {
         let mut options: Vec<String> = Vec::new();
-        let mut add = |differs: bool, option: String| {
-            if differs {
-                options.push(option);
+        if self.numerics != base.numerics {
+            options.push(format!("--numerics {}", self.numerics.name()));
+        }
+        if self.pipeline != base.pipeline {
+            options.push(format!("--colour {}", self.pipeline.name()));
+        }
+        if self.structure != base.structure {
+            // Layouts are not for users to choose.
+            let preset =
+                self.structure.preset().filter(|&preset| self.structure == Structure::Wide(preset))?;
+            options.push(format!("--bvh {}", preset.name()));
+        }
+        options.extend(self.sampling_options(&base.sampling)?);
+        options.extend(self.textures.map(|filter| format!("--with textures={}", filter.name())));
+        let mut without = self.without.clone();
+        match self.bounces {
+            None => {}
+            Some(0) => without.push("glaze"),
+            // Bounces are the material's, and no option's.
+            Some(_) => return None,
+        }
+        for name in without {
+            // Asked for and not: one of the two would have to go.
+            if asked.with.iter().any(|typed| typed.split('=').next() == Some(name)) {
+                return None;
             }
-        };
-        add(self.numerics != base.numerics, format!("--numerics {}", self.numerics.name()));
-        add(self.pipeline != base.pipeline, format!("--colour {}", self.pipeline.name()));
-        if let Some(preset) = self.structure.preset() {
-            add(self.structure.preset() != base.structure.preset(), format!("--bvh {}", preset.name()));
+            options.push(format!("--without {name}"));
         }
-        let (own, theirs) = (&self.sampling, &base.sampling);
-        if let Some(samples) = own.samples {
-            add(own.samples != theirs.samples, format!("--samples {samples}"));
+        Some(options.join(" "))
+    }
+
+    /// The options that make this sampling of that of the base. Options cannot take back that something was said.
+    fn sampling_options(&self, base: &Sampling) -> Option<Vec<String>> {
+        let own = &self.sampling;
+        let mut options = Vec::new();
+        if own == base {
+            return Some(options);
         }
-        if let Some(filter) = own.filter {
-            add(own.filter != theirs.filter, format!("--filter {}", filter.name()));
+        if let Some(samples) = own.samples.filter(|_| own.samples != base.samples) {
+            options.push(format!("--samples {samples}"));
         }
-        if let Some(noise) = own.noise {
-            add(own.noise != theirs.noise, format!("--noise {noise}"));
+        if let Some(filter) = own.filter.filter(|_| own.filter != base.filter) {
+            options.push(format!("--filter {}", filter.name()));
         }
-        if let Some(filter) = self.textures {
-            add(true, format!("--with textures={}", filter.name()));
+        let radius = own.shape_and_radius().1;
+        if own.filter_radius != base.filter_radius {
+            options.push(format!("--filter-radius {radius}"));
         }
-        self.without.iter().for_each(|name| add(true, format!("--without {name}")));
-        if self.bounces == Some(0) {
-            add(true, "--without glaze".into());
+        match own.noise {
+            Some(noise) if own.noise != base.noise => options.push(format!("--noise {noise}")),
+            None if base.noise.is_some() => options.push("--without adaptive".into()),
+            _ => {}
         }
-        options.join(" ")
+        // What was said is said: one sample then is not that of the pixel's centre.
+        let said = Sampling { samples: own.samples.or(base.samples), ..*base };
+        let is_centred = !own.is_wanted();
+        (is_centred != said.is_wanted() || own.is_wanted()).then_some(options)
     }
 }

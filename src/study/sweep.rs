@@ -36,6 +36,16 @@ pub struct Candidate {
 /// A knob that is left out: its name, and why.
 pub type Absent = (&'static str, String);
 
+/// The names of all knobs.
+pub fn knobs() -> Vec<&'static str> {
+    let own = EFFECTS.iter().map(|effect| effect.name).filter(|name| !VARIED_ELSEWHERE.contains(name));
+    let first = ["numerics", "bvh", "colour", "glaze bounces"];
+    first.into_iter().chain(own).chain(["picture filter", "samples", "filter", "noise", "together"]).collect()
+}
+
+/// Effects whose knobs have other names.
+const VARIED_ELSEWHERE: [&str; 4] = ["glaze", "textures", "antialiasing", "adaptive"];
+
 /// The settings to look at around `base`, which comes first, and the knobs that are left out. `plan` is that of the base.
 pub fn sweep(scene: &Scene, base: &Setting, plan: &Plan, most: u32) -> (Vec<Candidate>, Vec<Absent>) {
     let first = Candidate {
@@ -129,8 +139,7 @@ impl List<'_> {
     }
 
     fn effects(&mut self, plan: &Plan) {
-        let varied_elsewhere = ["glaze", "textures", "antialiasing", "adaptive"];
-        for effect in EFFECTS.iter().filter(|effect| !varied_elsewhere.contains(&effect.name)) {
+        for effect in EFFECTS.iter().filter(|effect| !VARIED_ELSEWHERE.contains(&effect.name)) {
             if let Some(why) = off(plan, effect.name) {
                 self.absent.push((effect.name, why));
                 continue;

@@ -19,6 +19,9 @@ use crate::geometry::Numerics;
 use crate::render::{self, Statistics, Watch, render_as};
 use crate::world::{View, World};
 
+/// Rays across a side of the picture that geometry is compared in are no more than this, where the picture has not more itself.
+const MOST_ACROSS: u32 = 2048;
+
 /// A setting that is measured; candidates with equal settings share one.
 pub struct Cell {
     pub setting: Setting,
@@ -85,14 +88,26 @@ impl Work<'_> {
         let references: usize =
             (0..limits).map(|index| 2 * self.options.samples_of_limit(index) as usize).sum();
         let samples = references + twins + once * (1 + rounds) + groups(cells).len() * rounds;
-        self.meter.expect(tiles * samples);
+        self.meter.expect(tiles * samples + self.steps_of_a_tier() * Numerics::ALL.len());
+    }
+
+    /// How large a picture geometry is compared in.
+    fn size_of_geometry(&self) -> [u32; 2] {
+        let size = self.subject.size;
+        let most = MOST_ACROSS / size[0].max(size[1]).max(1);
+        size.map(|side| side * self.options.rays_across.min(most).max(1))
+    }
+
+    /// About how much work it is to compare a tier, in tiles of one sample: its own rays and those of `exact`.
+    fn steps_of_a_tier(&self) -> usize {
+        let [width, height] = self.size_of_geometry().map(|side| side.div_ceil(TILE) as usize);
+        2 * width * height
     }
 
     /// What each tier decides otherwise than `exact`.
     pub fn geometry(&self, watch: &Watch) -> Result<Vec<Geometry>> {
-        let Subject { scene, camera, projection, size, base, .. } = self.subject;
-        let scale = f64::from(self.options.rays_across) / f64::from(size[0].max(size[1]));
-        let size = size.map(|side| ((f64::from(side) * scale).round() as u32).max(1));
+        let Subject { scene, camera, projection, base, .. } = self.subject;
+        let size = self.size_of_geometry();
         let view = View::new(camera, *projection, size)?;
         let closed = leaks::closed(scene);
         let world = |numerics| prepare(self.subject, &Setting { numerics, ..base.clone() });
@@ -107,6 +122,7 @@ impl Work<'_> {
                 self.options.leak_rays,
                 watch,
             )?);
+            self.meter.step(self.steps_of_a_tier());
         }
         Ok(found)
     }

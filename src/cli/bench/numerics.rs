@@ -14,13 +14,13 @@ use crate::error::Result;
 pub struct Arguments {
     /// Rays aimed at the mesh from each side, at each size and place; 6 in a hundred more go along the axes
     #[arg(long, value_name = "N", default_value_t = 1_000_000,
-          value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
+          value_parser = crate::cli::numbers::whole(1..=100_000_000u64))]
     rays: u64,
     /// Runs that are timed, after one to warm up; the tiers take turns
-    #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 15, value_parser = crate::cli::numbers::whole(1..=1000u32))]
     runs: u32,
     /// Threads to count on; times are those of one thread
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     threads: Option<u16>,
     /// Print JSON
     #[arg(long)]

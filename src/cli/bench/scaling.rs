@@ -18,19 +18,19 @@ use crate::film::output::write_whole;
 pub struct Arguments {
     /// Triangles of the largest meshes; the others have a tenth, a hundredth and so on, down to a thousand
     #[arg(long, value_name = "N", default_value_t = 10_000_000,
-          value_parser = clap::value_parser!(u32).range(1000..=100_000_000))]
+          value_parser = crate::cli::numbers::whole(1000..=100_000_000u32))]
     largest: u32,
     /// Rounds that count, after one to warm up; in each of them all engines take turns
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
     runs: u32,
     /// Threads to build and to cast rays on
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 1, value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     threads: u16,
     /// An engine to measure, as `kiln bench` names them; kiln as it renders and Embree, if not given
     #[arg(long, value_name = "NAME")]
     engine: Vec<String>,
     /// Pixels along each side of the picture that rays are cast for
-    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(16..=8192))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 512, value_parser = crate::cli::numbers::whole(16..=8192u32))]
     size: u32,
     /// Print JSON
     #[arg(long)]
@@ -95,11 +95,11 @@ fn as_text(steps: &[Step], arguments: &Arguments) -> String {
         }
     }
     let mut text = format!(
-        "Generated meshes: a bumpy sphere, a soup of triangles, a long thin tube on a spool; {} thread(s), {} time, medians of {} rounds.\n\
+        "Generated meshes: a bumpy sphere, a soup of triangles, a long thin tube on a spool; {} thread(s), {} time, medians of {}.\n\
          Build peak: memory that building took at once, with the structure itself; rays: million a second.\n\n{}",
         arguments.threads,
         Clock::name(usize::from(arguments.threads)),
-        arguments.runs,
+        crate::cli::numbers::counted(arguments.runs as usize, "round", "rounds"),
         aligned(&lines, 3)
     );
     if let Some(peak) = steps.iter().filter_map(|step| step.peak_bytes).max() {

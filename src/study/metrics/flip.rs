@@ -6,6 +6,7 @@
 use rayon::prelude::*;
 
 use crate::film::colour::srgb_decode;
+use crate::world::widely;
 
 /// Pixels a degree of the viewer's field of view: a display 0.7 m and 3840 pixels wide, seen from 0.7 m (section 5.1's
 /// formula: distance * pixels / width * pi / 180).
@@ -70,9 +71,11 @@ impl Seen {
         let opponent = picture.par_iter().map(|pixel| ycxcz(xyz(pixel.map(|c| srgb_decode(c.into())))));
         let opponent: Vec<[f64; 3]> = opponent.collect();
         let channel = |c: usize| -> Plane { opponent.iter().map(|pixel| pixel[c]).collect() };
+        let rgb_from_xyz = glam::DMat3::from_cols_array_2d(&XYZ_FROM_RGB).transpose().inverse();
         let blurred = [0, 1, 2].map(|c| blur(&channel(c), width, SENSITIVITY[c], pixels_per_degree));
         let lab = |i: usize| {
-            let rgb = linear_rgb(xyz_of_ycxcz([blurred[0][i], blurred[1][i], blurred[2][i]]));
+            let xyz_seen = xyz_of_ycxcz([blurred[0][i], blurred[1][i], blurred[2][i]]);
+            let rgb: [f64; 3] = (rgb_from_xyz * glam::DVec3::from(xyz_seen)).into();
             hunt(lab(xyz(rgb.map(|c| c.clamp(0.0, 1.0)))))
         };
         let luminance: Plane = opponent.iter().map(|pixel| (pixel[0] + 16.0) / 116.0).collect();
@@ -83,12 +86,6 @@ impl Seen {
 
 fn xyz(rgb: [f64; 3]) -> [f64; 3] {
     XYZ_FROM_RGB.map(|row| row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2])
-}
-
-/// Linear sRGB of CIE XYZ: the inverse of [`xyz`].
-fn linear_rgb(xyz: [f64; 3]) -> [f64; 3] {
-    let m = glam::DMat3::from_cols_array_2d(&XYZ_FROM_RGB).transpose();
-    (m.inverse() * glam::DVec3::from(xyz)).into()
 }
 
 /// The linearised CIELAB that contrast sensitivity is applied in (section 4.1.1).
@@ -199,9 +196,7 @@ fn along(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
             .chain(row.iter().copied())
             .chain(std::iter::repeat_n(ends.1, radius))
             .collect();
-        for (out, window) in out.iter_mut().zip(padded.windows(kernel.len())) {
-            *out = window.iter().zip(kernel).map(|(v, k)| v * k).sum();
-        }
+        weighted(out, kernel, |i| &padded[i..i + width]);
     });
     out
 }
@@ -211,12 +206,24 @@ fn down(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
     let (radius, height) = (kernel.len() / 2, plane.len() / width);
     let mut out = vec![0.0; plane.len()];
     out.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-        for (i, k) in kernel.iter().enumerate() {
+        weighted(out, kernel, |i| {
             let from = (y + i).saturating_sub(radius).min(height - 1) * width;
-            out.iter_mut().zip(&plane[from..from + width]).for_each(|(out, v)| *out += v * k);
-        }
+            &plane[from..from + width]
+        });
     });
     out
+}
+
+/// Adds rows to `out`, each with its weight.
+fn weighted<'a>(out: &mut [f64], kernel: &[f64], row: impl Fn(usize) -> &'a [f64]) {
+    widely(
+        #[inline(always)]
+        || {
+            for (i, k) in kernel.iter().enumerate() {
+                out.iter_mut().zip(row(i)).for_each(|(out, v)| *out += v * k);
+            }
+        },
+    );
 }
 
 #[cfg(test)]
@@ -230,7 +237,8 @@ mod tests {
     #[test]
     fn colours_come_back() {
         let rgb = [0.25, 0.5, 0.75];
-        let there = linear_rgb(xyz_of_ycxcz(ycxcz(xyz(rgb))));
+        let rgb_from_xyz = glam::DMat3::from_cols_array_2d(&XYZ_FROM_RGB).transpose().inverse();
+        let there: [f64; 3] = (rgb_from_xyz * glam::DVec3::from(xyz_of_ycxcz(ycxcz(xyz(rgb))))).into();
         assert!(rgb.iter().zip(there).all(|(a, b)| (a - b).abs() < 1e-12), "{there:?}");
         // White is 100 in L* and grey in the others.
         let white = lab(xyz([1.0; 3]));

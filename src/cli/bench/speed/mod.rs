@@ -24,23 +24,23 @@ pub struct Arguments {
     #[arg(value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// Rounds that count, after one to warm up; in each of them all engines take turns
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]
     runs: u32,
     /// Threads to build and to cast rays on
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 1, value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     threads: u16,
     /// An engine to time, or `/` and its layout, tier or preset after it; all that are there, if not given
     #[arg(long, value_name = "NAME")]
     engine: Vec<String>,
     /// Pixels along each side of the picture that rays are cast for
-    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=8192))]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 1024, value_parser = crate::cli::numbers::whole(16..=8192u32))]
     size: u32,
     /// Where it is seen from: by the scene's camera or else from outside, from outside, or from its middle
     #[arg(long, value_name = "PLACE", default_value = "scene", value_parser = Viewpoint::NAMES)]
     from: String,
     /// Triangles of the bumpy sphere, about
     #[arg(long, value_name = "N", default_value_t = 1_000_000, conflicts_with = "inputs",
-          value_parser = clap::value_parser!(u32).range(100..=20_000_000))]
+          value_parser = crate::cli::numbers::whole(100..=20_000_000u32))]
     triangles: u32,
     /// Print JSON
     #[arg(long)]

@@ -1,0 +1,51 @@
+//! Numbers as they are typed, and what is said of those that are none: which there may be, not what a parser stumbled over.
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::str::FromStr;
+
+/// A whole number within a range.
+pub fn whole<N>(
+    range: RangeInclusive<N>,
+) -> impl Fn(&str) -> Result<N, String> + Clone + Send + Sync + 'static
+where
+    N: FromStr + PartialOrd + Display + Clone + Send + Sync + 'static,
+{
+    move |text| match text.trim().parse::<N>() {
+        Ok(number) if range.contains(&number) => Ok(number),
+        _ => Err(format!("give a whole number from {} to {}", range.start(), range.end())),
+    }
+}
+
+/// A number of any size, for `check` to judge; `wanted` says what it should be.
+pub fn number<N: FromStr>(text: &str, wanted: &str) -> Result<N, String> {
+    text.trim().parse().map_err(|_| format!("give {wanted}"))
+}
+
+/// A number and what it counts.
+pub fn counted(count: usize, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_is_told_which_there_may_be() {
+        let parse = whole(1..=16u16);
+        assert_eq!(parse("16"), Ok(16));
+        for bad in ["0", "17", "-1", "1.5", "", "99999999999999999999"] {
+            assert_eq!(parse(bad), Err("give a whole number from 1 to 16".into()), "{bad}");
+        }
+        assert_eq!(number::<f64>("x", "a level"), Err("give a level".into()));
+    }
+
+    #[test]
+    fn one_is_no_plural() {
+        assert_eq!(
+            (counted(1, "round", "rounds"), counted(7, "round", "rounds")),
+            ("1 round".into(), "7 rounds".into())
+        );
+    }
+}
