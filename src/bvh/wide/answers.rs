@@ -30,65 +30,66 @@ impl<T: Tier> Wide<T> {
 }
 
 impl<T: Tier> Wide<T> {
-    /// Rays that have nothing in common, many at once: all against all where there are few primitives, else in turns; where the
-    /// machine and the tree can, and for turns their directions have no zeros.
+    /// Whether [`Wide::many`] can be asked about such rays: there are few primitives, or room for turns and no zeros in the
+    /// directions.
+    #[cfg(target_arch = "x86_64")]
+    fn takes_many(&self, rays: &[Ray]) -> bool {
+        self.simd && (self.has_few() || self.can_stream() && rays.iter().all(runs_along_all_axes))
+    }
+
     fn many_closest(&self, rays: &[Ray], hits: &mut [Option<Hit>], traversal: &mut Traversal) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        if self.simd && (self.has_few() || self.can_stream() && rays.iter().all(runs_along_all_axes)) {
-            Avx2::run(
-                #[inline(always)]
-                || {
-                    self.many::<Avx2>(
-                        rays,
-                        traversal,
-                        #[inline(always)]
-                        |ray, hit| {
-                            let best = &mut hits[ray];
-                            if !self.is_better(&rays[ray], &hit, best.as_ref()) {
-                                return Step::Go;
-                            }
-                            *best = Some(hit);
-                            Step::Prune(hit.t)
-                        },
-                    );
-                },
-            );
-            return true;
-        }
-        false
+        self.many(
+            rays,
+            traversal,
+            #[inline(always)]
+            |ray, hit| {
+                let best = &mut hits[ray];
+                if !self.is_better(&rays[ray], &hit, best.as_ref()) {
+                    return Step::Go;
+                }
+                *best = Some(hit);
+                Step::Prune(hit.t)
+            },
+        )
     }
 
-    /// The same for rays that any hit blocks.
     fn many_occluded(&self, rays: &[Ray], occluded: &mut [bool], traversal: &mut Traversal) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        if self.simd && (self.has_few() || self.can_stream() && rays.iter().all(runs_along_all_axes)) {
-            Avx2::run(
-                #[inline(always)]
-                || {
-                    self.many::<Avx2>(
-                        rays,
-                        traversal,
-                        #[inline(always)]
-                        |ray, _| {
-                            occluded[ray] = true;
-                            Step::Stop
-                        },
-                    );
-                },
-            );
-            return true;
-        }
-        false
+        self.many(
+            rays,
+            traversal,
+            #[inline(always)]
+            |ray, _| {
+                occluded[ray] = true;
+                Step::Stop
+            },
+        )
     }
 
+    /// Rays that have nothing in common, many at once: all against all where there are few primitives, else in turns. `false`
+    /// where the machine, the tree or the rays are not for that, and nothing was asked.
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
-    fn many<S: Simd>(&self, rays: &[Ray], traversal: &mut Traversal, found: impl FnMut(usize, Hit) -> Step) {
-        let Traversal { stacks, tests, packet, .. } = traversal;
-        if self.has_few() {
-            self.each_of_few::<S>(rays, packet.any_bundle(), tests, found);
-        } else {
-            self.stream::<S>(rays, stacks, tests, found);
+    fn many(&self, rays: &[Ray], traversal: &mut Traversal, found: impl FnMut(usize, Hit) -> Step) -> bool {
+        if !self.takes_many(rays) {
+            return false;
         }
+        Avx2::run(
+            #[inline(always)]
+            || {
+                let Traversal { stacks, tests, packet, .. } = traversal;
+                if self.has_few() {
+                    self.each_of_few::<Avx2>(rays, packet.any_bundle(), tests, found);
+                } else {
+                    self.stream::<Avx2>(rays, stacks, tests, found);
+                }
+            },
+        );
+        true
+    }
+
+    #[cfg(not(target_arch = "x86_64"))]
+    fn many(&self, _: &[Ray], _: &mut Traversal, _: impl FnMut(usize, Hit) -> Step) -> bool {
+        false
     }
 }
 

@@ -6,8 +6,9 @@
 //! when, over all depths that it spans, it lies aside of what the intervals reach; only differences and products of
 //! f32 numbers are compared, after the ends of the intervals were moved outwards by more than what these round
 //! ([`SLACK`]). Rays that run the same way are points where they cross the plane of depth 0; a box is outside when, carried along
-//! them to that plane, it lies aside. There the sum is moved by what its terms may be off by. That the hits of a primitive are within its own box (as [`Tier`](crate::geometry::Tier) says) makes the boxes
-//! of a tree conservative for rays, and so for frusta.
+//! them to that plane, it lies aside. There the sum is moved by what its terms may be off by. That the hits of a primitive are
+//! within its own box (as [`Tier`](crate::geometry::Tier) says) makes the boxes of a tree conservative for rays, and so for
+//! frusta.
 
 use crate::geometry::simd::Simd;
 use crate::geometry::{Ray, round_down, round_up};

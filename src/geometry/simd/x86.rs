@@ -1,4 +1,5 @@
-//! AVX2 and FMA, and what came with them or before. The only file of the room with `unsafe`: calls of instructions that the machine was asked for beforehand.
+//! AVX2 and FMA, and what came with them or before. The only file of the room with `unsafe`: calls of instructions that the
+//! machine was asked for beforehand.
 
 use std::arch::x86_64::*;
 
