@@ -4,12 +4,15 @@
 //! usage, 3 an input cannot be used, 4 output cannot be written, 130 and 143 interrupted. `compare` alone answers by it, too: 0
 //! same, 1 within limits, 2 beyond.
 
+mod arguments;
 mod bench;
 mod compare;
+mod develop;
 mod explain;
 mod info;
 mod interrupt;
 mod picture;
+mod prepare;
 mod progress;
 mod render;
 mod sampling;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::render::Arguments;
+use super::arguments::Arguments;
 use crate::error::{Error, Result};
 use crate::film::Window;
 use crate::scene::file::nearest_name;

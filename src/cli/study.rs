@@ -6,8 +6,9 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
+use super::arguments::{self, Arguments};
+use super::prepare::{self, Described};
 use super::progress::{Mode, Progress};
-use super::render::{self, Arguments, Described};
 use super::statistics::Seconds;
 use super::{Printer, print};
 use crate::error::{Error, Result, Warnings};
@@ -38,7 +39,7 @@ pub struct Command {
 }
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    render::check(&command.what)?;
+    arguments::check(&command.what)?;
     make_folder(&command.output)?;
     let arguments = &command.what;
     let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
@@ -48,7 +49,7 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 
     let longest = (!command.full).then_some(LONGEST);
     let described = wide.install(|| {
-        render::take_in(arguments, longest, &mut Seconds::default(), &mut warnings, &mut |phase, said| {
+        prepare::take_in(arguments, longest, &mut Seconds::default(), &mut warnings, &mut |phase, said| {
             progress.pause(|| printer.print(said, with_notes));
             progress.phase(phase);
         })
