@@ -30,7 +30,8 @@ impl Target {
         let name = output.to_string_lossy();
         if name.contains("####") || name.contains("%0") {
             let what = format!("{name}: the name of a series of pictures, and there is one");
-            return Err(Error::usage(what, "give the picture a name of its own"));
+            let hint = "give the picture a name of its own, or the frames of an animation with --frames";
+            return Err(Error::usage(what, hint));
         }
         check_folder(output)?;
         Ok(Target::File(output.to_owned(), format))

@@ -9,6 +9,7 @@ mod bench;
 mod compare;
 mod develop;
 mod explain;
+mod frames;
 mod info;
 mod interrupt;
 mod picture;

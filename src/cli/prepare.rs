@@ -69,20 +69,39 @@ pub fn describe(
 ) -> Result<Described> {
     check_scene(&scene.effects)?;
     let range = bring_into_range(&mut scene);
-    if let Some(range) = &range {
-        warnings.note(match range.scale {
-            1.0 => "the scene lies far from the origin; moved to it, to keep its digits",
-            _ => "the scene's size is beyond what f32 holds well; scaled by a power of two",
-        });
-    }
+    note_range(range.as_ref(), warnings);
     let (camera, mut size) = picture::choose(arguments, &scene)?;
     if let Some(longest) = longest.filter(|_| arguments.size.is_none() && arguments.crop.is_none()) {
         size = picture::no_longer_than(longest, size);
     }
     if scene.lights.is_empty() && arguments.shading().uses_lights() {
         scene.lights.extend(headlight(&camera));
-        warnings.note("no light in the scene; added a headlight");
+        warnings.note(HEADLIGHT);
     }
+    settle(arguments, scene, range, camera, size)
+}
+
+/// What is said where a scene has no light.
+pub const HEADLIGHT: &str = "no light in the scene; added a headlight";
+
+/// Says how a scene was moved.
+pub fn note_range(range: Option<&Range>, warnings: &mut Warnings) {
+    if let Some(range) = range {
+        warnings.note(match range.scale {
+            1.0 => "the scene lies far from the origin; moved to it, to keep its digits",
+            _ => "the scene's size is beyond what f32 holds well; scaled by a power of two",
+        });
+    }
+}
+
+/// Puts together what the arguments and the scene say of a picture, once it is known what it is seen by.
+pub fn settle(
+    arguments: &Arguments,
+    mut scene: Scene,
+    range: Option<Range>,
+    camera: Camera,
+    size: [u32; 2],
+) -> Result<Described> {
     scene.sampling = arguments.sampling.said().or(scene.sampling);
     let most = scene.sampling.most_samples();
     if let Some(least) =
@@ -154,7 +173,7 @@ pub fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
 }
 
 /// Nothing that was asked for is left out in silence.
-fn warn_of_the_world(world: &World, plan: &Plan, choices: &Choices, warnings: &mut Warnings) {
+pub fn warn_of_the_world(world: &World, plan: &Plan, choices: &Choices, warnings: &mut Warnings) {
     if world.too_small > 0 {
         warnings.push(format!(
             "{} primitive(s) are too small or too thin for the numbers of `--numerics {}`; left out",

@@ -8,10 +8,12 @@ use clap::Args;
 use super::Printer;
 use super::arguments::{self, Arguments};
 use super::develop::{self, Target, check_folder, render_plainly, render_to_wish, same_file};
+use super::frames::{self, LengthArguments, Pictures, file_names};
 use super::prepare::{make_ready, timed};
 use super::progress::{Mode, Progress};
 use super::sampling::TargetArguments;
 use super::statistics::{self, Seconds};
+use crate::animation::FrameList;
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::film::write::Format;
@@ -24,7 +26,11 @@ pub struct Command {
     what: Arguments,
     #[command(flatten)]
     target: TargetArguments,
-    /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output
+    /// The frames of an animation to render, such as 1-10, 1-10:2 or 3,7,9-12, into files like frame_####.png; a scene in
+    /// which nothing moves is gone round once
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["accuracy", "budget"])]
+    frames: Option<FrameList>,
+    /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output; with --frames a name with #### or %04d
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// What else to keep of each pixel, as layers of an .exr: depth, position, normal, geometric-normal, albedo, object,
@@ -44,12 +50,12 @@ pub struct Command {
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.what)?;
+    if let Some(list) = &command.frames {
+        return render_frames(command, list, interrupted);
+    }
     let target = Target::new(&command.output)?;
     let wanted = Wanted::new(&command.aov)?;
-    if !command.aov.is_empty() && target.format() != Format::Exr {
-        let what = format!("{}: only .exr has layers for --aov", command.output.display());
-        return Err(Error::usage(what, "name a file that ends in .exr"));
-    }
+    check_layers(command, target.format())?;
     if let Some(file) = &command.stats {
         if same_file(file, &command.output) {
             let what = format!("{}: both the picture and its statistics", file.display());
@@ -59,6 +65,33 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     }
     let pool = super::pool(command.what.threads)?;
     pool.install(|| render_to(command, &target, &wanted, interrupted))
+}
+
+fn check_layers(command: &Command, format: Format) -> Result<()> {
+    if !command.aov.is_empty() && format != Format::Exr {
+        let what = format!("{}: only .exr has layers for --aov", command.output.display());
+        return Err(Error::usage(what, "name a file that ends in .exr"));
+    }
+    Ok(())
+}
+
+/// Frames of an animation, each to a file of its own.
+fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) -> Result<()> {
+    if command.stats.is_some() {
+        return Err(Error::usage("--stats is of one picture, and these are frames", "leave one of them out"));
+    }
+    let format = Format::from_path(&command.output)?;
+    check_layers(command, format)?;
+    let pictures = Pictures {
+        names: file_names(&command.output, list)?,
+        format,
+        wanted: Wanted::new(&command.aov)?,
+        progress: command.progress,
+        strict: command.strict,
+    };
+    check_folder(&command.output)?;
+    let length = LengthArguments::default();
+    frames::write_pictures(&command.what, &length, Some(list), &pictures, interrupted)
 }
 
 fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &AtomicBool) -> Result<()> {

@@ -6,21 +6,35 @@ use std::sync::Mutex;
 
 use crate::error::{Error, Result};
 
-/// The temporary file that is being written, for a process that has to end at once.
-static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
+/// The temporary files that are being written, for a process that has to end at once.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the temporary file that is being written, if there is one.
+/// Removes the temporary files that are being written.
 pub fn discard_unfinished() {
-    if let Ok(mut unfinished) = UNFINISHED.lock()
-        && let Some(path) = unfinished.take()
-    {
-        let _ = std::fs::remove_file(path);
+    if let Ok(mut unfinished) = UNFINISHED.lock() {
+        for path in unfinished.drain(..) {
+            let _ = std::fs::remove_file(path);
+        }
     }
 }
 
-fn set_unfinished(path: Option<PathBuf>) {
-    if let Ok(mut unfinished) = UNFINISHED.lock() {
-        *unfinished = path;
+/// A temporary file that is known as unfinished as long as this lives.
+struct Unfinished(PathBuf);
+
+impl Unfinished {
+    fn new(path: &Path) -> Self {
+        if let Ok(mut unfinished) = UNFINISHED.lock() {
+            unfinished.push(path.to_owned());
+        }
+        Unfinished(path.to_owned())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        if let Ok(mut unfinished) = UNFINISHED.lock() {
+            unfinished.retain(|path| *path != self.0);
+        }
     }
 }
 
@@ -45,10 +59,8 @@ pub fn write_whole(file: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Re
         .permissions_like_any_file()
         .tempfile_in(folder)
         .map_err(fail)?;
-    set_unfinished(Some(temporary.path().to_owned()));
-    let written = fill_and_rename(temporary, file, fill).map_err(fail);
-    set_unfinished(None);
-    written
+    let _unfinished = Unfinished::new(temporary.path());
+    fill_and_rename(temporary, file, fill).map_err(fail)
 }
 
 fn fill_and_rename(
