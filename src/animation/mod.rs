@@ -4,9 +4,11 @@
 //! else: rendered alone it has the same bits as in a run of all. So a farm may deal frames out as it likes.
 
 pub mod frames;
+pub mod moving;
 mod order;
 mod stage;
 
 pub use frames::{FileNames, FrameList};
+pub use moving::{Form, Outline, Prepared, Quality, Recorder};
 pub use order::in_order;
 pub use stage::{Moment, Stage, turntable};

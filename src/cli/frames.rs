@@ -16,7 +16,7 @@ use crate::animation::{FileNames, FrameList, Moment, Stage, in_order};
 use crate::effects::{Plan, RayKind, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::write::{Format, write_picture};
-use crate::film::{TILE, Window};
+use crate::film::{ColourPipeline, TILE, Window};
 use crate::import;
 use crate::render::aov::Wanted;
 use crate::render::{Clock, Statistics, Watch};
@@ -104,6 +104,11 @@ impl Frames {
     /// Frames and times.
     pub fn timeline(&self) -> Timeline {
         self.timeline
+    }
+
+    /// The numbers that light is added up in.
+    pub fn pipeline(&self) -> ColourPipeline {
+        self.shared.pipeline
     }
 
     /// The part of the picture that is rendered.
