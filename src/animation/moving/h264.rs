@@ -49,9 +49,10 @@ impl H264 {
             .profile(Profile::Baseline)
             .vui(VuiConfig::bt709())
             .usage_type(UsageType::CameraVideoRealTime)
-            .rate_control_mode(RateControlMode::Quality)
+            // Without changes of scene, this mode keeps to the range of quantisers and to nothing else.
+            .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QpRange::new(step, step))
-            // Beyond what comes of it: the level and the rate control's start are chosen by it.
+            // Has to be said; the level is chosen by it.
             .bitrate(BitRate::from_bps(20_000_000))
             .max_frame_rate(FrameRate::from_hz(fps as f32))
             // A key frame every two seconds, for players to jump to.

@@ -207,7 +207,7 @@ impl Recorder {
         match (&mut self.writer, frame) {
             #[cfg(feature = "video")]
             (Writer::Mp4(film, codec), Prepared::Yuv(planes)) => {
-                film.add(&codec.encode(&planes).map_err(io::Error::other)?)
+                film.add(&codec.encode(&planes).map_err(|e| refused(&e))?)
             }
             #[cfg(feature = "video")]
             (Writer::Gif(encoder), Prepared::Gif(mut frame)) => {
@@ -245,13 +245,20 @@ impl Recorder {
     }
 }
 
+/// What OpenH264 says, in a line.
+#[cfg(feature = "video")]
+fn refused(e: &openh264::Error) -> io::Error {
+    let text = e.to_string();
+    io::Error::other(format!("OpenH264: {}", text.lines().next().unwrap_or("failed")))
+}
+
 fn writer_for(file: &Path, form: Form, outline: &Outline, mut sink: Sink) -> io::Result<Writer> {
     Ok(match form {
         #[cfg(feature = "video")]
         Form::Mp4(quality) => {
             let even = outline.size.map(|side| side.next_multiple_of(2) as u16);
             let film = mp4::Mp4::new(folder_of(file), even, outline.fps)?;
-            let codec = h264::H264::new(outline.fps, quality).map_err(io::Error::other)?;
+            let codec = h264::H264::new(outline.fps, quality).map_err(|e| refused(&e))?;
             Writer::Mp4(Box::new(film), Box::new(codec))
         }
         #[cfg(feature = "video")]
