@@ -31,6 +31,7 @@
 //! # Ok::<(), kiln::bvh::NotFinite>(())
 //! ```
 
+pub mod animation;
 pub mod bench;
 pub mod bvh;
 pub mod cli;

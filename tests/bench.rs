@@ -208,7 +208,7 @@ fn asking_for_what_is_not_there_is_an_error() {
         ("--engine embree", 1, "embree: KILN_EMBREE names no library\nhint: set KILN_EMBREE to "),
         ("--engine emrbee", 2, "no engine is called `emrbee`\nhint: engines are kiln, "),
         ("--engine kiln/nothing", 2, "no engine is called `kiln/nothing`\nhint: engines are kiln, "),
-        ("--runs 0", 2, "invalid value '0' for '--runs <N>': 0 is not in 1..=1000\nhint: "),
+        ("--runs 0", 2, "invalid value '0' for '--runs <N>': give a whole number from 1 to 1000\nhint: "),
         ("--from above", 2, "invalid value 'above' for '--from <PLACE>'\nhint: "),
         ("gone.obj", 3, "gone.obj: no such file\nhint: "),
     ];

@@ -6,8 +6,20 @@ use std::path::Path;
 
 /// The rooms, from the bottom up.
 const ROOMS: &[&str] = &[
-    "error", "film", "scene", "import", "geometry", "bvh", "world", "shading", "effects", "render", "bench",
-    "study", "cli",
+    "error",
+    "film",
+    "scene",
+    "import",
+    "geometry",
+    "bvh",
+    "world",
+    "shading",
+    "effects",
+    "render",
+    "animation",
+    "bench",
+    "study",
+    "cli",
 ];
 
 fn room_of(file: &Path) -> String {

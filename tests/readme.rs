@@ -48,6 +48,38 @@ fn the_scene_file_renders() {
     }
 }
 
+/// The animation that is shown moves what the scene file that is shown has.
+#[test]
+fn the_animation_moves_the_scene() {
+    let readme = readme();
+    let [scene] = fences(&readme, "toml")[..] else { panic!("one scene file is shown") };
+    let animation = fences(&readme, "text").into_iter().find(|text| text.starts_with("[animation]"));
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("scene.toml");
+    std::fs::write(&file, format!("{scene}\n{}", animation.expect("an animation is shown")))
+        .expect("it is written");
+    Command::cargo_bin("kiln")
+        .expect("the command is built with the tests")
+        .current_dir(folder.path())
+        .args([
+            "animate",
+            "scene.toml",
+            "-o",
+            "f_###.png",
+            "--size",
+            "32x24",
+            "--frames",
+            "0-300:100",
+            "--strict",
+        ])
+        .assert()
+        .success();
+    let pictures: Vec<Vec<u8>> = [0, 100, 200, 300]
+        .map(|frame| std::fs::read(folder.path().join(format!("f_{frame:03}.png"))).expect("a frame"))
+        .into();
+    assert!(pictures.windows(2).all(|w| w[0] != w[1]));
+}
+
 /// Every option that the README's table names is one that `kiln render --help` names, and the other way round.
 #[test]
 fn the_options_are_the_commands_options() {

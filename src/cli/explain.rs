@@ -6,7 +6,8 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::render::{self, Arguments, Ready};
+use super::arguments::{self, Arguments};
+use super::prepare::{Ready, make_ready};
 use super::statistics::Seconds;
 use super::{Printer, print};
 use crate::bench::Spread;
@@ -34,12 +35,12 @@ pub struct Command {
 }
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    render::check(&command.what)?;
+    arguments::check(&command.what)?;
     let threads = command.what.threads.or(command.measure.then_some(1));
     let (ready, costs) = super::pool(threads)?.install(|| {
         let (mut warnings, mut printer) = (Warnings::default(), Printer::default());
         let mut show = |_: &str, said: &Warnings| printer.print(said, true);
-        let ready = render::make_ready(&command.what, &mut Seconds::default(), &mut warnings, &mut show)?;
+        let ready = make_ready(&command.what, &mut Seconds::default(), &mut warnings, &mut show)?;
         printer.print(&warnings, true);
         let Ready { world, view, window, plan, .. } = &ready;
         let rounds = command.rounds.into();

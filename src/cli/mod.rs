@@ -4,13 +4,18 @@
 //! usage, 3 an input cannot be used, 4 output cannot be written, 130 and 143 interrupted. `compare` alone answers by it, too: 0
 //! same, 1 within limits, 2 beyond.
 
+mod animate;
+mod arguments;
 mod bench;
 mod compare;
+mod develop;
 mod explain;
+mod frames;
 mod info;
 mod interrupt;
 mod numbers;
 mod picture;
+mod prepare;
 mod progress;
 mod render;
 mod sampling;
@@ -31,7 +36,7 @@ use crate::error::{Error, Result, Warnings};
     version,
     about = "A BVH-accelerated ray tracer for OBJ, glTF and its own scene files",
     after_help = "Examples:\n  kiln render scenes/assignment.toml -o assignment.png\n  \
-                  kiln render model.glb -o model.png --view iso\n  kiln info model.obj"
+                  kiln render model.glb -o model.png --view iso\n  kiln animate model.glb -o turntable.mp4\n  kiln info model.obj"
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -42,6 +47,8 @@ struct Arguments {
 enum Command {
     /// Render a picture
     Render(Box<render::Command>),
+    /// Make a film of an animation, or a turntable of a mesh
+    Animate(Box<animate::Command>),
     /// Say which effects a picture takes, why, and what each of them costs
     Explain(Box<explain::Command>),
     /// Say what files hold, how large it is, and what is odd about it
@@ -77,6 +84,7 @@ pub fn main() -> ExitCode {
     let result = std::panic::catch_unwind(|| {
         let done = match arguments.command {
             Command::Render(arguments) => render::run(&arguments, interrupted),
+            Command::Animate(arguments) => animate::run(&arguments, interrupted),
             Command::Explain(arguments) => explain::run(&arguments, interrupted),
             Command::Info(arguments) => info::run(&arguments),
             Command::Study(arguments) => study::run(&arguments, interrupted),

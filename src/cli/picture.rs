@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::render::Arguments;
+use super::arguments::Arguments;
+use crate::animation::turntable;
 use crate::error::{Error, Result};
 use crate::film::Window;
 use crate::scene::file::nearest_name;
@@ -41,6 +42,27 @@ pub fn choose(arguments: &Arguments, scene: &Scene) -> Result<(Camera, [u32; 2])
             })?
         }
     };
+    Ok((camera, size))
+}
+
+/// The camera and the size of an animation's frames. One that says nothing of what moves becomes a turntable.
+pub fn choose_for_frames(arguments: &Arguments, scene: &mut Scene) -> Result<(Camera, [u32; 2])> {
+    if scene.animation.is_some() {
+        return choose(arguments, scene);
+    }
+    let (camera, view) = match choice(arguments, scene)? {
+        Choice::Camera(camera) => (Some(camera.clone()), StandardView::Auto),
+        Choice::Fitted(view) => (None, view),
+    };
+    let size = arguments.size.or(scene.size).or(camera.as_ref().and_then(size_like)).unwrap_or(DEFAULT_SIZE);
+    let aspect = f64::from(size[0]) / f64::from(size[1]);
+    let projection = arguments.projection().unwrap_or(Projection::Perspective);
+    let camera = turntable(scene, camera, view, aspect, projection).map_err(|e| match e {
+        Error::Failed { what, hint } => {
+            Error::input(arguments.inputs.first().map_or(Path::new("-"), PathBuf::as_path), what, hint)
+        }
+        other => other,
+    })?;
     Ok((camera, size))
 }
 

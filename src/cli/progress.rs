@@ -62,11 +62,11 @@ impl Progress {
 
     /// Tiles done of all tiles.
     pub fn tiles(&self, done: usize, total: usize) {
-        self.steps(done, total, "tiles");
+        self.steps(done, total, ("tiles", 1));
     }
 
-    /// What is done of the whole work, and what it is counted in.
-    pub fn steps(&self, done: usize, total: usize, unit: &str) {
+    /// Steps done of all steps; what they are called where they are counted in lines, and how many go into one of that.
+    pub fn steps(&self, done: usize, total: usize, (unit, steps): (&str, usize)) {
         if let Some(bar) = &self.bar {
             if bar.length() != Some(total as u64) {
                 bar.set_length(total as u64);
@@ -91,12 +91,14 @@ impl Progress {
         // The clock of the tiles starts with the first of them: loading says nothing about rendering.
         let elapsed = self.first_tile.get_or_init(Instant::now).elapsed().as_secs_f64();
         let left = elapsed * (total - done) as f64 / done as f64;
+        let percent = done * 100 / total;
+        let (done, total) = (done / steps, total / steps);
         if self.mode == Mode::Json {
             say(format_args!(
                 "{{\"event\":\"progress\",\"done\":{done},\"total\":{total},\"elapsed\":{elapsed:.1},\"left\":{left:.1}}}"
             ));
         } else {
-            say(format_args!("kiln: {} % ({done} of {total} {unit}), {left:.0} s left", done * 100 / total));
+            say(format_args!("kiln: {percent} % ({done} of {total} {unit}), {left:.0} s left"));
         }
     }
 

@@ -6,8 +6,9 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
+use super::arguments::{self, Arguments};
+use super::prepare::{self, Described};
 use super::progress::{Mode, Progress};
-use super::render::{self, Arguments, Described};
 use super::statistics::Seconds;
 use super::{Printer, print};
 use crate::error::{Error, Result, Warnings};
@@ -41,7 +42,7 @@ pub struct Command {
 }
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    render::check(&command.what)?;
+    arguments::check(&command.what)?;
     let knobs = knobs(&command.knob)?;
     let _folder = Folder::new(&command.output)?;
     let arguments = &command.what;
@@ -52,7 +53,7 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 
     let longest = (!command.full).then_some(LONGEST);
     let described = wide.install(|| {
-        render::take_in(arguments, longest, &mut Seconds::default(), &mut warnings, &mut |phase, said| {
+        prepare::take_in(arguments, longest, &mut Seconds::default(), &mut warnings, &mut |phase, said| {
             progress.pause(|| printer.print(said, with_notes));
             progress.phase(phase);
         })
@@ -63,7 +64,8 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
 
     progress.phase("studying");
-    let watch = Watch { cancel: interrupted, progress: &|done, total| progress.steps(done, total, "steps") };
+    let watch =
+        Watch { cancel: interrupted, progress: &|done, total| progress.steps(done, total, ("steps", 1)) };
     let pools = Pools { timed: &timed, wide: &wide };
     let (study, pictures) = study(&subject, &options(command, knobs), load, &pools, &watch)?;
 

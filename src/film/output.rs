@@ -6,62 +6,114 @@ use std::sync::Mutex;
 
 use crate::error::{Error, Result};
 
-/// The temporary file that is being written, for a process that has to end at once.
-static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
+/// The temporary files that are being written, for a process that has to end at once.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the temporary file that is being written, if there is one.
+/// Removes the temporary files that are being written.
 pub fn discard_unfinished() {
-    if let Ok(mut unfinished) = UNFINISHED.lock()
-        && let Some(path) = unfinished.take()
-    {
-        let _ = std::fs::remove_file(path);
-    }
-}
-
-fn set_unfinished(path: Option<PathBuf>) {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
-        *unfinished = path;
+        for path in unfinished.drain(..) {
+            let _ = std::fs::remove_file(path);
+        }
     }
 }
 
-/// Writes `file` as a whole: `fill` writes to a temporary file in the same folder, which is flushed to disk and then
-/// takes the target's name. Whatever fails, a file of that name that was there before stays as it was, and the
-/// temporary file goes.
+/// A temporary file that is known as unfinished as long as this lives.
+struct Unfinished(PathBuf);
+
+impl Unfinished {
+    fn new(path: &Path) -> Self {
+        if let Ok(mut unfinished) = UNFINISHED.lock() {
+            unfinished.push(path.to_owned());
+        }
+        Unfinished(path.to_owned())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        if let Ok(mut unfinished) = UNFINISHED.lock() {
+            unfinished.retain(|path| *path != self.0);
+        }
+    }
+}
+
+/// A file that is written under another name in the same folder, and takes its own name once it is whole and on the disk.
+/// Until then, and where it never comes to that, a file of that name that was there before stays as it was.
+pub struct WholeFile {
+    name: PathBuf,
+    // In this order: what is given up is removed before it is forgotten.
+    writer: BufWriter<tempfile::NamedTempFile>,
+    _unfinished: Unfinished,
+}
+
+impl WholeFile {
+    /// Begins with nothing in it.
+    ///
+    /// # Errors
+    /// [`Error::Output`] when the folder cannot be written to.
+    pub fn create(name: &Path) -> Result<Self> {
+        if name.is_dir() {
+            return Err(Error::output(name, "is a folder; name a file in it"));
+        }
+        let temporary = tempfile::Builder::new()
+            .prefix(".kiln-")
+            .suffix(".part")
+            .permissions_like_any_file()
+            .tempfile_in(folder_of(name))
+            .map_err(|e| Error::output(name, describe(&e)))?;
+        let unfinished = Unfinished::new(temporary.path());
+        let writer = BufWriter::with_capacity(1 << 18, temporary);
+        Ok(WholeFile { name: name.to_owned(), writer, _unfinished: unfinished })
+    }
+
+    /// The name that it will have.
+    pub fn name(&self) -> &Path {
+        &self.name
+    }
+
+    /// Gives it its name.
+    ///
+    /// # Errors
+    /// [`Error::Output`] when it cannot be written or renamed.
+    pub fn finish(self) -> Result<()> {
+        let WholeFile { name, writer, _unfinished } = self;
+        let finish = || -> std::io::Result<()> {
+            let temporary = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+            temporary.as_file().sync_data()?;
+            temporary.persist(&name).map_err(|e| e.error)?;
+            Ok(())
+        };
+        finish().map_err(|e| Error::output(&name, describe(&e)))
+    }
+}
+
+impl Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.writer.write(bytes)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.writer.flush()
+    }
+}
+
+/// The folder that a file is or will be in.
+pub fn folder_of(file: &Path) -> &Path {
+    match file.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Writes `file` as a whole: what `fill` writes, or nothing ([`WholeFile`]).
 ///
 /// # Errors
 /// [`Error::Output`] when the folder cannot be written to or `fill` fails.
 pub fn write_whole(file: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
-    let fail = |e: std::io::Error| Error::output(file, describe(&e));
-    if file.is_dir() {
-        return Err(Error::output(file, "is a folder; name a file in it"));
-    }
-    let folder = match file.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    let temporary = tempfile::Builder::new()
-        .prefix(".kiln-")
-        .suffix(".part")
-        .permissions_like_any_file()
-        .tempfile_in(folder)
-        .map_err(fail)?;
-    set_unfinished(Some(temporary.path().to_owned()));
-    let written = fill_and_rename(temporary, file, fill).map_err(fail);
-    set_unfinished(None);
-    written
-}
-
-fn fill_and_rename(
-    temporary: tempfile::NamedTempFile,
-    file: &Path,
-    fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
-) -> std::io::Result<()> {
-    let mut writer = BufWriter::with_capacity(1 << 18, temporary);
-    fill(&mut writer)?;
-    let temporary = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
-    temporary.as_file().sync_data()?;
-    temporary.persist(file).map_err(|e| e.error)?;
-    Ok(())
+    let mut whole = WholeFile::create(file)?;
+    fill(&mut whole).map_err(|e| Error::output(file, describe(&e)))?;
+    whole.finish()
 }
 
 /// Temporary files are private by default; the finished picture is a file like any other.

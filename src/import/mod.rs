@@ -111,6 +111,10 @@ pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
             return Err(Error::input(file.as_path(), what, hint));
         }
     }
+    // What a track cannot do, it cannot do at the beginning either.
+    if scene.animation.is_some() {
+        scene.at(0.0)?;
+    }
     Ok(scene)
 }
 

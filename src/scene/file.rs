@@ -9,6 +9,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
 
+use super::animation::file::AnimationSection;
 pub use super::colour_value::ColourValue;
 pub use super::effects::{EffectValue, EffectsSection};
 use super::{Numerics, Projection};
@@ -53,6 +54,9 @@ pub struct SceneFile {
     #[serde(default)]
     #[schemars(with = "std::collections::BTreeMap<String, EffectValue>")]
     pub effects: std::collections::BTreeMap<String, Spanned<EffectValue>>,
+    /// What moves.
+    #[schemars(with = "Option<AnimationSection>")]
+    pub animation: Option<Spanned<AnimationSection>>,
 }
 
 /// The picture.
@@ -223,6 +227,8 @@ pub struct TrianglesSection {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshSection {
+    /// What tracks and messages call it; the file's own names if not given.
+    pub name: Option<String>,
     /// The file, beside the scene file unless absolute: .obj, .gltf or .glb.
     pub file: String,
     /// Where its origin goes.

@@ -5,6 +5,7 @@
 //! `b_from_a`; angles are in radians here (degrees in files). Primitives are numbered in the order of the description:
 //! objects as written, triangles as listed.
 
+pub mod animation;
 mod camera;
 mod colour_value;
 mod effects;
@@ -18,6 +19,7 @@ mod sampler;
 mod sampling;
 mod thin;
 
+pub use animation::Animation;
 pub use camera::{Camera, Projection};
 pub use material::{Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture, TextureImage};
 pub use mesh::{Attribute, Mesh, moved_tangent, normal_matrix};
@@ -68,6 +70,8 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// Effects that the scene turns on or off against what its contents imply.
     pub effects: file::EffectsSection,
+    /// What moves.
+    pub animation: Option<Animation>,
 }
 
 /// A thing in the scene: a shape and what it is made of.
@@ -180,6 +184,7 @@ impl Scene {
         self.cameras.extend(other.cameras);
         self.lights.extend(other.lights);
         self.effects = std::mem::take(&mut self.effects).or(other.effects);
+        self.animation = self.animation.take().or(other.animation);
         self.images.extend(other.images);
         self.materials.extend(other.materials.into_iter().map(|mut material| {
             for texture in material.textures_mut() {

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use super::view::basis;
 use crate::film::Colour;
 use crate::scene::extreme::{Measure, greatest};
-use crate::scene::{Camera, Light, LightKind, Projection, Scene};
+use crate::scene::{Camera, Light, LightKind, MaterialId, Mesh, Object, Projection, Scene, Shape};
 
 /// What is behind a bare mesh.
 pub const BACKGROUND: Colour = Colour::Display(DVec3::new(32.0 / 255.0, 34.0 / 255.0, 38.0 / 255.0));
@@ -129,6 +129,63 @@ pub fn fitted_camera(
     })
 }
 
+/// A camera that goes round the whole scene, about the vertical axis through its middle, and has all of it in the picture
+/// from every side; and the middle. It begins where [`fitted_camera`] would look from. `None` for a scene without extent.
+///
+/// What is seen from all sides together is what turning sweeps out, which lies within a cylinder about the axis. A prism
+/// around that is fitted instead: no corner lies farther out, as seen from above, than the largest of 64 directions says,
+/// over the cosine of half the angle between them.
+pub fn turntable_camera(
+    scene: &Scene,
+    view: StandardView,
+    aspect: f64,
+    projection: Projection,
+) -> Option<(Camera, DVec3)> {
+    let (min, max) = scene.bounds()?;
+    let middle = min / 2.0 + max / 2.0;
+    let half_angle = std::f64::consts::PI / f64::from(SIDES);
+    let direction = |i: u32| {
+        let (sin, cos) = (2.0 * half_angle * f64::from(i)).sin_cos();
+        DVec3::new(sin, 0.0, cos)
+    };
+    let functions: Vec<_> = (0..SIDES)
+        .map(|i| {
+            let out = direction(i);
+            (move |p: DVec3, radius: f64| (p - middle).dot(out) + radius, out)
+        })
+        .collect();
+    let of_points: Vec<_> = functions.iter().map(|(value, _)| move |p: DVec3| value(p, 0.0)).collect();
+    let measures: Vec<Measure> = functions
+        .iter()
+        .zip(&of_points)
+        .map(|((of_sphere, out), value)| Measure {
+            value,
+            of_sphere,
+            gradient: *out,
+            weight: out.abs(),
+            offset: middle.abs(),
+        })
+        .collect();
+    let reach = greatest(&scene.objects, &measures).into_iter().fold(0.0, f64::max);
+    // Twice: once for the corners between the directions, once for the sides of the prism between its edges.
+    let radius = reach / half_angle.cos().powi(2);
+    let backwards = view.backwards();
+    let start = backwards.x.atan2(backwards.z);
+    let edge = |i: u32, y: f64| {
+        let (sin, cos) = (start + 2.0 * half_angle * f64::from(i)).sin_cos();
+        DVec3::new(middle.x + radius * sin, y, middle.z + radius * cos)
+    };
+    let positions: Vec<DVec3> = (0..SIDES).flat_map(|i| [edge(i, min.y), edge(i, max.y)]).collect();
+    let triangles = (0..SIDES).map(|i| [2 * i, 2 * i + 1, 2 * (i + 1) % (2 * SIDES)]).collect();
+    let shape = Shape::Mesh(Mesh { positions, triangles, ..Mesh::default() });
+    let prism = Object { name: String::new(), input: 0, material: MaterialId(0), shape };
+    let prism = Scene { objects: vec![prism], ..Scene::default() };
+    Some((fitted_camera(&prism, view, aspect, projection)?, middle))
+}
+
+/// The sides of the prism around what a turning scene sweeps out: less than a hundredth larger than a cylinder.
+const SIDES: u32 = 64;
+
 /// How far from the nearest point a fitted camera stands at least, in sizes of the scene.
 const CLEARANCE: f64 = 0.1;
 
@@ -196,7 +253,6 @@ pub fn headlight(camera: &Camera) -> Option<Light> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{MaterialId, Mesh, Object, Shape};
     use crate::world::View;
 
     fn scene_of(shape: Shape) -> Scene {

@@ -16,7 +16,7 @@ mod surfaces;
 mod view;
 
 pub use differential::{Differential, TexturePoint};
-pub use fit::{StandardView, fitted_camera, headlight};
+pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
 pub use image::{Image, Meaning};
 pub use lanes::{LANES, Lanes, RayLanes, widely};
 pub use lower::{LoweredMaterial, LoweredNormalMap, LoweredTexture, MetallicRoughnessValues, PhongValues};
@@ -34,23 +34,24 @@ use glam::DVec3;
 use crate::bvh::{self, Accelerator, Instance, MeshSpace, Primitive, Slot, Structure};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, Precision, PrimId, Sphere, Triangle};
-use crate::scene::{LightKind, Mesh, Object, Placed, Sampling, Scene, Shape, Thin};
+use crate::scene::{Light, LightKind, Mesh, Object, Placed, Sampling, Scene, Shape, Thin};
 
 /// The ambient intensity where no input gives one.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
 
-/// A scene that is ready to be rendered.
+/// A scene that is ready to be rendered. A copy shares what is large.
+#[derive(Clone)]
 pub struct World {
     /// What answers rays.
-    pub accelerator: Box<dyn Accelerator>,
+    pub accelerator: Arc<dyn Accelerator>,
     /// The objects, in the order of the description.
-    pub objects: Vec<WorldObject>,
+    pub objects: Arc<[WorldObject]>,
     /// The materials.
     pub materials: Vec<LoweredMaterial>,
     /// Their names.
     pub material_names: Vec<String>,
     /// The pictures that textures read.
-    pub images: Vec<Image>,
+    pub images: Arc<[Image]>,
     /// The lights.
     pub lights: Vec<WorldLight>,
     /// The numbers that light is added up in.
@@ -112,6 +113,27 @@ impl World {
         structure: Structure,
         numerics: Numerics,
     ) -> World {
+        let images = scene.images.iter().map(|image| Image::new(image.clone(), pipeline)).collect();
+        World::with_images(scene, images, pipeline, structure, numerics)
+    }
+
+    /// [`World::prepare`] for a scene that has this world's pictures, which are shared.
+    pub fn prepare_another(&self, scene: Scene, structure: Structure) -> World {
+        World::with_images(scene, self.images.clone(), self.pipeline, structure, self.numerics())
+    }
+
+    /// This world under other lights.
+    pub fn under(&self, lights: Vec<Light>) -> World {
+        World { lights: world_lights(lights, self.pipeline), ..self.clone() }
+    }
+
+    fn with_images(
+        scene: Scene,
+        images: Arc<[Image]>,
+        pipeline: ColourPipeline,
+        structure: Structure,
+        numerics: Numerics,
+    ) -> World {
         let Parts { instances, shared, firsts, too_thin } = instances(&scene.objects, structure, numerics);
         let mut kept = 0;
         let slots = slots(&scene.objects, &firsts, &shared, numerics).inspect(|_| kept += 1);
@@ -130,22 +152,12 @@ impl World {
         });
         let objects = objects.collect();
         World {
-            accelerator,
+            accelerator: accelerator.into(),
             objects,
             materials: scene.materials.iter().map(|m| lower::material(m, pipeline)).collect(),
             material_names: scene.materials.iter().map(|m| m.name().to_owned()).collect(),
-            images: scene.images.into_iter().map(|image| Image::new(image, pipeline)).collect(),
-            // Those that give no light are none to anyone.
-            lights: scene
-                .lights
-                .into_iter()
-                .map(|light| WorldLight {
-                    name: light.name,
-                    radiance: light.colour.lower(pipeline) * light.intensity,
-                    kind: light.kind,
-                })
-                .filter(|light| light.radiance != DVec3::ZERO)
-                .collect(),
+            images,
+            lights: world_lights(scene.lights, pipeline),
             pipeline,
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
             sampling: scene.sampling,
@@ -178,6 +190,16 @@ impl World {
     pub fn primitive_count(&self) -> usize {
         self.primitive_count
     }
+}
+
+/// Lights in the numbers of the pipeline. Those that give no light are none to anyone.
+fn world_lights(lights: Vec<Light>, pipeline: ColourPipeline) -> Vec<WorldLight> {
+    let lights = lights.into_iter().map(|light| WorldLight {
+        name: light.name,
+        radiance: light.colour.lower(pipeline) * light.intensity,
+        kind: light.kind,
+    });
+    lights.filter(|light| light.radiance != DVec3::ZERO).collect()
 }
 
 /// Objects, and how they are kept.

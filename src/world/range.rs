@@ -39,36 +39,41 @@ pub fn bring_into_range(scene: &mut Scene) -> Option<Range> {
         middle: if far { middle } else { DVec3::ZERO },
         scale: if extreme { f64::from(-exponent).exp2() } else { 1.0 },
     };
-    let place = |p: &mut DVec3| *p = (*p - range.middle) * range.scale;
-    for object in &mut scene.objects {
-        match &mut object.shape {
-            Shape::Sphere { centre, radius } => {
-                place(centre);
-                *radius *= range.scale;
-            }
-            Shape::Mesh(mesh) => mesh.positions.iter_mut().for_each(place),
-            Shape::Placed(placed) => {
-                placed.placement.then(Step::Shift { middle: range.middle, scale: range.scale });
-            }
-        }
-    }
-    scene.cameras.iter_mut().for_each(|camera| range.move_camera(camera));
-    for light in &mut scene.lights {
-        match &mut light.kind {
-            LightKind::Directional { .. } => {}
-            LightKind::Point { position, falloff } | LightKind::Spot { position, falloff, .. } => {
-                place(position);
-                if let Falloff::InverseSquare { range: reach } = falloff {
-                    *reach = reach.map(|reach| reach * range.scale);
-                    light.intensity *= range.scale * range.scale;
-                }
-            }
-        }
-    }
+    range.apply(scene);
     Some(range)
 }
 
 impl Range {
+    /// Moves and scales a scene.
+    pub fn apply(&self, scene: &mut Scene) {
+        let place = |p: &mut DVec3| *p = (*p - self.middle) * self.scale;
+        for object in &mut scene.objects {
+            match &mut object.shape {
+                Shape::Sphere { centre, radius } => {
+                    place(centre);
+                    *radius *= self.scale;
+                }
+                Shape::Mesh(mesh) => mesh.positions.iter_mut().for_each(place),
+                Shape::Placed(placed) => {
+                    placed.placement.then(Step::Shift { middle: self.middle, scale: self.scale });
+                }
+            }
+        }
+        scene.cameras.iter_mut().for_each(|camera| self.move_camera(camera));
+        for light in &mut scene.lights {
+            match &mut light.kind {
+                LightKind::Directional { .. } => {}
+                LightKind::Point { position, falloff } | LightKind::Spot { position, falloff, .. } => {
+                    place(position);
+                    if let Falloff::InverseSquare { range: reach } = falloff {
+                        *reach = reach.map(|reach| reach * self.scale);
+                        light.intensity *= self.scale * self.scale;
+                    }
+                }
+            }
+        }
+    }
+
     fn move_camera(&self, camera: &mut Camera) {
         camera.position = (camera.position - self.middle) * self.scale;
         camera.target = (camera.target - self.middle) * self.scale;

@@ -73,6 +73,13 @@ impl Builder<'_> {
                 object
             }));
         }
+        if let Some(name) = &s.name {
+            let named = &mut self.scene.objects[first..];
+            let is_one = named.len() == 1;
+            for object in named {
+                object.name = if is_one { name.clone() } else { format!("{name}/{}", object.name) };
+            }
+        }
         if let Some(material) = material {
             self.scene.objects[first..].iter_mut().for_each(|object| object.material = material);
         }

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 use toml::Spanned;
 
+mod animation;
 mod meshes;
 mod sampling;
 
@@ -52,6 +53,8 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         builder.materials.insert(name.clone(), id);
     }
     builder.objects(&file, warnings)?;
+    builder.scene.animation =
+        file.animation.as_ref().map(|section| builder.animation(section)).transpose()?;
     Ok(builder.scene)
 }
 

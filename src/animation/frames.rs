@@ -1,0 +1,361 @@
+//! Lists of frames as people and render farms write them, and the names of the files that frames go to.
+//!
+//! Schedulers pass their own range text on: Open Job Description `1-10:2`, Deadline and Qube `1-10x2`, Blender `1..10`. All
+//! are understood, so that nobody has to translate.
+
+use std::collections::HashSet;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// The most frames that a list may have: nine hours at 30 a second. A slip of the finger should not fill the memory.
+const MOST_FRAMES: u64 = 1_000_000;
+
+/// Frames in the order in which they were asked for, each once.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FrameList(Vec<i32>);
+
+impl FrameList {
+    /// The frames from `first` to `last`, in descending order where `last` is the lower one.
+    pub fn range(first: i32, last: i32) -> Self {
+        FrameList(if first <= last { (first..=last).collect() } else { (last..=first).rev().collect() })
+    }
+
+    /// The frames, at least one, in order.
+    pub fn frames(&self) -> &[i32] {
+        &self.0
+    }
+}
+
+impl FromStr for FrameList {
+    type Err = String;
+
+    /// Reads `1-10`, `1..10`, `1-10:2`, `1-10x2`, `3,7,9-12`: items between commas or blanks. Numbers may be negative, ranges
+    /// descending; a range has its first frame, and its last one where the step meets it. A frame named twice stands where it
+    /// was named first.
+    ///
+    /// # Errors
+    /// One line that says which item is wrong, and why.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut frames = Vec::new();
+        let mut seen = HashSet::new();
+        let joined = join_operators(text);
+        for item in joined.split(|c: char| c == ',' || c.is_whitespace()).filter(|item| !item.is_empty()) {
+            let range = Range::parse(item)?;
+            if range.count() + frames.len() as u64 > MOST_FRAMES {
+                return Err(format!("`{item}` makes more than {MOST_FRAMES} frames"));
+            }
+            frames.extend(range.frames().filter(|&frame| seen.insert(frame)));
+        }
+        if frames.is_empty() {
+            return Err("no frame is named; give frames such as 1-10 or 3,7,9-12".into());
+        }
+        Ok(FrameList(frames))
+    }
+}
+
+/// The list in its shortest usual form: what [`FrameList::from_str`] reads back as the same list.
+impl fmt::Display for FrameList {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut rest = self.0.as_slice();
+        let mut comma = "";
+        while let [first, after @ ..] = rest {
+            let step = after.first().map_or(0, |next| i64::from(*next) - i64::from(*first));
+            let steady =
+                1 + rest.windows(2).take_while(|w| i64::from(w[1]) - i64::from(w[0]) == step).count();
+            let taken = if steady < 3 { 1 } else { steady };
+            write!(f, "{comma}{first}")?;
+            if taken > 1 {
+                write!(f, "-{}", rest[taken - 1])?;
+                if step.abs() != 1 {
+                    write!(f, ":{}", step.abs())?;
+                }
+            }
+            rest = &rest[taken..];
+            comma = ",";
+        }
+        Ok(())
+    }
+}
+
+/// Takes away the blanks around operators, so that `1 - 10 : 2` is one item; `3 -2` stays two.
+fn join_operators(text: &str) -> String {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let mut joined = String::new();
+    for (i, word) in words.iter().enumerate() {
+        let is_operator = |word: &str| matches!(word, "-" | ".." | ":" | "x" | "X" | ",");
+        let joins = is_operator(word) || i.checked_sub(1).is_some_and(|before| is_operator(words[before]));
+        if i > 0 && !joins {
+            joined.push(' ');
+        }
+        joined.push_str(word);
+    }
+    joined
+}
+
+/// A range of frames, or a single one.
+struct Range {
+    first: i32,
+    last: i32,
+    step: u32,
+}
+
+impl Range {
+    fn parse(item: &str) -> Result<Self, String> {
+        let (span, step) = match item.find([':', 'x', 'X']) {
+            Some(at) => (&item[..at], Some(&item[at + 1..])),
+            None => (item, None),
+        };
+        // A sign at the start is a number's own.
+        let split = match span.find("..") {
+            Some(at) => Some((&span[..at], &span[at + 2..])),
+            None => {
+                let dash = span.char_indices().skip(1).find(|(_, c)| *c == '-');
+                dash.map(|(at, _)| (&span[..at], &span[at + 1..]))
+            }
+        };
+        let number = |text: &str| {
+            text.parse::<i32>().map_err(|_| match text {
+                "" => format!("`{item}` lacks a frame; write ranges as 1-10 or 1-10:2"),
+                _ => format!("`{text}` in `{item}` is not the number of a frame"),
+            })
+        };
+        let (first, last) = match split {
+            Some((first, last)) => (number(first)?, number(last)?),
+            None => (number(span)?, number(span)?),
+        };
+        let step = match step {
+            None => 1,
+            Some(_) if split.is_none() => return Err(format!("`{item}` has a step and no range")),
+            Some(text) => {
+                let step = text.parse::<i32>().ok().filter(|&step| step != 0);
+                let step =
+                    step.ok_or_else(|| format!("`{text}` in `{item}` is not a step; give 1 or more"))?;
+                if step < 0 && first < last {
+                    return Err(format!("`{item}` steps away from its last frame"));
+                }
+                step.unsigned_abs()
+            }
+        };
+        Ok(Range { first, last, step })
+    }
+
+    fn count(&self) -> u64 {
+        1 + u64::from(self.first.abs_diff(self.last)) / u64::from(self.step)
+    }
+
+    fn frames(&self) -> impl Iterator<Item = i32> + use<> {
+        let (first, step) = (i64::from(self.first), i64::from(self.step));
+        let sign = if self.last < self.first { -1 } else { 1 };
+        // Between first and last, so it fits.
+        (0..self.count() as i64).map(move |i| (first + sign * i * step) as i32)
+    }
+}
+
+/// The names of a series of files: `frame_####.png` or `frame_%04d.png`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileNames {
+    folder: PathBuf,
+    before: String,
+    after: String,
+    /// How wide the number is at least; `None` where it is not in the name.
+    width: Option<usize>,
+}
+
+impl FileNames {
+    /// The series that a name stands for: one run of `#`, or one `%d` or `%04d`, in its last part. `None` for the name of a single
+    /// file.
+    ///
+    /// # Errors
+    /// One line, where there are several places for the number.
+    pub fn parse(name: &Path) -> Result<Option<Self>, String> {
+        let Some(file) = name.file_name().and_then(|file| file.to_str()) else { return Ok(None) };
+        let mut places = places(file);
+        let Some((start, end, width)) = places.pop() else { return Ok(None) };
+        if !places.is_empty() {
+            return Err(format!("{}: several places for the number of the frame", name.display()));
+        }
+        Ok(Some(FileNames {
+            folder: name.parent().map(Path::to_owned).unwrap_or_default(),
+            before: file[..start].to_owned(),
+            after: file[end..].to_owned(),
+            width: Some(width),
+        }))
+    }
+
+    /// The one name of a single frame.
+    pub fn single(name: &Path) -> Self {
+        let file = name.file_name().map(|file| file.to_string_lossy().into_owned());
+        let folder = name.parent().map(Path::to_owned).unwrap_or_default();
+        FileNames { folder, before: file.unwrap_or_default(), after: String::new(), width: None }
+    }
+
+    /// The file of a frame. As C's `%04d` has it: filled up with zeros to the width, the sign counting; numbers that are wider
+    /// are written whole.
+    pub fn of(&self, frame: i32) -> PathBuf {
+        let FileNames { folder, before, after, width } = self;
+        match width {
+            Some(width) => folder.join(format!("{before}{frame:0width$}{after}")),
+            None => folder.join(before),
+        }
+    }
+}
+
+/// Where a file's name has room for a number: start, end, width.
+fn places(file: &str) -> Vec<(usize, usize, usize)> {
+    let bytes = file.as_bytes();
+    let mut places = Vec::new();
+    let mut at = 0;
+    while at < bytes.len() {
+        let run = |from: usize, is: fn(u8) -> bool| bytes[from..].iter().take_while(|&&b| is(b)).count();
+        let hashes = run(at, |b| b == b'#');
+        let digits = if bytes[at] == b'%' { run(at + 1, |b| b.is_ascii_digit()) } else { 0 };
+        let end = at + 1 + digits;
+        if hashes > 0 {
+            places.push((at, at + hashes, hashes));
+            at += hashes;
+        } else if bytes[at] == b'%' && bytes.get(end) == Some(&b'd') {
+            // Anything else, such as `100%`, is a name like any other.
+            let width = &file[at + 1..end];
+            if width.is_empty() || (width.starts_with('0') && width.len() <= 3) {
+                places.push((at, end + 1, width.parse().unwrap_or(0)));
+            }
+            at = end + 1;
+        } else {
+            at += 1;
+        }
+    }
+    places
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn list(text: &str) -> Vec<i32> {
+        text.parse::<FrameList>().unwrap().frames().to_vec()
+    }
+
+    #[test]
+    fn every_spelling_is_understood() {
+        let one_to_ten: Vec<i32> = (1..=10).collect();
+        for text in
+            ["1-10", "1..10", "1-10:1", "1 - 10", " 1-10 ", "1-10x1", "1-5,6-10", "1-5 6-10", "1-5, 6-10,"]
+        {
+            assert_eq!(list(text), one_to_ten, "{text}");
+        }
+        for text in ["1-10:2", "1-10x2", "1..10:2", "1..10x2", "1-9:2", "1 - 10 : 2", "1,3,5,7,9", "1-10X2"] {
+            assert_eq!(list(text), [1, 3, 5, 7, 9], "{text}");
+        }
+        assert_eq!(list("3,7,9-12"), [3, 7, 9, 10, 11, 12]);
+        assert_eq!(list("19,40"), [19, 40]);
+        assert_eq!(list("1-1"), [1]);
+        assert_eq!(list("0007"), [7]);
+    }
+
+    #[test]
+    fn frames_may_be_negative_and_ranges_descend() {
+        assert_eq!(list("-2"), [-2]);
+        assert_eq!(list("-2-0"), [-2, -1, 0]);
+        assert_eq!(list("-4--2"), [-4, -3, -2]);
+        assert_eq!(list("-2..1"), [-2, -1, 0, 1]);
+        assert_eq!(list("1--1"), [1, 0, -1]);
+        assert_eq!(list("3 -2"), [3, -2]);
+        assert_eq!(list("10-1:3"), [10, 7, 4, 1]);
+        assert_eq!(list("10-1:-3"), [10, 7, 4, 1]);
+    }
+
+    #[test]
+    fn frames_named_twice_stand_once_where_they_were_first() {
+        assert_eq!(list("5,1-6,5"), [5, 1, 2, 3, 4, 6]);
+        assert_eq!(list("3-1,1-3"), [3, 2, 1]);
+    }
+
+    #[test]
+    fn errors_are_one_clear_line() {
+        for (text, message) in [
+            ("", "no frame is named; give frames such as 1-10 or 3,7,9-12"),
+            (" , ", "no frame is named; give frames such as 1-10 or 3,7,9-12"),
+            ("1-", "`1-` lacks a frame; write ranges as 1-10 or 1-10:2"),
+            ("..4", "`..4` lacks a frame; write ranges as 1-10 or 1-10:2"),
+            ("1-b", "`b` in `1-b` is not the number of a frame"),
+            ("1.5", "`1.5` in `1.5` is not the number of a frame"),
+            ("1-10:0", "`0` in `1-10:0` is not a step; give 1 or more"),
+            ("1-10:", "`` in `1-10:` is not a step; give 1 or more"),
+            ("1-10:-1", "`1-10:-1` steps away from its last frame"),
+            ("5:2", "`5:2` has a step and no range"),
+            ("1-9999999999", "`9999999999` in `1-9999999999` is not the number of a frame"),
+            ("-2147483648-2147483647", "`-2147483648-2147483647` makes more than 1000000 frames"),
+        ] {
+            assert_eq!(text.parse::<FrameList>().unwrap_err(), message);
+        }
+    }
+
+    #[test]
+    fn lists_are_shown_short() {
+        for (frames, text) in [
+            ("1,2,3,4", "1-4"),
+            ("1,3,5", "1-5:2"),
+            ("5,4,3", "5-3"),
+            ("9,6,3,0,-3", "9--3:3"),
+            ("1,2,4", "1,2,4"),
+            ("-3,-2,-1,7", "-3--1,7"),
+        ] {
+            assert_eq!(frames.parse::<FrameList>().unwrap().to_string(), text);
+        }
+    }
+
+    proptest! {
+        /// What is shown is read back as the same list.
+        #[test]
+        fn lists_survive_being_shown(frames in prop::collection::vec(-40i32..40, 1..60)) {
+            let mut seen = HashSet::new();
+            let list = FrameList(frames.into_iter().filter(|&frame| seen.insert(frame)).collect());
+            prop_assert_eq!(list.to_string().parse::<FrameList>().unwrap(), list);
+        }
+
+        /// A range with a step is what counting says, in every spelling.
+        #[test]
+        fn ranges_are_counted(first in -99i32..99, last in -99i32..99, step in 1u32..20) {
+            let sign = if last < first { -1 } else { 1 };
+            let counted: Vec<i32> =
+                (0..).map(|i| first + sign * i * step as i32).take_while(|f| sign * (last - f) >= 0).collect();
+            for text in
+                [format!("{first}-{last}:{step}"), format!("{first}..{last}x{step}"), format!(" {first} - {last} x {step}")]
+            {
+                prop_assert_eq!(list(&text), &counted[..], "{}", text);
+            }
+        }
+
+        /// No text is too odd for an answer, and an error is one line.
+        #[test]
+        fn no_text_panics(text in "[-0-9:x., a#.]{0,20}|\\PC{0,12}") {
+            if let Err(message) = text.parse::<FrameList>() {
+                prop_assert!(!message.contains('\n'));
+            }
+            let _ = FileNames::parse(Path::new(&text));
+        }
+    }
+
+    fn name(pattern: &str, frame: i32) -> String {
+        FileNames::parse(Path::new(pattern)).unwrap().unwrap().of(frame).display().to_string()
+    }
+
+    #[test]
+    fn names_have_a_place_for_the_number() {
+        assert_eq!(name("out/frame_####.png", 7), "out/frame_0007.png");
+        assert_eq!(name("out/frame_%04d.png", 7), "out/frame_0007.png");
+        assert_eq!(name("%d.exr", 7), "7.exr");
+        assert_eq!(name("#.exr", 7), "7.exr");
+        assert_eq!(name("a###b.png", 12345), "a12345b.png");
+        // C: printf("%04d", -2) writes -002.
+        assert_eq!(name("####.png", -2), "-002.png");
+        assert_eq!(name("%04d.png", -2), "-002.png");
+        assert_eq!(name("shot #3/f_##.png", 1), "shot #3/f_01.png");
+        for single in ["frame.png", "100%.png", "%x.png", "%4d.png", "-", "a#/b.png"] {
+            assert_eq!(FileNames::parse(Path::new(single)), Ok(None), "{single}");
+        }
+        assert!(FileNames::parse(Path::new("a##_%d.png")).is_err());
+    }
+}

@@ -1,0 +1,136 @@
+//! `kiln animate`: files to a film, or to numbered frames.
+
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+
+use super::arguments::{self, Arguments};
+use super::develop::check_folder;
+use super::frames::{self, LengthArguments, Noticed, Pictures, Report};
+use super::prepare::{Ready, timed};
+use super::progress::Mode;
+use crate::animation::{FileNames, Form, FrameList, Outline, Prepared, Quality, Recorder};
+use crate::error::{Error, Result};
+use crate::film::output::describe;
+use crate::film::write::Format;
+use crate::render::aov::Wanted;
+use crate::render::{Clock, Watch, render_as};
+
+#[derive(Args)]
+pub struct Command {
+    #[command(flatten)]
+    what: Arguments,
+    #[command(flatten)]
+    length: LengthArguments,
+    /// The film to write: .mp4, .gif, .png (animated) or .y4m; frame_####.png, .jpg or .exr for a file a frame; `-` for frames
+    /// on standard output, for other programs
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    /// How good an .mp4 is
+    #[arg(long, value_enum, default_value = "high")]
+    quality: QualityName,
+    /// Only these frames, such as 1-10, 1-10:2 or 3,7,9-12 [default: all]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
+    frames: Option<FrameList>,
+    /// What frames on standard output are: YUV4MPEG2, which says its size and speed itself, or bare red, green and blue
+    #[arg(long, value_enum, default_value = "y4m")]
+    raw: RawName,
+    /// How to show progress, on standard error
+    #[arg(long, value_enum, default_value = "auto")]
+    progress: Mode,
+    /// Fail where there would only be warnings
+    #[arg(long)]
+    strict: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum QualityName {
+    /// Hardly told from the pictures
+    High,
+    /// A few times smaller
+    Low,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum RawName {
+    /// YUV4MPEG2
+    Y4m,
+    /// Red, green and blue of pixel after pixel
+    Rgb,
+}
+
+pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+    arguments::check(&command.what)?;
+    let names = FileNames::parse(&command.output).map_err(|what| Error::usage(what, "give one ####"))?;
+    if let Some(names) = names {
+        let format = Format::from_path(&command.output)?;
+        check_folder(&command.output)?;
+        let wanted = Wanted::new(&[])?;
+        let pictures = Pictures { names, format, wanted, progress: command.progress, strict: command.strict };
+        let (what, length, list) = (&command.what, &command.length, command.frames.as_ref());
+        return frames::write_pictures(what, length, list, &pictures, interrupted);
+    }
+    let quality = match command.quality {
+        QualityName::High => Quality::High,
+        QualityName::Low => Quality::Low,
+    };
+    let is_stream = command.output == Path::new("-");
+    let form = match (is_stream, command.raw) {
+        (true, RawName::Y4m) => Form::Y4m,
+        (true, RawName::Rgb) => Form::Rgb,
+        (false, _) => Form::from_path(&command.output, quality).ok_or_else(|| {
+            let what = format!("{}: not a film that can be written", command.output.display());
+            Error::usage(what, "name an .mp4, .gif, .png or .y4m, or numbered frames: frame_####.png")
+        })?,
+    };
+    if !is_stream {
+        check_folder(&command.output)?;
+    }
+    film(command, form, is_stream, interrupted)
+}
+
+fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
+    let pool = super::pool(command.what.threads)?;
+    let mut report = Report::new(command.progress);
+    let frames = report.load(&pool, &command.what, &command.length, command.frames.as_ref())?;
+    let window = frames.window();
+    let size = [window.width, window.height];
+    form.check(size)?;
+    let outline = Outline {
+        size,
+        fps: frames.timeline().fps(),
+        frames: frames.frames().len(),
+        pipeline: frames.pipeline(),
+    };
+    let failed = |e: std::io::Error| Error::output(command.output.as_path(), describe(&e));
+    let mut recorder = if is_stream {
+        let out = Box::new(BufWriter::with_capacity(1 << 20, std::io::stdout()));
+        Recorder::to_stream(out, form, outline).map_err(failed)?
+    } else {
+        Recorder::to_file(&command.output, form, outline)?
+    };
+    let noticed = Noticed::default();
+    let make = |frame: i32, ready: &Ready, watch: &Watch| {
+        let (film, statistics) =
+            render_as(&ready.world, &ready.view, &ready.plan, ready.window, watch, Clock::Stopped)?;
+        noticed.look(frame, &statistics);
+        Ok(form.of(&film))
+    };
+    let mut take = |_, frame: Prepared| recorder.add(frame).map_err(failed);
+    let mut took = 0.0;
+    timed(&mut took, || frames.make_all(&pool, interrupted, &report.progress, &make, &mut take))?;
+    recorder.finish()?;
+    report.end(&command.what, &noticed, command.strict)?;
+    report.progress.finish(&format!(
+        "wrote {} ({} x {}, {} frames, {:.2} s at {} frames a second) in {took:.2} s",
+        command.output.display(),
+        window.width,
+        window.height,
+        outline.frames,
+        outline.frames as f64 / outline.fps,
+        outline.fps,
+    ));
+    Ok(())
+}

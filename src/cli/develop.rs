@@ -1,0 +1,171 @@
+//! From a scene that is ready to its picture, and where that goes.
+
+use std::path::{Path, PathBuf};
+
+use super::arguments::Arguments;
+use super::prepare::Ready;
+use crate::effects::RayKind;
+use crate::error::{Error, Result, Warnings};
+use crate::film::output::describe;
+use crate::film::write::{Format, Picture, encode, write_picture};
+use crate::film::{Film, Pixel};
+use crate::render::aov::{self, Subject, Wanted};
+use crate::render::{Clock, Statistics, Watch, render_as};
+use crate::study::choose::{self, End, Wish};
+use crate::world::World;
+
+/// Where the picture goes.
+pub enum Target {
+    File(PathBuf, Format),
+    StandardOutput,
+}
+
+impl Target {
+    /// Looks at the name, and whether its folder is there, before any work is done.
+    pub fn new(output: &Path) -> Result<Self> {
+        if output == Path::new("-") {
+            return Ok(Target::StandardOutput);
+        }
+        let format = Format::from_path(output)?;
+        let name = output.to_string_lossy();
+        if name.contains("####") || name.contains("%0") {
+            let what = format!("{name}: the name of a series of pictures, and there is one");
+            let hint = "give the picture a name of its own, or the frames of an animation with --frames";
+            return Err(Error::usage(what, hint));
+        }
+        check_folder(output)?;
+        Ok(Target::File(output.to_owned(), format))
+    }
+
+    /// The picture's format.
+    pub fn format(&self) -> Format {
+        match self {
+            Target::File(_, format) => *format,
+            Target::StandardOutput => Format::Png,
+        }
+    }
+}
+
+/// Whether two names, of files that need not exist, name one file.
+pub fn same_file(a: &Path, b: &Path) -> bool {
+    let place = |file: &Path| {
+        let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        (folder.canonicalize().ok(), file.file_name().map(std::ffi::OsStr::to_owned))
+    };
+    a == b || (a != Path::new("-") && b != Path::new("-") && place(a) == place(b))
+}
+
+/// Whether there is a folder to write the file to.
+pub fn check_folder(output: &Path) -> Result<()> {
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());
+    if folder.is_some_and(|folder| !folder.is_dir()) {
+        return Err(Error::output(output, "cannot be written: its folder does not exist"));
+    }
+    Ok(())
+}
+
+/// Renders the picture, in what its format keeps of it.
+pub fn render_plainly(
+    ready: &Ready,
+    format: Format,
+    wanted: &Wanted,
+    watch: &Watch,
+    clock: Clock,
+) -> Result<(Picture, Statistics)> {
+    let Ready { world, range, view, window, plan, pipeline, .. } = ready;
+    if format != Format::Exr {
+        let (film, statistics) = render_as(world, view, plan, *window, watch, clock)?;
+        return Ok((Picture::Bytes(film, *pipeline), statistics));
+    }
+    let (film, statistics) = render_as(world, view, plan, *window, watch, clock)?;
+    let subject = Subject { world, range: *range, view, plan, window: *window, film: &film };
+    let channels = aov::channels(&subject, wanted, watch)?;
+    Ok((Picture::Numbers(film, channels), statistics))
+}
+
+/// Renders as many samples as the user's target takes, and says how many.
+pub fn render_to_wish(
+    ready: &mut Ready,
+    wish: &Wish,
+    format: Format,
+    watch: &Watch,
+    clock: Clock,
+    warnings: &mut Warnings,
+) -> Result<(Picture, Statistics)> {
+    let Ready { world, view, choices, window, pipeline, .. } = ready;
+    let (window, pipeline) = (*window, *pipeline);
+    let mut subject = choose::Subject { world, view, choices, window };
+    // How many tiles there are to come is not known; progress would begin anew with each stretch.
+    let watch = Watch { cancel: watch.cancel, progress: &|_, _| () };
+    let chosen = choose::render(&mut subject, wish, &watch, clock)?;
+    match chosen.end {
+        End::Time if wish.accuracy.is_some() => warnings.push(chosen.line(wish)),
+        End::Most | End::NotFinite => warnings.push(chosen.line(wish)),
+        _ => warnings.note(chosen.line(wish)),
+    }
+    ready.settings.retain(|(key, _)| !["kiln:samples", "kiln:filter", "kiln:seed"].contains(&key.as_str()));
+    ready.settings.extend(ready.world.sampling.settings());
+    ready.plan = chosen.plan;
+    let picture = match format {
+        Format::Exr => Picture::Numbers(Film::of_rows(window, &chosen.pixels)?, Vec::new()),
+        _ => {
+            let mut bytes = vec![[0; 3]; chosen.pixels.len()];
+            Pixel::develop(&chosen.pixels, pipeline, &mut bytes);
+            Picture::Bytes(Film::of_rows(window, &bytes)?, pipeline)
+        }
+    };
+    Ok((picture, chosen.statistics))
+}
+
+/// A picture that shows less than was asked for does not pass in silence.
+pub fn warn_of_the_picture(
+    arguments: &Arguments,
+    world: &World,
+    statistics: &Statistics,
+    warnings: &mut Warnings,
+) {
+    let (non_finite, first) = &statistics.non_finite;
+    if *non_finite > 0 {
+        let places: Vec<String> = first.iter().map(|(x, y)| format!("({x}, {y})")).collect();
+        warnings
+            .push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
+    }
+    let primary = statistics.rays(RayKind::PRIMARY);
+    // A part of a picture may well be of nothing.
+    if primary.hit == 0 && arguments.crop.is_none() {
+        warnings.push(format!(
+            "nothing is in the picture: none of {} primary rays hits anything; try `--camera auto`",
+            primary.cast
+        ));
+        return;
+    }
+    let shadow = statistics.rays(RayKind("shadow"));
+    if shadow.cast > 0 && shadow.hit == shadow.cast {
+        warnings.push("no light reaches anything in the picture: every shadow ray is blocked");
+    }
+    if arguments.inputs.len() > 1 && arguments.crop.is_none() {
+        for (index, file) in arguments.inputs.iter().enumerate() {
+            let mut objects =
+                world.objects.iter().zip(&statistics.seen).filter(|(o, _)| o.input == index).peekable();
+            if objects.peek().is_some() && objects.all(|(_, seen)| !seen) {
+                warnings.push(format!(
+                    "{} is nowhere in the picture; place it with [[mesh]] in a scene file, or try `--camera auto`",
+                    file.display()
+                ));
+            }
+        }
+    }
+}
+
+/// Writes the picture where it goes.
+pub fn write(picture: &Picture, settings: &[(String, String)], target: &Target) -> Result<()> {
+    match target {
+        Target::File(file, format) => write_picture(picture, settings, *format, file),
+        Target::StandardOutput => {
+            let mut bytes = Vec::new();
+            let fail = |e| Error::output(Path::new("-"), describe(&e));
+            encode(picture, settings, Format::Png, &mut bytes).map_err(fail)?;
+            std::io::Write::write_all(&mut std::io::stdout().lock(), &bytes).map_err(fail)
+        }
+    }
+}

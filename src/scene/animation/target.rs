@@ -1,0 +1,247 @@
+//! What tracks move, by its name, and the numbers of it that they read and set.
+
+use glam::{DMat4, DQuat, DVec3, EulerRot};
+
+use super::Track;
+use crate::error::{Error, Result};
+use crate::scene::file::nearest_name;
+use crate::scene::{Camera, Light, LightKind, Object, Scene, Shape, Step};
+
+/// What a track moves, by its name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Target {
+    /// A camera.
+    Camera(String),
+    /// A sphere, a triangle list or a mesh; also all objects of a mesh's file together.
+    Object(String),
+    /// A light.
+    Light(String),
+}
+
+/// What of it a track changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Property {
+    /// Where a camera, a sphere or a point light is.
+    #[default]
+    Position,
+    /// The point that a camera looks at.
+    LookAt,
+    /// The radius of a sphere.
+    Radius,
+    /// How strong a light is.
+    Intensity,
+    /// The direction in which a directional light or a spot shines.
+    Direction,
+    /// How far a mesh is moved from where it stands.
+    Translate,
+    /// How a mesh is turned about the middle of its bounds: about x, then y, then z, in degrees.
+    Rotate,
+    /// How a mesh is scaled about the middle of its bounds: one factor, or one for each axis.
+    Scale,
+}
+
+impl Property {
+    /// The name as typed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Property::Position => "position",
+            Property::LookAt => "look_at",
+            Property::Radius => "radius",
+            Property::Intensity => "intensity",
+            Property::Direction => "direction",
+            Property::Translate => "translate",
+            Property::Rotate => "rotate",
+            Property::Scale => "scale",
+        }
+    }
+}
+
+/// A thing that a track moves.
+pub(super) enum Subject<'a> {
+    Camera(&'a mut Camera),
+    Light(&'a mut Light),
+    Sphere { centre: &'a mut DVec3, radius: &'a mut f64 },
+    Mesh { object: &'a mut Object, middle: DVec3 },
+}
+
+impl Track {
+    /// What the track moves: several things where a mesh's file has several objects.
+    pub(super) fn subjects<'a>(&self, scene: &'a mut Scene) -> Result<Vec<Subject<'a>>> {
+        let middle = match &self.target {
+            Target::Object(name) => middle_of(scene, name).unwrap_or_default(),
+            _ => DVec3::ZERO,
+        };
+        let unknown = self.unknown(&self.target, scene);
+        let subjects: Vec<Subject> = match &self.target {
+            Target::Camera(name) => {
+                let named = scene.cameras.iter_mut().filter(|camera| camera.name == *name);
+                named.map(Subject::Camera).collect()
+            }
+            Target::Light(name) => {
+                scene.lights.iter_mut().filter(|light| light.name == *name).map(Subject::Light).collect()
+            }
+            Target::Object(name) => {
+                let named = scene.objects.iter_mut().filter(|object| is_named(object, name));
+                let subject = |object: &'a mut Object| match object.shape {
+                    Shape::Sphere { .. } => match &mut object.shape {
+                        Shape::Sphere { centre, radius } => Subject::Sphere { centre, radius },
+                        _ => unreachable!("looked at above"),
+                    },
+                    _ => Subject::Mesh { object, middle },
+                };
+                named.map(subject).collect()
+            }
+        };
+        if subjects.is_empty() { Err(unknown) } else { Ok(subjects) }
+    }
+
+    /// An error for what the scene does not have.
+    pub(super) fn unknown(&self, target: &Target, scene: &Scene) -> Error {
+        let (kind, name, known): (_, _, Vec<&str>) = match target {
+            Target::Camera(name) => ("camera", name, scene.cameras.iter().map(|c| c.name.as_str()).collect()),
+            Target::Light(name) => ("light", name, scene.lights.iter().map(|l| l.name.as_str()).collect()),
+            Target::Object(name) => ("object", name, scene.objects.iter().map(|o| o.name.as_str()).collect()),
+        };
+        let hint = match known.as_slice() {
+            [] => format!("the scene has no {kind}; give it one of that name"),
+            known => nearest_name(name, known),
+        };
+        self.error(format!("there is no {kind} `{name}` to animate"), hint)
+    }
+}
+
+/// Whether an object has this name, or is of a mesh's file that has.
+fn is_named(object: &Object, name: &str) -> bool {
+    object.name == name || object.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('/'))
+}
+
+/// The middle of the box around all objects of a name.
+pub(super) fn middle_of(scene: &Scene, name: &str) -> Option<DVec3> {
+    let objects = scene.objects.iter().filter(|object| is_named(object, name)).cloned().collect();
+    let (min, max) = Scene { objects, ..Scene::default() }.bounds()?;
+    Some(min / 2.0 + max / 2.0)
+}
+
+impl Subject<'_> {
+    /// Moves a mesh.
+    pub(super) fn place(object: &mut Object, map: &DMat4) {
+        match &mut object.shape {
+            Shape::Mesh(mesh) => mesh.transform(map),
+            Shape::Placed(placed) => placed.placement.then(Step::Affine(*map)),
+            Shape::Sphere { .. } => {}
+        }
+    }
+
+    /// The number or numbers of a property.
+    pub(super) fn value(&self, property: Property, track: &Track) -> Result<DVec3> {
+        Ok(match (self, property) {
+            (Subject::Camera(camera), Property::Position) => camera.position,
+            (Subject::Camera(camera), Property::LookAt) => camera.target,
+            (Subject::Sphere { centre, .. }, Property::Position) => **centre,
+            (Subject::Sphere { radius, .. }, Property::Radius) => DVec3::splat(**radius),
+            (Subject::Light(light), Property::Intensity) => DVec3::splat(light.intensity),
+            (Subject::Light(light), Property::Position | Property::Direction) => {
+                match (&light.kind, property) {
+                    (
+                        LightKind::Point { position, .. } | LightKind::Spot { position, .. },
+                        Property::Position,
+                    ) => *position,
+                    (
+                        LightKind::Directional { direction } | LightKind::Spot { direction, .. },
+                        Property::Direction,
+                    ) => *direction,
+                    _ => return Err(self.has_no(property, track)),
+                }
+            }
+            (Subject::Mesh { .. }, Property::Translate | Property::Rotate) => DVec3::ZERO,
+            (Subject::Mesh { .. }, Property::Scale) => DVec3::ONE,
+            _ => return Err(self.has_no(property, track)),
+        })
+    }
+
+    /// Gives a property another value.
+    pub(super) fn set(&mut self, property: Property, value: DVec3, track: &Track) -> Result<()> {
+        // Also where it is not there to be set.
+        self.value(property, track)?;
+        let bad = |what: &str, hint: &str| Err(track.error(what, hint));
+        match (self, property) {
+            (Subject::Camera(camera), Property::Position) => camera.position = value,
+            (Subject::Camera(camera), Property::LookAt) => camera.target = value,
+            (Subject::Sphere { centre, .. }, Property::Position) => **centre = value,
+            (Subject::Sphere { radius, .. }, Property::Radius) => {
+                if value.x <= 0.0 {
+                    return bad(&format!("comes to a radius of {}", value.x), "keep radii above 0");
+                }
+                **radius = value.x;
+            }
+            (Subject::Light(light), Property::Intensity) => {
+                if value.x < 0.0 {
+                    return bad(
+                        &format!("comes to an intensity of {}", value.x),
+                        "keep intensities at 0 or more",
+                    );
+                }
+                light.intensity = value.x;
+            }
+            (Subject::Light(light), Property::Position) => {
+                if let LightKind::Point { position, .. } | LightKind::Spot { position, .. } = &mut light.kind
+                {
+                    *position = value;
+                }
+            }
+            (Subject::Light(light), _) => {
+                let Some(unit) = value.try_normalize() else {
+                    return bad(
+                        "comes to a direction of no length",
+                        "choose values that do not pass through 0",
+                    );
+                };
+                if let LightKind::Directional { direction } | LightKind::Spot { direction, .. } =
+                    &mut light.kind
+                {
+                    *direction = unit;
+                }
+            }
+            (Subject::Mesh { object, middle }, _) => {
+                let linear = match property {
+                    Property::Rotate => {
+                        let [x, y, z] = value.to_array().map(f64::to_radians);
+                        DMat4::from_quat(DQuat::from_euler(EulerRot::ZYX, z, y, x))
+                    }
+                    Property::Scale if value.to_array().contains(&0.0) => {
+                        return bad(
+                            "comes to a scale of 0",
+                            "a mesh without size cannot be seen; keep factors other than 0",
+                        );
+                    }
+                    Property::Scale => DMat4::from_scale(value),
+                    _ => {
+                        return {
+                            Subject::place(object, &DMat4::from_translation(value));
+                            Ok(())
+                        };
+                    }
+                };
+                let about = DMat4::from_translation(*middle) * linear * DMat4::from_translation(-*middle);
+                Subject::place(object, &about);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn has_no(&self, property: Property, track: &Track) -> Error {
+        let (what, has) = match self {
+            Subject::Camera(_) => ("a camera", "position or look_at"),
+            Subject::Light(light) => match light.kind {
+                LightKind::Point { .. } => ("a point light", "position or intensity"),
+                LightKind::Directional { .. } => ("a directional light", "direction or intensity"),
+                LightKind::Spot { .. } => ("a spot", "position, direction or intensity"),
+            },
+            Subject::Sphere { .. } => ("a sphere", "position or radius"),
+            Subject::Mesh { .. } => ("a mesh", "translate, rotate or scale, or `orbit`"),
+        };
+        track.error(format!("{what} has no `{}`", property.name()), format!("animate its {has}"))
+    }
+}

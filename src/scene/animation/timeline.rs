@@ -1,0 +1,94 @@
+//! Frames and times.
+
+/// The most frames of an animation: nine hours at 30 a second.
+const MOST_FRAMES: f64 = 1e6;
+
+/// From frames to times: with F = fps * duration, frame i is at i / F.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timeline {
+    fps: f64,
+    /// F.
+    steps: f64,
+    repeat: bool,
+}
+
+impl Timeline {
+    /// The frames of `duration` seconds at `fps` a second.
+    ///
+    /// # Errors
+    /// What to give instead, where there is no frame or more than a million.
+    pub fn new(fps: f64, duration: f64, repeat: bool) -> Result<Self, String> {
+        let usable = |x: f64| x.is_finite() && x > 0.0;
+        if !usable(fps) || !usable(duration) {
+            return Err("give `fps` and `duration` above 0".into());
+        }
+        let steps = fps * duration;
+        // 0.7 * 30 is not 21 in binary; what comes so close is meant to be whole.
+        let whole = steps.round();
+        let steps = if (steps - whole).abs() <= 1e-9 * whole { whole } else { steps };
+        if steps > MOST_FRAMES {
+            return Err("give less; a million frames are the most".into());
+        }
+        if repeat && steps < 1.0 {
+            return Err("give more; there is not one frame".into());
+        }
+        Ok(Timeline { fps, steps, repeat })
+    }
+
+    /// Frames a second.
+    pub fn fps(&self) -> f64 {
+        self.fps
+    }
+
+    /// The last frame; the first is 0. That at the very end belongs to it unless the animation repeats.
+    pub fn last(&self) -> i32 {
+        if self.repeat { self.steps.ceil() as i32 - 1 } else { self.steps.floor() as i32 }
+    }
+
+    /// The time of a frame: 0 at the beginning, 1 at the end.
+    pub fn time(&self, frame: i32) -> f64 {
+        f64::from(frame) / self.steps
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ten_seconds_at_thirty_frames_have_301() {
+        let line = Timeline::new(30.0, 10.0, false).unwrap();
+        assert_eq!((line.last(), line.time(0), line.time(150), line.time(300)), (300, 0.0, 0.5, 1.0));
+        assert_eq!(line.time(1), 1.0 / 300.0);
+    }
+
+    #[test]
+    fn what_repeats_has_no_frame_twice() {
+        let line = Timeline::new(24.0, 2.0, true).unwrap();
+        // 48 steps; the 49th frame would be the first again.
+        assert_eq!((line.last(), line.time(48)), (47, 1.0));
+    }
+
+    #[test]
+    fn lengths_that_are_not_whole_end_before_the_end() {
+        // 29.97 * 10 = 299.7 steps: frame 299 is the last within.
+        assert_eq!(Timeline::new(29.97, 10.0, false).unwrap().last(), 299);
+        assert_eq!(Timeline::new(29.97, 10.0, true).unwrap().last(), 299);
+        // 0.7 * 30 is 20.999999999999996 in binary.
+        assert_eq!(Timeline::new(30.0, 0.7, false).unwrap().last(), 21);
+        assert_eq!(Timeline::new(30.0, 0.01, false).unwrap().last(), 0);
+    }
+
+    #[test]
+    fn what_has_no_frames_is_refused() {
+        for (fps, duration, repeat) in [
+            (0.0, 1.0, false),
+            (30.0, -1.0, false),
+            (f64::NAN, 1.0, false),
+            (30.0, 1e9, false),
+            (1.0, 0.5, true),
+        ] {
+            assert!(Timeline::new(fps, duration, repeat).is_err());
+        }
+    }
+}
