@@ -66,9 +66,11 @@ fn png_texts(bytes: &[u8]) -> Texts {
         png::DecodingError::IoError(_) => "ends too early".to_owned(),
         other => format!("damaged: {other}"),
     };
-    let limits = png::Limits { bytes: usize::MAX };
-    let mut reader =
-        png::Decoder::new_with_limits(BufReader::new(Cursor::new(bytes)), limits).read_info().map_err(damaged)?;
+    let mut options = png::DecodeOptions::default();
+    options.set_skip_ancillary_crc_failures(false);
+    let mut decoder = png::Decoder::new_with_options(BufReader::new(Cursor::new(bytes)), options);
+    decoder.set_limits(png::Limits { bytes: usize::MAX });
+    let mut reader = decoder.read_info().map_err(damaged)?;
     // Row by row: the picture is not needed as a whole.
     while reader.next_row().map_err(damaged)?.is_some() {}
     reader.finish().map_err(damaged)?;
@@ -104,7 +106,8 @@ mod tests {
         let window = Window { x: 0, y: 0, width: 19, height: 17 };
         let picture = match format {
             Format::Exr => {
-                let rows: Vec<[f32; 3]> = (0..19 * 17).map(|i| [i as f32, 0.25, 1.0 / (1.0 + i as f32)]).collect();
+                let rows: Vec<[f32; 3]> =
+                    (0..19 * 17).map(|i| [i as f32, 0.25, 1.0 / (1.0 + i as f32)]).collect();
                 Picture::Numbers(Film::of_rows(window, &rows).unwrap(), Vec::new())
             }
             _ => {

@@ -9,12 +9,14 @@ use crate::error::{Error, Result};
 /// The temporary files that are being written, for a process that has to end at once.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the temporary files that are being written.
+/// Removes the temporary files that are being written. For the end of the process: no file can be begun or finished after it.
 pub fn discard_unfinished() {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
         for path in unfinished.drain(..) {
             let _ = std::fs::remove_file(path);
         }
+        // Other threads may be about to write; they wait at the lock.
+        std::mem::forget(unfinished);
     }
 }
 
@@ -22,11 +24,15 @@ pub fn discard_unfinished() {
 struct Unfinished(PathBuf);
 
 impl Unfinished {
-    fn new(path: &Path) -> Self {
-        if let Ok(mut unfinished) = UNFINISHED.lock() {
-            unfinished.push(path.to_owned());
-        }
-        Unfinished(path.to_owned())
+    /// Makes the file and knows it, in one step.
+    fn new(
+        make: impl FnOnce() -> std::io::Result<tempfile::NamedTempFile>,
+    ) -> std::io::Result<(tempfile::NamedTempFile, Self)> {
+        let mut unfinished = UNFINISHED.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let file = make()?;
+        unfinished.push(file.path().to_owned());
+        let path = file.path().to_owned();
+        Ok((file, Unfinished(path)))
     }
 }
 
@@ -56,13 +62,14 @@ impl WholeFile {
         if name.is_dir() {
             return Err(Error::output(name, "is a folder; name a file in it"));
         }
-        let temporary = tempfile::Builder::new()
-            .prefix(".kiln-")
-            .suffix(".part")
-            .permissions_like_any_file()
-            .tempfile_in(folder_of(name))
-            .map_err(|e| Error::output(name, describe(&e)))?;
-        let unfinished = Unfinished::new(temporary.path());
+        let make = || {
+            tempfile::Builder::new()
+                .prefix(".kiln-")
+                .suffix(".part")
+                .permissions_like_any_file()
+                .tempfile_in(folder_of(name))
+        };
+        let (temporary, unfinished) = Unfinished::new(make).map_err(|e| Error::output(name, describe(&e)))?;
         let writer = BufWriter::with_capacity(1 << 18, temporary);
         Ok(WholeFile { name: name.to_owned(), writer, _unfinished: unfinished })
     }

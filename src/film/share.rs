@@ -15,9 +15,9 @@ impl Share {
     /// Everything.
     pub const ALL: Share = Share { index: 1, of: 1 };
 
-    /// The `index`-th of `of` shares; `None` unless 1 <= index <= of.
+    /// The `index`-th of `of` shares; `None` unless 1 <= index <= of <= a million.
     pub fn new(index: u32, of: u32) -> Option<Self> {
-        (1..=of).contains(&index).then_some(Share { index, of })
+        ((1..=of).contains(&index) && of <= 1_000_000).then_some(Share { index, of })
     }
 
     /// Which of the shares it is, from 1.
@@ -46,7 +46,8 @@ impl FromStr for Share {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let numbers = text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
+        let numbers =
+            text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
         numbers
             .and_then(|(index, of)| Share::new(index, of))
             .ok_or_else(|| "give it as I/N, the I-th of N shares counted from 1, such as 2/7".into())

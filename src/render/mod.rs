@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use crate::effects::Plan;
 use crate::effects::tile::{Context, Tile};
 use crate::error::{Error, Result};
-use crate::film::{self, ColourPipeline, Film, FilmTile, Pixel, Window};
+use crate::film::{self, ColourPipeline, Film, FilmTile, Pixel, Share, Window};
 use crate::world::{View, World, widely};
 
 /// What a render tells while it runs, and what it is told.
@@ -63,11 +63,30 @@ pub fn render_as<P: Pixel>(
     watch: &Watch,
     clock: Clock,
 ) -> Result<(Film<P>, Statistics)> {
+    render_share(world, view, plan, (window, Share::ALL), watch, clock)
+}
+
+/// [`render_as`], only a share of the tiles; the others stay black.
+///
+/// # Errors
+/// As those of [`render`].
+pub fn render_share<P: Pixel>(
+    world: &World,
+    view: &View,
+    plan: &Plan,
+    (window, share): (Window, Share),
+    watch: &Watch,
+    clock: Clock,
+) -> Result<(Film<P>, Statistics)> {
     let mut film = Film::new(window)?;
     let context = Context { world, view };
     let idle: Mutex<Vec<Box<Worker>>> = Mutex::new(Vec::new());
     let done = AtomicUsize::new(0);
-    let tiles = film.tiles_mut();
+    let mut tiles = film.tiles_mut();
+    if share != Share::ALL {
+        let mut places = 0..;
+        tiles.retain(|_| places.next().is_some_and(|place| share.has(place)));
+    }
     let total = tiles.len();
     tiles.into_par_iter().for_each(|mut tile| {
         if watch.cancel.load(Ordering::Relaxed) {
