@@ -1,6 +1,6 @@
 //! `kiln merge`: the parts of a picture to the picture.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 
@@ -30,7 +30,7 @@ pub fn run(command: &Command) -> Result<()> {
         ));
     }
     let (picture, metadata) = join(parts, format)?;
-    write_picture(&picture, &metadata, format, Path::new(output))?;
+    write_picture(&picture, &metadata, format, output)?;
     super::say(format_args!("kiln: wrote {} from {} part(s)", output.display(), parts.len()));
     Ok(())
 }

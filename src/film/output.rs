@@ -50,6 +50,8 @@ pub struct WholeFile {
     name: PathBuf,
     // In this order: what is given up is removed before it is forgotten.
     writer: BufWriter<tempfile::NamedTempFile>,
+    /// Why it could not be written to. Encoders pass on the words of an error and lose what it was.
+    why: Option<String>,
     _unfinished: Unfinished,
 }
 
@@ -71,7 +73,7 @@ impl WholeFile {
         };
         let (temporary, unfinished) = Unfinished::new(make).map_err(|e| Error::output(name, describe(&e)))?;
         let writer = BufWriter::with_capacity(1 << 18, temporary);
-        Ok(WholeFile { name: name.to_owned(), writer, _unfinished: unfinished })
+        Ok(WholeFile { name: name.to_owned(), writer, why: None, _unfinished: unfinished })
     }
 
     /// The name that it will have.
@@ -84,7 +86,7 @@ impl WholeFile {
     /// # Errors
     /// [`Error::Output`] when it cannot be written or renamed.
     pub fn finish(self) -> Result<()> {
-        let WholeFile { name, writer, _unfinished } = self;
+        let WholeFile { name, writer, why: _, _unfinished } = self;
         let finish = || -> std::io::Result<()> {
             let temporary = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
             temporary.as_file().sync_data()?;
@@ -97,7 +99,7 @@ impl WholeFile {
 
 impl Write for WholeFile {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.writer.write(bytes)
+        self.writer.write(bytes).inspect_err(|e| self.why = Some(describe(e)))
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
@@ -119,7 +121,7 @@ pub fn folder_of(file: &Path) -> &Path {
 /// [`Error::Output`] when the folder cannot be written to or `fill` fails.
 pub fn write_whole(file: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     let mut whole = WholeFile::create(file)?;
-    fill(&mut whole).map_err(|e| Error::output(file, describe(&e)))?;
+    fill(&mut whole).map_err(|e| Error::output(file, whole.why.take().unwrap_or_else(|| describe(&e))))?;
     whole.finish()
 }
 
