@@ -2,7 +2,7 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use assert_cmd::Command;
@@ -176,7 +176,7 @@ fn a_turntable_sees_everything_from_all_sides() {
     let file = folder.path().join("box.obj");
     let corners =
         |i: u32| [f64::from(i & 1) * 9.0 + 3.0, f64::from(i >> 1 & 1), f64::from(i >> 2) * 2.0 - 7.0];
-    let text: String = (0..8).map(|i| corners(i)).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    let text: String = (0..8).map(corners).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
     std::fs::write(&file, text + "f 1 2 3\nf 4 5 6\nf 7 8 1\n").unwrap();
     for view in [StandardView::Auto, StandardView::Front, StandardView::Iso] {
         let mut scene = load(&file);
@@ -221,8 +221,8 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-fn read(file: PathBuf) -> Vec<u8> {
-    std::fs::read(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
+fn read(file: &Path) -> Vec<u8> {
+    std::fs::read(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
 }
 
 /// The pixels of a PNG.
@@ -243,7 +243,7 @@ fn a_frame_alone_has_the_bytes_of_one_among_others() {
     let expected =
         ["again_07.png", "again_09.png", "alone.png", "f_0007.png", "f_0008.png", "f_0009.png", "f_0300.png"];
     assert_eq!(names(folder.path()), expected);
-    let bytes = |name: &str| read(folder.path().join(name));
+    let bytes = |name: &str| read(&folder.path().join(name));
     assert_eq!(bytes("alone.png"), bytes("f_0008.png"));
     assert_eq!(bytes("again_07.png"), bytes("f_0007.png"));
     assert_eq!(bytes("again_09.png"), bytes("f_0009.png"));
@@ -463,7 +463,7 @@ mod film {
         let assert = kiln(folder).args(arguments).args(more).assert().success();
         // The encoder has nothing to say.
         assert!(!String::from_utf8_lossy(&assert.get_output().stderr).contains("OpenH264"));
-        read(folder.join(name))
+        read(&folder.join(name))
     }
 
     #[test]

@@ -62,6 +62,8 @@ fn dispatch<'a, T: Send + 'a>(
             let _ = made.send((index, make(frame)));
         });
     }
+    // Taking ends when nobody makes any more.
+    drop(made);
 }
 
 /// Takes frames as they arrive, those that are early later.

@@ -133,8 +133,8 @@ pub fn fitted_camera(
 /// from every side; and the middle. It begins where [`fitted_camera`] would look from. `None` for a scene without extent.
 ///
 /// What is seen from all sides together is what turning sweeps out, which lies within a cylinder about the axis. A prism
-/// around that is fitted instead: no corner lies farther out, as seen from above, than the largest of [`SIDES`] directions
-/// says, over the cosine of half the angle between them.
+/// around that is fitted instead: no corner lies farther out, as seen from above, than the largest of 64 directions says,
+/// over the cosine of half the angle between them.
 pub fn turntable_camera(
     scene: &Scene,
     view: StandardView,

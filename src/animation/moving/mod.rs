@@ -134,17 +134,31 @@ pub struct Recorder {
     writer: Writer,
     /// The file that is being written, where it is one.
     file: Option<Sink>,
-    frames: usize,
-    outline: Outline,
 }
 
 enum Writer {
     #[cfg(feature = "video")]
     Mp4(Box<mp4::Mp4>, Box<h264::H264>),
     #[cfg(feature = "video")]
-    Gif(Box<gif::Encoder<Sink>>),
+    Gif(Box<gif::Encoder<Sink>>, Delays),
     Apng(Box<png::Writer<Sink>>),
     Plain(Box<dyn Write + Send>),
+}
+
+/// How long the frames of a GIF are shown, in hundredths of a second, such that what is rounded does not add up.
+#[cfg(feature = "video")]
+struct Delays {
+    fps: f64,
+    frames: u32,
+}
+
+#[cfg(feature = "video")]
+impl Delays {
+    fn next(&mut self) -> u16 {
+        let until = |n: u32| (f64::from(n) * 100.0 / self.fps).round();
+        self.frames += 1;
+        (until(self.frames) - until(self.frames - 1)).min(65535.0) as u16
+    }
 }
 
 /// A file that an encoder writes to and that is ended when the encoder has gone.
@@ -184,7 +198,7 @@ impl Recorder {
         let sink = Sink(Arc::new(Mutex::new(WholeFile::create(file)?)));
         let writer = writer_for(file, form, &outline, sink.clone());
         let writer = writer.map_err(|e| Error::output(file, describe(&e)))?;
-        Ok(Recorder { writer, file: Some(sink), frames: 0, outline })
+        Ok(Recorder { writer, file: Some(sink) })
     }
 
     /// A film for a pipe: [`Form::Y4m`] or [`Form::Rgb`].
@@ -195,7 +209,7 @@ impl Recorder {
         if form == Form::Y4m {
             stream::y4m_header(&outline, &mut out)?;
         }
-        Ok(Recorder { writer: Writer::Plain(out), file: None, frames: 0, outline })
+        Ok(Recorder { writer: Writer::Plain(out), file: None })
     }
 
     /// Adds the next frame.
@@ -203,17 +217,14 @@ impl Recorder {
     /// # Errors
     /// Those of the encoder and of what is written to.
     pub fn add(&mut self, frame: Prepared) -> io::Result<()> {
-        self.frames += 1;
         match (&mut self.writer, frame) {
             #[cfg(feature = "video")]
             (Writer::Mp4(film, codec), Prepared::Yuv(planes)) => {
                 film.add(&codec.encode(&planes).map_err(|e| refused(&e))?)
             }
             #[cfg(feature = "video")]
-            (Writer::Gif(encoder), Prepared::Gif(mut frame)) => {
-                // Hundredths of a second, such that what is rounded does not add up.
-                let until = |n: usize| (n as f64 * 100.0 / self.outline.fps).round();
-                frame.delay = (until(self.frames) - until(self.frames - 1)).min(65535.0) as u16;
+            (Writer::Gif(encoder, delays), Prepared::Gif(mut frame)) => {
+                frame.delay = delays.next();
                 encoder.write_frame(&frame).map_err(io::Error::other)
             }
             (Writer::Apng(writer), Prepared::Bytes(bytes)) => Ok(writer.write_image_data(&bytes)?),
@@ -227,7 +238,7 @@ impl Recorder {
     /// # Errors
     /// Those of what is written to.
     pub fn finish(self) -> Result<()> {
-        let Recorder { writer, file, .. } = self;
+        let Recorder { writer, file } = self;
         let ended = match writer {
             #[cfg(feature = "video")]
             Writer::Mp4(film, codec) => match file.clone() {
@@ -235,7 +246,7 @@ impl Recorder {
                 None => Ok(()),
             },
             #[cfg(feature = "video")]
-            Writer::Gif(encoder) => encoder.into_inner().map(drop).map_err(io::Error::other),
+            Writer::Gif(encoder, _) => encoder.into_inner().map(drop).map_err(io::Error::other),
             Writer::Apng(writer) => writer.finish().map_err(io::Error::from),
             Writer::Plain(mut out) => out.flush(),
         };
@@ -266,7 +277,7 @@ fn writer_for(file: &Path, form: Form, outline: &Outline, mut sink: Sink) -> io:
             let [width, height] = outline.size.map(|side| side as u16);
             let mut encoder = gif::Encoder::new(sink, width, height, &[]).map_err(io::Error::other)?;
             encoder.set_repeat(gif::Repeat::Infinite).map_err(io::Error::other)?;
-            Writer::Gif(Box::new(encoder))
+            Writer::Gif(Box::new(encoder), Delays { fps: outline.fps, frames: 0 })
         }
         #[cfg(not(feature = "video"))]
         Form::Mp4(_) | Form::Gif => {

@@ -125,7 +125,6 @@ impl Mp4 {
             mdhd: Mdhd { timescale: self.timescale, duration, language: "und".into(), ..Mdhd::default() },
             hdlr: Hdlr { handler: b"vide".into(), name: "VideoHandler".into() },
             minf,
-            ..Mdia::default()
         };
         let tkhd = Tkhd {
             track_id: 1,

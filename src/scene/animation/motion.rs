@@ -1,6 +1,6 @@
 //! Motions: from a time to a value, and to what moves.
 
-use glam::{DMat4, DQuat, DVec3};
+use glam::{DMat4, DVec3};
 
 use super::target::{Property, Subject, Target, middle_of};
 use super::{Easing, Track};
@@ -76,9 +76,17 @@ fn lerp(a: Value, b: Value, t: f64) -> Value {
     if t == 1.0 { b } else { a + (b - a) * t }
 }
 
-/// The rotation by so many turns, which comes back to where it was after every whole one, to the bit.
-fn turned(axis: DVec3, turns: f64) -> DQuat {
-    DQuat::from_axis_angle(axis, std::f64::consts::TAU * (turns - turns.floor()))
+/// The angle of so many turns: 0 after every whole one, so that things come back to where they were, to the bit.
+fn angle(turns: f64) -> f64 {
+    std::f64::consts::TAU * (turns - turns.floor())
+}
+
+/// The point turned about an axis (Rodrigues 1840), as what is added to it: what lies along the axis stays as it is, and
+/// without an angle everything does, to the bit.
+fn turned(point: DVec3, around: DVec3, axis: DVec3, angle: f64) -> DVec3 {
+    let from = point - around;
+    let out = from - from.dot(axis) * axis;
+    point + (angle.cos() - 1.0) * out + angle.sin() * axis.cross(out)
 }
 
 impl Track {
@@ -99,17 +107,18 @@ impl Track {
                 }
                 Motion::Keys { property, keys } => subject.set(*property, value_at(keys, seconds), self)?,
                 Motion::Orbit { property, around, axis, turns } => {
-                    let rotation = turned(*axis, turns * time);
+                    let angle = angle(turns * time);
                     match &mut subject {
                         Subject::Mesh { object, .. } => {
-                            let about = DMat4::from_translation(*around) * DMat4::from_quat(rotation);
+                            let about =
+                                DMat4::from_translation(*around) * DMat4::from_axis_angle(*axis, angle);
                             Subject::place(object, &(about * DMat4::from_translation(-*around)));
                         }
                         other => {
                             let from = other.value(*property, self)?;
-                            other.set(*property, *around + rotation * (from - *around), self)?;
+                            other.set(*property, turned(from, *around, *axis, angle), self)?;
                             if let (Subject::Camera(camera), Property::Position) = (other, *property) {
-                                camera.up = rotation * camera.up;
+                                camera.up = turned(camera.up, DVec3::ZERO, *axis, angle);
                             }
                         }
                     }
