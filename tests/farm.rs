@@ -3,7 +3,7 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
@@ -75,13 +75,13 @@ impl Workshop {
 #[test]
 fn a_picture_in_seven_parts_becomes_the_bytes_of_one_run() {
     let workshop = Workshop::new();
-    // 13 tiles of 16 in 7 parts: 90 x 37 pixels are 6 x 3, the last column and row narrow.
+    // 90 x 47 pixels are 6 x 3 tiles, the last column and row narrow.
     for (out, more) in [
         ("a.png", ""),
         ("b.png", "--colour u8 --crop 3,5,71,40"),
         ("c.exr", "--aov all"),
         ("d.jpg", "--colour display"),
-        ("e.png", "--samples 4 --filter mitchell --noise 0.01"),
+        ("e.png", "--samples 4 --filter mitchell --noise 0.01 --seed 3"),
     ] {
         let render = format!("render scene.toml --size 90x47 {more} -o {out} --progress none");
         let crossed = if more.contains("noise") {
@@ -93,8 +93,8 @@ fn a_picture_in_seven_parts_becomes_the_bytes_of_one_run() {
         let whole = workshop.bytes(out);
         let mut parts = Vec::new();
         for i in 1..=7 {
-            let part = workshop.ends(0, &format!("{crossed} --shard {i}/7 --list-outputs"));
-            workshop.ends(0, &format!("{crossed} --shard {i}/7 --threads {}", 1 + i % 3));
+            let part = workshop.ends(0, &format!("{render} --shard {i}/7 --list-outputs"));
+            workshop.ends(0, &format!("{render} --shard {i}/7 --threads {}", 1 + i % 3));
             parts.push(part.trim().to_owned());
         }
         assert_eq!(parts[1], format!("{}.2of7.part", &out[..1]));
@@ -227,7 +227,7 @@ fn a_texel_an_option_or_a_vertex_makes_another_picture_and_where_files_lie_does_
     assert_eq!(workshop.bytes("one.png"), workshop.bytes("other.png"), "also what they say of themselves");
     let verify = "verify one/a.obj --size 32x24 -o one.png";
     workshop.ends(0, verify);
-    for same in ["--threads 3", "--bvh fast", "--numerics watertight"] {
+    for same in ["--threads 3", "--bvh fast-build", "--numerics watertight"] {
         workshop.ends(0, &format!("{verify} {same}"));
     }
     for other in [
@@ -308,7 +308,7 @@ fn signals_leave_whole_frames_only() {
     for (signal, code) in [("TERM", 143), ("INT", 130)] {
         let workshop = Workshop::new();
         let mut command = workshop.command(
-            "render scene.toml -o f_####.png --frames 0-11 --samples 256 --size 480x320 --progress none",
+            "render scene.toml -o f_####.png --frames 0-11 --samples 64 --size 480x320 --progress none",
         );
         let mut child = command.stderr(Stdio::piped()).spawn().expect("the command starts");
         // Not before one frame is there.
@@ -342,7 +342,7 @@ fn progress_is_in_the_words_of_who_reads_it() {
     let start = Instant::now();
     let said = workshop.ends(
         0,
-        "render scene.toml -o f_####.png --frames 0-11 --samples 256 --size 480x320 --threads 1 --progress openjd",
+        "render scene.toml -o f_####.png --frames 0-11 --samples 64 --size 240x160 --threads 1 --progress openjd",
     );
     let seconds = start.elapsed().as_secs_f64();
     let progress = said.lines().filter_map(|line| line.strip_prefix("openjd_progress: "));
@@ -355,7 +355,7 @@ fn progress_is_in_the_words_of_who_reads_it() {
     assert_eq!((code, out.as_str()), (3, ""));
     assert!(err.contains("openjd_fail: none.toml: no such file\n"), "{err}");
     let said = workshop
-        .ends(0, "render scene.toml -o a.png --samples 4096 --size 480x320 --threads 1 --progress json");
+        .ends(0, "render scene.toml -o a.png --samples 512 --size 480x320 --threads 1 --progress json");
     for line in said.lines().filter(|line| line.contains("\"progress\"")) {
         let event: Value = serde_json::from_str(line).expect("JSON");
         for key in ["done", "total", "elapsed", "eta"] {
@@ -416,5 +416,4 @@ fn the_frames_of_the_small_animation_differ() {
     for frame in 1..12 {
         assert_ne!(pixels(frame), pixels(frame - 1), "frame {frame}");
     }
-    assert!(Path::new(&workshop.path("f_0011.png")).exists());
 }

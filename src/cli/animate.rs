@@ -10,7 +10,7 @@ use super::arguments::{self, Arguments};
 use super::develop::check_folder;
 use super::frames::{self, Asked, LengthArguments, Noticed, Pictures, Report};
 use super::prepare::{Ready, timed};
-use super::progress::Mode;
+use super::progress::{Mode, Progress};
 use crate::animation::{FileNames, Form, FrameList, Outline, Prepared, Quality, Recorder};
 use crate::error::{Error, Result};
 use crate::film::Share;
@@ -63,6 +63,10 @@ enum RawName {
 }
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+    animate(command, interrupted).inspect_err(|e| Progress::fail(command.progress, e))
+}
+
+fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.what)?;
     let names = FileNames::parse(&command.output).map_err(|what| Error::usage(what, "give one ####"))?;
     if let Some(names) = names {

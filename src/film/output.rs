@@ -103,7 +103,7 @@ impl Write for WholeFile {
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
-        self.writer.flush()
+        self.writer.flush().inspect_err(|e| self.why = Some(describe(e)))
     }
 }
 
