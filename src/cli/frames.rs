@@ -17,7 +17,7 @@ use crate::animation::{FileNames, FrameList, Moment, Stage, in_order};
 use crate::effects::{Plan, RayKind, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::look;
-use crate::film::write::{FRAME, Format, write_picture};
+use crate::film::write::{FRAME, Format, Metadata, write_picture};
 use crate::film::{ColourPipeline, Share, TILE, Window};
 use crate::import;
 use crate::render::aov::Wanted;
@@ -46,7 +46,7 @@ pub struct Asked<'a> {
     /// Layers beside the picture.
     pub layers: &'a [String],
     /// Whether a frame of these settings needs no making, because it is there.
-    pub is_there: &'a (dyn Fn(i32, &[(String, String)]) -> bool + Sync),
+    pub is_there: &'a (dyn Fn(i32, &Metadata) -> bool + Sync),
 }
 
 impl<'a> Asked<'a> {
@@ -137,7 +137,7 @@ impl Frames {
     }
 
     /// What made the frames.
-    pub fn settings(&self) -> &[(String, String)] {
+    pub fn settings(&self) -> &Metadata {
         &self.shared.settings
     }
 
@@ -263,7 +263,7 @@ pub fn write_pictures(
 ) -> Result<()> {
     let pool = super::pool(arguments.threads)?;
     let mut report = Report::new(pictures.progress);
-    let is_there = |frame: i32, settings: &[(String, String)]| {
+    let is_there = |frame: i32, settings: &Metadata| {
         let found = || look(&pictures.names.of(frame), pictures.format);
         pictures.skip_existing && found().is(prepare::fingerprint_of(settings), Some(frame))
     };

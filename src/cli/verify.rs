@@ -67,20 +67,20 @@ pub fn run(command: &Command) -> Result<u8> {
     arguments::check(&command.what)?;
     Wanted::new(&command.aov)?;
     let format = Format::from_path(output)?;
-    let (settings, list) = super::pool(command.what.threads)?.install(|| expected(command, output))?;
+    let (fingerprint, list) = super::pool(command.what.threads)?.install(|| expected(command, output))?;
     let files = files(output, list.as_ref())?;
-    report(command, &files, &check(&files, format, Some(prepare::fingerprint_of(&settings))))
+    report(command, &files, &check(&files, format, Some(&fingerprint)))
 }
 
-/// The settings that the pictures should be of, and which frames there should be.
-fn expected(command: &Command, output: &Path) -> Result<(Vec<(String, String)>, Option<FrameList>)> {
+/// The fingerprint that the pictures should have, and which frames there should be.
+fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameList>)> {
     let (mut seconds, mut warnings) = (Seconds::default(), Warnings::default());
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
         let described = prepare::take_in(&command.what, None, &mut seconds, &mut warnings, &mut |_, _| ())?;
         let mut settings = described.settings;
         prepare::fingerprint_layers(&mut settings, &command.aov);
-        return Ok((settings, None));
+        return Ok((prepare::fingerprint_of(&settings).to_owned(), None));
     }
     // As if all frames were there: nothing is built.
     let asked = Asked {
@@ -92,7 +92,7 @@ fn expected(command: &Command, output: &Path) -> Result<(Vec<(String, String)>, 
     };
     let frames = Frames::new(&command.what, &asked, &mut seconds, &mut warnings, &mut |_, _| ())?;
     let list = command.frames.clone().unwrap_or_else(|| FrameList::range(0, frames.timeline().last()));
-    Ok((frames.settings().to_vec(), Some(list)))
+    Ok((prepare::fingerprint_of(frames.settings()).to_owned(), Some(list)))
 }
 
 /// The files that there should be, each with its frame.
