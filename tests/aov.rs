@@ -164,7 +164,15 @@ fn what_nobody_asks_for_is_not_worked_on() {
     let plan = Plan::new(&prepared.world, &Choices::default()).expect("a plan");
     let film = prepared.render(Choices::default()).0;
     let Prepared { world, view, .. } = &prepared;
-    let subject = Subject { world, range: None, view, plan: &plan, window: film.window(), film: &film };
+    let subject = Subject {
+        world,
+        range: None,
+        view,
+        plan: &plan,
+        window: film.window(),
+        share: kiln::film::Share::ALL,
+        film: &film,
+    };
     // Any work would see that it is to stop.
     let watch = Watch { cancel: &AtomicBool::new(true), progress: &|_, _| {} };
     let wanted =

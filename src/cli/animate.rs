@@ -8,11 +8,12 @@ use clap::Args;
 
 use super::arguments::{self, Arguments};
 use super::develop::check_folder;
-use super::frames::{self, LengthArguments, Noticed, Pictures, Report};
+use super::frames::{self, Asked, LengthArguments, Noticed, Pictures, Report};
 use super::prepare::{Ready, timed};
-use super::progress::Mode;
+use super::progress::{Mode, Progress};
 use crate::animation::{FileNames, Form, FrameList, Outline, Prepared, Quality, Recorder};
 use crate::error::{Error, Result};
+use crate::film::Share;
 use crate::film::output::describe;
 use crate::film::write::Format;
 use crate::render::aov::Wanted;
@@ -62,13 +63,26 @@ enum RawName {
 }
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+    animate(command, interrupted).inspect_err(|e| Progress::fail(command.progress, e))
+}
+
+fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.what)?;
     let names = FileNames::parse(&command.output).map_err(|what| Error::usage(what, "give one ####"))?;
     if let Some(names) = names {
         let format = Format::from_path(&command.output)?;
         check_folder(&command.output)?;
         let wanted = Wanted::new(&[])?;
-        let pictures = Pictures { names, format, wanted, progress: command.progress, strict: command.strict };
+        let pictures = Pictures {
+            names,
+            format,
+            wanted,
+            layers: Vec::new(),
+            share: Share::ALL,
+            skip_existing: false,
+            progress: command.progress,
+            strict: command.strict,
+        };
         let (what, length, list) = (&command.what, &command.length, command.frames.as_ref());
         return frames::write_pictures(what, length, list, &pictures, interrupted);
     }
@@ -94,7 +108,8 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
     let pool = super::pool(command.what.threads)?;
     let mut report = Report::new(command.progress);
-    let frames = report.load(&pool, &command.what, &command.length, command.frames.as_ref())?;
+    let asked = Asked::all(&command.length, command.frames.as_ref());
+    let frames = report.load(&pool, &command.what, &asked)?;
     let window = frames.window();
     let size = [window.width, window.height];
     form.check(size)?;

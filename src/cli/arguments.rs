@@ -33,7 +33,7 @@ pub struct Arguments {
     /// Render only this part of the picture: left, top, width and height in pixels
     #[arg(long, allow_hyphen_values = true, value_name = "X,Y,W,H", value_parser = parse_crop)]
     pub crop: Option<Window>,
-    /// Threads to work on [default: all]
+    /// Threads to work on [default: all that this process may use; SLURM_CPUS_PER_TASK where that is less]
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     pub threads: Option<u16>,
     /// How exactly it is decided what a ray hits [default: the scene's, or watertight]
@@ -123,7 +123,10 @@ impl Arguments {
         pipeline: ColourPipeline,
         numerics: Numerics,
     ) -> Vec<(String, String)> {
-        let inputs: Vec<String> = self.inputs.iter().map(|i| i.display().to_string()).collect();
+        // Without their folders: the same scene is the same picture wherever it lies.
+        let name =
+            |input: &PathBuf| input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
+        let inputs: Vec<String> = self.inputs.iter().map(name).collect();
         let mut settings = vec![
             ("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION"))),
             ("kiln:inputs".into(), inputs.join(" ")),

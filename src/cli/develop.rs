@@ -6,17 +6,21 @@ use super::arguments::Arguments;
 use super::prepare::Ready;
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
+use crate::film::check::{self, Found};
 use crate::film::output::describe;
+use crate::film::part::{self, part_name, write_part};
 use crate::film::write::{Format, Picture, encode, write_picture};
-use crate::film::{Film, Pixel};
+use crate::film::{Film, Pixel, Share};
 use crate::render::aov::{self, Subject, Wanted};
-use crate::render::{Clock, Statistics, Watch, render_as};
+use crate::render::{Clock, Statistics, Watch, render_share};
 use crate::study::choose::{self, End, Wish};
 use crate::world::World;
 
 /// Where the picture goes.
 pub enum Target {
     File(PathBuf, Format),
+    /// A share of a picture of that format.
+    Part(PathBuf, Format, Share),
     StandardOutput,
 }
 
@@ -37,11 +41,43 @@ impl Target {
         Ok(Target::File(output.to_owned(), format))
     }
 
+    /// The file for a share of the picture.
+    pub fn part(self, share: Share) -> Result<Self> {
+        match self {
+            Target::File(file, format) => Ok(Target::Part(part_name(&file, share), format, share)),
+            _ => {
+                Err(Error::usage("a part of a picture is a file", "give --output a name, such as still.png"))
+            }
+        }
+    }
+
     /// The picture's format.
     pub fn format(&self) -> Format {
         match self {
-            Target::File(_, format) => *format,
+            Target::File(_, format) | Target::Part(_, format, _) => *format,
             Target::StandardOutput => Format::Png,
+        }
+    }
+
+    /// The format that decides what is kept of the picture: of parts the film's own numbers.
+    pub fn kept(&self) -> Format {
+        if let Target::Part(..) = self { Format::Exr } else { self.format() }
+    }
+
+    /// The file.
+    pub fn file(&self) -> &Path {
+        match self {
+            Target::File(file, _) | Target::Part(file, ..) => file,
+            Target::StandardOutput => Path::new("-"),
+        }
+    }
+
+    /// What is there already.
+    pub fn look(&self) -> Found {
+        match self {
+            Target::File(file, format) => check::look(file, *format),
+            Target::Part(file, _, share) => part::look(file, *share),
+            Target::StandardOutput => Found::Missing,
         }
     }
 }
@@ -72,13 +108,14 @@ pub fn render_plainly(
     watch: &Watch,
     clock: Clock,
 ) -> Result<(Picture, Statistics)> {
-    let Ready { world, range, view, window, plan, pipeline, .. } = ready;
+    let Ready { world, range, view, window, plan, pipeline, share, .. } = ready;
+    let part = (*window, *share);
     if format != Format::Exr {
-        let (film, statistics) = render_as(world, view, plan, *window, watch, clock)?;
+        let (film, statistics) = render_share(world, view, plan, part, watch, clock)?;
         return Ok((Picture::Bytes(film, *pipeline), statistics));
     }
-    let (film, statistics) = render_as(world, view, plan, *window, watch, clock)?;
-    let subject = Subject { world, range: *range, view, plan, window: *window, film: &film };
+    let (film, statistics) = render_share(world, view, plan, part, watch, clock)?;
+    let subject = Subject { world, range: *range, view, plan, window: *window, share: *share, film: &film };
     let channels = aov::channels(&subject, wanted, watch)?;
     Ok((Picture::Numbers(film, channels), statistics))
 }
@@ -122,6 +159,7 @@ pub fn warn_of_the_picture(
     arguments: &Arguments,
     world: &World,
     statistics: &Statistics,
+    is_part: bool,
     warnings: &mut Warnings,
 ) {
     let (non_finite, first) = &statistics.non_finite;
@@ -132,7 +170,10 @@ pub fn warn_of_the_picture(
     }
     let primary = statistics.rays(RayKind::PRIMARY);
     // A part of a picture may well be of nothing.
-    if primary.hit == 0 && arguments.crop.is_none() {
+    if is_part {
+        return;
+    }
+    if primary.hit == 0 {
         warnings.push(format!(
             "nothing is in the picture: none of {} primary rays hits anything; try `--camera auto`",
             primary.cast
@@ -143,7 +184,7 @@ pub fn warn_of_the_picture(
     if shadow.cast > 0 && shadow.hit == shadow.cast {
         warnings.push("no light reaches anything in the picture: every shadow ray is blocked");
     }
-    if arguments.inputs.len() > 1 && arguments.crop.is_none() {
+    if arguments.inputs.len() > 1 {
         for (index, file) in arguments.inputs.iter().enumerate() {
             let mut objects =
                 world.objects.iter().zip(&statistics.seen).filter(|(o, _)| o.input == index).peekable();
@@ -158,10 +199,16 @@ pub fn warn_of_the_picture(
 }
 
 /// Writes the picture where it goes.
-pub fn write(picture: &Picture, settings: &[(String, String)], target: &Target) -> Result<()> {
-    match target {
-        Target::File(file, format) => write_picture(picture, settings, *format, file),
-        Target::StandardOutput => {
+pub fn write(picture: &Picture, ready: &Ready, target: &Target) -> Result<()> {
+    let settings = &ready.settings;
+    match (target, picture) {
+        (Target::Part(file, _, share), Picture::Numbers(film, channels)) => {
+            write_part(film, channels, ready.pipeline, settings, *share, file)
+        }
+        (Target::File(file, format) | Target::Part(file, format, _), _) => {
+            write_picture(picture, settings, *format, file)
+        }
+        (Target::StandardOutput, _) => {
             let mut bytes = Vec::new();
             let fail = |e| Error::output(Path::new("-"), describe(&e));
             encode(picture, settings, Format::Png, &mut bytes).map_err(fail)?;

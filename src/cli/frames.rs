@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use clap::Args;
+use rayon::prelude::*;
 
 use super::arguments::Arguments;
 use super::picture;
@@ -15,8 +16,9 @@ use super::{Printer, develop};
 use crate::animation::{FileNames, FrameList, Moment, Stage, in_order};
 use crate::effects::{Plan, RayKind, check_scene};
 use crate::error::{Error, Result, Warnings};
-use crate::film::write::{Format, write_picture};
-use crate::film::{ColourPipeline, TILE, Window};
+use crate::film::check::look;
+use crate::film::write::{FRAME, Format, Metadata, write_picture};
+use crate::film::{ColourPipeline, Share, TILE, Window};
 use crate::import;
 use crate::render::aov::Wanted;
 use crate::render::{Clock, Statistics, Watch};
@@ -34,11 +36,34 @@ pub struct LengthArguments {
     duration: Option<f64>,
 }
 
+/// Which frames are wanted, and of what length the animation is.
+pub struct Asked<'a> {
+    pub length: &'a LengthArguments,
+    /// All there are, where none are named.
+    pub list: Option<&'a FrameList>,
+    /// The share of them that is this process's.
+    pub share: Share,
+    /// Layers beside the picture.
+    pub layers: &'a [String],
+    /// Whether a frame of these settings needs no making, because it is there.
+    pub is_there: &'a (dyn Fn(i32, &Metadata) -> bool + Sync),
+}
+
+impl<'a> Asked<'a> {
+    /// All frames of a list.
+    pub fn all(length: &'a LengthArguments, list: Option<&'a FrameList>) -> Self {
+        Asked { length, list, share: Share::ALL, layers: &[], is_there: &|_, _| false }
+    }
+}
+
 /// An animation that is ready for its frames.
 pub struct Frames {
-    stage: Stage,
+    /// `None` where there is nothing to do.
+    stage: Option<Stage>,
     timeline: Timeline,
-    list: FrameList,
+    frames: Vec<i32>,
+    /// Frames that were there already.
+    skipped: usize,
     /// What all frames have in common; the scene is in the stage.
     shared: Described,
 }
@@ -47,11 +72,10 @@ pub struct Frames {
 const MOST_BYTES: usize = 1 << 29;
 
 impl Frames {
-    /// Reads the inputs and prepares what all frames take: those of `list`, or all there are.
+    /// Reads the inputs and prepares what all frames take.
     pub fn new(
         arguments: &Arguments,
-        length: &LengthArguments,
-        list: Option<&FrameList>,
+        asked: &Asked,
         seconds: &mut Seconds,
         warnings: &mut Warnings,
         show: &mut dyn FnMut(&str, &Warnings),
@@ -66,19 +90,30 @@ impl Frames {
         if is_turntable {
             warnings.note("nothing in the scene moves by itself; the camera goes once round");
         }
+        let length = asked.length;
         animation.fps = length.fps.unwrap_or(animation.fps);
         animation.duration = length.duration.unwrap_or(animation.duration);
         let timeline = Timeline::new(animation.fps, animation.duration, animation.repeat).map_err(|_| {
             let what = format!("{} seconds at {} frames a second", animation.duration, animation.fps);
             Error::usage(what, "give --duration and --fps above 0, and at most a million frames")
         })?;
-        let list = list.cloned().unwrap_or_else(|| FrameList::range(0, timeline.last()));
+        let list = asked.list.cloned().unwrap_or_else(|| FrameList::range(0, timeline.last()));
         if let Some(frame) = list.frames().iter().find(|&&frame| frame < 0 || frame > timeline.last()) {
             let what =
                 format!("frame {frame} is not in the animation: its frames are 0 to {}", timeline.last());
             return Err(Error::usage(what, "give other --frames, or a longer animation"));
         }
         let mut shared = prepare::settle(arguments, scene, None, camera, size)?;
+        prepare::fingerprint_layers(&mut shared.settings, asked.layers);
+        let mine = list.frames().iter().enumerate().filter(|(place, _)| asked.share.has(*place));
+        let mine: Vec<i32> = mine.map(|(_, &frame)| frame).collect();
+        // Looking takes reading every picture to its end.
+        let to_do = mine.par_iter().filter(|&&frame| !(asked.is_there)(frame, &shared.settings));
+        let frames: Vec<i32> = to_do.copied().collect();
+        let skipped = mine.len() - frames.len();
+        if frames.is_empty() {
+            return Ok(Frames { stage: None, timeline, frames, skipped, shared });
+        }
         let scene = std::mem::take(&mut shared.scene);
         if scene.lights.is_empty() && shared.choices.shading.uses_lights() {
             warnings.note(prepare::HEADLIGHT);
@@ -88,7 +123,7 @@ impl Frames {
         let Described { camera, pipeline, structure, numerics, .. } = &shared;
         let stage =
             timed(&mut seconds.build, || Stage::new(scene, camera, lit, *pipeline, *structure, *numerics))?;
-        let frames = Frames { stage, timeline, list, shared };
+        let frames = Frames { stage: Some(stage), timeline, frames, skipped, shared };
         // What is wrong with the first frame is said before any work; all have the same effects.
         let first = frames.ready(frames.frames()[0])?;
         prepare::note_range(first.range.as_ref(), warnings);
@@ -96,9 +131,14 @@ impl Frames {
         Ok(frames)
     }
 
-    /// The frames, in order.
+    /// The frames that are to be made, in order.
     pub fn frames(&self) -> &[i32] {
-        self.list.frames()
+        &self.frames
+    }
+
+    /// What made the frames.
+    pub fn settings(&self) -> &Metadata {
+        &self.shared.settings
     }
 
     /// Frames and times.
@@ -118,14 +158,15 @@ impl Frames {
 
     /// Everything that the picture of a frame takes: the same, to the bit, whichever other frames there are.
     pub fn ready(&self, frame: i32) -> Result<Ready> {
-        let Moment { world, camera, range } = self.stage.at(self.timeline.time(frame))?;
+        let Some(stage) = &self.stage else { unreachable!("there is a frame to make") };
+        let Moment { world, camera, range } = stage.at(self.timeline.time(frame))?;
         let Described { projection, size, window, choices, pipeline, settings, .. } = &self.shared;
         let view = View::new(&camera, *projection, *size)?;
         let plan = Plan::new(&world, choices)?;
         let mut settings = settings.clone();
-        settings.push(("kiln:frame".into(), frame.to_string()));
+        settings.push((FRAME.to_owned(), frame.to_string()));
         let (choices, pipeline, window) = (choices.clone(), *pipeline, *window);
-        Ok(Ready { world, range, view, window, plan, choices, pipeline, settings })
+        Ok(Ready { world, range, view, window, plan, choices, pipeline, share: Share::ALL, settings })
     }
 
     /// Makes a picture of every frame, several at once, and hands them over in order. `make` is given what is ready, and the watch
@@ -189,6 +230,12 @@ pub struct Pictures {
     pub format: Format,
     /// What else is kept of each pixel.
     pub wanted: Wanted,
+    /// The names of what else is kept.
+    pub layers: Vec<String>,
+    /// The frames that are this process's.
+    pub share: Share,
+    /// Whether frames that are there, whole and of the same settings, are left as they are.
+    pub skip_existing: bool,
     pub progress: Mode,
     pub strict: bool,
 }
@@ -216,7 +263,21 @@ pub fn write_pictures(
 ) -> Result<()> {
     let pool = super::pool(arguments.threads)?;
     let mut report = Report::new(pictures.progress);
-    let frames = report.load(&pool, arguments, length, list)?;
+    let is_there = |frame: i32, settings: &Metadata| {
+        let found = || look(&pictures.names.of(frame), pictures.format);
+        pictures.skip_existing && found().is(prepare::fingerprint_of(settings), Some(frame))
+    };
+    let (share, layers) = (pictures.share, &pictures.layers);
+    let asked = Asked { length, list, share, layers, is_there: &is_there };
+    let frames = report.load(&pool, arguments, &asked)?;
+    let skipped = match frames.skipped {
+        0 => String::new(),
+        n => format!("; {n} were there"),
+    };
+    if frames.frames().is_empty() {
+        report.progress.finish(&format!("no frame to render{skipped}"));
+        return Ok(());
+    }
     let noticed = Noticed::default();
     let make = |frame: i32, ready: &Ready, watch: &Watch| {
         let (picture, statistics) =
@@ -229,9 +290,10 @@ pub fn write_pictures(
     report.end(arguments, &noticed, pictures.strict)?;
     let ends = [frames.frames().first(), frames.frames().last()].map(|frame| *frame.unwrap_or(&0));
     let [first, last] = ends.map(|frame| pictures.names.of(frame).display().to_string());
-    report
-        .progress
-        .finish(&format!("wrote {} frame(s), {first} to {last}, in {took:.2} s", frames.frames().len()));
+    report.progress.finish(&format!(
+        "wrote {} frame(s), {first} to {last}, in {took:.2} s{skipped}",
+        frames.frames().len()
+    ));
     Ok(())
 }
 
@@ -256,13 +318,7 @@ impl Report {
     }
 
     /// Makes frames ready and says what there is to say of that.
-    pub fn load(
-        &mut self,
-        pool: &rayon::ThreadPool,
-        arguments: &Arguments,
-        length: &LengthArguments,
-        list: Option<&FrameList>,
-    ) -> Result<Frames> {
+    pub fn load(&mut self, pool: &rayon::ThreadPool, arguments: &Arguments, asked: &Asked) -> Result<Frames> {
         let Report { progress, seconds, warnings, printer, with_notes } = self;
         let mut show = |phase: &str, said: &Warnings| {
             progress.pause(|| printer.print(said, *with_notes));
@@ -272,7 +328,7 @@ impl Report {
         let frames = {
             let show = Mutex::new(&mut show);
             pool.install(|| {
-                Frames::new(arguments, length, list, seconds, warnings, &mut |phase, said| {
+                Frames::new(arguments, asked, seconds, warnings, &mut |phase, said| {
                     if let Ok(mut show) = show.lock() {
                         show(phase, said);
                     }

@@ -2,7 +2,7 @@
 //!
 //! Standard output carries only results; everything else goes to standard error. Exit codes: 0 done, 1 failed, 2 wrong
 //! usage, 3 an input cannot be used, 4 output cannot be written, 130 and 143 interrupted. `compare` alone answers by it, too: 0
-//! same, 1 within limits, 2 beyond.
+//! same, 1 within limits, 2 beyond; `verify` says 0 where every frame is as it should be and 1 where one is not.
 
 mod animate;
 mod arguments;
@@ -13,6 +13,7 @@ mod explain;
 mod frames;
 mod info;
 mod interrupt;
+mod merge;
 mod numbers;
 mod picture;
 mod prepare;
@@ -21,9 +22,11 @@ mod render;
 mod sampling;
 mod statistics;
 mod study;
+mod verify;
 
 use std::io::Write;
 use std::process::ExitCode;
+use std::sync::atomic::Ordering;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
@@ -49,6 +52,10 @@ enum Command {
     Render(Box<render::Command>),
     /// Make a film of an animation, or a turntable of a mesh
     Animate(Box<animate::Command>),
+    /// Put together the parts of a picture that `kiln render --shard` made
+    Merge(merge::Command),
+    /// List the frames that are missing, broken, or of other settings
+    Verify(Box<verify::Command>),
     /// Say which effects a picture takes, why, and what each of them costs
     Explain(Box<explain::Command>),
     /// Say what files hold, how large it is, and what is odd about it
@@ -85,6 +92,8 @@ pub fn main() -> ExitCode {
         let done = match arguments.command {
             Command::Render(arguments) => render::run(&arguments, interrupted),
             Command::Animate(arguments) => animate::run(&arguments, interrupted),
+            Command::Merge(arguments) => merge::run(&arguments),
+            Command::Verify(arguments) => return verify::run(&arguments),
             Command::Explain(arguments) => explain::run(&arguments, interrupted),
             Command::Info(arguments) => info::run(&arguments),
             Command::Study(arguments) => study::run(&arguments, interrupted),
@@ -101,6 +110,8 @@ pub fn main() -> ExitCode {
     });
     match result {
         Ok(Ok(code)) => ExitCode::from(code),
+        // Whatever fails while the process is being ended fails because of that.
+        Ok(Err(_)) if interrupted.load(Ordering::Relaxed) => ExitCode::from(interrupt::exit_code()),
         Ok(Err(Error::Interrupted)) => ExitCode::from(interrupt::exit_code()),
         Ok(Err(e)) => {
             say(format_args!("kiln: error: {e}"));
@@ -161,9 +172,20 @@ fn print(text: &str) -> Result<()> {
     }
 }
 
-/// Threads to work on; as many as the machine has, where no number is given.
+/// Threads to work on. Where no number is given, as many as the process may use at once: its affinity and its share of processor
+/// time (cgroup quota) are heeded by [`std::thread::available_parallelism`], which rayon asks, and Slurm's allocation is
+/// here, for clusters that do not enforce it.
 fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
-    let builder = rayon::ThreadPoolBuilder::new().num_threads(threads.map_or(0, usize::from));
+    let allocated =
+        std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|n| n.parse::<usize>().ok()).filter(|&n| n > 0);
+    let number = match (threads, allocated) {
+        (Some(threads), _) => usize::from(threads),
+        (None, Some(allocated)) => {
+            std::thread::available_parallelism().map_or(allocated, |n| allocated.min(n.get()))
+        }
+        (None, None) => 0,
+    };
+    let builder = rayon::ThreadPoolBuilder::new().num_threads(number);
     builder
         .build()
         .map_err(|e| Error::Failed { what: format!("threads cannot be started: {e}"), hint: String::new() })

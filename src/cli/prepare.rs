@@ -8,9 +8,10 @@ use super::statistics::Seconds;
 use crate::bvh::Structure;
 use crate::effects::{Choices, Plan, check_scene};
 use crate::error::{Error, Result, Warnings};
-use crate::film::{ColourPipeline, Window};
+use crate::film::write::FINGERPRINT;
+use crate::film::{ColourPipeline, Share, Window};
 use crate::import;
-use crate::scene::{Camera, Numerics, Projection, Scene};
+use crate::scene::{Camera, Fingerprint, Numerics, Projection, Scene};
 use crate::world::{Range, View, World, bring_into_range, headlight};
 
 /// A scene that is ready for its picture.
@@ -23,6 +24,8 @@ pub struct Ready {
     pub plan: Plan,
     pub choices: Choices,
     pub pipeline: ColourPipeline,
+    /// The tiles that are rendered.
+    pub share: Share,
     /// What made the picture.
     pub settings: Vec<(String, String)>,
 }
@@ -110,6 +113,9 @@ pub fn settle(
         let what = format!("at least {least} samples a pixel were asked for, and at most {most}");
         return Err(Error::usage(what, "give a lower --min-samples or a higher --samples"));
     }
+    // Everything from here on follows from the description and what is said of it, or makes no difference to the picture.
+    let mut fingerprint = Fingerprint::default();
+    fingerprint.scene(&scene);
     let pipeline = arguments.colour().or(scene.colour).unwrap_or_default();
     let numerics = arguments.numerics().or(scene.numerics).unwrap_or_default();
     let choices = Choices {
@@ -124,6 +130,12 @@ pub fn settle(
     let window = picture::window(arguments.crop, size)?;
     let mut settings = arguments.settings(&camera, projection, size, pipeline, numerics);
     settings.extend(scene.sampling.settings());
+    let Choices { shading, scene: _, with, without, even_idle: _ } = &choices;
+    fingerprint.value("range", &range.as_ref().map(|range| (range.middle, range.scale)));
+    fingerprint
+        .value("camera", &(&camera, projection, size, (window.x, window.y, window.width, window.height)));
+    fingerprint.value("choices", &(shading.name(), with, without, pipeline.name(), numerics.name()));
+    settings.push((FINGERPRINT.to_owned(), fingerprint.finish()));
     let structure = Structure::Wide(arguments.preset());
     Ok(Described {
         scene,
@@ -139,6 +151,28 @@ pub fn settle(
         structure,
         settings,
     })
+}
+
+/// The fingerprint among settings.
+pub fn fingerprint_of(settings: &[(String, String)]) -> &str {
+    settings.iter().find(|(key, _)| key == FINGERPRINT).map_or("", |(_, value)| value)
+}
+
+/// Lets the fingerprint depend on something more.
+pub fn fingerprint_also(settings: &mut [(String, String)], name: &str, more: &impl std::fmt::Debug) {
+    for (_, value) in settings.iter_mut().filter(|(key, _)| key == FINGERPRINT) {
+        let mut fingerprint = Fingerprint::default();
+        fingerprint.value("picture", value);
+        fingerprint.value(name, more);
+        *value = fingerprint.finish();
+    }
+}
+
+/// Lets the fingerprint depend on layers, where there are any.
+pub fn fingerprint_layers(settings: &mut [(String, String)], layers: &[String]) {
+    if !layers.is_empty() {
+        fingerprint_also(settings, "layers", &layers);
+    }
 }
 
 /// Reads the inputs and prepares all that a picture of them takes; `show` is called with what is done next, and with what
@@ -161,7 +195,7 @@ pub fn build(described: Described, seconds: &mut Seconds, warnings: &mut Warning
     let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, structure, numerics));
     let plan = Plan::new(&world, &choices)?;
     warn_of_the_world(&world, &plan, &choices, warnings);
-    Ok(Ready { world, range, view, window, plan, choices, pipeline, settings })
+    Ok(Ready { world, range, view, window, plan, choices, pipeline, share: Share::ALL, settings })
 }
 
 /// Does the work and says how many seconds it took.

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::say;
+use crate::error::Error;
 
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -19,6 +20,8 @@ pub enum Mode {
     Plain,
     /// At most a line a second, each a JSON object
     Json,
+    /// Lines that workers of Open Job Description read: openjd_progress, openjd_status, openjd_fail
+    Openjd,
     /// Nothing
     None,
 }
@@ -79,7 +82,7 @@ impl Progress {
             bar.set_position(done as u64);
             return;
         }
-        if !matches!(self.mode, Mode::Plain | Mode::Json) {
+        if !matches!(self.mode, Mode::Plain | Mode::Json | Mode::Openjd) {
             return;
         }
         self.first_tile.get_or_init(Instant::now);
@@ -93,12 +96,20 @@ impl Progress {
         let left = elapsed * (total - done) as f64 / done as f64;
         let percent = done * 100 / total;
         let (done, total) = (done / steps, total / steps);
-        if self.mode == Mode::Json {
-            say(format_args!(
-                "{{\"event\":\"progress\",\"done\":{done},\"total\":{total},\"elapsed\":{elapsed:.1},\"left\":{left:.1}}}"
-            ));
-        } else {
-            say(format_args!("kiln: {percent} % ({done} of {total} {unit}), {left:.0} s left"));
+        match self.mode {
+            Mode::Json => say(format_args!(
+                "{{\"event\":\"progress\",\"done\":{done},\"total\":{total},\"unit\":\"{unit}\",\"elapsed\":{elapsed:.1},\"eta\":{left:.1}}}"
+            )),
+            // Open Job Description, How Jobs Are Run, Stdout/Stderr Messages.
+            Mode::Openjd => say(format_args!("openjd_progress: {percent}")),
+            _ => say(format_args!("kiln: {percent} % ({done} of {total} {unit}), {left:.0} s left")),
+        }
+    }
+
+    /// What failed, for who reads lines instead of exit codes.
+    pub fn fail(mode: Mode, e: &Error) {
+        if mode == Mode::Openjd && *e != Error::Interrupted {
+            say(format_args!("openjd_fail: {e}"));
         }
     }
 
@@ -123,6 +134,7 @@ impl Progress {
         match self.mode {
             Mode::None => {}
             Mode::Json => say(format_args!("{}", serde_json::json!({ "event": "done", "message": line }))),
+            Mode::Openjd => say(format_args!("openjd_progress: 100\nopenjd_status: {line}")),
             _ => say(format_args!("kiln: {line}")),
         }
     }

@@ -1,6 +1,6 @@
 //! `kiln render`: files to a picture.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
@@ -9,12 +9,13 @@ use super::Printer;
 use super::arguments::{self, Arguments};
 use super::develop::{self, Target, check_folder, render_plainly, render_to_wish, same_file};
 use super::frames::{self, LengthArguments, Pictures, file_names};
-use super::prepare::{make_ready, timed};
+use super::prepare::{self, timed};
 use super::progress::{Mode, Progress};
 use super::sampling::TargetArguments;
 use super::statistics::{self, Seconds};
 use crate::animation::FrameList;
 use crate::error::{Error, Result, Warnings};
+use crate::film::Share;
 use crate::film::output::write_whole;
 use crate::film::write::Format;
 use crate::render::aov::{LARGEST_NUMBER, Wanted};
@@ -30,6 +31,16 @@ pub struct Command {
     /// which nothing moves is gone round once
     #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["accuracy", "budget"])]
     frames: Option<FrameList>,
+    /// Render only the I-th of N shares, from 1: of --frames every N-th; of one picture every N-th tile, into OUT with the ending
+    /// .IofN.part, for `kiln merge`
+    #[arg(long, value_name = "I/N", conflicts_with_all = ["accuracy", "budget"])]
+    shard: Option<Share>,
+    /// Leave what is there, whole, and made of the same scene with the same settings; .png and .exr say so themselves
+    #[arg(long)]
+    skip_existing: bool,
+    /// Print the names of the files that would be written, and render nothing
+    #[arg(long)]
+    list_outputs: bool,
     /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output; with --frames a name with #### or %04d
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
@@ -49,15 +60,26 @@ pub struct Command {
 }
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+    render(command, interrupted).inspect_err(|e| Progress::fail(command.progress, e))
+}
+
+fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.what)?;
     if let Some(list) = &command.frames {
         return render_frames(command, list, interrupted);
     }
-    let target = Target::new(&command.output)?;
+    let mut target = Target::new(&command.output)?;
+    check_skipping(command, target.format())?;
+    if let Some(share) = command.shard {
+        target = target.part(share)?;
+    }
+    if command.list_outputs {
+        return super::print(&format!("{}\n", target.file().display()));
+    }
     let wanted = Wanted::new(&command.aov)?;
     check_layers(command, target.format())?;
     if let Some(file) = &command.stats {
-        if same_file(file, &command.output) {
+        if same_file(file, target.file()) {
             let what = format!("{}: both the picture and its statistics", file.display());
             return Err(Error::usage(what, "give --stats another file than --output"));
         }
@@ -65,6 +87,18 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     }
     let pool = super::pool(command.what.threads)?;
     pool.install(|| render_to(command, &target, &wanted, interrupted))
+}
+
+fn check_skipping(command: &Command, format: Format) -> Result<()> {
+    if command.skip_existing && format == Format::Jpeg {
+        let what =
+            format!("{}: a JPEG does not say what made it, nor that it is whole", command.output.display());
+        return Err(Error::usage(what, "with --skip-existing, name a file that ends in .png or .exr"));
+    }
+    if command.skip_existing && command.output == Path::new("-") {
+        return Err(Error::usage("standard output is not there before", "leave --skip-existing out"));
+    }
+    Ok(())
 }
 
 fn check_layers(command: &Command, format: Format) -> Result<()> {
@@ -82,10 +116,21 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
     }
     let format = Format::from_path(&command.output)?;
     check_layers(command, format)?;
+    check_skipping(command, format)?;
+    let share = command.shard.unwrap_or(Share::ALL);
+    let names = file_names(&command.output, list)?;
+    if command.list_outputs {
+        let mine = list.frames().iter().enumerate().filter(|(place, _)| share.has(*place));
+        let text: String = mine.map(|(_, &frame)| format!("{}\n", names.of(frame).display())).collect();
+        return super::print(&text);
+    }
     let pictures = Pictures {
-        names: file_names(&command.output, list)?,
+        names,
         format,
         wanted: Wanted::new(&command.aov)?,
+        layers: command.aov.clone(),
+        share,
+        skip_existing: command.skip_existing,
         progress: command.progress,
         strict: command.strict,
     };
@@ -101,10 +146,23 @@ fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &
     let with_notes = command.progress != Mode::None;
     let mut seconds = Seconds::default();
 
-    let mut ready = make_ready(&command.what, &mut seconds, &mut warnings, &mut |phase, said| {
-        progress.pause(|| printer.print(said, with_notes));
-        progress.phase(phase);
-    })?;
+    let mut described =
+        prepare::take_in(&command.what, None, &mut seconds, &mut warnings, &mut |phase, said| {
+            progress.pause(|| printer.print(said, with_notes));
+            progress.phase(phase);
+        })?;
+    prepare::fingerprint_layers(&mut described.settings, &command.aov);
+    if let Some(wish) = command.target.wish() {
+        prepare::fingerprint_also(&mut described.settings, "wish", &wish);
+    }
+    if command.skip_existing && target.look().is(prepare::fingerprint_of(&described.settings), None) {
+        progress.pause(|| printer.print(&warnings, with_notes));
+        progress.finish(&format!("{} is there", target.file().display()));
+        return Ok(());
+    }
+    progress.phase("building");
+    let mut ready = prepare::build(described, &mut seconds, &mut warnings)?;
+    ready.share = command.shard.unwrap_or(Share::ALL);
     let has_target = command.target.wish().is_some();
     let without = &command.what.without;
     command.what.sampling.warn_of_idle(&ready.world.sampling, without, has_target, &mut warnings);
@@ -115,17 +173,18 @@ fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &
     let clock = if command.stats.is_some() { Clock::EveryStage } else { Clock::Stopped };
     let (picture, statistics) = timed(&mut seconds.render, || match command.target.wish() {
         Some(wish) => render_to_wish(&mut ready, &wish, target.format(), &watch, clock, &mut warnings),
-        None => render_plainly(&ready, target.format(), wanted, &watch, clock),
+        None => render_plainly(&ready, target.kept(), wanted, &watch, clock),
     })?;
     let (world, window) = (&ready.world, ready.window);
     if wanted.has_primitives() && world.primitive_count() > LARGEST_NUMBER {
         warnings.push(format!("--aov primitive: numbers above {LARGEST_NUMBER} are rounded"));
     }
-    develop::warn_of_the_picture(&command.what, world, &statistics, &mut warnings);
+    let is_part = command.what.crop.is_some() || ready.share != Share::ALL;
+    develop::warn_of_the_picture(&command.what, world, &statistics, is_part, &mut warnings);
     progress.clear();
     printer.print(&warnings, with_notes);
 
-    timed(&mut seconds.write, || develop::write(&picture, &ready.settings, target))?;
+    timed(&mut seconds.write, || develop::write(&picture, &ready, target))?;
     if let Some(file) = &command.stats {
         let report =
             statistics::to_json(&ready.settings, &seconds, world, &ready.plan, &statistics, &warnings);
@@ -139,7 +198,7 @@ fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &
     }
     progress.finish(&format!(
         "wrote {} ({} x {}; load {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s)",
-        command.output.display(),
+        target.file().display(),
         window.width,
         window.height,
         seconds.load,

@@ -2,15 +2,19 @@
 //!
 //! Render fills it, writers read it. It knows nothing of scenes or rays.
 
+pub mod check;
 pub mod colour;
 pub mod filter;
 pub mod output;
 mod pages;
+pub mod part;
 pub mod read;
+mod share;
 pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
 pub use filter::{Filter, FilterShape};
+pub use share::Share;
 
 use pages::Pages;
 

@@ -9,12 +9,14 @@ use crate::error::{Error, Result};
 /// The temporary files that are being written, for a process that has to end at once.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the temporary files that are being written.
+/// Removes the temporary files that are being written. For the end of the process: no file can be begun or finished after it.
 pub fn discard_unfinished() {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
         for path in unfinished.drain(..) {
             let _ = std::fs::remove_file(path);
         }
+        // Other threads may be about to write; they wait at the lock.
+        std::mem::forget(unfinished);
     }
 }
 
@@ -22,11 +24,15 @@ pub fn discard_unfinished() {
 struct Unfinished(PathBuf);
 
 impl Unfinished {
-    fn new(path: &Path) -> Self {
-        if let Ok(mut unfinished) = UNFINISHED.lock() {
-            unfinished.push(path.to_owned());
-        }
-        Unfinished(path.to_owned())
+    /// Makes the file and knows it, in one step.
+    fn new(
+        make: impl FnOnce() -> std::io::Result<tempfile::NamedTempFile>,
+    ) -> std::io::Result<(tempfile::NamedTempFile, Self)> {
+        let mut unfinished = UNFINISHED.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let file = make()?;
+        unfinished.push(file.path().to_owned());
+        let path = file.path().to_owned();
+        Ok((file, Unfinished(path)))
     }
 }
 
@@ -44,6 +50,8 @@ pub struct WholeFile {
     name: PathBuf,
     // In this order: what is given up is removed before it is forgotten.
     writer: BufWriter<tempfile::NamedTempFile>,
+    /// Why it could not be written to. Encoders pass on the words of an error and lose what it was.
+    why: Option<String>,
     _unfinished: Unfinished,
 }
 
@@ -56,15 +64,16 @@ impl WholeFile {
         if name.is_dir() {
             return Err(Error::output(name, "is a folder; name a file in it"));
         }
-        let temporary = tempfile::Builder::new()
-            .prefix(".kiln-")
-            .suffix(".part")
-            .permissions_like_any_file()
-            .tempfile_in(folder_of(name))
-            .map_err(|e| Error::output(name, describe(&e)))?;
-        let unfinished = Unfinished::new(temporary.path());
+        let make = || {
+            tempfile::Builder::new()
+                .prefix(".kiln-")
+                .suffix(".part")
+                .permissions_like_any_file()
+                .tempfile_in(folder_of(name))
+        };
+        let (temporary, unfinished) = Unfinished::new(make).map_err(|e| Error::output(name, describe(&e)))?;
         let writer = BufWriter::with_capacity(1 << 18, temporary);
-        Ok(WholeFile { name: name.to_owned(), writer, _unfinished: unfinished })
+        Ok(WholeFile { name: name.to_owned(), writer, why: None, _unfinished: unfinished })
     }
 
     /// The name that it will have.
@@ -77,7 +86,7 @@ impl WholeFile {
     /// # Errors
     /// [`Error::Output`] when it cannot be written or renamed.
     pub fn finish(self) -> Result<()> {
-        let WholeFile { name, writer, _unfinished } = self;
+        let WholeFile { name, writer, why: _, _unfinished } = self;
         let finish = || -> std::io::Result<()> {
             let temporary = writer.into_inner().map_err(std::io::IntoInnerError::into_error)?;
             temporary.as_file().sync_data()?;
@@ -90,11 +99,11 @@ impl WholeFile {
 
 impl Write for WholeFile {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.writer.write(bytes)
+        self.writer.write(bytes).inspect_err(|e| self.why = Some(describe(e)))
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
-        self.writer.flush()
+        self.writer.flush().inspect_err(|e| self.why = Some(describe(e)))
     }
 }
 
@@ -112,7 +121,7 @@ pub fn folder_of(file: &Path) -> &Path {
 /// [`Error::Output`] when the folder cannot be written to or `fill` fails.
 pub fn write_whole(file: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     let mut whole = WholeFile::create(file)?;
-    fill(&mut whole).map_err(|e| Error::output(file, describe(&e)))?;
+    fill(&mut whole).map_err(|e| Error::output(file, whole.why.take().unwrap_or_else(|| describe(&e))))?;
     whole.finish()
 }
 

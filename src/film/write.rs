@@ -41,6 +41,12 @@ impl Format {
     }
 }
 
+/// In a picture's metadata: the fingerprint of everything that decides it, but the frame.
+pub const FINGERPRINT: &str = "kiln:fingerprint";
+
+/// In a picture's metadata: which frame of an animation it is.
+pub const FRAME: &str = "kiln:frame";
+
 /// The settings that made a picture, as names and values, to be kept in its metadata.
 pub type Metadata = [(String, String)];
 

@@ -8,12 +8,12 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::{Clock, Watch, render_as};
+use super::{Clock, Watch, render_share};
 use crate::effects::Plan;
 use crate::effects::tile::{Context, Tile};
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
-use crate::film::{Film, Window};
+use crate::film::{Film, Share, Window};
 use crate::scene::file::nearest_name;
 use crate::shading::{ShadingMode, shade};
 use crate::world::{Range, Surface, View, World};
@@ -174,6 +174,8 @@ pub struct Subject<'a> {
     pub plan: &'a Plan,
     /// The part of it that was made.
     pub window: Window,
+    /// The tiles of it that were made.
+    pub share: Share,
     /// The picture itself.
     pub film: &'a Film,
 }
@@ -200,8 +202,8 @@ fn geometry(subject: &Subject, aovs: &[&Aov], watch: &Watch) -> Result<Vec<Chann
     let all: Vec<Mutex<Vec<f32>>> = names.iter().map(|_| Mutex::new(vec![0.0; area])).collect();
     // The film is asked for its tiles, so that they are those of the picture.
     let mut tiles: Film<[u8; 3]> = Film::new(subject.window)?;
-    tiles.tiles_mut().into_par_iter().for_each_init(Tile::default, |tile, part| {
-        if watch.cancel.load(std::sync::atomic::Ordering::Relaxed) {
+    tiles.tiles_mut().into_par_iter().enumerate().for_each_init(Tile::default, |tile, (place, part)| {
+        if !subject.share.has(place) || watch.cancel.load(std::sync::atomic::Ordering::Relaxed) {
             return;
         }
         let values = of_tile(subject, aovs, tile, part.window);
@@ -254,7 +256,7 @@ fn of_tile(subject: &Subject, aovs: &[&Aov], tile: &mut Tile, window: Window) ->
 
 /// What the picture is without effects, and what each effect adds.
 fn shares(subject: &Subject, watch: &Watch) -> Result<Vec<Channel>> {
-    let &Subject { world, view, plan, window, film, .. } = subject;
+    let &Subject { world, view, plan, window, share, film, .. } = subject;
     let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
     let mut before: Option<Vec<[f32; 3]>> = None;
     let mut channels = Vec::new();
@@ -266,7 +268,8 @@ fn shares(subject: &Subject, watch: &Watch) -> Result<Vec<Channel>> {
             let kept = &on[..count];
             decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= kept.contains(&i));
             let plan = Plan::of(world, plan.shading, decisions);
-            render_as::<[f32; 3]>(world, view, &plan, window, watch, Clock::Stopped)?.0.rows().collect()
+            let part = (window, share);
+            render_share::<[f32; 3]>(world, view, &plan, part, watch, Clock::Stopped)?.0.rows().collect()
         };
         let layer = match count {
             0 => "Base".to_owned(),

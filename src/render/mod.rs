@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use crate::effects::Plan;
 use crate::effects::tile::{Context, Tile};
 use crate::error::{Error, Result};
-use crate::film::{self, ColourPipeline, Film, FilmTile, Pixel, Window};
+use crate::film::{self, ColourPipeline, Film, FilmTile, Pixel, Share, Window};
 use crate::world::{View, World, widely};
 
 /// What a render tells while it runs, and what it is told.
@@ -63,10 +63,26 @@ pub fn render_as<P: Pixel>(
     watch: &Watch,
     clock: Clock,
 ) -> Result<(Film<P>, Statistics)> {
-    render_some_as(world, view, plan, window, watch, clock, |_| true)
+    render_some_as(world, view, plan, window, watch, clock, |_, _| true)
 }
 
-/// [`render_as`], of those tiles only that are wanted; the others stay black, and nothing is done for them.
+/// [`render_as`], only a share of the tiles; the others stay black.
+///
+/// # Errors
+/// As those of [`render`].
+pub fn render_share<P: Pixel>(
+    world: &World,
+    view: &View,
+    plan: &Plan,
+    (window, share): (Window, Share),
+    watch: &Watch,
+    clock: Clock,
+) -> Result<(Film<P>, Statistics)> {
+    render_some_as(world, view, plan, window, watch, clock, |place, _| share.has(place))
+}
+
+/// [`render_as`], of those tiles only that are wanted, by their place in the order of tiles and by what they cover; the others
+/// stay black, and nothing is done for them.
 ///
 /// # Errors
 /// As those of [`render`].
@@ -77,14 +93,15 @@ pub fn render_some_as<P: Pixel>(
     window: Window,
     watch: &Watch,
     clock: Clock,
-    wanted: impl Fn(Window) -> bool,
+    wanted: impl Fn(usize, Window) -> bool,
 ) -> Result<(Film<P>, Statistics)> {
     let mut film = Film::new(window)?;
     let context = Context { world, view };
     let idle: Mutex<Vec<Box<Worker>>> = Mutex::new(Vec::new());
     let done = AtomicUsize::new(0);
     let mut tiles = film.tiles_mut();
-    tiles.retain(|tile| wanted(tile.window));
+    let mut places = 0..;
+    tiles.retain(|tile| places.next().is_some_and(|place| wanted(place, tile.window)));
     let total = tiles.len();
     tiles.into_par_iter().for_each(|mut tile| {
         if watch.cancel.load(Ordering::Relaxed) {

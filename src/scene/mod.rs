@@ -11,6 +11,7 @@ mod colour_value;
 mod effects;
 pub mod extreme;
 pub mod file;
+mod fingerprint;
 mod material;
 mod mesh;
 mod numerics;
@@ -21,6 +22,7 @@ mod thin;
 
 pub use animation::Animation;
 pub use camera::{Camera, Projection};
+pub use fingerprint::Fingerprint;
 pub use material::{Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture, TextureImage};
 pub use mesh::{Attribute, Mesh, moved_tangent, normal_matrix};
 pub use numerics::Numerics;

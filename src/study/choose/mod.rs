@@ -375,7 +375,7 @@ impl<'a, 'b> Taker<'a, 'b> {
         let (window, squares) = (*window, self.squares);
         let is_wanted = |tile: Window| wanted(squares.at(tile.x - window.x, tile.y - window.y));
         let (film, statistics): (Film, _) =
-            render_some_as(world, view, &plan, window, self.watch, self.clock, is_wanted)?;
+            render_some_as(world, view, &plan, window, self.watch, self.clock, |_, tile| is_wanted(tile))?;
         match &mut self.statistics {
             Some(sum) => sum.add(&statistics),
             none => *none = Some(statistics),

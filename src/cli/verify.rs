@@ -1,0 +1,187 @@
+//! `kiln verify`: which frames are missing, broken, or of other settings.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::arguments::{self, Arguments};
+use super::frames::{Asked, Frames, LengthArguments};
+use super::prepare;
+use super::statistics::Seconds;
+use crate::animation::{FileNames, FrameList};
+use crate::error::{Error, Result, Warnings};
+use crate::film::Share;
+use crate::film::check::{Found, Made, look};
+use crate::film::write::Format;
+use crate::render::aov::Wanted;
+
+#[derive(Args)]
+#[command(
+    after_help = "Without --output, INPUT is the name of the pictures, and they are held to each other:\n  \
+    kiln verify frame_####.png --frames 0-99\n\
+    With it, they are held to what the scene and the settings would give, and all options are as for `kiln render`:\n  \
+    kiln verify scene.toml -o frame_####.png --frames 0-99\n\
+    Exit code: 0 where every picture is as it should be, 1 where one is not."
+)]
+pub struct Command {
+    #[command(flatten)]
+    what: Arguments,
+    #[command(flatten)]
+    length: LengthArguments,
+    /// The pictures: .png or .exr, with #### or %04d for the number of a frame
+    #[arg(short, long, value_name = "NAME")]
+    output: Option<PathBuf>,
+    /// The frames that there should be [default: all of the animation, where a scene is given]
+    #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
+    frames: Option<FrameList>,
+    /// The layers that the pictures have
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    aov: Vec<String>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// A picture that is not as it should be.
+struct Fault {
+    frame: Option<i32>,
+    file: PathBuf,
+    kind: &'static str,
+    why: String,
+}
+
+pub fn run(command: &Command) -> Result<u8> {
+    let Some(output) = &command.output else {
+        let [name] = command.what.inputs.as_slice() else {
+            return Err(Error::usage(
+                "several names of pictures",
+                "give one, or the pictures' name with --output",
+            ));
+        };
+        let files = files(name, command.frames.as_ref())?;
+        return report(command, &files, &check(&files, Format::from_path(name)?, None));
+    };
+    arguments::check(&command.what)?;
+    Wanted::new(&command.aov)?;
+    let format = Format::from_path(output)?;
+    let (fingerprint, list) = super::pool(command.what.threads)?.install(|| expected(command, output))?;
+    let files = files(output, list.as_ref())?;
+    report(command, &files, &check(&files, format, Some(&fingerprint)))
+}
+
+/// The fingerprint that the pictures should have, and which frames there should be.
+fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameList>)> {
+    let (mut seconds, mut warnings) = (Seconds::default(), Warnings::default());
+    let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
+    if command.frames.is_none() && !is_series {
+        let described = prepare::take_in(&command.what, None, &mut seconds, &mut warnings, &mut |_, _| ())?;
+        let mut settings = described.settings;
+        prepare::fingerprint_layers(&mut settings, &command.aov);
+        return Ok((prepare::fingerprint_of(&settings).to_owned(), None));
+    }
+    // As if all frames were there: nothing is built.
+    let asked = Asked {
+        length: &command.length,
+        list: command.frames.as_ref(),
+        share: Share::ALL,
+        layers: &command.aov,
+        is_there: &|_, _| true,
+    };
+    let frames = Frames::new(&command.what, &asked, &mut seconds, &mut warnings, &mut |_, _| ())?;
+    let list = command.frames.clone().unwrap_or_else(|| FrameList::range(0, frames.timeline().last()));
+    Ok((prepare::fingerprint_of(frames.settings()).to_owned(), Some(list)))
+}
+
+/// The files that there should be, each with its frame.
+fn files(name: &Path, list: Option<&FrameList>) -> Result<Vec<(Option<i32>, PathBuf)>> {
+    if Format::from_path(name)? == Format::Jpeg {
+        let what = format!("{}: a JPEG does not say what made it, nor that it is whole", name.display());
+        return Err(Error::usage(what, "name .png or .exr pictures"));
+    }
+    let names = FileNames::parse(name).map_err(|what| Error::usage(what, "give the name one ####"))?;
+    match (names, list) {
+        (Some(names), Some(list)) => Ok(list.frames().iter().map(|&f| (Some(f), names.of(f))).collect()),
+        (None, None) => Ok(vec![(None, name.to_owned())]),
+        (None, Some(list)) if list.frames().len() == 1 => Ok(vec![(Some(list.frames()[0]), name.to_owned())]),
+        (Some(_), None) => Err(Error::usage("which frames there should be is not said", "give --frames")),
+        (None, Some(_)) => {
+            let what = format!("{}: one name for several frames", name.display());
+            Err(Error::usage(what, "give the name a place for their number, such as frame_####.png"))
+        }
+    }
+}
+
+/// What is wrong with the files. Where no fingerprint is given, it is that of most of them.
+fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&str>) -> Vec<Fault> {
+    let found: Vec<Found> = files.par_iter().map(|(_, file)| look(file, format)).collect();
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for found in &found {
+        if let Found::Whole(Made { fingerprint: Some(fingerprint), .. }) = found {
+            *counts.entry(fingerprint).or_default() += 1;
+        }
+    }
+    let most = counts.iter().max_by_key(|(_, count)| **count).map(|(fingerprint, _)| *fingerprint);
+    let wanted = fingerprint.or(most);
+    let fault = |(frame, file): &(Option<i32>, PathBuf), found: &Found| {
+        let (kind, why) = match found {
+            Found::Missing => ("missing", "no such file".to_owned()),
+            Found::Broken(why) => ("broken", why.clone()),
+            Found::Whole(Made { fingerprint: None, .. }) => ("other", "does not say what made it".into()),
+            Found::Whole(made) if made.fingerprint.as_deref() != wanted => {
+                ("other", "made of another scene, with other settings or by another kiln".into())
+            }
+            // A single file held to nothing may be a frame of anything.
+            Found::Whole(made) if made.frame != *frame && (frame.is_some() || fingerprint.is_some()) => {
+                ("other", made.frame.map_or("not a frame".into(), |frame| format!("is frame {frame}")))
+            }
+            Found::Whole(_) => return None,
+        };
+        Some(Fault { frame: *frame, file: file.clone(), kind, why })
+    };
+    files.iter().zip(&found).filter_map(|(file, found)| fault(file, found)).collect()
+}
+
+/// Prints what is wrong, and gives the exit code.
+fn report(command: &Command, files: &[(Option<i32>, PathBuf)], faults: &[Fault]) -> Result<u8> {
+    let count = |kind: &str| faults.iter().filter(|fault| fault.kind == kind).count();
+    let again: Vec<String> = faults.iter().filter_map(|fault| fault.frame).map(|f| f.to_string()).collect();
+    let again = again.join(",").parse::<FrameList>().map(|list| list.to_string()).unwrap_or_default();
+    let text = if command.json {
+        let of = |kind: &str| -> Vec<_> {
+            let faults = faults.iter().filter(|fault| fault.kind == kind);
+            faults
+                .map(|f| json!({ "frame": f.frame, "file": f.file.display().to_string(), "why": f.why }))
+                .collect()
+        };
+        let report = json!({
+            "schema": 1,
+            "pictures": files.len(),
+            "good": files.len() - faults.len(),
+            "missing": of("missing"),
+            "broken": of("broken"),
+            "other": of("other"),
+            "again": again,
+        });
+        format!("{report:#}\n")
+    } else {
+        let mut text: String =
+            faults.iter().map(|f| format!("{}: {}: {}\n", f.file.display(), f.kind, f.why)).collect();
+        let good = files.len() - faults.len();
+        text += &format!(
+            "{good} of {} good, {} missing, {} broken, {} of other settings\n",
+            files.len(),
+            count("missing"),
+            count("broken"),
+            count("other")
+        );
+        if !again.is_empty() {
+            text += &format!("to render again: --frames {again}\n");
+        }
+        text
+    };
+    super::print(&text)?;
+    Ok(u8::from(!faults.is_empty()))
+}

@@ -1,0 +1,247 @@
+//! Parts of a picture that several machines make: the film's own numbers of some of its tiles, and how they become one picture.
+//!
+//! A part is one file: the line `kiln part 1`; a line of JSON (what the picture is, which share of it this is, the names of the
+//! channels beside red, green and blue); for each tile of the share, in order, red, green and blue of pixel after pixel, then channel
+//! after channel, as little-endian 32-bit floating point; the BLAKE3 hash of all that, 32 bytes. Numbers are joined, not
+//! 8-bit values, so that the picture is quantised and encoded once, as that of one run is.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::check::{Found, Made};
+use super::output::write_whole;
+use super::write::{Channel, FINGERPRINT, Format, Metadata, Picture};
+use super::{ColourPipeline, Film, Pixel, Share, Window};
+use crate::error::{Error, Result};
+
+const FIRST_LINE: &[u8] = b"kiln part 1\n";
+const HASH: usize = blake3::OUT_LEN;
+
+/// What the parts of a picture have in common, and which part this is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Head {
+    share: u32,
+    of: u32,
+    /// Left, top, width, height.
+    window: [u32; 4],
+    pipeline: String,
+    channels: Vec<String>,
+    metadata: Vec<(String, String)>,
+}
+
+impl Head {
+    fn fingerprint(&self) -> Option<&str> {
+        self.metadata.iter().find(|(key, _)| key == FINGERPRINT).map(|(_, value)| value.as_str())
+    }
+}
+
+/// The file that a share of the picture `output` goes to: `still.2of7.part` beside `still.png`.
+pub fn part_name(output: &Path, share: Share) -> PathBuf {
+    output.with_extension(format!("{}of{}.part", share.index(), share.of()))
+}
+
+/// Writes a share of a picture, whole or not at all. The film and its channels are those of the whole picture; only the tiles
+/// of the share need be filled.
+///
+/// # Errors
+/// [`Error::Output`] when the file cannot be written.
+pub fn write_part(
+    film: &Film,
+    channels: &[Channel],
+    pipeline: ColourPipeline,
+    metadata: &Metadata,
+    share: Share,
+    file: &Path,
+) -> Result<()> {
+    let window = film.window();
+    let head = Head {
+        share: share.index(),
+        of: share.of(),
+        window: [window.x, window.y, window.width, window.height],
+        pipeline: pipeline.name().into(),
+        channels: channels.iter().map(|channel| channel.name.clone()).collect(),
+        metadata: metadata.to_vec(),
+    };
+    write_whole(file, |out| {
+        let mut hash = blake3::Hasher::new();
+        let mut put = |bytes: &[u8]| {
+            hash.update(bytes);
+            out.write_all(bytes)
+        };
+        put(FIRST_LINE)?;
+        put(format!("{}\n", serde_json::to_string(&head)?).as_bytes())?;
+        for (_, tile) in film.tile_windows().enumerate().filter(|(i, _)| share.has(*i)) {
+            let mut bytes = Vec::with_capacity(tile.area() * 4 * (3 + channels.len()));
+            for (x, y) in places(window, tile) {
+                film.pixel(x, y).iter().for_each(|c| bytes.extend(c.to_le_bytes()));
+            }
+            for channel in channels {
+                for (x, y) in places(window, tile) {
+                    bytes.extend(
+                        channel.values[y as usize * window.width as usize + x as usize].to_le_bytes(),
+                    );
+                }
+            }
+            put(&bytes)?;
+        }
+        let hash = *hash.finalize().as_bytes();
+        out.write_all(&hash)
+    })
+}
+
+/// Columns and rows of a tile's pixels, counted from the corner of the picture.
+fn places(window: Window, tile: Window) -> impl Iterator<Item = (u32, u32)> {
+    let (left, top) = (tile.x - window.x, tile.y - window.y);
+    (0..tile.height).flat_map(move |y| (0..tile.width).map(move |x| (left + x, top + y)))
+}
+
+/// Reads a part as far as its numbers, which are the bytes that come back with it.
+fn open(bytes: &[u8]) -> std::result::Result<(Head, Share, &[u8]), String> {
+    let rest = bytes.strip_prefix(FIRST_LINE).ok_or("not a part of a picture")?;
+    let end = bytes.len().checked_sub(HASH).filter(|&end| end >= FIRST_LINE.len());
+    let (said, hash) = bytes.split_at(end.ok_or("the part ends too early")?);
+    if blake3::hash(said).as_bytes() != hash {
+        return Err("the part is not whole; make it again".into());
+    }
+    let line = rest.iter().position(|&b| b == b'\n').ok_or("the part has no head")?;
+    let head: Head =
+        serde_json::from_slice(&rest[..line]).map_err(|e| format!("not a part of this kiln: {e}"))?;
+    let share = Share::new(head.share, head.of).ok_or("the part is of no share")?;
+    let numbers = rest.get(line + 1..rest.len() - HASH).ok_or("the part ends too early")?;
+    Ok((head, share, numbers))
+}
+
+/// What there is where a share of a picture should be.
+pub fn look(file: &Path, share: Share) -> Found {
+    let bytes = match std::fs::read(file) {
+        Ok(bytes) => bytes,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Found::Missing,
+        Err(e) => return Found::Broken(format!("cannot be read: {e}")),
+    };
+    match open(&bytes) {
+        Ok((head, found, _)) if found == share => {
+            Found::Whole(Made { fingerprint: head.fingerprint().map(str::to_owned), frame: None })
+        }
+        Ok((_, found, _)) => Found::Broken(format!("is part {found}")),
+        Err(what) => Found::Broken(what),
+    }
+}
+
+/// A picture that was put together, and the settings that made it.
+pub type Joined = (Picture, Vec<(String, String)>);
+
+/// Puts the parts of a picture together, in what `format` keeps of it.
+///
+/// # Errors
+/// [`Error::Input`] where a part is missing, damaged, or of another picture; [`Error::Usage`] where the parts have channels and
+/// the format has none.
+pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
+    let mut canvas: Option<Canvas> = None;
+    for file in files {
+        let wrong = |what: String| {
+            Error::input(file.as_path(), what, "give the parts that `kiln render --shard` wrote")
+        };
+        let bytes = std::fs::read(file).map_err(|e| match e.kind() {
+            std::io::ErrorKind::NotFound => wrong("no such file".into()),
+            _ => wrong(format!("cannot be read: {e}")),
+        })?;
+        let (head, share, numbers) = open(&bytes).map_err(wrong)?;
+        let canvas = match &mut canvas {
+            Some(canvas) => canvas,
+            none => none.insert(Canvas::new(file, head.clone()).map_err(wrong)?),
+        };
+        canvas.add(&head, share, numbers).map_err(wrong)?;
+    }
+    let Some(canvas) = canvas else {
+        return Err(Error::usage("no part is given", "give the parts that `kiln render --shard` wrote"));
+    };
+    canvas.finish(format)
+}
+
+/// A picture that is being put together.
+struct Canvas {
+    /// The first part's.
+    file: PathBuf,
+    head: Head,
+    pipeline: ColourPipeline,
+    window: Window,
+    film: Film,
+    channels: Vec<Channel>,
+    has: Vec<bool>,
+}
+
+impl Canvas {
+    fn new(file: &Path, head: Head) -> std::result::Result<Self, String> {
+        let [x, y, width, height] = head.window;
+        let window = Window { x, y, width, height };
+        let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
+        let pipeline =
+            pipelines.into_iter().find(|p| p.name() == head.pipeline).ok_or("of no known colours")?;
+        let film = Film::new(window).map_err(|e| e.to_string())?;
+        let channel = |name: &String| Channel { name: name.clone(), values: vec![0.0; window.area()] };
+        let channels = head.channels.iter().map(channel).collect();
+        let has = vec![false; head.of as usize];
+        Ok(Canvas { file: file.to_owned(), head, pipeline, window, film, channels, has })
+    }
+
+    fn add(&mut self, head: &Head, share: Share, numbers: &[u8]) -> std::result::Result<(), String> {
+        let first = self.file.display();
+        if head.fingerprint() != self.head.fingerprint() {
+            return Err(format!("a part of another scene or of other settings than {first}"));
+        }
+        if head.of != self.head.of {
+            return Err(format!("one of {} parts, where {first} is one of {}", head.of, self.head.of));
+        }
+        // The rest follows from the fingerprint, where nobody wrote it by hand.
+        if *head != (Head { share: head.share, ..self.head.clone() }) {
+            return Err(format!("does not go with {first}"));
+        }
+        let window = self.window;
+        let mut numbers =
+            numbers.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]]));
+        let mut number = || numbers.next().ok_or("the part has too few pixels");
+        for (_, tile) in self.film.tiles_mut().into_iter().enumerate().filter(|(i, _)| share.has(*i)) {
+            for channel in tile.pixels.as_flattened_mut() {
+                *channel = number()?;
+            }
+            for channel in &mut self.channels {
+                for (x, y) in places(window, tile.window) {
+                    channel.values[y as usize * window.width as usize + x as usize] = number()?;
+                }
+            }
+        }
+        if number().is_ok() {
+            return Err("the part has too many pixels".into());
+        }
+        self.has[share.index() as usize - 1] = true;
+        Ok(())
+    }
+
+    fn finish(self, format: Format) -> Result<Joined> {
+        let missing: Vec<String> = (1..)
+            .zip(&self.has)
+            .filter(|(_, has)| !**has)
+            .map(|(share, _): (u32, _)| share.to_string())
+            .collect();
+        if !missing.is_empty() {
+            let what = format!("part {} of {} is missing", missing.join(", "), self.head.of);
+            let hint = "render it with --shard, and give all parts";
+            return Err(Error::input(self.file.as_path(), what, hint));
+        }
+        let metadata = self.head.metadata;
+        if format == Format::Exr {
+            return Ok((Picture::Numbers(self.film, self.channels), metadata));
+        }
+        if !self.channels.is_empty() {
+            return Err(Error::usage(
+                "the parts have layers, and only .exr has",
+                "name a file that ends in .exr",
+            ));
+        }
+        let rows: Vec<[f32; 3]> = self.film.rows().collect();
+        let mut bytes = vec![[0; 3]; rows.len()];
+        Pixel::develop(&rows, self.pipeline, &mut bytes);
+        Ok((Picture::Bytes(Film::of_rows(self.window, &bytes)?, self.pipeline), metadata))
+    }
+}

@@ -1,0 +1,81 @@
+//! A share of work that several machines divide among them: the frames of a list, or the tiles of a picture.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// The `index`-th of `of` shares, counted from 1. Things are dealt out in turn, so that what is next to each other, and takes
+/// about as long, goes to different shares; the same always goes to the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Share {
+    index: u32,
+    of: u32,
+}
+
+impl Share {
+    /// Everything.
+    pub const ALL: Share = Share { index: 1, of: 1 };
+
+    /// The `index`-th of `of` shares; `None` unless 1 <= index <= of <= a million.
+    pub fn new(index: u32, of: u32) -> Option<Self> {
+        ((1..=of).contains(&index) && of <= 1_000_000).then_some(Share { index, of })
+    }
+
+    /// Which of the shares it is, from 1.
+    pub fn index(self) -> u32 {
+        self.index
+    }
+
+    /// How many shares there are.
+    pub fn of(self) -> u32 {
+        self.of
+    }
+
+    /// Whether the thing at this place, from 0, belongs to it.
+    pub fn has(self, place: usize) -> bool {
+        place % self.of as usize == self.index as usize - 1
+    }
+}
+
+impl fmt::Display for Share {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.index, self.of)
+    }
+}
+
+impl FromStr for Share {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers =
+            text.split_once('/').and_then(|(i, n)| Some((i.trim().parse().ok()?, n.trim().parse().ok()?)));
+        numbers
+            .and_then(|(index, of)| Share::new(index, of))
+            .ok_or_else(|| "give it as I/N, the I-th of N shares counted from 1, such as 2/7".into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_thing_belongs_to_one_share() {
+        for of in 1..9 {
+            let shares: Vec<Share> = (1..=of).map(|i| format!("{i}/{of}").parse().unwrap()).collect();
+            for place in 0..30 {
+                assert_eq!(shares.iter().filter(|share| share.has(place)).count(), 1, "{place} of {of}");
+            }
+            // None has more than one thing more than another.
+            let counts = shares.iter().map(|share| (0..30).filter(|&place| share.has(place)).count());
+            let counts: Vec<usize> = counts.collect();
+            assert!(counts.iter().max().unwrap() - counts.iter().min().unwrap() <= 1, "{counts:?}");
+        }
+    }
+
+    #[test]
+    fn shares_that_are_none_are_refused() {
+        for text in ["", "1", "0/4", "5/4", "1/0", "-1/4", "1/4/2", "a/b"] {
+            assert!(text.parse::<Share>().is_err(), "{text}");
+        }
+    }
+}

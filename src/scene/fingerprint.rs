@@ -1,0 +1,203 @@
+//! A number for everything that decides a picture: equal pictures of equal scenes are known by it without rendering either.
+//!
+//! It is taken of the description, not of the files: where they lie, how they are called and in which order they were read
+//! makes no difference, every vertex and every texel does. BLAKE3 (O'Connor, Aumasson, Neves, Wilcox-O'Hearn 2020), 256 bits:
+//! what is equal by chance is not to be reckoned with.
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use super::{Attribute, Light, Material, Mesh, Object, Placed, Scene, Shape, TextureImage};
+
+/// A fingerprint that is being taken.
+#[derive(Clone)]
+pub struct Fingerprint(blake3::Hasher);
+
+impl Default for Fingerprint {
+    /// Of nothing but the program: another version may make another picture.
+    fn default() -> Self {
+        let mut fingerprint = Fingerprint(blake3::Hasher::new());
+        fingerprint.bytes("kiln", env!("CARGO_PKG_VERSION").as_bytes());
+        fingerprint
+    }
+}
+
+impl Fingerprint {
+    /// Adds bytes under a name. Both are preceded by their lengths, so that nothing runs into what follows.
+    pub fn bytes(&mut self, name: &str, bytes: &[u8]) {
+        for part in [name.as_bytes(), bytes] {
+            self.0.update(&(part.len() as u64).to_le_bytes());
+            self.0.update(part);
+        }
+    }
+
+    /// Adds a value as `Debug` shows it: of floating-point numbers every digit that tells them apart.
+    pub fn value(&mut self, name: &str, value: &impl Debug) {
+        self.bytes(name, format!("{value:?}").as_bytes());
+    }
+
+    /// The fingerprint, in 64 hexadecimal digits.
+    pub fn finish(&self) -> String {
+        self.0.finalize().to_hex().to_string()
+    }
+
+    /// Adds everything that a scene describes. What a new field holds has to be added here: this does not compile without it.
+    pub fn scene(&mut self, scene: &Scene) {
+        let Scene {
+            size,
+            background,
+            colour,
+            numerics,
+            sampling,
+            ambient,
+            cameras,
+            lights,
+            materials,
+            images,
+            objects,
+            effects,
+            animation,
+        } = scene;
+        self.value("picture", &(size, background, colour, numerics, sampling, ambient));
+        self.value("cameras", cameras);
+        lights.iter().for_each(|light: &Light| self.value("light", light));
+        materials.iter().for_each(|material: &Material| self.value("material", material));
+        for TextureImage { name: _, width, height, pixels } in images {
+            self.value("image", &(width, height));
+            self.bytes("texels", pixels.as_flattened());
+        }
+        let mut shared = Vec::new();
+        for Object { name, input, material, shape } in objects {
+            self.value("object", &(name, input, material));
+            match shape {
+                Shape::Sphere { centre, radius } => self.value("sphere", &(centre, radius)),
+                Shape::Mesh(mesh) => self.mesh(mesh),
+                Shape::Placed(placed) => self.placed(placed, &mut shared),
+            }
+        }
+        // Without the places in files that they come from.
+        effects.iter().for_each(|(name, value, _)| self.value("effect", &(name, value)));
+        if let Some(animation) = animation {
+            let super::Animation { fps, duration, repeat, tracks } = animation;
+            self.value("animation", &(fps, duration, repeat));
+            for super::animation::Track { target, motion, place: _ } in tracks {
+                self.value("track", &(target, motion));
+            }
+        }
+    }
+
+    /// A mesh that stands in many places is read once.
+    fn placed<'a>(&mut self, placed: &'a Placed, shared: &mut Vec<&'a Arc<Mesh>>) {
+        let Placed { mesh, placement, left_out } = placed;
+        let known = shared.iter().rposition(|other| Arc::ptr_eq(other, mesh));
+        self.value("placed", &(known.unwrap_or(shared.len()), placement, left_out));
+        if known.is_none() {
+            self.mesh(mesh);
+            shared.push(mesh);
+        }
+    }
+
+    fn mesh(&mut self, mesh: &Mesh) {
+        let Mesh { positions, triangles, normals, uvs, colours, tangents } = mesh;
+        self.bytes("positions", bytemuck::cast_slice(positions));
+        self.bytes("triangles", bytemuck::cast_slice(triangles));
+        self.attribute("normals", normals.as_ref());
+        self.attribute("uvs", uvs.as_ref());
+        self.attribute("colours", colours.as_ref());
+        self.attribute("tangents", tangents.as_ref());
+    }
+
+    fn attribute<T: bytemuck::NoUninit>(&mut self, name: &str, attribute: Option<&Attribute<T>>) {
+        let Some(Attribute { values, triangles }) = attribute else { return };
+        self.bytes(name, bytemuck::cast_slice(values));
+        if let Some(triangles) = triangles {
+            self.bytes("corners", bytemuck::cast_slice(triangles));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{ImageId, MaterialId, Phong, Placement, Sampler, Texture};
+    use glam::{DMat4, DVec2, DVec3};
+
+    fn of(scene: &Scene) -> String {
+        let mut fingerprint = Fingerprint::default();
+        fingerprint.scene(scene);
+        fingerprint.finish()
+    }
+
+    fn scene() -> Scene {
+        let mut scene = Scene::default();
+        let pixels: Arc<[[u8; 3]]> = vec![[1, 2, 3]; 4].into();
+        scene.add_image(TextureImage { name: "a.png".into(), width: 2, height: 2, pixels });
+        let texture = Texture { image: ImageId(0), sampler: Sampler::default() };
+        scene.add_material(Material::Phong(Phong { texture: Some(texture), ..Phong::default() }));
+        let mesh = Mesh {
+            positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+            triangles: vec![[0, 1, 2]],
+            uvs: Some(Attribute::per_position(vec![DVec2::ZERO, DVec2::X, DVec2::Y])),
+            ..Mesh::default()
+        };
+        let object = |shape| Object { name: "a".into(), input: 0, material: MaterialId(0), shape };
+        let place = Placed::new(mesh.clone().into(), Placement::new(DMat4::IDENTITY));
+        scene.objects = vec![
+            object(Shape::Mesh(mesh)),
+            object(Shape::Placed(place.clone())),
+            object(Shape::Placed(place)),
+            object(Shape::Sphere { centre: DVec3::ZERO, radius: 1.0 }),
+        ];
+        scene
+    }
+
+    #[test]
+    fn the_least_change_is_seen_and_names_of_files_are_not() {
+        let base = of(&scene());
+        assert_eq!(base.len(), 64);
+        assert_eq!(of(&scene()), base, "the same of equal scenes");
+        let changes: [fn(&mut Scene); 8] = [
+            |scene| scene.images[0].pixels = vec![[1, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 4]].into(),
+            |scene| (scene.images[0].width, scene.images[0].height) = (4, 1),
+            |scene| scene.size = Some([1, 2]),
+            |scene| scene.sampling.seed = Some(1),
+            |scene| {
+                let Shape::Mesh(mesh) = &mut scene.objects[0].shape else { panic!("a mesh") };
+                mesh.positions[1].x = mesh.positions[1].x.next_up();
+            },
+            |scene| {
+                let Shape::Mesh(mesh) = &mut scene.objects[0].shape else { panic!("a mesh") };
+                mesh.uvs.as_mut().expect("it has some").values[2].y = -1.0;
+            },
+            |scene| {
+                let Shape::Placed(placed) = &mut scene.objects[2].shape else { panic!("a placed mesh") };
+                placed.placement = Placement::new(DMat4::from_translation(DVec3::Z));
+            },
+            |scene| scene.objects.swap(0, 3),
+        ];
+        let mut seen = vec![base.clone()];
+        for change in changes {
+            let mut changed = scene();
+            change(&mut changed);
+            seen.push(of(&changed));
+        }
+        let mut different = seen.clone();
+        different.sort();
+        different.dedup();
+        assert_eq!(different.len(), seen.len(), "each change is one of its own");
+        let mut renamed = scene();
+        renamed.images[0].name = "/elsewhere/a.png".into();
+        assert_eq!(of(&renamed), base);
+    }
+
+    #[test]
+    fn names_and_values_do_not_run_into_each_other() {
+        let two = |parts: [(&str, &[u8]); 2]| {
+            let mut fingerprint = Fingerprint::default();
+            parts.iter().for_each(|(name, bytes)| fingerprint.bytes(name, bytes));
+            fingerprint.finish()
+        };
+        assert_ne!(two([("a", b"bc"), ("d", b"")]), two([("ab", b"c"), ("d", b"")]));
+        assert_ne!(two([("a", b"b"), ("c", b"d")]), two([("a", b""), ("b", b"cd")]));
+    }
+}
