@@ -124,7 +124,11 @@ fn asking_for_what_is_not_there_is_an_error() {
     let errors = [
         ("--engine embree", 1, "embree: KILN_EMBREE names no library\nhint: set KILN_EMBREE to "),
         ("--engine emrbee", 2, "invalid value 'emrbee' for '--engine <NAME>'\nhint: "),
-        ("--rays 0", 2, "invalid value '0' for '--rays <N>': 0 is not in 1..=1000000000\nhint: "),
+        (
+            "--rays 0",
+            2,
+            "invalid value '0' for '--rays <N>': give a whole number from 1 to 1000000000\nhint: ",
+        ),
         ("--threads 0", 2, "invalid value '0' for '--threads <N>': "),
     ];
     for (arguments, code, error) in errors {
