@@ -112,7 +112,7 @@ fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool
     let frames = report.load(&pool, &command.what, &asked)?;
     let window = frames.window();
     let size = [window.width, window.height];
-    form.check(size)?;
+    form.check(size, frames.timeline().fps())?;
     let outline = Outline {
         size,
         fps: frames.timeline().fps(),

@@ -29,10 +29,10 @@ use crate::world::View;
 #[derive(Args, Default)]
 pub struct LengthArguments {
     /// Frames a second [default: the scene's, or 30]
-    #[arg(long, value_name = "N")]
+    #[arg(long, allow_hyphen_values = true, value_name = "N")]
     fps: Option<f64>,
     /// Seconds from beginning to end [default: the scene's, or 10]
-    #[arg(long, value_name = "S")]
+    #[arg(long, allow_hyphen_values = true, value_name = "S")]
     duration: Option<f64>,
 }
 

@@ -149,7 +149,8 @@ fn usage(e: &clap::Error) -> ExitCode {
     let mut first = lines.next().unwrap_or("wrong usage").trim_start_matches("error: ").to_owned();
     let mut hint = "`kiln help` and `kiln help COMMAND` list what there is".to_owned();
     for line in lines {
-        if let Some(tip) = line.strip_prefix("tip: ") {
+        // What is no option is not meant as a file either.
+        if let Some(tip) = line.strip_prefix("tip: ").filter(|tip| !tip.starts_with("to pass ")) {
             hint = tip.to_owned();
             break;
         }

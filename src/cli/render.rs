@@ -33,7 +33,7 @@ pub struct Command {
     frames: Option<FrameList>,
     /// Render only the I-th of N shares, from 1: of --frames every N-th; of one picture every N-th tile, into OUT with the ending
     /// .IofN.part, for `kiln merge`
-    #[arg(long, value_name = "I/N", conflicts_with_all = ["accuracy", "budget"])]
+    #[arg(long, allow_hyphen_values = true, value_name = "I/N", conflicts_with_all = ["accuracy", "budget"])]
     shard: Option<Share>,
     /// Leave what is there, whole, and made of the same scene with the same settings; .png and .exr say so themselves
     #[arg(long)]

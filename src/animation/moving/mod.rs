@@ -69,11 +69,11 @@ impl Form {
         }
     }
 
-    /// Whether pictures of this size can be written so.
+    /// Whether pictures of this size, and so many a second, can be written so.
     ///
     /// # Errors
     /// [`Error::Usage`] where they cannot.
-    pub fn check(self, [width, height]: [u32; 2]) -> Result<()> {
+    pub fn check(self, [width, height]: [u32; 2], fps: f64) -> Result<()> {
         let is_video = matches!(self, Form::Mp4(_) | Form::Gif);
         if is_video && cfg!(not(feature = "video")) {
             return Err(Error::usage(
@@ -95,6 +95,11 @@ impl Form {
         if self == Form::Gif && width.max(height) > u32::from(u16::MAX) {
             return Err(Error::usage("the picture is too large for .gif", "give a smaller --size"));
         }
+        // Players show what is to last a hundredth of a second for ten.
+        if self == Form::Gif && fps > 50.0 {
+            let what = format!("{fps} frames a second are more than a .gif can show");
+            return Err(Error::usage(what, "give --fps 50 or fewer, or write an .mp4 or an animated .png"));
+        }
         Ok(())
     }
 
@@ -105,8 +110,9 @@ impl Form {
             #[cfg(feature = "video")]
             Form::Gif => {
                 let crate::film::Window { width, height, .. } = film.window();
-                // 1 to 30, by what is lost; the crate's own default.
-                const SPEED: i32 = 10;
+                // 1 to 30, by what is lost: the share of pixels that the palette is made from. With less than all of them, small
+                // things change their colour from frame to frame.
+                const SPEED: i32 = 1;
                 let bytes = film.bytes();
                 Prepared::Gif(gif::Frame::from_rgb_speed(width as u16, height as u16, &bytes, SPEED))
             }
