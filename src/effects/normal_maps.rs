@@ -38,10 +38,12 @@ pub const EFFECT: Effect = Effect {
         }
     },
     bytes: |tile| {
-        // Where there are textures they are billed for what both share.
+        // Where there are textures they are billed for what both share. A worker whose rays all missed has no texels either: what
+        // it keeps is not this effect's unless normals were tilted.
         let texels = tile.levels.iter().any(|level| level.surfaces.texels.capacity() > 0);
         let shared = tile.kept::<Buffers>().filter(|_| !texels).map_or(0, Buffers::bytes);
-        shared + tile.kept::<Tilted>().map_or(0, |Tilted(tilted)| size_of::<Tilted>() + vec_bytes(tilted))
+        let own = |Tilted(tilted): &Tilted| shared + size_of::<Tilted>() + vec_bytes(tilted);
+        tile.kept::<Tilted>().map_or(0, own)
     },
 };
 
