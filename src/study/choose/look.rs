@@ -6,9 +6,10 @@
 //!
 //! What the squares were sampled by is part of whatever comes after.
 
+use super::Target;
 use super::halves::{Level, Range, about_displayed, fall_of_variance, joined, summed};
 use super::survey::{Draws, Sum};
-use super::{Taker, Target};
+use super::taker::Taker;
 use crate::error::{Error, Result};
 use crate::study::metrics::displayed;
 

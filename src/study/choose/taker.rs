@@ -1,0 +1,152 @@
+//! The samples of a choice: rendered part by part, and what they took added up.
+
+use std::time::Instant;
+
+use super::survey::Squares;
+use super::{Chosen, End, Metric, Subject, Wish};
+use crate::effects::Plan;
+use crate::error::{Error, Result};
+use crate::film::{ColourPipeline, Film, TILE, Window};
+use crate::render::{Clock, Statistics, Watch, render_some_as};
+use crate::scene::Sampling;
+use crate::study::metrics::Values;
+
+/// Renders parts of the picture's samples, and adds up what they took.
+pub struct Taker<'a, 'b> {
+    subject: &'a mut Subject<'b>,
+    watch: &'a Watch<'a>,
+    clock: Clock,
+    start: Instant,
+    asked: Sampling,
+    /// What the film's numbers are.
+    pub values: Values,
+    pub squares: Squares,
+    statistics: Option<Statistics>,
+}
+
+impl<'a, 'b> Taker<'a, 'b> {
+    pub fn new(subject: &'a mut Subject<'b>, watch: &'a Watch<'a>, clock: Clock) -> Result<Self> {
+        let asked = subject.world.sampling;
+        let values = match subject.world.pipeline {
+            ColourPipeline::Linear => Values::Linear,
+            ColourPipeline::Display | ColourPipeline::U8 => Values::Display,
+        };
+        let squares = Squares::new(subject.window.width, subject.window.height);
+        let start = Instant::now();
+        subject.world.sampling = part_of(&asked, 0, 1);
+        if !Plan::new(subject.world, subject.choices)?.effects_on().any(|effect| effect == "antialiasing") {
+            let what = "an error or a time is reached by samples, and there is no antialiasing";
+            return Err(Error::usage(what, "leave out --without antialiasing, or --accuracy and --budget"));
+        }
+        Ok(Taker { subject, watch, clock, start, asked, values, squares, statistics: None })
+    }
+
+    /// The pixels' centres.
+    pub fn take_centres(&mut self) -> Result<Vec<[f32; 3]>> {
+        let mut pixels = self.black();
+        self.render(Sampling { seed: self.asked.seed, ..Sampling::default() }, &|_| true, &mut pixels)?;
+        Ok(pixels)
+    }
+
+    /// The mean of the samples from one number up to another, of the whole picture.
+    pub fn take(&mut self, from: u32, to: u32) -> Result<Vec<[f32; 3]>> {
+        let mut pixels = self.black();
+        self.take_some((from, to), &|_| true, &mut pixels)?;
+        Ok(pixels)
+    }
+
+    /// The same of some squares, into a picture of which the rest stays as it is.
+    pub fn take_some(
+        &mut self,
+        (from, to): (u32, u32),
+        wanted: &(dyn Fn(usize) -> bool + Sync),
+        pixels: &mut [[f32; 3]],
+    ) -> Result<()> {
+        self.render(part_of(&self.asked, from, to), wanted, pixels)
+    }
+
+    pub fn black(&self) -> Vec<[f32; 3]> {
+        vec![[0.0; 3]; self.subject.window.area()]
+    }
+
+    fn render(
+        &mut self,
+        sampling: Sampling,
+        wanted: &(dyn Fn(usize) -> bool + Sync),
+        pixels: &mut [[f32; 3]],
+    ) -> Result<()> {
+        let Subject { world, view, choices, window } = &mut *self.subject;
+        world.sampling = sampling;
+        let plan = Plan::new(world, choices)?;
+        let (window, squares) = (*window, self.squares);
+        let is_wanted = |tile: Window| wanted(squares.at(tile.x - window.x, tile.y - window.y));
+        let (film, statistics): (Film, _) =
+            render_some_as(world, view, &plan, window, self.watch, self.clock, |_, tile| is_wanted(tile))?;
+        match &mut self.statistics {
+            Some(sum) => sum.add(&statistics),
+            none => *none = Some(statistics),
+        }
+        for (y, row) in (0..).zip(pixels.chunks_mut(window.width as usize)) {
+            // The parts of a row are those of tiles.
+            for (i, (own, part)) in (0..).zip(row.chunks_mut(TILE as usize).zip(film.row(y))) {
+                if wanted(squares.at(i * TILE, y)) {
+                    own.copy_from_slice(part);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.statistics.as_ref().is_none_or(|statistics| statistics.non_finite.0 == 0)
+    }
+
+    /// How many samples there is time for, if they take as long as so many took.
+    pub fn samples_in_time(&self, samples: u32, wish: &Wish) -> f64 {
+        let spent = self.start.elapsed().as_secs_f64();
+        let left = wish.seconds.map(|seconds| (seconds - spent).max(0.0));
+        left.map_or(f64::INFINITY, |left| 0.9 * left * f64::from(samples) / spent)
+    }
+
+    /// Whether there is time for so many samples after the first look, which took about two.
+    pub fn has_time_for(&self, samples: u32, wish: &Wish) -> bool {
+        f64::from(samples) <= self.samples_in_time(2, wish)
+    }
+
+    /// The picture, and the plan of it.
+    pub fn done(
+        self,
+        pixels: Vec<[f32; 3]>,
+        samples: u32,
+        estimate: (Metric, f64),
+        end: End,
+    ) -> Result<Chosen> {
+        let seed = self.asked.seed;
+        let Subject { world, choices, .. } = self.subject;
+        world.sampling = match samples {
+            1 => Sampling { seed, ..Sampling::default() },
+            samples => Sampling { first: None, ..part_of(&self.asked, 0, samples) },
+        };
+        let plan = Plan::new(world, choices)?;
+        let Some(statistics) = self.statistics else {
+            let hint = String::new();
+            return Err(Error::Failed { what: "nothing was rendered".into(), hint });
+        };
+        Ok(Chosen { pixels, statistics, plan, samples, estimate, end })
+    }
+}
+
+/// The same sampling, of the samples from one number up to another, the same for all pixels.
+fn part_of(asked: &Sampling, from: u32, to: u32) -> Sampling {
+    let (shape, radius) = asked.shape_and_radius();
+    Sampling {
+        samples: Some(to),
+        first: Some(from),
+        // Said, so that also one sample is one of the filter's and not the pixel's centre.
+        filter: Some(shape),
+        filter_radius: Some(radius),
+        noise: None,
+        min_samples: None,
+        seed: asked.seed,
+    }
+}
