@@ -44,4 +44,6 @@ pub mod render;
 pub mod scene;
 pub mod shading;
 pub mod study;
+#[cfg(feature = "viewer")]
+pub mod viewer;
 pub mod world;

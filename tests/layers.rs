@@ -19,6 +19,7 @@ const ROOMS: &[&str] = &[
     "animation",
     "bench",
     "study",
+    "viewer",
     "cli",
 ];
 

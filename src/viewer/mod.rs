@@ -1,0 +1,1 @@
+//! The window: a scene that one can walk around in, and see what each effect does and costs.
