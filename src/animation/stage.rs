@@ -36,6 +36,8 @@ pub struct Moment {
     pub world: World,
     /// What it is seen by.
     pub camera: Camera,
+    /// All the scene's cameras, and that one where it is another.
+    pub cameras: Vec<Camera>,
     /// How the scene was moved before it was prepared.
     pub range: Option<Range>,
 }
@@ -85,6 +87,11 @@ impl Stage {
         &self.world
     }
 
+    /// How the scene at rest was moved before it was prepared.
+    pub fn range(&self) -> Option<Range> {
+        self.range
+    }
+
     /// What there is at a time, 0 being the beginning and 1 the end.
     ///
     /// # Errors
@@ -98,7 +105,8 @@ impl Stage {
                 *range
             }
         };
-        let camera = scene.cameras.swap_remove(self.camera);
+        let cameras = std::mem::take(&mut scene.cameras);
+        let camera = cameras[self.camera].clone();
         if self.headlight {
             scene.lights.extend(headlight(&camera));
         }
@@ -106,7 +114,7 @@ impl Stage {
             Some(structure) => self.world.prepare_another(scene, structure),
             None => self.world.under(scene.lights),
         };
-        Ok(Moment { world, camera, range })
+        Ok(Moment { world, camera, cameras, range })
     }
 }
 

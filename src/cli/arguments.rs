@@ -13,7 +13,7 @@ use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
 
 /// What there is to see, and how: what every command that makes pictures is told.
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct Arguments {
     /// Files to put into one scene: .toml, .obj, .gltf, .glb; `-` for a scene file or GLB on standard input
     #[arg(required = true, value_name = "INPUT")]

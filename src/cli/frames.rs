@@ -159,7 +159,7 @@ impl Frames {
     /// Everything that the picture of a frame takes: the same, to the bit, whichever other frames there are.
     pub fn ready(&self, frame: i32) -> Result<Ready> {
         let Some(stage) = &self.stage else { unreachable!("there is a frame to make") };
-        let Moment { world, camera, range } = stage.at(self.timeline.time(frame))?;
+        let Moment { world, camera, range, .. } = stage.at(self.timeline.time(frame))?;
         let Described { projection, size, window, choices, pipeline, settings, .. } = &self.shared;
         let view = View::new(&camera, *projection, *size)?;
         let plan = Plan::new(&world, choices)?;

@@ -23,6 +23,8 @@ mod sampling;
 mod statistics;
 mod study;
 mod verify;
+#[cfg(feature = "viewer")]
+mod view;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -52,6 +54,9 @@ enum Command {
     Render(Box<render::Command>),
     /// Make a film of an animation, or a turntable of a mesh
     Animate(Box<animate::Command>),
+    /// Open a window on files, to look around in them
+    #[cfg(feature = "viewer")]
+    View(Box<view::Command>),
     /// Put together the parts of a picture that `kiln render --shard` made
     Merge(merge::Command),
     /// List the frames that are missing, broken, or of other settings
@@ -92,6 +97,8 @@ pub fn main() -> ExitCode {
         let done = match arguments.command {
             Command::Render(arguments) => render::run(&arguments, interrupted),
             Command::Animate(arguments) => animate::run(&arguments, interrupted),
+            #[cfg(feature = "viewer")]
+            Command::View(arguments) => view::run(&arguments),
             Command::Merge(arguments) => merge::run(&arguments),
             Command::Verify(arguments) => return verify::run(&arguments),
             Command::Explain(arguments) => explain::run(&arguments, interrupted),

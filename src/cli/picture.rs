@@ -14,7 +14,7 @@ use crate::world::{StandardView, fitted_camera};
 const DEFAULT_SIZE: [u32; 2] = [1024, 1024];
 
 /// Where the picture is seen from.
-enum Choice<'a> {
+pub enum Choice<'a> {
     Camera(&'a Camera),
     Fitted(StandardView),
 }
@@ -26,7 +26,7 @@ pub fn choose(arguments: &Arguments, scene: &Scene) -> Result<(Camera, [u32; 2])
         Choice::Camera(camera) => size_like(camera),
         Choice::Fitted(_) => None,
     };
-    let size = arguments.size.or(scene.size).or(shape).unwrap_or(DEFAULT_SIZE);
+    let size = size_or_usual(arguments, scene, shape);
     let camera = match choice {
         Choice::Camera(camera) => camera.clone(),
         Choice::Fitted(view) => {
@@ -54,7 +54,7 @@ pub fn choose_for_frames(arguments: &Arguments, scene: &mut Scene) -> Result<(Ca
         Choice::Camera(camera) => (Some(camera.clone()), StandardView::Auto),
         Choice::Fitted(view) => (None, view),
     };
-    let size = arguments.size.or(scene.size).or(camera.as_ref().and_then(size_like)).unwrap_or(DEFAULT_SIZE);
+    let size = size_or_usual(arguments, scene, camera.as_ref().and_then(size_like));
     let aspect = f64::from(size[0]) / f64::from(size[1]);
     let projection = arguments.projection().unwrap_or(Projection::Perspective);
     let camera = turntable(scene, camera, view, aspect, projection).map_err(|e| match e {
@@ -66,7 +66,26 @@ pub fn choose_for_frames(arguments: &Arguments, scene: &mut Scene) -> Result<(Ca
     Ok((camera, size))
 }
 
-fn choice<'a>(arguments: &Arguments, scene: &'a Scene) -> Result<Choice<'a>> {
+/// The size that is asked for, by the user, the scene, or the shape of its camera.
+fn size_or_usual(arguments: &Arguments, scene: &Scene, shape: Option<[u32; 2]>) -> [u32; 2] {
+    arguments.size.or(scene.size).or(shape).unwrap_or(DEFAULT_SIZE)
+}
+
+/// The size of the picture for a choice of where it is seen from.
+#[cfg(feature = "viewer")]
+pub fn size(arguments: &Arguments, scene: &Scene, choice: &Choice) -> [u32; 2] {
+    let shape = match choice {
+        Choice::Camera(camera) => size_like(camera),
+        Choice::Fitted(_) => None,
+    };
+    size_or_usual(arguments, scene, shape)
+}
+
+/// Where the user wants the picture to be seen from.
+///
+/// # Errors
+/// [`Error::Usage`] where there is no such camera.
+pub fn choice<'a>(arguments: &Arguments, scene: &'a Scene) -> Result<Choice<'a>> {
     if let Some(name) = &arguments.view {
         let view = StandardView::ALL.into_iter().find(|view| view.name() == name);
         return Ok(Choice::Fitted(view.unwrap_or(StandardView::Auto)));

@@ -8,7 +8,7 @@ use crate::film::FilterShape;
 use crate::scene::Sampling;
 use crate::study::choose::{Metric, Wish};
 
-#[derive(Args)]
+#[derive(Args, Clone)]
 pub struct SamplingArguments {
     /// Samples a pixel; with --noise the most of them [default: the scene's, or 1 at the pixel's centre]
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = parse_samples)]

@@ -40,9 +40,10 @@ pub const EFFECT: Effect = Effect {
     rays: &[RAYS],
     value: Some(Value {
         meaning: "rule for stopping",
-        check: |value| match value {
-            EVERY_BOUNCE => Ok(()),
-            _ => Err(format!("only `{EVERY_BOUNCE}` is one")),
+        check: |value| match value.parse::<u32>() {
+            Ok(1..) => Ok(()),
+            _ if value == EVERY_BOUNCE => Ok(()),
+            _ => Err(format!("give the most bounces, a number from 1, or `{EVERY_BOUNCE}`")),
         },
     }),
     called_for: |world: &World| {
@@ -51,12 +52,14 @@ pub const EFFECT: Effect = Effect {
         named("material", &names).ok_or_else(|| "no object is of a glazed material".into())
     },
     outline: |asked, outline| {
-        outline.leaving = outline.leaving.max(most_bounces(asked.world));
+        outline.leaving = outline.leaving.max(most_bounces(asked));
         outline.further = Some(Further { kind: RAYS, hits: "glaze hits", effect: NAME });
     },
     stages: |asked: &Asked, hook| match hook {
-        Hook::AfterShading(Depth::Further) if most_bounces(asked.world) < 2 => Vec::new(),
-        Hook::AfterShading(_) => vec![Box::new(Reflect { least: least_weight(asked) })],
+        Hook::AfterShading(Depth::Further) if most_bounces(asked) < 2 => Vec::new(),
+        Hook::AfterShading(_) => {
+            vec![Box::new(Reflect { least: least_weight(asked), most: most_bounces(asked) })]
+        }
         Hook::AfterLevels => vec![Box::new(Combine)],
         _ => Vec::new(),
     },
@@ -80,8 +83,8 @@ fn least_weight(asked: &Asked) -> f64 {
     let world = asked.world;
     let weights = world.materials_in_use().filter_map(|(_, material)| Some(mirror(material)?.weight));
     // Of the path to the last surface that could send a ray.
-    let least = weights.fold(0.0, f64::max).powf(f64::from(most_bounces(world).saturating_sub(1)));
-    let never = asked.value.is_some() || world.pipeline == ColourPipeline::U8 || least >= LEAST_WEIGHT;
+    let least = weights.fold(0.0, f64::max).powf(f64::from(most_bounces(asked).saturating_sub(1)));
+    let never = asked.value.as_deref() == Some(EVERY_BOUNCE) || world.pipeline == ColourPipeline::U8 || least >= LEAST_WEIGHT;
     if never { 0.0 } else { LEAST_WEIGHT }
 }
 
@@ -90,14 +93,11 @@ fn mirror(material: &LoweredMaterial) -> Option<&Glaze> {
     material.glaze().filter(|glaze| glaze.bounces > 0 && glaze.weight > 0.0)
 }
 
-/// The most bounces that any material asks for.
-fn most_bounces(world: &World) -> u32 {
-    world
-        .materials_in_use()
-        .filter_map(|(_, material)| mirror(material))
-        .map(|glaze| glaze.bounces)
-        .max()
-        .unwrap_or(0)
+/// The most bounces that any path has: what materials ask for, no more than was allowed.
+fn most_bounces(asked: &Asked) -> u32 {
+    let mirrors = asked.world.materials_in_use().filter_map(|(_, material)| mirror(material));
+    let allowed = asked.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(u32::MAX);
+    mirrors.map(|glaze| glaze.bounces).max().unwrap_or(0).min(allowed)
 }
 
 /// What sending rays out takes.
@@ -115,6 +115,8 @@ struct Buffers {
 struct Reflect {
     /// Paths of less weight stop.
     least: f64,
+    /// Paths of so many bounces stop, whatever materials ask for.
+    most: u32,
 }
 
 impl Stage for Reflect {
@@ -123,16 +125,16 @@ impl Stage for Reflect {
     }
 
     fn run(&self, tile: &mut Tile, context: &Context) {
-        tile.with(|own: &mut Buffers, tile| reflect(own, self.least, tile, context.world));
+        tile.with(|own: &mut Buffers, tile| reflect(own, self, tile, context.world));
     }
 }
 
-fn reflect(own: &mut Buffers, least: f64, tile: &mut Tile, world: &World) {
+fn reflect(own: &mut Buffers, &Reflect { least, most }: &Reflect, tile: &mut Tile, world: &World) {
     let glazed = &mut own.glazed;
     let (depth, surfaces) = (tile.depth, &tile.levels[tile.depth].surfaces);
     glazed.clear();
     for (material, range) in surfaces.by_material() {
-        if mirror(&world.materials[*material as usize]).is_some_and(|glaze| depth < glaze.bounces as usize) {
+        if mirror(&world.materials[*material as usize]).is_some_and(|glaze| depth < glaze.bounces.min(most) as usize) {
             match glazed.last_mut() {
                 Some(last) if last.end == range.start => last.end = range.end,
                 _ => glazed.push(range.clone()),

@@ -65,6 +65,21 @@ impl Sampling {
         (shape, self.filter_radius.unwrap_or(shape.usual_radius()))
     }
 
+    /// The same sampling, of the samples from one number up to another, the same for all pixels: of parts that follow on each
+    /// other, the mean, weighted by their numbers, is that of all. Also one sample is one of the filter's and not the pixel's centre.
+    pub fn part(&self, from: u32, to: u32) -> Sampling {
+        let (shape, radius) = self.shape_and_radius();
+        Sampling {
+            samples: Some(to),
+            first: Some(from),
+            filter: Some(shape),
+            filter_radius: Some(radius),
+            noise: None,
+            min_samples: None,
+            seed: self.seed,
+        }
+    }
+
     /// What made a picture of more than its pixels' centres, for its metadata; nothing for others.
     pub fn settings(&self) -> Vec<(String, String)> {
         if !self.is_wanted() {

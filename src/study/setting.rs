@@ -104,8 +104,9 @@ impl Setting {
         match self.bounces {
             None => {}
             Some(0) => without.push("glaze"),
-            // Bounces are the material's, and no option's.
-            Some(_) => return None,
+            // Said once already, in a value of its own, it cannot be said again.
+            Some(_) if asked.scene.get("glaze").is_some() => return None,
+            Some(most) => options.push(format!("--with glaze={most}")),
         }
         for name in without {
             // Asked for and not: one of the two would have to go.

@@ -59,7 +59,7 @@ impl Range {
                 }
             }
         }
-        scene.cameras.iter_mut().for_each(|camera| self.move_camera(camera));
+        scene.cameras.iter_mut().for_each(|camera| *camera = self.moved(camera));
         for light in &mut scene.lights {
             match &mut light.kind {
                 LightKind::Directional { .. } => {}
@@ -74,12 +74,28 @@ impl Range {
         }
     }
 
-    fn move_camera(&self, camera: &mut Camera) {
-        camera.position = (camera.position - self.middle) * self.scale;
-        camera.target = (camera.target - self.middle) * self.scale;
-        camera.view_height *= self.scale;
-        camera.view_width = camera.view_width.map(|width| width * self.scale);
-        camera.viewpoint_distance *= self.scale;
+    /// A camera of the scene as it was described, for the scene as it is now.
+    pub fn moved(&self, camera: &Camera) -> Camera {
+        Camera {
+            position: (camera.position - self.middle) * self.scale,
+            target: (camera.target - self.middle) * self.scale,
+            view_height: camera.view_height * self.scale,
+            view_width: camera.view_width.map(|width| width * self.scale),
+            viewpoint_distance: camera.viewpoint_distance * self.scale,
+            ..camera.clone()
+        }
+    }
+
+    /// A camera of the scene as it is now, for the scene as it was described.
+    pub fn moved_back(&self, camera: &Camera) -> Camera {
+        Camera {
+            position: camera.position / self.scale + self.middle,
+            target: camera.target / self.scale + self.middle,
+            view_height: camera.view_height / self.scale,
+            view_width: camera.view_width.map(|width| width / self.scale),
+            viewpoint_distance: camera.viewpoint_distance / self.scale,
+            ..camera.clone()
+        }
     }
 }
 

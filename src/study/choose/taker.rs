@@ -33,7 +33,7 @@ impl<'a, 'b> Taker<'a, 'b> {
         };
         let squares = Squares::new(subject.window.width, subject.window.height);
         let start = Instant::now();
-        subject.world.sampling = part_of(&asked, 0, 1);
+        subject.world.sampling = asked.part(0, 1);
         if !Plan::new(subject.world, subject.choices)?.effects_on().any(|effect| effect == "antialiasing") {
             let what = "an error or a time is reached by samples, and there is no antialiasing";
             return Err(Error::usage(what, "leave out --without antialiasing, or --accuracy and --budget"));
@@ -62,7 +62,7 @@ impl<'a, 'b> Taker<'a, 'b> {
         wanted: &(dyn Fn(usize) -> bool + Sync),
         pixels: &mut [[f32; 3]],
     ) -> Result<()> {
-        self.render(part_of(&self.asked, from, to), wanted, pixels)
+        self.render(self.asked.part(from, to), wanted, pixels)
     }
 
     pub fn black(&self) -> Vec<[f32; 3]> {
@@ -125,7 +125,7 @@ impl<'a, 'b> Taker<'a, 'b> {
         let Subject { world, choices, .. } = self.subject;
         world.sampling = match samples {
             1 => Sampling { seed, ..Sampling::default() },
-            samples => Sampling { first: None, ..part_of(&self.asked, 0, samples) },
+            samples => Sampling { first: None, ..self.asked.part(0, samples) },
         };
         let plan = Plan::new(world, choices)?;
         let Some(statistics) = self.statistics else {
@@ -133,20 +133,5 @@ impl<'a, 'b> Taker<'a, 'b> {
             return Err(Error::Failed { what: "nothing was rendered".into(), hint });
         };
         Ok(Chosen { pixels, statistics, plan, samples, estimate, end })
-    }
-}
-
-/// The same sampling, of the samples from one number up to another, the same for all pixels.
-fn part_of(asked: &Sampling, from: u32, to: u32) -> Sampling {
-    let (shape, radius) = asked.shape_and_radius();
-    Sampling {
-        samples: Some(to),
-        first: Some(from),
-        // Said, so that also one sample is one of the filter's and not the pixel's centre.
-        filter: Some(shape),
-        filter_radius: Some(radius),
-        noise: None,
-        min_samples: None,
-        seed: asked.seed,
     }
 }

@@ -1,0 +1,88 @@
+//! `kiln view`: the window.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+
+use super::arguments::{self, Arguments};
+use super::picture::{self, Choice};
+use crate::effects::{Choices, check_scene};
+use crate::error::{Error, Result, Warnings};
+use crate::import;
+use crate::viewer::{self, From, Opened, Settings, Start};
+
+#[derive(Args)]
+pub struct Command {
+    #[command(flatten)]
+    what: Arguments,
+    /// Write what happens in the window, and when, to a file: a line of JSON each
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
+    /// Measure the pauses of the interface for so many seconds, print the longest, and close the window
+    #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = crate::cli::numbers::whole(1..=3600u16))]
+    pauses: Option<u16>,
+}
+
+pub fn run(command: &Command) -> Result<()> {
+    let Command { what, trace, pauses } = command;
+    arguments::check(what)?;
+    if what.crop.is_some() {
+        return Err(Error::usage("--crop has no meaning in a window", "leave it out"));
+    }
+    if what.inputs.iter().any(|input| input == Path::new("-")) {
+        return Err(Error::usage("a window cannot show standard input", "give a file, which it can read again"));
+    }
+    let threads = super::pool(what.threads)?;
+    let own = what.clone();
+    viewer::run(Start {
+        inputs: what.inputs.clone(),
+        open: Box::new(move |inputs, warnings| open(&own, inputs, warnings)),
+        size: what.size,
+        threads,
+        trace: trace.clone(),
+        pauses: pauses.map(|seconds| Duration::from_secs(seconds.into())),
+        remembers: pauses.is_none(),
+    })
+}
+
+/// Reads files, and finds out how they are first looked at: as `kiln render` would show them.
+fn open(arguments: &Arguments, inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Opened> {
+    let mut arguments = arguments.clone();
+    if arguments.inputs != inputs {
+        // Files that were dropped onto the window have other cameras.
+        (arguments.camera, arguments.view) = (None, None);
+        arguments.inputs = inputs.to_vec();
+    }
+    let mut scene = import::load(inputs, warnings)?;
+    check_scene(&scene.effects)?;
+    if scene.bounds().is_none() {
+        let file = inputs.first().map_or(Path::new("-"), PathBuf::as_path);
+        let hint = "`kiln info` says what the file holds";
+        return Err(Error::input(file, "there is nothing in it to look at", hint));
+    }
+    let choice = picture::choice(&arguments, &scene)?;
+    let size = picture::size(&arguments, &scene, &choice);
+    let from = match choice {
+        Choice::Fitted(view) => From::Fitted(view),
+        Choice::Camera(camera) => match scene.cameras.iter().position(|own| own == camera) {
+            Some(index) => From::Scene(index),
+            None => From::Free(camera.clone()),
+        },
+    };
+    let settings = Settings {
+        choices: Choices {
+            shading: arguments.shading(),
+            scene: std::mem::take(&mut scene.effects),
+            with: arguments.with.clone(),
+            without: arguments.without.clone(),
+            even_idle: false,
+        },
+        numerics: arguments.numerics().or(scene.numerics).unwrap_or_default(),
+        pipeline: arguments.colour().or(scene.colour).unwrap_or_default(),
+        sampling: arguments.sampling.said().or(scene.sampling),
+    };
+    let projection = arguments.projection();
+    let preset = arguments.preset();
+    Ok(Opened { scene, from, projection, size, settings, preset, files: inputs.to_vec() })
+}

@@ -1,0 +1,177 @@
+//! The picture in the window: what was painted last, and the mouse over it.
+
+use std::sync::Arc;
+
+use egui::{Color32, CursorIcon, PointerButton, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, pos2, vec2};
+use glam::DVec2;
+
+use super::controls::Controls;
+use super::navigate;
+use super::painter::{Painted, Prepared};
+
+/// Radians that a drag across the whole height turns the camera by.
+const TURN: f64 = std::f64::consts::PI;
+
+/// Points of the wheel that zoom by a factor of e.
+const WHEEL: f64 = 400.0;
+
+/// How near to the line between two sides the mouse takes hold of it, in points.
+const HOLD: f32 = 6.0;
+
+/// A picture on the graphics card.
+struct Shown {
+    texture: TextureHandle,
+    painted: Box<Painted>,
+}
+
+/// The picture's place in the window.
+#[derive(Default)]
+pub struct Canvas {
+    sides: [Option<Shown>; 2],
+    /// Its rectangle, in points.
+    rect: Option<Rect>,
+    /// Whether the line between the sides is being dragged.
+    drags_line: bool,
+}
+
+/// What was done with the mouse, beyond moving the camera.
+#[derive(Default)]
+pub struct Done {
+    /// A pixel was clicked.
+    pub clicked: Option<[u32; 2]>,
+    /// One was clicked twice.
+    pub focused: Option<[u32; 2]>,
+}
+
+impl Canvas {
+    /// Takes a picture.
+    pub fn take(&mut self, context: &egui::Context, painted: Box<Painted>) {
+        let options = if painted.factor == 1 { TextureOptions::NEAREST } else { TextureOptions::LINEAR };
+        let image = Arc::clone(&painted.image);
+        let side = &mut self.sides[painted.side];
+        match side {
+            Some(shown) => {
+                shown.texture.set(image, options);
+                shown.painted = painted;
+            }
+            None => {
+                let texture = context.load_texture("picture", image, options);
+                *side = Some(Shown { texture, painted });
+            }
+        }
+    }
+
+    /// What was painted last of a side.
+    pub fn painted(&self, side: usize) -> Option<&Painted> {
+        self.sides[side].as_ref().map(|shown| &*shown.painted)
+    }
+
+    /// What it was made with.
+    pub fn prepared(&self, side: usize) -> Option<&Arc<Prepared>> {
+        self.painted(side).map(|painted| &painted.prepared)
+    }
+
+    /// There is one side no more.
+    pub fn forget(&mut self, side: usize) {
+        self.sides[side] = None;
+    }
+
+    /// The picture's rectangle in points.
+    pub fn rect(&self) -> Option<Rect> {
+        self.rect
+    }
+
+    /// The side whose picture is at a place.
+    pub fn side_at(&self, place: Pos2, controls: &Controls) -> usize {
+        let line = self.rect.map_or(0.0, |rect| rect.left() + controls.split * rect.width());
+        usize::from(controls.sides.len() > 1 && place.x >= line)
+    }
+
+    /// Shows the pictures in all the room there is, and moves the camera with the mouse. Returns the size of the picture for that
+    /// room in pixels of the screen, and what else was done.
+    pub fn show(&mut self, ui: &mut Ui, controls: &mut Controls) -> ([u32; 2], Done) {
+        let scale = ui.ctx().pixels_per_point();
+        let room = ui.available_rect_before_wrap();
+        // Whole pixels of the screen: what was rendered is what is seen.
+        let min = pos2((room.min.x * scale).ceil(), (room.min.y * scale).ceil());
+        let size = vec2((room.max.x * scale).floor() - min.x, (room.max.y * scale).floor() - min.y);
+        let size = size.max(vec2(1.0, 1.0));
+        let rect = Rect::from_min_size(pos2(min.x / scale, min.y / scale), size / scale);
+        self.rect = Some(rect);
+        let response = ui.interact(rect, ui.scope_id().with("canvas"), Sense::click_and_drag());
+        let done = self.mouse(ui, &response, controls);
+        self.paint(ui, rect, controls);
+        ([size.x as u32, size.y as u32], done)
+    }
+
+    fn paint(&self, ui: &Ui, rect: Rect, controls: &Controls) {
+        let painter = ui.painter_at(rect);
+        let line = rect.left() + controls.split * rect.width();
+        let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+        if let Some(shown) = &self.sides[0] {
+            painter.image(shown.texture.id(), rect, whole, Color32::WHITE);
+        }
+        if controls.sides.len() > 1 {
+            if let Some(shown) = &self.sides[1] {
+                let right = Rect::from_min_max(pos2(line, rect.top()), rect.max);
+                let part = Rect::from_min_max(pos2(controls.split, 0.0), pos2(1.0, 1.0));
+                painter.image(shown.texture.id(), right, part, Color32::WHITE);
+            }
+            painter.vline(line, rect.y_range(), (3.0, Color32::from_black_alpha(160)));
+            painter.vline(line, rect.y_range(), (1.0, Color32::WHITE));
+        }
+    }
+
+    /// The pixel of the picture at a place in the window.
+    fn pixel(&self, place: Pos2) -> Option<[u32; 2]> {
+        let rect = self.rect?;
+        let size = self.prepared(0)?.view.size();
+        let share = (place - rect.min) / rect.size();
+        let inside = (0.0..1.0).contains(&share.x) && (0.0..1.0).contains(&share.y);
+        inside.then(|| [(share.x * size[0] as f32) as u32, (share.y * size[1] as f32) as u32])
+    }
+
+    fn mouse(&mut self, ui: &Ui, response: &Response, controls: &mut Controls) -> Done {
+        let Some(rect) = self.rect else { return Done::default() };
+        let seen = self.prepared(0).map(|prepared| prepared.camera.clone());
+        let seen = seen.as_ref();
+        let line = rect.left() + controls.split * rect.width();
+        let near = |place: Pos2| controls.sides.len() > 1 && (place.x - line).abs() <= HOLD;
+        let hovers_line = response.hover_pos().is_some_and(near);
+        if response.drag_started() {
+            let origin = ui.input(|input| input.pointer.press_origin());
+            self.drags_line = origin.is_some_and(near);
+        }
+        if hovers_line || (self.drags_line && response.dragged()) {
+            ui.ctx().set_cursor_icon(CursorIcon::ResizeHorizontal);
+        }
+        let delta = response.drag_delta();
+        let by = DVec2::new(f64::from(delta.x), f64::from(delta.y)) / f64::from(rect.height());
+        let modifiers = ui.input(|input| input.modifiers);
+        if response.dragged() && self.drags_line {
+            if let Some(place) = response.interact_pointer_pos() {
+                controls.split = ((place.x - rect.left()) / rect.width()).clamp(0.0, 1.0);
+            }
+        } else if response.dragged() && by != DVec2::ZERO {
+            let up = DVec2::new(by.x, -by.y);
+            let pans = modifiers.shift || !response.dragged_by(PointerButton::Primary);
+            controls.navigate(seen, |camera| match (pans, modifiers.command) {
+                (true, _) => navigate::pan(camera, up),
+                (false, true) => navigate::look_around(camera, up),
+                (false, false) => navigate::orbit(camera, DVec2::new(-up.x, -up.y) * TURN),
+            });
+        }
+        if response.hovered() {
+            let (wheel, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
+            if wheel != 0.0 || pinch != 1.0 {
+                let factor = f64::from(pinch) * (f64::from(wheel) / WHEEL).exp();
+                controls.navigate(seen, |camera| navigate::zoom(camera, factor));
+            }
+        }
+        let pixel = response.interact_pointer_pos().and_then(|place| self.pixel(place));
+        Done {
+            clicked: pixel.filter(|_| response.clicked()),
+            focused: pixel.filter(|_| response.double_clicked()),
+        }
+    }
+}

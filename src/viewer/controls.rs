@@ -1,0 +1,236 @@
+//! What the user has chosen to see: the interface changes this, and an order follows from it.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::{DVec2, DVec3};
+
+use super::false_colour::Shown;
+use super::look::{From, Opened, Order, Settings};
+use super::navigate;
+use crate::scene::animation::Timeline;
+use crate::scene::{Camera, Numerics, Projection};
+use crate::shading::ShadingMode;
+use crate::world::StandardView;
+
+/// Lengths of the distance to the target that are flown in a second.
+const SPEED: f64 = 0.5;
+
+/// Radians that keys orbit in a second.
+const TURN: f64 = 1.2;
+
+/// Everything that can be chosen.
+pub struct Controls {
+    /// Where it is seen from.
+    pub from: From,
+    /// The projection, instead of the camera's own.
+    pub projection: Option<Projection>,
+    /// The moment of the animation, 0 being the beginning and 1 the end.
+    pub time: f64,
+    /// Since when it plays, and from where.
+    pub playing: Option<(Instant, f64)>,
+    /// What is shown.
+    pub shown: Shown,
+    /// How it is computed, in one or two ways.
+    pub sides: Vec<Settings>,
+    /// Which of them the panel changes.
+    pub side: usize,
+    /// Where the line between two sides is: the share of the width left of it.
+    pub split: f32,
+    /// What the files said when they were opened.
+    start: (From, Option<Projection>, Settings),
+}
+
+impl Controls {
+    /// As files are first looked at.
+    pub fn new(opened: &Opened) -> Self {
+        let Opened { from, projection, settings, .. } = opened;
+        Controls {
+            from: from.clone(),
+            projection: *projection,
+            time: 0.0,
+            playing: None,
+            shown: Shown::default(),
+            sides: vec![settings.clone()],
+            side: 0,
+            split: 0.5,
+            start: (from.clone(), *projection, settings.clone()),
+        }
+    }
+
+    /// The files have changed: what the user chose stays, what was the files' own follows them.
+    pub fn reopened(&mut self, opened: &Opened) {
+        let (from, projection, settings) = &self.start;
+        let gone = matches!(self.from, From::Scene(index) if index >= opened.scene.cameras.len());
+        if self.from == *from || gone {
+            self.from = opened.from.clone();
+        }
+        if self.projection == *projection {
+            self.projection = opened.projection;
+        }
+        for side in &mut self.sides {
+            let new = &opened.settings;
+            side.choices.scene = new.choices.scene.clone();
+            follow(&mut side.choices.shading, settings.choices.shading, new.choices.shading);
+            follow(&mut side.numerics, settings.numerics, new.numerics);
+            follow(&mut side.pipeline, settings.pipeline, new.pipeline);
+            follow(&mut side.sampling, settings.sampling, new.sampling);
+        }
+        if opened.scene.animation.is_none() {
+            (self.time, self.playing) = (0.0, None);
+        }
+        self.start = (opened.from.clone(), opened.projection, opened.settings.clone());
+    }
+
+    /// The settings that the panel changes.
+    pub fn settings(&mut self) -> &mut Settings {
+        &mut self.sides[self.side]
+    }
+
+    /// The order that follows.
+    pub fn order(&self, opened: &Arc<Opened>, size: [u32; 2]) -> Order {
+        Order {
+            opened: Arc::clone(opened),
+            size,
+            from: self.from.clone(),
+            projection: self.projection,
+            time: self.time,
+            shown: self.shown,
+            sides: self.sides.clone(),
+        }
+    }
+
+    /// Moves the camera, which was last seen as `seen`.
+    pub fn navigate(&mut self, seen: Option<&Camera>, how: impl FnOnce(&mut Camera)) {
+        let camera = match &self.from {
+            From::Free(camera) => Some(camera),
+            _ => seen,
+        };
+        if let Some(camera) = camera {
+            let mut moved = camera.clone();
+            moved.projection = self.projection.unwrap_or(moved.projection);
+            how(&mut moved);
+            self.from = From::Free(moved);
+        }
+    }
+
+    /// Flies and turns by keys that were held for so many seconds.
+    pub fn drive(&mut self, seen: Option<&Camera>, fly: DVec3, orbit: DVec2, seconds: f64, fast: bool) {
+        let speed = if fast { 4.0 * SPEED } else { SPEED };
+        self.navigate(seen, |camera| {
+            if fly != DVec3::ZERO {
+                navigate::fly(camera, fly * speed * seconds);
+            }
+            if orbit != DVec2::ZERO {
+                navigate::orbit(camera, orbit * TURN * seconds);
+            }
+        });
+    }
+
+    /// The other projection than that which is seen.
+    pub fn switch_projection(&mut self, seen: Option<&Camera>) {
+        let own = match (&self.from, seen) {
+            (From::Free(camera), _) | (_, Some(camera)) => camera.projection,
+            _ => Projection::Perspective,
+        };
+        self.projection = Some(match self.projection.unwrap_or(own) {
+            Projection::Perspective => Projection::Orthographic,
+            Projection::Orthographic => Projection::Perspective,
+        });
+    }
+
+    /// Back to where it was first seen from.
+    pub fn reset_camera(&mut self) {
+        (self.from, self.projection) = (self.start.0.clone(), self.start.1);
+    }
+
+    /// Seen from a standard side, all of it.
+    pub fn stand(&mut self, view: StandardView) {
+        self.from = From::Fitted(view);
+    }
+
+    /// The next camera of the scene.
+    pub fn next_camera(&mut self, count: usize) {
+        if count > 0 {
+            let next = match self.from {
+                From::Scene(index) => (index + 1) % count,
+                _ => 0,
+            };
+            (self.from, self.projection) = (From::Scene(next), None);
+        }
+    }
+
+    /// The next shading mode.
+    pub fn next_shading(&mut self) {
+        let modes = [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Phong];
+        let shading = &mut self.settings().choices.shading;
+        *shading = next(&modes, *shading);
+    }
+
+    /// The next tier.
+    pub fn next_tier(&mut self) {
+        let numerics = &mut self.settings().numerics;
+        *numerics = next(&Numerics::ALL, *numerics);
+    }
+
+    /// Beside a second setting, or alone.
+    pub fn switch_comparison(&mut self) {
+        match self.sides.len() {
+            1 => {
+                self.sides.push(self.sides[0].clone());
+                self.side = 1;
+            }
+            _ => {
+                self.sides.truncate(1);
+                self.side = 0;
+            }
+        }
+    }
+
+    /// Goes on or stops.
+    pub fn play(&mut self) {
+        self.playing = match self.playing {
+            Some(_) => None,
+            None => Some((Instant::now(), self.time)),
+        };
+    }
+
+    /// Goes to a frame, which is brought into the animation.
+    pub fn go_to(&mut self, timeline: &Timeline, frame: i32) {
+        self.time = timeline.time(frame.rem_euclid(timeline.last() + 1));
+        if self.playing.is_some() {
+            self.playing = Some((Instant::now(), self.time));
+        }
+    }
+
+    /// Brings the time of what plays up to now, to a whole frame; from the end on it begins again.
+    pub fn advance(&mut self, timeline: &Timeline, duration: f64) {
+        let Some((since, from)) = self.playing else { return };
+        let passed = since.elapsed().as_secs_f64() / duration;
+        let frames = f64::from(timeline.last() + 1);
+        let at = (frame_of(timeline, from) + passed * timeline.fps() * duration).rem_euclid(frames);
+        self.time = timeline.time(at as i32);
+    }
+
+    /// The frame that is shown.
+    pub fn frame(&self, timeline: &Timeline) -> i32 {
+        frame_of(timeline, self.time).round() as i32
+    }
+}
+
+fn frame_of(timeline: &Timeline, time: f64) -> f64 {
+    time / timeline.time(1)
+}
+
+/// What was as the files said goes on as they say now.
+fn follow<T: PartialEq + Copy>(value: &mut T, old: T, new: T) {
+    if *value == old {
+        *value = new;
+    }
+}
+
+/// The one after `value`, in turns.
+pub fn next<T: PartialEq + Copy>(all: &[T], value: T) -> T {
+    let at = all.iter().position(|other| *other == value).map_or(0, |at| at + 1);
+    all[at % all.len()]
+}

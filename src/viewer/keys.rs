@@ -1,0 +1,179 @@
+//! The keys: one table for what they do and for what `?` lists.
+
+use egui::{InputState, Key, Modifiers};
+
+/// What a key does at once.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Action {
+    /// The other projection.
+    Projection,
+    /// Where it was first seen from.
+    Reset,
+    /// All of the scene in the picture, seen from where it is.
+    Fit,
+    /// A standard view.
+    Standard(crate::world::StandardView),
+    /// The next camera of the scene.
+    NextCamera,
+    /// The next thing to be shown of the picture.
+    NextShown,
+    /// Beside a second setting, or alone.
+    Compare,
+    /// The next tier of numerics.
+    NextTier,
+    /// The next shading mode.
+    NextShading,
+    /// An effect on or off, by its place in the panel from 0.
+    Effect(usize),
+    /// The animation goes on or stops.
+    Play,
+    /// So many frames forwards.
+    Step(i32),
+    /// The animation's first frame.
+    Rewind,
+    /// Saves the picture.
+    SavePicture,
+    /// Saves the camera.
+    SaveCamera,
+    /// Copies the command line.
+    CopyCommand,
+    /// Reads the files again.
+    Reload,
+    /// Shows or hides the panel.
+    Panel,
+    /// The whole screen or a window.
+    FullScreen,
+    /// Dark, light, or as the system has it.
+    Theme,
+    /// The list of keys.
+    Help,
+    /// Closes what is open.
+    Close,
+}
+
+use crate::world::StandardView::{Back, Bottom, Front, Iso, Left, Right, Top};
+
+/// A key with its modifiers, what it does, and how the list says it.
+pub struct Binding {
+    modifiers: Modifiers,
+    key: Key,
+    action: Action,
+}
+
+const fn plain(key: Key, action: Action) -> Binding {
+    Binding { modifiers: Modifiers::NONE, key, action }
+}
+
+const fn shift(key: Key, action: Action) -> Binding {
+    Binding { modifiers: Modifiers::SHIFT, key, action }
+}
+
+const fn control(key: Key, action: Action) -> Binding {
+    Binding { modifiers: Modifiers::COMMAND, key, action }
+}
+
+/// Those with modifiers first: a key alone takes them, too.
+const BINDINGS: &[Binding] = &[
+    control(Key::S, Action::SavePicture),
+    control(Key::K, Action::SaveCamera),
+    control(Key::L, Action::CopyCommand),
+    control(Key::Num1, Action::Standard(Back)),
+    control(Key::Num3, Action::Standard(Left)),
+    control(Key::Num7, Action::Standard(Bottom)),
+    plain(Key::Enter, Action::Projection),
+    plain(Key::Num1, Action::Standard(Front)),
+    plain(Key::Num3, Action::Standard(Right)),
+    plain(Key::Num5, Action::Projection),
+    plain(Key::Num7, Action::Standard(Top)),
+    plain(Key::Num9, Action::Standard(Iso)),
+    plain(Key::R, Action::Reset),
+    plain(Key::Home, Action::Reset),
+    plain(Key::F, Action::Fit),
+    plain(Key::C, Action::NextCamera),
+    plain(Key::V, Action::NextShown),
+    plain(Key::X, Action::Compare),
+    plain(Key::N, Action::NextTier),
+    plain(Key::M, Action::NextShading),
+    plain(Key::F1, Action::Help),
+    plain(Key::F2, Action::Effect(0)),
+    plain(Key::F3, Action::Effect(1)),
+    plain(Key::F4, Action::Effect(2)),
+    plain(Key::F5, Action::Reload),
+    plain(Key::F6, Action::Effect(3)),
+    plain(Key::F7, Action::Effect(4)),
+    plain(Key::F8, Action::Effect(5)),
+    plain(Key::F9, Action::Effect(6)),
+    plain(Key::F11, Action::FullScreen),
+    plain(Key::Space, Action::Play),
+    plain(Key::Comma, Action::Step(-1)),
+    plain(Key::Period, Action::Step(1)),
+    plain(Key::Backspace, Action::Rewind),
+    plain(Key::H, Action::Panel),
+    plain(Key::T, Action::Theme),
+    shift(Key::Questionmark, Action::Help),
+    plain(Key::Questionmark, Action::Help),
+    plain(Key::Escape, Action::Close),
+];
+
+/// What `?` lists: keys, and what they do.
+pub const LIST: &[(&str, &str)] = &[
+    ("Drag", "orbit"),
+    ("Shift + drag, right or middle button", "pan"),
+    ("Wheel, + and -", "zoom, to what is under the mouse"),
+    ("Ctrl + drag", "look around"),
+    ("W A S D, Q E", "fly; with Shift faster"),
+    ("Arrows", "orbit"),
+    ("Click", "what is in a pixel, and the rays it cast"),
+    ("Double click", "look at what is there, and turn about it"),
+    ("Enter, 5", "perspective or orthographic"),
+    ("1 3 7 9", "from the front, right, top, corner; with Ctrl from the other side"),
+    ("F", "all of the scene in the picture"),
+    ("R, Home", "back to where it was first seen from"),
+    ("C", "next camera of the scene"),
+    ("V", "next false colours"),
+    ("X", "beside a second setting; drag the line"),
+    ("M", "next shading mode"),
+    ("N", "next tier of numerics"),
+    ("F2 to F4, F6 to F9", "effects on and off, in the panel's order"),
+    ("Space", "play or pause the animation"),
+    (", and .", "one frame back or forth; Backspace for the first"),
+    ("Ctrl + S", "save the picture"),
+    ("Ctrl + K", "save the camera, for a scene file"),
+    ("Ctrl + L", "copy the command line that renders the picture"),
+    ("F5", "read the files again (they are watched, too)"),
+    ("H", "hide or show the panel"),
+    ("Tab", "from one control to the next; Space or arrows change it"),
+    ("T", "dark or light"),
+    ("F11", "full screen"),
+    ("? or F1", "these keys"),
+];
+
+/// What the keys that were pressed do. `has_focus` says whether a control has the keyboard, which then gets Enter, Space and arrows.
+pub fn actions(input: &mut InputState, has_focus: bool) -> Vec<Action> {
+    let mut actions = Vec::new();
+    for Binding { modifiers, key, action } in BINDINGS {
+        if has_focus && matches!(key, Key::Enter | Key::Space | Key::Escape) {
+            continue;
+        }
+        for _ in 0..input.count_and_consume_key(*modifiers, *key) {
+            actions.push(*action);
+        }
+    }
+    actions
+}
+
+/// Which way keys that are held move: right, up and back to fly, in one direction each; and to the right and up to orbit.
+pub fn held(input: &InputState, has_focus: bool) -> (glam::DVec3, glam::DVec2) {
+    if input.modifiers.command || input.modifiers.alt {
+        return Default::default();
+    }
+    let axis = |minus: Key, plus: Key| {
+        f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus)))
+    };
+    let fly = glam::DVec3::new(axis(Key::A, Key::D), axis(Key::Q, Key::E), axis(Key::W, Key::S));
+    if has_focus {
+        return (fly, glam::DVec2::ZERO);
+    }
+    let orbit = glam::DVec2::new(axis(Key::ArrowLeft, Key::ArrowRight), axis(Key::ArrowDown, Key::ArrowUp));
+    (fly, orbit)
+}

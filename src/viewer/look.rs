@@ -1,0 +1,134 @@
+//! What a picture in the window follows from: plain data. Two that are equal have equal pictures.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::bvh::Preset;
+use crate::effects::Choices;
+use crate::film::ColourPipeline;
+use crate::scene::{Camera, Numerics, Projection, Sampling, Scene};
+use crate::world::StandardView;
+
+/// Where the scene is seen from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum From {
+    /// A camera of the scene, by its index: moves as the animation says.
+    Scene(usize),
+    /// A camera that fits the scene.
+    Fitted(StandardView),
+    /// Wherever the user went, in the scene's own coordinates.
+    Free(Camera),
+}
+
+/// How a picture is computed: what the two sides of a comparison may differ in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// How far shading goes, and which effects are on.
+    pub choices: Choices,
+    /// How exactly it is decided what a ray hits.
+    pub numerics: Numerics,
+    /// The numbers that light is added up in.
+    pub pipeline: ColourPipeline,
+    /// How often and where pixels are sampled.
+    pub sampling: Sampling,
+}
+
+impl Settings {
+    /// Has an effect, or does without it, over what the scene says.
+    pub fn switch(&mut self, effect: &str, on: bool) {
+        self.say(effect, if on { Some(None) } else { None });
+    }
+
+    /// Has an effect with a value, or with its own where that is `None`.
+    pub fn set(&mut self, effect: &str, value: Option<&str>) {
+        self.say(effect, Some(value));
+    }
+
+    fn say(&mut self, effect: &str, on: Option<Option<&str>>) {
+        let Choices { with, without, .. } = &mut self.choices;
+        with.retain(|typed| typed.split('=').next() != Some(effect));
+        without.retain(|name| name != effect);
+        match on {
+            Some(Some(value)) => with.push(format!("{effect}={value}")),
+            Some(None) => with.push(effect.to_owned()),
+            None => without.push(effect.to_owned()),
+        }
+    }
+
+    /// The value that an effect was given by the user.
+    pub fn value(&self, effect: &str) -> Option<&str> {
+        self.choices.with.iter().rev().find_map(|typed| typed.strip_prefix(effect)?.strip_prefix('='))
+    }
+}
+
+/// Files that were opened.
+#[derive(Debug)]
+pub struct Opened {
+    /// What they hold.
+    pub scene: Scene,
+    /// Where they are first seen from.
+    pub from: From,
+    /// The projection that the user wants instead of the camera's own.
+    pub projection: Option<Projection>,
+    /// Width and height of the picture that the scene calls for, in pixels.
+    pub size: [u32; 2],
+    /// How the picture is computed at first.
+    pub settings: Settings,
+    /// How much work is spent on building.
+    pub preset: Preset,
+    /// Every file that was read or looked for.
+    pub files: Vec<PathBuf>,
+}
+
+/// A picture that is wanted.
+#[derive(Debug, Clone)]
+pub struct Order {
+    /// Which scene.
+    pub opened: Arc<Opened>,
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Where it is seen from.
+    pub from: From,
+    /// The projection, instead of the camera's own.
+    pub projection: Option<Projection>,
+    /// The moment of its animation, 0 being the beginning and 1 the end.
+    pub time: f64,
+    /// What is shown of it.
+    pub shown: super::false_colour::Shown,
+    /// How it is computed; a second time where two ways are compared.
+    pub sides: Vec<Settings>,
+}
+
+impl PartialEq for Order {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.opened, &other.opened)
+            && self.size == other.size
+            && self.from == other.from
+            && self.projection == other.projection
+            && self.time == other.time
+            && self.shown == other.shown
+            && self.sides == other.sides
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_word_on_an_effect_counts() {
+        let mut settings = Settings {
+            choices: Choices { with: vec!["glaze=every-bounce".into()], ..Choices::default() },
+            numerics: Numerics::default(),
+            pipeline: ColourPipeline::default(),
+            sampling: Sampling::default(),
+        };
+        assert_eq!(settings.value("glaze"), Some("every-bounce"));
+        settings.switch("glaze", false);
+        assert_eq!((settings.choices.with.len(), settings.choices.without.as_slice()), (0, &["glaze".to_owned()][..]));
+        settings.set("glaze", Some("2"));
+        assert_eq!((settings.value("glaze"), settings.choices.without.len()), (Some("2"), 0));
+        settings.switch("glaze", true);
+        assert_eq!((settings.value("glaze"), settings.choices.with.as_slice()), (None, &["glaze".to_owned()][..]));
+    }
+}

@@ -1,0 +1,42 @@
+//! How far the two sides of a comparison are apart.
+
+use std::sync::Arc;
+
+use super::pass::Picture;
+use super::{News, Teller};
+use crate::study::metrics::{self, Errors, Values};
+use crate::film::ColourPipeline;
+
+/// How far two pictures are apart, in what a display shows of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Comparison {
+    /// Largest difference of any channel, 1 being white.
+    pub max: f64,
+    /// Root of the mean square difference.
+    pub rmse: f64,
+    /// Mean LDR-FLIP.
+    pub flip: f64,
+}
+
+/// Compares the pictures beside the painter, which goes on to what is ordered next.
+pub fn tell(order: u64, pictures: [Picture; 2], threads: &Arc<rayon::ThreadPool>, teller: &Teller) {
+    let teller = teller.clone();
+    threads.spawn(move || {
+        let [a, b] = pictures.map(displayed);
+        let figures = Errors::between(&a, &b).ok().and_then(|errors| errors.figures);
+        if let Some(figures) = figures {
+            let comparison = Comparison { max: figures.max, rmse: figures.rmse, flip: figures.flip };
+            teller.tell(News::Compared(order, comparison));
+        }
+    });
+}
+
+fn displayed(picture: Picture) -> metrics::Picture {
+    let [width, height] = picture.size;
+    let values = match picture.pipeline {
+        ColourPipeline::Linear => Values::Linear,
+        ColourPipeline::Display | ColourPipeline::U8 => Values::Display,
+    };
+    let pixels = metrics::displayed(&picture.pixels, values);
+    metrics::Picture { width, height, values: Values::Display, pixels }
+}

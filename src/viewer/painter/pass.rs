@@ -1,0 +1,209 @@
+//! One side of an order, pass by pass.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use egui::{Color32, ColorImage};
+use rayon::prelude::*;
+
+use super::studio::{Prepared, Studio};
+use super::Painted;
+use crate::effects::Plan;
+use crate::error::Result;
+use crate::film::{ColourPipeline, Film, Pixel, Window};
+use crate::render::{Clock, Statistics, Watch, render_as};
+use crate::scene::Sampling;
+use crate::viewer::look::{Order, Settings};
+use crate::viewer::refine::{Kind, Pass, passes};
+use crate::world::{View, World};
+
+/// A picture in the numbers of its pipeline, row by row from the top.
+pub struct Picture {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Its pixels.
+    pub pixels: Vec<[f32; 3]>,
+    /// What they are in.
+    pub pipeline: ColourPipeline,
+}
+
+/// A side of an order, and what there is of it.
+pub struct Side<'a> {
+    order: &'a Order,
+    settings: &'a Settings,
+    prepared: Arc<Prepared>,
+    passes: Vec<Pass>,
+    /// Time and work of all passes of the full size.
+    spent: Option<(Duration, Statistics)>,
+    picture: Option<Picture>,
+}
+
+/// What a pass made.
+pub struct Made {
+    image: ColorImage,
+    factor: u32,
+    samples: (u32, u32),
+    is_last: bool,
+    time: Duration,
+    statistics: Statistics,
+    legend: Option<String>,
+    prepared: Arc<Prepared>,
+    /// Seconds that a pixel took, where each was looked at once.
+    pub seconds_a_pixel: Option<f64>,
+}
+
+impl Made {
+    /// With the order that it is of, and the side.
+    pub fn painted(self, order: u64, side: usize) -> Painted {
+        let Made { image, factor, samples, is_last, time, statistics, legend, prepared, .. } = self;
+        let image = Arc::new(image);
+        Painted { order, side, image, factor, samples, is_last, time, statistics, legend, prepared }
+    }
+}
+
+impl<'a> Side<'a> {
+    /// Begins with passes of `factor`.
+    ///
+    /// # Errors
+    /// Where something cannot be prepared.
+    pub fn new(
+        order: &'a Order,
+        prepared: Arc<Prepared>,
+        settings: &'a Settings,
+        factor: u32,
+        _studio: &mut Studio,
+    ) -> Result<Self> {
+        let passes = passes(factor, prepared.kind);
+        Ok(Side { order, settings, prepared, passes, spent: None, picture: None })
+    }
+
+    /// How many passes there are.
+    pub fn passes(&self) -> usize {
+        self.passes.len()
+    }
+
+    /// The finished picture.
+    pub fn into_picture(self) -> Option<Picture> {
+        self.picture
+    }
+
+    /// Does a pass; `None` where there is none of that number.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Interrupted`] when cancelled, and those of rendering.
+    pub fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<Made>> {
+        let Some(&pass) = self.passes.get(index) else { return Ok(None) };
+        let start = Instant::now();
+        let watch = Watch { cancel, progress: &|_, _| () };
+        let is_last = index + 1 == self.passes.len();
+        let pipeline = self.prepared.world.pipeline;
+        let (factor, sampling) = match pass {
+            Pass::Coarse(factor) => (factor, Sampling::default()),
+            Pass::Samples(from, to) => (1, self.settings.sampling.part(from, to)),
+            Pass::Whole => (1, self.settings.sampling),
+        };
+        let size = self.order.size.map(|side| side.div_ceil(factor));
+        let (film, statistics) = self.render(size, sampling, &watch)?;
+        let mut pixels = rows(&film);
+        if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
+            mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
+        }
+        let image = image(&pixels, size, pipeline);
+        let time = start.elapsed();
+        let most = match self.prepared.kind {
+            Kind::Centres => 1,
+            Kind::Samples(samples) => samples,
+            Kind::Adaptive => self.settings.sampling.most_samples(),
+        };
+        let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
+        let seconds_a_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
+        let taken = match pass {
+            Pass::Coarse(_) => 1,
+            Pass::Samples(_, to) => to,
+            Pass::Whole => most,
+        };
+        let (time, statistics) = if let Pass::Coarse(_) = pass {
+            (time, statistics)
+        } else {
+            self.picture = Some(Picture { size, pixels, pipeline });
+            self.spend(time, statistics)
+        };
+        let prepared = Arc::clone(&self.prepared);
+        let samples = (taken, most);
+        Ok(Some(Made {
+            image,
+            factor,
+            samples,
+            is_last,
+            time,
+            statistics,
+            legend: None,
+            prepared,
+            seconds_a_pixel,
+        }))
+    }
+
+    /// Adds up what passes of the full size took.
+    fn spend(&mut self, time: Duration, statistics: Statistics) -> (Duration, Statistics) {
+        let spent = match self.spent.take() {
+            Some((before, mut sum)) => {
+                sum.add(&statistics);
+                (before + time, sum)
+            }
+            None => (time, statistics),
+        };
+        self.spent = Some(spent.clone());
+        spent
+    }
+
+    fn render(&self, size: [u32; 2], sampling: Sampling, watch: &Watch) -> Result<(Film, Statistics)> {
+        let Prepared { world, lens, view, plan, .. } = &*self.prepared;
+        let whole = Window { x: 0, y: 0, width: size[0], height: size[1] };
+        if sampling == Sampling::default() && size == self.order.size {
+            return render_as(world, view, plan, whole, watch, Clock::EveryStage);
+        }
+        let view = View::new(lens, lens.projection, size)?;
+        if sampling == Sampling::default() {
+            return render_as(world, &view, plan, whole, watch, Clock::EveryStage);
+        }
+        let world = World { sampling, ..world.clone() };
+        let plan = Plan::new(&world, &self.settings.choices)?;
+        render_as(&world, &view, &plan, whole, watch, Clock::EveryStage)
+    }
+}
+
+/// The pixels of a film, row by row from the top.
+fn rows(film: &Film) -> Vec<[f32; 3]> {
+    let window = film.window();
+    let mut pixels = vec![[0.0; 3]; window.area()];
+    pixels.par_chunks_mut(window.width as usize).zip(0..window.height).for_each(|(row, y)| {
+        let mut rest = row;
+        for part in film.row(y) {
+            let (own, after) = rest.split_at_mut(part.len());
+            own.copy_from_slice(part);
+            rest = after;
+        }
+    });
+    pixels
+}
+
+/// Has `before` count in a mean by a share of 0 to 1.
+fn mix(pixels: &mut [[f32; 3]], before: &[[f32; 3]], share: f64) {
+    let mean = |new: f32, old: f32| (f64::from(old) * share + f64::from(new) * (1.0 - share)) as f32;
+    pixels.par_iter_mut().zip(before).for_each(|(new, old)| {
+        *new = std::array::from_fn(|c| mean(new[c], old[c]));
+    });
+}
+
+/// What a display shows.
+fn image(pixels: &[[f32; 3]], size: [u32; 2], pipeline: ColourPipeline) -> ColorImage {
+    let width = size[0] as usize;
+    let mut colours = vec![Color32::BLACK; pixels.len()];
+    colours.par_chunks_mut(width).zip(pixels.par_chunks(width)).for_each(|(colours, row)| {
+        let mut bytes = vec![[0; 3]; row.len()];
+        Pixel::develop(row, pipeline, &mut bytes);
+        colours.iter_mut().zip(bytes).for_each(|(colour, [r, g, b])| *colour = Color32::from_rgb(r, g, b));
+    });
+    ColorImage::new(size.map(|side| side as usize), colours)
+}

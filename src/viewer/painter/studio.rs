@@ -1,0 +1,180 @@
+//! What the painter keeps from one picture to the next: worlds, and how long pixels take.
+
+use std::sync::Arc;
+
+use crate::animation::{Moment, Stage};
+use crate::bvh::Structure;
+use crate::effects::{Decision, EFFECTS, Plan};
+use crate::error::{Error, Result};
+use crate::film::ColourPipeline;
+use crate::scene::{Camera, Numerics, Sampling, Scene};
+use crate::viewer::false_colour::Shown;
+use crate::viewer::look::{From, Opened, Order, Settings};
+use crate::viewer::refine::Kind;
+use crate::world::{Range, StandardView, View, World, fitted_camera, headlight};
+
+/// Worlds that are kept: those of two sides and of what they are held against.
+const KEPT: usize = 3;
+
+/// What a world depends on besides the scene.
+type Key = (Numerics, ColourPipeline);
+
+/// A scene that is ready for its picture.
+pub struct Prepared {
+    /// The scene; pixels are looked at once, at their centres.
+    pub world: World,
+    /// How it was moved before.
+    pub range: Option<Range>,
+    /// The camera, in the scene's own coordinates.
+    pub camera: Camera,
+    /// The camera in the world's, with the projection that it is used with.
+    pub lens: Camera,
+    /// The picture's view.
+    pub view: View,
+    /// What a picture of the pixels' centres takes.
+    pub plan: Plan,
+    /// What was decided of each effect, in the whole picture, and whether anything calls for it.
+    pub decisions: Vec<(Decision, bool)>,
+    /// How the picture's pixels are sampled in the end.
+    pub kind: Kind,
+}
+
+/// What is kept.
+#[derive(Default)]
+pub struct Studio {
+    opened: Option<Arc<Opened>>,
+    stages: Vec<(Key, Arc<Stage>)>,
+    moments: Vec<(Key, f64, Arc<Moment>)>,
+    /// The scene moved as its worlds are, where it is.
+    moved: Option<Arc<Scene>>,
+    /// Cameras that fit, and the width by height of their pictures.
+    fitted: Vec<(StandardView, f64, Camera)>,
+    /// Seconds that a pixel takes, looked at once.
+    seconds: Vec<(Shown, f64)>,
+}
+
+impl Studio {
+    /// Whether there is a tree for every picture of an order.
+    pub fn has_all(&self, order: &Order) -> bool {
+        let same = self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &order.opened));
+        let has = |settings: &Settings| self.stages.iter().any(|(key, _)| *key == key_of(settings));
+        same && order.sides.iter().all(has)
+    }
+
+    /// Seconds that a pixel takes, looked at once, where that is known.
+    pub fn seconds_a_pixel(&self, order: &Order) -> Option<f64> {
+        self.seconds.iter().find(|(shown, _)| *shown == order.shown).map(|(_, seconds)| *seconds)
+    }
+
+    /// Learns how long a pixel takes.
+    pub fn learn(&mut self, order: &Order, seconds: f64) {
+        self.seconds.retain(|(shown, _)| *shown != order.shown);
+        self.seconds.push((order.shown, seconds));
+    }
+
+    /// Makes a scene ready for a picture.
+    pub fn prepare(&mut self, order: &Order, settings: &Settings) -> Result<Arc<Prepared>> {
+        if !self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &order.opened)) {
+            *self = Studio { opened: Some(Arc::clone(&order.opened)), ..Studio::default() };
+        }
+        let stage = self.stage(&order.opened, settings)?;
+        let moment = self.moment(&stage, settings, order.time)?;
+        let range = moment.range;
+        let mut lens = match &order.from {
+            From::Scene(index) => moment.cameras.get(*index).unwrap_or(&moment.camera).clone(),
+            From::Fitted(view) => self.fit(order, *view, stage.range())?,
+            From::Free(camera) => range.map_or_else(|| camera.clone(), |range| range.moved(camera)),
+        };
+        lens.projection = order.projection.unwrap_or(lens.projection);
+        let mut world = moment.world.clone();
+        if world.lights.is_empty() && settings.choices.shading.uses_lights() {
+            world = world.under(headlight(&lens).into_iter().collect());
+        }
+        world.sampling = settings.sampling;
+        let whole = Plan::new(&world, &settings.choices)?;
+        let is_on = |name: &str| whole.effects_on().any(|effect| effect == name);
+        let kind = match (is_on("antialiasing"), is_on("adaptive")) {
+            (false, _) => Kind::Centres,
+            (true, false) => Kind::Samples(settings.sampling.most_samples()),
+            (true, true) => Kind::Adaptive,
+        };
+        let is_called_for = |name: &str| {
+            EFFECTS.iter().any(|effect| effect.name == name && (effect.called_for)(&world).is_ok())
+        };
+        let decisions = whole.decisions.into_iter().map(|decision| {
+            let can = is_called_for(decision.effect);
+            (decision, can)
+        });
+        let decisions = decisions.collect();
+        world.sampling = Sampling::default();
+        let plan = Plan::new(&world, &settings.choices)?;
+        let view = View::new(&lens, lens.projection, order.size)?;
+        let camera = match &order.from {
+            From::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },
+            _ => range.map_or_else(|| lens.clone(), |range| range.moved_back(&lens)),
+        };
+        Ok(Arc::new(Prepared { world, range, camera, lens, view, plan, decisions, kind }))
+    }
+
+    fn stage(&mut self, opened: &Arc<Opened>, settings: &Settings) -> Result<Arc<Stage>> {
+        let key = key_of(settings);
+        if let Some(at) = self.stages.iter().position(|(known, _)| *known == key) {
+            let found = self.stages.remove(at);
+            self.stages.push(found);
+        } else {
+            self.stages.drain(..self.stages.len().saturating_sub(KEPT - 1));
+            let scene = opened.scene.clone();
+            let camera = scene.cameras.first().cloned().unwrap_or_else(|| nowhere(&scene));
+            let (pipeline, structure) = (settings.pipeline, Structure::Wide(opened.preset));
+            let stage = Stage::new(scene, &camera, false, pipeline, structure, settings.numerics)?;
+            self.stages.push((key, Arc::new(stage)));
+        }
+        Ok(Arc::clone(&self.stages[self.stages.len() - 1].1))
+    }
+
+    fn moment(&mut self, stage: &Stage, settings: &Settings, time: f64) -> Result<Arc<Moment>> {
+        let key = key_of(settings);
+        let is_it = |(known, at, _): &(Key, f64, Arc<Moment>)| (*known, *at) == (key, time);
+        if let Some((_, _, moment)) = self.moments.iter().find(|moment| is_it(moment)) {
+            return Ok(Arc::clone(moment));
+        }
+        self.moments.retain(|(known, ..)| *known != key);
+        self.moments.drain(..self.moments.len().saturating_sub(KEPT - 1));
+        let moment = Arc::new(stage.at(time)?);
+        self.moments.push((key, time, Arc::clone(&moment)));
+        Ok(moment)
+    }
+
+    /// A camera that fits the scene at rest, in the world's coordinates: as commands find it.
+    fn fit(&mut self, order: &Order, view: StandardView, range: Option<Range>) -> Result<Camera> {
+        let aspect = f64::from(order.size[0]) / f64::from(order.size[1]);
+        if let Some((.., camera)) = self.fitted.iter().find(|(known, at, _)| (*known, *at) == (view, aspect)) {
+            return Ok(camera.clone());
+        }
+        if let (None, Some(range)) = (&self.moved, range) {
+            let mut scene = order.opened.scene.clone();
+            range.apply(&mut scene);
+            self.moved = Some(Arc::new(scene));
+        }
+        let scene = self.moved.as_deref().unwrap_or(&order.opened.scene);
+        let projection = order.projection.unwrap_or_default();
+        let camera = fitted_camera(scene, view, aspect, projection).ok_or_else(|| Error::Failed {
+            what: "there is nothing to look at".into(),
+            hint: "`kiln info` says what the file holds".into(),
+        })?;
+        self.fitted.retain(|(known, ..)| *known != view);
+        self.fitted.push((view, aspect, camera.clone()));
+        Ok(camera)
+    }
+}
+
+fn key_of(settings: &Settings) -> Key {
+    (settings.numerics, settings.pipeline)
+}
+
+/// A camera for stages of scenes that have none. Nothing is seen by it.
+fn nowhere(scene: &Scene) -> Camera {
+    let (target, up) = (scene.bounds().map_or(glam::DVec3::ZERO, |(min, _)| min), glam::DVec3::Y);
+    let back = target + glam::DVec3::Z * target.abs().max_element().max(1.0);
+    Camera::from_field_of_view("none".into(), back, target, up, 1.0)
+}

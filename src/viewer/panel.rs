@@ -1,0 +1,270 @@
+//! The panel: where it is seen from, how it is computed, and what each effect takes.
+
+use egui::{ComboBox, DragValue, Grid, RichText, Slider, Ui};
+
+use super::controls::Controls;
+use super::false_colour::Shown;
+use super::look::{From, Opened, Settings};
+use super::navigate;
+use super::painter::{Comparison, Painted};
+use super::trace::Trace;
+use crate::effects::{Decision, RayKind};
+use crate::film::{ColourPipeline, FilterShape};
+use crate::scene::{Camera, Numerics, Projection};
+use crate::shading::ShadingMode;
+use crate::world::StandardView;
+
+/// What the panel shows.
+pub struct Shows<'a> {
+    /// The files.
+    pub opened: &'a Opened,
+    /// What was painted last, of each side.
+    pub painted: [Option<&'a Painted>; 2],
+    /// How far the sides are apart.
+    pub comparison: Option<Comparison>,
+}
+
+impl Shows<'_> {
+    fn seen(&self) -> Option<&Camera> {
+        self.painted[0].map(|painted| &painted.prepared.camera)
+    }
+}
+
+/// The whole panel.
+pub fn show(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace) {
+    camera(ui, shows, controls, trace);
+    ui.separator();
+    comparison(ui, shows, controls, trace);
+    let painted = shows.painted[controls.side];
+    how(ui, shows, controls, trace);
+    ui.separator();
+    if let Some(painted) = painted {
+        effects(ui, painted, controls.settings(), trace);
+    }
+}
+
+fn camera(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace) {
+    let cameras = &shows.opened.scene.cameras;
+    ui.horizontal(|ui| {
+        let name = match &controls.from {
+            From::Scene(index) => cameras.get(*index).map_or("", |camera| &camera.name).to_owned(),
+            From::Fitted(view) => view.name().to_owned(),
+            From::Free(_) => "free".to_owned(),
+        };
+        let list = ComboBox::from_id_salt("camera").selected_text(name).show_ui(ui, |ui| {
+            for (index, camera) in cameras.iter().enumerate() {
+                if ui.selectable_label(controls.from == From::Scene(index), &camera.name).clicked() {
+                    (controls.from, controls.projection) = (From::Scene(index), None);
+                }
+            }
+            if !cameras.is_empty() {
+                ui.separator();
+            }
+            for view in StandardView::ALL {
+                if ui.selectable_label(controls.from == From::Fitted(view), view.name()).clicked() {
+                    controls.stand(view);
+                }
+            }
+        });
+        place(ui, trace, "camera", &list.response);
+        let reset = ui.button("Reset").on_hover_text("back to where it was first seen from (R)");
+        place(ui, trace, "reset", &reset);
+        if reset.clicked() {
+            controls.reset_camera();
+        }
+    });
+    let Some(seen) = shows.seen() else { return };
+    ui.horizontal(|ui| {
+        for projection in [Projection::Perspective, Projection::Orthographic] {
+            let button = ui.selectable_label(seen.projection == projection, projection.name());
+            place(ui, trace, projection.name(), &button.clone().on_hover_text("Enter"));
+            if button.clicked() {
+                controls.projection = Some(projection);
+            }
+        }
+    });
+    let mut degrees = navigate::field_of_view(seen).to_degrees();
+    let slider = ui.add(Slider::new(&mut degrees, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true));
+    place(ui, trace, "field of view", &slider);
+    if slider.changed() {
+        controls.navigate(Some(seen), |camera| navigate::set_field_of_view(camera, degrees.to_radians()));
+    }
+    let shown = ComboBox::from_label("shown").selected_text(controls.shown.name()).show_ui(ui, |ui| {
+        for shown in Shown::ALL {
+            ui.selectable_value(&mut controls.shown, shown, shown.name());
+        }
+    });
+    place(ui, trace, "shown", &shown.response);
+}
+
+/// Lets a script know where a control is.
+fn place(ui: &Ui, trace: &mut Trace, name: &str, response: &egui::Response) {
+    trace.place(name, response.rect, ui.ctx().pixels_per_point());
+}
+
+fn comparison(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace) {
+    ui.horizontal(|ui| {
+        let mut compares = controls.sides.len() > 1;
+        let check = ui.checkbox(&mut compares, "Compare").on_hover_text("beside a second setting (X); drag the line");
+        place(ui, trace, "compare", &check);
+        if check.changed() {
+            controls.switch_comparison();
+        }
+        if controls.sides.len() > 1 {
+            for (side, name) in ["left", "right"].into_iter().enumerate() {
+                let button = ui.selectable_label(controls.side == side, name);
+                place(ui, trace, name, &button);
+                if button.clicked() {
+                    controls.side = side;
+                }
+            }
+        }
+    });
+    if controls.sides.len() < 2 {
+        return;
+    }
+    for (painted, name) in shows.painted.iter().zip(["left", "right"]) {
+        if let Some(painted) = painted {
+            ui.label(format!("{name}: {}", work(painted)));
+        }
+    }
+    match shows.comparison {
+        Some(Comparison { max, rmse, flip }) => {
+            ui.label(format!("apart: FLIP {flip:.4}, RMSE {rmse:.2e}, max {max:.2e}"));
+        }
+        None => {
+            ui.label(RichText::new("apart: …").weak());
+        }
+    }
+}
+
+fn how(ui: &mut Ui, _shows: &Shows, controls: &mut Controls, trace: &mut Trace) {
+    let settings = controls.settings();
+    let modes = [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Phong];
+    choice(ui, trace, "shading", &mut settings.choices.shading, &modes, ShadingMode::name);
+    choice(ui, trace, "numerics", &mut settings.numerics, &Numerics::ALL, Numerics::name);
+    let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
+    choice(ui, trace, "colour", &mut settings.pipeline, &pipelines, ColourPipeline::name);
+    let sampling = &mut settings.sampling;
+    let mut samples = if sampling.is_wanted() { sampling.most_samples() } else { 1 };
+    ui.horizontal(|ui| {
+        let drag = ui.add(DragValue::new(&mut samples).range(1..=crate::scene::MOST_SAMPLES).speed(0.2));
+        place(ui, trace, "samples", &drag);
+        if drag.changed() {
+            sampling.samples = Some(samples);
+        }
+        ui.label("samples a pixel");
+    });
+    if samples > 1 {
+        let shape = sampling.shape_and_radius().0;
+        let mut chosen = shape;
+        choice(ui, trace, "filter", &mut chosen, &FilterShape::ALL, FilterShape::name);
+        if chosen != shape {
+            (sampling.filter, sampling.filter_radius) = (Some(chosen), None);
+        }
+    }
+}
+
+fn choice<T: PartialEq + Copy>(
+    ui: &mut Ui,
+    trace: &mut Trace,
+    label: &str,
+    value: &mut T,
+    all: &[T],
+    name: impl Fn(T) -> &'static str,
+) {
+    let list = ComboBox::from_label(label).selected_text(name(*value)).show_ui(ui, |ui| {
+        for &other in all {
+            ui.selectable_value(value, other, name(other));
+        }
+    });
+    place(ui, trace, label, &list.response);
+}
+
+fn effects(ui: &mut Ui, painted: &Painted, settings: &mut Settings, trace: &mut Trace) {
+    let statistics = &painted.statistics;
+    Grid::new("effects").num_columns(3).striped(true).show(ui, |ui| {
+        ui.label(RichText::new("effect").weak());
+        ui.label(RichText::new("rays").weak());
+        ui.label(RichText::new("thread ms").weak());
+        ui.end_row();
+        ui.label("every picture");
+        ui.label(count(statistics.rays(RayKind::PRIMARY).cast));
+        let base = statistics.stages.iter().filter(|stage| stage.effect.is_none()).map(|stage| stage.time);
+        ui.label(milliseconds(base.sum()));
+        ui.end_row();
+        for (decision, can) in &painted.prepared.decisions {
+            effect(ui, decision, *can, settings, trace);
+            let bill = statistics.bills.iter().find(|bill| bill.effect == decision.effect && decision.on);
+            ui.label(bill.filter(|bill| bill.rays > 0).map_or(String::new(), |bill| count(bill.rays)));
+            ui.label(bill.and_then(|bill| bill.time).map_or(String::new(), milliseconds));
+            ui.end_row();
+        }
+    });
+    if painted.prepared.decisions.iter().any(|(decision, _)| decision.effect == "glaze" && decision.on) {
+        let most = settings.value("glaze").and_then(|value| value.parse::<u32>().ok());
+        let mut bounces = most.unwrap_or(0);
+        ui.horizontal(|ui| {
+            let drag = ui.add(DragValue::new(&mut bounces).range(0..=64).speed(0.05).custom_formatter(|n, _| {
+                if n == 0.0 { "as the materials say".into() } else { format!("{n}") }
+            }));
+            place(ui, trace, "bounces", &drag);
+            if drag.changed() {
+                let value = (bounces > 0).then(|| bounces.to_string());
+                settings.set("glaze", value.as_deref());
+            }
+            ui.label("bounces at most");
+        });
+    }
+}
+
+/// Whether an effect can be switched: where nothing calls for it, it could not change the picture.
+fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, trace: &mut Trace) {
+    // What was said already and is not painted yet is shown as said.
+    let is_without = settings.choices.without.iter().any(|name| name == decision.effect);
+    let has = settings.choices.with.iter().any(|typed| typed.split('=').next() == Some(decision.effect));
+    let mut on = can && (has || decision.on && !is_without);
+    let check = ui.add_enabled(can, egui::Checkbox::new(&mut on, decision.effect));
+    let check = check.on_hover_text(&decision.why).on_disabled_hover_text(&decision.why);
+    place(ui, trace, &format!("effect {}", decision.effect), &check);
+    if check.changed() {
+        settings.switch(decision.effect, on);
+    }
+}
+
+/// What a picture took, in a line.
+pub fn work(painted: &Painted) -> String {
+    let [width, height] = painted.image.size;
+    let time = milliseconds(painted.time);
+    match (painted.samples, painted.factor) {
+        ((taken, most), 1) if most > 1 => format!("{width} x {height}, {taken} of {most} samples, {time} ms"),
+        _ => format!("{width} x {height}, {time} ms"),
+    }
+}
+
+fn milliseconds(time: std::time::Duration) -> String {
+    format!("{:.1}", time.as_secs_f64() * 1e3)
+}
+
+/// A number with its thousands apart.
+fn count(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i) % 3 == 0 {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn thousands_are_apart() {
+        assert_eq!([count(0), count(999), count(1000), count(1_048_576)], ["0", "999", "1 000", "1 048 576"]);
+    }
+}

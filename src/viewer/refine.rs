@@ -1,0 +1,101 @@
+//! From coarse to fine: which passes a picture takes, one after the other.
+//!
+//! The first is as coarse as it takes to be there at once; the last is what was asked for. Passes before the full size have a pixel for
+//! every so many of the picture's, on each axis; a step of four costs a fifteenth of the full size before it begins.
+
+/// Seconds that the first pass of a picture should take at most: a frame of the interface and a half.
+const AT_ONCE: f64 = 0.025;
+
+/// The coarsest pass has a pixel for so many of the picture's, on each axis.
+const COARSEST: u32 = 32;
+
+/// How coarse a picture is begun of which nothing is known.
+const UNKNOWN: u32 = 8;
+
+/// A pass over a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pass {
+    /// Through the centres of pixels that are so many times as wide and high as the picture's.
+    Coarse(u32),
+    /// Samples of every pixel, from one number up to another.
+    Samples(u32, u32),
+    /// The whole of it at once.
+    Whole,
+}
+
+/// How a picture's pixels are sampled, for the order of passes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// Once, at their centres.
+    Centres,
+    /// So many times each.
+    Samples(u32),
+    /// As often as it takes.
+    Adaptive,
+}
+
+/// How coarse a picture of so many pixels is begun, at so many seconds a pixel.
+pub fn first_factor(pixels: usize, seconds_a_pixel: Option<f64>) -> u32 {
+    let Some(seconds) = seconds_a_pixel else { return UNKNOWN };
+    let mut factor = 1;
+    while factor < COARSEST && seconds * pixels as f64 / f64::from(factor * factor) > AT_ONCE {
+        factor *= 2;
+    }
+    factor
+}
+
+/// The passes of a picture that is begun so coarsely.
+pub fn passes(first: u32, kind: Kind) -> Vec<Pass> {
+    let mut passes = Vec::new();
+    let mut factor = first;
+    while factor > 1 {
+        passes.push(Pass::Coarse(factor));
+        factor = if factor > 4 { factor / 4 } else { 1 };
+    }
+    match kind {
+        Kind::Centres => passes.push(Pass::Whole),
+        Kind::Adaptive => passes.extend([Pass::Coarse(1), Pass::Whole]),
+        Kind::Samples(samples) => {
+            let (mut from, mut to) = (0, 1);
+            while from < samples {
+                passes.push(Pass::Samples(from, to.min(samples)));
+                (from, to) = (to, to.saturating_mul(2));
+            }
+        }
+    }
+    passes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_begins_as_coarsely_as_it_has_to() {
+        // A million pixels at 10 ns: a hundredth of a second.
+        assert_eq!(first_factor(1 << 20, Some(10e-9)), 1);
+        // At 100 ns a tenth: a quarter of the pixels take 0.026 s, a sixteenth 0.0066.
+        assert_eq!(first_factor(1 << 20, Some(100e-9)), 4);
+        assert_eq!(first_factor(1 << 20, Some(1.0)), COARSEST);
+        assert_eq!(first_factor(1 << 20, None), UNKNOWN);
+    }
+
+    #[test]
+    fn passes_end_with_what_was_asked_for() {
+        use Pass::{Coarse, Samples, Whole};
+        assert_eq!(passes(8, Kind::Centres), [Coarse(8), Coarse(2), Whole]);
+        assert_eq!(passes(16, Kind::Centres), [Coarse(16), Coarse(4), Whole]);
+        assert_eq!(passes(1, Kind::Centres), [Whole]);
+        assert_eq!(passes(1, Kind::Samples(6)), [Samples(0, 1), Samples(1, 2), Samples(2, 4), Samples(4, 6)]);
+        assert_eq!(passes(2, Kind::Adaptive), [Coarse(2), Coarse(1), Whole]);
+        for samples in [1, 2, 3, 64, 100, 65_536] {
+            let mut next = 0;
+            for pass in passes(1, Kind::Samples(samples)) {
+                let Samples(from, to) = pass else { panic!("{pass:?}") };
+                assert!(from == next && to > from);
+                next = to;
+            }
+            assert_eq!(next, samples);
+        }
+    }
+}
