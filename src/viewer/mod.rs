@@ -1,1 +1,3 @@
 //! The window: a scene that one can walk around in, and see what each effect does and costs.
+
+pub mod navigate;

@@ -74,6 +74,30 @@ impl Range {
         }
     }
 
+    /// The camera in the moved scene.
+    pub fn moved(&self, camera: &Camera) -> Camera {
+        let mut moved = camera.clone();
+        self.move_camera(&mut moved);
+        moved
+    }
+
+    /// The camera in the scene as it is described, of one in the moved scene. Rounded to what can be said there: what
+    /// [`Range::moved`] makes of it may lie beside the camera by the last digits of the scene's own coordinates.
+    pub fn moved_back(&self, camera: &Camera) -> Camera {
+        let mut own = camera.clone();
+        own.position = self.point_back(camera.position);
+        own.target = self.point_back(camera.target);
+        own.view_height /= self.scale;
+        own.view_width = camera.view_width.map(|width| width / self.scale);
+        own.viewpoint_distance /= self.scale;
+        own
+    }
+
+    /// A point of the moved scene, in the scene's own coordinates.
+    pub fn point_back(&self, point: DVec3) -> DVec3 {
+        point / self.scale + self.middle
+    }
+
     fn move_camera(&self, camera: &mut Camera) {
         camera.position = (camera.position - self.middle) * self.scale;
         camera.target = (camera.target - self.middle) * self.scale;
