@@ -218,8 +218,11 @@ fn change(camera: &mut Camera, step: impl FnOnce(&mut Camera, &Stand)) {
     let Some(stand) = Stand::of(camera) else { return };
     let mut next = camera.clone();
     step(&mut next, &stand);
+    // In pictures of any shape.
+    let usable = |projection, size| View::new(&next, projection, size).is_ok();
     let both = [Projection::Perspective, Projection::Orthographic];
-    if Stand::of(&next).is_some() && both.iter().all(|&p| View::new(&next, p, [1, 1]).is_ok()) {
+    let sizes = [[65_535, 1], [1, 65_535]];
+    if Stand::of(&next).is_some() && both.iter().all(|&p| sizes.iter().all(|&size| usable(p, size))) {
         *camera = next;
     }
 }
