@@ -171,7 +171,7 @@ fn what_nobody_asks_for_is_not_worked_on() {
         plan: &plan,
         window: film.window(),
         share: kiln::film::Share::ALL,
-        film: &film,
+        film: Some(&film),
     };
     // Any work would see that it is to stop.
     let watch = Watch { cancel: &AtomicBool::new(true), progress: &|_, _| {} };

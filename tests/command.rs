@@ -495,8 +495,63 @@ fn cameras_and_views() {
     assert!(above == render("--camera 1") && above != front);
     assert!(auto != front && auto != above);
     assert!(front != render("--projection orthographic"));
+    assert_eq!(render_own(&workshop, "scene.toml", FRONT), front);
     let (said, hint) = workshop.fail("render wedge.obj -o a.png --camera front", 2);
     assert_eq!((said.as_str(), hint.contains("--view")), ("there is no camera `front`", true));
+}
+
+/// The camera `front` of [`SCENE`], in braces.
+const FRONT: &str = "{ position = [0, 0, 10], look_at = [0, 0, 0] }";
+
+/// A picture by a camera in braces.
+fn render_own(workshop: &Workshop, scene: &str, camera: &str) -> image::RgbImage {
+    let output = workshop.command().args(["render", scene, "-o", "own.png", "--camera", camera]).output();
+    let output = output.expect("the command starts");
+    assert_eq!(output.status.code(), Some(0), "{camera}: {}", text(&output.stderr));
+    workshop.pixels("own.png")
+}
+
+/// A scene's camera and the same in braces are the same picture, to the bit, also where the scene is moved to the origin.
+#[test]
+fn a_camera_in_braces_is_the_scenes_own() {
+    let workshop = Workshop::new();
+    let far = SCENE
+        .replace("[0, 0, 10]", "[1e6, 0, 1000010]")
+        .replace("[0, 10, 1]", "[1e6, 10, 1000001]")
+        .replace("[0, 0, 0]", "[1e6, 0, 1e6]")
+        .replace("[5, 5, 10]", "[1000005, 5, 1000010]");
+    workshop.write("far.toml", far);
+    let own = "{ position = [1e6, 10, 1000001], look_at = [1e6, 0, 1e6], projection = 'orthographic', up = [0.1, 1, 0] }";
+    let section = format!(
+        "[[camera]]\nname = 'x'\n{}",
+        own.trim_matches(['{', '}']).replace("], ", "]\n").replace("', ", "'\n")
+    );
+    workshop.write("own.toml", section);
+    let said = workshop.succeed("render far.toml own.toml -o a.exr --camera x");
+    assert!(said.contains("moved to it"), "{said}");
+    let output = workshop.command().args(["render", "far.toml", "-o", "b.exr", "--camera", own]).output();
+    assert_eq!(output.expect("the command starts").status.code(), Some(0));
+    let pixels = |name: &str| image_bits(&workshop.path(name));
+    assert_eq!(pixels("a.exr"), pixels("b.exr"));
+    assert!(render_own(&workshop, "far.toml", own) != render_own(&workshop, "scene.toml", FRONT));
+    // Every command that makes pictures takes it, and says what is wrong with one before it reads anything.
+    for command in
+        ["render no.toml -o a.png", "animate no.toml -o a.gif", "explain no.toml", "study no.toml -o d"]
+    {
+        let arguments: Vec<&str> =
+            command.split(' ').chain(["--camera", "{ position = [0, 0, 1], lok_at = [0, 0, 0] }"]).collect();
+        let output = workshop.command().args(arguments).output().expect("the command starts");
+        let said = text(&output.stderr);
+        let (error, hint) = check_error(&said);
+        assert_eq!(output.status.code(), Some(2), "{command}: {said}");
+        assert!(error.contains("unknown key `lok_at`") && hint == "did you mean `look_at`?", "{said}");
+    }
+}
+
+/// The numbers of an EXR.
+fn image_bits(file: &Path) -> Vec<[u32; 3]> {
+    let picture = kiln::film::read::read_picture(file).unwrap_or_else(|e| panic!("{e}"));
+    picture.values.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
 #[test]

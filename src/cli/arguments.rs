@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::picture::is_inline;
 use super::sampling::SamplingArguments;
 use crate::bvh::Preset;
 use crate::effects::check_names;
 use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Window};
+use crate::import::inline_camera;
 use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
 
@@ -18,8 +20,9 @@ pub struct Arguments {
     /// Files to put into one scene: .toml, .obj, .gltf, .glb; `-` for a scene file or GLB on standard input
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
-    /// A camera of the scene by name or by number, or `auto` for one that fits
-    #[arg(long, value_name = "NAME|INDEX|auto")]
+    /// A camera of the scene by name or by number, `auto` for one that fits, or one of your own in the words of scene files:
+    /// '{ position = [0, 1, 6], look_at = [0, 1, 0], vertical_fov = 40 }'
+    #[arg(long, value_name = "NAME|INDEX|auto|{...}")]
     pub camera: Option<String>,
     /// A camera that fits the scene, from a standard side
     #[arg(long, conflicts_with = "camera", value_parser = ["front", "back", "left", "right", "top", "bottom", "iso"])]
@@ -78,6 +81,9 @@ fn parse_crop(text: &str) -> std::result::Result<Window, String> {
 /// Whether names and inputs are such as can be used at all.
 pub fn check(arguments: &Arguments) -> Result<()> {
     check_names(&arguments.with, &arguments.without)?;
+    if let Some(camera) = arguments.camera.as_deref().filter(|typed| is_inline(typed)) {
+        inline_camera(camera)?;
+    }
     if arguments.inputs.iter().filter(|input| *input == Path::new("-")).count() > 1 {
         return Err(Error::usage("standard input can be read once", "give `-` once"));
     }
@@ -127,10 +133,12 @@ impl Arguments {
         let name =
             |input: &PathBuf| input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
         let inputs: Vec<String> = self.inputs.iter().map(name).collect();
+        // One in braces as it was typed: its name would say nothing.
+        let inline = self.camera.as_deref().filter(|typed| is_inline(typed)).map(str::trim);
         let mut settings = vec![
             ("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION"))),
             ("kiln:inputs".into(), inputs.join(" ")),
-            ("kiln:camera".into(), camera.name.clone()),
+            ("kiln:camera".into(), inline.unwrap_or(&camera.name).to_owned()),
             ("kiln:projection".into(), projection.name().into()),
             ("kiln:size".into(), format!("{width}x{height}")),
             ("kiln:colour".into(), pipeline.name().into()),

@@ -1,34 +1,36 @@
 //! Which picture the user asks for: its size, its camera, and the part of it.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use super::arguments::Arguments;
 use crate::animation::turntable;
 use crate::error::{Error, Result};
 use crate::film::Window;
+use crate::import::inline_camera;
 use crate::scene::file::nearest_name;
 use crate::scene::{Camera, Projection, Scene};
-use crate::world::{StandardView, fitted_camera};
+use crate::world::{Range, StandardView, fitted_camera};
 
 /// Width and height of a picture where nothing says otherwise.
 const DEFAULT_SIZE: [u32; 2] = [1024, 1024];
 
 /// Where the picture is seen from.
 pub enum Choice<'a> {
-    Camera(&'a Camera),
+    Camera(Cow<'a, Camera>),
     Fitted(StandardView),
 }
 
-/// The camera and the size of the picture.
-pub fn choose(arguments: &Arguments, scene: &Scene) -> Result<(Camera, [u32; 2])> {
-    let choice = choice(arguments, scene)?;
-    let shape = match choice {
+/// The camera and the size of the picture. `range` is how the scene was moved, and a camera in braces is not yet.
+pub fn choose(arguments: &Arguments, scene: &Scene, range: Option<&Range>) -> Result<(Camera, [u32; 2])> {
+    let choice = choice(arguments, scene, range)?;
+    let shape = match &choice {
         Choice::Camera(camera) => size_like(camera),
         Choice::Fitted(_) => None,
     };
     let size = size_or_usual(arguments, scene, shape);
     let camera = match choice {
-        Choice::Camera(camera) => camera.clone(),
+        Choice::Camera(camera) => camera.into_owned(),
         Choice::Fitted(view) => {
             let aspect = f64::from(size[0]) / f64::from(size[1]);
             let projection = arguments.projection().unwrap_or(Projection::Perspective);
@@ -48,10 +50,10 @@ pub fn choose(arguments: &Arguments, scene: &Scene) -> Result<(Camera, [u32; 2])
 /// The camera and the size of an animation's frames. One that says nothing of what moves becomes a turntable.
 pub fn choose_for_frames(arguments: &Arguments, scene: &mut Scene) -> Result<(Camera, [u32; 2])> {
     if scene.animation.is_some() {
-        return choose(arguments, scene);
+        return choose(arguments, scene, None);
     }
-    let (camera, view) = match choice(arguments, scene)? {
-        Choice::Camera(camera) => (Some(camera.clone()), StandardView::Auto),
+    let (camera, view) = match choice(arguments, scene, None)? {
+        Choice::Camera(camera) => (Some(camera.into_owned()), StandardView::Auto),
         Choice::Fitted(view) => (None, view),
     };
     let size = size_or_usual(arguments, scene, camera.as_ref().and_then(size_like));
@@ -81,21 +83,31 @@ pub fn size(arguments: &Arguments, scene: &Scene, choice: &Choice) -> [u32; 2] {
     size_or_usual(arguments, scene, shape)
 }
 
+/// Whether what is typed as a camera is one in braces rather than the name of one.
+pub fn is_inline(typed: &str) -> bool {
+    typed.trim_start().starts_with('{')
+}
+
 /// Where the user wants the picture to be seen from.
 ///
 /// # Errors
 /// [`Error::Usage`] where there is no such camera.
-pub fn choice<'a>(arguments: &Arguments, scene: &'a Scene) -> Result<Choice<'a>> {
+pub fn choice<'a>(arguments: &Arguments, scene: &'a Scene, range: Option<&Range>) -> Result<Choice<'a>> {
     if let Some(name) = &arguments.view {
         let view = StandardView::ALL.into_iter().find(|view| view.name() == name);
         return Ok(Choice::Fitted(view.unwrap_or(StandardView::Auto)));
     }
     match arguments.camera.as_deref() {
         Some("auto") => Ok(Choice::Fitted(StandardView::Auto)),
+        Some(text) if is_inline(text) => {
+            let camera = inline_camera(text)?;
+            Ok(Choice::Camera(Cow::Owned(range.map_or(camera.clone(), |range| range.moved(&camera)))))
+        }
         Some(name) => {
             let by_name = || scene.cameras.iter().find(|camera| camera.name == name);
             let by_index = || scene.cameras.get(name.parse::<usize>().ok()?);
-            by_name().or_else(by_index).map(Choice::Camera).ok_or_else(|| {
+            let own = |camera| Choice::Camera(Cow::Borrowed(camera));
+            by_name().or_else(by_index).map(own).ok_or_else(|| {
                 let known: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
                 let hint = match known.as_slice() {
                     [] => "the scene has none; leave --camera out, or use --view".into(),
@@ -104,7 +116,10 @@ pub fn choice<'a>(arguments: &Arguments, scene: &'a Scene) -> Result<Choice<'a>>
                 Error::usage(format!("there is no camera `{name}`"), hint)
             })
         }
-        None => Ok(scene.cameras.first().map_or(Choice::Fitted(StandardView::Auto), Choice::Camera)),
+        None => Ok(scene
+            .cameras
+            .first()
+            .map_or(Choice::Fitted(StandardView::Auto), |camera| Choice::Camera(Cow::Borrowed(camera)))),
     }
 }
 

@@ -73,7 +73,7 @@ pub fn describe(
     check_scene(&scene.effects)?;
     let range = bring_into_range(&mut scene);
     note_range(range.as_ref(), warnings);
-    let (camera, mut size) = picture::choose(arguments, &scene)?;
+    let (camera, mut size) = picture::choose(arguments, &scene, range.as_ref())?;
     if let Some(longest) = longest.filter(|_| arguments.size.is_none() && arguments.crop.is_none()) {
         size = picture::no_longer_than(longest, size);
     }

@@ -31,7 +31,10 @@ pub fn run(command: &Command) -> Result<()> {
         return Err(Error::usage("--crop has no meaning in a window", "leave it out"));
     }
     if what.inputs.iter().any(|input| input == Path::new("-")) {
-        return Err(Error::usage("a window cannot show standard input", "give a file, which it can read again"));
+        return Err(Error::usage(
+            "a window cannot show standard input",
+            "give a file, which it can read again",
+        ));
     }
     let threads = super::pool(what.threads)?;
     let own = what.clone();
@@ -61,13 +64,13 @@ fn open(arguments: &Arguments, inputs: &[PathBuf], warnings: &mut Warnings) -> R
         let hint = "`kiln info` says what the file holds";
         return Err(Error::input(file, "there is nothing in it to look at", hint));
     }
-    let choice = picture::choice(&arguments, &scene)?;
+    let choice = picture::choice(&arguments, &scene, None)?;
     let size = picture::size(&arguments, &scene, &choice);
     let from = match choice {
         Choice::Fitted(view) => From::Fitted(view),
-        Choice::Camera(camera) => match scene.cameras.iter().position(|own| own == camera) {
+        Choice::Camera(camera) => match scene.cameras.iter().position(|own| *own == *camera) {
             Some(index) => From::Scene(index),
-            None => From::Free(camera.clone()),
+            None => From::Free(camera.into_owned()),
         },
     };
     let settings = Settings {

@@ -17,6 +17,8 @@ mod sharing;
 mod tangents;
 mod uri;
 
+pub use scene_file::inline_camera;
+
 use std::io::Read;
 use std::path::{Path, PathBuf};
 

@@ -176,8 +176,8 @@ pub struct Subject<'a> {
     pub window: Window,
     /// The tiles of it that were made.
     pub share: Share,
-    /// The picture itself.
-    pub film: &'a Film,
+    /// The picture itself, where there is one; only the shares of effects ask for it, and render it where there is none.
+    pub film: Option<&'a Film>,
 }
 
 /// The channels that are wanted beside the picture's own, row by row from the top.
@@ -261,7 +261,8 @@ fn shares(subject: &Subject, watch: &Watch) -> Result<Vec<Channel>> {
     let mut before: Option<Vec<[f32; 3]>> = None;
     let mut channels = Vec::new();
     for count in 0..=on.len() {
-        let pixels: Vec<[f32; 3]> = if count == on.len() {
+        let whole = film.filter(|_| count == on.len());
+        let pixels: Vec<[f32; 3]> = if let Some(film) = whole {
             film.rows().collect()
         } else {
             let mut decisions = plan.decisions.clone();

@@ -91,7 +91,7 @@ pub struct ImageSection {
     pub seed: Option<u32>,
 }
 
-/// A camera: either a viewing rectangle at a distance, or a vertical field of view.
+/// A camera: either a viewing rectangle, or its height alone, at a distance, or a vertical field of view.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSection {
@@ -108,6 +108,8 @@ pub struct CameraSection {
     pub projection: Projection,
     /// Width and height of the viewing rectangle in world units.
     pub viewing_rectangle: Option<[f64; 2]>,
+    /// Height of the viewing rectangle in world units, instead of the whole of it: its width follows the picture's shape.
+    pub viewing_height: Option<f64>,
     /// Distance from the position to the viewing rectangle.
     pub viewpoint_distance: Option<f64>,
     /// Vertical field of view in degrees, instead of rectangle and distance; 40 if neither is given.
@@ -264,6 +266,18 @@ pub enum ScaleValue {
     Uniform(f64),
     /// One for each axis.
     PerAxis([f64; 3]),
+}
+
+impl CameraSection {
+    /// Reads a camera that is typed as an inline table: `{ position = [0, 0, 5], look_at = [0, 0, 0] }`.
+    ///
+    /// # Errors
+    /// What is wrong, and a hint, which names the nearest known key for an unknown one.
+    pub fn parse_inline(text: &str) -> std::result::Result<Self, (String, String)> {
+        toml::de::ValueDeserializer::parse(text.trim())
+            .and_then(CameraSection::deserialize)
+            .map_err(|e| explain(e.message()))
+    }
 }
 
 impl SceneFile {

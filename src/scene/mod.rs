@@ -7,6 +7,7 @@
 
 pub mod animation;
 mod camera;
+mod camera_text;
 mod colour_value;
 mod effects;
 pub mod extreme;
@@ -22,6 +23,7 @@ mod thin;
 
 pub use animation::Animation;
 pub use camera::{Camera, Projection};
+pub use camera_text::INLINE_NAME;
 pub use fingerprint::Fingerprint;
 pub use material::{Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture, TextureImage};
 pub use mesh::{Attribute, Mesh, moved_tangent, normal_matrix};

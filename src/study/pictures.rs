@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::data::Judge;
 use super::errors::PictureErrors;
-use super::metrics::{Errors, Picture as Compared, heat_map};
+use super::metrics::{Errors, Picture as Compared, error_map};
 use crate::error::{Error, Result};
 
 /// Places that are shown enlarged.
@@ -16,9 +16,6 @@ const WORST: usize = 3;
 
 /// Bytes of PNG that a report holds at most; pictures beyond are left out. A browser copes with as much at once.
 const BUDGET: usize = 24 << 20;
-
-/// The errors that heat maps begin at and end at, as powers of ten: less than f32 tells from 1, and black against white.
-const HEAT: [f64; 2] = [-8.0, 0.0];
 
 /// A picture held against another.
 pub struct Against {
@@ -46,13 +43,9 @@ impl Against {
     }
 }
 
-/// The largest difference of a channel of each pixel in what a display shows, as colours.
+/// Where they differ, as colours.
 fn heat(a: &Compared, b: &Compared) -> Result<Vec<u8>> {
-    let largest = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
-    let place =
-        |error: f32| ((f64::from(error).log10() - HEAT[0]) / (HEAT[1] - HEAT[0])).clamp(0.0, 1.0) as f32;
-    let errors: Vec<f32> = a.displayed().iter().zip(&b.displayed()).map(largest).map(place).collect();
-    encode(a.width, a.height, heat_map(&errors).as_flattened())
+    encode(a.width, a.height, error_map(a, b).as_flattened())
 }
 
 /// What a display shows of a picture, as PNG.

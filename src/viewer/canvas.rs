@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use egui::{Color32, CursorIcon, PointerButton, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, pos2, vec2};
+use egui::{
+    Color32, CursorIcon, PointerButton, Pos2, Rect, Response, Sense, TextureHandle, TextureOptions, Ui, pos2,
+    vec2,
+};
 use glam::DVec2;
 
 use super::controls::Controls;
@@ -155,9 +158,10 @@ impl Canvas {
         } else if response.dragged() && by != DVec2::ZERO {
             let up = DVec2::new(by.x, -by.y);
             let pans = modifiers.shift || !response.dragged_by(PointerButton::Primary);
+            let aspect = f64::from(rect.aspect_ratio());
             controls.navigate(seen, |camera| match (pans, modifiers.command) {
-                (true, _) => navigate::pan(camera, up),
-                (false, true) => navigate::look_around(camera, up),
+                (true, _) => navigate::pan(camera, up, aspect),
+                (false, true) => navigate::look_around(camera, up * TURN / 2.0),
                 (false, false) => navigate::orbit(camera, DVec2::new(-up.x, -up.y) * TURN),
             });
         }
@@ -165,7 +169,11 @@ impl Canvas {
             let (wheel, pinch) = ui.input(|input| (input.smooth_scroll_delta().y, input.zoom_delta()));
             if wheel != 0.0 || pinch != 1.0 {
                 let factor = f64::from(pinch) * (f64::from(wheel) / WHEEL).exp();
-                controls.navigate(seen, |camera| navigate::zoom(camera, factor));
+                let from_middle = response.hover_pos().map_or(vec2(0.0, 0.0), |place| place - rect.center());
+                let at = DVec2::new(f64::from(from_middle.x), f64::from(-from_middle.y))
+                    / f64::from(rect.height());
+                let aspect = f64::from(rect.aspect_ratio());
+                controls.navigate(seen, |camera| navigate::zoom_at(camera, factor, at, aspect));
             }
         }
         let pixel = response.interact_pointer_pos().and_then(|place| self.pixel(place));

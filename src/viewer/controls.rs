@@ -37,6 +37,8 @@ pub struct Controls {
     pub side: usize,
     /// Where the line between two sides is: the share of the width left of it.
     pub split: f32,
+    /// The angle of view that perspective had last, in radians.
+    angle: f64,
     /// What the files said when they were opened.
     start: (From, Option<Projection>, Settings),
 }
@@ -54,6 +56,7 @@ impl Controls {
             sides: vec![settings.clone()],
             side: 0,
             split: 0.5,
+            angle: 40f64.to_radians(),
             start: (from.clone(), *projection, settings.clone()),
         }
     }
@@ -109,7 +112,11 @@ impl Controls {
         if let Some(camera) = camera {
             let mut moved = camera.clone();
             moved.projection = self.projection.unwrap_or(moved.projection);
+            if moved.projection == Projection::Perspective {
+                self.angle = navigate::field_of_view(&moved);
+            }
             how(&mut moved);
+            self.projection = None;
             self.from = From::Free(moved);
         }
     }
@@ -127,16 +134,29 @@ impl Controls {
         });
     }
 
+    /// Has the projection that it is told; `seen` is the camera of the picture that is shown.
+    pub fn project(&mut self, projection: Projection, seen: Option<&Camera>) {
+        let angle = self.angle;
+        match &self.from {
+            From::Free(_) => {
+                self.navigate(seen, |camera| navigate::switch_projection(camera, projection, angle))
+            }
+            // Of the scene's own cameras the rectangle says all.
+            _ => self.projection = Some(projection),
+        }
+    }
+
     /// The other projection than that which is seen.
     pub fn switch_projection(&mut self, seen: Option<&Camera>) {
         let own = match (&self.from, seen) {
             (From::Free(camera), _) | (_, Some(camera)) => camera.projection,
             _ => Projection::Perspective,
         };
-        self.projection = Some(match self.projection.unwrap_or(own) {
+        let other = match self.projection.unwrap_or(own) {
             Projection::Perspective => Projection::Orthographic,
             Projection::Orthographic => Projection::Perspective,
-        });
+        };
+        self.project(other, seen);
     }
 
     /// Back to where it was first seen from.

@@ -1,19 +1,384 @@
-//! What is shown of a picture.
+//! What is known of a picture beside its colours, as colours, with a legend that says what they mean.
+//!
+//! What is known is that of [`crate::render::aov`], of the ray through each pixel's centre; how far a picture is from another is
+//! that of the study. Only colours are made here.
 
-/// What is shown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+use crate::error::{Error, Result};
+use crate::film::write::Channel;
+use crate::render::Watch;
+use crate::render::aov::{self, Subject, Wanted};
+use crate::study::metrics::{DECADES, Picture, error_map, heat_map};
+use crate::world::World;
+
+/// What is shown of a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub enum Shown {
-    /// The picture.
+    /// The picture itself.
     #[default]
     Picture,
+    /// Normals for shading.
+    Normals,
+    /// Normals of the triangles and spheres themselves.
+    GeometricNormals,
+    /// How far away what is seen is.
+    Depth,
+    /// Objects, each in a colour of its own.
+    Objects,
+    /// Materials.
+    Materials,
+    /// Triangles and spheres.
+    Primitives,
+    /// How many boxes a camera ray is tested against.
+    NodeTests,
+    /// How far the picture is from the one that is exact.
+    ErrorAgainstExact,
 }
 
 impl Shown {
-    /// Everything that can be shown.
-    pub const ALL: [Shown; 1] = [Shown::Picture];
+    /// All there is to be shown.
+    pub const ALL: [Shown; 9] = [
+        Shown::Picture,
+        Shown::Normals,
+        Shown::GeometricNormals,
+        Shown::Depth,
+        Shown::Objects,
+        Shown::Materials,
+        Shown::Primitives,
+        Shown::NodeTests,
+        Shown::ErrorAgainstExact,
+    ];
 
-    /// The name in the panel.
+    /// What it is called.
     pub fn name(self) -> &'static str {
-        "picture"
+        match self {
+            Shown::Picture => "picture",
+            Shown::Normals => "normals",
+            Shown::GeometricNormals => "geometric normals",
+            Shown::Depth => "depth",
+            Shown::Objects => "objects",
+            Shown::Materials => "materials",
+            Shown::Primitives => "primitives",
+            Shown::NodeTests => "node tests",
+            Shown::ErrorAgainstExact => "error against exact",
+        }
+    }
+
+    /// The AOV that says it; `None` for what takes pictures.
+    pub fn aov(self) -> Option<&'static str> {
+        match self {
+            Shown::Picture | Shown::ErrorAgainstExact => None,
+            Shown::Normals => Some("normal"),
+            Shown::GeometricNormals => Some("geometric-normal"),
+            Shown::Depth => Some("depth"),
+            Shown::Objects => Some("object"),
+            Shown::Materials => Some("material"),
+            Shown::Primitives => Some("primitive"),
+            Shown::NodeTests => Some("node-tests"),
+        }
+    }
+}
+
+/// A picture in false colours.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FalseColours {
+    /// Its pixels, row by row from the top, three display values each.
+    pub pixels: Vec<[u8; 3]>,
+    /// What the colours mean.
+    pub legend: Legend,
+}
+
+/// What colours mean.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Legend {
+    /// In a few words.
+    pub text: String,
+    /// For colours along a scale, those colours, evenly from its beginning to its end.
+    pub bar: Vec<[u8; 3]>,
+    /// What the scale begins with and ends with.
+    pub ends: Option<[String; 2]>,
+    /// For colours that stand for something each, what they stand for; of many those that most pixels show.
+    pub swatches: Vec<([u8; 3], String)>,
+}
+
+/// Where there is nothing to be seen: a colour that none of the others comes near.
+pub const NOTHING: [u8; 3] = [20, 24, 52];
+
+/// Depths are greys from this, the farthest, to [`NEAREST`].
+const FARTHEST: f32 = 40.0;
+const NEAREST: f32 = 250.0;
+
+/// Colours of a bar.
+const BAR: usize = 64;
+
+/// Things that a legend names at most.
+const SWATCHES: usize = 12;
+
+/// The colours of what is known of a picture.
+///
+/// # Errors
+/// [`Error::Usage`] for what takes pictures; [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough
+/// memory.
+pub fn false_colours(shown: Shown, subject: &Subject, watch: &Watch) -> Result<FalseColours> {
+    let Some(aov) = shown.aov() else {
+        let what = format!("{}: shown by pictures, not by what is known of their pixels", shown.name());
+        return Err(Error::usage(what, ""));
+    };
+    let channels = aov::channels(subject, &Wanted::new(&[aov.to_owned()])?, watch)?;
+    Ok(of_channels(shown, subject.world, &channels))
+}
+
+/// The colours of the AOV of `shown`.
+pub fn of_channels(shown: Shown, world: &World, channels: &[Channel]) -> FalseColours {
+    let first: &[f32] = channels.first().map_or(&[], |channel| &channel.values);
+    match (shown, channels) {
+        (Shown::Normals | Shown::GeometricNormals, [x, y, z]) => {
+            normals(shown, &x.values, &y.values, &z.values)
+        }
+        (Shown::Depth, _) => depths(first),
+        (Shown::Objects, _) => {
+            let name = |id: usize| world.objects.get(id).map(|object| object.name.clone());
+            ids("each object has a colour", first, name)
+        }
+        (Shown::Materials, _) => {
+            ids("each material has a colour", first, |id| world.material_names.get(id).cloned())
+        }
+        (Shown::Primitives, _) => ids("each triangle and sphere has a colour", first, |_| None),
+        _ => counts("boxes that the camera ray is tested against", first),
+    }
+}
+
+/// How far a picture is from the exact one, both of one size.
+///
+/// # Errors
+/// [`Error::Usage`] where the sizes differ.
+pub fn error_against_exact(picture: &Picture, exact: &Picture) -> Result<FalseColours> {
+    if (picture.width, picture.height) != (exact.width, exact.height) {
+        return Err(Error::usage("pictures of two sizes", "compare pictures of one size"));
+    }
+    let same = picture.displayed() == exact.displayed();
+    let text = "largest difference of a channel as displayed, on a logarithmic scale";
+    let legend = Legend {
+        text: if same { format!("{text}; there is none") } else { text.into() },
+        bar: heat_bar(),
+        ends: Some([format!("1e{} or less", DECADES[0]), "1, white for black".into()]),
+        swatches: Vec::new(),
+    };
+    Ok(FalseColours { pixels: error_map(picture, exact), legend })
+}
+
+fn normals(shown: Shown, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
+    let colour = |n: [f32; 3]| {
+        if n == [0.0; 3] { NOTHING } else { n.map(|c| ((c / 2.0 + 0.5) * 255.0).round() as u8) }
+    };
+    let pixels = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| colour([x, y, z])).collect();
+    let axis = |name: &str, n| (colour(n), name.to_owned());
+    let swatches = vec![
+        axis("+x", [1.0, 0.0, 0.0]),
+        axis("-x", [-1.0, 0.0, 0.0]),
+        axis("+y", [0.0, 1.0, 0.0]),
+        axis("-y", [0.0, -1.0, 0.0]),
+        axis("+z", [0.0, 0.0, 1.0]),
+        axis("-z", [0.0, 0.0, -1.0]),
+        (NOTHING, "nothing".into()),
+    ];
+    let text = match shown {
+        Shown::Normals => "normals for shading, on the camera's side: n / 2 + 1/2",
+        _ => "normals of the triangles and spheres, on the camera's side: n / 2 + 1/2",
+    };
+    FalseColours { pixels, legend: Legend { text: text.into(), bar: Vec::new(), ends: None, swatches } }
+}
+
+fn depths(depths: &[f32]) -> FalseColours {
+    let seen = || depths.iter().copied().filter(|depth| depth.is_finite());
+    let (nearest, farthest) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
+    let grey = |share: f32| [(NEAREST + (FARTHEST - NEAREST) * share).round() as u8; 3];
+    // All at one depth are near.
+    let share = |depth: f32| if farthest > nearest { (depth - nearest) / (farthest - nearest) } else { 0.0 };
+    let colour = |depth: &f32| if depth.is_finite() { grey(share(*depth)) } else { NOTHING };
+    let is_something = nearest.is_finite();
+    let legend = Legend {
+        text: if is_something { "distance from the camera" } else { "nothing is seen" }.into(),
+        bar: (0..BAR).map(|i| grey(i as f32 / (BAR - 1) as f32)).collect(),
+        ends: is_something.then(|| [short(nearest), short(farthest)]),
+        swatches: vec![(NOTHING, "nothing".into())],
+    };
+    FalseColours { pixels: depths.iter().map(colour).collect(), legend }
+}
+
+fn counts(text: &str, counts: &[f32]) -> FalseColours {
+    let largest = counts.iter().copied().fold(0.0, f32::max);
+    let shares: Vec<f32> = counts.iter().map(|count| count / largest.max(1.0)).collect();
+    let legend = Legend {
+        text: text.into(),
+        bar: heat_bar(),
+        ends: Some(["0".into(), short(largest.max(1.0))]),
+        swatches: Vec::new(),
+    };
+    FalseColours { pixels: heat_map(&shares), legend }
+}
+
+fn ids(text: &str, ids: &[f32], name: impl Fn(usize) -> Option<String>) -> FalseColours {
+    let colour = |&id: &f32| if id < 0.0 { NOTHING } else { colour_of(id as u32) };
+    let mut pixels_of = std::collections::BTreeMap::<u32, usize>::new();
+    ids.iter().filter(|&&id| id >= 0.0).for_each(|&id| *pixels_of.entry(id as u32).or_default() += 1);
+    let mut most: Vec<(u32, usize)> = pixels_of.into_iter().collect();
+    // Of as many pixels the lower number first.
+    most.sort_by_key(|&(_, pixels)| std::cmp::Reverse(pixels));
+    let named = most.iter().filter_map(|&(id, _)| Some((colour_of(id), name(id as usize)?)));
+    let mut swatches: Vec<([u8; 3], String)> = named.take(SWATCHES).collect();
+    swatches.push((NOTHING, "nothing".into()));
+    let text = format!("{text}; {} to be seen", most.len());
+    FalseColours {
+        pixels: ids.iter().map(colour).collect(),
+        legend: Legend { text, bar: Vec::new(), ends: None, swatches },
+    }
+}
+
+/// A colour for a number: always the same, and far from those of the numbers beside it.
+///
+/// Hue and lightness are the points of a sequence that fills the square evenly however many are taken (Roberts, The
+/// Unreasonable Effectiveness of Quasirandom Sequences, 2018: powers of the inverse of the plastic number, the real root of
+/// x^3 = x + 1), in OKLab (Ottosson, A perceptual color space for image processing, 2020), where as far apart is as different.
+pub fn colour_of(id: u32) -> [u8; 3] {
+    const PLASTIC: f64 = 1.324_717_957_244_746;
+    let point = |power: i32| (0.5 + f64::from(id) * PLASTIC.powi(-power)).fract();
+    let (hue, lightness) = (std::f64::consts::TAU * point(1), 0.55 + 0.35 * point(2));
+    let (a, b) = (0.12 * hue.cos(), 0.12 * hue.sin());
+    let l = (lightness + 0.396_337_777_4 * a + 0.215_803_757_3 * b).powi(3);
+    let m = (lightness - 0.105_561_345_8 * a - 0.063_854_172_8 * b).powi(3);
+    let s = (lightness - 0.089_484_177_5 * a - 1.291_485_548_0 * b).powi(3);
+    let linear = [
+        4.076_741_662_1 * l - 3.307_711_591_3 * m + 0.230_969_929_2 * s,
+        -1.268_438_004_6 * l + 2.609_757_401_1 * m - 0.341_319_396_5 * s,
+        -0.004_196_086_3 * l - 0.703_418_614_7 * m + 1.707_614_701_0 * s,
+    ];
+    linear.map(|c| crate::film::colour::quantise(crate::film::colour::srgb_encode(c)))
+}
+
+fn heat_bar() -> Vec<[u8; 3]> {
+    let shares: Vec<f32> = (0..BAR).map(|i| i as f32 / (BAR - 1) as f32).collect();
+    heat_map(&shares)
+}
+
+/// A number in four digits.
+fn short(x: f32) -> String {
+    if x != 0.0 && !(1e-3..1e6).contains(&x.abs()) {
+        return format!("{x:.3e}");
+    }
+    let digits = 3 - x.abs().max(1.0).log10().floor() as i32;
+    let text = format!("{x:.*}", digits.max(0) as usize);
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+    use crate::bvh::Structure;
+    use crate::effects::{Choices, Plan};
+    use crate::error::Warnings;
+    use crate::film::{Share, Window};
+    use crate::scene::Numerics;
+    use crate::study::metrics::Values;
+    use crate::world::View;
+
+    /// The assignment scene from view 2, in so many pixels.
+    fn shown(shown: Shown, size: u32) -> FalseColours {
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/assignment.toml");
+        let scene = crate::import::load(&[file], &mut Warnings::default()).unwrap();
+        let camera = scene.cameras[0].clone();
+        let view = View::new(&camera, camera.projection, [size, size]).unwrap();
+        let world =
+            World::prepare(scene, Default::default(), Structure::default(), Numerics::default());
+        let plan = Plan::new(&world, &Choices::default()).unwrap();
+        let window = Window { x: 0, y: 0, width: size, height: size };
+        let subject =
+            Subject { world: &world, range: None, view: &view, plan: &plan, window, share: Share::ALL, film: None };
+        let watch = Watch { cancel: &AtomicBool::new(false), progress: &|_, _| {} };
+        false_colours(shown, &subject, &watch).unwrap()
+    }
+
+    #[test]
+    fn the_plane_is_green_from_above_and_the_sky_is_nothing() {
+        let normals = shown(Shown::Normals, 32);
+        // The bottom row sees the plane, whose normal is (0, 1, 0); the top row sees above its horizon.
+        assert_eq!(normals.pixels[31 * 32], [128, 255, 128]);
+        assert_eq!(normals.pixels[0], NOTHING);
+        assert_eq!(shown(Shown::GeometricNormals, 32).pixels[31 * 32], [128, 255, 128]);
+    }
+
+    #[test]
+    fn near_is_light() {
+        let depths = shown(Shown::Depth, 32);
+        let [bottom, higher] = [31, 24].map(|row| depths.pixels[row * 32][0]);
+        assert!(bottom > higher, "{bottom} {higher}");
+        assert_eq!(depths.pixels.iter().map(|p| p[0]).max(), Some(250));
+        assert_eq!(depths.pixels.iter().filter(|p| **p != NOTHING).map(|p| p[0]).min(), Some(40));
+        let even = super::depths(&[2.0, 2.0, f32::INFINITY]);
+        assert_eq!(even.pixels, [[250; 3], [250; 3], NOTHING]);
+        assert_eq!(even.legend.ends, Some(["2".into(), "2".into()]));
+        assert_eq!(super::depths(&[f32::INFINITY]).legend.ends, None);
+    }
+
+    #[test]
+    fn objects_are_named_and_have_their_colours() {
+        let objects = shown(Shown::Objects, 64);
+        let names: Vec<&str> = objects.legend.swatches.iter().map(|(_, name)| name.as_str()).collect();
+        // The plane fills most of the picture.
+        assert_eq!(names[0], "plane");
+        for name in ["left sphere", "right sphere", "tetrahedron", "nothing"] {
+            assert!(names.contains(&name), "{names:?}");
+        }
+        for (colour, name) in &objects.legend.swatches {
+            assert!(objects.pixels.contains(colour), "{name}");
+        }
+        // 0 is the left sphere, 1 the right one, 2 the plane.
+        assert_eq!(objects.legend.swatches[0].0, colour_of(2));
+        assert!(shown(Shown::Materials, 64).legend.swatches.iter().any(|(_, name)| name == "patriarch"));
+        assert_eq!(shown(Shown::Primitives, 64).legend.swatches.len(), 1);
+    }
+
+    #[test]
+    fn node_tests_end_at_their_largest_number() {
+        let counts = super::counts("boxes", &[0.0, 8.0, 16.0]);
+        assert_eq!(counts.pixels, heat_map(&[0.0, 0.5, 1.0]));
+        assert_eq!(counts.legend.ends, Some(["0".into(), "16".into()]));
+        assert!(shown(Shown::NodeTests, 16).pixels.iter().any(|p| *p == heat_map(&[1.0])[0]));
+    }
+
+    #[test]
+    fn numbers_have_colours_far_apart() {
+        // Any of 24 in a row, wherever they begin: 12 steps of 255 apart in some channel at least, and far from nothing.
+        let apart = |a: [u8; 3], b: [u8; 3]| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();
+        for start in [0, 1000, 123_456] {
+            let colours: Vec<_> = (start..start + 24).map(colour_of).collect();
+            for (i, &a) in colours.iter().enumerate() {
+                assert!(apart(a, NOTHING) > 60, "{a:?}");
+                colours[..i].iter().for_each(|&b| assert!(apart(a, b) >= 12, "{a:?} {b:?}"));
+            }
+        }
+    }
+
+    #[test]
+    fn errors_are_on_the_scale_of_the_study() {
+        let even = |value: f32, width: u32| Picture {
+            width,
+            height: 1,
+            values: Values::Display,
+            pixels: vec![[value; 3]; width as usize],
+        };
+        // 1e-4 is half-way from 1e-8 to 1.
+        let map = error_against_exact(&even(1e-4, 2), &even(0.0, 2)).unwrap();
+        assert_eq!(map.pixels, [heat_map(&[0.5])[0]; 2]);
+        assert!(error_against_exact(&even(0.5, 2), &even(0.5, 2)).unwrap().legend.text.contains("there is none"));
+        assert!(error_against_exact(&even(0.5, 2), &even(0.5, 3)).is_err());
+    }
+
+    #[test]
+    fn numbers_are_short() {
+        for (x, text) in [(0.0, "0"), (2.0, "2"), (1234.5, "1234"), (100.0, "100"), (0.25, "0.25"), (1e-9, "1.000e-9")] {
+            assert_eq!(short(x), text);
+        }
     }
 }

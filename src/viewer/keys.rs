@@ -162,15 +162,14 @@ pub fn actions(input: &mut InputState, has_focus: bool) -> Vec<Action> {
     actions
 }
 
-/// Which way keys that are held move: right, up and back to fly, in one direction each; and to the right and up to orbit.
+/// Which way keys that are held move: right, up and forward to fly, in one direction each; and to the right and up to orbit.
 pub fn held(input: &InputState, has_focus: bool) -> (glam::DVec3, glam::DVec2) {
     if input.modifiers.command || input.modifiers.alt {
         return Default::default();
     }
-    let axis = |minus: Key, plus: Key| {
-        f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus)))
-    };
-    let fly = glam::DVec3::new(axis(Key::A, Key::D), axis(Key::Q, Key::E), axis(Key::W, Key::S));
+    let axis =
+        |minus: Key, plus: Key| f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus)));
+    let fly = glam::DVec3::new(axis(Key::A, Key::D), axis(Key::Q, Key::E), axis(Key::S, Key::W));
     if has_focus {
         return (fly, glam::DVec2::ZERO);
     }

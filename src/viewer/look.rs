@@ -125,10 +125,16 @@ mod tests {
         };
         assert_eq!(settings.value("glaze"), Some("every-bounce"));
         settings.switch("glaze", false);
-        assert_eq!((settings.choices.with.len(), settings.choices.without.as_slice()), (0, &["glaze".to_owned()][..]));
+        assert_eq!(
+            (settings.choices.with.len(), settings.choices.without.as_slice()),
+            (0, &["glaze".to_owned()][..])
+        );
         settings.set("glaze", Some("2"));
         assert_eq!((settings.value("glaze"), settings.choices.without.len()), (Some("2"), 0));
         settings.switch("glaze", true);
-        assert_eq!((settings.value("glaze"), settings.choices.with.as_slice()), (None, &["glaze".to_owned()][..]));
+        assert_eq!(
+            (settings.value("glaze"), settings.choices.with.as_slice()),
+            (None, &["glaze".to_owned()][..])
+        );
     }
 }

@@ -7,17 +7,17 @@
 mod app;
 mod canvas;
 mod controls;
-pub mod display;
-mod false_colour;
+mod display;
+pub mod false_colour;
 mod keys;
 mod loader;
 mod look;
-mod navigate;
+pub mod navigate;
 mod painter;
 mod panel;
 mod refine;
 mod trace;
-pub mod watch;
+mod watch;
 
 pub use app::run;
 pub use look::{From, Opened, Settings};

@@ -79,12 +79,13 @@ fn camera(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace
             let button = ui.selectable_label(seen.projection == projection, projection.name());
             place(ui, trace, projection.name(), &button.clone().on_hover_text("Enter"));
             if button.clicked() {
-                controls.projection = Some(projection);
+                controls.project(projection, Some(seen));
             }
         }
     });
     let mut degrees = navigate::field_of_view(seen).to_degrees();
-    let slider = ui.add(Slider::new(&mut degrees, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true));
+    let slider =
+        ui.add(Slider::new(&mut degrees, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true));
     place(ui, trace, "field of view", &slider);
     if slider.changed() {
         controls.navigate(Some(seen), |camera| navigate::set_field_of_view(camera, degrees.to_radians()));
@@ -105,7 +106,8 @@ fn place(ui: &Ui, trace: &mut Trace, name: &str, response: &egui::Response) {
 fn comparison(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace) {
     ui.horizontal(|ui| {
         let mut compares = controls.sides.len() > 1;
-        let check = ui.checkbox(&mut compares, "Compare").on_hover_text("beside a second setting (X); drag the line");
+        let check =
+            ui.checkbox(&mut compares, "Compare").on_hover_text("beside a second setting (X); drag the line");
         place(ui, trace, "compare", &check);
         if check.changed() {
             controls.switch_comparison();
@@ -205,9 +207,10 @@ fn effects(ui: &mut Ui, painted: &Painted, settings: &mut Settings, trace: &mut 
         let most = settings.value("glaze").and_then(|value| value.parse::<u32>().ok());
         let mut bounces = most.unwrap_or(0);
         ui.horizontal(|ui| {
-            let drag = ui.add(DragValue::new(&mut bounces).range(0..=64).speed(0.05).custom_formatter(|n, _| {
-                if n == 0.0 { "as the materials say".into() } else { format!("{n}") }
-            }));
+            let drag =
+                ui.add(DragValue::new(&mut bounces).range(0..=64).speed(0.05).custom_formatter(|n, _| {
+                    if n == 0.0 { "as the materials say".into() } else { format!("{n}") }
+                }));
             place(ui, trace, "bounces", &drag);
             if drag.changed() {
                 let value = (bounces > 0).then(|| bounces.to_string());

@@ -24,7 +24,7 @@ pub use pyramid::{Level as PyramidLevel, Pyramid};
 pub use range::{Range, bring_into_range};
 pub use surface::{Surface, Texels};
 pub use surfaces::Surfaces;
-pub use view::View;
+pub use view::{View, basis};
 
 use std::collections::HashMap;
 use std::sync::Arc;

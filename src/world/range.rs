@@ -59,7 +59,7 @@ impl Range {
                 }
             }
         }
-        scene.cameras.iter_mut().for_each(|camera| *camera = self.moved(camera));
+        scene.cameras.iter_mut().for_each(|camera| self.move_camera(camera));
         for light in &mut scene.lights {
             match &mut light.kind {
                 LightKind::Directional { .. } => {}
@@ -74,28 +74,36 @@ impl Range {
         }
     }
 
-    /// A camera of the scene as it was described, for the scene as it is now.
+    /// The camera in the moved scene.
     pub fn moved(&self, camera: &Camera) -> Camera {
-        Camera {
-            position: (camera.position - self.middle) * self.scale,
-            target: (camera.target - self.middle) * self.scale,
-            view_height: camera.view_height * self.scale,
-            view_width: camera.view_width.map(|width| width * self.scale),
-            viewpoint_distance: camera.viewpoint_distance * self.scale,
-            ..camera.clone()
-        }
+        let mut moved = camera.clone();
+        self.move_camera(&mut moved);
+        moved
     }
 
-    /// A camera of the scene as it is now, for the scene as it was described.
+    /// The camera in the scene as it is described, of one in the moved scene. Rounded to what can be said there: what
+    /// [`Range::moved`] makes of it may lie beside the camera by the last digits of the scene's own coordinates.
     pub fn moved_back(&self, camera: &Camera) -> Camera {
-        Camera {
-            position: camera.position / self.scale + self.middle,
-            target: camera.target / self.scale + self.middle,
-            view_height: camera.view_height / self.scale,
-            view_width: camera.view_width.map(|width| width / self.scale),
-            viewpoint_distance: camera.viewpoint_distance / self.scale,
-            ..camera.clone()
-        }
+        let mut own = camera.clone();
+        own.position = self.point_back(camera.position);
+        own.target = self.point_back(camera.target);
+        own.view_height /= self.scale;
+        own.view_width = camera.view_width.map(|width| width / self.scale);
+        own.viewpoint_distance /= self.scale;
+        own
+    }
+
+    /// A point of the moved scene, in the scene's own coordinates.
+    pub fn point_back(&self, point: DVec3) -> DVec3 {
+        point / self.scale + self.middle
+    }
+
+    fn move_camera(&self, camera: &mut Camera) {
+        camera.position = (camera.position - self.middle) * self.scale;
+        camera.target = (camera.target - self.middle) * self.scale;
+        camera.view_height *= self.scale;
+        camera.view_width = camera.view_width.map(|width| width * self.scale);
+        camera.viewpoint_distance *= self.scale;
     }
 }
 

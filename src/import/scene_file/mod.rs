@@ -6,8 +6,11 @@ use glam::DVec3;
 use toml::Spanned;
 
 mod animation;
+mod camera;
 mod meshes;
 mod sampling;
+
+pub use camera::inline_camera;
 
 use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
@@ -157,65 +160,8 @@ impl Builder<'_> {
     }
 
     fn camera(&self, index: usize, section: &Spanned<CameraSection>) -> Result<Camera> {
-        let (start, s) = (section.span().start, section.get_ref());
-        let name = s.name.clone().unwrap_or_else(|| format!("camera {index}"));
-        let (position, target) = (DVec3::from(s.position), DVec3::from(s.look_at));
-        let up = DVec3::from(s.up.unwrap_or([0.0, 1.0, 0.0]));
-        self.finite(start, "position", &s.position)?;
-        self.finite(start, "look_at", &s.look_at)?;
-        self.finite(start, "up", &up.to_array())?;
-        if position == target {
-            return Err(self.error(
-                start,
-                format!("camera `{name}` looks at itself"),
-                "move `look_at` or `position`",
-            ));
-        }
-        if up == DVec3::ZERO {
-            return Err(self.error(
-                start,
-                format!("camera `{name}` has no up"),
-                "give `up` a length, or leave it out",
-            ));
-        }
-        let mut camera = match (s.viewing_rectangle, s.viewpoint_distance, s.vertical_fov) {
-            (Some([width, height]), Some(distance), None) => {
-                if [width, height, distance].iter().any(|&x| !(x > 0.0 && x.is_finite())) {
-                    let what =
-                        format!("camera `{name}` has a viewing rectangle or distance that is not above 0");
-                    return Err(self.error(
-                        start,
-                        what,
-                        "give `viewing_rectangle` and `viewpoint_distance` above 0",
-                    ));
-                }
-                Camera {
-                    name,
-                    position,
-                    target,
-                    up,
-                    projection: s.projection,
-                    view_height: height,
-                    view_width: Some(width),
-                    viewpoint_distance: distance,
-                }
-            }
-            (None, None, fov) => {
-                let degrees = fov.unwrap_or(40.0);
-                if !(degrees > 0.0 && degrees < 180.0) {
-                    let what = format!("camera `{name}` has a field of view of {degrees} degrees");
-                    return Err(self.error(start, what, "give `vertical_fov` above 0 and below 180"));
-                }
-                Camera::from_field_of_view(name, position, target, up, degrees.to_radians())
-            }
-            _ => {
-                let what = format!("camera `{name}` says too much or too little of its lens");
-                let hint = "give `viewing_rectangle` and `viewpoint_distance`, or `vertical_fov` alone";
-                return Err(self.error(start, what, hint));
-            }
-        };
-        camera.projection = s.projection;
-        Ok(camera)
+        camera::camera(section.get_ref(), &format!("camera {index}"))
+            .map_err(|fault| self.error(section.span().start, fault.what, fault.hint))
     }
 
     fn light(&self, index: usize, section: &Spanned<LightSection>) -> Result<Light> {

@@ -1,5 +1,11 @@
 //! A map of errors as a picture.
 
+use super::Picture;
+
+/// The errors that maps of them on a logarithmic scale begin at and end at, as powers of ten: less than f32 tells from 1, and
+/// black against white.
+pub const DECADES: [f64; 2] = [-8.0, 0.0];
+
 /// Ten colours of matplotlib's "magma" (van der Walt and Smith 2015), equally far apart, in which FLIP maps are usually shown.
 const MAGMA: [[u8; 3]; 10] = [
     [0, 0, 4],
@@ -17,6 +23,17 @@ const MAGMA: [[u8; 3]; 10] = [
 /// The colours of `errors`, 0 to 1 each: black where there is none, through purple and orange, to light yellow.
 pub fn heat_map(errors: &[f32]) -> Vec<[u8; 3]> {
     errors.iter().map(|&error| colour(error)).collect()
+}
+
+/// Where two pictures of one size differ: the largest difference of a channel of each pixel in what a display shows, on the
+/// logarithmic scale of [`DECADES`].
+pub fn error_map(a: &Picture, b: &Picture) -> Vec<[u8; 3]> {
+    let largest = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
+    let place = |error: f32| {
+        ((f64::from(error).log10() - DECADES[0]) / (DECADES[1] - DECADES[0])).clamp(0.0, 1.0) as f32
+    };
+    let errors: Vec<f32> = a.displayed().iter().zip(&b.displayed()).map(largest).map(place).collect();
+    heat_map(&errors)
 }
 
 fn colour(error: f32) -> [u8; 3] {

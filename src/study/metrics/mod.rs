@@ -7,7 +7,7 @@ mod flip;
 mod heat;
 mod picture;
 
-pub use heat::heat_map;
+pub use heat::{DECADES, error_map, heat_map};
 pub use picture::{Picture, Values, displayed};
 
 use rayon::prelude::*;

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::pass::Picture;
 use super::{News, Teller};
-use crate::study::metrics::{self, Errors, Values};
 use crate::film::ColourPipeline;
+use crate::study::metrics::{self, Errors, Values};
 
 /// How far two pictures are apart, in what a display shows of them.
 #[derive(Debug, Clone, Copy, PartialEq)]

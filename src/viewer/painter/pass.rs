@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use egui::{Color32, ColorImage};
 use rayon::prelude::*;
 
-use super::studio::{Prepared, Studio};
 use super::Painted;
+use super::studio::{Prepared, Studio};
 use crate::effects::Plan;
 use crate::error::Result;
 use crate::film::{ColourPipeline, Film, Pixel, Window};
@@ -16,7 +16,7 @@ use crate::render::{Clock, Statistics, Watch, render_as};
 use crate::scene::Sampling;
 use crate::viewer::look::{Order, Settings};
 use crate::viewer::refine::{Kind, Pass, passes};
-use crate::world::{View, World};
+use crate::world::View;
 
 /// A picture in the numbers of its pipeline, row by row from the top.
 pub struct Picture {
@@ -167,7 +167,8 @@ impl<'a> Side<'a> {
         if sampling == Sampling::default() {
             return render_as(world, &view, plan, whole, watch, Clock::EveryStage);
         }
-        let world = World { sampling, ..world.clone() };
+        let mut world = world.clone();
+        world.sampling = sampling;
         let plan = Plan::new(&world, &self.settings.choices)?;
         render_as(&world, &view, &plan, whole, watch, Clock::EveryStage)
     }

@@ -148,7 +148,8 @@ impl Studio {
     /// A camera that fits the scene at rest, in the world's coordinates: as commands find it.
     fn fit(&mut self, order: &Order, view: StandardView, range: Option<Range>) -> Result<Camera> {
         let aspect = f64::from(order.size[0]) / f64::from(order.size[1]);
-        if let Some((.., camera)) = self.fitted.iter().find(|(known, at, _)| (*known, *at) == (view, aspect)) {
+        if let Some((.., camera)) = self.fitted.iter().find(|(known, at, _)| (*known, *at) == (view, aspect))
+        {
             return Ok(camera.clone());
         }
         if let (None, Some(range)) = (&self.moved, range) {

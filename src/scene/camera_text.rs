@@ -1,0 +1,133 @@
+//! A camera as text: a `[[camera]]` of a scene file, or in braces after `--camera`. What is read back is the same camera, to
+//! the bit (`import::scene_file::camera` reads it).
+
+use std::fmt::Write;
+
+use glam::DVec3;
+
+use super::{Camera, Projection};
+
+/// The name of cameras in braces that do not say theirs.
+pub const INLINE_NAME: &str = "inline";
+
+impl Camera {
+    /// A section of a scene file, with an end of line after each of its lines.
+    pub fn to_section(&self) -> String {
+        let lines = self.words(true).into_iter().map(|(key, value)| format!("{key} = {value}\n"));
+        format!("[[camera]]\n{}", lines.collect::<String>())
+    }
+
+    /// What `--camera` takes: the same in braces, on one line. Without a name where that is [`INLINE_NAME`].
+    pub fn to_inline(&self) -> String {
+        let words = self.words(self.name != INLINE_NAME);
+        let words: Vec<String> = words.into_iter().map(|(key, value)| format!("{key} = {value}")).collect();
+        format!("{{ {} }}", words.join(", "))
+    }
+
+    /// What is to be said of it, each by its key.
+    fn words(&self, with_name: bool) -> Vec<(&'static str, String)> {
+        let mut words = Vec::new();
+        if with_name {
+            words.push(("name", quoted(&self.name)));
+        }
+        words.push(("position", list(&self.position.to_array())));
+        words.push(("look_at", list(&self.target.to_array())));
+        if self.up != DVec3::Y || self.up.to_array().iter().any(|c| c.is_sign_negative()) {
+            words.push(("up", list(&self.up.to_array())));
+        }
+        if self.projection == Projection::Orthographic {
+            words.push(("projection", quoted(self.projection.name())));
+        }
+        match (self.round_field_of_view(), self.view_width) {
+            (Some(degrees), _) => words.push(("vertical_fov", number(degrees))),
+            (None, Some(width)) => {
+                words.push(("viewing_rectangle", list(&[width, self.view_height])));
+                words.push(("viewpoint_distance", number(self.viewpoint_distance)));
+            }
+            (None, None) => {
+                words.push(("viewing_height", number(self.view_height)));
+                words.push(("viewpoint_distance", number(self.viewpoint_distance)));
+            }
+        }
+        words
+    }
+
+    /// The vertical field of view in degrees where that says all there is to say of the lens, to the bit, and is a short number.
+    fn round_field_of_view(&self) -> Option<f64> {
+        let radians = 2.0 * (self.view_height / (2.0 * self.viewpoint_distance)).atan();
+        let degrees = (radians.to_degrees() * 1e6).round() / 1e6;
+        if !(degrees > 0.0 && degrees < 180.0) {
+            return None;
+        }
+        let again = Camera::from_field_of_view(
+            String::new(),
+            self.position,
+            self.target,
+            self.up,
+            degrees.to_radians(),
+        );
+        let lens = |camera: &Camera| (camera.view_height, camera.view_width, camera.viewpoint_distance);
+        (lens(&again) == lens(self)).then_some(degrees)
+    }
+}
+
+fn list(numbers: &[f64]) -> String {
+    let numbers: Vec<String> = numbers.iter().map(|&x| number(x)).collect();
+    format!("[{}]", numbers.join(", "))
+}
+
+/// The shortest text that is read back as the same number. Whole ones without a point, as people write them; large ones
+/// with an exponent, for TOML's integers end at 2^63.
+fn number(x: f64) -> String {
+    let is_whole = x.fract() == 0.0 && x.abs() < 1e15 && !(x == 0.0 && x.is_sign_negative());
+    if is_whole { format!("{x}") } else { format!("{x:?}") }
+}
+
+/// A string of TOML on one line.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => quoted.extend(['\\', c]),
+            c if c.is_control() => {
+                let _ = write!(quoted, "\\u{:04X}", u32::from(c));
+            }
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_read_as_people_write_them() {
+        let mut camera = Camera::from_field_of_view(
+            "front \"door\"".into(),
+            DVec3::new(0.0, 1.5, 6.0),
+            DVec3::new(0.0, 1.0, -0.1),
+            DVec3::Y,
+            40f64.to_radians(),
+        );
+        assert_eq!(
+            camera.to_section(),
+            "[[camera]]\nname = \"front \\\"door\\\"\"\nposition = [0, 1.5, 6]\nlook_at = [0, 1, -0.1]\nvertical_fov = 40\n"
+        );
+        camera.name = INLINE_NAME.into();
+        camera.projection = Projection::Orthographic;
+        camera.view_height = 3.0;
+        camera.viewpoint_distance = 1e20;
+        assert_eq!(
+            camera.to_inline(),
+            "{ position = [0, 1.5, 6], look_at = [0, 1, -0.1], projection = \"orthographic\", viewing_height = 3, \
+             viewpoint_distance = 1e20 }"
+        );
+        camera.view_width = Some(0.5);
+        camera.up = -DVec3::Z;
+        assert!(camera.to_inline().contains("up = [-0.0, -0.0, -1], "), "{}", camera.to_inline());
+        assert!(camera.to_inline().contains("viewing_rectangle = [0.5, 3], "), "{}", camera.to_inline());
+    }
+}
