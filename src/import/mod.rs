@@ -4,6 +4,7 @@
 //! what does not is an error with its place or is left out with a warning. One file an importer; to add one, write it
 //! and give it a line in [`IMPORTERS`].
 
+mod files;
 mod gltf;
 mod heights;
 mod obj;
@@ -21,8 +22,11 @@ pub use scene_file::inline_camera;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+pub use files::{FileRead, Stamp};
+
 use crate::error::{Error, Result, Warnings};
 use crate::scene::{Object, Scene};
+use files::Files;
 
 /// A kind of file that can be read.
 pub struct Importer {
@@ -48,18 +52,20 @@ pub(crate) struct Source {
     pub file: PathBuf,
     /// Its contents.
     pub bytes: Vec<u8>,
+    /// Opens what it names.
+    files: Files,
 }
 
 impl Source {
-    fn open(file: &Path) -> Result<Self> {
+    fn open(file: &Path, files: &Files) -> Result<Self> {
         let mut bytes = Vec::new();
         let read = if file == Path::new("-") {
             std::io::stdin().lock().read_to_end(&mut bytes).map(|_| ())
         } else {
-            std::fs::read(file).map(|content| bytes = content)
+            files.read(file).map(|content| bytes = content)
         };
         read.map_err(|e| unreadable(file, &e))?;
-        Ok(Source { file: file.to_owned(), bytes })
+        Ok(Source { file: file.to_owned(), bytes, files: files.clone() })
     }
 
     /// The path of a file that this one names.
@@ -94,9 +100,21 @@ fn unreadable(file: &Path, e: &std::io::Error) -> Error {
 /// # Errors
 /// [`Error::Input`] when a file cannot be used.
 pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
+    load_by(inputs, &Files::default(), warnings)
+}
+
+/// Reads every input as [`load`] does, and lists the files that what came of it depends on, be it a scene or an error: the
+/// inputs, and what those name, also where it is missing. Standard input is no file.
+pub fn load_and_list(inputs: &[PathBuf], warnings: &mut Warnings) -> (Result<Scene>, Vec<FileRead>) {
+    let files = Files::default();
+    let scene = load_by(inputs, &files, warnings);
+    (scene, files.list())
+}
+
+fn load_by(inputs: &[PathBuf], files: &Files, warnings: &mut Warnings) -> Result<Scene> {
     let mut scene = Scene::default();
     for (index, file) in inputs.iter().enumerate() {
-        let mut one = read_one(&Source::open(file)?, warnings)?;
+        let mut one = read_one(&Source::open(file, files)?, warnings)?;
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
         warn_of_lost_pictures(&one, file, warnings);

@@ -39,7 +39,7 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     warn_of_unknown_materials(&text, &materials, &source.file, warnings);
 
     let mut scene = Scene::default();
-    let mut pictures = Pictures::default();
+    let mut pictures = Pictures::new(source);
     for material in &materials {
         let material = convert_material(material, source, &mut scene, &mut pictures, warnings);
         scene.add_material(material);
@@ -79,7 +79,7 @@ fn explain(source: &Source, text: &str, e: &tobj::LoadError) -> Error {
 fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLLoadResult {
     let name = PathBuf::from(name.to_string_lossy().replace('\\', "/"));
     let path = source.sibling(&name);
-    match std::fs::read(&path) {
+    match source.files.read(&path) {
         Ok(bytes) => {
             let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes));
             let text = clean_mtl(&text, &path.display().to_string(), warnings);
@@ -108,7 +108,7 @@ fn find_pictures(materials: &mut [tobj::Material], name: &Path, source: &Source)
     });
     for picture in pictures.flatten() {
         let beside = folder.join(&*picture);
-        if source.sibling(&beside).is_file() {
+        if source.files.has(&source.sibling(&beside)) {
             *picture = beside.to_string_lossy().into_owned();
         }
     }

@@ -3,26 +3,33 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use super::Source;
+use super::files::Files;
 use super::heights::normals_of_heights;
 use crate::error::Warnings;
 use crate::scene::{ImageId, Scene, TextureImage};
 
 /// Decodes pictures into a scene, each file once.
-#[derive(Default)]
 pub struct Pictures {
+    files: Files,
     known: HashMap<PathBuf, Option<ImageId>>,
     /// Height maps as normal maps, with the steepest slope in each; `None` where it is a normal map already.
     heights: HashMap<PathBuf, Option<(ImageId, f64)>>,
 }
 
 impl Pictures {
+    /// The pictures that `source` names; none yet.
+    pub fn new(source: &Source) -> Self {
+        Pictures { files: source.files.clone(), known: HashMap::new(), heights: HashMap::new() }
+    }
+
     /// The picture in `file`, or `None` with a warning where it is missing or cannot be decoded.
     pub fn of_file(&mut self, scene: &mut Scene, file: &Path, warnings: &mut Warnings) -> Option<ImageId> {
         if let Some(&known) = self.known.get(file) {
             return known;
         }
         let name = file.display().to_string();
-        let decoded = open(file).map(|picture| into_texture(&name, picture));
+        let decoded = open(&self.files, file).map(|picture| into_texture(&name, picture));
         let image = keep(scene, decoded, &name, warnings);
         self.known.insert(file.to_owned(), image);
         image
@@ -40,7 +47,7 @@ impl Pictures {
             Some(known) => *known,
             None => {
                 // What cannot be read is warned of by the other way.
-                let grey = open(file).ok().filter(is_grey);
+                let grey = open(&self.files, file).ok().filter(is_grey);
                 let made = grey.map(|picture| {
                     let (image, steepest) = of_heights(&file.display().to_string(), &picture);
                     (scene.add_image(image), steepest)
@@ -58,8 +65,8 @@ impl Pictures {
     }
 }
 
-fn open(file: &Path) -> Result<image::DynamicImage, String> {
-    let bytes = std::fs::read(file).map_err(|e| match e.kind() {
+fn open(files: &Files, file: &Path) -> Result<image::DynamicImage, String> {
+    let bytes = files.read(file).map_err(|e| match e.kind() {
         std::io::ErrorKind::NotFound => "no such file".to_owned(),
         _ => e.to_string(),
     })?;

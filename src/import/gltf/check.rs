@@ -141,7 +141,7 @@ pub(super) fn load_buffers(
                 Resource::Data(data) => data,
                 Resource::File(name) => {
                     let path = source.sibling(name);
-                    std::fs::read(&path).map_err(|e| fault(unreadable(&path, &e).to_string()))?
+                    source.files.read(&path).map_err(|e| fault(unreadable(&path, &e).to_string()))?
                 }
             },
         };

@@ -13,7 +13,7 @@ use crate::scene::{
 
 impl Loader<'_> {
     pub(super) fn load_images(&mut self, document: &gltf::Document) -> Vec<Option<ImageId>> {
-        let mut files = Pictures::default();
+        let mut files = Pictures::new(self.source);
         document.images().map(|image| self.load_image(&image, &mut files)).collect()
     }
 

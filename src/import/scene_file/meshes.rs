@@ -90,7 +90,8 @@ impl Builder<'_> {
     /// decides on cameras, lights and the picture; a mesh in it is only a mesh.
     fn read_mesh(&mut self, start: usize, file: &str, warnings: &mut Warnings) -> Result<Vec<Object>> {
         let path = self.source.sibling(file);
-        let read = Source::open(&path).and_then(|source| import::read_one(&source, warnings));
+        let read =
+            Source::open(&path, &self.source.files).and_then(|source| import::read_one(&source, warnings));
         let part = read.map_err(|e| match e {
             Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {
                 let what = format!("mesh {place}: {what}");

@@ -1,0 +1,207 @@
+//! Which files a scene is made of.
+//!
+//! Every file that an importer opens or looks for is opened and looked for here, so that whoever wants to know when a scene
+//! is out of date knows what to ask.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::fs::Metadata;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::SystemTime;
+
+/// A file that was opened or looked for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FileRead {
+    /// Where it is, or would be.
+    pub file: PathBuf,
+    /// What was there just before it was opened; `None` where nothing was.
+    pub stamp: Option<Stamp>,
+}
+
+/// What the system says of a file without its being opened. Equal stamps: the same content, but for writers that go out of their
+/// way to hide what they did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Stamp {
+    length: u64,
+    modified: Option<SystemTime>,
+    identity: Identity,
+}
+
+/// The place on disk, and when it last changed in any way: a file that takes another's name, also with the other's time and
+/// size, or one that may be read at last.
+#[cfg(unix)]
+type Identity = [i128; 4];
+/// When it was made.
+#[cfg(not(unix))]
+type Identity = Option<SystemTime>;
+
+impl Stamp {
+    /// The stamp of what is at `file` now, or `None` where there is nothing.
+    pub fn of(file: &Path) -> Option<Self> {
+        let about = std::fs::metadata(file).ok()?;
+        Some(Stamp { length: about.len(), modified: about.modified().ok(), identity: identity(&about) })
+    }
+
+    /// Whether there is nothing in it.
+    pub fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+}
+
+#[cfg(unix)]
+fn identity(about: &Metadata) -> Identity {
+    use std::os::unix::fs::MetadataExt;
+    [about.dev().into(), about.ino().into(), about.ctime().into(), about.ctime_nsec().into()]
+}
+
+#[cfg(not(unix))]
+fn identity(about: &Metadata) -> Identity {
+    about.created().ok()
+}
+
+/// Opens files and keeps account of them. Copies share the account.
+#[derive(Clone, Default)]
+pub(super) struct Files {
+    account: Rc<RefCell<BTreeMap<PathBuf, Option<Stamp>>>>,
+}
+
+impl Files {
+    /// The content of a file.
+    pub(super) fn read(&self, file: &Path) -> std::io::Result<Vec<u8>> {
+        self.note(file);
+        std::fs::read(file)
+    }
+
+    /// Whether there is such a file.
+    pub(super) fn has(&self, file: &Path) -> bool {
+        self.note(file);
+        file.is_file()
+    }
+
+    /// Takes a file into the account, as it is the first time: what is read later may be newer, and is then read again.
+    fn note(&self, file: &Path) {
+        self.account.borrow_mut().entry(file.to_owned()).or_insert_with(|| Stamp::of(file));
+    }
+
+    /// The account, by path.
+    pub(super) fn list(&self) -> Vec<FileRead> {
+        let account = self.account.borrow();
+        account.iter().map(|(file, &stamp)| FileRead { file: file.clone(), stamp }).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Warnings;
+    use crate::import::load_and_list;
+
+    /// A folder with files.
+    fn folder(files: &[(&str, &[u8])]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a temporary folder can be made");
+        for (name, bytes) in files {
+            let file = folder.path().join(name);
+            std::fs::create_dir_all(file.parent().expect("files lie in folders")).expect("a folder");
+            std::fs::write(file, bytes).expect("the temporary folder can be written to");
+        }
+        folder
+    }
+
+    /// What reading `inputs` of a folder depends on: whether it went well, and the names, those of missing files after a `!`.
+    fn listed(folder: &tempfile::TempDir, inputs: &[&str]) -> (bool, Vec<String>) {
+        let inputs: Vec<PathBuf> = inputs.iter().map(|name| folder.path().join(name)).collect();
+        let (scene, files) = load_and_list(&inputs, &mut Warnings::default());
+        let name = |read: &FileRead| {
+            let name = read.file.strip_prefix(folder.path()).expect("a file of the folder").display();
+            if read.stamp.is_some() { name.to_string() } else { format!("!{name}") }
+        };
+        (scene.is_ok(), files.iter().map(name).collect())
+    }
+
+    const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
+
+    #[test]
+    fn a_scene_is_made_of_what_its_meshes_name() {
+        let obj = format!("mtllib m/a.mtl\nmtllib lost.mtl\n{TRIANGLE}usemtl red\nf 1/1 2/1 3/1\n");
+        // Pictures are looked for beside the MTL file, and where they are not there, beside the OBJ.
+        let mtl = "newmtl red\nmap_Kd beside.png\nbump heights.png\n";
+        let plain = format!("{TRIANGLE}f 1 2 3\n");
+        let folder = folder(&[
+            ("a.obj", obj.as_bytes()),
+            ("m/a.mtl", mtl.as_bytes()),
+            ("m/beside.png", b"not a picture"),
+            ("s/scene.toml", b"[[mesh]]\nfile = \"../b.obj\"\n[[mesh]]\nfile = \"../b.obj\"\n"),
+            ("b.obj", plain.as_bytes()),
+        ]);
+        let expected = [
+            "a.obj",
+            "!heights.png",
+            "!lost.mtl",
+            "m/a.mtl",
+            "m/beside.png",
+            "!m/heights.png",
+            "s/../b.obj",
+            "s/scene.toml",
+        ];
+        let (read, names) = listed(&folder, &["s/scene.toml", "a.obj"]);
+        assert!(read);
+        let mut sorted = names.clone();
+        sorted.sort_by_key(|name| name.trim_start_matches('!').to_owned());
+        assert_eq!(sorted, expected);
+    }
+
+    #[test]
+    fn what_a_gltf_lacks_is_listed() {
+        let json = |buffer: &str| {
+            let triangle = r#""accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+                "min": [0, 0, 0], "max": [1, 1, 0]}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
+                "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}],"#;
+            format!(
+                r#"{{"asset": {{"version": "2.0"}}, {triangle} "buffers": [{{"byteLength": 36, "uri": "{buffer}"}}],
+                "images": [{{"uri": "skin.png"}}, {{"uri": "data:image/png;base64,AAAA"}}, {{"uri": "tex/lost%20one.png"}}]}}"#
+            )
+        };
+        let data = [0u8; 36];
+        let folder = folder(&[
+            ("a.gltf", json("a.bin").as_bytes()),
+            ("a.bin", &data),
+            ("skin.png", b"not a picture"),
+            ("b.gltf", json("b.bin").as_bytes()),
+        ]);
+        assert_eq!(
+            listed(&folder, &["a.gltf"]),
+            (true, ["a.bin", "a.gltf", "skin.png", "!tex/lost one.png"].map(String::from).into())
+        );
+        // Without its buffer it cannot be read, and nothing else was looked at.
+        assert_eq!(
+            listed(&folder, &["b.gltf", "a.gltf"]),
+            (false, ["!b.bin", "b.gltf"].map(String::from).into())
+        );
+        assert_eq!(listed(&folder, &["nothing.obj"]), (false, vec!["!nothing.obj".into()]));
+    }
+
+    #[test]
+    fn stamps_tell_contents_apart() {
+        let folder = folder(&[("a", b"one"), ("b", b"two"), ("empty", b"")]);
+        let path = |name: &str| folder.path().join(name);
+        let old = Stamp::of(&path("a"));
+        assert_eq!(old, Stamp::of(&path("a")));
+        assert_eq!(Stamp::of(&path("c")), None);
+        assert!(Stamp::of(&path("empty")).expect("it is there").is_empty());
+        assert!(!old.expect("it is there").is_empty());
+        // Another file of the same size and time under the same name.
+        let time = std::fs::metadata(path("a")).and_then(|about| about.modified()).expect("a time");
+        let b = std::fs::File::options().write(true).open(path("b")).expect("it is there");
+        b.set_modified(time).expect("times can be set");
+        drop(b);
+        std::fs::rename(path("b"), path("a")).expect("files can be renamed");
+        if cfg!(unix) {
+            assert_ne!(old, Stamp::of(&path("a")));
+        }
+        // Another size.
+        let old = Stamp::of(&path("a"));
+        std::fs::write(path("a"), "three").expect("it can be written");
+        assert_ne!(old, Stamp::of(&path("a")));
+    }
+}
