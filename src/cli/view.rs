@@ -9,7 +9,8 @@ use super::arguments::{self, Arguments};
 use super::picture::{self, Choice};
 use crate::effects::{Choices, check_scene};
 use crate::error::{Error, Result, Warnings};
-use crate::import;
+use crate::import::{self, FileRead};
+use crate::scene::Scene;
 use crate::viewer::{self, From, Opened, Settings, Start};
 
 #[derive(Args)]
@@ -27,6 +28,7 @@ pub struct Command {
 pub fn run(command: &Command) -> Result<()> {
     let Command { what, trace, pauses } = command;
     arguments::check(what)?;
+    viewer::display::check()?;
     if what.crop.is_some() {
         return Err(Error::usage("--crop has no meaning in a window", "leave it out"));
     }
@@ -50,14 +52,23 @@ pub fn run(command: &Command) -> Result<()> {
 }
 
 /// Reads files, and finds out how they are first looked at: as `kiln render` would show them.
-fn open(arguments: &Arguments, inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Opened> {
+fn open(
+    arguments: &Arguments,
+    inputs: &[PathBuf],
+    warnings: &mut Warnings,
+) -> (Result<Opened>, Vec<FileRead>) {
+    let (scene, files) = import::load_and_list(inputs, warnings);
+    (scene.and_then(|scene| look(arguments, inputs, scene)), files)
+}
+
+/// How a scene is first looked at.
+fn look(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<Opened> {
     let mut arguments = arguments.clone();
     if arguments.inputs != inputs {
         // Files that were dropped onto the window have other cameras.
         (arguments.camera, arguments.view) = (None, None);
         arguments.inputs = inputs.to_vec();
     }
-    let mut scene = import::load(inputs, warnings)?;
     check_scene(&scene.effects)?;
     if scene.bounds().is_none() {
         let file = inputs.first().map_or(Path::new("-"), PathBuf::as_path);
@@ -87,5 +98,5 @@ fn open(arguments: &Arguments, inputs: &[PathBuf], warnings: &mut Warnings) -> R
     };
     let projection = arguments.projection();
     let preset = arguments.preset();
-    Ok(Opened { scene, from, projection, size, settings, preset, files: inputs.to_vec() })
+    Ok(Opened { scene, from, projection, size, settings, preset })
 }

@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use egui::{CentralPanel, Context, Frame, Panel, RichText, Theme, Ui, ViewportCommand};
 use serde_json::json;
 
 use super::canvas::Canvas;
 use super::controls::{Controls, next};
+use super::display;
 use super::false_colour::Shown;
 use super::keys::{self, Action};
 use super::loader::{Loaded, Loader};
@@ -15,8 +17,10 @@ use super::look::{Opened, Order};
 use super::painter::{Comparison, News, Painter};
 use super::panel::{self, Shows};
 use super::trace::{Pauses, Trace};
+use super::watch::Watcher;
 use super::{Start, say};
 use crate::error::Result;
+use crate::import::FileRead;
 use crate::scene::animation::Timeline;
 use crate::world::StandardView;
 
@@ -48,12 +52,16 @@ pub fn run(start: Start) -> Result<()> {
     };
     let report = Arc::new(std::sync::Mutex::new(None));
     let printed = Arc::clone(&report);
-    let done = eframe::run_native(
-        "kiln",
-        options,
-        Box::new(move |creation| Ok(Box::new(App::new(creation, start, trace, printed)))),
-    );
-    done.map_err(|e| super::display::explain(&e))?;
+    display::open(|is_open| {
+        eframe::run_native(
+            "kiln",
+            options,
+            Box::new(move |creation| {
+                is_open.store(true, Ordering::Relaxed);
+                Ok(Box::new(App::new(creation, start, trace, printed)))
+            }),
+        )
+    })?;
     let report = report.lock().ok().and_then(|mut report| report.take());
     if let Some(report) = report {
         print!("{report}");
@@ -70,6 +78,10 @@ struct Notice {
 struct App {
     painter: Painter,
     loader: Loader,
+    /// Looks whether the files change.
+    watcher: Option<Watcher>,
+    /// Whether they have.
+    changed: Arc<AtomicBool>,
     inputs: Vec<PathBuf>,
     opened: Option<Arc<Opened>>,
     controls: Option<Controls>,
@@ -106,6 +118,8 @@ impl App {
         let mut app = App {
             painter,
             loader,
+            watcher: None,
+            changed: Arc::default(),
             inputs: start.inputs,
             opened: None,
             controls: None,
@@ -127,7 +141,9 @@ impl App {
 
     /// Takes in files that were read.
     fn take(&mut self, context: &Context, loaded: Loaded) {
-        let Loaded { inputs, result, warnings, .. } = loaded;
+        let Loaded { inputs, result, files, warnings, .. } = loaded;
+        let watched: Vec<String> = files.iter().map(|read| read.file.display().to_string()).collect();
+        self.watch(context, files);
         let opened = match result {
             Ok(opened) => Arc::new(opened),
             Err(e) => {
@@ -148,8 +164,21 @@ impl App {
         }
         self.warnings = warnings.messages().iter().chain(warnings.notes()).cloned().collect();
         (self.inputs, self.notice) = (inputs, None);
-        self.trace.say("opened", json!({ "files": opened.files }));
+        self.trace.say("opened", json!({ "files": watched }));
         self.opened = Some(opened);
+    }
+
+    /// Watches the files of the scene, also where they could not be used.
+    fn watch(&mut self, context: &Context, files: Vec<FileRead>) {
+        if let Some(watcher) = &self.watcher {
+            return watcher.set_files(files);
+        }
+        let (changed, context) = (Arc::clone(&self.changed), context.clone());
+        self.watcher = Watcher::new(files, move || {
+            changed.store(true, Ordering::Relaxed);
+            context.request_repaint();
+        })
+        .ok();
     }
 
     /// Takes in what the painter has made.
@@ -309,6 +338,10 @@ impl eframe::App for App {
             }
             self.pauses = None;
             context.send_viewport_cmd(ViewportCommand::Close);
+        }
+        if self.changed.swap(false, Ordering::Relaxed) {
+            self.trace.say("changed", json!({}));
+            self.loader.load(self.inputs.clone());
         }
         if let Some(loaded) = self.loader.loaded() {
             self.take(&context, loaded);

@@ -7,6 +7,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use super::Open;
 use super::look::Opened;
 use crate::error::{Result, Warnings};
+use crate::import::FileRead;
 
 /// Files that were read, or could not be.
 pub struct Loaded {
@@ -16,6 +17,8 @@ pub struct Loaded {
     pub inputs: Vec<PathBuf>,
     /// What they hold.
     pub result: Result<Opened>,
+    /// Every file that was read or looked for.
+    pub files: Vec<FileRead>,
     /// What there is to say of them.
     pub warnings: Warnings,
 }
@@ -45,9 +48,9 @@ impl Loader {
         let (sender, wake) = (self.sender.clone(), Arc::clone(&self.wake));
         std::thread::spawn(move || {
             let mut warnings = Warnings::default();
-            let result = threads.install(|| open(&inputs, &mut warnings));
+            let (result, files) = threads.install(|| open(&inputs, &mut warnings));
             // Nobody listens to a window that closes.
-            let _ = sender.send(Loaded { number, inputs, result, warnings });
+            let _ = sender.send(Loaded { number, inputs, result, files, warnings });
             wake();
         });
     }

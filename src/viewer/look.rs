@@ -1,6 +1,5 @@
 //! What a picture in the window follows from: plain data. Two that are equal have equal pictures.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::bvh::Preset;
@@ -76,8 +75,6 @@ pub struct Opened {
     pub settings: Settings,
     /// How much work is spent on building.
     pub preset: Preset,
-    /// Every file that was read or looked for.
-    pub files: Vec<PathBuf>,
 }
 
 /// A picture that is wanted.

@@ -7,7 +7,7 @@
 mod app;
 mod canvas;
 mod controls;
-mod display;
+pub mod display;
 pub mod false_colour;
 mod keys;
 mod loader;
@@ -17,7 +17,7 @@ mod painter;
 mod panel;
 mod refine;
 mod trace;
-mod watch;
+pub mod watch;
 
 pub use app::run;
 pub use look::{From, Opened, Settings};
@@ -26,9 +26,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::error::{Result, Warnings};
+use crate::import::FileRead;
 
-/// Reads files and finds out how they are first looked at. The second is told what there is to say of them.
-pub type Open = Box<dyn Fn(&[PathBuf], &mut Warnings) -> Result<Opened> + Send + Sync>;
+/// Reads files and finds out how they are first looked at, and lists all that were read or looked for. The second is told what there
+/// is to say of them.
+pub type Open = Box<dyn Fn(&[PathBuf], &mut Warnings) -> (Result<Opened>, Vec<FileRead>) + Send + Sync>;
 
 /// What a window is started with.
 pub struct Start {

@@ -17,10 +17,12 @@ use std::time::{Duration, Instant};
 
 use egui::ColorImage;
 
-use super::look::Order;
+use super::false_colour::{Legend, Shown};
+use super::look::{Order, Settings};
 use super::refine::first_factor;
 use crate::error::Error;
 use crate::render::Statistics;
+use crate::scene::Numerics;
 use pass::Picture;
 use studio::Studio;
 
@@ -61,7 +63,7 @@ pub struct Painted {
     /// What was done for it.
     pub statistics: Statistics,
     /// What the colours mean, where they are not those of the picture.
-    pub legend: Option<String>,
+    pub legend: Option<Legend>,
     /// What it was made with.
     pub prepared: Arc<Prepared>,
 }
@@ -220,7 +222,12 @@ impl Painting<'_> {
             if self.is_outdated() {
                 return Err(Error::Interrupted);
             }
-            sides.push(pass::Side::new(order, studio.prepare(order, settings)?, settings, factor, studio)?);
+            let exact = Settings { numerics: Numerics::Exact, ..settings.clone() };
+            let exact = match order.shown {
+                Shown::ErrorAgainstExact => Some(studio.prepare(order, &exact)?),
+                _ => None,
+            };
+            sides.push(pass::Side::new(order, studio.prepare(order, settings)?, exact, settings, factor));
         }
         let passes = sides.iter().map(pass::Side::passes).max().unwrap_or(0);
         for index in 0..passes {

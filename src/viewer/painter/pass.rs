@@ -8,12 +8,15 @@ use egui::{Color32, ColorImage};
 use rayon::prelude::*;
 
 use super::Painted;
-use super::studio::{Prepared, Studio};
+use super::studio::Prepared;
 use crate::effects::Plan;
 use crate::error::Result;
-use crate::film::{ColourPipeline, Film, Pixel, Window};
+use crate::film::{ColourPipeline, Film, Pixel, Share, Window};
+use crate::render::aov::Subject;
 use crate::render::{Clock, Statistics, Watch, render_as};
 use crate::scene::Sampling;
+use crate::study::metrics;
+use crate::viewer::false_colour::{FalseColours, Legend, Shown, error_against_exact, false_colours};
 use crate::viewer::look::{Order, Settings};
 use crate::viewer::refine::{Kind, Pass, passes};
 use crate::world::View;
@@ -33,7 +36,10 @@ pub struct Side<'a> {
     order: &'a Order,
     settings: &'a Settings,
     prepared: Arc<Prepared>,
+    /// The same in the tier `exact`, where the picture is held against it.
+    exact: Option<Arc<Prepared>>,
     passes: Vec<Pass>,
+    kind: Kind,
     /// Time and work of all passes of the full size.
     spent: Option<(Duration, Statistics)>,
     picture: Option<Picture>,
@@ -47,7 +53,7 @@ pub struct Made {
     is_last: bool,
     time: Duration,
     statistics: Statistics,
-    legend: Option<String>,
+    legend: Option<Legend>,
     prepared: Arc<Prepared>,
     /// Seconds that a pixel took, where each was looked at once.
     pub seconds_a_pixel: Option<f64>,
@@ -64,18 +70,17 @@ impl Made {
 
 impl<'a> Side<'a> {
     /// Begins with passes of `factor`.
-    ///
-    /// # Errors
-    /// Where something cannot be prepared.
     pub fn new(
         order: &'a Order,
         prepared: Arc<Prepared>,
+        exact: Option<Arc<Prepared>>,
         settings: &'a Settings,
         factor: u32,
-        _studio: &mut Studio,
-    ) -> Result<Self> {
-        let passes = passes(factor, prepared.kind);
-        Ok(Side { order, settings, prepared, passes, spent: None, picture: None })
+    ) -> Self {
+        // What is known of pixels is known of their centres.
+        let kind = if order.shown == Shown::Picture { prepared.kind } else { Kind::Centres };
+        let passes = passes(factor, kind);
+        Side { order, settings, prepared, exact, passes, kind, spent: None, picture: None }
     }
 
     /// How many passes there are.
@@ -101,17 +106,24 @@ impl<'a> Side<'a> {
         let (factor, sampling) = match pass {
             Pass::Coarse(factor) => (factor, Sampling::default()),
             Pass::Samples(from, to) => (1, self.settings.sampling.part(from, to)),
+            Pass::Whole if self.order.shown != Shown::Picture => (1, Sampling::default()),
             Pass::Whole => (1, self.settings.sampling),
         };
         let size = self.order.size.map(|side| side.div_ceil(factor));
-        let (film, statistics) = self.render(size, sampling, &watch)?;
+        let (film, statistics) = self.render(&self.prepared, size, sampling, &watch)?;
         let mut pixels = rows(&film);
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
             mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
         }
-        let image = image(&pixels, size, pipeline);
+        let (image, legend) = match self.order.shown {
+            Shown::Picture => (image(&pixels, size, pipeline), None),
+            _ => {
+                let FalseColours { pixels, legend } = self.false_colours(&film, size, &watch)?;
+                (ColorImage::from_rgb(size.map(|side| side as usize), pixels.as_flattened()), Some(legend))
+            }
+        };
         let time = start.elapsed();
-        let most = match self.prepared.kind {
+        let most = match self.kind {
             Kind::Centres => 1,
             Kind::Samples(samples) => samples,
             Kind::Adaptive => self.settings.sampling.most_samples(),
@@ -138,7 +150,7 @@ impl<'a> Side<'a> {
             is_last,
             time,
             statistics,
-            legend: None,
+            legend,
             prepared,
             seconds_a_pixel,
         }))
@@ -157,8 +169,28 @@ impl<'a> Side<'a> {
         spent
     }
 
-    fn render(&self, size: [u32; 2], sampling: Sampling, watch: &Watch) -> Result<(Film, Statistics)> {
-        let Prepared { world, lens, view, plan, .. } = &*self.prepared;
+    /// What is shown instead of a picture.
+    fn false_colours(&self, film: &Film, size: [u32; 2], watch: &Watch) -> Result<FalseColours> {
+        let Prepared { world, range, lens, plan, .. } = &*self.prepared;
+        if let Some(exact) = &self.exact {
+            let (exact, _) = self.render(exact, size, Sampling::default(), watch)?;
+            let [picture, exact] = [film, &exact].map(|film| metrics::Picture::of_film(film, world.pipeline));
+            return error_against_exact(&picture, &exact);
+        }
+        let view = View::new(lens, lens.projection, size)?;
+        let window = film.window();
+        let subject = Subject { world, range: *range, view: &view, plan, window, share: Share::ALL, film: None };
+        false_colours(self.order.shown, &subject, watch)
+    }
+
+    fn render(
+        &self,
+        prepared: &Prepared,
+        size: [u32; 2],
+        sampling: Sampling,
+        watch: &Watch,
+    ) -> Result<(Film, Statistics)> {
+        let Prepared { world, lens, view, plan, .. } = prepared;
         let whole = Window { x: 0, y: 0, width: size[0], height: size[1] };
         if sampling == Sampling::default() && size == self.order.size {
             return render_as(world, view, plan, whole, watch, Clock::EveryStage);
