@@ -1,6 +1,8 @@
 //! What lies over the picture: notices, the list of keys, legends.
 
-use egui::{Align2, Area, Color32, Context, Frame, Grid, Id, Pos2, Rect, RichText, Sense, Stroke, Window, pos2, vec2};
+use egui::{
+    Align2, Area, Color32, Context, Frame, Grid, Id, Pos2, Rect, RichText, Sense, Stroke, Window, pos2, vec2,
+};
 
 use super::false_colour::Legend;
 use super::keys::LIST;
@@ -16,7 +18,7 @@ pub struct Notice {
 /// A notice at the top of the picture. Returns whether it was dismissed.
 pub fn notice(context: &Context, rect: Rect, notice: &Notice) -> bool {
     let mut dismissed = false;
-    let area = Area::new(Id::new("notice")).fixed_pos(rect.min + vec2(12.0, 12.0)).constrain_to(rect);
+    let area = Area::new(Id::unique("notice")).fixed_pos(rect.min + vec2(12.0, 12.0)).constrain_to(rect);
     area.show(context, |ui| {
         let stroke = if notice.is_error { ui.visuals().error_fg_color } else { ui.visuals().hyperlink_color };
         Frame::popup(ui.style()).stroke(Stroke::new(1.5, stroke)).show(ui, |ui| {
@@ -55,7 +57,9 @@ pub fn keys(context: &Context, open: &mut bool) {
 
 /// What false colours mean, at the bottom of the picture.
 pub fn legend(context: &Context, rect: Rect, legend: &Legend) {
-    let area = Area::new(Id::new("legend")).pivot(Align2::LEFT_BOTTOM).fixed_pos(rect.left_bottom() + vec2(12.0, -12.0));
+    let area = Area::new(Id::unique("legend"))
+        .pivot(Align2::LEFT_BOTTOM)
+        .fixed_pos(rect.left_bottom() + vec2(12.0, -12.0));
     area.interactable(false).show(context, |ui| {
         Frame::popup(ui.style()).show(ui, |ui| {
             ui.label(&legend.text);
@@ -91,9 +95,12 @@ pub fn sides(context: &Context, rect: Rect, split: f32, names: &[String; 2]) {
         (Align2::LEFT_TOP, pos2(line + 10.0, rect.top() + 8.0)),
     ];
     for ((anchor, place), name) in places.into_iter().zip(names) {
-        let id = Id::new(("side", name, anchor.x() as u8 as usize));
-        Area::new(id).pivot(anchor).fixed_pos(place).constrain_to(rect).interactable(false).show(context, |ui| {
-            Frame::popup(ui.style()).show(ui, |ui| ui.label(name));
-        });
+        let id = Id::unique(("side", name, anchor.x() as u8 as usize));
+        Area::new(id).pivot(anchor).fixed_pos(place).constrain_to(rect).interactable(false).show(
+            context,
+            |ui| {
+                Frame::popup(ui.style()).show(ui, |ui| ui.label(name));
+            },
+        );
     }
 }

@@ -78,7 +78,8 @@ pub fn text(file: &Path, text: &str) -> Result<()> {
 /// [`crate::error::Error::Output`] where they cannot be written, [`crate::error::Error::Failed`] where there is not enough memory.
 pub fn colours(image: &ColorImage, file: &Path) -> Result<()> {
     let [width, height] = image.size.map(|side| side as u32);
-    let pixels: Vec<[u8; 3]> = image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]).collect();
+    let pixels: Vec<[u8; 3]> =
+        image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]).collect();
     let film = Film::of_rows(Window { x: 0, y: 0, width, height }, &pixels)?;
     let made_by = vec![("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION")))];
     write_picture(&Picture::Bytes(film, ColourPipeline::Display), &made_by, Format::Png, file)

@@ -22,8 +22,11 @@ pub fn to_json(found: &Inspection) -> Value {
             "material": seen.material,
         })
     });
-    let rays: Vec<Value> =
-        found.rays.iter().map(|ray| json!({ "kind": ray.kind, "hit": ray.hit, "object": ray.object })).collect();
+    let rays: Vec<Value> = found
+        .rays
+        .iter()
+        .map(|ray| json!({ "kind": ray.kind, "hit": ray.hit, "object": ray.object }))
+        .collect();
     json!({ "pixel": found.pixel, "displayed": found.displayed, "seen": seen, "rays": rays })
 }
 
@@ -31,7 +34,7 @@ pub fn to_json(found: &Inspection) -> Value {
 pub fn window(context: &Context, rect: Rect, found: &Inspection) -> bool {
     let mut open = true;
     let [x, y] = found.pixel;
-    let window = Window::new(format!("Pixel {x}, {y}")).id("pixel".into()).open(&mut open).resizable(false);
+    let window = Window::new(format!("Pixel {x}, {y}")).id(egui::Id::unique("pixel")).open(&mut open).resizable(false);
     window.default_pos(rect.left_top() + vec2(12.0, 60.0)).constrain_to(rect).show(context, |ui| {
         let [r, g, b] = found.displayed;
         ui.horizontal(|ui| {

@@ -342,7 +342,8 @@ impl App {
         let Some(controls) = &self.controls else { return Default::default() };
         let [a, b] = [0, 1].map(|side| controls.sides.get(side).map(panel::in_words).unwrap_or_default());
         let only = |own: &[String], other: &[String]| {
-            let own: Vec<&str> = own.iter().filter(|word| !other.contains(word)).map(String::as_str).collect();
+            let own: Vec<&str> =
+                own.iter().filter(|word| !other.contains(word)).map(String::as_str).collect();
             if own.is_empty() { "the same".to_owned() } else { own.join(", ") }
         };
         [only(&a, &b), only(&b, &a)]
