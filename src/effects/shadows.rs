@@ -74,12 +74,12 @@ impl Stage for Shadows {
 }
 
 fn take_away(own: &mut Buffers, tile: &mut Tile, context: &Context) {
-    let Tile { levels, depth, lights, traversal, .. } = tile;
+    let Tile { levels, depth, lights, traversal, onlooker, .. } = tile;
     let Level { surfaces, origins, shadow_origins, .. } = &levels[*depth];
     let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
     let Buffers { lanes, rays, occluded, asked } = own;
     let (mut cast, mut blocked) = (0, 0);
-    for light in lights {
+    for (index, light) in lights.iter_mut().enumerate() {
         list_reached(&light.reaches[..surfaces.len()], asked);
         if asked.is_empty() {
             continue;
@@ -101,6 +101,9 @@ fn take_away(own: &mut Buffers, tile: &mut Tile, context: &Context) {
         }
         occluded.clear();
         context.world.accelerator.are_occluded(rays, occluded, traversal);
+        if let Some(onlooker) = onlooker {
+            onlooker.see_asked(RAYS, *depth, Some(index), asked, rays, occluded);
+        }
         cast += occluded.len();
         let met = occluded.iter().filter(|&&blocked| blocked).count();
         if met > 0 {

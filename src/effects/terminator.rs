@@ -74,7 +74,7 @@ impl Stage for Lift {
 fn lift(own: &mut Buffers, tile: &mut Tile, context: &Context) {
     let world = context.world;
     let numerics = world.numerics();
-    let Tile { levels, depth, traversal, .. } = tile;
+    let Tile { levels, depth, traversal, onlooker, .. } = tile;
     let Level { surfaces, hits, origins, shadow_origins, .. } = &mut levels[*depth];
     let Some(origins) = origins else { return };
     let shadow_origins = shadow_origins.get_or_insert_default();
@@ -102,6 +102,9 @@ fn lift(own: &mut Buffers, tile: &mut Tile, context: &Context) {
         }
     }
     world.accelerator.are_occluded(rays, occluded, traversal);
+    if let Some(onlooker) = onlooker {
+        onlooker.see_asked(RAYS, *depth, None, lifted, rays, occluded);
+    }
     let blocked = lifted.iter().zip(&*occluded).filter(|(_, blocked)| **blocked);
     let mut met = 0;
     for (&index, _) in blocked {

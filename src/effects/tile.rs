@@ -89,8 +89,76 @@ pub struct Tile {
     pub shading: Box<Scratch>,
     /// For each object, whether a primary ray has seen it.
     pub seen: Vec<bool>,
+    /// Who looks on while the tile is made; nobody while a picture is rendered.
+    pub onlooker: Option<Box<Onlooker>>,
     /// What effects keep for themselves, each in a type of its own.
     own: Vec<Box<dyn Any + Send>>,
+}
+
+/// Every ray of a tile, in the order that they are cast in.
+#[derive(Debug, Default)]
+pub struct Onlooker {
+    /// The rays.
+    pub casts: Vec<Cast>,
+}
+
+/// A ray that was cast.
+#[derive(Debug, Clone, Copy)]
+pub struct Cast {
+    /// What it was cast for.
+    pub kind: RayKind,
+    /// The level whose ray it is, or whose surface asked.
+    pub depth: usize,
+    /// What sent it: a pixel of the tile or a surface of the level before where the ray is one of a level, a surface of the level
+    /// where it asks whether something is in its way.
+    pub source: u32,
+    /// Of a ray towards a light, which.
+    pub light: Option<usize>,
+    /// The ray.
+    pub ray: Ray,
+    /// What came of it.
+    pub met: Met,
+}
+
+/// What came of a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Met {
+    /// It hit nothing.
+    Nothing,
+    /// It was asked for its closest hit.
+    Hit(Hit),
+    /// It was only asked whether anything is in its way, and something is.
+    Something,
+}
+
+impl Onlooker {
+    /// Sees the rays of a level.
+    #[cold]
+    pub fn see_level(&mut self, kind: RayKind, depth: usize, level: &Level) {
+        let rays = level.rays.iter().zip(&level.hits).zip(&level.sources);
+        self.casts.extend(rays.map(|((&ray, hit), &source)| {
+            let met = hit.map_or(Met::Nothing, Met::Hit);
+            Cast { kind, depth, source, light: None, ray, met }
+        }));
+    }
+
+    /// Sees rays that are asked whether something is in their way; of each of them, which surface asks.
+    #[cold]
+    pub fn see_asked(
+        &mut self,
+        kind: RayKind,
+        depth: usize,
+        light: Option<usize>,
+        surfaces: &[u32],
+        rays: &[Ray],
+        blocked: &[bool],
+    ) {
+        let rays = rays.iter().zip(blocked).zip(surfaces);
+        self.casts.extend(rays.map(|((&ray, &blocked), &source)| {
+            let met = if blocked { Met::Something } else { Met::Nothing };
+            Cast { kind, depth, source, light, ray, met }
+        }));
+    }
 }
 
 /// Rays of a kind.

@@ -18,7 +18,7 @@ impl Stage for Visible {
 
     fn run(&self, tile: &mut Tile, context: &Context) {
         let world = context.world;
-        let Tile { levels, depth, traversal, seen, .. } = tile;
+        let Tile { levels, depth, traversal, seen, onlooker, .. } = tile;
         let level = &mut levels[*depth];
         level.hits.clear();
         world.accelerator.closest_hits(&level.rays, &mut level.hits, traversal);
@@ -26,6 +26,9 @@ impl Stage for Visible {
         if *depth == 0 {
             seen.resize(world.objects.len(), false);
             level.surfaces.objects().iter().for_each(|&object| seen[object as usize] = true);
+        }
+        if let Some(onlooker) = onlooker {
+            onlooker.see_level(self.kind, *depth, level);
         }
         let (cast, hit) = (level.rays.len(), level.surfaces.len());
         tile.count(self.kind, cast, hit);

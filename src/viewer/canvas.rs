@@ -44,6 +44,8 @@ pub struct Done {
     pub clicked: Option<[u32; 2]>,
     /// One was clicked twice.
     pub focused: Option<[u32; 2]>,
+    /// On which side.
+    pub side: usize,
 }
 
 impl Canvas {
@@ -85,7 +87,7 @@ impl Canvas {
     }
 
     /// The side whose picture is at a place.
-    pub fn side_at(&self, place: Pos2, controls: &Controls) -> usize {
+    fn side_at(&self, place: Pos2, controls: &Controls) -> usize {
         let line = self.rect.map_or(0.0, |rect| rect.left() + controls.split * rect.width());
         usize::from(controls.sides.len() > 1 && place.x >= line)
     }
@@ -180,6 +182,7 @@ impl Canvas {
         Done {
             clicked: pixel.filter(|_| response.clicked()),
             focused: pixel.filter(|_| response.double_clicked()),
+            side: response.interact_pointer_pos().map_or(0, |place| self.side_at(place, controls)),
         }
     }
 }

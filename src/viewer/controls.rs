@@ -121,8 +121,14 @@ impl Controls {
         }
     }
 
-    /// Flies and turns by keys that were held for so many seconds.
-    pub fn drive(&mut self, seen: Option<&Camera>, fly: DVec3, orbit: DVec2, seconds: f64, fast: bool) {
+    /// Flies, turns and zooms by keys that were held for so many seconds.
+    pub fn drive(
+        &mut self,
+        seen: Option<&Camera>,
+        (fly, orbit, zoom): (DVec3, DVec2, f64),
+        seconds: f64,
+        fast: bool,
+    ) {
         let speed = if fast { 4.0 * SPEED } else { SPEED };
         self.navigate(seen, |camera| {
             if fly != DVec3::ZERO {
@@ -130,6 +136,9 @@ impl Controls {
             }
             if orbit != DVec2::ZERO {
                 navigate::orbit(camera, orbit * TURN * seconds);
+            }
+            if zoom != 0.0 {
+                navigate::zoom(camera, (zoom * seconds).exp2());
             }
         });
     }

@@ -162,6 +162,12 @@ pub fn actions(input: &mut InputState, has_focus: bool) -> Vec<Action> {
     actions
 }
 
+/// Whether keys that are held zoom: in where above 0.
+pub fn zoom(input: &InputState) -> f64 {
+    let is_in = input.key_down(Key::Plus) || input.key_down(Key::Equals);
+    f64::from(i8::from(is_in) - i8::from(input.key_down(Key::Minus)))
+}
+
 /// Which way keys that are held move: right, up and forward to fly, in one direction each; and to the right and up to orbit.
 pub fn held(input: &InputState, has_focus: bool) -> (glam::DVec3, glam::DVec2) {
     if input.modifiers.command || input.modifiers.alt {

@@ -235,6 +235,24 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, 
     }
 }
 
+/// Settings in words, each of which says one of them.
+pub fn in_words(settings: &Settings) -> Vec<String> {
+    let Settings { choices, numerics, pipeline, sampling } = settings;
+    let samples = if sampling.is_wanted() { sampling.most_samples() } else { 1 };
+    let mut words = vec![
+        choices.shading.name().to_owned(),
+        numerics.name().into(),
+        pipeline.name().into(),
+        if samples == 1 { "1 sample".into() } else { format!("{samples} samples") },
+    ];
+    if samples > 1 {
+        words.push(sampling.shape_and_radius().0.name().into());
+    }
+    words.extend(choices.with.iter().map(|effect| format!("with {effect}")));
+    words.extend(choices.without.iter().map(|effect| format!("without {effect}")));
+    words
+}
+
 /// What a picture took, in a line.
 pub fn work(painted: &Painted) -> String {
     let [width, height] = painted.image.size;

@@ -28,6 +28,11 @@ impl Trace {
         Ok(Trace { file: file.map(open).transpose()?, rectangles: Vec::new() })
     }
 
+    /// Whether anybody reads along.
+    pub fn is_on(&self) -> bool {
+        self.file.is_some()
+    }
+
     /// Something happened now: `t` is the system's monotonic clock in seconds.
     pub fn say(&mut self, event: &str, what: Value) {
         let Some(file) = &mut self.file else { return };

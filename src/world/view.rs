@@ -201,6 +201,46 @@ impl View {
         let shares = DVec2::new(across, up) * scale / self.rectangle + 0.5;
         (DVec2::new(shares.x, 1.0 - shares.y) * self.size, depth > 0.0)
     }
+
+    /// Where the line between two points appears, in pixels as [`View::project`] has them: what of it lies before the camera
+    /// and within a picture's size around the picture. `None` where nothing does.
+    pub fn project_segment(&self, from: DVec3, to: DVec3) -> Option<[DVec2; 2]> {
+        // Places as shares of the rectangle from its middle, before they are divided; linear along the line, as depths are.
+        let [a, b] = [from, to].map(|point| {
+            let p = point - self.position;
+            let depth = -p.dot(self.w);
+            let divisor = match self.projection {
+                Projection::Perspective => depth / self.distance,
+                Projection::Orthographic => 1.0,
+            };
+            (DVec2::new(p.dot(self.u), p.dot(self.v)) / self.rectangle, divisor, depth)
+        });
+        // Lines begin in the eye itself, and rounded beside it: there is no saying where that appears.
+        let near = match self.projection {
+            Projection::Perspective => a.2.max(b.2) / 4096.0,
+            Projection::Orthographic => 0.0,
+        };
+        let inside = |(place, divisor, depth): (DVec2, f64, f64)| {
+            let side = 1.5 * divisor;
+            [depth - near, side - place.x, side + place.x, side - place.y, side + place.y]
+        };
+        let (mut start, mut end) = (0.0f64, 1.0f64);
+        for (at_a, at_b) in inside(a).into_iter().zip(inside(b)) {
+            match (at_a < 0.0, at_b < 0.0) {
+                (true, true) => return None,
+                (true, false) => start = start.max(at_a / (at_a - at_b)),
+                (false, true) => end = end.min(at_a / (at_a - at_b)),
+                (false, false) => {}
+            }
+        }
+        let pixel = |t: f64| {
+            let (place, divisor) = (a.0.lerp(b.0, t), a.1 + (b.1 - a.1) * t);
+            let shares = place / divisor + 0.5;
+            DVec2::new(shares.x, 1.0 - shares.y) * self.size
+        };
+        let ends = [pixel(start), pixel(end)];
+        (start <= end && ends.iter().all(|end| end.is_finite())).then_some(ends)
+    }
 }
 
 /// The middle of a row or column of pixels.
@@ -343,6 +383,39 @@ mod tests {
         assert_eq!(wide.rectangle, DVec2::new(8.0, 4.0));
         let tall = View::new(&camera(), Projection::Orthographic, [4, 8]).unwrap();
         assert_eq!(tall.rectangle, DVec2::new(4.0, 8.0));
+    }
+
+    #[test]
+    fn lines_end_at_the_eye_and_near_the_picture() {
+        // The rectangle at distance 10 is 4 wide: slopes of 0.2 end at the picture's sides, of 0.6 a picture beyond.
+        let view = View::new(&camera(), Projection::Perspective, [40, 40]).unwrap();
+        let (eye, middle) = (camera().position, DVec2::splat(20.0));
+        // Before the camera, as the points themselves.
+        let (a, b) = (DVec3::new(1.0, 0.0, 0.0), DVec3::new(0.0, -1.0, 5.0));
+        let ends = view.project_segment(a, b).unwrap();
+        for (end, point) in ends.into_iter().zip([a, b]) {
+            assert!((end - view.project(point).0).length() < 1e-9, "{end}");
+        }
+        // From the eye, or as good as from it: a point.
+        for beside in [DVec3::ZERO, DVec3::new(1e-9, -1e-9, 1e-9), DVec3::new(1e-9, 0.0, -1e-9)] {
+            let [start, end] = view.project_segment(eye + beside, DVec3::ZERO).unwrap();
+            assert!((start - middle).length() < 1e-4 && (end - middle).length() < 1e-9, "{start} {end}");
+        }
+        // From behind it, beside it: in from a picture's size away.
+        let [start, end] =
+            view.project_segment(DVec3::new(1.0, 0.0, 12.0), DVec3::new(1.0, 0.0, 0.0)).unwrap();
+        assert!((start - DVec2::new(80.0, 20.0)).length() < 1e-9, "{start}");
+        assert!((end - DVec2::new(30.0, 20.0)).length() < 1e-9, "{end}");
+        assert!(view.project_segment(DVec3::new(1.0, 0.0, 12.0), DVec3::new(0.0, 1.0, 11.0)).is_none());
+        assert!(view.project_segment(DVec3::new(9.0, 0.0, 0.0), DVec3::new(9.0, 1.0, 0.0)).is_none());
+        // In parallel the line ends in the camera's plane: half-way, at z = 10.
+        let view = View::new(&camera(), Projection::Orthographic, [40, 40]).unwrap();
+        let [start, end] =
+            view.project_segment(DVec3::new(1.0, 0.0, 20.0), DVec3::new(-1.0, 0.0, 0.0)).unwrap();
+        assert!(
+            (start - middle).length() < 1e-9 && (end - DVec2::new(10.0, 20.0)).length() < 1e-9,
+            "{start} {end}"
+        );
     }
 
     #[test]

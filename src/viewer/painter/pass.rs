@@ -179,7 +179,8 @@ impl<'a> Side<'a> {
         }
         let view = View::new(lens, lens.projection, size)?;
         let window = film.window();
-        let subject = Subject { world, range: *range, view: &view, plan, window, share: Share::ALL, film: None };
+        let subject =
+            Subject { world, range: *range, view: &view, plan, window, share: Share::ALL, film: None };
         false_colours(self.order.shown, &subject, watch)
     }
 

@@ -1,0 +1,201 @@
+//! What keys and clicks do.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use egui::{Context, Theme, ViewportCommand};
+use serde_json::json;
+
+use super::{App, timeline};
+use crate::error::Result;
+use crate::scene::Camera;
+use crate::viewer::canvas::Done;
+use crate::viewer::controls::next;
+use crate::viewer::false_colour::Shown;
+use crate::viewer::inspect::inspect;
+use crate::viewer::keys::{self, Action};
+use crate::viewer::look::From;
+use crate::viewer::words::{Picture, Said, SeenFrom, command_line};
+use crate::viewer::{navigate, save, say};
+use crate::world::StandardView;
+
+impl App {
+    /// Does what keys ask for.
+    pub(super) fn keys(&mut self, context: &Context) {
+        let has_focus = context.egui_wants_keyboard_input();
+        let actions = context.input_mut(|input| keys::actions(input, has_focus));
+        for action in actions {
+            self.trace.say("key", json!({ "action": format!("{action:?}") }));
+            self.act(context, action);
+        }
+        let (fly, orbit) = context.input(|input| keys::held(input, has_focus));
+        let (seconds, fast) = context.input(|input| (f64::from(input.stable_dt), input.modifiers.shift));
+        let zoom = context.input(|input| keys::zoom(input));
+        if fly == glam::DVec3::ZERO && orbit == glam::DVec2::ZERO && zoom == 0.0 {
+            return;
+        }
+        let seen = self.seen();
+        if let Some(controls) = &mut self.controls {
+            // A frame that took long does not make a jump of it.
+            controls.drive(seen.as_ref(), (fly, orbit, zoom), seconds.min(0.1), fast);
+        }
+        context.request_repaint();
+    }
+
+    /// The camera of the picture that is shown, in the scene's own coordinates.
+    fn seen(&self) -> Option<Camera> {
+        self.canvas.prepared(0).map(|prepared| prepared.camera.clone())
+    }
+
+    /// Does one thing.
+    pub(super) fn act(&mut self, context: &Context, action: Action) {
+        match action {
+            Action::Panel => self.shows.panel = !self.shows.panel,
+            Action::Help => self.shows.keys = !self.shows.keys,
+            Action::Reload => self.loader.load(self.inputs.clone()),
+            Action::FullScreen => {
+                let is_full = context.input(|input| input.viewport().fullscreen.unwrap_or(false));
+                context.send_viewport_cmd(ViewportCommand::Fullscreen(!is_full));
+            }
+            Action::Theme => context.set_theme(match context.theme() {
+                Theme::Dark => Theme::Light,
+                Theme::Light => Theme::Dark,
+            }),
+            Action::Close => {
+                self.shows.keys = false;
+                (self.notice, self.inspection) = (None, None);
+            }
+            Action::SavePicture => self.save_picture(context),
+            Action::SaveCamera => self.save_camera(),
+            Action::CopyCommand => {
+                if let Some(command) = self.command(&self.output()) {
+                    self.trace.say("command", json!({ "text": command }));
+                    context.copy_text(command);
+                    self.tell("copied the command line that renders this".into());
+                }
+            }
+            _ => self.control(action),
+        }
+    }
+
+    /// Changes what is seen.
+    fn control(&mut self, action: Action) {
+        let seen = self.seen();
+        let (Some(controls), Some(opened)) = (&mut self.controls, &self.opened) else { return };
+        let timeline = timeline(opened);
+        match (action, timeline) {
+            (Action::Projection, _) => controls.switch_projection(seen.as_ref()),
+            (Action::Reset, _) => controls.reset_camera(),
+            (Action::Fit, _) => controls.stand(StandardView::Auto),
+            (Action::Standard(view), _) => controls.stand(view),
+            (Action::NextCamera, _) => controls.next_camera(opened.scene.cameras.len()),
+            (Action::NextShown, _) => controls.shown = next(&Shown::ALL, controls.shown),
+            (Action::Compare, _) => controls.switch_comparison(),
+            (Action::NextTier, _) => controls.next_tier(),
+            (Action::NextShading, _) => controls.next_shading(),
+            (Action::Effect(index), _) => {
+                let decision = self.canvas.prepared(controls.side).and_then(|p| p.decisions.get(index));
+                if let Some((decision, true)) = decision {
+                    let (effect, on) = (decision.effect, decision.on);
+                    controls.settings().switch(effect, !on);
+                }
+            }
+            (Action::Play, Some(_)) => controls.play(),
+            (Action::Step(by), Some(timeline)) => {
+                controls.playing = None;
+                controls.go_to(&timeline, controls.frame(&timeline) + by);
+            }
+            (Action::Rewind, Some(timeline)) => controls.go_to(&timeline, 0),
+            _ => {}
+        }
+    }
+
+    /// Looks at a pixel that was clicked, and at what is in it where it was clicked twice.
+    pub(super) fn click(&mut self, done: &Done) {
+        let (Some(pixel), Some(opened)) = (done.clicked.or(done.focused), &self.opened) else { return };
+        let Some(prepared) = self.canvas.prepared(done.side).cloned() else { return };
+        let bounds = opened.scene.bounds();
+        let bounds = match (bounds, &prepared.range) {
+            (Some((min, max)), Some(range)) => {
+                Some(((min - range.middle) * range.scale, (max - range.middle) * range.scale))
+            }
+            (bounds, _) => bounds,
+        };
+        let found =
+            inspect(&prepared.world, &prepared.view, &prepared.plan, prepared.range.as_ref(), bounds, pixel);
+        self.trace.say("inspected", super::inspector::to_json(&found));
+        if let (Some(_), Some(seen), Some(controls)) = (done.focused, &found.seen, &mut self.controls) {
+            let point = seen.position;
+            controls.navigate(Some(&prepared.camera), |camera| navigate::focus(camera, point));
+        }
+        self.inspection = Some((prepared, found));
+    }
+
+    /// Where a picture would be saved.
+    fn output(&self) -> PathBuf {
+        save::free_name(&save::stem(&self.inputs), "png")
+    }
+
+    /// The command line that renders what is seen.
+    fn command(&self, output: &std::path::Path) -> Option<String> {
+        let (controls, opened) = (self.controls.as_ref()?, self.opened.as_ref()?);
+        let prepared = self.canvas.prepared(controls.side)?;
+        let settings = &controls.sides[controls.side];
+        let said = Said::of(&opened.scene);
+        let command = command_line(&Picture {
+            inputs: &self.inputs,
+            said: &said,
+            seen_from: match &controls.from {
+                From::Fitted(view) => SeenFrom::Standard(*view),
+                From::Scene(index) => SeenFrom::Camera(opened.scene.cameras.get(*index)?),
+                From::Free(camera) => SeenFrom::Camera(camera),
+            },
+            projection: prepared.lens.projection,
+            size: prepared.view.size(),
+            shading: settings.choices.shading,
+            with: &settings.choices.with,
+            without: &settings.choices.without,
+            numerics: settings.numerics,
+            colour: settings.pipeline,
+            sampling: settings.sampling,
+            output,
+        });
+        let frame = timeline(opened).map(|timeline| controls.frame(&timeline));
+        Some(match frame {
+            Some(frame) => format!("{command} --frames {frame}"),
+            None => command,
+        })
+    }
+
+    /// Saves the picture, rendered as commands do; of other things that are shown, what is seen.
+    fn save_picture(&mut self, context: &Context) {
+        let Some(controls) = &self.controls else { return };
+        let (side, shown) = (controls.side, controls.shown);
+        let settings = controls.sides[side].clone();
+        let file = self.output();
+        let Some(painted) = self.canvas.painted(side) else { return };
+        if shown != Shown::Picture {
+            let done = save::colours(&painted.image, &file);
+            return self.said(done, &file);
+        }
+        let prepared = Arc::clone(&painted.prepared);
+        let command = self.command(&file).unwrap_or_default();
+        let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());
+        save::picture(prepared, settings, command, file, threads, sender, move || context.request_repaint());
+    }
+
+    /// Saves the camera as a section of a scene file.
+    fn save_camera(&mut self) {
+        let Some(camera) = self.seen() else { return };
+        let file = save::free_name(&format!("{}-camera", save::stem(&self.inputs)), "toml");
+        let done = save::text(&file, &camera.to_section());
+        self.said(done, &file);
+    }
+
+    fn said(&mut self, done: Result<()>, file: &std::path::Path) {
+        match done {
+            Ok(()) => self.tell(format!("saved {}", file.display())),
+            Err(e) => self.fail(say(&e)),
+        }
+    }
+}

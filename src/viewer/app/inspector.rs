@@ -1,0 +1,132 @@
+//! What is in a pixel: a window of its own, and the rays that it cast, drawn.
+
+use egui::{Color32, Context, Grid, Painter, Pos2, Rect, RichText, Stroke, Ui, Window, vec2};
+use glam::DVec2;
+use serde_json::{Value, json};
+
+use crate::viewer::inspect::{Inspection, Line};
+use crate::viewer::painter::Prepared;
+
+/// For scripts.
+pub fn to_json(found: &Inspection) -> Value {
+    let seen = found.seen.as_ref().map(|seen| {
+        json!({
+            "object": seen.object_name,
+            "primitive": seen.primitive,
+            "kind": seen.kind,
+            "t": seen.distance,
+            "position": seen.position.to_array(),
+            "geometric_normal": seen.geometric_normal.to_array(),
+            "shading_normal": seen.shading_normal.to_array(),
+            "barycentric": seen.barycentric,
+            "material": seen.material,
+        })
+    });
+    let rays: Vec<Value> = found
+        .rays
+        .iter()
+        .map(|ray| json!({ "kind": ray.kind, "hit": ray.hit, "object": ray.object }))
+        .collect();
+    json!({ "pixel": found.pixel, "displayed": found.displayed, "seen": seen, "rays": rays })
+}
+
+/// The window. Stays open while this is true.
+pub fn window(context: &Context, rect: Rect, found: &Inspection) -> bool {
+    let mut open = true;
+    let [x, y] = found.pixel;
+    let window = Window::new(format!("Pixel {x}, {y}")).id(egui::Id::unique("pixel")).open(&mut open).resizable(false);
+    window.default_pos(rect.left_top() + vec2(12.0, 60.0)).constrain_to(rect).show(context, |ui| {
+        let [r, g, b] = found.displayed;
+        ui.horizontal(|ui| {
+            let (swatch, _) = ui.allocate_exact_size(vec2(28.0, 14.0), egui::Sense::hover());
+            ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(r, g, b));
+            ui.label(format!("{r} {g} {b}  (#{r:02x}{g:02x}{b:02x})"));
+        });
+        surface(ui, found);
+        ui.separator();
+        rays(ui, &found.rays);
+    });
+    open
+}
+
+fn surface(ui: &mut Ui, found: &Inspection) {
+    let Some(seen) = &found.seen else {
+        ui.label("the background");
+        return;
+    };
+    let vector = |v: glam::DVec3| format!("{:.6} {:.6} {:.6}", v.x, v.y, v.z);
+    Grid::new("seen").num_columns(2).striped(true).show(ui, |ui| {
+        let mut row = |name: &str, value: String| {
+            ui.label(RichText::new(name).weak());
+            ui.label(RichText::new(value).monospace());
+            ui.end_row();
+        };
+        row("object", seen.object_name.clone());
+        row(seen.kind, format!("{} ({} of the object)", seen.primitive, seen.primitive_of_object));
+        row("t", format!("{:.9}", seen.distance));
+        row("position", vector(seen.position));
+        row("geometric normal", vector(seen.geometric_normal));
+        row("shading normal", vector(seen.shading_normal));
+        if let Some([u, v, w]) = seen.barycentric {
+            row("barycentric", format!("{u:.6} {v:.6} {w:.6}"));
+        }
+        if let Some(uv) = seen.uv {
+            row("texture", format!("{:.6} {:.6}", uv.x, uv.y));
+        }
+        row("material", seen.material.clone());
+        for (name, value) in &seen.material_values {
+            row(name, value.clone());
+        }
+        row("tests", format!("{} boxes, {} primitives", found.tests.nodes, found.tests.primitives));
+    });
+}
+
+fn rays(ui: &mut Ui, rays: &[Line]) {
+    for ray in rays {
+        let target = match (&ray.object, &ray.light) {
+            (Some(object), Some(light)) => format!("towards `{light}`, blocked by `{object}`"),
+            (None, Some(light)) => format!("reaches `{light}`"),
+            (Some(object), None) => format!("hits `{object}`"),
+            (None, None) if ray.hit => "blocked".into(),
+            (None, None) => "hits nothing".into(),
+        };
+        ui.horizontal(|ui| {
+            ui.add_space(10.0 * ray.depth as f32);
+            ui.label(RichText::new(ray.kind).color(colour(ray)));
+            ui.label(target);
+        });
+    }
+}
+
+/// Each kind of ray has a colour; those that are blocked are darker.
+fn colour(ray: &Line) -> Color32 {
+    let own = match ray.kind {
+        "primary" => Color32::from_rgb(255, 220, 90),
+        "shadow" => Color32::from_rgb(120, 190, 255),
+        "glaze" => Color32::from_rgb(120, 230, 150),
+        _ => Color32::from_rgb(230, 150, 230),
+    };
+    if ray.kind == "shadow" && ray.hit { own.gamma_multiply(0.55) } else { own }
+}
+
+/// Draws the rays into the picture that is seen through `prepared`, in `rect`; `of` is what they were cast in.
+pub fn draw(painter: &Painter, rect: Rect, prepared: &Prepared, of: &Prepared, found: &Inspection) {
+    let size = prepared.view.size();
+    let place = |p: DVec2| -> Pos2 {
+        let share = vec2((p.x / f64::from(size[0])) as f32, (p.y / f64::from(size[1])) as f32);
+        rect.min + share * rect.size()
+    };
+    // In another moment, or another tier, the scene may have been moved otherwise.
+    if prepared.range != of.range {
+        return;
+    }
+    for ray in &found.rays {
+        let Some([from, to]) = prepared.view.project_segment(ray.from, ray.to) else { continue };
+        let ends = [place(from), place(to)];
+        painter.line_segment(ends, Stroke::new(3.0, Color32::from_black_alpha(140)));
+        painter.line_segment(ends, Stroke::new(1.5, colour(ray)));
+        if ray.hit {
+            painter.circle_filled(ends[1], 3.0, colour(ray));
+        }
+    }
+}

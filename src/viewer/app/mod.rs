@@ -1,0 +1,351 @@
+//! The window itself: what happens in a frame of it, in order.
+
+mod act;
+mod inspector;
+mod news;
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use egui::{CentralPanel, Context, Frame, Panel, RichText, ScrollArea, Ui, ViewportCommand, vec2};
+use serde_json::json;
+
+use super::canvas::Canvas;
+use super::controls::Controls;
+use super::inspect::Inspection;
+use super::loader::Loader;
+use super::look::{Opened, Order};
+use super::overlay::{self, Notice};
+use super::painter::{Comparison, Painter, Prepared};
+use super::panel::{self, Shows};
+use super::trace::{Pauses, Trace};
+use super::watch::Watcher;
+use super::{Start, display, name_of, timeline as bar};
+use crate::error::Result;
+use crate::scene::animation::Timeline;
+
+/// Width of the panel in points.
+const PANEL: f32 = 300.0;
+
+/// Height of what is below the picture, in points, for the window's first size.
+const BELOW: f32 = 30.0;
+
+/// Opens the window, and returns when it is closed.
+///
+/// # Errors
+/// [`crate::error::Error::Failed`] where there is no display or no OpenGL.
+pub fn run(start: Start) -> Result<()> {
+    let trace = Trace::new(start.trace.as_deref())?;
+    let title = start.inputs.first().map_or("kiln".into(), |input| name_of(input));
+    let mut viewport = egui::ViewportBuilder::default()
+        .with_title(format!("{title} - kiln"))
+        .with_app_id("kiln")
+        .with_drag_and_drop(true);
+    if let Some([width, height]) = start.size {
+        viewport = viewport.with_inner_size([width as f32 + PANEL, height as f32 + BELOW]);
+    }
+    let options = eframe::NativeOptions {
+        viewport,
+        dithering: false,
+        persist_window: start.remembers && start.size.is_none(),
+        ..eframe::NativeOptions::default()
+    };
+    let report = Report::default();
+    let printed = Arc::clone(&report);
+    display::open(|is_open| {
+        eframe::run_native(
+            "kiln",
+            options,
+            Box::new(move |creation| {
+                is_open.store(true, Ordering::Relaxed);
+                Ok(Box::new(App::new(creation, start, trace, printed)))
+            }),
+        )
+    })?;
+    let report = report.lock().ok().and_then(|mut report| report.take());
+    if let Some(report) = report {
+        print!("{report}");
+    }
+    Ok(())
+}
+
+/// What is shown besides the picture. Remembered.
+#[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
+struct Parts {
+    panel: bool,
+    keys: bool,
+}
+
+struct App {
+    threads: Arc<rayon::ThreadPool>,
+    painter: Painter,
+    loader: Loader,
+    /// Looks whether the files change.
+    watcher: Option<Watcher>,
+    /// Whether they have.
+    changed: Arc<AtomicBool>,
+    /// Files that were saved, or what went wrong.
+    saved: (Sender<Result<PathBuf>>, Receiver<Result<PathBuf>>),
+    inputs: Vec<PathBuf>,
+    opened: Option<Arc<Opened>>,
+    controls: Option<Controls>,
+    canvas: Canvas,
+    /// The order that was given last, and its number.
+    ordered: Option<(Order, u64)>,
+    /// One that could not be carried out, which the notice is about.
+    failed_order: Option<u64>,
+    /// Orders of pictures that came since the last frame.
+    unseen: Vec<u64>,
+    comparison: Option<Comparison>,
+    /// What is in a pixel, and what it was looked at in.
+    inspection: Option<(Arc<Prepared>, Inspection)>,
+    notice: Option<Notice>,
+    /// What there is to say of the files.
+    warnings: Vec<String>,
+    is_building: bool,
+    shows: Parts,
+    /// The size that the picture is to have at first, until the window has it.
+    first_size: FirstSize,
+    trace: Trace,
+    pauses: Option<Pauses>,
+    report: Report,
+}
+
+/// Which size the picture has at first.
+enum FirstSize {
+    /// The user's.
+    Given([u32; 2]),
+    /// The scene's.
+    Scenes,
+    /// That of the window, which is remembered or was changed.
+    Windows,
+}
+
+/// What is printed when the window is closed.
+type Report = Arc<Mutex<Option<String>>>;
+
+impl App {
+    fn new(creation: &eframe::CreationContext, start: Start, trace: Trace, report: Report) -> Self {
+        let threads = Arc::new(start.threads);
+        let wake = |context: &Context| {
+            let context = context.clone();
+            move || context.request_repaint()
+        };
+        let painter = Painter::new(Arc::clone(&threads), wake(&creation.egui_ctx));
+        let mut loader = Loader::new(start.open, Arc::clone(&threads), wake(&creation.egui_ctx));
+        loader.load(start.inputs.clone());
+        let remembered: Option<Parts> =
+            creation.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY));
+        let first_size = match (start.size, remembered.is_some() && start.remembers) {
+            (Some(size), _) => FirstSize::Given(size),
+            (None, false) => FirstSize::Scenes,
+            (None, true) => FirstSize::Windows,
+        };
+        let mut app = App {
+            threads,
+            painter,
+            loader,
+            watcher: None,
+            changed: Arc::default(),
+            saved: channel(),
+            inputs: start.inputs,
+            opened: None,
+            controls: None,
+            canvas: Canvas::default(),
+            ordered: None,
+            failed_order: None,
+            unseen: Vec::new(),
+            comparison: None,
+            inspection: None,
+            notice: None,
+            warnings: Vec::new(),
+            is_building: false,
+            shows: remembered.unwrap_or(Parts { panel: true, keys: false }),
+            first_size,
+            trace,
+            pauses: start.pauses.map(Pauses::new),
+            report,
+        };
+        app.trace.say("started", json!({}));
+        app
+    }
+
+    /// Makes the window so large that the picture has its first size, once its size in this window is known. Whether it is still to
+    /// change.
+    fn fit_window(&mut self, context: &Context, size: [u32; 2]) -> bool {
+        let wanted = match (&self.first_size, &self.opened) {
+            (FirstSize::Given(size), _) => *size,
+            (FirstSize::Scenes, Some(opened)) => opened.size,
+            _ => return false,
+        };
+        self.first_size = FirstSize::Windows;
+        let scale = context.pixels_per_point();
+        let room = context.viewport_rect().size();
+        let more = |axis: usize| (wanted[axis] as f32 - size[axis] as f32) / scale;
+        let window = room + vec2(more(0), more(1));
+        if wanted == size {
+            return false;
+        }
+        context.send_viewport_cmd(ViewportCommand::InnerSize(window));
+        true
+    }
+
+    /// Asks for the picture that the controls now mean, where that is another.
+    fn order(&mut self, size: [u32; 2]) {
+        let (Some(controls), Some(opened)) = (&self.controls, &self.opened) else { return };
+        let order = controls.order(opened, size);
+        if self.ordered.as_ref().is_some_and(|(last, _)| *last == order) {
+            return;
+        }
+        let number = self.painter.order(order.clone());
+        self.trace.say("order", json!({ "order": number, "size": size, "time": order.time }));
+        if order.sides.len() < 2 {
+            self.canvas.forget(1);
+        }
+        self.comparison = None;
+        self.ordered = Some((order, number));
+    }
+
+    fn status(&self, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            let painted = self.canvas.painted(0);
+            let line = match (painted, self.is_building) {
+                (_, true) => "building".to_owned(),
+                (Some(painted), _) => panel::work(painted),
+                (None, _) => "loading".to_owned(),
+            };
+            ui.label(line);
+            for warning in &self.warnings {
+                ui.separator();
+                ui.label(RichText::new(warning).weak());
+            }
+        });
+    }
+}
+
+/// The frames of the scene's animation, where it has one.
+fn timeline(opened: &Opened) -> Option<Timeline> {
+    let animation = opened.scene.animation.as_ref()?;
+    Timeline::new(animation.fps, animation.duration, animation.repeat).ok()
+}
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        let context = ui.ctx().clone();
+        for order in self.unseen.drain(..) {
+            self.trace.say("shown", json!({ "order": order }));
+        }
+        self.measure(&context);
+        self.take_all(&context);
+        self.keys(&context);
+        let dropped = context.input(|input| input.raw.dropped_files.clone());
+        if !dropped.is_empty() {
+            self.loader.load(dropped.into_iter().map(|file| file.path().to_owned()).collect());
+        }
+        self.play(&context);
+        self.panels(ui);
+        CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.picture(ui));
+        let mut open = self.shows.keys;
+        overlay::keys(&context, &mut open);
+        self.shows.keys = open;
+    }
+
+    fn save(&mut self, storage: &mut dyn eframe::Storage) {
+        eframe::set_value(storage, eframe::APP_KEY, &self.shows);
+    }
+}
+
+impl App {
+    /// Measures pauses, where that is what the window is for.
+    fn measure(&mut self, context: &Context) {
+        let Some(report) = self.pauses.as_mut().and_then(|pauses| pauses.frame(context)) else { return };
+        if let Ok(mut own) = self.report.lock() {
+            *own = Some(report);
+        }
+        self.pauses = None;
+        context.send_viewport_cmd(ViewportCommand::Close);
+    }
+
+    /// Goes on with an animation that plays, once the last frame of it was painted.
+    fn play(&mut self, context: &Context) {
+        let (Some(controls), Some(opened)) = (&mut self.controls, &self.opened) else { return };
+        let (Some(_), Some(timeline), Some(animation)) =
+            (controls.playing, timeline(opened), &opened.scene.animation)
+        else {
+            return;
+        };
+        let newest = self.ordered.as_ref().map_or(0, |(_, number)| *number);
+        if self.canvas.painted(0).is_some_and(|painted| painted.order == newest) {
+            controls.advance(&timeline, animation.duration);
+        }
+        context.request_repaint_after(Duration::from_millis(5));
+    }
+
+    fn panels(&mut self, ui: &mut Ui) {
+        Panel::bottom("status").show(ui, |ui| self.status(ui));
+        let App { controls, opened, canvas, comparison, trace, shows, .. } = self;
+        let (Some(controls), Some(opened)) = (controls, opened) else { return };
+        if shows.panel {
+            Panel::right("panel").exact_size(PANEL).show(ui, |ui| {
+                ScrollArea::vertical().show(ui, |ui| {
+                    let painted = [canvas.painted(0), canvas.painted(1)];
+                    panel::show(ui, &Shows { opened, painted, comparison: *comparison }, controls, trace);
+                });
+            });
+        }
+        if let (Some(timeline), Some(animation)) = (timeline(opened), &opened.scene.animation) {
+            Panel::bottom("timeline").show(ui, |ui| {
+                bar::show(ui, &timeline, animation.duration, controls, trace);
+            });
+        }
+    }
+
+    /// The picture, and what lies over it.
+    fn picture(&mut self, ui: &mut Ui) {
+        let context = ui.ctx().clone();
+        let rect = ui.available_rect_before_wrap();
+        if let Some(notice) = &self.notice {
+            if overlay::notice(&context, rect, notice) {
+                self.notice = None;
+            }
+        }
+        let Some(controls) = &mut self.controls else { return };
+        let (size, done) = self.canvas.show(ui, controls);
+        let (split, compares) = (controls.split, controls.sides.len() > 1);
+        let rect = self.canvas.rect().unwrap_or(rect);
+        self.trace.place("canvas", rect, context.pixels_per_point());
+        self.click(&done);
+        if compares {
+            overlay::sides(&context, rect, split, &self.side_names());
+        }
+        if let Some(legend) = self.canvas.painted(0).and_then(|painted| painted.legend.as_ref()) {
+            overlay::legend(&context, rect, legend);
+        }
+        if let Some((of, found)) = &self.inspection {
+            if let Some(prepared) = self.canvas.prepared(0) {
+                inspector::draw(&ui.painter_at(rect), rect, prepared, of, found);
+            }
+            if !inspector::window(&context, rect, found) {
+                self.inspection = None;
+            }
+        }
+        if !self.fit_window(&context, size) {
+            self.order(size);
+        }
+    }
+
+    /// What the sides of a comparison differ in.
+    fn side_names(&self) -> [String; 2] {
+        let Some(controls) = &self.controls else { return Default::default() };
+        let [a, b] = [0, 1].map(|side| controls.sides.get(side).map(panel::in_words).unwrap_or_default());
+        let only = |own: &[String], other: &[String]| {
+            let own: Vec<&str> =
+                own.iter().filter(|word| !other.contains(word)).map(String::as_str).collect();
+            if own.is_empty() { "the same".to_owned() } else { own.join(", ") }
+        };
+        [only(&a, &b), only(&b, &a)]
+    }
+}

@@ -1,0 +1,136 @@
+//! What other threads have to say.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use egui::{Context, ViewportCommand};
+use serde_json::json;
+
+use super::App;
+use crate::import::FileRead;
+use crate::viewer::controls::Controls;
+use crate::viewer::loader::Loaded;
+use crate::viewer::overlay::Notice;
+use crate::viewer::painter::{News, Painted};
+use crate::viewer::watch::Watcher;
+use crate::viewer::{name_of, say};
+
+impl App {
+    /// Takes in all there is.
+    pub(super) fn take_all(&mut self, context: &Context) {
+        if self.changed.swap(false, Ordering::Relaxed) {
+            self.trace.say("changed", json!({}));
+            self.loader.load(self.inputs.clone());
+        }
+        if let Some(loaded) = self.loader.loaded() {
+            self.take(context, loaded);
+        }
+        while let Ok(saved) = self.saved.1.try_recv() {
+            match saved {
+                Ok(file) => self.tell(format!("saved {}", file.display())),
+                Err(e) => self.fail(say(&e)),
+            }
+        }
+        let all: Vec<News> = self.painter.news().collect();
+        all.into_iter().for_each(|news| self.take_news(context, news));
+    }
+
+    /// Says that something went wrong, until it no longer holds or is dismissed.
+    pub(super) fn fail(&mut self, text: String) {
+        self.trace.say("error", json!({ "text": text }));
+        self.notice = Some(Notice { text, is_error: true });
+    }
+
+    /// Says something that was done.
+    pub(super) fn tell(&mut self, text: String) {
+        self.trace.say("notice", json!({ "text": text }));
+        self.notice = Some(Notice { text, is_error: false });
+    }
+
+    /// Takes in files that were read.
+    fn take(&mut self, context: &Context, loaded: Loaded) {
+        let Loaded { inputs, result, files, warnings, .. } = loaded;
+        let watched: Vec<String> = files.iter().map(|read| read.file.display().to_string()).collect();
+        let is_same = inputs == self.inputs;
+        if is_same || result.is_ok() {
+            self.watch(context, files);
+        }
+        let opened = match result {
+            Ok(opened) => Arc::new(opened),
+            // The last good picture stays.
+            Err(e) => return self.fail(say(&e)),
+        };
+        match &mut self.controls {
+            Some(controls) if is_same => controls.reopened(&opened),
+            controls => *controls = Some(Controls::new(&opened)),
+        }
+        if !is_same {
+            let title = inputs.first().map_or("kiln".into(), |input| name_of(input));
+            context.send_viewport_cmd(ViewportCommand::Title(format!("{title} - kiln")));
+            (self.inputs, self.inspection) = (inputs, None);
+        }
+        self.warnings = warnings.messages().iter().chain(warnings.notes()).cloned().collect();
+        self.notice.take_if(|notice| notice.is_error);
+        self.trace.say("opened", json!({ "files": watched }));
+        self.opened = Some(opened);
+    }
+
+    /// Watches the files of the scene, also where they could not be used.
+    fn watch(&mut self, context: &Context, files: Vec<FileRead>) {
+        if let Some(watcher) = &self.watcher {
+            return watcher.set_files(files);
+        }
+        let (changed, context) = (Arc::clone(&self.changed), context.clone());
+        let on_change = move || {
+            changed.store(true, Ordering::Relaxed);
+            context.request_repaint();
+        };
+        self.watcher = Watcher::new(files, on_change).ok();
+    }
+
+    /// Takes in what the painter has made.
+    fn take_news(&mut self, context: &Context, news: News) {
+        let newest = self.ordered.as_ref().map_or(0, |(_, number)| *number);
+        match news {
+            News::Building => self.is_building = true,
+            News::Painted(painted) => self.take_picture(context, painted, newest),
+            News::Compared(order, comparison) if order == newest => {
+                let (max, rmse, flip) = (comparison.max, comparison.rmse, comparison.flip);
+                self.trace.say("compared", json!({ "max": max, "rmse": rmse, "flip": flip }));
+                self.comparison = Some(comparison);
+            }
+            News::Compared(..) => {}
+            News::Failed(order, text) => {
+                self.is_building = false;
+                if order == newest {
+                    self.failed_order = Some(order);
+                    self.fail(text);
+                }
+            }
+        }
+    }
+
+    fn take_picture(&mut self, context: &Context, painted: Box<Painted>, newest: u64) {
+        self.is_building = false;
+        // What could not be painted, can be again.
+        if painted.order == newest && self.failed_order.take_if(|failed| *failed < newest).is_some() {
+            self.notice.take_if(|notice| notice.is_error);
+        }
+        let what = json!({
+            "order": painted.order,
+            "side": painted.side,
+            "factor": painted.factor,
+            "samples": painted.samples.0,
+            "last": painted.is_last,
+            "ms": painted.time.as_secs_f64() * 1e3,
+            "newest": painted.order == newest,
+        });
+        self.trace.say("picture", what);
+        self.unseen.push(painted.order);
+        self.canvas.take(context, painted);
+        // The frame after this one begins when this one is on the screen.
+        if self.trace.is_on() {
+            context.request_repaint();
+        }
+    }
+}

@@ -1,0 +1,425 @@
+//! Everything about one pixel: what it sees, the rays that it took, and its colour.
+//!
+//! All of it comes from the stages that make pictures: they are run on a tile of one pixel, and an [`Onlooker`] sees the rays.
+//! The rays are those through the pixel's centre, whatever samples the picture takes; the colour is the picture's.
+
+use glam::{DVec2, DVec3};
+
+use crate::bvh::{Primitive, Tests, Traversal};
+use crate::effects::tile::{Cast, Context, Met, Onlooker, Tile};
+use crate::effects::{EFFECTS, Plan, RayKind};
+use crate::film::Window;
+use crate::geometry::Hit;
+use crate::scene::Glaze;
+use crate::world::{LoweredMaterial, Range, Surface, View, World};
+
+/// Everything about one pixel.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Inspection {
+    /// Column and row, from the top left.
+    pub pixel: [u32; 2],
+    /// Its colour in the numbers of the pipeline, rendered with the plan.
+    pub colour: [f32; 3],
+    /// What a display shows of that.
+    pub displayed: [u8; 3],
+    /// Camera rays that the colour took.
+    pub samples: u32,
+    /// What the ray through its centre hits.
+    pub seen: Option<Seen>,
+    /// Every ray that follows from that one, in the order that they are cast in.
+    pub rays: Vec<Line>,
+    /// Boxes and primitives that the ray through the centre, cast by itself, is tested against.
+    pub tests: Tests,
+}
+
+/// What a ray hits. Lengths and positions are those of the scene as it was described, wherever it was moved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Seen {
+    /// The object's number, in the order of the description.
+    pub object: u32,
+    /// Its name.
+    pub object_name: String,
+    /// The primitive's number.
+    pub primitive: u32,
+    /// Its number within its object.
+    pub primitive_of_object: u32,
+    /// What it is: a `sphere` or a `triangle`.
+    pub kind: &'static str,
+    /// How far along the ray.
+    pub distance: f64,
+    /// Where.
+    pub position: DVec3,
+    /// Unit normal of the sphere or triangle, on the side that it is seen from.
+    pub geometric_normal: DVec3,
+    /// Unit normal for shading, bent by smooth meshes and normal maps.
+    pub shading_normal: DVec3,
+    /// On a triangle, the weights of its corners.
+    pub barycentric: Option<[f64; 3]>,
+    /// Where that is in the material's pictures, where the object says so.
+    pub uv: Option<DVec2>,
+    /// The material's name.
+    pub material: String,
+    /// What it is made of: name and value of each, in the numbers of the colour pipeline.
+    pub material_values: Vec<(&'static str, String)>,
+}
+
+/// A ray as a line, in the coordinates of the world and its [`View`]: [`View::project_segment`] draws it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line {
+    /// What it was cast for, as statistics call it: `primary`, `shadow`, `glaze`, …
+    pub kind: &'static str,
+    /// The effect that it is there for; `None` for the camera's.
+    pub effect: Option<&'static str>,
+    /// How many mirrors lie behind it.
+    pub depth: usize,
+    /// Of a ray towards a light, the light's name.
+    pub light: Option<String>,
+    /// Where it starts.
+    pub from: DVec3,
+    /// Where it ends: at what it hits, at its light, or on its way out, outside the scene.
+    pub to: DVec3,
+    /// Whether it hits anything.
+    pub hit: bool,
+    /// The name of the object that it hits.
+    pub object: Option<String>,
+}
+
+/// Looks at a pixel of the picture that `plan` makes of what `view` sees. `range` is how the scene was moved, `bounds` where it
+/// is now, so that rays can be drawn to where they leave it.
+pub fn inspect(
+    world: &World,
+    view: &View,
+    plan: &Plan,
+    range: Option<&Range>,
+    bounds: Option<(DVec3, DVec3)>,
+    [x, y]: [u32; 2],
+) -> Inspection {
+    let context = Context { world, view };
+    let window = Window { x, y, width: 1, height: 1 };
+    let mut tile = Tile::default();
+    let run = |plan: &Plan, tile: &mut Tile| {
+        tile.start(window);
+        plan.run(tile, &context, |_| {});
+        while tile.again {
+            plan.run(tile, &context, |_| {});
+        }
+    };
+    run(plan, &mut tile);
+    let colour = tile.pixels.first().copied().unwrap_or_default();
+    let samples = tile.taken.first().copied().unwrap_or(1);
+
+    let mut tile = Tile::default();
+    tile.onlooker = Some(Box::new(Onlooker::default()));
+    run(&one_ray(world, plan), &mut tile);
+    let casts = tile.onlooker.take().map_or(Vec::new(), |onlooker| onlooker.casts);
+    let surface =
+        tile.levels.first().and_then(|level| (!level.surfaces.is_empty()).then(|| level.surfaces.get(0)));
+    let first = casts.first();
+    let hit = first.and_then(|cast| if let Met::Hit(hit) = cast.met { Some(hit) } else { None });
+    let seen =
+        surface.zip(hit).zip(first).map(|((surface, hit), cast)| seen(world, range, &surface, &hit, cast));
+    let mut traversal = Traversal::default();
+    if let Some(cast) = first {
+        world.accelerator.closest_hit(&cast.ray, &mut traversal);
+    }
+    let tests = traversal.tests;
+    let rays = casts.iter().map(|cast| line(world, bounds, cast, &mut traversal)).collect();
+    let displayed = world.pipeline.encode(colour);
+    Inspection { pixel: [x, y], colour, displayed, samples, seen, rays, tests }
+}
+
+/// The plan with one ray a pixel.
+fn one_ray(world: &World, plan: &Plan) -> Plan {
+    let mut decisions = plan.decisions.clone();
+    let of_samples = ["antialiasing", "adaptive"];
+    decisions.iter_mut().filter(|d| of_samples.contains(&d.effect)).for_each(|d| d.on = false);
+    Plan::of(world, plan.shading, decisions)
+}
+
+fn seen(world: &World, range: Option<&Range>, surface: &Surface, hit: &Hit, cast: &Cast) -> Seen {
+    let object = &world.objects[surface.object as usize];
+    let position = surface.point.position;
+    let [v, w] = hit.weights;
+    let (kind, barycentric) = match world.accelerator.primitive(hit.slot) {
+        Primitive::Sphere(_) => ("sphere", None),
+        Primitive::Triangle(_) => ("triangle", Some([1.0 - v - w, v, w])),
+    };
+    Seen {
+        object: surface.object,
+        object_name: object.name.clone(),
+        primitive: hit.prim.0,
+        primitive_of_object: hit.prim.0 - object.first.0,
+        kind,
+        distance: hit.t / range.map_or(1.0, |range| range.scale),
+        position: range.map_or(position, |range| range.point_back(position)),
+        geometric_normal: surface.geometric_normal,
+        shading_normal: surface.shading_normal,
+        barycentric,
+        uv: world.texture_point(surface, hit, &cast.ray, None).map(|point| point.uv),
+        material: world.material_names[surface.material as usize].clone(),
+        material_values: values_of(world, &world.materials[surface.material as usize]),
+    }
+}
+
+/// What a material is made of.
+fn values_of(world: &World, material: &LoweredMaterial) -> Vec<(&'static str, String)> {
+    let colour = |c: DVec3| {
+        let [r, g, b] = world.pipeline.encode(c.as_vec3().to_array());
+        format!("#{r:02x}{g:02x}{b:02x}")
+    };
+    let mut values = match material {
+        LoweredMaterial::Phong(m) => {
+            let mut values = vec![
+                ("colour", colour(m.colour)),
+                ("ambient", m.ambient.to_string()),
+                ("diffuse", m.diffuse.to_string()),
+                ("specular", m.specular.to_string()),
+                ("shininess", m.shininess.to_string()),
+            ];
+            values.extend(m.glaze.map(|Glaze { weight, own_weight, bounces }| {
+                let times = if bounces == 1 { "bounce" } else { "bounces" };
+                ("glaze", format!("{weight} of what is mirrored, {own_weight} of its own, {bounces} {times}"))
+            }));
+            values
+        }
+        LoweredMaterial::MetallicRoughness(m) => {
+            let mut values = vec![
+                ("base colour", colour(m.base_colour)),
+                ("metallic", m.metallic.to_string()),
+                ("roughness", m.roughness.to_string()),
+            ];
+            if m.emission != DVec3::ZERO {
+                values.push(("emission", format!("{} {} {}", m.emission.x, m.emission.y, m.emission.z)));
+            }
+            if m.unlit {
+                values.push(("unlit", "yes".into()));
+            }
+            values
+        }
+    };
+    let names = ["colour picture", "metallic-roughness picture", "emission picture"];
+    let slots = material.slots().into_iter().map(|(texture, _)| texture).zip(names);
+    let map = (material.normal_map().map(|map| map.texture), "normal map");
+    values.extend(slots.chain([map]).filter_map(|(texture, name)| {
+        let image = world.images.get(texture?.image as usize)?;
+        Some((name, format!("{} ({} x {})", image.name, image.width, image.height)))
+    }));
+    values
+}
+
+fn line(world: &World, bounds: Option<(DVec3, DVec3)>, cast: &Cast, traversal: &mut Traversal) -> Line {
+    let Cast { kind, depth, light, ray, met, .. } = cast;
+    // Of a ray that is blocked nobody asked where; the nearest of what is in its way is drawn.
+    let hit = match met {
+        Met::Nothing => None,
+        Met::Hit(hit) => Some(*hit),
+        Met::Something => world.accelerator.closest_hit(ray, traversal),
+    };
+    let end = hit.map_or(ray.t_max, |hit| hit.t);
+    let end = if end.is_finite() { end } else { way_out(ray.origin, bounds) };
+    let effect = EFFECTS.iter().find(|effect| *kind != RayKind::PRIMARY && effect.rays.contains(kind));
+    Line {
+        kind: kind.0,
+        effect: effect.map(|effect| effect.name),
+        depth: *depth,
+        light: light.and_then(|light| Some(world.lights.get(light)?.name.clone())),
+        from: ray.origin,
+        to: ray.at(end),
+        hit: *met != Met::Nothing,
+        object: hit.map(|hit| world.objects[world.object_of(hit.prim) as usize].name.clone()),
+    }
+}
+
+/// How far a ray from `origin` goes to be outside the scene, wherever it goes: a quarter of the scene beyond it.
+fn way_out(origin: DVec3, bounds: Option<(DVec3, DVec3)>) -> f64 {
+    let (min, max) = bounds.unwrap_or((-DVec3::ONE, DVec3::ONE));
+    let (middle, radius) = (min / 2.0 + max / 2.0, (max / 2.0 - min / 2.0).length());
+    (origin - middle).length() + 1.25 * radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bvh::Structure;
+    use crate::effects::Choices;
+    use crate::error::Warnings;
+    use crate::scene::{Camera, Numerics, Projection, Scene};
+    use crate::world::bring_into_range;
+
+    struct Ready {
+        world: World,
+        view: View,
+        plan: Plan,
+        bounds: Option<(DVec3, DVec3)>,
+        range: Option<Range>,
+    }
+
+    fn assignment() -> Scene {
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/assignment.toml");
+        crate::import::load(&[file], &mut Warnings::default()).unwrap()
+    }
+
+    /// The scene in the tier `double`, in 100 x 100 pixels.
+    fn ready(mut scene: Scene, camera: &Camera) -> Ready {
+        let range = bring_into_range(&mut scene);
+        let camera = range.map_or(camera.clone(), |range| range.moved(camera));
+        let view = View::new(&camera, camera.projection, [101, 101]).unwrap();
+        let bounds = scene.bounds();
+        let pipeline = scene.colour.unwrap_or_default();
+        let world = World::prepare(scene, pipeline, Structure::default(), Numerics::Double);
+        let plan = Plan::new(&world, &Choices::default()).unwrap();
+        Ready { world, view, plan, bounds, range }
+    }
+
+    impl Ready {
+        fn look(&self, pixel: [u32; 2]) -> Inspection {
+            inspect(&self.world, &self.view, &self.plan, self.range.as_ref(), self.bounds, pixel)
+        }
+    }
+
+    /// Looks at a point, with the middle of the middle pixel on it.
+    fn towards(position: DVec3, target: DVec3) -> Camera {
+        Camera::from_field_of_view("c".into(), position, target, DVec3::Y, 0.2)
+    }
+
+    /// From (100, -400, 350) towards the middle of the right sphere, (100, -400, 1350) of radius 100: along +z, hit at 1250 in a
+    /// distance of 900, where the normal is -z.
+    fn middle_of_the_right_sphere() -> Camera {
+        towards(DVec3::new(100.0, -400.0, 350.0), DVec3::new(100.0, -400.0, 1350.0))
+    }
+
+    #[test]
+    fn the_pixel_in_the_middle_of_a_sphere() {
+        let ready = ready(assignment(), &middle_of_the_right_sphere());
+        let pixel = ready.look([50, 50]);
+        let seen = pixel.seen.clone().unwrap();
+        assert_eq!((seen.object_name.as_str(), seen.primitive, seen.kind), ("right sphere", 1, "sphere"));
+        assert_eq!((seen.object, seen.primitive_of_object, seen.barycentric), (1, 0, None));
+        assert!((seen.distance - 900.0).abs() < 1e-9);
+        assert!((seen.position - DVec3::new(100.0, -400.0, 1250.0)).length() < 1e-9);
+        assert!((seen.geometric_normal + DVec3::Z).length() < 1e-9);
+        assert_eq!(seen.material, "midnight-blue");
+        assert!(seen.material_values.contains(&("colour", "#191970".into())), "{:?}", seen.material_values);
+        assert!(seen.material_values.contains(&("specular", "3".into())));
+
+        // One light: a shadow ray from it, one from what is mirrored if anything is. Straight back lies nothing: the camera's
+        // ray is mirrored into itself, and above the plane at -500 along -z is nothing.
+        let kinds: Vec<&str> = pixel.rays.iter().map(|ray| ray.kind).collect();
+        assert_eq!(kinds, ["primary", "shadow", "glaze"]);
+        let [primary, shadow, glaze] = &pixel.rays[..] else { unreachable!() };
+        assert_eq!(
+            (primary.hit, primary.effect, primary.object.as_deref()),
+            (true, None, Some("right sphere"))
+        );
+        assert_eq!(primary.to, seen.position);
+        // The lamp, at (-400, 100, 850).
+        assert_eq!(
+            (shadow.effect, shadow.light.as_deref(), shadow.hit),
+            (Some("shadows"), Some("lamp"), false)
+        );
+        assert!((shadow.to - DVec3::new(-400.0, 100.0, 850.0)).length() < 1e-6);
+        assert!((shadow.from - seen.position).length() < 1e-6);
+        assert_eq!((glaze.effect, glaze.depth, glaze.hit), (Some("glaze"), 1, false));
+        assert!(((glaze.to - glaze.from).normalize() + DVec3::Z).length() < 1e-9);
+        let (min, max) = ready.bounds.unwrap();
+        assert!(glaze.to.cmplt(min).any() || glaze.to.cmpgt(max).any(), "it leaves the scene: {}", glaze.to);
+    }
+
+    #[test]
+    fn a_mirrored_ray_leaves_as_it_came() {
+        // Down on the plane y = -500 at (-600, -500, 1000) at 45 degrees along +z: hit at 100 sqrt 2.
+        let ready = ready(
+            assignment(),
+            &towards(DVec3::new(-600.0, -400.0, 900.0), DVec3::new(-600.0, -500.0, 1000.0)),
+        );
+        let pixel = ready.look([50, 50]);
+        let seen = pixel.seen.clone().unwrap();
+        assert_eq!((seen.object_name.as_str(), seen.kind, seen.primitive), ("plane", "triangle", 2));
+        assert!((seen.distance - 100.0 * 2f64.sqrt()).abs() < 1e-9);
+        // Corners at (-10000, -10000), (-10000, 100000) and (10000, -10000) in x and z: of the way from the first, 11000 / 110000
+        // are towards the second, 9400 / 20000 towards the third.
+        for (weight, expected) in seen.barycentric.unwrap().iter().zip([0.43, 0.1, 0.47]) {
+            assert!((weight - expected).abs() < 1e-12, "{weight} {expected}");
+        }
+        // Mirrored about +y: at 45 degrees upwards along +z.
+        let glaze = pixel.rays.iter().find(|ray| ray.kind == "glaze").unwrap();
+        let direction = (glaze.to - glaze.from).normalize();
+        assert!((direction - DVec3::new(0.0, 1.0, 1.0).normalize()).length() < 1e-9, "{direction}");
+        // In the middle is what the picture has there.
+        let whole = crate::render::render(
+            &ready.world,
+            &ready.view,
+            &ready.plan,
+            Window { x: 0, y: 0, width: 101, height: 101 },
+            &crate::render::Watch {
+                cancel: &std::sync::atomic::AtomicBool::new(false),
+                progress: &|_, _| {},
+            },
+        );
+        let film = whole.unwrap().0;
+        for [x, y] in [[50, 50], [0, 0], [100, 3], [17, 80]] {
+            let pixel = ready.look([x, y]);
+            assert_eq!(pixel.colour, film.pixel(x, y), "{x} {y}");
+            assert_eq!(pixel.displayed, ready.world.pipeline.encode(film.pixel(x, y)));
+        }
+    }
+
+    /// What is blocked is drawn to what blocks it.
+    #[test]
+    fn a_shadow_ray_ends_at_what_is_in_its_way() {
+        // Where the line from the lamp (-400, 100, 850) through the middle of the left sphere (-300, -425, 1200) meets the plane,
+        // at y = -500: 600 / 525 of the way.
+        let (lamp, middle) = (DVec3::new(-400.0, 100.0, 850.0), DVec3::new(-300.0, -425.0, 1200.0));
+        let shaded = lamp + (middle - lamp) * (600.0 / 525.0);
+        let ready = ready(assignment(), &towards(shaded + DVec3::new(-300.0, 200.0, 200.0), shaded));
+        let pixel = ready.look([50, 50]);
+        let shadow = pixel.rays.iter().find(|ray| ray.kind == "shadow").unwrap();
+        assert!(shadow.hit);
+        assert_eq!(shadow.object.as_deref(), Some("left sphere"));
+        assert!(((shadow.to - middle).length() - 75.0).abs() < 1e-6, "on the sphere");
+        assert!((shadow.to - shadow.from).length() < 2.0 * 75.0, "the near side");
+    }
+
+    #[test]
+    fn a_pixel_that_sees_nothing() {
+        let ready = ready(assignment(), &towards(DVec3::new(0.0, 0.0, 0.0), DVec3::new(0.0, 1.0, -0.1)));
+        let pixel = ready.look([50, 50]);
+        assert_eq!((pixel.seen.as_ref(), pixel.displayed, pixel.rays.len()), (None, [0; 3], 1));
+        assert!(!pixel.rays[0].hit);
+    }
+
+    /// However many samples the picture takes, the rays are those through the centre, and the colour the picture's.
+    #[test]
+    fn samples_make_the_colour_and_the_centre_the_rays() {
+        let mut scene = assignment();
+        let camera = scene.cameras[0].clone();
+        let one = ready(scene.clone(), &camera);
+        scene.sampling.samples = Some(9);
+        let nine = ready(scene, &camera);
+        let (a, b) = (one.look([40, 60]), nine.look([40, 60]));
+        assert_eq!((a.samples, b.samples), (1, 9));
+        assert_eq!((&a.rays, &a.seen), (&b.rays, &b.seen));
+    }
+
+    /// Positions and distances are those of the file, also where the scene was moved: a sphere of radius 2 a million away.
+    #[test]
+    fn a_moved_scene_speaks_of_its_own_places() {
+        let text = "[[sphere]]\ncentre = [1e6, 0, 1e6]\nradius = 2\n";
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.toml");
+        std::fs::write(&file, text).unwrap();
+        let scene = crate::import::load(&[file], &mut Warnings::default()).unwrap();
+        let far = DVec3::new(1e6, 0.0, 1e6);
+        let mut camera = towards(far + DVec3::Z * 10.0, far);
+        camera.projection = Projection::Orthographic;
+        let ready = ready(scene, &camera);
+        assert!(ready.range.is_some());
+        let pixel = ready.look([50, 50]);
+        let seen = pixel.seen.unwrap();
+        assert!(
+            (seen.position - (far + DVec3::Z * 2.0)).length() < 1e-9 && (seen.distance - 8.0).abs() < 1e-9
+        );
+        let [from, to] = ready.view.project_segment(pixel.rays[0].from, pixel.rays[0].to).unwrap();
+        assert!((from - DVec2::splat(50.5)).length() < 1e-9 && (to - from).length() < 1e-9, "{from} {to}");
+    }
+}

@@ -1,0 +1,106 @@
+//! What lies over the picture: notices, the list of keys, legends.
+
+use egui::{
+    Align2, Area, Color32, Context, Frame, Grid, Id, Pos2, Rect, RichText, Sense, Stroke, Window, pos2, vec2,
+};
+
+use super::false_colour::Legend;
+use super::keys::LIST;
+
+/// Something that is said over the picture until it no longer holds.
+pub struct Notice {
+    /// What.
+    pub text: String,
+    /// Whether something went wrong.
+    pub is_error: bool,
+}
+
+/// A notice at the top of the picture. Returns whether it was dismissed.
+pub fn notice(context: &Context, rect: Rect, notice: &Notice) -> bool {
+    let mut dismissed = false;
+    let area = Area::new(Id::unique("notice")).fixed_pos(rect.min + vec2(12.0, 12.0)).constrain_to(rect);
+    area.show(context, |ui| {
+        let stroke = if notice.is_error { ui.visuals().error_fg_color } else { ui.visuals().hyperlink_color };
+        Frame::popup(ui.style()).stroke(Stroke::new(1.5, stroke)).show(ui, |ui| {
+            ui.set_max_width((rect.width() - 60.0).min(640.0));
+            ui.horizontal_top(|ui| {
+                let mut lines = notice.text.splitn(2, '\n');
+                ui.vertical(|ui| {
+                    let what = RichText::new(lines.next().unwrap_or_default()).strong();
+                    ui.label(if notice.is_error { what.color(stroke) } else { what });
+                    if let Some(hint) = lines.next() {
+                        ui.label(hint);
+                    }
+                });
+                dismissed = ui.small_button("x").on_hover_text("Esc").clicked();
+            });
+        });
+    });
+    dismissed
+}
+
+/// The list of keys.
+pub fn keys(context: &Context, open: &mut bool) {
+    Window::new("Keys").open(open).resizable(false).collapsible(false).default_pos(pos2(40.0, 40.0)).show(
+        context,
+        |ui| {
+            Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
+                for (keys, meaning) in LIST {
+                    ui.label(RichText::new(*keys).monospace());
+                    ui.label(*meaning);
+                    ui.end_row();
+                }
+            });
+        },
+    );
+}
+
+/// What false colours mean, at the bottom of the picture.
+pub fn legend(context: &Context, rect: Rect, legend: &Legend) {
+    let area = Area::new(Id::unique("legend"))
+        .pivot(Align2::LEFT_BOTTOM)
+        .fixed_pos(rect.left_bottom() + vec2(12.0, -12.0));
+    area.interactable(false).show(context, |ui| {
+        Frame::popup(ui.style()).show(ui, |ui| {
+            ui.label(&legend.text);
+            if let (false, Some([low, high])) = (legend.bar.is_empty(), &legend.ends) {
+                ui.horizontal(|ui| {
+                    ui.label(low);
+                    let (bar, _) = ui.allocate_exact_size(vec2(160.0, 10.0), Sense::hover());
+                    let step = bar.width() / legend.bar.len() as f32;
+                    for (i, &[r, g, b]) in legend.bar.iter().enumerate() {
+                        let min = pos2(bar.left() + i as f32 * step, bar.top());
+                        let part = Rect::from_min_size(min, vec2(step + 0.5, bar.height()));
+                        ui.painter().rect_filled(part, 0.0, Color32::from_rgb(r, g, b));
+                    }
+                    ui.label(high);
+                });
+            }
+            for ([r, g, b], name) in &legend.swatches {
+                ui.horizontal(|ui| {
+                    let (swatch, _) = ui.allocate_exact_size(vec2(12.0, 12.0), Sense::hover());
+                    ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(*r, *g, *b));
+                    ui.label(name);
+                });
+            }
+        });
+    });
+}
+
+/// Names the two sides of a comparison at the top of the picture, on either side of the line.
+pub fn sides(context: &Context, rect: Rect, split: f32, names: &[String; 2]) {
+    let line = rect.left() + split * rect.width();
+    let places: [(Align2, Pos2); 2] = [
+        (Align2::RIGHT_TOP, pos2(line - 10.0, rect.top() + 8.0)),
+        (Align2::LEFT_TOP, pos2(line + 10.0, rect.top() + 8.0)),
+    ];
+    for ((anchor, place), name) in places.into_iter().zip(names) {
+        let id = Id::unique(("side", name, anchor.x() as u8 as usize));
+        Area::new(id).pivot(anchor).fixed_pos(place).constrain_to(rect).interactable(false).show(
+            context,
+            |ui| {
+                Frame::popup(ui.style()).show(ui, |ui| ui.label(name));
+            },
+        );
+    }
+}

@@ -1,0 +1,86 @@
+//! Saving what is seen.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::Sender;
+
+use egui::ColorImage;
+
+use super::look::Settings;
+use super::name_of;
+use super::painter::Prepared;
+use crate::effects::Plan;
+use crate::error::Result;
+use crate::film::output::write_whole;
+use crate::film::write::{Format, Picture, write_picture};
+use crate::film::{ColourPipeline, Film, Window};
+use crate::render::{Clock, Watch, render_as};
+
+/// The first name that no file has yet: `NAME.ENDING`, `NAME-2.ENDING`, ...
+pub fn free_name(stem: &str, ending: &str) -> PathBuf {
+    let plain = PathBuf::from(format!("{stem}.{ending}"));
+    let numbered = (2..).map(|number| PathBuf::from(format!("{stem}-{number}.{ending}")));
+    std::iter::once(plain).chain(numbered).find(|name| !name.exists()).unwrap_or_default()
+}
+
+/// What saved files are called after: the first input, without its ending.
+pub fn stem(inputs: &[PathBuf]) -> String {
+    let name = inputs.first().map_or("kiln".into(), |input| name_of(input));
+    Path::new(&name).file_stem().map_or(name.clone(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// Renders the whole picture as commands do and writes it, beside the interface, which is told where, or what went wrong.
+pub fn picture(
+    prepared: Arc<Prepared>,
+    settings: Settings,
+    command: String,
+    file: PathBuf,
+    threads: Arc<rayon::ThreadPool>,
+    tell: Sender<Result<PathBuf>>,
+    wake: impl FnOnce() + Send + 'static,
+) {
+    std::thread::spawn(move || {
+        let done = threads.install(|| write(&prepared, &settings, command, &file));
+        // Nobody listens to a window that closes.
+        let _ = tell.send(done.map(|()| file));
+        wake();
+    });
+}
+
+fn write(prepared: &Prepared, settings: &Settings, command: String, file: &Path) -> Result<()> {
+    let mut world = prepared.world.clone();
+    world.sampling = settings.sampling;
+    let plan = Plan::new(&world, &settings.choices)?;
+    let [width, height] = prepared.view.size();
+    let whole = Window { x: 0, y: 0, width, height };
+    let watch = Watch { cancel: &AtomicBool::new(false), progress: &|_, _| () };
+    let (film, _): (Film<[u8; 3]>, _) =
+        render_as(&world, &prepared.view, &plan, whole, &watch, Clock::Stopped)?;
+    let made_by = vec![
+        ("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION"))),
+        ("kiln:command".to_owned(), command),
+    ];
+    write_picture(&Picture::Bytes(film, world.pipeline), &made_by, Format::Png, file)
+}
+
+/// Writes a text, such as a camera for a scene file.
+///
+/// # Errors
+/// [`crate::error::Error::Output`] where it cannot be written.
+pub fn text(file: &Path, text: &str) -> Result<()> {
+    write_whole(file, |out| out.write_all(text.as_bytes()))
+}
+
+/// Writes colours as they are seen.
+///
+/// # Errors
+/// [`crate::error::Error::Output`] where they cannot be written, [`crate::error::Error::Failed`] where there is not enough memory.
+pub fn colours(image: &ColorImage, file: &Path) -> Result<()> {
+    let [width, height] = image.size.map(|side| side as u32);
+    let pixels: Vec<[u8; 3]> =
+        image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]).collect();
+    let film = Film::of_rows(Window { x: 0, y: 0, width, height }, &pixels)?;
+    let made_by = vec![("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION")))];
+    write_picture(&Picture::Bytes(film, ColourPipeline::Display), &made_by, Format::Png, file)
+}

@@ -1,0 +1,33 @@
+//! The animation's bar: play, pause, and any frame of it.
+
+use egui::{Key, Slider, Ui};
+
+use super::controls::Controls;
+use super::trace::Trace;
+use crate::scene::animation::Timeline;
+
+/// The bar.
+pub fn show(ui: &mut Ui, timeline: &Timeline, duration: f64, controls: &mut Controls, trace: &mut Trace) {
+    let scale = ui.ctx().pixels_per_point();
+    ui.horizontal(|ui| {
+        let is_playing = controls.playing.is_some();
+        let button = ui.button(if is_playing { "Pause" } else { "Play" }).on_hover_text("Space");
+        trace.place("play", button.rect, scale);
+        if button.clicked() {
+            controls.play();
+        }
+        let mut frame = controls.frame(timeline);
+        ui.spacing_mut().slider_width = (ui.available_width() - 190.0).max(100.0);
+        let slider = ui.add(Slider::new(&mut frame, 0..=timeline.last()).text("frame"));
+        trace.place("scrub", slider.rect, scale);
+        if slider.changed() {
+            controls.playing = None;
+            controls.go_to(timeline, frame);
+        }
+        ui.label(format!("{:.2} of {duration:.2} s", f64::from(frame) / timeline.fps()));
+    });
+    // A slider that has the keyboard moves by arrows; Space plays all the same.
+    if ui.input(|input| input.key_pressed(Key::Space)) && ui.ctx().egui_wants_keyboard_input() {
+        controls.play();
+    }
+}
