@@ -68,7 +68,8 @@ fn without_a_display_that_is_said() {
         if let Some(display) = display {
             kiln.env("DISPLAY", display);
         }
-        let done = kiln.arg("view").arg(common::repository("scenes/assignment.toml")).assert().code(1).stdout("");
+        let done =
+            kiln.arg("view").arg(common::repository("scenes/assignment.toml")).assert().code(1).stdout("");
         String::from_utf8_lossy(&done.get_output().stderr).into_owned()
     };
     let none = view(None);
