@@ -522,7 +522,10 @@ fn a_camera_in_braces_is_the_scenes_own() {
         .replace("[5, 5, 10]", "[1000005, 5, 1000010]");
     workshop.write("far.toml", far);
     let own = "{ position = [1e6, 10, 1000001], look_at = [1e6, 0, 1e6], projection = 'orthographic', up = [0.1, 1, 0] }";
-    let section = format!("[[camera]]\nname = 'x'\n{}", own.trim_matches(['{', '}']).replace("], ", "]\n").replace("', ", "'\n"));
+    let section = format!(
+        "[[camera]]\nname = 'x'\n{}",
+        own.trim_matches(['{', '}']).replace("], ", "]\n").replace("', ", "'\n")
+    );
     workshop.write("own.toml", section);
     let said = workshop.succeed("render far.toml own.toml -o a.exr --camera x");
     assert!(said.contains("moved to it"), "{said}");
@@ -532,8 +535,11 @@ fn a_camera_in_braces_is_the_scenes_own() {
     assert_eq!(pixels("a.exr"), pixels("b.exr"));
     assert!(render_own(&workshop, "far.toml", own) != render_own(&workshop, "scene.toml", FRONT));
     // Every command that makes pictures takes it, and says what is wrong with one before it reads anything.
-    for command in ["render no.toml -o a.png", "animate no.toml -o a.gif", "explain no.toml", "study no.toml -o d"] {
-        let arguments: Vec<&str> = command.split(' ').chain(["--camera", "{ position = [0, 0, 1], lok_at = [0, 0, 0] }"]).collect();
+    for command in
+        ["render no.toml -o a.png", "animate no.toml -o a.gif", "explain no.toml", "study no.toml -o d"]
+    {
+        let arguments: Vec<&str> =
+            command.split(' ').chain(["--camera", "{ position = [0, 0, 1], lok_at = [0, 0, 0] }"]).collect();
         let output = workshop.command().args(arguments).output().expect("the command starts");
         let said = text(&output.stderr);
         let (error, hint) = check_error(&said);

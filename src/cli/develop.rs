@@ -115,7 +115,8 @@ pub fn render_plainly(
         return Ok((Picture::Bytes(film, *pipeline), statistics));
     }
     let (film, statistics) = render_share(world, view, plan, part, watch, clock)?;
-    let subject = Subject { world, range: *range, view, plan, window: *window, share: *share, film: Some(&film) };
+    let subject =
+        Subject { world, range: *range, view, plan, window: *window, share: *share, film: Some(&film) };
     let channels = aov::channels(&subject, wanted, watch)?;
     Ok((Picture::Numbers(film, channels), statistics))
 }

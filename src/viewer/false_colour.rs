@@ -289,12 +289,18 @@ mod tests {
         let scene = crate::import::load(&[file], &mut Warnings::default()).unwrap();
         let camera = scene.cameras[0].clone();
         let view = View::new(&camera, camera.projection, [size, size]).unwrap();
-        let world =
-            World::prepare(scene, Default::default(), Structure::default(), Numerics::default());
+        let world = World::prepare(scene, Default::default(), Structure::default(), Numerics::default());
         let plan = Plan::new(&world, &Choices::default()).unwrap();
         let window = Window { x: 0, y: 0, width: size, height: size };
-        let subject =
-            Subject { world: &world, range: None, view: &view, plan: &plan, window, share: Share::ALL, film: None };
+        let subject = Subject {
+            world: &world,
+            range: None,
+            view: &view,
+            plan: &plan,
+            window,
+            share: Share::ALL,
+            film: None,
+        };
         let watch = Watch { cancel: &AtomicBool::new(false), progress: &|_, _| {} };
         false_colours(shown, &subject, &watch).unwrap()
     }
@@ -371,13 +377,17 @@ mod tests {
         // 1e-4 is half-way from 1e-8 to 1.
         let map = error_against_exact(&even(1e-4, 2), &even(0.0, 2)).unwrap();
         assert_eq!(map.pixels, [heat_map(&[0.5])[0]; 2]);
-        assert!(error_against_exact(&even(0.5, 2), &even(0.5, 2)).unwrap().legend.text.contains("there is none"));
+        assert!(
+            error_against_exact(&even(0.5, 2), &even(0.5, 2)).unwrap().legend.text.contains("there is none")
+        );
         assert!(error_against_exact(&even(0.5, 2), &even(0.5, 3)).is_err());
     }
 
     #[test]
     fn numbers_are_short() {
-        for (x, text) in [(0.0, "0"), (2.0, "2"), (1234.5, "1234"), (100.0, "100"), (0.25, "0.25"), (1e-9, "1.000e-9")] {
+        for (x, text) in
+            [(0.0, "0"), (2.0, "2"), (1234.5, "1234"), (100.0, "100"), (0.25, "0.25"), (1e-9, "1.000e-9")]
+        {
             assert_eq!(short(x), text);
         }
     }

@@ -112,10 +112,12 @@ pub fn inspect(
     tile.onlooker = Some(Box::new(Onlooker::default()));
     run(&one_ray(world, plan), &mut tile);
     let casts = tile.onlooker.take().map_or(Vec::new(), |onlooker| onlooker.casts);
-    let surface = tile.levels.first().and_then(|level| (!level.surfaces.is_empty()).then(|| level.surfaces.get(0)));
+    let surface =
+        tile.levels.first().and_then(|level| (!level.surfaces.is_empty()).then(|| level.surfaces.get(0)));
     let first = casts.first();
     let hit = first.and_then(|cast| if let Met::Hit(hit) = cast.met { Some(hit) } else { None });
-    let seen = surface.zip(hit).zip(first).map(|((surface, hit), cast)| seen(world, range, &surface, &hit, cast));
+    let seen =
+        surface.zip(hit).zip(first).map(|((surface, hit), cast)| seen(world, range, &surface, &hit, cast));
     let mut traversal = Traversal::default();
     if let Some(cast) = first {
         world.accelerator.closest_hit(&cast.ray, &mut traversal);
@@ -305,10 +307,16 @@ mod tests {
         let kinds: Vec<&str> = pixel.rays.iter().map(|ray| ray.kind).collect();
         assert_eq!(kinds, ["primary", "shadow", "glaze"]);
         let [primary, shadow, glaze] = &pixel.rays[..] else { unreachable!() };
-        assert_eq!((primary.hit, primary.effect, primary.object.as_deref()), (true, None, Some("right sphere")));
+        assert_eq!(
+            (primary.hit, primary.effect, primary.object.as_deref()),
+            (true, None, Some("right sphere"))
+        );
         assert_eq!(primary.to, seen.position);
         // The lamp, at (-400, 100, 850).
-        assert_eq!((shadow.effect, shadow.light.as_deref(), shadow.hit), (Some("shadows"), Some("lamp"), false));
+        assert_eq!(
+            (shadow.effect, shadow.light.as_deref(), shadow.hit),
+            (Some("shadows"), Some("lamp"), false)
+        );
         assert!((shadow.to - DVec3::new(-400.0, 100.0, 850.0)).length() < 1e-6);
         assert!((shadow.from - seen.position).length() < 1e-6);
         assert_eq!((glaze.effect, glaze.depth, glaze.hit), (Some("glaze"), 1, false));
@@ -320,8 +328,10 @@ mod tests {
     #[test]
     fn a_mirrored_ray_leaves_as_it_came() {
         // Down on the plane y = -500 at (-600, -500, 1000) at 45 degrees along +z: hit at 100 sqrt 2.
-        let ready =
-            ready(assignment(), &towards(DVec3::new(-600.0, -400.0, 900.0), DVec3::new(-600.0, -500.0, 1000.0)));
+        let ready = ready(
+            assignment(),
+            &towards(DVec3::new(-600.0, -400.0, 900.0), DVec3::new(-600.0, -500.0, 1000.0)),
+        );
         let pixel = ready.look([50, 50]);
         let seen = pixel.seen.clone().unwrap();
         assert_eq!((seen.object_name.as_str(), seen.kind, seen.primitive), ("plane", "triangle", 2));
@@ -341,7 +351,10 @@ mod tests {
             &ready.view,
             &ready.plan,
             Window { x: 0, y: 0, width: 101, height: 101 },
-            &crate::render::Watch { cancel: &std::sync::atomic::AtomicBool::new(false), progress: &|_, _| {} },
+            &crate::render::Watch {
+                cancel: &std::sync::atomic::AtomicBool::new(false),
+                progress: &|_, _| {},
+            },
         );
         let film = whole.unwrap().0;
         for [x, y] in [[50, 50], [0, 0], [100, 3], [17, 80]] {
@@ -403,7 +416,9 @@ mod tests {
         assert!(ready.range.is_some());
         let pixel = ready.look([50, 50]);
         let seen = pixel.seen.unwrap();
-        assert!((seen.position - (far + DVec3::Z * 2.0)).length() < 1e-9 && (seen.distance - 8.0).abs() < 1e-9);
+        assert!(
+            (seen.position - (far + DVec3::Z * 2.0)).length() < 1e-9 && (seen.distance - 8.0).abs() < 1e-9
+        );
         let [from, to] = ready.view.project_segment(pixel.rays[0].from, pixel.rays[0].to).unwrap();
         assert!((from - DVec2::splat(50.5)).length() < 1e-9 && (to - from).length() < 1e-9, "{from} {to}");
     }

@@ -3,3 +3,4 @@
 pub mod false_colour;
 pub mod inspect;
 pub mod navigate;
+pub mod words;

@@ -402,15 +402,20 @@ mod tests {
             assert!((start - middle).length() < 1e-4 && (end - middle).length() < 1e-9, "{start} {end}");
         }
         // From behind it, beside it: in from a picture's size away.
-        let [start, end] = view.project_segment(DVec3::new(1.0, 0.0, 12.0), DVec3::new(1.0, 0.0, 0.0)).unwrap();
+        let [start, end] =
+            view.project_segment(DVec3::new(1.0, 0.0, 12.0), DVec3::new(1.0, 0.0, 0.0)).unwrap();
         assert!((start - DVec2::new(80.0, 20.0)).length() < 1e-9, "{start}");
         assert!((end - DVec2::new(30.0, 20.0)).length() < 1e-9, "{end}");
         assert!(view.project_segment(DVec3::new(1.0, 0.0, 12.0), DVec3::new(0.0, 1.0, 11.0)).is_none());
         assert!(view.project_segment(DVec3::new(9.0, 0.0, 0.0), DVec3::new(9.0, 1.0, 0.0)).is_none());
         // In parallel the line ends in the camera's plane: half-way, at z = 10.
         let view = View::new(&camera(), Projection::Orthographic, [40, 40]).unwrap();
-        let [start, end] = view.project_segment(DVec3::new(1.0, 0.0, 20.0), DVec3::new(-1.0, 0.0, 0.0)).unwrap();
-        assert!((start - middle).length() < 1e-9 && (end - DVec2::new(10.0, 20.0)).length() < 1e-9, "{start} {end}");
+        let [start, end] =
+            view.project_segment(DVec3::new(1.0, 0.0, 20.0), DVec3::new(-1.0, 0.0, 0.0)).unwrap();
+        assert!(
+            (start - middle).length() < 1e-9 && (end - DVec2::new(10.0, 20.0)).length() < 1e-9,
+            "{start} {end}"
+        );
     }
 
     #[test]

@@ -72,8 +72,7 @@ pub fn camera(section: &CameraSection, name: &str) -> std::result::Result<Camera
         }
         _ => {
             let what = format!("camera `{name}` says too much or too little of its lens");
-            let hint =
-                "give `viewing_rectangle` or `viewing_height` with `viewpoint_distance`, or `vertical_fov` alone";
+            let hint = "give `viewing_rectangle` or `viewing_height` with `viewpoint_distance`, or `vertical_fov` alone";
             Err(Fault::new(what, hint))
         }
     }
@@ -101,10 +100,14 @@ mod tests {
 
     fn back(camera: &Camera) -> [Camera; 2] {
         let section = camera.to_section();
-        let file = SceneFile::parse(&section, Path::new("a.toml")).unwrap_or_else(|e| panic!("{e}: {section}"));
+        let file =
+            SceneFile::parse(&section, Path::new("a.toml")).unwrap_or_else(|e| panic!("{e}: {section}"));
         assert_eq!(file.camera.len(), 1, "{section}");
         let of_file = super::camera(file.camera[0].get_ref(), "none").expect("a camera");
-        [of_file, inline_camera(&camera.to_inline()).unwrap_or_else(|e| panic!("{e}: {}", camera.to_inline()))]
+        [
+            of_file,
+            inline_camera(&camera.to_inline()).unwrap_or_else(|e| panic!("{e}: {}", camera.to_inline())),
+        ]
     }
 
     /// Tells 0 from -0, which are equal.
@@ -138,8 +141,16 @@ mod tests {
             "looks somewhere",
             |(name, position, target, up, parallel, (view_height, view_width, viewpoint_distance))| {
                 let projection = if parallel { Projection::Orthographic } else { Projection::Perspective };
-                let camera =
-                    Camera { name, position, target, up, projection, view_height, view_width, viewpoint_distance };
+                let camera = Camera {
+                    name,
+                    position,
+                    target,
+                    up,
+                    projection,
+                    view_height,
+                    view_width,
+                    viewpoint_distance,
+                };
                 (position != target).then_some(camera)
             },
         )
@@ -170,7 +181,11 @@ mod tests {
     fn an_inline_camera_says_what_is_wrong_with_it() {
         for (text, what, hint) in [
             ("{ position = [0, 0, 5], look_at = [0, 0, 0], fov = 3 }", "unknown key `fov`", "known here"),
-            ("{ positon = [0, 0, 5], look_at = [0, 0, 0] }", "unknown key `positon`", "did you mean `position`?"),
+            (
+                "{ positon = [0, 0, 5], look_at = [0, 0, 0] }",
+                "unknown key `positon`",
+                "did you mean `position`?",
+            ),
             ("{ position = [0, 0, 5] }", "missing key `look_at`", ""),
             ("{ position = [0, 0, 5], look_at = [0, 0, 5] }", "looks at itself", "move"),
             ("{ position = [0, 0, nan], look_at = [0, 0, 5] }", "`position` holds NaN", "finite"),

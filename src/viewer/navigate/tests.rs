@@ -268,7 +268,8 @@ proptest! {
 
 #[test]
 fn zooming_in_ends_before_the_digits_do() {
-    let mut camera = Camera::from_field_of_view("c".into(), DVec3::new(5.0, 7.0, 9.0), DVec3::ONE, DVec3::Y, 0.7);
+    let mut camera =
+        Camera::from_field_of_view("c".into(), DVec3::new(5.0, 7.0, 9.0), DVec3::ONE, DVec3::Y, 0.7);
     let before = axes(&camera)[2];
     (0..10_000).for_each(|_| zoom(&mut camera, 1.5));
     assert!((axes(&camera)[2] - before).length() < 1e-6, "the direction stays");
@@ -304,7 +305,8 @@ fn a_box_is_in_the_picture() {
 
 #[test]
 fn switching_there_and_back_keeps_the_lens() {
-    let mut camera = Camera::from_field_of_view("c".into(), DVec3::new(5.0, 7.0, 9.0), DVec3::ONE, DVec3::Y, 0.7);
+    let mut camera =
+        Camera::from_field_of_view("c".into(), DVec3::new(5.0, 7.0, 9.0), DVec3::ONE, DVec3::Y, 0.7);
     let before = camera.clone();
     switch_projection(&mut camera, Projection::Orthographic, 0.7);
     zoom(&mut camera, 10.0);
