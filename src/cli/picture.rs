@@ -9,11 +9,8 @@ use crate::error::{Error, Result};
 use crate::film::Window;
 use crate::import::inline_camera;
 use crate::scene::file::nearest_name;
-use crate::scene::{Camera, Projection, Scene};
+use crate::scene::{Camera, Projection, Scene, usual_size};
 use crate::world::{Range, StandardView, fitted_camera};
-
-/// Width and height of a picture where nothing says otherwise.
-const DEFAULT_SIZE: [u32; 2] = [1024, 1024];
 
 /// Where the picture is seen from.
 pub enum Choice<'a> {
@@ -24,11 +21,8 @@ pub enum Choice<'a> {
 /// The camera and the size of the picture. `range` is how the scene was moved, and a camera in braces is not yet.
 pub fn choose(arguments: &Arguments, scene: &Scene, range: Option<&Range>) -> Result<(Camera, [u32; 2])> {
     let choice = choice(arguments, scene, range)?;
-    let shape = match &choice {
-        Choice::Camera(camera) => size_like(camera),
-        Choice::Fitted(_) => None,
-    };
-    let size = size_or_usual(arguments, scene, shape);
+    let shown = if let Choice::Camera(camera) = &choice { Some(&**camera) } else { None };
+    let size = arguments.size.unwrap_or_else(|| usual_size(scene.size, shown));
     let camera = match choice {
         Choice::Camera(camera) => camera.into_owned(),
         Choice::Fitted(view) => {
@@ -56,7 +50,7 @@ pub fn choose_for_frames(arguments: &Arguments, scene: &mut Scene) -> Result<(Ca
         Choice::Camera(camera) => (Some(camera.into_owned()), StandardView::Auto),
         Choice::Fitted(view) => (None, view),
     };
-    let size = size_or_usual(arguments, scene, camera.as_ref().and_then(size_like));
+    let size = arguments.size.unwrap_or_else(|| usual_size(scene.size, camera.as_ref()));
     let aspect = f64::from(size[0]) / f64::from(size[1]);
     let projection = arguments.projection().unwrap_or(Projection::Perspective);
     let camera = turntable(scene, camera, view, aspect, projection).map_err(|e| match e {
@@ -68,19 +62,11 @@ pub fn choose_for_frames(arguments: &Arguments, scene: &mut Scene) -> Result<(Ca
     Ok((camera, size))
 }
 
-/// The size that is asked for, by the user, the scene, or the shape of its camera.
-fn size_or_usual(arguments: &Arguments, scene: &Scene, shape: Option<[u32; 2]>) -> [u32; 2] {
-    arguments.size.or(scene.size).or(shape).unwrap_or(DEFAULT_SIZE)
-}
-
 /// The size of the picture for a choice of where it is seen from.
 #[cfg(feature = "viewer")]
 pub fn size(arguments: &Arguments, scene: &Scene, choice: &Choice) -> [u32; 2] {
-    let shape = match choice {
-        Choice::Camera(camera) => size_like(camera),
-        Choice::Fitted(_) => None,
-    };
-    size_or_usual(arguments, scene, shape)
+    let shown = if let Choice::Camera(camera) = choice { Some(&**camera) } else { None };
+    arguments.size.unwrap_or_else(|| usual_size(scene.size, shown))
 }
 
 /// Whether what is typed as a camera is one in braces rather than the name of one.
@@ -121,14 +107,6 @@ pub fn choice<'a>(arguments: &Arguments, scene: &'a Scene, range: Option<&Range>
             .first()
             .map_or(Choice::Fitted(StandardView::Auto), |camera| Choice::Camera(Cow::Borrowed(camera)))),
     }
-}
-
-/// A size in the shape of the camera's viewing rectangle, where it has one.
-fn size_like(camera: &Camera) -> Option<[u32; 2]> {
-    let aspect = camera.view_width? / camera.view_height;
-    let [width, height] = DEFAULT_SIZE.map(f64::from);
-    let shape = if aspect >= 1.0 { [width, width / aspect] } else { [height * aspect, height] };
-    Some(shape.map(|pixels| pixels.round().max(1.0) as u32))
 }
 
 /// The same shape with no side longer than so many pixels.

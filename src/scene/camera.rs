@@ -69,3 +69,18 @@ impl Camera {
         }
     }
 }
+
+/// Width and height of a picture where nothing says otherwise.
+const USUAL_SIZE: [u32; 2] = [1024, 1024];
+
+/// The size of a picture for which nobody gives one, in pixels: the scene's, else one in the shape of the camera's viewing
+/// rectangle, where it has one.
+pub fn usual_size(of_scene: Option<[u32; 2]>, camera: Option<&Camera>) -> [u32; 2] {
+    let shape = |camera: &Camera| {
+        let aspect = camera.view_width? / camera.view_height;
+        let [width, height] = USUAL_SIZE.map(f64::from);
+        let shape = if aspect >= 1.0 { [width, width / aspect] } else { [height * aspect, height] };
+        Some(shape.map(|pixels| pixels.round().max(1.0) as u32))
+    };
+    of_scene.or_else(|| camera.and_then(shape)).unwrap_or(USUAL_SIZE)
+}

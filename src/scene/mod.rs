@@ -22,7 +22,7 @@ mod sampling;
 mod thin;
 
 pub use animation::Animation;
-pub use camera::{Camera, Projection};
+pub use camera::{Camera, Projection, usual_size};
 pub use camera_text::INLINE_NAME;
 pub use fingerprint::Fingerprint;
 pub use material::{Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture, TextureImage};

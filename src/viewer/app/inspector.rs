@@ -34,7 +34,8 @@ pub fn to_json(found: &Inspection) -> Value {
 pub fn window(context: &Context, rect: Rect, found: &Inspection) -> bool {
     let mut open = true;
     let [x, y] = found.pixel;
-    let window = Window::new(format!("Pixel {x}, {y}")).id(egui::Id::unique("pixel")).open(&mut open).resizable(false);
+    let window =
+        Window::new(format!("Pixel {x}, {y}")).id(egui::Id::unique("pixel")).open(&mut open).resizable(false);
     window.default_pos(rect.left_top() + vec2(12.0, 60.0)).constrain_to(rect).show(context, |ui| {
         let [r, g, b] = found.displayed;
         ui.horizontal(|ui| {
