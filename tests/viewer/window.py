@@ -7,10 +7,12 @@ where things are. Nothing but Python's own library.
 import json
 import os
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
 import time
+import zlib
 
 WIDTH, HEIGHT = 1600, 1200
 
@@ -95,6 +97,16 @@ class Window:
 
     def move_to_front(self):
         self.display.run("xdotool", "windowmove", "--sync", self.id, "0", "0")
+
+    def resize_canvas(self, width, height):
+        """Makes the window so large that the picture has this size."""
+        whole = self.display.run("xdotool", "getwindowgeometry", "--shell", self.id).decode()
+        whole = dict(line.split("=") for line in whole.split())
+        _, _, own_width, own_height = self.canvas()
+        more = width - own_width, height - own_height
+        self.display.run(
+            "xdotool", "windowsize", self.id, str(int(whole["WIDTH"]) + more[0]), str(int(whole["HEIGHT"]) + more[1])
+        )
 
     # What happened.
 
@@ -236,3 +248,52 @@ def apart(a, b):
         return 0.0, 0
     differences = [abs(x - y) for x, y in zip(a[2], b[2])]
     return sum(map(bool, differences)) / len(differences), max(differences)
+
+
+def layers(file):
+    """The channels of an OpenEXR picture of 32-bit floats, uncompressed or by ZIP: names and rows of numbers."""
+    data = open(file, "rb").read()
+    at = 8
+    header = {}
+
+    def text():
+        nonlocal at
+        end = data.index(b"\0", at)
+        found, at = data[at:end].decode(), end + 1
+        return found
+
+    while name := text():
+        text()
+        (length,) = struct.unpack_from("<i", data, at)
+        header[name] = data[at + 4 : at + 4 + length]
+        at += 4 + length
+    names, rest = [], header["channels"]
+    while rest[0]:
+        name, rest = rest.split(b"\0", 1)
+        if struct.unpack_from("<i", rest)[0] != 2:
+            raise ValueError(f"{name} is not of 32-bit floats")
+        names.append(name.decode())
+        rest = rest[16:]
+    left, top, right, bottom = struct.unpack("<4i", header["dataWindow"])
+    width, height = right - left + 1, bottom - top + 1
+    compression = header["compression"][0]
+    rows_a_block = {0: 1, 2: 1, 3: 16}[compression]
+    blocks = -(-height // rows_a_block)
+    found = {name: [] for name in names}
+    for (offset,) in struct.iter_unpack("<Q", data[at : at + 8 * blocks]):
+        y, length = struct.unpack_from("<2i", data, offset)
+        rows = min(rows_a_block, bottom + 1 - y)
+        block = data[offset + 8 : offset + 8 + length]
+        if length < rows * width * len(names) * 4:
+            raw = bytearray(zlib.decompress(block))
+            for i in range(1, len(raw)):
+                raw[i] = (raw[i - 1] + raw[i] - 128) & 255
+            half = (len(raw) + 1) // 2
+            block = bytearray(len(raw))
+            block[0::2], block[1::2] = raw[:half], raw[half:]
+        values = struct.unpack(f"<{rows * width * len(names)}f", block)
+        for row in range(rows):
+            for i, name in enumerate(names):
+                start = (row * len(names) + i) * width
+                found[name].append(values[start : start + width])
+    return found
