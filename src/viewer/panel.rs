@@ -32,6 +32,7 @@ impl Shows<'_> {
 
 /// The whole panel.
 pub fn show(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace) {
+    ui.add_space(8.0);
     camera(ui, shows, controls, trace);
     ui.separator();
     comparison(ui, shows, controls, trace);

@@ -3,8 +3,8 @@
 //! The first is as coarse as it takes to be there at once; the last is what was asked for. Passes before the full size have a pixel for
 //! every so many of the picture's, on each axis; a step of four costs a fifteenth of the full size before it begins.
 
-/// Seconds that the first pass of a picture should take at most: a frame of the interface and a half.
-const AT_ONCE: f64 = 0.025;
+/// Seconds that the first pass of a picture should take at most: the interface waits for it about as long.
+const AT_ONCE: f64 = 0.008;
 
 /// The coarsest pass has a pixel for so many of the picture's, on each axis.
 const COARSEST: u32 = 32;
@@ -72,8 +72,8 @@ mod tests {
 
     #[test]
     fn a_picture_begins_as_coarsely_as_it_has_to() {
-        // A million pixels at 10 ns: a hundredth of a second.
-        assert_eq!(first_factor(1 << 20, Some(10e-9)), 1);
+        // A million pixels at 5 ns: 0.0052 s.
+        assert_eq!(first_factor(1 << 20, Some(5e-9)), 1);
         // At 100 ns a tenth: a quarter of the pixels take 0.026 s, a sixteenth 0.0066.
         assert_eq!(first_factor(1 << 20, Some(100e-9)), 4);
         assert_eq!(first_factor(1 << 20, Some(1.0)), COARSEST);

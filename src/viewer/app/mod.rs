@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use egui::{CentralPanel, Context, Frame, Panel, RichText, ScrollArea, Ui, ViewportCommand, vec2};
 use serde_json::json;
@@ -19,7 +19,7 @@ use super::inspect::Inspection;
 use super::loader::Loader;
 use super::look::{Opened, Order};
 use super::overlay::{self, Notice};
-use super::painter::{Comparison, Painter, Prepared};
+use super::painter::{Comparison, News, Painter, Prepared};
 use super::panel::{self, Shows};
 use super::trace::{Pauses, Trace};
 use super::watch::Watcher;
@@ -32,6 +32,10 @@ const PANEL: f32 = 300.0;
 
 /// Height of what is below the picture, in points, for the window's first size.
 const BELOW: f32 = 30.0;
+
+/// How long a frame waits for a picture that was ordered in it. With the time that painting the window takes, on a machine without
+/// graphics hardware about as much, this is a frame at 30 a second and more.
+const AT_ONCE: Duration = Duration::from_millis(12);
 
 /// Opens the window, and returns when it is closed.
 ///
@@ -194,7 +198,7 @@ impl App {
     }
 
     /// Asks for the picture that the controls now mean, where that is another.
-    fn order(&mut self, size: [u32; 2]) {
+    fn order(&mut self, context: &Context, size: [u32; 2]) {
         let (Some(controls), Some(opened)) = (&self.controls, &self.opened) else { return };
         let order = controls.order(opened, size);
         if self.ordered.as_ref().is_some_and(|(last, _)| *last == order) {
@@ -207,6 +211,24 @@ impl App {
         }
         self.comparison = None;
         self.ordered = Some((order, number));
+        self.wait_for_the_first(context, number);
+    }
+
+    /// Waits a moment for the first picture of an order, so that this frame shows it already: what is drawn of a picture is looked
+    /// up when the frame ends.
+    fn wait_for_the_first(&mut self, context: &Context, number: u64) {
+        let until = Instant::now() + AT_ONCE;
+        while let Some(news) = self.painter.wait(until) {
+            let is_it = match &news {
+                News::Painted(painted) => painted.order == number,
+                News::Building | News::Failed(..) => true,
+                News::Compared(..) => false,
+            };
+            self.take_news(context, news);
+            if is_it {
+                return;
+            }
+        }
     }
 
     fn status(&self, ui: &mut Ui) {
@@ -333,7 +355,7 @@ impl App {
             }
         }
         if !self.fit_window(&context, size) {
-            self.order(size);
+            self.order(&context, size);
         }
     }
 
@@ -342,8 +364,10 @@ impl App {
         let Some(controls) = &self.controls else { return Default::default() };
         let [a, b] = [0, 1].map(|side| controls.sides.get(side).map(panel::in_words).unwrap_or_default());
         let only = |own: &[String], other: &[String]| {
-            let own: Vec<&str> =
-                own.iter().filter(|word| !other.contains(word)).map(String::as_str).collect();
+            let mut own: Vec<String> = own.iter().filter(|word| !other.contains(word)).cloned().collect();
+            let lacks = other.iter().filter_map(|word| word.strip_prefix("without "));
+            own.extend(lacks.map(|effect| format!("with {effect}")));
+            own.dedup();
             if own.is_empty() { "the same".to_owned() } else { own.join(", ") }
         };
         [only(&a, &b), only(&b, &a)]

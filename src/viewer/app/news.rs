@@ -89,7 +89,7 @@ impl App {
     }
 
     /// Takes in what the painter has made.
-    fn take_news(&mut self, context: &Context, news: News) {
+    pub(super) fn take_news(&mut self, context: &Context, news: News) {
         let newest = self.ordered.as_ref().map_or(0, |(_, number)| *number);
         match news {
             News::Building => self.is_building = true,

@@ -136,6 +136,11 @@ impl Painter {
         number
     }
 
+    /// Waits for what there is to say next, for a moment at most.
+    pub fn wait(&self, until: Instant) -> Option<News> {
+        self.news.recv_timeout(until.saturating_duration_since(Instant::now())).ok()
+    }
+
     /// What there is to say since it was asked last, oldest first.
     pub fn news(&self) -> impl Iterator<Item = News> {
         self.news.try_iter()
