@@ -162,10 +162,11 @@ pub fn actions(input: &mut InputState, has_focus: bool) -> Vec<Action> {
     actions
 }
 
-/// Whether keys that are held zoom: in where above 0.
+/// How much + and - zoom in: presses, a key that is held counting as often as it repeats. Not what is down: + takes Shift on many
+/// keyboards, and where that is let go of first, the key that comes up is another one, and + would be down for ever.
 pub fn zoom(input: &InputState) -> f64 {
-    let is_in = input.key_down(Key::Plus) || input.key_down(Key::Equals);
-    f64::from(i8::from(is_in) - i8::from(input.key_down(Key::Minus)))
+    let presses = |key: Key| input.num_presses(key) as f64;
+    presses(Key::Plus) + presses(Key::Equals) - presses(Key::Minus)
 }
 
 /// Which way keys that are held move: right, up and forward to fly, in one direction each; and to the right and up to orbit.

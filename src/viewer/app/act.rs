@@ -30,7 +30,7 @@ impl App {
         }
         let (fly, orbit) = context.input(|input| keys::held(input, has_focus));
         let (seconds, fast) = context.input(|input| (f64::from(input.stable_dt), input.modifiers.shift));
-        let zoom = context.input(|input| keys::zoom(input));
+        let zoom = context.input(|input| if has_focus { 0.0 } else { keys::zoom(input) });
         if fly == glam::DVec3::ZERO && orbit == glam::DVec2::ZERO && zoom == 0.0 {
             return;
         }
