@@ -283,7 +283,8 @@ impl eframe::App for App {
 impl App {
     /// Measures pauses, where that is what the window is for.
     fn measure(&mut self, context: &Context) {
-        let Some(report) = self.pauses.as_mut().and_then(|pauses| pauses.frame(context)) else { return };
+        let App { pauses, trace, .. } = self;
+        let Some(report) = pauses.as_mut().and_then(|pauses| pauses.frame(context, trace)) else { return };
         if let Ok(mut own) = self.report.lock() {
             *own = Some(report);
         }
