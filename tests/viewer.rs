@@ -55,3 +55,31 @@ fn without_the_feature_no_windowing_crate_is_built() {
         }
     }
 }
+
+/// A machine without a display, and one whose display does not answer: a failure, one line and a hint.
+#[cfg(all(feature = "viewer", target_os = "linux"))]
+#[test]
+fn without_a_display_that_is_said() {
+    let view = |display: Option<&str>| {
+        let mut kiln = assert_cmd::Command::cargo_bin("kiln").expect("the command is built with the tests");
+        for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
+            kiln.env_remove(name);
+        }
+        if let Some(display) = display {
+            kiln.env("DISPLAY", display);
+        }
+        let done =
+            kiln.arg("view").arg(common::repository("scenes/assignment.toml")).assert().code(1).stdout("");
+        String::from_utf8_lossy(&done.get_output().stderr).into_owned()
+    };
+    let none = view(None);
+    assert!(none.starts_with("kiln: error: there is no display to open a window on"), "{none}");
+    assert!(none.contains("\nhint: `kiln render` makes pictures without a window"), "{none}");
+    assert_eq!(none.lines().count(), 2, "{none}");
+    // Nobody has so many displays. Where X's libraries are missing, it is those that are named.
+    let silent = view(Some(":54321"));
+    let is_known = silent.starts_with("kiln: error: no X server answers at DISPLAY=:54321\nhint: ")
+        || silent.starts_with("kiln: error: one of X's libraries is missing");
+    assert!(is_known, "{silent}");
+    assert_eq!(silent.lines().count(), 2, "{silent}");
+}

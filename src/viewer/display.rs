@@ -1,7 +1,8 @@
 //! Whether there is a display to open a window on, and what is said where there is none.
 //!
-//! The libraries below say it in errors with the lines of their own sources, and some of it in panics; here it becomes a line for
-//! people. What is missing on a machine is a failure (exit code 1), not a wrong input.
+//! The libraries below say it with the lines of their own sources and the names of their own types, and some of it in panics: winit's
+//! where libxkbcommon-x11 or an extension of the X server is missing. Here it becomes a line for people. What a machine lacks is a failure
+//! (exit code 1), not a wrong input.
 
 use std::any::Any;
 use std::ffi::OsString;
@@ -12,27 +13,32 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::error::{Error, Result};
 
 /// What to do where no window can be opened.
-const WITHOUT: &str = "`kiln render` makes pictures without a window; on a machine without a display, `xvfb-run kiln view …` has one";
+const WITHOUT: &str =
+    "`kiln render` makes pictures without a window; `xvfb-run kiln view` opens one on no display";
+/// What to do where nobody answers.
+const SERVER: &str = "start it and let this user in (xauth); `kiln render` makes pictures without a window";
+/// What to do where a library is missing.
+const LIBRARIES: &str = "install them (Debian: libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0, on Wayland libwayland-client0 \
+                         libwayland-egl1 libxkbcommon0); `kiln render` makes pictures without a window";
 /// What to do where there is a display, but no OpenGL on it.
 const OPENGL: &str = "install Mesa, which has one in software (Debian: libgl1 libegl1 libgl1-mesa-dri); \
                       `kiln render` makes pictures without a window";
-/// What to do where a library is missing.
-const LIBRARIES: &str = "install what windows take (Debian: libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0 \
-                         libwayland-client0 libegl1 libgl1); `kiln render` makes pictures without a window";
-
-/// The names of a display, wherever such names are used.
-const NAMES: [&str; 3] = ["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"];
 
 /// Fails where there is certainly no display, before anything is loaded or opened.
 ///
 /// # Errors
-/// [`Error::Failed`], where the environment names no display and it would have to.
+/// [`Error::Failed`], where the environment names no display and displays are named there.
 pub fn check() -> Result<()> {
-    if cfg!(all(unix, not(target_os = "macos"))) { check_named(&NAMES.map(std::env::var_os)) } else { Ok(()) }
+    if cfg!(all(unix, not(target_os = "macos"))) {
+        check_names(&["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"].map(std::env::var_os))
+    } else {
+        Ok(())
+    }
 }
 
-fn check_named(values: &[Option<OsString>]) -> Result<()> {
-    if values.iter().flatten().any(|value| !value.is_empty()) {
+fn check_names(names: &[Option<OsString>]) -> Result<()> {
+    // winit takes an empty name for none, too.
+    if names.iter().flatten().any(|name| !name.is_empty()) {
         return Ok(());
     }
     Err(failed(
@@ -41,8 +47,8 @@ fn check_named(values: &[Option<OsString>]) -> Result<()> {
     ))
 }
 
-/// Opens a window by `run`, and returns when it was closed; `run` is to set the flag once the window is open. What fails before, be
-/// it by an error or a panic, is a failure with a line for people. A panic later is a fault of kiln's and goes on.
+/// Opens a window by `run`, and returns when it was closed; `run` sets the flag as soon as the window is open. What goes wrong before
+/// that, be it an error or a panic, is a failure with a line for people. A panic later is a fault of kiln's and goes on.
 ///
 /// # Errors
 /// [`Error::Failed`], where the window cannot be opened.
@@ -64,75 +70,151 @@ pub fn open(run: impl FnOnce(Arc<AtomicBool>) -> eframe::Result) -> Result<()> {
     }
 }
 
-/// What it means that a window could not be opened, or kept.
+/// What it means that a window could not be opened.
 pub fn explain(e: &eframe::Error) -> Error {
     match e {
         eframe::Error::AppCreation(e) => failed(&format!("the window cannot be set up: {e}"), ""),
-        eframe::Error::Glutin(_) | eframe::Error::NoGlutinConfigs(..) | eframe::Error::OpenGL(_) => {
-            no_opengl(&match e {
-                eframe::Error::Glutin(e) => e.to_string(),
-                eframe::Error::NoGlutinConfigs(_, e) => e.to_string(),
-                other => other.to_string(),
-            })
-        }
         eframe::Error::Winit(e) => explain_window(&e.to_string()),
         eframe::Error::WinitEventLoop(e) => explain_window(&e.to_string()),
+        eframe::Error::Glutin(e) => no_opengl(&e.to_string()),
+        eframe::Error::NoGlutinConfigs(_, e) => no_opengl(&e.to_string()),
+        eframe::Error::OpenGL(e) => no_opengl(&e.to_string()),
     }
 }
 
-/// The libraries' panics while the window was being opened.
 fn explain_panic(panic: &(dyn Any + Send)) -> Error {
-    let text =
-        panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
-    let text = text.unwrap_or_default();
-    if text.contains("glutin") || text.contains("OpenGL") { no_opengl(text) } else { explain_window(text) }
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or_default();
+    if text.contains("glutin") { no_opengl(text) } else { explain_window(text) }
 }
 
 fn no_opengl(cause: &str) -> Error {
-    failed(&format!("the display has no OpenGL to draw with: {}", in_words(cause)), OPENGL)
+    // A number in brackets is glutin's code.
+    let cause =
+        cause.strip_prefix('[').and_then(|rest| rest.split_once("] ")).map_or(cause, |(_, cause)| cause);
+    failed(&format!("the display has no OpenGL to draw with: {}", line(cause)), OPENGL)
 }
 
+/// Goes by what the libraries say (winit 0.30, xkbcommon-dl 0.4, wayland-client 0.31); what they may say besides is passed on.
 fn explain_window(cause: &str) -> Error {
-    let display = |names: &[&str]| {
-        let named = |name: &&str| {
-            let value = std::env::var(name).ok().filter(|value| !value.is_empty())?;
-            Some(format!("{name}={value}"))
-        };
-        names.iter().find_map(named).unwrap_or_else(|| "DISPLAY".into())
-    };
-    if cause.contains("Failed to open connection to X server") {
-        let what = format!("no X server answers at {}", display(&["DISPLAY"]));
-        return failed(
-            &what,
-            "check that it runs and lets this user in (xauth); `kiln render` makes pictures without a window",
-        );
+    let says = |sign: &str| cause.contains(sign);
+    if says("Failed to open connection to X server") {
+        return failed(&format!("no X server answers at {}", named(&["DISPLAY"])), SERVER);
     }
-    if cause.contains("wayland") || cause.contains("Wayland") && !cause.contains("not set") {
+    if says("wayland compositor") || says("WAYLAND_SOCKET") {
         let what =
-            format!("no Wayland compositor answers at {}", display(&["WAYLAND_DISPLAY", "WAYLAND_SOCKET"]));
+            format!("no Wayland compositor answers at {}", named(&["WAYLAND_DISPLAY", "WAYLAND_SOCKET"]));
         return failed(
             &what,
-            "unset WAYLAND_DISPLAY to use the X server of DISPLAY; `kiln render` makes pictures without a window",
+            "unset the name to use an X server; `kiln render` makes pictures without a window",
         );
     }
-    let lacks_library = ["XKBNotFound", "Failed to load one of xlib", "Library", "libwayland", ".so"];
-    if lacks_library.iter().any(|sign| cause.contains(sign)) {
-        return failed(&format!("a library that windows take is missing: {}", in_words(cause)), LIBRARIES);
+    if says("xlib's shared libraries") || says("XKBNotFound") || says("could not be loaded") {
+        let library = cause.split_whitespace().find(|word| word.starts_with("lib"));
+        let what = match library {
+            Some(library) => format!("a library that windows take is missing: {library}"),
+            None if says("wayland library") => {
+                "a library that windows take is missing: libwayland-client".into()
+            }
+            None if says("XKBNotFound") => "a library that windows take is missing: libxkbcommon".into(),
+            None => "one of X's libraries is missing: libX11, libX11-xcb, libXcursor, libXi, libxcb".into(),
+        };
+        return failed(&what, LIBRARIES);
     }
-    failed(&format!("no window can be opened: {}", in_words(cause)), WITHOUT)
+    failed(&format!("no window can be opened: {}", line(cause)), WITHOUT)
 }
 
-/// A cause as libraries give it, in a line, without the places in their sources.
-fn in_words(cause: &str) -> String {
+/// The display's name, as the first of these variables has it.
+fn named(variables: &[&str]) -> String {
+    let named = |variable: &&str| {
+        let value = std::env::var(variable).ok().filter(|value| !value.is_empty())?;
+        Some(format!("{variable}={value}"))
+    };
+    variables.iter().find_map(named).unwrap_or_else(|| variables[0].to_owned())
+}
+
+/// A cause as libraries give it, in one line, without the place in their sources.
+fn line(cause: &str) -> &str {
     let cause = match cause.strip_prefix("os error at ") {
         Some(rest) => rest.split_once(": ").map_or(rest, |(_, cause)| cause),
         None => cause,
     };
-    let cause = if cause.contains("XKBNotFound") { "libxkbcommon" } else { cause };
-    let line = cause.lines().next().unwrap_or_default().trim().trim_end_matches('.');
-    if line.is_empty() { "no reason was given".into() } else { line.into() }
+    match cause.lines().next().unwrap_or_default().trim().trim_end_matches('.') {
+        "" => "no reason was given",
+        line => line,
+    }
 }
 
 fn failed(what: &str, hint: &str) -> Error {
     Error::Failed { what: what.into(), hint: hint.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_display_has_a_name() {
+        let name = |text: &str| Some(OsString::from(text));
+        assert!(check_names(&[None, None, name(":0")]).is_ok());
+        assert!(check_names(&[name("wayland-0"), None, name("")]).is_ok());
+        let Err(e) = check_names(&[None, name(""), None]) else { panic!("there is no display") };
+        assert!(e.to_string().contains("there is no display"), "{e}");
+        assert!(e.hint().contains("kiln render"));
+    }
+
+    /// What the libraries were seen to say, with displays that were not there and libraries that were hidden.
+    #[test]
+    fn what_libraries_say_becomes_a_line() {
+        let said = |cause: &str| explain_window(cause).to_string();
+        let at = "os error at /registry/winit-0.30.13/src/platform_impl/linux/mod.rs:788: ";
+        assert!(
+            said(&format!("{at}Failed to open connection to X server"))
+                .starts_with("no X server answers at DISPLAY")
+        );
+        assert!(
+            said("os error at /w/mod.rs:89: Could not find wayland compositor")
+                .starts_with("no Wayland compositor answers at WAYLAND_DISPLAY")
+        );
+        assert_eq!(
+            said(&format!("{at}Failed to load one of xlib's shared libraries")),
+            "one of X's libraries is missing: libX11, libX11-xcb, libXcursor, libXi, libxcb"
+        );
+        assert_eq!(
+            said("Library libxkbcommon-x11.so could not be loaded."),
+            "a library that windows take is missing: libxkbcommon-x11.so"
+        );
+        assert_eq!(
+            said("called `Result::unwrap()` on an `Err` value: XKBNotFound"),
+            "a library that windows take is missing: libxkbcommon"
+        );
+        assert_eq!(
+            said("failed to request XRandR version: UnsupportedExtension"),
+            "no window can be opened: failed to request XRandR version: UnsupportedExtension"
+        );
+        assert_eq!(
+            said("os error at /w/mod.rs:89: The wayland library could not be loaded"),
+            "a library that windows take is missing: libwayland-client"
+        );
+        assert_eq!(said(""), "no window can be opened: no reason was given");
+        let gl = |cause: &str| no_opengl(cause).to_string();
+        assert_eq!(gl("[a7] GLXBadFBConfig"), "the display has no OpenGL to draw with: GLXBadFBConfig");
+        assert_eq!(gl("not found"), "the display has no OpenGL to draw with: not found");
+    }
+
+    /// The only test that changes the process's hook, which other threads' panics go through meanwhile.
+    #[test]
+    fn a_panic_is_explained_until_the_window_is_open() {
+        let e =
+            open(|_| panic!("Library libxkbcommon-x11.so could not be loaded.")).expect_err("it panicked");
+        assert_eq!(e.to_string(), "a library that windows take is missing: libxkbcommon-x11.so");
+        let later = catch_unwind(|| {
+            open(|is_open| {
+                is_open.store(true, Ordering::Relaxed);
+                resume_unwind(Box::new("a fault"));
+            })
+        });
+        assert_eq!(later.expect_err("it panicked").downcast_ref(), Some(&"a fault"));
+        assert_eq!(open(|_| Ok(())), Ok(()));
+    }
 }
