@@ -6,6 +6,7 @@ use std::time::Instant;
 use glam::{DVec2, DVec3};
 
 use super::false_colour::Shown;
+use super::keys::Drive;
 use super::look::{From, Opened, Order, Settings};
 use super::navigate;
 use crate::scene::animation::Timeline;
@@ -99,6 +100,7 @@ impl Controls {
             projection: self.projection,
             time: self.time,
             shown: self.shown,
+            plays: self.playing.is_some(),
             sides: self.sides.clone(),
         }
     }
@@ -122,14 +124,9 @@ impl Controls {
     }
 
     /// Flies, turns and zooms by keys that were held for so many seconds.
-    pub fn drive(
-        &mut self,
-        seen: Option<&Camera>,
-        (fly, orbit, zoom): (DVec3, DVec2, f64),
-        seconds: f64,
-        fast: bool,
-    ) {
+    pub fn drive(&mut self, seen: Option<&Camera>, drive: Drive, seconds: f64, fast: bool) {
         let speed = if fast { 4.0 * SPEED } else { SPEED };
+        let Drive { fly, orbit, zoom } = drive;
         self.navigate(seen, |camera| {
             if fly != DVec3::ZERO {
                 navigate::fly(camera, fly * speed * seconds);

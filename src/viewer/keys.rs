@@ -1,6 +1,7 @@
 //! The keys: one table for what they do and for what `?` lists.
 
-use egui::{InputState, Key, Modifiers};
+use egui::{Event, InputState, Key, Modifiers};
+use glam::{DVec2, DVec3};
 
 /// What a key does at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -162,23 +163,50 @@ pub fn actions(input: &mut InputState, has_focus: bool) -> Vec<Action> {
     actions
 }
 
-/// Whether keys that are held zoom: in where above 0.
-pub fn zoom(input: &InputState) -> f64 {
-    let is_in = input.key_down(Key::Plus) || input.key_down(Key::Equals);
-    f64::from(i8::from(is_in) - i8::from(input.key_down(Key::Minus)))
+/// Keys that are held down to move, and were pressed without Ctrl or Alt: those mean something else.
+#[derive(Default)]
+pub struct Held(Vec<Key>);
+
+/// What keys that are held do to the camera, a second.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Drive {
+    /// To the right, up and forward.
+    pub fly: DVec3,
+    /// Round the target, to the right and up.
+    pub orbit: DVec2,
+    /// In where above 0.
+    pub zoom: f64,
 }
 
-/// Which way keys that are held move: right, up and forward to fly, in one direction each; and to the right and up to orbit.
-pub fn held(input: &InputState, has_focus: bool) -> (glam::DVec3, glam::DVec2) {
-    if input.modifiers.command || input.modifiers.alt {
-        return Default::default();
+impl Held {
+    /// Takes in what was pressed and let go. Arrows belong to a control that has the keyboard.
+    pub fn look(&mut self, input: &InputState, has_focus: bool) {
+        if !input.focused {
+            // Who lets go elsewhere is not heard here.
+            self.0.clear();
+        }
+        for event in &input.events {
+            let Event::Key { key, pressed, modifiers, .. } = event else { continue };
+            let arrows = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown];
+            let is_ours = !modifiers.command && !modifiers.alt && !(has_focus && arrows.contains(key));
+            self.0.retain(|held| held != key);
+            if *pressed && is_ours {
+                self.0.push(*key);
+            }
+        }
     }
-    let axis =
-        |minus: Key, plus: Key| f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus)));
-    let fly = glam::DVec3::new(axis(Key::A, Key::D), axis(Key::Q, Key::E), axis(Key::S, Key::W));
-    if has_focus {
-        return (fly, glam::DVec2::ZERO);
+
+    /// What those that are held do.
+    pub fn drive(&self) -> Drive {
+        let is_down = |key: &Key| self.0.contains(key);
+        let axis = |minus: &[Key], plus: &[Key]| {
+            f64::from(i8::from(plus.iter().any(is_down)) - i8::from(minus.iter().any(is_down)))
+        };
+        use Key::{A, ArrowDown, ArrowLeft, ArrowRight, ArrowUp, D, E, Equals, Minus, Plus, Q, S, W};
+        Drive {
+            fly: DVec3::new(axis(&[A], &[D]), axis(&[Q], &[E]), axis(&[S], &[W])),
+            orbit: DVec2::new(axis(&[ArrowLeft], &[ArrowRight]), axis(&[ArrowDown], &[ArrowUp])),
+            zoom: axis(&[Minus], &[Plus, Equals]),
+        }
     }
-    let orbit = glam::DVec2::new(axis(Key::ArrowLeft, Key::ArrowRight), axis(Key::ArrowDown, Key::ArrowUp));
-    (fly, orbit)
 }
