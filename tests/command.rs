@@ -548,6 +548,42 @@ fn a_camera_in_braces_is_the_scenes_own() {
     }
 }
 
+/// What a window shows and what its line renders are the same picture.
+#[cfg(feature = "viewer")]
+#[test]
+fn what_is_seen_is_rendered_by_its_line() {
+    use kiln::effects::Choices;
+    use kiln::viewer::{navigate, words};
+    let workshop = Workshop::new();
+    let mut scene = common::picture::load(&workshop.path("scene.toml"));
+    let said = words::Said::of(&scene);
+    let mut camera = scene.cameras[0].clone();
+    navigate::orbit(&mut camera, glam::DVec2::new(0.3, 0.2));
+    navigate::zoom(&mut camera, 1.3);
+    navigate::pan(&mut camera, glam::DVec2::new(0.1, -0.05), 1.5);
+    let picture = words::Picture {
+        inputs: &[PathBuf::from("scene.toml")],
+        said: &said,
+        seen_from: words::SeenFrom::Camera(&camera),
+        projection: camera.projection,
+        size: [48, 32],
+        shading: Default::default(),
+        with: &[],
+        without: &["shadows".into()],
+        numerics: Default::default(),
+        colour: kiln::film::ColourPipeline::Display,
+        sampling: Default::default(),
+        output: Path::new("seen.png"),
+    };
+    let words = words::words(&picture);
+    let output = workshop.command().args(&words[1..]).output().expect("the command starts");
+    assert_eq!(output.status.code(), Some(0), "{words:?}: {}", text(&output.stderr));
+    scene.cameras[0] = camera;
+    let prepared = common::picture::prepare(scene, [48, 32], Default::default());
+    let film = prepared.render(Choices { without: vec!["shadows".into()], ..Choices::default() }).0;
+    assert_eq!(workshop.pixels("seen.png").into_raw(), film.to_rgb8(kiln::film::ColourPipeline::Display));
+}
+
 /// The numbers of an EXR.
 fn image_bits(file: &Path) -> Vec<[u32; 3]> {
     let picture = kiln::film::read::read_picture(file).unwrap_or_else(|e| panic!("{e}"));

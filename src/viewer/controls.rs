@@ -6,6 +6,7 @@ use std::time::Instant;
 use glam::{DVec2, DVec3};
 
 use super::false_colour::Shown;
+use super::keys::Drive;
 use super::look::{From, Opened, Order, Settings};
 use super::navigate;
 use crate::scene::animation::Timeline;
@@ -18,9 +19,6 @@ const SPEED: f64 = 0.5;
 
 /// Radians that keys orbit in a second.
 const TURN: f64 = 1.2;
-
-/// Powers of two that a press of + zooms by.
-const ZOOM: f64 = 0.125;
 
 /// Everything that can be chosen.
 pub struct Controls {
@@ -102,6 +100,7 @@ impl Controls {
             projection: self.projection,
             time: self.time,
             shown: self.shown,
+            plays: self.playing.is_some(),
             sides: self.sides.clone(),
         }
     }
@@ -124,15 +123,10 @@ impl Controls {
         }
     }
 
-    /// Flies and turns by keys that were held for so many seconds, and zooms by so many presses.
-    pub fn drive(
-        &mut self,
-        seen: Option<&Camera>,
-        (fly, orbit, zoom): (DVec3, DVec2, f64),
-        seconds: f64,
-        fast: bool,
-    ) {
+    /// Flies, turns and zooms by keys that were held for so many seconds.
+    pub fn drive(&mut self, seen: Option<&Camera>, drive: Drive, seconds: f64, fast: bool) {
         let speed = if fast { 4.0 * SPEED } else { SPEED };
+        let Drive { fly, orbit, zoom } = drive;
         self.navigate(seen, |camera| {
             if fly != DVec3::ZERO {
                 navigate::fly(camera, fly * speed * seconds);
@@ -141,7 +135,7 @@ impl Controls {
                 navigate::orbit(camera, orbit * TURN * seconds);
             }
             if zoom != 0.0 {
-                navigate::zoom(camera, (zoom * ZOOM).exp2());
+                navigate::zoom(camera, (zoom * seconds).exp2());
             }
         });
     }

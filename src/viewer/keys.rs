@@ -1,6 +1,7 @@
 //! The keys: one table for what they do and for what `?` lists.
 
-use egui::{InputState, Key, Modifiers};
+use egui::{Event, InputState, Key, Modifiers};
+use glam::{DVec2, DVec3};
 
 /// What a key does at once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -162,24 +163,75 @@ pub fn actions(input: &mut InputState, has_focus: bool) -> Vec<Action> {
     actions
 }
 
-/// How much + and - zoom in: presses, a key that is held counting as often as it repeats. Not what is down: + takes Shift on many
-/// keyboards, and where that is let go of first, the key that comes up is another one, and + would be down for ever.
-pub fn zoom(input: &InputState) -> f64 {
-    let presses = |key: Key| input.num_presses(key) as f64;
-    presses(Key::Plus) + presses(Key::Equals) - presses(Key::Minus)
+/// Keys that are held down to move, and were pressed without Ctrl or Alt: those mean something else. Each with its place on the keyboard:
+/// where Shift is let go of before `=`, what was + comes up as another key.
+#[derive(Default)]
+pub struct Held(Vec<(Key, Option<Key>)>);
+
+/// What keys that are held do to the camera, a second.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Drive {
+    /// To the right, up and forward.
+    pub fly: DVec3,
+    /// Round the target, to the right and up.
+    pub orbit: DVec2,
+    /// In where above 0.
+    pub zoom: f64,
 }
 
-/// Which way keys that are held move: right, up and forward to fly, in one direction each; and to the right and up to orbit.
-pub fn held(input: &InputState, has_focus: bool) -> (glam::DVec3, glam::DVec2) {
-    if input.modifiers.command || input.modifiers.alt {
-        return Default::default();
+impl Held {
+    /// Takes in what was pressed and let go. Arrows belong to a control that has the keyboard.
+    pub fn look(&mut self, input: &InputState, has_focus: bool) {
+        if !input.focused {
+            // Who lets go elsewhere is not heard here.
+            self.0.clear();
+        }
+        for event in &input.events {
+            let Event::Key { key, physical_key, pressed, modifiers, .. } = event else { continue };
+            let arrows = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown];
+            let is_ours = !modifiers.command && !modifiers.alt && !(has_focus && arrows.contains(key));
+            self.0.retain(|(held, place)| held != key && (place.is_none() || place != physical_key));
+            if *pressed && is_ours {
+                self.0.push((*key, *physical_key));
+            }
+        }
     }
-    let axis =
-        |minus: Key, plus: Key| f64::from(i8::from(input.key_down(plus)) - i8::from(input.key_down(minus)));
-    let fly = glam::DVec3::new(axis(Key::A, Key::D), axis(Key::Q, Key::E), axis(Key::S, Key::W));
-    if has_focus {
-        return (fly, glam::DVec2::ZERO);
+
+    /// What those that are held do.
+    pub fn drive(&self) -> Drive {
+        let is_down = |key: &Key| self.0.iter().any(|(held, _)| held == key);
+        let axis = |minus: &[Key], plus: &[Key]| {
+            f64::from(i8::from(plus.iter().any(is_down)) - i8::from(minus.iter().any(is_down)))
+        };
+        use Key::{A, ArrowDown, ArrowLeft, ArrowRight, ArrowUp, D, E, Equals, Minus, Plus, Q, S, W};
+        Drive {
+            fly: DVec3::new(axis(&[A], &[D]), axis(&[Q], &[E]), axis(&[S], &[W])),
+            orbit: DVec2::new(axis(&[ArrowLeft], &[ArrowRight]), axis(&[ArrowDown], &[ArrowUp])),
+            zoom: axis(&[Minus], &[Plus, Equals]),
+        }
     }
-    let orbit = glam::DVec2::new(axis(Key::ArrowLeft, Key::ArrowRight), axis(Key::ArrowDown, Key::ArrowUp));
-    (fly, orbit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::Modifiers;
+
+    #[test]
+    fn a_key_comes_up_wherever_it_went_down() {
+        let mut held = Held::default();
+        let mut look = |key: Key, place: Key, pressed: bool, modifiers: Modifiers| {
+            let event = Event::Key { key, physical_key: Some(place), pressed, repeat: false, modifiers };
+            let input = InputState { events: vec![event], focused: true, ..InputState::default() };
+            held.look(&input, false);
+            held.drive()
+        };
+        // + is Shift and =, and Shift may be let go of first.
+        assert_eq!(look(Key::Plus, Key::Equals, true, Modifiers::SHIFT).zoom, 1.0);
+        assert_eq!(look(Key::Equals, Key::Equals, false, Modifiers::NONE), Drive::default());
+        // Ctrl + S saves, also where Ctrl is let go of first.
+        assert_eq!(look(Key::S, Key::S, true, Modifiers::COMMAND), Drive::default());
+        assert_eq!(look(Key::S, Key::S, false, Modifiers::NONE), Drive::default());
+        assert_eq!(look(Key::W, Key::W, true, Modifiers::NONE).fly, DVec3::Z);
+    }
 }

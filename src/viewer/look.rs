@@ -92,6 +92,8 @@ pub struct Order {
     pub time: f64,
     /// What is shown of it.
     pub shown: super::false_colour::Shown,
+    /// Whether the next moment will follow at once: what is not there soon is not seen.
+    pub plays: bool,
     /// How it is computed; a second time where two ways are compared.
     pub sides: Vec<Settings>,
 }
@@ -104,6 +106,7 @@ impl PartialEq for Order {
             && self.projection == other.projection
             && self.time == other.time
             && self.shown == other.shown
+            && self.plays == other.plays
             && self.sides == other.sides
     }
 }

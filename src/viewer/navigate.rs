@@ -194,6 +194,47 @@ pub fn switch_projection(camera: &mut Camera, projection: Projection, angle: f64
     }
 }
 
+/// Shows all of a box, looking the same way through the same lens, with a twentieth of the picture free on the tightest sides.
+/// `aspect` is the picture's width divided by its height.
+pub fn frame(camera: &mut Camera, (min, max): (DVec3, DVec3), aspect: f64) {
+    const FREE: f64 = 0.9;
+    change(camera, |camera, stand| {
+        bring_rectangle_to_target(camera, stand);
+        let seen = height_at_target(camera, stand, aspect) * FREE;
+        let middle = min / 2.0 + max / 2.0;
+        // Of each corner, how far right of and above the middle, and how much nearer.
+        let corners = (0..8).map(|i| {
+            let pick = |axis: usize| if i >> axis & 1 == 1 { max[axis] } else { min[axis] };
+            let p = DVec3::new(pick(0), pick(1), pick(2)) - middle;
+            (DVec2::new(p.dot(stand.u), p.dot(stand.v)).abs() / DVec2::new(aspect, 1.0), p.dot(stand.w))
+        });
+        let needed = |(across, nearer): (DVec2, f64)| match camera.projection {
+            // A corner is within when `across <= slope (distance - nearer)`.
+            Projection::Perspective => nearer + across.max_element() / (seen / 2.0 / stand.distance),
+            Projection::Orthographic => across.max_element() * 2.0 / seen,
+        };
+        let needed = corners.map(needed).fold(0.0, f64::max);
+        if !(needed > 0.0 && needed.is_finite()) {
+            return;
+        }
+        let distance = match camera.projection {
+            Projection::Perspective => {
+                scale_lens(camera, needed / stand.distance);
+                needed
+            }
+            Projection::Orthographic => {
+                scale_rectangle(camera, needed);
+                // In front of everything: what is behind the camera is not seen in parallel either.
+                let distance = stand.distance.max((max - min).length());
+                camera.viewpoint_distance = distance;
+                distance
+            }
+        };
+        camera.target = middle;
+        camera.position = middle + distance * stand.w;
+    });
+}
+
 /// A camera that looks at all of a box from a standard side, as [`fitted_camera`] does at a scene, where only the scene's
 /// bounds are at hand. `None` where the box has no extent.
 pub fn standard(

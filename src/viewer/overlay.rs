@@ -1,5 +1,7 @@
 //! What lies over the picture: notices, the list of keys, legends.
 
+use std::time::{Duration, Instant};
+
 use egui::{
     Align2, Area, Color32, Context, Frame, Grid, Id, Pos2, Rect, RichText, Sense, Stroke, Window, pos2, vec2,
 };
@@ -7,12 +9,33 @@ use egui::{
 use super::false_colour::Legend;
 use super::keys::LIST;
 
+/// How long one reads a notice.
+const ENOUGH: Duration = Duration::from_secs(5);
+
 /// Something that is said over the picture until it no longer holds.
 pub struct Notice {
     /// What.
     pub text: String,
     /// Whether something went wrong.
     pub is_error: bool,
+    /// Since when.
+    pub since: Instant,
+}
+
+impl Notice {
+    /// Of now.
+    pub fn new(text: String, is_error: bool) -> Self {
+        Notice { text, is_error, since: Instant::now() }
+    }
+
+    /// Whether it was there for long enough. What went wrong stays until it is put right or dismissed.
+    pub fn is_over(&self, context: &Context) -> bool {
+        let left = ENOUGH.saturating_sub(self.since.elapsed());
+        if !self.is_error {
+            context.request_repaint_after(left);
+        }
+        !self.is_error && left.is_zero()
+    }
 }
 
 /// A notice at the top of the picture. Returns whether it was dismissed.

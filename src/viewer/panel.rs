@@ -4,6 +4,7 @@ use egui::{ComboBox, DragValue, Grid, RichText, Slider, Ui};
 
 use super::controls::Controls;
 use super::false_colour::Shown;
+use super::keys::Action;
 use super::look::{From, Opened, Settings};
 use super::navigate;
 use super::painter::{Comparison, Painted};
@@ -42,6 +43,28 @@ pub fn show(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Tra
     if let Some(painted) = painted {
         effects(ui, painted, controls.settings(), trace);
     }
+}
+
+/// What can be done with what is seen. Returns what is asked for.
+pub fn buttons(ui: &mut Ui, trace: &mut Trace) -> Option<Action> {
+    let all = [
+        ("Save picture", "as a PNG in this folder (Ctrl + S)", Action::SavePicture),
+        ("Save camera", "as TOML, for a scene file (Ctrl + K)", Action::SaveCamera),
+        ("Copy command", "the command line that renders this (Ctrl + L)", Action::CopyCommand),
+        ("Keys", "what keys and mouse do (?)", Action::Help),
+    ];
+    let mut asked = None;
+    ui.separator();
+    ui.horizontal_wrapped(|ui| {
+        for (name, meaning, action) in all {
+            let button = ui.button(name).on_hover_text(meaning);
+            place(ui, trace, name, &button);
+            if button.clicked() {
+                asked = Some(action);
+            }
+        }
+    });
+    asked
 }
 
 fn camera(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace) {

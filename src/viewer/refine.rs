@@ -6,6 +6,9 @@
 /// Seconds that the first pass of a picture should take at most: the interface waits for it about as long.
 const AT_ONCE: f64 = 0.008;
 
+/// The same of a frame of an animation that plays: it is not refined, and a film has 24 and more a second.
+const IN_A_FRAME: f64 = 0.03;
+
 /// The coarsest pass has a pixel for so many of the picture's, on each axis.
 const COARSEST: u32 = 32;
 
@@ -35,10 +38,11 @@ pub enum Kind {
 }
 
 /// How coarse a picture of so many pixels is begun, at so many seconds a pixel.
-pub fn first_factor(pixels: usize, seconds_a_pixel: Option<f64>) -> u32 {
+pub fn first_factor(pixels: usize, seconds_a_pixel: Option<f64>, plays: bool) -> u32 {
+    let limit = if plays { IN_A_FRAME } else { AT_ONCE };
     let Some(seconds) = seconds_a_pixel else { return UNKNOWN };
     let mut factor = 1;
-    while factor < COARSEST && seconds * pixels as f64 / f64::from(factor * factor) > AT_ONCE {
+    while factor < COARSEST && seconds * pixels as f64 / f64::from(factor * factor) > limit {
         factor *= 2;
     }
     factor
@@ -73,11 +77,12 @@ mod tests {
     #[test]
     fn a_picture_begins_as_coarsely_as_it_has_to() {
         // A million pixels at 5 ns: 0.0052 s.
-        assert_eq!(first_factor(1 << 20, Some(5e-9)), 1);
+        assert_eq!(first_factor(1 << 20, Some(5e-9), false), 1);
         // At 100 ns a tenth: a quarter of the pixels take 0.026 s, a sixteenth 0.0066.
-        assert_eq!(first_factor(1 << 20, Some(100e-9)), 4);
-        assert_eq!(first_factor(1 << 20, Some(1.0)), COARSEST);
-        assert_eq!(first_factor(1 << 20, None), UNKNOWN);
+        assert_eq!(first_factor(1 << 20, Some(100e-9), false), 4);
+        assert_eq!(first_factor(1 << 20, Some(100e-9), true), 2);
+        assert_eq!(first_factor(1 << 20, Some(1.0), false), COARSEST);
+        assert_eq!(first_factor(1 << 20, None, false), UNKNOWN);
     }
 
     #[test]

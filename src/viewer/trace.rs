@@ -12,6 +12,12 @@ use crate::error::{Error, Result};
 /// How often the interface is asked for a frame while its pauses are measured.
 const HEARTBEAT: Duration = Duration::from_millis(8);
 
+/// Frames from the start until the first of them is on the screen: until then there is no interface that could pause.
+const OPENING: usize = 2;
+
+/// A pause that is worth a line.
+const LONG: Duration = Duration::from_millis(20);
+
 /// Writes what happens.
 pub struct Trace {
     file: Option<BufWriter<File>>,
@@ -90,26 +96,32 @@ impl Pauses {
     }
 
     /// A frame begins. Returns what to print when it is enough.
-    pub fn frame(&mut self, context: &egui::Context) -> Option<String> {
+    pub fn frame(&mut self, context: &egui::Context, trace: &mut Trace) -> Option<String> {
         let now = Instant::now();
-        self.all.push(now - self.last);
+        let pause = now - self.last;
         self.last = now;
+        self.all.push(pause);
+        if pause > LONG && self.all.len() > OPENING {
+            trace.say("pause", json!({ "ms": pause.as_secs_f64() * 1e3 }));
+        }
         context.request_repaint_after(HEARTBEAT);
         (now - self.since >= self.wanted).then(|| self.report())
     }
 
     fn report(&mut self) -> String {
-        // The window opens before the first.
-        let mut all: Vec<f64> = self.all.iter().skip(1).map(|pause| pause.as_secs_f64() * 1e3).collect();
+        let opening: Duration = self.all.iter().take(OPENING).sum();
+        let rest = self.all.iter().skip(OPENING);
+        let mut all: Vec<f64> = rest.map(|pause| pause.as_secs_f64() * 1e3).collect();
         all.sort_by(f64::total_cmp);
         let at = |share: f64| all.get((share * all.len() as f64) as usize).copied().unwrap_or(0.0);
         format!(
-            "longest pause {:.1} ms, 99 of 100 up to {:.1} ms, median {:.1} ms; {} frames in {:.0} s\n",
+            "longest pause {:.1} ms, 99 of 100 up to {:.1} ms, median {:.1} ms; {} frames in {:.0} s, the first after {:.0} ms\n",
             all.last().copied().unwrap_or(0.0),
             at(0.99),
             at(0.5),
             all.len(),
-            self.since.elapsed().as_secs_f64()
+            self.since.elapsed().as_secs_f64(),
+            opening.as_secs_f64() * 1e3
         )
     }
 }

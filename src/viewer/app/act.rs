@@ -13,7 +13,7 @@ use crate::viewer::canvas::Done;
 use crate::viewer::controls::next;
 use crate::viewer::false_colour::Shown;
 use crate::viewer::inspect::inspect;
-use crate::viewer::keys::{self, Action};
+use crate::viewer::keys::{self, Action, Drive};
 use crate::viewer::look::From;
 use crate::viewer::words::{Picture, Said, SeenFrom, command_line};
 use crate::viewer::{navigate, save, say};
@@ -28,16 +28,16 @@ impl App {
             self.trace.say("key", json!({ "action": format!("{action:?}") }));
             self.act(context, action);
         }
-        let (fly, orbit) = context.input(|input| keys::held(input, has_focus));
-        let (seconds, fast) = context.input(|input| (f64::from(input.stable_dt), input.modifiers.shift));
-        let zoom = context.input(|input| if has_focus { 0.0 } else { keys::zoom(input) });
-        if fly == glam::DVec3::ZERO && orbit == glam::DVec2::ZERO && zoom == 0.0 {
+        context.input(|input| self.held.look(input, has_focus));
+        let drive = self.held.drive();
+        if drive == Drive::default() {
             return;
         }
+        let (seconds, fast) = context.input(|input| (f64::from(input.stable_dt), input.modifiers.shift));
         let seen = self.seen();
         if let Some(controls) = &mut self.controls {
             // A frame that took long does not make a jump of it.
-            controls.drive(seen.as_ref(), (fly, orbit, zoom), seconds.min(0.1), fast);
+            controls.drive(seen.as_ref(), drive, seconds.min(0.1), fast);
         }
         context.request_repaint();
     }

@@ -16,6 +16,7 @@ use serde_json::json;
 use super::canvas::Canvas;
 use super::controls::Controls;
 use super::inspect::Inspection;
+use super::keys::Held;
 use super::loader::Loader;
 use super::look::{Opened, Order};
 use super::overlay::{self, Notice};
@@ -32,6 +33,9 @@ const PANEL: f32 = 300.0;
 
 /// Height of what is below the picture, in points, for the window's first size.
 const BELOW: f32 = 30.0;
+
+/// How many frames the window has to take its first size.
+const FITTINGS: u32 = 6;
 
 /// How long a frame waits for a picture that was ordered in it. With the time that painting the window takes, on a machine without
 /// graphics hardware about as much, this is a frame at 30 a second and more.
@@ -97,6 +101,8 @@ struct App {
     opened: Option<Arc<Opened>>,
     controls: Option<Controls>,
     canvas: Canvas,
+    /// Keys that are held down.
+    held: Held,
     /// The order that was given last, and its number.
     ordered: Option<(Order, u64)>,
     /// One that could not be carried out, which the notice is about.
@@ -113,6 +119,8 @@ struct App {
     shows: Parts,
     /// The size that the picture is to have at first, until the window has it.
     first_size: FirstSize,
+    /// How often that was tried.
+    fittings: u32,
     trace: Trace,
     pauses: Option<Pauses>,
     report: Report,
@@ -159,6 +167,7 @@ impl App {
             opened: None,
             controls: None,
             canvas: Canvas::default(),
+            held: Held::default(),
             ordered: None,
             failed_order: None,
             unseen: Vec::new(),
@@ -169,6 +178,7 @@ impl App {
             is_building: false,
             shows: remembered.unwrap_or(Parts { panel: true, keys: false }),
             first_size,
+            fittings: 0,
             trace,
             pauses: start.pauses.map(Pauses::new),
             report,
@@ -177,23 +187,24 @@ impl App {
         app
     }
 
-    /// Makes the window so large that the picture has its first size, once its size in this window is known. Whether it is still to
-    /// change.
+    /// Makes the window so large that the picture has its first size. That takes a few frames: panels find their sizes, and not every
+    /// window may be as large. Whether it is still to change.
     fn fit_window(&mut self, context: &Context, size: [u32; 2]) -> bool {
         let wanted = match (&self.first_size, &self.opened) {
             (FirstSize::Given(size), _) => *size,
             (FirstSize::Scenes, Some(opened)) => opened.size,
             _ => return false,
         };
-        self.first_size = FirstSize::Windows;
-        let scale = context.pixels_per_point();
-        let room = context.viewport_rect().size();
-        let more = |axis: usize| (wanted[axis] as f32 - size[axis] as f32) / scale;
-        let window = room + vec2(more(0), more(1));
-        if wanted == size {
+        self.fittings += 1;
+        if wanted == size || self.fittings > FITTINGS {
+            self.first_size = FirstSize::Windows;
             return false;
         }
+        let scale = context.pixels_per_point();
+        let more = |axis: usize| (wanted[axis] as f32 - size[axis] as f32) / scale;
+        let window = context.viewport_rect().size() + vec2(more(0), more(1));
         context.send_viewport_cmd(ViewportCommand::InnerSize(window));
+        context.request_repaint();
         true
     }
 
@@ -283,7 +294,8 @@ impl eframe::App for App {
 impl App {
     /// Measures pauses, where that is what the window is for.
     fn measure(&mut self, context: &Context) {
-        let Some(report) = self.pauses.as_mut().and_then(|pauses| pauses.frame(context)) else { return };
+        let App { pauses, trace, .. } = self;
+        let Some(report) = pauses.as_mut().and_then(|pauses| pauses.frame(context, trace)) else { return };
         if let Ok(mut own) = self.report.lock() {
             *own = Some(report);
         }
@@ -310,11 +322,13 @@ impl App {
         Panel::bottom("status").show(ui, |ui| self.status(ui));
         let App { controls, opened, canvas, comparison, trace, shows, .. } = self;
         let (Some(controls), Some(opened)) = (controls, opened) else { return };
+        let mut asked = None;
         if shows.panel {
             Panel::right("panel").exact_size(PANEL).show(ui, |ui| {
                 ScrollArea::vertical().show(ui, |ui| {
                     let painted = [canvas.painted(0), canvas.painted(1)];
                     panel::show(ui, &Shows { opened, painted, comparison: *comparison }, controls, trace);
+                    asked = panel::buttons(ui, trace);
                 });
             });
         }
@@ -323,6 +337,9 @@ impl App {
                 bar::show(ui, &timeline, animation.duration, controls, trace);
             });
         }
+        if let Some(action) = asked {
+            self.act(&ui.ctx().clone(), action);
+        }
     }
 
     /// The picture, and what lies over it.
@@ -330,7 +347,7 @@ impl App {
         let context = ui.ctx().clone();
         let rect = ui.available_rect_before_wrap();
         if let Some(notice) = &self.notice {
-            if overlay::notice(&context, rect, notice) {
+            if notice.is_over(&context) || overlay::notice(&context, rect, notice) {
                 self.notice = None;
             }
         }

@@ -38,13 +38,13 @@ impl App {
     /// Says that something went wrong, until it no longer holds or is dismissed.
     pub(super) fn fail(&mut self, text: String) {
         self.trace.say("error", json!({ "text": text }));
-        self.notice = Some(Notice { text, is_error: true });
+        self.notice = Some(Notice::new(text, true));
     }
 
     /// Says something that was done.
     pub(super) fn tell(&mut self, text: String) {
         self.trace.say("notice", json!({ "text": text }));
-        self.notice = Some(Notice { text, is_error: false });
+        self.notice = Some(Notice::new(text, false));
     }
 
     /// Takes in files that were read.

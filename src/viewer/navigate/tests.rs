@@ -217,6 +217,31 @@ proptest! {
     }
 
     #[test]
+    fn a_framed_box_is_in_the_picture(
+        camera in cameras(), a in [-3.0f64..3.0, -3.0..3.0, -3.0..3.0], b in [-3.0f64..3.0, -3.0..3.0, -3.0..3.0],
+        aspect in 0.3f64..3.0,
+    ) {
+        let aspect = (aspect * f64::from(PIXELS)).round() / f64::from(PIXELS);
+        let (a, b) = (DVec3::from(a), DVec3::from(b));
+        let (min, max) = (a.min(b), a.max(b));
+        let mut framed = camera.clone();
+        frame(&mut framed, (min, max), aspect);
+        let [_, _, w] = axes(&framed);
+        prop_assert!((w - axes(&camera)[2]).length() < 1e-9);
+        prop_assert!(framed.projection == Projection::Orthographic || (field_of_view(&framed) - field_of_view(&camera)).abs() < 1e-9);
+        let corners = (0..8).map(|i| {
+            let pick = |axis: usize| if i >> axis & 1 == 1 { max[axis] } else { min[axis] };
+            DVec3::new(pick(0), pick(1), pick(2))
+        });
+        let mut farthest = 0f64;
+        for corner in corners {
+            prop_assert!(view(&framed, aspect).project(corner).1, "before the camera");
+            farthest = farthest.max((seen(&framed, aspect, corner) / DVec2::new(aspect, 1.0)).abs().max_element());
+        }
+        prop_assert!((farthest - 0.45).abs() < 1e-6, "{farthest}");
+    }
+
+    #[test]
     fn looking_around_stays_and_flying_goes(camera in cameras(), by in angles(), way in angles()) {
         let mut level = camera.clone();
         look_around(&mut level, DVec2::ZERO);

@@ -221,7 +221,7 @@ impl Painting<'_> {
             self.teller.tell(News::Building);
         }
         let pixels = order.size[0] as usize * order.size[1] as usize;
-        let factor = first_factor(pixels * order.sides.len(), studio.seconds_a_pixel(order));
+        let factor = first_factor(pixels * order.sides.len(), studio.seconds_a_pixel(order), order.plays);
         let mut sides = Vec::new();
         for settings in &order.sides {
             if self.is_outdated() {
