@@ -167,14 +167,15 @@ pub fn actions(input: &mut InputState, has_focus: bool) -> Vec<Action> {
 #[derive(Default)]
 pub struct Held(Vec<Key>);
 
-/// What keys that are held do to the camera, a second.
+/// What keys do to the camera.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Drive {
-    /// To the right, up and forward.
+    /// To the right, up and forward, while keys are held.
     pub fly: DVec3,
-    /// Round the target, to the right and up.
+    /// Round the target, to the right and up, while keys are held.
     pub orbit: DVec2,
-    /// In where above 0.
+    /// Presses that zoom in less those that zoom out; a key that is held presses as often as it repeats. Not what is down: + takes Shift
+    /// on many keyboards, and where that is let go of first, the key that comes up is another one, and + would be down for ever.
     pub zoom: f64,
 }
 
@@ -196,17 +197,19 @@ impl Held {
         }
     }
 
-    /// What those that are held do.
-    pub fn drive(&self) -> Drive {
-        let is_down = |key: &Key| self.0.contains(key);
-        let axis = |minus: &[Key], plus: &[Key]| {
-            f64::from(i8::from(plus.iter().any(is_down)) - i8::from(minus.iter().any(is_down)))
+    /// What keys do now.
+    pub fn drive(&self, input: &InputState, has_focus: bool) -> Drive {
+        let axis = |minus: Key, plus: Key| {
+            f64::from(i8::from(self.0.contains(&plus)) - i8::from(self.0.contains(&minus)))
         };
-        use Key::{A, ArrowDown, ArrowLeft, ArrowRight, ArrowUp, D, E, Equals, Minus, Plus, Q, S, W};
+        use Key::{A, ArrowDown, ArrowLeft, ArrowRight, ArrowUp, D, E, Q, S, W};
+        let presses = |key: Key| input.num_presses(key) as f64;
+        let is_plain = !has_focus && !input.modifiers.command;
+        let zoom = presses(Key::Plus) + presses(Key::Equals) - presses(Key::Minus);
         Drive {
-            fly: DVec3::new(axis(&[A], &[D]), axis(&[Q], &[E]), axis(&[S], &[W])),
-            orbit: DVec2::new(axis(&[ArrowLeft], &[ArrowRight]), axis(&[ArrowDown], &[ArrowUp])),
-            zoom: axis(&[Minus], &[Plus, Equals]),
+            fly: DVec3::new(axis(A, D), axis(Q, E), axis(S, W)),
+            orbit: DVec2::new(axis(ArrowLeft, ArrowRight), axis(ArrowDown, ArrowUp)),
+            zoom: if is_plain { zoom } else { 0.0 },
         }
     }
 }
