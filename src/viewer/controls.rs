@@ -148,7 +148,7 @@ impl Controls {
         let angle = self.angle;
         match &self.from {
             From::Free(_) => {
-                self.navigate(seen, |camera| navigate::switch_projection(camera, projection, angle))
+                self.navigate(seen, |camera| navigate::switch_projection(camera, projection, angle));
             }
             // Of the scene's own cameras the rectangle says all.
             _ => self.projection = Some(projection),

@@ -189,9 +189,9 @@ impl Held {
         for event in &input.events {
             let Event::Key { key, pressed, modifiers, .. } = event else { continue };
             let arrows = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown];
-            let is_ours = !modifiers.command && !modifiers.alt && !(has_focus && arrows.contains(key));
+            let is_others = modifiers.command || modifiers.alt || has_focus && arrows.contains(key);
             self.0.retain(|held| held != key);
-            if *pressed && is_ours {
+            if *pressed && !is_others {
                 self.0.push(*key);
             }
         }
