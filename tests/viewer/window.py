@@ -187,6 +187,8 @@ class Window:
         self.move(WIDTH - 1, HEIGHT - 1)
 
     def click(self, x, y, button=1):
+        # Sooner, it would be the second half of a double click, wherever the first one was.
+        time.sleep(0.35)
         self.move(x, y)
         self.display.run("xdotool", "mousedown", str(button), "sleep", "0.05", "mouseup", str(button))
 
