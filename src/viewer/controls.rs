@@ -20,6 +20,9 @@ const SPEED: f64 = 0.5;
 /// Radians that keys orbit in a second.
 const TURN: f64 = 1.2;
 
+/// Powers of two that a press of + zooms by.
+const ZOOM: f64 = 0.125;
+
 /// Everything that can be chosen.
 pub struct Controls {
     /// Where it is seen from.
@@ -123,7 +126,7 @@ impl Controls {
         }
     }
 
-    /// Flies, turns and zooms by keys that were held for so many seconds.
+    /// Flies and turns by keys that were held for so many seconds, and zooms by those that were pressed.
     pub fn drive(&mut self, seen: Option<&Camera>, drive: Drive, seconds: f64, fast: bool) {
         let speed = if fast { 4.0 * SPEED } else { SPEED };
         let Drive { fly, orbit, zoom } = drive;
@@ -135,7 +138,7 @@ impl Controls {
                 navigate::orbit(camera, orbit * TURN * seconds);
             }
             if zoom != 0.0 {
-                navigate::zoom(camera, (zoom * seconds).exp2());
+                navigate::zoom(camera, (zoom * ZOOM).exp2());
             }
         });
     }
@@ -145,7 +148,7 @@ impl Controls {
         let angle = self.angle;
         match &self.from {
             From::Free(_) => {
-                self.navigate(seen, |camera| navigate::switch_projection(camera, projection, angle))
+                self.navigate(seen, |camera| navigate::switch_projection(camera, projection, angle));
             }
             // Of the scene's own cameras the rectangle says all.
             _ => self.projection = Some(projection),

@@ -163,19 +163,19 @@ pub fn actions(input: &mut InputState, has_focus: bool) -> Vec<Action> {
     actions
 }
 
-/// Keys that are held down to move, and were pressed without Ctrl or Alt: those mean something else. Each with its place on the keyboard:
-/// where Shift is let go of before `=`, what was + comes up as another key.
+/// Keys that are held down to move, and were pressed without Ctrl or Alt: those mean something else.
 #[derive(Default)]
-pub struct Held(Vec<(Key, Option<Key>)>);
+pub struct Held(Vec<Key>);
 
-/// What keys that are held do to the camera, a second.
+/// What keys do to the camera.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Drive {
-    /// To the right, up and forward.
+    /// To the right, up and forward, while keys are held.
     pub fly: DVec3,
-    /// Round the target, to the right and up.
+    /// Round the target, to the right and up, while keys are held.
     pub orbit: DVec2,
-    /// In where above 0.
+    /// Presses that zoom in less those that zoom out; a key that is held presses as often as it repeats. Not what is down: + takes Shift
+    /// on many keyboards, and where that is let go of first, the key that comes up is another one, and + would be down for ever.
     pub zoom: f64,
 }
 
@@ -187,51 +187,29 @@ impl Held {
             self.0.clear();
         }
         for event in &input.events {
-            let Event::Key { key, physical_key, pressed, modifiers, .. } = event else { continue };
+            let Event::Key { key, pressed, modifiers, .. } = event else { continue };
             let arrows = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown];
-            let is_ours = !modifiers.command && !modifiers.alt && !(has_focus && arrows.contains(key));
-            self.0.retain(|(held, place)| held != key && (place.is_none() || place != physical_key));
-            if *pressed && is_ours {
-                self.0.push((*key, *physical_key));
+            let is_others = modifiers.command || modifiers.alt || has_focus && arrows.contains(key);
+            self.0.retain(|held| held != key);
+            if *pressed && !is_others {
+                self.0.push(*key);
             }
         }
     }
 
-    /// What those that are held do.
-    pub fn drive(&self) -> Drive {
-        let is_down = |key: &Key| self.0.iter().any(|(held, _)| held == key);
-        let axis = |minus: &[Key], plus: &[Key]| {
-            f64::from(i8::from(plus.iter().any(is_down)) - i8::from(minus.iter().any(is_down)))
+    /// What keys do now.
+    pub fn drive(&self, input: &InputState, has_focus: bool) -> Drive {
+        let axis = |minus: Key, plus: Key| {
+            f64::from(i8::from(self.0.contains(&plus)) - i8::from(self.0.contains(&minus)))
         };
-        use Key::{A, ArrowDown, ArrowLeft, ArrowRight, ArrowUp, D, E, Equals, Minus, Plus, Q, S, W};
+        use Key::{A, ArrowDown, ArrowLeft, ArrowRight, ArrowUp, D, E, Q, S, W};
+        let presses = |key: Key| input.num_presses(key) as f64;
+        let is_plain = !has_focus && !input.modifiers.command;
+        let zoom = presses(Key::Plus) + presses(Key::Equals) - presses(Key::Minus);
         Drive {
-            fly: DVec3::new(axis(&[A], &[D]), axis(&[Q], &[E]), axis(&[S], &[W])),
-            orbit: DVec2::new(axis(&[ArrowLeft], &[ArrowRight]), axis(&[ArrowDown], &[ArrowUp])),
-            zoom: axis(&[Minus], &[Plus, Equals]),
+            fly: DVec3::new(axis(A, D), axis(Q, E), axis(S, W)),
+            orbit: DVec2::new(axis(ArrowLeft, ArrowRight), axis(ArrowDown, ArrowUp)),
+            zoom: if is_plain { zoom } else { 0.0 },
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use egui::Modifiers;
-
-    #[test]
-    fn a_key_comes_up_wherever_it_went_down() {
-        let mut held = Held::default();
-        let mut look = |key: Key, place: Key, pressed: bool, modifiers: Modifiers| {
-            let event = Event::Key { key, physical_key: Some(place), pressed, repeat: false, modifiers };
-            let input = InputState { events: vec![event], focused: true, ..InputState::default() };
-            held.look(&input, false);
-            held.drive()
-        };
-        // + is Shift and =, and Shift may be let go of first.
-        assert_eq!(look(Key::Plus, Key::Equals, true, Modifiers::SHIFT).zoom, 1.0);
-        assert_eq!(look(Key::Equals, Key::Equals, false, Modifiers::NONE), Drive::default());
-        // Ctrl + S saves, also where Ctrl is let go of first.
-        assert_eq!(look(Key::S, Key::S, true, Modifiers::COMMAND), Drive::default());
-        assert_eq!(look(Key::S, Key::S, false, Modifiers::NONE), Drive::default());
-        assert_eq!(look(Key::W, Key::W, true, Modifiers::NONE).fly, DVec3::Z);
     }
 }

@@ -29,7 +29,7 @@ impl App {
             self.act(context, action);
         }
         context.input(|input| self.held.look(input, has_focus));
-        let drive = self.held.drive();
+        let drive = context.input(|input| self.held.drive(input, has_focus));
         if drive == Drive::default() {
             return;
         }

@@ -1,6 +1,7 @@
 //! The window itself: what happens in a frame of it, in order.
 
 mod act;
+mod frame;
 mod inspector;
 mod news;
 
@@ -10,7 +11,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use egui::{CentralPanel, Context, Frame, Panel, RichText, ScrollArea, Ui, ViewportCommand, vec2};
+use egui::{CentralPanel, Context, Frame, Ui, ViewportCommand, vec2};
 use serde_json::json;
 
 use super::canvas::Canvas;
@@ -21,15 +22,12 @@ use super::loader::Loader;
 use super::look::{Opened, Order};
 use super::overlay::{self, Notice};
 use super::painter::{Comparison, News, Painter, Prepared};
-use super::panel::{self, Shows};
 use super::trace::{Pauses, Trace};
 use super::watch::Watcher;
-use super::{Start, display, name_of, timeline as bar};
+use super::{Start, display, name_of};
 use crate::error::Result;
 use crate::scene::animation::Timeline;
-
-/// Width of the panel in points.
-const PANEL: f32 = 300.0;
+use frame::PANEL;
 
 /// Height of what is below the picture, in points, for the window's first size.
 const BELOW: f32 = 30.0;
@@ -241,22 +239,6 @@ impl App {
             }
         }
     }
-
-    fn status(&self, ui: &mut Ui) {
-        ui.horizontal(|ui| {
-            let painted = self.canvas.painted(0);
-            let line = match (painted, self.is_building) {
-                (_, true) => "building".to_owned(),
-                (Some(painted), _) => panel::work(painted),
-                (None, _) => "loading".to_owned(),
-            };
-            ui.label(line);
-            for warning in &self.warnings {
-                ui.separator();
-                ui.label(RichText::new(warning).weak());
-            }
-        });
-    }
 }
 
 /// The frames of the scene's animation, where it has one.
@@ -288,105 +270,5 @@ impl eframe::App for App {
 
     fn save(&mut self, storage: &mut dyn eframe::Storage) {
         eframe::set_value(storage, eframe::APP_KEY, &self.shows);
-    }
-}
-
-impl App {
-    /// Measures pauses, where that is what the window is for.
-    fn measure(&mut self, context: &Context) {
-        let App { pauses, trace, .. } = self;
-        let Some(report) = pauses.as_mut().and_then(|pauses| pauses.frame(context, trace)) else { return };
-        if let Ok(mut own) = self.report.lock() {
-            *own = Some(report);
-        }
-        self.pauses = None;
-        context.send_viewport_cmd(ViewportCommand::Close);
-    }
-
-    /// Goes on with an animation that plays, once the last frame of it was painted.
-    fn play(&mut self, context: &Context) {
-        let (Some(controls), Some(opened)) = (&mut self.controls, &self.opened) else { return };
-        let (Some(_), Some(timeline), Some(animation)) =
-            (controls.playing, timeline(opened), &opened.scene.animation)
-        else {
-            return;
-        };
-        let newest = self.ordered.as_ref().map_or(0, |(_, number)| *number);
-        if self.canvas.painted(0).is_some_and(|painted| painted.order == newest) {
-            controls.advance(&timeline, animation.duration);
-        }
-        context.request_repaint_after(Duration::from_millis(5));
-    }
-
-    fn panels(&mut self, ui: &mut Ui) {
-        Panel::bottom("status").show(ui, |ui| self.status(ui));
-        let App { controls, opened, canvas, comparison, trace, shows, .. } = self;
-        let (Some(controls), Some(opened)) = (controls, opened) else { return };
-        let mut asked = None;
-        if shows.panel {
-            Panel::right("panel").exact_size(PANEL).show(ui, |ui| {
-                ScrollArea::vertical().show(ui, |ui| {
-                    let painted = [canvas.painted(0), canvas.painted(1)];
-                    panel::show(ui, &Shows { opened, painted, comparison: *comparison }, controls, trace);
-                    asked = panel::buttons(ui, trace);
-                });
-            });
-        }
-        if let (Some(timeline), Some(animation)) = (timeline(opened), &opened.scene.animation) {
-            Panel::bottom("timeline").show(ui, |ui| {
-                bar::show(ui, &timeline, animation.duration, controls, trace);
-            });
-        }
-        if let Some(action) = asked {
-            self.act(&ui.ctx().clone(), action);
-        }
-    }
-
-    /// The picture, and what lies over it.
-    fn picture(&mut self, ui: &mut Ui) {
-        let context = ui.ctx().clone();
-        let rect = ui.available_rect_before_wrap();
-        if let Some(notice) = &self.notice {
-            if notice.is_over(&context) || overlay::notice(&context, rect, notice) {
-                self.notice = None;
-            }
-        }
-        let Some(controls) = &mut self.controls else { return };
-        let (size, done) = self.canvas.show(ui, controls);
-        let (split, compares) = (controls.split, controls.sides.len() > 1);
-        let rect = self.canvas.rect().unwrap_or(rect);
-        self.trace.place("canvas", rect, context.pixels_per_point());
-        self.click(&done);
-        if compares {
-            overlay::sides(&context, rect, split, &self.side_names());
-        }
-        if let Some(legend) = self.canvas.painted(0).and_then(|painted| painted.legend.as_ref()) {
-            overlay::legend(&context, rect, legend);
-        }
-        if let Some((of, found)) = &self.inspection {
-            if let Some(prepared) = self.canvas.prepared(0) {
-                inspector::draw(&ui.painter_at(rect), rect, prepared, of, found);
-            }
-            if !inspector::window(&context, rect, found) {
-                self.inspection = None;
-            }
-        }
-        if !self.fit_window(&context, size) {
-            self.order(&context, size);
-        }
-    }
-
-    /// What the sides of a comparison differ in.
-    fn side_names(&self) -> [String; 2] {
-        let Some(controls) = &self.controls else { return Default::default() };
-        let [a, b] = [0, 1].map(|side| controls.sides.get(side).map(panel::in_words).unwrap_or_default());
-        let only = |own: &[String], other: &[String]| {
-            let mut own: Vec<String> = own.iter().filter(|word| !other.contains(word)).cloned().collect();
-            let lacks = other.iter().filter_map(|word| word.strip_prefix("without "));
-            own.extend(lacks.map(|effect| format!("with {effect}")));
-            own.dedup();
-            if own.is_empty() { "the same".to_owned() } else { own.join(", ") }
-        };
-        [only(&a, &b), only(&b, &a)]
     }
 }

@@ -22,7 +22,7 @@ pub struct Comparison {
 pub fn tell(order: u64, pictures: [Picture; 2], threads: &Arc<rayon::ThreadPool>, teller: &Teller) {
     let teller = teller.clone();
     threads.spawn(move || {
-        let [a, b] = pictures.map(displayed);
+        let [a, b] = pictures.each_ref().map(displayed);
         let figures = Errors::between(&a, &b).ok().and_then(|errors| errors.figures);
         if let Some(figures) = figures {
             let comparison = Comparison { max: figures.max, rmse: figures.rmse, flip: figures.flip };
@@ -31,7 +31,7 @@ pub fn tell(order: u64, pictures: [Picture; 2], threads: &Arc<rayon::ThreadPool>
     });
 }
 
-fn displayed(picture: Picture) -> metrics::Picture {
+fn displayed(picture: &Picture) -> metrics::Picture {
     let [width, height] = picture.size;
     let values = match picture.pipeline {
         ColourPipeline::Linear => Values::Linear,

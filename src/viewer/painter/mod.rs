@@ -127,11 +127,8 @@ impl Painter {
         desk.orders += 1;
         let number = desk.orders;
         desk.wanted = Some((number, order));
-        if let Some(running) = &desk.running {
-            if !running.is_first || running.since.elapsed() > PATIENCE {
-                running.cancel.store(true, Ordering::Relaxed);
-            }
-        }
+        let stops = |running: &&Running| !running.is_first || running.since.elapsed() > PATIENCE;
+        desk.running.iter().filter(stops).for_each(|running| running.cancel.store(true, Ordering::Relaxed));
         self.shared.wake.notify_one();
         number
     }
