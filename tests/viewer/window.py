@@ -4,6 +4,7 @@ Xvfb is the display, xdotool the hands, ImageMagick's `import` the eyes, and the
 where things are. Nothing but Python's own library.
 """
 
+import ctypes
 import json
 import os
 import shutil
@@ -12,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import urllib.parse
 import zlib
 
 WIDTH, HEIGHT = 1600, 1200
@@ -62,6 +64,84 @@ class Display:
         self.server.terminate()
         self.server.wait()
         shutil.rmtree(self.home, ignore_errors=True)
+
+
+class ClientMessage(ctypes.Structure):
+    _fields_ = [("type", ctypes.c_int), ("serial", ctypes.c_ulong), ("send_event", ctypes.c_int), ("display", ctypes.c_void_p)]
+    _fields_ += [("window", ctypes.c_ulong), ("message_type", ctypes.c_ulong), ("format", ctypes.c_int), ("data", ctypes.c_long * 5)]
+
+
+class Selection(ctypes.Structure):
+    """A request for a selection (with its owner first), or the answer to it (without)."""
+
+    _fields_ = [("type", ctypes.c_int), ("serial", ctypes.c_ulong), ("send_event", ctypes.c_int), ("display", ctypes.c_void_p)]
+    _fields_ += [("windows", ctypes.c_ulong * 2), ("names", ctypes.c_ulong * 4)]
+
+
+class Event(ctypes.Union):
+    _fields_ = [("type", ctypes.c_int), ("message", ClientMessage), ("selection", Selection), ("pad", ctypes.c_long * 24)]
+
+
+class Files:
+    """Files dragged from a file manager: the other side of the protocol XDND, version 5, which xdotool does not speak."""
+
+    SELECTION_REQUEST, SELECTION_NOTIFY, CLIENT_MESSAGE = 30, 31, 33
+
+    def __init__(self, display):
+        self.x = ctypes.CDLL("libX11.so.6")
+        for name, result in [("XOpenDisplay", ctypes.c_void_p), ("XDefaultRootWindow", ctypes.c_ulong)]:
+            getattr(self.x, name).restype = result
+        self.x.XInternAtom.restype = self.x.XCreateSimpleWindow.restype = ctypes.c_ulong
+        self.display = ctypes.c_void_p(self.x.XOpenDisplay(display.name.encode()))
+        root = ctypes.c_ulong(self.x.XDefaultRootWindow(self.display))
+        self.own = ctypes.c_ulong(self.x.XCreateSimpleWindow(self.display, root, 0, 0, 1, 1, 0, *[ctypes.c_ulong(0)] * 2))
+
+    def atom(self, name):
+        return self.x.XInternAtom(self.display, name.encode(), 0)
+
+    def send(self, window, kind, *data):
+        event = Event()
+        event.message.type, event.message.format = self.CLIENT_MESSAGE, 32
+        event.message.window, event.message.message_type = window, self.atom(kind)
+        event.message.data = (ctypes.c_long * 5)(self.own.value, *data)
+        self.x.XSendEvent(self.display, ctypes.c_ulong(window), 0, ctypes.c_long(0), ctypes.byref(event))
+        self.x.XFlush(self.display)
+
+    def answer(self, event, files):
+        """Hands over the names of the files."""
+        text = "".join(f"file://{urllib.parse.quote(file)}\r\n" for file in files).encode()
+        _, requestor = event.selection.windows
+        selection, target, name, at = event.selection.names
+        self.x.XChangeProperty(
+            self.display, *[ctypes.c_ulong(value) for value in (requestor, name, target)], 8, 0, text, len(text)
+        )
+        reply = Event()
+        reply.selection.type = self.SELECTION_NOTIFY
+        reply.selection.windows = (ctypes.c_ulong * 2)(requestor, selection)
+        reply.selection.names = (ctypes.c_ulong * 4)(target, name, at, 0)
+        self.x.XSendEvent(self.display, ctypes.c_ulong(requestor), 0, ctypes.c_long(0), ctypes.byref(reply))
+        self.x.XFlush(self.display)
+
+    def drop(self, window, files, x, y, seconds=5):
+        """Drags files over a place of the screen that belongs to a window, and lets go of them."""
+        self.x.XSetSelectionOwner(self.display, ctypes.c_ulong(self.atom("XdndSelection")), self.own, ctypes.c_ulong(0))
+        self.send(window, "XdndEnter", 5 << 24, self.atom("text/uri-list"), 0, 0)
+        self.send(window, "XdndPosition", 0, x << 16 | y, 0, self.atom("XdndActionCopy"))
+        event, deadline, dropped = Event(), time.monotonic() + seconds, False
+        while time.monotonic() < deadline:
+            if not self.x.XPending(self.display):
+                time.sleep(0.01)
+                continue
+            self.x.XNextEvent(self.display, ctypes.byref(event))
+            if event.type == self.SELECTION_REQUEST:
+                self.answer(event, files)
+            elif event.type == self.CLIENT_MESSAGE and event.message.message_type == self.atom("XdndStatus"):
+                if event.message.data[1] & 1 and not dropped:
+                    self.send(window, "XdndDrop", 0, 0, 0, 0)
+                    dropped = True
+            elif event.type == self.CLIENT_MESSAGE and event.message.message_type == self.atom("XdndFinished"):
+                return
+        raise Timeout("the window does not take the files" if dropped else "the window does not want the files")
 
 
 class Timeout(Exception):
