@@ -83,3 +83,16 @@ fn without_a_display_that_is_said() {
     assert!(is_known, "{silent}");
     assert_eq!(silent.lines().count(), 2, "{silent}");
 }
+
+#[cfg(not(feature = "viewer"))]
+#[test]
+fn without_a_window_that_is_said() {
+    let mut kiln = assert_cmd::Command::cargo_bin("kiln").expect("the command is built with the tests");
+    let done = kiln
+        .args(["view", "scenes/assignment.toml", "--size", "640x480", "--help"])
+        .assert()
+        .code(2)
+        .stdout("");
+    let error = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    assert!(error.starts_with("kiln: error: this kiln was built without a window\nhint: "), "{error}");
+}

@@ -57,6 +57,13 @@ enum Command {
     /// Open a window on files, to look around in them
     #[cfg(feature = "viewer")]
     View(Box<view::Command>),
+    /// Open a window on files: not in this kiln, which was built without
+    #[cfg(not(feature = "viewer"))]
+    #[command(disable_help_flag = true)]
+    View {
+        #[arg(hide = true, trailing_var_arg = true, allow_hyphen_values = true)]
+        _arguments: Vec<std::ffi::OsString>,
+    },
     /// Put together the parts of a picture that `kiln render --shard` made
     Merge(merge::Command),
     /// List the frames that are missing, broken, or of other settings
@@ -99,6 +106,11 @@ pub fn main() -> ExitCode {
             Command::Animate(arguments) => animate::run(&arguments, interrupted),
             #[cfg(feature = "viewer")]
             Command::View(arguments) => view::run(&arguments),
+            #[cfg(not(feature = "viewer"))]
+            Command::View { .. } => Err(Error::usage(
+                "this kiln was built without a window",
+                "build it with the feature `viewer`, or make pictures: kiln render",
+            )),
             Command::Merge(arguments) => merge::run(&arguments),
             Command::Verify(arguments) => return verify::run(&arguments),
             Command::Explain(arguments) => explain::run(&arguments, interrupted),
