@@ -110,7 +110,7 @@ fn explain_window(cause: &str) -> Error {
         );
     }
     if says("xlib's shared libraries") || says("XKBNotFound") || says("could not be loaded") {
-        let library = cause.split_whitespace().find(|word| word.starts_with("lib"));
+        let library = cause.split_whitespace().find(|word| word.starts_with("lib") && word.contains(".so"));
         let what = match library {
             Some(library) => format!("a library that windows take is missing: {library}"),
             None if says("wayland library") => {

@@ -41,11 +41,8 @@ pub enum Kind {
 pub fn first_factor(pixels: usize, seconds_a_pixel: Option<f64>, plays: bool) -> u32 {
     let limit = if plays { IN_A_FRAME } else { AT_ONCE };
     let Some(seconds) = seconds_a_pixel else { return UNKNOWN };
-    let mut factor = 1;
-    while factor < COARSEST && seconds * pixels as f64 / f64::from(factor * factor) > limit {
-        factor *= 2;
-    }
-    factor
+    let factor = (seconds * pixels as f64 / limit).sqrt().ceil();
+    (factor as u32).clamp(1, COARSEST)
 }
 
 /// The passes of a picture that is begun so coarsely.
