@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::{BoxTest, round_away};
-use super::bundle::{FourHits, WoopBundle};
+use super::bundle::{FourHits, Gathered, WoopBundle};
 use super::quad::{LANES, Quad};
 use super::simd::Simd;
 use super::{Bounds, Hit, Ray, Sphere, TriangleHit};
@@ -234,6 +234,12 @@ pub trait Tier: Send + Sync + 'static {
 
     /// The least distance within the ray's ends at which it meets a sphere, from outside or from inside.
     fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64>;
+
+    /// What [`Tier::hit_sphere`] says of each of four rays, as far as that can be told for all at once.
+    #[inline(always)]
+    fn hit_sphere_by_four<S: Simd>(_: &Gathered<S>, _sphere: &Sphere) -> FourHits {
+        FourHits::ONE_BY_ONE
+    }
 
     /// Whether the first of two hits comes before the second: nearer, or as near and of a lower id.
     #[inline(always)]

@@ -7,7 +7,9 @@
 
 use glam::DVec3;
 
-use super::bounds::hold;
+use super::bounds::{DOUBLE_MARGIN, hold};
+use super::bundle::{FourHits, Gathered, RAYS};
+use super::simd::Simd;
 use super::{Bounds, Ray};
 
 /// A sphere, in the numbers of the description.
@@ -52,11 +54,79 @@ impl Sphere {
         within(t0.min(t1)).or_else(|| within(t0.max(t1)))
     }
 
+    /// What [`Sphere::hit`] says of each of four rays, by the same operations in the same order.
+    #[inline(always)]
+    pub fn hit_by_four<S: Simd>(&self, rays: &Gathered<S>) -> FourHits {
+        const ALL: u32 = (1 << RAYS) - 1;
+        let (d, centre) = (rays.direction, self.centre.to_array());
+        let mut f = rays.origin;
+        for (f, centre) in f.iter_mut().zip(centre) {
+            *f = S::d4_sub(*f, S::d4_splat(centre));
+        }
+        let a = dot::<S>(&d, &d);
+        // Times -1 rather than from 0, for the sign of a zero.
+        let b = S::d4_mul(dot::<S>(&f, &d), S::d4_splat(-1.0));
+        let share = S::d4_div(b, a);
+        let mut nearest = f;
+        for (nearest, d) in nearest.iter_mut().zip(d) {
+            *nearest = S::d4_add(*nearest, S::d4_mul(d, share));
+        }
+        let square = S::d4_splat(self.radius * self.radius);
+        let discriminant = S::d4_sub(square, dot::<S>(&nearest, &nearest));
+        let met = !S::d4_lt(discriminant, S::d4_splat(0.0)) & ALL;
+        if met == 0 {
+            return FourHits::NONE;
+        }
+        let q = S::d4_add(b, S::d4_copysign(S::d4_sqrt(S::d4_mul(a, discriminant)), b));
+        let c = S::d4_sub(dot::<S>(&f, &f), square);
+        let (t0, t1) = (S::d4_div(c, q), S::d4_div(q, a));
+        // What is not a number has no order, and rays that do not run along an axis have no distances on it.
+        let mut sure = S::d4_le(t0, t1) | S::d4_le(t1, t0);
+        // As in `hold`.
+        let [min, max] = self.box_in_f64();
+        let mut enter = S::d4_splat(f64::NEG_INFINITY);
+        let mut leave = S::d4_splat(f64::INFINITY);
+        for axis in 0..3 {
+            let inverse = S::d4_div(S::d4_splat(1.0), d[axis]);
+            sure &= S::d4_lt(S::d4_abs(inverse), S::d4_splat(f64::INFINITY));
+            let low = S::d4_mul(S::d4_sub(S::d4_splat(min[axis]), rays.origin[axis]), inverse);
+            let high = S::d4_mul(S::d4_sub(S::d4_splat(max[axis]), rays.origin[axis]), inverse);
+            enter = S::d4_max(S::d4_min(low, high), enter);
+            leave = S::d4_min(S::d4_max(low, high), leave);
+        }
+        let passes = S::d4_le(enter, S::d4_mul(leave, S::d4_splat(DOUBLE_MARGIN)));
+        let held = [S::d4_min(t0, t1), S::d4_max(t0, t1)];
+        let held = [S::d4_max(enter, S::d4_min(leave, held[0])), S::d4_max(enter, S::d4_min(leave, held[1]))];
+        let mut within = [met & sure & passes; 2];
+        for (within, held) in within.iter_mut().zip(held) {
+            *within &= S::d4_lt(rays.t_min, held) & S::d4_lt(held, rays.t_max);
+        }
+        let [first, second] = within;
+        let mut hits =
+            FourHits { hit: first, unsure: met & !sure, t: S::d4_array(held[0]), ..FourHits::NONE };
+        let far = second & !first;
+        if far != 0 {
+            hits.hit |= far;
+            let from_inside = S::d4_array(held[1]);
+            for (lane, (t, from_inside)) in hits.t.iter_mut().zip(from_inside).enumerate() {
+                if far >> lane & 1 != 0 {
+                    *t = from_inside;
+                }
+            }
+        }
+        hits
+    }
+
     /// The point of the surface nearest to `point`, and the outward normal there, of length 1.
     pub fn surface(&self, point: DVec3) -> (DVec3, DVec3) {
         let normal = (point - self.centre).try_normalize().unwrap_or(DVec3::Y);
         (self.centre + normal * self.radius, normal)
     }
+}
+
+#[inline(always)]
+fn dot<S: Simd>([ax, ay, az]: &[S::D4; 3], [bx, by, bz]: &[S::D4; 3]) -> S::D4 {
+    S::d4_add(S::d4_add(S::d4_mul(*ax, *bx), S::d4_mul(*ay, *by)), S::d4_mul(*az, *bz))
 }
 
 #[cfg(test)]
@@ -92,6 +162,64 @@ mod tests {
     fn a_ray_that_starts_on_the_surface_and_leaves_does_not_hit() {
         assert_eq!(hit(&BALL, DVec3::new(0.0, 0.0, 3.0), -DVec3::Z), None);
         assert_eq!(hit(&BALL, DVec3::new(0.0, 0.0, 3.0), DVec3::Z), Some(4.0));
+    }
+
+    /// Of every four rays, one by one and at once.
+    fn four_are_as_one<S: Simd>(sphere: &Sphere, rays: &[Ray]) {
+        for four in rays.chunks(RAYS) {
+            let hits = S::run(
+                #[inline(always)]
+                || sphere.hit_by_four(&Gathered::<S>::new(four, 0)),
+            );
+            for (lane, ray) in four.iter().enumerate() {
+                if hits.unsure >> lane & 1 == 0 {
+                    let found = (hits.hit >> lane & 1 != 0).then_some(hits.t[lane]);
+                    assert_eq!(
+                        found.map(f64::to_bits),
+                        sphere.hit(ray).map(f64::to_bits),
+                        "{sphere:?} {ray:?}"
+                    );
+                } else {
+                    let d = ray.direction;
+                    assert!(
+                        d.cmpeq(DVec3::ZERO).any() || (ray.origin - sphere.centre).dot(d) == 0.0,
+                        "{ray:?}"
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn four_rays_get_the_bits_of_one() {
+        let mut state = 1u64;
+        let mut unit = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+        };
+        for (size, away) in [(1.0, 0.0), (1e-4, 1e4), (1e5, 1.0), (1.0, 3.0)] {
+            let sphere = Sphere { centre: DVec3::new(unit(), unit(), unit()) * away, radius: size };
+            let mut rays = Vec::new();
+            for i in 0..4000 {
+                let mut vector = || DVec3::new(unit(), unit(), unit());
+                let (on, other) = (vector().normalize() * size, vector().normalize() * size);
+                // From outside, from inside, from the surface, from near it and from the centre; through it, beside it, along it.
+                let origin = sphere.centre + on * [3.0, 0.5, 1.0, 1.0 + 1e-9, 0.0, 1e3][i % 6];
+                let towards = sphere.centre + other * [0.7, 1.0, 1.5, 1.0 + 1e-12][i / 6 % 4] - origin;
+                let mut direction = if i % 5 == 0 { on.cross(other) } else { towards }.normalize_or(DVec3::X);
+                if i % 7 == 0 {
+                    direction[i % 3] = 0.0;
+                }
+                let precision = [Precision::Single, Precision::Double][i % 2];
+                let ends = [(0.0, f64::INFINITY), (0.0, 2.0 * size), (1.5 * size, 3.0 * size)][i % 3];
+                rays.push(precision.ray(origin, direction, ends.0, ends.1));
+            }
+            four_are_as_one::<crate::geometry::simd::Portable>(&sphere, &rays);
+            #[cfg(target_arch = "x86_64")]
+            if crate::geometry::simd::Avx2::is_there() {
+                four_are_as_one::<crate::geometry::simd::Avx2>(&sphere, &rays);
+            }
+        }
     }
 
     #[test]

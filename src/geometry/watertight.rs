@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use super::bounds::SingleBoxTest;
-use super::bundle::{FourHits, WoopBundle};
+use super::bundle::{FourHits, Gathered, WoopBundle};
 use super::simd::Simd;
 use super::woop::WoopTest;
 use super::{Quad, Ray, Sphere, Tier, TriangleHit};
@@ -46,5 +46,10 @@ impl Tier for Watertight {
     #[inline(always)]
     fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64> {
         sphere.hit(ray)
+    }
+
+    #[inline(always)]
+    fn hit_sphere_by_four<S: Simd>(rays: &Gathered<S>, sphere: &Sphere) -> FourHits {
+        sphere.hit_by_four(rays)
     }
 }

@@ -1,8 +1,8 @@
 //! Rays that have nothing in common, among so few primitives that looking for the right ones takes longer than testing all.
 
-use super::{NONE, Step, Wide, hit_sphere, hit_triangle};
+use super::{NONE, Step, Wide, hit_sphere, hit_sphere_by_four, hit_triangle};
 use crate::bvh::Tests;
-use crate::geometry::bundle::{RAYS, WoopBundle};
+use crate::geometry::bundle::{Gathered, RAYS, WoopBundle};
 use crate::geometry::quad::LANES;
 use crate::geometry::simd::Simd;
 use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
@@ -54,14 +54,21 @@ impl<T: Tier> Wide<T> {
                     }
                 }
             }
+            let gathered = Gathered::<S>::new(four, 0);
             for (index, (sphere, prim)) in (0..).zip(&self.spheres) {
-                for (place, ray) in four.iter().enumerate() {
-                    if asked >> place & 1 == 0 {
-                        continue;
+                tests.primitives += u64::from(u32::count_ones(asked));
+                let four_hits = hit_sphere_by_four::<T, S>(&gathered, sphere);
+                let mut lanes = (four_hits.hit | four_hits.unsure) & asked;
+                while lanes != 0 {
+                    let place = lanes.trailing_zeros() as usize % RAYS;
+                    lanes &= lanes - 1;
+                    let mut hit = four_hits.at(place, *prim, self.slot_of_sphere(index));
+                    if four_hits.unsure >> place & 1 != 0 {
+                        match hit_sphere::<T>(&four[place % four.len()], sphere) {
+                            Some(t) => hit.t = t,
+                            None => continue,
+                        }
                     }
-                    tests.primitives += 1;
-                    let Some(t) = hit_sphere::<T>(ray, sphere) else { continue };
-                    let hit = Hit { t, prim: *prim, slot: self.slot_of_sphere(index), weights: [0.0; 2] };
                     if let Step::Stop = found(first + place, hit) {
                         asked &= !(1 << place);
                     }

@@ -5,6 +5,7 @@
 //! goes through the tier's own test. With AVX2 and FMA where the machine has them ([`Simd`]), and without them the same answers.
 
 mod answers;
+mod ball;
 mod convert;
 mod few;
 mod frustum;
@@ -21,6 +22,7 @@ pub use node::Child;
 use node::{BoxRay, Content, Node, WIDTH};
 
 use super::Tests;
+use crate::geometry::bundle::{FourHits, Gathered};
 use crate::geometry::quad::LANES;
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::Avx2;
@@ -313,6 +315,12 @@ fn hit_triangle<T: Tier>(
     let lane = slot.0 as usize % LANES;
     let hit = T::hit_triangle(prepared, ray, &group.quad.triangle(lane))?;
     Some(Hit { t: hit.t, prim: PrimId(group.ids[lane]), slot, weights: hit.weights })
+}
+
+/// As [`hit_sphere`], for four rays at once as far as the tier can.
+#[inline(always)]
+fn hit_sphere_by_four<T: Tier, S: Simd>(rays: &Gathered<S>, sphere: &Sphere) -> FourHits {
+    if sphere.radius > 0.0 { T::hit_sphere_by_four(rays, sphere) } else { FourHits::NONE }
 }
 
 #[inline(never)]

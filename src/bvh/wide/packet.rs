@@ -4,15 +4,16 @@
 //! triangles in the plane of (u, v); for each of them that overlaps the packet, blocks of eight rays that it overlaps are
 //! tested by three edge functions in f32, which are linear in u and v. Their error is bounded ([`Edges`]); a ray that is
 //! outside by more than that is outside, and the others are tested by the tier, four at once where it can
-//! ([`Tier::hit_bundle`]).
+//! ([`Tier::hit_bundle`]). A sphere is a quadratic function of u and v ([`Ball`]), and the rest is the same.
 
+use super::ball::Ball;
 use super::frustum::Frustum;
 use super::lanes::{BLOCKS, Lanes};
 use super::node::{Child, Content, WIDTH};
 use super::seen::{Extents, Seen};
-use super::{Wide, hit_sphere};
+use super::{Wide, hit_sphere, hit_sphere_by_four};
 use crate::bvh::Tests;
-use crate::geometry::bundle::{RAYS, WoopBundle};
+use crate::geometry::bundle::{Gathered, RAYS, WoopBundle};
 use crate::geometry::quad::LANES;
 use crate::geometry::simd::Simd;
 use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
@@ -200,17 +201,39 @@ impl<T: Tier> Wide<T> {
         found: &mut impl FnMut(&mut Packet<T>, usize, Hit) -> bool,
     ) {
         let (sphere, prim) = &self.spheres[index as usize];
-        let rays = packet.rays;
-        let mut changed = 0;
-        for (i, ray) in rays.iter().enumerate() {
-            if packet.scratch.active[i / BLOCK] >> (i % BLOCK) & 1 == 0 {
+        let ball = Ball::<S>::new(sphere, &packet.frustum);
+        let mut changed = 0u32;
+        for block in 0..packet.scratch.lanes.blocks % (BLOCKS + 1) {
+            let [u, v, _] = &packet.scratch.lanes.directions;
+            let maybe = ball.meets(u[block], v[block]) & u32::from(packet.scratch.active[block]);
+            if maybe == 0 {
                 continue;
             }
-            tests.primitives += 1;
-            if let Some(t) = hit_sphere::<T>(ray, sphere) {
-                let hit = Hit { t, prim: *prim, slot: self.slot_of_sphere(index), weights: [0.0; 2] };
-                changed |= u32::from(found(packet, i, hit)) << (i / BLOCK);
+            let mut hit_any = false;
+            for half in 0..BLOCK / RAYS {
+                let asked = maybe >> (half * RAYS) & ((1 << RAYS) - 1);
+                if asked == 0 {
+                    continue;
+                }
+                tests.primitives += u64::from(asked.count_ones());
+                let first = block * BLOCK + half * RAYS;
+                let hits = hit_sphere_by_four::<T, S>(&Gathered::new(packet.rays, first), sphere);
+                let mut lanes = (hits.hit | hits.unsure) & asked;
+                while lanes != 0 {
+                    let place = lanes.trailing_zeros() as usize % RAYS;
+                    lanes &= lanes - 1;
+                    let ray = first + place;
+                    let mut hit = hits.at(place, *prim, self.slot_of_sphere(index));
+                    if hits.unsure >> place & 1 != 0 {
+                        match hit_sphere::<T>(&packet.rays[ray], sphere) {
+                            Some(t) => hit.t = t,
+                            None => continue,
+                        }
+                    }
+                    hit_any |= found(packet, ray, hit);
+                }
             }
+            changed |= u32::from(hit_any) << block;
         }
         packet.shorten::<S>(changed);
     }

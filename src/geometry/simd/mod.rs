@@ -109,6 +109,10 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn d4_min(a: Self::D4, b: Self::D4) -> Self::D4;
     /// |a|
     fn d4_abs(a: Self::D4) -> Self::D4;
+    /// The root, rounded to the nearest as division is.
+    fn d4_sqrt(a: Self::D4) -> Self::D4;
+    /// |a| with the sign of b.
+    fn d4_copysign(a: Self::D4, b: Self::D4) -> Self::D4;
     /// Where a is at most b.
     fn d4_le(a: Self::D4, b: Self::D4) -> u32;
     /// Where a is less than b.

@@ -192,6 +192,16 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn d4_sqrt(a: [f64; 4]) -> [f64; 4] {
+        each(a, a, |a, _| a.sqrt())
+    }
+
+    #[inline(always)]
+    fn d4_copysign(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        each(a, b, |a, b| a.copysign(b))
+    }
+
+    #[inline(always)]
     fn d4_le(a: [f64; 4], b: [f64; 4]) -> u32 {
         mask(a, b, |a, b| a <= b)
     }

@@ -308,6 +308,21 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
+    fn d4_sqrt(a: __m256d) -> __m256d {
+        // SAFETY: see [`Avx2`].
+        unsafe { _mm256_sqrt_pd(a) }
+    }
+
+    #[inline(always)]
+    fn d4_copysign(a: __m256d, b: __m256d) -> __m256d {
+        // SAFETY: see [`Avx2`].
+        unsafe {
+            let sign = _mm256_set1_pd(-0.0);
+            _mm256_or_pd(_mm256_andnot_pd(sign, a), _mm256_and_pd(sign, b))
+        }
+    }
+
+    #[inline(always)]
     fn d4_le(a: __m256d, b: __m256d) -> u32 {
         // SAFETY: see [`Avx2`].
         unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a, b)) as u32 }
