@@ -29,6 +29,8 @@ pub struct Loader {
     threads: Arc<rayon::ThreadPool>,
     wake: Arc<dyn Fn() + Send + Sync>,
     number: u64,
+    /// The last request that was answered.
+    answered: u64,
     sender: Sender<Loaded>,
     loaded: Receiver<Loaded>,
 }
@@ -37,7 +39,7 @@ impl Loader {
     /// Has files opened by `open` on `threads`, and calls `wake` when some are.
     pub fn new(open: Open, threads: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let (sender, loaded) = channel();
-        Loader { open: Arc::new(open), threads, wake: Arc::new(wake), number: 0, sender, loaded }
+        Loader { open: Arc::new(open), threads, wake: Arc::new(wake), number: 0, answered: 0, sender, loaded }
     }
 
     /// Reads files; what was asked for before is no longer wanted.
@@ -56,7 +58,14 @@ impl Loader {
     }
 
     /// What was asked for last, once it is there.
-    pub fn loaded(&self) -> Option<Loaded> {
-        self.loaded.try_iter().filter(|loaded| loaded.number == self.number).last()
+    pub fn loaded(&mut self) -> Option<Loaded> {
+        let loaded = self.loaded.try_iter().filter(|loaded| loaded.number == self.number).last()?;
+        self.answered = loaded.number;
+        Some(loaded)
+    }
+
+    /// Whether files are being read.
+    pub fn is_reading(&self) -> bool {
+        self.answered < self.number
     }
 }

@@ -101,7 +101,8 @@ impl App {
             ui.label(match (painted, self.is_building) {
                 (_, true) => "building".to_owned(),
                 (Some(painted), _) => panel::work(painted),
-                (None, _) => "loading".to_owned(),
+                (None, _) if self.loader.is_reading() || self.opened.is_some() => "loading".to_owned(),
+                (None, _) => "nothing to show yet".to_owned(),
             });
             for what in painted.map(odd).into_iter().flatten().chain(self.warnings.iter().cloned()) {
                 ui.separator();
