@@ -94,8 +94,7 @@ pub fn check(arguments: &Arguments) -> Result<()> {
 impl Arguments {
     /// How far shading goes.
     pub fn shading(&self) -> ShadingMode {
-        let modes = [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Phong];
-        modes.into_iter().find(|mode| mode.name() == self.shading).unwrap_or_default()
+        ShadingMode::ALL.into_iter().find(|mode| mode.name() == self.shading).unwrap_or_default()
     }
 
     /// The colour pipeline that the user wants instead of the scene's.

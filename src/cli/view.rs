@@ -38,6 +38,9 @@ pub fn run(command: &Command) -> Result<()> {
             "give a file, which it can read again",
         ));
     }
+    if let Some(missing) = what.inputs.iter().find(|input| !input.exists()) {
+        return Err(Error::input(missing.as_path(), "no such file", "check the name and the folder"));
+    }
     let threads = super::pool(what.threads)?;
     let own = what.clone();
     viewer::run(Start {

@@ -32,6 +32,10 @@ pub enum ShadingMode {
 }
 
 impl ShadingMode {
+    /// Every mode, from the least to all.
+    pub const ALL: [ShadingMode; 4] =
+        [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Phong];
+
     /// The name as typed by users.
     pub fn name(self) -> &'static str {
         match self {

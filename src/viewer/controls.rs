@@ -191,9 +191,8 @@ impl Controls {
 
     /// The next shading mode.
     pub fn next_shading(&mut self) {
-        let modes = [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Phong];
         let shading = &mut self.settings().choices.shading;
-        *shading = next(&modes, *shading);
+        *shading = next(&ShadingMode::ALL, *shading);
     }
 
     /// The next tier.

@@ -1,6 +1,6 @@
-//! The keys: one table for what they do and for what `?` lists.
+//! The keys: what they do, and how `?` lists them.
 
-use egui::{Event, InputState, Key, Modifiers};
+use egui::{Context, Event, InputState, Key, Modifiers};
 use glam::{DVec2, DVec3};
 
 /// What a key does at once.
@@ -44,7 +44,7 @@ pub enum Action {
     Panel,
     /// The whole screen or a window.
     FullScreen,
-    /// Dark, light, or as the system has it.
+    /// Dark or light.
     Theme,
     /// The list of keys.
     Help,
@@ -54,7 +54,7 @@ pub enum Action {
 
 use crate::world::StandardView::{Back, Bottom, Front, Iso, Left, Right, Top};
 
-/// A key with its modifiers, what it does, and how the list says it.
+/// A key with its modifiers, and what it does.
 pub struct Binding {
     modifiers: Modifiers,
     key: Key,
@@ -120,7 +120,7 @@ const BINDINGS: &[Binding] = &[
 pub const LIST: &[(&str, &str)] = &[
     ("Drag", "orbit"),
     ("Shift + drag, right or middle button", "pan"),
-    ("Wheel, + and -", "zoom, to what is under the mouse"),
+    ("Wheel", "zoom, to what is under the mouse; + and - to the middle"),
     ("Ctrl + drag", "look around"),
     ("W A S D, Q E", "fly; with Shift faster"),
     ("Arrows", "orbit"),
@@ -146,14 +146,48 @@ pub const LIST: &[(&str, &str)] = &[
     ("Tab", "from one control to the next; Space or arrows change it"),
     ("T", "dark or light"),
     ("F11", "full screen"),
+    ("Esc", "close what is open"),
     ("? or F1", "these keys"),
 ];
 
-/// What the keys that were pressed do. `has_focus` says whether a control has the keyboard, which then gets Enter, Space and arrows.
-pub fn actions(input: &mut InputState, has_focus: bool) -> Vec<Action> {
+/// Who has the keyboard.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Focus {
+    /// The picture.
+    Picture,
+    /// A control, which gets Enter, Space and arrows.
+    Control,
+    /// A control whose number or text is being typed: it gets all that can be typed.
+    Text,
+}
+
+impl Focus {
+    /// Of this frame.
+    pub fn of(context: &Context) -> Focus {
+        match (context.text_edit_focused(), context.egui_wants_keyboard_input()) {
+            (true, _) => Focus::Text,
+            (false, true) => Focus::Control,
+            (false, false) => Focus::Picture,
+        }
+    }
+
+    /// Whether a key is the control's.
+    fn takes(self, modifiers: Modifiers, key: Key) -> bool {
+        let is_of_controls = matches!(key, Key::Enter | Key::Space | Key::Escape);
+        let is_typed = !modifiers.command && !(Key::F1..=Key::F12).contains(&key);
+        match self {
+            Focus::Picture => false,
+            Focus::Control => is_of_controls,
+            Focus::Text => is_of_controls || is_typed,
+        }
+    }
+}
+
+/// What the keys that were pressed do.
+pub fn actions(input: &mut InputState, focus: Focus) -> Vec<Action> {
     let mut actions = Vec::new();
     for Binding { modifiers, key, action } in BINDINGS {
-        if has_focus && matches!(key, Key::Enter | Key::Space | Key::Escape) {
+        if focus.takes(*modifiers, *key) {
             continue;
         }
         for _ in 0..input.count_and_consume_key(*modifiers, *key) {
@@ -181,7 +215,7 @@ pub struct Drive {
 
 impl Held {
     /// Takes in what was pressed and let go. Arrows belong to a control that has the keyboard.
-    pub fn look(&mut self, input: &InputState, has_focus: bool) {
+    pub fn look(&mut self, input: &InputState, focus: Focus) {
         if !input.focused {
             // Who lets go elsewhere is not heard here.
             self.0.clear();
@@ -189,7 +223,10 @@ impl Held {
         for event in &input.events {
             let Event::Key { key, pressed, modifiers, .. } = event else { continue };
             let arrows = [Key::ArrowLeft, Key::ArrowRight, Key::ArrowUp, Key::ArrowDown];
-            let is_others = modifiers.command || modifiers.alt || has_focus && arrows.contains(key);
+            let is_others = modifiers.command
+                || modifiers.alt
+                || focus == Focus::Text
+                || focus == Focus::Control && arrows.contains(key);
             self.0.retain(|held| held != key);
             if *pressed && !is_others {
                 self.0.push(*key);
@@ -198,18 +235,67 @@ impl Held {
     }
 
     /// What keys do now.
-    pub fn drive(&self, input: &InputState, has_focus: bool) -> Drive {
+    pub fn drive(&self, input: &InputState, focus: Focus) -> Drive {
         let axis = |minus: Key, plus: Key| {
             f64::from(i8::from(self.0.contains(&plus)) - i8::from(self.0.contains(&minus)))
         };
         use Key::{A, ArrowDown, ArrowLeft, ArrowRight, ArrowUp, D, E, Q, S, W};
         let presses = |key: Key| input.num_presses(key) as f64;
-        let is_plain = !has_focus && !input.modifiers.command;
+        let is_plain = focus == Focus::Picture && !input.modifiers.command;
         let zoom = presses(Key::Plus) + presses(Key::Equals) - presses(Key::Minus);
         Drive {
             fly: DVec3::new(axis(A, D), axis(Q, E), axis(S, W)),
             orbit: DVec2::new(axis(ArrowLeft, ArrowRight), axis(ArrowDown, ArrowUp)),
             zoom: if is_plain { zoom } else { 0.0 },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pressed(key: Key, modifiers: Modifiers) -> InputState {
+        let mut input = InputState::default();
+        let event = Event::Key { key, physical_key: Some(key), pressed: true, repeat: false, modifiers };
+        input.events.push(event);
+        input.focused = true;
+        input
+    }
+
+    #[test]
+    fn what_is_typed_into_a_field_does_nothing_else() {
+        let plain = Modifiers::NONE;
+        for key in [Key::Num1, Key::Num5, Key::Period, Key::Backspace, Key::C, Key::Enter, Key::Space] {
+            assert_eq!(actions(&mut pressed(key, plain), Focus::Text), [], "{key:?}");
+            assert_eq!(actions(&mut pressed(key, plain), Focus::Picture).len(), 1, "{key:?}");
+        }
+        for (key, modifiers) in [(Key::F5, plain), (Key::S, Modifiers::COMMAND)] {
+            assert_eq!(actions(&mut pressed(key, modifiers), Focus::Text).len(), 1, "{key:?}");
+        }
+        // A control by itself gets what it is worked with.
+        for (key, count) in [(Key::Space, 0), (Key::Enter, 0), (Key::C, 1)] {
+            assert_eq!(actions(&mut pressed(key, plain), Focus::Control).len(), count, "{key:?}");
+        }
+    }
+
+    #[test]
+    fn keys_fly_while_they_are_held_and_not_with_control() {
+        let fly = |key, modifiers, focus| {
+            let mut held = Held::default();
+            let input = pressed(key, modifiers);
+            held.look(&input, focus);
+            held.drive(&input, focus)
+        };
+        assert_eq!(fly(Key::W, Modifiers::NONE, Focus::Picture).fly, DVec3::Z);
+        assert_eq!(fly(Key::S, Modifiers::NONE, Focus::Control).fly, -DVec3::Z);
+        assert_eq!(fly(Key::ArrowUp, Modifiers::NONE, Focus::Picture).orbit, DVec2::Y);
+        for (key, modifiers, focus) in [
+            (Key::S, Modifiers::COMMAND, Focus::Picture),
+            (Key::W, Modifiers::NONE, Focus::Text),
+            (Key::ArrowUp, Modifiers::NONE, Focus::Control),
+        ] {
+            assert_eq!(fly(key, modifiers, focus), Drive::default(), "{key:?}");
         }
     }
 }

@@ -38,7 +38,7 @@ pub fn show(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Tra
     ui.separator();
     comparison(ui, shows, controls, trace);
     let painted = shows.painted[controls.side];
-    how(ui, shows, controls, trace);
+    how(ui, controls, trace);
     ui.separator();
     if let Some(painted) = painted {
         effects(ui, painted, controls.settings(), trace);
@@ -111,7 +111,9 @@ fn camera(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace
     let slider =
         ui.add(Slider::new(&mut degrees, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true));
     place(ui, trace, "field of view", &slider);
-    if slider.changed() {
+    // A control that gets the keyboard reads its own digits back, which are fewer than the angle's.
+    let before = navigate::field_of_view(seen).to_degrees();
+    if slider.changed() && (degrees - before).abs() > 1e-3 * before {
         controls.navigate(Some(seen), |camera| navigate::set_field_of_view(camera, degrees.to_radians()));
     }
     let shown = ComboBox::from_label("shown").selected_text(controls.shown.name()).show_ui(ui, |ui| {
@@ -164,10 +166,9 @@ fn comparison(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut T
     }
 }
 
-fn how(ui: &mut Ui, _shows: &Shows, controls: &mut Controls, trace: &mut Trace) {
+fn how(ui: &mut Ui, controls: &mut Controls, trace: &mut Trace) {
     let settings = controls.settings();
-    let modes = [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Phong];
-    choice(ui, trace, "shading", &mut settings.choices.shading, &modes, ShadingMode::name);
+    choice(ui, trace, "shading", &mut settings.choices.shading, &ShadingMode::ALL, ShadingMode::name);
     choice(ui, trace, "numerics", &mut settings.numerics, &Numerics::ALL, Numerics::name);
     let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
     choice(ui, trace, "colour", &mut settings.pipeline, &pipelines, ColourPipeline::name);
@@ -209,7 +210,7 @@ fn choice<T: PartialEq + Copy>(
 
 fn effects(ui: &mut Ui, painted: &Painted, settings: &mut Settings, trace: &mut Trace) {
     let statistics = &painted.statistics;
-    Grid::new("effects").num_columns(3).striped(true).show(ui, |ui| {
+    Grid::new("effects").num_columns(3).spacing([14.0, 4.0]).striped(true).show(ui, |ui| {
         ui.label(RichText::new("effect").weak());
         ui.label(RichText::new("rays").weak());
         ui.label(RichText::new("thread ms").weak());

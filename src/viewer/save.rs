@@ -17,11 +17,14 @@ use crate::film::write::{Format, Picture, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::render::{Clock, Watch, render_as};
 
-/// The first name that no file has yet: `NAME.ENDING`, `NAME-2.ENDING`, ...
-pub fn free_name(stem: &str, ending: &str) -> PathBuf {
+/// The first name that no file has yet, nor one that is being saved: `NAME.ENDING`, `NAME-2.ENDING`, ...
+pub fn free_name(stem: &str, ending: &str, saving: &[PathBuf]) -> PathBuf {
     let plain = PathBuf::from(format!("{stem}.{ending}"));
     let numbered = (2..).map(|number| PathBuf::from(format!("{stem}-{number}.{ending}")));
-    std::iter::once(plain).chain(numbered).find(|name| !name.exists()).unwrap_or_default()
+    std::iter::once(plain)
+        .chain(numbered)
+        .find(|name| !name.exists() && !saving.contains(name))
+        .unwrap_or_default()
 }
 
 /// What saved files are called after: the first input, without its ending.
@@ -37,13 +40,13 @@ pub fn picture(
     command: String,
     file: PathBuf,
     threads: Arc<rayon::ThreadPool>,
-    tell: Sender<Result<PathBuf>>,
+    tell: Sender<(PathBuf, Result<()>)>,
     wake: impl FnOnce() + Send + 'static,
 ) {
     std::thread::spawn(move || {
         let done = threads.install(|| write(&prepared, &settings, command, &file));
         // Nobody listens to a window that closes.
-        let _ = tell.send(done.map(|()| file));
+        let _ = tell.send((file, done));
         wake();
     });
 }

@@ -20,14 +20,15 @@ pub fn show(ui: &mut Ui, timeline: &Timeline, duration: f64, controls: &mut Cont
         ui.spacing_mut().slider_width = (ui.available_width() - 190.0).max(100.0);
         let slider = ui.add(Slider::new(&mut frame, 0..=timeline.last()).text("frame"));
         trace.place("scrub", slider.rect, scale);
+        // A slider that has the keyboard moves by arrows; Space plays all the same.
+        let is_typed = ui.ctx().text_edit_focused();
+        if slider.has_focus() && !is_typed && ui.input(|input| input.key_pressed(Key::Space)) {
+            controls.play();
+        }
         if slider.changed() {
             controls.playing = None;
             controls.go_to(timeline, frame);
         }
         ui.label(format!("{:.2} of {duration:.2} s", f64::from(frame) / timeline.fps()));
     });
-    // A slider that has the keyboard moves by arrows; Space plays all the same.
-    if ui.input(|input| input.key_pressed(Key::Space)) && ui.ctx().egui_wants_keyboard_input() {
-        controls.play();
-    }
 }

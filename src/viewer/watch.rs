@@ -4,7 +4,7 @@
 //! still. Asking is cheap, a microsecond a file. Being told by the system is not what it seems: it does not speak of network shares,
 //! and a file that an editor replaces by renaming another is no longer the one that was watched.
 //!
-//! The worker's reading of a scene says which files there are ([`crate::import::load_and_list`]); this knows nothing of
+//! The loader's reading of a scene says which files there are ([`crate::import::load_and_list`]); this knows nothing of
 //! scenes, nor what is done about a change.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};

@@ -13,7 +13,7 @@ use crate::viewer::canvas::Done;
 use crate::viewer::controls::next;
 use crate::viewer::false_colour::Shown;
 use crate::viewer::inspect::inspect;
-use crate::viewer::keys::{self, Action, Drive};
+use crate::viewer::keys::{self, Action, Drive, Focus};
 use crate::viewer::look::From;
 use crate::viewer::words::{Picture, Said, SeenFrom, command_line};
 use crate::viewer::{navigate, save, say};
@@ -22,14 +22,14 @@ use crate::world::StandardView;
 impl App {
     /// Does what keys ask for.
     pub(super) fn keys(&mut self, context: &Context) {
-        let has_focus = context.egui_wants_keyboard_input();
-        let actions = context.input_mut(|input| keys::actions(input, has_focus));
+        let focus = Focus::of(context);
+        let actions = context.input_mut(|input| keys::actions(input, focus));
         for action in actions {
             self.trace.say("key", json!({ "action": format!("{action:?}") }));
             self.act(context, action);
         }
-        context.input(|input| self.held.look(input, has_focus));
-        let drive = context.input(|input| self.held.drive(input, has_focus));
+        context.input(|input| self.held.look(input, focus));
+        let drive = context.input(|input| self.held.drive(input, focus));
         if drive == Drive::default() {
             return;
         }
@@ -133,7 +133,13 @@ impl App {
 
     /// Where a picture would be saved.
     fn output(&self) -> PathBuf {
-        save::free_name(&save::stem(&self.inputs), "png")
+        let stem = save::stem(&self.inputs);
+        let timeline = self.opened.as_ref().and_then(|opened| timeline(opened));
+        let name = match (timeline, &self.controls) {
+            (Some(timeline), Some(controls)) => format!("{stem}-{:04}", controls.frame(&timeline)),
+            _ => stem,
+        };
+        save::free_name(&name, "png", &self.saving)
     }
 
     /// The command line that renders what is seen.
@@ -179,6 +185,8 @@ impl App {
             return self.said(done, &file);
         }
         let prepared = Arc::clone(&painted.prepared);
+        self.saving.push(file.clone());
+        self.tell(format!("saving {}", file.display()));
         let command = self.command(&file).unwrap_or_default();
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());
         save::picture(prepared, settings, command, file, threads, sender, move || context.request_repaint());
@@ -187,12 +195,13 @@ impl App {
     /// Saves the camera as a section of a scene file.
     fn save_camera(&mut self) {
         let Some(camera) = self.seen() else { return };
-        let file = save::free_name(&format!("{}-camera", save::stem(&self.inputs)), "toml");
+        let file = save::free_name(&format!("{}-camera", save::stem(&self.inputs)), "toml", &[]);
         let done = save::text(&file, &camera.to_section());
         self.said(done, &file);
     }
 
-    fn said(&mut self, done: Result<()>, file: &std::path::Path) {
+    /// Says what became of a file.
+    pub(super) fn said(&mut self, done: Result<()>, file: &std::path::Path) {
         match done {
             Ok(()) => self.tell(format!("saved {}", file.display())),
             Err(e) => self.fail(say(&e)),

@@ -19,7 +19,7 @@ impl App {
         let App { pauses, trace, .. } = self;
         let Some(report) = pauses.as_mut().and_then(|pauses| pauses.frame(context, trace)) else { return };
         if let Ok(mut own) = self.report.lock() {
-            *own = Some(report);
+            own.printed = Some(report);
         }
         self.pauses = None;
         context.send_viewport_cmd(ViewportCommand::Close);

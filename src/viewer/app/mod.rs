@@ -25,7 +25,7 @@ use super::painter::{Comparison, News, Painter, Prepared};
 use super::trace::{Pauses, Trace};
 use super::watch::Watcher;
 use super::{Start, display, name_of};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::animation::Timeline;
 use frame::PANEL;
 
@@ -71,11 +71,12 @@ pub fn run(start: Start) -> Result<()> {
             }),
         )
     })?;
-    let report = report.lock().ok().and_then(|mut report| report.take());
-    if let Some(report) = report {
-        print!("{report}");
+    let Outcome { printed, error } =
+        report.lock().map(|mut report| std::mem::take(&mut *report)).unwrap_or_default();
+    if let Some(printed) = printed {
+        print!("{printed}");
     }
-    Ok(())
+    error.map_or(Ok(()), Err)
 }
 
 /// What is shown besides the picture. Remembered.
@@ -94,7 +95,9 @@ struct App {
     /// Whether they have.
     changed: Arc<AtomicBool>,
     /// Files that were saved, or what went wrong.
-    saved: (Sender<Result<PathBuf>>, Receiver<Result<PathBuf>>),
+    saved: (Sender<Saved>, Receiver<Saved>),
+    /// Files that are being saved.
+    saving: Vec<PathBuf>,
     inputs: Vec<PathBuf>,
     opened: Option<Arc<Opened>>,
     controls: Option<Controls>,
@@ -124,6 +127,9 @@ struct App {
     report: Report,
 }
 
+/// A file that was saved, or what went wrong.
+type Saved = (PathBuf, Result<()>);
+
 /// Which size the picture has at first.
 enum FirstSize {
     /// The user's.
@@ -134,8 +140,16 @@ enum FirstSize {
     Windows,
 }
 
-/// What is printed when the window is closed.
-type Report = Arc<Mutex<Option<String>>>;
+/// What is said when the window is closed.
+#[derive(Default)]
+struct Outcome {
+    /// What is printed.
+    printed: Option<String>,
+    /// Why it was closed, where that was not the user's wish.
+    error: Option<Error>,
+}
+
+type Report = Arc<Mutex<Outcome>>;
 
 impl App {
     fn new(creation: &eframe::CreationContext, start: Start, trace: Trace, report: Report) -> Self {
@@ -161,6 +175,7 @@ impl App {
             watcher: None,
             changed: Arc::default(),
             saved: channel(),
+            saving: Vec::new(),
             inputs: start.inputs,
             opened: None,
             controls: None,

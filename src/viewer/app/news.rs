@@ -7,6 +7,7 @@ use egui::{Context, ViewportCommand};
 use serde_json::json;
 
 use super::App;
+use crate::error::Error;
 use crate::import::FileRead;
 use crate::viewer::controls::Controls;
 use crate::viewer::loader::Loaded;
@@ -25,11 +26,9 @@ impl App {
         if let Some(loaded) = self.loader.loaded() {
             self.take(context, loaded);
         }
-        while let Ok(saved) = self.saved.1.try_recv() {
-            match saved {
-                Ok(file) => self.tell(format!("saved {}", file.display())),
-                Err(e) => self.fail(say(&e)),
-            }
+        while let Ok((file, done)) = self.saved.1.try_recv() {
+            self.saving.retain(|other| *other != file);
+            self.said(done, &file);
         }
         let all: Vec<News> = self.painter.news().collect();
         all.into_iter().for_each(|news| self.take_news(context, news));
@@ -57,6 +56,8 @@ impl App {
         }
         let opened = match result {
             Ok(opened) => Arc::new(opened),
+            // What was asked for cannot be: no other file will put it right.
+            Err(e @ Error::Usage { .. }) if self.opened.is_none() => return self.give_up(context, e),
             // The last good picture stays.
             Err(e) => return self.fail(say(&e)),
         };
@@ -73,6 +74,14 @@ impl App {
         self.notice.take_if(|notice| notice.is_error);
         self.trace.say("opened", json!({ "files": watched }));
         self.opened = Some(opened);
+    }
+
+    /// Closes the window because of an error.
+    fn give_up(&mut self, context: &Context, e: Error) {
+        if let Ok(mut report) = self.report.lock() {
+            report.error = Some(e);
+        }
+        context.send_viewport_cmd(ViewportCommand::Close);
     }
 
     /// Watches the files of the scene, also where they could not be used.
