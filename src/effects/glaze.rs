@@ -84,7 +84,9 @@ fn least_weight(asked: &Asked) -> f64 {
     let weights = world.materials_in_use().filter_map(|(_, material)| Some(mirror(material)?.weight));
     // Of the path to the last surface that could send a ray.
     let least = weights.fold(0.0, f64::max).powf(f64::from(most_bounces(asked).saturating_sub(1)));
-    let never = asked.value.as_deref() == Some(EVERY_BOUNCE) || world.pipeline == ColourPipeline::U8 || least >= LEAST_WEIGHT;
+    let never = asked.value.as_deref() == Some(EVERY_BOUNCE)
+        || world.pipeline == ColourPipeline::U8
+        || least >= LEAST_WEIGHT;
     if never { 0.0 } else { LEAST_WEIGHT }
 }
 
@@ -134,7 +136,9 @@ fn reflect(own: &mut Buffers, &Reflect { least, most }: &Reflect, tile: &mut Til
     let (depth, surfaces) = (tile.depth, &tile.levels[tile.depth].surfaces);
     glazed.clear();
     for (material, range) in surfaces.by_material() {
-        if mirror(&world.materials[*material as usize]).is_some_and(|glaze| depth < glaze.bounces.min(most) as usize) {
+        if mirror(&world.materials[*material as usize])
+            .is_some_and(|glaze| depth < glaze.bounces.min(most) as usize)
+        {
             match glazed.last_mut() {
                 Some(last) if last.end == range.start => last.end = range.end,
                 _ => glazed.push(range.clone()),
