@@ -1,8 +1,8 @@
 //! The window: a scene that one can walk around in, and see what each effect does and costs.
 //!
 //! Two threads beside the interface's own. The *loader* reads files; the *painter* renders, coarse to fine, what it was asked for
-//! last ([`painter`]). The interface never waits for either: it says what it wants to see ([`look::Order`]), and shows what it was
-//! given last. What a picture follows from is plain data ([`look`]); two orders that are equal have equal pictures.
+//! last (`painter`). The interface never waits for either: it says what it wants to see (`look::Order`), and shows what it was
+//! given last. What a picture follows from is plain data (`look`); two orders that are equal have equal pictures.
 
 mod app;
 mod canvas;

@@ -208,7 +208,7 @@ impl Target {
 /// Renders to a target, on the current rayon pool.
 ///
 /// # Errors
-/// As those of [`crate::render::render`] and [`Plan::new`]; [`Error::Usage`] where antialiasing is turned off.
+/// As those of [`crate::render::render`] and [`Plan::new`]; [`crate::error::Error::Usage`] where antialiasing is turned off.
 pub fn render(subject: &mut Subject, wish: &Wish, watch: &Watch, clock: Clock) -> Result<Chosen> {
     let mut taker = Taker::new(subject, watch, clock)?;
     let target = wish.accuracy.map(|(metric, value)| Target { metric, value });
