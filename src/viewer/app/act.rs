@@ -15,6 +15,7 @@ use crate::viewer::false_colour::Shown;
 use crate::viewer::inspect::inspect;
 use crate::viewer::keys::{self, Action, Drive, Focus};
 use crate::viewer::look::From;
+use crate::viewer::overlay::Notice;
 use crate::viewer::words::{Picture, Said, SeenFrom, command_line};
 use crate::viewer::{navigate, save, say};
 use crate::world::StandardView;
@@ -186,7 +187,9 @@ impl App {
         }
         let prepared = Arc::clone(&painted.prepared);
         self.saving.push(file.clone());
-        self.tell(format!("saving {}", file.display()));
+        let text = format!("saving {}", file.display());
+        self.trace.say("saving", json!({ "text": text }));
+        self.notice = Some(Notice::new(text, false));
         let command = self.command(&file).unwrap_or_default();
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());
         save::picture(prepared, settings, command, file, threads, sender, move || context.request_repaint());

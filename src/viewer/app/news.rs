@@ -105,7 +105,8 @@ impl App {
             News::Painted(painted) => self.take_picture(context, painted, newest),
             News::Compared(order, comparison) if order == newest => {
                 let (max, rmse, flip) = (comparison.max, comparison.rmse, comparison.flip);
-                self.trace.say("compared", json!({ "max": max, "rmse": rmse, "flip": flip }));
+                let what = json!({ "order": order, "max": max, "rmse": rmse, "flip": flip });
+                self.trace.say("compared", what);
                 self.comparison = Some(comparison);
             }
             News::Compared(..) => {}
