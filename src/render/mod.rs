@@ -6,7 +6,7 @@
 pub mod aov;
 mod statistics;
 
-pub use statistics::{Bill, StageTime, Statistics};
+pub use statistics::{Bill, StageTime, Statistics, grouped};
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

@@ -142,3 +142,27 @@ impl Statistics {
         self.rays.iter().find(|(known, _)| *known == kind).map_or(RayCount::default(), |(_, count)| *count)
     }
 }
+
+/// A count in decimal digits, with `separator` between every three.
+pub fn grouped(number: u64, separator: char) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(separator);
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_three_digits_are_apart() {
+        let counts = [0, 999, 1000, 1_048_576].map(|number| grouped(number, ' '));
+        assert_eq!(counts, ["0", "999", "1 000", "1 048 576"]);
+    }
+}

@@ -24,7 +24,7 @@ const POLE: f64 = 1e-5;
 /// Sines below this are rounding: is a camera level, is its up at right angles to its direction.
 const LEVEL: f64 = 1e-9;
 
-/// How near the target the camera comes, relative to the target's coordinates: twenty digits of f64 remain for its direction.
+/// How near the target the camera comes, relative to the target's coordinates: twenty of the 53 bits of f64 remain for its direction.
 const NEAREST: f64 = 1.0 / (1u64 << 32) as f64;
 
 /// Angles of view that can be set, in radians.

@@ -11,6 +11,7 @@ use super::painter::{Comparison, Painted};
 use super::trace::Trace;
 use crate::effects::{Decision, RayKind};
 use crate::film::{ColourPipeline, FilterShape};
+use crate::render::grouped;
 use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
@@ -294,23 +295,5 @@ fn milliseconds(time: std::time::Duration) -> String {
 
 /// A number with its thousands apart.
 fn count(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(' ');
-        }
-        text.push(digit);
-    }
-    text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn thousands_are_apart() {
-        assert_eq!([count(0), count(999), count(1000), count(1_048_576)], ["0", "999", "1 000", "1 048 576"]);
-    }
+    grouped(number, ' ')
 }

@@ -1,7 +1,6 @@
 //! Saving what is seen.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Sender;
 
@@ -33,25 +32,26 @@ pub fn stem(inputs: &[PathBuf]) -> String {
     Path::new(&name).file_stem().map_or(name.clone(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// Renders the whole picture as commands do and writes it, beside the interface, which is told where, or what went wrong.
-pub fn picture(
-    prepared: Arc<Prepared>,
-    settings: Settings,
-    command: String,
+/// Writes a file by `work` beside the interface, which is told what became of it.
+pub fn beside(
     file: PathBuf,
-    threads: Arc<rayon::ThreadPool>,
     tell: Sender<(PathBuf, Result<()>)>,
     wake: impl FnOnce() + Send + 'static,
+    work: impl FnOnce(&Path) -> Result<()> + Send + 'static,
 ) {
     std::thread::spawn(move || {
-        let done = threads.install(|| write(&prepared, &settings, command, &file));
+        let done = work(&file);
         // Nobody listens to a window that closes.
         let _ = tell.send((file, done));
         wake();
     });
 }
 
-fn write(prepared: &Prepared, settings: &Settings, command: String, file: &Path) -> Result<()> {
+/// Renders the whole picture as commands do and writes it.
+///
+/// # Errors
+/// Those of rendering, and [`crate::error::Error::Output`] where it cannot be written.
+pub fn picture(prepared: &Prepared, settings: &Settings, command: String, file: &Path) -> Result<()> {
     let mut world = prepared.world.clone();
     world.sampling = settings.sampling;
     let plan = Plan::new(&world, &settings.choices)?;

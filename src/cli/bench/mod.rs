@@ -77,15 +77,7 @@ fn aligned(lines: &[Vec<String>], left: usize) -> String {
 
 /// With a comma before every three digits.
 fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
+    crate::render::grouped(number, ',')
 }
 
 /// With three digits.

@@ -181,18 +181,18 @@ impl App {
         let settings = controls.sides[side].clone();
         let file = self.output();
         let Some(painted) = self.canvas.painted(side) else { return };
-        if shown != Shown::Picture {
-            let done = save::colours(&painted.image, &file);
-            return self.said(done, &file);
-        }
-        let prepared = Arc::clone(&painted.prepared);
-        self.saving.push(file.clone());
+        let (image, prepared) = (Arc::clone(&painted.image), Arc::clone(&painted.prepared));
+        let command = self.command(&file).unwrap_or_default();
         let text = format!("saving {}", file.display());
         self.trace.say("saving", json!({ "text": text }));
         self.notice = Some(Notice::new(text, false));
-        let command = self.command(&file).unwrap_or_default();
+        self.saving.push(file.clone());
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());
-        save::picture(prepared, settings, command, file, threads, sender, move || context.request_repaint());
+        let wake = move || context.request_repaint();
+        save::beside(file, sender, wake, move |file| match shown {
+            Shown::Picture => threads.install(|| save::picture(&prepared, &settings, command, file)),
+            _ => save::colours(&image, file),
+        });
     }
 
     /// Saves the camera as a section of a scene file.

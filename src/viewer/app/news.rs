@@ -30,6 +30,10 @@ impl App {
             self.saving.retain(|other| *other != file);
             self.said(done, &file);
         }
+        if self.painter.is_gone() && self.notice.is_none() {
+            let hint = "please report it with the input; what you see stays as it is";
+            self.fail(format!("a fault in kiln itself: nothing is rendered any more\n{hint}"));
+        }
         let all: Vec<News> = self.painter.news().collect();
         all.into_iter().for_each(|news| self.take_news(context, news));
     }

@@ -133,6 +133,11 @@ impl Painter {
         number
     }
 
+    /// Whether the thread has ended, which it does by a fault alone while there is a window.
+    pub fn is_gone(&self) -> bool {
+        self.thread.as_ref().is_none_or(std::thread::JoinHandle::is_finished)
+    }
+
     /// Waits for what there is to say next, for a moment at most.
     pub fn wait(&self, until: Instant) -> Option<News> {
         self.news.recv_timeout(until.saturating_duration_since(Instant::now())).ok()
