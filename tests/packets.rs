@@ -10,7 +10,8 @@ use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
 /// As many rays as a tile has.
 const TILE: usize = 256;
 
-/// A terrain of whole numbers, a soup, copies, slivers, a giant triangle and spheres; `scale` and `offset` move all of it.
+/// A terrain of whole numbers, a soup, copies, copies right beside what they are of, slivers, a giant triangle and spheres; `scale`
+/// and `offset` move all of it.
 fn slots(scale: f64, offset: DVec3) -> Vec<Slot> {
     let mut numbers = Numbers::new(21);
     let mut triangles = Vec::new();
@@ -26,6 +27,12 @@ fn slots(scale: f64, offset: DVec3) -> Vec<Slot> {
         triangles.push([at, at + numbers.vector() * 3.0, at + numbers.vector() * 1e-4]);
     }
     triangles.extend_from_within(..40);
+    for index in 40..100 {
+        // By some units in the last place of an f32 number of that size: which is nearer only f64 can tell.
+        let aside = numbers.vector() * 1e-6;
+        let moved = triangles[index].map(|corner: DVec3| corner + aside);
+        triangles.push(moved);
+    }
     triangles.push([DVec3::new(-1e4, -1.0, -1e4), DVec3::new(1e4, -1.0, -1e4), DVec3::new(0.0, -1.0, 1e5)]);
     let single = |p: DVec3| (offset + p * scale).as_vec3().as_dvec3();
     let mut primitives: Vec<Primitive> =
@@ -109,6 +116,38 @@ fn to_lamp(hits: &[(Ray, Hit)], lamp: DVec3, precision: Precision) -> Vec<Ray> {
     hits.iter().map(to_lamp).collect()
 }
 
+/// Rays from right on what is around, on either side of it, to a lamp: whether that is in the way only f64 can tell.
+fn from_surfaces(hits: &[(Ray, Hit)], lamp: DVec3, precision: Precision) -> Vec<Ray> {
+    let ray = |(index, (ray, hit)): (usize, &(Ray, Hit))| {
+        let beside = [0.0, 1e-7, -1e-7, 3e-7, -3e-7, 1e-12, -1e-12][index % 7];
+        let origin = precision.ray(ray.at(hit.t * (1.0 + beside)), DVec3::X, 0.0, 1.0).origin;
+        let way = lamp - origin;
+        let t_min = if index % 11 == 0 { way.length() * 1e-6 } else { 0.0 };
+        precision.ray(
+            origin,
+            way.normalize_or(DVec3::Y),
+            t_min,
+            way.length() * (1.0 - 4.0 * precision.epsilon()),
+        )
+    };
+    hits.iter().enumerate().map(ray).collect()
+}
+
+/// Rays that end, or count from, right beside what they hit; in every third tile all count from 0.
+fn cut_short(rays: &[Ray], hits: &[Option<Hit>], tile: usize) -> Vec<Ray> {
+    let cut = |(index, (ray, hit)): (usize, (&Ray, &Option<Hit>))| {
+        let Some(hit) = hit else { return *ray };
+        let t = hit.t * (1.0 + [0.0, 1e-7, -1e-7, 1e-12, -1e-12, 1e-3][index % 6]);
+        match (index + tile) % 4 {
+            0 => Ray { t_max: t, ..*ray },
+            1 if !tile.is_multiple_of(3) => Ray { t_min: t, ..*ray },
+            2 if !tile.is_multiple_of(3) => Ray { t_min: t / 2.0, ..*ray },
+            _ => *ray,
+        }
+    };
+    rays.iter().zip(hits).enumerate().map(cut).collect()
+}
+
 /// The same towards a lamp that is infinitely far away.
 fn towards(hits: &[(Ray, Hit)], direction: DVec3, precision: Precision) -> Vec<Ray> {
     let towards = |(ray, hit): &(Ray, Hit)| {
@@ -176,6 +215,11 @@ fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {
             } else {
                 to_lamp(&seen, lamp, precision)
             };
+            let short = cut_short(rays, &expected, index);
+            let expected_short: Vec<_> =
+                short.iter().map(|ray| oracle.closest_hit(ray, &mut traversal)).collect();
+            let on = from_surfaces(&seen, lamp, precision);
+            let expected_on: Vec<_> = on.iter().map(|ray| oracle.is_occluded(ray, &mut traversal)).collect();
             let blocked: Vec<_> = shadows.iter().map(|ray| oracle.is_occluded(ray, &mut traversal)).collect();
             (all, hit) = (all + rays.len(), hit + seen.len());
             dark += blocked.iter().filter(|&&b| b).count();
@@ -192,6 +236,17 @@ fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {
                 for ((ray, found), expected) in rays.iter().zip(&hits).zip(&expected) {
                     let what = format!("tile {index}, {structure:?}, {}: {ray:?}", numerics.name());
                     assert_eq!(bits(found), bits(expected), "{what}");
+                }
+                let (mut short_hits, mut from_surface) = (Vec::new(), Vec::new());
+                tree.closest_hits(&short, &mut short_hits, &mut traversal);
+                tree.are_occluded(&on, &mut from_surface, &mut traversal);
+                for ((ray, found), expected) in short.iter().zip(&short_hits).zip(&expected_short) {
+                    let what = format!("tile {index}, {structure:?}, {}: {ray:?}", numerics.name());
+                    assert_eq!(bits(found), bits(expected), "cut short: {what}");
+                }
+                for ((ray, found), expected) in on.iter().zip(&from_surface).zip(&expected_on) {
+                    let what = format!("tile {index}, {structure:?}, {}: {ray:?}", numerics.name());
+                    assert_eq!(found, expected, "from a surface: {what}");
                 }
                 for ((ray, found), expected) in shadows.iter().zip(&occluded).zip(&blocked) {
                     assert_eq!(found, expected, "tile {index}, {structure:?}, {}: {ray:?}", numerics.name());

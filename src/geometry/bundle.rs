@@ -1,8 +1,9 @@
 //! Four rays against one triangle at once, or one ray against four, with the bits that each of them would get alone.
 
+use super::quad::{LANES, Quad};
 use super::simd::Simd;
 use super::woop::{Along, CANCELLED, NEAR};
-use super::{Hit, PrimId, Ray, SlotId};
+use super::{Corner, Hit, PrimId, Ray, SlotId};
 
 /// How many rays a bundle holds.
 pub const RAYS: usize = 4;
@@ -132,7 +133,7 @@ impl WoopBundle {
     /// What the test for one ray, Woop's in f64, says of each of the rays, by the same operations in the same order.
     #[inline(always)]
     pub fn hit<S: Simd>(&self, corners: &[[f64; 3]; 3]) -> FourHits {
-        let (origin, inverse) = (load::<S>(&self.origin), load::<S>(&self.inverse));
+        let origin = load::<S>(&self.origin);
         let mut seen = [[origin[0]; 3]; 3];
         for (corner, seen) in corners.iter().zip(&mut seen) {
             for place in 0..3 {
@@ -140,13 +141,40 @@ impl WoopBundle {
                 seen[place] = S::d4_sub(at, origin[place]);
             }
         }
+        self.hit_seen::<S>(&seen)
+    }
+
+    /// The same of each ray and a triangle of its own, which is one of a quad.
+    #[inline(always)]
+    pub fn hit_each<S: Simd, C: Corner>(&self, triangles: &[(&Quad<C>, usize); RAYS]) -> FourHits {
+        let origin = load::<S>(&self.origin);
+        let mut seen = [[origin[0]; 3]; 3];
+        for (k, seen) in seen.iter_mut().enumerate() {
+            for place in 0..3 {
+                let axis = self.axes[place] % 3;
+                let [a, b, c, d] = *triangles;
+                let at = C::to_d4::<S>([
+                    a.0.corners[k][axis][a.1 % LANES],
+                    b.0.corners[k][axis][b.1 % LANES],
+                    c.0.corners[k][axis][c.1 % LANES],
+                    d.0.corners[k][axis][d.1 % LANES],
+                ]);
+                seen[place] = S::d4_sub(at, origin[place]);
+            }
+        }
+        self.hit_seen::<S>(&seen)
+    }
+
+    #[inline(always)]
+    fn hit_seen<S: Simd>(&self, seen: &[[S::D4; 3]; 3]) -> FourHits {
+        let inverse = load::<S>(&self.inverse);
         let rays = FourRays {
             shear: [S::d4(self.shear[0]), S::d4(self.shear[1]), inverse[2]],
             inverse,
             t_min: S::d4(self.t_min),
             t_max: S::d4(self.t_max),
         };
-        let mut hits = hit_four::<S>(&seen, &rays, 0);
+        let mut hits = hit_four::<S>(seen, &rays, 0);
         hits.hit &= !self.odd;
         hits.unsure |= self.odd;
         hits

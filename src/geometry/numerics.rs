@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::{BoxTest, round_away};
-use super::bundle::{FourHits, Gathered, WoopBundle};
+use super::bundle::{FourHits, Gathered, RAYS, WoopBundle};
 use super::quad::{LANES, Quad};
 use super::simd::Simd;
 use super::{Bounds, Hit, Ray, Sphere, TriangleHit};
@@ -215,6 +215,13 @@ pub trait Tier: Send + Sync + 'static {
     /// What [`Tier::hit_triangle`] says of each ray of a bundle, as far as that can be told for all at once.
     #[inline(always)]
     fn hit_bundle<S: Simd>(_: &WoopBundle, _corners: &[[f64; 3]; 3]) -> FourHits {
+        FourHits::ONE_BY_ONE
+    }
+
+    /// What [`Tier::hit_triangle`] says of each ray of a bundle and a triangle of its own, one of a quad, as far as that can be told for
+    /// all at once.
+    #[inline(always)]
+    fn hit_each<S: Simd>(_: &WoopBundle, _triangles: &[(&Quad<Self::Corner>, usize); RAYS]) -> FourHits {
         FourHits::ONE_BY_ONE
     }
 

@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use super::bounds::SingleBoxTest;
-use super::bundle::{FourHits, Gathered, WoopBundle};
+use super::bundle::{FourHits, Gathered, RAYS, WoopBundle};
 use super::simd::Simd;
 use super::woop::WoopTest;
 use super::{Quad, Ray, Sphere, Tier, TriangleHit};
@@ -26,6 +26,11 @@ impl Tier for Watertight {
     #[inline(always)]
     fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[[f64; 3]; 3]) -> FourHits {
         bundle.hit::<S>(corners)
+    }
+
+    #[inline(always)]
+    fn hit_each<S: Simd>(bundle: &WoopBundle, triangles: &[(&Quad<Vec3>, usize); RAYS]) -> FourHits {
+        bundle.hit_each::<S, _>(triangles)
     }
 
     #[inline]

@@ -10,7 +10,7 @@ use crate::geometry::simd::{Avx2, Simd};
 use crate::geometry::{Bounds, Corner, Hit, Numerics, PrimId, Ray, SlotId, Sphere, Stored, Tier, Triangle};
 
 impl<T: Tier> Wide<T> {
-    fn packet_closest(&self, rays: &[Ray], hits: &mut [Option<Hit>], traversal: &mut Traversal) -> bool {
+    fn packet_closest(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) -> bool {
         let Traversal { children, tests, packet, .. } = traversal;
         #[cfg(target_arch = "x86_64")]
         if self.simd {
@@ -19,7 +19,7 @@ impl<T: Tier> Wide<T> {
         self.closest_of_packet::<Portable>(rays, hits, packet, children, tests)
     }
 
-    fn packet_occluded(&self, rays: &[Ray], occluded: &mut [bool], traversal: &mut Traversal) -> bool {
+    fn packet_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) -> bool {
         let Traversal { children, tests, packet, .. } = traversal;
         #[cfg(target_arch = "x86_64")]
         if self.simd {
@@ -130,14 +130,12 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
         for rays in rays.chunks(PACKET) {
+            if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_closest(rays, hits, traversal) {
+                continue;
+            }
             let first = hits.len();
             hits.resize(first + rays.len(), None);
             let of_packet = &mut hits[first..];
-            if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_closest(rays, of_packet, traversal) {
-                continue;
-            }
-            // A packet that was given up left what it had found.
-            of_packet.fill(None);
             if self.many_closest(rays, of_packet, traversal) {
                 continue;
             }
@@ -149,14 +147,12 @@ impl<T: Tier> Accelerator for Wide<T> {
 
     fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
         for rays in rays.chunks(PACKET) {
+            if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_occluded(rays, occluded, traversal) {
+                continue;
+            }
             let first = occluded.len();
             occluded.resize(first + rays.len(), false);
             let of_packet = &mut occluded[first..];
-            if T::IS_TIGHT && rays.len() >= FEWEST && self.packet_occluded(rays, of_packet, traversal) {
-                continue;
-            }
-            // As above.
-            of_packet.fill(false);
             if self.many_occluded(rays, of_packet, traversal) {
                 continue;
             }

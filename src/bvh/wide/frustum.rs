@@ -47,6 +47,9 @@ pub struct Frustum {
     pub start: f32,
     /// Nothing beyond this depth counts.
     pub depth: f32,
+    /// What a ray meets from this depth on, it meets within its ends, as far as the near one is concerned; infinite where that is not
+    /// known.
+    pub floor: f32,
 }
 
 impl Frustum {
@@ -118,6 +121,11 @@ impl Frustum {
             size: 0.0,
             start: 0.0,
             depth: f32::INFINITY,
+            floor: if common.counts_from_0 {
+                round_up(2.0 * spread).max(f32::MIN_POSITIVE)
+            } else {
+                f32::INFINITY
+            },
         };
         lanes.starts[..lanes.blocks].fill([0.0; WIDTH]);
         // Slopes that f32 cannot hold are of no use.
@@ -147,6 +155,7 @@ impl Frustum {
             size: 0.0,
             start: f32::INFINITY,
             depth: f32::INFINITY,
+            floor: f32::INFINITY,
         };
         for i in 0..lanes.blocks * WIDTH {
             let (block, lane) = (i / WIDTH, i % WIDTH);

@@ -62,6 +62,8 @@ pub struct Common {
     pub start: Option<[f64; 3]>,
     /// The middle of the places that they end at, and how far on any axis a ray passes beside it at most; if that is little.
     pub end: Option<([f64; 3], f64)>,
+    /// Whether the distances of all count from 0 on.
+    pub counts_from_0: bool,
     /// Least and greatest component of the directions, on each axis.
     pub directions: [[f32; 2]; 3],
 }
@@ -73,6 +75,7 @@ impl Lanes {
         self.blocks = rays.len().div_ceil(WIDTH);
         let (mut starts, mut ends) = (Range::<S>::empty(), Range::<S>::empty());
         let (mut reach, mut nearest) = (S::d4_splat(0.0), S::d4_splat(f64::INFINITY));
+        let mut late = S::d4_splat(0.0);
         let mut directions = [[S::f8_splat(f32::INFINITY), S::f8_splat(f32::NEG_INFINITY)]; 3];
         for block in 0..self.blocks {
             for ahead in 0..WIDTH {
@@ -87,6 +90,7 @@ impl Lanes {
             }
             self.ends[block] = S::f8_array(S::f8_from_d4(low.t_max, high.t_max));
             for four in [&low, &high] {
+                late = S::d4_max(S::d4_abs(four.t_min), late);
                 if !to_end {
                     starts.include(&four.origin);
                     continue;
@@ -110,19 +114,39 @@ impl Lanes {
         }
         let end =
             if to_end { common_end(ends.ends(), most_of::<S>(reach), least_of::<S>(nearest)) } else { None };
-        Common { start: same.then(|| rays[0].origin.to_array()), end, directions: intervals }
+        let start = same.then(|| rays[0].origin.to_array());
+        Common { start, end, counts_from_0: most_of::<S>(late) == 0.0, directions: intervals }
     }
 
-    /// Depths that hold those at `ends` along the rays of a block.
+    /// Depths before and beyond those at `ends` along the rays of a block.
     #[inline(always)]
-    pub fn depths<S: Simd>(&self, block: usize) -> S::F8 {
+    pub fn depths<S: Simd>(&self, block: usize) -> [S::F8; 2] {
         // Both factors are rounded, and so is their product, and the sum; what is too small for f32 is less than its least normal.
         let way = S::f8_mul(S::f8(self.directions[2][block]), S::f8(self.ends[block]));
-        let depth = S::f8_add(S::f8(self.starts[block]), S::f8_mul(way, S::f8_splat(MARGIN)));
-        let size = S::f8_max(depth, S::f8_sub(S::f8_splat(0.0), depth));
-        let off = S::f8_add(S::f8_mul(size, S::f8_splat(SLACK as f32)), S::f8_splat(f32::MIN_POSITIVE));
-        S::f8_add(depth, off)
+        let start = S::f8(self.starts[block]);
+        let near = S::f8_add(start, S::f8_mul(way, S::f8_splat(1.0 / MARGIN)));
+        let far = S::f8_add(start, S::f8_mul(way, S::f8_splat(MARGIN)));
+        // Without an end there is no difference, which is not taken.
+        let near = S::f8_min(S::f8_sub(near, rounding::<S>(near)), near);
+        [near, S::f8_max(S::f8_add(far, rounding::<S>(far)), far)]
     }
+
+    /// The same of one ray, at `t`.
+    #[inline(always)]
+    pub fn depths_at(&self, ray: usize, t: f64) -> [f32; 2] {
+        let (block, lane) = (ray / WIDTH % BLOCKS, ray % WIDTH);
+        let (start, way) = (self.starts[block][lane], self.directions[2][block][lane] * t as f32);
+        let (near, far) = (start + way * (1.0 / MARGIN), start + way * MARGIN);
+        let rounding = |x: f32| x.abs() * SLACK as f32 + f32::MIN_POSITIVE;
+        [near - rounding(near), far + rounding(far)]
+    }
+}
+
+/// What depths may be off by.
+#[inline(always)]
+fn rounding<S: Simd>(depth: S::F8) -> S::F8 {
+    let size = S::f8_max(depth, S::f8_sub(S::f8_splat(0.0), depth));
+    S::f8_add(S::f8_mul(size, S::f8_splat(SLACK as f32)), S::f8_splat(f32::MIN_POSITIVE))
 }
 
 /// The least of four.

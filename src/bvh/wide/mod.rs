@@ -6,15 +6,19 @@
 
 mod answers;
 mod ball;
+mod best;
 mod convert;
+mod edges;
 mod few;
 mod frustum;
 mod lanes;
 mod node;
 mod packet;
+mod plane;
 mod refit;
 mod seen;
 mod stream;
+mod together;
 
 pub use convert::convert;
 

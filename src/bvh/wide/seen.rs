@@ -10,29 +10,12 @@ use crate::geometry::{Corner, Quad, Tier};
 /// Least and greatest u, least and greatest v of every block of rays.
 pub type Extents = [[[f32; BLOCKS]; 2]; 2];
 
-/// The edges of four triangles as functions of u and v; each a u + b v + c, and a ray is inside where all are positive or all
-/// negative.
-///
-/// Each is off by less than its bound. With P = |a u| + |b v| + |c|: a, b and c are rounded to f32 (u of themselves each), u
-/// and v are off by 5 u, the products and sums round three times more: 9 u P at most, and 16 u P stands here. In f64, a, b and c are
-/// products of corners A and B: off by 4 of its roundings of |A| |B|, as is what the tier decides by. And a ray
-/// that passes the apex on a side by `spread` sees an edge function that differs by the edge's length times that.
-pub struct Edges([EdgeLanes; 3]);
-
-/// One edge of four triangles.
-#[derive(Clone, Copy)]
-#[repr(C, align(32))]
-struct EdgeLanes {
-    a_and_b: [f32; 2 * LANES],
-    c_and_bound: [f32; 2 * LANES],
-}
-
 /// A group of triangles seen from an apex: across its u and v, and in depth.
 pub struct Seen<S: Simd> {
     /// Corners from the apex, each `[u axis, v axis, depth]`.
-    corners: [[S::D4; 3]; 3],
+    pub corners: [[S::D4; 3]; 3],
     /// Where corners are seen, each `[u, v]`.
-    points: [[S::D4; 2]; 3],
+    pub points: [[S::D4; 2]; 3],
     /// A depth before each triangle.
     pub nearest: [f32; LANES],
     /// Least and greatest u, least and greatest v, and more; infinite where a corner is not before the apex.
@@ -112,63 +95,6 @@ impl<S: Simd> Seen<S> {
         }
         blocks
     }
-
-    /// The edges of the triangles as functions of u and v.
-    #[inline(always)]
-    pub fn edges(&self, frustum: &Frustum) -> Edges {
-        let reach = frustum.slopes.map(|[low, high]| f64::from(low.abs().max(high.abs())));
-        let aside = 1.0 + reach[0] + reach[1];
-        let (reach_u, reach_v) = (S::d4_splat(reach[0]), S::d4_splat(reach[1]));
-        let sizes =
-            [size_of::<S>(&self.corners[0]), size_of::<S>(&self.corners[1]), size_of::<S>(&self.corners[2])];
-        let mut edges = [EdgeLanes { a_and_b: [0.0; 2 * LANES], c_and_bound: [0.0; 2 * LANES] }; 3];
-        for (k, edge) in edges.iter_mut().enumerate() {
-            let next = (k + 1) % 3;
-            let ([a, b, c], off) = match frustum.shear {
-                None => {
-                    let (p, q) = (self.corners[k], self.corners[next]);
-                    let off = S::d4_mul(S::d4_mul(sizes[k], sizes[next]), S::d4_splat(PRODUCT_SLACK));
-                    let passing = if frustum.spread == 0.0 {
-                        off
-                    } else {
-                        let along = [S::d4_sub(q[0], p[0]), S::d4_sub(q[1], p[1]), S::d4_sub(q[2], p[2])];
-                        let length = S::d4_add(size_of::<S>(&along), S::d4_splat(frustum.spread));
-                        S::d4_add(off, S::d4_mul(S::d4_splat(2.0 * frustum.spread), length))
-                    };
-                    let line = [
-                        cross::<S>(p[1], q[2], p[2], q[1]),
-                        cross::<S>(p[2], q[0], p[0], q[2]),
-                        cross::<S>(p[0], q[1], p[1], q[0]),
-                    ];
-                    (line, S::d4_mul(passing, S::d4_splat(aside)))
-                }
-                Some(_) => {
-                    let (p, q) = (self.points[k], self.points[next]);
-                    let line =
-                        [S::d4_sub(p[1], q[1]), S::d4_sub(q[0], p[0]), cross::<S>(p[0], q[1], p[1], q[0])];
-                    // A point is off by a few roundings of the corner that was carried, and of where the rays start.
-                    let size = S::d4_add(S::d4_add(sizes[k], sizes[next]), S::d4_splat(frustum.size));
-                    (line, S::d4_mul(S::d4_mul(size, size), S::d4_splat(PRODUCT_SLACK)))
-                }
-            };
-            let (of_u, of_v) = (S::d4_mul(S::d4_abs(a), reach_u), S::d4_mul(S::d4_abs(b), reach_v));
-            let size = S::d4_add(S::d4_add(of_u, of_v), S::d4_abs(c));
-            let off = S::d4_add(off, S::d4_splat(UNDERFLOW * aside));
-            let bound = above::<S>(S::d4_add(S::d4_mul(size, S::d4_splat(EDGE_SLACK)), off));
-            edge.a_and_b = S::f8_array(S::f8_from_d4(a, b));
-            edge.c_and_bound = S::f8_array(S::f8_from_d4(c, bound));
-            // What f32 cannot hold says nothing: every ray may be inside.
-            let largest = S::d4_max(S::d4_abs(a), S::d4_max(S::d4_abs(b), S::d4_max(size, bound)));
-            let mut beyond = !S::d4_lt(largest, S::d4_splat(f64::from(f32::MAX) / 2.0)) & ALL;
-            while beyond != 0 {
-                let lane = beyond.trailing_zeros() as usize % LANES;
-                beyond &= beyond - 1;
-                (edge.a_and_b[lane], edge.a_and_b[LANES + lane]) = (0.0, 0.0);
-                (edge.c_and_bound[lane], edge.c_and_bound[LANES + lane]) = (0.0, f32::INFINITY);
-            }
-        }
-        Edges(edges)
-    }
 }
 
 /// An f32 number four times.
@@ -178,29 +104,29 @@ fn splat<S: Simd>(x: f32) -> S::D4 {
 }
 
 /// All lanes.
-const ALL: u32 = (1 << LANES) - 1;
+pub const ALL: u32 = (1 << LANES) - 1;
 
 /// a b - c d
 #[inline(always)]
-fn cross<S: Simd>(a: S::D4, b: S::D4, c: S::D4, d: S::D4) -> S::D4 {
+pub fn cross<S: Simd>(a: S::D4, b: S::D4, c: S::D4, d: S::D4) -> S::D4 {
     S::d4_sub(S::d4_mul(a, b), S::d4_mul(c, d))
 }
 
 /// The sum of three numbers' sizes.
 #[inline(always)]
-fn size_of<S: Simd>(v: &[S::D4; 3]) -> S::D4 {
+pub fn size_of<S: Simd>(v: &[S::D4; 3]) -> S::D4 {
     S::d4_add(S::d4_add(S::d4_abs(v[0]), S::d4_abs(v[1])), S::d4_abs(v[2]))
 }
 
 /// Numbers that are not above `x` when they are rounded to f32, which is off by u of them, or by what f32 has no places for.
 #[inline(always)]
-fn below<S: Simd>(x: S::D4) -> S::D4 {
+pub fn below<S: Simd>(x: S::D4) -> S::D4 {
     S::d4_sub(x, rounding::<S>(x))
 }
 
 /// Numbers that are not below `x` when they are rounded to f32.
 #[inline(always)]
-fn above<S: Simd>(x: S::D4) -> S::D4 {
+pub fn above<S: Simd>(x: S::D4) -> S::D4 {
     S::d4_add(x, rounding::<S>(x))
 }
 
@@ -211,7 +137,7 @@ fn rounding<S: Simd>(x: S::D4) -> S::D4 {
 
 /// Rounded to f32.
 #[inline(always)]
-fn four<S: Simd>(x: S::D4) -> [f32; LANES] {
+pub fn four<S: Simd>(x: S::D4) -> [f32; LANES] {
     let [a, b, c, d, ..] = S::f8_array(S::f8_from_d4(x, x));
     [a, b, c, d]
 }
@@ -246,36 +172,15 @@ fn carried<S: Simd>(corner: &[S::D4; 3], shear: [f64; 2], size: f64) -> ([S::D4;
 /// What a corner's slope, computed in f64, may be off by, and a ray's in f32, as a share.
 const SLOPE_SLACK: f64 = 4.0 * f32::EPSILON as f64;
 
-/// 16 u: see [`Edges`].
-const EDGE_SLACK: f64 = 8.0 * f32::EPSILON as f64;
-
-/// 32 roundings of f64: see [`Edges`].
-const PRODUCT_SLACK: f64 = 16.0 * f64::EPSILON;
+/// 32 roundings of f64.
+pub const PRODUCT_SLACK: f64 = 16.0 * f64::EPSILON;
 
 /// The least normal number of f32: what smaller ones may be off by, and more.
-const UNDERFLOW: f64 = f32::MIN_POSITIVE as f64;
+pub const UNDERFLOW: f64 = f32::MIN_POSITIVE as f64;
 
 #[inline(always)]
 fn eight<S: Simd>(list: &[f32; BLOCKS], first: usize) -> S::F8 {
     let mut some = [0.0; WIDTH];
     some.copy_from_slice(&list[first..first + WIDTH]);
     S::f8(some)
-}
-
-impl Edges {
-    /// The rays of a block that may be inside the triangle in a lane, as bits.
-    #[inline(always)]
-    pub fn inside<S: Simd>(&self, lane: usize, u: [f32; WIDTH], v: [f32; WIDTH]) -> u32 {
-        let (u, v) = (S::f8(u), S::f8(v));
-        let zero = S::f8_splat(0.0);
-        let (mut least, mut most) = (S::f8_splat(f32::INFINITY), S::f8_splat(f32::NEG_INFINITY));
-        for EdgeLanes { a_and_b, c_and_bound } in &self.0 {
-            let (a, b) = (S::f8_splat(a_and_b[lane]), S::f8_splat(a_and_b[LANES + lane]));
-            let (c, bound) = (S::f8_splat(c_and_bound[lane]), S::f8_splat(c_and_bound[LANES + lane]));
-            let value = S::mul_add(a, u, S::mul_add(b, v, c));
-            least = S::f8_min(S::f8_add(value, bound), least);
-            most = S::f8_max(S::f8_sub(value, bound), most);
-        }
-        S::f8_le(zero, least) | S::f8_le(most, zero)
-    }
 }

@@ -73,6 +73,10 @@ pub trait Simd: Copy + Send + Sync + 'static {
     fn f8_min(a: Self::F8, b: Self::F8) -> Self::F8;
     /// Where a is at most b.
     fn f8_le(a: Self::F8, b: Self::F8) -> u32;
+    /// a in the lanes of a mask, b in the others.
+    fn f8_select(mask: u32, a: Self::F8, b: Self::F8) -> Self::F8;
+    /// Writes `x` to the lanes of a mask.
+    fn write(mask: u32, x: u32, to: &mut [u32; 8]);
     /// The least of eight, if all are numbers.
     fn f8_least(x: Self::F8) -> f32;
     /// The greatest of eight, if all are numbers.

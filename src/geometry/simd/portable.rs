@@ -98,6 +98,20 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
+    fn f8_select(mask: u32, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
+        std::array::from_fn(|lane| if mask >> lane & 1 != 0 { a[lane] } else { b[lane] })
+    }
+
+    #[inline(always)]
+    fn write(mask: u32, x: u32, to: &mut [u32; 8]) {
+        for (lane, to) in to.iter_mut().enumerate() {
+            if mask >> lane & 1 != 0 {
+                *to = x;
+            }
+        }
+    }
+
+    #[inline(always)]
     fn f8_least(x: [f32; 8]) -> f32 {
         x.into_iter().fold(f32::INFINITY, |a, b| if a < b { a } else { b })
     }

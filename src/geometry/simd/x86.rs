@@ -98,6 +98,14 @@ fn exchange<const GREATER: i32>(a: __m256i, b: __m256i) -> __m256i {
     _mm256_blend_epi32::<GREATER>(_mm256_min_epi32(a, b), _mm256_max_epi32(a, b))
 }
 
+/// All bits of the lanes whose bit in `mask` is set.
+#[inline]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
+fn lanes_of(mask: u32) -> __m256i {
+    let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+    _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits)
+}
+
 impl Simd for Avx2 {
     type F8 = __m256;
     type D4 = __m256d;
@@ -210,6 +218,22 @@ impl Simd for Avx2 {
     fn f8_le(a: __m256, b: __m256) -> u32 {
         // SAFETY: see [`Avx2`].
         unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32 }
+    }
+
+    #[inline(always)]
+    fn f8_select(mask: u32, a: __m256, b: __m256) -> __m256 {
+        // SAFETY: see [`Avx2`].
+        unsafe { _mm256_blendv_ps(b, a, _mm256_castsi256_ps(lanes_of(mask))) }
+    }
+
+    #[inline(always)]
+    fn write(mask: u32, x: u32, to: &mut [u32; 8]) {
+        // Read and written whole: writing some lanes only is slow on some processors.
+        // SAFETY: see [`Avx2`].
+        unsafe {
+            let now: __m256i = bytemuck::cast(*to);
+            *to = bytemuck::cast(_mm256_blendv_epi8(now, _mm256_set1_epi32(x as i32), lanes_of(mask)));
+        }
     }
 
     #[inline(always)]
