@@ -150,6 +150,11 @@ impl<T: Tier> Wide<T> {
                 let (enter, leave) = walker.boxes.span::<S, true>(node, walker.t_max);
                 let Some(to) = stack[walker.top..].first_chunk_mut() else { unreachable!("there is room") };
                 walker.top += S::sort(enter, leave, Child::bits(&node.children), to);
+            }
+            // In a loop of its own: what was just written takes its time to be read.
+            for &index in &ready[..len] {
+                let index = usize::from(index) % WALKERS;
+                let (walker, stack) = (&mut walkers[index], &mut stacks[index].items);
                 walker.pop(stack);
                 self.prefetch::<S>(walker.child);
                 queues.push(index, walker.child);
