@@ -23,6 +23,7 @@ use super::{Corner, Ray, TriangleHit};
 /// A ray made ready for triangles.
 #[derive(Clone, Copy)]
 pub struct WoopTest {
+    /// Axes turned, as are the inverses.
     origin: DVec3,
     /// The axis that the ray runs along most.
     along: Along,
@@ -94,12 +95,12 @@ impl WoopTest {
     #[inline(always)]
     pub fn new(ray: &Ray) -> Self {
         let (d, along) = (ray.direction, Along::of(ray));
-        let (inverse, turned) = (d.recip(), along.turned(d));
-        let reciprocal = along.turned(inverse).z;
+        let turned = along.turned(d);
+        let inverse = turned.recip();
         WoopTest {
-            origin: ray.origin,
+            origin: along.turned(ray.origin),
             along,
-            shear: [turned.x * reciprocal, turned.y * reciprocal, reciprocal],
+            shear: [turned.x * inverse.z, turned.y * inverse.z, inverse.z],
             inverse: inverse.to_array(),
             t_min: ray.t_min,
             t_max: ray.t_max,
@@ -110,7 +111,7 @@ impl WoopTest {
     /// The triangle seen along the ray.
     #[inline(always)]
     pub fn sheared<C: Corner>(&self, [a, b, c]: &[C; 3]) -> Sheared {
-        let from_origin = |corner: &C| self.along.turned(corner.raise() - self.origin);
+        let from_origin = |corner: &C| self.along.turned(corner.raise()) - self.origin;
         let corners = [from_origin(a), from_origin(b), from_origin(c)];
         let aside = |v: DVec3| [v.x - self.shear[0] * v.z, v.y - self.shear[1] * v.z];
         Sheared { corners, aside: corners.map(aside) }
@@ -119,27 +120,35 @@ impl WoopTest {
     /// What [`WoopTest::hit`] says of each triangle of `quad`, as far as that can be told for all at once.
     #[inline(always)]
     pub fn hit_quad<S: Simd, C: Corner>(&self, quad: &Quad<C>) -> FourHits {
+        hit_four::<S>(&self.seen::<S, C>(quad), &self.four_times::<S>(), self.odd)
+    }
+
+    /// The corners of a quad from the origin, axes turned.
+    #[inline(always)]
+    fn seen<S: Simd, C: Corner>(&self, quad: &Quad<C>) -> [[S::D4; 3]; 3] {
         let axes = self.along.axes();
-        let (own, inverses) = (self.origin.to_array(), self.inverse);
-        // Loops and not the standard library's maps, which do not always become part of this.
-        let (mut origin, mut inverse) = ([S::d4_splat(0.0); 3], [S::d4_splat(0.0); 3]);
-        for (place, &axis) in axes.iter().enumerate() {
-            (origin[place], inverse[place]) = (S::d4_splat(own[axis]), S::d4_splat(inverses[axis]));
-        }
+        let [x, y, z] = self.origin.to_array();
+        let origin = [S::d4_splat(x), S::d4_splat(y), S::d4_splat(z)];
         let mut seen = [origin; 3];
         for (corner, seen) in quad.corners.iter().zip(&mut seen) {
             for place in 0..3 {
                 seen[place] = S::d4_sub(C::to_d4::<S>(corner[axes[place]]), origin[place]);
             }
         }
-        let [sx, sy, _] = self.shear;
-        let rays = FourRays {
+        seen
+    }
+
+    /// This ray as four rays.
+    #[inline(always)]
+    fn four_times<S: Simd>(&self) -> FourRays<S> {
+        let [[sx, sy, _], [x, y, z]] = [self.shear, self.inverse];
+        let inverse = [S::d4_splat(x), S::d4_splat(y), S::d4_splat(z)];
+        FourRays {
             shear: [S::d4_splat(sx), S::d4_splat(sy), inverse[2]],
             inverse,
             t_min: S::d4_splat(self.t_min),
             t_max: S::d4_splat(self.t_max),
-        };
-        hit_four::<S>(&seen, &rays, self.odd)
+        }
     }
 
     /// Where `ray`, for which this was made, hits the triangle within the ray's ends.
