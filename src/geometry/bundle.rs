@@ -9,6 +9,7 @@ use super::{Corner, Hit, PrimId, Ray, SlotId};
 pub const RAYS: usize = 4;
 
 /// What four rays found on a triangle, or one on four. Lanes are bits.
+#[derive(Clone, Copy)]
 pub struct FourHits {
     /// Those that hit.
     pub hit: u32,

@@ -34,6 +34,8 @@ pub struct Scratch {
     pub(super) active: [u8; BLOCKS],
     /// Rays made ready for triangles.
     bundles: Vec<WoopBundle>,
+    /// What those found on the triangles that they surely meet.
+    tested: Vec<FourHits>,
 }
 
 impl Default for Scratch {
@@ -45,6 +47,7 @@ impl Default for Scratch {
             depths: [f32::NEG_INFINITY; BLOCKS],
             active: [0; BLOCKS],
             bundles: vec![WoopBundle::default(); PACKET / RAYS],
+            tested: vec![FourHits::NONE; PACKET / RAYS],
         }
     }
 }
@@ -250,59 +253,65 @@ impl<T: Tier> Wide<T> {
 
     /// Tests what was surely met, and appends the best hits of all rays; `false` where something was not met after all, and
     /// nothing is appended.
+    ///
+    /// In one loop for each step: a step waits for its own result only once there are results of many.
     #[inline(always)]
     fn answers<S: Simd>(&self, packet: &mut Packet<T, false>, hits: &mut Vec<Option<Hit>>) -> bool {
         let (rays, before) = (packet.rays, hits.len());
+        let fours = rays.len().div_ceil(RAYS);
+        let mut asked = 0u64;
+        for index in 0..fours {
+            if packet.scratch.best.slots_of(index * RAYS).into_iter().any(Best::is_slot) {
+                asked |= 1 << index;
+                packet.bundle::<S>(index);
+            }
+        }
+        for index in 0..fours {
+            if asked >> index & 1 != 0 {
+                packet.scratch.tested[index] = self.test_four::<S>(packet, index);
+            }
+        }
         hits.reserve(rays.len());
-        for (index, four) in rays.chunks(RAYS).enumerate() {
-            let first = index * RAYS;
-            let slots = packet.scratch.best.slots_of(first);
-            let surely = |slot: u32| Best::is_slot(slot).then_some(slot);
-            let some = slots.iter().find_map(|&slot| surely(slot));
-            let mut tested = FourHits::NONE;
-            if let Some(some) = some {
-                // Rays that have found none or a hit keep the others company.
-                let asked = [
-                    surely(slots[0]).unwrap_or(some),
-                    surely(slots[1]).unwrap_or(some),
-                    surely(slots[2]).unwrap_or(some),
-                    surely(slots[3]).unwrap_or(some),
-                ];
-                let place = |slot: u32| (&self.groups[slot as usize / LANES].quad, slot as usize % LANES);
-                let bundle = packet.bundle::<S>(index);
-                tested = if asked == [some; RAYS] {
-                    let (quad, lane) = place(some);
-                    T::hit_bundle::<S>(bundle, &quad.raised(lane))
-                } else {
-                    T::hit_each::<S>(
-                        bundle,
-                        &[place(asked[0]), place(asked[1]), place(asked[2]), place(asked[3])],
-                    )
-                };
-            }
-            for (lane, ray) in four.iter().enumerate() {
-                let best = match packet.scratch.best.of(first + lane) {
-                    Found::Nothing => None,
-                    Found::Hit(hit) => Some(hit),
-                    Found::Surely(slot) => {
-                        let hit = if tested.hit >> lane & 1 != 0 {
-                            Some(tested.at(lane, PrimId(self.prim_of(slot)), slot))
-                        } else if tested.unsure >> lane & 1 != 0 {
-                            self.tested(ray, slot)
-                        } else {
-                            None
-                        };
-                        packet.is_void |= hit.is_none();
-                        hit
-                    }
-                };
-                hits.push(best);
-            }
+        for (index, ray) in rays.iter().enumerate() {
+            let best = match packet.scratch.best.of(index) {
+                Found::Nothing => None,
+                Found::Hit(hit) => Some(hit),
+                Found::Surely(slot) => {
+                    let (four, lane) = (&packet.scratch.tested[index / RAYS], index % RAYS);
+                    let hit = if four.hit >> lane & 1 != 0 {
+                        Some(four.at(lane, PrimId(self.prim_of(slot)), slot))
+                    } else if four.unsure >> lane & 1 != 0 {
+                        self.tested(ray, slot)
+                    } else {
+                        None
+                    };
+                    packet.is_void |= hit.is_none();
+                    hit
+                }
+            };
+            hits.push(best);
         }
         if packet.is_void {
             hits.truncate(before);
         }
         !packet.is_void
+    }
+
+    /// Four rays, some of which surely meet triangles, against those.
+    #[inline(always)]
+    fn test_four<S: Simd>(&self, packet: &mut Packet<T, false>, index: usize) -> FourHits {
+        let slots = packet.scratch.best.slots_of(index * RAYS);
+        let Some(some) = slots.into_iter().find(|&slot| Best::is_slot(slot)) else { return FourHits::NONE };
+        // Rays that have found nothing or a hit keep the others company.
+        let or_some = |slot: u32| if Best::is_slot(slot) { slot } else { some };
+        let asked = [or_some(slots[0]), or_some(slots[1]), or_some(slots[2]), or_some(slots[3])];
+        let place = |slot: u32| (&self.groups[slot as usize / LANES].quad, slot as usize % LANES);
+        let bundle = packet.bundle::<S>(index);
+        if asked == [some; RAYS] {
+            let (quad, lane) = place(some);
+            return T::hit_bundle::<S>(bundle, &quad.raised(lane));
+        }
+        T::hit_each::<S>(bundle, &[place(asked[0]), place(asked[1]), place(asked[2]), place(asked[3])])
     }
 
     /// Appends the closest hits of rays that have something in common; `false` where that is not enough, and nothing is appended.
