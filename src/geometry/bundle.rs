@@ -131,9 +131,10 @@ impl WoopBundle {
         self.odd = (!same | zeros) & ((1 << RAYS) - 1);
     }
 
-    /// What the test for one ray, Woop's in f64, says of each of the rays, by the same operations in the same order.
+    /// What the test for one ray, Woop's in f64, says of each of the rays, by the same operations in the same order. `ahead`: no triangle
+    /// that a ray hits lies behind it, which then is not looked into.
     #[inline(always)]
-    pub fn hit<S: Simd>(&self, corners: &[[f64; 3]; 3]) -> FourHits {
+    pub fn hit<S: Simd>(&self, corners: &[[f64; 3]; 3], ahead: bool) -> FourHits {
         let origin = load::<S>(&self.origin);
         let mut seen = [[origin[0]; 3]; 3];
         for (corner, seen) in corners.iter().zip(&mut seen) {
@@ -142,10 +143,10 @@ impl WoopBundle {
                 seen[place] = S::d4_sub(at, origin[place]);
             }
         }
-        self.hit_seen::<S>(&seen)
+        self.hit_seen::<S>(&seen, ahead)
     }
 
-    /// The same of each ray and a triangle of its own, which is one of a quad.
+    /// The same of each ray and a triangle of its own, which is one of a quad and ahead of it.
     #[inline(always)]
     pub fn hit_each<S: Simd, C: Corner>(&self, triangles: &[(&Quad<C>, usize); RAYS]) -> FourHits {
         let origin = load::<S>(&self.origin);
@@ -163,11 +164,11 @@ impl WoopBundle {
                 seen[place] = S::d4_sub(at, origin[place]);
             }
         }
-        self.hit_seen::<S>(&seen)
+        self.hit_seen::<S>(&seen, true)
     }
 
     #[inline(always)]
-    fn hit_seen<S: Simd>(&self, seen: &[[S::D4; 3]; 3]) -> FourHits {
+    fn hit_seen<S: Simd>(&self, seen: &[[S::D4; 3]; 3], ahead: bool) -> FourHits {
         let inverse = load::<S>(&self.inverse);
         let rays = FourRays {
             shear: [S::d4(self.shear[0]), S::d4(self.shear[1]), inverse[2]],
@@ -175,7 +176,7 @@ impl WoopBundle {
             t_min: S::d4(self.t_min),
             t_max: S::d4(self.t_max),
         };
-        let mut hits = hit_four::<S>(seen, &rays, 0);
+        let mut hits = hit_four::<S>(seen, &rays, 0, ahead);
         hits.hit &= !self.odd;
         hits.unsure |= self.odd;
         hits
@@ -195,9 +196,9 @@ pub struct FourRays<S: Simd> {
 }
 
 /// Four pairs of a ray and a triangle. `seen` are the corners from the ray's origin, axes turned so that the ray runs along the
-/// third most. The lanes of `odd` have to be asked one by one where they are not missed.
+/// third most. The lanes of `odd` have to be asked one by one where they are not missed. `ahead`: what is hit is known to lie ahead.
 #[inline(always)]
-pub fn hit_four<S: Simd>(seen: &[[S::D4; 3]; 3], rays: &FourRays<S>, odd: u32) -> FourHits {
+pub fn hit_four<S: Simd>(seen: &[[S::D4; 3]; 3], rays: &FourRays<S>, odd: u32, ahead: bool) -> FourHits {
     let zero = S::d4_splat(0.0);
     let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = *seen;
     let shear = &rays.shear;
@@ -234,7 +235,7 @@ pub fn hit_four<S: Simd>(seen: &[[S::D4; 3]; 3], rays: &FourRays<S>, odd: u32) -
     }
     let near = S::d4_lt(S::d4_abs(depth), S::d4_mul(reach, S::d4_splat(NEAR)));
     let mut behind = 0;
-    if near & inside & !unsure != 0 {
+    if !ahead && near & inside & !unsure != 0 {
         let (is_behind, cannot_say) = side::<S>(seen, S::d4_mul(sum, shear[2]));
         behind = near & is_behind & S::d4_le(zero, rays.t_min);
         unsure |= near & inside & cannot_say;

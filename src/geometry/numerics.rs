@@ -212,14 +212,15 @@ pub trait Tier: Send + Sync + 'static {
     /// Whether [`Tier::hit_bundle`] tells more than nothing.
     const HAS_BUNDLES: bool = false;
 
-    /// What [`Tier::hit_triangle`] says of each ray of a bundle, as far as that can be told for all at once.
+    /// What [`Tier::hit_triangle`] says of each ray of a bundle, as far as that can be told for all at once. `ahead`: no triangle that a ray
+    /// hits lies behind it.
     #[inline(always)]
-    fn hit_bundle<S: Simd>(_: &WoopBundle, _corners: &[[f64; 3]; 3]) -> FourHits {
+    fn hit_bundle<S: Simd>(_: &WoopBundle, _corners: &[[f64; 3]; 3], _ahead: bool) -> FourHits {
         FourHits::ONE_BY_ONE
     }
 
-    /// What [`Tier::hit_triangle`] says of each ray of a bundle and a triangle of its own, one of a quad, as far as that can be told for
-    /// all at once.
+    /// What [`Tier::hit_triangle`] says of each ray of a bundle and a triangle of its own, one of a quad and ahead of the ray, as far as
+    /// that can be told for all at once.
     #[inline(always)]
     fn hit_each<S: Simd>(_: &WoopBundle, _triangles: &[(&Quad<Self::Corner>, usize); RAYS]) -> FourHits {
         FourHits::ONE_BY_ONE

@@ -24,8 +24,8 @@ impl Tier for Watertight {
     const HAS_BUNDLES: bool = true;
 
     #[inline(always)]
-    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[[f64; 3]; 3]) -> FourHits {
-        bundle.hit::<S>(corners)
+    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[[f64; 3]; 3], ahead: bool) -> FourHits {
+        bundle.hit::<S>(corners, ahead)
     }
 
     #[inline(always)]

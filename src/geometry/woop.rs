@@ -120,7 +120,7 @@ impl WoopTest {
     /// What [`WoopTest::hit`] says of each triangle of `quad`, as far as that can be told for all at once.
     #[inline(always)]
     pub fn hit_quad<S: Simd, C: Corner>(&self, quad: &Quad<C>) -> FourHits {
-        hit_four::<S>(&self.seen::<S, C>(quad), &self.four_times::<S>(), self.odd)
+        hit_four::<S>(&self.seen::<S, C>(quad), &self.four_times::<S>(), self.odd, false)
     }
 
     /// The corners of a quad from the origin, axes turned.

@@ -35,7 +35,7 @@ impl<T: Tier> Wide<T> {
             });
             for (group, lane, slot) in triangles {
                 tests.primitives += u64::from(u32::count_ones(asked));
-                let four_hits = T::hit_bundle::<S>(bundle, &group.quad.raised(lane));
+                let four_hits = T::hit_bundle::<S>(bundle, &group.quad.raised(lane), false);
                 let mut lanes = (four_hits.hit | four_hits.unsure) & asked;
                 while lanes != 0 {
                     let place = lanes.trailing_zeros() as usize % RAYS;

@@ -309,7 +309,7 @@ impl<T: Tier> Wide<T> {
         let bundle = packet.bundle::<S>(index);
         if asked == [some; RAYS] {
             let (quad, lane) = place(some);
-            return T::hit_bundle::<S>(bundle, &quad.raised(lane));
+            return T::hit_bundle::<S>(bundle, &quad.raised(lane), true);
         }
         T::hit_each::<S>(bundle, &[place(asked[0]), place(asked[1]), place(asked[2]), place(asked[3])])
     }

@@ -167,7 +167,7 @@ impl<T: Tier> Wide<T> {
                         block,
                         maybe,
                         #[inline(always)]
-                        |packet, first| T::hit_bundle::<S>(packet.bundle::<S>(first / RAYS), &corners),
+                        |packet, first| T::hit_bundle::<S>(packet.bundle::<S>(first / RAYS), &corners, false),
                         #[inline(always)]
                         |packet, ray, four, place| {
                             if four.unsure >> place & 1 == 0 {
