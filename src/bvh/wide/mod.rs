@@ -18,6 +18,7 @@ mod plane;
 mod refit;
 mod seen;
 mod stream;
+mod tested;
 mod together;
 
 pub use convert::convert;
