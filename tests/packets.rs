@@ -272,3 +272,42 @@ fn tiny_and_large() {
     packets_answer_as_single_rays(2f64.powi(-30), DVec3::ZERO);
     packets_answer_as_single_rays(1e5, DVec3::ZERO);
 }
+
+/// Rays that end a little before and a little beyond a triangle that they meet head-on: it lies behind the middle of their ends, and
+/// right before some of these.
+#[test]
+fn ends_on_both_sides_of_a_triangle() {
+    // A triangle across z, and one far aside.
+    let behind = 2f64.powi(-16);
+    let across = |z: f64, x: f64| {
+        let corners = [(x - 4.0, -4.0), (x + 4.0, -4.0), (x, 6.0)];
+        Primitive::Triangle(Triangle(corners.map(|(x, y)| DVec3::new(x, y, z))))
+    };
+    let slots: Vec<Slot> = (0..)
+        .zip([across(behind, 0.0), across(0.0, 50.0)])
+        .map(|(id, primitive)| Slot { primitive, id: PrimId(id) })
+        .collect();
+    for numerics in Numerics::ALL {
+        let precision = numerics.precision();
+        let mut traversal = Traversal::default();
+        let oracle = build(slots.iter().copied(), Structure::BruteForce, numerics);
+        let rays: Vec<Ray> = (0..TILE)
+            .map(|i| {
+                let (x, y) = ((i % 16) as f64 / 16.0 - 0.5, (i / 16) as f64 / 16.0 - 0.5);
+                let origin = DVec3::new(x, y, -10.0);
+                // They end at z = -2^-15 and at z = 2^-15.
+                let end = DVec3::new(0.0, 0.0, if i % 2 == 0 { -2.0 * behind } else { 2.0 * behind });
+                let way = end - origin;
+                precision.ray(origin, way.normalize(), 0.0, way.length())
+            })
+            .collect();
+        let expected: Vec<_> = rays.iter().map(|ray| oracle.is_occluded(ray, &mut traversal)).collect();
+        assert_eq!(expected, (0..TILE).map(|i| i % 2 == 1).collect::<Vec<_>>());
+        for structure in [Structure::default(), Structure::Portable(Default::default())] {
+            let tree = build(slots.iter().copied(), structure, numerics);
+            let mut occluded = Vec::new();
+            tree.are_occluded(&rays, &mut occluded, &mut traversal);
+            assert_eq!(occluded, expected, "{structure:?}, {}", numerics.name());
+        }
+    }
+}

@@ -18,16 +18,20 @@ use crate::geometry::simd::Simd;
 /// The sum of the three is how fast the ray (u, v, 1) goes through the triangle's plane, which lies ahead of the apex by
 /// the volume V = A . (B x C): so the quotient is the depth where it meets it, and edges are turned so that V is positive. V is
 /// off by 9 roundings of f64 of |A| |B| |C|, and the depth that the tier finds, a sum of the corners' depths by their weights, is so
-/// by fewer than 32 more; twice [`PRODUCT_SLACK`] stands for both. Rays that pass the apex on a side, at depth 0 by `spread` (1 +
-/// |u| + |v|) on each axis at most, meet a plane that is ahead by that times its slopes, a and b in sum, more or less.
+/// by no more than 70; four times [`PRODUCT_SLACK`], 128, stands for both. Rays that pass the apex on a side, at depth 0 by `spread` (1 +
+/// |u| + |v|) on each axis at most, meet a plane that is ahead by that times its slopes across, a and b in sum, more or less. They may
+/// end beyond the apex, by `spread`, where depths are negative: planes that are so near that they are met there are ahead by no
+/// more than twice those slopes and c in sum times `spread`; of them the sign of V says nothing.
 pub struct Edges {
     edges: [EdgeLanes; 3],
     /// V, at least and at most; from 0 to infinity where nothing is known of depths.
     volumes: [[f32; LANES]; 2],
     /// The sums of the edges' bounds.
     bounds: [f32; LANES],
-    /// The triangles of which the sign of V is known.
+    /// The triangles of which the sign of V is known,
     ahead: u32,
+    /// and that sign as a factor, of the volume in the scene's axes.
+    pub signs: [f64; LANES],
 }
 
 /// One edge of four triangles.
@@ -65,7 +69,7 @@ impl Edges {
         let sizes = [size_of::<S>(&corners[0]), size_of::<S>(&corners[1]), size_of::<S>(&corners[2])];
         let mut edges = [EdgeLanes { a_and_b: [0.0; 2 * LANES], c_and_bound: [0.0; 2 * LANES] }; 3];
         let zero = S::d4_splat(0.0);
-        let (mut normal, mut bounds) = ([zero; 2], zero);
+        let (mut normal, mut bounds) = ([zero; 3], zero);
         let mut last = [zero; 3];
         for (k, edge) in edges.iter_mut().enumerate() {
             let next = (k + 1) % 3;
@@ -102,7 +106,7 @@ impl Edges {
             let bound = above::<S>(S::d4_add(S::d4_mul(size, S::d4_splat(EDGE_SLACK)), off));
             edge.a_and_b = S::f8_array(S::f8_from_d4(a, b));
             edge.c_and_bound = S::f8_array(S::f8_from_d4(c, bound));
-            normal = [S::d4_add(normal[0], a), S::d4_add(normal[1], b)];
+            normal = [S::d4_add(normal[0], a), S::d4_add(normal[1], b), S::d4_add(normal[2], c)];
             bounds = S::d4_add(bounds, bound);
             last = [a, b, c];
             // What f32 cannot hold says nothing: every ray may be inside.
@@ -117,19 +121,20 @@ impl Edges {
         }
         let bounds = four::<S>(above::<S>(bounds));
         if frustum.shear.is_some() {
-            return Edges { edges, volumes: UNKNOWN, bounds, ahead: 0 };
+            return Edges { edges, volumes: UNKNOWN, bounds, ahead: 0, signs: [1.0; LANES] };
         }
         // The last edge goes from the third corner to the first.
         let [x, y, z] = corners[1];
         let volume =
             S::d4_add(S::d4_add(S::d4_mul(x, last[0]), S::d4_mul(y, last[1])), S::d4_mul(z, last[2]));
         let product = S::d4_mul(S::d4_mul(sizes[0], sizes[1]), sizes[2]);
-        let mut off = S::d4_add(S::d4_mul(product, S::d4_splat(2.0 * PRODUCT_SLACK)), S::d4_splat(UNDERFLOW));
+        let mut off = S::d4_add(S::d4_mul(product, S::d4_splat(4.0 * PRODUCT_SLACK)), S::d4_splat(UNDERFLOW));
         if frustum.spread != 0.0 {
             let pairs = S::d4_mul(S::d4_add(sizes[0], sizes[1]), S::d4_add(sizes[1], sizes[2]));
             let slopes = S::d4_add(S::d4_abs(normal[0]), S::d4_abs(normal[1]));
-            let slopes = S::d4_add(slopes, S::d4_mul(pairs, S::d4_splat(2.0 * PRODUCT_SLACK)));
-            off = S::d4_add(off, S::d4_mul(slopes, S::d4_splat(2.0 * frustum.spread * aside)));
+            let slopes = S::d4_add(S::d4_mul(slopes, S::d4_splat(aside)), S::d4_abs(normal[2]));
+            let slopes = S::d4_add(slopes, S::d4_mul(pairs, S::d4_splat(4.0 * PRODUCT_SLACK * aside)));
+            off = S::d4_add(off, S::d4_mul(slopes, S::d4_splat(2.0 * frustum.spread)));
         }
         let size = S::d4_abs(volume);
         let [smaller, larger] = QUOTIENT_MARGINS;
@@ -146,7 +151,10 @@ impl Edges {
             edge.c_and_bound = S::f8_array(S::f8_mul(S::f8(edge.c_and_bound), S::f8_from_d4(sign, one)));
         }
         let ahead = S::d4_lt(off, size);
-        Edges { edges, volumes: [four::<S>(least), four::<S>(most)], bounds, ahead }
+        let volumes = [four::<S>(least), four::<S>(most)];
+        // A frustum that looks down its axis sees a mirror image.
+        let mirrored = S::d4_splat(if frustum.downwards { -1.0 } else { 1.0 });
+        Edges { edges, volumes, bounds, ahead, signs: S::d4_array(S::d4_mul(sign, mirrored)) }
     }
 
     /// What the rays of a block are to the triangle in a lane.

@@ -118,7 +118,7 @@ impl Lanes {
         Common { start, end, counts_from_0: most_of::<S>(late) == 0.0, directions: intervals }
     }
 
-    /// Depths before and beyond those at `ends` along the rays of a block.
+    /// Depths before (but where rays run the same way) and beyond those at `ends` along the rays of a block.
     #[inline(always)]
     pub fn depths<S: Simd>(&self, block: usize) -> [S::F8; 2] {
         // Both factors are rounded, and so is their product, and the sum; what is too small for f32 is less than its least normal.

@@ -145,7 +145,7 @@ impl<'a, T: Tier, const ANY: bool> Packet<'a, T, ANY> {
         &mut self,
         block: usize,
         surely: u32,
-        (slot, corners): (SlotId, &[[f64; 3]; 3]),
+        (slot, corners, sign): (SlotId, &[[f64; 3]; 3], f64),
         depths: [S::F8; 2],
     ) -> (u32, bool) {
         let [nearer, farther] = self.scratch.best.compare::<S>(block, depths);
@@ -161,7 +161,7 @@ impl<'a, T: Tier, const ANY: bool> Packet<'a, T, ANY> {
         }
         let mut hit = nearer;
         if unknown & within != 0 {
-            let plane = Plane::new(corners, &self.frustum.apex);
+            let plane = Plane::new(corners, sign);
             for half in 0..BLOCK / RAYS {
                 let asked = unknown & within & (FOUR << (half * RAYS));
                 if asked == 0 {

@@ -21,15 +21,13 @@ pub struct Plane {
 const SLACK: f64 = 32.0 * f64::EPSILON;
 
 impl Plane {
-    /// Of a triangle whose plane the apex is not in.
+    /// Of a triangle; `sign` is that of H at the apex.
     #[inline(always)]
-    pub fn new([a, b, c]: &[[f64; 3]; 3], apex: &[f64; 3]) -> Self {
+    pub fn new([a, b, c]: &[[f64; 3]; 3], sign: f64) -> Self {
         let minus = |p: &[f64; 3], q: &[f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-        let dot = |p: &[f64; 3], q: &[f64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
         let size = |p: &[f64; 3]| p[0].abs() + p[1].abs() + p[2].abs();
         let (p, q) = (minus(b, a), minus(c, a));
         let normal = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
-        let sign = dot(&normal, &minus(a, apex)).signum();
         Plane {
             corner: *a,
             normal: [normal[0] * sign, normal[1] * sign, normal[2] * sign],

@@ -157,7 +157,8 @@ impl<T: Tier> Wide<T> {
                 let (surely, mut hit_any) = (met.surely & active, false);
                 if surely != 0 {
                     let depths = edges.depths(lane, &met);
-                    let (unknown, matters) = packet.sure::<S>(block, surely, (slot, &corners), depths);
+                    let (unknown, matters) =
+                        packet.sure::<S>(block, surely, (slot, &corners, edges.signs[lane]), depths);
                     (maybe, hit_any) = (maybe & !surely | unknown, matters);
                 }
                 if maybe != 0 {
