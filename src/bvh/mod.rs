@@ -184,7 +184,7 @@ pub struct Traversal {
 pub struct Tests {
     /// Boxes tested.
     pub nodes: u64,
-    /// Primitives tested.
+    /// Primitives tested; of packets, pairs of a ray and a primitive that it may meet by bounds in f32, whether that decides or the tier.
     pub primitives: u64,
 }
 

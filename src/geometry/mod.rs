@@ -24,7 +24,7 @@ pub mod bundle;
 mod distance;
 mod double;
 mod exact;
-mod expansion;
+pub(crate) mod expansion;
 mod fast;
 mod numerics;
 pub mod quad;

@@ -11,8 +11,8 @@ use crate::geometry::{Hit, PrimId, SlotId};
 
 /// What the rays of a packet have found.
 pub struct Best {
-    /// What is surely before this depth comes before the best hit.
-    pub near: [[f32; WIDTH]; BLOCKS],
+    /// What is surely before this depth comes before the best hit; nothing is known where rays run the same way.
+    near: [[f32; WIDTH]; BLOCKS],
     /// What is surely beyond this depth comes after it.
     pub far: [[f32; WIDTH]; BLOCKS],
     /// The slot of a triangle that is surely met, [`TESTED`] or [`NOTHING`].

@@ -174,3 +174,46 @@ fn common_end(ends: [[f64; 2]; 3], reach: f64, nearest: f64) -> Option<([f64; 3]
     let is_little = spread.is_finite() && spread <= nearest * MOST_SPREAD;
     is_little.then(|| (ends.map(|[least, most]| (least + most) / 2.0), spread))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::frustum::Frustum;
+    use super::*;
+    use crate::geometry::simd::Portable;
+    use glam::DVec3;
+
+    /// Depths of f64 rays of several lengths, computed in f64: far better than f32 bounds can tell.
+    #[test]
+    fn depths_lie_within_their_bounds() {
+        let mut state = 3u64;
+        let mut unit = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        for scale in [1e-30, 1.0, 1e30] {
+            let rays: Vec<Ray> = (0..WIDTH * BLOCKS)
+                .map(|_| {
+                    let direction = DVec3::new(unit() - 0.5, unit() - 0.5, 2.0).normalize();
+                    Ray { origin: DVec3::ONE, direction, t_min: 0.0, t_max: scale * (unit() + 0.5) }
+                })
+                .collect();
+            let mut lanes = Lanes::default();
+            let frustum = Frustum::new::<Portable>(&rays, false, &mut lanes).expect("one start");
+            assert_eq!(frustum.axes[2], 2);
+            for (index, ray) in rays.iter().enumerate() {
+                let depth = ray.direction.z * ray.t_max;
+                let [near, far] =
+                    lanes.depths::<Portable>(index / WIDTH).map(|d| f64::from(d[index % WIDTH]));
+                assert!(near < depth && depth < far, "{near} {depth} {far}");
+                let [near, far] = lanes.depths_at(index, ray.t_max).map(f64::from);
+                assert!(near < depth && depth < far, "{near} {depth} {far}");
+                assert!(far - near < 1e-5 * depth, "{near} {depth} {far}");
+            }
+        }
+        let endless = Ray { origin: DVec3::ZERO, direction: DVec3::Z, t_min: 0.0, t_max: f64::INFINITY };
+        let askew = Ray { direction: DVec3::new(0.6, 0.0, 0.8), ..endless };
+        let mut lanes = Lanes::default();
+        Frustum::new::<Portable>(&[endless, askew], false, &mut lanes).expect("one start");
+        assert_eq!(lanes.depths::<Portable>(0), [[f32::INFINITY; WIDTH]; 2]);
+    }
+}
