@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::super::build::LEAST_SHARE;
 use super::super::store::StoredSlot;
-use super::node::{Child, Node, WIDTH};
+use super::collapse::Collapse;
+use super::node::{Child, Node};
 use super::{Group, NONE, Wide};
 use crate::geometry::quad::LANES;
 use crate::geometry::{Bounds, Quad, Stored, Tier};
@@ -37,15 +38,16 @@ pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], s
     let is_sphere = |node: u32| spheres[slot_of(node) as usize];
     let below = if spheres.contains(&true) { below(tree, is_sphere) } else { below(tree, |_| false) };
     let is_leaf = |node: u32| below[node as usize] != MANY;
+    let collapse = Collapse::new(tree, is_leaf);
     // As measured on meshes; there is always room for more.
-    wide.nodes.reserve(tree.nodes.len() / 10);
+    wide.nodes.reserve(tree.nodes.len() / 20);
     let mut groups: Vec<Members> = Vec::with_capacity(tree.nodes.len() / 5);
     wide.nodes.push(Node::EMPTY);
     // A node of the binary tree, the place of its wide node, and how deep that is.
     let mut waiting = vec![(0u32, 0usize, 1usize)];
     while let Some((root, place, depth)) = waiting.pop() {
         wide.depth = wide.depth.max(depth);
-        let (children, len) = open(tree, root, is_leaf);
+        let (children, len) = collapse.children(tree, root);
         for (i, &child) in children[..len].iter().enumerate() {
             let b = tree.nodes[child as usize].aabb();
             let b = Bounds { min: b.min.into(), max: b.max.into() };
@@ -76,30 +78,6 @@ pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], s
     wide.groups =
         groups.par_iter().with_min_len(LEAST_SHARE).map(|members| Group::new(members, slots)).collect();
     wide
-}
-
-/// The nodes of the binary tree that a wide node over `root` holds: the largest is opened until there is no more room.
-fn open(tree: &Bvh2, root: u32, is_leaf: impl Fn(u32) -> bool) -> ([u32; WIDTH], usize) {
-    // Leaves are never opened.
-    let area = |node: u32| if is_leaf(node) { -1.0 } else { tree.nodes[node as usize].aabb().half_area() };
-    let (mut children, mut areas, mut len) = ([root; WIDTH], [-1.0; WIDTH], 1);
-    areas[0] = area(root);
-    while len < WIDTH {
-        let mut largest = 0;
-        for i in 1..len {
-            if areas[i] > areas[largest] {
-                largest = i;
-            }
-        }
-        if areas[largest] < 0.0 {
-            break;
-        }
-        let first = tree.nodes[children[largest] as usize].first_index;
-        (children[largest], areas[largest]) = (first, area(first));
-        (children[len], areas[len]) = (first + 1, area(first + 1));
-        len += 1;
-    }
-    (children, len)
 }
 
 /// What is below a node: 1 to 4 triangles in the lower half, 1 to 4 spheres in the upper, or [`MANY`].

@@ -7,6 +7,7 @@
 mod answers;
 mod ball;
 mod best;
+mod collapse;
 mod convert;
 mod edges;
 mod few;

@@ -19,19 +19,22 @@ const ROOM: usize = 256;
 
 /// What waits to be visited, the next last, for every ray: a [`Child`], and in the upper half the bits of the distance at which
 /// the ray enters it. Positive numbers are in the order of their bits. At the bottom lies [`Child::NOTHING`].
-pub struct Stacks(Vec<Stack>);
+pub struct Stacks(Box<[Stack; WALKERS]>);
+
+/// Room for a whole vector wherever the top is.
+type Items = [u64; ROOM + WIDTH];
 
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 struct Stack {
-    items: [u64; ROOM],
-    /// Puts the beginnings of stacks, which are nearly all that is ever used, into different sets of the cache.
-    apart: [u64; 8],
+    /// The room at the end also puts the beginnings of stacks, which are nearly all that is ever used, into different sets of the cache.
+    items: Items,
 }
 
 impl Default for Stacks {
     fn default() -> Self {
-        Stacks(vec![Stack { items: [0; ROOM], apart: [0; 8] }; WALKERS])
+        let stacks = vec![Stack { items: [0; ROOM + WIDTH] }; WALKERS];
+        Stacks(stacks.try_into().unwrap_or_else(|_| unreachable!("as many as there are walkers")))
     }
 }
 
@@ -52,7 +55,7 @@ struct Walker<P: Copy> {
 impl<P: Copy> Walker<P> {
     /// At the root.
     #[inline(always)]
-    fn new<T: Tier<Prepared = P>>(rays: &[Ray], index: usize, stack: &mut [u64; ROOM]) -> Self {
+    fn new<T: Tier<Prepared = P>>(rays: &[Ray], index: usize, stack: &mut Items) -> Self {
         let ray = &rays[index];
         let boxes = BoxRay::new(ray, true);
         stack[0] = u64::from(Child::NOTHING.as_bits());
@@ -68,7 +71,7 @@ impl<P: Copy> Walker<P> {
 
     /// Takes what is still worth a visit from the stack.
     #[inline(always)]
-    fn pop(&mut self, stack: &[u64; ROOM]) {
+    fn pop(&mut self, stack: &Items) {
         let mut top = self.top - 1;
         let mut item = stack[top % ROOM];
         // What was entered beyond a hit that was found since is passed over.
@@ -148,7 +151,10 @@ impl<T: Tier> Wide<T> {
                 let (walker, stack) = (&mut walkers[index], &mut stacks[index].items);
                 let node = &self.nodes[walker.child.index()];
                 let (enter, leave) = walker.boxes.span::<S, true>(node, walker.t_max);
-                let Some(to) = stack[walker.top..].first_chunk_mut() else { unreachable!("there is room") };
+                let top = walker.top % ROOM;
+                let Some(to) = stack[top..top + WIDTH].first_chunk_mut() else {
+                    unreachable!("there is room")
+                };
                 walker.top += S::sort(enter, leave, Child::bits(&node.children), to);
             }
             // In a loop of its own: what was just written takes its time to be read.
