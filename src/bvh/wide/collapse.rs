@@ -16,6 +16,9 @@ type Costs = [f32; WIDTH];
 /// better to be one child; and in the first place, the same for a wide node of its own, which has all places. Of leaves all are 0.
 type Split = [u8; WIDTH];
 
+/// Areas beyond this are all alike: any number of them can be added.
+const LARGEST: f32 = 1e28;
+
 /// The choice for every node.
 pub struct Collapse(Vec<Split>);
 
@@ -42,8 +45,8 @@ impl Collapse {
             let (Some(first), Some(second)) = (costs.pop(), costs.pop()) else {
                 unreachable!("two children for every node")
             };
-            // Where nothing has area, there are still to be as few nodes as can be.
-            let area = tree.nodes[node as usize].aabb().half_area().max(f32::MIN_POSITIVE);
+            // Where nothing has area, there are still to be as few nodes as can be; nor may sums of areas overflow.
+            let area = tree.nodes[node as usize].aabb().half_area().max(f32::MIN_POSITIVE).min(LARGEST);
             let (below, split) = best_split(&first, &second, area);
             splits[node as usize] = split;
             costs.push(below);
@@ -182,6 +185,44 @@ mod tests {
             assert_eq!(area, least(&tree, &is_leaf, 0), "tree {seed}");
             assert_eq!(leaves, is_leaf.iter().filter(|&&leaf| leaf).count());
         }
+    }
+
+    /// Sixteen leaves, nodes numbered level by level. Opened as far as there are places, the wide root would hold eight nodes of two leaves, of
+    /// area 8 * 1200; two nodes of eight leaves have less, for they are smaller.
+    #[test]
+    fn small_nodes_stay_closed() {
+        let sized = |size: f32| Aabb { min: glam::Vec3A::ZERO, max: glam::Vec3A::splat(size) };
+        let node = |index: u32| {
+            let aabb = sized(if index < 3 { 10.0 } else { 20.0 });
+            if index < 15 { Bvh2Node::new(aabb, 0, 2 * index + 1) } else { Bvh2Node::new(aabb, 1, 0) }
+        };
+        let tree = Bvh2 { nodes: (0..31).map(node).collect(), ..Bvh2::default() };
+        let is_leaf: Vec<bool> = (0..31).map(|index| index >= 15).collect();
+        let collapse = Collapse::new(&tree, |node| is_leaf[node as usize]);
+        assert_eq!(collapse.children(&tree, 0), ([1, 2, 0, 0, 0, 0, 0, 0], 2));
+        assert_eq!(least(&tree, &is_leaf, 0), 3.0 * 300.0);
+    }
+
+    #[test]
+    fn areas_that_overflow_are_alike() {
+        let (mut tree, is_leaf) = tree(64, 5);
+        let leaf = |node: u32| is_leaf[node as usize];
+        let mut wide_nodes_of_boxes = |half: f32| {
+            let corner = glam::Vec3A::splat(half);
+            for node in &mut tree.nodes {
+                node.set_aabb(Aabb { min: -corner, max: corner });
+            }
+            let collapse = Collapse::new(&tree, leaf);
+            let (mut waiting, mut count) = (vec![0u32], 0);
+            while let Some(node) = waiting.pop() {
+                count += 1;
+                let (children, len) = collapse.children(&tree, node);
+                waiting.extend(children[..len].iter().filter(|&&child| !leaf(child)));
+            }
+            count
+        };
+        assert_eq!(wide_nodes_of_boxes(f32::MAX), wide_nodes_of_boxes(1.0));
+        assert_eq!(wide_nodes_of_boxes(1e18), wide_nodes_of_boxes(1.0));
     }
 
     #[test]

@@ -13,8 +13,8 @@ use crate::geometry::{Hit, Ray, Tier};
 /// How many rays are on their way at once.
 const WALKERS: usize = 32;
 
-/// How much can wait to be visited by one ray. Every node on the way leaves at most all its children but one, and a whole
-/// vector is written at the end; trees that are deeper than that allows are walked by one ray at a time.
+/// How much can wait to be visited by one ray. Every node on the way leaves at most all its children but one; trees that are deeper
+/// than that allows are walked by one ray at a time.
 const ROOM: usize = 256;
 
 /// What waits to be visited, the next last, for every ray: a [`Child`], and in the upper half the bits of the distance at which
@@ -151,6 +151,7 @@ impl<T: Tier> Wide<T> {
                 let (walker, stack) = (&mut walkers[index], &mut stacks[index].items);
                 let node = &self.nodes[walker.child.index()];
                 let (enter, leave) = walker.boxes.span::<S, true>(node, walker.t_max);
+                debug_assert!(walker.top < ROOM);
                 let top = walker.top % ROOM;
                 let Some(to) = stack[top..top + WIDTH].first_chunk_mut() else {
                     unreachable!("there is room")
