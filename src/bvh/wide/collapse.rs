@@ -46,7 +46,8 @@ impl Collapse {
                 unreachable!("two children for every node")
             };
             // Where nothing has area, there are still to be as few nodes as can be; nor may sums of areas overflow.
-            let area = tree.nodes[node as usize].aabb().half_area().max(f32::MIN_POSITIVE).min(LARGEST);
+            let area = tree.nodes[node as usize].aabb().half_area();
+            let area = if area < LARGEST { area.max(f32::MIN_POSITIVE) } else { LARGEST };
             let (below, split) = best_split(&first, &second, area);
             splits[node as usize] = split;
             costs.push(below);
