@@ -65,7 +65,6 @@ pub fn build_wide<T: Tier>(slots: &[StoredSlot<T>], preset: Preset, simd: bool) 
     }
     let Binary { mut tree, of_slot, parameters } = binary(slots, preset);
     ReinsertionOptimizer::default().run(&mut tree, parameters.reinsertion_batch_ratio, None);
-    tree.init_parents_if_uninit();
     convert(&tree, &of_slot, slots, simd)
 }
 

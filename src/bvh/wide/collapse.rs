@@ -5,9 +5,8 @@
 //! Compressed Wide BVHs, 2017, section 3.2): from the leaves up, what it costs at least to hold what is below a node as at most
 //! 1, 2, ... 8 children of one wide node.
 
-use obvhs::bvh2::Bvh2;
-
 use super::node::WIDTH;
+use super::outline::{Below, Entry};
 
 /// The least area of the wide nodes below a node of the binary tree, where it may take 1, 2, ... places of the one above.
 type Costs = [f32; WIDTH];
@@ -23,22 +22,13 @@ const LARGEST: f32 = 1e28;
 pub struct Collapse(Vec<Split>);
 
 impl Collapse {
-    /// Of a tree. Without recursion, for trees of any depth.
-    pub fn new(tree: &Bvh2, is_leaf: impl Fn(u32) -> bool) -> Self {
-        let mut splits = vec![[0; WIDTH]; tree.nodes.len()];
-        // Every node before those below it, those of its first child first.
-        let (mut order, mut waiting) = (Vec::with_capacity(tree.nodes.len() / 2), vec![0u32]);
-        while let Some(node) = waiting.pop() {
-            order.push(node);
-            if !is_leaf(node) {
-                let first = tree.nodes[node as usize].first_index;
-                waiting.extend([first + 1, first]);
-            }
-        }
+    /// Of a tree in preorder.
+    pub fn new(entries: &[Entry]) -> Self {
+        let mut splits = vec![[0; WIDTH]; entries.len()];
         // Backwards: where a node is met, the costs of its children are the last two, the first child's last.
         let mut costs: Vec<Costs> = Vec::new();
-        for node in order.into_iter().rev() {
-            if is_leaf(node) {
+        for (entry, split) in entries.iter().zip(&mut splits).rev() {
+            if entry.is_leaf() {
                 costs.push([0.0; WIDTH]);
                 continue;
             }
@@ -46,31 +36,33 @@ impl Collapse {
                 unreachable!("two children for every node")
             };
             // Where nothing has area, there are still to be as few nodes as can be; nor may sums of areas overflow.
-            let area = tree.nodes[node as usize].aabb().half_area();
+            let area = entry.bounds.half_area();
             let area = if area < LARGEST { area.max(f32::MIN_POSITIVE) } else { LARGEST };
-            let (below, split) = best_split(&first, &second, area);
-            splits[node as usize] = split;
+            let below;
+            (below, *split) = best_split(&first, &second, area);
             costs.push(below);
         }
         Collapse(splits)
     }
 
-    /// The nodes of the binary tree that a wide node over `root` holds.
-    pub fn children(&self, tree: &Bvh2, root: u32) -> ([u32; WIDTH], usize) {
+    /// The entries that a wide node over `root` holds.
+    pub fn children(&self, entries: &[Entry], root: u32) -> ([u32; WIDTH], usize) {
         let (mut children, mut len) = ([root; WIDTH], 0);
         // Not more than there are places wait.
         let (mut waiting, mut top) = ([(root, WIDTH, self.0[root as usize][0]); WIDTH], 1);
         while top > 0 {
             top -= 1;
             let (node, places, of_first) = waiting[top];
-            if of_first == 0 {
-                children[len] = node;
-                len += 1;
-                continue;
-            }
-            let first = tree.nodes[node as usize].first_index;
+            let second = match entries[node as usize].below {
+                Below::Two(second) if of_first > 0 => second,
+                _ => {
+                    children[len] = node;
+                    len += 1;
+                    continue;
+                }
+            };
             let of_first = usize::from(of_first);
-            for (child, places) in [(first + 1, places - of_first), (first, of_first)] {
+            for (child, places) in [(second, places - of_first), (node + 1, of_first)] {
                 let of_first = if places == 1 { 0 } else { self.0[child as usize][places - 1] };
                 waiting[top] = (child, places, of_first);
                 top += 1;
@@ -112,115 +104,119 @@ fn best_split(first: &Costs, second: &Costs, area: f32) -> (Costs, Split) {
 mod tests {
     use super::*;
     use crate::bvh::mix::{GOLDEN, mix};
-    use obvhs::aabb::Aabb;
-    use obvhs::bvh2::node::Bvh2Node;
+    use crate::geometry::Bounds;
+    use glam::Vec3;
 
-    /// A tree of boxes of any size, which need not lie in each other here.
-    fn tree(leaves: usize, seed: u64) -> (Bvh2, Vec<bool>) {
+    fn cube(side: f32) -> Bounds {
+        Bounds { min: Vec3::ZERO, max: Vec3::splat(side) }
+    }
+
+    /// Puts a tree of that many leaves, and boxes of any size, behind the others. Boxes need not lie in each other here.
+    fn grow(entries: &mut Vec<Entry>, leaves: usize, below: &mut impl FnMut(usize) -> usize) {
+        let place = entries.len();
+        let leaf = Below::Triangles(0, 1);
+        entries.push(Entry { bounds: cube(below(100) as f32), below: leaf });
+        if leaves == 1 {
+            return;
+        }
+        let left = 1 + below(leaves - 1);
+        grow(entries, left, below);
+        entries[place].below = Below::Two(entries.len() as u32);
+        grow(entries, leaves - left, below);
+    }
+
+    fn tree(leaves: usize, seed: u64) -> Vec<Entry> {
         let mut state = seed;
         let mut below = |end: usize| {
             state = state.wrapping_add(GOLDEN);
             mix(state) as usize % end
         };
-        let (mut nodes, mut is_leaf) = (vec![Bvh2Node::default()], vec![false]);
-        let mut waiting = vec![(0, leaves)];
-        while let Some((node, count)) = waiting.pop() {
-            let size = glam::Vec3A::splat(below(100) as f32);
-            let aabb = Aabb { min: glam::Vec3A::ZERO, max: size };
-            let first = nodes.len();
-            if count == 1 {
-                (nodes[node], is_leaf[node]) = (Bvh2Node::new(aabb, 1, 0), true);
-                continue;
-            }
-            nodes[node] = Bvh2Node::new(aabb, 0, first as u32);
-            nodes.extend([Bvh2Node::default(); 2]);
-            is_leaf.extend([false; 2]);
-            let left = 1 + below(count - 1);
-            waiting.extend([(first, left), (first + 1, count - left)]);
-        }
-        (Bvh2 { nodes, ..Bvh2::default() }, is_leaf)
+        let mut entries = Vec::new();
+        grow(&mut entries, leaves, &mut below);
+        entries
     }
 
     /// Every set of nodes that a wide node over `node` could hold.
-    fn sets(tree: &Bvh2, is_leaf: &[bool], node: usize) -> Vec<Vec<usize>> {
-        if is_leaf[node] {
-            return vec![vec![node]];
-        }
-        let first = tree.nodes[node].first_index as usize;
-        let of = |child| {
-            let opened = sets(tree, is_leaf, child);
-            let closed = (!is_leaf[child]).then(|| vec![child]);
+    fn sets(entries: &[Entry], node: u32) -> Vec<Vec<u32>> {
+        let Below::Two(second) = entries[node as usize].below else { return vec![vec![node]] };
+        let of = |child: u32| {
+            let opened = sets(entries, child);
+            let closed = (!entries[child as usize].is_leaf()).then(|| vec![child]);
             opened.into_iter().chain(closed).collect::<Vec<_>>()
         };
-        let (first, second) = (of(first), of(first + 1));
+        let (first, second) = (of(node + 1), of(second));
         let both = first.iter().flat_map(|a| second.iter().map(|b| [a.as_slice(), b].concat()));
         both.filter(|set| set.len() <= WIDTH).collect()
     }
 
     /// The least area of all wide nodes, by trying everything.
-    fn least(tree: &Bvh2, is_leaf: &[bool], node: usize) -> f32 {
-        if is_leaf[node] {
+    fn least(entries: &[Entry], node: u32) -> f32 {
+        if entries[node as usize].is_leaf() {
             return 0.0;
         }
-        let costs = sets(tree, is_leaf, node)
+        let costs = sets(entries, node)
             .into_iter()
-            .map(|set| set.into_iter().map(|child| least(tree, is_leaf, child)).sum::<f32>());
-        tree.nodes[node].aabb().half_area() + costs.fold(f32::INFINITY, f32::min)
+            .map(|set| set.into_iter().map(|child| least(entries, child)).sum::<f32>());
+        entries[node as usize].bounds.half_area() + costs.fold(f32::INFINITY, f32::min)
+    }
+
+    /// The area of all wide nodes, how many they are, how few children one of them has, and the leaves that they hold.
+    fn taken(entries: &[Entry]) -> (f32, usize, usize, usize) {
+        let collapse = Collapse::new(entries);
+        let (mut waiting, mut area, mut count, mut fewest, mut leaves) = (vec![0u32], 0.0, 0, WIDTH, 0);
+        while let Some(node) = waiting.pop() {
+            count += 1;
+            area += entries[node as usize].bounds.half_area();
+            let (children, len) = collapse.children(entries, node);
+            fewest = fewest.min(len);
+            let inner = children[..len].iter().filter(|&&child| !entries[child as usize].is_leaf());
+            waiting.extend(inner);
+            leaves += children[..len].iter().filter(|&&child| entries[child as usize].is_leaf()).count();
+        }
+        (area, count, fewest, leaves)
     }
 
     #[test]
     fn no_other_choice_has_less_area() {
         for seed in 0..60 {
-            let (tree, is_leaf) = tree(2 + seed as usize % 13, seed);
-            let leaf = |node: u32| is_leaf[node as usize];
-            let collapse = Collapse::new(&tree, leaf);
-            let (mut waiting, mut area, mut leaves) = (vec![0u32], 0.0, 0);
-            while let Some(node) = waiting.pop() {
-                area += tree.nodes[node as usize].aabb().half_area();
-                let (children, len) = collapse.children(&tree, node);
-                assert!((2..=WIDTH).contains(&len));
-                leaves += children[..len].iter().filter(|&&child| leaf(child)).count();
-                waiting.extend(children[..len].iter().filter(|&&child| !leaf(child)));
-            }
+            let leaves = 2 + seed as usize % 13;
+            let entries = tree(leaves, seed);
+            let (area, _, fewest, held) = taken(&entries);
             // Whole numbers.
-            assert_eq!(area, least(&tree, &is_leaf, 0), "tree {seed}");
-            assert_eq!(leaves, is_leaf.iter().filter(|&&leaf| leaf).count());
+            assert_eq!(area, least(&entries, 0), "tree {seed}");
+            assert!(fewest >= 2 && held == leaves, "tree {seed}");
         }
     }
 
-    /// Sixteen leaves, nodes numbered level by level. Opened as far as there are places, the wide root would hold eight nodes of two leaves, of
-    /// area 8 * 1200; two nodes of eight leaves have less, for they are smaller.
+    /// Sixteen leaves, a full tree. Opened as far as there are places, the wide root would hold eight nodes of two leaves, of area 8 *
+    /// 1200; two nodes of eight leaves have less, for they are smaller.
     #[test]
     fn small_nodes_stay_closed() {
-        let sized = |size: f32| Aabb { min: glam::Vec3A::ZERO, max: glam::Vec3A::splat(size) };
-        let node = |index: u32| {
-            let aabb = sized(if index < 3 { 10.0 } else { 20.0 });
-            if index < 15 { Bvh2Node::new(aabb, 0, 2 * index + 1) } else { Bvh2Node::new(aabb, 1, 0) }
-        };
-        let tree = Bvh2 { nodes: (0..31).map(node).collect(), ..Bvh2::default() };
-        let is_leaf: Vec<bool> = (0..31).map(|index| index >= 15).collect();
-        let collapse = Collapse::new(&tree, |node| is_leaf[node as usize]);
-        assert_eq!(collapse.children(&tree, 0), ([1, 2, 0, 0, 0, 0, 0, 0], 2));
-        assert_eq!(least(&tree, &is_leaf, 0), 3.0 * 300.0);
+        fn full(entries: &mut Vec<Entry>, leaves: usize) {
+            let place = entries.len();
+            let bounds = cube(if leaves < 8 { 20.0 } else { 10.0 });
+            entries.push(Entry { bounds, below: Below::Triangles(0, 1) });
+            if leaves > 1 {
+                full(entries, leaves / 2);
+                entries[place].below = Below::Two(entries.len() as u32);
+                full(entries, leaves / 2);
+            }
+        }
+        let mut entries = Vec::new();
+        full(&mut entries, 16);
+        // Fifteen entries hold eight leaves.
+        assert_eq!(Collapse::new(&entries).children(&entries, 0), ([1, 16, 0, 0, 0, 0, 0, 0], 2));
+        assert_eq!(least(&entries, 0), 3.0 * 300.0);
     }
 
     #[test]
     fn areas_that_overflow_are_alike() {
-        let (mut tree, is_leaf) = tree(64, 5);
-        let leaf = |node: u32| is_leaf[node as usize];
+        let mut entries = tree(64, 5);
         let mut wide_nodes_of_boxes = |half: f32| {
-            let corner = glam::Vec3A::splat(half);
-            for node in &mut tree.nodes {
-                node.set_aabb(Aabb { min: -corner, max: corner });
+            for entry in &mut entries {
+                entry.bounds = Bounds { min: Vec3::splat(-half), max: Vec3::splat(half) };
             }
-            let collapse = Collapse::new(&tree, leaf);
-            let (mut waiting, mut count) = (vec![0u32], 0);
-            while let Some(node) = waiting.pop() {
-                count += 1;
-                let (children, len) = collapse.children(&tree, node);
-                waiting.extend(children[..len].iter().filter(|&&child| !leaf(child)));
-            }
-            count
+            taken(&entries).1
         };
         assert_eq!(wide_nodes_of_boxes(f32::MAX), wide_nodes_of_boxes(1.0));
         assert_eq!(wide_nodes_of_boxes(1e18), wide_nodes_of_boxes(1.0));
@@ -228,18 +224,16 @@ mod tests {
 
     #[test]
     fn without_area_nodes_are_as_few_as_can_be() {
-        let (mut tree, is_leaf) = tree(8, 1);
-        for node in &mut tree.nodes {
-            node.set_aabb(Aabb { min: glam::Vec3A::ZERO, max: glam::Vec3A::X });
+        let mut entries = tree(8, 1);
+        for entry in &mut entries {
+            entry.bounds = Bounds { min: Vec3::ZERO, max: Vec3::X };
         }
-        let leaf = |node: u32| is_leaf[node as usize];
-        assert_eq!(Collapse::new(&tree, leaf).children(&tree, 0).1, 8);
+        assert_eq!(Collapse::new(&entries).children(&entries, 0).1, 8);
     }
 
     #[test]
     fn a_leaf_is_its_own_child() {
-        let (tree, is_leaf) = tree(1, 1);
-        let leaf = |node: u32| is_leaf[node as usize];
-        assert_eq!(Collapse::new(&tree, leaf).children(&tree, 0), ([0; WIDTH], 1));
+        let entries = tree(1, 1);
+        assert_eq!(Collapse::new(&entries).children(&entries, 0), ([0; WIDTH], 1));
     }
 }

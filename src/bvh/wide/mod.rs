@@ -14,6 +14,7 @@ mod few;
 mod frustum;
 mod lanes;
 mod node;
+mod outline;
 mod packet;
 mod plane;
 mod refit;
