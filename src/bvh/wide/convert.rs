@@ -10,6 +10,7 @@ use super::node::{Child, Node};
 use super::outline::{Below, Entry, Outline};
 use super::{Group, NONE, Wide};
 use crate::geometry::quad::LANES;
+use crate::geometry::simd::prefetch;
 use crate::geometry::{Quad, Stored, Tier};
 
 /// The slots of a group, among those that leaves hold.
@@ -81,10 +82,20 @@ pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], s
             wide.nodes[place].set(i, bounds, content);
         }
     }
-    let groups = groups.par_iter().with_min_len(LEAST_SHARE);
-    wide.groups = groups.map(|members| Group::new(in_order(&held, members.clone()), slots)).collect();
+    let group = |(index, members): (usize, &Members)| {
+        if let Some(soon) = groups.get(index + AHEAD) {
+            held[soon.start as usize..soon.end as usize]
+                .iter()
+                .for_each(|&slot| prefetch(slots, slot as usize));
+        }
+        Group::new(in_order(&held, members.clone()), slots)
+    };
+    wide.groups = groups.par_iter().enumerate().with_min_len(LEAST_SHARE).map(group).collect();
     wide
 }
+
+/// How far ahead slots are asked for, in groups: they lie in no order.
+const AHEAD: usize = 6;
 
 /// Some slots of those that are held, each once, in order; and how many those are.
 fn in_order(held: &[u32], members: Members) -> ([u32; LANES], usize) {

@@ -7,6 +7,7 @@ use obvhs::bvh2::Bvh2;
 
 use crate::geometry::Bounds;
 use crate::geometry::quad::LANES;
+use crate::geometry::simd::prefetch;
 
 /// The nodes, every one before those below it, those of its first child first; and what their leaves hold.
 #[derive(Default)]
@@ -71,6 +72,12 @@ impl Outline {
         let mut next = (!tree.nodes.is_empty()).then_some(0);
         while let Some(index) = next {
             let node = &tree.nodes[index as usize];
+            // What is below the node beside it will be read after what is below this one.
+            if let Some(above) = open.last()
+                && let Some(second) = above.second
+            {
+                prefetch(&tree.nodes, tree.nodes[second as usize].first_index as usize);
+            }
             let (bounds, first) = (Bounds { min: node.min, max: node.max }, held.len() as u32);
             if !node.is_leaf() {
                 open.push(Open { entry: entries.len(), first, second: Some(node.first_index + 1) });
