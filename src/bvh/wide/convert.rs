@@ -33,9 +33,10 @@ pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], s
         return wide;
     }
     let slot_of = |place: u32| of_slot[tree.primitive_indices[place as usize] as usize];
-    let is_sphere = |slot: &StoredSlot<T>| matches!(slot.primitive, Stored::Sphere(_));
-    let Outline { entries, mut held } = if slots.iter().any(is_sphere) {
-        Outline::new(tree, |place| is_sphere(&slots[slot_of(place) as usize]))
+    // Apart from the slots, which are large: leaves refer to them in no order.
+    let spheres: Vec<bool> = slots.iter().map(|slot| matches!(slot.primitive, Stored::Sphere(_))).collect();
+    let Outline { entries, mut held } = if spheres.contains(&true) {
+        Outline::new(tree, |place| spheres[slot_of(place) as usize])
     } else {
         Outline::new(tree, |_| false)
     };
@@ -122,5 +123,15 @@ impl<C: crate::geometry::Corner> Group<C> {
             }
         }
         group
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_are_in_order_and_parts_are_one() {
+        assert_eq!(in_order(&[9, 7, 3, 7, 5, 1], 1..5), ([3, 5, 7, NONE], 3));
     }
 }

@@ -10,7 +10,6 @@ use crate::geometry::quad::LANES;
 use crate::geometry::simd::prefetch;
 
 /// The nodes, every one before those below it, those of its first child first; and what their leaves hold.
-#[derive(Default)]
 pub struct Outline {
     /// The nodes.
     pub entries: Vec<Entry>,
@@ -19,7 +18,7 @@ pub struct Outline {
 }
 
 /// A node of the outline. Its first child is the next.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Clone, Copy)]
 pub struct Entry {
     /// Its box.
     pub bounds: Bounds,
@@ -72,7 +71,8 @@ impl Outline {
         let mut next = (!tree.nodes.is_empty()).then_some(0);
         while let Some(index) = next {
             let node = &tree.nodes[index as usize];
-            // What is below the node beside it will be read after what is below this one.
+            // What is below the node beside it will be read after what is below this one. Of a leaf that is a place in another
+            // list: asked for in vain, and of no harm.
             if let Some(above) = open.last()
                 && let Some(second) = above.second
             {
@@ -103,7 +103,7 @@ impl Outline {
     }
 }
 
-/// Makes a leaf of a node if all below it fits into one.
+/// Makes a leaf of a node if all below it fits into one, every part of a primitive counting.
 fn close(entries: &mut Vec<Entry>, node: &Open, held: u32) {
     let (count, Below::Two(second)) = (held - node.first, entries[node.entry].below) else { return };
     if count > LANES as u32 {
@@ -121,9 +121,10 @@ fn close(entries: &mut Vec<Entry>, node: &Open, held: u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
     use obvhs::bvh2::node::Bvh2Node;
 
-    /// Nodes level by level, as the builder leaves no tree: ((0 1) (2 3)) ((4 5) (6 (7 8))), a primitive each.
+    /// Nodes level by level: ((8 7) (6 5)) ((4 3) (2 (1 0))), a place in the list of primitives each. Boxes are as long as the node's number.
     fn outline(is_sphere: impl Fn(u32) -> bool) -> Outline {
         let inner = |first: u32| Bvh2Node { first_index: first, ..Bvh2Node::default() };
         let leaf = |index: u32| Bvh2Node { prim_count: 1, first_index: index, ..Bvh2Node::default() };
@@ -135,17 +136,19 @@ mod tests {
             inner(9),
             inner(11),
             inner(13),
-            leaf(0),
-            leaf(1),
-            leaf(2),
-            leaf(3),
-            leaf(4),
-            leaf(5),
-            leaf(6),
-            inner(15),
-            leaf(7),
             leaf(8),
+            leaf(7),
+            leaf(6),
+            leaf(5),
+            leaf(4),
+            leaf(3),
+            leaf(2),
+            inner(15),
+            leaf(1),
+            leaf(0),
         ];
+        let boxed = |(number, node): (u8, Bvh2Node)| Bvh2Node { max: Vec3::splat(number.into()), ..node };
+        let nodes = (0..).zip(nodes).map(boxed).collect();
         let tree = Bvh2 { nodes, primitive_indices: (0..9).collect(), ..Bvh2::default() };
         Outline::new(&tree, is_sphere)
     }
@@ -157,17 +160,19 @@ mod tests {
     #[test]
     fn leaves_hold_all_that_fits() {
         let outline = outline(|_| false);
-        assert_eq!(outline.held, [0, 1, 2, 3, 4, 5, 6, 7, 8]);
+        assert_eq!(outline.held, [8, 7, 6, 5, 4, 3, 2, 1, 0]);
         // Four, and five: of two and three.
         let Below::Two(2) = outline.entries[0].below else { panic!("{:?}", below(&outline)) };
         let leaves = [(0, 4), (4, 2), (6, 3)].map(|(first, count)| Below::Triangles(first, count));
         assert_eq!(below(&outline), [Below::Two(2), leaves[0], Below::Two(4), leaves[1], leaves[2]]);
+        let boxes: Vec<f32> = outline.entries.iter().map(|entry| entry.bounds.max.x).collect();
+        assert_eq!(boxes, [0.0, 1.0, 2.0, 5.0, 6.0]);
     }
 
     #[test]
     fn triangles_and_spheres_do_not_mix() {
-        // 7 is a sphere, and so are 0 and 1.
-        let outline = outline(|place| [0, 1, 7].contains(&place));
+        // The first two are spheres, and the last but one.
+        let outline = outline(|place| [8, 7, 1].contains(&place));
         let (two, triangles, spheres) = (Below::Two, Below::Triangles, Below::Spheres);
         let expected = [
             two(4),

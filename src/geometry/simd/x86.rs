@@ -1,5 +1,5 @@
 //! AVX2 and FMA, and what came with them or before. The only file of the room with `unsafe`: calls of instructions that the
-//! machine was asked for beforehand.
+//! machine was asked for beforehand, or that every machine of this kind has.
 
 use std::arch::x86_64::*;
 
@@ -19,11 +19,11 @@ impl Avx2 {
     }
 }
 
-/// See [`super::prefetch`]. Every machine of this kind has the instruction.
+/// See [`super::prefetch`].
 #[inline(always)]
 pub fn prefetch<T>(items: &[T], index: usize) {
     let at = items.as_ptr().wrapping_add(index).cast::<i8>();
-    // SAFETY: asking for memory reads nothing.
+    // SAFETY: the instruction is one of SSE, which every x86-64 has, and asking for memory reads nothing.
     unsafe { _mm_prefetch::<_MM_HINT_T0>(at) };
 }
 
