@@ -72,7 +72,7 @@ fn rays(world: &World, view: &View) -> Rays {
     // Tile by tile, as the renderer asks.
     let tiles = (0..SIZE[1] / TILE).flat_map(|y| (0..SIZE[0] / TILE).map(move |x| (x * TILE, y * TILE)));
     let pixels = tiles.flat_map(|(x, y)| (0..TILE * TILE).map(move |i| (x + i % TILE, y + i / TILE)));
-    let primary: Vec<Ray> = pixels.map(|(x, y)| view.ray(x, y, Precision::Single)).collect();
+    let primary: Vec<Ray> = pixels.map(|(x, y)| view.ray(x, y, Precision::Double)).collect();
     let mut hits = Vec::new();
     world.accelerator.closest_hits(&primary, &mut hits, &mut Traversal::default());
     let surfaces: Vec<Surface> =
@@ -80,13 +80,13 @@ fn rays(world: &World, view: &View) -> Rays {
     let origin = |s: &Surface| s.point.origin_towards(s.geometric_normal, Numerics::Watertight);
     let to_light = |s: &Surface| {
         let light = LightSample::new(world.lights.first()?, s, false)?;
-        Some(shadow_ray(origin(s), &light, Precision::Single))
+        Some(shadow_ray(origin(s), &light, Numerics::Watertight))
     };
     let shadow = surfaces.iter().filter_map(to_light).collect();
     Rays {
         primary,
         shadow,
-        glaze: surfaces.iter().map(|s| mirrored_ray(origin(s), s, Precision::Single)).collect(),
+        glaze: surfaces.iter().map(|s| mirrored_ray(origin(s), s, Precision::Double)).collect(),
     }
 }
 

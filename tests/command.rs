@@ -819,7 +819,7 @@ fn info_says_what_a_file_holds() {
     let output = workshop.run("info odd.obj");
     let said = text(&output.stdout);
     assert!(said.contains("warning     odd.obj: materials left out: gone.mtl: no such file\n"), "{said}");
-    assert!(said.contains("warning     odd.obj: left out 1 triangle(s) without area\n"), "{said}");
+    assert!(said.contains("no area     1 triangle(s), kept because they may close T-vertices\n"), "{said}");
 }
 
 #[test]

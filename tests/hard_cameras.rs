@@ -170,8 +170,8 @@ fn f3_directions_have_length_one_and_highlights_make_no_light() {
         );
         for prepared in tiers(&scene(&text), [32, 32]) {
             let numerics = prepared.world.numerics();
-            // Of length 1 up to the rounding of each component to the tier's numbers.
-            let steps = |d: DVec3| (d.length() - 1.0).abs() / numerics.precision().epsilon();
+            // Of length 1 up to the rounding of each component.
+            let steps = |d: DVec3| (d.length() - 1.0).abs() / numerics.ray_precision().epsilon();
             assert!(prepared.rays().iter().all(|ray| steps(ray.direction) <= 1.0));
             for [r, g, b] in sound(&prepared).rows() {
                 let rounding = 1.0 + 2.0 * f32::EPSILON;
@@ -241,7 +241,7 @@ fn f4_a_camera_on_a_corner_of_a_cube_sees_the_three_faces_opposite() {
             assert!(ray.direction.min_element() > 0.0);
             let exact = 1.0 / ray.direction.max_element();
             let t = hit.expect("the cube is closed").t;
-            let limit = 4.0 * prepared.world.numerics().precision().epsilon();
+            let limit = 4.0 * prepared.world.numerics().ray_precision().epsilon();
             assert!((t - exact).abs() <= limit * exact, "{t} {exact}");
         }
     }
@@ -366,7 +366,7 @@ fn f6_from_a_million_away_the_outline_is_that_of_the_rounded_rays() {
             if numerics != Numerics::Fast && (aside - 1.0).abs() > 1e-8 {
                 assert_eq!(hit.is_some(), aside < 1.0, "{}: {aside}", numerics.name());
             }
-            if numerics.precision() == Precision::Double {
+            if numerics.ray_precision() == Precision::Double {
                 // Pixels are 4 / 33 wide: the outline is 8.25 pixels from the middle, 68.06 squared, and 68 = 64 + 4.
                 let (x, y) = (index % 33 - 16, index / 33 - 16);
                 assert_eq!(hit.is_some(), x * x + y * y <= 68, "{}: ({x}, {y})", numerics.name());

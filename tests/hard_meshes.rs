@@ -14,6 +14,7 @@ use common::hard::{
     Corners, fine_ray_towards, meshes, ray, ray_towards, single, single_mesh, times_factor, triangles,
 };
 use glam::DVec3;
+use kiln::bvh::{Traversal, build};
 use kiln::geometry::{Numerics, Ray};
 
 /// Rays from about the middle of a closed mesh at the points that its triangles share.
@@ -157,4 +158,40 @@ fn b3_hubs_of_many_triangles_do_not_leak() {
             assert_eq!(summary.hit, summary.rays);
         }
     }
+}
+
+/// Set-up: closed meshes with T-vertices that triangles without area close. Rays from inside at the split edges and at the new vertices: none
+/// gets out, in any tier. Without those triangles some do.
+#[test]
+fn b1_triangles_without_area_close_t_vertices() {
+    for (radius, x) in [(1.0, 0.0), (1e-6, 0.0), (1.0, 1e3)] {
+        let centre = DVec3::new(x, 0.5 * x, 0.0);
+        let cube: Vec<Corners> =
+            meshes::cube(2).into_iter().map(|corners| corners.map(|p| centre + radius * p)).collect();
+        for mesh in [cube, meshes::icosphere(2, centre, radius)] {
+            let mesh = meshes::with_t_vertices(&single_mesh(&mesh), 5);
+            let closing: Vec<Corners> = mesh.iter().copied().filter(is_sliver).collect();
+            assert!(closing.len() > mesh.len() / 8, "{} of {}", closing.len(), mesh.len());
+            let rays = from_inside(&closing, centre, radius * 0.3, 20_000, 79);
+            let what = format!("T-vertices, size {radius} at {x}");
+            none_gets_out(&what, &triangles(mesh.clone()), &rays, &WATERTIGHT, &[DEFAULT_TREE]);
+            none_gets_out(
+                &what,
+                &triangles(mesh.clone()),
+                &rays[..rays.len() / 50],
+                &WATERTIGHT,
+                &all_structures(),
+            );
+            let open = triangles(mesh.into_iter().filter(|corners| !is_sliver(corners)).collect::<Vec<_>>());
+            let tree = build(open, DEFAULT_TREE, Numerics::Watertight);
+            let lost = |ray: &&Ray| tree.closest_hit(ray, &mut Traversal::default()).is_none();
+            assert!(rays.iter().filter(lost).count() > 0, "{what}: no gap to close");
+        }
+    }
+}
+
+/// Whether the corners are on one line but for rounding.
+fn is_sliver([a, b, c]: &Corners) -> bool {
+    let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
+    (*b - *a).cross(*c - *a).length() < 1e-6 * reach * (*b - *a).length()
 }

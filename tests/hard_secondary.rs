@@ -2,17 +2,22 @@
 
 mod common;
 
+use std::sync::Arc;
+
 use common::Numbers;
+use common::hard::{meshes, times_factor};
 use common::picture::{parse, prepare};
-use glam::DVec3;
+use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::bvh::{Accelerator, Primitive, Slot, Structure, Traversal, build};
 use kiln::effects::Choices;
 use kiln::effects::glaze::mirrored_ray;
 use kiln::effects::shadows::shadow_ray;
-use kiln::geometry::spawn::SurfacePoint;
-use kiln::geometry::{Numerics, PrimId, Triangle};
-use kiln::scene::{Attribute, Mesh, Shape};
+use kiln::film::ColourPipeline;
+use kiln::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET, SurfacePoint};
+use kiln::geometry::{Numerics, PrimId, Ray, Triangle};
+use kiln::scene::{Attribute, MaterialId, Mesh, Object, Placed, Placement, Scene, Shape};
 use kiln::shading::LightSample;
+use kiln::world::World;
 
 fn slots(triangles: &[[DVec3; 3]]) -> Vec<Slot> {
     let slot =
@@ -115,7 +120,7 @@ fn e2_convex_bodies_do_not_shadow_themselves() {
                 }
                 cast += 1;
                 let origin = point.origin_towards(normal, numerics);
-                let ray = shadow_ray(origin, &light(direction, f64::INFINITY), numerics.precision());
+                let ray = shadow_ray(origin, &light(direction, f64::INFINITY), numerics);
                 shadowed += u32::from(accelerator.is_occluded(&ray, &mut Traversal::default()));
             }
             assert!(cast > 4000);
@@ -162,7 +167,7 @@ fn e3_no_light_leaks_through_close_walls() {
                     }
                     tried += 1;
                     let origin = point.origin_towards(own_normal, numerics);
-                    let ray = shadow_ray(origin, &light(direction, 2.0 * far), numerics.precision());
+                    let ray = shadow_ray(origin, &light(direction, 2.0 * far), numerics);
                     let hits = |wall: [DVec3; 3]| {
                         tree(&[wall], numerics).is_occluded(&ray, &mut Traversal::default())
                     };
@@ -205,7 +210,7 @@ fn e2_needles_do_not_shadow_themselves() {
                 let origin = point_on(corners, &mut numbers).origin_towards(normal, numerics);
                 let direction = numbers.vector().normalize();
                 let direction = direction * direction.dot(normal).signum();
-                let ray = shadow_ray(origin, &light(direction, f64::INFINITY), numerics.precision());
+                let ray = shadow_ray(origin, &light(direction, f64::INFINITY), numerics);
                 hits += u32::from(tree(&[corners], numerics).is_occluded(&ray, &mut Traversal::default()));
             }
             assert_eq!(hits, 0, "width {width} in {}", numerics.name());
@@ -254,7 +259,7 @@ fn e4_the_end_of_a_shadow_ray() {
             let origin = start.as_vec3().as_dvec3();
             let sample = light((lamp - origin).normalize(), (lamp - origin).length());
             assert!(to_lamp.is_finite());
-            let ray = shadow_ray(origin, &sample, numerics.precision());
+            let ray = shadow_ray(origin, &sample, numerics);
             assert!(
                 !accelerator.is_occluded(&ray, &mut Traversal::default()),
                 "{lamp} from {start}, {}",
@@ -285,7 +290,7 @@ fn e5_mirrored_rays_at_grazing_angles_leave() {
                 surface.geometric_normal = normal;
                 surface.shading_normal = normal;
                 surface.view = (along + height * numbers.unit() * normal).normalize();
-                let mirrored = mirrored_ray(DVec3::ZERO, &surface, numerics.precision());
+                let mirrored = mirrored_ray(DVec3::ZERO, &surface, numerics.ray_precision());
                 inwards += u32::from(mirrored.direction.dot(normal) <= 0.0);
             }
             assert_eq!(inwards, 0, "height {height}, {}", numerics.name());
@@ -372,4 +377,306 @@ fn k1_the_terminator_of_a_coarse_smooth_sphere() {
         assert!(lit > 3000 && shadowed_without > 50, "{shadowed_without} of {lit} without");
         assert_eq!(shadowed, 0, "of {lit}, {}", numerics.name());
     }
+}
+
+/// The tiers whose secondary rays keep closed meshes closed.
+const CLOSED: [Numerics; 3] = [Numerics::Watertight, Numerics::Double, Numerics::Exact];
+
+/// A closed prism along z over the triangle (0, 0), (1, 0), (cos a, sin a): two walls with a dihedral angle of `angle` at the z axis, the
+/// wall between them and two ends.
+fn wedge(angle: f64) -> Vec<[DVec3; 3]> {
+    let across = [DVec3::ZERO, DVec3::X, DVec3::new(angle.cos(), angle.sin(), 0.0)];
+    let [a, b, c] = across.map(|p| p - DVec3::Z);
+    let [d, e, f] = across.map(|p| p + DVec3::Z);
+    vec![[a, c, b], [d, e, f], [a, b, e], [a, e, d], [b, c, f], [b, f, e], [c, a, d], [c, d, f]]
+}
+
+/// A point inside a [`wedge`].
+fn middle_of(angle: f64) -> DVec3 {
+    DVec3::new((1.0 + angle.cos()) / 3.0, angle.sin() / 3.0, 0.1)
+}
+
+/// A world of one closed mesh, alone or in two places of which the second is far away: then it is an instance.
+fn closed_world(triangles: &[[DVec3; 3]], numerics: Numerics, structure: Structure, shared: bool) -> World {
+    let mesh = Mesh {
+        positions: triangles.iter().flatten().copied().collect(),
+        triangles: (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        ..Mesh::default()
+    };
+    let shapes = if shared {
+        let mesh = Arc::new(mesh);
+        let away = DMat4::from_translation(DVec3::X * 64.0);
+        [DMat4::IDENTITY, away]
+            .map(|at| Shape::Placed(Placed::new(mesh.clone(), Placement::new(at))))
+            .to_vec()
+    } else {
+        vec![Shape::Mesh(mesh)]
+    };
+    let object = |shape| Object { name: "it".into(), input: 0, material: MaterialId(0), shape };
+    let scene = Scene {
+        materials: vec![kiln::scene::Material::Phong(kiln::scene::Phong::default())],
+        objects: shapes.into_iter().map(object).collect(),
+        ..Scene::default()
+    };
+    World::prepare(scene, ColourPipeline::Linear, structure, numerics)
+}
+
+/// A triangle in the numbers of a tier.
+fn rounded(corners: &[DVec3; 3], numerics: Numerics) -> [DVec3; 3] {
+    corners.map(|p| p.map(|c| numerics.precision().round(c)))
+}
+
+/// Barycentric coordinates on corners and edges and up to a thousandth from them.
+fn on_borders(numbers: &mut Numbers) -> [f64; 3] {
+    let near = |numbers: &mut Numbers| numbers.one_of(&[0.0, 0.0, 1e-18, 1e-16, 1e-13, 1e-9, 1e-6, 1e-3]);
+    let v = if numbers.below(2) == 0 { near(numbers) } else { numbers.fine_unit() * 0.5 };
+    let w = near(numbers);
+    let mut weights = [1.0 - v - w, v, w];
+    weights.rotate_left(numbers.below(3));
+    weights
+}
+
+/// Rays that leave points on the borders of triangles on the side of `inside`, in directions of all heights over the triangle, some of
+/// them at corners and edges of the mesh, and rays to a lamp outside, which is at `lamp`.
+fn leaving(
+    world: &World,
+    triangles: &[[DVec3; 3]],
+    inside: DVec3,
+    lamp: DVec3,
+    count: usize,
+    numbers: &mut Numbers,
+) -> [Vec<Ray>; 2] {
+    let numerics = world.numerics();
+    let (mut free, mut to_lamp) = (Vec::new(), Vec::new());
+    // In runs on one triangle, as pixels side by side are: rays to a lamp then make packets.
+    for i in 0..count {
+        let corners = rounded(&triangles[i / 32 % triangles.len()], numerics);
+        let Some(normal) = Triangle(corners).unit_normal() else { continue };
+        let normal = normal * (inside - corners[0]).dot(normal).signum();
+        let origin = SurfacePoint::on_triangle(corners, on_borders(numbers)).origin_towards(normal, numerics);
+        let direction = match i % 3 {
+            0 => numbers.direction(),
+            1 => {
+                let along = normal.cross(numbers.direction()).normalize_or_zero();
+                along + normal * 10f64.powi(-(numbers.below(9) as i32))
+            }
+            _ => {
+                let other = rounded(&triangles[numbers.below(triangles.len())], numerics);
+                let weights = on_borders(numbers);
+                other[0] * weights[0] + other[1] * weights[1] + other[2] * weights[2] - origin
+            }
+        };
+        let precision = numerics.ray_precision();
+        if let Some(direction) = direction.try_normalize().filter(|d| d.dot(normal) > 1e-9) {
+            free.push(precision.ray(origin, direction, 0.0, f64::INFINITY));
+        }
+        let way = lamp - origin;
+        if way.dot(normal) > 1e-9 * way.length() {
+            to_lamp.push(shadow_ray(origin, &light(way.normalize(), way.length()), numerics));
+        }
+    }
+    [free, to_lamp]
+}
+
+/// How many of the rays meet nothing, asked one by one, at once for their closest hits, and at once for any.
+fn escaped(world: &World, rays: &[Ray]) -> [usize; 3] {
+    let (mut traversal, mut hits, mut occluded) = (Traversal::default(), Vec::new(), Vec::new());
+    for batch in rays.chunks(256) {
+        world.accelerator.closest_hits(batch, &mut hits, &mut traversal);
+        world.accelerator.are_occluded(batch, &mut occluded, &mut traversal);
+    }
+    let single = rays.iter().filter(|ray| world.accelerator.closest_hit(ray, &mut traversal).is_none());
+    [
+        single.count(),
+        hits.iter().filter(|hit| hit.is_none()).count(),
+        occluded.iter().filter(|met| !**met).count(),
+    ]
+}
+
+/// No ray leaves a closed mesh, in any structure, however the mesh is turned and wherever it stands.
+fn nothing_escapes(name: &str, mesh: &[[DVec3; 3]], inside: DVec3, lamp: DVec3, least_size: f64) {
+    let mut numbers = Numbers::new(31);
+    for (scale, offset) in [(1.0, 0.0), (1.0, 30.0), (1.0, 1e3), (2f64.powi(-20), 0.0), (2f64.powi(20), 0.0)]
+    {
+        for turned in [false, true] {
+            let turn = if turned {
+                DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(0.4)
+            } else {
+                DQuat::IDENTITY
+            };
+            let place = |p: DVec3| scale * (DMat3::from_quat(turn) * p + offset * DVec3::new(1.0, -0.5, 2.0));
+            let triangles: Vec<[DVec3; 3]> = mesh.iter().map(|t| t.map(place)).collect();
+            for numerics in CLOSED {
+                // Where f32 has fewer than 64 steps for the mesh's smallest height, rounding its corners makes another mesh of it.
+                if numerics == Numerics::Watertight
+                    && (turned || offset > 0.0)
+                    && least_size < (1.0 + 2.0 * offset) * 64.0 * f64::from(f32::EPSILON)
+                {
+                    continue;
+                }
+                for (structure, shared) in [
+                    (Structure::default(), false),
+                    (Structure::default(), true),
+                    (Structure::Portable(Default::default()), false),
+                    (Structure::Tree(Default::default()), false),
+                    (Structure::BruteForce, false),
+                ] {
+                    // Instances are near the origin only: the world would be moved.
+                    if shared && (offset > 0.0 || scale != 1.0) {
+                        continue;
+                    }
+                    let world = closed_world(&triangles, numerics, structure, shared);
+                    let count = times_factor(1000);
+                    let rays = leaving(&world, &triangles, place(inside), place(lamp), count, &mut numbers);
+                    for (kind, rays) in ["free", "shadow"].into_iter().zip(&rays) {
+                        let what = format!(
+                            "{name}, scale {scale}, offset {offset}, turned: {turned}, {}, {structure:?}, shared: {shared}, {kind}",
+                            numerics.name()
+                        );
+                        assert!(rays.len() > count / 10, "{what}: {} rays", rays.len());
+                        assert_eq!(escaped(&world, rays), [0; 3], "{what}: of {}", rays.len());
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// E7: rays that start on the edges and corners of a wedge, at dihedral angles from 90 degrees down to a thousandth.
+#[test]
+fn e7_nothing_escapes_from_the_edge_of_a_wedge() {
+    for degrees in [90.0, 30.0, 5.0, 0.5, 0.05, 0.01, 0.001] {
+        let angle = f64::to_radians(degrees);
+        let (inside, lamp) = (middle_of(angle), DVec3::new(-1.0, -2.0, 0.3));
+        nothing_escapes(&format!("wedge of {degrees} degrees"), &wedge(angle), inside, lamp, angle.sin());
+    }
+}
+
+/// E7: the same from corners at which 3 to 1000 triangles meet.
+#[test]
+fn e7_nothing_escapes_from_corners_of_any_valence() {
+    for valence in [3, 4, 7, 30, 200, 1000] {
+        let lamp = DVec3::new(0.3, 0.2, 1.5);
+        nothing_escapes(
+            &format!("valence {valence}"),
+            &meshes::bicone(valence),
+            DVec3::ZERO,
+            lamp,
+            6.0 / valence as f64,
+        );
+    }
+}
+
+/// E7: the same beside T-vertices, which triangles without area close.
+#[test]
+fn e7_nothing_escapes_beside_t_vertices() {
+    let lamp = DVec3::new(-1.0, -2.0, 0.3);
+    let t_vertices = meshes::with_t_vertices(&wedge(1.0), 7);
+    nothing_escapes("T-vertices", &t_vertices, middle_of(1.0), lamp, 0.1);
+}
+
+/// E7: from outside, a convex mesh is met by no ray that leaves its surface, also at convex edges and corners: the origin is moved away from
+/// edges within the triangle, not away from the mesh.
+#[test]
+fn e7_convex_edges_do_not_shadow_themselves() {
+    let mut numbers = Numbers::new(32);
+    let bodies =
+        [("cube", meshes::cube(2), 1e-9), ("wedge", wedge(0.5), 1e-6), ("bicone", meshes::bicone(7), 1e-6)];
+    for (name, triangles, least_rise) in bodies {
+        let middle = triangles.iter().flatten().sum::<DVec3>() / (3 * triangles.len()) as f64;
+        for numerics in CLOSED {
+            let world = closed_world(&triangles, numerics, Structure::default(), false);
+            let mut rays = Vec::new();
+            for _ in 0..times_factor(20_000) {
+                let corners = rounded(&triangles[numbers.below(triangles.len())], numerics);
+                let normal = Triangle(corners).unit_normal().expect("an area");
+                let normal = normal * (corners[0] - middle).dot(normal).signum();
+                let origin = SurfacePoint::on_triangle(corners, on_borders(&mut numbers))
+                    .origin_towards(normal, numerics);
+                let direction = numbers.direction();
+                let direction = direction * direction.dot(normal).signum();
+                if direction.dot(normal) > least_rise {
+                    rays.push(numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY));
+                }
+            }
+            assert_eq!(escaped(&world, &rays), [rays.len(); 3], "{name}, {}", numerics.name());
+        }
+    }
+}
+
+/// E7: starts in f64 inside a tetrahedron, at a share of its size from an edge. From 2^-47 on none escapes in any tier of
+/// [`CLOSED`]; nearer than 2^-52, where corners as they are sheared are no better known, some do but in `exact`.
+#[test]
+fn e7_starts_closer_to_an_edge_than_rounding_are_safe_in_exact_only() {
+    let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from);
+    let turn = DQuat::from_rotation_z(0.3) * DQuat::from_rotation_x(1.1);
+    let [a, b, c, d] = corners.map(|p| (turn * p).as_vec3().as_dvec3());
+    let triangles = [[a, b, c], [a, b, d], [a, c, d], [b, c, d]];
+    let mut numbers = Numbers::new(33);
+    for numerics in CLOSED {
+        let world = closed_world(&triangles, numerics, Structure::default(), false);
+        let exact = closed_world(&triangles, Numerics::Exact, Structure::default(), false);
+        for (exponent, safe) in [(-20, true), (-40, true), (-47, true), (-53, numerics == Numerics::Exact)] {
+            let mut rays = Vec::new();
+            for _ in 0..times_factor(20_000) {
+                let edge = a.lerp(b, 0.1 + 0.8 * numbers.fine_unit());
+                let origin = edge + ((c + d) / 2.0 - edge) * 2f64.powi(exponent);
+                let ray = numerics.ray_precision().ray(origin, numbers.direction(), 0.0, f64::INFINITY);
+                // Rounding may have put the start outside: then the line through it crosses an even number of triangles ahead.
+                let mut all = Vec::new();
+                exact.accelerator.all_hits(&ray, &mut all, &mut Traversal::default());
+                if !all.is_empty() {
+                    rays.push(ray);
+                }
+            }
+            let lost = escaped(&world, &rays)[0];
+            assert!((lost == 0) == safe, "2^{exponent}, {}: {lost} of {}", numerics.name(), rays.len());
+        }
+    }
+}
+
+/// E7: a sphere far smaller than its distance from the origin does not shadow itself, outside or inside.
+#[test]
+fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
+    let mut numbers = Numbers::new(34);
+    for (radius, far) in [(1e-3, 900.0), (1e-6, 900.0), (1.0, 1e6), (1.0, 0.0)] {
+        let centre = DVec3::new(1.0, -0.3, 0.6) * far;
+        let sphere = kiln::geometry::Sphere { centre, radius };
+        let slot = Slot { primitive: Primitive::Sphere(sphere), id: PrimId(0) };
+        for numerics in CLOSED {
+            let accelerator = build([slot], Structure::default(), numerics);
+            let mut traversal = Traversal::default();
+            for _ in 0..times_factor(20_000) {
+                let (outwards, direction) = (numbers.direction(), numbers.direction());
+                let direction = direction * direction.dot(outwards).signum();
+                if direction.dot(outwards) < 1e-3 {
+                    continue;
+                }
+                let point = SurfacePoint::on_sphere(centre, radius, outwards);
+                let ray = |normal: DVec3, direction: DVec3| {
+                    let origin = point.origin_towards(normal, numerics);
+                    numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY)
+                };
+                assert!(!accelerator.is_occluded(&ray(outwards, direction), &mut traversal));
+                let inwards = ray(-outwards, -direction);
+                let hit = accelerator.closest_hit(&inwards, &mut traversal).expect("the far side");
+                // The chord: 2 r cos, to what the origin is moved by and rounding.
+                let chord = 2.0 * radius * direction.dot(outwards);
+                let off = 4.0 * ORIGIN_OFFSET * (far * 2.0 + radius) / direction.dot(outwards);
+                assert!((hit.t - chord).abs() <= off, "{} {chord} {off}", hit.t);
+            }
+        }
+    }
+}
+
+/// E7: what the guarantee leaves out is what it says: in a wedge far narrower than [`ORIGIN_OFFSET`] / [`EDGE_DISTANCE`] rays do escape. So
+/// the tests above can fail.
+#[test]
+fn e7_a_wedge_beyond_the_bound_leaks() {
+    let angle = ORIGIN_OFFSET / EDGE_DISTANCE / 64.0;
+    let triangles = wedge(angle);
+    let world = closed_world(&triangles, Numerics::Double, Structure::default(), false);
+    let [free, _] =
+        leaving(&world, &triangles, middle_of(angle), DVec3::X * 9.0, 10_000, &mut Numbers::new(35));
+    assert!(escaped(&world, &free)[0] > 0);
 }

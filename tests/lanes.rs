@@ -62,7 +62,7 @@ fn bits_of(surface: &Surface) -> Vec<u64> {
 
 /// A tile's rays and hits, one by one.
 fn hits(prepared: &Prepared, window: Window) -> (Vec<Ray>, Vec<Option<Hit>>) {
-    let precision = prepared.world.numerics().precision();
+    let precision = prepared.world.numerics().ray_precision();
     let pixels =
         (0..window.area() as u32).map(|i| (window.x + i % window.width, window.y + i / window.width));
     let rays: Vec<Ray> = pixels.map(|(x, y)| prepared.view.ray(x, y, precision)).collect();
@@ -80,7 +80,7 @@ fn check(prepared: &Prepared, what: &str) -> usize {
     let mut seen = 0;
     for window in tiles() {
         let (rays, hits) = hits(prepared, window);
-        prepared.view.rays(window, world.numerics().precision(), &mut lanes);
+        prepared.view.rays(window, world.numerics().ray_precision(), &mut lanes);
         let mut woven = Vec::new();
         lanes.weave(rays.len(), &mut woven);
         assert_eq!(woven, rays, "{what}");

@@ -216,7 +216,7 @@ fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str, numeric
 
 fn assert_equal_in_every_tier(slots: &[Slot], rays: impl Fn(Precision) -> Vec<Ray>, what: &str) {
     for numerics in Numerics::ALL {
-        assert_equal_to_brute_force(slots, &rays(numerics.precision()), what, numerics);
+        assert_equal_to_brute_force(slots, &rays(numerics.ray_precision()), what, numerics);
     }
 }
 
@@ -237,7 +237,7 @@ fn every_preset_answers_as_brute_force() {
             if numerics == Numerics::Fast && !(1e-10..=1e10).contains(&scale) {
                 continue;
             }
-            let rays = rays(&slots, scale, offset, numerics.precision());
+            let rays = rays(&slots, scale, offset, numerics.ray_precision());
             assert_equal_to_brute_force(&slots, &rays, &format!("scale {scale}, offset {offset}"), numerics);
         }
     }
@@ -268,7 +268,7 @@ fn lattice_rays_answer_as_brute_force() {
 fn few_primitives_answer_as_brute_force() {
     let all = mixed(1.0, DVec3::ZERO);
     for numerics in Numerics::ALL {
-        let rays = rays(&all, 1.0, DVec3::ZERO, numerics.precision());
+        let rays = rays(&all, 1.0, DVec3::ZERO, numerics.ray_precision());
         for count in 0..=5 {
             let few: Vec<Slot> = all.iter().rev().take(count).copied().collect();
             let oracle = build(few.iter().copied(), Structure::BruteForce, numerics);
@@ -318,7 +318,7 @@ fn closed_meshes_do_not_leak() {
         let slots = slots(globe(32, 64, offset, scale));
         for numerics in Numerics::ALL {
             let tree = build(slots.iter().copied(), Structure::default(), numerics);
-            let precision = numerics.precision();
+            let precision = numerics.ray_precision();
             let mut numbers = Numbers::new(13);
             let mut traversal = Traversal::default();
             let mut leaks = 0;

@@ -191,7 +191,7 @@ fn bits(hit: &Option<Hit>) -> Option<(u64, PrimId, [u64; 2])> {
 fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {
     let slots = slots(scale, offset);
     for numerics in Numerics::ALL {
-        let precision = numerics.precision();
+        let precision = numerics.ray_precision();
         let oracle = build(slots.iter().copied(), Structure::BruteForce, numerics);
         let mut traversal = Traversal::default();
         let (mut all, mut hit, mut lit, mut dark) = (0, 0, 0, 0);
@@ -288,7 +288,7 @@ fn ends_on_both_sides_of_a_triangle() {
         .map(|(id, primitive)| Slot { primitive, id: PrimId(id) })
         .collect();
     for numerics in Numerics::ALL {
-        let precision = numerics.precision();
+        let precision = numerics.ray_precision();
         let mut traversal = Traversal::default();
         let oracle = build(slots.iter().copied(), Structure::BruteForce, numerics);
         let rays: Vec<Ray> = (0..TILE)

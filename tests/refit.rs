@@ -38,7 +38,7 @@ fn moved(primitives: &[Primitive], numbers: &mut Numbers) -> Vec<Primitive> {
     primitives.iter().enumerate().map(&mut one).collect()
 }
 
-/// What a fresh structure is built from: degenerate primitives have no slot.
+/// What a fresh structure is built from: spheres of no radius have no slot.
 fn slots(primitives: &[Primitive], numerics: Numerics) -> Vec<Slot> {
     let rounded = primitives.iter().map(|p| p.rounded(numerics.precision()));
     (0..).zip(rounded).filter_map(|(id, p)| Some(Slot { primitive: p?, id: PrimId(id) })).collect()
@@ -54,11 +54,11 @@ fn rays(primitives: &[Primitive], numerics: Numerics, numbers: &mut Numbers) -> 
             Primitive::Triangle(_) => numbers.vector(),
         };
         let direction = (target - origin).try_normalize().unwrap_or(DVec3::Z);
-        numerics.precision().ray(origin, direction, 0.0, f64::INFINITY)
+        numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY)
     };
     let around: Vec<Ray> = (0..if primitives.is_empty() { 0 } else { 600 }).map(&mut one).collect();
     let direction = |i: i32| DVec3::new(f64::from(i % 16 - 8) / 20.0, f64::from(i / 16 - 8) / 20.0, -1.0);
-    let precision = numerics.precision();
+    let precision = numerics.ray_precision();
     let pencil =
         (0..256).map(|i| precision.ray(DVec3::Z * 4.0, direction(i).normalize(), 0.0, f64::INFINITY));
     pencil.chain(around).collect()
@@ -112,8 +112,11 @@ fn all_degenerate_at_once_is_nothing_to_hit() {
     let mut numbers = Numbers::new(72);
     let first = crowd(100, &mut numbers);
     let mut structure = build(slots(&first, Numerics::Exact), Structure::default(), Numerics::Exact);
-    let nothing = Primitive::Triangle(Triangle([DVec3::ZERO; 3]));
-    assert_eq!(structure.refit(&|_| nothing), Some(1.0));
+    let nothing = |id: PrimId| match first[id.0 as usize] {
+        Primitive::Triangle(_) => Primitive::Triangle(Triangle([DVec3::ZERO; 3])),
+        Primitive::Sphere(_) => Primitive::from(([0.0; 3], 0.0)),
+    };
+    assert!(structure.refit(&nothing).is_some());
     for ray in rays(&first, Numerics::Exact, &mut numbers) {
         assert_eq!(structure.closest_hit(&ray, &mut Traversal::default()), None);
     }
@@ -167,9 +170,13 @@ fn an_update_refits_what_it_can_and_builds_what_it_must() {
     let more: Vec<Primitive> = first.iter().chain(&aside).copied().collect();
     held_to_fresh(&mut bvh, &more, false);
     held_to_fresh(&mut bvh, &first, false);
-    // One that there was no room for has become a triangle.
+    // A triangle may lose its area and get it back, a sphere its radius; one that had none when the tree was built has no place there.
     let mut flat = first.clone();
     flat[0] = Primitive::from([[0.0; 3]; 3]);
+    held_to_fresh(&mut bvh, &flat, true);
+    held_to_fresh(&mut bvh, &first, true);
+    let ball = first.iter().position(|p| matches!(p, Primitive::Sphere(_))).expect("a sphere");
+    flat[ball] = Primitive::from(([0.0; 3], 0.0));
     held_to_fresh(&mut bvh, &flat, true);
     held_to_fresh(&mut bvh, &first, true);
     let mut bvh = Bvh::new(flat.iter().copied()).expect("finite");
@@ -196,9 +203,42 @@ fn what_is_not_finite_is_an_error_and_changes_nothing() {
     }
     let down = bvh.ray([0.0, 1.0, 0.25], [0.0, -1.0, 0.0]).expect("finite");
     assert!(bvh.occluded(&down, &mut Traversal::default()));
-    for (origin, direction) in
-        [([f64::NAN; 3], [1.0; 3]), ([0.0; 3], [0.0; 3]), ([0.0; 3], [1e-60; 3]), ([0.0; 3], [1e39; 3])]
-    {
+    for (origin, direction) in [
+        ([f64::NAN; 3], [1.0; 3]),
+        ([0.0; 3], [0.0; 3]),
+        ([0.0; 3], [f64::INFINITY; 3]),
+        ([1e39; 3], [1.0; 3]),
+    ] {
         assert_eq!(bvh.ray(origin, direction), Err(NotFinite::Ray));
+    }
+}
+
+/// Coordinates up to the largest that f32 holds are taken or refused, in every tier; none is a panic.
+#[test]
+fn coordinates_that_boxes_cannot_hold_are_an_error_in_every_tier() {
+    for numerics in Numerics::ALL {
+        for (size, is_held) in [(1e18, true), (1e30, true), (3e38, true), (1e39, false), (1e300, false)] {
+            let corner = |x: f64, y: f64| [x * size, y * size, size];
+            let floor = Primitive::from([corner(-1.0, -1.0), corner(1.0, -1.0), corner(0.0, 1.0)]);
+            let above = Primitive::from([corner(-1.0, -1.0), corner(1.0, -1.0), corner(0.5, 1.0)]);
+            let built = Bvh::with([floor, above], Preset::default(), numerics);
+            assert_eq!(built.is_ok(), is_held, "{size}, {}", numerics.name());
+        }
+    }
+}
+
+/// A direction of any length is normalised: the same hits, at the same distances, from 1e-300 to 1e300.
+#[test]
+fn directions_of_any_length_give_the_same_distance() {
+    let floor = Primitive::from([[-9.0, -9.0, 0.0], [9.0, -9.0, 0.0], [0.0, 9.0, 0.0]]);
+    for numerics in Numerics::ALL {
+        let bvh = Bvh::with([floor], Preset::default(), numerics).expect("finite");
+        for length in [1e-300, 1e-34, 1e-25, 1.0, 2f64.powi(301), 1e300] {
+            // 3-4-5: the floor is 4 below, so the ray meets it at 5.
+            let ray = bvh.ray([0.0, 0.0, 4.0], [0.0, 0.6 * length, -0.8 * length]).expect("finite");
+            let hit = bvh.closest_hit(&ray, &mut Traversal::default()).expect("the floor");
+            let off = 8.0 * numerics.ray_precision().epsilon();
+            assert!((hit.t - 5.0).abs() <= off, "{length:e}, {}: {}", numerics.name(), hit.t);
+        }
     }
 }

@@ -245,7 +245,7 @@ fn mirrored_differentials_are_finite_differences() {
             (surface.point.position, ray.direction - 2.0 * ray.direction.dot(n) * n, hit, surface)
         };
         for (x, y) in [(20, 10), (32, 24), (50, 40)] {
-            let ray = prepared.view.ray(x, y, prepared.world.numerics().precision());
+            let ray = prepared.view.ray(x, y, prepared.world.numerics().ray_precision());
             let change = prepared.view.differential(ray.direction);
             let (point, direction, hit, surface) = mirrored(&ray);
             let found = world.mirrored_differential(&surface, &hit, &ray, &change);

@@ -46,6 +46,10 @@ impl Engine for Kiln {
         Some(self.numerics.name())
     }
 
+    fn origins(&self) -> Numerics {
+        self.numerics
+    }
+
     fn is_exhaustive(&self) -> bool {
         self.structure == Structure::BruteForce
     }
@@ -73,7 +77,7 @@ struct BuiltKiln(Box<dyn Accelerator>);
 
 impl Built for BuiltKiln {
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
-        let ray = self.0.numerics().precision().ray(origin, direction, 0.0, f64::INFINITY);
+        let ray = self.0.numerics().ray_precision().ray(origin, direction, 0.0, f64::INFINITY);
         let (mut traversal, mut hits) = (Traversal::default(), Vec::new());
         self.0.all_hits(&ray, &mut hits, &mut traversal);
         found.extend(hits.iter().map(|hit| hit.prim.0));

@@ -42,7 +42,7 @@ pub use spread::Spread;
 use glam::DVec3;
 
 use crate::error::Result;
-use crate::geometry::Hit;
+use crate::geometry::{Hit, Numerics};
 
 /// How often the closed mesh is subdivided: 81,920 triangles.
 const LEVEL: u32 = 6;
@@ -70,6 +70,11 @@ pub trait Engine: Sync {
         true
     }
 
+    /// The tier whose rule places the origins of secondary rays: that of f32, with pbrt's offset, unless the engine decides in f64.
+    fn origins(&self) -> Numerics {
+        Numerics::Fast
+    }
+
     /// Builds the structure over `mesh`.
     ///
     /// # Errors
@@ -82,8 +87,7 @@ pub trait Built: Sync {
     /// Appends the triangles that the ray crosses at t > 0, in any order; one that lies at the edge of two triangles may
     /// be given as one or both.
     ///
-    /// The components of `origin` are f32 numbers; `direction`, of length 1, is rounded to the numbers that the engine
-    /// works in. Zeros may be negative.
+    /// `origin` and `direction`, which is of length 1, are rounded to the numbers that the engine works in. Zeros may be negative.
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>);
 }
 

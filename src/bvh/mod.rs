@@ -52,13 +52,12 @@ impl Primitive {
         }
     }
 
-    /// In numbers of `precision`; `None` where they cannot hold it: corners that, rounded, are on one line, a radius that
-    /// is no more than 0.
+    /// In numbers of `precision`; `None` for a sphere whose radius rounds to 0. Triangles that have no area are kept: where they close a gap
+    /// at a T-vertex, rays hit them.
     pub fn rounded(&self, precision: Precision) -> Option<Self> {
         match *self {
             Primitive::Triangle(Triangle(corners)) => {
-                let triangle = Triangle(corners.map(|corner| corner.map(|c| precision.round(c))));
-                (!triangle.is_degenerate()).then_some(Primitive::Triangle(triangle))
+                Some(Primitive::Triangle(Triangle(corners.map(|corner| corner.map(|c| precision.round(c))))))
             }
             Primitive::Sphere(Sphere { centre, radius }) => {
                 let sphere = Sphere { centre: centre.map(|c| Precision::Double.round(c)), radius };

@@ -24,14 +24,16 @@ pub enum Update {
     Rebuilt,
 }
 
-/// A number that is not finite, or that the tier's numbers have no room for.
+/// A number that is not finite, or beyond what f32 holds: boxes are f32 in every tier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotFinite {
     /// In a primitive.
-    #[error("primitive {0} has a coordinate or a radius that is not a finite number")]
+    #[error("primitive {0} has a coordinate or a radius that is not a finite number of f32")]
     Primitive(usize),
     /// In a ray, or its direction is zero.
-    #[error("a ray needs an origin and a direction of finite numbers, not all of the direction's 0")]
+    #[error(
+        "a ray needs an origin of finite f32 numbers and a direction of finite numbers, not all of them 0"
+    )]
     Ray,
 }
 
@@ -49,8 +51,7 @@ pub fn is_worth_keeping(times_worse: f64) -> bool {
 }
 
 impl Bvh {
-    /// Built as pictures are by default: no ray passes between triangles that share an edge. Triangles whose corners are on
-    /// one line are not hit.
+    /// Built as pictures are by default: no ray passes between triangles that share an edge.
     ///
     /// # Errors
     /// [`NotFinite`] for coordinates and radii that are not finite in f32.
@@ -61,7 +62,7 @@ impl Bvh {
     /// Built with a preset, in a tier.
     ///
     /// # Errors
-    /// [`NotFinite`] for coordinates and radii that are not finite in the tier's numbers.
+    /// [`NotFinite`] for coordinates and radii that are not finite in f32.
     pub fn with(
         primitives: impl IntoIterator<Item = Primitive>,
         preset: Preset,
@@ -77,18 +78,20 @@ impl Bvh {
         Bvh { accelerator: build(slots, structure, numerics), structure, numerics, held }
     }
 
-    /// A ray in the numbers of the tier, from `origin` on. A hit's distance is counted in lengths of `direction`.
+    /// A ray in the numbers of the tier, from `origin` on. `direction` may have any length but 0 and is normalised, so a hit's t is a
+    /// distance.
     ///
     /// # Errors
-    /// [`NotFinite::Ray`].
+    /// [`NotFinite::Ray`], also for an origin beyond what f32 holds.
     pub fn ray(&self, origin: impl Into<DVec3>, direction: impl Into<DVec3>) -> Result<Ray, NotFinite> {
         let (origin, direction) = (origin.into(), direction.into());
-        let precision = self.numerics.precision();
-        let is_held = |v: DVec3| v.map(|c| precision.round(c)).is_finite();
-        if !is_held(origin) || !is_held(direction) || direction.map(|c| precision.round(c)) == DVec3::ZERO {
+        let largest = direction.abs().max_element();
+        if !origin.as_vec3().is_finite() || !direction.is_finite() || largest == 0.0 {
             return Err(NotFinite::Ray);
         }
-        Ok(precision.ray(origin, direction, 0.0, f64::INFINITY))
+        // Divided first: the square of the length may be more or less than f64 holds.
+        let direction = (direction / largest).normalize();
+        Ok(self.numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY))
     }
 
     /// The hit with the least t, ties to the primitive that came first.
@@ -127,8 +130,8 @@ impl Bvh {
         let is_same =
             self.held.len() == now.len() && self.held.iter().zip(&now).all(|(held, p)| *held || p.is_none());
         if is_same {
-            // What cannot be held is told as a triangle or a sphere of no size is: by nothing.
-            let nothing = Primitive::Triangle(Triangle([DVec3::ZERO; 3]));
+            // Only spheres can be without a place: those of no radius.
+            let nothing = Primitive::Sphere(Sphere { centre: DVec3::ZERO, radius: 0.0 });
             let times_worse = self.accelerator.refit(&|id| now[id.0 as usize].unwrap_or(nothing));
             if let Some(times_worse) = times_worse.filter(|times| is_worth_keeping(*times)) {
                 return Ok(Update::Refitted(times_worse));
@@ -138,7 +141,7 @@ impl Bvh {
         Ok(Update::Rebuilt)
     }
 
-    /// How many primitives cannot be hit, because their corners are on one line or their radius is not above 0.
+    /// How many spheres cannot be hit, because their radius is not above 0.
     pub fn left_out(&self) -> usize {
         self.held.iter().filter(|held| !**held).count()
     }
@@ -155,15 +158,14 @@ fn checked(
     numerics: Numerics,
 ) -> Result<Vec<Option<Primitive>>, NotFinite> {
     let precision = numerics.precision();
-    let is_finite = |primitive: &Primitive| match primitive {
-        Primitive::Triangle(Triangle(corners)) => {
-            corners.iter().all(|corner| corner.map(|c| precision.round(c)).is_finite())
-        }
-        // Spheres keep f64; their boxes are f32.
-        Primitive::Sphere(sphere) => {
-            let b = sphere.bounds();
-            sphere.centre.is_finite() && b.min.is_finite() && b.max.is_finite()
-        }
+    let is_finite = |primitive: &Primitive| {
+        let held = match primitive {
+            Primitive::Triangle(Triangle(corners)) => corners.iter().all(|corner| corner.is_finite()),
+            Primitive::Sphere(sphere) => sphere.centre.is_finite() && sphere.radius.is_finite(),
+        };
+        // Boxes are f32 in every tier.
+        let b = primitive.bounds();
+        held && b.min.is_finite() && b.max.is_finite()
     };
     let check = |(index, primitive): (usize, Primitive)| match is_finite(&primitive) {
         true => Ok(primitive.rounded(precision)),

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use super::print;
 use crate::effects::check_scene;
 use crate::error::{Result, Warnings};
+use crate::geometry::Triangle;
 use crate::import;
 use crate::scene::{LightKind, Material, Mesh, Scene, Shape};
 
@@ -70,6 +71,7 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
         "inputs": inputs.iter().map(|i| i.display().to_string()).collect::<Vec<_>>(),
         "primitives": scene.primitive_count(),
         "triangles": triangles(scene),
+        "triangles_without_area": without_area(scene),
         "spheres": scene.primitive_count() - triangles(scene),
         "bounds": scene.bounds().map(|(min, max)| json!({ "min": point(min), "max": point(max) })),
         "objects": objects,
@@ -87,6 +89,22 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
 
 fn triangles(scene: &Scene) -> usize {
     scene.objects.iter().filter(|o| o.shape.mesh().is_some()).map(|o| o.shape.primitive_count()).sum()
+}
+
+/// How many triangles have their corners on one line. They are kept: where they close a T-vertex, rays hit them.
+fn without_area(scene: &Scene) -> usize {
+    let of_shape = |shape: &Shape| match shape {
+        Shape::Sphere { .. } => 0,
+        Shape::Mesh(mesh) => {
+            let corners = |t: &[u32; 3]| Triangle(t.map(|i| mesh.positions[i as usize]));
+            mesh.triangles.iter().filter(|t| corners(t).is_degenerate()).count()
+        }
+        Shape::Placed(placed) => {
+            let all = 0..placed.triangle_count() as u32;
+            all.filter(|&t| Triangle(placed.corners_of(t)).is_degenerate()).count()
+        }
+    };
+    scene.objects.iter().map(|object| of_shape(&object.shape)).sum()
 }
 
 /// The meshes that stand in many places: in how many, and how many triangles each has.
@@ -130,6 +148,9 @@ fn as_text(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> String {
         let (places, kept) = shared.values().fold((0, 0), |(p, k), (places, mesh)| (p + places, k + mesh));
         let meshes = shared.len();
         line("shared", format!("{places} objects are places of {meshes} mesh(es) of {kept} triangles"));
+    }
+    if let flat @ 1.. = without_area(scene) {
+        line("no area", format!("{flat} triangle(s), kept because they may close T-vertices"));
     }
     match scene.bounds() {
         None => line("bounds", "nothing that can be seen".into()),

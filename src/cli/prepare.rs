@@ -210,7 +210,7 @@ pub fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
 pub fn warn_of_the_world(world: &World, plan: &Plan, choices: &Choices, warnings: &mut Warnings) {
     if world.too_small > 0 {
         warnings.push(format!(
-            "{} primitive(s) are too small or too thin for the numbers of `--numerics {}`; left out",
+            "{} sphere(s) have a radius that is 0 in the numbers of `--numerics {}`; left out",
             world.too_small,
             world.numerics().name()
         ));

@@ -58,7 +58,7 @@ impl Stage for Scatter {
             }
             samples.list(&self.0);
             let (x, y) = samples.places();
-            let precision = context.world.numerics().precision();
+            let precision = context.world.numerics().ray_precision();
             let level = tile.level();
             context.view.rays_through(x, y, precision, &mut level.lanes);
             level.lanes.weave(x.len(), &mut level.rays);

@@ -149,7 +149,7 @@ fn reflect(own: &mut Buffers, &Reflect { least, most }: &Reflect, tile: &mut Til
         // Nothing is sent out, and no level was.
         return;
     }
-    let precision = world.numerics().precision();
+    let precision = world.numerics().ray_precision();
     let (level, next) = tile.this_and_next();
     let Level { surfaces, origins, .. } = level;
     let Level { sources, rays, lanes, .. } = next;

@@ -23,21 +23,16 @@ impl Stage for Origins {
         }
         let Level { surfaces, origins, .. } = tile.level();
         let origins = origins.get_or_insert_default();
+        // Constants, so that the loops have no branch on the tier.
         match context.world.numerics() {
             Numerics::Fast => widely(
                 #[inline(always)]
                 || find_origins(surfaces, origins, Numerics::Fast),
             ),
-            Numerics::Watertight => widely(
+            _ => widely(
                 #[inline(always)]
                 || find_origins(surfaces, origins, Numerics::Watertight),
             ),
-            Numerics::Double | Numerics::Exact => {
-                widely(
-                    #[inline(always)]
-                    || find_origins(surfaces, origins, context.world.numerics()),
-                );
-            }
         }
     }
 }

@@ -13,7 +13,7 @@ impl Stage for Primary {
 
     fn run(&self, tile: &mut Tile, context: &Context) {
         let Some(window) = tile.window else { return };
-        let precision = context.world.numerics().precision();
+        let precision = context.world.numerics().ray_precision();
         let level = tile.level();
         context.view.rays(window, precision, &mut level.lanes);
         level.lanes.weave(window.area(), &mut level.rays);

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::tile::{Context, Level, Tile, vec_bytes};
 use super::{Asked, Effect, Hook, RayKind, Stage, named};
-use crate::geometry::{Precision, Ray};
+use crate::geometry::{Numerics, Ray};
 use crate::shading::{LightLanes, LightSample};
 use crate::world::{Lanes, RayLanes, Surfaces, World, widely};
 
@@ -84,14 +84,19 @@ fn take_away(own: &mut Buffers, tile: &mut Tile, context: &Context) {
         if asked.is_empty() {
             continue;
         }
-        match context.world.numerics().precision() {
-            Precision::Single => widely(
+        // Constants, so that the loop has no branch on the tier.
+        match context.world.numerics() {
+            Numerics::Fast => widely(
                 #[inline(always)]
-                || rays_to(light, surfaces, origins, Precision::Single, lanes),
+                || rays_to(light, surfaces, origins, Numerics::Fast, lanes),
             ),
-            Precision::Double => widely(
+            Numerics::Watertight => widely(
                 #[inline(always)]
-                || rays_to(light, surfaces, origins, Precision::Double, lanes),
+                || rays_to(light, surfaces, origins, Numerics::Watertight, lanes),
+            ),
+            Numerics::Double | Numerics::Exact => widely(
+                #[inline(always)]
+                || rays_to(light, surfaces, origins, Numerics::Double, lanes),
             ),
         }
         if asked.len() == surfaces.len() {
@@ -122,7 +127,7 @@ fn rays_to(
     light: &LightLanes,
     surfaces: &Surfaces,
     origins: &Lanes,
-    precision: Precision,
+    numerics: Numerics,
     rays: &mut RayLanes,
 ) {
     for i in 0..surfaces.len() {
@@ -136,7 +141,7 @@ fn rays_to(
             pick(seen.direction.y, normal.y),
             pick(seen.direction.z, normal.z),
         );
-        rays.set(i, &shadow_ray(origin, &LightSample { direction, ..seen }, precision));
+        rays.set(i, &shadow_ray(origin, &LightSample { direction, ..seen }, numerics));
     }
 }
 
@@ -152,11 +157,11 @@ fn list_reached(reaches: &[bool], surfaces: &mut Vec<u32>) {
 
 /// The ray from `origin`, on a surface's outer side, to a light as seen from there, open at both ends.
 ///
-/// Rounded, it ends beside the light, by up to half a step of its numbers relative to its length, and by a few of f64's
-/// from the way to the light: what it meets there may be what the light stands on, and does not count. Where the ray
-/// rises less than a quarter from what the light stands on it may still meet it.
+/// The ray ends before the light by two steps of the numbers that corners are rounded to, relative to its length, and a few of f64: the
+/// surface that the light stands on may have been rounded to before it, and does not count. Where the ray rises less than a quarter from
+/// that surface it may still meet it.
 #[inline(always)]
-pub fn shadow_ray(origin: DVec3, light: &LightSample, precision: Precision) -> Ray {
-    let beside = 2.0 * precision.epsilon() + 8.0 * f64::EPSILON;
-    precision.ray(origin, light.direction, 0.0, light.distance * (1.0 - beside))
+pub fn shadow_ray(origin: DVec3, light: &LightSample, numerics: Numerics) -> Ray {
+    let beside = 2.0 * numerics.precision().epsilon() + 8.0 * f64::EPSILON;
+    numerics.ray_precision().ray(origin, light.direction, 0.0, light.distance * (1.0 - beside))
 }

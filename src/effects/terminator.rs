@@ -97,7 +97,7 @@ fn lift(own: &mut Buffers, tile: &mut Tile, context: &Context) {
         shadow_origins.set(index, start);
         let way = start - origins.get(index);
         if let Some(direction) = way.try_normalize() {
-            rays.push(numerics.precision().ray(origins.get(index), direction, 0.0, way.length()));
+            rays.push(numerics.ray_precision().ray(origins.get(index), direction, 0.0, way.length()));
             lifted.push(index as u32);
         }
     }

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3, Vec3A};
 
-use super::{Precision, Ray};
+use super::Ray;
 
 /// An axis-aligned box of f32 numbers, both ends included.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,26 +82,6 @@ pub fn round_towards(x: f64, side: f64) -> f32 {
     f32::from_bits(y.to_bits().wrapping_add(if short { step } else { 0 }))
 }
 
-/// Each coordinate rounded to the numbers of `precision`, towards the side that `normal` points to on its axis; to the
-/// nearest where it points to neither.
-#[inline(always)]
-pub fn round_away(precision: Precision, point: DVec3, normal: DVec3) -> DVec3 {
-    match precision {
-        Precision::Single => {
-            let (x, y) = (round_towards(point.x, normal.x), round_towards(point.y, normal.y));
-            DVec3::new(f64::from(x), f64::from(y), f64::from(round_towards(point.z, normal.z)))
-        }
-        // The coordinates are rounded already, by up to half a step: one step is room enough.
-        Precision::Double => {
-            let step = |x: f64, side: f64| {
-                let away = if side > 0.0 { x.next_up() } else { x.next_down() };
-                if side == 0.0 { x } else { away }
-            };
-            DVec3::new(step(point.x, normal.x), step(point.y, normal.y), step(point.z, normal.z))
-        }
-    }
-}
-
 /// The largest f32 that is not above `x`.
 #[inline(always)]
 pub fn round_down(x: f64) -> f32 {
@@ -127,9 +107,10 @@ pub fn round_up(x: f64) -> f32 {
 pub const PRUNE_MARGIN: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 /// The margin of the f64 box test. Ize's derivation asks for 1 + 3.5 ε; the rest is for primitive tests that see corners
-/// moved by a few roundings of their distance to the ray's origin (see [`super::woop`]). The margin of f32 is wider by more
-/// than this beyond what it needs, so that a box that is held by this one is entered in f32, too.
-pub const DOUBLE_MARGIN: f64 = 1.0 + 1.0 / (1u32 << 30) as f64;
+/// moved by up to 2^-50 of their distance to the ray's origin (see [`super::woop`]): it covers hits from 2^-24 of that distance on, which
+/// is what origins of secondary rays are kept from edges by ([`super::spawn::EDGE_DISTANCE`]). The margin of f32 is wider
+/// than what it needs by 2^-24, so that a box that is held by this one is entered in f32, too.
+pub const DOUBLE_MARGIN: f64 = 1.0 + 1.0 / (1u32 << 26) as f64;
 
 /// A ray made ready for boxes, whose planes are f32 numbers.
 pub trait BoxTest {
@@ -231,6 +212,7 @@ pub(super) fn greater(a: Vec3A, b: Vec3A) -> Vec3A {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Precision;
     use proptest::prelude::*;
 
     fn enters(ray: &Ray, b: Bounds, t_max: f32) -> Option<f32> {

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3, Vec3A};
 
-use super::bounds::{BoxTest, round_away};
+use super::bounds::BoxTest;
 use super::bundle::{FourHits, Gathered, RAYS, WoopBundle};
 use super::quad::{LANES, Quad};
 use super::simd::Simd;
@@ -58,12 +58,6 @@ impl Precision {
         ray
     }
 
-    /// `point` rounded to these numbers, on each axis towards the side that `normal` points to.
-    #[inline(always)]
-    pub fn round_towards(self, point: DVec3, normal: DVec3) -> DVec3 {
-        round_away(self, point, normal)
-    }
-
     /// The distance from 1 to the next larger number.
     pub fn epsilon(self) -> f64 {
         match self {
@@ -74,11 +68,19 @@ impl Precision {
 }
 
 impl Numerics {
-    /// What rays and corners are kept in.
+    /// The numbers that corners of triangles are kept in.
     pub fn precision(self) -> Precision {
         match self {
             Numerics::Fast | Numerics::Watertight => Precision::Single,
             Numerics::Double | Numerics::Exact => Precision::Double,
+        }
+    }
+
+    /// The numbers that origins and directions of rays are kept in: f64 wherever hits are decided in f64.
+    pub fn ray_precision(self) -> Precision {
+        match self {
+            Numerics::Fast => Precision::Single,
+            Numerics::Watertight | Numerics::Double | Numerics::Exact => Precision::Double,
         }
     }
 }
@@ -279,7 +281,7 @@ mod tests {
 
     /// What a tier says of a ray from `origin` and a triangle.
     fn hit_of<T: Tier>(corners: [DVec3; 3], ray: impl Fn(Precision) -> Ray) -> Option<TriangleHit> {
-        let ray = ray(T::NUMERICS.precision());
+        let ray = ray(T::NUMERICS.ray_precision());
         T::hit_triangle(&T::prepare(&ray), &ray, &corners.map(T::Corner::lower))
     }
 
@@ -341,7 +343,7 @@ mod tests {
             let limits = [f32::EPSILON.into(), 2.0 * f64::EPSILON, 2.0 * f64::EPSILON, 2.0 * f64::EPSILON];
             let ray = |precision: Precision| precision.ray(origin, direction, 0.0, 1e9);
             for ((hit, limit), numerics) in hits(plane, ray).into_iter().zip(limits).zip(Numerics::ALL) {
-                let ray = ray(numerics.precision());
+                let ray = ray(numerics.ray_precision());
                 let exact = (-500.0 - ray.origin.y) / ray.direction.y;
                 let t = hit.unwrap().t;
                 assert!((t - exact).abs() <= limit * exact, "{}: {t} {exact}", numerics.name());

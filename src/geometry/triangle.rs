@@ -3,6 +3,7 @@
 use glam::{DVec3, Vec3Swizzles};
 
 use super::expansion::Expansion;
+use super::spawn::EDGE_DISTANCE;
 use super::{Bounds, Corner};
 
 /// Three corners.
@@ -31,6 +32,30 @@ impl Triangle {
     pub fn normal(&self) -> DVec3 {
         let [a, b, c] = self.0;
         (b - a).cross(c - a)
+    }
+
+    /// The unit normal. `None` for a triangle thinner than [`EDGE_DISTANCE`] times its largest coordinate: rounding its corners to
+    /// f32 may have turned that in any direction; see [`Triangle::sliver_normal`].
+    #[inline]
+    pub fn unit_normal(&self) -> Option<DVec3> {
+        let [a, b, c] = self.0;
+        let (normal, reach) = (self.normal(), a.abs().max(b.abs()).max(c.abs()).max_element());
+        let twice_area = normal.length();
+        let least = EDGE_DISTANCE * reach * self.longest_edge().length();
+        (twice_area > least).then(|| normal / twice_area)
+    }
+
+    /// A unit normal for a triangle that is a line but for rounding: the direction towards the viewer across that line. `view` is the unit
+    /// vector to the viewer. A point offset along it is on the viewer's side of the surfaces whose edges the sliver closes.
+    pub fn sliver_normal(&self, view: DVec3) -> DVec3 {
+        let along = self.longest_edge().normalize_or_zero();
+        (view - view.dot(along) * along).try_normalize().unwrap_or(view)
+    }
+
+    fn longest_edge(&self) -> DVec3 {
+        let [a, b, c] = self.0;
+        let longer = |p: DVec3, q: DVec3| if q.length_squared() > p.length_squared() { q } else { p };
+        longer(longer(b - a, c - b), a - c)
     }
 
     /// Whether the corners lie on one line, exactly.

@@ -6,7 +6,7 @@
 
 use glam::Vec3;
 
-use super::bounds::SingleBoxTest;
+use super::bounds::DoubleBoxTest;
 use super::bundle::{FourHits, Gathered, RAYS, WoopBundle};
 use super::simd::Simd;
 use super::woop::WoopTest;
@@ -19,7 +19,7 @@ pub struct Watertight;
 impl Tier for Watertight {
     const NUMERICS: Numerics = Numerics::Watertight;
     type Corner = Vec3;
-    type Boxes = SingleBoxTest;
+    type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
     const HAS_BUNDLES: bool = true;
 

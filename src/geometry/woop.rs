@@ -11,7 +11,7 @@
 //! place. With zero on the inside, a hit between two triangles that share an edge cannot be lost, and none is found beside a
 //! triangle that is seen edge-on. No FMA: it would break the symmetry between the two sides of an edge.
 
-use glam::{DVec3, Vec3Swizzles};
+use glam::DVec3;
 
 use super::bounds::hold;
 use super::bundle::{FourHits, FourRays, hit_four};
@@ -169,15 +169,17 @@ impl WoopTest {
         // A convex combination of the corners' depths: its error is relative to the triangle, not to the scene.
         let [a, b, c] = sheared.corners;
         let depth = (weight_a * a.z + weight_b * b.z + weight_c * c.z) * share;
-        // Right before a triangle that is far larger than that, and above all before a needle, the error may be more than the
-        // depth: the side of the plane that the ray starts on tells whether the triangle lies ahead.
+        // Close to the origin the depth's error may be larger than the depth: above all on needles.
         let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
-        if depth.abs() < reach * NEAR && is_behind(ray, corners, sum * self.shear[2]) {
+        let is_near = depth.abs() < reach * NEAR;
+        if is_near && ray.t_min >= 0.0 && sheared.is_behind(weights, sum * self.shear[2]) {
             return None;
         }
         let t = depth * self.shear[2];
         let [min, max] = C::span(corners);
         let t = hold(min, max, ray, t)?;
+        // It is ahead, whatever its rounded distance says.
+        let t = if is_near { t.max(f64::MIN_POSITIVE) } else { t };
         (ray.t_min < t && t < ray.t_max)
             .then_some(TriangleHit { t, weights: [weight_b * share, weight_c * share] })
     }
@@ -202,37 +204,45 @@ impl Sheared {
     }
 }
 
+impl Sheared {
+    /// Whether the triangle, as it is sheared, lies behind the origin or contains it: exactly. `weights` are its edge functions, `along` has
+    /// the sign of their sum times that of the ray's direction along the third axis.
+    ///
+    /// The distance to the crossing has the sign of the corners' determinant times that of `along`. A closed mesh has no gaps when all of
+    /// its triangles are sheared, so an origin inside the sheared mesh has a crossing ahead in every direction. The side of
+    /// the plane through the corners before they are sheared is not consistent with that for triangles thinner than rounding.
+    #[inline(never)]
+    fn is_behind(&self, weights: [f64; 3], along: f64) -> bool {
+        let depths = self.corners.map(|corner| corner.z);
+        let (mut determinant, mut magnitude) = (0.0, 0.0);
+        for (weight, depth) in weights.into_iter().zip(depths) {
+            determinant += weight * depth;
+            magnitude += (weight * depth).abs();
+        }
+        // Weights are good to 2^-32 of themselves, see `CANCELLED`.
+        let sign = if determinant.abs() > 2.0 * f64::EPSILON / CANCELLED * magnitude {
+            determinant.signum()
+        } else {
+            let number = |x: f64| Expansion::difference(x, 0.0);
+            let [a, b, c] = self.aside;
+            let term = |(p, q, depth): ([f64; 2], [f64; 2], f64)| {
+                (number(p[0]).scaled(q[1]) - number(p[1]).scaled(q[0])).scaled(depth)
+            };
+            let terms = [(c, b, depths[0]), (a, c, depths[1]), (b, a, depths[2])].map(term);
+            f64::from(terms.into_iter().fold(Expansion::default(), |sum, term| sum + term).sign())
+        };
+        sign * along.signum() <= 0.0
+    }
+}
+
 /// Whether all are on the same side, zeros on both.
 #[inline(always)]
 fn inside([a, b, c]: [f64; 3]) -> bool {
     (a >= 0.0 && b >= 0.0 && c >= 0.0) || (a <= 0.0 && b <= 0.0 && c <= 0.0)
 }
 
-/// The share of a triangle's own depths below which a depth is held against the triangle's plane.
+/// The share of a triangle's largest depth below which its distance is not trusted to tell whether it lies ahead.
 pub const NEAR: f64 = 1.0 / 64.0;
-
-/// Whether a ray, which runs against the side of a triangle that `against` has the sign of, starts on its plane or
-/// leaves it behind: exactly.
-#[inline(never)]
-fn is_behind<C: Corner>(ray: &Ray, corners: &[C; 3], against: f64) -> bool {
-    let corners = corners.map(Corner::raise);
-    let [a, b, c] = corners.map(|corner| corner - ray.origin);
-    // Six products of three numbers, each off by less than 8 u, and their sum by less than 8 u more.
-    let products = b.abs().yzx() * c.abs().zxy() + b.abs().zxy() * c.abs().yzx();
-    let height = a.dot(b.cross(c));
-    let height = if height.abs() > 8.0 * f64::EPSILON * a.abs().dot(products) {
-        height
-    } else {
-        let side = |corner: DVec3, k: usize| Expansion::difference(corner[k], ray.origin[k]);
-        let [a, b, c] = corners;
-        let term = |(k, i, j): (usize, usize, usize)| {
-            side(a, k) * (side(b, i) * side(c, j) - side(b, j) * side(c, i))
-        };
-        let terms = [(0, 1, 2), (1, 2, 0), (2, 0, 1)].map(term);
-        f64::from(terms.into_iter().fold(Expansion::default(), |sum, term| sum + term).sign())
-    };
-    height * against.signum() >= 0.0 && ray.t_min >= 0.0
-}
 
 /// Differences below this share of the products are computed to their last place. Above it the error is that of two
 /// roundings in at least 33 remaining places.

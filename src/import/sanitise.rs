@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3, DVec4};
 
 use super::sharing::shared;
 use crate::error::Warnings;
-use crate::scene::{Attribute, Mesh, Object, Placed, Scene, Shape, Thin};
+use crate::scene::{Attribute, Mesh, Object, Placed, Scene, Shape};
 
 /// Coordinates beyond this are left out. f32 boxes square it without overflow, and the builder is measured to hold.
 const LARGEST_COORDINATE: f64 = 1e18;
@@ -17,7 +17,6 @@ const LARGEST_COORDINATE: f64 = 1e18;
 struct Count {
     non_finite: usize,
     too_large: usize,
-    degenerate: usize,
     /// Normals, texture coordinates and colours.
     attributes: usize,
 }
@@ -40,6 +39,14 @@ pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
         Shape::Mesh(mesh) => !mesh.triangles.is_empty(),
         Shape::Placed(placed) => placed.triangle_count() > 0,
     });
+    let flat =
+        scene.objects.iter().filter(|object| is_without_area(&object.shape)).map(|object| &object.name);
+    let flat: Vec<&str> = flat.map(String::as_str).collect();
+    if let [first, others @ ..] = flat.as_slice() {
+        let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
+        let what = "no triangle has an area, so nothing of it can be seen";
+        warnings.push(format!("{}: object `{first}`{more}: {what}", file.display()));
+    }
     let mut say = |n: usize, what: &str| {
         if n > 0 {
             warnings.push(format!("{}: left out {n} {what}", file.display()));
@@ -47,8 +54,17 @@ pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
     };
     say(count.non_finite, "triangle(s) with a vertex that is not a finite number");
     say(count.too_large, "primitive(s) with a coordinate beyond 1e18");
-    say(count.degenerate, "triangle(s) without area");
     say(count.attributes, "normal(s), texture coordinate(s) or colour(s) that are not usable numbers");
+}
+
+/// Whether every triangle has its corners on one line, as far as f64 can tell.
+fn is_without_area(shape: &Shape) -> bool {
+    let is_flat = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a) == DVec3::ZERO;
+    match shape {
+        Shape::Sphere { .. } => false,
+        Shape::Mesh(mesh) => mesh.triangles.iter().all(|t| is_flat(t.map(|i| mesh.positions[i as usize]))),
+        Shape::Placed(placed) => (0..placed.triangle_count() as u32).all(|t| is_flat(placed.corners_of(t))),
+    }
 }
 
 fn clean_mesh(mesh: &mut Mesh, count: &mut Count) {
@@ -60,8 +76,6 @@ fn clean_mesh(mesh: &mut Mesh, count: &mut Count) {
             &mut count.non_finite
         } else if corners.iter().any(|p| p.abs().max_element() > LARGEST_COORDINATE) {
             &mut count.too_large
-        } else if is_degenerate(corners) {
-            &mut count.degenerate
         } else {
             continue;
         };
@@ -72,8 +86,7 @@ fn clean_mesh(mesh: &mut Mesh, count: &mut Count) {
     count.attributes += replace_unusable(mesh);
 }
 
-/// Does for meshes that are shared what [`clean_mesh`] does for others. What cannot be used anywhere is left out of the
-/// mesh; what cannot be used in one place, of that place.
+/// Does for meshes that are shared what [`clean_mesh`] does for others.
 fn clean_placed(objects: &mut [Object], count: &mut Count) {
     for group in shared(objects).into_values() {
         let mut placed: Vec<&mut Placed> = objects_at(objects, &group);
@@ -85,18 +98,16 @@ fn clean_placed(objects: &mut [Object], count: &mut Count) {
         let mut own = Count::default();
         clean_shared(&mut mesh, &mut own);
         count.non_finite += own.non_finite * group.len();
-        count.degenerate += own.degenerate * group.len();
         count.attributes += own.attributes * group.len();
-        let thin = Thin::of(&mesh);
+        let reach = mesh.corners().fold(DVec3::ZERO, |reach, p| p.abs().max(reach));
         let mesh = Arc::new(mesh);
         for placed in placed {
             placed.mesh = mesh.clone();
-            leave_out(placed, &thin, count);
         }
         // Beyond the numbers' range every triangle has to be looked at by itself.
         for &index in &group {
             let Shape::Placed(placed) = &objects[index].shape else { continue };
-            let reach = placed.placement.reach(thin.reach()).max_element();
+            let reach = placed.placement.reach(reach).max_element();
             if reach > LARGEST_COORDINATE || !reach.is_finite() {
                 objects[index].shape = Shape::Mesh(placed.bake());
             }
@@ -113,36 +124,18 @@ fn objects_at<'a>(objects: &'a mut [Object], group: &[usize]) -> Vec<&'a mut Pla
     placed.collect()
 }
 
-/// Leaves out of a mesh what no placement can mend: triangles with corners that are no numbers, or the same.
+/// Leaves out of a mesh what no placement can mend: triangles with corners that are not finite.
 fn clean_shared(mesh: &mut Mesh, count: &mut Count) {
     let corners = |i: usize| mesh.triangles[i].map(|k| mesh.positions[k as usize]);
     let keep: Vec<bool> = (0..mesh.triangles.len())
         .map(|i| {
-            let [a, b, c] = corners(i);
-            let finite = a.is_finite() && b.is_finite() && c.is_finite();
-            let point = a == b || b == c || c == a;
+            let finite = corners(i).iter().all(|corner| corner.is_finite());
             count.non_finite += usize::from(!finite);
-            count.degenerate += usize::from(finite && point);
-            finite && !point
+            finite
         })
         .collect();
     mesh.retain(|i| keep[i]);
     count.attributes += replace_unusable(mesh);
-}
-
-/// Leaves out the triangles that have no area in this place.
-///
-/// A corner is off by what [`Placement::error`] says, and the cross product of two edges by a few roundings of f64 more,
-/// relative to their squared length: 2^-38 of the largest number is far above both, taken as a height. A height of 1e-140
-/// keeps its square.
-fn leave_out(placed: &mut Placed, thin: &Thin, count: &mut Count) {
-    const ROUNDING: f64 = 1.0 / (1u64 << 38) as f64;
-    let error = (placed.placement.reach(thin.reach()).max_element() * ROUNDING).max(1e-140);
-    let lost = |&triangle: &u32| is_degenerate(placed.corners_of(triangle));
-    let mut left_out: Vec<u32> = thin.below(error, &placed.placement.as_one().0).filter(lost).collect();
-    left_out.sort_unstable();
-    count.degenerate += left_out.len();
-    placed.left_out = left_out;
 }
 
 /// Attributes that are not numbers, or not ones that f32 holds, become neutral: no normal (the triangle's own is taken),
@@ -160,11 +153,6 @@ fn replace_unusable(mesh: &mut Mesh) -> usize {
         + replace(&mut mesh.tangents, |t| t.as_vec4().is_finite(), DVec4::ZERO)
         + replace(&mut mesh.uvs, |uv| uv.as_vec2().is_finite(), DVec2::ZERO)
         + replace(&mut mesh.colours, |c| c.as_vec3().is_finite() && c.min_element() >= 0.0, DVec3::ONE)
-}
-
-/// Whether a triangle has no area: corners that are equal, or on one line as far as f64 can tell.
-fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
-    (b - a).cross(c - a) == DVec3::ZERO
 }
 
 #[cfg(test)]
@@ -193,13 +181,13 @@ mod tests {
         let mut scene = scene_of(positions);
         let mut warnings = Warnings::default();
         sanitise(&mut scene, Path::new("a.obj"), &mut warnings);
-        assert_eq!(scene.primitive_count(), 1);
+        // The good one and the two without area, which close gaps where they stand at a T-vertex.
+        assert_eq!(scene.primitive_count(), 3);
         assert_eq!(
             warnings.messages(),
             [
                 "a.obj: left out 3 triangle(s) with a vertex that is not a finite number",
                 "a.obj: left out 1 primitive(s) with a coordinate beyond 1e18",
-                "a.obj: left out 2 triangle(s) without area",
             ]
         );
     }

@@ -40,13 +40,10 @@ pub fn greatest(objects: &[Object], measures: &[Measure]) -> Vec<f64> {
                 }
             }
             Shape::Mesh(mesh) => mesh.corners().for_each(|p| include(&mut best, measures, p)),
-            Shape::Placed(one) if one.left_out.is_empty() => {
+            Shape::Placed(one) => {
                 parts.entry(Arc::as_ptr(&one.mesh)).or_insert_with(|| split(&one.mesh));
                 placed.push(one);
             }
-            Shape::Placed(one) => one
-                .triangles()
-                .for_each(|t| one.corners_of(t).into_iter().for_each(|p| include(&mut best, measures, p))),
         }
     }
     for (best, measure) in best.iter_mut().zip(measures) {
@@ -162,10 +159,7 @@ mod tests {
                 let [at, scale] = [turn(i) * 3.0 + far, turn(i * 7 + 3).abs() + 0.1];
                 let rotation = DQuat::from_rotation_y(f64::from(i)) * DQuat::from_rotation_x(0.3);
                 let map = DMat4::from_scale_rotation_translation(scale, rotation, at);
-                Placed {
-                    left_out: if i % 9 == 0 { vec![0, 1, 2, 500] } else { Vec::new() },
-                    ..Placed::new(mesh.clone(), Placement::new(map))
-                }
+                Placed::new(mesh.clone(), Placement::new(map))
             });
             let placed: Vec<Placed> = places.collect();
             let copies = placed.iter().map(|p| object(Shape::Mesh(p.bake()))).collect();

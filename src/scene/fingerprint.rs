@@ -88,9 +88,9 @@ impl Fingerprint {
 
     /// A mesh that stands in many places is read once.
     fn placed<'a>(&mut self, placed: &'a Placed, shared: &mut Vec<&'a Arc<Mesh>>) {
-        let Placed { mesh, placement, left_out } = placed;
+        let Placed { mesh, placement } = placed;
         let known = shared.iter().rposition(|other| Arc::ptr_eq(other, mesh));
-        self.value("placed", &(known.unwrap_or(shared.len()), placement, left_out));
+        self.value("placed", &(known.unwrap_or(shared.len()), placement));
         if known.is_none() {
             self.mesh(mesh);
             shared.push(mesh);

@@ -19,7 +19,6 @@ mod numerics;
 mod placed;
 mod sampler;
 mod sampling;
-mod thin;
 
 pub use animation::Animation;
 pub use camera::{Camera, Projection, usual_size};
@@ -31,7 +30,6 @@ pub use numerics::Numerics;
 pub use placed::{Placed, Placement, Step};
 pub use sampler::{Filter, Lookup, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MOST_SAMPLES, Sampling};
-pub use thin::Thin;
 
 use extreme::Measure;
 

@@ -117,33 +117,17 @@ pub struct Placed {
     pub mesh: Arc<Mesh>,
     /// Where it stands.
     pub placement: Placement,
-    /// Triangles of the mesh that are not there because they have no area in this place, in ascending order. They take
-    /// part in nothing, and have no number.
-    pub left_out: Vec<u32>,
 }
 
 impl Placed {
-    /// A mesh in one of its places, all of it.
+    /// A mesh in one of its places.
     pub fn new(mesh: Arc<Mesh>, placement: Placement) -> Self {
-        Placed { mesh, placement, left_out: Vec::new() }
+        Placed { mesh, placement }
     }
 
     /// How many triangles there are.
     pub fn triangle_count(&self) -> usize {
-        self.mesh.triangles.len() - self.left_out.len()
-    }
-
-    /// The place of a triangle of the mesh among those that are there.
-    #[inline]
-    pub fn number_of(&self, triangle: u32) -> u32 {
-        triangle - self.left_out.partition_point(|&out| out < triangle) as u32
-    }
-
-    /// The triangle of the mesh that has this place among those that are there.
-    #[inline]
-    pub fn triangle_at(&self, number: u32) -> u32 {
-        // Each that is left out at or before it moves it on by one.
-        self.left_out.iter().fold(number, |triangle, &out| triangle + u32::from(out <= triangle))
+        self.mesh.triangles.len()
     }
 
     /// The corners of a triangle of the mesh in the world.
@@ -151,13 +135,6 @@ impl Placed {
     pub fn corners_of(&self, triangle: u32) -> [DVec3; 3] {
         self.mesh.triangles[triangle as usize]
             .map(|corner| self.placement.point(self.mesh.positions[corner as usize]))
-    }
-
-    /// The triangles of the mesh that are there, in order.
-    pub fn triangles(&self) -> impl Iterator<Item = u32> + '_ {
-        let mut left_out = self.left_out.iter().copied().peekable();
-        (0..self.mesh.triangles.len() as u32)
-            .filter(move |&triangle| left_out.next_if_eq(&triangle).is_none())
     }
 
     /// A mesh of its own, in the world.
@@ -171,7 +148,6 @@ impl Placed {
                 }
             }
         }
-        mesh.retain(|triangle| self.left_out.binary_search(&(triangle as u32)).is_err());
         mesh
     }
 }
@@ -200,25 +176,15 @@ mod tests {
 
     #[test]
     fn a_placed_mesh_is_the_moved_copy_to_the_bit() {
-        let placed = Placed { left_out: vec![1], ..Placed::new(Arc::new(mesh()), two_steps()) };
+        let placed = Placed::new(Arc::new(mesh()), two_steps());
         let baked = placed.bake();
-        assert_eq!((placed.triangle_count(), baked.triangles.len()), (3, 3));
-        for (number, triangle) in (0..).zip(placed.triangles()) {
-            assert_eq!((placed.number_of(triangle), placed.triangle_at(number)), (number, triangle));
-            let corners = baked.triangles[number as usize].map(|i| baked.positions[i as usize]);
-            assert_eq!(placed.corners_of(triangle), corners);
+        assert_eq!((placed.triangle_count(), baked.triangles.len()), (4, 4));
+        for (index, triangle) in (0..).zip(&baked.triangles) {
+            assert_eq!(placed.corners_of(index), triangle.map(|i| baked.positions[i as usize]));
         }
         let normals = &placed.mesh.normals.as_ref().unwrap().values;
         let moved: Vec<DVec3> = normals.iter().map(|&n| placed.placement.normal(n)).collect();
         assert_eq!(moved, baked.normals.unwrap().values);
-    }
-
-    #[test]
-    fn triangles_left_out_have_no_number() {
-        let placed =
-            Placed { left_out: vec![0, 1, 3], ..Placed::new(Arc::new(mesh()), Placement::default()) };
-        assert_eq!(placed.triangles().collect::<Vec<_>>(), [2]);
-        assert_eq!((placed.triangle_at(0), placed.number_of(2)), (2, 0));
     }
 
     #[test]

@@ -74,7 +74,7 @@ pub fn compare(
 }
 
 fn find(world: &World, view: &View, width: u32, pixels: &[u32]) -> Vec<Option<Found>> {
-    let precision = world.numerics().precision();
+    let precision = world.numerics().ray_precision();
     let rays: Vec<Ray> =
         pixels.iter().map(|pixel| view.ray(pixel % width, pixel / width, precision)).collect();
     let (mut traversal, mut hits) = (Traversal::default(), Vec::new());

@@ -44,8 +44,7 @@ pub fn closed(scene: &Scene) -> Vec<Closed> {
 /// In f32, as `fast` and `watertight` have them, so that all tiers are asked about the same mesh.
 fn corners(mesh: &Mesh) -> Vec<[DVec3; 3]> {
     let rounded = |i: u32| mesh.positions[i as usize].as_vec3().as_dvec3();
-    let all = mesh.triangles.iter().map(|triangle| triangle.map(rounded));
-    all.filter(|corners| !Triangle(*corners).is_degenerate()).collect()
+    mesh.triangles.iter().map(|triangle| triangle.map(rounded)).collect()
 }
 
 /// Whether every edge, by the positions of its ends, belongs to two triangles.
@@ -89,7 +88,7 @@ impl Closed {
             let towards = DVec3::new(numbers.unit() - 0.5, numbers.unit() - 0.5, numbers.unit() - 0.5)
                 .try_normalize()?;
             let origin = (target - 4.0 * reach * towards).as_vec3().as_dvec3();
-            let precision = Numerics::Exact.precision();
+            let precision = Numerics::Exact.ray_precision();
             let ray = precision.ray(origin, (target - origin).try_normalize()?, 0.0, f64::INFINITY);
             let crossed = crossings(exact, &ray, &mut traversal)?;
             let &[enters, leaves, ..] = crossed.as_slice() else { return None };
@@ -130,7 +129,7 @@ pub fn count(closed: &[Closed], numerics: Numerics, rays: u64, watch: &Watch) ->
             .flat_map_iter(|chunk| chunk * CHUNK..each.min((chunk + 1) * CHUNK))
             .map_init(Traversal::default, |traversal, index| {
                 let (origin, direction) = mesh.aimed(index);
-                let ray = numerics.precision().ray(origin, direction, 0.0, f64::INFINITY);
+                let ray = numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY);
                 u64::from(tier.closest_hit(&ray, traversal).is_none())
             })
             .sum::<u64>();

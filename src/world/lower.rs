@@ -57,12 +57,6 @@ impl Attributes {
         }
     }
 
-    /// The triangle of the mesh.
-    #[inline]
-    fn in_mesh(&self, triangle: u32) -> u32 {
-        self.placed.as_ref().map_or(triangle, |placed| placed.triangle_at(triangle))
-    }
-
     /// The normals at a triangle's corners, of length 1 or 0.
     #[inline]
     pub fn normals(&self, triangle: u32) -> Option<[DVec3; 3]> {
@@ -71,7 +65,7 @@ impl Attributes {
             Some(placed) => {
                 let normals = placed.mesh.normals.as_ref()?;
                 let triangles = normals.triangles.as_ref().unwrap_or(&placed.mesh.triangles);
-                let corners = triangles[placed.triangle_at(triangle) as usize];
+                let corners = triangles[triangle as usize];
                 Some(corners.map(|i| {
                     let normal = placed.placement.normal(normals.values[i as usize]);
                     // As where data comes in: what is not a number is none.
@@ -84,7 +78,7 @@ impl Attributes {
     /// The texture coordinates at a triangle's corners.
     #[inline]
     pub fn uvs(&self, triangle: u32) -> Option<[Vec2; 3]> {
-        Some(self.lowered.uvs.as_ref()?.of(self.in_mesh(triangle)))
+        Some(self.lowered.uvs.as_ref()?.of(triangle))
     }
 
     /// The tangents at a triangle's corners, of length 1 or 0; see [`Mesh::tangents`].
@@ -95,7 +89,7 @@ impl Attributes {
             Some(placed) => {
                 let tangents = placed.mesh.tangents.as_ref()?;
                 let triangles = tangents.triangles.as_ref().unwrap_or(&placed.mesh.triangles);
-                let corners = triangles[placed.triangle_at(triangle) as usize];
+                let corners = triangles[triangle as usize];
                 Some(
                     corners.map(|i| {
                         unit_tangent(placed.placement.tangent(tangents.values[i as usize])).as_dvec4()
@@ -115,7 +109,7 @@ impl Attributes {
     /// The colours at a triangle's corners.
     #[inline]
     pub fn colours(&self, triangle: u32) -> Option<[Vec3; 3]> {
-        Some(self.lowered.colours.as_ref()?.of(self.in_mesh(triangle)))
+        Some(self.lowered.colours.as_ref()?.of(triangle))
     }
 }
 

@@ -33,8 +33,8 @@ use glam::DVec3;
 
 use crate::bvh::{self, Accelerator, Instance, MeshSpace, Primitive, Slot, Structure};
 use crate::film::ColourPipeline;
-use crate::geometry::{Numerics, Precision, PrimId, Sphere, Triangle};
-use crate::scene::{Light, LightKind, Mesh, Object, Placed, Sampling, Scene, Shape, Thin};
+use crate::geometry::{Numerics, PrimId, Sphere, Triangle};
+use crate::scene::{Light, LightKind, Mesh, Object, Sampling, Scene, Shape};
 
 /// The ambient intensity where no input gives one.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -62,8 +62,7 @@ pub struct World {
     pub background: DVec3,
     /// How often and where pixels are sampled.
     pub sampling: Sampling,
-    /// Primitives left out because the tier's numbers cannot hold them: triangles whose corners, rounded, lie on one line,
-    /// spheres of no size.
+    /// Spheres left out because their radius rounds to 0 in the tier's numbers.
     pub too_small: usize,
     primitive_count: usize,
 }
@@ -134,13 +133,13 @@ impl World {
         structure: Structure,
         numerics: Numerics,
     ) -> World {
-        let Parts { instances, shared, firsts, too_thin } = instances(&scene.objects, structure, numerics);
+        let Parts { instances, shared, firsts } = instances(&scene.objects, structure, numerics);
         let mut kept = 0;
         let slots = slots(&scene.objects, &firsts, &shared, numerics).inspect(|_| kept += 1);
         let of_instances: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();
         let accelerator = bvh::build_with_instances(slots, instances, structure, numerics);
         let primitive_count = scene.primitive_count();
-        let too_small = primitive_count - of_instances - kept + too_thin;
+        let too_small = primitive_count - of_instances - kept;
         let mut lowered = lower::Shared::default();
         let objects = scene.objects.into_iter().zip(firsts).map(|(object, first)| WorldObject {
             name: object.name,
@@ -210,14 +209,12 @@ struct Parts {
     shared: Vec<bool>,
     /// The number of its first primitive.
     firsts: Vec<PrimId>,
-    /// How many triangles of instances the tier's numbers cannot hold.
-    too_thin: usize,
 }
 
 /// Finds the objects that share their mesh with others, where the structure has a place for them.
 fn instances(objects: &[Object], structure: Structure, numerics: Numerics) -> Parts {
-    let mut parts = Parts { instances: Vec::new(), shared: Vec::new(), firsts: Vec::new(), too_thin: 0 };
-    let mut meshes: HashMap<*const Mesh, (Thin, Option<MeshSpace>)> = HashMap::new();
+    let mut parts = Parts { instances: Vec::new(), shared: Vec::new(), firsts: Vec::new() };
+    let mut meshes: HashMap<*const Mesh, Option<MeshSpace>> = HashMap::new();
     let mut first = 0;
     for object in objects {
         parts.firsts.push(PrimId(first as u32));
@@ -230,43 +227,20 @@ fn instances(objects: &[Object], structure: Structure, numerics: Numerics) -> Pa
             }
         };
         let mesh = &placed.mesh;
-        let look = || (Thin::of(mesh), MeshSpace::of(mesh));
-        let (thin, space) = meshes.entry(Arc::as_ptr(mesh)).or_insert_with(look);
+        let space = meshes.entry(Arc::as_ptr(mesh)).or_insert_with(|| MeshSpace::of(mesh));
         let fits = space.is_some_and(|space| bvh::can_be_instance(placed, &space, numerics));
         parts.shared.push(fits);
         if !fits {
             continue;
         }
-        parts.too_thin += too_thin(placed, thin, numerics);
         let first = *parts.firsts.last().expect("the object's own");
         parts.instances.push(Instance { placed: placed.clone(), first });
     }
     parts
 }
 
-/// How many triangles of a placed mesh have corners that, rounded to the tier's numbers, lie on one line.
-///
-/// A corner moves by what placing it rounds and by half a step of the tier's numbers, so a height changes by no more than
-/// twice that; on three axes, less than four times the largest.
-fn too_thin(placed: &Placed, thin: &Thin, numerics: Numerics) -> usize {
-    let moved = placed.placement.error(thin.reach())
-        + placed.placement.reach(thin.reach()) * numerics.precision().epsilon()
-        + f64::from(f32::MIN_POSITIVE);
-    let is_lost = |&triangle: &u32| {
-        placed.left_out.binary_search(&triangle).is_err()
-            && lowered(placed.corners_of(triangle), numerics).is_none()
-    };
-    thin.below(4.0 * moved.max_element(), &placed.placement.as_one().0).filter(is_lost).count()
-}
-
-/// A triangle in the numbers of a tier; `None` where these cannot hold it.
-fn lowered(corners: [DVec3; 3], numerics: Numerics) -> Option<Primitive> {
-    let triangle = Triangle(corners.map(|p| p.map(|c| numerics.precision().round(c))));
-    (!triangle.is_degenerate()).then_some(Primitive::Triangle(triangle))
-}
-
-/// The primitives of all objects but the shared ones. Those that the tier's numbers cannot hold have their number but no
-/// slot: no ray can hit them.
+/// The primitives of all objects but the shared ones, in the numbers of the tier. Spheres whose radius rounds to 0 have their number but
+/// no slot.
 fn slots(
     objects: &[Object],
     firsts: &[PrimId],
@@ -275,21 +249,21 @@ fn slots(
 ) -> impl Iterator<Item = Slot> {
     let own = objects.iter().zip(firsts).zip(shared).filter(|(_, shared)| !**shared);
     own.flat_map(move |((object, first), _)| {
-        let primitives: Box<dyn Iterator<Item = Option<Primitive>> + '_> = match &object.shape {
-            Shape::Mesh(mesh) => Box::new(
-                mesh.triangles.iter().map(move |t| lowered(t.map(|i| mesh.positions[i as usize]), numerics)),
-            ),
+        let triangle = |corners| Primitive::Triangle(Triangle(corners));
+        let primitives: Box<dyn Iterator<Item = Primitive> + '_> = match &object.shape {
+            Shape::Mesh(mesh) => {
+                Box::new(mesh.triangles.iter().map(move |t| triangle(t.map(|i| mesh.positions[i as usize]))))
+            }
             Shape::Placed(placed) => {
-                Box::new(placed.triangles().map(move |t| lowered(placed.corners_of(t), numerics)))
+                Box::new((0..placed.triangle_count() as u32).map(move |t| triangle(placed.corners_of(t))))
             }
             Shape::Sphere { centre, radius } => {
-                let centre = centre.map(|c| Precision::Double.round(c));
-                let sphere = Primitive::Sphere(Sphere { centre, radius: *radius });
-                Box::new(std::iter::once((numerics.precision().round(*radius) > 0.0).then_some(sphere)))
+                Box::new(std::iter::once(Primitive::Sphere(Sphere { centre: *centre, radius: *radius })))
             }
         };
-        (first.0..)
-            .zip(primitives)
-            .filter_map(|(id, primitive)| Some(Slot { primitive: primitive?, id: PrimId(id) }))
+        let precision = numerics.precision();
+        (first.0..).zip(primitives).filter_map(move |(id, primitive)| {
+            Some(Slot { primitive: primitive.rounded(precision)?, id: PrimId(id) })
+        })
     })
 }

@@ -81,8 +81,7 @@ impl World {
                 let [v, w] = hit.weights;
                 let weights = [1.0 - v - w, v, w];
                 surface.point = SurfacePoint::on_triangle(triangle.0, weights);
-                // Needles whose f64 normal is lost to rounding show their side to the viewer.
-                let normal = triangle.normal().try_normalize().map_or(view, facing);
+                let normal = triangle.unit_normal().map_or_else(|| triangle.sliver_normal(view), facing);
                 surface.geometric_normal = normal;
                 surface.shading_normal = normal;
                 let local = hit.prim.0 - object.first.0;

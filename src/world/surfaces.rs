@@ -218,7 +218,7 @@ impl World {
                     return self.name_run(run.prim, range, surfaces);
                 }
                 Primitive::Triangle(triangle) => {
-                    if let Some(normal) = triangle.normal().try_normalize() {
+                    if let Some(normal) = triangle.unit_normal() {
                         widely(
                             #[inline(always)]
                             || on_triangle(surfaces, range.clone(), &triangle, normal),

@@ -67,7 +67,7 @@ impl Prepared {
 
     /// The ray of every pixel, row by row from the top.
     pub fn rays(&self) -> Vec<Ray> {
-        let precision = self.world.numerics().precision();
+        let precision = self.world.numerics().ray_precision();
         let [width, height] = self.size;
         (0..height)
             .flat_map(|y| (0..width).map(move |x| (x, y)))

@@ -5,7 +5,6 @@ use glam::DVec3;
 use super::super::Mesh;
 use super::Eye;
 use crate::error::{Error, Result};
-use crate::geometry::Triangle;
 use crate::scene::{self, Camera, LightKind, MaterialId, Object, Projection, Scene, Shape};
 use crate::world::{StandardView, View, fitted_camera};
 
@@ -46,15 +45,13 @@ const CEILING: f64 = 0.85;
 pub struct Triangles {
     /// With f32 corners, numbered in the order of the description.
     pub mesh: Mesh,
-    /// How many f32 has no room for; they are left out.
-    pub too_small: usize,
     /// How many spheres the scene has; they are left out, because most of the others know only triangles.
     pub spheres: usize,
 }
 
 /// Takes the triangles out of a scene.
 pub fn triangles(scene: &Scene) -> Triangles {
-    let mut taken = Triangles { mesh: Mesh::default(), too_small: 0, spheres: 0 };
+    let mut taken = Triangles { mesh: Mesh::default(), spheres: 0 };
     for object in &scene.objects {
         let Shape::Mesh(mesh) = &object.shape else {
             taken.spheres += 1;
@@ -62,13 +59,7 @@ pub fn triangles(scene: &Scene) -> Triangles {
         };
         let first = taken.mesh.positions.len() as u32;
         let positions: Vec<_> = mesh.positions.iter().map(|p| p.as_vec3()).collect();
-        let is_real = |corners: &&[u32; 3]| {
-            !Triangle(corners.map(|index| positions[index as usize].as_dvec3())).is_degenerate()
-        };
-        let before = taken.mesh.triangles.len();
-        let real = mesh.triangles.iter().filter(is_real).map(|corners| corners.map(|index| first + index));
-        taken.mesh.triangles.extend(real);
-        taken.too_small += mesh.triangles.len() - (taken.mesh.triangles.len() - before);
+        taken.mesh.triangles.extend(mesh.triangles.iter().map(|corners| corners.map(|index| first + index)));
         taken.mesh.positions.extend(positions);
     }
     taken

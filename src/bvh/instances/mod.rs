@@ -39,22 +39,14 @@ pub struct Instance {
 impl Instance {
     /// The number of a triangle of the mesh.
     fn prim(&self, triangle: u32) -> PrimId {
-        PrimId(self.first.0 + self.placed.number_of(triangle))
+        PrimId(self.first.0 + triangle)
     }
 
-    /// Whether a triangle of the mesh, with these corners in the numbers of a tier, is there to be hit.
-    #[inline]
-    fn is_there<C: Corner>(&self, triangle: u32, corners: &[C; 3]) -> bool {
-        self.placed.left_out.binary_search(&triangle).is_err()
-            && !Triangle(corners.map(Corner::raise)).is_degenerate()
-    }
-
-    /// Every triangle that can be hit, as if it were not shared.
+    /// Every triangle, as if it were not shared.
     pub(super) fn slots<C: Corner>(&self) -> impl Iterator<Item = Slot> {
-        (0..self.placed.mesh.triangles.len() as u32).filter_map(|triangle| {
-            let corners = self.placed.corners_of(triangle).map(C::lower);
-            let primitive = Primitive::Triangle(Triangle(corners.map(Corner::raise)));
-            self.is_there(triangle, &corners).then(|| Slot { primitive, id: self.prim(triangle) })
+        (0..self.placed.triangle_count() as u32).map(|triangle| {
+            let corners = self.placed.corners_of(triangle).map(|corner| C::lower(corner).raise());
+            Slot { primitive: Primitive::Triangle(Triangle(corners)), id: self.prim(triangle) }
         })
     }
 }
@@ -168,9 +160,7 @@ impl<T: Tier> Instances<T> {
                         };
                         let corners = corners.map(corner);
                         let prepared = prepared.get_or_insert_with(|| T::prepare(ray));
-                        if let Some(hit) = T::hit_triangle(prepared, ray, &corners)
-                            && instance.is_there(*triangle, &corners)
-                        {
+                        if let Some(hit) = T::hit_triangle(prepared, ray, &corners) {
                             let (prim, slot) = (instance.prim(*triangle), SlotId(slot + triangle));
                             match found(Hit { t: hit.t, prim, slot, weights: hit.weights }, corners) {
                                 Some(t) => t_max.set(t),
@@ -276,10 +266,7 @@ impl<T: Tier> Accelerator for Instances<T> {
 
     fn describe(&self) -> Description {
         let flat = self.flat.describe();
-        let lists = |ready: &Ready| {
-            let Placed { placement, left_out, .. } = &ready.instance.placed;
-            placement.bytes() + size_of_val(left_out.as_slice())
-        };
+        let lists = |ready: &Ready| ready.instance.placed.placement.bytes();
         let own = size_of_val(self.ready.as_slice())
             + self.ready.iter().map(lists).sum::<usize>()
             + size_of_val(self.top.as_slice())

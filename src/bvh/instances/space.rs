@@ -64,14 +64,14 @@ pub struct Frame {
 
 /// How far a hit may lie off its triangle, relative to the distance from the ray's origin and to the triangle's size.
 ///
-/// In the tiers that decide in f64, a hit's distance is held in the box of its triangle up to 1 + 2^-30
-/// ([`crate::geometry`], `hold`), its share of the corners is good to 2^-33, and bringing a ray into the mesh's space takes a
-/// few 2^-53: 2^-28 is more than all together. In `fast` it is held in that box up to 1 + 2^-21, and may be anywhere in
+/// In the tiers that decide in f64, a hit's distance is held in the box of its triangle up to 1 + 2^-26
+/// ([`crate::geometry`], `hold`), its share of the corners is good to 2^-32, and bringing a ray into the mesh's space takes a
+/// few 2^-53: 2^-25 is more than all together. In `fast` it is held in that box up to 1 + 2^-21, and may be anywhere in
 /// it.
 fn share_of_distance(numerics: Numerics) -> f64 {
     match numerics {
         Numerics::Fast => 1.0 / (1u32 << 20) as f64,
-        Numerics::Watertight | Numerics::Double | Numerics::Exact => 1.0 / (1u32 << 28) as f64,
+        Numerics::Watertight | Numerics::Double | Numerics::Exact => 1.0 / (1u32 << 25) as f64,
     }
 }
 

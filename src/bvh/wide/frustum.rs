@@ -18,7 +18,7 @@ use super::node::{LENGTHS, Node, WIDTH};
 
 /// The share by which the ends of intervals are moved outwards. A slope is off by 5 u (two components, a reciprocal, a
 /// product and its rounding to f32), a difference by u, its product with the slope by u more, and the other difference by
-/// u: 8 u, and the margin within which hits are held to their boxes is 2^-30. This is 16 u.
+/// u: 8 u, and the margin within which hits are held to their boxes is 2^-26. This is 16 u.
 pub const SLACK: f64 = 8.0 * f32::EPSILON as f64;
 
 /// How far the ends of rays that go to one place may lie from their middle, as a share of the shortest way there. Beyond

@@ -31,8 +31,7 @@ impl<T: Tier> Wide<T> {
                         whole.add(T::Corner::bounds(&corners));
                         group.quad.set(lane, Some(&corners));
                     }
-                    None => group.quad.set(lane, None),
-                    Some(Primitive::Sphere(_)) => is_other_kind.store(true, Ordering::Relaxed),
+                    Some(Primitive::Sphere(_)) | None => is_other_kind.store(true, Ordering::Relaxed),
                 }
             }
             whole

@@ -62,10 +62,12 @@ fn as_json(rows: &[Row], absent: &[Absent]) -> Value {
             "rays_inside": row.rays.inside(),
             "rays_axis_aligned": row.rays.axis_aligned,
             "rays_outside": row.rays.outside,
+            "rays_secondary": row.rays.secondary,
             "leaks": row.leaks.total(),
             "leaks_inside": row.leaks.inside(),
             "leaks_axis_aligned": row.leaks.axis_aligned,
             "leaks_outside": row.leaks.outside,
+            "leaks_secondary": row.leaks.secondary,
             "followed_through": row.followed_through,
             "skipped_reason": null,
         })
@@ -82,11 +84,13 @@ fn as_json(rows: &[Row], absent: &[Absent]) -> Value {
 fn as_text(rows: &[Row], absent: &[Absent], rays: u64) -> String {
     let counts = Counts::of_rays(rays);
     let mut text = format!(
-        "Rays that slip through a closed mesh: from inside / from outside.\n\
-         From inside {} rays are aimed at vertices and edges and {} go along the axes; from outside {} are aimed.\n\n",
+        "Rays that slip through a closed mesh: from inside / from outside / secondary.\n\
+         From inside {} rays are aimed at vertices and edges and {} go along the axes; from outside {} are aimed;\n\
+         {} secondary rays leave the surface inwards from vertices and edges.\n\n",
         grouped(counts.aimed),
         grouped(counts.axis_aligned),
         grouped(counts.outside),
+        grouped(counts.secondary),
     );
     text += &table(rows, |leaks, _| grouped(leaks));
     if rays != 1_000_000 {
@@ -121,7 +125,8 @@ fn table(rows: &[Row], cell: impl Fn(u64, u64) -> String) -> String {
         let names = [row.engine, row.layout, row.tier.unwrap_or("-")].map(str::to_owned);
         let leaks = rows.iter().map(|row| {
             let inside = cell(row.leaks.inside(), row.rays.inside());
-            format!("{inside} / {}", cell(row.leaks.outside, row.rays.outside))
+            let outside = cell(row.leaks.outside, row.rays.outside);
+            format!("{inside} / {outside} / {}", cell(row.leaks.secondary, row.rays.secondary))
         });
         lines.push(names.into_iter().chain([grouped(row.triangles as u64)]).chain(leaks).collect());
     }

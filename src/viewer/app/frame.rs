@@ -132,7 +132,7 @@ fn odd(painted: &Painted) -> Vec<String> {
     let world = &painted.prepared.world;
     if world.too_small > 0 {
         let tier = world.numerics().name();
-        odd.push(format!("{} primitive(s) too small or too thin for `{tier}`; left out", world.too_small));
+        odd.push(format!("{} sphere(s) with a radius that is 0 in `{tier}`; left out", world.too_small));
     }
     let (count, places) = &painted.statistics.non_finite;
     if let (1.., Some((x, y))) = (*count, places.first()) {

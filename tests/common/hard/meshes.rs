@@ -201,3 +201,20 @@ pub fn shuffle<T>(items: &mut [T], numbers: &mut Numbers) {
         items.swap(i, numbers.below(i + 1));
     }
 }
+
+/// A closed mesh with T-vertices: of every other triangle one edge is split at a share of its length and the triangle cut in two there,
+/// and a triangle with that edge and the new vertex, which has no area but for rounding, closes the gap to the neighbour.
+pub fn with_t_vertices(mesh: &[Corners], seed: u64) -> Vec<Corners> {
+    let mut numbers = Numbers::new(seed);
+    let mut split = Vec::new();
+    for (index, &[a, b, c]) in mesh.iter().enumerate() {
+        if index % 2 == 1 {
+            split.push([a, b, c]);
+            continue;
+        }
+        let share = if index % 4 == 0 { 0.5 } else { numbers.fine_unit() };
+        let middle = single(a + share * (b - a));
+        split.extend([[a, middle, c], [middle, b, c], [a, b, middle]]);
+    }
+    split
+}

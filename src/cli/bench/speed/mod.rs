@@ -104,9 +104,6 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
     if triangles.spheres > 0 {
         warnings.note(format!("{} sphere(s) left out: triangles alone are compared", triangles.spheres));
     }
-    if triangles.too_small > 0 {
-        warnings.push(format!("{} triangle(s) too small for f32; left out", triangles.too_small));
-    }
     Printer::default().print(&warnings, true);
     if triangles.mesh.triangles.is_empty() {
         let hint = "`kiln info` says what the files hold; without INPUT a mesh is made";
