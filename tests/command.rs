@@ -815,11 +815,14 @@ fn info_says_what_a_file_holds() {
     assert_eq!((&report["textures"][0]["width"], &report["textures"][0]["height"]), (&2.into(), &2.into()));
     assert_eq!(report["objects"][4]["input"], "scene.toml");
     // What is odd about a file is a result here.
-    workshop.write("odd.obj", "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 1 2\n");
+    workshop
+        .write("odd.obj", "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 1 2 4\nf 1 1 2\n");
     let output = workshop.run("info odd.obj");
     let said = text(&output.stdout);
     assert!(said.contains("warning     odd.obj: materials left out: gone.mtl: no such file\n"), "{said}");
     assert!(said.contains("no area     1 triangle(s), kept because they may close T-vertices\n"), "{said}");
+    let note = "note        odd.obj: left out 1 triangle(s) with two equal corners, which no ray hits\n";
+    assert!(said.contains(note), "{said}");
 }
 
 #[test]

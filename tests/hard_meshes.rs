@@ -13,7 +13,7 @@ use common::hard::check::{
 use common::hard::{
     Corners, fine_ray_towards, meshes, ray, ray_towards, single, single_mesh, times_factor, triangles,
 };
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use kiln::bvh::{Traversal, build};
 use kiln::geometry::{Numerics, Ray};
 
@@ -166,9 +166,13 @@ fn b3_hubs_of_many_triangles_do_not_leak() {
 fn b1_triangles_without_area_close_t_vertices() {
     for (radius, x) in [(1.0, 0.0), (1e-6, 0.0), (1.0, 1e3)] {
         let centre = DVec3::new(x, 0.5 * x, 0.0);
-        let cube: Vec<Corners> =
-            meshes::cube(2).into_iter().map(|corners| corners.map(|p| centre + radius * p)).collect();
-        for mesh in [cube, meshes::icosphere(2, centre, radius)] {
+        // Split along their diagonals, on which the new vertices lie exactly or, turned, only but for rounding.
+        let cube = |turn: DQuat| -> Vec<Corners> {
+            let place = |p: DVec3| centre + radius * (turn * p);
+            meshes::cube(2).into_iter().map(|[a, b, c]| [c, a, b].map(place)).collect()
+        };
+        let turn = DQuat::from_rotation_x(0.7) * DQuat::from_rotation_y(1.9);
+        for mesh in [cube(DQuat::IDENTITY), cube(turn), meshes::icosphere(2, centre, radius)] {
             let mesh = meshes::with_t_vertices(&single_mesh(&mesh), 5);
             let closing: Vec<Corners> = mesh.iter().copied().filter(is_sliver).collect();
             assert!(closing.len() > mesh.len() / 8, "{} of {}", closing.len(), mesh.len());

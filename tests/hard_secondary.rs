@@ -4,9 +4,9 @@ mod common;
 
 use std::sync::Arc;
 
-use common::Numbers;
 use common::hard::{meshes, times_factor};
 use common::picture::{parse, prepare};
+use common::{Numbers, weights_on_borders};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::bvh::{Accelerator, Primitive, Slot, Structure, Traversal, build};
 use kiln::effects::Choices;
@@ -426,16 +426,6 @@ fn rounded(corners: &[DVec3; 3], numerics: Numerics) -> [DVec3; 3] {
     corners.map(|p| p.map(|c| numerics.precision().round(c)))
 }
 
-/// Barycentric coordinates on corners and edges and up to a thousandth from them.
-fn on_borders(numbers: &mut Numbers) -> [f64; 3] {
-    let near = |numbers: &mut Numbers| numbers.one_of(&[0.0, 0.0, 1e-18, 1e-16, 1e-13, 1e-9, 1e-6, 1e-3]);
-    let v = if numbers.below(2) == 0 { near(numbers) } else { numbers.fine_unit() * 0.5 };
-    let w = near(numbers);
-    let mut weights = [1.0 - v - w, v, w];
-    weights.rotate_left(numbers.below(3));
-    weights
-}
-
 /// Rays that leave points on the borders of triangles on the side of `inside`, in directions of all heights over the triangle, some of
 /// them at corners and edges of the mesh, and rays to a lamp outside, which is at `lamp`.
 fn leaving(
@@ -453,7 +443,8 @@ fn leaving(
         let corners = rounded(&triangles[i / 32 % triangles.len()], numerics);
         let Some(normal) = Triangle(corners).unit_normal() else { continue };
         let normal = normal * (inside - corners[0]).dot(normal).signum();
-        let origin = SurfacePoint::on_triangle(corners, on_borders(numbers)).origin_towards(normal, numerics);
+        let origin =
+            SurfacePoint::on_triangle(corners, weights_on_borders(numbers)).origin_towards(normal, numerics);
         let direction = match i % 3 {
             0 => numbers.direction(),
             1 => {
@@ -462,7 +453,7 @@ fn leaving(
             }
             _ => {
                 let other = rounded(&triangles[numbers.below(triangles.len())], numerics);
-                let weights = on_borders(numbers);
+                let weights = weights_on_borders(numbers);
                 other[0] * weights[0] + other[1] * weights[1] + other[2] * weights[2] - origin
             }
         };
@@ -591,7 +582,7 @@ fn e7_convex_edges_do_not_shadow_themselves() {
                 let corners = rounded(&triangles[numbers.below(triangles.len())], numerics);
                 let normal = Triangle(corners).unit_normal().expect("an area");
                 let normal = normal * (corners[0] - middle).dot(normal).signum();
-                let origin = SurfacePoint::on_triangle(corners, on_borders(&mut numbers))
+                let origin = SurfacePoint::on_triangle(corners, weights_on_borders(&mut numbers))
                     .origin_towards(normal, numerics);
                 let direction = numbers.direction();
                 let direction = direction * direction.dot(normal).signum();

@@ -24,8 +24,11 @@ fn rows(engine: &str) -> Vec<Row> {
 /// Tiers that promise it keep it; a tier that promises less may lose rays.
 #[test]
 fn no_ray_slips_through_kilns_structures() {
-    for row in rows("kiln").iter().filter(|row| row.tier != Some("fast")) {
-        assert_eq!(row.leaks.total(), 0, "{row:?}");
+    for row in rows("kiln") {
+        match row.tier {
+            Some("fast") => assert!(row.leaks.total() > RAYS / 20, "{row:?}"),
+            _ => assert_eq!(row.leaks.total(), 0, "{row:?}"),
+        }
     }
 }
 

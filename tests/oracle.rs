@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::Numbers;
+use common::{Numbers, origin_on_border};
 use glam::DVec3;
 use kiln::bvh::{Primitive, Slot, Structure, Traversal, build};
 use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
@@ -123,7 +123,8 @@ fn targets(slots: &[Slot], count: usize, numbers: &mut Numbers) -> Vec<DVec3> {
         .collect()
 }
 
-fn rays(slots: &[Slot], scale: f64, offset: DVec3, precision: Precision) -> Vec<Ray> {
+fn rays(slots: &[Slot], scale: f64, offset: DVec3, numerics: Numerics) -> Vec<Ray> {
+    let precision = numerics.ray_precision();
     let mut numbers = Numbers::new(11);
     let mut rays = Vec::new();
     let infinite = |origin, direction| precision.ray(origin, direction, 0.0, f64::INFINITY);
@@ -160,6 +161,25 @@ fn rays(slots: &[Slot], scale: f64, offset: DVec3, precision: Precision) -> Vec<
         rays.extend((0..BATCH).map(|i| {
             let start = (target + aside(i)).as_vec3().as_dvec3();
             precision.ray(start, (origin - start).normalize(), 0.0, (origin - start).length())
+        }));
+    }
+    // Secondary rays that leave triangles on their borders: anywhere, at other borders, and of every triangle a bundle to one point.
+    for (index, target) in targets(slots, 3000, &mut numbers).into_iter().enumerate() {
+        let Primitive::Triangle(Triangle(corners)) = slots[index % slots.len()].primitive else { continue };
+        let Some((origin, normal)) = origin_on_border(corners, numerics, &mut numbers) else { continue };
+        let direction = if index % 2 == 0 { target - origin } else { numbers.vector() };
+        let direction = direction * direction.dot(normal).signum();
+        rays.extend(direction.try_normalize().map(|direction| infinite(origin, direction)));
+    }
+    for target in targets(slots, 12, &mut numbers) {
+        let Primitive::Triangle(Triangle(corners)) = slots[numbers.below(slots.len())].primitive else {
+            continue;
+        };
+        let lamp = target + numbers.vector() * (4.0 * scale);
+        rays.extend((0..BATCH).filter_map(|_| {
+            let (origin, _) = origin_on_border(corners, numerics, &mut numbers)?;
+            let way = lamp - origin;
+            Some(precision.ray(origin, way.normalize(), 0.0, way.length()))
         }));
     }
     for _ in 0..2000 {
@@ -237,7 +257,7 @@ fn every_preset_answers_as_brute_force() {
             if numerics == Numerics::Fast && !(1e-10..=1e10).contains(&scale) {
                 continue;
             }
-            let rays = rays(&slots, scale, offset, numerics.ray_precision());
+            let rays = rays(&slots, scale, offset, numerics);
             assert_equal_to_brute_force(&slots, &rays, &format!("scale {scale}, offset {offset}"), numerics);
         }
     }
@@ -268,7 +288,7 @@ fn lattice_rays_answer_as_brute_force() {
 fn few_primitives_answer_as_brute_force() {
     let all = mixed(1.0, DVec3::ZERO);
     for numerics in Numerics::ALL {
-        let rays = rays(&all, 1.0, DVec3::ZERO, numerics.ray_precision());
+        let rays = rays(&all, 1.0, DVec3::ZERO, numerics);
         for count in 0..=5 {
             let few: Vec<Slot> = all.iter().rev().take(count).copied().collect();
             let oracle = build(few.iter().copied(), Structure::BruteForce, numerics);

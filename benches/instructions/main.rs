@@ -46,7 +46,7 @@ fn primary() -> Vec<Ray> {
     let eye = DVec3::new(0.0, 0.0, 3.0);
     let at = |pixel: u32| (f64::from(pixel) + 0.5) / f64::from(SIDE) * 2.4 - 1.2;
     let ray = |(x, y): (u32, u32)| (DVec3::new(at(x), -at(y), 0.0) - eye).normalize();
-    pixels.map(|pixel| Precision::Single.ray(eye, ray(pixel), 0.0, f64::INFINITY)).collect()
+    pixels.map(|pixel| Precision::Double.ray(eye, ray(pixel), 0.0, f64::INFINITY)).collect()
 }
 
 /// Rays that leave the points that the primary rays hit, round and round until there are as many as those.
@@ -58,7 +58,7 @@ fn leaving(tree: &dyn Accelerator, direction: impl Fn(u64, DVec3, DVec3) -> (DVe
         rays.iter().zip(&hits).filter_map(|(ray, hit)| Some(origin(tree, ray, hit.as_ref()?))).collect();
     let leave = |(index, &(origin, normal)): (u64, &(DVec3, DVec3))| {
         let (direction, length) = direction(index, origin, normal);
-        Precision::Single.ray(origin, direction, 0.0, length)
+        Precision::Double.ray(origin, direction, 0.0, length)
     };
     (0..).zip(points.iter().cycle()).take(rays.len()).map(leave).collect()
 }

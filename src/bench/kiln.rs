@@ -46,8 +46,8 @@ impl Engine for Kiln {
         Some(self.numerics.name())
     }
 
-    fn origins(&self) -> Numerics {
-        self.numerics
+    fn origins(&self) -> Option<Numerics> {
+        Some(self.numerics)
     }
 
     fn is_exhaustive(&self) -> bool {

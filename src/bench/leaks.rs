@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
+use super::tetrahedron::Tetrahedron;
 use super::{Built, Engine, Icosphere, Kind, LEVEL, Mesh, PLACEMENTS, kiln, ray};
 use crate::bvh::Structure;
 use crate::error::{Error, Result};
@@ -17,6 +18,9 @@ use crate::render::Watch;
 
 /// The same for engines that test every triangle: 320.
 const EXHAUSTIVE_LEVEL: u32 = 2;
+
+/// How often the tetrahedron of secondary rays is subdivided: 65,536 triangles; and for engines that test every triangle, 256.
+const TETRAHEDRON_LEVELS: [u32; 2] = [7, 3];
 
 /// Rays are handed to threads, and progress is told, by so many.
 const CHUNK: u64 = 4096;
@@ -51,7 +55,7 @@ pub struct Counts {
     pub axis_aligned: u64,
     /// From outside, aimed.
     pub outside: u64,
-    /// Secondary rays, which leave the surface inwards.
+    /// Secondary rays, which leave a tetrahedron's edges inwards.
     pub secondary: u64,
 }
 
@@ -68,9 +72,14 @@ impl Counts {
         self.aimed + self.axis_aligned
     }
 
+    /// All but secondary rays.
+    pub fn primary(&self) -> u64 {
+        self.inside() + self.outside
+    }
+
     /// All of them.
     pub fn total(&self) -> u64 {
-        self.inside() + self.outside + self.secondary
+        self.primary() + self.secondary
     }
 
     pub(super) fn of(&mut self, kind: Kind) -> &mut u64 {
@@ -78,7 +87,6 @@ impl Counts {
             Kind::Inside => &mut self.aimed,
             Kind::AxisAligned => &mut self.axis_aligned,
             Kind::Outside => &mut self.outside,
-            Kind::Secondary => &mut self.secondary,
         }
     }
 }
@@ -98,13 +106,24 @@ pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &Watch) -> Result<
         let done = count + done.fetch_add(count, Ordering::Relaxed);
         (watch.progress)(done as usize, steps as usize);
     };
+    let tetrahedra =
+        TETRAHEDRON_LEVELS.map(|level| PLACEMENTS.map(|placement| Tetrahedron::new(level, placement)));
+    let [fine_tetrahedra, coarse_tetrahedra] = &tetrahedra;
     let mut rows = Vec::new();
     for engine in engines {
-        for sphere in if engine.is_exhaustive() { &coarse } else { &spheres } {
-            let built = engine.build(&sphere.mesh)?;
+        let (spheres, tetrahedra) =
+            if engine.is_exhaustive() { (&coarse, coarse_tetrahedra) } else { (&spheres, fine_tetrahedra) };
+        for (sphere, tetrahedron) in spheres.iter().zip(tetrahedra) {
             let followed_through = engine.sees_beyond_the_first();
+            let built = engine.build(&sphere.mesh)?;
+            let mut leaks = primary_leaks(&*built, sphere, rays, followed_through, watch, &step)?;
+            let built = engine.build(&tetrahedron.mesh)?;
             let origins = engine.origins();
-            let leaks = leaks(&*built, sphere, (rays, origins), followed_through, watch, &step)?;
+            leaks.secondary = count(rays.secondary, watch, &step, |index, found| {
+                let (origin, direction) = tetrahedron.secondary_ray(index, origins);
+                built.crossings(origin, direction, found);
+                !Crossings::new(&tetrahedron.mesh, direction, found).leaving
+            })?;
             rows.push(Row {
                 engine: engine.name(),
                 layout: engine.layout(),
@@ -120,7 +139,7 @@ pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &Watch) -> Result<
     Ok(rows)
 }
 
-/// Casts `rays` at a sphere through kiln's tree in one tier.
+/// Casts primary rays, `rays` of each kind, at a sphere through kiln's tree in one tier.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled.
@@ -131,44 +150,54 @@ pub(super) fn measure_through(
     watch: &Watch,
 ) -> Result<Counts> {
     let built = kiln::built(&sphere.mesh, Structure::default(), numerics);
-    leaks(&*built, sphere, (rays, numerics), true, watch, &|_| {})
+    primary_leaks(&*built, sphere, rays, true, watch, &|_| {})
 }
 
-fn leaks(
+fn primary_leaks(
     built: &dyn Built,
     sphere: &Icosphere,
-    (rays, origins): (Counts, Numerics),
+    rays: Counts,
     followed_through: bool,
     watch: &Watch,
     step: &(dyn Fn(u64) + Sync),
 ) -> Result<Counts> {
     let mut leaks = Counts::default();
     for kind in Kind::ALL {
-        let count = *{ rays }.of(kind);
-        *leaks.of(kind) = (0..count.div_ceil(CHUNK))
-            .into_par_iter()
-            .map(|chunk| {
-                if watch.cancel.load(Ordering::Relaxed) {
-                    return 0;
-                }
-                let indices = chunk * CHUNK..count.min((chunk + 1) * CHUNK);
-                let mut found = Vec::new();
-                let leaks = indices.clone().filter(|&index| {
-                    let (origin, direction) = ray(sphere, kind, index, origins);
-                    found.clear();
-                    built.crossings(origin, direction, &mut found);
-                    let crossings = Crossings::new(&sphere.mesh, direction, &found);
-                    !match kind {
-                        Kind::Inside | Kind::AxisAligned | Kind::Secondary => crossings.leaving,
-                        Kind::Outside => crossings.entering && (crossings.leaving || !followed_through),
-                    }
-                });
-                let leaks = leaks.count() as u64;
-                step(indices.end - indices.start);
-                leaks
-            })
-            .sum();
+        *leaks.of(kind) = count(*{ rays }.of(kind), watch, step, |index, found| {
+            let (origin, direction) = ray(sphere, kind, index);
+            built.crossings(origin, direction, found);
+            let crossings = Crossings::new(&sphere.mesh, direction, found);
+            !match kind {
+                Kind::Inside | Kind::AxisAligned => crossings.leaving,
+                Kind::Outside => crossings.entering && (crossings.leaving || !followed_through),
+            }
+        })?;
     }
+    Ok(leaks)
+}
+
+/// For how many of the numbers up to `rays` `is_leak` is true. It is given an empty list to work with.
+fn count(
+    rays: u64,
+    watch: &Watch,
+    step: &(dyn Fn(u64) + Sync),
+    is_leak: impl Fn(u64, &mut Vec<u32>) -> bool + Sync,
+) -> Result<u64> {
+    let leaks = (0..rays.div_ceil(CHUNK)).into_par_iter().map(|chunk| {
+        if watch.cancel.load(Ordering::Relaxed) {
+            return 0;
+        }
+        let indices = chunk * CHUNK..rays.min((chunk + 1) * CHUNK);
+        let mut found = Vec::new();
+        let leaks = indices.clone().filter(|&index| {
+            found.clear();
+            is_leak(index, &mut found)
+        });
+        let leaks = leaks.count() as u64;
+        step(indices.end - indices.start);
+        leaks
+    });
+    let leaks = leaks.sum();
     if watch.cancel.load(Ordering::Relaxed) {
         return Err(Error::Interrupted);
     }
@@ -206,8 +235,8 @@ mod tests {
     fn through(built: &dyn Built, sphere: &Icosphere, rays: u64) -> Counts {
         let cancel = AtomicBool::new(false);
         let watch = Watch { cancel: &cancel, progress: &|_, _| {} };
-        let rays = (Counts::of_rays(rays), Numerics::Watertight);
-        leaks(built, sphere, rays, true, &watch, &|_| {}).expect("nothing cancels it")
+        primary_leaks(built, sphere, Counts::of_rays(rays), true, &watch, &|_| {})
+            .expect("nothing cancels it")
     }
 
     #[test]

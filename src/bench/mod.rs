@@ -28,6 +28,7 @@ pub(crate) mod plot;
 mod rays;
 pub mod speed;
 mod spread;
+mod tetrahedron;
 pub mod tiers;
 #[cfg(all(feature = "tinybvh", target_feature = "avx2"))]
 #[allow(unsafe_code)]
@@ -70,9 +71,9 @@ pub trait Engine: Sync {
         true
     }
 
-    /// The tier whose rule places the origins of secondary rays: that of f32, with pbrt's offset, unless the engine decides in f64.
-    fn origins(&self) -> Numerics {
-        Numerics::Fast
+    /// The tier whose rule places the origins of secondary rays; `None` for an engine that has no rule of its own.
+    fn origins(&self) -> Option<Numerics> {
+        None
     }
 
     /// Builds the structure over `mesh`.

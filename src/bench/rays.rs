@@ -1,10 +1,8 @@
-//! The rays that are hardest for a closed mesh: at and from its vertices and edges, and along the axes.
+//! The rays that are hardest for a closed mesh: at its vertices and edges, and along the axes.
 
 use glam::DVec3;
 
 use super::{Icosphere, Numbers};
-use crate::geometry::Numerics;
-use crate::geometry::spawn::SurfacePoint;
 
 /// Where a ray comes from and what it is aimed at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -15,14 +13,11 @@ pub enum Kind {
     AxisAligned,
     /// From outside, aimed as those from inside, at points that face the ray.
     Outside,
-    /// Secondary rays: they leave the surface inwards from a vertex, the midpoint of an edge or another point of an edge, one third each,
-    /// and rise 1 to 1e-8 over the triangle for each unit along it.
-    Secondary,
 }
 
 impl Kind {
     /// Every kind.
-    pub const ALL: [Kind; 4] = [Kind::Inside, Kind::AxisAligned, Kind::Outside, Kind::Secondary];
+    pub const ALL: [Kind; 3] = [Kind::Inside, Kind::AxisAligned, Kind::Outside];
 }
 
 /// Rays from inside start no farther from the centre than this, as a share of the radius.
@@ -34,9 +29,9 @@ const OUTSIDE: [f64; 2] = [2.0, 4.0];
 /// Rays from outside meet the surface at a cosine above this, so that none grazes it.
 const LEAST_COSINE: f64 = 0.1;
 
-/// The ray of `kind` with the number `index`: its origin and its direction in f64, which engines round to their numbers. Origins of
-/// primary rays are f32 numbers, so that every engine aims from the same place; those of secondary rays are placed as the tier `numerics` does.
-pub fn ray(sphere: &Icosphere, kind: Kind, index: u64, numerics: Numerics) -> (DVec3, DVec3) {
+/// The ray of `kind` with the number `index`: its origin, of f32 numbers, so that every engine aims from
+/// the same place, and its direction in f64, which engines round to their numbers.
+pub fn ray(sphere: &Icosphere, kind: Kind, index: u64) -> (DVec3, DVec3) {
     let mut numbers = Numbers::new(kind as u64, index);
     match kind {
         Kind::Inside => {
@@ -45,27 +40,7 @@ pub fn ray(sphere: &Icosphere, kind: Kind, index: u64, numerics: Numerics) -> (D
         }
         Kind::AxisAligned => axis_aligned(sphere, index, &mut numbers),
         Kind::Outside => from_outside(sphere, index, &mut numbers),
-        Kind::Secondary => leaving(sphere, index, &mut numbers, numerics),
     }
-}
-
-fn leaving(sphere: &Icosphere, index: u64, numbers: &mut Numbers, numerics: Numerics) -> (DVec3, DVec3) {
-    let triangle = numbers.below(sphere.mesh.triangles.len()) as u32;
-    let mut weights = match index % 3 {
-        0 => [1.0, 0.0, 0.0],
-        1 => [0.5, 0.5, 0.0],
-        _ => {
-            let weight = numbers.unit();
-            [1.0 - weight, weight, 0.0]
-        }
-    };
-    weights.rotate_left(numbers.below(3));
-    let inwards = -sphere.mesh.normal(triangle).normalize();
-    let corners = sphere.mesh.corners(triangle).map(|corner| corner.as_dvec3());
-    let origin = SurfacePoint::on_triangle(corners, weights).origin_towards(inwards, numerics);
-    let along = inwards.cross(numbers.direction()).normalize_or(inwards.any_orthonormal_vector());
-    let rise = 10f64.powi(-(numbers.below(9) as i32));
-    (origin, (along + rise * inwards).normalize())
 }
 
 fn inner_point(sphere: &Icosphere, numbers: &mut Numbers) -> DVec3 {
@@ -143,7 +118,7 @@ mod tests {
             let sphere = Icosphere::new(2, placement);
             for kind in Kind::ALL {
                 for index in 0..3000 {
-                    let (origin, direction) = ray(&sphere, kind, index, Numerics::Watertight);
+                    let (origin, direction) = ray(&sphere, kind, index);
                     check(&sphere, kind, origin, direction);
                 }
             }
@@ -167,7 +142,6 @@ mod tests {
                 Kind::Inside => distance < 0.3002,
                 Kind::AxisAligned => distance < 0.9,
                 Kind::Outside => (1.9998..4.0002).contains(&distance),
-                Kind::Secondary => (0.95..1.0).contains(&distance),
             };
             assert!(right, "{}, {kind:?}: {distance}", sphere.placement.name);
         });
@@ -190,7 +164,7 @@ mod tests {
     fn rays_from_outside_meet_no_triangle_at_a_grazing_angle() {
         let sphere = Icosphere::new(2, PLACEMENTS[0]);
         for index in 0..3000 {
-            let (origin, direction) = ray(&sphere, Kind::Outside, index, Numerics::Watertight);
+            let (origin, direction) = ray(&sphere, Kind::Outside, index);
             let met = (0..sphere.mesh.triangles.len() as u32).filter(|&triangle| {
                 // Those whose corners are all within an edge's length of the ray's first meeting with the unit sphere.
                 let b = origin.dot(direction);

@@ -51,10 +51,9 @@ pub fn tiers(rays: u64, runs: u32, watch: &Watch) -> Result<Vec<TierRow>> {
         let (mut leaks, mut cast, mut wrong, mut compared, mut worst) = (0, 0, 0, 0, 0.0f64);
         for sphere in &spheres {
             let counts = Counts::of_rays(rays);
-            leaks += measure_through(numerics, sphere, counts, watch)?.total();
-            cast += counts.total();
-            let questions =
-                [Kind::Inside, Kind::AxisAligned, Kind::Outside].map(|kind| aimed(sphere, kind, rays));
+            leaks += measure_through(numerics, sphere, counts, watch)?.primary();
+            cast += counts.primary();
+            let questions = Kind::ALL.map(|kind| aimed(sphere, kind, rays));
             let answers = compare(&sphere.mesh, numerics, &questions.concat());
             (wrong, compared) = (wrong + answers.wrong, compared + answers.compared);
             worst = worst.max(answers.worst);
@@ -87,7 +86,7 @@ pub fn tiers(rays: u64, runs: u32, watch: &Watch) -> Result<Vec<TierRow>> {
 fn aimed(sphere: &Icosphere, kind: Kind, rays: u64) -> Vec<Ray> {
     let count = *{ Counts::of_rays(rays) }.of(kind);
     let single = |(origin, direction)| Precision::Single.ray(origin, direction, 0.0, f64::INFINITY);
-    (0..count).into_par_iter().map(|index| single(ray(sphere, kind, index, Numerics::Fast))).collect()
+    (0..count).into_par_iter().map(|index| single(ray(sphere, kind, index))).collect()
 }
 
 /// Corners 20,000 and 110,000 apart at a height of -500, as in the assignment, tilted: along an axis distances are easy.
@@ -166,7 +165,7 @@ fn judge(found: Option<Hit>, truth: &[Hit]) -> (bool, f64) {
 fn times(sphere: &Icosphere, runs: u32) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
     let accelerators =
         Numerics::ALL.map(|numerics| kiln::accelerator(&sphere.mesh, Structure::default(), numerics));
-    let aimed: Vec<_> = (0..TIMED).map(|index| ray(sphere, Kind::Inside, index, Numerics::Fast)).collect();
+    let aimed: Vec<_> = (0..TIMED).map(|index| ray(sphere, Kind::Inside, index)).collect();
     let picture = picture(sphere);
     let of_tier = |rays: &[(DVec3, DVec3)], accelerator: &dyn Accelerator| -> Vec<Ray> {
         let precision = accelerator.numerics().ray_precision();

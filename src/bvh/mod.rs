@@ -120,8 +120,17 @@ pub fn build(
     structure: Structure,
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
-    fn of<T: Tier>(slots: impl IntoIterator<Item = Slot>, structure: Structure) -> Box<dyn Accelerator> {
-        let stored: Vec<StoredSlot<T>> = slots.into_iter().map(StoredSlot::new).collect();
+    build_from(&mut slots.into_iter(), structure, numerics)
+}
+
+/// Not generic, so that the traversals of every tier are compiled once and not again in each crate that calls [`build`].
+fn build_from(
+    slots: &mut dyn Iterator<Item = Slot>,
+    structure: Structure,
+    numerics: Numerics,
+) -> Box<dyn Accelerator> {
+    fn of<T: Tier>(slots: &mut dyn Iterator<Item = Slot>, structure: Structure) -> Box<dyn Accelerator> {
+        let stored: Vec<StoredSlot<T>> = slots.map(StoredSlot::new).collect();
         match structure {
             Structure::Tree(preset) => Box::new(build::build(&stored, preset)),
             Structure::Wide(preset) => Box::new(build::build_wide(&stored, preset, wide::is_accelerated())),
@@ -144,8 +153,8 @@ pub fn build_with_instances(
     structure: Structure,
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
+    let slots = &mut slots.into_iter();
     let Some(preset) = structure.preset().filter(|_| !instances.is_empty()) else {
-        let slots = slots.into_iter();
         return match numerics.precision() {
             Precision::Single => {
                 build(slots.chain(instances.iter().flat_map(Instance::slots::<Vec3>)), structure, numerics)
@@ -155,7 +164,16 @@ pub fn build_with_instances(
             }
         };
     };
-    let flat = build(slots, structure, numerics);
+    let flat = build_from(slots, structure, numerics);
+    over_instances(flat, instances, preset, numerics)
+}
+
+fn over_instances(
+    flat: Box<dyn Accelerator>,
+    instances: Vec<Instance>,
+    preset: Preset,
+    numerics: Numerics,
+) -> Box<dyn Accelerator> {
     match numerics {
         Numerics::Fast => Box::new(Instances::<Fast>::new(flat, instances, preset)),
         Numerics::Watertight => Box::new(Instances::<Watertight>::new(flat, instances, preset)),

@@ -3,7 +3,6 @@
 use super::Stage;
 use super::tile::{Context, Level, Tile};
 use crate::geometry::Numerics;
-use crate::geometry::spawn::SurfacePoint;
 use crate::world::{Lanes, Surfaces, widely};
 
 /// Finds, for each surface of a level, where rays that leave it start. Only where some do.
@@ -40,7 +39,6 @@ impl Stage for Origins {
 #[inline(always)]
 fn find_origins(surfaces: &Surfaces, origins: &mut Lanes, numerics: Numerics) {
     for i in 0..surfaces.len() {
-        let point = SurfacePoint { position: surfaces.position.get(i), reach: surfaces.reach.get(i) };
-        origins.set(i, point.origin_towards(surfaces.geometric_normal.get(i), numerics));
+        origins.set(i, surfaces.point(i).origin_towards(surfaces.geometric_normal.get(i), numerics));
     }
 }

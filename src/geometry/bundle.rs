@@ -269,10 +269,10 @@ pub fn hit_four<S: Simd>(seen: &[[S::D4; 3]; 3], rays: &FourRays<S>, odd: u32, a
 /// The rays that start on a triangle or leave it behind, and those for which f64 cannot tell. `against` has the sign of the side that
 /// a ray runs against, `reaches` are the largest coordinates of each corner.
 ///
-/// `Sheared::is_behind` of the test for one ray is the exact sign of the determinant of the sheared corners. Here it is that of the corners
-/// before they are sheared, which differs by what shearing rounds: each of the two coordinates by 3 u of the corner's reach, in
-/// products of which no factor is more than twice its corner's reach, so by 72 u of the product of the three; and the 6 products here round by
-/// 16 u each.
+/// As `is_behind` of the test for one ray, which takes the determinant of the corners as they are or as they are sheared. Above the bound
+/// both have the sign of this one: shearing rounds each of two coordinates by 3 u of the corner's reach, in products of which no
+/// factor is more than twice its corner's reach, so it moves the determinant by 72 u of the product of the three reaches; and the 6
+/// products here round by 16 u each.
 #[inline(always)]
 fn side<S: Simd>([a, b, c]: &[[S::D4; 3]; 3], reaches: &[S::D4; 3], against: S::D4) -> (u32, u32) {
     let zero = S::d4_splat(0.0);

@@ -5,16 +5,16 @@
 //! | tier | rays and corners | boxes tested in | triangles | spheres |
 //! | ---- | ---------------- | --------------- | --------- | ------- |
 //! | [`Fast`] | f32 | f32 | Möller and Trumbore, f32 | Haines and others, f32 |
-//! | [`Watertight`] | f32 | f32 | Woop, Benthin and Wald, f64 | Haines and others, f64 |
+//! | [`Watertight`] | rays f64, corners f32 | f64 | Woop, Benthin and Wald, f64 | Haines and others, f64 |
 //! | [`Double`] | f64 | f64 | the same | the same |
 //! | [`Exact`] | f64 | f64 | the same with error bounds, then exact | the same with error bounds, then exact |
 //!
 //! In all of them:
-//! - A ray's origin and direction are numbers of the tier ([`Precision::ray`]), so that box tests and primitive tests
+//! - A ray's origin and direction are numbers of the tier ([`Numerics::ray_precision`]), so that box tests and primitive tests
 //!   speak of the same ray.
 //! - Boxes are f32, rounded outwards, and tested with a margin that absorbs rounding ([`BoxTest`]).
 //! - Triangles are hit on both sides, edges and corners included; a ray in a triangle's plane misses.
-//! - Secondary rays start on the outer side of the surface they leave ([`spawn`]).
+//! - Secondary rays start in front of the surface they leave and of its neighbours ([`spawn`]).
 //!
 //! No constant here decides a hit; every bound is relative to the numbers it guards.
 

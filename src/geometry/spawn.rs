@@ -44,24 +44,34 @@ pub const ORIGIN_OFFSET: f64 = 1.0 / (1u64 << 40) as f64;
 pub struct SurfacePoint {
     /// The point.
     pub position: DVec3,
+    /// The point moved within its triangle to at least [`EDGE_DISTANCE`] from the edges: where secondary rays leave.
+    pub interior: DVec3,
     /// For each axis, the largest coordinate that it was computed from.
     pub reach: DVec3,
 }
 
 impl SurfacePoint {
-    /// The point of a triangle with the given barycentric coordinates, moved to at least [`EDGE_DISTANCE`] from the edges.
+    /// The point of a triangle with the given barycentric coordinates.
     #[inline(always)]
     pub fn on_triangle(corners: [DVec3; 3], weights: [f64; 3]) -> Self {
         let [a, b, c] = corners;
         let reach = a.abs().max(b.abs()).max(c.abs());
-        let weights = interior_weights(corners, weights, EDGE_DISTANCE * reach.max_element());
-        SurfacePoint { position: a * weights[0] + b * weights[1] + c * weights[2], reach }
+        let at = |weights: [f64; 3]| a * weights[0] + b * weights[1] + c * weights[2];
+        let interior = at(interior_weights(corners, weights, EDGE_DISTANCE * reach.max_element()));
+        SurfacePoint { position: at(weights), interior, reach }
     }
 
     /// The point of a sphere in direction `normal` from its centre.
     #[inline(always)]
     pub fn on_sphere(centre: DVec3, radius: f64, normal: DVec3) -> Self {
-        SurfacePoint { position: centre + normal * radius, reach: centre.abs() + radius }
+        let position = centre + normal * radius;
+        SurfacePoint { position, interior: position, reach: centre.abs() + radius }
+    }
+
+    /// The same point moved by `offset`.
+    #[inline(always)]
+    pub fn moved(self, offset: DVec3) -> Self {
+        SurfacePoint { position: self.position + offset, interior: self.interior + offset, ..self }
     }
 
     /// The origin of a ray that leaves the surface on the side that `normal` (of length 1) points to.
@@ -69,9 +79,9 @@ impl SurfacePoint {
     pub fn origin_towards(&self, normal: DVec3, numerics: Numerics) -> DVec3 {
         if numerics == Numerics::Fast {
             let error = FAST_ERROR * normal.abs().dot(self.reach);
-            return round_away(self.position + normal * error, normal);
+            return round_away(self.interior + normal * error, normal);
         }
-        self.position + normal * (ORIGIN_OFFSET * self.reach.max_element())
+        self.interior + normal * (ORIGIN_OFFSET * self.reach.max_element())
     }
 }
 
@@ -136,14 +146,15 @@ mod tests {
             prop_assume!(v + w <= 1.0);
             let point = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w]);
             let r = point.reach.max_element();
-            for (k, distance) in distances(corners, point.position).into_iter().enumerate() {
+            for (k, distance) in distances(corners, point.interior).into_iter().enumerate() {
                 prop_assert!(distance >= EDGE_DISTANCE * r * (1.0 - 1e-6), "edge {}: {}", k, distance / r);
             }
             let hit = corners[0] * (1.0 - v - w) + corners[1] * v + corners[2] * w;
             // The share of the way to the centroid is at most 6 distances over the least height.
             let heights = distances(corners, (corners[0] + corners[1] + corners[2]) / 3.0).map(|d| 3.0 * d);
             let least = heights.into_iter().fold(f64::INFINITY, f64::min);
-            prop_assert!(point.position.distance(hit) <= 6.0 * EDGE_DISTANCE * r / least * 4.0 * s);
+            prop_assert!(point.position == hit);
+            prop_assert!(point.interior.distance(hit) <= 6.0 * EDGE_DISTANCE * r / least * 4.0 * s);
             for numerics in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
                 for side in [normal, -normal] {
                     let height = (point.origin_towards(side, numerics) - corners[0]).dot(side);
@@ -157,10 +168,10 @@ mod tests {
     fn a_triangle_without_area_has_finite_points() {
         let line = [DVec3::ZERO, DVec3::X, DVec3::X * 3.0];
         for weights in [[1.0, 0.0, 0.0], [0.0, 0.5, 0.5]] {
-            let point = SurfacePoint::on_triangle(line, weights).position;
+            let point = SurfacePoint::on_triangle(line, weights).interior;
             assert!(point.is_finite() && (0.0..=3.0).contains(&point.x), "{point}");
         }
-        let point = SurfacePoint::on_triangle([DVec3::ONE; 3], [1.0, 0.0, 0.0]).position;
+        let point = SurfacePoint::on_triangle([DVec3::ONE; 3], [1.0, 0.0, 0.0]).interior;
         assert!((point - DVec3::ONE).abs().max_element() <= 2.0 * f64::EPSILON, "{point}");
     }
 }

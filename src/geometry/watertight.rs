@@ -1,4 +1,4 @@
-//! The tier `watertight`, the default: rays and corners are f32 numbers, what they meet is decided in f64.
+//! The tier `watertight`, the default: corners are f32 numbers, rays f64, and what they meet is decided in f64.
 //!
 //! Two triangles that share an edge see the same two numbers for its ends and opposite signs for its edge function; a
 //! sign is right or zero, and zero counts as inside for both, so no ray passes between them ([`super::woop`]). A hit's

@@ -18,7 +18,7 @@ use super::bundle::{FourHits, FourRays, hit_four};
 use super::expansion::{Expansion, two_product, two_sum};
 use super::quad::{LANES, Quad};
 use super::simd::Simd;
-use super::{Corner, Ray, TriangleHit};
+use super::{Corner, Ray, Triangle, TriangleHit};
 
 /// A ray made ready for triangles.
 #[derive(Clone, Copy)]
@@ -172,7 +172,7 @@ impl WoopTest {
         // Close to the origin the depth's error may be larger than the depth: above all on needles.
         let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
         let is_near = depth.abs() < reach * NEAR;
-        if is_near && ray.t_min >= 0.0 && sheared.is_behind(weights, sum * self.shear[2]) {
+        if is_near && ray.t_min >= 0.0 && is_behind(ray, corners, &sheared, sum, self.shear[2]) {
             return None;
         }
         let t = depth * self.shear[2];
@@ -204,35 +204,50 @@ impl Sheared {
     }
 }
 
-impl Sheared {
-    /// Whether the triangle, as it is sheared, lies behind the origin or contains it: exactly. `weights` are its edge functions, `along` has
-    /// the sign of their sum times that of the ray's direction along the third axis.
-    ///
-    /// The distance to the crossing has the sign of the corners' determinant times that of `along`. A closed mesh has no gaps when all of
-    /// its triangles are sheared, so an origin inside the sheared mesh has a crossing ahead in every direction. The side of
-    /// the plane through the corners before they are sheared is not consistent with that for triangles thinner than rounding.
-    #[inline(never)]
-    fn is_behind(&self, weights: [f64; 3], along: f64) -> bool {
-        let depths = self.corners.map(|corner| corner.z);
-        let (mut determinant, mut magnitude) = (0.0, 0.0);
-        for (weight, depth) in weights.into_iter().zip(depths) {
-            determinant += weight * depth;
-            magnitude += (weight * depth).abs();
-        }
-        // Weights are good to 2^-32 of themselves, see `CANCELLED`.
-        let sign = if determinant.abs() > 2.0 * f64::EPSILON / CANCELLED * magnitude {
-            determinant.signum()
-        } else {
-            let number = |x: f64| Expansion::difference(x, 0.0);
-            let [a, b, c] = self.aside;
-            let term = |(p, q, depth): ([f64; 2], [f64; 2], f64)| {
-                (number(p[0]).scaled(q[1]) - number(p[1]).scaled(q[0])).scaled(depth)
-            };
-            let terms = [(c, b, depths[0]), (a, c, depths[1]), (b, a, depths[2])].map(term);
-            f64::from(terms.into_iter().fold(Expansion::default(), |sum, term| sum + term).sign())
-        };
-        sign * along.signum() <= 0.0
+/// Whether a triangle that the ray's line meets lies behind the origin or contains it: exactly, of the corners as they are, or of a
+/// sliver as it is sheared. `sum` is that of its edge functions, `inverse` the reciprocal of the direction along the third axis.
+///
+/// The crossing lies ahead if the corners' determinant, seen from the origin, has the opposite sign of `sum` times `inverse`. Shearing keeps the
+/// determinant but rounds corners, which can turn a sliver over: then `sum` says how it lies when sheared, and so must the determinant. All
+/// sheared triangles together have no gaps, so an origin inside a closed mesh has a crossing ahead in every direction.
+#[inline(never)]
+fn is_behind<C: Corner>(ray: &Ray, corners: &[C; 3], sheared: &Sheared, sum: f64, inverse: f64) -> bool {
+    let against = sum.signum() * inverse.signum();
+    let corners = corners.map(Corner::raise);
+    let [a, b, c] = sheared.corners;
+    let reach = |v: DVec3| v.abs().max_element();
+    // Sheared coordinates are off by 3 u of their corner's reach and no larger than twice that; see `side` in `bundle`.
+    let bound = 128.0 * f64::EPSILON * reach(a) * reach(b) * reach(c);
+    let determinant = a.dot(b.cross(c));
+    if determinant.abs() > bound {
+        return determinant * against >= 0.0;
     }
+    let origin = ray.origin;
+    let sides = corners.map(|corner| [0, 1, 2].map(|k| Expansion::difference(corner[k], origin[k])));
+    let sign = sign_of_determinant(&sides);
+    let most = reach(a).max(reach(b)).max(reach(c));
+    let is_sliver = sum.abs() <= 64.0 * f64::EPSILON * most * most;
+    if sign != 0 && !is_sliver {
+        return f64::from(sign) * against >= 0.0;
+    }
+    if sign == 0 && !Triangle(corners).is_degenerate() {
+        return true;
+    }
+    let number = |x: f64| Expansion::difference(x, 0.0);
+    let sheared = [0, 1, 2].map(|k| {
+        let [x, y] = sheared.aside[k];
+        [number(x), number(y), number(sheared.corners[k].z)]
+    });
+    f64::from(sign_of_determinant(&sheared)) * against >= 0.0
+}
+
+/// The sign of the determinant of three rows.
+fn sign_of_determinant([a, b, c]: &[[Expansion; 3]; 3]) -> i32 {
+    let term = |(k, i, j): (usize, usize, usize)| {
+        a[k].clone() * (b[i].clone() * c[j].clone() - b[j].clone() * c[i].clone())
+    };
+    let terms = [(0, 1, 2), (1, 2, 0), (2, 0, 1)].map(term);
+    terms.into_iter().fold(Expansion::default(), |sum, term| sum + term).sign()
 }
 
 /// Whether all are on the same side, zeros on both.

@@ -19,11 +19,13 @@ struct Count {
     too_large: usize,
     /// Normals, texture coordinates and colours.
     attributes: usize,
+    equal_corners: usize,
 }
 
 /// Leaves out what cannot be rendered and says how much of it there was.
 pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
     let mut count = Count::default();
+    warn_of_flat_objects(scene, file, warnings);
     clean_placed(&mut scene.objects, &mut count);
     for object in &mut scene.objects {
         if let Shape::Mesh(mesh) = &mut object.shape {
@@ -39,14 +41,6 @@ pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
         Shape::Mesh(mesh) => !mesh.triangles.is_empty(),
         Shape::Placed(placed) => placed.triangle_count() > 0,
     });
-    let flat =
-        scene.objects.iter().filter(|object| is_without_area(&object.shape)).map(|object| &object.name);
-    let flat: Vec<&str> = flat.map(String::as_str).collect();
-    if let [first, others @ ..] = flat.as_slice() {
-        let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
-        let what = "no triangle has an area, so nothing of it can be seen";
-        warnings.push(format!("{}: object `{first}`{more}: {what}", file.display()));
-    }
     let mut say = |n: usize, what: &str| {
         if n > 0 {
             warnings.push(format!("{}: left out {n} {what}", file.display()));
@@ -55,6 +49,20 @@ pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
     say(count.non_finite, "triangle(s) with a vertex that is not a finite number");
     say(count.too_large, "primitive(s) with a coordinate beyond 1e18");
     say(count.attributes, "normal(s), texture coordinate(s) or colour(s) that are not usable numbers");
+    if let n @ 1.. = count.equal_corners {
+        let what = format!("left out {n} triangle(s) with two equal corners, which no ray hits");
+        warnings.note(format!("{}: {what}", file.display()));
+    }
+}
+
+fn warn_of_flat_objects(scene: &Scene, file: &Path, warnings: &mut Warnings) {
+    let flat = scene.objects.iter().filter(|object| is_without_area(&object.shape));
+    let names: Vec<&str> = flat.map(|object| object.name.as_str()).collect();
+    if let [first, others @ ..] = names.as_slice() {
+        let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
+        let what = "no triangle has an area, so nothing of it can be seen";
+        warnings.push(format!("{}: object `{first}`{more}: {what}", file.display()));
+    }
 }
 
 /// Whether every triangle has its corners on one line, as far as f64 can tell.
@@ -62,8 +70,14 @@ fn is_without_area(shape: &Shape) -> bool {
     let is_flat = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a) == DVec3::ZERO;
     match shape {
         Shape::Sphere { .. } => false,
-        Shape::Mesh(mesh) => mesh.triangles.iter().all(|t| is_flat(t.map(|i| mesh.positions[i as usize]))),
-        Shape::Placed(placed) => (0..placed.triangle_count() as u32).all(|t| is_flat(placed.corners_of(t))),
+        Shape::Mesh(mesh) => {
+            !mesh.triangles.is_empty()
+                && mesh.triangles.iter().all(|t| is_flat(t.map(|i| mesh.positions[i as usize])))
+        }
+        Shape::Placed(placed) => {
+            placed.triangle_count() > 0
+                && (0..placed.triangle_count() as u32).all(|t| is_flat(placed.corners_of(t)))
+        }
     }
 }
 
@@ -76,6 +90,8 @@ fn clean_mesh(mesh: &mut Mesh, count: &mut Count) {
             &mut count.non_finite
         } else if corners.iter().any(|p| p.abs().max_element() > LARGEST_COORDINATE) {
             &mut count.too_large
+        } else if has_equal_corners(corners) {
+            &mut count.equal_corners
         } else {
             continue;
         };
@@ -98,6 +114,7 @@ fn clean_placed(objects: &mut [Object], count: &mut Count) {
         let mut own = Count::default();
         clean_shared(&mut mesh, &mut own);
         count.non_finite += own.non_finite * group.len();
+        count.equal_corners += own.equal_corners * group.len();
         count.attributes += own.attributes * group.len();
         let reach = mesh.corners().fold(DVec3::ZERO, |reach, p| p.abs().max(reach));
         let mesh = Arc::new(mesh);
@@ -124,14 +141,16 @@ fn objects_at<'a>(objects: &'a mut [Object], group: &[usize]) -> Vec<&'a mut Pla
     placed.collect()
 }
 
-/// Leaves out of a mesh what no placement can mend: triangles with corners that are not finite.
+/// Leaves out of a mesh what no placement can mend: triangles with corners that are not finite, or equal.
 fn clean_shared(mesh: &mut Mesh, count: &mut Count) {
     let corners = |i: usize| mesh.triangles[i].map(|k| mesh.positions[k as usize]);
     let keep: Vec<bool> = (0..mesh.triangles.len())
         .map(|i| {
             let finite = corners(i).iter().all(|corner| corner.is_finite());
+            let equal = has_equal_corners(corners(i));
             count.non_finite += usize::from(!finite);
-            finite
+            count.equal_corners += usize::from(finite && equal);
+            finite && !equal
         })
         .collect();
     mesh.retain(|i| keep[i]);
@@ -153,6 +172,12 @@ fn replace_unusable(mesh: &mut Mesh) -> usize {
         + replace(&mut mesh.tangents, |t| t.as_vec4().is_finite(), DVec4::ZERO)
         + replace(&mut mesh.uvs, |uv| uv.as_vec2().is_finite(), DVec2::ZERO)
         + replace(&mut mesh.colours, |c| c.as_vec3().is_finite() && c.min_element() >= 0.0, DVec3::ONE)
+}
+
+/// Whether a triangle closes nothing: its edges are one, there and back. Triangles whose three corners are on one line are kept, because they
+/// close T-vertices.
+fn has_equal_corners([a, b, c]: [DVec3; 3]) -> bool {
+    a == b || b == c || c == a
 }
 
 #[cfg(test)]
@@ -181,8 +206,12 @@ mod tests {
         let mut scene = scene_of(positions);
         let mut warnings = Warnings::default();
         sanitise(&mut scene, Path::new("a.obj"), &mut warnings);
-        // The good one and the two without area, which close gaps where they stand at a T-vertex.
-        assert_eq!(scene.primitive_count(), 3);
+        // The good one and the collinear one, which may close a T-vertex.
+        assert_eq!(scene.primitive_count(), 2);
+        assert_eq!(
+            warnings.notes(),
+            ["a.obj: left out 1 triangle(s) with two equal corners, which no ray hits"]
+        );
         assert_eq!(
             warnings.messages(),
             [

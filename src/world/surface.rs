@@ -59,7 +59,7 @@ impl World {
         // Of length 1 up to the rounding of the ray, 2^-24 and less.
         let view = -ray.direction;
         let mut surface = Surface {
-            point: SurfacePoint { position: DVec3::ZERO, reach: DVec3::ZERO },
+            point: SurfacePoint { position: DVec3::ZERO, interior: DVec3::ZERO, reach: DVec3::ZERO },
             view,
             geometric_normal: view,
             shading_normal: view,
@@ -140,13 +140,13 @@ impl World {
             Some(_) => 1.0,
             None => smooth.dot(surface.geometric_normal).signum(),
         };
-        let mut point = surface.point;
+        let mut lift = DVec3::ZERO;
         for ((corner, normal), weight) in triangle.0.iter().zip(normals).zip(weights) {
             let normal = normal * side;
             let below = (surface.point.position - corner).dot(normal).min(0.0);
-            point.position -= weight * below * normal;
+            lift -= weight * below * normal;
         }
-        point
+        surface.point.moved(lift)
     }
 }
 

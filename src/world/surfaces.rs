@@ -20,8 +20,9 @@ pub struct Surfaces {
     len: usize,
     /// Where they are.
     pub position: Lanes,
-    /// The sizes that their errors are relative to.
-    pub reach: Lanes,
+    /// The same moved away from the edges of their triangles, and the sizes that their errors are relative to: see [`SurfacePoint`].
+    interior: Lanes,
+    reach: Lanes,
     /// Unit vectors towards where the rays came from.
     pub view: Lanes,
     /// Unit normals of the geometry, on the side that the ray came from.
@@ -56,6 +57,7 @@ impl Default for Surfaces {
         Surfaces {
             len: 0,
             position: Lanes::default(),
+            interior: Lanes::default(),
             reach: Lanes::default(),
             view: Lanes::default(),
             geometric_normal: Lanes::default(),
@@ -119,11 +121,28 @@ impl Surfaces {
         }
     }
 
+    /// Where a point is, and where secondary rays leave it.
+    #[inline(always)]
+    pub fn point(&self, i: usize) -> SurfacePoint {
+        SurfacePoint {
+            position: self.position.get(i),
+            interior: self.interior.get(i),
+            reach: self.reach.get(i),
+        }
+    }
+
+    #[inline(always)]
+    fn set_point(&mut self, i: usize, point: SurfacePoint) {
+        self.position.set(i, point.position);
+        self.interior.set(i, point.interior);
+        self.reach.set(i, point.reach);
+    }
+
     /// A point.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Surface {
         Surface {
-            point: SurfacePoint { position: self.position.get(i), reach: self.reach.get(i) },
+            point: self.point(i),
             view: self.view.get(i),
             geometric_normal: self.geometric_normal.get(i),
             shading_normal: self.shading_normal.get(i),
@@ -136,8 +155,7 @@ impl Surfaces {
     }
 
     fn set(&mut self, i: usize, surface: &Surface) {
-        self.position.set(i, surface.point.position);
-        self.reach.set(i, surface.point.reach);
+        self.set_point(i, surface.point);
         self.view.set(i, surface.view);
         self.geometric_normal.set(i, surface.geometric_normal);
         self.shading_normal.set(i, surface.shading_normal);
@@ -276,8 +294,7 @@ fn finish(surfaces: &mut Surfaces, i: usize, point: SurfacePoint, normal: DVec3)
     let behind = normal.dot(surfaces.view.get(i)) < 0.0;
     let turn = |c: f64| if behind { -c } else { c };
     let facing = DVec3::new(turn(normal.x), turn(normal.y), turn(normal.z));
-    surfaces.position.set(i, point.position);
-    surfaces.reach.set(i, point.reach);
+    surfaces.set_point(i, point);
     surfaces.geometric_normal.set(i, facing);
     surfaces.shading_normal.set(i, facing);
     surfaces.tint.set(i, DVec3::ONE);

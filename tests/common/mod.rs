@@ -10,6 +10,29 @@ pub mod places;
 
 use std::path::{Path, PathBuf};
 
+/// Barycentric coordinates on corners and edges and up to a thousandth from them.
+pub fn weights_on_borders(numbers: &mut Numbers) -> [f64; 3] {
+    let near = |numbers: &mut Numbers| numbers.one_of(&[0.0, 0.0, 1e-18, 1e-16, 1e-13, 1e-9, 1e-6, 1e-3]);
+    let v = if numbers.below(2) == 0 { near(numbers) } else { numbers.fine_unit() * 0.5 };
+    let w = near(numbers);
+    let mut weights = [1.0 - v - w, v, w];
+    weights.rotate_left(numbers.below(3));
+    weights
+}
+
+/// The origin of a secondary ray that leaves a triangle on or beside its border, on a random side; and that side's normal.
+pub fn origin_on_border(
+    corners: [glam::DVec3; 3],
+    numerics: kiln::geometry::Numerics,
+    numbers: &mut Numbers,
+) -> Option<(glam::DVec3, glam::DVec3)> {
+    let corners = corners.map(|p| p.map(|c| numerics.precision().round(c)));
+    let normal = kiln::geometry::Triangle(corners).unit_normal()?;
+    let normal = if numbers.below(2) == 0 { normal } else { -normal };
+    let point = kiln::geometry::spawn::SurfacePoint::on_triangle(corners, weights_on_borders(numbers));
+    Some((point.origin_towards(normal, numerics), normal))
+}
+
 /// The folder of real models, or `None` with a line that says the test was skipped.
 pub fn models(test: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("KILN_MODELS").map(PathBuf::from);

@@ -131,7 +131,7 @@ impl Point {
             }
         };
         let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
-        Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Watertight) }
+        Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Fast) }
     }
 }
 
@@ -217,7 +217,7 @@ mod tests {
     #[test]
     fn diffuse_rays_are_cosine_distributed() {
         let (normal, origin) = (DVec3::new(1.0, 2.0, -2.0) / 3.0, DVec3::ZERO);
-        let surface = SurfacePoint { position: origin, reach: DVec3::ZERO };
+        let surface = SurfacePoint { position: origin, interior: origin, reach: DVec3::ZERO };
         let rays = (0..100_000).filter_map(|index| diffuse(&Point { surface, normal, origin }, index));
         let cosines: Vec<f64> = rays.map(|ray| ray.direction.dot(normal)).collect();
         // With density cos / pi the mean cosine is 2/3 and that of its square 1/2, so the mean of n has a standard deviation
@@ -231,8 +231,8 @@ mod tests {
     #[test]
     fn shadow_rays_end_before_the_light_and_start_on_its_side() {
         let normal = DVec3::Y;
-        let surface = SurfacePoint { position: DVec3::ZERO, reach: DVec3::ONE };
-        let point = Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Watertight) };
+        let surface = SurfacePoint { position: DVec3::ZERO, interior: DVec3::ZERO, reach: DVec3::ONE };
+        let point = Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Fast) };
         let light = DVec3::new(3.0, 4.0, 0.0);
         let ray = shadow(&point, light).expect("a ray");
         // The light is 5 away.
