@@ -197,6 +197,30 @@ fn obj_bow_ties_are_drawn_and_said() {
     assert_eq!(warnings, ["tie.obj: 1 polygon(s) cross themselves and were cut into fans"]);
 }
 
+/// Without a bound the search for diagonals took 40 s for 9,000 corners, and grew with their cube.
+#[test]
+fn obj_polygons_of_many_corners_end_and_are_whole_where_they_can_be() {
+    let start = std::time::Instant::now();
+    let face = |count: usize, vertex: &dyn Fn(usize) -> usize| {
+        (0..count).map(|i| format!(" {}", vertex(i) + 1)).collect::<String>()
+    };
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    let round = format!("{corners}f{}\n", face(60_000, &|i| i % 3));
+    let (_, warnings) = Folder::new().load("round.obj", round);
+    assert_eq!(warnings[0], "round.obj: 1 polygon(s) cross themselves and were cut into fans");
+    // A regular polygon of n corners has the area n / 2 sin(2 pi / n).
+    let n = 12_000;
+    let angle = std::f64::consts::TAU / n as f64;
+    let circle: String =
+        (0..n).map(|i| (i as f64 * angle).sin_cos()).map(|(y, x)| format!("v {x} {y} 0\n")).collect();
+    let (scene, warnings) = Folder::new().load("circle.obj", format!("{circle}f{}\n", face(n, &|i| i)));
+    assert_eq!(warnings, [""; 0]);
+    let found = area(&triangles(mesh(&scene, 0)));
+    let expected = n as f64 / 2.0 * angle.sin();
+    assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
+    assert!(start.elapsed().as_secs() < 30, "{:?}", start.elapsed());
+}
+
 #[test]
 fn obj_normals_are_taken_where_given_and_left_to_the_triangle_where_not() {
     let folder = Folder::new();

@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 
 use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault};
 use super::pictures::Pictures;
-use super::polygon::Triangulator;
+use super::polygon::{Cut, Triangulator};
 use super::tangents::make_tangents;
 use super::{Source, unreadable};
 use crate::error::{Error, Place, Result, Warnings};
@@ -46,25 +46,29 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     }
     let mut plain = None;
     let mut triangulator = Triangulator::new();
-    let mut not_simple = 0;
+    let (mut crossing, mut intricate) = (0, 0);
     let mut has_normals = faces_with_normals(&text).into_iter();
     for model in models {
         let material = match model.mesh.material_id {
             Some(id) => MaterialId(id as u32),
             None => *plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))),
         };
-        let (mut mesh, faults) = convert_mesh(&model.mesh, &mut has_normals, &mut triangulator);
+        let (mut mesh, cuts) = convert_mesh(&model.mesh, &mut has_normals, &mut triangulator);
         if scene.materials[material.0 as usize].normal_map().is_some() {
             make_tangents(&mut mesh);
         }
-        not_simple += faults;
+        crossing += cuts.iter().filter(|cut| **cut == Cut::Crossing).count();
+        intricate += cuts.iter().filter(|cut| **cut == Cut::Intricate).count();
         scene.objects.push(Object { name: model.name, input: 0, material, shape: Shape::Mesh(mesh) });
     }
-    if not_simple > 0 {
-        warnings.push(format!(
-            "{}: {not_simple} polygon(s) cross themselves and were cut into fans",
-            source.file.display()
-        ));
+    let file = source.file.display();
+    if crossing > 0 {
+        warnings.push(format!("{file}: {crossing} polygon(s) cross themselves and were cut into fans"));
+    }
+    if intricate > 0 {
+        let what = "have too many corners, or long edges side by side, to be cut exactly";
+        warnings
+            .push(format!("{file}: {intricate} polygon(s) {what}, and were cut into fans; cut them before"));
     }
     Ok(scene)
 }
@@ -221,12 +225,12 @@ fn convert_mesh(
     m: &tobj::Mesh,
     has_normals: &mut impl Iterator<Item = bool>,
     triangulator: &mut Triangulator,
-) -> (Mesh, usize) {
+) -> (Mesh, Vec<Cut>) {
     let positions = triples(&m.positions);
     let mut corners: Vec<[usize; 3]> = Vec::with_capacity(m.indices.len());
     // For each triangle, whether its face names normals.
     let mut bent: Vec<bool> = Vec::with_capacity(m.indices.len() / 3);
-    let mut faults = 0;
+    let mut cuts = Vec::new();
     if m.face_arities.is_empty() {
         corners.extend((0..m.indices.len() / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]));
         bent.extend(has_normals.by_ref().take(corners.len()));
@@ -237,9 +241,9 @@ fn convert_mesh(
             let end = start + arity as usize;
             polygon.clear();
             polygon.extend(m.indices[start..end].iter().map(|&i| positions[i as usize]));
-            let simple = triangulator.triangulate(&polygon, |t| corners.push(t.map(|i| start + i)));
+            let cut = triangulator.triangulate(&polygon, |t| corners.push(t.map(|i| start + i)));
             bent.resize(corners.len(), has_normals.next().unwrap_or(true));
-            faults += usize::from(!simple);
+            cuts.extend((cut != Cut::Whole).then_some(cut));
             start = end;
         }
     }
@@ -264,7 +268,7 @@ fn convert_mesh(
         let decoded = triples(&m.vertex_color).into_iter();
         Attribute::per_position(decoded.map(|c| DVec3::from(c.to_array().map(srgb_decode))).collect())
     });
-    (Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours, tangents: None }, faults)
+    (Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours, tangents: None }, cuts)
 }
 
 fn triples(values: &[f64]) -> Vec<DVec3> {
