@@ -9,14 +9,15 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 
+use super::Source;
 use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault};
 use super::pictures::Pictures;
 use super::polygon::{Cut, Triangulator};
 use super::tangents::make_tangents;
-use super::{Source, unreadable};
-use crate::error::{Error, Place, Result, Warnings};
+use crate::error::{Error, Place, Result, Warnings, contain};
 use crate::film::Colour;
 use crate::film::colour::srgb_decode;
+use crate::limits::unreadable;
 use crate::scene::{
     Attribute, Material, MaterialId, Mesh, MetallicRoughness, NormalMap, Object, Phong, Sampler, Scene,
     Shape, Texture,
@@ -33,7 +34,8 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     };
     let shared = RefCell::new(&mut *warnings);
     let load_materials = |name: &Path| read_mtl(source, name, &mut shared.borrow_mut());
-    let (models, materials) = tobj::load_obj_buf(&mut text.as_bytes(), &options, load_materials)
+    let (models, materials) = contain(|| tobj::load_obj_buf(&mut text.as_bytes(), &options, load_materials))
+        .ok_or_else(|| Error::input(source.file.as_path(), "not a usable OBJ file", "export it again"))?
         .map_err(|e| explain(source, &text, &e))?;
     let materials = materials.unwrap_or_default();
     warn_of_unknown_materials(&text, &materials, &source.file, warnings);
@@ -41,7 +43,7 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let mut scene = Scene::default();
     let mut pictures = Pictures::new(source);
     for material in &materials {
-        let material = convert_material(material, source, &mut scene, &mut pictures, warnings);
+        let material = convert_material(material, source, &mut scene, &mut pictures, warnings)?;
         scene.add_material(material);
     }
     let mut plain = None;
@@ -87,7 +89,8 @@ fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLL
         Ok(bytes) => {
             let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes));
             let text = clean_mtl(&text, &path.display().to_string(), warnings);
-            let read = tobj::load_mtl_buf(&mut text.as_bytes()).or_else(|e| {
+            let read = contain(|| tobj::load_mtl_buf(&mut text.as_bytes()));
+            let read = read.unwrap_or(Err(tobj::LoadError::GenericFailure)).or_else(|e| {
                 warnings.push(format!("{}: materials left out: {e}", path.display()));
                 Ok(Default::default())
             });
@@ -132,12 +135,12 @@ fn convert_material(
     scene: &mut Scene,
     pictures: &mut Pictures,
     warnings: &mut Warnings,
-) -> Material {
-    let texture = m.diffuse_texture.as_ref().and_then(|name| {
-        let file = source.sibling(name);
-        let image = pictures.of_file(scene, &file, warnings)?;
-        Some(Texture { image, sampler: Sampler::default() })
-    });
+) -> Result<Material> {
+    let image = match &m.diffuse_texture {
+        Some(name) => pictures.of_file(scene, &source.sibling(name), warnings)?,
+        None => None,
+    };
+    let texture = image.map(|image| Texture { image, sampler: Sampler::default() });
     // MTL leaves Kd's default open; white under a picture shows the picture.
     let default = if texture.is_some() { [1.0; 3] } else { [0.8; 3] };
     let colour = Colour::Display(m.diffuse.unwrap_or(default).into());
@@ -148,13 +151,13 @@ fn convert_material(
             m.name
         ));
     }
-    let normal_map = convert_normal_map(m, source, scene, pictures, warnings);
+    let normal_map = convert_normal_map(m, source, scene, pictures, warnings)?;
     let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
     let number = |value: &String| value.trim().parse().ok().filter(|number: &f64| number.is_finite());
     let parameter = |name: &str| m.unknown_param.get(name).and_then(number);
     let (roughness, metallic) = (parameter("Pr"), parameter("Pm"));
     if roughness.is_some() || metallic.is_some() {
-        return Material::MetallicRoughness(MetallicRoughness {
+        return Ok(Material::MetallicRoughness(MetallicRoughness {
             name: m.name.clone(),
             base_colour: colour,
             base_colour_texture: texture,
@@ -163,7 +166,7 @@ fn convert_material(
             emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
             normal_map,
             ..MetallicRoughness::default()
-        });
+        }));
     }
     if emission.is_some() {
         warnings.push(format!(
@@ -173,7 +176,7 @@ fn convert_material(
         ));
     }
     let specular = m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
-    Material::Phong(Phong {
+    Ok(Material::Phong(Phong {
         name: m.name.clone(),
         colour,
         texture,
@@ -181,7 +184,7 @@ fn convert_material(
         shininess: m.shininess.unwrap_or(1.0).max(0.0),
         normal_map,
         ..Phong::default()
-    })
+    }))
 }
 
 /// `norm` names a normal map, `map_Bump` or `bump` heights, which `-bm` multiplies.
@@ -191,7 +194,7 @@ fn convert_normal_map(
     scene: &mut Scene,
     pictures: &mut Pictures,
     warnings: &mut Warnings,
-) -> Option<NormalMap> {
+) -> Result<Option<NormalMap>> {
     let on = |image| Texture { image, sampler: Sampler::default() };
     if let Some(name) = m.unknown_param.get("norm") {
         if m.normal_texture.is_some() {
@@ -199,12 +202,15 @@ fn convert_normal_map(
             warnings.push(format!("{file}: material `{name}` has a normal map; drawn without its bump map"));
         }
         let image = pictures.of_file(scene, &source.sibling(name), warnings)?;
-        return Some(NormalMap { texture: on(image), scale: 1.0 });
+        return Ok(image.map(|image| NormalMap { texture: on(image), scale: 1.0 }));
     }
-    let file = source.sibling(m.normal_texture.as_ref()?);
-    let (image, steepest) = pictures.bump_of_file(scene, &file, warnings)?;
+    let Some(name) = &m.normal_texture else { return Ok(None) };
+    let bump = pictures.bump_of_file(scene, &source.sibling(name), warnings)?;
     let multiplier = m.unknown_param.get(BUMP_MULTIPLIER).and_then(|bm| bm.parse::<f64>().ok());
-    Some(NormalMap { texture: on(image), scale: steepest * multiplier.unwrap_or(1.0) })
+    Ok(bump.map(|(image, steepest)| NormalMap {
+        texture: on(image),
+        scale: steepest * multiplier.unwrap_or(1.0),
+    }))
 }
 
 /// For each face of a straightened text, in order, whether all its corners name a normal.
@@ -219,7 +225,7 @@ fn faces_with_normals(text: &str) -> Vec<bool> {
         .collect()
 }
 
-/// The mesh of one tobj model, and how many of its polygons cross themselves. `has_normals` says of each face whether
+/// The mesh of one tobj model, and how those of its polygons were cut that were not cut whole. `has_normals` says of each face whether
 /// it names normals; where it does not, tobj repeats those of the face before.
 fn convert_mesh(
     m: &tobj::Mesh,
