@@ -3,7 +3,9 @@
 //! Every room returns these; only the command line prints them and turns them into exit codes. An error names the
 //! file and the place in it, what is wrong there, and what to do about it.
 
+use std::cell::Cell;
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 /// The result of anything in this crate that can fail.
@@ -154,8 +156,41 @@ impl Warnings {
     }
 }
 
+thread_local! {
+    static CONTAINED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Calls a library's parser on data from outside. `None` where it panics: the data is then at fault as far as the user can tell.
+pub fn contain<T>(parse: impl FnOnce() -> T) -> Option<T> {
+    let before = CONTAINED.replace(true);
+    // What the parser was given is dropped by the caller, or not looked at again.
+    let result = catch_unwind(AssertUnwindSafe(parse));
+    CONTAINED.set(before);
+    result.ok()
+}
+
+/// Whether a panic of this thread will be caught by [`contain`], and is not to be reported by a panic hook.
+pub fn is_contained() -> bool {
+    CONTAINED.get()
+}
+
 fn push_once(messages: &mut Vec<String>, message: String) {
     if !messages.contains(&message) {
         messages.push(message);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn panics_of_parsers_end_where_they_are_called() {
+        assert_eq!(contain(|| 7), Some(7));
+        let nested = contain(|| {
+            assert!(contain(|| -> u32 { panic!("by a parser") }).is_none());
+            is_contained()
+        });
+        assert_eq!((nested, is_contained()), (Some(true), false));
     }
 }

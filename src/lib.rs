@@ -40,6 +40,7 @@ pub mod error;
 pub mod film;
 pub mod geometry;
 pub mod import;
+pub mod limits;
 pub mod render;
 pub mod scene;
 pub mod shading;

@@ -850,3 +850,65 @@ fn completions_help_and_version() {
         assert!(!output.stdout.is_empty());
     }
 }
+
+/// Pipes and devices may have no end.
+#[cfg(unix)]
+#[test]
+fn only_regular_files_are_read() {
+    let shop = Workshop::new();
+    let made = Command::new("mkfifo").args([shop.path("pipe.bin"), shop.path("pipe.obj")]).status();
+    assert!(made.is_ok_and(|status| status.success()), "mkfifo");
+    std::os::unix::fs::symlink("/dev/zero", shop.path("zero.obj")).expect("a link");
+    shop.write(
+        "a.gltf",
+        r#"{"asset": {"version": "2.0"}, "buffers": [{"byteLength": 36, "uri": "pipe.bin"}]}"#,
+    );
+    for (file, said) in [
+        ("pipe.obj", "pipe.obj: is a pipe, not a regular file"),
+        ("zero.obj", "zero.obj: is a device, not a regular file"),
+        ("a.gltf", "a.gltf: buffer 0: pipe.bin: is a pipe, not a regular file"),
+    ] {
+        assert_eq!(shop.fail(&format!("info {file}"), 3).0, said);
+        assert_eq!(shop.fail(&format!("render {file} -o a.png --progress none"), 3).0, said);
+    }
+    shop.write("scene.toml", "[[mesh]]\nfile = 'pipe.obj'\n");
+    let (said, _) = shop.fail("info scene.toml", 3);
+    assert!(said.starts_with("scene.toml:1: mesh pipe.obj: is a pipe"), "{said}");
+}
+
+/// What memory does not hold is refused before it is rendered: 8,000 x 8,000 pixels with 24 channels more than three, each of four bytes, in the
+/// film, in the writer and in the file, and 36 bytes a pixel while the shares of effects are made.
+#[cfg(target_os = "linux")]
+#[test]
+fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
+    let shop = Workshop::new();
+    let limited = |arguments: &str| {
+        let kiln = assert_cmd::cargo::cargo_bin!("kiln").display().to_string();
+        let mut command = Command::new("sh");
+        command.current_dir(shop.0.path()).env_remove("RUST_BACKTRACE");
+        command.args(["-c", &format!("ulimit -v 3000000; exec '{kiln}' {arguments}")]);
+        let output = command.output().expect("the command starts");
+        (output.status.code(), text(&output.stderr))
+    };
+    let (code, said) = limited("render scene.toml --size 8000x8000 --aov all -o a.exr --progress none");
+    assert_eq!(code, Some(1), "{said}");
+    let (line, hint) = check_error(&said);
+    assert!(
+        line.starts_with("a picture of 8000 x 8000 pixels with ") && line.contains(" more channels needs "),
+        "{said}"
+    );
+    assert!(line.ends_with(" GiB of 2.9 GiB are left (ulimit -v)"), "{said}");
+    assert!(hint.contains("--size") && hint.contains("ulimit -v unlimited"), "{said}");
+    assert_eq!(shop.names(), ["scene.toml"]);
+    // The same by an option; 4,000 x 4,000 pixels of 3 bytes are 46 MiB.
+    let large = "render scene.toml --size 4000x4000 --crop 0,0,4000,2 -o a.png --progress none";
+    shop.succeed(&format!("{large} --memory-limit 64M"));
+    let (said, hint) =
+        shop.fail("render scene.toml --size 4000x4000 -o b.png --progress none --memory-limit 64M", 1);
+    assert_eq!(
+        said,
+        "a picture of 4000 x 4000 pixels needs 46 MiB of memory; 0 MiB of 64 MiB are left (--memory-limit)"
+    );
+    assert!(hint.ends_with("or give --memory-limit 2G"), "{hint}");
+    shop.fail("render scene.toml -o b.png --memory-limit 4X", 2);
+}

@@ -241,3 +241,32 @@ fn what_cannot_be_had_is_said() {
         shop.code(&format!("render scene.toml -o b.png {bad}"), 2);
     }
 }
+
+#[path = "common/claims.rs"]
+mod claims;
+
+/// A few hundred bytes must not make kiln allocate gigabytes.
+#[test]
+fn sizes_in_headers_are_checked_before_memory_is_allocated() {
+    let shop = Workshop::new();
+    exr(&shop.path("a.exr"), 8, [0.5; 3]);
+    std::fs::write(shop.path("large.exr"), claims::exr(60_000, 60_000, &["B", "G", "R"])).unwrap();
+    std::fs::write(shop.path("large.png"), claims::png(60_000, 60_000)).unwrap();
+    std::fs::write(shop.path("wide.png"), claims::png(i32::MAX as u32, 1)).unwrap();
+    for (name, size) in
+        [("large.exr", "60000 x 60000"), ("large.png", "60000 x 60000"), ("wide.png", "2147483647 x 1")]
+    {
+        for pair in [format!("{name} a.exr"), format!("a.exr {name}")] {
+            let (_, said) = shop.code(&format!("compare {pair}"), 3);
+            let start = format!("kiln: error: {name}: a picture of {size} pixels needs ");
+            assert!(said.starts_with(&start), "{said}");
+            assert!(said.contains(" of memory; the limit for sizes in a file is 4.0 GiB\nhint: "), "{said}");
+        }
+    }
+    // The limit can be raised, and lowered: 8,192 bytes of pixels a side are 64 MiB and more.
+    let (_, said) = shop.code("compare large.exr a.exr --memory-limit 8T", 3);
+    assert!(!said.contains("sizes in a file"), "{said}");
+    std::fs::write(shop.path("small.png"), claims::png(4096, 4096)).unwrap();
+    let (_, said) = shop.code("compare small.png a.exr --memory-limit 100M", 3);
+    assert!(said.contains("of 100 MiB are left (--memory-limit)"), "{said}");
+}

@@ -412,3 +412,93 @@ fn the_frames_of_the_small_animation_differ() {
         assert_ne!(pixels(frame), pixels(frame - 1), "frame {frame}");
     }
 }
+
+/// A broken picture is one more line, not the end of the process.
+#[test]
+fn verify_needs_no_more_memory_than_a_row_or_a_block() {
+    let workshop = Workshop::new();
+    workshop.write("a.exr", common::claims::exr(60_000, 60_000, &["B", "G", "R"]));
+    workshop.write("a.png", common::claims::png(i32::MAX as u32, i32::MAX as u32));
+    for name in ["a.exr", "a.png"] {
+        let said = workshop.ends(1, &format!("verify {name}"));
+        assert!(said.starts_with(&format!("{name}: broken: a picture of ")), "{said}");
+        assert!(said.contains("the limit for sizes in a file is 4.0 GiB"), "{said}");
+    }
+    // What cannot be looked at is made again.
+    workshop.ends(0, "render scene.toml -o a.png --skip-existing --progress none");
+    workshop.ends(0, "verify a.png");
+}
+
+/// A part with another head, or other numbers, and the hash that goes with it.
+fn changed(part: &[u8], change: impl FnOnce(&mut Value), numbers: usize) -> Vec<u8> {
+    let lines: Vec<&[u8]> = part.splitn(3, |&b| b == b'\n').collect();
+    let mut head: Value = serde_json::from_slice(lines[1]).expect("a head");
+    change(&mut head);
+    let mut bytes = [lines[0], b"\n", head.to_string().as_bytes(), b"\n"].concat();
+    bytes.extend(vec![0u8; numbers]);
+    let hash = *blake3::hash(&bytes).as_bytes();
+    bytes.extend(hash);
+    bytes
+}
+
+/// The fault is in a part, so the message names the part, and not the picture that was to be written.
+#[test]
+fn corrupt_parts_are_named() {
+    use serde_json::json;
+    let workshop = Workshop::new();
+    workshop.ends(0, "render scene.toml -o a.png --shard 1/1 --size 16x16 --progress none");
+    let part = workshop.bytes("a.1of1.part");
+    // 16 x 16 pixels of three f32.
+    let whole = 16 * 16 * 12;
+    let layers = |count: usize| (0..count).map(|i| format!("Layer{i}.X")).collect::<Vec<_>>();
+    let cases: [(&str, Vec<u8>, &str); 8] = [
+        (
+            "empty",
+            changed(&part, |head| head["window"] = json!([0, 0, 0, 0]), 0),
+            "is 0 x 0 pixels at (0, 0)",
+        ),
+        (
+            "far",
+            changed(&part, |head| head["window"] = json!(vec![u32::MAX; 4]), whole),
+            "is 4294967295 x 4294967295",
+        ),
+        (
+            "layers",
+            changed(&part, |head| head["channels"] = json!(layers(1000)), whole),
+            "the part has too few",
+        ),
+        ("more", changed(&part, |_| (), whole + 4), "the part has too many pixels"),
+        (
+            "twice",
+            changed(&part, |head| head["channels"] = json!(["R"]), whole / 3 * 4),
+            "has settings or layers",
+        ),
+        (
+            "nul",
+            changed(&part, |head| head["channels"] = json!(["a\0b"]), whole / 3 * 4),
+            "has a layer `a\\u{0}b`",
+        ),
+        ("key", changed(&part, |head| head["metadata"][0][0] = json!("compression"), whole), "has a setting"),
+        // The last of a million shares of 40,000 x 40,000 pixels: six tiles of the 6,250,000.
+        (
+            "share",
+            changed(
+                &part,
+                |head| {
+                    head["window"] = json!([0, 0, 40_000, 40_000]);
+                    head["share"] = json!(1_000_000);
+                    head["of"] = json!(1_000_000);
+                },
+                6 * 256 * 12,
+            ),
+            "a picture of 40000 x 40000 pixels needs ",
+        ),
+    ];
+    for (name, bytes, expected) in cases {
+        workshop.write(&format!("{name}.part"), bytes);
+        let said = workshop.ends(3, &format!("merge {name}.part -o out.exr"));
+        assert!(said.starts_with(&format!("kiln: error: {name}.part: {expected}")), "{name}: {said}");
+        assert!(!workshop.path("out.exr").exists(), "{name}");
+    }
+    workshop.ends(0, "merge a.1of1.part -o out.png");
+}

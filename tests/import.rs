@@ -197,6 +197,30 @@ fn obj_bow_ties_are_drawn_and_said() {
     assert_eq!(warnings, ["tie.obj: 1 polygon(s) cross themselves and were cut into fans"]);
 }
 
+/// Without a bound the search for diagonals took 40 s for 9,000 corners, and grew with their cube.
+#[test]
+fn obj_polygons_of_many_corners_end_and_are_whole_where_they_can_be() {
+    let start = std::time::Instant::now();
+    let face = |count: usize, vertex: &dyn Fn(usize) -> usize| {
+        (0..count).map(|i| format!(" {}", vertex(i) + 1)).collect::<String>()
+    };
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    let round = format!("{corners}f{}\n", face(60_000, &|i| i % 3));
+    let (_, warnings) = Folder::new().load("round.obj", round);
+    assert_eq!(warnings[0], "round.obj: 1 polygon(s) cross themselves and were cut into fans");
+    // A regular polygon of n corners has the area n / 2 sin(2 pi / n).
+    let n = 12_000;
+    let angle = std::f64::consts::TAU / n as f64;
+    let circle: String =
+        (0..n).map(|i| (i as f64 * angle).sin_cos()).map(|(y, x)| format!("v {x} {y} 0\n")).collect();
+    let (scene, warnings) = Folder::new().load("circle.obj", format!("{circle}f{}\n", face(n, &|i| i)));
+    assert_eq!(warnings, [""; 0]);
+    let found = area(&triangles(mesh(&scene, 0)));
+    let expected = n as f64 / 2.0 * angle.sin();
+    assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
+    assert!(start.elapsed().as_secs() < 30, "{:?}", start.elapsed());
+}
+
 #[test]
 fn obj_normals_are_taken_where_given_and_left_to_the_triangle_where_not() {
     let folder = Folder::new();
@@ -513,6 +537,59 @@ fn gltf_with_a_buffer_whose_name_holds_a_space() {
     assert_eq!(triangles(mesh(&scene, 0)), [[a, b, c], [a, c, d]]);
     assert_eq!(scene.objects[0].name, "square");
     assert!(mesh(&scene, 0).normals.is_none(), "without NORMAL the shading is flat");
+}
+
+/// gltf-json 1.4.1 panics on the first of them.
+#[test]
+fn gltf_primitives_that_name_what_is_not_there() {
+    let mut model = Model::triangle();
+    model.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(99);
+    assert_eq!(message(&model.fails()), "a.gltf: mesh 0, primitive 0: POSITION is accessor 99; there are 1");
+    for (key, value) in
+        [("indices", json!(99)), ("material", json!(99)), ("attributes", json!({"NORMAL": 7}))]
+    {
+        let mut model = Model::triangle();
+        model.json["meshes"][0]["primitives"][0][key] = value;
+        assert!(message(&model.fails()).starts_with("a.gltf: not a usable glTF file: meshes[0]"), "{key}");
+    }
+}
+
+/// Sizes that no bytes of the file stand for: accessors without a buffer view, one accessor named by many primitives, and what pictures
+/// say of themselves.
+#[test]
+fn gltf_sizes_are_checked_before_memory_is_allocated() {
+    use base64::Engine;
+    let sparse = json!({ "count": 1, "indices": { "bufferView": 0, "componentType": 5123 }, "values": { "bufferView": 0 } });
+    let claim =
+        |count: u64| json!({ "componentType": FLOAT, "count": count, "type": "VEC3", "sparse": sparse });
+    let mut positions = Model::triangle();
+    positions.json["accessors"][0] = claim(1 << 28);
+    positions.json["accessors"][0]["min"] = json!([0, 0, 0]);
+    positions.json["accessors"][0]["max"] = json!([1, 1, 0]);
+    let mut places = Model::triangle().with("extensionsUsed", json!(["EXT_mesh_gpu_instancing"]));
+    places.json["accessors"].as_array_mut().expect("a list").push(claim(1 << 26));
+    places.json["nodes"][0]["extensions"] =
+        json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": 1 } } });
+    for model in [positions, places] {
+        let e = model.fails();
+        assert!(message(&e).starts_with("a.gltf: reading its meshes needs "), "{e}");
+        assert!(message(&e).ends_with("; the limit for sizes in a file is 4.0 GiB"), "{e}");
+        assert!(!e.hint().is_empty());
+    }
+    if cfg!(target_os = "linux") {
+        let mut shared = Model::triangle();
+        let many = shared.floats(&vec![[0f32; 3]; 1 << 16]);
+        // 2^16 positions of 32 bytes, and 2^16 indices of 16, 2^18 times: 768 GiB.
+        shared.json["meshes"][0]["primitives"] =
+            json!(vec![json!({ "attributes": { "POSITION": many } }); 1 << 18]);
+        let e = message(&shared.fails());
+        assert!(e.starts_with("a.gltf: reading its meshes needs 768.0 GiB of memory; "), "{e}");
+    }
+    let data = base64::engine::general_purpose::STANDARD.encode(common::claims::png(60_000, 60_000));
+    let picture =
+        Model::triangle().with("images", json!([{ "uri": format!("data:image/png;base64,{data}") }]));
+    let e = picture.fails();
+    assert!(message(&e).starts_with("a.gltf: image 0: a picture of 60000 x 60000 pixels needs "), "{e}");
 }
 
 #[test]
@@ -925,7 +1002,7 @@ fn gltf_sparse_accessors_cannot_ask_for_the_moon() {
     accessor.remove("bufferView");
     accessor.insert("sparse".into(), sparse);
     accessor.insert("count".into(), json!(1u64 << 40));
-    assert!(message(&model.fails()).starts_with("a.gltf: accessor 0: "));
+    assert!(message(&model.fails()).starts_with("a.gltf: reading its meshes needs "));
 }
 
 #[test]

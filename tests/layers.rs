@@ -7,6 +7,7 @@ use std::path::Path;
 /// The rooms, from the bottom up.
 const ROOMS: &[&str] = &[
     "error",
+    "limits",
     "film",
     "scene",
     "import",

@@ -135,7 +135,9 @@ fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool
     };
     let mut take = |_, frame: Prepared| recorder.add(frame).map_err(failed);
     let mut took = 0.0;
-    timed(&mut took, || frames.make_all(&pool, interrupted, &report.progress, &make, &mut take))?;
+    // A film of f32, and what the format takes of it.
+    let needs = (0, 12 + 4);
+    timed(&mut took, || frames.make_all(&pool, needs, interrupted, &report.progress, &make, &mut take))?;
     recorder.finish()?;
     report.end(&command.what, &noticed, command.strict)?;
     report.progress.finish(&format!(

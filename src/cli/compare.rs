@@ -7,10 +7,11 @@ use clap::Args;
 use serde_json::{Map, Value, json};
 
 use super::{print, say};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::film::write::{Format, Picture as Written, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
-use crate::study::metrics::{Errors, Figures, Picture, Values, definitions, heat_map};
+use crate::limits;
+use crate::study::metrics::{BYTES_A_PIXEL, Errors, Figures, Picture, Values, definitions, heat_map};
 
 #[derive(Args)]
 #[command(
@@ -71,11 +72,11 @@ pub fn run(arguments: &Arguments) -> Result<u8> {
         && Format::from_path(file)? != Format::Png
     {
         let what = format!("{}: heat maps are PNG", file.display());
-        return Err(crate::error::Error::usage(what, "name a file that ends in .png"));
+        return Err(Error::usage(what, "name a file that ends in .png"));
     }
     if [&arguments.reference, &arguments.test].iter().any(|file| file.as_path() == Path::new("-")) {
         let what = "pictures are compared from files, not from standard input";
-        return Err(crate::error::Error::usage(what, "write it to a file first, or name one `./-`"));
+        return Err(Error::usage(what, "write it to a file first, or name one `./-`"));
     }
     let open = |file: &PathBuf| {
         let picture = Picture::open(file)?;
@@ -86,6 +87,12 @@ pub fn run(arguments: &Arguments) -> Result<u8> {
         })
     };
     let (reference, test) = (open(&arguments.reference)?, open(&arguments.test)?);
+    let (width, height) = (reference.width, reference.height);
+    let needed = limits::product(&[width.into(), height.into(), BYTES_A_PIXEL]);
+    limits::check(needed).map_err(|excess| {
+        let what = format!("comparing pictures of {width} x {height} pixels {excess}");
+        Error::input(arguments.reference.as_path(), what, excess.hint())
+    })?;
     let (errors, map) = Errors::with_map(&reference, &test)?;
     let beyond: Vec<(&str, f64, f64)> = errors
         .figures

@@ -9,8 +9,9 @@ use crate::error::{Error, Result, Warnings};
 use crate::film::check::{self, Found};
 use crate::film::output::describe;
 use crate::film::part::{self, part_name, write_part};
-use crate::film::write::{Format, Picture, encode, write_picture};
-use crate::film::{Film, Pixel, Share};
+use crate::film::write::{self, Format, Picture, encode, write_picture};
+use crate::film::{self, Film, Pixel, Share, Window};
+use crate::limits;
 use crate::render::aov::{self, Subject, Wanted};
 use crate::render::{Clock, Statistics, Watch, render_share};
 use crate::study::choose::{self, End, Wish};
@@ -98,6 +99,48 @@ pub fn check_folder(output: &Path) -> Result<()> {
         return Err(Error::output(output, "cannot be written: its folder does not exist"));
     }
     Ok(())
+}
+
+/// Checks that there is memory for a picture, before any time is spent on it.
+///
+/// # Errors
+/// [`Error::Failed`] with what it needs.
+pub fn check_memory(ready: &Ready, target: &Target, wanted: &Wanted, has_wish: bool) -> Result<()> {
+    let channels = wanted.channel_count(ready.plan.effects_on().count()) as u64;
+    let writing = match target {
+        // Tile by tile.
+        Target::Part(..) => 0,
+        // The whole file, of bytes that compression does not make many more.
+        Target::StandardOutput => 3,
+        Target::File(_, format) => write::bytes_a_pixel(*format, channels),
+    };
+    let wish = if has_wish { choose::BYTES_A_PIXEL } else { 0 };
+    let each = bytes_a_pixel(target.kept(), wanted, channels).max(wish) + writing;
+    check_memory_of(ready.window, channels, each)
+}
+
+/// The most bytes for each pixel of a picture while it is rendered.
+pub fn bytes_a_pixel(format: Format, wanted: &Wanted, channels: u64) -> u64 {
+    match format {
+        Format::Exr => 4 * (3 + channels) + if channels > 0 { wanted.bytes_a_pixel() } else { 0 },
+        Format::Png | Format::Jpeg => 3,
+    }
+}
+
+/// Checks that there is memory for as many bytes for each pixel of a window.
+///
+/// # Errors
+/// [`Error::Failed`] with what it needs.
+pub fn check_memory_of(window: Window, channels: u64, bytes_each: u64) -> Result<()> {
+    let Window { width, height, .. } = window;
+    let bytes = limits::product(&[width.into(), height.into(), bytes_each]);
+    let layers = match channels {
+        0 => String::new(),
+        count => format!(" with {count} more channels"),
+    };
+    limits::check(bytes).map_err(|excess| {
+        film::too_large(&format!("a picture of {width} x {height} pixels{layers}"), &excess)
+    })
 }
 
 /// Renders the picture, in what its format keeps of it.

@@ -14,10 +14,10 @@ use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
 use super::{Printer, develop};
 use crate::animation::{FileNames, FrameList, Moment, Stage, in_order};
-use crate::effects::{Plan, RayKind, check_scene};
+use crate::effects::{self, Plan, RayKind, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::look;
-use crate::film::write::{FRAME, Format, Metadata, write_picture};
+use crate::film::write::{self, FRAME, Format, Metadata, write_picture};
 use crate::film::{ColourPipeline, Share, TILE, Window};
 use crate::import;
 use crate::render::aov::Wanted;
@@ -115,6 +115,7 @@ impl Frames {
             return Ok(Frames { stage: None, timeline, frames, skipped, shared });
         }
         let scene = std::mem::take(&mut shared.scene);
+        prepare::check_mip_maps(&scene, &shared.choices)?;
         if scene.lights.is_empty() && shared.choices.shading.uses_lights() {
             warnings.note(prepare::HEADLIGHT);
         }
@@ -170,10 +171,11 @@ impl Frames {
     }
 
     /// Makes a picture of every frame, several at once, and hands them over in order. `make` is given what is ready, and the watch
-    /// for its tiles.
+    /// for its tiles. A picture has so many channels beside its own, and takes so many bytes for each pixel.
     pub fn make_all<T: Send>(
         &self,
         pool: &rayon::ThreadPool,
+        (channels, bytes_a_pixel): (u64, u64),
         interrupted: &AtomicBool,
         progress: &Progress,
         make: &(dyn Fn(i32, &Ready, &Watch) -> Result<T> + Sync),
@@ -188,7 +190,9 @@ impl Frames {
         };
         let watch = Watch { cancel: interrupted, progress: &count };
         // One more than threads, so that none waits while a frame ends.
-        let in_flight = (MOST_BYTES / (window.area() * 12)).clamp(2, 1 + pool.current_num_threads());
+        let each = window.area().saturating_mul(bytes_a_pixel.max(12) as usize);
+        let in_flight = (MOST_BYTES / each).clamp(2, 1 + pool.current_num_threads());
+        develop::check_memory_of(window, channels, bytes_a_pixel * in_flight as u64)?;
         let make = |frame| make(frame, &self.ready(frame)?, &watch);
         in_order(pool, self.frames(), in_flight, interrupted, &make, take)
     }
@@ -286,7 +290,14 @@ pub fn write_pictures(
         write_picture(&picture, &ready.settings, pictures.format, &pictures.names.of(frame))
     };
     let mut took = 0.0;
-    timed(&mut took, || frames.make_all(&pool, interrupted, &report.progress, &make, &mut |_, ()| Ok(())))?;
+    // Which effects are on, and have channels, is known of each frame by itself.
+    let channels = pictures.wanted.channel_count(effects::EFFECTS.len()) as u64;
+    let bytes = develop::bytes_a_pixel(pictures.format, &pictures.wanted, channels)
+        + write::bytes_a_pixel(pictures.format, channels);
+    let needs = (channels, bytes);
+    timed(&mut took, || {
+        frames.make_all(&pool, needs, interrupted, &report.progress, &make, &mut |_, ()| Ok(()))
+    })?;
     report.end(arguments, &noticed, pictures.strict)?;
     let ends = [frames.frames().first(), frames.frames().last()].map(|frame| *frame.unwrap_or(&0));
     let [first, last] = ends.map(|frame| pictures.names.of(frame).display().to_string());

@@ -33,7 +33,8 @@ use std::sync::atomic::Ordering;
 use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::effects;
-use crate::error::{Error, Result, Warnings};
+use crate::error::{Error, Result, Warnings, is_contained};
+use crate::limits;
 
 #[derive(Parser)]
 #[command(
@@ -46,6 +47,9 @@ use crate::error::{Error, Result, Warnings};
 struct Arguments {
     #[command(subcommand)]
     command: Command,
+    /// The most memory to use, such as 16G [default: what the process may use, and 4G for the sizes that one file gives]
+    #[arg(long, global = true, value_name = "SIZE", value_parser = limits::parse_size)]
+    memory_limit: Option<u64>,
 }
 
 #[derive(Subcommand)]
@@ -93,7 +97,13 @@ pub fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(e) => return usage(&e),
     };
+    if let Some(bytes) = arguments.memory_limit {
+        limits::set_memory_limit(bytes);
+    }
     std::panic::set_hook(Box::new(|panic| {
+        if is_contained() {
+            return;
+        }
         let place = panic.location().map(|l| format!(" ({}:{})", l.file(), l.line())).unwrap_or_default();
         say(format_args!(
             "kiln: error: a fault in kiln itself{place}\nhint: please report it with the command and the input"

@@ -1,5 +1,6 @@
 //! From arguments to a scene that is ready for its picture: the one way there, for every command that makes pictures.
 
+use std::path::Path;
 use std::time::Instant;
 
 use super::arguments::Arguments;
@@ -11,7 +12,8 @@ use crate::error::{Error, Result, Warnings};
 use crate::film::write::FINGERPRINT;
 use crate::film::{ColourPipeline, Share, Window};
 use crate::import;
-use crate::scene::{Camera, Fingerprint, Numerics, Projection, Scene};
+use crate::limits;
+use crate::scene::{Camera, Fingerprint, Numerics, Projection, Scene, TextureImage};
 use crate::world::{Range, View, World, bring_into_range, headlight};
 
 /// A scene that is ready for its picture.
@@ -192,10 +194,37 @@ pub fn make_ready(
 pub fn build(described: Described, seconds: &mut Seconds, warnings: &mut Warnings) -> Result<Ready> {
     let Described { scene, range, view, window, choices, pipeline, numerics, structure, settings, .. } =
         described;
+    check_mip_maps(&scene, &choices)?;
     let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, structure, numerics));
     let plan = Plan::new(&world, &choices)?;
     warn_of_the_world(&world, &plan, &choices, warnings);
     Ok(Ready { world, range, view, window, plan, choices, pipeline, share: Share::ALL, settings })
+}
+
+/// Checks that there is memory for the mip maps of a scene's textures, which lookups but `nearest` and `bilinear` use.
+///
+/// # Errors
+/// [`Error::Input`] for the largest texture.
+pub fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
+    let without = ["textures=nearest", "textures=bilinear"];
+    if choices.with.iter().any(|name| without.contains(&name.as_str())) {
+        return Ok(());
+    }
+    let area = |image: &TextureImage| limits::product(&[image.width.into(), image.height.into()]);
+    let Some(largest) = scene.images.iter().max_by_key(|image| area(image)) else { return Ok(()) };
+    // A third of the texels, of 6 bytes; while they are made, levels of a quarter and a sixteenth, of 12 bytes.
+    let kept = scene.images.iter().map(|image| limits::product(&[area(image), 2]));
+    let needed = kept.fold(limits::product(&[area(largest), 4]), u64::saturating_add);
+    limits::check(needed).map_err(|excess| {
+        let TextureImage { name, width, height, .. } = largest;
+        let what =
+            format!("making mip maps of this texture of {width} x {height} pixels and all others {excess}");
+        let hint = format!(
+            "make it smaller, render --with textures=bilinear, which uses none, or {}",
+            excess.remedy()
+        );
+        Error::input(Path::new(name), what, hint)
+    })
 }
 
 /// Does the work and says how many seconds it took.

@@ -164,6 +164,7 @@ fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &
     let mut ready = prepare::build(described, &mut seconds, &mut warnings)?;
     ready.share = command.shard.unwrap_or(Share::ALL);
     let has_target = command.target.wish().is_some();
+    develop::check_memory(&ready, target, wanted, has_target)?;
     let without = &command.what.without;
     command.what.sampling.warn_of_idle(&ready.world.sampling, without, has_target, &mut warnings);
     progress.pause(|| printer.print(&warnings, with_notes));

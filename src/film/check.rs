@@ -1,13 +1,20 @@
 //! Whether a picture on disk is whole, and what made it, going by what is written in it.
 //!
 //! JPEG is not asked: it has no checksum, and decoders fill up what is missing, so that whole ones cannot be told from others.
+//!
+//! Pictures are decoded a row or a block at a time, so that memory does not grow with their height, and only rows and blocks are
+//! checked against [`limits`].
 
 use std::io::{BufReader, Cursor};
 use std::path::Path;
 
-use exr::prelude::{AttributeValue, ReadChannels, ReadLayers, Text, read};
+use exr::block::reader::ChunksReader;
+use exr::prelude::{AttributeValue, Text};
 
+use super::read::{Unread, exr_reader, most_of_a_block};
 use super::write::{FINGERPRINT, FRAME, Format};
+use crate::error::contain;
+use crate::limits;
 
 /// What there is where a picture should be.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -39,19 +46,21 @@ impl Found {
 
 /// Reads a PNG to its end, with the checksums of all its parts, or an OpenEXR with all of its pixels.
 pub fn look(file: &Path, format: Format) -> Found {
-    let bytes = match std::fs::read(file) {
+    let bytes = match limits::read_file(file) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Found::Missing,
-        Err(e) => return Found::Broken(format!("cannot be read: {e}")),
+        Err(e) => return Found::Broken(limits::explain(&e).0),
     };
     let texts = match format {
-        Format::Png => png_texts(&bytes),
-        Format::Exr => exr_texts(bytes),
-        Format::Jpeg => Err("a JPEG does not say whether it is whole".into()),
+        Format::Png => contain(|| png_texts(&bytes)),
+        Format::Exr => contain(|| exr_texts(&bytes)),
+        Format::Jpeg => Some(Err(Unread::Damaged("a JPEG does not say whether it is whole".into()))),
     };
     match texts {
-        Err(what) => Found::Broken(what),
-        Ok(texts) => {
+        None => Found::Broken("damaged: its decoder failed".into()),
+        Some(Err(Unread::Damaged(what))) => Found::Broken(what),
+        Some(Err(Unread::TooLarge { what, hint })) => Found::Broken(format!("{what}; {hint}")),
+        Some(Ok(texts)) => {
             let text = |name: &str| texts.iter().find(|(key, _)| key == name).map(|(_, value)| value);
             let frame = text(FRAME).and_then(|frame| frame.parse().ok());
             Found::Whole(Made { fingerprint: text(FINGERPRINT).cloned(), frame })
@@ -59,36 +68,52 @@ pub fn look(file: &Path, format: Format) -> Found {
     }
 }
 
-type Texts = Result<Vec<(String, String)>, String>;
+type Texts = Result<Vec<(String, String)>, Unread>;
+
+/// The most bytes of a text in a picture, once it is decompressed. kiln's are not compressed, and a few hundred bytes long.
+const MOST_TEXT: usize = 1 << 20;
 
 fn png_texts(bytes: &[u8]) -> Texts {
     let damaged = |e: png::DecodingError| match e {
-        png::DecodingError::IoError(_) => "ends too early".to_owned(),
-        other => format!("damaged: {other}"),
+        png::DecodingError::IoError(_) => Unread::Damaged("ends too early".to_owned()),
+        other => Unread::Damaged(format!("damaged: {other}")),
     };
     let mut options = png::DecodeOptions::default();
     options.set_skip_ancillary_crc_failures(false);
     let mut decoder = png::Decoder::new_with_options(BufReader::new(Cursor::new(bytes)), options);
-    decoder.set_limits(png::Limits { bytes: usize::MAX });
+    let header = decoder.read_header_info().map_err(damaged)?;
+    let (width, height) = (u64::from(header.width), u64::from(header.height));
+    // A row and the one before it, as they are in the file, and the row that is handed out.
+    let rows = limits::product(&[header.raw_row_length() as u64, 3]);
+    limits::check_claim(rows).map_err(|excess| Unread::too_large(width, height, &excess))?;
+    // That is of rows; profiles and texts are no longer than the file.
+    let most = rows.saturating_add(64 << 20).saturating_add(bytes.len() as u64);
+    decoder.set_limits(png::Limits { bytes: usize::try_from(most).unwrap_or(usize::MAX) });
     let mut reader = decoder.read_info().map_err(damaged)?;
-    // Row by row: the picture is not needed as a whole.
     while reader.next_row().map_err(damaged)?.is_some() {}
     reader.finish().map_err(damaged)?;
-    let texts = &reader.info().utf8_text;
-    Ok(texts.iter().filter_map(|chunk| Some((chunk.keyword.clone(), chunk.get_text().ok()?))).collect())
+    let text = |chunk: &png::text_metadata::ITXtChunk| {
+        let mut chunk = chunk.clone();
+        chunk.decompress_text_with_limit(MOST_TEXT).ok()?;
+        Some((chunk.keyword.clone(), chunk.get_text().ok()?))
+    };
+    Ok(reader.info().utf8_text.iter().filter_map(text).collect())
 }
 
-fn exr_texts(bytes: Vec<u8>) -> Texts {
-    let picture = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|e| format!("damaged: {e}"))?;
-    let attributes = &picture.layer_data.attributes.other;
+fn exr_texts(bytes: &[u8]) -> Texts {
+    let damaged = |e: exr::error::Error| Unread::Damaged(format!("damaged: {e}"));
+    let reader = exr_reader(bytes)?;
+    for header in reader.headers() {
+        let [width, height] = [header.layer_size.width(), header.layer_size.height()].map(|side| side as u64);
+        limits::check_claim(most_of_a_block(header))
+            .map_err(|excess| Unread::too_large(width, height, &excess))?;
+    }
+    let Some(first) = reader.headers().first() else {
+        return Err(Unread::Damaged("damaged: without a layer".into()));
+    };
+    let attributes = first.own_attributes.other.clone();
+    let blocks = reader.all_chunks(true).map_err(damaged)?;
+    blocks.decompress_sequential(true, |_, _| Ok(())).map_err(damaged)?;
     let text = |name: &str| match attributes.get(&Text::from(name)) {
         Some(AttributeValue::Text(text)) => Some((name.to_owned(), text.to_string())),
         _ => None,

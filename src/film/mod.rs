@@ -19,6 +19,7 @@ pub use share::Share;
 use pages::Pages;
 
 use crate::error::{Error, Result};
+use crate::limits::{self, Bytes, Excess};
 
 /// The side of a tile in pixels.
 pub const TILE: u32 = 16;
@@ -84,18 +85,25 @@ pub struct FilmTile<'a, P = [f32; 3]> {
     pub pixels: &'a mut [P],
 }
 
+/// An error for a picture that the user asked for and memory does not hold.
+pub fn too_large(picture: &str, excess: &Excess) -> Error {
+    Error::Failed { what: format!("{picture} {excess}"), hint: format!("{SMALLER}, or {}", excess.remedy()) }
+}
+
+const SMALLER: &str = "give a smaller --size, render it in parts with --crop";
+
 impl<P: Pixel> Film<P> {
     /// A black film for the part `window` of a picture.
     ///
     /// # Errors
     /// [`Error::Failed`] where there is not enough memory for it.
     pub fn new(window: Window) -> Result<Self> {
-        let pixels = Pages::new(window.area()).map_err(|_| {
-            let gib = window.area() as f64 * size_of::<P>() as f64 / f64::from(1 << 30);
-            Error::Failed {
-                what: format!("a picture of {} x {} needs {gib:.1} GiB", window.width, window.height),
-                hint: "give a smaller --size, or render it in parts with --crop".into(),
-            }
+        let bytes = limits::product(&[window.width.into(), window.height.into(), size_of::<P>() as u64]);
+        let size = format!("a picture of {} x {}", window.width, window.height);
+        limits::check(bytes).map_err(|excess| too_large(&size, &excess))?;
+        let pixels = Pages::new(window.area()).map_err(|_| Error::Failed {
+            what: format!("{size} needs {} of memory, which the system does not give", Bytes(bytes)),
+            hint: SMALLER.into(),
         })?;
         Ok(Film { window, pixels })
     }

@@ -5,15 +5,17 @@
 //! after channel, as little-endian 32-bit floating point; the BLAKE3 hash of all that, 32 bytes. Numbers are joined, not
 //! 8-bit values, so that the picture is quantised and encoded once, as that of one run is.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use super::check::{Found, Made};
 use super::output::write_whole;
-use super::write::{Channel, FINGERPRINT, Format, Metadata, Picture};
-use super::{ColourPipeline, Film, Pixel, Share, Window};
+use super::write::{Channel, FINGERPRINT, Format, Metadata, Picture, encode};
+use super::{ColourPipeline, Film, Pixel, Share, TILE, Window};
 use crate::error::{Error, Result};
+use crate::limits;
 
 const FIRST_LINE: &[u8] = b"kiln part 1\n";
 const HASH: usize = blake3::OUT_LEN;
@@ -112,12 +114,58 @@ fn open(bytes: &[u8]) -> std::result::Result<(Head, Share, &[u8]), String> {
     Ok((head, share, numbers))
 }
 
+/// The longest side of a picture that kiln makes: that of a JPEG, which PNG and OpenEXR exceed.
+const LONGEST_SIDE: u32 = 65_535;
+
+/// What is wrong with a head: sizes and names that kiln does not make, and what the format cannot be written with.
+fn check_head(head: &Head, format: Format) -> std::result::Result<(), String> {
+    let [x, y, width, height] = head.window;
+    let ends = [(x, width), (y, height)].map(|(start, side)| start.checked_add(side));
+    if ends.iter().any(|end| end.is_none_or(|end| end > LONGEST_SIDE)) || width == 0 || height == 0 {
+        return Err(format!("is {width} x {height} pixels at ({x}, {y}), which kiln does not make"));
+    }
+    let shown = |name: &str| name.chars().take(40).collect::<String>().escape_default().to_string();
+    let is_name = |name: &String| {
+        (1..80).contains(&name.len()) && name.bytes().all(|b| b.is_ascii_graphic() || b == b' ')
+    };
+    let is_key = |key: &String| is_name(key) && (key == "Software" || key.starts_with("kiln:"));
+    if let Some((key, _)) = head.metadata.iter().find(|(key, value)| !is_key(key) || value.contains('\0')) {
+        return Err(format!("has a setting `{}`, which kiln does not write", shown(key)));
+    }
+    if let Some(name) = head.channels.iter().find(|name| !is_name(name)) {
+        return Err(format!("has a layer `{}`, which kiln does not write", shown(name)));
+    }
+    // One pixel of it, written to nowhere: what an encoder refuses is a fault of the part, and not of the output.
+    let window = Window { x: 0, y: 0, width: 1, height: 1 };
+    let film = |e: Error| e.to_string();
+    let picture = if format == Format::Exr {
+        let channel = |name: &String| Channel { name: name.clone(), values: vec![0.0] };
+        Picture::Numbers(Film::new(window).map_err(film)?, head.channels.iter().map(channel).collect())
+    } else {
+        Picture::Bytes(Film::new(window).map_err(film)?, ColourPipeline::Display)
+    };
+    encode(&picture, &head.metadata, format, &mut std::io::sink())
+        .map_err(|e| format!("has settings or layers that cannot be written: {e}"))
+}
+
+/// The bytes of numbers that a share of a picture has.
+fn numbers_of(window: Window, channels: usize, share: Share) -> u64 {
+    let columns = window.width.div_ceil(TILE) as usize;
+    let tiles = columns * window.height.div_ceil(TILE) as usize;
+    let side = |whole: u32, tile: usize| TILE.min(whole - tile as u32 * TILE) as usize;
+    let pixels: usize = (share.index() as usize - 1..tiles)
+        .step_by(share.of() as usize)
+        .map(|tile| side(window.width, tile % columns) * side(window.height, tile / columns))
+        .sum();
+    limits::product(&[pixels as u64, 3 + channels as u64, size_of::<f32>() as u64])
+}
+
 /// What there is where a share of a picture should be.
 pub fn look(file: &Path, share: Share) -> Found {
-    let bytes = match std::fs::read(file) {
+    let bytes = match limits::read_file(file) {
         Ok(bytes) => bytes,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Found::Missing,
-        Err(e) => return Found::Broken(format!("cannot be read: {e}")),
+        Err(e) => return Found::Broken(limits::explain(&e).0),
     };
     match open(&bytes) {
         Ok((head, found, _)) if found == share => {
@@ -138,18 +186,16 @@ pub type Joined = (Picture, Vec<(String, String)>);
 /// the format has none.
 pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
     let mut canvas: Option<Canvas> = None;
+    let there = files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|about| about.len()).sum();
     for file in files {
         let wrong = |what: String| {
             Error::input(file.as_path(), what, "give the parts that `kiln render --shard` wrote")
         };
-        let bytes = std::fs::read(file).map_err(|e| match e.kind() {
-            std::io::ErrorKind::NotFound => wrong("no such file".into()),
-            _ => wrong(format!("cannot be read: {e}")),
-        })?;
+        let bytes = limits::read_file(file).map_err(|e| limits::unreadable(file, &e))?;
         let (head, share, numbers) = open(&bytes).map_err(wrong)?;
         let canvas = match &mut canvas {
             Some(canvas) => canvas,
-            none => none.insert(Canvas::new(file, head.clone()).map_err(wrong)?),
+            none => none.insert(Canvas::new((file, there), head.clone(), share, numbers, format)?),
         };
         canvas.add(&head, share, numbers).map_err(wrong)?;
     }
@@ -157,6 +203,16 @@ pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
         return Err(Error::usage("no part is given", "give the parts that `kiln render --shard` wrote"));
     };
     canvas.finish(format)
+}
+
+/// How many missing parts are named.
+const MOST_NAMED: usize = 20;
+
+/// The most bytes for each pixel while parts are joined and the picture is written: the film and its channels, and for the writer
+/// as much again ([`super::write::bytes_a_pixel`]) or the pixels in rows and as bytes, twice.
+fn bytes_a_pixel(format: Format, channels: u64) -> u64 {
+    let kept = 4 * (3 + channels);
+    kept + if format == Format::Exr { super::write::bytes_a_pixel(format, channels) } else { 12 + 3 + 3 + 3 }
 }
 
 /// A picture that is being put together.
@@ -168,21 +224,48 @@ struct Canvas {
     window: Window,
     film: Film,
     channels: Vec<Channel>,
-    has: Vec<bool>,
+    /// The shares that have been added.
+    has: BTreeSet<u32>,
 }
 
 impl Canvas {
-    fn new(file: &Path, head: Head) -> std::result::Result<Self, String> {
+    /// The canvas of the first part. Memory is allocated for the whole picture once the part's own numbers are as many as its
+    /// head says and the picture is within the limits. All parts together have `there` bytes.
+    fn new(
+        (file, there): (&Path, u64),
+        head: Head,
+        share: Share,
+        numbers: &[u8],
+        format: Format,
+    ) -> Result<Self> {
+        let wrong =
+            |what: String| Error::input(file, what, "give the parts that `kiln render --shard` wrote");
+        check_head(&head, format).map_err(wrong)?;
         let [x, y, width, height] = head.window;
         let window = Window { x, y, width, height };
         let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
-        let pipeline =
-            pipelines.into_iter().find(|p| p.name() == head.pipeline).ok_or("of no known colours")?;
-        let film = Film::new(window).map_err(|e| e.to_string())?;
+        let pipeline = pipelines.into_iter().find(|p| p.name() == head.pipeline);
+        let pipeline = pipeline.ok_or_else(|| wrong("of no known colours".into()))?;
+        let expected = numbers_of(window, head.channels.len(), share);
+        if expected != numbers.len() as u64 {
+            let what = if expected > numbers.len() as u64 { "few" } else { "many" };
+            return Err(wrong(format!("the part has too {what} pixels")));
+        }
+        let layers = head.channels.len() as u64;
+        let times_area = |each: u64| limits::product(&[width.into(), height.into(), each]);
+        let needed = times_area(bytes_a_pixel(format, layers));
+        // As many bytes as the parts have are no claim of the first one's head alone.
+        let is_there = times_area(4 * (3 + layers)) <= there;
+        let checked = if is_there { limits::check(needed) } else { limits::check_claim(needed) };
+        checked.map_err(|excess| {
+            let with = if layers > 0 { format!(" with {layers} more channels") } else { String::new() };
+            let what = format!("a picture of {width} x {height} pixels{with} {excess}");
+            Error::input(file, what, excess.hint())
+        })?;
+        let film = Film::new(window)?;
         let channel = |name: &String| Channel { name: name.clone(), values: vec![0.0; window.area()] };
         let channels = head.channels.iter().map(channel).collect();
-        let has = vec![false; head.of as usize];
-        Ok(Canvas { file: file.to_owned(), head, pipeline, window, film, channels, has })
+        Ok(Canvas { file: file.to_owned(), head, pipeline, window, film, channels, has: BTreeSet::new() })
     }
 
     fn add(&mut self, head: &Head, share: Share, numbers: &[u8]) -> std::result::Result<(), String> {
@@ -214,18 +297,20 @@ impl Canvas {
         if number().is_ok() {
             return Err("the part has too many pixels".into());
         }
-        self.has[share.index() as usize - 1] = true;
+        self.has.insert(share.index());
         Ok(())
     }
 
     fn finish(self, format: Format) -> Result<Joined> {
-        let missing: Vec<String> = (1..)
-            .zip(&self.has)
-            .filter(|(_, has)| !**has)
-            .map(|(share, _): (u32, _)| share.to_string())
-            .collect();
-        if !missing.is_empty() {
-            let what = format!("part {} of {} is missing", missing.join(", "), self.head.of);
+        let missing = (1..=self.head.of).filter(|share| !self.has.contains(share));
+        let mut named: Vec<String> =
+            missing.clone().take(MOST_NAMED).map(|share| share.to_string()).collect();
+        if !named.is_empty() {
+            let more = missing.count() - named.len();
+            if more > 0 {
+                named.push(format!("and {more} more"));
+            }
+            let what = format!("part {} of {} is missing", named.join(", "), self.head.of);
             let hint = "render it with --shard, and give all parts";
             return Err(Error::input(self.file.as_path(), what, hint));
         }

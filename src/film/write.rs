@@ -91,6 +91,18 @@ pub fn encode(
     }
 }
 
+/// The most bytes for each pixel that writing takes beside the picture itself, which has `channels` beside its own.
+pub fn bytes_a_pixel(format: Format, channels: u64) -> u64 {
+    match format {
+        // Row by row.
+        Format::Png => 0,
+        // The rows of the film in one piece.
+        Format::Jpeg => 3,
+        // Every channel in one piece, and the file, which compression does not make longer.
+        Format::Exr => 2 * 4 * (3 + channels),
+    }
+}
+
 fn write_png(
     film: &Film<[u8; 3]>,
     pipeline: ColourPipeline,

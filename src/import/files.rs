@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::SystemTime;
 
+use crate::limits;
+
 /// A file that was opened or looked for.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileRead {
@@ -70,7 +72,7 @@ impl Files {
     /// The content of a file.
     pub(super) fn read(&self, file: &Path) -> std::io::Result<Vec<u8>> {
         self.note(file);
-        std::fs::read(file)
+        limits::read_file(file)
     }
 
     /// Whether there is such a file.

@@ -19,12 +19,12 @@ mod uri;
 
 pub use scene_file::inline_camera;
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 pub use files::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
+use crate::limits::{self, unreadable};
 use crate::scene::{Object, Scene};
 use files::Files;
 
@@ -58,13 +58,8 @@ pub(crate) struct Source {
 
 impl Source {
     fn open(file: &Path, files: &Files) -> Result<Self> {
-        let mut bytes = Vec::new();
-        let read = if file == Path::new("-") {
-            std::io::stdin().lock().read_to_end(&mut bytes).map(|_| ())
-        } else {
-            files.read(file).map(|content| bytes = content)
-        };
-        read.map_err(|e| unreadable(file, &e))?;
+        let read = if file == Path::new("-") { limits::read_standard_input() } else { files.read(file) };
+        let bytes = read.map_err(|e| unreadable(file, &e))?;
         Ok(Source { file: file.to_owned(), bytes, files: files.clone() })
     }
 
@@ -80,18 +75,6 @@ impl Source {
     fn text(&self) -> std::borrow::Cow<'_, str> {
         let bytes = self.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&self.bytes);
         String::from_utf8_lossy(bytes)
-    }
-}
-
-/// An error for a file that cannot be read.
-fn unreadable(file: &Path, e: &std::io::Error) -> Error {
-    match e.kind() {
-        std::io::ErrorKind::NotFound => Error::input(file, "no such file", "check the name and the folder"),
-        std::io::ErrorKind::PermissionDenied => {
-            Error::input(file, "permission denied", "make the file readable for this user")
-        }
-        std::io::ErrorKind::IsADirectory => Error::input(file, "is a folder", "name a file in it"),
-        _ => Error::input(file, format!("cannot be read: {e}"), ""),
     }
 }
 

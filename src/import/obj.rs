@@ -9,14 +9,15 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
 
+use super::Source;
 use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault};
 use super::pictures::Pictures;
-use super::polygon::Triangulator;
+use super::polygon::{Cut, Triangulator};
 use super::tangents::make_tangents;
-use super::{Source, unreadable};
-use crate::error::{Error, Place, Result, Warnings};
+use crate::error::{Error, Place, Result, Warnings, contain};
 use crate::film::Colour;
 use crate::film::colour::srgb_decode;
+use crate::limits::unreadable;
 use crate::scene::{
     Attribute, Material, MaterialId, Mesh, MetallicRoughness, NormalMap, Object, Phong, Sampler, Scene,
     Shape, Texture,
@@ -33,7 +34,8 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     };
     let shared = RefCell::new(&mut *warnings);
     let load_materials = |name: &Path| read_mtl(source, name, &mut shared.borrow_mut());
-    let (models, materials) = tobj::load_obj_buf(&mut text.as_bytes(), &options, load_materials)
+    let (models, materials) = contain(|| tobj::load_obj_buf(&mut text.as_bytes(), &options, load_materials))
+        .ok_or_else(|| Error::input(source.file.as_path(), "not a usable OBJ file", "export it again"))?
         .map_err(|e| explain(source, &text, &e))?;
     let materials = materials.unwrap_or_default();
     warn_of_unknown_materials(&text, &materials, &source.file, warnings);
@@ -41,30 +43,34 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let mut scene = Scene::default();
     let mut pictures = Pictures::new(source);
     for material in &materials {
-        let material = convert_material(material, source, &mut scene, &mut pictures, warnings);
+        let material = convert_material(material, source, &mut scene, &mut pictures, warnings)?;
         scene.add_material(material);
     }
     let mut plain = None;
     let mut triangulator = Triangulator::new();
-    let mut not_simple = 0;
+    let (mut crossing, mut intricate) = (0, 0);
     let mut has_normals = faces_with_normals(&text).into_iter();
     for model in models {
         let material = match model.mesh.material_id {
             Some(id) => MaterialId(id as u32),
             None => *plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))),
         };
-        let (mut mesh, faults) = convert_mesh(&model.mesh, &mut has_normals, &mut triangulator);
+        let (mut mesh, cuts) = convert_mesh(&model.mesh, &mut has_normals, &mut triangulator);
         if scene.materials[material.0 as usize].normal_map().is_some() {
             make_tangents(&mut mesh);
         }
-        not_simple += faults;
+        crossing += cuts.iter().filter(|cut| **cut == Cut::Crossing).count();
+        intricate += cuts.iter().filter(|cut| **cut == Cut::Intricate).count();
         scene.objects.push(Object { name: model.name, input: 0, material, shape: Shape::Mesh(mesh) });
     }
-    if not_simple > 0 {
-        warnings.push(format!(
-            "{}: {not_simple} polygon(s) cross themselves and were cut into fans",
-            source.file.display()
-        ));
+    let file = source.file.display();
+    if crossing > 0 {
+        warnings.push(format!("{file}: {crossing} polygon(s) cross themselves and were cut into fans"));
+    }
+    if intricate > 0 {
+        let what = "have too many corners, or long edges side by side, to be cut exactly";
+        warnings
+            .push(format!("{file}: {intricate} polygon(s) {what}, and were cut into fans; cut them before"));
     }
     Ok(scene)
 }
@@ -83,7 +89,8 @@ fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLL
         Ok(bytes) => {
             let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&bytes));
             let text = clean_mtl(&text, &path.display().to_string(), warnings);
-            let read = tobj::load_mtl_buf(&mut text.as_bytes()).or_else(|e| {
+            let read = contain(|| tobj::load_mtl_buf(&mut text.as_bytes()));
+            let read = read.unwrap_or(Err(tobj::LoadError::GenericFailure)).or_else(|e| {
                 warnings.push(format!("{}: materials left out: {e}", path.display()));
                 Ok(Default::default())
             });
@@ -128,12 +135,12 @@ fn convert_material(
     scene: &mut Scene,
     pictures: &mut Pictures,
     warnings: &mut Warnings,
-) -> Material {
-    let texture = m.diffuse_texture.as_ref().and_then(|name| {
-        let file = source.sibling(name);
-        let image = pictures.of_file(scene, &file, warnings)?;
-        Some(Texture { image, sampler: Sampler::default() })
-    });
+) -> Result<Material> {
+    let image = match &m.diffuse_texture {
+        Some(name) => pictures.of_file(scene, &source.sibling(name), warnings)?,
+        None => None,
+    };
+    let texture = image.map(|image| Texture { image, sampler: Sampler::default() });
     // MTL leaves Kd's default open; white under a picture shows the picture.
     let default = if texture.is_some() { [1.0; 3] } else { [0.8; 3] };
     let colour = Colour::Display(m.diffuse.unwrap_or(default).into());
@@ -144,13 +151,13 @@ fn convert_material(
             m.name
         ));
     }
-    let normal_map = convert_normal_map(m, source, scene, pictures, warnings);
+    let normal_map = convert_normal_map(m, source, scene, pictures, warnings)?;
     let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
     let number = |value: &String| value.trim().parse().ok().filter(|number: &f64| number.is_finite());
     let parameter = |name: &str| m.unknown_param.get(name).and_then(number);
     let (roughness, metallic) = (parameter("Pr"), parameter("Pm"));
     if roughness.is_some() || metallic.is_some() {
-        return Material::MetallicRoughness(MetallicRoughness {
+        return Ok(Material::MetallicRoughness(MetallicRoughness {
             name: m.name.clone(),
             base_colour: colour,
             base_colour_texture: texture,
@@ -159,7 +166,7 @@ fn convert_material(
             emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
             normal_map,
             ..MetallicRoughness::default()
-        });
+        }));
     }
     if emission.is_some() {
         warnings.push(format!(
@@ -169,7 +176,7 @@ fn convert_material(
         ));
     }
     let specular = m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
-    Material::Phong(Phong {
+    Ok(Material::Phong(Phong {
         name: m.name.clone(),
         colour,
         texture,
@@ -177,7 +184,7 @@ fn convert_material(
         shininess: m.shininess.unwrap_or(1.0).max(0.0),
         normal_map,
         ..Phong::default()
-    })
+    }))
 }
 
 /// `norm` names a normal map, `map_Bump` or `bump` heights, which `-bm` multiplies.
@@ -187,7 +194,7 @@ fn convert_normal_map(
     scene: &mut Scene,
     pictures: &mut Pictures,
     warnings: &mut Warnings,
-) -> Option<NormalMap> {
+) -> Result<Option<NormalMap>> {
     let on = |image| Texture { image, sampler: Sampler::default() };
     if let Some(name) = m.unknown_param.get("norm") {
         if m.normal_texture.is_some() {
@@ -195,12 +202,15 @@ fn convert_normal_map(
             warnings.push(format!("{file}: material `{name}` has a normal map; drawn without its bump map"));
         }
         let image = pictures.of_file(scene, &source.sibling(name), warnings)?;
-        return Some(NormalMap { texture: on(image), scale: 1.0 });
+        return Ok(image.map(|image| NormalMap { texture: on(image), scale: 1.0 }));
     }
-    let file = source.sibling(m.normal_texture.as_ref()?);
-    let (image, steepest) = pictures.bump_of_file(scene, &file, warnings)?;
+    let Some(name) = &m.normal_texture else { return Ok(None) };
+    let bump = pictures.bump_of_file(scene, &source.sibling(name), warnings)?;
     let multiplier = m.unknown_param.get(BUMP_MULTIPLIER).and_then(|bm| bm.parse::<f64>().ok());
-    Some(NormalMap { texture: on(image), scale: steepest * multiplier.unwrap_or(1.0) })
+    Ok(bump.map(|(image, steepest)| NormalMap {
+        texture: on(image),
+        scale: steepest * multiplier.unwrap_or(1.0),
+    }))
 }
 
 /// For each face of a straightened text, in order, whether all its corners name a normal.
@@ -215,18 +225,18 @@ fn faces_with_normals(text: &str) -> Vec<bool> {
         .collect()
 }
 
-/// The mesh of one tobj model, and how many of its polygons cross themselves. `has_normals` says of each face whether
+/// The mesh of one tobj model, and how those of its polygons were cut that were not cut whole. `has_normals` says of each face whether
 /// it names normals; where it does not, tobj repeats those of the face before.
 fn convert_mesh(
     m: &tobj::Mesh,
     has_normals: &mut impl Iterator<Item = bool>,
     triangulator: &mut Triangulator,
-) -> (Mesh, usize) {
+) -> (Mesh, Vec<Cut>) {
     let positions = triples(&m.positions);
     let mut corners: Vec<[usize; 3]> = Vec::with_capacity(m.indices.len());
     // For each triangle, whether its face names normals.
     let mut bent: Vec<bool> = Vec::with_capacity(m.indices.len() / 3);
-    let mut faults = 0;
+    let mut cuts = Vec::new();
     if m.face_arities.is_empty() {
         corners.extend((0..m.indices.len() / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]));
         bent.extend(has_normals.by_ref().take(corners.len()));
@@ -237,9 +247,9 @@ fn convert_mesh(
             let end = start + arity as usize;
             polygon.clear();
             polygon.extend(m.indices[start..end].iter().map(|&i| positions[i as usize]));
-            let simple = triangulator.triangulate(&polygon, |t| corners.push(t.map(|i| start + i)));
+            let cut = triangulator.triangulate(&polygon, |t| corners.push(t.map(|i| start + i)));
             bent.resize(corners.len(), has_normals.next().unwrap_or(true));
-            faults += usize::from(!simple);
+            cuts.extend((cut != Cut::Whole).then_some(cut));
             start = end;
         }
     }
@@ -264,7 +274,7 @@ fn convert_mesh(
         let decoded = triples(&m.vertex_color).into_iter();
         Attribute::per_position(decoded.map(|c| DVec3::from(c.to_array().map(srgb_decode))).collect())
     });
-    (Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours, tangents: None }, faults)
+    (Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours, tangents: None }, cuts)
 }
 
 fn triples(values: &[f64]) -> Vec<DVec3> {

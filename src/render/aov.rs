@@ -156,6 +156,18 @@ impl Wanted {
         Ok(Wanted { aovs: AOVS.iter().filter(|aov| asked(aov.name)).collect(), effects: asked(EFFECTS) })
     }
 
+    /// How many channels there are beside the picture's own, where so many effects are on.
+    pub fn channel_count(&self, effects_on: usize) -> usize {
+        let effects = if self.effects { 3 * (1 + effects_on) } else { 0 };
+        self.aovs.iter().map(|aov| aov.channels.len()).sum::<usize>() + effects
+    }
+
+    /// The most bytes for each pixel that making the channels takes beside the picture and the channels themselves: a film of bytes for
+    /// the tiles, or a film without an effect, its pixels in rows, and those of the film before.
+    pub fn bytes_a_pixel(&self) -> u64 {
+        if self.effects { 3 * 12 } else { 3 }
+    }
+
     /// Whether numbers of primitives are asked for.
     pub fn has_primitives(&self) -> bool {
         self.aovs.iter().any(|aov| aov.name == "primitive")

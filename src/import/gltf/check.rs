@@ -5,12 +5,98 @@ use std::path::Path;
 use glam::{DMat4, DQuat};
 use gltf::accessor::{DataType, Dimensions};
 
-use super::dvec3;
-use crate::error::{Error, Place, Result, Warnings};
+use super::{dvec3, instancing};
+use crate::error::{Error, Place, Result, Warnings, contain};
+use crate::import::Source;
 use crate::import::uri::{self, Resource};
-use crate::import::{Source, unreadable};
+use crate::limits;
 
-pub(super) fn explain(file: &Path, e: gltf::Error) -> Error {
+/// Reads a document that may require EXT_mesh_gpu_instancing, which the `gltf` crate does not know of. A panic of that crate is
+/// an error of the file.
+pub(super) fn open(bytes: &[u8], file: &Path) -> Result<gltf::Gltf> {
+    let failed = || Error::input(file, "not a usable glTF file", "export it again as glTF 2.0");
+    let read = || gltf::Gltf::from_slice_without_validation(bytes);
+    let gltf::Gltf { document, blob } = contain(read).ok_or_else(failed)?.map_err(|e| explain(file, e))?;
+    let mut json = document.into_json();
+    json.extensions_required.retain(|name| name != instancing::NAME);
+    check_positions(&json, file)?;
+    let document = contain(|| gltf::Document::from_json(json)).ok_or_else(failed)?;
+    Ok(gltf::Gltf { document: document.map_err(|e| explain(file, e))?, blob })
+}
+
+/// The validation of gltf-json 1.4.1 looks at the accessor of a primitive's positions before it knows that there is one
+/// (`primitive_validate_hook` in its mesh.rs), and panics where there is none.
+fn check_positions(json: &gltf::json::Root, file: &Path) -> Result<()> {
+    use gltf::json::validation::Checked;
+    let positions = Checked::Valid(gltf::Semantic::Positions);
+    for (mesh_index, mesh) in json.meshes.iter().enumerate() {
+        for (index, primitive) in mesh.primitives.iter().enumerate() {
+            let accessor = primitive.attributes.get(&positions).map(|accessor| accessor.value());
+            if let Some(accessor) = accessor.filter(|&accessor| accessor >= json.accessors.len()) {
+                let item = Place::item(file, format!("mesh {mesh_index}, primitive {index}"));
+                let what = format!("POSITION is accessor {accessor}; there are {}", json.accessors.len());
+                return Err(Error::input(item, what, "export the file again"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether the meshes and places of a document are within the limits. Primitives may name the same accessor many times, and
+/// accessors without a buffer view have no bytes in the file at all, so that memory is not bounded by the size of the file.
+pub(super) fn check_memory(document: &gltf::Document, file: &Path) -> Result<()> {
+    // Positions, normals and colours are three f64, texture coordinates two, tangents four; an index is read as u32 and kept in a
+    // triangle; joints are 8 bytes, weights 16 and the matrices of a skin 128 a vertex.
+    let bytes_of = |semantic: &gltf::Semantic| match semantic {
+        gltf::Semantic::Joints(_) => 8 + 128,
+        gltf::Semantic::Weights(_) => 16,
+        _ => 32,
+    };
+    // A place is three vectors and a matrix while it is read, then an object with its name for each primitive.
+    const PLACE: u64 = 3 * 32 + 128;
+    let object = size_of::<crate::scene::Object>() as u64 + 32;
+    let of_primitive = |primitive: &gltf::Primitive| {
+        // A strip of n indices is n - 2 triangles.
+        let order = primitive.indices().or_else(|| primitive.get(&gltf::Semantic::Positions));
+        let order = order.map(|accessor| (accessor, 4 + 12));
+        let attributes = primitive.attributes().map(|(semantic, accessor)| (accessor, bytes_of(&semantic)));
+        attributes
+            .chain(order)
+            .map(|(accessor, each)| {
+                (limits::product(&[accessor.count() as u64, each]), accessor.view().is_none())
+            })
+            .fold([0u64; 2], add)
+    };
+    let mut sums = [0u64; 2];
+    // A mesh is read once for all nodes that it stands in, and once for each of those that pose it by a skin.
+    let mut times = vec![0u64; document.meshes().len()];
+    for node in document.nodes() {
+        let Some(mesh) = node.mesh() else { continue };
+        let time = &mut times[mesh.index()];
+        *time = if node.skin().is_some() { *time + 1 } else { (*time).max(1) };
+        if let Some(accessor) = instancing::first_accessor(&node, document) {
+            let each = PLACE + object * mesh.primitives().len() as u64;
+            let bytes = limits::product(&[accessor.count() as u64, each]);
+            sums = add(sums, (bytes, accessor.view().is_none()));
+        }
+    }
+    for (mesh, times) in document.meshes().zip(times) {
+        for primitive in mesh.primitives() {
+            let [there, claimed] = of_primitive(&primitive).map(|bytes| limits::product(&[bytes, times]));
+            sums = add(add(sums, (there, false)), (claimed, true));
+        }
+    }
+    let [there, claimed] = sums;
+    let checked = limits::check_claim(claimed).and_then(|()| limits::check(there.saturating_add(claimed)));
+    checked.map_err(|excess| Error::input(file, format!("reading its meshes {excess}"), excess.hint()))
+}
+
+/// Adds bytes to those that are in the file, or to those that are only claimed.
+fn add([there, claimed]: [u64; 2], (bytes, is_claimed): (u64, bool)) -> [u64; 2] {
+    if is_claimed { [there, claimed.saturating_add(bytes)] } else { [there.saturating_add(bytes), claimed] }
+}
+
+fn explain(file: &Path, e: gltf::Error) -> Error {
     let text = e.to_string();
     let gltf::Error::Validation(faults) = e else {
         return Error::input(file, format!("not a usable glTF file: {text}"), "export it again as glTF 2.0");
@@ -55,8 +141,6 @@ pub(super) fn check_accessors(document: &gltf::Document, file: &Path) -> Result<
             usable &= fits(Some(indices.view()), indices.offset(), sparse.count(), index_size);
             usable &= fits(Some(values.view()), values.offset(), sparse.count(), size);
         }
-        // A sparse accessor may stand on no view at all; then nothing but this bounds how much it asks for.
-        usable &= accessor.view().is_some() || count <= MOST_UNBACKED;
         if !usable {
             let item = Place::item(file, format!("accessor {}", accessor.index()));
             let what = "its elements do not lie inside its buffer view";
@@ -83,9 +167,6 @@ pub(super) fn check_accessors(document: &gltf::Document, file: &Path) -> Result<
     }
     Ok(())
 }
-
-/// The most elements of an accessor whose values are not in the file.
-const MOST_UNBACKED: usize = 1 << 28;
 
 fn is_index(accessor: &gltf::Accessor) -> bool {
     matches!(accessor.data_type(), DataType::U8 | DataType::U16 | DataType::U32)
@@ -141,7 +222,11 @@ pub(super) fn load_buffers(
                 Resource::Data(data) => data,
                 Resource::File(name) => {
                     let path = source.sibling(name);
-                    source.files.read(&path).map_err(|e| fault(unreadable(&path, &e).to_string()))?
+                    source.files.read(&path).map_err(|e| {
+                        let (what, hint) = limits::explain(&e);
+                        let item = Place::item(&source.file, item.clone());
+                        Error::input(item, format!("{}: {what}", path.display()), hint)
+                    })?
                 }
             },
         };

@@ -30,6 +30,17 @@ impl SharedMeshes {
     }
 }
 
+/// The accessor that says how many places the extension gives a node, where it gives any.
+pub(super) fn first_accessor<'a>(
+    node: &gltf::Node,
+    document: &'a gltf::Document,
+) -> Option<gltf::Accessor<'a>> {
+    let attributes = node.extension_value(NAME)?.get("attributes")?;
+    let index_of = |key: &str| attributes.get(key)?.as_u64();
+    let index = ["TRANSLATION", "ROTATION", "SCALE"].into_iter().find_map(index_of)?;
+    document.accessors().nth(usize::try_from(index).ok()?)
+}
+
 impl Loader<'_> {
     /// The triangles of one primitive in every one of these places.
     pub(super) fn placed(
@@ -146,12 +157,4 @@ impl Loader<'_> {
 fn moved(mut mesh: Mesh, world_from_mesh: &DMat4) -> Shape {
     mesh.transform(world_from_mesh);
     Shape::Mesh(mesh)
-}
-
-/// Reads a document that may require the extension, which the `gltf` crate does not know of.
-pub(super) fn open(bytes: &[u8]) -> gltf::Result<gltf::Gltf> {
-    let gltf::Gltf { document, blob } = gltf::Gltf::from_slice_without_validation(bytes)?;
-    let mut json = document.into_json();
-    json.extensions_required.retain(|name| name != NAME);
-    Ok(gltf::Gltf { document: gltf::Document::from_json(json)?, blob })
 }

@@ -3,6 +3,7 @@
 use glam::{DMat4, DVec3};
 
 use super::{Loader, dvec3};
+use crate::error::{Place, Result};
 use crate::film::Colour;
 use crate::import::pictures::{self, Pictures};
 use crate::import::uri::{self, Resource};
@@ -12,33 +13,37 @@ use crate::scene::{
 };
 
 impl Loader<'_> {
-    pub(super) fn load_images(&mut self, document: &gltf::Document) -> Vec<Option<ImageId>> {
+    pub(super) fn load_images(&mut self, document: &gltf::Document) -> Result<Vec<Option<ImageId>>> {
         let mut files = Pictures::new(self.source);
         document.images().map(|image| self.load_image(&image, &mut files)).collect()
     }
 
-    pub(super) fn load_image(&mut self, image: &gltf::Image, files: &mut Pictures) -> Option<ImageId> {
-        let name = format!("{}: image {}", self.source.file.display(), image.index());
+    pub(super) fn load_image(
+        &mut self,
+        image: &gltf::Image,
+        files: &mut Pictures,
+    ) -> Result<Option<ImageId>> {
+        let place = Place::item(&self.source.file, format!("image {}", image.index()));
         match image.source() {
             gltf::image::Source::View { view, .. } => {
-                let range = view.offset()..view.offset().checked_add(view.length())?;
+                let range = view.offset()..view.offset().saturating_add(view.length());
                 let Some(bytes) = self.buffers.get(view.buffer().index()).and_then(|data| data.get(range))
                 else {
-                    self.warnings.push(format!("{name}: texture left out: it lies outside its buffer"));
-                    return None;
+                    self.warnings.push(format!("{place}: texture left out: it lies outside its buffer"));
+                    return Ok(None);
                 };
-                pictures::of_bytes(&mut self.scene, &name, bytes, self.warnings)
+                pictures::of_bytes(&mut self.scene, place, bytes, self.warnings)
             }
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
                 Ok(Resource::Data(bytes)) => {
-                    pictures::of_bytes(&mut self.scene, &name, &bytes, self.warnings)
+                    pictures::of_bytes(&mut self.scene, place, &bytes, self.warnings)
                 }
                 Ok(Resource::File(file)) => {
                     files.of_file(&mut self.scene, &self.source.sibling(file), self.warnings)
                 }
                 Err(what) => {
-                    self.warnings.push(format!("{name}: texture left out: {what}"));
-                    None
+                    self.warnings.push(format!("{place}: texture left out: {what}"));
+                    Ok(None)
                 }
             },
         }

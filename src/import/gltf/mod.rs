@@ -15,7 +15,7 @@ use glam::{DMat4, DVec3};
 use super::Source;
 use crate::error::{Result, Warnings};
 use crate::scene::{ImageId, Material, MaterialId, MetallicRoughness, Object, Scene, Shape};
-use check::{check_accessors, check_images, explain, load_buffers, world_transforms};
+use check::{check_accessors, check_images, check_memory, load_buffers, world_transforms};
 use instancing::SharedMeshes;
 use look::place_targets;
 use triangles::deform;
@@ -23,9 +23,10 @@ use triangles::deform;
 /// Reads a .gltf or .glb file.
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let bytes = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
-    let gltf::Gltf { document, blob } = instancing::open(bytes).map_err(|e| explain(&source.file, e))?;
+    let gltf::Gltf { document, blob } = check::open(bytes, &source.file)?;
     check_accessors(&document, &source.file)?;
     check_images(&document, &source.file)?;
+    check_memory(&document, &source.file)?;
     let buffers = load_buffers(&document, blob, source)?;
     let mut loader = Loader {
         source,
@@ -37,7 +38,7 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         shared: SharedMeshes::default(),
     };
     loader.warn_of_what_is_not_drawn(&document);
-    loader.images = loader.load_images(&document);
+    loader.images = loader.load_images(&document)?;
     for material in document.materials() {
         let material = loader.material(&material);
         loader.scene.add_material(material);

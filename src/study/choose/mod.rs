@@ -205,6 +205,9 @@ impl Target {
     }
 }
 
+/// The most bytes for each pixel that rendering to a target takes: nine pictures of 12 bytes at most. By peak memory, up to 90.
+pub const BYTES_A_PIXEL: u64 = 108;
+
 /// Renders to a target, on the current rayon pool.
 ///
 /// # Errors

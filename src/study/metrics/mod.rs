@@ -19,6 +19,10 @@ use crate::error::{Error, Result};
 /// "Adaptive sampling and reconstruction using greedy error minimization", 2011, section 6, have 0.01.
 pub const REL_MSE_EPSILON: f64 = 0.01;
 
+/// The most bytes for each pixel that comparing takes beside the two pictures: both as displayed, and planes of f64 for FLIP. By peak
+/// memory, 163.
+pub const BYTES_A_PIXEL: u64 = 176;
+
 /// How many of the worst places are listed, each from another square of [`SQUARE`] pixels.
 const WORST: usize = 5;
 
