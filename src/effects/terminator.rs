@@ -10,6 +10,7 @@
 use super::tile::{Context, Level, Tile, vec_bytes};
 use super::{Asked, Effect, Hook, RayKind, Stage, named};
 use crate::geometry::Ray;
+use crate::geometry::spawn::EDGE_DISTANCE;
 use crate::world::{Lanes, World};
 
 /// From points to their places on the smooth surface.
@@ -90,7 +91,9 @@ fn lift(own: &mut Buffers, tile: &mut Tile, context: &Context) {
         }
         let surface = surfaces.get(index);
         let point = world.smooth_point(&surface, hit);
-        if point.position == surface.point.position {
+        // Normals are kept in f32: a lift within their rounding says nothing.
+        let lift = (point.position - surface.point.position).abs().max_element();
+        if lift <= EDGE_DISTANCE * point.reach.max_element() {
             continue;
         }
         let start = point.origin_towards(surface.geometric_normal, numerics);

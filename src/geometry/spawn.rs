@@ -29,7 +29,7 @@
 
 use glam::DVec3;
 
-use super::Numerics;
+use super::{Numerics, Triangle};
 
 /// How far origins are kept from the edges of their triangle, relative to the largest coordinate of its corners: 2^-23, the spacing of
 /// f32 numbers, so no more than rounding the corners has moved them by.
@@ -57,8 +57,9 @@ impl SurfacePoint {
         let [a, b, c] = corners;
         let reach = a.abs().max(b.abs()).max(c.abs());
         let at = |weights: [f64; 3]| a * weights[0] + b * weights[1] + c * weights[2];
-        let interior = at(interior_weights(corners, weights, EDGE_DISTANCE * reach.max_element()));
-        SurfacePoint { position: at(weights), interior, reach }
+        let position = at(weights);
+        let interior = interior_weights(corners, weights, EDGE_DISTANCE * reach.max_element());
+        SurfacePoint { position, interior: interior.map_or(position, at), reach }
     }
 
     /// The point of a sphere in direction `normal` from its centre.
@@ -98,19 +99,23 @@ fn round_away(point: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// Barycentric coordinates moved towards the centroid until the point is `distance` from every edge, or half as far as the centroid
-/// is from those that are too close together for that.
+/// is where the triangle is too thin for that. `None` where it is far enough from them already.
 #[inline(always)]
-fn interior_weights([a, b, c]: [DVec3; 3], weights: [f64; 3], distance: f64) -> [f64; 3] {
+fn interior_weights(corners: [DVec3; 3], weights: [f64; 3], distance: f64) -> Option<[f64; 3]> {
     const CENTROID: f64 = 1.0 / 3.0;
-    let twice_area = (b - a).cross(c - a).length();
-    let edges = [(c - b).length(), (a - c).length(), (b - a).length()];
-    let mut share: f64 = 0.0;
-    for (weight, edge) in weights.into_iter().zip(edges) {
-        // A weight is the distance from the opposite edge over the height on it. Without an area the quotient is infinite or NaN.
-        let least = (distance * edge / twice_area).min(CENTROID / 2.0);
-        share = share.max((least - weight) / (CENTROID - weight).max(CENTROID / 2.0));
+    let triangle = Triangle(corners);
+    let [a, b, c] = weights;
+    let smallest = a.min(b).min(c);
+    // A weight is the distance from the opposite edge over the height on it, which is least on the longest edge.
+    let (longest_squared, area_squared) =
+        (triangle.longest_edge_squared(), triangle.normal().length_squared());
+    if smallest > 0.0 && smallest * smallest * area_squared >= distance * distance * longest_squared {
+        return None;
     }
-    weights.map(|weight| weight + share * (CENTROID - weight))
+    // Without an area the quotient is infinite or NaN.
+    let least = (distance * (longest_squared / area_squared).sqrt()).min(CENTROID / 2.0);
+    let share = ((least - smallest) / (CENTROID - smallest).max(CENTROID / 2.0)).max(0.0);
+    Some(weights.map(|weight| weight + share * (CENTROID - weight)))
 }
 
 #[cfg(test)]

@@ -28,7 +28,7 @@ impl Triangle {
     }
 
     /// A vector perpendicular to the triangle; the order of the corners gives its side, twice the area its length.
-    #[inline]
+    #[inline(always)]
     pub fn normal(&self) -> DVec3 {
         let [a, b, c] = self.0;
         (b - a).cross(c - a)
@@ -36,26 +36,35 @@ impl Triangle {
 
     /// The unit normal. `None` for a triangle thinner than [`EDGE_DISTANCE`] times its largest coordinate: rounding its corners to
     /// f32 may have turned that in any direction; see [`Triangle::sliver_normal`].
-    #[inline]
+    #[inline(always)]
     pub fn unit_normal(&self) -> Option<DVec3> {
         let [a, b, c] = self.0;
         let (normal, reach) = (self.normal(), a.abs().max(b.abs()).max(c.abs()).max_element());
-        let twice_area = normal.length();
-        let least = EDGE_DISTANCE * reach * self.longest_edge().length();
-        (twice_area > least).then(|| normal / twice_area)
+        let area_squared = normal.length_squared();
+        let least = EDGE_DISTANCE * reach;
+        (area_squared > least * least * self.longest_edge_squared()).then(|| normal / area_squared.sqrt())
     }
 
     /// A unit normal for a triangle that is a line but for rounding: the direction towards the viewer across that line. `view` is the unit
     /// vector to the viewer. A point offset along it is on the viewer's side of the surfaces whose edges the sliver closes.
     pub fn sliver_normal(&self, view: DVec3) -> DVec3 {
-        let along = self.longest_edge().normalize_or_zero();
+        let longer = |p: DVec3, q: DVec3| if q.length_squared() > p.length_squared() { q } else { p };
+        let [ab, bc, ca] = self.edges();
+        let along = longer(longer(ab, bc), ca).normalize_or_zero();
         (view - view.dot(along) * along).try_normalize().unwrap_or(view)
     }
 
-    fn longest_edge(&self) -> DVec3 {
+    /// The square of the length of the longest edge.
+    #[inline(always)]
+    pub fn longest_edge_squared(&self) -> f64 {
+        let [ab, bc, ca] = self.edges().map(DVec3::length_squared);
+        ab.max(bc).max(ca)
+    }
+
+    #[inline(always)]
+    fn edges(&self) -> [DVec3; 3] {
         let [a, b, c] = self.0;
-        let longer = |p: DVec3, q: DVec3| if q.length_squared() > p.length_squared() { q } else { p };
-        longer(longer(b - a, c - b), a - c)
+        [b - a, c - b, a - c]
     }
 
     /// Whether the corners lie on one line, exactly.
