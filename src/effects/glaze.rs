@@ -295,7 +295,11 @@ mod tests {
         let along = (along - along.dot(outer) * outer).normalize_or(outer.any_orthonormal_vector());
         let smooth = (outer + DVec3::from(bend)).normalize();
         (smooth.dot(outer) > 0.0).then_some(Surface {
-            point: crate::geometry::spawn::SurfacePoint { position: DVec3::ZERO, interior: DVec3::ZERO, reach: DVec3::ZERO },
+            point: crate::geometry::spawn::SurfacePoint {
+                position: DVec3::ZERO,
+                interior: DVec3::ZERO,
+                reach: DVec3::ZERO,
+            },
             view: (along + height * outer).normalize(),
             geometric_normal: outer,
             shading_normal: smooth,
