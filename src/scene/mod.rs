@@ -91,6 +91,8 @@ pub struct Object {
 
 /// The shapes kiln knows.
 #[derive(Debug, Clone)]
+// Objects are few beside their triangles, so the unused bytes of small variants do not matter.
+#[allow(clippy::large_enum_variant)]
 pub enum Shape {
     /// An analytic sphere.
     Sphere {
