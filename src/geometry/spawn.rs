@@ -3,7 +3,7 @@
 //! A secondary ray must start in the free space in front of the surface, or it hits that surface again (acne) or starts behind a
 //! neighbouring one (a leak). Offsetting the hit point along the normal (pbrt, 4th edition, section 6.8) is not enough at an
 //! edge of a concave corner: there the offset point lies on or behind the neighbouring face. So the point is moved twice:
-//! 1. within its triangle, until it is at least [`EDGE_DISTANCE`] R from every edge ([`interior_weights`]), and
+//! 1. within its triangle, until it is at least [`EDGE_DISTANCE`] R from every edge, and
 //! 2. along the geometric normal by [`ORIGIN_OFFSET`] R,
 //!
 //! where R is the largest coordinate of the triangle's corners. Both are shares of the coordinates that the point was computed from,
@@ -12,7 +12,7 @@
 //! # What this guarantees (`watertight`, `double`, `exact`)
 //! Let u = 2^-53. The hit point is off by less than 8 u R: four roundings of the convex combination, of which each axis has R at most,
 //! and three of the weights' sum. A triangle test sees each corner moved by at most 8 u times its distance from the origin
-//! ([`super::woop`]), so by 16 u R for the corners of this triangle. The origin is 2^13 u R above the plane, more than
+//! (`geometry::woop`), so by 16 u R for the corners of this triangle. The origin is 2^13 u R above the plane, more than
 //! 300 times both, so it is in front of its own triangle, also as a test sees it.
 //!
 //! A neighbouring face that shares an edge with the triangle at a dihedral angle a rises to EDGE_DISTANCE R tan a above the
