@@ -330,7 +330,6 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
                     }
                 }
             }
-            println!("{}: {on_lines} of {}", numerics.name(), clean.len());
             assert!(on_lines * 100 <= clean.len(), "{}: {on_lines}", numerics.name());
         }
     };

@@ -28,7 +28,7 @@ pub enum Update {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotFinite {
     /// In a primitive.
-    #[error("primitive {0} has a coordinate or a radius that is not a finite number of f32")]
+    #[error("primitive {0} has a coordinate or a radius that is not finite, or too large for f32")]
     Primitive(usize),
     /// In a ray, or its direction is zero.
     #[error(

@@ -5,7 +5,7 @@
 //! | tier | rays and corners | boxes tested in | triangles | spheres |
 //! | ---- | ---------------- | --------------- | --------- | ------- |
 //! | [`Fast`] | f32 | f32 | Möller and Trumbore, f32 | Haines and others, f32 |
-//! | [`Watertight`] | rays f64, corners f32 | f64 | Woop, Benthin and Wald, f64 | Haines and others, f64 |
+//! | [`Watertight`] | rays f64, corners f32 | f32, in trees of two f64 | Woop, Benthin and Wald, f64 | Haines and others, f64 |
 //! | [`Double`] | f64 | f64 | the same | the same |
 //! | [`Exact`] | f64 | f64 | the same with error bounds, then exact | the same with error bounds, then exact |
 //!

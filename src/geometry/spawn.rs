@@ -12,14 +12,18 @@
 //! # What this guarantees (`watertight`, `double`, `exact`)
 //! Let u = 2^-53. The hit point is off by less than 8 u R: four roundings of the convex combination, of which each axis has R at most,
 //! and three of the weights' sum. A triangle test sees each corner moved by at most 8 u times its distance from the origin
-//! (`geometry::woop`), so by 16 u R for the corners of this triangle. The origin is 2^13 u R above the plane, more than
-//! 300 times both, so it is in front of its own triangle, also as a test sees it.
+//! (moving it to the origin rounds by 2 u, the shear by 2 u, their product by u and the difference by 2 u), so by 16 u R for the corners of
+//! this triangle. The origin is 2^13 u R above the plane, more than 150 times both together in Euclidean norm, so it is in front of
+//! its own triangle, also as a test sees it.
 //!
 //! A neighbouring face that shares an edge with the triangle at a dihedral angle a rises to EDGE_DISTANCE R tan a above the
 //! point; the origin is in front of that face, too, as long as that is more than ORIGIN_OFFSET R and the errors above: for
 //! every a > 2^-16.9, 0.0005 degrees. The same holds for a face that shares one corner only, with the angle between the
 //! two planes' directions at that corner. Then the origin lies inside the closed mesh that the test sees, whose
 //! edges have no gaps, and no ray can leave that mesh without a hit.
+//!
+//! The point moves towards the centroid: by about EDGE_DISTANCE R in a triangle as wide as it is long, by more in one that is longer than
+//! wide, and by half the way at most.
 //!
 //! Where it does not hold: triangles thinner than 6 EDGE_DISTANCE R have no point that far from all edges, and the bound on the
 //! angle grows by as much as they are thinner; surfaces that share no corner with the triangle and lie closer than 2
@@ -32,7 +36,7 @@ use glam::DVec3;
 use super::{Numerics, Triangle};
 
 /// How far origins are kept from the edges of their triangle, relative to the largest coordinate of its corners: 2^-23, the spacing of
-/// f32 numbers, so no more than rounding the corners has moved them by.
+/// f32 numbers.
 pub const EDGE_DISTANCE: f64 = 1.0 / (1u32 << 23) as f64;
 
 /// How far origins are moved along the normal, relative to the same: 2^-40. Above the errors (2^-49), so that f64 decides cheaply on which

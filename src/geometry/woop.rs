@@ -204,8 +204,8 @@ impl Sheared {
     }
 }
 
-/// Whether a triangle that the ray's line meets lies behind the origin or contains it: exactly, of the corners as they are, or of a
-/// sliver as it is sheared. `sum` is that of its edge functions, `inverse` the reciprocal of the direction along the third axis.
+/// Whether the origin lies on or beyond the plane of a triangle that the ray's line meets. Exact: of the corners as given, or for slivers of
+/// the sheared corners. `sum` is that of its edge functions, `inverse` the reciprocal of the direction along the third axis.
 ///
 /// The crossing lies ahead if the corners' determinant, seen from the origin, has the opposite sign of `sum` times `inverse`. Shearing keeps the
 /// determinant but rounds corners, which can turn a sliver over: then `sum` says how it lies when sheared, and so must the determinant. All
@@ -226,7 +226,8 @@ fn is_behind<C: Corner>(ray: &Ray, corners: &[C; 3], sheared: &Sheared, sum: f64
     let sides = corners.map(|corner| [0, 1, 2].map(|k| Expansion::difference(corner[k], origin[k])));
     let sign = sign_of_determinant(&sides);
     let most = reach(a).max(reach(b)).max(reach(c));
-    let is_sliver = sum.abs() <= 64.0 * f64::EPSILON * most * most;
+    // The sum of the edge functions is off by 96 u for the sheared corners and 36 u for itself, of the square of the reach.
+    let is_sliver = sum.abs() <= 128.0 * f64::EPSILON * most * most;
     if sign != 0 && !is_sliver {
         return f64::from(sign) * against >= 0.0;
     }

@@ -1,5 +1,5 @@
-//! The last thing before the border closes: primitives that no ray can hit, or that would poison a tree, are counted,
-//! warned of and left out.
+//! Removes primitives that cannot be stored (coordinates that are not finite or beyond 1e18) or that no ray can hit (two equal
+//! corners), and counts them. Called once per input, after its importer.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -174,8 +174,8 @@ fn replace_unusable(mesh: &mut Mesh) -> usize {
         + replace(&mut mesh.colours, |c| c.as_vec3().is_finite() && c.min_element() >= 0.0, DVec3::ONE)
 }
 
-/// Whether a triangle closes nothing: its edges are one, there and back. Triangles whose three corners are on one line are kept, because they
-/// close T-vertices.
+/// Whether two corners coincide. Such a triangle has a single edge, so it closes no gap; triangles with three distinct collinear corners
+/// are kept.
 fn has_equal_corners([a, b, c]: [DVec3; 3]) -> bool {
     a == b || b == c || c == a
 }

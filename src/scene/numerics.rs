@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub enum Numerics {
     /// f32 throughout. Rays may slip between triangles.
     Fast,
-    /// Rays and corners in f32, decided in f64. No ray slips through a closed mesh.
+    /// Corners in f32, rays and decisions in f64. Closed meshes stay closed: docs/closed-meshes.md.
     #[default]
     Watertight,
     /// Rays, corners and boxes in f64.

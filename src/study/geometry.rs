@@ -1,7 +1,7 @@
 //! What tiers decide otherwise than `exact`, before any shading: hits and misses, primitives, distances, normals.
 //!
 //! Asked are the rays through the centres of a picture's pixels. Each tier asks in its own numbers: what `fast` and `watertight`
-//! lose by rounding rays and corners to f32 counts, as it does in their pictures. `kiln bench numerics` asks all tiers the same
+//! lose by rounding corners to f32 counts, as it does in their pictures. `kiln bench numerics` asks all tiers the same
 //! f32 questions instead.
 
 use glam::DVec3;
