@@ -14,12 +14,13 @@ use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
 use super::{Printer, develop};
 use crate::animation::{FileNames, FrameList, Moment, Stage, in_order};
-use crate::effects::{self, Plan, RayKind, check_scene};
+use crate::effects::{Plan, RayKind, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::look;
 use crate::film::write::{self, FRAME, Format, Metadata, write_picture};
 use crate::film::{ColourPipeline, Share, TILE, Window};
 use crate::import;
+use crate::limits;
 use crate::render::aov::Wanted;
 use crate::render::{Clock, Statistics, Watch};
 use crate::scene::animation::Timeline;
@@ -66,9 +67,11 @@ pub struct Frames {
     skipped: usize,
     /// What all frames have in common; the scene is in the stage.
     shared: Described,
+    /// How many effects the first frame has on; a light that is dark at first may add to them.
+    effects_on: usize,
 }
 
-/// The most bytes that pictures in flight may take together, where there are more than two.
+/// The most bytes that more than two pictures in flight may take together.
 const MOST_BYTES: usize = 1 << 29;
 
 impl Frames {
@@ -83,6 +86,7 @@ impl Frames {
         show("loading", warnings);
         let mut scene = timed(&mut seconds.load, || import::load(&arguments.inputs, warnings))?;
         show("preparing", warnings);
+        import::check_drawable(&arguments.inputs, &scene)?;
         check_scene(&scene.effects)?;
         let is_turntable = scene.animation.is_none();
         let (camera, size) = picture::choose_for_frames(arguments, &mut scene)?;
@@ -112,10 +116,10 @@ impl Frames {
         let frames: Vec<i32> = to_do.copied().collect();
         let skipped = mine.len() - frames.len();
         if frames.is_empty() {
-            return Ok(Frames { stage: None, timeline, frames, skipped, shared });
+            return Ok(Frames { stage: None, timeline, frames, skipped, shared, effects_on: 0 });
         }
         let scene = std::mem::take(&mut shared.scene);
-        prepare::check_mip_maps(&scene, &shared.choices)?;
+        prepare::check_memory(&scene, &shared.choices, shared.numerics)?;
         if scene.lights.is_empty() && shared.choices.shading.uses_lights() {
             warnings.note(prepare::HEADLIGHT);
         }
@@ -124,9 +128,10 @@ impl Frames {
         let Described { camera, pipeline, structure, numerics, .. } = &shared;
         let stage =
             timed(&mut seconds.build, || Stage::new(scene, camera, lit, *pipeline, *structure, *numerics))?;
-        let frames = Frames { stage: Some(stage), timeline, frames, skipped, shared };
-        // What is wrong with the first frame is said before any work; all have the same effects.
+        let mut frames = Frames { stage: Some(stage), timeline, frames, skipped, shared, effects_on: 0 };
+        // Errors and warnings of the first frame come before any is rendered.
         let first = frames.ready(frames.frames()[0])?;
+        frames.effects_on = first.plan.effects_on().count();
         prepare::note_range(first.range.as_ref(), warnings);
         prepare::warn_of_the_world(&first.world, &first.plan, &first.choices, warnings);
         Ok(frames)
@@ -189,10 +194,12 @@ impl Frames {
             progress.steps(1 + done.fetch_add(1, Ordering::Relaxed), total, ("frames", tiles));
         };
         let watch = Watch { cancel: interrupted, progress: &count };
-        // One more than threads, so that none waits while a frame ends.
+        develop::check_memory_of(window, channels, bytes_a_pixel)?;
+        // One more than threads, so that none waits while a frame ends; fewer where memory holds fewer.
         let each = window.area().saturating_mul(bytes_a_pixel.max(12) as usize);
-        let in_flight = (MOST_BYTES / each).clamp(2, 1 + pool.current_num_threads());
-        develop::check_memory_of(window, channels, bytes_a_pixel * in_flight as u64)?;
+        let most = (MOST_BYTES / each).clamp(2, 1 + pool.current_num_threads()).min(self.frames.len());
+        let bytes = |count: usize| limits::product(&[window.area() as u64, bytes_a_pixel, count as u64]);
+        let in_flight = (2..=most).rev().find(|&count| limits::check(bytes(count)).is_ok()).unwrap_or(1);
         let make = |frame| make(frame, &self.ready(frame)?, &watch);
         in_order(pool, self.frames(), in_flight, interrupted, &make, take)
     }
@@ -283,18 +290,25 @@ pub fn write_pictures(
         return Ok(());
     }
     let noticed = Noticed::default();
+    let needs = |effects_on: usize| {
+        let channels = pictures.wanted.channel_count(effects_on) as u64;
+        let bytes = develop::bytes_a_pixel(pictures.format, &pictures.wanted, channels)
+            + write::bytes_a_pixel(pictures.format, channels);
+        (channels, bytes)
+    };
     let make = |frame: i32, ready: &Ready, watch: &Watch| {
+        let effects_on = ready.plan.effects_on().count();
+        if effects_on > frames.effects_on {
+            let (channels, bytes) = needs(effects_on);
+            develop::check_memory_of(ready.window, channels, bytes)?;
+        }
         let (picture, statistics) =
             develop::render_plainly(ready, pictures.format, &pictures.wanted, watch, Clock::Stopped)?;
         noticed.look(frame, &statistics);
         write_picture(&picture, &ready.settings, pictures.format, &pictures.names.of(frame))
     };
     let mut took = 0.0;
-    // Which effects are on, and have channels, is known of each frame by itself.
-    let channels = pictures.wanted.channel_count(effects::EFFECTS.len()) as u64;
-    let bytes = develop::bytes_a_pixel(pictures.format, &pictures.wanted, channels)
-        + write::bytes_a_pixel(pictures.format, channels);
-    let needs = (channels, bytes);
+    let needs = needs(frames.effects_on);
     timed(&mut took, || {
         frames.make_all(&pool, needs, interrupted, &report.progress, &make, &mut |_, ()| Ok(()))
     })?;
@@ -308,7 +322,7 @@ pub fn write_pictures(
     Ok(())
 }
 
-/// What is said of an animation while it is made.
+/// Progress, warnings and times of an animation.
 pub struct Report {
     pub progress: Progress,
     pub seconds: Seconds,

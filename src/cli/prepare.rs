@@ -1,6 +1,8 @@
 //! From arguments to a scene that is ready for its picture: the one way there, for every command that makes pictures.
 
+use std::collections::HashSet;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::arguments::Arguments;
@@ -11,9 +13,10 @@ use crate::effects::{Choices, Plan, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::write::FINGERPRINT;
 use crate::film::{ColourPipeline, Share, Window};
+use crate::geometry::Precision;
 use crate::import;
 use crate::limits;
-use crate::scene::{Camera, Fingerprint, Numerics, Projection, Scene, TextureImage};
+use crate::scene::{Camera, Fingerprint, Numerics, Object, Projection, Scene, Shape, TextureImage};
 use crate::world::{Range, View, World, bring_into_range, headlight};
 
 /// A scene that is ready for its picture.
@@ -62,6 +65,7 @@ pub fn take_in(
     show("loading", warnings);
     let scene = timed(&mut seconds.load, || import::load(&arguments.inputs, warnings))?;
     show("preparing", warnings);
+    import::check_drawable(&arguments.inputs, &scene)?;
     describe(arguments, scene, longest, warnings)
 }
 
@@ -86,7 +90,7 @@ pub fn describe(
     settle(arguments, scene, range, camera, size)
 }
 
-/// What is said where a scene has no light.
+/// The note on a scene without lights.
 pub const HEADLIGHT: &str = "no light in the scene; added a headlight";
 
 /// Says how a scene was moved.
@@ -194,18 +198,40 @@ pub fn make_ready(
 pub fn build(described: Described, seconds: &mut Seconds, warnings: &mut Warnings) -> Result<Ready> {
     let Described { scene, range, view, window, choices, pipeline, numerics, structure, settings, .. } =
         described;
-    check_mip_maps(&scene, &choices)?;
+    check_memory(&scene, &choices, numerics)?;
     let world = timed(&mut seconds.build, || World::prepare(scene, pipeline, structure, numerics));
     let plan = Plan::new(&world, &choices)?;
     warn_of_the_world(&world, &plan, &choices, warnings);
     Ok(Ready { world, range, view, window, plan, choices, pipeline, share: Share::ALL, settings })
 }
 
+/// Checks that there is memory for what is made of a scene before it is rendered.
+///
+/// # Errors
+/// [`Error::Input`] for the largest texture, [`Error::Failed`] for the acceleration structure.
+pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Result<()> {
+    check_mip_maps(scene, choices)?;
+    // Measured on grids and on triangles at random, every preset: peak of the address space beyond the scene.
+    let each = if numerics.precision() == Precision::Single { 320 } else { 416 };
+    let mut shared = HashSet::new();
+    let of_object = |object: &Object| match &object.shape {
+        Shape::Sphere { .. } => 1,
+        Shape::Mesh(mesh) => mesh.triangles.len(),
+        Shape::Placed(placed) if shared.insert(Arc::as_ptr(&placed.mesh)) => 1 + placed.mesh.triangles.len(),
+        Shape::Placed(_) => 1,
+    };
+    let count = scene.objects.iter().map(of_object).sum::<usize>() as u64;
+    limits::check(limits::product(&[count, each])).map_err(|excess| Error::Failed {
+        what: format!("the acceleration structure over {count} primitives {excess}"),
+        hint: format!("give fewer of them, or {}", excess.remedy()),
+    })
+}
+
 /// Checks that there is memory for the mip maps of a scene's textures, which lookups but `nearest` and `bilinear` use.
 ///
 /// # Errors
 /// [`Error::Input`] for the largest texture.
-pub fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
+fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
     let without = ["textures=nearest", "textures=bilinear"];
     if choices.with.iter().any(|name| without.contains(&name.as_str())) {
         return Ok(());

@@ -73,6 +73,7 @@ fn look(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<O
         arguments.inputs = inputs.to_vec();
     }
     check_scene(&scene.effects)?;
+    import::check_drawable(inputs, &scene)?;
     if scene.bounds().is_none() {
         let file = inputs.first().map_or(Path::new("-"), PathBuf::as_path);
         let hint = "`kiln info` says what the file holds";
