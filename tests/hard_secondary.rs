@@ -9,9 +9,9 @@ use common::picture::{parse, prepare};
 use common::{Numbers, weights_on_borders};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::bvh::{Accelerator, Primitive, Slot, Structure, Traversal, build};
-use kiln::effects::Choices;
 use kiln::effects::glaze::mirrored_ray;
 use kiln::effects::shadows::shadow_ray;
+use kiln::effects::{Choices, RayKind};
 use kiln::film::ColourPipeline;
 use kiln::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET, SurfacePoint};
 use kiln::geometry::{Numerics, PrimId, Ray, Triangle};
@@ -80,7 +80,8 @@ fn icosphere(level: u32, centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
 fn point_on(corners: [DVec3; 3], numbers: &mut Numbers) -> SurfacePoint {
     let (u, v) = (numbers.unit(), numbers.unit());
     let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-    SurfacePoint::on_triangle(corners, [1.0 - u - v, u, v])
+    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+    SurfacePoint::on_triangle(corners, [1.0 - u - v, u, v], normal, f64::INFINITY)
 }
 
 fn light(direction: DVec3, distance: f64) -> LightSample {
@@ -426,7 +427,7 @@ fn rounded(corners: &[DVec3; 3], numerics: Numerics) -> [DVec3; 3] {
     corners.map(|p| p.map(|c| numerics.precision().round(c)))
 }
 
-/// Rays that leave points on the borders of triangles on the side of `inside`, in directions of all heights over the triangle, some of
+/// Rays that leave points on the borders of triangles on the side that is seen from `inside`, in directions of all heights over the triangle, some of
 /// them at corners and edges of the mesh, and rays to a lamp outside, which is at `lamp`.
 fn leaving(
     world: &World,
@@ -440,11 +441,22 @@ fn leaving(
     let (mut free, mut to_lamp) = (Vec::new(), Vec::new());
     // In runs on one triangle, as pixels side by side are: rays to a lamp then make packets.
     for i in 0..count {
-        let corners = rounded(&triangles[i / 32 % triangles.len()], numerics);
-        let Some(normal) = Triangle(corners).unit_normal() else { continue };
-        let normal = normal * (inside - corners[0]).dot(normal).signum();
-        let origin =
-            SurfacePoint::on_triangle(corners, weights_on_borders(numbers)).origin_towards(normal, numerics);
+        let index = i / 32 % triangles.len();
+        let corners = rounded(&triangles[index], numerics);
+        let weights = weights_on_borders(numbers);
+        let target = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+        // What is seen from inside: triangles that close T-vertices may be folded outwards, behind their neighbours.
+        let Some(way) = (target - inside).try_normalize() else { continue };
+        let ray = numerics.ray_precision().ray(inside, way, 0.0, f64::INFINITY);
+        let hit = world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("a closed mesh");
+        let surface = world.surface(&ray, &hit);
+        let normal = surface.geometric_normal;
+        let point = if hit.prim == PrimId(index as u32) {
+            SurfacePoint::on_triangle(corners, weights, -way, hit.t)
+        } else {
+            surface.point
+        };
+        let origin = point.origin_towards(normal, numerics);
         let direction = match i % 3 {
             0 => numbers.direction(),
             1 => {
@@ -566,6 +578,120 @@ fn e7_nothing_escapes_beside_t_vertices() {
     nothing_escapes("T-vertices", &t_vertices, middle_of(1.0), lamp, 0.1);
 }
 
+/// E7: the same in rods whose long triangles are thinner than 6 [`EDGE_DISTANCE`] of their length, so that no point of them is as far as that
+/// from all edges.
+#[test]
+fn e7_nothing_escapes_from_triangles_without_an_interior() {
+    for width in [4e-7, 1e-7] {
+        let rod: Vec<[DVec3; 3]> = meshes::cube(1)
+            .iter()
+            .map(|t| t.map(|p| p * DVec3::new(1.0, width / 2.0, width / 2.0)))
+            .collect();
+        assert!(width < 6.0 * EDGE_DISTANCE);
+        nothing_escapes(
+            &format!("rod of width {width}"),
+            &rod,
+            DVec3::ZERO,
+            DVec3::new(0.3, 2.0, 1.5),
+            width,
+        );
+    }
+}
+
+/// E7: wedges with normals that bulge into their inside, seen from there: shadow rays start on the smooth surface, and the lamp outside lights
+/// nothing.
+#[test]
+fn e7_the_smooth_surface_of_a_wedge_stays_inside() {
+    for degrees in [90.0, 30.0, 5.0] {
+        let angle = f64::to_radians(degrees);
+        let (triangles, inside) = (wedge(angle), middle_of(angle));
+        let normals = triangles.iter().flat_map(|&corners| {
+            let normal = Triangle(corners).unit_normal().expect("an area");
+            let normal = normal * (inside - corners[0]).dot(normal).signum();
+            let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+            corners.map(|corner| (normal + 0.5 * (corner - middle)).normalize())
+        });
+        let mesh = Mesh {
+            positions: triangles.iter().flatten().copied().collect(),
+            triangles: (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+            normals: Some(Attribute { values: normals.collect(), triangles: None }),
+            ..Mesh::default()
+        };
+        // The pixels' rows meet the edge along z, and its ends.
+        for target in [[0.0, 0.0, 0.1], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]] {
+            let mut scene = parse(&format!(
+                "[image]\nwidth = 48\nheight = 48\ncolour = \"display\"\n[[camera]]\nposition = {:?}\nlook_at = {target:?}\n\
+                 up = [0.3, 1, 0.2]\nvertical_fov = 40\n[ambient]\nintensity = 0\n[material.m]\ncolour = [255, 255, 255]\n\
+                 diffuse = 1\nspecular = 0\n[[light]]\ntype = \"point\"\nposition = [-1, -2, 0.3]\n[[sphere]]\n\
+                 centre = [0, 0, 0]\nradius = 1\nmaterial = \"m\"\n",
+                inside.to_array()
+            ));
+            scene.objects[0].shape = Shape::Mesh(mesh.clone());
+            for numerics in CLOSED {
+                let prepared = prepare(scene.clone(), [48, 48], numerics);
+                let (film, statistics) = prepared.render(Choices::default());
+                let lit = (0..48 * 48u32).filter(|at| film.pixel(at % 48, at / 48)[0] > 0.0).count();
+                assert_eq!(lit, 0, "{degrees} degrees towards {target:?}, {}", numerics.name());
+                let lifted = statistics.rays(RayKind("terminator"));
+                assert!(lifted.cast > 100 && lifted.hit > 0, "{degrees} degrees: {lifted:?}");
+            }
+        }
+    }
+}
+
+/// E7: from inside a room with an edge that juts into it, rays along the x and y axes and their diagonals meet that edge exactly, where one of
+/// its two faces is hidden behind the other. Whichever of the two is reported, what leaves it stays inside.
+#[test]
+fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
+    // An L of three cells, each a square of 2 units, extruded from z = -1 to 1; the edge stands at the origin.
+    let outline = [[0, 0], [0, 2], [-2, 2], [-2, 0], [-2, -2], [0, -2], [2, -2], [2, 0]]
+        .map(|[x, y]| [x as f64, y as f64]);
+    let at = |i: usize, z: f64| DVec3::new(outline[i % 8][0], outline[i % 8][1], z);
+    let mut triangles: Vec<[DVec3; 3]> = Vec::new();
+    for i in 0..8 {
+        let [a, b, c, d] = [at(i, -1.0), at(i + 1, -1.0), at(i + 1, 1.0), at(i, 1.0)];
+        triangles.extend([[a, b, c], [a, c, d]]);
+        // Floor and ceiling: a fan around the origin, without the walls that end there.
+        if (1..7).contains(&i) {
+            triangles.extend([-1.0, 1.0].map(|z| [at(0, z), at(i, z), at(i + 1, z)]));
+        }
+    }
+    let mut numbers = Numbers::new(36);
+    let mut hidden = 0;
+    for reversed in [false, true] {
+        if reversed {
+            triangles.reverse();
+        }
+        for numerics in CLOSED {
+            let world = closed_world(&triangles, numerics, Structure::default(), false);
+            let (mut rays, mut naive) = (Vec::new(), Vec::new());
+            for i in 0..times_factor(3000) {
+                // From the cell beside the edge on either side, where one of the faces x = 0 and y = 0 is hidden.
+                let [u, v] = [1.0 - numbers.below(8) as f64 / 8.0, -1.0 + numbers.below(8) as f64 / 8.0];
+                let from = if i % 2 == 0 { [-u, u] } else { [u, -u] };
+                let from = DVec3::new(from[0], from[1], v * 0.5);
+                let height = if i % 3 == 0 { from.z } else { from.z + 0.25 };
+                let way = DVec3::new(0.0, 0.0, height) - from;
+                let ray = numerics.ray_precision().ray(from, way.normalize(), 0.0, f64::INFINITY);
+                let hit = world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("the edge");
+                let surface = world.surface(&ray, &hit);
+                let origin = surface.point.origin_towards(surface.geometric_normal, numerics);
+                let precision = numerics.ray_precision();
+                let ray = |origin, numbers: &mut Numbers| {
+                    precision.ray(origin, numbers.direction(), 0.0, f64::INFINITY)
+                };
+                rays.extend((0..8).map(|_| ray(origin, &mut numbers)));
+                let offset = surface.point.position + surface.geometric_normal * ORIGIN_OFFSET;
+                naive.extend((0..8).map(|_| ray(offset, &mut numbers)));
+            }
+            assert_eq!(escaped(&world, &rays), [0; 3], "{}, reversed: {reversed}", numerics.name());
+            // Not so from the hit offset along the normal, on which side of the hidden face that may be.
+            hidden += escaped(&world, &naive)[0];
+        }
+    }
+    assert!(hidden > 0, "no hidden face was reported");
+}
+
 /// E7: from outside, a convex mesh is met by no ray that leaves its surface, also at convex edges and corners: the origin is moved away from
 /// edges within the triangle, not away from the mesh.
 #[test]
@@ -582,8 +708,10 @@ fn e7_convex_edges_do_not_shadow_themselves() {
                 let corners = rounded(&triangles[numbers.below(triangles.len())], numerics);
                 let normal = Triangle(corners).unit_normal().expect("an area");
                 let normal = normal * (corners[0] - middle).dot(normal).signum();
-                let origin = SurfacePoint::on_triangle(corners, weights_on_borders(&mut numbers))
-                    .origin_towards(normal, numerics);
+                let view = (normal + 0.9 * numbers.direction()).normalize();
+                let weights = weights_on_borders(&mut numbers);
+                let origin =
+                    SurfacePoint::on_triangle(corners, weights, view, 9.0).origin_towards(normal, numerics);
                 let direction = numbers.direction();
                 let direction = direction * direction.dot(normal).signum();
                 if direction.dot(normal) > least_rise {
@@ -630,7 +758,9 @@ fn e7_starts_closer_to_an_edge_than_rounding_are_safe_in_exact_only() {
 #[test]
 fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
     let mut numbers = Numbers::new(34);
-    for (radius, far) in [(1e-3, 900.0), (1e-6, 900.0), (1.0, 1e6), (1.0, 0.0)] {
+    for (radius, far) in
+        [(1e-3, 900.0), (1e-6, 900.0), (900.0 * 2f64.powi(-37), 900.0), (1.0, 1e6), (1.0, 0.0)]
+    {
         let centre = DVec3::new(1.0, -0.3, 0.6) * far;
         let sphere = kiln::geometry::Sphere { centre, radius };
         let slot = Slot { primitive: Primitive::Sphere(sphere), id: PrimId(0) };

@@ -263,6 +263,18 @@ fn every_preset_answers_as_brute_force() {
     }
 }
 
+/// Coordinates up to the largest that f32 boxes hold, as far as the products of f64 reach.
+#[test]
+fn huge_coordinates_answer_as_brute_force() {
+    for scale in [1e25, 2e34] {
+        let slots = mixed(scale, DVec3::ZERO);
+        for numerics in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
+            let rays = rays(&slots, scale, DVec3::ZERO, numerics);
+            assert_equal_to_brute_force(&slots, &rays, &format!("scale {scale}"), numerics);
+        }
+    }
+}
+
 #[test]
 fn lattice_rays_answer_as_brute_force() {
     let slots = slots(terrain(16, &mut Numbers::new(3)));

@@ -297,7 +297,7 @@ mod tests {
         (smooth.dot(outer) > 0.0).then_some(Surface {
             point: crate::geometry::spawn::SurfacePoint {
                 position: DVec3::ZERO,
-                interior: DVec3::ZERO,
+                start: DVec3::ZERO,
                 reach: DVec3::ZERO,
             },
             view: (along + height * outer).normalize(),

@@ -10,7 +10,7 @@
 use super::tile::{Context, Level, Tile, vec_bytes};
 use super::{Asked, Effect, Hook, RayKind, Stage, named};
 use crate::geometry::Ray;
-use crate::geometry::spawn::EDGE_DISTANCE;
+use crate::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET};
 use crate::world::{Lanes, World};
 
 /// From points to their places on the smooth surface.
@@ -100,7 +100,9 @@ fn lift(own: &mut Buffers, tile: &mut Tile, context: &Context) {
         shadow_origins.set(index, start);
         let way = start - origins.get(index);
         if let Some(direction) = way.try_normalize() {
-            rays.push(numerics.ray_precision().ray(origins.get(index), direction, 0.0, way.length()));
+            // Beyond the new origin by the offset of both, so that what it lies on is met, too.
+            let length = way.length() + 2.0 * ORIGIN_OFFSET * point.reach.max_element();
+            rays.push(numerics.ray_precision().ray(origins.get(index), direction, 0.0, length));
             lifted.push(index as u32);
         }
     }

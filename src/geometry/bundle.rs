@@ -238,7 +238,7 @@ pub fn hit_four<S: Simd>(seen: &[[S::D4; 3]; 3], rays: &FourRays<S>, odd: u32, a
     let mut behind = 0;
     if !ahead && near & inside & !unsure != 0 {
         let (is_behind, cannot_say) = side::<S>(seen, &reaches, S::d4_mul(sum, shear[2]));
-        behind = near & is_behind & S::d4_le(zero, rays.t_min);
+        behind = near & is_behind;
         unsure |= near & inside & cannot_say;
     }
 

@@ -76,7 +76,7 @@ impl Tier for Exact {
         }
         let c = ff - rr;
         let (b_error, c_error) = (4.0 * f64::EPSILON * (ff * a).sqrt(), 4.0 * f64::EPSILON * (ff + rr));
-        if c > c_error && b < -b_error && ray.t_min >= 0.0 {
+        if c > c_error && b < -b_error {
             // Outside, and turned away.
             return None;
         }
@@ -231,7 +231,7 @@ fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> Plane {
     }
     // A ray that leaves the surface it starts from: the distance is lost to rounding, its sign is not.
     let behind = numerator.is_sign_negative() != denominator.is_sign_negative();
-    if behind && ray.t_min >= 0.0 && within(0.5) { Plane::Behind } else { Plane::Unclear }
+    if behind && within(0.5) { Plane::Behind } else { Plane::Unclear }
 }
 
 /// The same in integers.

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3Swizzles};
 
 use super::expansion::Expansion;
-use super::spawn::EDGE_DISTANCE;
+use super::spawn::ORIGIN_OFFSET;
 use super::{Bounds, Corner};
 
 /// Three corners.
@@ -34,24 +34,15 @@ impl Triangle {
         (b - a).cross(c - a)
     }
 
-    /// The unit normal. `None` for a triangle thinner than [`EDGE_DISTANCE`] times its largest coordinate: rounding its corners to
-    /// f32 may have turned that in any direction; see [`Triangle::sliver_normal`].
+    /// The unit normal, to 2^-10 radians and better. `None` for a triangle thinner than [`ORIGIN_OFFSET`] times its largest coordinate:
+    /// differences of its corners are rounded by 2^-53 of that.
     #[inline(always)]
     pub fn unit_normal(&self) -> Option<DVec3> {
         let [a, b, c] = self.0;
         let (normal, reach) = (self.normal(), a.abs().max(b.abs()).max(c.abs()).max_element());
         let area_squared = normal.length_squared();
-        let least = EDGE_DISTANCE * reach;
+        let least = ORIGIN_OFFSET * reach;
         (area_squared > least * least * self.longest_edge_squared()).then(|| normal / area_squared.sqrt())
-    }
-
-    /// A unit normal for a triangle that is a line but for rounding: the direction towards the viewer across that line. `view` is the unit
-    /// vector to the viewer. A point offset along it is on the viewer's side of the surfaces whose edges the sliver closes.
-    pub fn sliver_normal(&self, view: DVec3) -> DVec3 {
-        let longer = |p: DVec3, q: DVec3| if q.length_squared() > p.length_squared() { q } else { p };
-        let [ab, bc, ca] = self.edges();
-        let along = longer(longer(ab, bc), ca).normalize_or_zero();
-        (view - view.dot(along) * along).try_normalize().unwrap_or(view)
     }
 
     /// The square of the length of the longest edge.

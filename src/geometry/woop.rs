@@ -172,7 +172,7 @@ impl WoopTest {
         // Close to the origin the depth's error may be larger than the depth: above all on needles.
         let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
         let is_near = depth.abs() < reach * NEAR;
-        if is_near && ray.t_min >= 0.0 && is_behind(ray, corners, &sheared, sum, self.shear[2]) {
+        if is_near && is_behind(ray, corners, &sheared, sum, self.shear[2]) {
             return None;
         }
         let t = depth * self.shear[2];

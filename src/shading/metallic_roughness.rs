@@ -71,7 +71,7 @@ mod tests {
 
     fn surface(view: DVec3) -> Surface {
         Surface {
-            point: SurfacePoint { position: DVec3::ZERO, interior: DVec3::ZERO, reach: DVec3::ZERO },
+            point: SurfacePoint { position: DVec3::ZERO, start: DVec3::ZERO, reach: DVec3::ZERO },
             view,
             geometric_normal: DVec3::Y,
             shading_normal: DVec3::Y,

@@ -59,7 +59,7 @@ impl World {
         // Of length 1 up to the rounding of the ray, 2^-24 and less.
         let view = -ray.direction;
         let mut surface = Surface {
-            point: SurfacePoint { position: DVec3::ZERO, interior: DVec3::ZERO, reach: DVec3::ZERO },
+            point: SurfacePoint { position: DVec3::ZERO, start: DVec3::ZERO, reach: DVec3::ZERO },
             view,
             geometric_normal: view,
             shading_normal: view,
@@ -80,8 +80,8 @@ impl World {
             Primitive::Triangle(triangle) => {
                 let [v, w] = hit.weights;
                 let weights = [1.0 - v - w, v, w];
-                surface.point = SurfacePoint::on_triangle(triangle.0, weights);
-                let normal = triangle.unit_normal().map_or_else(|| triangle.sliver_normal(view), facing);
+                surface.point = SurfacePoint::on_triangle(triangle.0, weights, view, hit.t);
+                let normal = triangle.unit_normal().map_or(view, facing);
                 surface.geometric_normal = normal;
                 surface.shading_normal = normal;
                 let local = hit.prim.0 - object.first.0;

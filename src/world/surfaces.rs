@@ -21,7 +21,7 @@ pub struct Surfaces {
     /// Where they are.
     pub position: Lanes,
     /// The same moved away from the edges of their triangles, and the sizes that their errors are relative to: see [`SurfacePoint`].
-    interior: Lanes,
+    start: Lanes,
     reach: Lanes,
     /// Unit vectors towards where the rays came from.
     pub view: Lanes,
@@ -57,7 +57,7 @@ impl Default for Surfaces {
         Surfaces {
             len: 0,
             position: Lanes::default(),
-            interior: Lanes::default(),
+            start: Lanes::default(),
             reach: Lanes::default(),
             view: Lanes::default(),
             geometric_normal: Lanes::default(),
@@ -124,17 +124,13 @@ impl Surfaces {
     /// Where a point is, and where secondary rays leave it.
     #[inline(always)]
     pub fn point(&self, i: usize) -> SurfacePoint {
-        SurfacePoint {
-            position: self.position.get(i),
-            interior: self.interior.get(i),
-            reach: self.reach.get(i),
-        }
+        SurfacePoint { position: self.position.get(i), start: self.start.get(i), reach: self.reach.get(i) }
     }
 
     #[inline(always)]
     fn set_point(&mut self, i: usize, point: SurfacePoint) {
         self.position.set(i, point.position);
-        self.interior.set(i, point.interior);
+        self.start.set(i, point.start);
         self.reach.set(i, point.reach);
     }
 
@@ -273,7 +269,8 @@ impl World {
 fn on_triangle(surfaces: &mut Surfaces, range: Range<usize>, triangle: &Triangle, normal: DVec3) {
     for i in range.start..range.end.min(LANES) {
         let (v, w) = (surfaces.weights[0][i], surfaces.weights[1][i]);
-        let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
+        let point =
+            SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w], surfaces.view.get(i), surfaces.t[i]);
         finish(surfaces, i, point, normal);
     }
 }

@@ -122,7 +122,8 @@ impl Point {
         let (surface, normal) = match accelerator.primitive(hit.slot) {
             Primitive::Triangle(triangle) => {
                 let [v, w] = hit.weights;
-                let surface = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
+                let surface =
+                    SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w], -ray.direction, hit.t);
                 (surface, triangle.normal().try_normalize().unwrap_or(-ray.direction))
             }
             Primitive::Sphere(sphere) => {
@@ -217,7 +218,7 @@ mod tests {
     #[test]
     fn diffuse_rays_are_cosine_distributed() {
         let (normal, origin) = (DVec3::new(1.0, 2.0, -2.0) / 3.0, DVec3::ZERO);
-        let surface = SurfacePoint { position: origin, interior: origin, reach: DVec3::ZERO };
+        let surface = SurfacePoint { position: origin, start: origin, reach: DVec3::ZERO };
         let rays = (0..100_000).filter_map(|index| diffuse(&Point { surface, normal, origin }, index));
         let cosines: Vec<f64> = rays.map(|ray| ray.direction.dot(normal)).collect();
         // With density cos / pi the mean cosine is 2/3 and that of its square 1/2, so the mean of n has a standard deviation
@@ -231,7 +232,7 @@ mod tests {
     #[test]
     fn shadow_rays_end_before_the_light_and_start_on_its_side() {
         let normal = DVec3::Y;
-        let surface = SurfacePoint { position: DVec3::ZERO, interior: DVec3::ZERO, reach: DVec3::ONE };
+        let surface = SurfacePoint { position: DVec3::ZERO, start: DVec3::ZERO, reach: DVec3::ONE };
         let point = Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Fast) };
         let light = DVec3::new(3.0, 4.0, 0.0);
         let ray = shadow(&point, light).expect("a ray");
