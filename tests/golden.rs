@@ -1,4 +1,4 @@
-//! The pictures of the assignment, as golden images, made by the commands that the README lists.
+//! The pictures of the assignment, as golden images, made by the commands that `docs/assignment.md` lists.
 //!
 //! On the platform they were made on they must be equal to the last pixel; elsewhere, where the platform's `pow`
 //! may differ in the last bit, no channel may be off by more than 1, except in one pixel of a thousand (edges). Re-make
@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use assert_cmd::Command;
 use common::repository;
 
-/// Name and options of every picture; the README's table has the same.
+/// Name and options of every picture; the table of `docs/assignment.md` has the same.
 const PICTURES: &[(&str, &str)] = &[
     ("view1", "--camera view1"),
     ("view2", "--camera view2"),
@@ -102,10 +102,13 @@ fn the_comparison_notices_a_pixel() {
 }
 
 #[test]
-fn the_readme_lists_every_picture() {
-    let readme = std::fs::read_to_string(repository("README.md")).expect("there is a README");
+fn the_page_lists_every_picture() {
+    let page = std::fs::read_to_string(repository("docs/assignment.md")).expect("there is a page");
     for (name, options) in PICTURES {
-        assert!(readme.contains(&format!("`{options}`")), "README.md does not have `{options}` for {name}");
+        assert!(
+            page.contains(&format!("| `{options}` |")),
+            "docs/assignment.md does not have `{options}` for {name}"
+        );
     }
 }
 
