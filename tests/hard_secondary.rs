@@ -80,8 +80,7 @@ fn icosphere(level: u32, centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
 fn point_on(corners: [DVec3; 3], numbers: &mut Numbers) -> SurfacePoint {
     let (u, v) = (numbers.unit(), numbers.unit());
     let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
-    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
-    SurfacePoint::on_triangle(corners, [1.0 - u - v, u, v], normal, f64::INFINITY)
+    SurfacePoint::on_triangle(corners, [1.0 - u - v, u, v])
 }
 
 fn light(direction: DVec3, distance: f64) -> LightSample {
@@ -443,19 +442,19 @@ fn leaving(
     for i in 0..count {
         let index = i / 32 % triangles.len();
         let corners = rounded(&triangles[index], numerics);
-        let weights = weights_on_borders(numbers);
-        let target = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+        let own = SurfacePoint::on_triangle(corners, weights_on_borders(numbers));
         // What is seen from inside: triangles that close T-vertices may be folded outwards, behind their neighbours.
-        let Some(way) = (target - inside).try_normalize() else { continue };
+        let Some(way) = (own.position - inside).try_normalize() else { continue };
         let ray = numerics.ray_precision().ray(inside, way, 0.0, f64::INFINITY);
         let hit = world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("a closed mesh");
         let surface = world.surface(&ray, &hit);
         let normal = surface.geometric_normal;
-        let point = if hit.prim == PrimId(index as u32) {
-            SurfacePoint::on_triangle(corners, weights, -way, hit.t)
-        } else {
-            surface.point
-        };
+        // Exactly on the border, where that triangle cannot be folded.
+        let [a, b, c] = corners;
+        let perimeter = a.distance(b) + b.distance(c) + c.distance(a);
+        let inradius = Triangle(corners).normal().length() / perimeter;
+        let is_thin = inradius < 2.0 * EDGE_DISTANCE * own.reach.max_element();
+        let point = if hit.prim == PrimId(index as u32) && !is_thin { own } else { surface.point };
         let origin = point.origin_towards(normal, numerics);
         let direction = match i % 3 {
             0 => numbers.direction(),
@@ -681,15 +680,44 @@ fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
                     precision.ray(origin, numbers.direction(), 0.0, f64::INFINITY)
                 };
                 rays.extend((0..8).map(|_| ray(origin, &mut numbers)));
-                let offset = surface.point.position + surface.geometric_normal * ORIGIN_OFFSET;
+                let triangle = world.accelerator.primitive(hit.slot);
+                let Primitive::Triangle(Triangle(corners)) = triangle else { unreachable!("a mesh") };
+                let [v, w] = hit.weights;
+                let within = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w]);
+                let offset = within.origin_towards(surface.geometric_normal, numerics);
                 naive.extend((0..8).map(|_| ray(offset, &mut numbers)));
             }
             assert_eq!(escaped(&world, &rays), [0; 3], "{}, reversed: {reversed}", numerics.name());
-            // Not so from the hit offset along the normal, on which side of the hidden face that may be.
+            // Not so from a point within the face that was reported, where that is the hidden one.
             hidden += escaped(&world, &naive)[0];
         }
     }
     assert!(hidden > 0, "no hidden face was reported");
+}
+
+/// E7: rays that run in the walls of a box, and meet the far wall exactly on its edges and corners.
+#[test]
+fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_wall() {
+    let triangles = meshes::cube(2);
+    let mut numbers = Numbers::new(37);
+    for numerics in CLOSED {
+        let world = closed_world(&triangles, numerics, Structure::default(), false);
+        let precision = numerics.ray_precision();
+        let mut rays = Vec::new();
+        for x in -8..=8 {
+            for y in -8..=8 {
+                let from = DVec3::new(f64::from(x) / 4.0, f64::from(y) / 4.0, 1.5);
+                let ray = precision.ray(from, -DVec3::Z, 0.0, f64::INFINITY);
+                let hit =
+                    world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("the far wall");
+                let surface = world.surface(&ray, &hit);
+                assert_eq!(surface.point.position, DVec3::new(from.x, from.y, -2.0));
+                let origin = surface.point.origin_towards(DVec3::Z, numerics);
+                rays.extend((0..8).map(|_| precision.ray(origin, numbers.direction(), 0.0, f64::INFINITY)));
+            }
+        }
+        assert_eq!(escaped(&world, &rays), [0; 3], "{}", numerics.name());
+    }
 }
 
 /// E7: from outside, a convex mesh is met by no ray that leaves its surface, also at convex edges and corners: the origin is moved away from
@@ -708,10 +736,8 @@ fn e7_convex_edges_do_not_shadow_themselves() {
                 let corners = rounded(&triangles[numbers.below(triangles.len())], numerics);
                 let normal = Triangle(corners).unit_normal().expect("an area");
                 let normal = normal * (corners[0] - middle).dot(normal).signum();
-                let view = (normal + 0.9 * numbers.direction()).normalize();
-                let weights = weights_on_borders(&mut numbers);
-                let origin =
-                    SurfacePoint::on_triangle(corners, weights, view, 9.0).origin_towards(normal, numerics);
+                let origin = SurfacePoint::on_triangle(corners, weights_on_borders(&mut numbers))
+                    .origin_towards(normal, numerics);
                 let direction = numbers.direction();
                 let direction = direction * direction.dot(normal).signum();
                 if direction.dot(normal) > least_rise {

@@ -429,7 +429,10 @@ fn paths_exist() {
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
     assert!(names_no_file("tests/none.rs", &sources) && names_no_file("bvh/none.rs", &sources));
-    assert!(!names_no_file("benches/noise/compare-sampling --size 3", &sources) && !names_no_file("lib.rs", &sources));
+    assert!(
+        !names_no_file("benches/noise/compare-sampling --size 3", &sources)
+            && !names_no_file("lib.rs", &sources)
+    );
 }
 
 // Form.

@@ -13,8 +13,6 @@ use crate::geometry::spawn::SurfacePoint;
 pub struct Tetrahedron {
     /// Its triangles.
     pub mesh: Mesh,
-    /// Its middle, from where its faces are seen.
-    centre: DVec3,
     /// The triangles at its six edges, each with the first of its two corners on that edge.
     at_edges: Vec<(u32, usize)>,
 }
@@ -26,7 +24,7 @@ impl Tetrahedron {
         let turn = DQuat::from_rotation_x(0.7) * DQuat::from_rotation_y(1.9);
         let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]
             .map(|corner| turn * DVec3::from(corner).normalize());
-        let mut made = Tetrahedron { mesh: Mesh::default(), centre: placement.centre, at_edges: Vec::new() };
+        let mut made = Tetrahedron { mesh: Mesh::default(), at_edges: Vec::new() };
         // Vertices by their barycentric coordinates, in units of 1 / n.
         let mut indices: HashMap<[u32; 4], u32> = HashMap::new();
         // Counter-clockwise, seen from outside.
@@ -81,9 +79,7 @@ impl Tetrahedron {
         weights.rotate_right(first);
         let corners = self.mesh.corners(triangle).map(|corner| corner.as_dvec3());
         let inwards = -self.mesh.normal(triangle).normalize();
-        let [a, b, c] = corners;
-        let way = self.centre - (a * weights[0] + b * weights[1] + c * weights[2]);
-        let mut point = SurfacePoint::on_triangle(corners, weights, way.normalize(), way.length());
+        let mut point = SurfacePoint::on_triangle(corners, weights);
         if origins.is_none() {
             point.start = point.position;
         }

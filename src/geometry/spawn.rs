@@ -2,11 +2,13 @@
 //!
 //! A secondary ray must start in the free space in front of the surface, or it hits that surface again (acne) or starts behind a
 //! neighbouring one (a leak). Offsetting the hit point along the normal (pbrt, 4th edition, section 6.8) is not enough at an
-//! edge of a concave corner: there the offset point lies on or behind the neighbouring face. Free space is known for certain in
-//! one place: on the ray that hit the surface, before the hit. So an origin is
-//! - farther than [`EDGE_DISTANCE`] R from the edges of the triangle: the hit point, moved along the geometric normal by [`ORIGIN_OFFSET`] R;
-//! - nearer: the point of the ray that is EDGE_DISTANCE R before the hit, or halfway if the ray is shorter than twice that, moved along
-//!   the normal by what it lacks to ORIGIN_OFFSET R of height.
+//! edge of a concave corner: there the offset point lies on or behind the neighbouring face. So the point is moved twice:
+//! 1. within its triangle, until it is [`EDGE_DISTANCE`] R from every edge, or half the inradius where that is less, and
+//! 2. along the geometric normal by [`ORIGIN_OFFSET`] R.
+//!
+//! A ray that meets an edge exactly may report the face that is hidden there behind the other one; then the point within it is hidden, too.
+//! Free space is known in one more place: on the ray that hit the surface, before the hit. If anything lies between the two,
+//! the point EDGE_DISTANCE R before the hit takes its place ([`SurfacePoint::before_hit`]).
 //!
 //! R is the largest coordinate of the triangle's corners. Both distances are shares of the coordinates that the point was computed from,
 //! so they hold at every scale.
@@ -18,20 +20,19 @@
 //! this triangle. The origin is 2^13 u R above the plane, more than 150 times both together in Euclidean norm, so it is in front of
 //! its own triangle, also as a test sees it.
 //!
-//! *Far from the edges*, a face that shares an edge with the triangle at a dihedral angle a rises to EDGE_DISTANCE R tan a above the
+//! A neighbouring face that shares an edge with the triangle at a dihedral angle a rises to EDGE_DISTANCE R tan a above the
 //! point; the origin is in front of that face, too, as long as that is more than ORIGIN_OFFSET R and the errors above: for
 //! every a > 2^-16.9, 0.0005 degrees. The same holds for a face that shares one corner only, with the angle between the
-//! two planes' directions at that corner.
-//!
-//! *Near an edge*, the ray has come from in front of every face at the point. At an angle b to such a face, the origin is EDGE_DISTANCE R sin b
-//! in front of it: above the errors for b > 2^-25, 2e-6 degrees. That holds for each face at the point, whatever their dihedral angles and
-//! widths, also where the hit was on the edge of a face that is hidden by its neighbour. The offset along the normal is 0
-//! where the ray meets the triangle itself at more than 2^-17; where it meets it at less, it must meet faces that lean over the triangle
-//! at more than that.
+//! two planes' directions at that corner. Before the hit, the origin is EDGE_DISTANCE R sin b in front of every face that the ray met at an
+//! angle b: enough for every b > 2^-25, or 2^-16.9 where the ray met the triangle itself at less than that.
 //!
 //! Then the origin lies inside the closed mesh that the test sees, whose edges have no gaps, and no ray can leave that mesh without a hit.
 //!
+//! The point moves by EDGE_DISTANCE R at most near an edge, and by 2 EDGE_DISTANCE R / sin(a / 2) near a corner of angle a.
+//!
 //! Where it does not hold:
+//! - In triangles with an inradius below 2 EDGE_DISTANCE R the point keeps half the inradius from the edges, and the bound on the dihedral
+//!   angle grows by as much as that is less.
 //! - Surfaces that share no corner with the triangle and lie closer than 2 ORIGIN_OFFSET R are jumped.
 //! - A ray that passes the border of a face's bounding box within 2^-49 R, less than 2^-23 R from its origin along an axis, may be
 //!   refused by the box tests ([`super::bounds::DOUBLE_MARGIN`]). It takes a fold sharper than about 30 degrees or a spike with such
@@ -43,8 +44,8 @@ use glam::DVec3;
 
 use super::{Numerics, Triangle};
 
-/// The distance from the edges of its triangle, relative to the largest coordinate of its corners, below which a point is near them:
-/// 2^-23, the spacing of f32 numbers.
+/// The distance of origins from the edges of their triangle, relative to the largest coordinate of its corners: 2^-23, the spacing of
+/// f32 numbers.
 pub const EDGE_DISTANCE: f64 = 1.0 / (1u32 << 23) as f64;
 
 /// The least height of origins over their triangle, relative to the same: 2^-40. Above the errors (2^-49), so that f64 decides cheaply on which
@@ -56,22 +57,31 @@ pub const ORIGIN_OFFSET: f64 = 1.0 / (1u64 << 40) as f64;
 pub struct SurfacePoint {
     /// The point.
     pub position: DVec3,
-    /// The same, or near an edge a point before it on the ray that hit it: what origins are offset from.
+    /// What origins are offset from: the same, or near an edge a point farther inside the triangle or before the hit.
     pub start: DVec3,
     /// For each axis, the largest coordinate that it was computed from.
     pub reach: DVec3,
 }
 
 impl SurfacePoint {
-    /// The point of a triangle with the given barycentric coordinates, hit by a ray from the direction `view` (of length 1), `distance` away.
+    /// The point of a triangle with the given barycentric coordinates.
     #[inline(always)]
-    pub fn on_triangle(corners: [DVec3; 3], weights: [f64; 3], view: DVec3, distance: f64) -> Self {
+    pub fn on_triangle(corners: [DVec3; 3], weights: [f64; 3]) -> Self {
         let [a, b, c] = corners;
         let reach = a.abs().max(b.abs()).max(c.abs());
-        let position = a * weights[0] + b * weights[1] + c * weights[2];
-        let near = EDGE_DISTANCE * reach.max_element();
-        let shift = if is_near_edge(corners, weights, near) { near.min(0.5 * distance) } else { 0.0 };
-        SurfacePoint { position, start: position + view * shift, reach }
+        let at = |weights: [f64; 3]| a * weights[0] + b * weights[1] + c * weights[2];
+        let position = at(weights);
+        let start = interior_weights(corners, weights, EDGE_DISTANCE * reach.max_element());
+        SurfacePoint { position, start: start.map_or(position, at), reach }
+    }
+
+    /// The same point with origins before the hit of a ray that came from the direction `view` (of length 1), `distance` away, on the
+    /// side of `normal`. They lie on that ray where it is as high over the surface as they are to be.
+    pub fn before_hit(self, view: DVec3, distance: f64, normal: DVec3) -> Self {
+        let reach = self.reach.max_element();
+        let shift = (EDGE_DISTANCE * reach).min(0.5 * distance);
+        let height = (shift * view.dot(normal)).min(ORIGIN_OFFSET * reach);
+        SurfacePoint { start: self.position + (view * shift - normal * height), ..self }
     }
 
     /// The point of a sphere in direction `normal` from its centre.
@@ -94,8 +104,7 @@ impl SurfacePoint {
             let error = FAST_ERROR * normal.abs().dot(self.reach);
             return round_away(self.start + normal * error, normal);
         }
-        let height = (self.start - self.position).dot(normal);
-        self.start + normal * (ORIGIN_OFFSET * self.reach.max_element() - height).max(0.0)
+        self.start + normal * (ORIGIN_OFFSET * self.reach.max_element())
     }
 }
 
@@ -111,15 +120,55 @@ fn round_away(point: DVec3, normal: DVec3) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Whether a point of a triangle may be nearer than `distance` to an edge. It surely is not where this is `false`.
+/// Barycentric coordinates of the point moved to `distance` from every edge, or to half the inradius where that is less. `None` where it
+/// is far enough from them already.
 #[inline(always)]
-fn is_near_edge(corners: [DVec3; 3], [a, b, c]: [f64; 3], distance: f64) -> bool {
+fn interior_weights(corners: [DVec3; 3], weights: [f64; 3], distance: f64) -> Option<[f64; 3]> {
     let triangle = Triangle(corners);
+    let [a, b, c] = weights;
     let smallest = a.min(b).min(c);
     // A weight is the distance from the opposite edge over the height on it, which is least on the longest edge.
     let (longest_squared, area_squared) =
         (triangle.longest_edge_squared(), triangle.normal().length_squared());
-    !(smallest > 0.0 && smallest * smallest * area_squared >= distance * distance * longest_squared)
+    if smallest > 0.0 && smallest * smallest * area_squared >= distance * distance * longest_squared {
+        return None;
+    }
+    Some(moved_inwards(corners, weights, distance, area_squared.sqrt()))
+}
+
+/// See [`interior_weights`]; `area` is twice the triangle's.
+///
+/// Near one edge the point moves at right angles to it. Near two, at their corner, it moves to where both distances are right.
+#[cold]
+fn moved_inwards(corners: [DVec3; 3], weights: [f64; 3], distance: f64, area: f64) -> [f64; 3] {
+    let sides = [(1, 2), (2, 0), (0, 1)];
+    let lengths = sides.map(|(i, j)| (corners[i] - corners[j]).length());
+    // The inradius is `area` over the perimeter. Without an area the first quotient is infinite or NaN.
+    let perimeter = lengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+    let per_length = (distance / area).min(0.5 / perimeter);
+    let least = lengths.map(|length| length * per_length);
+    let mut moved = weights;
+    for (k, (i, j)) in (0..).zip(sides) {
+        let lacking = least[k] - moved[k];
+        if lacking > 0.0 {
+            // The foot of the altitude divides the edge in this proportion.
+            let edge = corners[i] - corners[j];
+            let share = (corners[k] - corners[j]).dot(edge) / edge.length_squared();
+            moved[k] += lacking;
+            moved[i] -= lacking * share;
+            moved[j] -= lacking * (1.0 - share);
+        }
+    }
+    let nearest = (0..3).max_by(|&i, &j| weights[i].total_cmp(&weights[j])).unwrap_or(0);
+    let (one, other) = ((nearest + 1) % 3, (nearest + 2) % 3);
+    // The sum is 1 up to the last place: an error in it would move the point out of the plane.
+    moved[nearest] = 1.0 - moved[one] - moved[other];
+    if (0..3).all(|k| moved[k] >= least[k] * (1.0 - EDGE_DISTANCE)) {
+        return moved;
+    }
+    let mut moved = least;
+    moved[nearest] = 1.0 - least[one] - least[other];
+    moved
 }
 
 #[cfg(test)]
@@ -136,15 +185,36 @@ mod tests {
         })
     }
 
+    /// The most that a point moves for a distance of 1 from the edges: 1, or 2 / sin(a / 2) where it may lie within `near` of two edges, at a
+    /// corner of angle a.
+    fn most_moved(corners: [DVec3; 3], p: DVec3, near: f64) -> f64 {
+        let [ab, bc, ca] = [0, 1, 2].map(|k| (corners[(k + 1) % 3] - corners[k]).normalize());
+        let [to_bc, to_ca, to_ab] = distances(corners, p).map(|distance| distance < near);
+        let at_corner = [(to_ca && to_ab, ab, -ca), (to_ab && to_bc, bc, -ab), (to_bc && to_ca, ca, -bc)];
+        let most = |(is_near, one, other): (bool, DVec3, DVec3)| {
+            if is_near { 2.0 / (one.angle_between(other) / 2.0).sin() } else { 1.0 + 1e-6 }
+        };
+        at_corner.map(most).into_iter().fold(1.0, f64::max)
+    }
+
+    /// A triangle of 1 by 0.01, 1000 from the origin: near the long edge, which a centroid would pull it far along, the point moves straight
+    /// away from it.
+    #[test]
+    fn in_a_long_triangle_points_stay_where_they_are() {
+        let corners = [[1000.0, 0.0, 0.0], [1001.0, 0.0, 0.0], [1000.0, 0.01, 0.0]].map(DVec3::from);
+        let point = SurfacePoint::on_triangle(corners, [0.5, 0.5, 0.0]);
+        let expected = point.position + DVec3::Y * EDGE_DISTANCE * 1001.0;
+        assert!(point.start.distance(expected) < 1e-12, "{} {expected}", point.start);
+    }
+
     proptest! {
-        /// In front of the plane by the offset at least and, near an edge, on the ray unless that grazes the plane; also for points on
-        /// edges and corners, and for weights that rounding made negative.
+        /// In front of the plane by the offset, and as far from the edges as promised: also for points on edges and corners, and for
+        /// weights that rounding made negative.
         #[test]
-        fn origins_are_in_front_and_near_edges_on_the_ray(
+        fn origins_are_in_front_and_away_from_edges(
             corners in prop::array::uniform3(prop::array::uniform3(-1.0f64..1.0)),
             moved in prop::array::uniform3(-1e3f64..1e3),
             weights in prop::array::uniform2(prop_oneof![Just(0.0), Just(1.0), Just(1e-17), Just(-1e-17), 0.0f64..1.0]),
-            (rise, turn, distance) in (prop_oneof![Just(1e-9), 1e-6f64..1.0], -3.0f64..3.0, prop_oneof![Just(1e-5), Just(1e3)]),
             scale in -30i32..30,
         ) {
             let s = f64::from(scale).exp2();
@@ -154,35 +224,33 @@ mod tests {
             let normal = normal.normalize();
             let [v, w] = weights;
             prop_assume!(v + w <= 1.0);
-            let (along, aside) = normal.any_orthonormal_pair();
-            let view = (rise * normal + turn.cos() * along + turn.sin() * aside).normalize();
-            let point = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w], view, distance * s);
+            let point = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w]);
             let r = point.reach.max_element();
-            prop_assert_eq!(point.position, corners[0] * (1.0 - v - w) + corners[1] * v + corners[2] * w);
-            let least = distances(corners, point.position).into_iter().fold(f64::INFINITY, f64::min);
-            let on_ray = point.position + view * (EDGE_DISTANCE * r).min(0.5 * distance * s);
-            let is_near = least < 0.99 * EDGE_DISTANCE * r;
-            prop_assert!(point.start == on_ray || !is_near && point.start == point.position);
+            for (k, distance) in distances(corners, point.start).into_iter().enumerate() {
+                prop_assert!(distance >= EDGE_DISTANCE * r * (1.0 - 1e-6), "edge {}: {}", k, distance / r);
+            }
+            let hit = corners[0] * (1.0 - v - w) + corners[1] * v + corners[2] * w;
+            prop_assert!(point.position == hit);
+            // 4: for the three roundings of each coordinate.
+            let moved = point.start.distance(hit) - 4.0 * f64::EPSILON * r;
+            prop_assert!(moved <= EDGE_DISTANCE * r * most_moved(corners, hit, 2.0 * EDGE_DISTANCE * r), "{}", moved / r);
             for numerics in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
-                let origin = point.origin_towards(normal, numerics);
-                let height = (origin - corners[0]).dot(normal) / (ORIGIN_OFFSET * r);
-                prop_assert!(height >= 1.0 - 1.0 / 64.0, "{}", height);
-                let rise = (point.start - point.position).dot(normal) / (ORIGIN_OFFSET * r);
-                prop_assert!(rise < 1.0 || origin == point.start, "{}", rise);
-                prop_assert!((height - rise.max(1.0)).abs() < 1.0 / 64.0, "{} {}", height, rise);
+                for side in [normal, -normal] {
+                    let height = (point.origin_towards(side, numerics) - corners[0]).dot(side);
+                    prop_assert!((height / (ORIGIN_OFFSET * r) - 1.0).abs() < 1.0 / 64.0, "{}", height / r);
+                }
             }
         }
     }
 
     #[test]
-    fn a_triangle_without_area_has_points_on_the_ray() {
+    fn a_triangle_without_area_has_finite_points() {
         let line = [DVec3::ZERO, DVec3::X, DVec3::X * 3.0];
-        for (weights, at) in [([1.0, 0.0, 0.0], DVec3::ZERO), ([0.0, 0.5, 0.5], DVec3::X * 2.0)] {
-            let point = SurfacePoint::on_triangle(line, weights, DVec3::Y, 9.0);
-            assert_eq!((point.position, point.start), (at, at + DVec3::Y * 3.0 * EDGE_DISTANCE));
+        for weights in [[1.0, 0.0, 0.0], [0.0, 0.5, 0.5]] {
+            let point = SurfacePoint::on_triangle(line, weights).start;
+            assert!(point.is_finite() && (0.0..=3.0).contains(&point.x), "{point}");
         }
-        // A ray from nearby stays on its way.
-        let point = SurfacePoint::on_triangle(line, [1.0, 0.0, 0.0], DVec3::Y, 1e-9);
-        assert_eq!(point.start, DVec3::Y * 0.5e-9);
+        let point = SurfacePoint::on_triangle([DVec3::ONE; 3], [1.0, 0.0, 0.0]).start;
+        assert!((point - DVec3::ONE).abs().max_element() <= 2.0 * f64::EPSILON, "{point}");
     }
 }

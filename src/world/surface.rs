@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use super::World;
 use super::lower::vertex_colour;
-use crate::bvh::Primitive;
+use crate::bvh::{Primitive, Traversal};
 use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{Hit, PrimId, Ray};
+use crate::geometry::{Hit, Numerics, PrimId, Ray};
 
 /// A point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -80,8 +80,9 @@ impl World {
             Primitive::Triangle(triangle) => {
                 let [v, w] = hit.weights;
                 let weights = [1.0 - v - w, v, w];
-                surface.point = SurfacePoint::on_triangle(triangle.0, weights, view, hit.t);
+                let point = SurfacePoint::on_triangle(triangle.0, weights);
                 let normal = triangle.unit_normal().map_or(view, facing);
+                surface.point = self.with_visible_start(point, normal, view, hit.t);
                 surface.geometric_normal = normal;
                 surface.shading_normal = normal;
                 let local = hit.prim.0 - object.first.0;
@@ -103,6 +104,34 @@ impl World {
 }
 
 impl World {
+    /// The point with its start where the ray that hit it comes from, if something lies between that ray and the start. The ray came from
+    /// the direction `view`, `distance` away; `normal` is on its side. See [`crate::geometry::spawn`].
+    #[inline(always)]
+    pub(super) fn with_visible_start(
+        &self,
+        point: SurfacePoint,
+        normal: DVec3,
+        view: DVec3,
+        distance: f64,
+    ) -> SurfacePoint {
+        // Most points are far from edges, and start where they are.
+        if point.start == point.position { point } else { self.visible_start(point, normal, view, distance) }
+    }
+
+    #[cold]
+    fn visible_start(&self, point: SurfacePoint, normal: DVec3, view: DVec3, distance: f64) -> SurfacePoint {
+        let numerics = self.numerics();
+        if numerics == Numerics::Fast {
+            return point;
+        }
+        let before = point.before_hit(view, distance, normal);
+        let [from, to] = [before, point].map(|point| point.origin_towards(normal, numerics));
+        let Some(direction) = (to - from).try_normalize() else { return point };
+        let ray = numerics.ray_precision().ray(from, direction, 0.0, from.distance(to));
+        let is_hidden = self.accelerator.is_occluded(&ray, &mut Traversal::default());
+        if is_hidden { before } else { point }
+    }
+
     /// The tangent frame at `hit`, for a normal map: the mesh's own normal, which may point to the other side than
     /// `surface`'s, and directions to where u grows and to where the picture goes up, at right angles and of length 1. `None`
     /// where the mesh has no tangents, or one along its normal.

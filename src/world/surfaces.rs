@@ -237,6 +237,12 @@ impl World {
                             #[inline(always)]
                             || on_triangle(surfaces, range.clone(), &triangle, normal),
                         );
+                        for i in range.clone() {
+                            let (point, normal) = (surfaces.point(i), surfaces.geometric_normal.get(i));
+                            let point =
+                                self.with_visible_start(point, normal, surfaces.view.get(i), surfaces.t[i]);
+                            surfaces.start.set(i, point.start);
+                        }
                         return self.name_run(run.prim, range, surfaces);
                     }
                 }
@@ -269,8 +275,7 @@ impl World {
 fn on_triangle(surfaces: &mut Surfaces, range: Range<usize>, triangle: &Triangle, normal: DVec3) {
     for i in range.start..range.end.min(LANES) {
         let (v, w) = (surfaces.weights[0][i], surfaces.weights[1][i]);
-        let point =
-            SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w], surfaces.view.get(i), surfaces.t[i]);
+        let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
         finish(surfaces, i, point, normal);
     }
 }

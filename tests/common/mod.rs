@@ -30,9 +30,7 @@ pub fn origin_on_border(
     let corners = corners.map(|p| p.map(|c| numerics.precision().round(c)));
     let normal = kiln::geometry::Triangle(corners).unit_normal()?;
     let normal = if numbers.below(2) == 0 { normal } else { -normal };
-    let weights = weights_on_borders(numbers);
-    let view = (normal + 0.9 * numbers.direction()).normalize();
-    let point = kiln::geometry::spawn::SurfacePoint::on_triangle(corners, weights, view, 1e9);
+    let point = kiln::geometry::spawn::SurfacePoint::on_triangle(corners, weights_on_borders(numbers));
     Some((point.origin_towards(normal, numerics), normal))
 }
 

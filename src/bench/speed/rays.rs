@@ -122,8 +122,7 @@ impl Point {
         let (surface, normal) = match accelerator.primitive(hit.slot) {
             Primitive::Triangle(triangle) => {
                 let [v, w] = hit.weights;
-                let surface =
-                    SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w], -ray.direction, hit.t);
+                let surface = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
                 (surface, triangle.normal().try_normalize().unwrap_or(-ray.direction))
             }
             Primitive::Sphere(sphere) => {
