@@ -95,7 +95,7 @@ pub fn load_and_list(inputs: &[PathBuf], warnings: &mut Warnings) -> (Result<Sce
 }
 
 fn load_by(inputs: &[PathBuf], files: &Files, warnings: &mut Warnings) -> Result<Scene> {
-    let mut scene = Scene::default();
+    let mut scene = Scene { inputs: inputs.to_vec(), ..Scene::default() };
     for (index, file) in inputs.iter().enumerate() {
         let mut one = read_one(&Source::open(file, files)?, warnings)?;
         sharing::bake_small(&mut one);
