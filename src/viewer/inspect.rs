@@ -263,8 +263,9 @@ mod tests {
         let view = View::new(&camera, camera.projection, [101, 101]).unwrap();
         let bounds = scene.bounds();
         let pipeline = scene.colour.unwrap_or_default();
+        let choices = Choices { sampling: scene.sampling, ..Choices::default() };
         let world = World::prepare(scene, pipeline, Structure::default(), Numerics::Double);
-        let plan = Plan::new(&world, &Choices::default()).unwrap();
+        let plan = Plan::new(&world, &choices).unwrap();
         Ready { world, view, plan, bounds, range }
     }
 
