@@ -7,7 +7,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use common::repository;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 /// A folder to work in, with a small scene in it, that goes when the test ends.
 struct Workshop(tempfile::TempDir);
@@ -231,6 +231,8 @@ fn inputs_that_cannot_be_used_are_3() {
     workshop.write("bad.glb", "glTF and nothing else");
     workshop.write("bad.stl", "solid");
     workshop.write("empty.obj", "");
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n";
+    workshop.write("panic.obj", format!("{corners}f 1//1 2//1 3//6148914691236517206\n"));
     std::fs::create_dir(workshop.path("folder.obj")).expect("a folder can be made");
     workshop.write("filter.toml", "[image]\nfilter = 'gausian'\n");
     workshop.write("samples.toml", "[image]\n\nsamples = 70000\n");
@@ -249,7 +251,13 @@ fn inputs_that_cannot_be_used_are_3() {
         ("bad.obj", "bad.obj:2: vertex 2 does not exist; the file has 1", "correct the line"),
         ("bad.glb", "bad.glb: not a usable glTF file", "export it again"),
         ("bad.stl", "bad.stl: not a kind of file that kiln reads", ".glb"),
-        ("empty.obj", "empty.obj: there is nothing in it to look at", "kiln info"),
+        ("empty.obj", "empty.obj: has no triangles to draw", "kiln info"),
+        // The index times 3 is 2^64 - 1: tobj's bounds check wraps round, and it panics.
+        (
+            "panic.obj",
+            "panic.obj:5: normal 6148914691236517206 does not exist; the file has 1",
+            "correct the line",
+        ),
     ] {
         let (said, advice) = workshop.fail(&format!("render {input} -o a.png"), 3);
         assert!(said.starts_with(error), "{input}: {said}");
@@ -646,6 +654,58 @@ fn far_and_extreme_meshes_look_as_near_ones() {
     }
 }
 
+/// Files that have points and lines alone, or a camera alone, give no picture; a scene file of a background does.
+#[test]
+fn files_without_triangles_are_refused() {
+    let workshop = Workshop::new();
+    workshop.write("lines.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\nl 1 2 3\np 1\n");
+    let camera = json!({ "type": "perspective", "perspective": { "yfov": 1, "znear": 0.1 } });
+    let mut lines = json!({
+        "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0, 1] }], "scene": 0,
+        "nodes": [{ "camera": 0 }, { "mesh": 0 }],
+        "cameras": [camera],
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "mode": 1 }] }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 2, "type": "VEC3",
+            "min": [0, 0, 0], "max": [0, 0, 0] }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 24 }],
+        "buffers": [{ "byteLength": 24, "uri": format!("data:application/octet-stream;base64,{}", "A".repeat(32)) }],
+    });
+    workshop.write("lines.gltf", lines.to_string());
+    lines["nodes"][1] = json!({});
+    workshop.write("camera.gltf", lines.to_string());
+    for file in ["lines.obj", "lines.gltf", "camera.gltf", "camera.gltf lines.obj"] {
+        let first = file.split(' ').next().unwrap_or_default();
+        for command in ["render", "animate", "explain"] {
+            let out = match command {
+                "render" => "-o a.png",
+                "animate" => "-o a.gif",
+                _ => "",
+            };
+            let (said, hint) = workshop.fail(&format!("{command} {file} {out}"), 3);
+            assert_eq!(said, format!("{first}: has no triangles to draw"), "{command}");
+            assert!(hint.contains("points and lines"), "{hint}");
+        }
+        assert!(!workshop.path("a.png").exists());
+    }
+    // Beside what can be drawn it is a warning; a camera alone is of use there.
+    let said = workshop.succeed("render scene.toml lines.obj camera.gltf -o a.png");
+    let warnings: Vec<&str> = said.lines().filter(|line| line.starts_with("kiln: warning: ")).collect();
+    let expected = ["lines.obj: points and lines are not drawn", "lines.obj: has no triangles to draw"];
+    assert_eq!(warnings, expected.map(|what| format!("kiln: warning: {what}")));
+    workshop.write("mesh.toml", format!("{SCENE}[[mesh]]\nfile = 'lines.obj'\n"));
+    let said = workshop.succeed("render mesh.toml -o a.png");
+    assert!(said.contains("kiln: warning: lines.obj: has no triangles to draw\n"), "{said}");
+    let background =
+        "[image]\nbackground = '#102030'\n[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n";
+    workshop.write("background.toml", background);
+    let said = workshop.succeed("render background.toml -o a.png");
+    assert!(
+        said.contains("nothing is in the picture: the scene has no triangles and no spheres\n"),
+        "{said}"
+    );
+    assert_eq!(workshop.pixels("a.png").get_pixel(3, 3).0, [0x10, 0x20, 0x30]);
+}
+
 #[test]
 fn a_picture_of_nothing_says_so() {
     let workshop = Workshop::new();
@@ -900,15 +960,72 @@ fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
     assert!(line.ends_with(" GiB of 2.9 GiB are left (ulimit -v)"), "{said}");
     assert!(hint.contains("--size") && hint.contains("ulimit -v unlimited"), "{said}");
     assert_eq!(shop.names(), ["scene.toml"]);
-    // The same by an option; 4,000 x 4,000 pixels of 3 bytes are 46 MiB.
-    let large = "render scene.toml --size 4000x4000 --crop 0,0,4000,2 -o a.png --progress none";
-    shop.succeed(&format!("{large} --memory-limit 64M"));
-    let (said, hint) =
-        shop.fail("render scene.toml --size 4000x4000 -o b.png --progress none --memory-limit 64M", 1);
-    assert_eq!(
-        said,
-        "a picture of 4000 x 4000 pixels needs 46 MiB of memory; 0 MiB of 64 MiB are left (--memory-limit)"
-    );
+    // The same by an option; 8,000 x 8,000 pixels of 3 bytes are 183.1 MiB.
+    let large = "render scene.toml --size 8000x8000 -o b.png --progress none --memory-limit 128M";
+    shop.succeed(&format!("{large} --crop 0,0,8000,2"));
+    let (said, hint) = shop.fail(large, 1);
+    assert!(said.starts_with("a picture of 8000 x 8000 pixels needs 184 MiB of memory; "), "{said}");
+    assert!(said.ends_with(" MiB of 128 MiB are left (--memory-limit)"), "{said}");
     assert!(hint.ends_with("or give --memory-limit 2G"), "{hint}");
-    shop.fail("render scene.toml -o b.png --memory-limit 4X", 2);
+    for (limit, why) in [
+        ("64M", "64 MiB of it are kept free, for threads and encoders; give at least 128M"),
+        ("1.5G", "give a whole number with K, M, G or T, such as 1536M or 16G"),
+        ("4X", "give a whole number with K, M, G or T, such as 1536M or 16G"),
+    ] {
+        let (said, _) = shop.fail(&format!("render scene.toml -o c.png --memory-limit {limit}"), 2);
+        assert_eq!(said, format!("invalid value '{limit}' for '--memory-limit <SIZE>': {why}"));
+    }
+}
+
+/// One picture has to fit. Where two do not, one is made after the other: 3,200 x 3,200 pixels of 3 bytes are 29 MiB, of which 128 MiB
+/// hold one beside the 64 MiB that are kept free and the program itself.
+#[cfg(target_os = "linux")]
+#[test]
+fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
+    let shop = Workshop::new();
+    let frames = "render scene.toml -o f_####.png --progress none --memory-limit 128M --without shadows";
+    let (said, hint) = shop.fail(&format!("{frames} --frames 0-3 --size 8000x8000"), 1);
+    assert!(said.starts_with("a picture of 8000 x 8000 pixels needs 184 MiB of memory; "), "{said}");
+    assert!(hint.starts_with("give a smaller --size"), "{hint}");
+    assert_eq!(shop.names(), ["scene.toml"]);
+    shop.succeed(&format!("{frames} --frames 0-1 --size 3200x3200"));
+    assert_eq!(shop.names(), ["f_0000.png", "f_0001.png", "scene.toml"]);
+    // With layers, too, a frame needs as much as a still picture of the same effects: 8,000^2 pixels of 4 channels of 4 bytes, in the film
+    // and twice in the writer, and 3 bytes while the layer is made, are 3.04 GiB.
+    for (layers, needs) in [("depth", "with 1 more channels needs 3.0 GiB"), ("effects", "")] {
+        let layers = format!("{} --size 8000x8000 --aov {layers}", frames.replace(".png", ".exr"));
+        let (frame, _) = shop.fail(&format!("{layers} --frames 0"), 1);
+        let (still, _) = shop.fail(&layers.replace("f_####", "a"), 1);
+        let need = |said: &str| said.split_once(" of memory; ").map(|(need, _)| need.to_owned());
+        assert_eq!(need(&frame), need(&still));
+        assert!(
+            frame.starts_with("a picture of 8000 x 8000 pixels with ") && frame.contains(needs),
+            "{frame}"
+        );
+    }
+}
+
+/// What reading and building take is refused before it is allocated.
+#[cfg(target_os = "linux")]
+#[test]
+fn meshes_that_do_not_fit_are_refused_with_what_they_need() {
+    let shop = Workshop::new();
+    let faces = |count: usize| "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &"f 1 2 3\n".repeat(count);
+    shop.write("large.obj", faces(600_000));
+    shop.write("small.obj", faces(150_000));
+    // 4,800,024 bytes of text and an eighth, 3 x 160 for the vertices, 600,000 x 3 x 80 for the corners: 142.5 MiB.
+    for command in ["info large.obj", "render large.obj -o a.png"] {
+        let (said, hint) = shop.fail(&format!("{command} --memory-limit 128M"), 3);
+        assert!(said.starts_with("large.obj: reading its meshes needs 143 MiB of memory; "), "{said}");
+        assert!(hint.ends_with("give --memory-limit 2G"), "{hint}");
+    }
+    // 150,000 x 416 bytes are 59.5 MiB; reading them takes 35.6.
+    shop.succeed("info small.obj --memory-limit 128M");
+    for command in ["render", "render --frames 0"] {
+        let (said, hint) =
+            shop.fail(&format!("{command} small.obj -o a.png --numerics exact --memory-limit 128M"), 1);
+        let start = "the acceleration structure over 150000 primitives needs 60 MiB of memory; ";
+        assert!(said.starts_with(start), "{said}");
+        assert!(hint.ends_with("give --memory-limit 2G"), "{hint}");
+    }
 }

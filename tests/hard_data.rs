@@ -10,6 +10,7 @@ use common::picture::{bits, equip, prepare};
 use glam::DVec3;
 use kiln::bvh::{Structure, Traversal};
 use kiln::film::ColourPipeline;
+use kiln::geometry::{Hit, Ray};
 use kiln::scene::{Numerics, Projection, Scene};
 use kiln::world::World;
 use serde_json::json;
@@ -303,6 +304,25 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
     }
     // A ray that passes within rounding of such a line may meet it in the tiers that round, above all at the corners that it shares with the
     // field, at the field's own depth; in `exact` none does.
+    // Corners and eye lie within 64 of the origin: f32 moves each coordinate by at most 64 x 2^-24, and each of the few operations of
+    // a test by as much again.
+    const NEAR: f64 = 16.0 * 64.0 / (1 << 24) as f64;
+    let lines: Vec<[DVec3; 3]> = mixed.iter().skip(1).step_by(2).copied().collect();
+    // In `fast` the ray passes near the line, but t is a quotient of two roundings: it may be anywhere along the ray.
+    let near_its_line = |found: &Hit, ray: &Ray, numerics: Numerics| {
+        let [start, _, end] = lines[found.prim.0 as usize / 2];
+        let along = (end - start).normalize();
+        let passes = (start - ray.origin).dot(ray.direction.cross(along).normalize()).abs();
+        assert!(passes <= NEAR, "{}: the ray passes {passes} from the line", numerics.name());
+        if numerics == Numerics::Fast {
+            return;
+        }
+        let from_start = ray.origin + found.t * ray.direction - start;
+        let (away, at) = (from_start.cross(along).length(), from_start.dot(along));
+        assert!(away <= NEAR, "{}: {away} from its line", numerics.name());
+        let length = (end - start).length();
+        assert!((-NEAR..=length + NEAR).contains(&at), "{}: {at} along {length}", numerics.name());
+    };
     let same_as_clean = |mixed: &Scene, clean: &Scene| {
         // The lines reach beyond the field; both are seen by the camera that fits it.
         let eye = DVec3::new(9.3, 30.2, 20.1);
@@ -311,12 +331,14 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
         let (mixed, clean) = (&mixed, &clean);
         assert!(all_bits(mixed)[3] == all_bits(clean)[3]);
         for numerics in Numerics::ALL {
-            let [mixed, clean] = [mixed, clean].map(|scene| prepare(scene.clone(), SIZE, numerics).hits());
+            let prepared = prepare(mixed.clone(), SIZE, numerics);
+            let [mixed, clean] = [prepared.hits(), prepare(clean.clone(), SIZE, numerics).hits()];
             let mut on_lines = 0;
-            for (found, expected) in mixed.iter().zip(&clean) {
+            for ((found, expected), ray) in mixed.iter().zip(&clean).zip(prepared.rays()) {
                 match (found, expected) {
                     (Some(found), expected) if found.prim.0 % 2 == 1 => {
                         on_lines += 1;
+                        near_its_line(found, &ray, numerics);
                         assert!(
                             expected.is_none_or(|e| found.t <= e.t * (1.0 + 1e-6)),
                             "{found:?} {expected:?}"
@@ -331,6 +353,23 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
                 }
             }
             assert!(on_lines * 100 <= clean.len(), "{}: {on_lines}", numerics.name());
+            // Rays at the lines themselves, some of which lie in front of the field.
+            let mut traversal = Traversal::default();
+            let mut hits = 0;
+            for (line, part) in
+                lines.iter().flat_map(|line| (0..=24).map(move |i| (line, f64::from(i) / 24.0)))
+            {
+                let target = line[0].lerp(line[2], part);
+                let direction = (target - eye).normalize();
+                let ray = numerics.ray_precision().ray(eye, direction, 0.0, f64::INFINITY);
+                let found = prepared.world.accelerator.closest_hit(&ray, &mut traversal);
+                if let Some(found) = found.filter(|found| found.prim.0 % 2 == 1) {
+                    hits += 1;
+                    near_its_line(&found, &ray, numerics);
+                }
+            }
+            // `exact` never hits what has no area; the others do where the ray passes within rounding.
+            assert_eq!(hits == 0, numerics == Numerics::Exact, "{}: {hits}", numerics.name());
         }
     };
     let picture = scene(&file_of(&clean));
@@ -343,8 +382,9 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
     };
     let picture = Folder::new().load("a.obj", text(&clean)).0;
     let (scene, warnings) =
-        Folder::new().load("a.obj", text(&mixed) + "f 1 2\nl 1 2\np 1\nf 1 2 2\nf 3 3 3\nf 1 2 1\n");
-    assert_eq!((scene.primitive_count(), warnings), (1600, vec![]));
+        Folder::new().load("a.obj", text(&mixed) + "f 1 2\nl 1 2\nl 1 2 3\np 1\nf 1 2 2\nf 3 3 3\nf 1 2 1\n");
+    let expected = vec!["a.obj: points and lines are not drawn".to_owned()];
+    assert_eq!((scene.primitive_count(), warnings), (1600, expected));
     same_as_clean(&scene, &picture);
 }
 

@@ -241,9 +241,12 @@ fn obj_faces_without_normals_among_faces_with_them_use_their_own() {
     let (scene, _) = folder.load("before.obj", format!("{square}f 1 3 4\nf 1 2 3 4\nf 1//1 2//1 3//1\n"));
     assert_eq!(normals(mesh(&scene, 0)), [[own; 3], [own; 3], [own; 3], [bent; 3]]);
     // Lines are no faces, and the count goes on from object to object.
-    let (scene, _) =
-        folder.load("objects.obj", format!("{square}f 1 2 3\nl 1 2\no b\nf 1//1 2//1 3//1\nf 1 2 3\n"));
+    let lines = "l 1 2\nl 1 2 3\nl 1 2 3 4\np 1 2 3\n";
+    let (scene, warnings) =
+        folder.load("objects.obj", format!("{square}f 1 2 3\n{lines}o b\nf 1//1 2//1 3//1\nf 1 2 3\n"));
     assert_eq!(normals(mesh(&scene, 1)), [[bent; 3], [own; 3]]);
+    assert_eq!((mesh(&scene, 0).triangles.len(), scene.primitive_count()), (1, 3));
+    assert_eq!(warnings, ["objects.obj: points and lines are not drawn"]);
 }
 
 #[test]

@@ -74,6 +74,18 @@ fn dependencies_point_down() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
+/// The table of modules in ARCHITECTURE.md has every room, from the top down.
+#[test]
+fn the_map_lists_every_room() {
+    let page = std::fs::read_to_string(common::repository("ARCHITECTURE.md")).expect("there is a map");
+    let section = page.split("\n## Modules").nth(1).and_then(|rest| rest.split("\n## ").next());
+    let rows = section.expect("a section on modules").lines();
+    let mut listed: Vec<&str> =
+        rows.filter_map(|row| row.strip_prefix("| `")?.split_once('`')).map(|row| row.0).collect();
+    listed.reverse();
+    assert_eq!(listed, ROOMS);
+}
+
 #[test]
 fn uses_are_found() {
     let text =

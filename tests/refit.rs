@@ -116,9 +116,27 @@ fn all_degenerate_at_once_is_nothing_to_hit() {
         Primitive::Triangle(_) => Primitive::Triangle(Triangle([DVec3::ZERO; 3])),
         Primitive::Sphere(_) => Primitive::from(([0.0; 3], 0.0)),
     };
-    assert!(structure.refit(&nothing).is_some());
+    structure.refit(&nothing).expect("a structure that can");
     for ray in rays(&first, Numerics::Exact, &mut numbers) {
         assert_eq!(structure.closest_hit(&ray, &mut Traversal::default()), None);
+    }
+}
+
+/// The cost is 1 and the area of every node's children, in areas of the whole. Triangles that all fill one box, whichever corner of it
+/// they have beside a diagonal, make children that are each the whole, before and after.
+#[test]
+fn boxes_that_all_shrink_alike_cost_as_much_as_before() {
+    let mut numbers = Numbers::new(72);
+    let first: Vec<Primitive> = (0..100)
+        .map(|_| {
+            let inside = (numbers.vector() + DVec3::ONE) / 2.0;
+            Primitive::Triangle(Triangle([DVec3::ZERO, DVec3::ONE, inside.clamp(DVec3::ZERO, DVec3::ONE)]))
+        })
+        .collect();
+    for numerics in Numerics::ALL {
+        let mut structure = build(slots(&first, numerics), Structure::default(), numerics);
+        let point = Primitive::Triangle(Triangle([DVec3::ZERO; 3]));
+        assert_eq!(structure.refit(&|_| point), Some(1.0), "{}", numerics.name());
     }
 }
 

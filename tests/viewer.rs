@@ -1,4 +1,4 @@
-//! The window, as far as it can be known without one: `tests/viewer/run` opens it.
+//! The window, as far as it can be known without one: `tests/viewer/check-window` opens it.
 
 mod common;
 

@@ -46,6 +46,8 @@ pub struct AnimationJob {
     pub frames: Vec<i32>,
     /// How many frames are there already.
     pub skipped: usize,
+    /// How many effects the first frame has on. A light that is dark at first may add to them.
+    pub effects_on: usize,
     /// What all frames have in common. Its scene is empty: that is in `animation`.
     pub resolved: ResolvedJob,
 }
@@ -63,6 +65,7 @@ impl AnimationJob {
         building: impl FnOnce(&Warnings),
     ) -> Result<Self> {
         crate::effects::check_scene(&scene.effects)?;
+        crate::import::check_drawable(&scene)?;
         let is_turntable = scene.animation.is_none();
         let (camera, size) = camera_and_size(&mut scene, settings)?;
         let Some(animation) = &mut scene.animation else { return Err(nothing_to_look_at(&scene)) };
@@ -89,10 +92,10 @@ impl AnimationJob {
         let frames: Vec<i32> = to_do.copied().collect();
         let skipped = mine.len() - frames.len();
         let Some(&first) = frames.first() else {
-            return Ok(AnimationJob { animation: None, timeline, frames, skipped, resolved });
+            return Ok(AnimationJob { animation: None, timeline, frames, skipped, effects_on: 0, resolved });
         };
         let scene = std::mem::take(&mut resolved.scene);
-        job::check_mip_maps(&scene, &resolved.choices)?;
+        job::check_memory(&scene, &resolved.choices, resolved.numerics)?;
         let is_lit = resolved.choices.shading.uses_lights();
         if scene.lights.is_empty() && is_lit {
             warnings.note(job::HEADLIGHT);
@@ -100,9 +103,11 @@ impl AnimationJob {
         building(warnings);
         let ResolvedJob { pipeline, structure, numerics, .. } = &resolved;
         let animation = PreparedAnimation::new(scene, &camera, is_lit, *pipeline, *structure, *numerics)?;
-        let made = AnimationJob { animation: Some(animation), timeline, frames, skipped, resolved };
-        // Warnings are those of the first frame; all have the same effects.
+        let animation = Some(animation);
+        let mut made = AnimationJob { animation, timeline, frames, skipped, effects_on: 0, resolved };
+        // Errors and warnings of the first frame come before any is rendered.
         let first = made.frame(first)?;
+        made.effects_on = first.plan.effects_on().count();
         job::warn_of_range(first.range.as_ref(), warnings);
         job::warn_of_job(&first, warnings);
         Ok(made)

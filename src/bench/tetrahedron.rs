@@ -100,7 +100,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_closed_faces_outwards_and_knows_its_edges() {
+    fn it_is_closed_and_faces_outwards_and_its_edges_are_listed() {
         let tetrahedron = Tetrahedron::new(3, PLACEMENTS[0]);
         let mesh = &tetrahedron.mesh;
         assert_eq!(mesh.triangles.len(), 4 * 64);

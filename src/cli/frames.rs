@@ -4,13 +4,15 @@ use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use clap::Args;
+
 use super::arguments::Arguments;
 use super::prepare::timed;
 use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
 use super::{Printer, output};
 use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order};
-use crate::effects::{self, RayKind};
+use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::look;
 use crate::film::write::{self, Format, write_picture};
@@ -18,9 +20,9 @@ use crate::film::{Share, TILE};
 use crate::import;
 use crate::job::metadata::fingerprint_of;
 use crate::job::{Metadata, RenderJob, RenderSettings};
+use crate::limits;
 use crate::render::aov::Wanted;
 use crate::render::{RenderControl, Statistics};
-use clap::Args;
 
 /// How long an animation is, against what the scene says.
 #[derive(Args, Default)]
@@ -48,7 +50,7 @@ pub fn load_and_prepare(
     AnimationJob::prepare(scene, settings, request, warnings, |said| show("building", said))
 }
 
-/// The most bytes that pictures in flight may take together, where there are more than two.
+/// The most bytes that more than two pictures in flight may take together.
 const MOST_BYTES: usize = 1 << 29;
 
 /// Makes a picture of every frame, several at once, and hands them over in order. `make` is given the frame's job, and the control
@@ -70,10 +72,12 @@ pub fn make_all<T: Send>(
         progress.steps(1 + done.fetch_add(1, Ordering::Relaxed), total, ("frames", tiles));
     };
     let control = RenderControl { cancel: interrupted, progress: &count, time_stages: false };
-    // One more than threads, so that none waits while a frame ends.
+    output::check_memory_of(window, channels, bytes_a_pixel)?;
+    // One more than threads, so that none waits while a frame ends; fewer where memory holds fewer.
     let each = window.area().saturating_mul(bytes_a_pixel.max(12) as usize);
-    let in_flight = (MOST_BYTES / each).clamp(2, 1 + pool.current_num_threads());
-    output::check_memory_of(window, channels, bytes_a_pixel * in_flight as u64)?;
+    let most = (MOST_BYTES / each).clamp(2, 1 + pool.current_num_threads()).min(animation.frames.len());
+    let bytes = |count: usize| limits::product(&[window.area() as u64, bytes_a_pixel, count as u64]);
+    let in_flight = (2..=most).rev().find(|&count| limits::check(bytes(count)).is_ok()).unwrap_or(1);
     let make = |frame| make(frame, &animation.frame(frame)?, &control);
     in_order(pool, &animation.frames, in_flight, interrupted, &make, take)
 }
@@ -169,17 +173,24 @@ pub fn write_pictures(
         return Ok(());
     }
     let noticed = Noticed::default();
+    let needs = |effects_on: usize| {
+        let channels = pictures.wanted.channel_count(effects_on) as u64;
+        let bytes = output::bytes_a_pixel(pictures.format, &pictures.wanted, channels)
+            + write::bytes_a_pixel(pictures.format, channels);
+        (channels, bytes)
+    };
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {
+        let effects_on = job.plan.effects_on().count();
+        if effects_on > animation.effects_on {
+            let (channels, bytes) = needs(effects_on);
+            output::check_memory_of(job.window, channels, bytes)?;
+        }
         let (picture, statistics) = output::render_plainly(job, pictures.format, &pictures.wanted, control)?;
         noticed.look(frame, &statistics);
         write_picture(&picture, &job.metadata, pictures.format, &pictures.names.of(frame))
     };
     let mut took = 0.0;
-    // Which effects are on, and have channels, is known of each frame by itself.
-    let channels = pictures.wanted.channel_count(effects::EFFECTS.len()) as u64;
-    let bytes = output::bytes_a_pixel(pictures.format, &pictures.wanted, channels)
-        + write::bytes_a_pixel(pictures.format, channels);
-    let needs = (channels, bytes);
+    let needs = needs(animation.effects_on);
     timed(&mut took, || {
         make_all(&animation, &pool, needs, interrupted, &report.progress, &make, &mut |_, ()| Ok(()))
     })?;

@@ -46,8 +46,8 @@ use crate::limits;
 struct Arguments {
     #[command(subcommand)]
     command: Command,
-    /// The most memory to use, such as 16G [default: what the process may use, and 4G for the sizes that one file gives]
-    #[arg(long, global = true, value_name = "SIZE", value_parser = limits::parse_size)]
+    /// The most memory to use, at least 128M, such as 16G [default: what the process may use, and 4G for the sizes that one file gives]
+    #[arg(long, global = true, value_name = "SIZE", value_parser = limits::parse_limit)]
     memory_limit: Option<u64>,
 }
 

@@ -107,9 +107,9 @@ pub fn check_folder(output: &Path) -> Result<()> {
 pub fn check_memory(job: &RenderJob, target: &Target, wanted: &Wanted, has_wish: bool) -> Result<()> {
     let channels = wanted.channel_count(job.plan.effects_on().count()) as u64;
     let writing = match target {
-        // Tile by tile.
+        // Written tile by tile.
         Target::Part(..) => 0,
-        // The whole file, of bytes that compression does not make many more.
+        // The encoded file is kept whole; at worst it is a little longer than its pixels.
         Target::StandardOutput => 3,
         Target::File(_, format) => write::bytes_a_pixel(*format, channels),
     };
@@ -126,7 +126,7 @@ pub fn bytes_a_pixel(format: Format, wanted: &Wanted, channels: u64) -> u64 {
     }
 }
 
-/// Checks that there is memory for as many bytes for each pixel of a window.
+/// Checks that there is memory for a picture of `bytes_each` a pixel; `channels` are named in the error.
 ///
 /// # Errors
 /// [`Error::Failed`] with what it needs.
@@ -188,7 +188,7 @@ pub fn render_to_wish(
     Ok((picture, chosen.statistics))
 }
 
-/// A picture that shows less than was asked for does not pass in silence.
+/// Warns of pixels that are not finite, of an empty picture, of blocked lights and of inputs that are not visible.
 pub fn warn_of_the_picture(
     inputs: &[PathBuf],
     world: &World,
@@ -205,6 +205,10 @@ pub fn warn_of_the_picture(
     let primary = statistics.rays(RayKind::PRIMARY);
     // A part of a picture may well be of nothing.
     if is_part {
+        return;
+    }
+    if world.primitive_count() == 0 {
+        warnings.push("nothing is in the picture: the scene has no triangles and no spheres");
         return;
     }
     if primary.hit == 0 {

@@ -74,6 +74,7 @@ fn look(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<O
         arguments.inputs = inputs.to_vec();
     }
     check_scene(&scene.effects)?;
+    import::check_drawable(&scene)?;
     if scene.bounds().is_none() {
         return Err(nothing_to_look_at(&scene));
     }

@@ -99,7 +99,7 @@ impl<P: Pixel> Film<P> {
     /// [`Error::Failed`] where there is not enough memory for it.
     pub fn new(window: Window) -> Result<Self> {
         let bytes = limits::product(&[window.width.into(), window.height.into(), size_of::<P>() as u64]);
-        let size = format!("a picture of {} x {}", window.width, window.height);
+        let size = format!("a picture of {} x {} pixels", window.width, window.height);
         limits::check(bytes).map_err(|excess| too_large(&size, &excess))?;
         let pixels = Pages::new(window.area()).map_err(|_| Error::Failed {
             what: format!("{size} needs {} of memory, which the system does not give", Bytes(bytes)),

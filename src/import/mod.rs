@@ -1,8 +1,7 @@
 //! Files become a [`Scene`]: OBJ, glTF and scene files, alone or together.
 //!
-//! This is the border. Everything that comes from outside is checked here once; what passes is finite and consistent,
-//! what does not is an error with its place or is left out with a warning. One file an importer; to add one, write it
-//! and give it a line in [`IMPORTERS`].
+//! Data from outside is checked here once. The scene that is returned is finite and consistent; anything else is an error with its
+//! place, or is left out with a warning. One file an importer; to add one, write it and give it a line in [`IMPORTERS`].
 
 mod files;
 mod gltf;
@@ -101,6 +100,9 @@ fn load_by(inputs: &[PathBuf], files: &Files, warnings: &mut Warnings) -> Result
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
         warn_of_lost_pictures(&one, file, warnings);
+        if inputs.len() > 1 && one.objects.is_empty() && one.cameras.is_empty() && one.lights.is_empty() {
+            warnings.push(format!("{}: {NO_TRIANGLES}", file.display()));
+        }
         for object in &mut one.objects {
             object.input = index;
         }
@@ -121,7 +123,25 @@ fn load_by(inputs: &[PathBuf], files: &Files, warnings: &mut Warnings) -> Result
     Ok(scene)
 }
 
-/// A picture on a mesh that has no place for it is not left out in silence.
+/// Of a file without anything that can be drawn.
+const NO_TRIANGLES: &str = "has no triangles to draw";
+
+/// Checks that mesh files hold anything that can be drawn. A scene file may be of a background alone.
+///
+/// # Errors
+/// [`Error::Input`] for the first of them.
+pub fn check_drawable(scene: &Scene) -> Result<()> {
+    let is_mesh = |file: &PathBuf| file != Path::new("-") && !is_scene_file(file);
+    match scene.inputs.first() {
+        Some(file) if scene.objects.is_empty() && scene.inputs.iter().all(is_mesh) => {
+            let hint = "kiln draws faces, not points and lines; `kiln info` says what the file holds";
+            Err(Error::input(file.as_path(), NO_TRIANGLES, hint))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Warns of materials with pictures on meshes without texture coordinates.
 fn warn_of_lost_pictures(scene: &Scene, file: &Path, warnings: &mut Warnings) {
     for object in &scene.objects {
         let material = &scene.materials[object.material.0 as usize];

@@ -10,14 +10,14 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 
 use super::Source;
-use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault};
+use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault, is_point_or_line};
 use super::pictures::Pictures;
 use super::polygon::{Cut, Triangulator};
 use super::tangents::make_tangents;
 use crate::error::{Error, Place, Result, Warnings, contain};
 use crate::film::Colour;
 use crate::film::colour::srgb_decode;
-use crate::limits::unreadable;
+use crate::limits::{self, unreadable};
 use crate::scene::{
     Attribute, Material, MaterialId, Mesh, MetallicRoughness, NormalMap, Object, Phong, Sampler, Scene,
     Shape, Texture,
@@ -25,7 +25,12 @@ use crate::scene::{
 
 /// Reads an OBJ file, its materials and their textures.
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
-    let text = clean_obj(&source.text());
+    check_memory(source)?;
+    let original = source.text();
+    if original.lines().any(|line| is_point_or_line(line.trim_start())) {
+        warnings.push(format!("{}: points and lines are not drawn", source.file.display()));
+    }
+    let text = clean_obj(&original);
     let options = tobj::LoadOptions {
         single_index: false,
         triangulate: false,
@@ -35,7 +40,7 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let shared = RefCell::new(&mut *warnings);
     let load_materials = |name: &Path| read_mtl(source, name, &mut shared.borrow_mut());
     let (models, materials) = contain(|| tobj::load_obj_buf(&mut text.as_bytes(), &options, load_materials))
-        .ok_or_else(|| Error::input(source.file.as_path(), "not a usable OBJ file", "export it again"))?
+        .unwrap_or(Err(tobj::LoadError::GenericFailure))
         .map_err(|e| explain(source, &text, &e))?;
     let materials = materials.unwrap_or_default();
     warn_of_unknown_materials(&text, &materials, &source.file, warnings);
@@ -73,6 +78,31 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
             .push(format!("{file}: {intricate} polygon(s) {what}, and were cut into fans; cut them before"));
     }
     Ok(scene)
+}
+
+/// Checks that there is memory for reading the text, from its counts of vertices and corners.
+///
+/// # Errors
+/// [`Error::Input`] with what it needs.
+fn check_memory(source: &Source) -> Result<()> {
+    // The straightened copy has room for an eighth more. An attribute of a vertex: f64 in tobj's arrays (which double as they grow), in
+    // its model and in the mesh, and an entry of a map. A corner: 26 bytes of a face, doubled, and indices in the model and the mesh.
+    const ATTRIBUTE: u64 = 160;
+    const CORNER: u64 = 80;
+    let mut needed = source.bytes.len() as u64 * 9 / 8;
+    for line in source.bytes.split(|byte| matches!(byte, b'\n' | b'\r')) {
+        needed += match line.trim_ascii_start() {
+            [b'v', ..] => ATTRIBUTE,
+            [b'f', b' ' | b'\t', corners @ ..] => {
+                let ends = |pair: &&[u8]| !pair[0].is_ascii_whitespace() && pair[1].is_ascii_whitespace();
+                CORNER * (1 + corners.trim_ascii().windows(2).filter(ends).count() as u64)
+            }
+            _ => 0,
+        };
+    }
+    limits::check(needed).map_err(|excess| {
+        Error::input(source.file.as_path(), format!("reading its meshes {excess}"), excess.hint())
+    })
 }
 
 fn explain(source: &Source, text: &str, e: &tobj::LoadError) -> Error {

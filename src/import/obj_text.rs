@@ -58,6 +58,11 @@ fn has_numbers(line: &str) -> bool {
     matches!(line.split_whitespace().next(), Some("v" | "vn" | "vt" | "vp" | "f" | "l" | "p"))
 }
 
+/// Whether a line has points (`p`) or a line (`l`), which are not drawn. tobj makes triangles of lines through three points.
+pub fn is_point_or_line(line: &str) -> bool {
+    matches!(line.split_whitespace().next(), Some("l" | "p"))
+}
+
 fn is_coloured_vertex(line: &str) -> bool {
     let mut words = numbers_of(line).split_whitespace();
     words.next() == Some("v") && words.count() >= 6
@@ -69,7 +74,7 @@ fn numbers_of(line: &str) -> &str {
 
 fn clean_obj_line(line: &str, coloured: bool, out: &mut String) {
     let line = line.trim();
-    if line.starts_with('#') {
+    if line.starts_with('#') || is_point_or_line(line) {
         return;
     }
     if !has_numbers(line) {
@@ -132,7 +137,7 @@ pub fn find_obj_fault(text: &str) -> Option<(usize, String)> {
                 vt += 1;
                 2
             }
-            "f" | "l" | "p" => {
+            "f" => {
                 if let Some(fault) = words.find_map(|w| corner_fault(w, [v, vt, vn], totals)) {
                     return Some((index + 1, fault));
                 }

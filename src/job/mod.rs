@@ -20,23 +20,24 @@
 //! ```
 
 pub mod camera;
+mod memory;
 pub mod metadata;
 mod settings;
 
+pub use memory::check_memory;
 pub use metadata::Metadata;
 pub use settings::{CameraChoice, RenderSettings};
 
-use std::path::Path;
 use std::sync::Arc;
 
 use crate::bvh::Structure;
 use crate::effects::{Choices, Plan, check_names, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::{ColourPipeline, Film, Pixel, Share, Window};
-use crate::limits;
+use crate::import::check_drawable;
 use crate::render::aov::Subject;
 use crate::render::{RenderControl, Statistics, render};
-use crate::scene::{Camera, Numerics, Sampling, Scene, TextureImage};
+use crate::scene::{Camera, Numerics, Sampling, Scene};
 use crate::world::{Range, View, World, bring_into_range, headlight};
 use camera::Viewpoint;
 
@@ -193,6 +194,7 @@ pub fn prepare(scene: Scene, settings: &RenderSettings, warnings: &mut Warnings)
 pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warnings) -> Result<ResolvedJob> {
     check_names(&settings.with, &settings.without)?;
     check_scene(&scene.effects)?;
+    check_drawable(&scene)?;
     let range = bring_into_range(&mut scene);
     warn_of_range(range.as_ref(), warnings);
     let viewpoint = Viewpoint::of(&settings.camera, &scene, range.as_ref())?;
@@ -268,10 +270,10 @@ impl ResolvedJob {
     /// Builds the acceleration structure and the plan.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is not enough memory for mip maps, and those of [`RenderJob::new`].
+    /// Those of [`check_memory`] and [`RenderJob::new`].
     pub fn build(self, warnings: &mut Warnings) -> Result<RenderJob> {
         let ResolvedJob { scene, range, camera, size, window, share, choices, metadata, .. } = self;
-        check_mip_maps(&scene, &choices)?;
+        check_memory(&scene, &choices, self.numerics)?;
         let world = World::prepare(scene, self.pipeline, self.structure, self.numerics);
         let job = RenderJob::new(Arc::new(world), range, camera, size, choices)?;
         let job = RenderJob { window, share, metadata, ..job };
@@ -308,30 +310,4 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     {
         warnings.push(format!("--with {} changes nothing: {}", decision.effect, decision.why));
     }
-}
-
-/// Checks that there is memory for the mip maps of a scene's textures, which lookups but `nearest` and `bilinear` use.
-///
-/// # Errors
-/// [`Error::Input`] for the largest texture.
-pub fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
-    let without = ["textures=nearest", "textures=bilinear"];
-    if choices.with.iter().any(|name| without.contains(&name.as_str())) {
-        return Ok(());
-    }
-    let area = |image: &TextureImage| limits::product(&[image.width.into(), image.height.into()]);
-    let Some(largest) = scene.images.iter().max_by_key(|image| area(image)) else { return Ok(()) };
-    // A third of the texels, of 6 bytes; while they are made, levels of a quarter and a sixteenth, of 12 bytes.
-    let kept = scene.images.iter().map(|image| limits::product(&[area(image), 2]));
-    let needed = kept.fold(limits::product(&[area(largest), 4]), u64::saturating_add);
-    limits::check(needed).map_err(|excess| {
-        let TextureImage { name, width, height, .. } = largest;
-        let what =
-            format!("making mip maps of this texture of {width} x {height} pixels and all others {excess}");
-        let hint = format!(
-            "make it smaller, render --with textures=bilinear, which uses none, or {}",
-            excess.remedy()
-        );
-        Error::input(Path::new(name), what, hint)
-    })
 }

@@ -1,4 +1,4 @@
-"""A real window on a display that nobody sees, driven as a person would: for `tests/viewer/run` and `benches/viewer/run`.
+"""A real window on a display that nobody sees, driven as a person would: for `tests/viewer/check-window` and `benches/viewer/measure-latency`.
 
 Xvfb is the display, xdotool the hands, ImageMagick's `import` the eyes, and the lines of `kiln view --trace` say what happened and
 where things are. Nothing but Python's own library.

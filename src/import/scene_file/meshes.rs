@@ -99,6 +99,9 @@ impl Builder<'_> {
             }
             other => other,
         })?;
+        if part.objects.iter().all(|object| object.shape.primitive_count() == 0) {
+            warnings.push(format!("{}: {}", path.display(), import::NO_TRIANGLES));
+        }
         let is_shared = self.meshes.places.get(file).is_some_and(|&places| places > 1);
         let first_material = self.scene.materials.len() as u32;
         let Scene { objects, materials, images, .. } = part;

@@ -1,0 +1,223 @@
+//! Limits of memory, and the reading of whole files within them.
+//!
+//! A size in a file's header is a claim. Before memory is allocated for it, it goes through [`check_claim`]; the size of a picture
+//! to render, and of data that is in a file, goes through [`check`]. Both compare with one limit for the whole process,
+//! which [`set_memory_limit`] replaces. Called by readers, importers, films and the command line; depends on `error` alone.
+
+mod process;
+mod reading;
+
+use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use process::{ADDRESS_SPACE, Room, in_use, machine, room};
+pub use reading::{Refused, explain, read_file, read_standard_input, unreadable};
+
+/// The most bytes that are allocated for the sizes in a file, unless `--memory-limit` says otherwise: 16 bytes for each of
+/// 16,384 x 16,384 pixels, the largest texture that graphics processors take, in four channels of f32.
+pub const MOST_CLAIMED: u64 = 16 << 28;
+
+/// Bytes that every limit keeps free: thread stacks, tile buffers, encoders.
+const RESERVE: u64 = 64 << 20;
+
+/// The least limit that can be given: as much again as is kept free.
+const LEAST_LIMIT: u64 = 2 * RESERVE;
+
+/// Requests up to this size are not compared with what the process may use, which takes reading several files of `/proc`.
+const SMALL: u64 = 16 << 20;
+
+const GIB: u64 = 1 << 30;
+
+/// The limit of `--memory-limit` in bytes; 0 where none is given.
+static CHOSEN: AtomicU64 = AtomicU64::new(0);
+
+/// Replaces the limits, of claims and of the process, by `bytes`. A limit of the address space (`ulimit -v`) stays.
+pub fn set_memory_limit(bytes: u64) {
+    CHOSEN.store(bytes, Ordering::Relaxed);
+}
+
+fn chosen() -> Option<u64> {
+    Some(CHOSEN.load(Ordering::Relaxed)).filter(|&bytes| bytes > 0)
+}
+
+/// Memory that is not there, or not granted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Excess {
+    needed: u64,
+    /// Bytes in use already.
+    used: u64,
+    limit: Limit,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Limit {
+    /// [`MOST_CLAIMED`].
+    Claim,
+    /// A limit of the process: bytes left, bytes in total, and what sets it.
+    Process(Room),
+}
+
+impl Excess {
+    /// What to do about it, for a file.
+    pub fn hint(&self) -> String {
+        match &self.limit {
+            _ if machine().is_some_and(|machine| self.needed > machine.all.saturating_mul(16)) => {
+                "no machine like this one holds as much: the file is damaged, or made to use up memory".into()
+            }
+            Limit::Claim => format!("if the file is to be trusted, {}", self.remedy()),
+            Limit::Process(_) => format!("make it smaller, or {}", self.remedy()),
+        }
+    }
+
+    /// How to raise the limit.
+    pub fn remedy(&self) -> String {
+        let enough = self.needed.saturating_add(self.used).saturating_add(RESERVE).div_ceil(GIB) + 1;
+        match &self.limit {
+            _ if machine().is_some_and(|machine| enough > machine.all.div_ceil(GIB)) => {
+                "use a machine with more memory".into()
+            }
+            Limit::Process(room) if room.set_by == ADDRESS_SPACE => {
+                "raise the limit of the shell: ulimit -v unlimited".into()
+            }
+            _ => format!("give --memory-limit {enough}G"),
+        }
+    }
+}
+
+/// Such as `needs 25.8 GiB of memory; the limit for sizes in a file is 4.0 GiB`: to stand after what needs it.
+impl fmt::Display for Excess {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "needs {} of memory; ", Bytes(self.needed))?;
+        match &self.limit {
+            Limit::Claim => write!(f, "the limit for sizes in a file is {}", Bytes(MOST_CLAIMED)),
+            Limit::Process(Room { left, of, set_by }) => {
+                write!(f, "{} of {} are left ({set_by})", Bytes(*left), Bytes(*of))
+            }
+        }
+    }
+}
+
+/// A number of bytes, written in MiB up to EiB.
+pub struct Bytes(pub u64);
+
+impl fmt::Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0 < GIB {
+            return write!(f, "{} MiB", self.0.div_ceil(1 << 20));
+        }
+        let mut number = self.0 as f64 / GIB as f64;
+        let mut units = ["GiB", "TiB", "PiB", "EiB"].into_iter().peekable();
+        let mut unit = units.next();
+        while number >= 1024.0 && units.peek().is_some() {
+            (number, unit) = (number / 1024.0, units.next());
+        }
+        write!(f, "{number:.1} {}", unit.unwrap_or_default())
+    }
+}
+
+/// Whether `bytes` may be allocated for a size that a file gives.
+///
+/// # Errors
+/// [`Excess`] where they are more than [`MOST_CLAIMED`], or than the process may use.
+pub fn check_claim(bytes: u64) -> Result<(), Excess> {
+    if chosen().is_none() && bytes > MOST_CLAIMED {
+        return Err(Excess { needed: bytes, used: in_use().resident, limit: Limit::Claim });
+    }
+    check(bytes)
+}
+
+/// Whether the process may use `bytes` more.
+///
+/// # Errors
+/// [`Excess`] where they are more than is left of the machine's memory, the control group's or the address space.
+pub fn check(bytes: u64) -> Result<(), Excess> {
+    if bytes <= SMALL {
+        return Ok(());
+    }
+    let used = in_use();
+    match room(&used) {
+        Some(room) if bytes > room.left => {
+            Err(Excess { needed: bytes, used: used.resident, limit: Limit::Process(room) })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The product of sizes, held at the largest number where it is beyond it.
+pub fn product(sizes: &[u64]) -> u64 {
+    sizes.iter().fold(1, |product: u64, &size| product.saturating_mul(size))
+}
+
+/// A memory limit as users type it: a whole number of bytes, or of KiB, MiB, GiB or TiB by the letters K, M, G and T.
+///
+/// # Errors
+/// What to give instead.
+pub fn parse_limit(text: &str) -> Result<u64, String> {
+    let text = text.trim();
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match text[digits.len()..].to_ascii_uppercase().as_str() {
+        "" | "B" => Some(1),
+        "K" | "KB" | "KIB" => Some(1 << 10),
+        "M" | "MB" | "MIB" => Some(1 << 20),
+        "G" | "GB" | "GIB" => Some(1 << 30),
+        "T" | "TB" | "TIB" => Some(1 << 40),
+        _ => None,
+    };
+    let bytes = digits.trim().parse::<u64>().ok().and_then(|number| number.checked_mul(unit?));
+    match bytes {
+        Some(bytes) if bytes >= LEAST_LIMIT => Ok(bytes),
+        Some(_) => Err(format!(
+            "{} of it are kept free, for threads and encoders; give at least {}M",
+            Bytes(RESERVE),
+            LEAST_LIMIT >> 20
+        )),
+        None => Err("give a whole number with K, M, G or T, such as 1536M or 16G".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn claims_are_limited_and_small_ones_are_not_looked_into() {
+        assert_eq!(check_claim(1 << 20), Ok(()));
+        let excess = check_claim(60_000 * 60_000 * 12).unwrap_err();
+        // 43.2e9 / 2^30 = 40.2.
+        assert_eq!(excess.to_string(), "needs 40.2 GiB of memory; the limit for sizes in a file is 4.0 GiB");
+        // Which machine can do it depends on this one.
+        assert!(!excess.hint().is_empty());
+        assert!(check_claim(product(&[u64::MAX, 12])).is_err());
+        if cfg!(target_os = "linux") {
+            // No machine has 2^62 bytes.
+            let excess = check(1 << 62).unwrap_err();
+            assert!(excess.to_string().starts_with("needs 4.0 EiB of memory; "), "{excess}");
+            assert!(excess.hint().starts_with("no machine"), "{}", excess.hint());
+        }
+    }
+
+    #[test]
+    fn bytes_have_a_unit_that_fits() {
+        let text = |bytes: u64| Bytes(bytes).to_string();
+        assert_eq!([text(1), text((1 << 30) - 1), text(3 << 29)], ["1 MiB", "1024 MiB", "1.5 GiB"]);
+        assert_eq!([text(1 << 40), text(u64::MAX)], ["1.0 TiB", "16.0 EiB"]);
+    }
+
+    #[test]
+    fn limits_as_users_type_them() {
+        for (text, bytes) in
+            [("134217728", 128 << 20), ("131072k", 128 << 20), ("512M", 512 << 20), ("2 GiB", 2 << 30)]
+        {
+            assert_eq!(parse_limit(text), Ok(bytes), "{text}");
+        }
+        for bad in ["", "-1", "4X", "G", "1.5G", "99999999999T"] {
+            let said = parse_limit(bad).unwrap_err();
+            assert!(said.starts_with("give a whole number "), "{bad}: {said}");
+        }
+        // Half of the least limit is kept free.
+        let said = "64 MiB of it are kept free, for threads and encoders; give at least 128M";
+        for small in ["0", "64M", "134217727"] {
+            assert_eq!(parse_limit(small), Err(said.into()), "{small}");
+        }
+    }
+}

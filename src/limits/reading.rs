@@ -1,0 +1,107 @@
+//! The reading of whole regular files and of standard input, within the limits.
+
+use std::io;
+use std::path::Path;
+
+use super::process::{in_use, room};
+use super::{Bytes, check};
+use crate::error::Error;
+
+/// The content of a regular file. Pipes, devices and sockets may be endless and are not opened.
+///
+/// # Errors
+/// Those of the system, and [`Refused`] as the cause of [`io::ErrorKind::Other`].
+pub fn read_file(file: &Path) -> io::Result<Vec<u8>> {
+    let about = std::fs::metadata(file)?;
+    if about.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
+    }
+    if !about.is_file() {
+        return Err(io::Error::other(Refused {
+            what: format!("is {}, not a regular file", kind_of(about.file_type())),
+            hint: "write what it holds to a file first; `-` reads standard input".into(),
+        }));
+    }
+    check(about.len()).map_err(|excess| {
+        io::Error::other(Refused { what: format!("reading it {excess}"), hint: excess.hint() })
+    })?;
+    std::fs::read(file)
+}
+
+/// All of standard input, as long as memory reaches.
+///
+/// # Errors
+/// Those of the system, and [`Refused`] as the cause of [`io::ErrorKind::Other`].
+pub fn read_standard_input() -> io::Result<Vec<u8>> {
+    use io::Read;
+    // What is read doubles its memory as it grows, and holds both for a moment.
+    let room = room(&in_use());
+    let most = room.as_ref().map_or(u64::MAX, |room| room.left / 3);
+    let mut bytes = Vec::new();
+    io::stdin().lock().take(most).read_to_end(&mut bytes)?;
+    match room {
+        Some(room) if bytes.len() as u64 == most => Err(io::Error::other(Refused {
+            what: format!("is longer than {}, a third of the memory left ({})", Bytes(most), room.set_by),
+            hint: "write it to a file and name that, or raise the limit".into(),
+        })),
+        _ => Ok(bytes),
+    }
+}
+
+#[cfg(unix)]
+fn kind_of(kind: std::fs::FileType) -> &'static str {
+    use std::os::unix::fs::FileTypeExt;
+    match () {
+        () if kind.is_fifo() => "a pipe",
+        () if kind.is_char_device() || kind.is_block_device() => "a device",
+        () if kind.is_socket() => "a socket",
+        () => "something else",
+    }
+}
+
+#[cfg(not(unix))]
+fn kind_of(_: std::fs::FileType) -> &'static str {
+    "something else"
+}
+
+/// A file that is refused although the system would read it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{what}")]
+pub struct Refused {
+    what: String,
+    hint: String,
+}
+
+/// Why a file cannot be read, and a hint.
+pub fn explain(e: &io::Error) -> (String, String) {
+    if let Some(refused) = e.get_ref().and_then(|cause| cause.downcast_ref::<Refused>()) {
+        return (refused.what.clone(), refused.hint.clone());
+    }
+    let (what, hint) = match e.kind() {
+        io::ErrorKind::NotFound => ("no such file", "check the name and the folder"),
+        io::ErrorKind::PermissionDenied => ("permission denied", "make the file readable for this user"),
+        io::ErrorKind::IsADirectory => ("is a folder", "name a file in it"),
+        _ => return (format!("cannot be read: {e}"), String::new()),
+    };
+    (what.into(), hint.into())
+}
+
+/// An error for a file that cannot be read.
+pub fn unreadable(file: &Path, e: &io::Error) -> Error {
+    let (what, hint) = explain(e);
+    Error::input(file, what, hint)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn devices_and_folders_are_not_read() {
+        let said = |file: &str| read_file(Path::new(file)).map_err(|e| explain(&e).0).unwrap_err();
+        assert_eq!(said("/dev/zero"), "is a device, not a regular file");
+        assert_eq!(said("/"), "is a folder");
+        assert_eq!(said("/no/such/file"), "no such file");
+    }
+}
