@@ -16,7 +16,7 @@ use kiln::effects::{Choices, Plan};
 use kiln::error::Warnings;
 use kiln::film::{ColourPipeline, TILE, Window};
 use kiln::geometry::{Numerics, Precision, PrimId, Ray, SlotId};
-use kiln::render::{Watch, render};
+use kiln::render::{RenderControl, render};
 use kiln::scene::{MaterialId, Mesh, Object, Scene, Shape};
 use kiln::shading::LightSample;
 use kiln::world::{StandardView, Surface, View, World, fitted_camera, headlight};
@@ -143,10 +143,12 @@ fn trace(c: &mut Criterion) {
         let plan = Plan::new(&world, &Choices::default()).expect("a plan");
         let window = Window { x: 0, y: 0, width: SIZE[0], height: SIZE[1] };
         let cancel = AtomicBool::new(false);
-        let watch = Watch { cancel: &cancel, progress: &|_, _| {} };
+        let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
         group.throughput(Throughput::Elements(u64::from(SIZE[0] * SIZE[1])));
         group.bench_function("picture, all threads", |b| {
-            b.iter(|| render(&world, &view, &plan, window, &watch).expect("a picture"));
+            b.iter(|| -> (kiln::film::Film, _) {
+                render(&world, &view, &plan, window, |_, _| true, &watch).expect("a picture")
+            });
         });
         group.finish();
     }

@@ -40,6 +40,7 @@ pub mod error;
 pub mod film;
 pub mod geometry;
 pub mod import;
+pub mod job;
 pub mod limits;
 pub mod render;
 pub mod scene;

@@ -3,16 +3,15 @@
 mod common;
 
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 use assert_cmd::Command;
 use glam::{DMat4, DQuat, DVec3};
-use kiln::animation::{Stage, turntable};
+use kiln::animation::{PreparedAnimation, turntable};
 use kiln::bvh::{Preset, Structure};
 use kiln::effects::{Choices, Plan};
 use kiln::error::{Place, Warnings};
 use kiln::film::{ColourPipeline, Film, Window};
-use kiln::render::{Clock, Watch, render_as};
+use kiln::render::{RenderControl, render};
 use kiln::scene::animation::{Animation, Easing, Motion, Property, Target, Track};
 use kiln::scene::{Camera, Numerics, Placed, Placement, Projection, Scene, Shape};
 use kiln::world::{StandardView, View, World, bring_into_range, headlight};
@@ -100,29 +99,28 @@ const STRUCTURE: Structure = Structure::Wide(Preset::Balanced);
 fn picture(world: &World, camera: &Camera) -> Film<[u8; 3]> {
     let view = View::new(camera, camera.projection, SIZE).unwrap();
     let plan = Plan::new(world, &Choices::default()).unwrap();
-    let cancel = AtomicBool::new(false);
-    let watch = Watch { cancel: &cancel, progress: &|_, _| () };
     let window = Window { x: 0, y: 0, width: SIZE[0], height: SIZE[1] };
-    render_as(world, &view, &plan, window, &watch, Clock::Stopped).unwrap().0
+    render(world, &view, &plan, window, |_, _| true, &RenderControl::default()).unwrap().0
 }
 
-/// What [`Stage`] shares between frames changes no bit: the same as preparing the scene of each moment from nothing.
+/// What [`PreparedAnimation`] shares between frames changes no bit: the same as preparing the scene at each time from nothing.
 fn same_as_from_nothing(scene: &Scene, camera: usize) {
     let (pipeline, numerics) = (ColourPipeline::Linear, Numerics::default());
     let described = scene.cameras[camera].clone();
-    let stage = Stage::new(scene.clone(), &described, true, pipeline, STRUCTURE, numerics).unwrap();
+    let animation =
+        PreparedAnimation::new(scene.clone(), &described, true, pipeline, STRUCTURE, numerics).unwrap();
     let mut pictures = Vec::new();
     for time in [0.0, 0.3, 0.75] {
-        let moment = stage.at(time).unwrap();
+        let frame = animation.at(time).unwrap();
         let mut alone = scene.at(time).unwrap();
         bring_into_range(&mut alone);
         let seen_by = alone.cameras[camera].clone();
         if alone.lights.is_empty() {
             alone.lights.extend(headlight(&seen_by));
         }
-        assert_eq!(moment.camera, seen_by);
+        assert_eq!(frame.camera, seen_by);
         let world = World::prepare(alone, pipeline, STRUCTURE, numerics);
-        let ours = picture(&moment.world, &moment.camera);
+        let ours = picture(&frame.world, &frame.camera);
         assert!(ours == picture(&world, &seen_by), "at {time}");
         pictures.push(ours.bytes());
     }

@@ -11,7 +11,7 @@ use common::picture::{Prepared, load, prepare};
 use common::repository;
 use kiln::effects::{Choices, Plan};
 use kiln::error::Error;
-use kiln::render::Watch;
+use kiln::render::RenderControl;
 use kiln::render::aov::{self, AOVS, Subject, Wanted};
 use kiln::scene::Numerics;
 use kiln::shading::{ShadingMode, shade};
@@ -161,7 +161,7 @@ fn the_picture_itself_stays_the_same() {
 #[test]
 fn what_nobody_asks_for_is_not_worked_on() {
     let prepared = prepare(load(&repository("scenes/effects/glaze.toml")), SIZE, Numerics::Watertight);
-    let plan = Plan::new(&prepared.world, &Choices::default()).expect("a plan");
+    let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
     let film = prepared.render(Choices::default()).0;
     let Prepared { world, view, .. } = &prepared;
     let subject = Subject {
@@ -174,7 +174,7 @@ fn what_nobody_asks_for_is_not_worked_on() {
         film: Some(&film),
     };
     // Any work would see that it is to stop.
-    let watch = Watch { cancel: &AtomicBool::new(true), progress: &|_, _| {} };
+    let watch = RenderControl { cancel: &AtomicBool::new(true), progress: &|_, _| {}, time_stages: false };
     let wanted =
         |names: &[&str]| Wanted::new(&names.iter().map(|&n| n.into()).collect::<Vec<_>>()).expect("names");
     assert!(aov::channels(&subject, &wanted(&[]), &watch).is_ok_and(|channels| channels.is_empty()));

@@ -10,7 +10,7 @@ use kiln::bench::speed::{
     scene,
 };
 use kiln::error::Result;
-use kiln::render::Watch;
+use kiln::render::RenderControl;
 use serde_json::Value;
 
 fn measured(contenders: &[Box<dyn Contender>], mesh: &Mesh, threads: usize) -> Vec<Row> {
@@ -18,7 +18,7 @@ fn measured(contenders: &[Box<dyn Contender>], mesh: &Mesh, threads: usize) -> V
     let questions = Questions::new(mesh, &eye);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let cancel = AtomicBool::new(false);
-    let watch = Watch { cancel: &cancel, progress: &|_, _| {} };
+    let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
     let settings = Settings { runs: 1, pool: &pool, check: true };
     measure(contenders, mesh, &questions, &settings, &watch).expect("rows")
 }

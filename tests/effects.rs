@@ -41,7 +41,8 @@ fn the_scene_of_an_effect_calls_for_it() {
         let name = effect.name;
         assert!(bill.stages > 0 && bill.bytes > 0, "{name}: {bill:?}");
         assert!(effect.rays.is_empty() || bill.rays > 0, "{name}: {bill:?}");
-        let decisions = Plan::new(&prepared.world, &Choices::default()).expect("a plan").decisions;
+        let decisions =
+            Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan").decisions;
         let why = &decisions.iter().find(|d| d.effect == name).expect("one of each").why;
         assert!(why.contains('`'), "{name}: `{why}` names nothing that calls for it");
         let (other, statistics) = prepared.render(without(&[name]));
@@ -67,7 +68,8 @@ fn a_scene_that_does_not_call_for_an_effect_is_not_billed_for_it() {
         nothing_for(effect, &statistics);
         // With its stages there all the same, it has nothing to do.
         let (forced, forced_statistics) = prepared.render(with(effect));
-        let decisions = Plan::new(&prepared.world, &with(effect)).expect("a plan").decisions;
+        let decisions =
+            Plan::new(&prepared.world, &prepared.choices(with(effect))).expect("a plan").decisions;
         assert!(decisions.iter().any(|d| d.effect == effect.name && d.on), "{} is not forced", effect.name);
         assert_eq!(
             bits(&film, SIZE),
@@ -124,7 +126,7 @@ fn lights_that_cannot_reach_cast_no_shadow_rays() {
     for dark in ["intensity = 0", "colour = '#000000'"] {
         let prepared = floor(&light(20.0, dark), "");
         assert_eq!(shadow_rays(&prepared), 0);
-        let plan = Plan::new(&prepared.world, &Choices::default()).expect("a plan");
+        let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
         assert!(plan.effects_on().next().is_none(), "{dark} calls for an effect");
         assert!(!plan.steps().iter().any(|step| step.stage.name() == "lights"), "{dark} is looked at");
     }
@@ -151,7 +153,7 @@ fn only_the_glazed_material_sends_rays() {
     assert_eq!(statistics.rays(RayKind("glaze")).cast, on_floor);
     // A glazed material that no object is of calls for nothing.
     let unused = floor("[material.other]\ncolour = '#808080'\nglaze = { weight = 0.5 }\n", "");
-    let plan = Plan::new(&unused.world, &Choices::default()).expect("a plan");
+    let plan = Plan::new(&unused.world, &unused.choices(Choices::default())).expect("a plan");
     assert!(!plan.effects_on().any(|name| name == "glaze"));
 }
 

@@ -17,6 +17,7 @@ const ROOMS: &[&str] = &[
     "shading",
     "effects",
     "render",
+    "job",
     "animation",
     "bench",
     "study",

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use kiln::bench::leaks::{Row, measure};
 use kiln::bench::{NAMES, PLACEMENTS, engines};
-use kiln::render::Watch;
+use kiln::render::RenderControl;
 use serde_json::Value;
 
 const RAYS: u64 = 20_000;
@@ -15,7 +15,7 @@ fn rows(engine: &str) -> Vec<Row> {
     let mut engines = engines().0;
     engines.retain(|e| e.name() == engine);
     let cancel = AtomicBool::new(false);
-    let watch = Watch { cancel: &cancel, progress: &|_, _| {} };
+    let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
     let rows = measure(&engines, RAYS, &watch).expect("every structure can be built");
     assert!(!rows.is_empty() && rows.len() == engines.len() * PLACEMENTS.len());
     rows

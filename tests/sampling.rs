@@ -11,7 +11,7 @@ use kiln::effects::samples::{Field, Sum};
 use kiln::effects::tile::{Context, Tile};
 use kiln::effects::{Choices, Plan, RayKind};
 use kiln::film::{ColourPipeline, Film, Filter, FilterShape, Window};
-use kiln::render::{Statistics, Watch, render};
+use kiln::render::{RenderControl, Statistics, render};
 use kiln::scene::{Numerics, Sampling};
 use kiln::shading::ShadingMode;
 
@@ -328,11 +328,11 @@ fn scene(image: &str, with_ball: bool) -> Prepared {
 }
 
 fn picture(prepared: &Prepared, window: Window, threads: usize) -> (Film, Statistics) {
-    let choices = Choices { scene: prepared.scene_effects.clone(), ..Choices::default() };
-    let plan = Plan::new(&prepared.world, &choices).expect("a plan");
-    let watch = Watch { cancel: &false.into(), progress: &|_, _| {} };
+    let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
+    let control = RenderControl::default();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-    pool.install(|| render(&prepared.world, &prepared.view, &plan, window, &watch)).expect("a picture")
+    pool.install(|| render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &control))
+        .expect("a picture")
 }
 
 const WHOLE: Window = Window { x: 0, y: 0, width: 48, height: 48 };
@@ -406,8 +406,7 @@ fn single_pixels_have_the_picture_s_bits() {
 #[test]
 fn samples_around_a_tile_are_counted_but_are_no_samples_of_its_pixels() {
     let prepared = scene("noise = 0.01\nmin_samples = 4", true);
-    let choices = Choices { scene: prepared.scene_effects.clone(), ..Choices::default() };
-    let plan = Plan::new(&prepared.world, &choices).expect("a plan");
+    let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
     let context = Context { world: &prepared.world, view: &prepared.view };
     // Black all around: four samples a pixel, of nine pixels, and in the picture's corner of four.
     for (x, y, cast) in [(3, 3, 36), (0, 0, 16)] {
@@ -436,7 +435,7 @@ fn a_floor_as_high_as_the_ceiling_is_uniform() {
         let (film, _) = picture(&prepared, WHOLE, 1);
         let equal =
             (0..48 * 48).filter(|i| film.pixel(i % 48, i / 48) == uniform.pixel(i % 48, i / 48)).count();
-        match prepared.world.sampling.min_samples {
+        match prepared.sampling.min_samples {
             Some(33) => assert_eq!(film, uniform),
             // One sample is no ground to stop on, and with equal ones after it there is nothing to gain: those differ by less than
             // what one sample in 33 can be seen to be.

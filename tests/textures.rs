@@ -9,7 +9,7 @@ use kiln::bvh::Traversal;
 use kiln::effects::{Choices, Plan};
 use kiln::film::{ColourPipeline, Window};
 use kiln::geometry::Ray;
-use kiln::render::{Watch, render};
+use kiln::render::{RenderControl, render};
 use kiln::scene::file::EffectValue;
 use kiln::scene::{
     Attribute, Camera, Glaze, Lookup, Material, MaterialId, Mesh, Minify, Numerics, Object, Phong,
@@ -387,7 +387,7 @@ fn without_textures() {
     assert_eq!(red(&bare, TextureFilter::Mipmap, 1, 1), 1.0);
     scene.materials[0] = Material::Phong(Phong::default());
     let plain = prepare(scene, [4, 4], Numerics::Watertight);
-    let plan = Plan::new(&plain.world, &Choices::default()).expect("a plan");
+    let plan = Plan::new(&plain.world, &plain.choices(Choices::default())).expect("a plan");
     assert!(plan.decisions.iter().all(|d| d.effect != "textures" || !d.on));
     assert!(plan.steps().iter().all(|step| step.stage.name() != "texture coordinates"));
 }
@@ -404,11 +404,12 @@ fn the_same_bits_for_threads_and_crops() {
         let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
         let alone = one.install(|| prepared.render(Choices::default()).0);
         assert!(bits(&whole, size) == bits(&alone, size));
-        let plan = Plan::new(&prepared.world, &Choices::default()).expect("a plan");
+        let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
         let window = Window { x: 13, y: 17, width: 29, height: 20 };
         let never = std::sync::atomic::AtomicBool::new(false);
-        let watch = Watch { cancel: &never, progress: &|_, _| {} };
-        let (part, _) = render(&prepared.world, &prepared.view, &plan, window, &watch).expect("a picture");
+        let watch = RenderControl { cancel: &never, progress: &|_, _| {}, time_stages: false };
+        let (part, _) =
+            render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &watch).expect("a picture");
         for (x, y) in (0..20).flat_map(|y| (0..29).map(move |x| (13 + x, 17 + y))) {
             let [of_part, of_whole] = [part.pixel(x - 13, y - 17), whole.pixel(x, y)];
             assert_eq!(of_part.map(f32::to_bits), of_whole.map(f32::to_bits));

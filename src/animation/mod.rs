@@ -4,11 +4,13 @@
 //! else: rendered alone it has the same bits as in a run of all. So a farm may deal frames out as it likes.
 
 pub mod frames;
+mod job;
 pub mod moving;
 mod order;
-mod stage;
+mod prepared;
 
 pub use frames::{FileNames, FrameList};
+pub use job::{AnimationJob, FrameRequest};
 pub use moving::{Form, Outline, Prepared, Quality, Recorder};
 pub use order::in_order;
-pub use stage::{Moment, Stage, turntable};
+pub use prepared::{FrameWorld, PreparedAnimation, turntable};

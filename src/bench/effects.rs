@@ -8,11 +8,11 @@ use std::sync::atomic::AtomicBool;
 
 use super::clock::Clock;
 use super::spread::Spread;
-use crate::effects::{Decision, Plan};
+use crate::effects::Plan;
 use crate::error::Result;
-use crate::film::{Film, Window};
-use crate::render::{self, Statistics, Watch};
-use crate::world::{View, World};
+use crate::film::Film;
+use crate::job::RenderJob;
+use crate::render::{RenderControl, Statistics, render};
 
 /// What a picture takes.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,35 +63,26 @@ impl Costs {
 /// Measures a picture on the current pool, `rounds` times.
 ///
 /// # Errors
-/// Those of [`render::render_as`].
-pub fn measure(
-    (world, view, window): (&World, &View, Window),
-    plan: &Plan,
-    rounds: usize,
-    cancel: &AtomicBool,
-) -> Result<Costs> {
+/// Those of [`render`].
+pub fn measure(job: &RenderJob, rounds: usize, cancel: &AtomicBool) -> Result<Costs> {
+    let RenderJob { world, view, window, plan, .. } = job;
     let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
-    let keep = |keep: &dyn Fn(usize) -> bool| -> Plan {
-        let mut decisions: Vec<Decision> = plan.decisions.clone();
-        decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= keep(i));
-        Plan::of(world, plan.shading, decisions)
-    };
     // The picture with the first k effects, for every k; then the whole without each one.
-    let firsts = (0..=on.len()).map(|k| keep(&|i| on[..k].contains(&i)));
-    let withouts = on.iter().map(|&one| keep(&|i| i != one));
+    let firsts = (0..=on.len()).map(|k| plan.keeping(world, |i| on[..k].contains(&i)));
+    let withouts = on.iter().map(|&one| plan.keeping(world, |i| i != one));
     let plans: Vec<Plan> = firsts.chain(withouts).collect();
     let threads = rayon::current_num_threads();
 
     let mut ms: Vec<Vec<f64>> = vec![Vec::new(); plans.len()];
     let mut statistics: Vec<Option<Statistics>> = vec![None; plans.len()];
-    let watch = Watch { cancel, progress: &|_, _| {} };
+    let control = RenderControl { cancel, progress: &|_, _| {}, time_stages: false };
     for round in 0..=rounds {
         // Each round begins with another plan, so that none is always the one that comes after the same other.
         for turn in 0..plans.len() {
             let index = (round + turn) % plans.len();
             let clock = Clock::start(threads);
             let made: Result<(Film<[u8; 3]>, Statistics)> =
-                render::render_as(world, view, &plans[index], window, &watch, render::Clock::Stopped);
+                render(world, view, &plans[index], *window, |_, _| true, &control);
             let seconds = clock.seconds();
             statistics[index] = Some(made?.1);
             // The first round warms up.

@@ -14,7 +14,7 @@ use super::{Built, Engine, Icosphere, Kind, LEVEL, Mesh, PLACEMENTS, kiln, ray};
 use crate::bvh::Structure;
 use crate::error::{Error, Result};
 use crate::geometry::Numerics;
-use crate::render::Watch;
+use crate::render::RenderControl;
 
 /// The same for engines that test every triangle: 320.
 const EXHAUSTIVE_LEVEL: u32 = 2;
@@ -96,7 +96,7 @@ impl Counts {
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where an engine cannot build its structure.
-pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &Watch) -> Result<Vec<Row>> {
+pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &RenderControl) -> Result<Vec<Row>> {
     let rays = Counts::of_rays(rays);
     let spheres = PLACEMENTS.map(|placement| Icosphere::new(LEVEL, placement));
     let coarse = PLACEMENTS.map(|placement| Icosphere::new(EXHAUSTIVE_LEVEL, placement));
@@ -147,7 +147,7 @@ pub(super) fn measure_through(
     numerics: Numerics,
     sphere: &Icosphere,
     rays: Counts,
-    watch: &Watch,
+    watch: &RenderControl,
 ) -> Result<Counts> {
     let built = kiln::built(&sphere.mesh, Structure::default(), numerics);
     primary_leaks(&*built, sphere, rays, true, watch, &|_| {})
@@ -158,7 +158,7 @@ fn primary_leaks(
     sphere: &Icosphere,
     rays: Counts,
     followed_through: bool,
-    watch: &Watch,
+    watch: &RenderControl,
     step: &(dyn Fn(u64) + Sync),
 ) -> Result<Counts> {
     let mut leaks = Counts::default();
@@ -179,7 +179,7 @@ fn primary_leaks(
 /// For how many of the numbers up to `rays` `is_leak` is true. It is given an empty list to work with.
 fn count(
     rays: u64,
-    watch: &Watch,
+    watch: &RenderControl,
     step: &(dyn Fn(u64) + Sync),
     is_leak: impl Fn(u64, &mut Vec<u32>) -> bool + Sync,
 ) -> Result<u64> {
@@ -234,7 +234,7 @@ mod tests {
     /// How many rays slip through `built`, which may lack something of `sphere`.
     fn through(built: &dyn Built, sphere: &Icosphere, rays: u64) -> Counts {
         let cancel = AtomicBool::new(false);
-        let watch = Watch { cancel: &cancel, progress: &|_, _| {} };
+        let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
         primary_leaks(built, sphere, Counts::of_rays(rays), true, &watch, &|_| {})
             .expect("nothing cancels it")
     }
@@ -284,7 +284,7 @@ mod tests {
     #[test]
     fn it_can_be_cancelled() {
         let cancel = AtomicBool::new(true);
-        let watch = Watch { cancel: &cancel, progress: &|_, _| {} };
+        let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
         let outcome = measure(&kiln::engines(), 1_000_000, &watch);
         assert!(matches!(outcome, Err(Error::Interrupted)));
     }

@@ -13,7 +13,7 @@ use super::{Icosphere, Kind, LEVEL, Mesh, Numbers, PLACEMENTS, is_nearest, kiln,
 use crate::bvh::{Accelerator, Structure, Traversal};
 use crate::error::Result;
 use crate::geometry::{Hit, Numerics, Precision, Ray};
-use crate::render::Watch;
+use crate::render::RenderControl;
 
 /// What a tier costs and gets wrong.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,7 +43,7 @@ const BATCH: usize = 256;
 ///
 /// # Errors
 /// [`crate::error::Error::Interrupted`] when cancelled.
-pub fn tiers(rays: u64, runs: u32, watch: &Watch) -> Result<Vec<TierRow>> {
+pub fn tiers(rays: u64, runs: u32, watch: &RenderControl) -> Result<Vec<TierRow>> {
     let spheres = PLACEMENTS.map(|placement| Icosphere::new(LEVEL, placement));
     let mut rows = Vec::new();
     let mut done = 0;

@@ -4,7 +4,8 @@ use obvhs::BvhBuildParams;
 use obvhs::ploc::{PlocSearchDistance, SortPrecision};
 
 /// From the least work spent on building to the least spent on tracing. No picture depends on it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Preset {
     /// For scenes that change with every picture, or that few rays are cast in.
     FastBuild,

@@ -7,17 +7,18 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::arguments::{self, Arguments};
-use super::develop::check_folder;
-use super::frames::{self, Asked, LengthArguments, Noticed, Pictures, Report};
-use super::prepare::{Ready, timed};
+use super::frames::{self, LengthArguments, Noticed, Pictures, Report};
+use super::output::check_folder;
+use super::prepare::timed;
 use super::progress::{Mode, Progress};
-use crate::animation::{FileNames, Form, FrameList, Outline, Prepared, Quality, Recorder};
+use crate::animation::{FileNames, Form, FrameList, FrameRequest, Outline, Prepared, Quality, Recorder};
 use crate::error::{Error, Result};
 use crate::film::Share;
 use crate::film::output::describe;
 use crate::film::write::Format;
+use crate::job::RenderJob;
+use crate::render::RenderControl;
 use crate::render::aov::Wanted;
-use crate::render::{Clock, Watch, render_as};
 
 #[derive(Args)]
 pub struct Command {
@@ -108,16 +109,17 @@ fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
     let pool = super::pool(command.what.threads)?;
     let mut report = Report::new(command.progress);
-    let asked = Asked::all(&command.length, command.frames.as_ref());
-    let frames = report.load(&pool, &command.what, &asked)?;
-    let window = frames.window();
+    let LengthArguments { fps, duration } = command.length;
+    let request = FrameRequest::all(fps, duration, command.frames.as_ref());
+    let animation = report.load(&pool, &command.what, &command.what.settings()?, &request)?;
+    let window = animation.resolved.window;
     let size = [window.width, window.height];
-    form.check(size, frames.timeline().fps())?;
+    form.check(size, animation.timeline.fps())?;
     let outline = Outline {
         size,
-        fps: frames.timeline().fps(),
-        frames: frames.frames().len(),
-        pipeline: frames.pipeline(),
+        fps: animation.timeline.fps(),
+        frames: animation.frames.len(),
+        pipeline: animation.resolved.pipeline,
     };
     let failed = |e: std::io::Error| Error::output(command.output.as_path(), describe(&e));
     let mut recorder = if is_stream {
@@ -127,9 +129,8 @@ fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool
         Recorder::to_file(&command.output, form, outline)?
     };
     let noticed = Noticed::default();
-    let make = |frame: i32, ready: &Ready, watch: &Watch| {
-        let (film, statistics) =
-            render_as(&ready.world, &ready.view, &ready.plan, ready.window, watch, Clock::Stopped)?;
+    let make = |frame: i32, job: &RenderJob, control: &RenderControl| {
+        let (film, statistics) = job.render(control)?;
         noticed.look(frame, &statistics);
         Ok(form.of(&film))
     };
@@ -137,7 +138,9 @@ fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool
     let mut took = 0.0;
     // A film of f32, and what the format takes of it.
     let needs = (0, 12 + 4);
-    timed(&mut took, || frames.make_all(&pool, needs, interrupted, &report.progress, &make, &mut take))?;
+    timed(&mut took, || {
+        frames::make_all(&animation, &pool, needs, interrupted, &report.progress, &make, &mut take)
+    })?;
     recorder.finish()?;
     report.end(&command.what, &noticed, command.strict)?;
     report.progress.finish(&format!(

@@ -4,15 +4,16 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::picture::is_inline;
 use super::sampling::SamplingArguments;
 use crate::bvh::Preset;
 use crate::effects::check_names;
 use crate::error::{Error, Result};
-use crate::film::{ColourPipeline, Window};
+use crate::film::{ColourPipeline, Share, Window};
 use crate::import::inline_camera;
-use crate::scene::{Camera, Numerics, Projection};
+use crate::job::{CameraChoice, RenderSettings};
+use crate::scene::{Numerics, Projection};
 use crate::shading::ShadingMode;
+use crate::world::StandardView;
 
 /// What there is to see, and how: what every command that makes pictures is told.
 #[derive(Args, Clone)]
@@ -78,80 +79,53 @@ fn parse_crop(text: &str) -> std::result::Result<Window, String> {
     }
 }
 
-/// Whether names and inputs are such as can be used at all.
+/// Checks names and inputs before any file is read.
 pub fn check(arguments: &Arguments) -> Result<()> {
     check_names(&arguments.with, &arguments.without)?;
-    if let Some(camera) = arguments.camera.as_deref().filter(|typed| is_inline(typed)) {
-        inline_camera(camera)?;
-    }
     if arguments.inputs.iter().filter(|input| *input == Path::new("-")).count() > 1 {
         return Err(Error::usage("standard input can be read once", "give `-` once"));
     }
     Ok(())
 }
 
-// The parser lets nothing else through than the names below.
+/// The value of this name; the parser accepts no other than those of `all`.
+fn named<T: Copy>(all: &[T], name: impl Fn(T) -> &'static str, typed: Option<&str>) -> Option<T> {
+    all.iter().copied().find(|&value| Some(name(value)) == typed)
+}
+
 impl Arguments {
-    /// How far shading goes.
-    pub fn shading(&self) -> ShadingMode {
-        ShadingMode::ALL.into_iter().find(|mode| mode.name() == self.shading).unwrap_or_default()
-    }
-
-    /// The colour pipeline that the user wants instead of the scene's.
-    pub fn colour(&self) -> Option<ColourPipeline> {
-        let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
-        pipelines.into_iter().find(|p| Some(p.name()) == self.colour.as_deref())
-    }
-
-    /// The tier that the user wants instead of the scene's.
-    pub fn numerics(&self) -> Option<Numerics> {
-        Numerics::ALL.into_iter().find(|tier| Some(tier.name()) == self.numerics.as_deref())
-    }
-
-    /// How much work is spent on building.
-    pub fn preset(&self) -> Preset {
-        Preset::named(&self.bvh).unwrap_or_default()
-    }
-
-    /// The projection that the user wants instead of the camera's own.
-    pub fn projection(&self) -> Option<Projection> {
-        let projections = [Projection::Perspective, Projection::Orthographic];
-        projections.into_iter().find(|p| Some(p.name()) == self.projection.as_deref())
-    }
-
-    /// What made the picture, for its metadata; nothing that differs between two runs of the same.
-    pub fn settings(
-        &self,
-        camera: &Camera,
-        projection: Projection,
-        [width, height]: [u32; 2],
-        pipeline: ColourPipeline,
-        numerics: Numerics,
-    ) -> Vec<(String, String)> {
-        // Without their folders: the same scene is the same picture wherever it lies.
-        let name =
-            |input: &PathBuf| input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
-        let inputs: Vec<String> = self.inputs.iter().map(name).collect();
-        // One in braces as it was typed: its name would say nothing.
-        let inline = self.camera.as_deref().filter(|typed| is_inline(typed)).map(str::trim);
-        let mut settings = vec![
-            ("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION"))),
-            ("kiln:inputs".into(), inputs.join(" ")),
-            ("kiln:camera".into(), inline.unwrap_or(&camera.name).to_owned()),
-            ("kiln:projection".into(), projection.name().into()),
-            ("kiln:size".into(), format!("{width}x{height}")),
-            ("kiln:colour".into(), pipeline.name().into()),
-            ("kiln:numerics".into(), numerics.name().into()),
-            ("kiln:shading".into(), self.shading.clone()),
-        ];
-        if let Some(Window { x, y, width, height }) = self.crop {
-            settings.push(("kiln:crop".into(), format!("{x},{y},{width},{height}")));
-        }
-        for (key, names) in [("kiln:with", &self.with), ("kiln:without", &self.without)] {
-            if !names.is_empty() {
-                settings.push((key.into(), names.join(" ")));
+    /// What was asked for.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a camera in braces that is none.
+    pub fn settings(&self) -> Result<RenderSettings> {
+        let view = named(&StandardView::ALL, StandardView::name, self.view.as_deref());
+        let camera = match (view, self.camera.as_deref()) {
+            (Some(view), _) => CameraChoice::Fitted(view),
+            (None, None) => CameraChoice::Default,
+            (None, Some("auto")) => CameraChoice::Fitted(StandardView::Auto),
+            (None, Some(text)) if text.trim_start().starts_with('{') => {
+                CameraChoice::Given(inline_camera(text)?)
             }
-        }
-        settings
+            (None, Some(name)) => CameraChoice::Named(name.to_owned()),
+        };
+        let projections = [Projection::Perspective, Projection::Orthographic];
+        let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
+        Ok(RenderSettings {
+            camera,
+            projection: named(&projections, Projection::name, self.projection.as_deref()),
+            size: self.size,
+            longest_side: None,
+            crop: self.crop,
+            share: Share::ALL,
+            sampling: self.sampling.said(),
+            numerics: named(&Numerics::ALL, Numerics::name, self.numerics.as_deref()),
+            preset: Preset::named(&self.bvh).unwrap_or_default(),
+            shading: named(&ShadingMode::ALL, ShadingMode::name, Some(&self.shading)).unwrap_or_default(),
+            with: self.with.clone(),
+            without: self.without.clone(),
+            colour: named(&pipelines, ColourPipeline::name, self.colour.as_deref()),
+            layers: Vec::new(),
+        })
     }
 }

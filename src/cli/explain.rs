@@ -7,13 +7,14 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::arguments::{self, Arguments};
-use super::prepare::{Ready, make_ready};
+use super::prepare::load_and_resolve;
 use super::statistics::Seconds;
 use super::{Printer, print};
 use crate::bench::Spread;
 use crate::bench::effects::{Cost, Costs, Part, measure};
 use crate::effects::{Decision, EFFECTS};
 use crate::error::{Result, Warnings};
+use crate::job::RenderJob;
 
 /// The version of the JSON's schema; it goes up when a field changes its meaning or goes.
 const SCHEMA: u32 = 1;
@@ -37,31 +38,33 @@ pub struct Command {
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.what)?;
     let threads = command.what.threads.or(command.measure.then_some(1));
-    let (ready, costs) = super::pool(threads)?.install(|| {
+    let (job, costs) = super::pool(threads)?.install(|| {
         let (mut warnings, mut printer) = (Warnings::default(), Printer::default());
         let mut show = |_: &str, said: &Warnings| printer.print(said, true);
-        let ready = make_ready(&command.what, &mut Seconds::default(), &mut warnings, &mut show)?;
+        let settings = command.what.settings()?;
+        let resolved =
+            load_and_resolve(&command.what, &settings, &mut Seconds::default(), &mut warnings, &mut show)?;
+        let job = resolved.build(&mut warnings)?;
         printer.print(&warnings, true);
-        let Ready { world, view, window, plan, .. } = &ready;
         let rounds = command.rounds.into();
-        let costs = command.measure.then(|| measure((world, view, *window), plan, rounds, interrupted));
-        costs.transpose().map(|costs| (ready, costs))
+        let costs = command.measure.then(|| measure(&job, rounds, interrupted));
+        costs.transpose().map(|costs| (job, costs))
     })?;
     if command.json {
-        print(&format!("{:#}\n", to_json(&ready, costs.as_ref())))
+        print(&format!("{:#}\n", to_json(&job, costs.as_ref())))
     } else {
-        print(&to_text(&ready.plan.decisions, costs.as_ref()))
+        print(&to_text(&job.plan.decisions, costs.as_ref()))
     }
 }
 
-fn to_json(ready: &Ready, costs: Option<&Costs>) -> Value {
+fn to_json(job: &RenderJob, costs: Option<&Costs>) -> Value {
     let settings: serde_json::Map<String, Value> =
-        ready.settings.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
+        job.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
     let spread = |s: Spread| json!({ "lower": s.lower, "median": s.median, "upper": s.upper });
     let cost = |c: &Cost| json!({ "rays": c.rays, "ms": spread(c.ms), "bytes": c.bytes });
     let effects: Vec<Value> = EFFECTS
         .iter()
-        .zip(&ready.plan.decisions)
+        .zip(&job.plan.decisions)
         .map(|(effect, decision)| {
             let part = costs.and_then(|costs| part_of(costs, decision));
             json!({
@@ -70,7 +73,7 @@ fn to_json(ready: &Ready, costs: Option<&Costs>) -> Value {
                 "on": decision.on,
                 "why": decision.why,
                 "value": decision.value,
-                "stages": ready.plan.steps().iter().filter(|step| step.effect == Some(effect.name)).count(),
+                "stages": job.plan.steps().iter().filter(|step| step.effect == Some(effect.name)).count(),
                 "adds": part.map(|part| cost(&part.adds)),
                 "share": part.zip(costs).map(|(part, costs)| part.adds.ms.median / costs.whole.ms.median),
                 "alone_ms": part.map(|part| spread(part.alone)),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::develop::{check_folder, same_file};
+use super::output::{check_folder, same_file};
 use crate::error::{Error, Result};
 use crate::film::part::join;
 use crate::film::write::{Format, write_picture};

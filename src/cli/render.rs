@@ -7,8 +7,8 @@ use clap::Args;
 
 use super::Printer;
 use super::arguments::{self, Arguments};
-use super::develop::{self, Target, check_folder, render_plainly, render_to_wish, same_file};
 use super::frames::{self, LengthArguments, Pictures, file_names};
+use super::output::{self, Target, check_folder, render_plainly, render_to_wish, same_file};
 use super::prepare::{self, timed};
 use super::progress::{Mode, Progress};
 use super::sampling::TargetArguments;
@@ -18,8 +18,9 @@ use crate::error::{Error, Result, Warnings};
 use crate::film::Share;
 use crate::film::output::write_whole;
 use crate::film::write::Format;
+use crate::job::metadata;
+use crate::render::RenderControl;
 use crate::render::aov::{LARGEST_NUMBER, Wanted};
-use crate::render::{Clock, Watch};
 
 #[derive(Args)]
 pub struct Command {
@@ -146,49 +147,57 @@ fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &
     let with_notes = command.progress != Mode::None;
     let mut seconds = Seconds::default();
 
-    let mut described =
-        prepare::take_in(&command.what, None, &mut seconds, &mut warnings, &mut |phase, said| {
+    let mut settings = command.what.settings()?;
+    settings.share = command.shard.unwrap_or_default();
+    settings.layers = command.aov.clone();
+    let mut resolved = prepare::load_and_resolve(
+        &command.what,
+        &settings,
+        &mut seconds,
+        &mut warnings,
+        &mut |phase, said| {
             progress.pause(|| printer.print(said, with_notes));
             progress.phase(phase);
-        })?;
-    prepare::fingerprint_layers(&mut described.settings, &command.aov);
+        },
+    )?;
     if let Some(wish) = command.target.wish() {
-        prepare::fingerprint_also(&mut described.settings, "wish", &wish);
+        metadata::add_to_fingerprint(&mut resolved.metadata, "wish", &wish);
     }
-    if command.skip_existing && target.look().is(prepare::fingerprint_of(&described.settings), None) {
+    if command.skip_existing && target.look().is(metadata::fingerprint_of(&resolved.metadata), None) {
         progress.pause(|| printer.print(&warnings, with_notes));
         progress.finish(&format!("{} is there", target.file().display()));
         return Ok(());
     }
     progress.phase("building");
-    let mut ready = prepare::build(described, &mut seconds, &mut warnings)?;
-    ready.share = command.shard.unwrap_or(Share::ALL);
+    let mut job = timed(&mut seconds.build, || resolved.build(&mut warnings))?;
     let has_target = command.target.wish().is_some();
-    develop::check_memory(&ready, target, wanted, has_target)?;
+    output::check_memory(&job, target, wanted, has_target)?;
     let without = &command.what.without;
-    command.what.sampling.warn_of_idle(&ready.world.sampling, without, has_target, &mut warnings);
+    command.what.sampling.warn_of_idle(&job.choices.sampling, without, has_target, &mut warnings);
     progress.pause(|| printer.print(&warnings, with_notes));
 
     progress.phase("rendering");
-    let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
-    let clock = if command.stats.is_some() { Clock::EveryStage } else { Clock::Stopped };
+    let control = RenderControl {
+        cancel: interrupted,
+        progress: &|done, total| progress.tiles(done, total),
+        time_stages: command.stats.is_some(),
+    };
     let (picture, statistics) = timed(&mut seconds.render, || match command.target.wish() {
-        Some(wish) => render_to_wish(&mut ready, &wish, target.format(), &watch, clock, &mut warnings),
-        None => render_plainly(&ready, target.kept(), wanted, &watch, clock),
+        Some(wish) => render_to_wish(&mut job, &wish, target.format(), &control, &mut warnings),
+        None => render_plainly(&job, target.kept(), wanted, &control),
     })?;
-    let (world, window) = (&ready.world, ready.window);
+    let (world, window) = (&job.world, job.window);
     if wanted.has_primitives() && world.primitive_count() > LARGEST_NUMBER {
         warnings.push(format!("--aov primitive: numbers above {LARGEST_NUMBER} are rounded"));
     }
-    let is_part = command.what.crop.is_some() || ready.share != Share::ALL;
-    develop::warn_of_the_picture(&command.what, world, &statistics, is_part, &mut warnings);
+    let is_part = command.what.crop.is_some() || job.share != Share::ALL;
+    output::warn_of_the_picture(&command.what.inputs, world, &statistics, is_part, &mut warnings);
     progress.clear();
     printer.print(&warnings, with_notes);
 
-    timed(&mut seconds.write, || develop::write(&picture, &ready, target))?;
+    timed(&mut seconds.write, || output::write(&picture, &job, target))?;
     if let Some(file) = &command.stats {
-        let report =
-            statistics::to_json(&ready.settings, &seconds, world, &ready.plan, &statistics, &warnings);
+        let report = statistics::to_json(&job.metadata, &seconds, world, &job.plan, &statistics, &warnings);
         write_whole(file, |out| writeln!(out, "{report:#}"))?;
     }
     if command.strict && !warnings.is_empty() {

@@ -7,14 +7,15 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::arguments::{self, Arguments};
-use super::prepare::{self, Described};
+use super::prepare::load_and_resolve;
 use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
 use super::{Printer, print};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
-use crate::render::Watch;
+use crate::job::{RenderSettings, ResolvedJob};
+use crate::render::RenderControl;
 use crate::study::{Options, Pools, Setting, Study, Subject, error_against_time, facts, page, study, to_csv};
 
 /// The longer side of the picture where no size is given, in pixels.
@@ -52,20 +53,25 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let with_notes = command.progress != Mode::None;
 
     let longest = (!command.full).then_some(LONGEST);
-    let described = wide.install(|| {
-        prepare::take_in(arguments, longest, &mut Seconds::default(), &mut warnings, &mut |phase, said| {
+    let settings = RenderSettings { longest_side: longest, ..arguments.settings()? };
+    let resolved = wide.install(|| {
+        let show = &mut |phase: &str, said: &Warnings| {
             progress.pause(|| printer.print(said, with_notes));
             progress.phase(phase);
-        })
+        };
+        load_and_resolve(arguments, &settings, &mut Seconds::default(), &mut warnings, show)
     })?;
-    let subject = subject(arguments, described);
+    let subject = subject(arguments, resolved);
     let load = || import::load(&arguments.inputs, &mut Warnings::default()).map(drop);
     let is_file = arguments.inputs.iter().all(|input| input != Path::new("-"));
     let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
 
     progress.phase("studying");
-    let watch =
-        Watch { cancel: interrupted, progress: &|done, total| progress.steps(done, total, ("steps", 1)) };
+    let watch = RenderControl {
+        cancel: interrupted,
+        progress: &|done, total| progress.steps(done, total, ("steps", 1)),
+        time_stages: false,
+    };
     let pools = Pools { timed: &timed, wide: &wide };
     let (study, pictures) = study(&subject, &options(command, knobs), load, &pools, &watch)?;
 
@@ -140,43 +146,20 @@ fn options(command: &Command, knobs: Vec<&'static str>) -> Options {
     }
 }
 
-fn subject(arguments: &Arguments, described: Described) -> Subject {
-    let Described {
-        scene,
-        camera,
-        projection,
-        size,
-        window,
-        choices,
-        pipeline,
-        numerics,
-        structure,
-        settings,
-        ..
-    } = described;
+fn subject(arguments: &Arguments, job: ResolvedJob) -> Subject {
+    let ResolvedJob { scene, camera, size, window, choices, pipeline, numerics, structure, metadata, .. } =
+        job;
     let inputs: Vec<String> = arguments.inputs.iter().map(|input| input.display().to_string()).collect();
-    let sampling = scene.sampling;
     let base = Setting {
         numerics,
         structure,
         pipeline,
-        sampling,
+        sampling: choices.sampling,
         bounces: None,
         textures: None,
         without: Vec::new(),
     };
-    Subject {
-        name: inputs.join(" "),
-        command: typed(),
-        scene,
-        camera,
-        projection,
-        size,
-        window,
-        choices,
-        base,
-        settings,
-    }
+    Subject { name: inputs.join(" "), command: typed(), scene, camera, size, window, choices, base, metadata }
 }
 
 /// The command as it was typed, quoted where a shell wants it.

@@ -8,14 +8,16 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::arguments::{self, Arguments};
-use super::frames::{Asked, Frames, LengthArguments};
-use super::prepare;
+use super::frames::{LengthArguments, load_and_prepare};
+use super::prepare::load_and_resolve;
 use super::statistics::Seconds;
-use crate::animation::{FileNames, FrameList};
+use crate::animation::{FileNames, FrameList, FrameRequest};
 use crate::error::{Error, Result, Warnings};
 use crate::film::Share;
 use crate::film::check::{Found, Made, look};
 use crate::film::write::Format;
+use crate::job::RenderSettings;
+use crate::job::metadata::fingerprint_of;
 use crate::render::aov::Wanted;
 
 #[derive(Args)]
@@ -75,24 +77,25 @@ pub fn run(command: &Command) -> Result<u8> {
 /// The fingerprint that the pictures should have, and which frames there should be.
 fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameList>)> {
     let (mut seconds, mut warnings) = (Seconds::default(), Warnings::default());
+    let settings = RenderSettings { layers: command.aov.clone(), ..command.what.settings()? };
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
-        let described = prepare::take_in(&command.what, None, &mut seconds, &mut warnings, &mut |_, _| ())?;
-        let mut settings = described.settings;
-        prepare::fingerprint_layers(&mut settings, &command.aov);
-        return Ok((prepare::fingerprint_of(&settings).to_owned(), None));
+        let show = &mut |_: &str, _: &Warnings| ();
+        let resolved = load_and_resolve(&command.what, &settings, &mut seconds, &mut warnings, show)?;
+        return Ok((fingerprint_of(&resolved.metadata).to_owned(), None));
     }
     // As if all frames were there: nothing is built.
-    let asked = Asked {
-        length: &command.length,
+    let request = FrameRequest {
+        fps: command.length.fps,
+        duration: command.length.duration,
         list: command.frames.as_ref(),
         share: Share::ALL,
-        layers: &command.aov,
         is_there: &|_, _| true,
     };
-    let frames = Frames::new(&command.what, &asked, &mut seconds, &mut warnings, &mut |_, _| ())?;
-    let list = command.frames.clone().unwrap_or_else(|| FrameList::range(0, frames.timeline().last()));
-    Ok((prepare::fingerprint_of(frames.settings()).to_owned(), Some(list)))
+    let show = &mut |_: &str, _: &Warnings| ();
+    let animation = load_and_prepare(&command.what, &settings, &request, &mut seconds, &mut warnings, show)?;
+    let list = command.frames.clone().unwrap_or_else(|| FrameList::range(0, animation.timeline.last()));
+    Ok((fingerprint_of(&animation.resolved.metadata).to_owned(), Some(list)))
 }
 
 /// The files that there should be, each with its frame.

@@ -6,10 +6,11 @@ use std::time::Duration;
 use clap::Args;
 
 use super::arguments::{self, Arguments};
-use super::picture::{self, Choice};
 use crate::effects::{Choices, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::import::{self, FileRead};
+use crate::job::RenderSettings;
+use crate::job::camera::{Viewpoint, nothing_to_look_at};
 use crate::scene::Scene;
 use crate::viewer::{self, From, Opened, Settings, Start};
 
@@ -73,34 +74,32 @@ fn look(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<O
         arguments.inputs = inputs.to_vec();
     }
     check_scene(&scene.effects)?;
-    import::check_drawable(inputs, &scene)?;
+    import::check_drawable(&scene)?;
     if scene.bounds().is_none() {
-        let file = inputs.first().map_or(Path::new("-"), PathBuf::as_path);
-        let hint = "`kiln info` says what the file holds";
-        return Err(Error::input(file, "there is nothing in it to look at", hint));
+        return Err(nothing_to_look_at(&scene));
     }
-    let choice = picture::choice(&arguments, &scene, None)?;
-    let size = picture::size(&arguments, &scene, &choice);
-    let from = match choice {
-        Choice::Fitted(view) => From::Fitted(view),
-        Choice::Camera(camera) => match scene.cameras.iter().position(|own| *own == *camera) {
+    let asked = arguments.settings()?;
+    let viewpoint = Viewpoint::of(&asked.camera, &scene, None)?;
+    let size = viewpoint.size(&asked, &scene);
+    let from = match viewpoint {
+        Viewpoint::Fitted(view) => From::Fitted(view),
+        Viewpoint::Camera(camera) => match scene.cameras.iter().position(|own| *own == *camera) {
             Some(index) => From::Scene(index),
             None => From::Free(camera.into_owned()),
         },
     };
+    let RenderSettings { projection, preset, shading, sampling, with, without, .. } = asked;
     let settings = Settings {
         choices: Choices {
-            shading: arguments.shading(),
+            shading,
+            sampling: sampling.or(scene.sampling),
             scene: std::mem::take(&mut scene.effects),
-            with: arguments.with.clone(),
-            without: arguments.without.clone(),
+            with,
+            without,
             even_idle: false,
         },
-        numerics: arguments.numerics().or(scene.numerics).unwrap_or_default(),
-        pipeline: arguments.colour().or(scene.colour).unwrap_or_default(),
-        sampling: arguments.sampling.said().or(scene.sampling),
+        numerics: asked.numerics.or(scene.numerics).unwrap_or_default(),
+        pipeline: asked.colour.or(scene.colour).unwrap_or_default(),
     };
-    let projection = arguments.projection();
-    let preset = arguments.preset();
     Ok(Opened { scene, from, projection, size, settings, preset })
 }

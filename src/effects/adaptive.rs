@@ -6,7 +6,6 @@ use super::effort::{Adaptive, First, Groups, displayed_error, unseen};
 use super::samples::{Field, Sampler, Samples};
 use super::tile::{Context, Tile, vec_bytes};
 use super::{Asked, Effect, Hook, Outline, Stage};
-use crate::world::World;
 
 /// In the registry.
 pub const EFFECT: Effect = Effect {
@@ -16,11 +15,11 @@ pub const EFFECT: Effect = Effect {
     is_shading: false,
     rays: &[],
     value: None,
-    called_for: |world: &World| {
-        let Some(level) = world.sampling.noise else {
+    called_for: |_, sampling| {
+        let Some(level) = sampling.noise else {
             return Err("no level of noise is given; --noise does".into());
         };
-        let (floor, most) = (Adaptive::new(&world.sampling).floor, world.sampling.most_samples());
+        let (floor, most) = (Adaptive::new(sampling).floor, sampling.most_samples());
         if floor == most {
             return Err(format!("every pixel takes {most} sample(s) anyway"));
         }
@@ -29,7 +28,7 @@ pub const EFFECT: Effect = Effect {
     outline: |_, outline: &mut Outline| outline.adaptive = true,
     stages: |asked: &Asked, hook| match hook {
         Hook::Film => {
-            let adaptive = Adaptive::new(&asked.world.sampling);
+            let adaptive = Adaptive::new(asked.sampling);
             vec![Box::new(Judge { sampler: Sampler::new(asked), adaptive })]
         }
         _ => Vec::new(),

@@ -3,7 +3,6 @@
 use super::samples::{Field, Sampler, Samples};
 use super::tile::{Context, Tile, vec_bytes};
 use super::{Asked, Effect, Hook, Stage};
-use crate::world::World;
 
 /// How many samples pictures are taken to have that are made in parts, for what depends on it: how much of a texture each sees.
 /// Fewer would blur textures, which no measurement of noise sees.
@@ -17,8 +16,7 @@ pub const EFFECT: Effect = Effect {
     is_shading: false,
     rays: &[],
     value: None,
-    called_for: |world: &World| {
-        let sampling = &world.sampling;
+    called_for: |_, sampling| {
         if !sampling.is_wanted() {
             return Err("one sample a pixel, through its centre; --samples asks for more".into());
         }
@@ -29,7 +27,7 @@ pub const EFFECT: Effect = Effect {
     },
     outline: |asked: &Asked, outline| {
         outline.own_rays = true;
-        let sampling = &asked.world.sampling;
+        let sampling = asked.sampling;
         // A part of a picture whose samples are not known yet: many.
         let least = if sampling.first.is_some() { SAMPLES_OF_PARTS } else { 1 };
         outline.samples = sampling.most_samples().max(least);

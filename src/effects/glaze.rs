@@ -46,7 +46,7 @@ pub const EFFECT: Effect = Effect {
             _ => Err(format!("give the most bounces, a number from 1, or `{EVERY_BOUNCE}`")),
         },
     }),
-    called_for: |world: &World| {
+    called_for: |world: &World, _| {
         let glazed = world.materials_in_use().filter(|(_, material)| mirror(material).is_some());
         let names: Vec<&str> = glazed.map(|(name, _)| name).collect();
         named("material", &names).ok_or_else(|| "no object is of a glazed material".into())

@@ -22,8 +22,8 @@ mod visible;
 
 pub use plan::{Choices, Decision, Plan, Step, check_names, check_scene};
 
-use crate::scene::TextureFilter;
 use crate::scene::file::SceneFile;
+use crate::scene::{Sampling, TextureFilter};
 use crate::shading::ShadingMode;
 use crate::world::World;
 use tile::{Context, Tile};
@@ -85,8 +85,8 @@ pub struct Effect {
     pub rays: &'static [RayKind],
     /// What it can be told beyond on and off.
     pub value: Option<Value>,
-    /// What in the world calls for it, by name, or why nothing does.
-    pub called_for: fn(&World) -> Result<String, String>,
+    /// What in the scene or its sampling calls for it, by name, or why nothing does.
+    pub called_for: fn(&World, &Sampling) -> Result<String, String>,
     /// What it changes in the plan's outline.
     pub outline: fn(&Asked, &mut Outline),
     /// Its stages at a hook, in order.
@@ -107,6 +107,8 @@ pub struct Value {
 pub struct Asked<'a> {
     /// The prepared scene.
     pub world: &'a World,
+    /// How pixels are sampled.
+    pub sampling: &'a Sampling,
     /// The plan's outline: while that is being made, what earlier effects made of it.
     pub outline: Outline,
     /// The value that the effect was given.

@@ -20,7 +20,7 @@ pub const EFFECT: Effect = Effect {
     is_shading: false,
     rays: &[],
     value: None,
-    called_for: |world: &World| {
+    called_for: |world: &World, _| {
         let mapped = world.objects.iter().filter(|object| {
             object.has_tangents() && world.materials[object.material as usize].normal_map().is_some()
         });

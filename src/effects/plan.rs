@@ -9,6 +9,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::film::Window;
+use crate::scene::Sampling;
 use crate::scene::file::{EffectsSection, nearest_name};
 use crate::shading::ShadingMode;
 use crate::world::World;
@@ -21,6 +22,8 @@ const BUILDS_ON: &[(&str, &str)] = &[("adaptive", "antialiasing")];
 pub struct Choices {
     /// How far shading goes.
     pub shading: ShadingMode,
+    /// How often and where pixels are sampled.
+    pub sampling: Sampling,
     /// What the scene file says of effects.
     pub scene: EffectsSection,
     /// Effects to have, each as `NAME` or `NAME=VALUE`.
@@ -56,6 +59,8 @@ pub struct Step {
 pub struct Plan {
     /// How far shading goes.
     pub shading: ShadingMode,
+    /// How pixels are sampled.
+    pub sampling: Sampling,
     /// What was decided of each effect.
     pub decisions: Vec<Decision>,
     /// Whether an effect makes the camera's rays.
@@ -82,11 +87,18 @@ impl Plan {
                 (decision.on, decision.why) = (false, format!("there is no {base}"));
             }
         }
-        Ok(Plan::of(world, choices.shading, decisions))
+        Ok(Plan::of(world, choices.shading, choices.sampling, decisions))
+    }
+
+    /// This plan with those effects only that `keep` accepts by their index in [`Plan::decisions`].
+    pub fn keeping(&self, world: &World, keep: impl Fn(usize) -> bool) -> Plan {
+        let mut decisions = self.decisions.clone();
+        decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= keep(i));
+        Plan::of(world, self.shading, self.sampling, decisions)
     }
 
     /// The plan that follows from decisions about each of [`EFFECTS`].
-    pub fn of(world: &World, shading: ShadingMode, decisions: Vec<Decision>) -> Plan {
+    fn of(world: &World, shading: ShadingMode, sampling: Sampling, decisions: Vec<Decision>) -> Plan {
         let outline = Outline {
             shading,
             lit: shading.uses_lights() && !world.lights.is_empty(),
@@ -102,7 +114,7 @@ impl Plan {
         let mut asked: Vec<(&Effect, Asked)> = Vec::new();
         let mut made = outline;
         for (effect, decision) in EFFECTS.iter().zip(&decisions).filter(|(_, decision)| decision.on) {
-            let own = Asked { world, outline: made, value: decision.value.clone() };
+            let own = Asked { world, sampling: &sampling, outline: made, value: decision.value.clone() };
             (effect.outline)(&own, &mut made);
             asked.push((effect, own));
         }
@@ -114,7 +126,7 @@ impl Plan {
         list.hook(Hook::Rays);
         let parts = list.fill();
         let steps = list.steps;
-        Plan { shading, decisions, own_rays: made.own_rays, steps, parts }
+        Plan { shading, sampling, decisions, own_rays: made.own_rays, steps, parts }
     }
 
     /// Does all the work on a tile that was started, and calls `done` with the index of each step that is.
@@ -296,7 +308,7 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
     let value = asked_for.and_then(|(_, value)| Some(value?.to_owned()));
     let value = value.or_else(|| said.and_then(|said| said.value()));
     let decision = |on, why: String| Decision { effect: name, on, why, value: value.clone() };
-    let calls = match (effect.called_for)(world) {
+    let calls = match (effect.called_for)(world, &choices.sampling) {
         Err(nothing) if choices.even_idle && asked_for.is_some() => {
             return decision(true, format!("--with {name}, though {nothing}"));
         }

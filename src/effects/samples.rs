@@ -36,7 +36,7 @@ pub struct Sampler {
 impl Sampler {
     /// What the scene's settings say.
     pub fn new(asked: &Asked) -> Self {
-        let sampling = &asked.world.sampling;
+        let sampling = asked.sampling;
         let (shape, radius) = sampling.shape_and_radius();
         let centred = !sampling.is_wanted();
         let samples = if centred { 1 } else { sampling.most_samples() };

@@ -22,7 +22,7 @@ pub const EFFECT: Effect = Effect {
     is_shading: true,
     rays: &[RAYS],
     value: None,
-    called_for: |world: &World| {
+    called_for: |world: &World, _| {
         let names: Vec<&str> = world.lights.iter().map(|light| light.name.as_str()).collect();
         named("light", &names).ok_or_else(|| "the scene has no lights".into())
     },

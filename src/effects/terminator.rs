@@ -24,7 +24,7 @@ pub const EFFECT: Effect = Effect {
     is_shading: true,
     rays: &[RAYS],
     value: None,
-    called_for: |world: &World| {
+    called_for: |world: &World, _| {
         if world.lights.is_empty() {
             return Err("the scene has no lights".into());
         }

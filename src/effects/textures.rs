@@ -21,7 +21,7 @@ pub const EFFECT: Effect = Effect {
             None => Err(format!("filters are {}", TextureFilter::ALL.map(TextureFilter::name).join(", "))),
         },
     }),
-    called_for: |world: &World| {
+    called_for: |world: &World, _| {
         let pictured = world.materials_in_use().filter(|(_, material)| material.textures().next().is_some());
         let names: Vec<&str> = pictured.map(|(name, _)| name).collect();
         named("material", &names).ok_or_else(|| "no object is of a material with a picture".into())

@@ -25,7 +25,7 @@ use crate::limits::{self, Bytes, Excess};
 pub const TILE: u32 = 16;
 
 /// A rectangle of pixels. `x` and `y` count from the top left corner.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Window {
     /// Leftmost column.
     pub x: u32,

@@ -94,7 +94,7 @@ pub fn load_and_list(inputs: &[PathBuf], warnings: &mut Warnings) -> (Result<Sce
 }
 
 fn load_by(inputs: &[PathBuf], files: &Files, warnings: &mut Warnings) -> Result<Scene> {
-    let mut scene = Scene::default();
+    let mut scene = Scene { inputs: inputs.to_vec(), ..Scene::default() };
     for (index, file) in inputs.iter().enumerate() {
         let mut one = read_one(&Source::open(file, files)?, warnings)?;
         sharing::bake_small(&mut one);
@@ -130,10 +130,10 @@ const NO_TRIANGLES: &str = "has no triangles to draw";
 ///
 /// # Errors
 /// [`Error::Input`] for the first of them.
-pub fn check_drawable(inputs: &[PathBuf], scene: &Scene) -> Result<()> {
+pub fn check_drawable(scene: &Scene) -> Result<()> {
     let is_mesh = |file: &PathBuf| file != Path::new("-") && !is_scene_file(file);
-    match inputs.first() {
-        Some(file) if scene.objects.is_empty() && inputs.iter().all(is_mesh) => {
+    match scene.inputs.first() {
+        Some(file) if scene.objects.is_empty() && scene.inputs.iter().all(is_mesh) => {
             let hint = "kiln draws faces, not points and lines; `kiln info` says what the file holds";
             Err(Error::input(file.as_path(), NO_TRIANGLES, hint))
         }

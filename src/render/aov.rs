@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::{Clock, Watch, render_share};
+use super::{RenderControl, render};
 use crate::effects::Plan;
 use crate::effects::tile::{Context, Tile};
 use crate::error::{Error, Result};
@@ -196,7 +196,7 @@ pub struct Subject<'a> {
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory.
-pub fn channels(subject: &Subject, wanted: &Wanted, watch: &Watch) -> Result<Vec<Channel>> {
+pub fn channels(subject: &Subject, wanted: &Wanted, watch: &RenderControl) -> Result<Vec<Channel>> {
     let mut channels = Vec::new();
     if !wanted.aovs.is_empty() {
         channels.extend(geometry(subject, &wanted.aovs, watch)?);
@@ -207,7 +207,7 @@ pub fn channels(subject: &Subject, wanted: &Wanted, watch: &Watch) -> Result<Vec
     Ok(channels)
 }
 
-fn geometry(subject: &Subject, aovs: &[&Aov], watch: &Watch) -> Result<Vec<Channel>> {
+fn geometry(subject: &Subject, aovs: &[&Aov], watch: &RenderControl) -> Result<Vec<Channel>> {
     let names: Vec<&str> = aovs.iter().flat_map(|aov| aov.channels).copied().collect();
     let Window { x, y, width, .. } = subject.window;
     let area = subject.window.area();
@@ -267,7 +267,7 @@ fn of_tile(subject: &Subject, aovs: &[&Aov], tile: &mut Tile, window: Window) ->
 }
 
 /// What the picture is without effects, and what each effect adds.
-fn shares(subject: &Subject, watch: &Watch) -> Result<Vec<Channel>> {
+fn shares(subject: &Subject, watch: &RenderControl) -> Result<Vec<Channel>> {
     let &Subject { world, view, plan, window, share, film, .. } = subject;
     let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
     let mut before: Option<Vec<[f32; 3]>> = None;
@@ -277,12 +277,10 @@ fn shares(subject: &Subject, watch: &Watch) -> Result<Vec<Channel>> {
         let pixels: Vec<[f32; 3]> = if let Some(film) = whole {
             film.rows().collect()
         } else {
-            let mut decisions = plan.decisions.clone();
-            let kept = &on[..count];
-            decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= kept.contains(&i));
-            let plan = Plan::of(world, plan.shading, decisions);
-            let part = (window, share);
-            render_share::<[f32; 3]>(world, view, &plan, part, watch, Clock::Stopped)?.0.rows().collect()
+            let plan = plan.keeping(world, |i| on[..count].contains(&i));
+            let is_selected = |place: usize, _: Window| share.has(place);
+            let control = RenderControl { time_stages: false, ..*watch };
+            render::<[f32; 3]>(world, view, &plan, window, is_selected, &control)?.0.rows().collect()
         };
         let layer = match count {
             0 => "Base".to_owned(),

@@ -17,83 +17,39 @@ use rayon::prelude::*;
 use crate::effects::Plan;
 use crate::effects::tile::{Context, Tile};
 use crate::error::{Error, Result};
-use crate::film::{self, ColourPipeline, Film, FilmTile, Pixel, Share, Window};
+use crate::film::{self, ColourPipeline, Film, FilmTile, Pixel, Window};
 use crate::world::{View, World, widely};
 
-/// What a render tells while it runs, and what it is told.
-pub struct Watch<'a> {
-    /// Set by anyone to stop the work within a tile.
+/// How a running render is watched and stopped.
+pub struct RenderControl<'a> {
+    /// Set by anyone to stop the render within a tile.
     pub cancel: &'a AtomicBool,
     /// Called after every tile, from any thread, with the tiles done and all tiles.
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
+    /// Whether [`Statistics::stages`] has the time of each stage. Reading the clock costs a few hundredths of a quick render.
+    pub time_stages: bool,
 }
 
-/// Renders the part `window` of the picture that `view` was made for, on the current rayon pool.
+/// Nothing is watched, and nothing stops the render.
+impl Default for RenderControl<'_> {
+    fn default() -> Self {
+        static NEVER: AtomicBool = AtomicBool::new(false);
+        RenderControl { cancel: &NEVER, progress: &|_, _| (), time_stages: false }
+    }
+}
+
+/// Renders the part `window` of the picture that `view` was made for, on the current rayon pool, onto a film of any pixels. Only the
+/// tiles that `is_selected` accepts, by their place in the order of tiles and by the pixels they cover, are rendered; the others stay black.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory for the picture.
-pub fn render(
+pub fn render<P: Pixel>(
     world: &World,
     view: &View,
     plan: &Plan,
     window: Window,
-    watch: &Watch,
-) -> Result<(Film, Statistics)> {
-    render_as(world, view, plan, window, watch, Clock::EveryStage)
-}
-
-/// Whether the stages are timed: reading the clock between them costs a few hundredths of a quick render.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Clock {
-    /// [`Statistics::stages`] says how long each took.
-    EveryStage,
-    /// [`Statistics::stages`] stays empty.
-    Stopped,
-}
-
-/// [`render`], onto a film of any pixels.
-///
-/// # Errors
-/// As those of [`render`].
-pub fn render_as<P: Pixel>(
-    world: &World,
-    view: &View,
-    plan: &Plan,
-    window: Window,
-    watch: &Watch,
-    clock: Clock,
-) -> Result<(Film<P>, Statistics)> {
-    render_some_as(world, view, plan, window, watch, clock, |_, _| true)
-}
-
-/// [`render_as`], only a share of the tiles; the others stay black.
-///
-/// # Errors
-/// As those of [`render`].
-pub fn render_share<P: Pixel>(
-    world: &World,
-    view: &View,
-    plan: &Plan,
-    (window, share): (Window, Share),
-    watch: &Watch,
-    clock: Clock,
-) -> Result<(Film<P>, Statistics)> {
-    render_some_as(world, view, plan, window, watch, clock, |place, _| share.has(place))
-}
-
-/// [`render_as`], of those tiles only that are wanted, by their place in the order of tiles and by what they cover; the others
-/// stay black, and nothing is done for them.
-///
-/// # Errors
-/// As those of [`render`].
-pub fn render_some_as<P: Pixel>(
-    world: &World,
-    view: &View,
-    plan: &Plan,
-    window: Window,
-    watch: &Watch,
-    clock: Clock,
-    wanted: impl Fn(usize, Window) -> bool,
+    is_selected: impl Fn(usize, Window) -> bool,
+    control: &RenderControl,
 ) -> Result<(Film<P>, Statistics)> {
     let mut film = Film::new(window)?;
     let context = Context { world, view };
@@ -101,25 +57,25 @@ pub fn render_some_as<P: Pixel>(
     let done = AtomicUsize::new(0);
     let mut tiles = film.tiles_mut();
     let mut places = 0..;
-    tiles.retain(|tile| places.next().is_some_and(|place| wanted(place, tile.window)));
+    tiles.retain(|tile| places.next().is_some_and(|place| is_selected(place, tile.window)));
     let total = tiles.len();
     tiles.into_par_iter().for_each(|mut tile| {
-        if watch.cancel.load(Ordering::Relaxed) {
+        if control.cancel.load(Ordering::Relaxed) {
             return;
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
         let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan)));
-        render_tile(plan, &context, &mut tile, &mut worker, clock, watch.cancel);
+        render_tile(plan, &context, &mut tile, &mut worker, control);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);
         }
-        (watch.progress)(1 + done.fetch_add(1, Ordering::Relaxed), total);
+        (control.progress)(1 + done.fetch_add(1, Ordering::Relaxed), total);
     });
-    if watch.cancel.load(Ordering::Relaxed) {
+    if control.cancel.load(Ordering::Relaxed) {
         return Err(Error::Interrupted);
     }
     let workers = idle.into_inner().unwrap_or_default();
-    let statistics = Statistics::gather(plan, &workers, clock);
+    let statistics = Statistics::gather(plan, &workers, control.time_stages);
     Ok((film, statistics))
 }
 
@@ -148,12 +104,11 @@ fn render_tile<P: Pixel>(
     context: &Context,
     film: &mut FilmTile<P>,
     worker: &mut Worker,
-    clock: Clock,
-    cancel: &AtomicBool,
+    control: &RenderControl,
 ) {
     let Worker { tile, times, non_finite } = worker;
     tile.start(film.window);
-    let now = || (clock == Clock::EveryStage).then(Instant::now);
+    let now = || control.time_stages.then(Instant::now);
     let mut last = now();
     loop {
         plan.run(tile, context, |step| {
@@ -166,7 +121,7 @@ fn render_tile<P: Pixel>(
         if !tile.again {
             break;
         }
-        if cancel.load(Ordering::Relaxed) {
+        if control.cancel.load(Ordering::Relaxed) {
             return;
         }
     }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::{Clock, Worker};
+use super::Worker;
 use crate::bvh::Tests;
 use crate::effects::tile::RayCount;
 use crate::effects::{EFFECTS, Plan, RayKind};
@@ -54,7 +54,7 @@ pub struct Bill {
 }
 
 impl Statistics {
-    pub(super) fn gather(plan: &Plan, workers: &[Box<Worker>], clock: Clock) -> Self {
+    pub(super) fn gather(plan: &Plan, workers: &[Box<Worker>], time_stages: bool) -> Self {
         let count = |kind| (kind, RayCount::default());
         let mut sum = Statistics {
             stages: Vec::new(),
@@ -65,7 +65,7 @@ impl Statistics {
             seen: Vec::new(),
             non_finite: Default::default(),
         };
-        let timed = if clock == Clock::EveryStage { plan.steps() } else { &[] };
+        let timed = if time_stages { plan.steps() } else { &[] };
         for (index, step) in timed.iter().enumerate() {
             let time = workers.iter().map(|worker| worker.times[index]).sum();
             let (name, effect) = (step.stage.name(), step.effect);
@@ -97,7 +97,7 @@ impl Statistics {
                     effect: effect.name,
                     stages: plan.steps().iter().filter(|step| own(step.effect)).count(),
                     rays: effect.rays.iter().map(|&kind| sum.rays(kind).cast).sum(),
-                    time: (clock == Clock::EveryStage).then(|| times.sum()),
+                    time: (time_stages).then(|| times.sum()),
                     bytes: workers.iter().map(|worker| (effect.bytes)(&worker.tile)).max().unwrap_or(0),
                 }
             })

@@ -26,7 +26,8 @@ impl Projection {
 
 /// A camera. It looks from `position` towards `target` through a rectangle at distance `viewpoint_distance` that is
 /// centred on the line of sight; both projections see the same at that distance.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Camera {
     /// Its name.
     pub name: String,

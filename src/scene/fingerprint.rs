@@ -57,6 +57,7 @@ impl Fingerprint {
             objects,
             effects,
             animation,
+            inputs: _,
         } = scene;
         self.value("picture", &(size, background, colour, numerics, sampling, ambient));
         self.value("cameras", cameras);

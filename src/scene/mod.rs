@@ -70,6 +70,8 @@ pub struct Scene {
     pub images: Vec<TextureImage>,
     /// Spheres and meshes.
     pub objects: Vec<Object>,
+    /// The files that it was read from, in order; [`Object::input`] is an index of them.
+    pub inputs: Vec<std::path::PathBuf>,
     /// Effects that the scene turns on or off against what its contents imply.
     pub effects: file::EffectsSection,
     /// What moves.

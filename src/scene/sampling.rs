@@ -16,7 +16,8 @@ const USUAL_MOST: u32 = 256;
 const LEAST_NOISE: f64 = 1e-6;
 
 /// What is said of samples; what is `None` was not said.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Sampling {
     /// Samples a pixel, 1 to 65536; the most of them where there is a `noise`.
     pub samples: Option<u32>,

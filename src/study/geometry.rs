@@ -12,7 +12,7 @@ use super::leaks::Closed;
 use crate::bvh::Traversal;
 use crate::error::Result;
 use crate::geometry::Ray;
-use crate::render::Watch;
+use crate::render::RenderControl;
 use crate::world::{View, World};
 
 /// Rays are asked about in batches of as many as a tile has.
@@ -35,7 +35,7 @@ pub fn compare(
     (view, size): (&View, [u32; 2]),
     closed: &[Closed],
     leak_rays: u64,
-    watch: &Watch,
+    watch: &RenderControl,
 ) -> Result<Geometry> {
     let pixels: Vec<u32> = (0..size[0] * size[1]).collect();
     let parts: Vec<(Tally, Vec<f64>, Vec<f64>)> = pixels

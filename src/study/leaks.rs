@@ -14,7 +14,7 @@ use crate::bench::Numbers;
 use crate::bvh::{self, Accelerator, Primitive, Slot, Structure, Traversal};
 use crate::error::{Error, Result};
 use crate::geometry::{Numerics, PrimId, Ray, Triangle};
-use crate::render::Watch;
+use crate::render::RenderControl;
 use crate::scene::{Mesh, Scene, Shape};
 
 /// Points inside that are looked for.
@@ -119,7 +119,7 @@ fn crossings(exact: &dyn Accelerator, ray: &Ray, traversal: &mut Traversal) -> O
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled.
-pub fn count(closed: &[Closed], numerics: Numerics, rays: u64, watch: &Watch) -> Result<(u64, u64)> {
+pub fn count(closed: &[Closed], numerics: Numerics, rays: u64, watch: &RenderControl) -> Result<(u64, u64)> {
     let each = rays / closed.len().max(1) as u64;
     let mut leaks = 0;
     for mesh in closed {
@@ -169,7 +169,13 @@ mod tests {
         let mut closed = Closed::new(corners).expect("it has an inside");
         closed.corners.truncate(closed.corners.len() - missing);
         let cancel = AtomicBool::new(false);
-        count(&[closed], numerics, 20_000, &Watch { cancel: &cancel, progress: &|_, _| {} }).unwrap()
+        count(
+            &[closed],
+            numerics,
+            20_000,
+            &RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false },
+        )
+        .unwrap()
     }
 
     #[test]

@@ -10,12 +10,12 @@ use super::sweep::{Candidate, sweep};
 use super::work::{Cell, Work, filters, prepare};
 use super::{advice, machine, steps};
 use crate::bench::Clock;
-use crate::effects::{Choices, Plan, RayKind};
+use crate::effects::{Choices, RayKind};
 use crate::error::{Error, Result};
 use crate::film::Window;
-use crate::render::Watch;
-use crate::scene::{Camera, Projection, Scene};
-use crate::world::View;
+use crate::job::Metadata;
+use crate::render::RenderControl;
+use crate::scene::{Camera, Scene};
 
 /// What is studied.
 pub struct Subject {
@@ -25,10 +25,8 @@ pub struct Subject {
     pub command: String,
     /// The scene, with its lights.
     pub scene: Scene,
-    /// Where it is seen from.
+    /// Where it is seen from, with the projection that is used.
     pub camera: Camera,
-    /// How.
-    pub projection: Projection,
     /// Width and height of the picture in pixels.
     pub size: [u32; 2],
     /// The part of it that is rendered.
@@ -38,7 +36,7 @@ pub struct Subject {
     /// How the picture is asked for.
     pub base: Setting,
     /// What made it, as names and values.
-    pub settings: Vec<(String, String)>,
+    pub metadata: Metadata,
 }
 
 /// How thorough a study is.
@@ -83,14 +81,12 @@ pub fn study(
     options: &Options,
     load: Option<&(dyn Fn() -> Result<()> + Sync)>,
     pools: &Pools,
-    watch: &Watch,
+    watch: &RenderControl,
 ) -> Result<(Study, Pictures)> {
-    let view = View::new(&subject.camera, subject.projection, subject.size)?;
     let (mut candidates, mut left_out, machine) = pools.wide.install(|| {
-        let world = prepare(subject, &subject.base);
-        let plan = Plan::new(&world, &subject.base.choices(&subject.choices))?;
-        let (candidates, left_out) = sweep(&subject.scene, &subject.base, &plan, options.most_samples);
-        Ok::<_, Error>((candidates, left_out, machine::machine(&*world.accelerator)))
+        let job = prepare(subject, &subject.base)?;
+        let (candidates, left_out) = sweep(&subject.scene, &subject.base, &job.plan, options.most_samples);
+        Ok::<_, Error>((candidates, left_out, machine::machine(&*job.world.accelerator)))
     })?;
     let is_wanted = |knob: &str| options.knobs.is_empty() || options.knobs.contains(&knob);
     candidates.retain(|candidate| candidate.base || is_wanted(candidate.knob));
@@ -105,7 +101,7 @@ pub fn study(
     // What the base is off the limit is of no interest where nothing else is judged by it, and takes most of the time.
     let needs_limit = candidates.iter().any(|candidate| !candidate.base && candidate.judge == Judge::Limit);
     let filters = if needs_limit { filters(&cells) } else { Vec::new() };
-    let work = Work { subject, options, view: &view, meter: Meter::new(watch) };
+    let work = Work { subject, options, meter: Meter::new(watch) };
     work.announce(&cells, filters.len());
 
     let (limits, twins, geometry) = pools.wide.install(|| {
@@ -126,7 +122,7 @@ pub fn study(
         subject: subject.name.clone(),
         command: subject.command.clone(),
         machine,
-        settings: pairs(&subject.settings),
+        settings: pairs(&subject.metadata),
         size: [subject.window.width, subject.window.height],
         rounds: options.rounds,
         threads,

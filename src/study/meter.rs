@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use super::setting::Setting;
-use crate::render::Watch;
+use crate::render::RenderControl;
 
 /// About how much work a tile of a picture is, in samples a pixel.
 pub fn effort(setting: &Setting) -> usize {
@@ -14,14 +14,14 @@ pub fn effort(setting: &Setting) -> usize {
 /// How far the whole work is, in tiles times samples.
 pub struct Meter<'a> {
     /// Who is told.
-    pub watch: &'a Watch<'a>,
+    pub watch: &'a RenderControl<'a>,
     done: AtomicUsize,
     total: AtomicUsize,
 }
 
 impl<'a> Meter<'a> {
     /// At the beginning.
-    pub fn new(watch: &'a Watch<'a>) -> Self {
+    pub fn new(watch: &'a RenderControl<'a>) -> Self {
         Meter { watch, done: AtomicUsize::new(0), total: AtomicUsize::new(1) }
     }
 

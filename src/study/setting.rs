@@ -58,7 +58,6 @@ impl Setting {
     /// The scene with what the setting says of its contents.
     pub fn scene(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
-        scene.sampling = self.sampling;
         if let Some(most) = self.bounces {
             let glazes = scene.materials.iter_mut().filter_map(|material| match material {
                 Material::Phong(phong) => phong.glaze.as_mut(),
@@ -71,7 +70,7 @@ impl Setting {
 
     /// What is asked of effects, over what was asked before.
     pub fn choices(&self, asked: &Choices) -> Choices {
-        let mut choices = asked.clone();
+        let mut choices = Choices { sampling: self.sampling, ..asked.clone() };
         for name in &self.without {
             choices.with.retain(|typed| typed.split('=').next() != Some(name));
             choices.without.push((*name).to_owned());

@@ -1,6 +1,7 @@
 //! The parts of a study: geometry, limits, twins, a look at every picture, and the rounds of timing.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::Arc;
 
 use super::data::{Geometry, Quartiles, Told};
 use super::errors::PictureErrors;
@@ -12,11 +13,12 @@ use super::reference::{Limit, halves};
 use super::setting::{Setting, WorldKey};
 use super::{geometry, leaks};
 use crate::bench::Clock;
-use crate::effects::Plan;
 use crate::error::{Error, Result};
 use crate::film::{Film, FilterShape, Pixel, TILE, Window};
 use crate::geometry::Numerics;
-use crate::render::{self, Statistics, Watch, render_as};
+use crate::job::RenderJob;
+use crate::render::{RenderControl, Statistics};
+use crate::scene::Scene;
 use crate::world::{View, World};
 
 /// Rays across a side of the picture that geometry is compared in are no more than this, where the picture has not more itself.
@@ -42,9 +44,17 @@ pub struct Seen {
     pub shown: Shown,
 }
 
-/// The scene in a setting.
-pub fn prepare(subject: &Subject, setting: &Setting) -> World {
-    World::prepare(setting.scene(&subject.scene), setting.pipeline, setting.structure, setting.numerics)
+/// The picture in a setting.
+pub fn prepare(subject: &Subject, setting: &Setting) -> Result<RenderJob> {
+    job_of(subject, setting, setting.scene(&subject.scene))
+}
+
+/// The picture of a scene in a setting.
+fn job_of(subject: &Subject, setting: &Setting, scene: Scene) -> Result<RenderJob> {
+    let world = World::prepare(scene, setting.pipeline, setting.structure, setting.numerics);
+    let (camera, choices) = (subject.camera.clone(), setting.choices(&subject.choices));
+    let job = RenderJob::new(Arc::new(world), None, camera, subject.size, choices)?;
+    Ok(RenderJob { window: subject.window, ..job })
 }
 
 /// The filters of all settings, each once, the base's first.
@@ -65,8 +75,6 @@ pub struct Work<'a> {
     pub subject: &'a Subject,
     /// How thoroughly.
     pub options: &'a Options,
-    /// Its camera.
-    pub view: &'a View,
     /// How far it is.
     pub meter: Meter<'a>,
 }
@@ -105,16 +113,16 @@ impl Work<'_> {
     }
 
     /// What each tier decides otherwise than `exact`.
-    pub fn geometry(&self, watch: &Watch) -> Result<Vec<Geometry>> {
-        let Subject { scene, camera, projection, base, .. } = self.subject;
+    pub fn geometry(&self, watch: &RenderControl) -> Result<Vec<Geometry>> {
+        let Subject { scene, camera, base, .. } = self.subject;
         let size = self.size_of_geometry();
-        let view = View::new(camera, *projection, size)?;
+        let view = View::new(camera, camera.projection, size)?;
         let closed = leaks::closed(scene);
         let world = |numerics| prepare(self.subject, &Setting { numerics, ..base.clone() });
-        let exact = world(Numerics::Exact);
+        let exact = world(Numerics::Exact)?.world;
         let mut found = Vec::new();
         for numerics in Numerics::ALL {
-            let tier = world(numerics);
+            let tier = world(numerics)?.world;
             found.push(geometry::compare(
                 [&tier, &exact],
                 (&view, size),
@@ -127,17 +135,15 @@ impl Work<'_> {
         Ok(found)
     }
 
-    /// A picture, with a plan of its own.
-    fn picture<P: Pixel>(&self, world: &mut World, setting: &Setting) -> Result<(Film<P>, Statistics)> {
-        world.sampling = setting.sampling;
-        let plan = Plan::new(world, &setting.choices(&self.subject.choices))?;
-        self.made(world, &plan, setting)
+    /// The picture of a job in a setting that shares its world.
+    fn picture<P: Pixel>(&self, job: &RenderJob, setting: &Setting) -> Result<(Film<P>, Statistics)> {
+        self.made(&job.with_choices(setting.choices(&self.subject.choices))?, setting)
     }
 
-    fn made<P: Pixel>(&self, world: &World, plan: &Plan, setting: &Setting) -> Result<(Film<P>, Statistics)> {
+    fn made<P: Pixel>(&self, job: &RenderJob, setting: &Setting) -> Result<(Film<P>, Statistics)> {
         let step = |_: usize, _: usize| self.meter.step(effort(setting));
-        let watch = Watch { cancel: self.meter.watch.cancel, progress: &step };
-        render_as(world, self.view, plan, self.subject.window, &watch, render::Clock::Stopped)
+        let cancel = self.meter.watch.cancel;
+        job.render(&RenderControl { cancel, progress: &step, time_stages: false })
     }
 
     /// Both halves of every limit.
@@ -146,8 +152,7 @@ impl Work<'_> {
         for (index, &filter) in filters.iter().enumerate() {
             let samples = self.options.samples_of_limit(index);
             let [a, b] = halves(&self.subject.base, filter, samples).map(|half| {
-                let mut world = prepare(self.subject, &half);
-                let (film, _) = self.picture::<[f32; 3]>(&mut world, &half)?;
+                let (film, _) = self.made::<[f32; 3]>(&prepare(self.subject, &half)?, &half)?;
                 Ok::<_, Error>(Picture::of_film(&film, half.pipeline))
             });
             limits.extend(Limit::new(filter, samples, &[a?, b?])?);
@@ -158,15 +163,18 @@ impl Work<'_> {
     /// Every twin once.
     pub fn twins(&self, cells: &[Cell]) -> Result<Vec<(Setting, Picture)>> {
         let mut twins: Vec<(Setting, Picture)> = Vec::new();
-        let mut world: Option<World> = None;
+        let mut job: Option<RenderJob> = None;
         for cell in cells {
             let twin = cell.setting.twin(&self.subject.base);
             if twins.iter().any(|(setting, _)| *setting == twin) {
                 continue;
             }
             // They differ in nothing but their samples.
-            let world = world.get_or_insert_with(|| prepare(self.subject, &twin));
-            let (film, _) = self.picture::<[f32; 3]>(world, &twin)?;
+            let job = match &mut job {
+                Some(job) => job,
+                none => none.insert(prepare(self.subject, &twin)?),
+            };
+            let (film, _) = self.picture::<[f32; 3]>(job, &twin)?;
             let picture = Picture::of_film(&film, twin.pipeline);
             twins.push((twin, picture));
         }
@@ -176,11 +184,11 @@ impl Work<'_> {
     /// Makes every picture once, and holds it against its limit and its twin.
     pub fn look(&self, cells: &mut [Cell], limits: &[Limit], twins: &[(Setting, Picture)]) -> Result<()> {
         for group in groups(cells) {
-            let mut world = prepare(self.subject, &cells[group[0]].setting);
-            let description = world.accelerator.describe();
+            let job = prepare(self.subject, &cells[group[0]].setting)?;
+            let description = job.world.accelerator.describe();
             for index in group {
                 let setting = cells[index].setting.clone();
-                let (film, statistics) = self.picture::<[f32; 3]>(&mut world, &setting)?;
+                let (film, statistics) = self.picture::<[f32; 3]>(&job, &setting)?;
                 let picture = Picture::of_film(&film, setting.pipeline);
                 let filter = setting.sampling.shape_and_radius();
                 let limit = limits.iter().find(|limit| limit.filter == filter);
@@ -227,17 +235,16 @@ impl Work<'_> {
                 let mut first = cells[group[0]].setting.clone();
                 let scene = first.scene(&self.subject.scene);
                 let clock = Clock::start(threads);
-                let mut world = World::prepare(scene, first.pipeline, first.structure, first.numerics);
+                let job = job_of(self.subject, &first, scene)?;
                 let build = 1e3 * clock.seconds();
                 // Caches and predictors get to know the tree; nobody counts this.
                 (first.sampling.samples, first.sampling.noise) = (Some(1), None);
-                self.picture::<[u8; 3]>(&mut world, &first)?;
+                self.picture::<[u8; 3]>(&job, &first)?;
                 for turn in 0..group.len() {
                     let cell = &mut cells[group[(round + turn) % group.len()]];
-                    world.sampling = cell.setting.sampling;
-                    let plan = Plan::new(&world, &cell.setting.choices(&self.subject.choices))?;
+                    let job = job.with_choices(cell.setting.choices(&self.subject.choices))?;
                     let clock = Clock::start(threads);
-                    self.made::<[u8; 3]>(&world, &plan, &cell.setting)?;
+                    self.made::<[u8; 3]>(&job, &cell.setting)?;
                     cell.trace_ms.push(1e3 * clock.seconds());
                     cell.build_ms.push(build);
                 }

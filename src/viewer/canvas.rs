@@ -130,7 +130,7 @@ impl Canvas {
     /// The pixel of the picture at a place in the window.
     fn pixel(&self, place: Pos2) -> Option<[u32; 2]> {
         let rect = self.rect?;
-        let size = self.prepared(0)?.view.size();
+        let size = self.prepared(0)?.job.view.size();
         let share = (place - rect.min) / rect.size();
         let inside = (0.0..1.0).contains(&share.x) && (0.0..1.0).contains(&share.y);
         inside.then(|| [(share.x * size[0] as f32) as u32, (share.y * size[1] as f32) as u32])

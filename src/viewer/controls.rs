@@ -81,7 +81,7 @@ impl Controls {
             follow(&mut side.choices.shading, settings.choices.shading, new.choices.shading);
             follow(&mut side.numerics, settings.numerics, new.numerics);
             follow(&mut side.pipeline, settings.pipeline, new.pipeline);
-            follow(&mut side.sampling, settings.sampling, new.sampling);
+            follow(&mut side.choices.sampling, settings.choices.sampling, new.choices.sampling);
         }
         if opened.scene.animation.is_none() {
             (self.time, self.playing) = (0.0, None);

@@ -5,7 +5,7 @@
 
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
-use crate::render::Watch;
+use crate::render::RenderControl;
 use crate::render::aov::{self, Subject, Wanted};
 use crate::study::metrics::{DECADES, Picture, error_map, heat_map};
 use crate::world::World;
@@ -118,7 +118,7 @@ const SWATCHES: usize = 12;
 /// # Errors
 /// [`Error::Usage`] for what takes pictures; [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough
 /// memory.
-pub fn false_colours(shown: Shown, subject: &Subject, watch: &Watch) -> Result<FalseColours> {
+pub fn false_colours(shown: Shown, subject: &Subject, watch: &RenderControl) -> Result<FalseColours> {
     let Some(aov) = shown.aov() else {
         let what = format!("{}: shown by pictures, not by what is known of their pixels", shown.name());
         return Err(Error::usage(what, ""));
@@ -301,7 +301,8 @@ mod tests {
             share: Share::ALL,
             film: None,
         };
-        let watch = Watch { cancel: &AtomicBool::new(false), progress: &|_, _| {} };
+        let watch =
+            RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
         false_colours(shown, &subject, &watch).unwrap()
     }
 

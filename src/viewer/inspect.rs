@@ -130,10 +130,7 @@ pub fn inspect(
 
 /// The plan with one ray a pixel.
 fn one_ray(world: &World, plan: &Plan) -> Plan {
-    let mut decisions = plan.decisions.clone();
-    let of_samples = ["antialiasing", "adaptive"];
-    decisions.iter_mut().filter(|d| of_samples.contains(&d.effect)).for_each(|d| d.on = false);
-    Plan::of(world, plan.shading, decisions)
+    plan.keeping(world, |i| !["antialiasing", "adaptive"].contains(&plan.decisions[i].effect))
 }
 
 fn seen(world: &World, range: Option<&Range>, surface: &Surface, hit: &Hit, cast: &Cast) -> Seen {
@@ -266,8 +263,9 @@ mod tests {
         let view = View::new(&camera, camera.projection, [101, 101]).unwrap();
         let bounds = scene.bounds();
         let pipeline = scene.colour.unwrap_or_default();
+        let choices = Choices { sampling: scene.sampling, ..Choices::default() };
         let world = World::prepare(scene, pipeline, Structure::default(), Numerics::Double);
-        let plan = Plan::new(&world, &Choices::default()).unwrap();
+        let plan = Plan::new(&world, &choices).unwrap();
         Ready { world, view, plan, bounds, range }
     }
 
@@ -346,17 +344,11 @@ mod tests {
         let direction = (glaze.to - glaze.from).normalize();
         assert!((direction - DVec3::new(0.0, 1.0, 1.0).normalize()).length() < 1e-9, "{direction}");
         // In the middle is what the picture has there.
-        let whole = crate::render::render(
-            &ready.world,
-            &ready.view,
-            &ready.plan,
-            Window { x: 0, y: 0, width: 101, height: 101 },
-            &crate::render::Watch {
-                cancel: &std::sync::atomic::AtomicBool::new(false),
-                progress: &|_, _| {},
-            },
-        );
-        let film = whole.unwrap().0;
+        let whole = Window { x: 0, y: 0, width: 101, height: 101 };
+        let control = crate::render::RenderControl::default();
+        let (film, _): (crate::film::Film, _) =
+            crate::render::render(&ready.world, &ready.view, &ready.plan, whole, |_, _| true, &control)
+                .unwrap();
         for [x, y] in [[50, 50], [0, 0], [100, 3], [17, 80]] {
             let pixel = ready.look([x, y]);
             assert_eq!(pixel.colour, film.pixel(x, y), "{x} {y}");

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use crate::bvh::Preset;
 use crate::effects::Choices;
 use crate::film::ColourPipeline;
-use crate::scene::{Camera, Numerics, Projection, Sampling, Scene};
+use crate::job::{CameraChoice, RenderSettings};
+use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Scene};
 use crate::world::StandardView;
 
 /// Where the scene is seen from.
@@ -22,14 +23,12 @@ pub enum From {
 /// How a picture is computed: what the two sides of a comparison may differ in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// How far shading goes, and which effects are on.
+    /// How far shading goes, how pixels are sampled, and which effects are on.
     pub choices: Choices,
     /// How exactly it is decided what a ray hits.
     pub numerics: Numerics,
     /// The numbers that light is added up in.
     pub pipeline: ColourPipeline,
-    /// How often and where pixels are sampled.
-    pub sampling: Sampling,
 }
 
 impl Settings {
@@ -98,6 +97,32 @@ pub struct Order {
     pub sides: Vec<Settings>,
 }
 
+impl Order {
+    /// The settings of `kiln render` for the picture of a side.
+    pub fn render_settings(&self, side: usize) -> RenderSettings {
+        let Settings { choices, numerics, pipeline } = &self.sides[side];
+        RenderSettings {
+            camera: match &self.from {
+                From::Scene(index) => CameraChoice::Named(index.to_string()),
+                From::Fitted(view) => CameraChoice::Fitted(*view),
+                From::Free(camera) => {
+                    CameraChoice::Given(Camera { name: INLINE_NAME.to_owned(), ..camera.clone() })
+                }
+            },
+            projection: self.projection,
+            size: Some(self.size),
+            sampling: choices.sampling,
+            numerics: Some(*numerics),
+            preset: self.opened.preset,
+            shading: choices.shading,
+            with: choices.with.clone(),
+            without: choices.without.clone(),
+            colour: Some(*pipeline),
+            ..RenderSettings::default()
+        }
+    }
+}
+
 impl PartialEq for Order {
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.opened, &other.opened)
@@ -121,7 +146,6 @@ mod tests {
             choices: Choices { with: vec!["glaze=every-bounce".into()], ..Choices::default() },
             numerics: Numerics::default(),
             pipeline: ColourPipeline::default(),
-            sampling: Sampling::default(),
         };
         assert_eq!(settings.value("glaze"), Some("every-bounce"));
         settings.switch("glaze", false);

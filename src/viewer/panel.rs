@@ -173,7 +173,7 @@ fn how(ui: &mut Ui, controls: &mut Controls, trace: &mut Trace) {
     choice(ui, trace, "numerics", &mut settings.numerics, &Numerics::ALL, Numerics::name);
     let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
     choice(ui, trace, "colour", &mut settings.pipeline, &pipelines, ColourPipeline::name);
-    let sampling = &mut settings.sampling;
+    let sampling = &mut settings.choices.sampling;
     let mut samples = if sampling.is_wanted() { sampling.most_samples() } else { 1 };
     ui.horizontal(|ui| {
         let drag = ui.add(DragValue::new(&mut samples).range(1..=crate::scene::MOST_SAMPLES).speed(0.2));
@@ -263,7 +263,8 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, 
 
 /// Settings in words, each of which says one of them.
 pub fn in_words(settings: &Settings) -> Vec<String> {
-    let Settings { choices, numerics, pipeline, sampling } = settings;
+    let Settings { choices, numerics, pipeline } = settings;
+    let sampling = choices.sampling;
     let samples = if sampling.is_wanted() { sampling.most_samples() } else { 1 };
     let mut words = vec![
         choices.shading.name().to_owned(),

@@ -1,20 +1,21 @@
 //! Saving what is seen.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Sender;
 
 use egui::ColorImage;
 
-use super::look::Settings;
+use super::look::{Order, Settings};
 use super::name_of;
 use super::painter::Prepared;
-use crate::effects::Plan;
-use crate::error::Result;
+use crate::error::{Result, Warnings};
 use crate::film::output::write_whole;
 use crate::film::write::{Format, Picture, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
-use crate::render::{Clock, Watch, render_as};
+use crate::job::metadata::add_to_fingerprint;
+use crate::job::resolve;
+use crate::render::RenderControl;
+use crate::scene::Scene;
 
 /// The first name that no file has yet, nor one that is being saved: `NAME.ENDING`, `NAME-2.ENDING`, ...
 pub fn free_name(stem: &str, ending: &str, saving: &[PathBuf]) -> PathBuf {
@@ -47,24 +48,27 @@ pub fn beside(
     });
 }
 
-/// Renders the whole picture as commands do and writes it.
+/// Renders the picture of a side as `kiln render` does, and writes it.
 ///
 /// # Errors
 /// Those of rendering, and [`crate::error::Error::Output`] where it cannot be written.
-pub fn picture(prepared: &Prepared, settings: &Settings, command: String, file: &Path) -> Result<()> {
-    let mut world = prepared.world.clone();
-    world.sampling = settings.sampling;
-    let plan = Plan::new(&world, &settings.choices)?;
-    let [width, height] = prepared.view.size();
-    let whole = Window { x: 0, y: 0, width, height };
-    let watch = Watch { cancel: &AtomicBool::new(false), progress: &|_, _| () };
-    let (film, _): (Film<[u8; 3]>, _) =
-        render_as(&world, &prepared.view, &plan, whole, &watch, Clock::Stopped)?;
-    let made_by = vec![
-        ("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION"))),
-        ("kiln:command".to_owned(), command),
-    ];
-    write_picture(&Picture::Bytes(film, world.pipeline), &made_by, Format::Png, file)
+pub fn picture(
+    prepared: &Prepared,
+    (order, side): (&Order, usize),
+    command: String,
+    file: &Path,
+) -> Result<()> {
+    let Order { opened, time, sides, .. } = order;
+    let Settings { choices, .. } = &sides[side];
+    let job = prepared.job.with_choices(choices.clone())?;
+    let (film, _) = job.render(&RenderControl::default())?;
+    let scene = Scene { effects: choices.scene.clone(), ..opened.scene.clone() };
+    let mut metadata = resolve(scene, &order.render_settings(side), &mut Warnings::default())?.metadata;
+    if *time != 0.0 {
+        add_to_fingerprint(&mut metadata, "time", time);
+    }
+    metadata.push(("kiln:command".to_owned(), command));
+    write_picture(&Picture::Bytes(film, job.pipeline()), &metadata, Format::Png, file)
 }
 
 /// Writes a text, such as a camera for a scene file.

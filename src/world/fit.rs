@@ -14,7 +14,8 @@ const FIELD_OF_VIEW: f64 = 40.0;
 const MARGIN: f64 = 0.05;
 
 /// Views that every scene has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum StandardView {
     /// From 35 degrees to the right of the front and 20 degrees up: what a bare mesh is shown from.
     Auto,

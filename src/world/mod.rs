@@ -34,7 +34,7 @@ use glam::DVec3;
 use crate::bvh::{self, Accelerator, Instance, MeshSpace, Primitive, Slot, Structure};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, PrimId, Sphere, Triangle};
-use crate::scene::{Light, LightKind, Mesh, Object, Sampling, Scene, Shape};
+use crate::scene::{Light, LightKind, Mesh, Object, Scene, Shape};
 
 /// The ambient intensity where no input gives one.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -60,8 +60,6 @@ pub struct World {
     pub ambient: f64,
     /// What a ray that hits nothing sees.
     pub background: DVec3,
-    /// How often and where pixels are sampled.
-    pub sampling: Sampling,
     /// Spheres left out because their radius rounds to 0 in the tier's numbers.
     pub too_small: usize,
     primitive_count: usize,
@@ -159,7 +157,6 @@ impl World {
             lights: world_lights(scene.lights, pipeline),
             pipeline,
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
-            sampling: scene.sampling,
             background: scene.background.unwrap_or(fit::BACKGROUND).lower(pipeline),
             too_small,
             primitive_count,

@@ -1,7 +1,6 @@
 //! Pictures of scenes, made as the command makes them, and scenes made larger or moved.
 
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 use glam::{DMat4, DVec3};
 use kiln::bvh::{Structure, Traversal};
@@ -9,7 +8,7 @@ use kiln::effects::{Choices, Plan};
 use kiln::error::Warnings;
 use kiln::film::{ColourPipeline, Film, Window};
 use kiln::geometry::{Hit, Ray};
-use kiln::render::{Statistics, Watch, render};
+use kiln::render::{RenderControl, Statistics, render};
 use kiln::scene::{Falloff, LightKind, Numerics, Scene, Shape, Step};
 use kiln::world::{StandardView, View, World, bring_into_range, fitted_camera, headlight};
 
@@ -32,6 +31,7 @@ pub struct Prepared {
     pub view: View,
     pub size: [u32; 2],
     pub scene_effects: kiln::scene::file::EffectsSection,
+    pub sampling: kiln::scene::Sampling,
 }
 
 /// Gives a scene a camera and a light where it has none, as the command does.
@@ -50,19 +50,24 @@ pub fn prepare(mut scene: Scene, size: [u32; 2], numerics: Numerics) -> Prepared
     let camera = scene.cameras[0].clone();
     let view = View::new(&camera, camera.projection, size).expect("a usable camera");
     let pipeline = scene.colour.unwrap_or(ColourPipeline::Linear);
-    let scene_effects = scene.effects.clone();
+    let (scene_effects, sampling) = (scene.effects.clone(), scene.sampling);
     let world = World::prepare(scene, pipeline, Structure::default(), numerics);
-    Prepared { world, view, size, scene_effects }
+    Prepared { world, view, size, scene_effects, sampling }
 }
 
 impl Prepared {
+    /// Choices with the scene's effects and, where they say none, its sampling.
+    pub fn choices(&self, choices: Choices) -> Choices {
+        let sampling = choices.sampling.or(self.sampling);
+        Choices { scene: self.scene_effects.clone(), sampling, ..choices }
+    }
+
     pub fn render(&self, choices: Choices) -> (Film, Statistics) {
-        let choices = Choices { scene: self.scene_effects.clone(), ..choices };
-        let plan = Plan::new(&self.world, &choices).expect("a plan");
-        let watch = Watch { cancel: &AtomicBool::new(false), progress: &|_, _| {} };
+        let plan = Plan::new(&self.world, &self.choices(choices)).expect("a plan");
         let [width, height] = self.size;
-        render(&self.world, &self.view, &plan, Window { x: 0, y: 0, width, height }, &watch)
-            .expect("a picture")
+        let window = Window { x: 0, y: 0, width, height };
+        let control = RenderControl { time_stages: true, ..RenderControl::default() };
+        render(&self.world, &self.view, &plan, window, |_, _| true, &control).expect("a picture")
     }
 
     /// The ray of every pixel, row by row from the top.

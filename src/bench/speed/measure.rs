@@ -9,7 +9,7 @@ use super::{Contender, Facts, Kind, Label, Questions, Queue, Ready, Truth, rays}
 use crate::bvh::Tests;
 use crate::error::{Error, Result};
 use crate::geometry::{Numerics, Ray};
-use crate::render::Watch;
+use crate::render::RenderControl;
 
 /// Rays that one thread takes at a time: whole batches, few enough to share, enough that it costs nothing.
 const PORTION: usize = 64 * rays::BATCH;
@@ -115,7 +115,7 @@ pub fn measure(
     mesh: &Mesh,
     questions: &Questions,
     settings: &Settings,
-    watch: &Watch,
+    watch: &RenderControl,
 ) -> Result<Vec<Row>> {
     let truth = settings.check.then(|| Truth::new(mesh, questions));
     let rounds = settings.runs as usize + 1;

@@ -7,7 +7,7 @@ use super::super::plot::{Line, Panel, panels};
 use super::super::{Spread, memory};
 use super::{Contender, Kind, Questions, Row, Settings, Viewpoint, eye, measure, scene};
 use crate::error::{Error, Result};
-use crate::render::Watch;
+use crate::render::RenderControl;
 
 /// What was measured over the meshes of one kind and about one size.
 #[derive(Debug, Clone)]
@@ -36,7 +36,7 @@ pub fn scaling(
     sizes: &[usize],
     pixels: u32,
     settings: &Settings,
-    watch: &Watch,
+    watch: &RenderControl,
 ) -> Result<Vec<Step>> {
     let mut steps = Vec::new();
     let total = Family::ALL.len() * sizes.len();
@@ -46,7 +46,7 @@ pub fn scaling(
             let mesh = family.mesh(size);
             let eye = eye(&scene(&mesh), Viewpoint::Outside, pixels)?;
             let questions = Questions::new(&mesh, &eye);
-            let inner = Watch { cancel: watch.cancel, progress: &|_, _| {} };
+            let inner = RenderControl { cancel: watch.cancel, progress: &|_, _| {}, time_stages: false };
             let rows = measure(contenders, &mesh, &questions, settings, &inner)?;
             steps.push(Step { family, rows, peak_bytes: memory::peak() });
             (watch.progress)(steps.len(), total);

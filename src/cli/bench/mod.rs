@@ -12,7 +12,7 @@ use clap::{Args, Subcommand};
 
 use super::progress::{Mode, Progress};
 use crate::error::Result;
-use crate::render::Watch;
+use crate::render::RenderControl;
 
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true)]
@@ -47,12 +47,16 @@ fn watched<T: Send>(
     threads: Option<u16>,
     phase: &str,
     interrupted: &AtomicBool,
-    work: impl FnOnce(&Watch) -> Result<T> + Send,
+    work: impl FnOnce(&RenderControl) -> Result<T> + Send,
 ) -> Result<T> {
     let pool = super::pool(threads)?;
     let progress = Progress::new(if std::io::stderr().is_terminal() { Mode::Bar } else { Mode::None });
     progress.phase(phase);
-    let watch = Watch { cancel: interrupted, progress: &|done, total| progress.tiles(done, total) };
+    let watch = RenderControl {
+        cancel: interrupted,
+        progress: &|done, total| progress.tiles(done, total),
+        time_stages: false,
+    };
     let result = pool.install(|| work(&watch));
     progress.clear();
     result

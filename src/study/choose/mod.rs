@@ -17,12 +17,10 @@ mod look;
 mod survey;
 mod taker;
 
-use crate::effects::{Choices, Plan};
 use crate::error::Result;
-use crate::film::Window;
-use crate::render::{Clock, Statistics, Watch};
+use crate::job::RenderJob;
+use crate::render::{RenderControl, Statistics};
 use crate::study::metrics::mean_flip;
-use crate::world::{View, World};
 use halves::{Level, Range};
 use look::{Look, Probe};
 use survey::Squares;
@@ -113,26 +111,12 @@ pub struct Wish {
     pub seconds: Option<f64>,
 }
 
-/// What is rendered.
-pub struct Subject<'a> {
-    /// The scene; its sampling is set to what was taken in the end.
-    pub world: &'a mut World,
-    /// The camera.
-    pub view: &'a View,
-    /// The effects.
-    pub choices: &'a Choices,
-    /// The part of the picture.
-    pub window: Window,
-}
-
 /// A picture, and what it took.
 pub struct Chosen {
     /// Its pixels, row by row from the top, in the numbers of the pipeline.
     pub pixels: Vec<[f32; 3]>,
     /// Of all stretches together.
     pub statistics: Statistics,
-    /// The plan of as many samples.
-    pub plan: Plan,
     /// Samples that each pixel took; 1 is its centre.
     pub samples: u32,
     /// The error asked for, else FLIP, and the estimate of it.
@@ -208,12 +192,12 @@ impl Target {
 /// The most bytes for each pixel that rendering to a target takes: nine pictures of 12 bytes at most. By peak memory, up to 90.
 pub const BYTES_A_PIXEL: u64 = 108;
 
-/// Renders to a target, on the current rayon pool.
+/// Renders to a target, on the current rayon pool. In the end the job's sampling is the one that was taken.
 ///
 /// # Errors
-/// As those of [`crate::render::render`] and [`Plan::new`]; [`crate::error::Error::Usage`] where antialiasing is turned off.
-pub fn render(subject: &mut Subject, wish: &Wish, watch: &Watch, clock: Clock) -> Result<Chosen> {
-    let mut taker = Taker::new(subject, watch, clock)?;
+/// Those of [`RenderJob::render`]; [`crate::error::Error::Usage`] where antialiasing is turned off.
+pub fn render(job: &mut RenderJob, wish: &Wish, control: &RenderControl) -> Result<Chosen> {
+    let mut taker = Taker::new(job, control)?;
     let target = wish.accuracy.map(|(metric, value)| Target { metric, value });
     // The largest error of a picture is not one of a few squares.
     let Some(target) = target.filter(|target| target.metric != Metric::Max) else {

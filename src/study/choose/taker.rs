@@ -3,19 +3,18 @@
 use std::time::Instant;
 
 use super::survey::Squares;
-use super::{Chosen, End, Metric, Subject, Wish};
-use crate::effects::Plan;
+use super::{Chosen, End, Metric, Wish};
 use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Film, TILE, Window};
-use crate::render::{Clock, Statistics, Watch, render_some_as};
+use crate::job::RenderJob;
+use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 use crate::study::metrics::Values;
 
 /// Renders parts of the picture's samples, and adds up what they took.
-pub struct Taker<'a, 'b> {
-    subject: &'a mut Subject<'b>,
-    watch: &'a Watch<'a>,
-    clock: Clock,
+pub struct Taker<'a> {
+    job: &'a mut RenderJob,
+    control: &'a RenderControl<'a>,
     start: Instant,
     asked: Sampling,
     /// What the film's numbers are.
@@ -24,21 +23,21 @@ pub struct Taker<'a, 'b> {
     statistics: Option<Statistics>,
 }
 
-impl<'a, 'b> Taker<'a, 'b> {
-    pub fn new(subject: &'a mut Subject<'b>, watch: &'a Watch<'a>, clock: Clock) -> Result<Self> {
-        let asked = subject.world.sampling;
-        let values = match subject.world.pipeline {
+impl<'a> Taker<'a> {
+    pub fn new(job: &'a mut RenderJob, control: &'a RenderControl<'a>) -> Result<Self> {
+        let asked = job.choices.sampling;
+        let values = match job.pipeline() {
             ColourPipeline::Linear => Values::Linear,
             ColourPipeline::Display | ColourPipeline::U8 => Values::Display,
         };
-        let squares = Squares::new(subject.window.width, subject.window.height);
+        let squares = Squares::new(job.window.width, job.window.height);
         let start = Instant::now();
-        subject.world.sampling = asked.part(0, 1);
-        if !Plan::new(subject.world, subject.choices)?.effects_on().any(|effect| effect == "antialiasing") {
+        job.set_sampling(asked.part(0, 1))?;
+        if !job.plan.effects_on().any(|effect| effect == "antialiasing") {
             let what = "an error or a time is reached by samples, and there is no antialiasing";
             return Err(Error::usage(what, "leave out --without antialiasing, or --accuracy and --budget"));
         }
-        Ok(Taker { subject, watch, clock, start, asked, values, squares, statistics: None })
+        Ok(Taker { job, control, start, asked, values, squares, statistics: None })
     }
 
     /// The pixels' centres.
@@ -66,7 +65,7 @@ impl<'a, 'b> Taker<'a, 'b> {
     }
 
     pub fn black(&self) -> Vec<[f32; 3]> {
-        vec![[0.0; 3]; self.subject.window.area()]
+        vec![[0.0; 3]; self.job.window.area()]
     }
 
     fn render(
@@ -75,13 +74,11 @@ impl<'a, 'b> Taker<'a, 'b> {
         wanted: &(dyn Fn(usize) -> bool + Sync),
         pixels: &mut [[f32; 3]],
     ) -> Result<()> {
-        let Subject { world, view, choices, window } = &mut *self.subject;
-        world.sampling = sampling;
-        let plan = Plan::new(world, choices)?;
-        let (window, squares) = (*window, self.squares);
+        self.job.set_sampling(sampling)?;
+        let (window, squares) = (self.job.window, self.squares);
         let is_wanted = |tile: Window| wanted(squares.at(tile.x - window.x, tile.y - window.y));
         let (film, statistics): (Film, _) =
-            render_some_as(world, view, &plan, window, self.watch, self.clock, |_, tile| is_wanted(tile))?;
+            self.job.render_selected(|_, tile| is_wanted(tile), self.control)?;
         match &mut self.statistics {
             Some(sum) => sum.add(&statistics),
             none => *none = Some(statistics),
@@ -113,7 +110,7 @@ impl<'a, 'b> Taker<'a, 'b> {
         f64::from(samples) <= self.samples_in_time(2, wish)
     }
 
-    /// The picture, and the plan of it.
+    /// The picture, and what it took.
     pub fn done(
         self,
         pixels: Vec<[f32; 3]>,
@@ -122,16 +119,14 @@ impl<'a, 'b> Taker<'a, 'b> {
         end: End,
     ) -> Result<Chosen> {
         let seed = self.asked.seed;
-        let Subject { world, choices, .. } = self.subject;
-        world.sampling = match samples {
+        self.job.set_sampling(match samples {
             1 => Sampling { seed, ..Sampling::default() },
             samples => Sampling { first: None, ..self.asked.part(0, samples) },
-        };
-        let plan = Plan::new(world, choices)?;
+        })?;
         let Some(statistics) = self.statistics else {
             let hint = String::new();
             return Err(Error::Failed { what: "nothing was rendered".into(), hint });
         };
-        Ok(Chosen { pixels, statistics, plan, samples, estimate, end })
+        Ok(Chosen { pixels, statistics, samples, estimate, end })
     }
 }

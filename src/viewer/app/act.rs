@@ -116,14 +116,20 @@ impl App {
         let (Some(pixel), Some(opened)) = (done.clicked.or(done.focused), &self.opened) else { return };
         let Some(prepared) = self.canvas.prepared(done.side).cloned() else { return };
         let bounds = opened.scene.bounds();
-        let bounds = match (bounds, &prepared.range) {
+        let bounds = match (bounds, &prepared.job.range) {
             (Some((min, max)), Some(range)) => {
                 Some(((min - range.middle) * range.scale, (max - range.middle) * range.scale))
             }
             (bounds, _) => bounds,
         };
-        let found =
-            inspect(&prepared.world, &prepared.view, &prepared.plan, prepared.range.as_ref(), bounds, pixel);
+        let found = inspect(
+            &prepared.job.world,
+            &prepared.job.view,
+            &prepared.job.plan,
+            prepared.job.range.as_ref(),
+            bounds,
+            pixel,
+        );
         self.trace.say("inspected", super::inspector::to_json(&found));
         if let (Some(_), Some(seen), Some(controls)) = (done.focused, &found.seen, &mut self.controls) {
             let point = seen.position;
@@ -157,14 +163,14 @@ impl App {
                 From::Scene(index) => SeenFrom::Camera(opened.scene.cameras.get(*index)?),
                 From::Free(camera) => SeenFrom::Camera(camera),
             },
-            projection: prepared.lens.projection,
-            size: prepared.view.size(),
+            projection: prepared.job.camera.projection,
+            size: prepared.job.view.size(),
             shading: settings.choices.shading,
             with: &settings.choices.with,
             without: &settings.choices.without,
             numerics: settings.numerics,
             colour: settings.pipeline,
-            sampling: settings.sampling,
+            sampling: settings.choices.sampling,
             output,
         });
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));
@@ -178,10 +184,11 @@ impl App {
     fn save_picture(&mut self, context: &Context) {
         let Some(controls) = &self.controls else { return };
         let (side, shown) = (controls.side, controls.shown);
-        let settings = controls.sides[side].clone();
+        let Some(opened) = &self.opened else { return };
         let file = self.output();
         let Some(painted) = self.canvas.painted(side) else { return };
         let (image, prepared) = (Arc::clone(&painted.image), Arc::clone(&painted.prepared));
+        let order = controls.order(opened, prepared.job.view.size());
         let command = self.command(&file).unwrap_or_default();
         let text = format!("saving {}", file.display());
         self.trace.say("saving", json!({ "text": text }));
@@ -190,7 +197,7 @@ impl App {
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());
         let wake = move || context.request_repaint();
         save::beside(file, sender, wake, move |file| match shown {
-            Shown::Picture => threads.install(|| save::picture(&prepared, &settings, command, file)),
+            Shown::Picture => threads.install(|| save::picture(&prepared, (&order, side), command, file)),
             _ => save::colours(&image, file),
         });
     }

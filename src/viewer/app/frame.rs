@@ -129,7 +129,7 @@ impl App {
 /// What is odd about a picture.
 fn odd(painted: &Painted) -> Vec<String> {
     let mut odd = Vec::new();
-    let world = &painted.prepared.world;
+    let world = &painted.prepared.job.world;
     if world.too_small > 0 {
         let tier = world.numerics().name();
         odd.push(format!("{} sphere(s) with a radius that is 0 in `{tier}`; left out", world.too_small));

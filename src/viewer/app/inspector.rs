@@ -112,17 +112,17 @@ fn colour(ray: &Line) -> Color32 {
 
 /// Draws the rays into the picture that is seen through `prepared`, in `rect`; `of` is what they were cast in.
 pub fn draw(painter: &Painter, rect: Rect, prepared: &Prepared, of: &Prepared, found: &Inspection) {
-    let size = prepared.view.size();
+    let size = prepared.job.view.size();
     let place = |p: DVec2| -> Pos2 {
         let share = vec2((p.x / f64::from(size[0])) as f32, (p.y / f64::from(size[1])) as f32);
         rect.min + share * rect.size()
     };
     // In another moment, or another tier, the scene may have been moved otherwise.
-    if prepared.range != of.range {
+    if prepared.job.range != of.job.range {
         return;
     }
     for ray in &found.rays {
-        let Some([from, to]) = prepared.view.project_segment(ray.from, ray.to) else { continue };
+        let Some([from, to]) = prepared.job.view.project_segment(ray.from, ray.to) else { continue };
         let ends = [place(from), place(to)];
         painter.line_segment(ends, Stroke::new(3.0, Color32::from_black_alpha(140)));
         painter.line_segment(ends, Stroke::new(1.5, colour(ray)));

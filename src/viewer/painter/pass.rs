@@ -9,17 +9,14 @@ use rayon::prelude::*;
 
 use super::Painted;
 use super::studio::Prepared;
-use crate::effects::Plan;
 use crate::error::Result;
-use crate::film::{ColourPipeline, Film, Pixel, Share, Window};
-use crate::render::aov::Subject;
-use crate::render::{Clock, Statistics, Watch, render_as};
+use crate::film::{ColourPipeline, Film, Pixel};
+use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 use crate::study::metrics;
 use crate::viewer::false_colour::{FalseColours, Legend, Shown, error_against_exact, false_colours};
 use crate::viewer::look::{Order, Settings};
 use crate::viewer::refine::{Kind, Pass, passes};
-use crate::world::View;
 
 /// A picture in the numbers of its pipeline, row by row from the top.
 pub struct Picture {
@@ -100,14 +97,14 @@ impl<'a> Side<'a> {
     pub fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<Made>> {
         let Some(&pass) = self.passes.get(index) else { return Ok(None) };
         let start = Instant::now();
-        let watch = Watch { cancel, progress: &|_, _| () };
+        let watch = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
         let is_last = index + 1 == self.passes.len();
-        let pipeline = self.prepared.world.pipeline;
+        let pipeline = self.prepared.job.pipeline();
         let (factor, sampling) = match pass {
             Pass::Coarse(factor) => (factor, Sampling::default()),
-            Pass::Samples(from, to) => (1, self.settings.sampling.part(from, to)),
+            Pass::Samples(from, to) => (1, self.settings.choices.sampling.part(from, to)),
             Pass::Whole if self.order.shown != Shown::Picture => (1, Sampling::default()),
-            Pass::Whole => (1, self.settings.sampling),
+            Pass::Whole => (1, self.settings.choices.sampling),
         };
         let size = self.order.size.map(|side| side.div_ceil(factor));
         let (film, statistics) = self.render(&self.prepared, size, sampling, &watch)?;
@@ -126,7 +123,7 @@ impl<'a> Side<'a> {
         let most = match self.kind {
             Kind::Centres => 1,
             Kind::Samples(samples) => samples,
-            Kind::Adaptive => self.settings.sampling.most_samples(),
+            Kind::Adaptive => self.settings.choices.sampling.most_samples(),
         };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
         let seconds_a_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
@@ -170,18 +167,14 @@ impl<'a> Side<'a> {
     }
 
     /// What is shown instead of a picture.
-    fn false_colours(&self, film: &Film, size: [u32; 2], watch: &Watch) -> Result<FalseColours> {
-        let Prepared { world, range, lens, plan, .. } = &*self.prepared;
+    fn false_colours(&self, film: &Film, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
+        let job = &self.prepared.job;
         if let Some(exact) = &self.exact {
-            let (exact, _) = self.render(exact, size, Sampling::default(), watch)?;
-            let [picture, exact] = [film, &exact].map(|film| metrics::Picture::of_film(film, world.pipeline));
+            let (exact, _) = self.render(exact, size, Sampling::default(), control)?;
+            let [picture, exact] = [film, &exact].map(|film| metrics::Picture::of_film(film, job.pipeline()));
             return error_against_exact(&picture, &exact);
         }
-        let view = View::new(lens, lens.projection, size)?;
-        let window = film.window();
-        let subject =
-            Subject { world, range: *range, view: &view, plan, window, share: Share::ALL, film: None };
-        false_colours(self.order.shown, &subject, watch)
+        false_colours(self.order.shown, &job.with_size(size)?.subject(None), control)
     }
 
     fn render(
@@ -189,21 +182,14 @@ impl<'a> Side<'a> {
         prepared: &Prepared,
         size: [u32; 2],
         sampling: Sampling,
-        watch: &Watch,
+        control: &RenderControl,
     ) -> Result<(Film, Statistics)> {
-        let Prepared { world, lens, view, plan, .. } = prepared;
-        let whole = Window { x: 0, y: 0, width: size[0], height: size[1] };
-        if sampling == Sampling::default() && size == self.order.size {
-            return render_as(world, view, plan, whole, watch, Clock::EveryStage);
+        let control = RenderControl { time_stages: true, ..*control };
+        let mut job = prepared.job.with_size(size)?;
+        if sampling != Sampling::default() {
+            job.set_sampling(sampling)?;
         }
-        let view = View::new(lens, lens.projection, size)?;
-        if sampling == Sampling::default() {
-            return render_as(world, &view, plan, whole, watch, Clock::EveryStage);
-        }
-        let mut world = world.clone();
-        world.sampling = sampling;
-        let plan = Plan::new(&world, &self.settings.choices)?;
-        render_as(&world, &view, &plan, whole, watch, Clock::EveryStage)
+        job.render(&control)
     }
 }
 

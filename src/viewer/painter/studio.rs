@@ -2,16 +2,17 @@
 
 use std::sync::Arc;
 
-use crate::animation::{Moment, Stage};
+use crate::animation::{FrameWorld, PreparedAnimation};
 use crate::bvh::Structure;
-use crate::effects::{Decision, EFFECTS, Plan};
+use crate::effects::{Choices, Decision, EFFECTS, Plan};
 use crate::error::{Error, Result};
 use crate::film::ColourPipeline;
+use crate::job::RenderJob;
 use crate::scene::{Camera, Numerics, Sampling, Scene};
 use crate::viewer::false_colour::Shown;
 use crate::viewer::look::{From, Opened, Order, Settings};
 use crate::viewer::refine::Kind;
-use crate::world::{Range, StandardView, View, World, fitted_camera, headlight};
+use crate::world::{Range, StandardView, fitted_camera, headlight};
 
 /// Worlds that are kept: those of two sides and of what they are held against.
 const KEPT: usize = 3;
@@ -21,18 +22,10 @@ type Key = (Numerics, ColourPipeline);
 
 /// A scene that is ready for its picture.
 pub struct Prepared {
-    /// The scene; pixels are looked at once, at their centres.
-    pub world: World,
-    /// How it was moved before.
-    pub range: Option<Range>,
+    /// The picture with one sample a pixel, at its centre.
+    pub job: RenderJob,
     /// The camera, in the scene's own coordinates.
     pub camera: Camera,
-    /// The camera in the world's, with the projection that it is used with.
-    pub lens: Camera,
-    /// The picture's view.
-    pub view: View,
-    /// What a picture of the pixels' centres takes.
-    pub plan: Plan,
     /// What was decided of each effect, in the whole picture, and whether anything calls for it.
     pub decisions: Vec<(Decision, bool)>,
     /// How the picture's pixels are sampled in the end.
@@ -43,8 +36,8 @@ pub struct Prepared {
 #[derive(Default)]
 pub struct Studio {
     opened: Option<Arc<Opened>>,
-    stages: Vec<(Key, Arc<Stage>)>,
-    moments: Vec<(Key, f64, Arc<Moment>)>,
+    animations: Vec<(Key, Arc<PreparedAnimation>)>,
+    frames: Vec<(Key, f64, Arc<FrameWorld>)>,
     /// The scene moved as its worlds are, where it is.
     moved: Option<Arc<Scene>>,
     /// Cameras that fit, and the width by height of their pictures.
@@ -57,7 +50,7 @@ impl Studio {
     /// Whether there is a tree for every picture of an order.
     pub fn has_all(&self, order: &Order) -> bool {
         let same = self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &order.opened));
-        let has = |settings: &Settings| self.stages.iter().any(|(key, _)| *key == key_of(settings));
+        let has = |settings: &Settings| self.animations.iter().any(|(key, _)| *key == key_of(settings));
         same && order.sides.iter().all(has)
     }
 
@@ -78,72 +71,77 @@ impl Studio {
         if !self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &order.opened)) {
             *self = Studio { opened: Some(Arc::clone(&order.opened)), ..Studio::default() };
         }
-        let stage = self.stage(&order.opened, settings)?;
-        let moment = self.moment(&stage, settings, order.time)?;
-        let range = moment.range;
+        let animation = self.animation(&order.opened, settings)?;
+        let frame = self.frame(&animation, settings, order.time)?;
+        let range = frame.range;
         let mut lens = match &order.from {
-            From::Scene(index) => moment.cameras.get(*index).unwrap_or(&moment.camera).clone(),
-            From::Fitted(view) => self.fit(order, *view, stage.range())?,
+            From::Scene(index) => frame.cameras.get(*index).unwrap_or(&frame.camera).clone(),
+            From::Fitted(view) => self.fit(order, *view, animation.range())?,
             From::Free(camera) => range.map_or_else(|| camera.clone(), |range| range.moved(camera)),
         };
         lens.projection = order.projection.unwrap_or(lens.projection);
-        let mut world = moment.world.clone();
+        let mut world = Arc::clone(&frame.world);
         if world.lights.is_empty() && settings.choices.shading.uses_lights() {
-            world = world.under(headlight(&lens).into_iter().collect());
+            world = Arc::new(world.under(headlight(&lens).into_iter().collect()));
         }
-        world.sampling = settings.sampling;
+        let sampling = settings.choices.sampling;
         let whole = Plan::new(&world, &settings.choices)?;
         let is_on = |name: &str| whole.effects_on().any(|effect| effect == name);
         let kind = match (is_on("antialiasing"), is_on("adaptive")) {
             (false, _) => Kind::Centres,
-            (true, false) => Kind::Samples(settings.sampling.most_samples()),
+            (true, false) => Kind::Samples(sampling.most_samples()),
             (true, true) => Kind::Adaptive,
         };
         let is_called_for = |name: &str| {
-            EFFECTS.iter().any(|effect| effect.name == name && (effect.called_for)(&world).is_ok())
+            EFFECTS.iter().any(|effect| effect.name == name && (effect.called_for)(&world, &sampling).is_ok())
         };
         let decisions = whole.decisions.into_iter().map(|decision| {
             let can = is_called_for(decision.effect);
             (decision, can)
         });
         let decisions = decisions.collect();
-        world.sampling = Sampling::default();
-        let plan = Plan::new(&world, &settings.choices)?;
-        let view = View::new(&lens, lens.projection, order.size)?;
         let camera = match &order.from {
             From::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },
             _ => range.map_or_else(|| lens.clone(), |range| range.moved_back(&lens)),
         };
-        Ok(Arc::new(Prepared { world, range, camera, lens, view, plan, decisions, kind }))
+        let centres = Choices { sampling: Sampling::default(), ..settings.choices.clone() };
+        let job = RenderJob::new(world, range, lens, order.size, centres)?;
+        Ok(Arc::new(Prepared { job, camera, decisions, kind }))
     }
 
-    fn stage(&mut self, opened: &Arc<Opened>, settings: &Settings) -> Result<Arc<Stage>> {
+    fn animation(&mut self, opened: &Arc<Opened>, settings: &Settings) -> Result<Arc<PreparedAnimation>> {
         let key = key_of(settings);
-        if let Some(at) = self.stages.iter().position(|(known, _)| *known == key) {
-            let found = self.stages.remove(at);
-            self.stages.push(found);
+        if let Some(at) = self.animations.iter().position(|(known, _)| *known == key) {
+            let found = self.animations.remove(at);
+            self.animations.push(found);
         } else {
-            self.stages.drain(..self.stages.len().saturating_sub(KEPT - 1));
+            self.animations.drain(..self.animations.len().saturating_sub(KEPT - 1));
             let scene = opened.scene.clone();
             let camera = scene.cameras.first().cloned().unwrap_or_else(|| nowhere(&scene));
             let (pipeline, structure) = (settings.pipeline, Structure::Wide(opened.preset));
-            let stage = Stage::new(scene, &camera, false, pipeline, structure, settings.numerics)?;
-            self.stages.push((key, Arc::new(stage)));
+            let animation =
+                PreparedAnimation::new(scene, &camera, false, pipeline, structure, settings.numerics)?;
+            self.animations.push((key, Arc::new(animation)));
         }
-        Ok(Arc::clone(&self.stages[self.stages.len() - 1].1))
+        Ok(Arc::clone(&self.animations[self.animations.len() - 1].1))
     }
 
-    fn moment(&mut self, stage: &Stage, settings: &Settings, time: f64) -> Result<Arc<Moment>> {
+    fn frame(
+        &mut self,
+        animation: &PreparedAnimation,
+        settings: &Settings,
+        time: f64,
+    ) -> Result<Arc<FrameWorld>> {
         let key = key_of(settings);
-        let is_it = |(known, at, _): &(Key, f64, Arc<Moment>)| (*known, *at) == (key, time);
-        if let Some((_, _, moment)) = self.moments.iter().find(|moment| is_it(moment)) {
-            return Ok(Arc::clone(moment));
+        let is_it = |(known, at, _): &(Key, f64, Arc<FrameWorld>)| (*known, *at) == (key, time);
+        if let Some((_, _, frame)) = self.frames.iter().find(|frame| is_it(frame)) {
+            return Ok(Arc::clone(frame));
         }
-        self.moments.retain(|(known, ..)| *known != key);
-        self.moments.drain(..self.moments.len().saturating_sub(KEPT - 1));
-        let moment = Arc::new(stage.at(time)?);
-        self.moments.push((key, time, Arc::clone(&moment)));
-        Ok(moment)
+        self.frames.retain(|(known, ..)| *known != key);
+        self.frames.drain(..self.frames.len().saturating_sub(KEPT - 1));
+        let frame = Arc::new(animation.at(time)?);
+        self.frames.push((key, time, Arc::clone(&frame)));
+        Ok(frame)
     }
 
     /// A camera that fits the scene at rest, in the world's coordinates: as commands find it.

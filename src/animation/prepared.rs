@@ -1,12 +1,12 @@
-//! An animation ready to be shown: loaded and prepared once, and from there to any of its moments.
+//! An animation prepared once, and the scene at any of its times.
 //!
-//! What does not move is shared by all frames: pictures always, triangles and their tree where only cameras and lights
-//! move. Where objects do, each frame's tree is built anew. Of the 69,451 triangles of a bunny that takes 0.03 s beside 0.15
-//! s for the picture of 1024 x 1024, on one thread; refitting takes 0.4 of it (`bvh::is_worth_keeping`), but wants a tree of its
-//! own for each frame in flight and traces worse. The assignment's seven primitives take a tenth of a millisecond.
+//! What does not move is shared by all frames: images always, the acceleration structure where only cameras and lights move. Where
+//! objects move, each frame's structure is built anew: refitting wants a structure of its own for each frame in flight and traces worse.
+
+use std::sync::Arc;
 
 use crate::bvh::Structure;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::film::ColourPipeline;
 use crate::scene::animation::{Motion, Property, Target, Track};
 use crate::scene::{Animation, Camera, Numerics, Projection, Scene};
@@ -16,7 +16,7 @@ use crate::world::{Range, StandardView, World, bring_into_range, headlight, turn
 const TURNTABLE: (f64, f64) = (10.0, 30.0);
 
 /// An animation with all that its frames share.
-pub struct Stage {
+pub struct PreparedAnimation {
     /// The description; without its objects where they stand still, for they are in the world.
     scene: Scene,
     /// Index of the camera.
@@ -31,9 +31,9 @@ pub struct Stage {
 }
 
 /// What there is at a time.
-pub struct Moment {
+pub struct FrameWorld {
     /// The scene, prepared.
-    pub world: World,
+    pub world: Arc<World>,
     /// What it is seen by.
     pub camera: Camera,
     /// All the scene's cameras, and that one where it is another.
@@ -42,7 +42,7 @@ pub struct Moment {
     pub range: Option<Range>,
 }
 
-impl Stage {
+impl PreparedAnimation {
     /// Prepares what all frames share. `camera` is what the frames are seen by, as it is described: one of the scene's or
     /// another. `headlight` says whether a scene without lights is given one that goes with the camera.
     ///
@@ -72,7 +72,7 @@ impl Stage {
         }
         let range = bring_into_range(&mut base);
         let world = World::prepare(base, pipeline, structure, numerics);
-        Ok(Stage {
+        Ok(PreparedAnimation {
             headlight: headlight && scene.lights.is_empty(),
             scene,
             camera,
@@ -96,7 +96,7 @@ impl Stage {
     ///
     /// # Errors
     /// [`Error::Input`] where a track comes to what cannot be.
-    pub fn at(&self, time: f64) -> Result<Moment> {
+    pub fn at(&self, time: f64) -> Result<FrameWorld> {
         let mut scene = self.scene.at(time)?;
         let range = match (self.structure, &self.range) {
             (Some(_), _) => bring_into_range(&mut scene),
@@ -114,31 +114,25 @@ impl Stage {
             Some(structure) => self.world.prepare_another(scene, structure),
             None => self.world.under(scene.lights),
         };
-        Ok(Moment { world, camera, cameras, range })
+        Ok(FrameWorld { world: Arc::new(world), camera, cameras, range })
     }
 }
 
 /// Has a camera go once round what it looks at, for scenes that say nothing of what moves. `None` for the camera stands for
-/// one that sees the whole scene from all sides, beginning at `view`. Returns the camera.
-///
-/// # Errors
-/// [`Error::Failed`] where there is nothing to look at.
+/// one that sees the whole scene from all sides, beginning at `view`. Returns the camera; `None` where there is nothing to look at.
 pub fn turntable(
     scene: &mut Scene,
     camera: Option<Camera>,
     view: StandardView,
     aspect: f64,
     projection: Projection,
-) -> Result<Camera> {
+) -> Option<Camera> {
     let (camera, around) = match camera {
         Some(camera) => {
             let target = camera.target;
             (camera, target)
         }
-        None => turntable_camera(scene, view, aspect, projection).ok_or_else(|| Error::Failed {
-            what: "there is nothing to look at".into(),
-            hint: "`kiln info` says what the file holds".into(),
-        })?,
+        None => turntable_camera(scene, view, aspect, projection)?,
     };
     let orbit = |property| Track {
         target: Target::Camera(camera.name.clone()),
@@ -151,5 +145,5 @@ pub fn turntable(
     let (duration, fps) = TURNTABLE;
     let tracks = vec![orbit(Property::Position), orbit(Property::LookAt)];
     scene.animation = Some(Animation { fps, duration, repeat: true, tracks });
-    Ok(camera)
+    Some(camera)
 }

@@ -1,9 +1,7 @@
-//! Renders a prepared scene and writes its picture.
+//! Renders a job and writes its picture to a file or to standard output.
 
 use std::path::{Path, PathBuf};
 
-use super::arguments::Arguments;
-use super::prepare::Ready;
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::{self, Found};
@@ -11,9 +9,10 @@ use crate::film::output::describe;
 use crate::film::part::{self, part_name, write_part};
 use crate::film::write::{self, Format, Picture, encode, write_picture};
 use crate::film::{self, Film, Pixel, Share, Window};
+use crate::job::RenderJob;
 use crate::limits;
-use crate::render::aov::{self, Subject, Wanted};
-use crate::render::{Clock, Statistics, Watch, render_share};
+use crate::render::aov::{self, Wanted};
+use crate::render::{RenderControl, Statistics};
 use crate::study::choose::{self, End, Wish};
 use crate::world::World;
 
@@ -105,8 +104,8 @@ pub fn check_folder(output: &Path) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Failed`] with what it needs.
-pub fn check_memory(ready: &Ready, target: &Target, wanted: &Wanted, has_wish: bool) -> Result<()> {
-    let channels = wanted.channel_count(ready.plan.effects_on().count()) as u64;
+pub fn check_memory(job: &RenderJob, target: &Target, wanted: &Wanted, has_wish: bool) -> Result<()> {
+    let channels = wanted.channel_count(job.plan.effects_on().count()) as u64;
     let writing = match target {
         // Written tile by tile.
         Target::Part(..) => 0,
@@ -116,7 +115,7 @@ pub fn check_memory(ready: &Ready, target: &Target, wanted: &Wanted, has_wish: b
     };
     let wish = if has_wish { choose::BYTES_A_PIXEL } else { 0 };
     let each = bytes_a_pixel(target.kept(), wanted, channels).max(wish) + writing;
-    check_memory_of(ready.window, channels, each)
+    check_memory_of(job.window, channels, each)
 }
 
 /// The most bytes for each pixel of a picture while it is rendered.
@@ -145,48 +144,39 @@ pub fn check_memory_of(window: Window, channels: u64, bytes_each: u64) -> Result
 
 /// Renders the picture, in what its format keeps of it.
 pub fn render_plainly(
-    ready: &Ready,
+    job: &RenderJob,
     format: Format,
     wanted: &Wanted,
-    watch: &Watch,
-    clock: Clock,
+    control: &RenderControl,
 ) -> Result<(Picture, Statistics)> {
-    let Ready { world, range, view, window, plan, pipeline, share, .. } = ready;
-    let part = (*window, *share);
     if format != Format::Exr {
-        let (film, statistics) = render_share(world, view, plan, part, watch, clock)?;
-        return Ok((Picture::Bytes(film, *pipeline), statistics));
+        let (film, statistics) = job.render(control)?;
+        return Ok((Picture::Bytes(film, job.pipeline()), statistics));
     }
-    let (film, statistics) = render_share(world, view, plan, part, watch, clock)?;
-    let subject =
-        Subject { world, range: *range, view, plan, window: *window, share: *share, film: Some(&film) };
-    let channels = aov::channels(&subject, wanted, watch)?;
+    let (film, statistics) = job.render(control)?;
+    let channels = aov::channels(&job.subject(Some(&film)), wanted, control)?;
     Ok((Picture::Numbers(film, channels), statistics))
 }
 
 /// Renders as many samples as the user's target takes, and says how many.
 pub fn render_to_wish(
-    ready: &mut Ready,
+    job: &mut RenderJob,
     wish: &Wish,
     format: Format,
-    watch: &Watch,
-    clock: Clock,
+    control: &RenderControl,
     warnings: &mut Warnings,
 ) -> Result<(Picture, Statistics)> {
-    let Ready { world, view, choices, window, pipeline, .. } = ready;
-    let (window, pipeline) = (*window, *pipeline);
-    let mut subject = choose::Subject { world, view, choices, window };
     // How many tiles there are to come is not known; progress would begin anew with each stretch.
-    let watch = Watch { cancel: watch.cancel, progress: &|_, _| () };
-    let chosen = choose::render(&mut subject, wish, &watch, clock)?;
+    let control = RenderControl { progress: &|_, _| (), ..*control };
+    let chosen = choose::render(job, wish, &control)?;
     match chosen.end {
         End::Time if wish.accuracy.is_some() => warnings.push(chosen.line(wish)),
         End::Most | End::NotFinite => warnings.push(chosen.line(wish)),
         _ => warnings.note(chosen.line(wish)),
     }
-    ready.settings.retain(|(key, _)| !["kiln:samples", "kiln:filter", "kiln:seed"].contains(&key.as_str()));
-    ready.settings.extend(ready.world.sampling.settings());
-    ready.plan = chosen.plan;
+    job.metadata.retain(|(key, _)| !["kiln:samples", "kiln:filter", "kiln:seed"].contains(&key.as_str()));
+    job.metadata.extend(job.choices.sampling.settings());
+    let (window, pipeline) = (job.window, job.pipeline());
     let picture = match format {
         Format::Exr => Picture::Numbers(Film::of_rows(window, &chosen.pixels)?, Vec::new()),
         _ => {
@@ -200,7 +190,7 @@ pub fn render_to_wish(
 
 /// Warns of pixels that are not finite, of an empty picture, of blocked lights and of inputs that are not visible.
 pub fn warn_of_the_picture(
-    arguments: &Arguments,
+    inputs: &[PathBuf],
     world: &World,
     statistics: &Statistics,
     is_part: bool,
@@ -232,8 +222,8 @@ pub fn warn_of_the_picture(
     if shadow.cast > 0 && shadow.hit == shadow.cast {
         warnings.push("no light reaches anything in the picture: every shadow ray is blocked");
     }
-    if arguments.inputs.len() > 1 {
-        for (index, file) in arguments.inputs.iter().enumerate() {
+    if inputs.len() > 1 {
+        for (index, file) in inputs.iter().enumerate() {
             let mut objects =
                 world.objects.iter().zip(&statistics.seen).filter(|(o, _)| o.input == index).peekable();
             if objects.peek().is_some() && objects.all(|(_, seen)| !seen) {
@@ -247,19 +237,19 @@ pub fn warn_of_the_picture(
 }
 
 /// Writes the picture where it goes.
-pub fn write(picture: &Picture, ready: &Ready, target: &Target) -> Result<()> {
-    let settings = &ready.settings;
+pub fn write(picture: &Picture, job: &RenderJob, target: &Target) -> Result<()> {
+    let metadata = &job.metadata;
     match (target, picture) {
         (Target::Part(file, _, share), Picture::Numbers(film, channels)) => {
-            write_part(film, channels, ready.pipeline, settings, *share, file)
+            write_part(film, channels, job.pipeline(), metadata, *share, file)
         }
         (Target::File(file, format) | Target::Part(file, format, _), _) => {
-            write_picture(picture, settings, *format, file)
+            write_picture(picture, metadata, *format, file)
         }
         (Target::StandardOutput, _) => {
             let mut bytes = Vec::new();
             let fail = |e| Error::output(Path::new("-"), describe(&e));
-            encode(picture, settings, Format::Png, &mut bytes).map_err(fail)?;
+            encode(picture, metadata, Format::Png, &mut bytes).map_err(fail)?;
             std::io::Write::write_all(&mut std::io::stdout().lock(), &bytes).map_err(fail)
         }
     }

@@ -1,0 +1,149 @@
+//! An animation as render jobs: one for each frame that is asked for.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::FrameList;
+use super::prepared::{FrameWorld, PreparedAnimation, turntable};
+use crate::error::{Error, Result, Warnings};
+use crate::film::Share;
+use crate::film::write::FRAME;
+use crate::job::camera::{Viewpoint, nothing_to_look_at};
+use crate::job::{self, Metadata, RenderJob, RenderSettings, ResolvedJob};
+use crate::scene::animation::Timeline;
+use crate::scene::{Camera, Scene};
+use crate::world::StandardView;
+
+/// Which frames of an animation are asked for, and how long it is.
+pub struct FrameRequest<'a> {
+    /// Frames a second, instead of the scene's.
+    pub fps: Option<f64>,
+    /// Seconds from beginning to end, instead of the scene's.
+    pub duration: Option<f64>,
+    /// The frames; all of the animation's where this is `None`.
+    pub list: Option<&'a FrameList>,
+    /// The share of them to make.
+    pub share: Share,
+    /// Whether a frame with this metadata need not be made, because it is there.
+    pub is_there: &'a (dyn Fn(i32, &Metadata) -> bool + Sync),
+}
+
+impl<'a> FrameRequest<'a> {
+    /// All frames of a list.
+    pub fn all(fps: Option<f64>, duration: Option<f64>, list: Option<&'a FrameList>) -> Self {
+        FrameRequest { fps, duration, list, share: Share::ALL, is_there: &|_, _| false }
+    }
+}
+
+/// An animation of which any frame can be made.
+pub struct AnimationJob {
+    /// `None` where no frame is to be made.
+    animation: Option<PreparedAnimation>,
+    /// Frames and times.
+    pub timeline: Timeline,
+    /// The frames to make, in order.
+    pub frames: Vec<i32>,
+    /// How many frames are there already.
+    pub skipped: usize,
+    /// How many effects the first frame has on. A light that is dark at first may add to them.
+    pub effects_on: usize,
+    /// What all frames have in common. Its scene is empty: that is in `animation`.
+    pub resolved: ResolvedJob,
+}
+
+impl AnimationJob {
+    /// Prepares what all frames share. `building` is called before the acceleration structure is built.
+    ///
+    /// # Errors
+    /// Those of [`job::prepare`], and [`Error::Usage`] for frames that the animation does not have.
+    pub fn prepare(
+        mut scene: Scene,
+        settings: &RenderSettings,
+        request: &FrameRequest,
+        warnings: &mut Warnings,
+        building: impl FnOnce(&Warnings),
+    ) -> Result<Self> {
+        crate::effects::check_scene(&scene.effects)?;
+        crate::import::check_drawable(&scene)?;
+        let is_turntable = scene.animation.is_none();
+        let (camera, size) = camera_and_size(&mut scene, settings)?;
+        let Some(animation) = &mut scene.animation else { return Err(nothing_to_look_at(&scene)) };
+        if is_turntable {
+            warnings.note("nothing in the scene moves by itself; the camera goes once round");
+        }
+        animation.fps = request.fps.unwrap_or(animation.fps);
+        animation.duration = request.duration.unwrap_or(animation.duration);
+        let timeline = Timeline::new(animation.fps, animation.duration, animation.repeat).map_err(|_| {
+            let what = format!("{} seconds at {} frames a second", animation.duration, animation.fps);
+            Error::usage(what, "give --duration and --fps above 0, and at most a million frames")
+        })?;
+        let list = request.list.cloned().unwrap_or_else(|| FrameList::range(0, timeline.last()));
+        if let Some(frame) = list.frames().iter().find(|&&frame| frame < 0 || frame > timeline.last()) {
+            let what =
+                format!("frame {frame} is not in the animation: its frames are 0 to {}", timeline.last());
+            return Err(Error::usage(what, "give other --frames, or a longer animation"));
+        }
+        let mut resolved = job::resolve_for(scene, None, camera.clone(), size, settings)?;
+        let mine = list.frames().iter().enumerate().filter(|(place, _)| request.share.has(*place));
+        let mine: Vec<i32> = mine.map(|(_, &frame)| frame).collect();
+        // Checking a file takes reading it to its end.
+        let to_do = mine.par_iter().filter(|&&frame| !(request.is_there)(frame, &resolved.metadata));
+        let frames: Vec<i32> = to_do.copied().collect();
+        let skipped = mine.len() - frames.len();
+        let Some(&first) = frames.first() else {
+            return Ok(AnimationJob { animation: None, timeline, frames, skipped, effects_on: 0, resolved });
+        };
+        let scene = std::mem::take(&mut resolved.scene);
+        job::check_memory(&scene, &resolved.choices, resolved.numerics)?;
+        let is_lit = resolved.choices.shading.uses_lights();
+        if scene.lights.is_empty() && is_lit {
+            warnings.note(job::HEADLIGHT);
+        }
+        building(warnings);
+        let ResolvedJob { pipeline, structure, numerics, .. } = &resolved;
+        let animation = PreparedAnimation::new(scene, &camera, is_lit, *pipeline, *structure, *numerics)?;
+        let animation = Some(animation);
+        let mut made = AnimationJob { animation, timeline, frames, skipped, effects_on: 0, resolved };
+        // Errors and warnings of the first frame come before any is rendered.
+        let first = made.frame(first)?;
+        made.effects_on = first.plan.effects_on().count();
+        job::warn_of_range(first.range.as_ref(), warnings);
+        job::warn_of_job(&first, warnings);
+        Ok(made)
+    }
+
+    /// The job of a frame: the same, to the bit, whichever other frames are made.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where a track comes to what cannot be, and those of [`RenderJob::new`].
+    pub fn frame(&self, frame: i32) -> Result<RenderJob> {
+        let Some(animation) = &self.animation else {
+            return Err(Error::Failed { what: "no frame is to be made".into(), hint: String::new() });
+        };
+        let FrameWorld { world, camera, range, .. } = animation.at(self.timeline.time(frame))?;
+        let ResolvedJob { camera: resolved, size, window, share, choices, metadata, .. } = &self.resolved;
+        let camera = Camera { projection: resolved.projection, ..camera };
+        let job = RenderJob::new(Arc::clone(&world), range, camera, *size, choices.clone())?;
+        let mut metadata = metadata.clone();
+        metadata.push((FRAME.to_owned(), frame.to_string()));
+        Ok(RenderJob { window: *window, share: *share, metadata, ..job })
+    }
+}
+
+/// The camera and the size of the frames. A scene in which nothing moves becomes a turntable.
+fn camera_and_size(scene: &mut Scene, settings: &RenderSettings) -> Result<(Camera, [u32; 2])> {
+    let viewpoint = Viewpoint::of(&settings.camera, scene, None)?;
+    let size = viewpoint.size(settings, scene);
+    if scene.animation.is_some() {
+        let camera = viewpoint.camera(settings, scene, size)?;
+        return Ok((camera, size));
+    }
+    let (camera, view) = match viewpoint {
+        Viewpoint::Camera(camera) => (Some(camera.into_owned()), StandardView::Auto),
+        Viewpoint::Fitted(view) => (None, view),
+    };
+    let aspect = f64::from(size[0]) / f64::from(size[1]);
+    let camera = turntable(scene, camera, view, aspect, settings.projection.unwrap_or_default());
+    Ok((camera.ok_or_else(|| nothing_to_look_at(scene))?, size))
+}

@@ -1,0 +1,59 @@
+//! Whether there is memory for what is made of a scene before it is rendered.
+
+use std::collections::HashSet;
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::effects::Choices;
+use crate::error::{Error, Result};
+use crate::geometry::Precision;
+use crate::limits;
+use crate::scene::{Numerics, Object, Scene, Shape, TextureImage};
+
+/// Checks that there is memory for the acceleration structure and the mip maps of a scene.
+///
+/// # Errors
+/// [`Error::Input`] for the largest texture, [`Error::Failed`] for the acceleration structure.
+pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Result<()> {
+    check_mip_maps(scene, choices)?;
+    // Measured on grids and on triangles at random, every preset: peak of the address space beyond the scene.
+    let each = if numerics.precision() == Precision::Single { 320 } else { 416 };
+    let mut shared = HashSet::new();
+    let of_object = |object: &Object| match &object.shape {
+        Shape::Sphere { .. } => 1,
+        Shape::Mesh(mesh) => mesh.triangles.len(),
+        Shape::Placed(placed) if shared.insert(Arc::as_ptr(&placed.mesh)) => 1 + placed.mesh.triangles.len(),
+        Shape::Placed(_) => 1,
+    };
+    let count = scene.objects.iter().map(of_object).sum::<usize>() as u64;
+    limits::check(limits::product(&[count, each])).map_err(|excess| Error::Failed {
+        what: format!("the acceleration structure over {count} primitives {excess}"),
+        hint: format!("give fewer of them, or {}", excess.remedy()),
+    })
+}
+
+/// Checks that there is memory for the mip maps of a scene's textures, which lookups but `nearest` and `bilinear` use.
+///
+/// # Errors
+/// [`Error::Input`] for the largest texture.
+fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
+    let without = ["textures=nearest", "textures=bilinear"];
+    if choices.with.iter().any(|name| without.contains(&name.as_str())) {
+        return Ok(());
+    }
+    let area = |image: &TextureImage| limits::product(&[image.width.into(), image.height.into()]);
+    let Some(largest) = scene.images.iter().max_by_key(|image| area(image)) else { return Ok(()) };
+    // A third of the texels, of 6 bytes; while they are made, levels of a quarter and a sixteenth, of 12 bytes.
+    let kept = scene.images.iter().map(|image| limits::product(&[area(image), 2]));
+    let needed = kept.fold(limits::product(&[area(largest), 4]), u64::saturating_add);
+    limits::check(needed).map_err(|excess| {
+        let TextureImage { name, width, height, .. } = largest;
+        let what =
+            format!("making mip maps of this texture of {width} x {height} pixels and all others {excess}");
+        let hint = format!(
+            "make it smaller, render --with textures=bilinear, which uses none, or {}",
+            excess.remedy()
+        );
+        Error::input(Path::new(name), what, hint)
+    })
+}

@@ -1,0 +1,93 @@
+//! The metadata of a picture: what made it, as names and values, and the fingerprint of all that decides its pixels.
+
+use crate::effects::Choices;
+use crate::film::write::FINGERPRINT;
+use crate::film::{ColourPipeline, Window};
+use crate::scene::{Camera, Fingerprint, INLINE_NAME, Numerics, Scene};
+use crate::world::Range;
+
+/// Names and values that are written into image files. Nothing in them differs between two runs of the same.
+pub type Metadata = Vec<(String, String)>;
+
+/// What a picture of a scene is made by, beside the scene itself.
+pub struct Origin<'a> {
+    /// How the scene was moved.
+    pub range: Option<&'a Range>,
+    /// The camera, with the projection that is used.
+    pub camera: &'a Camera,
+    /// Width and height of the whole picture in pixels.
+    pub size: [u32; 2],
+    /// The part of it that is rendered, and whether that was asked for.
+    pub window: Window,
+    /// How far shading goes, sampling and effects.
+    pub choices: &'a Choices,
+    /// The colour pipeline.
+    pub pipeline: ColourPipeline,
+    /// The tier of numerics.
+    pub numerics: Numerics,
+    /// Layers beside the picture.
+    pub layers: &'a [String],
+}
+
+/// The metadata of a picture.
+pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
+    let &Origin { range, camera, size, window, choices, pipeline, numerics, layers } = origin;
+    let Choices { shading, sampling, scene: _, with, without, even_idle: _ } = choices;
+    // Without their folders: the same scene is the same picture wherever it lies.
+    let name = |input: &std::path::PathBuf| {
+        input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned()
+    };
+    let inputs: Vec<String> = scene.inputs.iter().map(name).collect();
+    let camera_name = if camera.name == INLINE_NAME {
+        let moved_back = range.map_or_else(|| camera.clone(), |range| range.moved_back(camera));
+        moved_back.to_inline()
+    } else {
+        camera.name.clone()
+    };
+    let mut metadata = vec![
+        ("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION"))),
+        ("kiln:inputs".into(), inputs.join(" ")),
+        ("kiln:camera".into(), camera_name),
+        ("kiln:projection".into(), camera.projection.name().into()),
+        ("kiln:size".into(), format!("{}x{}", size[0], size[1])),
+        ("kiln:colour".into(), pipeline.name().into()),
+        ("kiln:numerics".into(), numerics.name().into()),
+        ("kiln:shading".into(), shading.name().into()),
+    ];
+    let Window { x, y, width, height } = window;
+    if [width, height] != size {
+        metadata.push(("kiln:crop".into(), format!("{x},{y},{width},{height}")));
+    }
+    for (key, names) in [("kiln:with", with), ("kiln:without", without)] {
+        if !names.is_empty() {
+            metadata.push((key.into(), names.join(" ")));
+        }
+    }
+    metadata.extend(sampling.settings());
+    let mut fingerprint = Fingerprint::default();
+    fingerprint.scene(scene);
+    fingerprint.value("sampling", sampling);
+    fingerprint.value("range", &range.map(|range| (range.middle, range.scale)));
+    fingerprint.value("camera", &(camera, size, (x, y, width, height)));
+    fingerprint.value("choices", &(shading.name(), with, without, pipeline.name(), numerics.name()));
+    metadata.push((FINGERPRINT.to_owned(), fingerprint.finish()));
+    if !layers.is_empty() {
+        add_to_fingerprint(&mut metadata, "layers", &layers);
+    }
+    metadata
+}
+
+/// The fingerprint among metadata; empty where there is none.
+pub fn fingerprint_of(metadata: &[(String, String)]) -> &str {
+    metadata.iter().find(|(key, _)| key == FINGERPRINT).map_or("", |(_, value)| value)
+}
+
+/// Makes the fingerprint depend on something more.
+pub fn add_to_fingerprint(metadata: &mut Metadata, name: &str, more: &impl std::fmt::Debug) {
+    for (_, value) in metadata.iter_mut().filter(|(key, _)| key == FINGERPRINT) {
+        let mut fingerprint = Fingerprint::default();
+        fingerprint.value("picture", value);
+        fingerprint.value(name, more);
+        *value = fingerprint.finish();
+    }
+}
