@@ -706,12 +706,17 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_wall() {
         let mut rays = Vec::new();
         for x in -8..=8 {
             for y in -8..=8 {
-                let from = DVec3::new(f64::from(x) / 4.0, f64::from(y) / 4.0, 1.5);
+                // Some of them on the outer side of a wall, by a rounding.
+                let beside = |c: i32| {
+                    f64::from(c) / 4.0
+                        * if c.abs() == 8 && (x + y) % 2 == 0 { 1.0 + f64::EPSILON } else { 1.0 }
+                };
+                let from = DVec3::new(beside(x), beside(y), 1.5);
                 let ray = precision.ray(from, -DVec3::Z, 0.0, f64::INFINITY);
                 let hit =
                     world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("the far wall");
                 let surface = world.surface(&ray, &hit);
-                assert_eq!(surface.point.position, DVec3::new(from.x, from.y, -2.0));
+                assert_eq!(surface.point.position.z, -2.0);
                 let origin = surface.point.origin_towards(DVec3::Z, numerics);
                 rays.extend((0..8).map(|_| precision.ray(origin, numbers.direction(), 0.0, f64::INFINITY)));
             }

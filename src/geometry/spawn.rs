@@ -24,7 +24,8 @@
 //! point; the origin is in front of that face, too, as long as that is more than ORIGIN_OFFSET R and the errors above: for
 //! every a > 2^-16.9, 0.0005 degrees. The same holds for a face that shares one corner only, with the angle between the
 //! two planes' directions at that corner. Before the hit, the origin is EDGE_DISTANCE R sin b in front of every face that the ray met at an
-//! angle b: enough for every b > 2^-25, or 2^-16.9 where the ray met the triangle itself at less than that.
+//! angle b: enough for every b > 2^-21.9, as what is met within 2^-45 R of it is taken for rounding; or 2^-16.9 where the ray met the
+//! triangle itself at less than that.
 //!
 //! Then the origin lies inside the closed mesh that the test sees, whose edges have no gaps, and no ray can leave that mesh without a hit.
 //!

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::World;
 use super::lower::vertex_colour;
 use crate::bvh::{Primitive, Traversal};
-use crate::geometry::spawn::SurfacePoint;
+use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
 use crate::geometry::{Hit, Numerics, PrimId, Ray};
 
 /// A point of a surface, seen along a ray.
@@ -127,7 +127,9 @@ impl World {
         let before = point.before_hit(view, distance, normal);
         let [from, to] = [before, point].map(|point| point.origin_towards(normal, numerics));
         let Some(direction) = (to - from).try_normalize() else { return point };
-        let ray = numerics.ray_precision().ray(from, direction, 0.0, from.distance(to));
+        // A ray along a wall may start behind it by its rounding: what is met within a few of those hides nothing.
+        let t_min = ORIGIN_OFFSET / 32.0 * point.reach.max_element();
+        let ray = numerics.ray_precision().ray(from, direction, t_min, from.distance(to));
         let is_hidden = self.accelerator.is_occluded(&ray, &mut Traversal::default());
         if is_hidden { before } else { point }
     }
