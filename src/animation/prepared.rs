@@ -47,7 +47,7 @@ impl PreparedAnimation {
     /// another. `headlight` says whether a scene without lights is given one that goes with the camera.
     ///
     /// # Errors
-    /// [`Error::Input`] where a track has nothing to move.
+    /// [`crate::error::Error::Input`] where a track has nothing to move.
     pub fn new(
         mut scene: Scene,
         camera: &Camera,
@@ -95,7 +95,7 @@ impl PreparedAnimation {
     /// What there is at a time, 0 being the beginning and 1 the end.
     ///
     /// # Errors
-    /// [`Error::Input`] where a track comes to what cannot be.
+    /// [`crate::error::Error::Input`] where a track comes to what cannot be.
     pub fn at(&self, time: f64) -> Result<FrameWorld> {
         let mut scene = self.scene.at(time)?;
         let range = match (self.structure, &self.range) {

@@ -36,7 +36,7 @@
 //!   angle grows by as much as that is less.
 //! - Surfaces that share no corner with the triangle and lie closer than 2 ORIGIN_OFFSET R are jumped.
 //! - A ray that passes the border of a face's bounding box within 2^-49 R, less than 2^-23 R from its origin along an axis, may be
-//!   refused by the box tests ([`super::bounds::DOUBLE_MARGIN`]). It takes a fold sharper than about 30 degrees or a spike with such
+//!   refused by the box tests (`bounds::DOUBLE_MARGIN`). It takes a fold sharper than about 30 degrees or a spike with such
 //!   an opening angle, and a ray that is aimed that closely at another edge of the neighbouring face.
 //!
 //! The tier `fast` rounds the origin to f32, away from the surface, and promises nothing at edges.
