@@ -1315,13 +1315,17 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "2: index 3 is out of range: there are 3 vertices, counted from 0",
         "correct `indices`",
     ),
-    ("\n[[mesh]]\nfile = 'b.toml'\n", "2: `b.toml` is not a mesh", "name an .obj, .gltf or .glb file"),
+    (
+        "\n[[mesh]]\nfile = 'b.toml'\n",
+        "2: `b.toml` is not a mesh",
+        "name a mesh: .obj, .gltf or .glb",
+    ),
     ("[[mesh]]\nfile = 'a.obj'\ntranslate = [0, 0, nan]\n", "1: `translate` holds NaN", "finite"),
     ("[[mesh]]\nfile = 'a.obj'\nrotate = [inf, 0, 0]\n", "1: `rotate` holds inf", "finite"),
     ("[[mesh]]\nfile = 'a.obj'\nscale = inf\n", "1: `scale` holds inf", "finite"),
     ("[[mesh]]\nfile = 'a.obj'\nscale = [1, 0, 1]\n", "1: `scale` is 0", "give other factors"),
     ("\n[[mesh]]\nfile = 'gone.obj'\n", "2: mesh FOLDER/gone.obj: no such file", "check the name"),
-    ("[[mesh]]\nfile = 'a.stl'\n", "1: mesh FOLDER/a.stl: not a kind of file that kiln reads", "convert"),
+    ("[[mesh]]\nfile = 'a.3ds'\n", "1: mesh FOLDER/a.3ds: not a kind of file that kiln reads", "convert"),
     ("[[mesh]]\nfile = 'a.obj'\nmaterial = 'red'\n", "1: there is no material `red`", "add [material.red]"),
 ];
 
@@ -1329,7 +1333,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
 fn scene_file_faults_have_their_line_and_advice() {
     let folder = Folder::new();
     folder.write("a.obj", format!("{OBJ_TRIANGLE}f 1 2 3\n"));
-    folder.write("a.stl", "solid");
+    folder.write("a.3ds", "MM");
     let path = folder.0.path().display().to_string();
     let mut wrong = Vec::new();
     for (text, expected, hint) in FAULTS {
@@ -1352,6 +1356,27 @@ fn faults_in_a_mesh_of_a_scene_file_name_the_place_in_the_mesh() {
 }
 
 #[test]
+fn every_importer_has_its_row_in_the_readme_and_a_fixture() {
+    let readme = std::fs::read_to_string(repository("README.md")).expect("there is a README");
+    let mut files = Vec::new();
+    for folder in ["assets/import", "scenes"] {
+        let entries = std::fs::read_dir(repository(folder)).expect("a folder of fixtures");
+        files.extend(entries.map(|entry| entry.expect("an entry").path()));
+    }
+    for importer in kiln::import::IMPORTERS {
+        let endings: Vec<String> = importer.endings.iter().map(|ending| format!("`.{ending}`")).collect();
+        let row = format!("\n| {} | {} | ", importer.name, endings.join(", "));
+        assert!(readme.contains(&row), "the README has no row {row:?}");
+        let is_its = |file: &&PathBuf| {
+            file.extension().is_some_and(|e| importer.endings.iter().any(|ending| e == *ending))
+        };
+        let fixture = files.iter().find(is_its);
+        let fixture = fixture.unwrap_or_else(|| panic!("no fixture of {} in assets/import", importer.name));
+        assert!(load(fixture).0.primitive_count() > 0, "{} is empty", fixture.display());
+    }
+}
+
+#[test]
 fn inputs_that_are_not_there_or_not_known() {
     let folder = Folder::new();
     let fails = |name: &str| {
@@ -1359,9 +1384,9 @@ fn inputs_that_are_not_there_or_not_known() {
         kiln::import::load(&[file], &mut Warnings::default()).expect_err("it cannot be read")
     };
     assert_eq!(message(&fails("gone.obj")), "gone.obj: no such file");
-    folder.write("a.stl", "solid");
-    let e = fails("a.stl");
-    assert_eq!(message(&e), "a.stl: not a kind of file that kiln reads");
+    folder.write("a.3ds", "MM");
+    let e = fails("a.3ds");
+    assert_eq!(message(&e), "a.3ds: not a kind of file that kiln reads");
     assert!(e.hint().contains(".toml, .obj, .gltf, .glb"), "{}", e.hint());
     std::fs::create_dir(folder.0.path().join("folder.obj")).expect("the folder can be made");
     assert_eq!(message(&fails("folder.obj")), "folder.obj: is a folder");

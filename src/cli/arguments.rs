@@ -10,15 +10,21 @@ use crate::bvh::Preset;
 use crate::effects::check_names;
 use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Window};
-use crate::import::inline_camera;
+use crate::import::{all_endings, inline_camera, names_on_standard_input};
 use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
+
+/// The help of `INPUT`: `what` they are for, and the formats that there are.
+pub fn inputs_help(what: &str) -> String {
+    let (endings, names) = (all_endings(), names_on_standard_input());
+    format!("{what}: {endings}; `-` for a {names} on standard input")
+}
 
 /// What there is to see, and how: what every command that makes pictures is told.
 #[derive(Args, Clone)]
 pub struct Arguments {
-    /// Files to put into one scene: .toml, .obj, .gltf, .glb; `-` for a scene file or GLB on standard input
-    #[arg(required = true, value_name = "INPUT")]
+    /// Files to put into one scene.
+    #[arg(required = true, value_name = "INPUT", help = inputs_help("Files to put into one scene"))]
     pub inputs: Vec<PathBuf>,
     /// A camera of the scene by name or by number, `auto` for one that fits, or one of your own in the words of scene files:
     /// '{ position = [0, 1, 6], look_at = [0, 1, 0], vertical_fov = 40 }'

@@ -36,15 +36,60 @@ pub struct Importer {
     pub endings: &'static [&'static str],
     /// Whether it describes a whole picture (cameras, lights, settings) rather than a mesh.
     pub is_scene_file: bool,
+    /// First bytes of its files, by which it is known on standard input. Without any it is not read from there, but for scene files,
+    /// which are what nothing else matches.
+    starts: &'static [&'static [u8]],
     read: fn(&Source, &mut Warnings) -> Result<Scene>,
 }
 
 /// Every kind of file that can be read.
 pub const IMPORTERS: &[Importer] = &[
-    Importer { name: "scene file", endings: &["toml"], is_scene_file: true, read: scene_file::read },
-    Importer { name: "Wavefront OBJ", endings: &["obj"], is_scene_file: false, read: obj::read },
-    Importer { name: "glTF", endings: &["gltf", "glb"], is_scene_file: false, read: gltf::read },
+    Importer {
+        name: "scene file",
+        endings: &["toml"],
+        is_scene_file: true,
+        starts: &[],
+        read: scene_file::read,
+    },
+    Importer { name: "Wavefront OBJ", endings: &["obj"], is_scene_file: false, starts: &[], read: obj::read },
+    // A scene file cannot begin with a brace, JSON does.
+    Importer {
+        name: "glTF",
+        endings: &["gltf", "glb"],
+        is_scene_file: false,
+        starts: &[b"glTF", b"{"],
+        read: gltf::read,
+    },
 ];
+
+/// The endings of all files that can be read: `.toml, .obj, ...`.
+pub fn all_endings() -> String {
+    list(IMPORTERS.iter(), ", ")
+}
+
+/// The endings of meshes: `.obj, .gltf or .glb`.
+pub fn mesh_endings() -> String {
+    list(IMPORTERS.iter().filter(|importer| !importer.is_scene_file), " or ")
+}
+
+/// What can be read from standard input: `scene file, glTF or ...`.
+pub fn names_on_standard_input() -> String {
+    let known = IMPORTERS.iter().filter(|importer| importer.is_scene_file || !importer.starts.is_empty());
+    join(&known.map(|importer| importer.name.to_owned()).collect::<Vec<_>>(), " or ")
+}
+
+fn list<'a>(importers: impl Iterator<Item = &'a Importer>, last: &str) -> String {
+    let endings: Vec<String> = importers.flat_map(|i| i.endings).map(|ending| format!(".{ending}")).collect();
+    join(&endings, last)
+}
+
+/// The names, separated by commas and, before the last, by `last`.
+fn join(names: &[String], last: &str) -> String {
+    match names {
+        [rest @ .., end] if !rest.is_empty() => format!("{}{last}{end}", rest.join(", ")),
+        _ => names.concat(),
+    }
+}
 
 /// The bytes of an input, and where files it names are looked for.
 pub(crate) struct Source {
@@ -153,23 +198,16 @@ fn ending(file: &Path) -> String {
 }
 
 fn importer_for(source: &Source) -> Result<&'static Importer> {
-    let mut wanted = ending(&source.file);
-    if source.file == Path::new("-") {
-        wanted = match source.bytes.trim_ascii_start() {
-            text if text.starts_with(b"glTF") => "glb",
-            // A scene file cannot begin with a brace, JSON does.
-            text if text.starts_with(b"{") => "gltf",
-            _ => "toml",
-        }
-        .into();
-    }
-    IMPORTERS.iter().find(|importer| importer.endings.contains(&wanted.as_str())).ok_or_else(|| {
-        let known: Vec<String> =
-            IMPORTERS.iter().flat_map(|i| i.endings).map(|ending| format!(".{ending}")).collect();
-        Error::input(
-            source.file.as_path(),
-            "not a kind of file that kiln reads",
-            format!("it reads {}; convert the file to one of them", known.join(", ")),
-        )
+    let found = if source.file == Path::new("-") {
+        let text = source.bytes.trim_ascii_start();
+        let starts = |importer: &&Importer| importer.starts.iter().any(|start| text.starts_with(start));
+        IMPORTERS.iter().find(starts).or_else(|| IMPORTERS.iter().find(|importer| importer.is_scene_file))
+    } else {
+        let wanted = ending(&source.file);
+        IMPORTERS.iter().find(|importer| importer.endings.contains(&wanted.as_str()))
+    };
+    found.ok_or_else(|| {
+        let hint = format!("it reads {}; convert the file to one of them", all_endings());
+        Error::input(source.file.as_path(), "not a kind of file that kiln reads", hint)
     })
 }

@@ -231,7 +231,7 @@ pub struct TrianglesSection {
 pub struct MeshSection {
     /// What tracks and messages call it; the file's own names if not given.
     pub name: Option<String>,
-    /// The file, beside the scene file unless absolute: .obj, .gltf or .glb.
+    /// The file, beside the scene file unless absolute, of any format of meshes that `kiln render --help` lists.
     pub file: String,
     /// Where its origin goes.
     pub translate: Option<[f64; 3]>,
