@@ -229,7 +229,8 @@ fn inputs_that_cannot_be_used_are_3() {
     workshop.write("bad.toml", "[image]\nwidht = 3\n");
     workshop.write("bad.obj", "v 0 0 0\nf 1 2 3\n");
     workshop.write("bad.glb", "glTF and nothing else");
-    workshop.write("bad.stl", "solid");
+    workshop.write("bad.3ds", "MM");
+    workshop.write("bad.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty int x\n");
     workshop.write("empty.obj", "");
     std::fs::create_dir(workshop.path("folder.obj")).expect("a folder can be made");
     workshop.write("filter.toml", "[image]\nfilter = 'gausian'\n");
@@ -248,7 +249,8 @@ fn inputs_that_cannot_be_used_are_3() {
         ("bad.toml", "bad.toml:2: unknown key `widht`", "did you mean `width`?"),
         ("bad.obj", "bad.obj:2: vertex 2 does not exist; the file has 1", "correct the line"),
         ("bad.glb", "bad.glb: not a usable glTF file", "export it again"),
-        ("bad.stl", "bad.stl: not a kind of file that kiln reads", ".glb"),
+        ("bad.3ds", "bad.3ds: not a kind of file that kiln reads", ".glb, .ply"),
+        ("bad.ply", "bad.ply:4: the header does not end with a line `end_header`", "export the file again"),
         ("empty.obj", "empty.obj: there is nothing in it to look at", "kiln info"),
     ] {
         let (said, advice) = workshop.fail(&format!("render {input} -o a.png"), 3);

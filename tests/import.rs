@@ -1318,7 +1318,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
     (
         "\n[[mesh]]\nfile = 'b.toml'\n",
         "2: `b.toml` is not a mesh",
-        "name a mesh: .obj, .gltf or .glb",
+        "name a mesh: .obj, .gltf, .glb or .ply",
     ),
     ("[[mesh]]\nfile = 'a.obj'\ntranslate = [0, 0, nan]\n", "1: `translate` holds NaN", "finite"),
     ("[[mesh]]\nfile = 'a.obj'\nrotate = [inf, 0, 0]\n", "1: `rotate` holds inf", "finite"),
@@ -1355,6 +1355,129 @@ fn faults_in_a_mesh_of_a_scene_file_name_the_place_in_the_mesh() {
     assert_eq!(message(&e), "bad.obj:4: vertex 9 does not exist; the file has 3");
 }
 
+/// An ASCII PLY file with `count` vertices, from its fourth line on `rest`: line 7.
+fn ply(count: &str, rest: &str) -> String {
+    let xyz = "property float x\nproperty float y\nproperty float z";
+    format!("ply\nformat ascii 1.0\nelement vertex {count}\n{xyz}\n{rest}")
+}
+
+#[test]
+fn faults_of_ply_files_have_their_line_and_advice() {
+    let folder = Folder::new();
+    let one = |text: &str| format!("ply\nelement vertex 1\n{text}\n");
+    let faces = |text: &str| {
+        ply("3", &format!("element face 1\nproperty {text}\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"))
+    };
+    let cases = [
+        (String::new(), "a.ply:1: a PLY file begins with `ply`", "as PLY"),
+        ("plyx\n".into(), "a.ply:1: a PLY file begins with `ply`", "as PLY"),
+        ("ply".into(), "a.ply:1: the header does not end with a line `end_header`", "again"),
+        ("ply\nend_header\n".into(), "a.ply:2: the header has no line `format`", "again"),
+        (
+            "ply\nformat asci 1.0\n".into(),
+            "a.ply:2: `asci` is not a format of PLY files",
+            "correct the header",
+        ),
+        ("ply\nelement vertex -1\n".into(), "a.ply:2: `-1` is not a number of elements", "correct"),
+        ("ply\nproperty int x\n".into(), "a.ply:2: a property before the first element", "correct"),
+        ("ply\nelements 3\n".into(), "a.ply:2: `elements` is not a line of a PLY header", "correct"),
+        (one("property list int"), "a.ply:3: a property without a type or a name", "correct"),
+        (one("property half x"), "a.ply:3: `half` is not a type of PLY files", "correct"),
+        (one("property list half int x"), "a.ply:3: `half` is not a type of PLY files", "correct"),
+        (one("format ascii 1.0\nend_header"), "a.ply:2: its vertices have no `x`, `y` and `z`", "again"),
+        // Three digits and three separators each, the last of which may be missing; three lines of six bytes and that one.
+        (
+            ply("4", "end_header\n0 0 0\n0 0 0\n0 0 0\n"),
+            "a.ply:3: 4 elements `vertex` take at least 24 bytes; 19 are left",
+            "again",
+        ),
+        (
+            ply("18446744073709551615", "end_header\n0 0 0\n"),
+            "a.ply:3: 18446744073709551615 elements `vertex` take at least 18446744073709551615 bytes; 7 are left",
+            "again",
+        ),
+        (ply("2", "end_header\n1e 0 0\n0 0 0\n"), "a.ply:8: `1e` is not a number", "again"),
+        (ply("2", "end_header\n0 0\n0 0 0 0 0\n"), "a.ply:8: fewer values than the header says", "again"),
+        (
+            ply("2", "end_header\n0 0 0 0 0 0\n"),
+            "a.ply:8: the file ends before the last of the elements that its header names",
+            "again",
+        ),
+        (ply("0", "element vertex 1\nend_header\n"), "a.ply:7: its vertices have no", "again"),
+        (
+            ply("1", "element vertex 0\nproperty int x\nend_header\n0 0 0\n"),
+            "a.ply:7: a second element `vertex`",
+            "again",
+        ),
+        (
+            faces("list uchar int vertex_index"),
+            "a.ply:13: vertex 3 does not exist; there are 3 before the faces, counted from 0",
+            "again",
+        ),
+        (faces("list uchar int vertices"), "a.ply:7: its faces have no `vertex_indices`", "again"),
+    ];
+    for (text, expected, hint) in cases {
+        let e = folder.fails("a.ply", &text);
+        let said = e.to_string().replace(&format!("{}/", folder.0.path().display()), "");
+        assert!(
+            said.starts_with(expected) && said.lines().count() == 1,
+            "{text}\nsaid {said}\nnot  {expected}"
+        );
+        assert!(e.hint().contains(hint), "{text}\nhint {}", e.hint());
+    }
+    // Of binary data the byte: after 3 f32 a vertex, the list's length and two indices.
+    let text = faces("list uchar int vertex_index").replace("ascii", "binary_little_endian");
+    let header = text.find("end_header\n").expect("a header") + "end_header\n".len();
+    let mut bytes = text.as_bytes()[..header].to_vec();
+    bytes.extend([0; 36]);
+    bytes.extend([3, 0, 0, 0, 0, 0, 0, 0]);
+    let e = folder.fails("a.ply", &bytes);
+    let place = format!("a.ply: byte {}: the file ends before the last", header + 36 + 1 + 4);
+    assert!(e.to_string().contains(&place), "{e}");
+}
+
+#[test]
+fn ply_becomes_a_mesh_as_obj_does() {
+    let (scene, warnings) = fixture("square.ply");
+    assert_eq!(warnings, [""; 0]);
+    let square = mesh(&scene, 0);
+    assert_eq!(square.triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6]]);
+    assert_eq!(scene.objects[0].name, "square");
+    let colours = &square.colours.as_ref().expect("colours").values;
+    assert_eq!(colours[1..4], [DVec3::Y, DVec3::Z, DVec3::ONE]);
+    // The same in OBJ: the same mesh and material.
+    let folder = Folder::new();
+    let obj = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nv 2 0 0 1 0 0\nv 3 0 0 1 0 0\nv 2 1 0 1 0 0\n\
+               f 1 2 3 4\nf 5 6 7\n";
+    let (of_obj, _) = folder.load("square.obj", obj);
+    assert_eq!(mesh(&of_obj, 0), square);
+    let material = |scene: &Scene| format!("{:?}", scene.materials[scene.objects[0].material.0 as usize]);
+    assert_eq!(material(&of_obj), material(&scene));
+
+    // In a scene file, beside others.
+    let fixtures = repository("assets/import").display().to_string();
+    let toml = format!("[[mesh]]\nfile = '{fixtures}/square.ply'\n");
+    assert_eq!(folder.load("a.toml", toml).0.primitive_count(), 3);
+}
+
+#[test]
+fn what_ply_files_lack_is_said() {
+    let folder = Folder::new();
+    let (scene, warnings) = folder.load("a.ply", ply("1", "end_header\n0 0 0\n"));
+    assert_eq!(scene.primitive_count(), 0);
+    assert_eq!(warnings, ["a.ply: 1 vertices without faces; points are not drawn"]);
+    let two = "element face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0 1\n1 0 0\nnan 1 0\n2 0 1 7\n";
+    let (_, warnings) = folder.load("a.ply", ply("3", two));
+    assert_eq!(
+        warnings,
+        [
+            "a.ply: 3 vertices without faces; points are not drawn",
+            "a.ply: left out 1 face(s) of fewer than three corners",
+            "a.ply: 2 line(s) hold more values than the header says; the rest of them is left out",
+        ]
+    );
+}
+
 #[test]
 fn every_importer_has_its_row_in_the_readme_and_a_fixture() {
     let readme = std::fs::read_to_string(repository("README.md")).expect("there is a README");
@@ -1387,7 +1510,7 @@ fn inputs_that_are_not_there_or_not_known() {
     folder.write("a.3ds", "MM");
     let e = fails("a.3ds");
     assert_eq!(message(&e), "a.3ds: not a kind of file that kiln reads");
-    assert!(e.hint().contains(".toml, .obj, .gltf, .glb"), "{}", e.hint());
+    assert!(e.hint().contains(".toml, .obj, .gltf, .glb, .ply"), "{}", e.hint());
     std::fs::create_dir(folder.0.path().join("folder.obj")).expect("the folder can be made");
     assert_eq!(message(&fails("folder.obj")), "folder.obj: is a folder");
 }

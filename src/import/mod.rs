@@ -7,9 +7,11 @@
 mod files;
 mod gltf;
 mod heights;
+mod lines;
 mod obj;
 mod obj_text;
 mod pictures;
+mod ply;
 mod polygon;
 mod sanitise;
 mod scene_file;
@@ -25,7 +27,7 @@ pub use files::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
 use crate::limits::{self, unreadable};
-use crate::scene::{Object, Scene};
+use crate::scene::{Material, Mesh, Object, Phong, Scene, Shape};
 use files::Files;
 
 /// A kind of file that can be read.
@@ -59,6 +61,13 @@ pub const IMPORTERS: &[Importer] = &[
         is_scene_file: false,
         starts: &[b"glTF", b"{"],
         read: gltf::read,
+    },
+    Importer {
+        name: "PLY",
+        endings: &["ply"],
+        is_scene_file: false,
+        starts: &[b"ply\n", b"ply\r"],
+        read: ply::read,
     },
 ];
 
@@ -114,6 +123,22 @@ impl Source {
             Some(folder) if self.file != Path::new("-") => folder.join(name),
             _ => name.as_ref().to_owned(),
         }
+    }
+
+    /// A scene of meshes in plain grey. Those without a name are called by the file's.
+    fn scene_of(&self, meshes: Vec<(Option<String>, Mesh)>) -> Scene {
+        let stem = self.file.file_stem().filter(|_| self.file != Path::new("-"));
+        let file_name = stem.map_or_else(|| "mesh".into(), |stem| stem.to_string_lossy().into_owned());
+        let mut scene = Scene::default();
+        let material = scene.add_material(Material::Phong(Phong::default()));
+        let object = |(name, mesh): (Option<String>, Mesh)| Object {
+            name: name.unwrap_or_else(|| file_name.clone()),
+            input: 0,
+            material,
+            shape: Shape::Mesh(mesh),
+        };
+        scene.objects.extend(meshes.into_iter().map(object));
+        scene
     }
 
     /// The text, with what is not UTF-8 replaced and without a byte order mark.
