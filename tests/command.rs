@@ -231,6 +231,8 @@ fn inputs_that_cannot_be_used_are_3() {
     workshop.write("bad.glb", "glTF and nothing else");
     workshop.write("bad.3ds", "MM");
     workshop.write("bad.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty int x\n");
+    workshop.write("bad.stl", "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0\n");
+    workshop.write("empty.stl", "solid\nendsolid\n");
     workshop.write("empty.obj", "");
     std::fs::create_dir(workshop.path("folder.obj")).expect("a folder can be made");
     workshop.write("filter.toml", "[image]\nfilter = 'gausian'\n");
@@ -249,8 +251,10 @@ fn inputs_that_cannot_be_used_are_3() {
         ("bad.toml", "bad.toml:2: unknown key `widht`", "did you mean `width`?"),
         ("bad.obj", "bad.obj:2: vertex 2 does not exist; the file has 1", "correct the line"),
         ("bad.glb", "bad.glb: not a usable glTF file", "export it again"),
-        ("bad.3ds", "bad.3ds: not a kind of file that kiln reads", ".glb, .ply"),
+        ("bad.3ds", "bad.3ds: not a kind of file that kiln reads", ".glb, .ply, .stl"),
         ("bad.ply", "bad.ply:4: the header does not end with a line `end_header`", "export the file again"),
+        ("bad.stl", "bad.stl:4: a vertex without three numbers", "correct the line"),
+        ("empty.stl", "empty.stl: there is nothing in it to look at", "kiln info"),
         ("empty.obj", "empty.obj: there is nothing in it to look at", "kiln info"),
     ] {
         let (said, advice) = workshop.fail(&format!("render {input} -o a.png"), 3);

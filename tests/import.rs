@@ -1318,7 +1318,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
     (
         "\n[[mesh]]\nfile = 'b.toml'\n",
         "2: `b.toml` is not a mesh",
-        "name a mesh: .obj, .gltf, .glb or .ply",
+        "name a mesh: .obj, .gltf, .glb, .ply or .stl",
     ),
     ("[[mesh]]\nfile = 'a.obj'\ntranslate = [0, 0, nan]\n", "1: `translate` holds NaN", "finite"),
     ("[[mesh]]\nfile = 'a.obj'\nrotate = [inf, 0, 0]\n", "1: `rotate` holds inf", "finite"),
@@ -1437,7 +1437,7 @@ fn faults_of_ply_files_have_their_line_and_advice() {
 }
 
 #[test]
-fn ply_becomes_a_mesh_as_obj_does() {
+fn ply_and_stl_become_meshes_as_obj_does() {
     let (scene, warnings) = fixture("square.ply");
     assert_eq!(warnings, [""; 0]);
     let square = mesh(&scene, 0);
@@ -1454,14 +1454,25 @@ fn ply_becomes_a_mesh_as_obj_does() {
     let material = |scene: &Scene| format!("{:?}", scene.materials[scene.objects[0].material.0 as usize]);
     assert_eq!(material(&of_obj), material(&scene));
 
+    let (scene, warnings) = fixture("tetrahedron.stl");
+    assert_eq!((warnings.len(), scene.objects[0].name.as_str()), (0, "tetrahedron"));
+    let tetrahedron = mesh(&scene, 0);
+    assert_eq!((tetrahedron.positions.len(), tetrahedron.triangles.len()), (4, 4));
+    // Every edge has one triangle on each side.
+    let edges = tetrahedron.triangles.iter().flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)]);
+    let mut passed: Vec<_> = edges.map(|(a, b)| if a < b { (a, b, 1) } else { (b, a, -1) }).collect();
+    passed.sort_unstable();
+    assert!(passed.chunks(2).all(|pair| pair[0].2 + pair[1].2 == 0), "{passed:?}");
+
     // In a scene file, beside others.
     let fixtures = repository("assets/import").display().to_string();
-    let toml = format!("[[mesh]]\nfile = '{fixtures}/square.ply'\n");
-    assert_eq!(folder.load("a.toml", toml).0.primitive_count(), 3);
+    let toml =
+        format!("[[mesh]]\nfile = '{fixtures}/square.ply'\n[[mesh]]\nfile = '{fixtures}/tetrahedron.stl'\n");
+    assert_eq!(folder.load("a.toml", toml).0.primitive_count(), 3 + 4);
 }
 
 #[test]
-fn what_ply_files_lack_is_said() {
+fn what_ply_and_stl_files_lack_is_said() {
     let folder = Folder::new();
     let (scene, warnings) = folder.load("a.ply", ply("1", "end_header\n0 0 0\n"));
     assert_eq!(scene.primitive_count(), 0);
@@ -1476,6 +1487,9 @@ fn what_ply_files_lack_is_said() {
             "a.ply: 2 line(s) hold more values than the header says; the rest of them is left out",
         ]
     );
+    let (scene, warnings) = folder.load("a.stl", "solid a\n");
+    assert_eq!(scene.primitive_count(), 0);
+    assert_eq!(warnings, ["a.stl: ends without `endsolid`, so it may not be whole"]);
 }
 
 #[test]
@@ -1510,7 +1524,7 @@ fn inputs_that_are_not_there_or_not_known() {
     folder.write("a.3ds", "MM");
     let e = fails("a.3ds");
     assert_eq!(message(&e), "a.3ds: not a kind of file that kiln reads");
-    assert!(e.hint().contains(".toml, .obj, .gltf, .glb, .ply"), "{}", e.hint());
+    assert!(e.hint().contains(".toml, .obj, .gltf, .glb, .ply, .stl"), "{}", e.hint());
     std::fs::create_dir(folder.0.path().join("folder.obj")).expect("the folder can be made");
     assert_eq!(message(&fails("folder.obj")), "folder.obj: is a folder");
 }

@@ -16,6 +16,7 @@ mod polygon;
 mod sanitise;
 mod scene_file;
 mod sharing;
+mod stl;
 mod tangents;
 mod uri;
 
@@ -69,6 +70,7 @@ pub const IMPORTERS: &[Importer] = &[
         starts: &[b"ply\n", b"ply\r"],
         read: ply::read,
     },
+    Importer { name: "STL", endings: &["stl"], is_scene_file: false, starts: &[], read: stl::read },
 ];
 
 /// The endings of all files that can be read: `.toml, .obj, ...`.
