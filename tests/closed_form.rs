@@ -146,6 +146,48 @@ fn what_lies_behind_the_light_casts_no_shadow() {
     assert_eq!(picture(&scene(true), Choices::default()), picture(&scene(false), Choices::default()));
 }
 
+/// A spot over a floor, 40 units high: at a distance r from its axis the cosine to the axis and to the normal is 40 / sqrt(r^2 + 40^2),
+/// and the intensity is ((cosine - cos outer) / (cos inner - cos outer))^2 between the angles (KHR_lights_punctual).
+#[test]
+fn a_spots_cone() {
+    let scene = |way: &str, inner: f64, outer: f64| {
+        format!(
+            "{FROM_ABOVE}\n[ambient]\nintensity = 0\n[[light]]\ntype = \"spot\"\nposition = [3, 40, -2]\n{way}\n\
+             inner_cone_angle = {inner}\nouter_cone_angle = {outer}\ncolour = [255, 102, 0]\n\
+             [material.m]\ncolour = [255, 255, 255]\n\
+             [[triangles]]\nvertices = [[-99, 0, -99], [-99, 0, 200], [200, 0, -99]]\nmaterial = \"m\"\n"
+        )
+    };
+    // The second has a sharp edge: no pixel's centre is nearer to its cone than rounding.
+    for (inner, outer) in [(10.0, 30.0), (25.0, 25.0), (0.0, 35.0)] {
+        let film = picture(&scene("direction = [0, -2, 0]", inner, outer), Choices::default());
+        let (from, to) = (f64::cos(f64::to_radians(outer)), f64::cos(f64::to_radians(inner)));
+        let mut regions = [0; 3];
+        for_each_pixel(|i, j, x, minus_z| {
+            let cosine = 40.0 / ((x - 3.0).powi(2) + (minus_z - 2.0).powi(2) + 1600.0).sqrt();
+            let (cone, region) = match cosine {
+                c if c <= from => (0.0, 0),
+                c if c >= to => (1.0, 1),
+                c => (((c - from) / (to - from)).powi(2), 2),
+            };
+            regions[region] += 1;
+            for (found, colour) in film.pixel(i, j).into_iter().zip([1.0, 0.4, 0.0]) {
+                let expected = colour * cone * cosine;
+                assert!(
+                    (f64::from(found) - expected).abs() < 1e-6,
+                    "({x}, {minus_z}): {found}, not {expected}"
+                );
+            }
+        });
+        // The circle of the outer angle has the area pi (40 tan outer)^2, cut by no side of the picture up to 35 degrees.
+        let area = std::f64::consts::PI * (40.0 * f64::to_radians(outer).tan()).powi(2);
+        let lit = f64::from(regions[1] + regions[2]);
+        assert!((lit - area).abs() < 0.02 * area, "{lit} pixels, not {area}");
+        let aimed = picture(&scene("look_at = [3, 7, -2]", inner, outer), Choices::default());
+        assert_eq!(aimed, film);
+    }
+}
+
 #[test]
 fn the_highlight_is_where_the_mirror_says() {
     // Lit along -l and seen along -z, a sphere's highlight is where the normal is halfway between l and z.

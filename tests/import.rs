@@ -1251,6 +1251,61 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "2: light `sun` is not placed",
         "a directional light has a `direction`",
     ),
+    (
+        "[[light]]\ntype = 'spot'\ndirection = [0, -1, 0]\n",
+        "1: light `light 0` is not placed",
+        "a spot has a `position`, and a",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\n",
+        "1: light `light 0` is not placed",
+        "either a `direction` or",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\ndirection = [0, -1, 0]\n",
+        "1: light `light 0` is not placed",
+        "either a `direction` or a point to `look_at`",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 1, 0]\n",
+        "1: `look_at` is where the light is",
+        "another point",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, nan, 0]\n",
+        "1: `look_at` holds NaN",
+        "finite",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\nouter_cone_angle = 90.5\n",
+        "1: `outer_cone_angle` is 90.5",
+        "degrees from the axis, above 0 and at most 90",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\nouter_cone_angle = 0\n",
+        "1: `outer_cone_angle` is 0",
+        "above 0",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\ninner_cone_angle = 50\n",
+        "1: `inner_cone_angle` is 50, and `outer_cone_angle` 45",
+        "at most the outer angle",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\ninner_cone_angle = -1\n",
+        "1: `inner_cone_angle` is -1",
+        "0 or more",
+    ),
+    (
+        "[[light]]\ntype = 'point'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\n",
+        "1: light `light 0` has a `look_at`",
+        "give it `type = \"spot\"`",
+    ),
+    (
+        "[[light]]\ntype = 'directional'\ndirection = [0, 1, 0]\nouter_cone_angle = 3\n",
+        "1: light `light 0` has a `outer_cone_angle`",
+        "only a spot has",
+    ),
     ("[[light]]\ntype = 'point'\nposition = [nan, 0, 0]\n", "1: `position` holds NaN", "finite"),
     ("[[light]]\ntype = 'directional'\ndirection = [inf, 0, 0]\n", "1: `direction` holds inf", "finite"),
     (
@@ -1490,6 +1545,30 @@ fn what_ply_and_stl_files_lack_is_said() {
     let (scene, warnings) = folder.load("a.stl", "solid a\n");
     assert_eq!(scene.primitive_count(), 0);
     assert_eq!(warnings, ["a.stl: ends without `endsolid`, so it may not be whole"]);
+}
+
+#[test]
+fn a_spot_of_a_scene_file() {
+    let folder = Folder::new();
+    let spot = |text: &str| {
+        let (scene, _) =
+            folder.load("a.toml", format!("[[light]]\ntype = 'spot'\nposition = [1, 5, 2]\n{text}"));
+        scene.lights[0].clone()
+    };
+    // From (1, 5, 2) to (1, 2, 6): (0, -3, 4) / 5.
+    let light = spot("look_at = [1, 2, 6]\ninner_cone_angle = 30\nouter_cone_angle = 60\nintensity = 2\n");
+    let LightKind::Spot { position, direction, falloff, inner_angle, outer_angle } = light.kind else {
+        panic!("{light:?}")
+    };
+    assert_eq!((position, falloff, light.intensity), (DVec3::new(1.0, 5.0, 2.0), Falloff::None, 2.0));
+    assert!((direction - DVec3::new(0.0, -0.6, 0.8)).length() < 1e-15, "{direction}");
+    assert_eq!((inner_angle, outer_angle), (30f64.to_radians(), 60f64.to_radians()));
+    let light = spot("direction = [0, -1e-300, 0]\nfalloff = 'inverse-square'\ncolour = '#ff0000'\n");
+    let LightKind::Spot { direction, falloff, inner_angle, outer_angle, .. } = light.kind else {
+        panic!("{light:?}")
+    };
+    assert_eq!((direction, falloff), (-DVec3::Y, Falloff::InverseSquare { range: None }));
+    assert_eq!((inner_angle, outer_angle), (0.0, 45f64.to_radians()));
 }
 
 #[test]
