@@ -104,7 +104,7 @@ fn a_shadows_edge() {
     let scene = format!(
         "{FROM_ABOVE}\n[ambient]\nintensity = 0.5\n\
          [[light]]\ntype = \"point\"\nposition = [0, 30, 0]\n\
-         [material.floor]\ncolour = [0, 255, 0]\n[material.ball]\ncolour = [255, 0, 0]\n\
+         [material.floor]\ncolour = [0, 102, 0]\n[material.ball]\ncolour = [255, 0, 0]\n\
          [[triangles]]\nvertices = [[-99, 0, -99], [-99, 0, 200], [200, 0, -99]]\nmaterial = \"floor\"\n\
          [[sphere]]\ncentre = [0, 10, 0]\nradius = 5\nmaterial = \"ball\"\n"
     );
@@ -118,9 +118,10 @@ fn a_shadows_edge() {
             assert!(with.pixel(i, j)[0] > 0.0, "the ball is seen at ({x}, {y})");
             return;
         }
-        // In the light: 0.5 + cos of the angle at the floor, 30 / sqrt(30^2 + r^2).
-        let lit = 0.5 + 30.0 / (900.0 + r * r).sqrt();
-        let expected = if r < radius { 0.5 } else { lit };
+        // The floor's 102 / 255 = 0.4 keeps what it shows below 1. In the light: 0.5 + cos of the angle at the floor,
+        // 30 / sqrt(30^2 + r^2).
+        let lit = 0.4 * (0.5 + 30.0 / (900.0 + r * r).sqrt());
+        let expected = if r < radius { 0.4 * 0.5 } else { lit };
         let close = |a: f32, b: f64| (f64::from(a) - b).abs() < 1e-6;
         assert!(close(with.pixel(i, j)[1], expected), "({x}, {y}): {} {expected}", with.pixel(i, j)[1]);
         assert!(close(without.pixel(i, j)[1], lit), "({x}, {y})");
@@ -143,6 +144,48 @@ fn what_lies_behind_the_light_casts_no_shadow() {
         )
     };
     assert_eq!(picture(&scene(true), Choices::default()), picture(&scene(false), Choices::default()));
+}
+
+/// A spot over a floor, 40 units high: at a distance r from its axis the cosine to the axis and to the normal is 40 / sqrt(r^2 + 40^2),
+/// and the intensity is ((cosine - cos outer) / (cos inner - cos outer))^2 between the angles (KHR_lights_punctual).
+#[test]
+fn a_spots_cone() {
+    let scene = |way: &str, inner: f64, outer: f64| {
+        format!(
+            "{FROM_ABOVE}\n[ambient]\nintensity = 0\n[[light]]\ntype = \"spot\"\nposition = [3, 40, -2]\n{way}\n\
+             inner_cone_angle = {inner}\nouter_cone_angle = {outer}\ncolour = [255, 102, 0]\n\
+             [material.m]\ncolour = [255, 255, 255]\n\
+             [[triangles]]\nvertices = [[-99, 0, -99], [-99, 0, 200], [200, 0, -99]]\nmaterial = \"m\"\n"
+        )
+    };
+    // The second has a sharp edge: no pixel's centre is nearer to its cone than rounding.
+    for (inner, outer) in [(10.0, 30.0), (25.0, 25.0), (0.0, 35.0)] {
+        let film = picture(&scene("direction = [0, -2, 0]", inner, outer), Choices::default());
+        let (from, to) = (f64::cos(f64::to_radians(outer)), f64::cos(f64::to_radians(inner)));
+        let mut regions = [0; 3];
+        for_each_pixel(|i, j, x, minus_z| {
+            let cosine = 40.0 / ((x - 3.0).powi(2) + (minus_z - 2.0).powi(2) + 1600.0).sqrt();
+            let (cone, region) = match cosine {
+                c if c <= from => (0.0, 0),
+                c if c >= to => (1.0, 1),
+                c => (((c - from) / (to - from)).powi(2), 2),
+            };
+            regions[region] += 1;
+            for (found, colour) in film.pixel(i, j).into_iter().zip([1.0, 0.4, 0.0]) {
+                let expected = colour * cone * cosine;
+                assert!(
+                    (f64::from(found) - expected).abs() < 1e-6,
+                    "({x}, {minus_z}): {found}, not {expected}"
+                );
+            }
+        });
+        // The circle of the outer angle has the area pi (40 tan outer)^2, cut by no side of the picture up to 35 degrees.
+        let area = std::f64::consts::PI * (40.0 * f64::to_radians(outer).tan()).powi(2);
+        let lit = f64::from(regions[1] + regions[2]);
+        assert!((lit - area).abs() < 0.02 * area, "{lit} pixels, not {area}");
+        let aimed = picture(&scene("look_at = [3, 7, -2]", inner, outer), Choices::default());
+        assert_eq!(aimed, film);
+    }
 }
 
 #[test]
@@ -208,6 +251,30 @@ fn the_blend() {
         assert!(close(other.pixel(i, j), half), "{x}: {:?}", other.pixel(i, j));
         assert!(close(none.pixel(i, j), [100.0; 3]));
     });
+}
+
+/// `mix_light` clamps to 255 before the blend. Ambient light of 2 makes the wall (400, 200, 80), held to (255, 200, 80), and the mirror
+/// 200: 0.75 * 200 + 0.25 * 255 = 213.75, then 200 and 170. Without the clamp red would be 250.
+#[test]
+fn what_is_brighter_than_white_is_mirrored_as_white() {
+    let scene = |colour: &str| {
+        format!(
+            "{FROM_ABOVE}\n[ambient]\nintensity = 2\n\
+             [material.mirror]\ncolour = [100, 100, 100]\nglaze = {{ weight = 0.25, own_weight = 0.75 }}\n\
+             [material.wall]\ncolour = [200, 100, 40]\n\
+             [[triangles]]\nvertices = [[-32, -32, -32], [32, 32, -32], [32, 32, 32], [-32, -32, 32]]\n\
+             indices = [[0, 1, 2], [0, 2, 3]]\nmaterial = \"mirror\"\n\
+             [[triangles]]\nvertices = [[-500, -500, -500], [-500, 0, -500], [-500, 0, 500], [-500, -500, 500]]\n\
+             indices = [[0, 1, 2], [0, 2, 3]]\nmaterial = \"wall\"\n"
+        )
+        .replace("\"display\"", colour)
+    };
+    for (colour, expected) in [("\"display\"", [213.75, 200.0, 170.0]), ("\"u8\"", [214.0, 200.0, 170.0])] {
+        let film = picture(&scene(colour), Choices::default());
+        let found = film.pixel(8, 32).map(|c| f64::from(c) * 255.0);
+        let differs = found.iter().zip(expected).any(|(f, e)| (f - e).abs() > 1e-4);
+        assert!(!differs, "{colour}: {found:?}, not {expected:?}");
+    }
 }
 
 /// Between two facing mirrors each bounce adds one more term: with weights 1/2 and colours 1 and 0 alternating along
@@ -317,7 +384,7 @@ mod report {
             let r = 2.0 * n * n.dot(l) - l;
             light += thing.k[1] * n.dot(l) + thing.k[2] * r.dot((e - p).normalize()).max(0.0).powi(16);
         }
-        let own = thing.colour.map(|c| c * light);
+        let own = thing.colour.map(|c| (c * light).clamp(0.0, 255.0));
         if bounces == 0 {
             return Some(own);
         }

@@ -229,7 +229,10 @@ fn inputs_that_cannot_be_used_are_3() {
     workshop.write("bad.toml", "[image]\nwidht = 3\n");
     workshop.write("bad.obj", "v 0 0 0\nf 1 2 3\n");
     workshop.write("bad.glb", "glTF and nothing else");
-    workshop.write("bad.stl", "solid");
+    workshop.write("bad.3ds", "MM");
+    workshop.write("bad.ply", "ply\nformat ascii 1.0\nelement vertex 1\nproperty int x\n");
+    workshop.write("bad.stl", "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0\n");
+    workshop.write("empty.stl", "solid\nendsolid\n");
     workshop.write("empty.obj", "");
     let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n";
     workshop.write("panic.obj", format!("{corners}f 1//1 2//1 3//6148914691236517206\n"));
@@ -250,7 +253,10 @@ fn inputs_that_cannot_be_used_are_3() {
         ("bad.toml", "bad.toml:2: unknown key `widht`", "did you mean `width`?"),
         ("bad.obj", "bad.obj:2: vertex 2 does not exist; the file has 1", "correct the line"),
         ("bad.glb", "bad.glb: not a usable glTF file", "export it again"),
-        ("bad.stl", "bad.stl: not a kind of file that kiln reads", ".glb"),
+        ("bad.3ds", "bad.3ds: not a kind of file that kiln reads", ".glb, .ply, .stl"),
+        ("bad.ply", "bad.ply:4: the header does not end with a line `end_header`", "export the file again"),
+        ("bad.stl", "bad.stl:4: a vertex without three numbers", "correct the line"),
+        ("empty.stl", "empty.stl: has no triangles to draw", "kiln info"),
         ("empty.obj", "empty.obj: has no triangles to draw", "kiln info"),
         // The index times 3 is 2^64 - 1: tobj's bounds check wraps round, and it panics.
         (

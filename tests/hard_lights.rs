@@ -13,9 +13,9 @@ use kiln::film::Colour;
 use kiln::geometry::{Hit, Precision};
 use kiln::scene::{Falloff, Light, LightKind, Numerics, Projection};
 
-/// Ambient light of 0.25, display values, a white dull material.
+/// Ambient light of 0.25, linear values (which have no upper limit, as `display` has), a white dull material.
 const WHITE: &str =
-    "[image]\ncolour = 'display'\n[ambient]\nintensity = 0.25\n[material.white]\ncolour = '#ffffff'\n";
+    "[image]\ncolour = 'linear'\n[ambient]\nintensity = 0.25\n[material.white]\ncolour = '#ffffff'\n";
 
 /// A white floor from -4 to 4 at y = 0, seen from straight above by 32 x 32 parallel rays a quarter apart, one of them
 /// through the origin; under a point light.

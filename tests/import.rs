@@ -1254,6 +1254,61 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "2: light `sun` is not placed",
         "a directional light has a `direction`",
     ),
+    (
+        "[[light]]\ntype = 'spot'\ndirection = [0, -1, 0]\n",
+        "1: light `light 0` is not placed",
+        "a spot has a `position`, and a",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\n",
+        "1: light `light 0` is not placed",
+        "either a `direction` or",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\ndirection = [0, -1, 0]\n",
+        "1: light `light 0` is not placed",
+        "either a `direction` or a point to `look_at`",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 1, 0]\n",
+        "1: `look_at` is where the light is",
+        "another point",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, nan, 0]\n",
+        "1: `look_at` holds NaN",
+        "finite",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\nouter_cone_angle = 90.5\n",
+        "1: `outer_cone_angle` is 90.5",
+        "degrees from the axis, above 0 and at most 90",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\nouter_cone_angle = 0\n",
+        "1: `outer_cone_angle` is 0",
+        "above 0",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\ninner_cone_angle = 50\n",
+        "1: `inner_cone_angle` is 50, and `outer_cone_angle` 45",
+        "at most the outer angle",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\ninner_cone_angle = -1\n",
+        "1: `inner_cone_angle` is -1",
+        "0 or more",
+    ),
+    (
+        "[[light]]\ntype = 'point'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\n",
+        "1: light `light 0` has a `look_at`",
+        "give it `type = \"spot\"`",
+    ),
+    (
+        "[[light]]\ntype = 'directional'\ndirection = [0, 1, 0]\nouter_cone_angle = 3\n",
+        "1: light `light 0` has a `outer_cone_angle`",
+        "only a spot has",
+    ),
     ("[[light]]\ntype = 'point'\nposition = [nan, 0, 0]\n", "1: `position` holds NaN", "finite"),
     ("[[light]]\ntype = 'directional'\ndirection = [inf, 0, 0]\n", "1: `direction` holds inf", "finite"),
     (
@@ -1318,13 +1373,17 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "2: index 3 is out of range: there are 3 vertices, counted from 0",
         "correct `indices`",
     ),
-    ("\n[[mesh]]\nfile = 'b.toml'\n", "2: `b.toml` is not a mesh", "name an .obj, .gltf or .glb file"),
+    (
+        "\n[[mesh]]\nfile = 'b.toml'\n",
+        "2: `b.toml` is not a mesh",
+        "name a mesh: .obj, .gltf, .glb, .ply or .stl",
+    ),
     ("[[mesh]]\nfile = 'a.obj'\ntranslate = [0, 0, nan]\n", "1: `translate` holds NaN", "finite"),
     ("[[mesh]]\nfile = 'a.obj'\nrotate = [inf, 0, 0]\n", "1: `rotate` holds inf", "finite"),
     ("[[mesh]]\nfile = 'a.obj'\nscale = inf\n", "1: `scale` holds inf", "finite"),
     ("[[mesh]]\nfile = 'a.obj'\nscale = [1, 0, 1]\n", "1: `scale` is 0", "give other factors"),
     ("\n[[mesh]]\nfile = 'gone.obj'\n", "2: mesh FOLDER/gone.obj: no such file", "check the name"),
-    ("[[mesh]]\nfile = 'a.stl'\n", "1: mesh FOLDER/a.stl: not a kind of file that kiln reads", "convert"),
+    ("[[mesh]]\nfile = 'a.3ds'\n", "1: mesh FOLDER/a.3ds: not a kind of file that kiln reads", "convert"),
     ("[[mesh]]\nfile = 'a.obj'\nmaterial = 'red'\n", "1: there is no material `red`", "add [material.red]"),
 ];
 
@@ -1332,7 +1391,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
 fn scene_file_faults_have_their_line_and_advice() {
     let folder = Folder::new();
     folder.write("a.obj", format!("{OBJ_TRIANGLE}f 1 2 3\n"));
-    folder.write("a.stl", "solid");
+    folder.write("a.3ds", "MM");
     let path = folder.0.path().display().to_string();
     let mut wrong = Vec::new();
     for (text, expected, hint) in FAULTS {
@@ -1354,6 +1413,189 @@ fn faults_in_a_mesh_of_a_scene_file_name_the_place_in_the_mesh() {
     assert_eq!(message(&e), "bad.obj:4: vertex 9 does not exist; the file has 3");
 }
 
+/// An ASCII PLY file with `count` vertices, from its fourth line on `rest`: line 7.
+fn ply(count: &str, rest: &str) -> String {
+    let xyz = "property float x\nproperty float y\nproperty float z";
+    format!("ply\nformat ascii 1.0\nelement vertex {count}\n{xyz}\n{rest}")
+}
+
+#[test]
+fn faults_of_ply_files_have_their_line_and_advice() {
+    let folder = Folder::new();
+    let one = |text: &str| format!("ply\nelement vertex 1\n{text}\n");
+    let faces = |text: &str| {
+        ply("3", &format!("element face 1\nproperty {text}\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"))
+    };
+    let cases = [
+        (String::new(), "a.ply:1: a PLY file begins with `ply`", "as PLY"),
+        ("plyx\n".into(), "a.ply:1: a PLY file begins with `ply`", "as PLY"),
+        ("ply".into(), "a.ply:1: the header does not end with a line `end_header`", "again"),
+        ("ply\nend_header\n".into(), "a.ply:2: the header has no line `format`", "again"),
+        (
+            "ply\nformat asci 1.0\n".into(),
+            "a.ply:2: `asci` is not a format of PLY files",
+            "correct the header",
+        ),
+        ("ply\nelement vertex -1\n".into(), "a.ply:2: `-1` is not a number of elements", "correct"),
+        ("ply\nproperty int x\n".into(), "a.ply:2: a property before the first element", "correct"),
+        ("ply\nelements 3\n".into(), "a.ply:2: `elements` is not a line of a PLY header", "correct"),
+        (one("property list int"), "a.ply:3: a property without a type or a name", "correct"),
+        (one("property half x"), "a.ply:3: `half` is not a type of PLY files", "correct"),
+        (one("property list half int x"), "a.ply:3: `half` is not a type of PLY files", "correct"),
+        (one("format ascii 1.0\nend_header"), "a.ply:2: its vertices have no `x`, `y` and `z`", "again"),
+        // Three digits and three separators each, the last of which may be missing; three lines of six bytes and that one.
+        (
+            ply("4", "end_header\n0 0 0\n0 0 0\n0 0 0\n"),
+            "a.ply:3: 4 elements `vertex` take at least 24 bytes; 19 are left",
+            "again",
+        ),
+        (
+            ply("18446744073709551615", "end_header\n0 0 0\n"),
+            "a.ply:3: 18446744073709551615 elements `vertex` take at least 18446744073709551615 bytes; 7 are left",
+            "again",
+        ),
+        (ply("2", "end_header\n1e 0 0\n0 0 0\n"), "a.ply:8: `1e` is not a number", "again"),
+        (ply("2", "end_header\n0 0\n0 0 0 0 0\n"), "a.ply:8: fewer values than the header says", "again"),
+        (
+            ply("2", "end_header\n0 0 0 0 0 0\n"),
+            "a.ply:8: the file ends before the last of the elements that its header names",
+            "again",
+        ),
+        (ply("0", "element vertex 1\nend_header\n"), "a.ply:7: its vertices have no", "again"),
+        (
+            ply("1", "element vertex 0\nproperty int x\nend_header\n0 0 0\n"),
+            "a.ply:7: a second element `vertex`",
+            "again",
+        ),
+        (
+            faces("list uchar int vertex_index"),
+            "a.ply:13: vertex 3 does not exist; there are 3 before the faces, counted from 0",
+            "again",
+        ),
+        (faces("list uchar int vertices"), "a.ply:7: its faces have no `vertex_indices`", "again"),
+    ];
+    for (text, expected, hint) in cases {
+        let e = folder.fails("a.ply", &text);
+        let said = e.to_string().replace(&format!("{}/", folder.0.path().display()), "");
+        assert!(
+            said.starts_with(expected) && said.lines().count() == 1,
+            "{text}\nsaid {said}\nnot  {expected}"
+        );
+        assert!(e.hint().contains(hint), "{text}\nhint {}", e.hint());
+    }
+    // Of binary data the byte: after 3 f32 a vertex, the list's length and two indices.
+    let text = faces("list uchar int vertex_index").replace("ascii", "binary_little_endian");
+    let header = text.find("end_header\n").expect("a header") + "end_header\n".len();
+    let mut bytes = text.as_bytes()[..header].to_vec();
+    bytes.extend([0; 36]);
+    bytes.extend([3, 0, 0, 0, 0, 0, 0, 0]);
+    let e = folder.fails("a.ply", &bytes);
+    let place = format!("a.ply: byte {}: the file ends before the last", header + 36 + 1 + 4);
+    assert!(e.to_string().contains(&place), "{e}");
+}
+
+#[test]
+fn ply_and_stl_become_meshes_as_obj_does() {
+    let (scene, warnings) = fixture("square.ply");
+    assert_eq!(warnings, [""; 0]);
+    let square = mesh(&scene, 0);
+    assert_eq!(square.triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6]]);
+    assert_eq!(scene.objects[0].name, "square");
+    let colours = &square.colours.as_ref().expect("colours").values;
+    assert_eq!(colours[1..4], [DVec3::Y, DVec3::Z, DVec3::ONE]);
+    // The same in OBJ: the same mesh and material.
+    let folder = Folder::new();
+    let obj = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nv 2 0 0 1 0 0\nv 3 0 0 1 0 0\nv 2 1 0 1 0 0\n\
+               f 1 2 3 4\nf 5 6 7\n";
+    let (of_obj, _) = folder.load("square.obj", obj);
+    assert_eq!(mesh(&of_obj, 0), square);
+    let material = |scene: &Scene| format!("{:?}", scene.materials[scene.objects[0].material.0 as usize]);
+    assert_eq!(material(&of_obj), material(&scene));
+
+    let (scene, warnings) = fixture("tetrahedron.stl");
+    assert_eq!((warnings.len(), scene.objects[0].name.as_str()), (0, "tetrahedron"));
+    let tetrahedron = mesh(&scene, 0);
+    assert_eq!((tetrahedron.positions.len(), tetrahedron.triangles.len()), (4, 4));
+    // Every edge has one triangle on each side.
+    let edges = tetrahedron.triangles.iter().flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)]);
+    let mut passed: Vec<_> = edges.map(|(a, b)| if a < b { (a, b, 1) } else { (b, a, -1) }).collect();
+    passed.sort_unstable();
+    assert!(passed.chunks(2).all(|pair| pair[0].2 + pair[1].2 == 0), "{passed:?}");
+
+    // In a scene file, beside others.
+    let fixtures = repository("assets/import").display().to_string();
+    let toml =
+        format!("[[mesh]]\nfile = '{fixtures}/square.ply'\n[[mesh]]\nfile = '{fixtures}/tetrahedron.stl'\n");
+    assert_eq!(folder.load("a.toml", toml).0.primitive_count(), 3 + 4);
+}
+
+#[test]
+fn what_ply_and_stl_files_lack_is_said() {
+    let folder = Folder::new();
+    let (scene, warnings) = folder.load("a.ply", ply("1", "end_header\n0 0 0\n"));
+    assert_eq!(scene.primitive_count(), 0);
+    assert_eq!(warnings, ["a.ply: 1 vertices without faces; points are not drawn"]);
+    let two = "element face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0 1\n1 0 0\nnan 1 0\n2 0 1 7\n";
+    let (_, warnings) = folder.load("a.ply", ply("3", two));
+    assert_eq!(
+        warnings,
+        [
+            "a.ply: 3 vertices without faces; points are not drawn",
+            "a.ply: left out 1 face(s) of fewer than three corners",
+            "a.ply: 2 line(s) hold more values than the header says; the rest of them is left out",
+        ]
+    );
+    let (scene, warnings) = folder.load("a.stl", "solid a\n");
+    assert_eq!(scene.primitive_count(), 0);
+    assert_eq!(warnings, ["a.stl: ends without `endsolid`, so it may not be whole"]);
+}
+
+#[test]
+fn a_spot_of_a_scene_file() {
+    let folder = Folder::new();
+    let spot = |text: &str| {
+        let (scene, _) =
+            folder.load("a.toml", format!("[[light]]\ntype = 'spot'\nposition = [1, 5, 2]\n{text}"));
+        scene.lights[0].clone()
+    };
+    // From (1, 5, 2) to (1, 2, 6): (0, -3, 4) / 5.
+    let light = spot("look_at = [1, 2, 6]\ninner_cone_angle = 30\nouter_cone_angle = 60\nintensity = 2\n");
+    let LightKind::Spot { position, direction, falloff, inner_angle, outer_angle } = light.kind else {
+        panic!("{light:?}")
+    };
+    assert_eq!((position, falloff, light.intensity), (DVec3::new(1.0, 5.0, 2.0), Falloff::None, 2.0));
+    assert!((direction - DVec3::new(0.0, -0.6, 0.8)).length() < 1e-15, "{direction}");
+    assert_eq!((inner_angle, outer_angle), (30f64.to_radians(), 60f64.to_radians()));
+    let light = spot("direction = [0, -1e-300, 0]\nfalloff = 'inverse-square'\ncolour = '#ff0000'\n");
+    let LightKind::Spot { direction, falloff, inner_angle, outer_angle, .. } = light.kind else {
+        panic!("{light:?}")
+    };
+    assert_eq!((direction, falloff), (-DVec3::Y, Falloff::InverseSquare { range: None }));
+    assert_eq!((inner_angle, outer_angle), (0.0, 45f64.to_radians()));
+}
+
+#[test]
+fn every_importer_has_a_row_in_the_docs_and_a_fixture() {
+    let page =
+        std::fs::read_to_string(repository("docs/command-line.md")).expect("the page of the command line");
+    let mut files = Vec::new();
+    for folder in ["assets/import", "scenes"] {
+        let entries = std::fs::read_dir(repository(folder)).expect("a folder of fixtures");
+        files.extend(entries.map(|entry| entry.expect("an entry").path()));
+    }
+    for importer in kiln::import::IMPORTERS {
+        let endings: Vec<String> = importer.endings.iter().map(|ending| format!("`.{ending}`")).collect();
+        let row = format!("\n| {} | {} | ", importer.name, endings.join(", "));
+        assert!(page.contains(&row), "docs/command-line.md has no row {row:?}");
+        let is_its = |file: &&PathBuf| {
+            file.extension().is_some_and(|e| importer.endings.iter().any(|ending| e == *ending))
+        };
+        let fixture = files.iter().find(is_its);
+        let fixture = fixture.unwrap_or_else(|| panic!("no fixture of {} in assets/import", importer.name));
+        assert!(load(fixture).0.primitive_count() > 0, "{} is empty", fixture.display());
+    }
+}
+
 #[test]
 fn inputs_that_are_not_there_or_not_known() {
     let folder = Folder::new();
@@ -1362,10 +1604,10 @@ fn inputs_that_are_not_there_or_not_known() {
         kiln::import::load(&[file], &mut Warnings::default()).expect_err("it cannot be read")
     };
     assert_eq!(message(&fails("gone.obj")), "gone.obj: no such file");
-    folder.write("a.stl", "solid");
-    let e = fails("a.stl");
-    assert_eq!(message(&e), "a.stl: not a kind of file that kiln reads");
-    assert!(e.hint().contains(".toml, .obj, .gltf, .glb"), "{}", e.hint());
+    folder.write("a.3ds", "MM");
+    let e = fails("a.3ds");
+    assert_eq!(message(&e), "a.3ds: not a kind of file that kiln reads");
+    assert!(e.hint().contains(".toml, .obj, .gltf, .glb, .ply, .stl"), "{}", e.hint());
     std::fs::create_dir(folder.0.path().join("folder.obj")).expect("the folder can be made");
     assert_eq!(message(&fails("folder.obj")), "folder.obj: is a folder");
 }

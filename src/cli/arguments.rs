@@ -9,17 +9,23 @@ use crate::bvh::Preset;
 use crate::effects::check_names;
 use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Share, Window};
-use crate::import::inline_camera;
+use crate::import::{all_endings, inline_camera, names_on_standard_input};
 use crate::job::{CameraChoice, RenderSettings};
 use crate::scene::{Numerics, Projection};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
+/// Help text of `INPUT`: their purpose and the formats that can be read.
+pub fn inputs_help(purpose: &str) -> String {
+    let (endings, names) = (all_endings(), names_on_standard_input());
+    format!("{purpose}: {endings}; `-` for a {names} on standard input")
+}
+
 /// What there is to see, and how: what every command that makes pictures is told.
 #[derive(Args, Clone)]
 pub struct Arguments {
-    /// Files to put into one scene: .toml, .obj, .gltf, .glb; `-` for a scene file or GLB on standard input
-    #[arg(required = true, value_name = "INPUT")]
+    /// Files to put into one scene.
+    #[arg(required = true, value_name = "INPUT", help = inputs_help("Files to put into one scene"))]
     pub inputs: Vec<PathBuf>,
     /// A camera of the scene by name or by number, `auto` for one that fits, or one of your own in the words of scene files:
     /// '{ position = [0, 1, 6], look_at = [0, 1, 0], vertical_fov = 40 }'

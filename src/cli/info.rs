@@ -9,6 +9,7 @@ use clap::Args;
 use glam::DVec3;
 use serde_json::{Value, json};
 
+use super::arguments::inputs_help;
 use super::print;
 use crate::effects::check_scene;
 use crate::error::{Result, Warnings};
@@ -18,8 +19,8 @@ use crate::scene::{LightKind, Material, Mesh, Scene, Shape};
 
 #[derive(Args)]
 pub struct Arguments {
-    /// Files to look at: .toml, .obj, .gltf, .glb; `-` for a scene file or GLB on standard input
-    #[arg(required = true, value_name = "INPUT")]
+    /// Files to look at.
+    #[arg(required = true, value_name = "INPUT", help = inputs_help("Files to look at"))]
     inputs: Vec<PathBuf>,
     /// Print JSON
     #[arg(long)]

@@ -2,7 +2,7 @@
 //!
 //! | pipeline  | a colour of the scene becomes | sums | the film becomes |
 //! | --------- | ----------------------------- | ---- | ---------------- |
-//! | `display` | 8-bit / 255, no transfer function | floating point | clamp, round half up, once |
+//! | `display` | 8-bit / 255, no transfer function | floating point; each colour is clamped to 0..1 | round half up, once |
 //! | `u8`      | 8-bit / 255                       | rounded to 8 bits and clamped after every step | as it is |
 //! | `linear`  | decoded from sRGB                 | floating point | sRGB transfer function, clamp, round half up |
 //!
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ColourPipeline {
-    /// Floating point on display values; quantised once.
+    /// Floating point on display values, clamped to 0..1 after every step; quantised once.
     Display,
     /// Eight bits and a clamp after every step.
     U8,
@@ -59,15 +59,14 @@ impl ColourPipeline {
         }
     }
 
-    /// Rounds a result to what the pipeline can hold: eight bits for `u8`, what the film's f32 holds otherwise. Right at
-    /// a light there may be more.
+    /// Holds a colour to the range of the pipeline: 8-bit values for `u8`, 0 to 1 for `display` (the range of the report's
+    /// `mix_light`, without its rounding), finite f32 for `linear`, where the irradiance beside a light has no bound.
     #[inline]
     pub fn hold(self, c: DVec3) -> DVec3 {
         match self {
             ColourPipeline::U8 => per_channel(c, |x| f64::from(quantise(x)) / 255.0),
-            ColourPipeline::Display | ColourPipeline::Linear => {
-                per_channel(c, |x| x.clamp(f32::MIN.into(), f32::MAX.into()))
-            }
+            ColourPipeline::Display => per_channel(c, |x| x.clamp(0.0, 1.0)),
+            ColourPipeline::Linear => per_channel(c, |x| x.clamp(f32::MIN.into(), f32::MAX.into())),
         }
     }
 
@@ -153,13 +152,18 @@ mod tests {
     }
 
     #[test]
-    fn mix_light_clamps_in_u8_only() {
-        // 200 * 4 = 800: u8 stops at 255 / 255, display keeps 800 / 255.
+    fn mix_light_clamps_to_what_a_display_shows() {
+        // 200 * 4 = 800: `display` and `u8` stop at 255 / 255, `linear` keeps 800 / 255.
         let colour = DVec3::splat(200.0 / 255.0);
         let light = DVec3::splat(4.0);
-        assert_eq!(ColourPipeline::U8.mix_light(colour, light), DVec3::ONE);
-        let kept = ColourPipeline::Display.mix_light(colour, light).x * 255.0;
+        for pipeline in [ColourPipeline::Display, ColourPipeline::U8] {
+            assert_eq!(pipeline.mix_light(colour, light), DVec3::ONE);
+        }
+        let kept = ColourPipeline::Linear.mix_light(colour, light).x * 255.0;
         assert!((kept - 800.0).abs() < 800.0 * f64::EPSILON * 4.0);
+        // `display` clamps without rounding: 201 * 1.1 = 221.1.
+        let unrounded = ColourPipeline::Display.mix_light(DVec3::splat(201.0 / 255.0), DVec3::splat(1.1));
+        assert!((unrounded.x * 255.0 - 221.1).abs() < 1e-12);
     }
 
     #[test]

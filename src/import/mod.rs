@@ -6,13 +6,16 @@
 mod files;
 mod gltf;
 mod heights;
+mod lines;
 mod obj;
 mod obj_text;
 mod pictures;
+mod ply;
 mod polygon;
 mod sanitise;
 mod scene_file;
 mod sharing;
+mod stl;
 mod tangents;
 mod uri;
 
@@ -24,7 +27,7 @@ pub use files::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
 use crate::limits::{self, unreadable};
-use crate::scene::{Object, Scene};
+use crate::scene::{Material, Mesh, Object, Phong, Scene, Shape};
 use files::Files;
 
 /// A kind of file that can be read.
@@ -35,15 +38,68 @@ pub struct Importer {
     pub endings: &'static [&'static str],
     /// Whether it describes a whole picture (cameras, lights, settings) rather than a mesh.
     pub is_scene_file: bool,
+    /// First bytes of its files, by which it is known on standard input. Without any it is not read from there, but for scene files,
+    /// which are what nothing else matches.
+    starts: &'static [&'static [u8]],
     read: fn(&Source, &mut Warnings) -> Result<Scene>,
 }
 
 /// Every kind of file that can be read.
 pub const IMPORTERS: &[Importer] = &[
-    Importer { name: "scene file", endings: &["toml"], is_scene_file: true, read: scene_file::read },
-    Importer { name: "Wavefront OBJ", endings: &["obj"], is_scene_file: false, read: obj::read },
-    Importer { name: "glTF", endings: &["gltf", "glb"], is_scene_file: false, read: gltf::read },
+    Importer {
+        name: "scene file",
+        endings: &["toml"],
+        is_scene_file: true,
+        starts: &[],
+        read: scene_file::read,
+    },
+    Importer { name: "Wavefront OBJ", endings: &["obj"], is_scene_file: false, starts: &[], read: obj::read },
+    // A scene file cannot begin with a brace, JSON does.
+    Importer {
+        name: "glTF",
+        endings: &["gltf", "glb"],
+        is_scene_file: false,
+        starts: &[b"glTF", b"{"],
+        read: gltf::read,
+    },
+    Importer {
+        name: "PLY",
+        endings: &["ply"],
+        is_scene_file: false,
+        starts: &[b"ply\n", b"ply\r"],
+        read: ply::read,
+    },
+    Importer { name: "STL", endings: &["stl"], is_scene_file: false, starts: &[], read: stl::read },
 ];
+
+/// The endings of all files that can be read: `.toml, .obj, ...`.
+pub fn all_endings() -> String {
+    list(IMPORTERS.iter(), ", ")
+}
+
+/// The endings of meshes: `.obj, .gltf or .glb`.
+pub fn mesh_endings() -> String {
+    list(IMPORTERS.iter().filter(|importer| !importer.is_scene_file), " or ")
+}
+
+/// What can be read from standard input: `scene file, glTF or ...`.
+pub fn names_on_standard_input() -> String {
+    let known = IMPORTERS.iter().filter(|importer| importer.is_scene_file || !importer.starts.is_empty());
+    join(&known.map(|importer| importer.name.to_owned()).collect::<Vec<_>>(), " or ")
+}
+
+fn list<'a>(importers: impl Iterator<Item = &'a Importer>, last: &str) -> String {
+    let endings: Vec<String> = importers.flat_map(|i| i.endings).map(|ending| format!(".{ending}")).collect();
+    join(&endings, last)
+}
+
+/// The names, separated by commas and, before the last, by `last`.
+fn join(names: &[String], last: &str) -> String {
+    match names {
+        [rest @ .., end] if !rest.is_empty() => format!("{}{last}{end}", rest.join(", ")),
+        _ => names.concat(),
+    }
+}
 
 /// The bytes of an input, and where files it names are looked for.
 pub(crate) struct Source {
@@ -68,6 +124,22 @@ impl Source {
             Some(folder) if self.file != Path::new("-") => folder.join(name),
             _ => name.as_ref().to_owned(),
         }
+    }
+
+    /// A scene of meshes in plain grey. Those without a name are called by the file's.
+    fn scene_of(&self, meshes: Vec<(Option<String>, Mesh)>) -> Scene {
+        let stem = self.file.file_stem().filter(|_| self.file != Path::new("-"));
+        let file_name = stem.map_or_else(|| "mesh".into(), |stem| stem.to_string_lossy().into_owned());
+        let mut scene = Scene::default();
+        let material = scene.add_material(Material::Phong(Phong::default()));
+        let object = |(name, mesh): (Option<String>, Mesh)| Object {
+            name: name.unwrap_or_else(|| file_name.clone()),
+            input: 0,
+            material,
+            shape: Shape::Mesh(mesh),
+        };
+        scene.objects.extend(meshes.into_iter().map(object));
+        scene
     }
 
     /// The text, with what is not UTF-8 replaced and without a byte order mark.
@@ -173,23 +245,16 @@ fn ending(file: &Path) -> String {
 }
 
 fn importer_for(source: &Source) -> Result<&'static Importer> {
-    let mut wanted = ending(&source.file);
-    if source.file == Path::new("-") {
-        wanted = match source.bytes.trim_ascii_start() {
-            text if text.starts_with(b"glTF") => "glb",
-            // A scene file cannot begin with a brace, JSON does.
-            text if text.starts_with(b"{") => "gltf",
-            _ => "toml",
-        }
-        .into();
-    }
-    IMPORTERS.iter().find(|importer| importer.endings.contains(&wanted.as_str())).ok_or_else(|| {
-        let known: Vec<String> =
-            IMPORTERS.iter().flat_map(|i| i.endings).map(|ending| format!(".{ending}")).collect();
-        Error::input(
-            source.file.as_path(),
-            "not a kind of file that kiln reads",
-            format!("it reads {}; convert the file to one of them", known.join(", ")),
-        )
+    let found = if source.file == Path::new("-") {
+        let text = source.bytes.trim_ascii_start();
+        let starts = |importer: &&Importer| importer.starts.iter().any(|start| text.starts_with(start));
+        IMPORTERS.iter().find(starts).or_else(|| IMPORTERS.iter().find(|importer| importer.is_scene_file))
+    } else {
+        let wanted = ending(&source.file);
+        IMPORTERS.iter().find(|importer| importer.endings.contains(&wanted.as_str()))
+    };
+    found.ok_or_else(|| {
+        let hint = format!("it reads {}; convert the file to one of them", all_endings());
+        Error::input(source.file.as_path(), "not a kind of file that kiln reads", hint)
     })
 }

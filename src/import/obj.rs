@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3};
 use super::Source;
 use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault, is_point_or_line};
 use super::pictures::Pictures;
-use super::polygon::{Cut, Triangulator};
+use super::polygon::{Cuts, Triangulator};
 use super::tangents::make_tangents;
 use crate::error::{Error, Place, Result, Warnings, contain};
 use crate::film::Colour;
@@ -53,30 +53,20 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     }
     let mut plain = None;
     let mut triangulator = Triangulator::new();
-    let (mut crossing, mut intricate) = (0, 0);
+    let mut cuts = Cuts::default();
     let mut has_normals = faces_with_normals(&text).into_iter();
     for model in models {
         let material = match model.mesh.material_id {
             Some(id) => MaterialId(id as u32),
             None => *plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))),
         };
-        let (mut mesh, cuts) = convert_mesh(&model.mesh, &mut has_normals, &mut triangulator);
+        let mut mesh = convert_mesh(&model.mesh, &mut has_normals, &mut triangulator, &mut cuts);
         if scene.materials[material.0 as usize].normal_map().is_some() {
             make_tangents(&mut mesh);
         }
-        crossing += cuts.iter().filter(|cut| **cut == Cut::Crossing).count();
-        intricate += cuts.iter().filter(|cut| **cut == Cut::Intricate).count();
         scene.objects.push(Object { name: model.name, input: 0, material, shape: Shape::Mesh(mesh) });
     }
-    let file = source.file.display();
-    if crossing > 0 {
-        warnings.push(format!("{file}: {crossing} polygon(s) cross themselves and were cut into fans"));
-    }
-    if intricate > 0 {
-        let what = "have too many corners, or long edges side by side, to be cut exactly";
-        warnings
-            .push(format!("{file}: {intricate} polygon(s) {what}, and were cut into fans; cut them before"));
-    }
+    cuts.warn(&source.file, warnings);
     Ok(scene)
 }
 
@@ -255,18 +245,18 @@ fn faces_with_normals(text: &str) -> Vec<bool> {
         .collect()
 }
 
-/// The mesh of one tobj model, and how those of its polygons were cut that were not cut whole. `has_normals` says of each face whether
-/// it names normals; where it does not, tobj repeats those of the face before.
+/// The mesh of one tobj model. `has_normals` says of each face whether it names normals; where it does not, tobj repeats those of the
+/// face before. `cuts` counts how polygons were cut.
 fn convert_mesh(
     m: &tobj::Mesh,
     has_normals: &mut impl Iterator<Item = bool>,
     triangulator: &mut Triangulator,
-) -> (Mesh, Vec<Cut>) {
+    cuts: &mut Cuts,
+) -> Mesh {
     let positions = triples(&m.positions);
     let mut corners: Vec<[usize; 3]> = Vec::with_capacity(m.indices.len());
     // For each triangle, whether its face names normals.
     let mut bent: Vec<bool> = Vec::with_capacity(m.indices.len() / 3);
-    let mut cuts = Vec::new();
     if m.face_arities.is_empty() {
         corners.extend((0..m.indices.len() / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]));
         bent.extend(has_normals.by_ref().take(corners.len()));
@@ -277,9 +267,8 @@ fn convert_mesh(
             let end = start + arity as usize;
             polygon.clear();
             polygon.extend(m.indices[start..end].iter().map(|&i| positions[i as usize]));
-            let cut = triangulator.triangulate(&polygon, |t| corners.push(t.map(|i| start + i)));
+            cuts.count(triangulator.triangulate(&polygon, |t| corners.push(t.map(|i| start + i))));
             bent.resize(corners.len(), has_normals.next().unwrap_or(true));
-            cuts.extend((cut != Cut::Whole).then_some(cut));
             start = end;
         }
     }
@@ -304,7 +293,7 @@ fn convert_mesh(
         let decoded = triples(&m.vertex_color).into_iter();
         Attribute::per_position(decoded.map(|c| DVec3::from(c.to_array().map(srgb_decode))).collect())
     });
-    (Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours, tangents: None }, cuts)
+    Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours, tangents: None }
 }
 
 fn triples(values: &[f64]) -> Vec<DVec3> {

@@ -9,8 +9,11 @@
 //! ([`MOST_PAIRS`]), and is cut into a fan where there are any.
 
 use std::collections::HashSet;
+use std::path::Path;
 
 use glam::{DVec2, DVec3};
+
+use crate::error::Warnings;
 
 /// Polygons of more corners are searched for crossings. Up to this number the cubic search takes at most 64^3 steps.
 const CHECKED_FROM: usize = 64;
@@ -37,6 +40,35 @@ pub enum Cut {
     Crossing,
     /// Into a fan, because it is beyond [`MOST_PAIRS`] or [`MOST_CORNERS`].
     Intricate,
+}
+
+/// How many of a file's polygons were cut into fans.
+#[derive(Debug, Default)]
+pub struct Cuts {
+    crossing: usize,
+    intricate: usize,
+}
+
+impl Cuts {
+    /// Takes one more polygon into account.
+    pub fn count(&mut self, cut: Cut) {
+        self.crossing += usize::from(cut == Cut::Crossing);
+        self.intricate += usize::from(cut == Cut::Intricate);
+    }
+
+    /// Warns of those that `file` has.
+    pub fn warn(&self, file: &Path, warnings: &mut Warnings) {
+        let (file, Cuts { crossing, intricate }) = (file.display(), self);
+        if *crossing > 0 {
+            warnings.push(format!("{file}: {crossing} polygon(s) cross themselves and were cut into fans"));
+        }
+        if *intricate > 0 {
+            let what = "have too many corners, or long edges side by side, to be cut exactly";
+            warnings.push(format!(
+                "{file}: {intricate} polygon(s) {what}, and were cut into fans; cut them before"
+            ));
+        }
+    }
 }
 
 /// Cuts polygons into triangles; keeps its buffers from one to the next.

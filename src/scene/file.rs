@@ -132,6 +132,8 @@ pub enum LightType {
     Point,
     /// From infinitely far away along `direction`.
     Directional,
+    /// From `position` in a cone, along `direction` or towards `look_at`.
+    Spot,
 }
 
 /// How a light weakens with distance.
@@ -154,15 +156,22 @@ pub struct LightSection {
     /// The kind of light.
     #[serde(rename = "type")]
     pub kind: LightType,
-    /// Where a point light is.
+    /// Where a point light or a spot is.
     pub position: Option<[f64; 3]>,
-    /// The direction a directional light travels in.
+    /// The direction a directional light or a spot shines in.
     pub direction: Option<[f64; 3]>,
+    /// A point on the axis of a spot's cone, instead of a direction.
+    pub look_at: Option<[f64; 3]>,
+    /// Degrees from a spot's axis within which it has its full intensity, up to the outer angle; 0 if not given. Between the angles
+    /// the intensity falls with the square of a linear ramp in the cosine (KHR_lights_punctual).
+    pub inner_cone_angle: Option<f64>,
+    /// Degrees from a spot's axis beyond which it lights nothing, up to 90; 45 if not given.
+    pub outer_cone_angle: Option<f64>,
     /// Its intensity, I; 1 if not given.
     pub intensity: Option<f64>,
     /// Its colour; white if not given.
     pub colour: Option<ColourValue>,
-    /// How a point light weakens with distance; not at all if not given.
+    /// How a point light or a spot weakens with distance; not at all if not given.
     #[serde(default)]
     pub falloff: FalloffValue,
 }
@@ -231,7 +240,7 @@ pub struct TrianglesSection {
 pub struct MeshSection {
     /// What tracks and messages call it; the file's own names if not given.
     pub name: Option<String>,
-    /// The file, beside the scene file unless absolute: .obj, .gltf or .glb.
+    /// The file, beside the scene file unless absolute, of any format of meshes that `kiln render --help` lists.
     pub file: String,
     /// Where its origin goes.
     pub translate: Option<[f64; 3]>,

@@ -100,9 +100,13 @@ pub fn shade_all(
     // The numbers that a pipeline holds are told apart once, not for every surface.
     match pipeline {
         ColourPipeline::U8 => mix(ColourPipeline::U8, material.colour, (surfaces, range), colours),
-        _ => widely(
+        ColourPipeline::Display => widely(
             #[inline(always)]
             || mix(ColourPipeline::Display, material.colour, (surfaces, range), colours),
+        ),
+        ColourPipeline::Linear => widely(
+            #[inline(always)]
+            || mix(ColourPipeline::Linear, material.colour, (surfaces, range), colours),
         ),
     }
 }

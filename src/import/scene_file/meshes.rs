@@ -40,7 +40,7 @@ impl Builder<'_> {
         let (start, s) = (section.span().start, section.get_ref());
         if s.file == "-" || import::is_scene_file(Path::new(&s.file)) {
             let what = format!("`{}` is not a mesh", s.file);
-            return Err(self.error(start, what, "name an .obj, .gltf or .glb file"));
+            return Err(self.error(start, what, &format!("name a mesh: {}", import::mesh_endings())));
         }
         let material = match &s.material {
             Some(name) => Some(self.material_named(start, Some(name))?),

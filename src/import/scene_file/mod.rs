@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 
-use glam::DVec3;
 use toml::Spanned;
 
 mod animation;
 mod camera;
+mod light;
 mod meshes;
 mod sampling;
 
@@ -16,12 +16,10 @@ use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::Colour;
 use crate::scene::file::{
-    CameraSection, FalloffValue, LightSection, LightType, MaterialSection, MeshSection, SceneFile,
-    SphereSection, TrianglesSection, line_of, nearest_name,
+    CameraSection, MaterialSection, MeshSection, SceneFile, SphereSection, TrianglesSection, line_of,
+    nearest_name,
 };
-use crate::scene::{
-    Camera, Falloff, Glaze, Light, LightKind, Material, MaterialId, Mesh, Object, Phong, Scene, Shape,
-};
+use crate::scene::{Camera, Glaze, Material, MaterialId, Mesh, Object, Phong, Scene, Shape};
 use meshes::Meshes;
 
 /// The most pixels along a side; the same as for `--size`.
@@ -33,9 +31,6 @@ const MOST_BOUNCES: u32 = 4096;
 
 /// The most that a strength or a coefficient may be: products of a light's and a material's stay finite.
 const STRONGEST: f64 = 1e100;
-
-/// The farthest that a light may be placed. Beyond, its squared distance overflows before long; it is directional.
-const FARTHEST_LIGHT: f64 = 1e100;
 
 /// Reads a scene file and the meshes it names.
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
@@ -162,50 +157,6 @@ impl Builder<'_> {
     fn camera(&self, index: usize, section: &Spanned<CameraSection>) -> Result<Camera> {
         camera::camera(section.get_ref(), &format!("camera {index}"))
             .map_err(|fault| self.error(section.span().start, fault.what, fault.hint))
-    }
-
-    fn light(&self, index: usize, section: &Spanned<LightSection>) -> Result<Light> {
-        let (start, s) = (section.span().start, section.get_ref());
-        let name = s.name.clone().unwrap_or_else(|| format!("light {index}"));
-        let kind = match (s.kind, s.position, s.direction) {
-            (LightType::Point, Some(position), None) => {
-                self.finite(start, "position", &position)?;
-                if position.iter().any(|c| c.abs() > FARTHEST_LIGHT) {
-                    let what = format!("light `{name}` is beyond 1e100");
-                    return Err(self.error(
-                        start,
-                        what,
-                        "give it `type = \"directional\"` and a `direction`",
-                    ));
-                }
-                let falloff = match s.falloff {
-                    FalloffValue::None => Falloff::None,
-                    FalloffValue::InverseSquare => Falloff::InverseSquare { range: None },
-                };
-                LightKind::Point { position: position.into(), falloff }
-            }
-            (LightType::Directional, None, Some(direction)) => {
-                self.finite(start, "direction", &direction)?;
-                // Scaled first, so that squares neither overflow nor vanish.
-                let direction = DVec3::from(direction);
-                let scaled = direction / direction.abs().max_element();
-                let direction = scaled.try_normalize().ok_or_else(|| {
-                    self.error(start, "`direction` has no length", "give the direction the light travels in")
-                })?;
-                LightKind::Directional { direction }
-            }
-            (LightType::Point, ..) => {
-                let hint = "a point light has a `position` and no `direction`";
-                return Err(self.error(start, format!("light `{name}` is not placed"), hint));
-            }
-            (LightType::Directional, ..) => {
-                let hint = "a directional light has a `direction` and no `position`";
-                return Err(self.error(start, format!("light `{name}` is not placed"), hint));
-            }
-        };
-        let intensity = self.not_negative(start, "intensity", s.intensity.unwrap_or(1.0))?;
-        let colour = Colour::from_u8(s.colour.map_or([255; 3], |c| c.0));
-        Ok(Light { name, colour, intensity, kind })
     }
 
     fn material(&self, name: &str, section: &Spanned<MaterialSection>) -> Result<Material> {

@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
+use super::super::arguments::inputs_help;
 use super::super::{Printer, pool, print};
 use super::watched;
 use crate::bench::generate::Family;
@@ -20,8 +21,8 @@ use crate::world::bring_into_range;
 
 #[derive(Args)]
 pub struct Arguments {
-    /// Files to put into one scene: .toml, .obj, .gltf, .glb; a bumpy sphere, if not given
-    #[arg(value_name = "INPUT")]
+    /// Files to put into one scene; a bumpy sphere, if not given.
+    #[arg(value_name = "INPUT", help = format!("{}; a bumpy sphere, if not given", inputs_help("Files to put into one scene")))]
     inputs: Vec<PathBuf>,
     /// Rounds that count, after one to warm up; in each of them all engines take turns
     #[arg(long, allow_hyphen_values = true, value_name = "N", default_value_t = 5, value_parser = crate::cli::numbers::whole(1..=1000u32))]

@@ -1,0 +1,71 @@
+//! Lines, words and numbers of text files, for importers that report lines. Text need not be UTF-8.
+
+/// Lines with their numbers, counted from 1, without their ends: `\n`, `\r\n` or `\r`.
+pub struct Lines<'a> {
+    rest: &'a [u8],
+    number: usize,
+}
+
+impl<'a> Lines<'a> {
+    /// The lines of `text`, of which `before` lines precede.
+    pub fn new(text: &'a [u8], before: usize) -> Self {
+        Lines { rest: text, number: before }
+    }
+
+    /// Bytes in the lines to come, their ends included.
+    pub fn bytes_left(&self) -> usize {
+        self.rest.len()
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = (usize, &'a [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let end = self.rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(self.rest.len());
+        let (line, rest) = self.rest.split_at(end);
+        self.rest = rest.strip_prefix(b"\r\n").or_else(|| rest.get(1..)).unwrap_or_default();
+        self.number += 1;
+        Some((self.number, line))
+    }
+}
+
+/// Takes the first word off a line.
+pub fn take_word<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
+    let text = line.trim_ascii_start();
+    let end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
+    let (word, rest) = text.split_at(end);
+    *line = rest;
+    (!word.is_empty()).then_some(word)
+}
+
+/// The number that a word spells, which may be infinite or NaN.
+pub fn parse_number(word: &[u8]) -> Option<f64> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// A word as it is shown in a message: its first 32 characters, without control characters.
+pub fn shown(word: &[u8]) -> String {
+    let text = String::from_utf8_lossy(word);
+    text.chars().take(32).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_line_end_counts_once() {
+        let lines: Vec<_> = Lines::new(b"a\r\n\nb\rc \n", 2).collect();
+        assert_eq!(lines, [(3, &b"a"[..]), (4, b""), (5, b"b"), (6, b"c ")]);
+        let mut line = &b"  1.5\t-nan x\xff "[..];
+        assert_eq!(take_word(&mut line).and_then(parse_number), Some(1.5));
+        assert!(take_word(&mut line).and_then(parse_number).is_some_and(f64::is_nan));
+        let word = take_word(&mut line).expect("a third word");
+        assert_eq!((parse_number(word), shown(word).as_str()), (None, "x\u{fffd}"));
+        assert_eq!(take_word(&mut line), None);
+    }
+}

@@ -1,0 +1,319 @@
+//! PLY (Turk, "The PLY Polygon File Format", 1994): ASCII and binary in either byte order.
+//!
+//! Of each vertex the position, the normal (`nx ny nz`) and the colour (`red green blue`) are read, of each face its polygon
+//! (`vertex_indices` or `vertex_index`). All other elements and properties are skipped. Colours are display values, as those of OBJ
+//! files: integers are divided by 255 (16 bits by 65535) and decoded from sRGB.
+//!
+//! Own code: ply-rs-bw 3.0.3, the maintained crate, refuses a file for `nan`, `.5` or `1.` in a vertex, for a property name with a
+//! bracket (as CloudCompare writes) and for a header that is not UTF-8, and its errors give no byte of binary data.
+
+mod header;
+
+use glam::DVec3;
+
+use super::Source;
+use super::lines::{Lines, parse_number, shown, take_word};
+use super::polygon::{Cuts, Triangulator};
+use crate::error::{Error, Place, Result, Warnings};
+use crate::film::colour::srgb_decode;
+use crate::limits;
+use crate::scene::{Attribute, Mesh, Scene};
+use header::{Element, Encoding, Header, Property, Scalar};
+
+/// Reads a PLY file as one mesh.
+pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+    let header = Header::parse(source)?;
+    let mut body = Body::new(source, &header);
+    let (mut mesh, mut faces) = (Mesh::default(), Faces::default());
+    for element in &header.elements {
+        body.check_count(element)?;
+        match element.name.as_str() {
+            "vertex" if mesh != Mesh::default() => {
+                let place = Place::line(&source.file, element.line);
+                return Err(Error::input(place, "a second element `vertex`", "export the file again"));
+            }
+            "vertex" => body.vertices(element, &mut mesh)?,
+            "face" => body.faces(element, &mut mesh, &mut faces)?,
+            _ => body.skip(element)?,
+        }
+    }
+    body.end();
+    let file = source.file.display();
+    if mesh.triangles.is_empty() && !mesh.positions.is_empty() {
+        warnings
+            .push(format!("{file}: {} vertices without faces; points are not drawn", mesh.positions.len()));
+    }
+    if faces.too_small > 0 {
+        warnings.push(format!("{file}: left out {} face(s) of fewer than three corners", faces.too_small));
+    }
+    if body.longer > 0 {
+        let what = "line(s) hold more values than the header says; the rest of them is left out";
+        warnings.push(format!("{file}: {} {what}", body.longer));
+    }
+    faces.cuts.warn(&source.file, warnings);
+    Ok(source.scene_of(vec![(None, mesh)]))
+}
+
+/// What was met in the faces.
+#[derive(Default)]
+struct Faces {
+    cuts: Cuts,
+    too_small: usize,
+}
+
+/// The values after the header.
+struct Body<'a> {
+    source: &'a Source,
+    encoding: Encoding,
+    /// Of binary data: the byte that comes next.
+    at: usize,
+    /// Of text: the lines to come, the number of the current one, and what is left of it.
+    lines: Lines<'a>,
+    line: usize,
+    words: &'a [u8],
+    /// How many lines held more values than they should.
+    longer: usize,
+}
+
+impl<'a> Body<'a> {
+    fn new(source: &'a Source, header: &Header) -> Self {
+        Body {
+            source,
+            encoding: header.encoding,
+            at: header.bytes,
+            lines: Lines::new(&source.bytes[header.bytes..], header.lines),
+            line: header.lines,
+            words: &[],
+            longer: 0,
+        }
+    }
+
+    /// An error at the line or byte that was read last.
+    fn fault(&self, what: impl Into<String>) -> Error {
+        let place = match self.encoding {
+            Encoding::Ascii => Place::line(&self.source.file, self.line),
+            _ => Place::item(&self.source.file, format!("byte {}", self.at)),
+        };
+        Error::input(place, what, "export the file again")
+    }
+
+    /// Whether the rest of the file can hold the elements that the header claims.
+    fn check_count(&self, element: &Element) -> Result<()> {
+        let left = match self.encoding {
+            // The last line need not end.
+            Encoding::Ascii => self.lines.bytes_left() as u64 + 1,
+            _ => (self.source.bytes.len() - self.at) as u64,
+        };
+        let least = limits::product(&[element.count, element.least_bytes(self.encoding)]);
+        if least > left {
+            let Element { name, count, line, .. } = element;
+            let what = format!(
+                "{count} elements `{}` take at least {least} bytes; {left} are left",
+                shown(name.as_bytes())
+            );
+            return Err(Error::input(Place::line(&self.source.file, *line), what, "export the file again"));
+        }
+        Ok(())
+    }
+
+    /// Checks the memory for `bytes` each of the elements, which are no more than the file has.
+    fn check_memory(&self, element: &Element, bytes: usize) -> Result<()> {
+        limits::check(limits::product(&[element.count, bytes as u64])).map_err(|excess| {
+            let name = shown(element.name.as_bytes());
+            let what = format!("{} elements `{name}`: reading them {excess}", element.count);
+            Error::input(Place::line(&self.source.file, element.line), what, excess.hint())
+        })
+    }
+
+    /// Ends an element of text, whose line should hold nothing more.
+    fn end(&mut self) {
+        self.longer += usize::from(take_word(&mut self.words).is_some());
+        self.words = &[];
+    }
+
+    /// Goes to the next element: of text, the next line that is not empty.
+    fn begin(&mut self) -> Result<()> {
+        if self.encoding != Encoding::Ascii {
+            return Ok(());
+        }
+        self.end();
+        loop {
+            let Some((number, line)) = self.lines.next() else {
+                return Err(self.fault("the file ends before the last of the elements that its header names"));
+            };
+            (self.line, self.words) = (number, line);
+            if !line.trim_ascii().is_empty() {
+                return Ok(());
+            }
+        }
+    }
+
+    fn next(&mut self, scalar: Scalar) -> Result<f64> {
+        if self.encoding == Encoding::Ascii {
+            let Some(word) = take_word(&mut self.words) else {
+                return Err(self.fault("fewer values than the header says"));
+            };
+            return parse_number(word)
+                .ok_or_else(|| self.fault(format!("`{}` is not a number", shown(word))));
+        }
+        let Some(bytes) = self.source.bytes.get(self.at..self.at + scalar.size()) else {
+            return Err(self.fault("the file ends before the last of the elements that its header names"));
+        };
+        let join = |bits: u64, &byte: &u8| bits << 8 | u64::from(byte);
+        let bits = match self.encoding {
+            Encoding::BigEndian => bytes.iter().fold(0, join),
+            _ => bytes.iter().rev().fold(0, join),
+        };
+        self.at += scalar.size();
+        Ok(scalar.of_bits(bits))
+    }
+
+    /// The length of a list.
+    fn length(&mut self, scalar: Scalar) -> Result<u64> {
+        let length = self.next(scalar)?;
+        if length >= 0.0 && length.fract() == 0.0 {
+            Ok(length as u64)
+        } else {
+            Err(self.fault(format!("a list of {} values", brief(length))))
+        }
+    }
+
+    fn skip_property(&mut self, property: &Property) -> Result<()> {
+        let count = property.length.map_or(Ok(1), |length| self.length(length))?;
+        (0..count).try_for_each(|_| self.next(property.scalar).map(drop))
+    }
+
+    fn skip(&mut self, element: &Element) -> Result<()> {
+        if element.properties.is_empty() {
+            return Ok(());
+        }
+        for _ in 0..element.count {
+            self.begin()?;
+            if self.encoding == Encoding::Ascii {
+                self.words = &[];
+            } else {
+                element.properties.iter().try_for_each(|property| self.skip_property(property))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn vertices(&mut self, element: &Element, mesh: &mut Mesh) -> Result<()> {
+        const NAMES: [&[&str]; 9] = [
+            &["x"],
+            &["y"],
+            &["z"],
+            &["nx"],
+            &["ny"],
+            &["nz"],
+            &["red", "diffuse_red"],
+            &["green", "diffuse_green"],
+            &["blue", "diffuse_blue"],
+        ];
+        let slot = |property: &Property| {
+            let name = property.name.as_str();
+            NAMES.iter().position(|names| names.contains(&name)).filter(|_| property.length.is_none())
+        };
+        let slots: Vec<Option<usize>> = element.properties.iter().map(slot).collect();
+        let has = |of: [usize; 3]| of.iter().all(|slot| slots.contains(&Some(*slot)));
+        if !has([0, 1, 2]) {
+            let place = Place::line(&self.source.file, element.line);
+            return Err(Error::input(
+                place,
+                "its vertices have no `x`, `y` and `z`",
+                "export the file again",
+            ));
+        }
+        let white = |slot: usize| {
+            let property = slots.iter().position(|other| *other == Some(slot));
+            property.map_or(1.0, |index| element.properties[index].scalar.white())
+        };
+        let white = DVec3::new(white(6), white(7), white(8));
+        let (has_normals, has_colours) = (has([3, 4, 5]), has([6, 7, 8]));
+        let each = 1 + usize::from(has_normals) + usize::from(has_colours);
+        self.check_memory(element, each * size_of::<DVec3>())?;
+        // Within memory, and no less than the file has.
+        let count = element.count as usize;
+        let list = |is_there: bool| Vec::with_capacity(if is_there { count } else { 0 });
+        let (mut positions, mut normals, mut colours) = (list(true), list(has_normals), list(has_colours));
+        for _ in 0..count {
+            self.begin()?;
+            let mut values = [0.0; 9];
+            for (property, slot) in element.properties.iter().zip(&slots) {
+                match slot {
+                    Some(slot) => values[*slot] = self.next(property.scalar)?,
+                    None => self.skip_property(property)?,
+                }
+            }
+            positions.push(DVec3::from_slice(&values));
+            if has_normals {
+                normals.push(DVec3::from_slice(&values[3..]));
+            }
+            if has_colours {
+                let display = DVec3::from_slice(&values[6..]) / white;
+                colours.push(DVec3::from(display.to_array().map(srgb_decode)));
+            }
+        }
+        mesh.positions = positions;
+        mesh.normals = has_normals.then(|| Attribute::per_position(normals));
+        mesh.colours = has_colours.then(|| Attribute::per_position(colours));
+        Ok(())
+    }
+
+    fn faces(&mut self, element: &Element, mesh: &mut Mesh, faces: &mut Faces) -> Result<()> {
+        let is_polygon = |property: &Property| {
+            property.length.is_some() && matches!(property.name.as_str(), "vertex_indices" | "vertex_index")
+        };
+        if element.count > 0 && !element.properties.iter().any(is_polygon) {
+            let place = Place::line(&self.source.file, element.line);
+            return Err(Error::input(place, "its faces have no `vertex_indices`", "export the file again"));
+        }
+        self.check_memory(element, size_of::<[u32; 3]>())?;
+        mesh.triangles.reserve(element.count as usize);
+        let mut triangulator = Triangulator::new();
+        let (mut polygon, mut corners) = (Vec::new(), Vec::new());
+        for _ in 0..element.count {
+            self.begin()?;
+            for property in &element.properties {
+                let Some(length) = property.length.filter(|_| is_polygon(property)) else {
+                    self.skip_property(property)?;
+                    continue;
+                };
+                polygon.clear();
+                corners.clear();
+                for _ in 0..self.length(length)? {
+                    let index = self.vertex(property.scalar, mesh.positions.len())?;
+                    polygon.push(index);
+                    corners.push(mesh.positions[index as usize]);
+                }
+                faces.too_small += usize::from(corners.len() < 3);
+                let triangles = &mut mesh.triangles;
+                faces
+                    .cuts
+                    .count(triangulator.triangulate(&corners, |t| triangles.push(t.map(|i| polygon[i]))));
+            }
+        }
+        Ok(())
+    }
+
+    /// The index of a vertex, of which there are `count`.
+    fn vertex(&mut self, scalar: Scalar, count: usize) -> Result<u32> {
+        let index = self.next(scalar)?;
+        if index >= 0.0 && index < count as f64 && index.fract() == 0.0 && index <= f64::from(u32::MAX) {
+            Ok(index as u32)
+        } else {
+            let index = brief(index);
+            Err(self.fault(format!(
+                "vertex {index} does not exist; there are {count} before the faces, counted from 0"
+            )))
+        }
+    }
+}
+
+/// A number in few digits.
+fn brief(number: f64) -> String {
+    if number.abs() < 1e16 { number.to_string() } else { format!("{number:e}") }
+}
+
+#[cfg(test)]
+mod tests;

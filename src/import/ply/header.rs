@@ -1,0 +1,200 @@
+//! Headers of PLY files.
+
+use super::super::Source;
+use super::super::lines::shown;
+use crate::error::{Error, Place, Result};
+
+/// How the values after the header are written.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Encoding {
+    Ascii,
+    LittleEndian,
+    BigEndian,
+}
+
+/// The type of a value.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Scalar {
+    /// By the name that it has in headers.
+    fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "char" | "int8" => Scalar::I8,
+            "uchar" | "uint8" => Scalar::U8,
+            "short" | "int16" => Scalar::I16,
+            "ushort" | "uint16" => Scalar::U16,
+            "int" | "int32" => Scalar::I32,
+            "uint" | "uint32" => Scalar::U32,
+            "float" | "float32" => Scalar::F32,
+            "double" | "float64" => Scalar::F64,
+            _ => return None,
+        })
+    }
+
+    /// Bytes of binary data.
+    pub fn size(self) -> usize {
+        match self {
+            Scalar::I8 | Scalar::U8 => 1,
+            Scalar::I16 | Scalar::U16 => 2,
+            Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
+            Scalar::F64 => 8,
+        }
+    }
+
+    /// The number in the lowest [`Scalar::size`] bytes of `bits`.
+    pub fn of_bits(self, bits: u64) -> f64 {
+        match self {
+            Scalar::I8 => f64::from(bits as i8),
+            Scalar::I16 => f64::from(bits as i16),
+            Scalar::I32 => f64::from(bits as i32),
+            Scalar::U8 | Scalar::U16 | Scalar::U32 => bits as f64,
+            Scalar::F32 => f64::from(f32::from_bits(bits as u32)),
+            Scalar::F64 => f64::from_bits(bits),
+        }
+    }
+
+    /// The value of a full colour channel.
+    pub fn white(self) -> f64 {
+        match self {
+            Scalar::F32 | Scalar::F64 => 1.0,
+            Scalar::U16 => 65535.0,
+            _ => 255.0,
+        }
+    }
+}
+
+/// A value, or a list of them, of an element.
+pub struct Property {
+    pub name: String,
+    /// The type of a list's length; `None` for a single value.
+    pub length: Option<Scalar>,
+    pub scalar: Scalar,
+}
+
+/// A kind of element: vertices, faces, or others.
+pub struct Element {
+    pub name: String,
+    pub count: u64,
+    pub properties: Vec<Property>,
+    /// The line of the header that names it.
+    pub line: usize,
+}
+
+impl Element {
+    /// The fewest bytes that one takes. A value of text takes a digit and a separator.
+    pub fn least_bytes(&self, encoding: Encoding) -> u64 {
+        let of = |property: &Property| match encoding {
+            Encoding::Ascii => 2,
+            _ => property.length.unwrap_or(property.scalar).size() as u64,
+        };
+        self.properties.iter().map(of).sum()
+    }
+}
+
+/// What a header says.
+pub struct Header {
+    /// How values are written.
+    pub encoding: Encoding,
+    /// The elements in their order.
+    pub elements: Vec<Element>,
+    /// Bytes of the header.
+    pub bytes: usize,
+    /// Lines of the header.
+    pub lines: usize,
+}
+
+impl Header {
+    /// Reads the header of a file.
+    pub fn parse(source: &Source) -> Result<Self> {
+        let bytes = source.bytes.as_slice();
+        let error = |line: usize, what: String, hint: &str| {
+            Err(Error::input(Place::line(&source.file, line), what, hint))
+        };
+        // The first line's end is that of all: after a lone `\r`, a `\n` may be the first byte of binary data.
+        let first = bytes.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len());
+        let end: &[u8] = match bytes[first..] {
+            [b'\r', b'\n', ..] => b"\r\n",
+            [b'\r', ..] => b"\r",
+            _ => b"\n",
+        };
+        if bytes[..first].trim_ascii_end() != b"ply" {
+            return error(1, "a PLY file begins with `ply`".into(), "export the file again, as PLY");
+        }
+        let (mut at, mut lines) = (first + end.len(), 1);
+        let (mut encoding, mut elements) = (None, Vec::new());
+        loop {
+            let rest = bytes.get(at..).unwrap_or_default();
+            let Some(length) = rest.windows(end.len()).position(|window| window == end) else {
+                let what = "the header does not end with a line `end_header`";
+                return error(lines, what.into(), "export the file again");
+            };
+            at += length + end.len();
+            lines += 1;
+            let line = String::from_utf8_lossy(&rest[..length]);
+            let words: Vec<&str> = line.split_ascii_whitespace().collect();
+            if words.first() == Some(&"end_header") {
+                break;
+            }
+            if let Err(what) = take_line(&words, lines, &mut encoding, &mut elements) {
+                return error(lines, what, "correct the header");
+            }
+        }
+        let Some(encoding) = encoding else {
+            return error(lines, "the header has no line `format`".into(), "export the file again");
+        };
+        Ok(Header { encoding, elements, bytes: at, lines })
+    }
+}
+
+/// Takes in the words of a line, or says what is wrong with them.
+fn take_line(
+    words: &[&str],
+    line: usize,
+    encoding: &mut Option<Encoding>,
+    elements: &mut Vec<Element>,
+) -> std::result::Result<(), String> {
+    let said = |word: &str| shown(word.as_bytes());
+    match words {
+        [] | ["comment" | "obj_info", ..] => {}
+        ["format", name, ..] => {
+            *encoding = Some(match *name {
+                "ascii" => Encoding::Ascii,
+                "binary_little_endian" => Encoding::LittleEndian,
+                "binary_big_endian" => Encoding::BigEndian,
+                _ => return Err(format!("`{}` is not a format of PLY files", said(name))),
+            });
+        }
+        ["element", name, count, ..] => {
+            let Ok(count) = count.parse() else {
+                return Err(format!("`{}` is not a number of elements", said(count)));
+            };
+            elements.push(Element { name: (*name).into(), count, properties: Vec::new(), line });
+        }
+        ["property", property @ ..] => {
+            let Some(element) = elements.last_mut() else {
+                return Err("a property before the first element".into());
+            };
+            let scalar = |name: &str| {
+                Scalar::named(name).ok_or_else(|| format!("`{}` is not a type of PLY files", said(name)))
+            };
+            let (length, scalar, name) = match property {
+                ["list", length, value, name, ..] => (Some(scalar(length)?), scalar(value)?, name),
+                [value, name, ..] if *value != "list" => (None, scalar(value)?, name),
+                _ => return Err("a property without a type or a name".into()),
+            };
+            element.properties.push(Property { name: (*name).into(), length, scalar });
+        }
+        [word, ..] => return Err(format!("`{}` is not a line of a PLY header", said(word))),
+    }
+    Ok(())
+}

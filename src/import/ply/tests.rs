@@ -1,0 +1,122 @@
+//! PLY files made by hand, whole and damaged.
+
+use super::*;
+use crate::import::files::Files;
+use crate::scene::Shape;
+use proptest::prelude::*;
+
+fn read_bytes(bytes: Vec<u8>) -> Result<(Mesh, Warnings)> {
+    let mut warnings = Warnings::default();
+    let mut scene = read(&Source { file: "a.ply".into(), bytes, files: Files::default() }, &mut warnings)?;
+    let Some(Shape::Mesh(mesh)) = scene.objects.pop().map(|object| object.shape) else { panic!("one mesh") };
+    Ok((mesh, warnings))
+}
+
+/// A value of an element: what it is in text, and its bytes, the most significant first.
+type Value = (String, Vec<u8>);
+
+/// A unit square and a triangle beside it, with properties and elements that are skipped, in any encoding and line end.
+fn file(encoding: &str, end: &str) -> Vec<u8> {
+    let header = format!(
+        "ply\nformat {encoding} 1.0\ncomment made by hand\nelement camera 1\nproperty list uchar short shape\n\
+         element vertex 5\nproperty double x\nproperty float y\nproperty int z\nproperty list ushort char tags\n\
+         property uchar red\nproperty uchar green\nproperty uchar blue\nproperty char alpha\n\
+         property short nx\nproperty uint ny\nproperty float nz\n\
+         element face 2\nproperty uchar flags\nproperty list uchar uint vertex_indices\nelement nothing 7\nend_header\n"
+    );
+    let mut out = header.replace('\n', end).into_bytes();
+    let int = |n: i64, size: usize| (n.to_string(), n.to_be_bytes()[8 - size..].to_vec());
+    let float = |x: f32| (x.to_string(), x.to_be_bytes().to_vec());
+    let double = |x: f64| (x.to_string(), x.to_be_bytes().to_vec());
+    let mut line = |values: Vec<Value>| {
+        let words: Vec<&str> = values.iter().map(|(word, _)| word.as_str()).collect();
+        match encoding {
+            "ascii" => out.extend(format!("{}{end}", words.join(" ")).bytes()),
+            "binary_big_endian" => out.extend(values.iter().flat_map(|(_, bytes)| bytes)),
+            _ => out.extend(values.iter().flat_map(|(_, bytes)| bytes.iter().rev())),
+        }
+    };
+    line(vec![int(2, 1), int(-3, 2), int(4, 2)]);
+    for (x, y) in [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (-2.5, 0.5)] {
+        let tags = [int(1, 2), int(-1, 1)];
+        let colour = [int(255, 1), int(51, 1), int(0, 1), int(-1, 1)];
+        let normal = [int(-1, 2), int(4_000_000_000, 4), float(0.25)];
+        line([double(x), float(y), int(-7, 4)].into_iter().chain(tags).chain(colour).chain(normal).collect());
+    }
+    line(vec![int(9, 1), int(4, 1), int(0, 4), int(1, 4), int(2, 4), int(3, 4)]);
+    line(vec![int(9, 1), int(3, 1), int(0, 4), int(3, 4), int(4, 4)]);
+    out
+}
+
+#[test]
+fn every_encoding_and_line_end_says_the_same() {
+    let positions = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (-2.5, 0.5)];
+    // 51 / 255 = 0.2, which sRGB decodes to ((0.2 + 0.055) / 1.055)^2.4.
+    let colour = DVec3::new(1.0, (0.255f64 / 1.055).powf(2.4), 0.0);
+    let expected = Mesh {
+        positions: positions.map(|(x, y)| DVec3::new(x, y, -7.0)).into(),
+        triangles: vec![[0, 1, 2], [0, 2, 3], [0, 3, 4]],
+        normals: Some(Attribute::per_position(vec![DVec3::new(-1.0, 4e9, 0.25); 5])),
+        colours: Some(Attribute::per_position(vec![colour; 5])),
+        ..Mesh::default()
+    };
+    for encoding in ["ascii", "binary_little_endian", "binary_big_endian"] {
+        for end in ["\n", "\r\n", "\r"] {
+            let (mesh, warnings) = read_bytes(file(encoding, end)).expect("a whole file");
+            assert_eq!(mesh, expected, "{encoding}, {end:?}");
+            assert!(warnings.is_empty(), "{warnings:?}");
+        }
+    }
+    // Wide channels are 16 bits, floating-point ones 0 to 1: 0.2 once more. Older names, and the older name of the list.
+    for (scalar, value) in [("ushort", "13107"), ("float", "0.2")] {
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             property {scalar} diffuse_red\nproperty {scalar} diffuse_green\nproperty {scalar} diffuse_blue\n\
+             element face 1\nproperty list uchar int vertex_index\nend_header\n\n\
+             0 0 0 {value} 0 0\n1 0 0 0 0 0\n0 1 0 0 0 0\n3 0 1 2"
+        );
+        let colours = read_bytes(text.into()).expect("a whole file").0.colours.expect("colours").values;
+        assert!((colours[0] - DVec3::X * colour.y).abs().max_element() < 1e-15, "{colours:?}");
+    }
+}
+
+#[test]
+fn files_that_are_cut_off_are_errors_at_every_length() {
+    for encoding in ["ascii", "binary_little_endian"] {
+        let whole = file(encoding, "\n");
+        // Without its last line end, text is whole.
+        let end = whole.len() - usize::from(encoding == "ascii");
+        for length in 0..end {
+            assert!(read_bytes(whole[..length].to_vec()).is_err(), "{encoding}, {length} bytes");
+        }
+    }
+}
+
+/// Bytes that text is made of, and one that it is not.
+const TEXT: &[u8] = b"0123456789- .einf\n\r\xff";
+
+proptest! {
+    /// Whatever is in a file, it is read or refused, and what is read is consistent.
+    #[test]
+    fn damaged_files_do_no_harm(
+        encoding in prop::sample::select(vec!["ascii", "binary_little_endian", "binary_big_endian"]),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0..4u8), 1..8),
+    ) {
+        let mut bytes = file(encoding, "\n");
+        for (at, byte, how) in changes {
+            let at = at.index(bytes.len());
+            match how {
+                0 => bytes[at] = byte,
+                1 => bytes.insert(at, byte),
+                2 => drop(bytes.remove(at)),
+                _ => bytes[at] = TEXT[usize::from(byte) % TEXT.len()],
+            }
+        }
+        if let Ok((mesh, _)) = read_bytes(bytes) {
+            let count = mesh.positions.len();
+            prop_assert!(mesh.triangles.iter().flatten().all(|&i| (i as usize) < count));
+            prop_assert!(mesh.colours.is_none_or(|colours| colours.values.len() == count));
+            prop_assert!(mesh.normals.is_none_or(|normals| normals.values.len() == count));
+        }
+    }
+}
