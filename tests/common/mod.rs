@@ -1,5 +1,5 @@
-//! Helpers shared by the tests. Not every test uses every one.
-#![allow(dead_code, unused_imports)]
+//! Helpers shared by the test binaries. Most of them use only a part.
+#![allow(dead_code)]
 
 pub mod hard;
 pub mod oracle;

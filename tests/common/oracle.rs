@@ -19,6 +19,8 @@ use std::cmp::Ordering;
 use glam::DVec3;
 use kiln::geometry::Ray;
 
+// Only some test binaries use the signs.
+#[allow(unused_imports)]
 pub use distance::{Distance, sign_with_root, sign_with_two_roots};
 pub use filter::{Passage, passage};
 use integers::{Vector, integers, sign};

@@ -1,0 +1,11 @@
+//! Trees, layouts, presets and tiers of numerics against brute force and exact arithmetic.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod exact;
+mod exact_oracle;
+mod instances;
+mod oracle;
+mod packets;
+mod refit;

@@ -1,0 +1,548 @@
+//! Animations: what the assignment asks of its own, that a frame is the same alone and among others, and the films they become.
+
+use std::path::Path;
+
+use assert_cmd::Command;
+use glam::{DMat4, DQuat, DVec3};
+use kiln::animation::{PreparedAnimation, turntable};
+use kiln::bvh::{Preset, Structure};
+use kiln::effects::{Choices, Plan};
+use kiln::error::{Place, Warnings};
+use kiln::film::{ColourPipeline, Film, Window};
+use kiln::render::{RenderControl, render};
+use kiln::scene::animation::{Animation, Easing, Motion, Property, Target, Track};
+use kiln::scene::{Camera, Numerics, Placed, Placement, Projection, Scene, Shape};
+use kiln::world::{StandardView, View, World, bring_into_range, headlight};
+
+use crate::common::repository;
+
+fn load(file: &Path) -> Scene {
+    kiln::import::load(&[file.to_owned()], &mut Warnings::default()).expect("the file can be read")
+}
+
+fn assignment() -> Scene {
+    load(&repository("scenes/animation.toml"))
+}
+
+fn sphere(scene: &Scene, name: &str) -> DVec3 {
+    let object = scene.objects.iter().find(|object| object.name == name).expect("a sphere of the name");
+    let Shape::Sphere { centre, .. } = object.shape else { panic!("{name} is a sphere") };
+    centre
+}
+
+/// Where things begin (ASSIGNMENT, animation): both spheres, the camera; and what does not move.
+#[test]
+fn the_assignment_begins_where_it_says() {
+    let scene = assignment();
+    let first = scene.at(0.0).unwrap();
+    assert_eq!(sphere(&first, "left sphere"), DVec3::new(-500.0, -425.0, 1200.0));
+    assert_eq!(sphere(&first, "right sphere"), DVec3::new(300.0, -400.0, 1350.0));
+    assert_eq!(first.cameras[0].position, DVec3::new(0.0, 300.0, 200.0));
+    let still = |scene: &Scene| -> Vec<DVec3> {
+        let meshes = scene.objects.iter().filter_map(|object| object.shape.mesh());
+        meshes.flat_map(|mesh| mesh.positions.clone()).collect()
+    };
+    assert_eq!(still(&scene.at(0.37).unwrap()), still(&load(&repository("scenes/assignment.toml"))));
+}
+
+/// Circles about the vertical axis through TP = (-100, -200, 1216): radii hypot(400, 16) and hypot(400, 134), at their own
+/// heights, one whole turn each, the left one along m = v x t with t = (0, -200, 0), the right one against it.
+#[test]
+fn the_spheres_go_round_in_opposite_directions_and_come_back() {
+    let scene = assignment();
+    let axis = DVec3::new(-100.0, -200.0, 1216.0);
+    for (name, radius, sign) in
+        [("left sphere", 400.0f64.hypot(16.0), 1.0), ("right sphere", 400.0f64.hypot(134.0), -1.0)]
+    {
+        let centres: Vec<DVec3> =
+            (0..=300).map(|i| sphere(&scene.at(f64::from(i) / 300.0).unwrap(), name)).collect();
+        let mut turned = 0.0;
+        for (i, pair) in centres.windows(2).enumerate() {
+            let [from, to] = [pair[0] - axis, pair[1] - axis];
+            assert!((from.x.hypot(from.z) / radius - 1.0).abs() < 1e-6, "{name}, frame {i}");
+            assert_eq!(pair[0].y, centres[0].y);
+            // Along the tangent, or against it.
+            let tangent = DVec3::new(from.x, 0.0, from.z).cross(DVec3::new(0.0, -200.0, 0.0));
+            assert!(sign * (to - from).dot(tangent) > 0.0, "{name}, frame {i}");
+            let step = (from.z * to.x - from.x * to.z).atan2(from.x * to.x + from.z * to.z);
+            assert!((step - sign * std::f64::consts::TAU / 300.0).abs() < 1e-12, "{name}, frame {i}: {step}");
+            turned += step;
+        }
+        assert!((turned - sign * std::f64::consts::TAU).abs() < 1e-9);
+        assert_eq!(centres[300], centres[0], "{name}");
+    }
+    // Halfway they are on the other side: (2 * -100 + 500, 2 * 1216 - 1200).
+    let half = sphere(&scene.at(0.5).unwrap(), "left sphere");
+    assert!((half - DVec3::new(300.0, -425.0, 1232.0)).length() < 1e-9, "{half}");
+}
+
+/// From (0, 300, 200) by (0, 200, -100) t, the tetrahedron's TP - CO = (-100, -300, 1216) in the middle of the picture.
+#[test]
+fn the_camera_draws_back_and_keeps_looking_at_the_tetrahedron() {
+    let scene = assignment();
+    for (frame, position) in
+        [(0, [0.0, 300.0, 200.0]), (150, [0.0, 400.0, 150.0]), (300, [0.0, 500.0, 100.0])]
+    {
+        let camera = scene.at(f64::from(frame) / 300.0).unwrap().cameras[0].clone();
+        assert_eq!(camera.position, DVec3::from(position), "frame {frame}");
+        let view = View::new(&camera, Projection::Perspective, [1024, 1024]).unwrap();
+        let (pixel, before) = view.project(DVec3::new(-100.0, -300.0, 1216.0));
+        assert!(before && (pixel - 512.0).length() < 1e-9, "frame {frame}: {pixel}");
+    }
+}
+
+const SIZE: [u32; 2] = [48, 32];
+const STRUCTURE: Structure = Structure::Wide(Preset::Balanced);
+
+fn picture(world: &World, camera: &Camera) -> Film<[u8; 3]> {
+    let view = View::new(camera, camera.projection, SIZE).unwrap();
+    let plan = Plan::new(world, &Choices::default()).unwrap();
+    let window = Window { x: 0, y: 0, width: SIZE[0], height: SIZE[1] };
+    render(world, &view, &plan, window, |_, _| true, &RenderControl::default()).unwrap().0
+}
+
+/// What [`PreparedAnimation`] shares between frames changes no bit: the same as preparing the scene at each time from nothing.
+fn same_as_from_nothing(scene: &Scene, camera: usize) {
+    let (pipeline, numerics) = (ColourPipeline::Linear, Numerics::default());
+    let described = scene.cameras[camera].clone();
+    let animation =
+        PreparedAnimation::new(scene.clone(), &described, true, pipeline, STRUCTURE, numerics).unwrap();
+    let mut pictures = Vec::new();
+    for time in [0.0, 0.3, 0.75] {
+        let frame = animation.at(time).unwrap();
+        let mut alone = scene.at(time).unwrap();
+        bring_into_range(&mut alone);
+        let seen_by = alone.cameras[camera].clone();
+        if alone.lights.is_empty() {
+            alone.lights.extend(headlight(&seen_by));
+        }
+        assert_eq!(frame.camera, seen_by);
+        let world = World::prepare(alone, pipeline, STRUCTURE, numerics);
+        let ours = picture(&frame.world, &frame.camera);
+        assert!(ours == picture(&world, &seen_by), "at {time}");
+        pictures.push(ours.bytes());
+    }
+    assert!(pictures[0] != pictures[1] && pictures[1] != pictures[2], "something moves");
+}
+
+fn moving(target: Target, motion: Motion) -> Track {
+    Track { target, motion, place: Place::line(Path::new("a.toml"), 1) }
+}
+
+#[test]
+fn frames_are_what_they_are_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.obj");
+    std::fs::write(&file, "o a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 2 3 4\nf 1 3 4\n")
+        .unwrap();
+    for far in [0.0, 1e6] {
+        let mut scene = load(&file);
+        for object in &mut scene.objects {
+            if let Shape::Mesh(mesh) = &mut object.shape {
+                mesh.transform(&DMat4::from_translation(DVec3::splat(far)));
+            }
+        }
+        // A second place of the same mesh, shared.
+        let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("a mesh") };
+        let beside = Placement::new(DMat4::from_rotation_translation(DQuat::from_rotation_y(0.4), DVec3::X));
+        let placed = Placed::new(mesh.clone().into(), beside);
+        let mut other = scene.objects[0].clone();
+        other.name = "b".into();
+        other.shape = Shape::Placed(placed);
+        if far == 0.0 {
+            scene.objects.push(other);
+        }
+        // Only the camera, and the headlight with it.
+        let camera = turntable(&mut scene, None, StandardView::Auto, 1.5, Projection::Perspective).unwrap();
+        let index = scene.cameras.iter().position(|known| *known == camera).unwrap();
+        same_as_from_nothing(&scene, index);
+        // Also the mesh.
+        let to = DVec3::new(10.0, 80.0, -30.0);
+        let turn = Motion::Lerp { property: Property::Rotate, from: None, to, easing: Easing::EaseIn };
+        let animation = scene.animation.as_mut().unwrap();
+        animation.tracks.push(moving(Target::Object("a".into()), turn));
+        same_as_from_nothing(&scene, index);
+    }
+}
+
+/// Every corner of a long box stays in the picture all the way round, and touches the margin of 5 % once: the picture is used.
+#[test]
+fn a_turntable_sees_everything_from_all_sides() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("box.obj");
+    let corners =
+        |i: u32| [f64::from(i & 1) * 9.0 + 3.0, f64::from(i >> 1 & 1), f64::from(i >> 2) * 2.0 - 7.0];
+    let text: String = (0..8).map(corners).map(|[x, y, z]| format!("v {x} {y} {z}\n")).collect();
+    std::fs::write(&file, text + "f 1 2 3\nf 4 5 6\nf 7 8 1\n").unwrap();
+    for view in [StandardView::Auto, StandardView::Front, StandardView::Iso] {
+        let mut scene = load(&file);
+        let camera = turntable(&mut scene, None, view, 1.5, Projection::Perspective).unwrap();
+        let mut closest = f64::INFINITY;
+        for frame in 0..300 {
+            let now = scene.at(f64::from(frame) / 300.0).unwrap().cameras[0].clone();
+            let ready = View::new(&now, now.projection, [150, 100]).unwrap();
+            for i in 0..8 {
+                let (pixel, before) = ready.project(corners(i).into());
+                let share = pixel / glam::DVec2::new(150.0, 100.0);
+                assert!(before);
+                closest = closest.min(share.min_element()).min((1.0 - share).min_element());
+            }
+        }
+        // The prism is at most 1 / cos^2(pi / 64) = 1.0024 times as wide as what the corners sweep out.
+        assert!((0.0499..0.06).contains(&closest), "{view:?}: {closest}");
+        // Back at the start, to the bit.
+        assert_eq!(scene.at(1.0).unwrap().cameras[0], camera);
+        let Animation { fps, duration, repeat, .. } = scene.animation.clone().unwrap();
+        assert_eq!((fps, duration, repeat), (30.0, 10.0, true));
+    }
+}
+
+// The command.
+
+fn kiln(folder: &Path) -> Command {
+    let mut command = Command::cargo_bin("kiln").expect("the command is built with the tests");
+    command.current_dir(folder);
+    command
+}
+
+fn scene_file() -> String {
+    repository("scenes/animation.toml").display().to_string()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+fn read(file: &Path) -> Vec<u8> {
+    std::fs::read(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
+}
+
+/// The pixels of a PNG.
+fn pixels(file: &Path) -> Vec<u8> {
+    image::open(file).unwrap().to_rgb8().into_raw()
+}
+
+#[test]
+fn a_frame_alone_has_the_bytes_of_one_among_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene_file();
+    let run = |arguments: &[&str]| {
+        kiln(folder.path()).args(["render", &scene, "--size", "40x40"]).args(arguments).assert().success();
+    };
+    run(&["--frames", "7-9,300", "-o", "f_####.png", "--threads", "3"]);
+    run(&["--frames", "8", "-o", "alone.png", "--threads", "1"]);
+    run(&["--frames", "9-7:2", "-o", "again_%02d.png"]);
+    let expected =
+        ["again_07.png", "again_09.png", "alone.png", "f_0007.png", "f_0008.png", "f_0009.png", "f_0300.png"];
+    assert_eq!(names(folder.path()), expected);
+    let bytes = |name: &str| read(&folder.path().join(name));
+    assert_eq!(bytes("alone.png"), bytes("f_0008.png"));
+    assert_eq!(bytes("again_07.png"), bytes("f_0007.png"));
+    assert_eq!(bytes("again_09.png"), bytes("f_0009.png"));
+    assert_ne!(pixels(&folder.path().join("f_0007.png")), pixels(&folder.path().join("f_0008.png")));
+    // `animate` writes the same.
+    kiln(folder.path())
+        .args(["animate", &scene, "--size", "40x40", "--frames", "8", "-o", "g_####.png"])
+        .assert()
+        .success();
+    assert_eq!(bytes("g_0008.png"), bytes("f_0008.png"));
+}
+
+#[test]
+fn wrong_frames_are_one_clear_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene_file();
+    for (arguments, code, message) in [
+        (
+            &["--frames", "299-301", "-o", "f_##.png"][..],
+            2,
+            "frame 301 is not in the animation: its frames are 0 to 300",
+        ),
+        (
+            &["--frames", "-2-0", "-o", "f_##.png"],
+            2,
+            "frame -2 is not in the animation: its frames are 0 to 300",
+        ),
+        (&["--frames", "1-3", "-o", "f.png"], 2, "f.png: one name for 3 frames"),
+        (&["--frames", "1-", "-o", "f_##.png"], 2, "`1-` lacks a frame; write ranges as 1-10 or 1-10:2"),
+        (&["--frames", "1", "-o", "no/f_##.png"], 4, "its folder does not exist"),
+        (&["--frames", "1", "-o", "##_##.png"], 2, "##_##.png: several places for the number of the frame"),
+    ] {
+        let assert = kiln(folder.path()).args(["render", &scene, "--size", "8x8"]).args(arguments).assert();
+        let error = String::from_utf8_lossy(&assert.code(code).get_output().stderr).into_owned();
+        assert!(error.contains(message), "{arguments:?}: {error}");
+        assert!(error.starts_with("kiln: error: ") && error.lines().count() <= 2, "{error}");
+    }
+    assert_eq!(names(folder.path()), [""; 0]);
+}
+
+#[test]
+fn wrong_tracks_are_errors_with_their_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene =
+        "[[sphere]]\nname = \"ball\"\ncentre = [0, 0, 0]\nradius = 1\n\n[animation]\n\n[[animation.track]]\n";
+    for (track, message) in [
+        (
+            "object = \"bal\"\nlerp = { to = [1, 0, 0] }\n",
+            "a.toml:8: there is no object `bal` to animate\nhint: did you mean `ball`?",
+        ),
+        ("object = \"ball\"\n", "a.toml:8: a track needs one motion"),
+        ("lerp = { to = [1, 0, 0] }\n", "a.toml:8: a track needs one thing that moves"),
+        (
+            "object = \"ball\"\norbit = { arround = [0, 0, 0] }\n",
+            "a.toml:10: unknown key `arround`\nhint: did you mean `around`?",
+        ),
+        (
+            "object = \"ball\"\norbit = { around = [0, 0, 0], axis = [0, 0, 0] }\n",
+            "a.toml:8: the axis of an orbit has no length",
+        ),
+        ("object = \"ball\"\nlerp = { to = 3 }\n", "a.toml:8: `position` takes three numbers"),
+        (
+            "object = \"ball\"\nproperty = \"radius\"\nlerp = { from = 0, to = 3 }\n",
+            "a.toml:8: comes to a radius of 0",
+        ),
+        (
+            "object = \"ball\"\nkeyframes = [{ time = 1, value = [0, 0, 0] }, { time = 1, value = [1, 0, 0] }]\n",
+            "a.toml:8: `keyframes` are not in order",
+        ),
+        ("object = \"ball\"\nlook_at = { point = [0, 0, 0] }\n", "a.toml:8: only cameras look at things"),
+        (
+            "object = \"ball\"\nproperty = \"radios\"\nlerp = { to = 3 }\n",
+            "a.toml:10: unknown value `radios`\nhint: did you mean `radius`?",
+        ),
+    ] {
+        std::fs::write(folder.path().join("a.toml"), format!("{scene}{track}")).unwrap();
+        let assert = kiln(folder.path()).args(["render", "a.toml", "-o", "a.png", "--size", "8x8"]).assert();
+        let error = String::from_utf8_lossy(&assert.code(3).get_output().stderr).into_owned();
+        assert!(error.contains(message), "{track}: {error}");
+    }
+}
+
+#[test]
+fn a_mesh_without_animation_is_gone_round_once() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let run = |arguments: &[&str]| {
+        kiln(folder.path())
+            .args(["animate", "a.obj", "--size", "32x32", "--fps", "4", "--duration", "1"])
+            .args(arguments)
+            .assert()
+            .success();
+    };
+    run(&["-o", "f_#.png"]);
+    // Four steps of a quarter turn; the fifth frame would be the first again.
+    assert_eq!(names(folder.path()), ["a.obj", "f_0.png", "f_1.png", "f_2.png", "f_3.png"]);
+    let all: Vec<Vec<u8>> = (0..4).map(|i| pixels(&folder.path().join(format!("f_{i}.png")))).collect();
+    assert!((0..4).all(|i| all[..i].iter().all(|other| *other != all[i])), "all differ");
+    // Raw frames are those of the pictures.
+    let out = kiln(folder.path())
+        .args([
+            "animate",
+            "a.obj",
+            "--size",
+            "32x32",
+            "--fps",
+            "4",
+            "--duration",
+            "1",
+            "-o",
+            "-",
+            "--raw",
+            "rgb",
+        ])
+        .output()
+        .unwrap();
+    assert_eq!(out.stdout, all.concat());
+    let out = kiln(folder.path())
+        .args(["animate", "a.obj", "--size", "32x32", "--fps", "4", "--duration", "1", "-o", "-"])
+        .output()
+        .unwrap();
+    let header: &[u8] = b"YUV4MPEG2 W32 H32 F4000:1000 Ip A1:1 C444 XCOLORRANGE=LIMITED\n";
+    assert!(out.stdout.starts_with(header));
+    assert_eq!(out.stdout.len(), header.len() + 4 * (b"FRAME\n".len() + 3 * 32 * 32));
+}
+
+#[test]
+fn an_animated_png_holds_the_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene_file();
+    for output in ["f_#.png", "film.png"] {
+        kiln(folder.path())
+            .args(["animate", &scene, "--size", "24x24", "--frames", "0-6:3", "-o", output])
+            .assert()
+            .success();
+    }
+    let file = std::io::BufReader::new(std::fs::File::open(folder.path().join("film.png")).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let control = *reader.info().animation_control().expect("it is animated");
+    assert_eq!((control.num_frames, control.num_plays), (3, 0));
+    for frame in [0, 3, 6] {
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        let delay = reader.info().frame_control().unwrap();
+        assert_eq!((delay.delay_num, delay.delay_den), (1, 30));
+        assert_eq!(bytes, pixels(&folder.path().join(format!("f_{frame}.png"))));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    for (signal, code, output) in [("-INT", 130, "film.png"), ("-TERM", 143, "f_####.png")] {
+        let inner = tempfile::tempdir_in(folder.path()).unwrap();
+        let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("kiln"))
+            .current_dir(inner.path())
+            .args(["animate", &scene_file(), "-o", output, "--progress", "none"])
+            .spawn()
+            .unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(700));
+        std::process::Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(code));
+        // Whole frames may be there; nothing else.
+        for name in names(inner.path()) {
+            assert!(output == "f_####.png" && name.starts_with("f_"), "{name}");
+            assert_eq!(pixels(&inner.path().join(name)).len(), 1024 * 1024 * 3);
+        }
+    }
+}
+
+#[cfg(not(feature = "video"))]
+#[test]
+fn without_films_that_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let assert = kiln(folder.path()).args(["animate", &scene_file(), "-o", "a.mp4"]).assert().code(2);
+    let error = String::from_utf8_lossy(&assert.get_output().stderr).into_owned();
+    assert!(error.contains("kiln: error: this kiln was built without films\nhint: "), "{error}");
+}
+
+#[cfg(feature = "video")]
+mod film {
+    use super::*;
+
+    /// A box of ISO/IEC 14496-12: its name, where its contents begin, and those.
+    type Box<'a> = (&'a [u8], usize, &'a [u8]);
+
+    fn boxes(bytes: &[u8], start: usize) -> Vec<Box<'_>> {
+        let mut found = Vec::new();
+        let mut at = 0;
+        while at < bytes.len() {
+            let size = u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+            assert!(size >= 8 && at + size <= bytes.len());
+            found.push((&bytes[at + 4..at + 8], start + at + 8, &bytes[at + 8..at + size]));
+            at += size;
+        }
+        found
+    }
+
+    fn inside<'a>(bytes: &'a [u8], path: &[&[u8]]) -> &'a [u8] {
+        let mut bytes = bytes;
+        for name in path {
+            let (_, _, inner) =
+                boxes(bytes, 0).into_iter().find(|(n, ..)| n == name).expect("a box of the name");
+            bytes = inner;
+        }
+        bytes
+    }
+
+    fn number(bytes: &[u8], at: usize) -> u32 {
+        u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap())
+    }
+
+    fn make(folder: &Path, name: &str, more: &[&str]) -> Vec<u8> {
+        let scene = scene_file();
+        let arguments = ["animate", &scene, "--frames", "0-300:4", "-o", name];
+        let assert = kiln(folder).args(arguments).args(more).assert().success();
+        // The encoder has nothing to say.
+        assert!(!String::from_utf8_lossy(&assert.get_output().stderr).contains("OpenH264"));
+        read(&folder.join(name))
+    }
+
+    #[test]
+    fn an_mp4_has_its_boxes_before_its_pictures() {
+        let folder = tempfile::tempdir().unwrap();
+        let bytes = make(folder.path(), "a.mp4", &["--size", "62x40"]);
+        let top = boxes(&bytes, 0);
+        let order: Vec<&[u8]> = top.iter().map(|(name, ..)| *name).collect();
+        assert_eq!(order, [b"ftyp", b"moov", b"mdat"]);
+        let (_, mdat, pictures) = top[2];
+        let trak = inside(top[1].2, &[b"trak"]);
+        let stbl = inside(trak, &[b"mdia", b"minf", b"stbl"]);
+        // 76 frames, 30 a second: 1000 ticks of 30000 each (8.6.1.2, 8.7.3.2, 8.7.5).
+        let mdhd = inside(trak, &[b"mdia", b"mdhd"]);
+        assert_eq!((number(mdhd, 20), number(mdhd, 28)), (30_000, 76_000));
+        let stts = inside(stbl, &[b"stts"]);
+        assert_eq!([4, 8, 12].map(|at| number(stts, at)), [1, 76, 1000]);
+        let stsz = inside(stbl, &[b"stsz"]);
+        assert_eq!((number(stsz, 4), number(stsz, 8)), (0, 76));
+        let sizes: Vec<usize> = (0..76).map(|i| number(stsz, 12 + 4 * i) as usize).collect();
+        assert_eq!(sizes.iter().sum::<usize>(), pictures.len());
+        let stco = inside(stbl, &[b"stco"]);
+        assert_eq!((number(stco, 4), number(stco, 8) as usize), (1, mdat));
+        // A key frame every two seconds.
+        let stss = inside(stbl, &[b"stss"]);
+        assert_eq!([4, 8, 12].map(|at| number(stss, at)), [2, 1, 61]);
+        // Units fill every picture; the first of a key frame is of type 5.
+        let mut at = 0;
+        for (i, size) in sizes.iter().enumerate() {
+            let end = at + size;
+            assert_eq!(pictures[at + 4] & 31, if i % 60 == 0 { 5 } else { 1 }, "picture {i}");
+            while at < end {
+                at += 4 + number(pictures, at) as usize;
+            }
+            assert_eq!(at, end);
+        }
+        // One entry, avc1: 8 bytes of the list, 8 of its head, 78 of what every visual entry has.
+        let stsd = inside(stbl, &[b"stsd"]);
+        assert_eq!(&stsd[12..16], b"avc1");
+        let entry = &stsd[16..];
+        assert_eq!([24, 26].map(|at| u16::from_be_bytes([entry[at], entry[at + 1]])), [62, 40]);
+        let avcc = inside(&entry[78..], &[b"avcC"]);
+        // Baseline with constraint_set1: Constrained Baseline (ITU-T H.264, A.2.1.1).
+        assert_eq!((avcc[0], avcc[1], avcc[2] & 0x40), (1, 66, 0x40));
+        assert_eq!(inside(&entry[78..], &[b"colr"]), b"nclx\0\x01\0\x01\0\x01\0");
+    }
+
+    #[test]
+    fn equal_films_have_equal_bytes_and_low_is_smaller() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.mp4", "a.gif"] {
+            let one = make(folder.path(), name, &["--size", "63x41", "--threads", "1"]);
+            assert_eq!(one, make(folder.path(), name, &["--size", "63x41", "--threads", "4"]), "{name}");
+        }
+        let [high, low] = ["high", "low"]
+            .map(|quality| make(folder.path(), "b.mp4", &["--size", "256x256", "--quality", quality]).len());
+        assert!(2 * low < high, "{low} {high}");
+        assert_eq!(names(folder.path()), ["a.gif", "a.mp4", "b.mp4"]);
+    }
+
+    #[test]
+    fn a_gif_lasts_as_long_as_the_animation() {
+        let folder = tempfile::tempdir().unwrap();
+        let bytes = make(folder.path(), "a.gif", &["--size", "20x20"]);
+        let mut decoder = gif::DecodeOptions::new().read_info(&bytes[..]).unwrap();
+        let mut delays = Vec::new();
+        while let Some(frame) = decoder.read_next_frame().unwrap() {
+            delays.push(frame.delay);
+        }
+        // 76 frames at 30 a second: 253.3 hundredths, in steps of three and four.
+        assert_eq!((delays.len(), delays.iter().sum::<u16>()), (76, 253));
+        assert!(delays.iter().all(|delay| [3, 4].contains(delay)));
+    }
+
+    #[test]
+    fn sizes_that_h264_has_not_are_refused_before_any_work() {
+        let folder = tempfile::tempdir().unwrap();
+        for size in ["4000x100", "2200x2200", "8x100"] {
+            let assert =
+                kiln(folder.path()).args(["animate", &scene_file(), "-o", "a.mp4", "--size", size]).assert();
+            let error = String::from_utf8_lossy(&assert.code(2).get_output().stderr).into_owned();
+            assert!(error.contains("cannot be an .mp4"), "{error}");
+        }
+        assert_eq!(names(folder.path()), [""; 0]);
+    }
+}

@@ -1,0 +1,502 @@
+//! What farms rely on: pictures that say what made them, work that is divided and put together again to the same bytes, frames
+//! that are made again only where they have to be, and a process that ends when it is told to.
+
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::common::{self, repository};
+use serde_json::Value;
+
+/// A folder to work in, with the small animation of `tests/farm` in it.
+struct Workshop(tempfile::TempDir);
+
+/// What a run said: exit code, standard output, standard error.
+struct Said(i32, String, String);
+
+impl Workshop {
+    fn new() -> Self {
+        let workshop = Workshop(tempfile::tempdir().expect("a temporary folder can be made"));
+        std::fs::copy(repository("tests/farm/scene.toml"), workshop.path("scene.toml")).expect("a copy");
+        workshop
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, arguments: &str) -> Command {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
+        command.current_dir(self.0.path()).args(arguments.split_whitespace()).stdin(Stdio::null());
+        command.env_remove("SLURM_CPUS_PER_TASK");
+        command
+    }
+
+    fn run(&self, arguments: &str) -> Said {
+        let Output { status, stdout, stderr } = self.command(arguments).output().expect("the command starts");
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        Said(status.code().expect("no signal"), text(&stdout), text(&stderr))
+    }
+
+    /// Runs what has to end with `code`, and gives standard output, or standard error where that is empty.
+    #[track_caller]
+    fn ends(&self, code: i32, arguments: &str) -> String {
+        let Said(found, out, err) = self.run(arguments);
+        assert_eq!(found, code, "{arguments}: {out}{err}");
+        if out.is_empty() { err } else { out }
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    }
+
+    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+        std::fs::write(self.path(name), bytes).expect("the folder can be written to");
+    }
+
+    fn names(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.0.path()).expect("the folder can be read");
+        let mut names: Vec<String> =
+            entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    /// When a file was written: a new one of the same name has another time.
+    fn written(&self, name: &str) -> std::time::SystemTime {
+        std::fs::metadata(self.path(name)).and_then(|m| m.modified()).expect("a file with a time")
+    }
+}
+
+// ---------------------------------------------------------------------------------------------------- parts of a picture
+
+#[test]
+fn a_picture_in_seven_parts_becomes_the_bytes_of_one_run() {
+    let workshop = Workshop::new();
+    // 90 x 47 pixels are 6 x 3 tiles, the last column and row narrow.
+    for (out, more) in [
+        ("a.png", ""),
+        ("b.png", "--colour u8 --crop 3,5,71,40"),
+        ("c.exr", "--aov all"),
+        ("d.jpg", "--colour display"),
+        ("e.png", "--samples 4 --filter mitchell --noise 0.01 --seed 3"),
+    ] {
+        let render = format!("render scene.toml --size 90x47 {more} -o {out} --progress none");
+        workshop.ends(0, &render);
+        let whole = workshop.bytes(out);
+        let mut parts = Vec::new();
+        for i in 1..=7 {
+            let part = workshop.ends(0, &format!("{render} --shard {i}/7 --list-outputs"));
+            workshop.ends(0, &format!("{render} --shard {i}/7 --threads {}", 1 + i % 3));
+            parts.push(part.trim().to_owned());
+        }
+        assert_eq!(parts[1], format!("{}.2of7.part", &out[..1]));
+        // In any order, also where one is given twice.
+        parts.rotate_left(3);
+        parts.push(parts[0].clone());
+        workshop.ends(0, &format!("merge {} -o joined.{}", parts.join(" "), &out[2..]));
+        assert_eq!(workshop.bytes(&format!("joined.{}", &out[2..])), whole, "{out} {more}");
+    }
+}
+
+#[test]
+fn parts_that_make_no_picture_are_refused_in_a_line() {
+    let workshop = Workshop::new();
+    for i in 1..=3 {
+        workshop.ends(0, &format!("render scene.toml -o a.png --progress none --shard {i}/3"));
+    }
+    workshop.ends(0, "render scene.toml -o b.png --progress none --shard 2/3 --without shadows");
+    workshop.ends(0, "render scene.toml -o c.png --progress none --shard 2/4");
+    let part = workshop.bytes("a.2of3.part");
+    workshop.write("short.part", &part[..part.len() - 40]);
+    let mut wrong = part.clone();
+    wrong[part.len() / 2] ^= 1;
+    workshop.write("wrong.part", wrong);
+    workshop.write("text.part", "hello");
+    for (second, says) in [
+        ("", "kiln: error: a.1of3.part: part 2 of 3 is missing\n"),
+        (
+            "b.2of3.part",
+            "kiln: error: b.2of3.part: a part of another scene or of other settings than a.1of3.part\n",
+        ),
+        ("c.2of4.part", "kiln: error: c.2of4.part: one of 4 parts, where a.1of3.part is one of 3\n"),
+        ("short.part", "kiln: error: short.part: the part is not whole; make it again\n"),
+        ("wrong.part", "kiln: error: wrong.part: the part is not whole; make it again\n"),
+        ("text.part", "kiln: error: text.part: not a part of a picture\n"),
+        ("scene.toml", "kiln: error: scene.toml: not a part of a picture\n"),
+        ("none.part", "kiln: error: none.part: no such file\n"),
+    ] {
+        let said = workshop.ends(3, &format!("merge a.1of3.part {second} a.3of3.part -o joined.png"));
+        assert!(said.starts_with(says), "{second}: {said}");
+        assert_eq!(said.lines().count(), 2, "an error and a hint: {said}");
+        assert!(!workshop.path("joined.png").exists());
+    }
+    workshop.ends(0, "merge a.1of3.part a.2of3.part a.3of3.part -o joined.png");
+}
+
+#[test]
+fn parts_are_made_again_only_where_they_have_to_be() {
+    let workshop = Workshop::new();
+    let render = "render scene.toml -o a.png --shard 2/3 --skip-existing --progress plain";
+    workshop.ends(0, render);
+    let first = workshop.bytes("a.2of3.part");
+    assert!(workshop.ends(0, render).contains("a.2of3.part is there"));
+    assert!(!workshop.ends(0, &format!("{render} --samples 4")).contains("is there"));
+    assert!(!workshop.ends(0, render).contains("is there"));
+    workshop.write("a.2of3.part", &first[..first.len() - 1]);
+    assert!(!workshop.ends(0, render).contains("is there"));
+    assert_eq!(workshop.bytes("a.2of3.part"), first);
+}
+
+// ---------------------------------------------------------------------------------------------------------------- frames
+
+#[test]
+fn shares_of_frames_are_dealt_out_in_turn() {
+    let workshop = Workshop::new();
+    let list = |more: &str| {
+        workshop.ends(0, &format!("render scene.toml --frames 0-9,11 -o f_%03d.png --list-outputs {more}"))
+    };
+    assert_eq!(list("--shard 2/4"), "f_001.png\nf_005.png\nf_009.png\n");
+    assert_eq!(list("").lines().count(), 11);
+    assert_eq!(workshop.names(), ["scene.toml"], "nothing is rendered");
+    workshop.ends(0, "render scene.toml --frames 0-9,11 -o f_%03d.png --shard 2/4 --progress none");
+    assert_eq!(workshop.names(), ["f_001.png", "f_005.png", "f_009.png", "scene.toml"]);
+    // More shares than frames: the last have nothing to do, which is no failure.
+    let said = workshop.ends(0, "render scene.toml --frames 1-3 -o f_%03d.png --shard 4/4 --progress plain");
+    assert!(said.contains("no frame to render"), "{said}");
+    for wrong in ["0/4", "5/4", "2"] {
+        workshop.ends(2, &format!("render scene.toml --frames 1-3 -o f_%03d.png --shard {wrong}"));
+    }
+}
+
+#[test]
+fn only_whole_frames_of_the_same_settings_are_skipped() {
+    for ending in ["png", "exr"] {
+        let workshop = Workshop::new();
+        let name = |frame: u32| format!("f_{frame:04}.{ending}");
+        let render =
+            format!("render scene.toml --frames 0-5 -o f_####.{ending} --skip-existing --progress plain");
+        let said = workshop.ends(0, &render);
+        assert!(!said.contains("were there"), "{said}");
+        let right: Vec<Vec<u8>> = (0..6).map(|frame| workshop.bytes(&name(frame))).collect();
+        let before: Vec<_> = (0..6).map(|frame| workshop.written(&name(frame))).collect();
+        assert!(workshop.ends(0, &render).contains("no frame to render; 6 were there"));
+        // 1 is cut short, 2 is of other settings, 3 is another frame, 4 has nothing in it, 5 is gone.
+        workshop.write(&name(1), &right[1][..right[1].len() - 1]);
+        workshop.ends(
+            0,
+            &format!("render scene.toml --frames 2 -o {} --progress none --without shadows", name(2)),
+        );
+        workshop.write(&name(3), &right[0]);
+        workshop.write(&name(4), "");
+        std::fs::remove_file(workshop.path(&name(5))).expect("it is there");
+        let said = workshop.ends(0, &render);
+        assert!(said.contains("wrote 5 frame(s)") && said.contains("; 1 were there"), "{said}");
+        for (frame, right) in (0..6).zip(&right) {
+            assert!(workshop.bytes(&name(frame)) == *right, "frame {frame}");
+        }
+        assert_eq!(workshop.written(&name(0)), before[0], "it is left alone");
+    }
+    let said = Workshop::new().ends(2, "render scene.toml --frames 0-5 -o f_####.jpg --skip-existing");
+    assert!(said.contains("JPEG"), "{said}");
+}
+
+#[test]
+fn a_texel_an_option_or_a_vertex_makes_another_picture_and_where_files_lie_does_not() {
+    let workshop = Workshop::new();
+    let texture = |value: u8| {
+        let mut picture = image::RgbImage::from_pixel(4, 4, image::Rgb([200, 100, 50]));
+        picture.put_pixel(3, 2, image::Rgb([200, value, 50]));
+        picture
+    };
+    let model = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n";
+    for folder in ["one", "other"] {
+        std::fs::create_dir(workshop.path(folder)).expect("a folder");
+        workshop.write(&format!("{folder}/a.obj"), model);
+        workshop.write(&format!("{folder}/a.mtl"), "newmtl m\nKd 1 1 1\nmap_Kd a.png\n");
+        texture(100).save(workshop.path(&format!("{folder}/a.png"))).expect("it can be written");
+        workshop.ends(0, &format!("render {folder}/a.obj --size 32x24 -o {folder}.png --progress none"));
+    }
+    assert_eq!(workshop.bytes("one.png"), workshop.bytes("other.png"), "also what they say of themselves");
+    let verify = "verify one/a.obj --size 32x24 -o one.png";
+    workshop.ends(0, verify);
+    for same in ["--threads 3", "--bvh fast-build", "--numerics watertight"] {
+        workshop.ends(0, &format!("{verify} {same}"));
+    }
+    for other in [
+        "--samples 2",
+        "--without shadows",
+        "--view top",
+        "--crop 0,0,9,9",
+        "--colour display",
+        "--numerics double",
+        "--shading flat",
+    ] {
+        assert!(workshop.ends(1, &format!("{verify} {other}")).contains("other settings"), "{other}");
+    }
+    workshop.ends(1, &verify.replace("32x24", "32x25"));
+    texture(101).save(workshop.path("one/a.png")).expect("it can be written");
+    workshop.ends(1, verify);
+    texture(100).save(workshop.path("one/a.png")).expect("it can be written");
+    workshop.ends(0, verify);
+    workshop.write("one/a.obj", model.replace("v 0 1 0", "v 0 1.0000000000000002 0"));
+    workshop.ends(1, verify);
+}
+
+#[test]
+fn verify_lists_what_is_missing_broken_and_other() {
+    let workshop = Workshop::new();
+    workshop.ends(0, "render scene.toml -o f_####.png --frames 0-11 --progress none");
+    let with_scene = "verify scene.toml -o f_####.png";
+    let alone = "verify f_####.png --frames 0-11";
+    for verify in [with_scene, alone] {
+        assert_eq!(workshop.ends(0, verify), "12 of 12 good, 0 missing, 0 broken, 0 of other settings\n");
+    }
+    std::fs::remove_file(workshop.path("f_0002.png")).expect("it is there");
+    let bytes = workshop.bytes("f_0003.png");
+    workshop.write("f_0003.png", &bytes[..bytes.len() - 12]);
+    workshop.write("f_0004.png", workshop.bytes("f_0005.png"));
+    workshop.ends(0, "render scene.toml -o f_####.png --frames 7 --samples 2 --progress none");
+    image::RgbImage::new(96, 64).save(workshop.path("f_0009.png")).expect("it can be written");
+    for verify in [with_scene, alone] {
+        let said = workshop.ends(1, verify);
+        let lines: Vec<&str> = said.lines().collect();
+        assert_eq!(lines[0], "f_0002.png: missing: no such file");
+        assert_eq!(lines[1], "f_0003.png: broken: ends too early");
+        assert_eq!(lines[2], "f_0004.png: other: is frame 5");
+        assert!(lines[3].starts_with("f_0007.png: other: made of another scene"), "{}", lines[3]);
+        assert_eq!(lines[4], "f_0009.png: other: does not say what made it");
+        assert_eq!(lines[5], "7 of 12 good, 1 missing, 1 broken, 3 of other settings");
+        assert_eq!(lines[6], "to render again: --frames 2-4,7,9");
+        let report: Value =
+            serde_json::from_str(&workshop.ends(1, &format!("{verify} --json"))).expect("JSON");
+        assert_eq!(
+            (&report["schema"], &report["pictures"], &report["good"]),
+            (&1.into(), &12.into(), &7.into())
+        );
+        assert_eq!(report["missing"][0]["frame"], 2);
+        assert_eq!(report["broken"][0]["file"], "f_0003.png");
+        let other: Vec<&Value> =
+            report["other"].as_array().expect("a list").iter().map(|f| &f["frame"]).collect();
+        assert_eq!(other, [4, 7, 9]);
+        assert_eq!(report["again"], "2-4,7,9");
+    }
+    workshop.ends(0, "render scene.toml -o f_####.png --frames 2-4,7,9 --progress none");
+    workshop.ends(0, with_scene);
+    for (code, wrong) in [
+        (2, "verify f_####.png"),
+        (2, "verify f_####.jpg --frames 1-3"),
+        (2, "verify f.png --frames 1-3"),
+        (2, "verify a_##.png b_##.png --frames 1"),
+        (2, "verify scene.toml -o f_####.png --frames 0-12"),
+        (3, "verify none.toml -o f_####.png"),
+    ] {
+        workshop.ends(code, wrong);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_leave_whole_frames_only() {
+    for (signal, code) in [("TERM", 143), ("INT", 130)] {
+        let workshop = Workshop::new();
+        let mut command = workshop.command(
+            "render scene.toml -o f_####.png --frames 0-11 --samples 64 --size 480x320 --progress none",
+        );
+        let mut child = command.stderr(Stdio::piped()).spawn().expect("the command starts");
+        // Not before one frame is there.
+        let start = Instant::now();
+        while !workshop.names().iter().any(|name| name.ends_with(".png")) && start.elapsed().as_secs() < 60 {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(child.try_wait().expect("the child can be waited for").is_none(), "there are more to come");
+        let sent = Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
+        assert!(sent.expect("kill is there").success());
+        let start = Instant::now();
+        let status = child.wait().expect("the child can be waited for");
+        // It takes a second at most where the machine has one to give.
+        assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
+        assert_eq!(status.code(), Some(code));
+        let names = workshop.names();
+        assert!((2..13).contains(&names.len()), "{names:?}");
+        for name in names.iter().filter(|name| *name != "scene.toml") {
+            let frame: u32 = name[2..6].parse().expect("only frames are left");
+            let list = format!("verify f_####.png --frames {frame}");
+            workshop.ends(0, &list);
+        }
+    }
+}
+
+// ------------------------------------------------------------------------------------------------- progress and threads
+
+#[test]
+fn progress_is_in_the_words_of_who_reads_it() {
+    let workshop = Workshop::new();
+    let start = Instant::now();
+    let said = workshop.ends(
+        0,
+        "render scene.toml -o f_####.png --frames 0-11 --samples 64 --size 240x160 --threads 1 --progress openjd",
+    );
+    let seconds = start.elapsed().as_secs_f64();
+    let progress = said.lines().filter_map(|line| line.strip_prefix("openjd_progress: "));
+    let progress: Vec<u32> = progress.map(|n| n.parse().expect("a whole number")).collect();
+    assert!(progress.is_sorted() && progress.last() == Some(&100), "{said}");
+    assert!(progress.len() as f64 <= seconds + 1.0, "{} lines in {seconds} s", progress.len());
+    assert!(said.contains("openjd_status: wrote 12 frame(s)"), "{said}");
+    assert!(!said.contains("openjd_fail"), "{said}");
+    let Said(code, out, err) = workshop.run("render none.toml -o f_####.png --frames 0-11 --progress openjd");
+    assert_eq!((code, out.as_str()), (3, ""));
+    assert!(err.contains("openjd_fail: none.toml: no such file\n"), "{err}");
+    let said = workshop
+        .ends(0, "render scene.toml -o a.png --samples 512 --size 480x320 --threads 1 --progress json");
+    for line in said.lines().filter(|line| line.contains("\"progress\"")) {
+        let event: Value = serde_json::from_str(line).expect("JSON");
+        for key in ["done", "total", "elapsed", "eta"] {
+            assert!(event[key].is_number(), "{line}");
+        }
+    }
+    assert!(said.contains("\"progress\""), "{said}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn threads_follow_the_allocation() {
+    let workshop = Workshop::new();
+    let threads = |command: &mut Command| -> u64 {
+        let status =
+            command.args(["--stats", "stats.json", "--progress", "none"]).status().expect("it starts");
+        assert!(status.success());
+        let stats: Value = serde_json::from_slice(&workshop.bytes("stats.json")).expect("JSON");
+        stats["threads"].as_u64().expect("a number")
+    };
+    let render = "render scene.toml -o a.png";
+    let all = std::thread::available_parallelism().expect("Linux says").get() as u64;
+    if std::env::var_os("RAYON_NUM_THREADS").is_none() {
+        assert_eq!(threads(&mut workshop.command(render)), all);
+    }
+    let slurm = |n: &str, more: &str| {
+        threads(workshop.command(&format!("{render} {more}")).env("SLURM_CPUS_PER_TASK", n))
+    };
+    assert_eq!(slurm("1", ""), 1);
+    assert_eq!(slurm("1000", ""), all, "no more than there are");
+    assert_eq!(slurm("1", "--threads 3"), 3, "what is typed wins");
+    assert_eq!(slurm("nonsense", "--threads 1"), 1);
+    // One processor of those that this test may use.
+    let status = std::fs::read_to_string("/proc/self/status").expect("Linux has it");
+    let allowed = status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).expect("a list");
+    let first: String = allowed.trim().chars().take_while(char::is_ascii_digit).collect();
+    let mut bound = Command::new("taskset");
+    bound.args(["-c", &first]).arg(assert_cmd::cargo::cargo_bin!("kiln")).args(render.split_whitespace());
+    bound
+        .current_dir(workshop.path("").as_path())
+        .env_remove("RAYON_NUM_THREADS")
+        .env_remove("SLURM_CPUS_PER_TASK");
+    if Command::new("taskset").arg("--version").output().is_err() {
+        eprintln!("threads_follow_the_allocation: skipped in part: taskset is not there");
+        return;
+    }
+    assert_eq!(threads(&mut bound), 1);
+}
+
+/// The scene that all of this is tried with has frames that differ.
+#[test]
+fn the_frames_of_the_small_animation_differ() {
+    let workshop = Workshop::new();
+    workshop.ends(0, "render scene.toml -o f_####.png --frames 0-11 --progress none");
+    let pixels = |frame: usize| {
+        image::open(workshop.path(&format!("f_{frame:04}.png"))).expect("a picture").into_rgb8()
+    };
+    for frame in 1..12 {
+        assert_ne!(pixels(frame), pixels(frame - 1), "frame {frame}");
+    }
+}
+
+/// A broken picture is one more line, not the end of the process.
+#[test]
+fn verify_needs_no_more_memory_than_a_row_or_a_block() {
+    let workshop = Workshop::new();
+    workshop.write("a.exr", common::claims::exr(60_000, 60_000, &["B", "G", "R"]));
+    workshop.write("a.png", common::claims::png(i32::MAX as u32, i32::MAX as u32));
+    for name in ["a.exr", "a.png"] {
+        let said = workshop.ends(1, &format!("verify {name}"));
+        assert!(said.starts_with(&format!("{name}: broken: a picture of ")), "{said}");
+        assert!(said.contains("the limit for sizes in a file is 4.0 GiB"), "{said}");
+    }
+    // What cannot be looked at is made again.
+    workshop.ends(0, "render scene.toml -o a.png --skip-existing --progress none");
+    workshop.ends(0, "verify a.png");
+}
+
+/// A part with another head, or other numbers, and the hash that goes with it.
+fn changed(part: &[u8], change: impl FnOnce(&mut Value), numbers: usize) -> Vec<u8> {
+    let lines: Vec<&[u8]> = part.splitn(3, |&b| b == b'\n').collect();
+    let mut head: Value = serde_json::from_slice(lines[1]).expect("a head");
+    change(&mut head);
+    let mut bytes = [lines[0], b"\n", head.to_string().as_bytes(), b"\n"].concat();
+    bytes.extend(vec![0u8; numbers]);
+    let hash = *blake3::hash(&bytes).as_bytes();
+    bytes.extend(hash);
+    bytes
+}
+
+/// The fault is in a part, so the message names the part, and not the picture that was to be written.
+#[test]
+fn corrupt_parts_are_named() {
+    use serde_json::json;
+    let workshop = Workshop::new();
+    workshop.ends(0, "render scene.toml -o a.png --shard 1/1 --size 16x16 --progress none");
+    let part = workshop.bytes("a.1of1.part");
+    // 16 x 16 pixels of three f32.
+    let whole = 16 * 16 * 12;
+    let layers = |count: usize| (0..count).map(|i| format!("Layer{i}.X")).collect::<Vec<_>>();
+    let cases: [(&str, Vec<u8>, &str); 8] = [
+        (
+            "empty",
+            changed(&part, |head| head["window"] = json!([0, 0, 0, 0]), 0),
+            "is 0 x 0 pixels at (0, 0)",
+        ),
+        (
+            "far",
+            changed(&part, |head| head["window"] = json!(vec![u32::MAX; 4]), whole),
+            "is 4294967295 x 4294967295",
+        ),
+        (
+            "layers",
+            changed(&part, |head| head["channels"] = json!(layers(1000)), whole),
+            "the part has too few",
+        ),
+        ("more", changed(&part, |_| (), whole + 4), "the part has too many pixels"),
+        (
+            "twice",
+            changed(&part, |head| head["channels"] = json!(["R"]), whole / 3 * 4),
+            "has settings or layers",
+        ),
+        (
+            "nul",
+            changed(&part, |head| head["channels"] = json!(["a\0b"]), whole / 3 * 4),
+            "has a layer `a\\u{0}b`",
+        ),
+        ("key", changed(&part, |head| head["metadata"][0][0] = json!("compression"), whole), "has a setting"),
+        // The last of a million shares of 40,000 x 40,000 pixels: six tiles of the 6,250,000.
+        (
+            "share",
+            changed(
+                &part,
+                |head| {
+                    head["window"] = json!([0, 0, 40_000, 40_000]);
+                    head["share"] = json!(1_000_000);
+                    head["of"] = json!(1_000_000);
+                },
+                6 * 256 * 12,
+            ),
+            "a picture of 40000 x 40000 pixels needs ",
+        ),
+    ];
+    for (name, bytes, expected) in cases {
+        workshop.write(&format!("{name}.part"), bytes);
+        let said = workshop.ends(3, &format!("merge {name}.part -o out.exr"));
+        assert!(said.starts_with(&format!("kiln: error: {name}.part: {expected}")), "{name}: {said}");
+        assert!(!workshop.path("out.exr").exists(), "{name}");
+    }
+    workshop.ends(0, "merge a.1of1.part -o out.png");
+}

@@ -1,0 +1,9 @@
+//! The command `kiln`: exit codes, messages, files, signals, animations, farms, builds without the window.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod animation;
+mod command;
+mod farm;
+mod viewer;

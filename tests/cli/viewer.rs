@@ -1,0 +1,98 @@
+//! The window, as far as it can be known without one: `tests/viewer/check-window` opens it.
+
+use std::process::Command;
+
+use crate::common;
+
+/// What a window takes, by the beginnings of crates' names.
+const WINDOWING: [&str; 14] = [
+    "accesskit",
+    "arboard",
+    "eframe",
+    "egui",
+    "glow",
+    "glutin",
+    "khronos",
+    "raw-window-handle",
+    "smithay",
+    "softbuffer",
+    "wayland",
+    "winit",
+    "x11",
+    "xkb",
+];
+
+/// The crates that kiln is built of, with the features that are given.
+fn crates(features: &[&str]) -> Vec<String> {
+    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.current_dir(common::repository("")).args(["tree", "--offline", "--locked", "--edges", "normal"]);
+    cargo.args(["--prefix", "none", "--format", "{p}", "--no-default-features"]).args(features);
+    let done = cargo.output().expect("cargo runs");
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let text = String::from_utf8(done.stdout).expect("names");
+    text.lines().filter_map(|line| line.split(' ').next()).map(str::to_owned).collect()
+}
+
+fn windowing(crates: &[String]) -> Vec<&str> {
+    let is_windowing = |name: &&str| WINDOWING.iter().any(|start| name.starts_with(start));
+    crates.iter().map(String::as_str).filter(is_windowing).collect()
+}
+
+#[test]
+fn without_the_feature_no_windowing_crate_is_built() {
+    let plain = crates(&[]);
+    assert!(plain.iter().any(|name| name == "obvhs"), "{plain:?}");
+    assert_eq!(windowing(&plain), [""; 0]);
+    // Only what this build has is sure to be on the machine.
+    if cfg!(feature = "video") {
+        assert_eq!(windowing(&crates(&["--features", "video"])), [""; 0]);
+    }
+    // The names are those that there would be.
+    if cfg!(feature = "viewer") {
+        let with = crates(&["--features", "viewer"]);
+        for name in ["eframe", "egui", "glutin", "winit"] {
+            assert!(windowing(&with).contains(&name), "{name}");
+        }
+    }
+}
+
+/// A machine without a display, and one whose display does not answer: a failure, one line and a hint.
+#[cfg(all(feature = "viewer", target_os = "linux"))]
+#[test]
+fn without_a_display_that_is_said() {
+    let view = |display: Option<&str>| {
+        let mut kiln = assert_cmd::Command::cargo_bin("kiln").expect("the command is built with the tests");
+        for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
+            kiln.env_remove(name);
+        }
+        if let Some(display) = display {
+            kiln.env("DISPLAY", display);
+        }
+        let done =
+            kiln.arg("view").arg(common::repository("scenes/assignment.toml")).assert().code(1).stdout("");
+        String::from_utf8_lossy(&done.get_output().stderr).into_owned()
+    };
+    let none = view(None);
+    assert!(none.starts_with("kiln: error: there is no display to open a window on"), "{none}");
+    assert!(none.contains("\nhint: `kiln render` makes pictures without a window"), "{none}");
+    assert_eq!(none.lines().count(), 2, "{none}");
+    // Nobody has so many displays. Where X's libraries are missing, it is those that are named.
+    let silent = view(Some(":54321"));
+    let is_known = silent.starts_with("kiln: error: no X server answers at DISPLAY=:54321\nhint: ")
+        || silent.starts_with("kiln: error: one of X's libraries is missing");
+    assert!(is_known, "{silent}");
+    assert_eq!(silent.lines().count(), 2, "{silent}");
+}
+
+#[cfg(not(feature = "viewer"))]
+#[test]
+fn without_a_window_that_is_said() {
+    let mut kiln = assert_cmd::Command::cargo_bin("kiln").expect("the command is built with the tests");
+    let done = kiln
+        .args(["view", "scenes/assignment.toml", "--size", "640x480", "--help"])
+        .assert()
+        .code(2)
+        .stdout("");
+    let error = String::from_utf8_lossy(&done.get_output().stderr).into_owned();
+    assert!(error.starts_with("kiln: error: this kiln was built without a window\nhint: "), "{error}");
+}

@@ -1,0 +1,260 @@
+//! Hard cases, chapter A, first part: rays. Those that have to do with boxes are in `tests/hard/hard_boxes.rs`.
+//!
+//! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
+//! which tier.
+//!
+//! Not tested here: A8's count of rejected rays. A ray's maker says so at once when a direction is not one (debug assertion);
+//! what is tested is that such a ray does no harm where it gets through.
+
+use crate::common::Numbers;
+use crate::common::hard::aim::{At, axes_with_signed_zeros, from_around, targets};
+use crate::common::hard::answer::{Answer, Faults, answers_alike};
+use crate::common::hard::check::{
+    DEFAULT_TREE, STRUCTURES, Summary, WATERTIGHT, all_structures, judge, judge_in, none_gets_out,
+};
+use crate::common::hard::{
+    Corners, ball, corners_of, meshes, numbered, piles, placed, ray, single, single_mesh, times_factor,
+    triangles,
+};
+use glam::DVec3;
+use kiln::bvh::{Slot, Structure, Traversal, build};
+use kiln::geometry::{Numerics, PrimId, Ray};
+
+/// At least half of the rays hit: the case is not beside the point.
+fn mostly_hits(summary: Summary) {
+    assert!(summary.hit * 2 > summary.rays, "{summary:?}");
+}
+
+/// Set-up: all four patterns of signs of the two zeros of an axis-aligned direction, at a sphere of triangles; one by one and
+/// in batches. The zeros of a ray are positive, whatever it is made from.
+#[test]
+fn a1_signed_zeros_make_no_difference() {
+    let slots = triangles(single_mesh(&meshes::icosphere(4, DVec3::ZERO, 1.0)));
+    for tier in Numerics::ALL {
+        for structure in all_structures() {
+            let accelerator = build(slots.iter().copied(), structure, tier);
+            let mut faults = Faults::new(format!("{}, {structure:?}", tier.name()));
+            let side = if structure == Structure::BruteForce { 10 } else { 30 };
+            for patterns in axes_with_signed_zeros() {
+                let along = patterns[0];
+                let (u, v) = (along.any_orthonormal_vector(), along.cross(along.any_orthonormal_vector()));
+                let place = |k: usize| (k as f64 + 0.5) / side as f64 * 2.0 - 1.0;
+                let origins =
+                    (0..side * side).map(|i| u * place(i % side) + v * place(i / side) - along * 3.0);
+                let first: Vec<Ray> = origins.map(|origin| ray(origin, along)).collect();
+                let expected = Answer::to_all(&*accelerator, &first);
+                for direction in patterns {
+                    let made: Vec<Ray> = first.iter().map(|r| ray(r.origin, direction)).collect();
+                    answers_alike("made", &*accelerator, &made, &expected, &mut faults);
+                    assert!(made.iter().all(|ray| ray.direction.to_array().map(f64::to_bits)
+                        == along.to_array().map(f64::to_bits)));
+                }
+                // The disc fills π/4 of the square.
+                let hits = expected.iter().filter(|answer| answer.occluded).count();
+                assert!(hits * 4 > 3 * expected.len(), "{hits} hits");
+            }
+            faults.none();
+        }
+    }
+}
+
+/// Set-up: a wall of two triangles from 10 to a million units away, seen along its normal at random places, along its edges
+/// and its diagonal. Every ray hits: a component of 0 leaves the ray within the wall at any distance.
+#[test]
+fn a2_a_wall_is_not_missed_from_far_away() {
+    let wall: [Corners; 2] = [
+        [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0)],
+        [DVec3::ZERO, DVec3::new(1.0, 1.0, 0.0), DVec3::Y],
+    ];
+    let slots = triangles(wall);
+    let mut numbers = Numbers::new(1);
+    let special = [0.0, 0.5, f64::from(1f32.next_down()), 1.0];
+    let mut places: Vec<(f64, f64)> = special.iter().flat_map(|&x| special.map(|y| (x, y))).collect();
+    places.extend((0..times_factor(400)).map(|_| (numbers.unit(), numbers.unit())));
+    for power in 1..=6 {
+        for side in [-1.0, 1.0] {
+            let z = side * 10f64.powi(power);
+            let rays: Vec<Ray> =
+                places.iter().map(|&(x, y)| ray(DVec3::new(x, y, z), DVec3::new(0.0, -0.0, -side))).collect();
+            let what = format!("wall from {z}");
+            let summary = judge(&what, &slots, &rays);
+            assert_eq!(summary.hit, rays.len(), "{what}: the oracle itself misses");
+            assert_eq!(summary.not_exact, 0, "{what}");
+            none_gets_out(&what, &slots, &rays, &WATERTIGHT, &STRUCTURES);
+            // Off the edges the fast tier hits too.
+            let inside: Vec<Ray> = rays
+                .into_iter()
+                .filter(|r| {
+                    let (x, y) = (r.origin.x, r.origin.y);
+                    x.min(y) > 1e-3 && x.max(y) < 0.999 && (x - y).abs() > 1e-3
+                })
+                .collect();
+            none_gets_out(&what, &slots, &inside, &[Numerics::Fast], &STRUCTURES);
+        }
+    }
+}
+
+/// Set-up: a small sphere of triangles from far away, along an axis but for one component between 1e-9 and 2e-7.
+#[test]
+fn a4_tiny_components_lose_nothing() {
+    let ball = single_mesh(&meshes::icosphere(2, DVec3::ZERO, 0.05));
+    let slots = triangles(ball.clone());
+    let mut numbers = Numbers::new(4);
+    for component in [1e-9, 1e-8, 1e-7, 1.2e-7, 2e-7] {
+        for distance in [1e4, 1e5, 1e6] {
+            let rays: Vec<Ray> = targets(&ball, &[At::Inside], times_factor(200), &mut numbers)
+                .into_iter()
+                .map(|target| {
+                    let axis = numbers.below(3);
+                    let mut direction = DVec3::ZERO;
+                    direction[axis] = numbers.one_of(&[-1.0, 1.0]);
+                    direction[(axis + 1) % 3] = component;
+                    // What the direction is rounded to is followed back, so the aim is as good as the origin's rounding.
+                    let direction = single(direction);
+                    ray(single(target - direction * distance), direction)
+                })
+                .collect();
+            let summary = judge(&format!("component {component} from {distance}"), &slots, &rays);
+            mostly_hits(summary);
+        }
+    }
+}
+
+/// Set-up: the same rays with directions times powers of two. Distances change by that power, and no digit of them.
+#[test]
+fn a5_the_length_of_a_direction_makes_no_difference() {
+    let mut mesh = single_mesh(&meshes::icosphere(2, DVec3::ZERO, 1.0));
+    mesh.extend(meshes::soup(100, 0.5, 5));
+    let mut primitives: Vec<_> = triangles(mesh.clone()).into_iter().map(|slot| slot.primitive).collect();
+    primitives.push(ball(DVec3::new(0.25, 0.5, -0.125), 0.5));
+    let slots = numbered(primitives);
+    let mut numbers = Numbers::new(5);
+    let aimed = targets(&mesh, &At::ALL, times_factor(500), &mut numbers);
+    let rays = from_around(DVec3::ZERO, 3.0, &aimed, &mut numbers);
+    for tier in Numerics::ALL {
+        for structure in [Structure::BruteForce, DEFAULT_TREE] {
+            let accelerator = build(slots.iter().copied(), structure, tier);
+            let answers = Answer::to_all(&*accelerator, &rays);
+            for exponent in [-100, -60, -20, -1, 1, 20, 60, 100] {
+                // The fast tier multiplies the squared length with the discriminant of a sphere, which may be 2^-48 of its
+                // squared radius where the ray grazes: at 2^-60, f32 has no such product.
+                if tier == Numerics::Fast && i32::abs(exponent) > 20 {
+                    continue;
+                }
+                let mut faults = Faults::new(format!("{}, {structure:?}, 2^{exponent}", tier.name()));
+                let factor = f64::from(exponent).exp2();
+                let longer: Vec<Ray> = rays.iter().map(|r| ray(r.origin, r.direction * factor)).collect();
+                let expected: Vec<Answer> = answers.iter().map(|answer| answer.times(1.0 / factor)).collect();
+                answers_alike("longer", &*accelerator, &longer, &expected, &mut faults);
+                faults.none();
+            }
+        }
+    }
+}
+
+/// Set-up: directions that are zero or not numbers, past the maker of rays. Nothing is hit, and nothing panics.
+///
+/// What this has found: in `exact`, the sphere was hit, at a distance near 0.
+#[test]
+fn a8_directions_that_are_none_hit_nothing() {
+    let mut primitives: Vec<_> = triangles(single_mesh(&meshes::icosphere(2, DVec3::ZERO, 1.0)))
+        .into_iter()
+        .map(|slot| slot.primitive)
+        .collect();
+    primitives.push(ball(DVec3::ZERO, 0.5));
+    let slots = numbered(primitives);
+    let (nan, infinite) = (f64::NAN, f64::INFINITY);
+    let bad = [
+        DVec3::ZERO,
+        DVec3::new(nan, 0.0, 1.0),
+        DVec3::new(0.0, nan, 1.0),
+        DVec3::new(0.0, 1.0, nan),
+        DVec3::splat(nan),
+        DVec3::new(infinite, 0.0, 0.0),
+        DVec3::new(0.0, -infinite, 1.0),
+    ];
+    let mut traversal = Traversal::default();
+    for tier in Numerics::ALL {
+        let mut faults = Faults::new(tier.name().to_owned());
+        for structure in all_structures() {
+            let accelerator = build(slots.iter().copied(), structure, tier);
+            for direction in bad {
+                for origin in [DVec3::ZERO, DVec3::new(0.25, 0.5, 3.0)] {
+                    let ray = Ray { origin, direction, t_min: 0.0, t_max: infinite };
+                    let answer = Answer::of(&*accelerator, &ray, &mut traversal);
+                    faults
+                        .check(!answer.occluded && answer.closest.is_none() && answer.all.is_empty(), || {
+                            format!("{structure:?}: {ray:?}: {answer:?}")
+                        });
+                }
+            }
+        }
+        faults.none();
+    }
+}
+
+/// Set-up: a triangle at z = 5, and rays whose ends are at it, just before or just beyond.
+#[test]
+fn a9_rays_are_open_at_both_ends() {
+    let slots = triangles(piles::coincident(1));
+    let (before, beyond) = (5f64.next_down(), 5f64.next_up());
+    let table = [
+        ((0.0, 5.0), false),
+        ((5.0, 10.0), false),
+        ((5.0, 5.0), false),
+        ((0.0, beyond), true),
+        ((before, 10.0), true),
+        ((before, beyond), true),
+        ((beyond, 10.0), false),
+        ((0.0, before), false),
+        ((0.0, f64::INFINITY), true),
+    ];
+    let mut traversal = Traversal::default();
+    for tier in Numerics::ALL {
+        for structure in all_structures() {
+            let accelerator = build(slots.iter().copied(), structure, tier);
+            for ((t_min, t_max), hits) in table {
+                let ray = tier.precision().ray(DVec3::ZERO, DVec3::Z, t_min, t_max);
+                let answer = Answer::of(&*accelerator, &ray, &mut traversal);
+                let expected = hits.then_some((PrimId(0), 5f64.to_bits()));
+                let what = format!("{}, {structure:?}, {t_min} to {t_max}", tier.name());
+                assert_eq!(answer.closest, expected, "{what}");
+                assert_eq!(answer.all, expected.into_iter().collect::<Vec<_>>(), "{what}");
+                assert_eq!(answer.occluded, hits, "{what}");
+            }
+        }
+    }
+}
+
+/// Set-up: directions so short that distances are beyond f32, and so long that they are below it.
+#[test]
+fn a10_distances_beyond_f32_are_right_or_no_hit_but_numbers() {
+    let slots: Vec<Slot> = triangles(placed(&meshes::icosphere(1, DVec3::ZERO, 1.0), |p| {
+        single(p * 100.0 + DVec3::new(1e6, 0.0, 0.0))
+    }));
+    let mut traversal = Traversal::default();
+    for length in [1e-38, 1e-30, 1e-20, 1e20, 1e30, 1e38] {
+        let length = f64::from(length as f32);
+        let mut numbers = Numbers::new(10);
+        let rays: Vec<Ray> = targets(&corners_of(&slots), &[At::Inside], times_factor(50), &mut numbers)
+            .into_iter()
+            .map(|p| ray(DVec3::new(0.0, p.y, p.z), DVec3::X * length))
+            .collect();
+        // The exact tier is right; others are within rounding, where they hit.
+        let exact = judge_in("far", &slots, &rays, &[Numerics::Exact], &STRUCTURES);
+        assert!(exact.hit * 10 > rays.len() * 9, "{exact:?}");
+        for tier in Numerics::ALL {
+            for structure in STRUCTURES {
+                let accelerator = build(slots.iter().copied(), structure, tier);
+                for ray in &rays {
+                    let hits = Answer::of(&*accelerator, ray, &mut traversal).all;
+                    for (_, t) in hits {
+                        let x = f64::from_bits(t) * length;
+                        // The ball reaches from 1e6 - 100 to 1e6 + 100.
+                        assert!((x - 1e6).abs() < 101.0, "{} {structure:?}: {ray:?}: {x}", tier.name());
+                    }
+                }
+            }
+        }
+    }
+}

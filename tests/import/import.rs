@@ -1,0 +1,1611 @@
+//! The border: what OBJ, glTF and scene files become, and what is said of those that are odd or broken.
+//!
+//! Fixtures lie in `assets/import`; files that are odd in their bytes are written here.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use crate::common::{self, repository};
+use glam::{DVec2, DVec3};
+use kiln::bvh::Structure;
+use kiln::effects::{Choices, Plan};
+use kiln::error::{Error, Warnings};
+use kiln::film::{Colour, ColourPipeline, Window};
+use kiln::render::{RenderControl, render};
+use kiln::scene::Numerics;
+use kiln::scene::{Camera, Falloff, LightKind, Lookup, Material, Mesh, Minify, Projection, Scene, Shape};
+use kiln::shading::ShadingMode;
+use kiln::world::{View, World};
+use serde_json::{Value, json};
+
+/// A folder that goes when the test ends.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Folder(tempfile::tempdir().expect("a temporary folder can be made"))
+    }
+
+    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+        let file = self.0.path().join(name);
+        std::fs::write(&file, bytes).expect("the temporary folder can be written to");
+        file
+    }
+
+    fn load(&self, name: &str, bytes: impl AsRef<[u8]>) -> (Scene, Vec<String>) {
+        load(&self.write(name, bytes))
+    }
+
+    fn fails(&self, name: &str, bytes: impl AsRef<[u8]>) -> Error {
+        let file = self.write(name, bytes);
+        let result = kiln::import::load(std::slice::from_ref(&file), &mut Warnings::default());
+        let e = result.err().unwrap_or_else(|| panic!("{name} was read, though it is broken"));
+        assert!(matches!(e, Error::Input { .. }), "{e:?}");
+        e
+    }
+}
+
+/// The message of an error without the folder before its file.
+fn message(e: &Error) -> String {
+    let text = e.to_string();
+    match text.split_once(": ") {
+        Some((place, rest)) => format!("{}: {rest}", Path::new(place).file_name().unwrap().to_string_lossy()),
+        None => text,
+    }
+}
+
+/// What a file becomes, and the warnings without the folder before their files.
+fn load(file: &Path) -> (Scene, Vec<String>) {
+    let mut warnings = Warnings::default();
+    let scene = kiln::import::load(&[file.to_owned()], &mut warnings)
+        .unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+    let folder = format!("{}/", file.parent().expect("files lie in folders").display());
+    (scene, warnings.messages().iter().map(|m| m.replace(&folder, "")).collect())
+}
+
+fn fixture(name: &str) -> (Scene, Vec<String>) {
+    load(&repository("assets/import").join(name))
+}
+
+fn mesh(scene: &Scene, object: usize) -> &Mesh {
+    match &scene.objects[object].shape {
+        Shape::Mesh(mesh) => mesh,
+        Shape::Placed(placed) => &placed.mesh,
+        Shape::Sphere { .. } => panic!("object {object} is a sphere"),
+    }
+}
+
+fn triangles(mesh: &Mesh) -> Vec<[DVec3; 3]> {
+    mesh.triangles.iter().map(|t| t.map(|i| mesh.positions[i as usize])).collect()
+}
+
+/// Unit normals at the corners of each triangle; zero for "the triangle's own".
+fn normals(mesh: &Mesh) -> Vec<[DVec3; 3]> {
+    let normals = mesh.normals.as_ref().expect("the mesh has normals");
+    let indices = normals.triangles.as_ref().unwrap_or(&mesh.triangles);
+    indices
+        .iter()
+        .map(|t| t.map(|i| normals.values[i as usize].try_normalize().unwrap_or(DVec3::ZERO)))
+        .collect()
+}
+
+fn area(triangles: &[[DVec3; 3]]) -> f64 {
+    triangles.iter().map(|[a, b, c]| (*b - *a).cross(*c - *a).length() / 2.0).sum()
+}
+
+fn v(x: f64, y: f64, z: f64) -> DVec3 {
+    DVec3::new(x, y, z)
+}
+
+/// Within a few roundings of numbers of ordinary size, in f32 where the file held f32.
+#[track_caller]
+fn assert_near(a: DVec3, b: DVec3) {
+    assert!((a - b).abs().max_element() <= 1e-6, "{a} is not {b}");
+}
+
+/// The own colours that a camera along -z sees through the rectangle from `min` to `max`, row by row from the top.
+fn seen(scene: Scene, min: [f64; 2], max: [f64; 2], size: [u32; 2]) -> Vec<[u8; 3]> {
+    let middle = v((min[0] + max[0]) / 2.0, (min[1] + max[1]) / 2.0, 0.0);
+    let camera = Camera {
+        name: "test".into(),
+        position: middle + v(0.0, 0.0, 100.0),
+        target: middle,
+        up: DVec3::Y,
+        projection: Projection::Orthographic,
+        view_height: max[1] - min[1],
+        view_width: Some(max[0] - min[0]),
+        viewpoint_distance: 100.0,
+    };
+    let pipeline = ColourPipeline::Display;
+    let world = World::prepare(scene, pipeline, Structure::default(), Numerics::default());
+    let choices = Choices { shading: ShadingMode::Flat, ..Choices::default() };
+    let plan = Plan::new(&world, &choices).expect("no effect is asked for");
+    let view = View::new(&camera, Projection::Orthographic, size).expect("the camera has a direction");
+    let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
+    let watch = RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
+    let (film, _) = render(&world, &view, &plan, window, |_, _| true, &watch).expect("nobody interrupts");
+    film.to_rgb8(pipeline).chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect()
+}
+
+// ---------------------------------------------------------------------------------------------------------------- OBJ
+
+#[test]
+fn obj_materials_pictures_and_usemtl() {
+    let (scene, warnings) = fixture("materials.obj");
+    assert_eq!(warnings, [""; 0]);
+    // One object for each run of faces of one material: none, pictured, red, pictured.
+    let names: Vec<&str> =
+        scene.objects.iter().map(|o| scene.materials[o.material.0 as usize].name()).collect();
+    assert_eq!(names, ["default", "pictured", "red", "pictured"]);
+    let counts: Vec<usize> = scene.objects.iter().map(|o| o.shape.primitive_count()).collect();
+    assert_eq!(counts, [1, 2, 2, 1]);
+    let phong = |object: usize| match &scene.materials[scene.objects[object].material.0 as usize] {
+        Material::Phong(m) => m.clone(),
+        other => panic!("{other:?}"),
+    };
+    // k_s is the largest of Ks; k_a = k_d = 1.
+    let pictured = phong(1);
+    assert_eq!(pictured.colour, Colour::Display(DVec3::ONE));
+    let (specular, shininess) = (pictured.specular, pictured.shininess);
+    assert_eq!((pictured.ambient, pictured.diffuse, specular, shininess), (1.0, 1.0, 0.3, 32.0));
+    assert!(pictured.texture.is_some() && pictured.glaze.is_none());
+    let red = phong(2);
+    assert_eq!(red.colour, Colour::Display(v(0.5, 0.25, 0.0)));
+    assert_eq!((red.specular, red.shininess, red.texture), (0.0, 10.0, None));
+    // Grey, 204 of 255: what a mesh without materials is made of.
+    assert_eq!(phong(0).colour, Colour::from_u8([204; 3]));
+}
+
+#[test]
+fn obj_pictures_stand_upright() {
+    let (mut scene, _) = fixture("materials.obj");
+    let image = &scene.images[0];
+    assert_eq!((image.width, image.height), (2, 2));
+    assert_eq!(image.pixels[..], [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]]);
+    // vt 0 0 is the lower left corner of the picture, which is (0, 1) from its top.
+    let uvs = mesh(&scene, 1).uvs.as_ref().expect("the square has texture coordinates");
+    let first = uvs.triangles.as_ref().unwrap_or(&mesh(&scene, 1).triangles)[0][0];
+    assert_eq!(uvs.values[first as usize], DVec2::new(0.0, 1.0));
+    // Four pixels over the unit square: each ray meets the centre of one texel, whose colour it takes unmixed.
+    scene.objects.remove(0);
+    scene.objects.truncate(2);
+    let picture = seen(scene.clone(), [0.0, 0.0], [1.0, 1.0], [2, 2]);
+    assert_eq!(picture, [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]]);
+    // The square beside it: 0.5 * 255 = 127.5 rounds up to 128, 0.25 * 255 = 63.75 to 64.
+    assert_eq!(seen(scene, [1.0, 0.0], [2.0, 1.0], [1, 1]), [[128, 64, 0]]);
+}
+
+#[test]
+fn obj_concave_polygons_keep_their_area_and_negative_indices_count_back() {
+    let (scene, warnings) = fixture("l.obj");
+    assert_eq!(warnings, [""; 0]);
+    let all = triangles(mesh(&scene, 0));
+    // A hexagon gives 4 triangles, an arrow head 2. The L: 3 sqrt(2); the arrow head: 6 - 2. A fan from the first
+    // corner would cover more than either.
+    assert_eq!((scene.objects.len(), all.len()), (1, 6));
+    assert!((area(&all[..4]) - 3.0 * 2f64.sqrt()).abs() < 1e-12, "{}", area(&all[..4]));
+    assert!((area(&all[4..]) - 4.0).abs() < 1e-12, "{}", area(&all[4..]));
+}
+
+#[test]
+fn obj_bow_ties_are_drawn_and_said() {
+    let text = "v 0 0 0\nv 2 2 0\nv 2 0 0\nv 0 1 0\nf 1 2 3 4\n";
+    let (scene, warnings) = Folder::new().load("tie.obj", text);
+    assert_eq!(scene.primitive_count(), 2);
+    assert_eq!(warnings, ["tie.obj: 1 polygon(s) cross themselves and were cut into fans"]);
+}
+
+/// Without a bound the search for diagonals took 40 s for 9,000 corners, and grew with their cube.
+#[test]
+fn obj_polygons_of_many_corners_end_and_are_whole_where_they_can_be() {
+    let start = std::time::Instant::now();
+    let face = |count: usize, vertex: &dyn Fn(usize) -> usize| {
+        (0..count).map(|i| format!(" {}", vertex(i) + 1)).collect::<String>()
+    };
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    let round = format!("{corners}f{}\n", face(60_000, &|i| i % 3));
+    let (_, warnings) = Folder::new().load("round.obj", round);
+    assert_eq!(warnings[0], "round.obj: 1 polygon(s) cross themselves and were cut into fans");
+    // A regular polygon of n corners has the area n / 2 sin(2 pi / n).
+    let n = 12_000;
+    let angle = std::f64::consts::TAU / n as f64;
+    let circle: String =
+        (0..n).map(|i| (i as f64 * angle).sin_cos()).map(|(y, x)| format!("v {x} {y} 0\n")).collect();
+    let (scene, warnings) = Folder::new().load("circle.obj", format!("{circle}f{}\n", face(n, &|i| i)));
+    assert_eq!(warnings, [""; 0]);
+    let found = area(&triangles(mesh(&scene, 0)));
+    let expected = n as f64 / 2.0 * angle.sin();
+    assert!((found - expected).abs() < 1e-9, "{found} is not {expected}");
+    assert!(start.elapsed().as_secs() < 30, "{:?}", start.elapsed());
+}
+
+#[test]
+fn obj_normals_are_taken_where_given_and_left_to_the_triangle_where_not() {
+    let folder = Folder::new();
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+    let (scene, _) = folder.load("none.obj", format!("{square}f 1 2 3 4\n"));
+    assert!(mesh(&scene, 0).normals.is_none());
+    let (scene, _) = folder.load("given.obj", format!("{square}vn 0 0 2\nvn 0.6 0 0.8\nf 1//1 2//2 3//-1\n"));
+    assert_eq!(normals(mesh(&scene, 0)), [[DVec3::Z, v(0.6, 0.0, 0.8), v(0.6, 0.0, 0.8)]]);
+}
+
+#[test]
+fn obj_faces_without_normals_among_faces_with_them_use_their_own() {
+    let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0.6 0 0.8\nvn 0 0.6 0.8\n";
+    let (bent, own) = (v(0.6, 0.0, 0.8), DVec3::ZERO);
+    let folder = Folder::new();
+    let (scene, _) = folder.load("after.obj", format!("{square}f 1//1 2//1 3//1\nf 1 3 4\n"));
+    assert_eq!(normals(mesh(&scene, 0)), [[bent; 3], [own; 3]]);
+    let (scene, _) = folder.load("before.obj", format!("{square}f 1 3 4\nf 1 2 3 4\nf 1//1 2//1 3//1\n"));
+    assert_eq!(normals(mesh(&scene, 0)), [[own; 3], [own; 3], [own; 3], [bent; 3]]);
+    // Lines are no faces, and the count goes on from object to object.
+    let lines = "l 1 2\nl 1 2 3\nl 1 2 3 4\np 1 2 3\n";
+    let (scene, warnings) =
+        folder.load("objects.obj", format!("{square}f 1 2 3\n{lines}o b\nf 1//1 2//1 3//1\nf 1 2 3\n"));
+    assert_eq!(normals(mesh(&scene, 1)), [[bent; 3], [own; 3]]);
+    assert_eq!((mesh(&scene, 0).triangles.len(), scene.primitive_count()), (1, 3));
+    assert_eq!(warnings, ["objects.obj: points and lines are not drawn"]);
+}
+
+#[test]
+fn obj_vertex_colours_on_all_or_some_vertices() {
+    let folder = Folder::new();
+    let colours = |scene: &Scene| {
+        let mesh = mesh(scene, 0);
+        let colours = mesh.colours.as_ref().expect("the mesh has colours");
+        assert!(colours.triangles.is_none());
+        mesh.triangles[0].map(|i| colours.values[i as usize])
+    };
+    let (scene, _) = folder.load("all.obj", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 0.5\nf 1 2 3\n");
+    // The sRGB transfer function at 0.5: ((0.5 + 0.055) / 1.055)^2.4 = 0.214041.
+    let [a, b, c] = colours(&scene);
+    assert_eq!((a, b), (DVec3::X, DVec3::Y));
+    assert_near(c, v(0.0, 0.0, 0.214_041));
+    // White where there is none.
+    let (scene, warnings) = folder.load("some.obj", "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n");
+    assert_eq!(colours(&scene), [DVec3::X, DVec3::ONE, DVec3::Z]);
+    assert_eq!(warnings, [""; 0]);
+}
+
+/// The triangle that every odd but readable file below describes.
+const TRIANGLE: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
+
+#[test]
+fn obj_files_that_are_odd_in_their_bytes() {
+    let odd: [(&str, &[u8]); 9] = [
+        ("a byte order mark", b"\xEF\xBB\xBFv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+        ("CRLF", b"v 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3\r\n"),
+        ("tabs", b"v\t0\t0\t0\nv\t1 0 0\nv 0  1\t0\nf\t1\t2\t3\n"),
+        ("a continued line", b"v 0 0 0\nv 1 \\\n0 0\nv 0 1 0\nf 1 2 \\\n3\n"),
+        ("a continued line in CRLF", b"v 0 0 0\r\nv 1 \\\r\n0 0\r\nv 0 1 0\r\nf 1 2 \\\r\n3\r\n"),
+        ("comments behind faces", b"v 0 0 0 # origin\nv 1 0 0\nv 0 1 0\nf 1 2 3 # the one\n"),
+        ("Latin-1 in a comment", b"# gr\xFCn\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+        ("no end to the last line", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3"),
+        ("leading spaces", b"  v 0 0 0\n v 1 0 0\n\tv 0 1 0\n   f 1 2 3\n"),
+    ];
+    for (what, bytes) in odd {
+        let (scene, warnings) = Folder::new().load("odd.obj", bytes);
+        assert_eq!(scene.primitive_count(), 1, "{what}");
+        assert_eq!(triangles(mesh(&scene, 0)), [TRIANGLE], "{what}");
+        assert_eq!(warnings, [""; 0], "{what}");
+    }
+}
+
+#[test]
+fn obj_names_behind_tabs_and_spaces() {
+    let folder = Folder::new();
+    folder.write("my colours.mtl", "newmtl\tdark red\r\nKd\t0.5 0 0\r\n");
+    let text = "mtllib\tmy colours.mtl\r\nv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nusemtl\tdark red\r\nf 1 2 3\r\n";
+    let (scene, warnings) = folder.load("tabs.obj", text);
+    assert_eq!(warnings, [""; 0]);
+    let material = &scene.materials[scene.objects[0].material.0 as usize];
+    assert_eq!(material.name(), "dark red");
+}
+
+const OBJ_TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+
+#[test]
+fn obj_without_its_mtl_is_grey_and_says_which_file_is_missing() {
+    let folder = Folder::new();
+    let (scene, warnings) = folder.load("a.obj", format!("mtllib gone.mtl\n{OBJ_TRIANGLE}f 1 2 3\n"));
+    assert_eq!(warnings, ["a.obj: materials left out: gone.mtl: no such file"]);
+    let Material::Phong(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
+    assert_eq!(material.colour, Colour::from_u8([204; 3]));
+}
+
+#[test]
+fn obj_with_an_unknown_material_is_grey_and_says_which() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl red\nKd 1 0 0\n");
+    let text = format!("mtllib a.mtl\n{OBJ_TRIANGLE}usemtl red\nf 1 2 3\nusemtl rad\nf 1 2 3\nf 1 2 3\n");
+    let (scene, warnings) = folder.load("a.obj", text);
+    assert_eq!(warnings, ["a.obj: material `rad` is not defined; drawn in grey"]);
+    let names: Vec<&str> =
+        scene.objects.iter().map(|o| scene.materials[o.material.0 as usize].name()).collect();
+    assert_eq!(names, ["red", "default"]);
+}
+
+#[test]
+fn obj_without_its_picture_keeps_its_geometry_and_colour() {
+    let folder = Folder::new();
+    folder.write("damaged.png", b"\x89PNG\r\n\x1a\nnot really");
+    folder.write("a.mtl", "newmtl a\nKd 1 0 0\nmap_Kd gone.png\nnewmtl b\nKd 0 1 0\nmap_Kd damaged.png\n");
+    let text = format!("mtllib a.mtl\n{OBJ_TRIANGLE}usemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\n");
+    let (scene, warnings) = folder.load("a.obj", text);
+    assert_eq!(scene.primitive_count(), 2);
+    assert_eq!(warnings[0], "gone.png: texture left out: no such file");
+    assert!(warnings[1].starts_with("damaged.png: texture left out: "), "{warnings:?}");
+    let Material::Phong(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
+    assert_eq!((material.colour, material.texture), (Colour::Display(DVec3::X), None));
+}
+
+#[test]
+fn obj_pictures_lie_beside_the_mtl_or_beside_the_obj() {
+    let folder = Folder::new();
+    let png = std::fs::read(repository("assets/import/four.png")).expect("the fixture is there");
+    std::fs::create_dir(folder.0.path().join("sub")).expect("a folder can be made");
+    folder.write("sub/a.mtl", "newmtl a\nmap_Kd one.png\nnewmtl b\nmap_Kd two.png\n");
+    folder.write("sub/one.png", &png);
+    folder.write("two.png", &png);
+    let (scene, warnings) =
+        folder.load("a.obj", format!("mtllib sub\\a.mtl\n{OBJ_TRIANGLE}vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n"));
+    assert_eq!((scene.images.len(), warnings), (2, vec![]));
+}
+
+#[test]
+fn mtl_lines_that_others_stumble_over() {
+    let folder = Folder::new();
+    // One number stands for all three channels (MTL text, "Kd r g b": g and b are optional).
+    folder.write("a.mtl", "newmtl a\nKd 0.5\nKs xyz 1 1\nNs 20 # dull\nKe nan 0 0\n");
+    let (scene, warnings) = folder.load("a.obj", format!("mtllib a.mtl\n{OBJ_TRIANGLE}usemtl a\nf 1 2 3\n"));
+    let Material::Phong(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
+    assert_eq!(material.colour, Colour::Display(DVec3::splat(0.5)));
+    assert_eq!((material.specular, material.shininess), (0.0, 20.0));
+    let expected =
+        ["a.mtl:3: `Ks xyz 1 1` left out: not understood", "a.mtl:5: `Ke nan 0 0` left out: not understood"];
+    assert_eq!(warnings, expected);
+}
+
+#[test]
+fn a_bad_mtl_line_loses_only_itself() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl a\nKd 1 0 0\nmap_Kd\nmap_Ns\nnewmtl b\nKd 0 1 0\nnewmtl\n");
+    let obj = format!("mtllib a.mtl\n{OBJ_TRIANGLE}usemtl a\nf 1 2 3\nusemtl\nusemtl b\nf 1 2 3\n");
+    let (scene, warnings) = folder.load("a.obj", obj);
+    let names: Vec<&str> = scene.materials.iter().map(Material::name).collect();
+    assert_eq!(names, ["a", "b"]);
+    assert_eq!(warnings.len(), 3, "{warnings:?}");
+    assert_eq!(warnings[0], "a.mtl:3: `map_Kd` left out: not understood");
+}
+
+#[test]
+fn obj_triangles_that_cannot_be_drawn_are_counted() {
+    // Faces 2 and 3 have a vertex that is no number, face 6 one beyond 1e18, face 5 a corner twice, of which a note tells. Face 4 (collinear)
+    // is kept.
+    let text = format!(
+        "{OBJ_TRIANGLE}v nan 0 0\nv 0 inf 0\nv 2 0 0\nv 1e19 0 0\n\
+         f 1 2 3\nf 1 2 4\nf 1 2 5\nf 1 2 6\nf 1 2 2\nf 1 3 7\n"
+    );
+    let (scene, warnings) = Folder::new().load("a.obj", text);
+    assert_eq!(triangles(mesh(&scene, 0))[0], TRIANGLE);
+    assert_eq!(scene.primitive_count(), 2);
+    assert_eq!(
+        warnings,
+        [
+            "a.obj: left out 2 triangle(s) with a vertex that is not a finite number",
+            "a.obj: left out 1 primitive(s) with a coordinate beyond 1e18",
+        ]
+    );
+}
+
+#[test]
+fn obj_faults_name_their_line() {
+    // Three vertices on lines 1 to 3; what is wrong stands on line 4, or on 5 behind a continued line.
+    for (rest, expected) in [
+        ("f 1 2 4\n", "a.obj:4: vertex 4 does not exist; the file has 3"),
+        ("f 1 2 -4\n", "a.obj:4: vertex -4 does not exist; the file has 3"),
+        ("f 1/1 2/1 3/2\nvt 0 0\n", "a.obj:4: texture coordinate 2 does not exist; the file has 1"),
+        ("f 1//1 2//1 3//2\nvn 0 0 1\n", "a.obj:4: normal 2 does not exist; the file has 1"),
+        ("# \nf 1 x 3\n", "a.obj:5: `x` is not a corner of a face"),
+        ("v 1 2\n", "a.obj:4: `v` with 2 of 3 numbers"),
+        ("v 1 2 1.0D+00\nf 1 2 3\n", "a.obj:4: `1.0D+00` is not a number"),
+        ("f 1 \\\n2 3\nf 1 2 9\n", "a.obj:6: vertex 9 does not exist; the file has 3"),
+    ] {
+        let e = Folder::new().fails("a.obj", format!("{OBJ_TRIANGLE}{rest}"));
+        assert_eq!(message(&e), expected);
+        assert!(!e.hint().is_empty());
+    }
+}
+
+// --------------------------------------------------------------------------------------------------------------- glTF
+
+/// A glTF file in the making: accessors are packed into one buffer.
+struct Model {
+    json: Value,
+    bytes: Vec<u8>,
+}
+
+const FLOAT: u32 = 5126;
+const UNSIGNED_SHORT: u32 = 5123;
+
+impl Model {
+    fn new() -> Self {
+        let json = json!({
+            "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }],
+            "nodes": [], "meshes": [], "bufferViews": [], "accessors": [],
+        });
+        Model { json, bytes: Vec::new() }
+    }
+
+    /// One mesh with a triangle of [`TRIANGLE`]'s corners.
+    fn triangle() -> Self {
+        let mut model = Model::new();
+        let positions = model.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        model.json["meshes"] = json!([{ "primitives": [{ "attributes": { "POSITION": positions } }] }]);
+        model.json["nodes"] = json!([{ "name": "it", "mesh": 0 }]);
+        model
+    }
+
+    fn with(mut self, key: &str, value: Value) -> Self {
+        self.json[key] = value;
+        self
+    }
+
+    fn floats<const N: usize>(&mut self, values: &[[f32; N]]) -> usize {
+        let bytes = values.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
+        let kind = match N {
+            2 => "VEC2",
+            3 => "VEC3",
+            4 => "VEC4",
+            _ => "MAT4",
+        };
+        let index = self.accessor(bytes, FLOAT, values.len(), kind);
+        let bound = |pick: fn(f32, f32) -> f32| -> Vec<f32> {
+            (0..N).map(|i| values.iter().map(|v| v[i]).reduce(pick).unwrap_or(0.0)).collect()
+        };
+        self.json["accessors"][index]["min"] = json!(bound(f32::min));
+        self.json["accessors"][index]["max"] = json!(bound(f32::max));
+        index
+    }
+
+    fn shorts(&mut self, values: &[u16], kind: &str, count: usize) -> usize {
+        self.accessor(values.iter().flat_map(|x| x.to_le_bytes()).collect(), UNSIGNED_SHORT, count, kind)
+    }
+
+    fn accessor(&mut self, bytes: Vec<u8>, component: u32, count: usize, kind: &str) -> usize {
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        let (offset, length) = (self.bytes.len(), bytes.len());
+        self.bytes.extend(bytes);
+        let list = |json: &mut Value, key: &str, value: Value| {
+            let list = json[key].as_array_mut().expect("it was made as a list");
+            list.push(value);
+            list.len() - 1
+        };
+        let view = json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
+        let view = list(&mut self.json, "bufferViews", view);
+        let accessor =
+            json!({ "bufferView": view, "componentType": component, "count": count, "type": kind });
+        list(&mut self.json, "accessors", accessor)
+    }
+
+    /// The file as .gltf with its buffer in a data URI.
+    fn text(&self) -> String {
+        use base64::Engine;
+        let mut json = self.json.clone();
+        if json.get("buffers").is_none() {
+            let data = base64::engine::general_purpose::STANDARD.encode(&self.bytes);
+            let uri = format!("data:application/octet-stream;base64,{data}");
+            json["buffers"] = json!([{ "byteLength": self.bytes.len(), "uri": uri }]);
+        }
+        json.to_string()
+    }
+
+    /// The file as .glb (glTF 2.0, section 4.4): a header of 12 bytes, then chunks padded to four bytes, JSON with
+    /// spaces and binary with zeros.
+    fn binary(&self) -> Vec<u8> {
+        let mut json = self.json.clone();
+        json["buffers"] = json!([{ "byteLength": self.bytes.len() }]);
+        let mut text = json.to_string().into_bytes();
+        text.resize(text.len().next_multiple_of(4), b' ');
+        let mut data = self.bytes.clone();
+        data.resize(data.len().next_multiple_of(4), 0);
+        let mut out = b"glTF".to_vec();
+        let word = |out: &mut Vec<u8>, x: usize| out.extend((x as u32).to_le_bytes());
+        word(&mut out, 2);
+        word(&mut out, 12 + 8 + text.len() + 8 + data.len());
+        for (kind, chunk) in [(b"JSON", text), (b"BIN\0", data)] {
+            word(&mut out, chunk.len());
+            out.extend(kind);
+            out.extend(chunk);
+        }
+        out
+    }
+
+    fn load(&self) -> (Scene, Vec<String>) {
+        Folder::new().load("a.gltf", self.text())
+    }
+
+    fn fails(&self) -> Error {
+        Folder::new().fails("a.gltf", self.text())
+    }
+}
+
+#[test]
+fn gltf_with_a_buffer_whose_name_holds_a_space() {
+    let (scene, warnings) = fixture("square.gltf");
+    assert_eq!(warnings, [""; 0]);
+    let (a, b, c, d) = (v(0.0, 0.0, 0.0), v(1.0, 0.0, 0.0), v(1.0, 1.0, 0.0), v(0.0, 1.0, 0.0));
+    assert_eq!(triangles(mesh(&scene, 0)), [[a, b, c], [a, c, d]]);
+    assert_eq!(scene.objects[0].name, "square");
+    assert!(mesh(&scene, 0).normals.is_none(), "without NORMAL the shading is flat");
+}
+
+/// gltf-json 1.4.1 panics on the first of them.
+#[test]
+fn gltf_primitives_that_name_what_is_not_there() {
+    let mut model = Model::triangle();
+    model.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(99);
+    assert_eq!(message(&model.fails()), "a.gltf: mesh 0, primitive 0: POSITION is accessor 99; there are 1");
+    for (key, value) in
+        [("indices", json!(99)), ("material", json!(99)), ("attributes", json!({"NORMAL": 7}))]
+    {
+        let mut model = Model::triangle();
+        model.json["meshes"][0]["primitives"][0][key] = value;
+        assert!(message(&model.fails()).starts_with("a.gltf: not a usable glTF file: meshes[0]"), "{key}");
+    }
+}
+
+/// Sizes that no bytes of the file stand for: accessors without a buffer view, one accessor named by many primitives, and what pictures
+/// say of themselves.
+#[test]
+fn gltf_sizes_are_checked_before_memory_is_allocated() {
+    use base64::Engine;
+    let sparse = json!({ "count": 1, "indices": { "bufferView": 0, "componentType": 5123 }, "values": { "bufferView": 0 } });
+    let claim =
+        |count: u64| json!({ "componentType": FLOAT, "count": count, "type": "VEC3", "sparse": sparse });
+    let mut positions = Model::triangle();
+    positions.json["accessors"][0] = claim(1 << 28);
+    positions.json["accessors"][0]["min"] = json!([0, 0, 0]);
+    positions.json["accessors"][0]["max"] = json!([1, 1, 0]);
+    let mut places = Model::triangle().with("extensionsUsed", json!(["EXT_mesh_gpu_instancing"]));
+    places.json["accessors"].as_array_mut().expect("a list").push(claim(1 << 26));
+    places.json["nodes"][0]["extensions"] =
+        json!({ "EXT_mesh_gpu_instancing": { "attributes": { "TRANSLATION": 1 } } });
+    for model in [positions, places] {
+        let e = model.fails();
+        assert!(message(&e).starts_with("a.gltf: reading its meshes needs "), "{e}");
+        assert!(message(&e).ends_with("; the limit for sizes in a file is 4.0 GiB"), "{e}");
+        assert!(!e.hint().is_empty());
+    }
+    if cfg!(target_os = "linux") {
+        let mut shared = Model::triangle();
+        let many = shared.floats(&vec![[0f32; 3]; 1 << 16]);
+        // 2^16 positions of 32 bytes, and 2^16 indices of 16, 2^18 times: 768 GiB.
+        shared.json["meshes"][0]["primitives"] =
+            json!(vec![json!({ "attributes": { "POSITION": many } }); 1 << 18]);
+        let e = message(&shared.fails());
+        assert!(e.starts_with("a.gltf: reading its meshes needs 768.0 GiB of memory; "), "{e}");
+    }
+    let data = base64::engine::general_purpose::STANDARD.encode(common::claims::png(60_000, 60_000));
+    let picture =
+        Model::triangle().with("images", json!([{ "uri": format!("data:image/png;base64,{data}") }]));
+    let e = picture.fails();
+    assert!(message(&e).starts_with("a.gltf: image 0: a picture of 60000 x 60000 pixels needs "), "{e}");
+}
+
+#[test]
+fn gltf_binary_and_byte_order_mark() {
+    let folder = Folder::new();
+    let (scene, _) = folder.load("a.glb", Model::triangle().binary());
+    assert_eq!(triangles(mesh(&scene, 0)), [TRIANGLE]);
+    let (scene, _) = folder.load("b.gltf", format!("\u{FEFF}{}", Model::triangle().text()));
+    assert_eq!(triangles(mesh(&scene, 0)), [TRIANGLE]);
+}
+
+#[test]
+fn gltf_nodes_move_turn_and_stretch_what_they_hold() {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let mut model = Model::triangle();
+    let normals_at = model.floats(&[[0.6, 0.0, 0.8], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]);
+    model.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(normals_at);
+    // The outer node turns by 90 degrees about z and moves by (10, 0, 0); the inner one stretches by (2, 3, 1).
+    model.json["nodes"] = json!([
+        { "children": [1], "translation": [10, 0, 0], "rotation": [0, 0, half, half] },
+        { "name": "inner", "mesh": 0, "scale": [2, 3, 1] },
+    ]);
+    let (scene, warnings) = model.load();
+    assert_eq!(warnings, [""; 0]);
+    // (x, y, z) -> stretched (2x, 3y, z) -> turned (-3y, 2x, z) -> moved (10 - 3y, 2x, z).
+    let [a, b, c] = triangles(mesh(&scene, 0))[0];
+    assert_near(a, v(10.0, 0.0, 0.0));
+    assert_near(b, v(10.0, 2.0, 0.0));
+    assert_near(c, v(7.0, 0.0, 0.0));
+    // The inverse transpose divides: (0.6, 0, 0.8) -> (0.3, 0, 0.8) -> turned (0, 0.3, 0.8), of length sqrt(0.73).
+    let [n, z, _] = normals(mesh(&scene, 0))[0];
+    assert_near(n, v(0.0, 0.3, 0.8) / 0.73f64.sqrt());
+    assert_near(z, DVec3::Z);
+}
+
+#[test]
+fn gltf_mirrored_nodes_keep_the_outside_outside() {
+    let mut model = Model::triangle();
+    let normals_at = model.floats(&[[0.6, 0.0, 0.8]; 3]);
+    model.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(normals_at);
+    model.json["nodes"] = json!([{ "mesh": 0, "scale": [-2, 1, 1] }]);
+    let (scene, _) = model.load();
+    assert_eq!(triangles(mesh(&scene, 0)), [[DVec3::ZERO, v(-2.0, 0.0, 0.0), DVec3::Y]]);
+    // A normal that leans to +x before the mirror leans to -x behind it, less so for the stretch: (-0.3, 0, 0.8). It
+    // still points towards +z; the cofactor matrix alone would turn it round.
+    assert_near(normals(mesh(&scene, 0))[0][0], v(-0.3, 0.0, 0.8) / 0.73f64.sqrt());
+}
+
+#[test]
+fn gltf_nodes_given_as_matrices_in_column_order() {
+    // Columns: x -> (0, 2, 0), y -> (-1, 0, 0), z -> (0, 0, 1), then the translation (5, 6, 7).
+    let matrix = json!([0, 2, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 5, 6, 7, 1]);
+    let (scene, _) = Model::triangle().with("nodes", json!([{ "mesh": 0, "matrix": matrix }])).load();
+    assert_eq!(triangles(mesh(&scene, 0)), [[v(5.0, 6.0, 7.0), v(5.0, 8.0, 7.0), v(4.0, 6.0, 7.0)]]);
+}
+
+#[test]
+fn gltf_base_colour_factor_picture_and_vertex_colours() {
+    let png = std::fs::read(repository("assets/import/four.png")).expect("the fixture is there");
+    let folder = Folder::new();
+    folder.write("four.png", png);
+    let mut model = Model::new();
+    let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let position = model.floats(&positions);
+    // glTF counts v from the top: the lower left corner of the square is the lower left corner of the picture.
+    let uv = model.floats(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
+    let colour = model.floats(&[[1.0, 1.0, 0.25]; 4]);
+    let indices = model.shorts(&[0, 1, 2, 0, 2, 3], "SCALAR", 6);
+    let attributes = json!({ "POSITION": position, "TEXCOORD_0": uv, "COLOR_0": colour });
+    model.json["nodes"] = json!([{ "mesh": 0 }]);
+    model.json["meshes"] =
+        json!([{ "primitives": [{ "attributes": attributes, "indices": indices, "material": 0 }] }]);
+    model.json["images"] = json!([{ "uri": "four.png" }]);
+    model.json["textures"] = json!([{ "source": 0 }]);
+    let pbr = json!({ "baseColorFactor": [1, 0.5, 1, 1], "baseColorTexture": { "index": 0 } });
+    model.json["materials"] = json!([{ "name": "m", "pbrMetallicRoughness": pbr }]);
+    let (scene, warnings) = folder.load("a.gltf", model.text());
+    assert_eq!(warnings, [""; 0]);
+    let Material::MetallicRoughness(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
+    assert_eq!(material.base_colour, Colour::Linear(v(1.0, 0.5, 1.0)));
+    // glTF's defaults.
+    assert_eq!((material.metallic, material.roughness), (1.0, 1.0));
+    assert_eq!(mesh(&scene, 0).colours.as_ref().expect("it has colours").values, [v(1.0, 1.0, 0.25); 4]);
+    // In display values the factor 0.5 is 0.735357 (sRGB, IEC 61966-2-1) and the vertex colour 0.25 is 0.537099:
+    // 255 * 0.735357 = 187.5, 255 * 0.537099 = 136.96.
+    let [red, green, blue, white] = seen(scene, [0.0, 0.0], [1.0, 1.0], [2, 2])[..] else {
+        panic!("four pixels were asked for")
+    };
+    assert_eq!((red, blue), ([255, 0, 0], [0, 0, 137]));
+    assert_eq!((green, white), ([0, 188, 0], [255, 188, 137]));
+}
+
+#[test]
+fn gltf_without_its_picture_keeps_its_geometry() {
+    let mut model = Model::triangle();
+    model.json["images"] =
+        json!([{ "uri": "gone.png" }, { "uri": "../out.png" }, { "uri": "data:image/png;base64,AAAA" }]);
+    model.json["textures"] = json!([{ "source": 0 }, { "source": 1 }, { "source": 2 }]);
+    model.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }]);
+    model.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    let (scene, warnings) = model.load();
+    assert_eq!(scene.primitive_count(), 1);
+    assert_eq!(warnings[0], "gone.png: texture left out: no such file");
+    assert_eq!(warnings[1], "a.gltf: image 1: texture left out: `../out.png` leaves the file's folder");
+    assert!(warnings[2].starts_with("a.gltf: image 2: texture left out: "), "{warnings:?}");
+    assert_eq!(warnings.len(), 3);
+}
+
+/// glTF 2.0, section 3.8.4: 9728 NEAREST, 9729 LINEAR, 9984 to 9987 with MIPMAP; what is not said is left open. A normal map has
+/// its scale, and a mesh without tangents of its own gets some: on this triangle u grows to +x and the picture goes up to +y.
+#[test]
+fn gltf_samplers_and_normal_maps() {
+    use Lookup::{Linear, Nearest};
+    let minify = |within, between| Some(Minify { within, between });
+    for (filters, magnify, minify) in [
+        (json!({}), None, None),
+        (json!({ "magFilter": 9728, "minFilter": 9728 }), Some(Nearest), minify(Nearest, None)),
+        (json!({ "magFilter": 9729, "minFilter": 9729 }), Some(Linear), minify(Linear, None)),
+        (json!({ "minFilter": 9984 }), None, minify(Nearest, Some(Nearest))),
+        (json!({ "minFilter": 9985 }), None, minify(Linear, Some(Nearest))),
+        (json!({ "minFilter": 9986 }), None, minify(Nearest, Some(Linear))),
+        (json!({ "minFilter": 9987 }), None, minify(Linear, Some(Linear))),
+    ] {
+        let folder = Folder::new();
+        let mut png = Vec::new();
+        image::RgbImage::from_pixel(1, 1, image::Rgb([128, 128, 255]))
+            .write_to(&mut std::io::Cursor::new(&mut png), image::ImageFormat::Png)
+            .expect("a picture");
+        folder.write("n.png", png);
+        let mut model = Model::new();
+        let position = model.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        let uv = model.floats(&[[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]]);
+        let attributes = json!({ "POSITION": position, "TEXCOORD_0": uv });
+        model.json["nodes"] = json!([{ "mesh": 0 }]);
+        model.json["meshes"] = json!([{ "primitives": [{ "attributes": attributes, "material": 0 }] }]);
+        model.json["images"] = json!([{ "uri": "n.png" }]);
+        model.json["samplers"] = json!([filters]);
+        model.json["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+        model.json["materials"] = json!([{ "normalTexture": { "index": 0, "scale": 0.5 } }]);
+        let (scene, warnings) = folder.load("a.gltf", model.text());
+        assert_eq!(warnings, [""; 0]);
+        let map = scene.materials[0].normal_map().expect("a normal map");
+        assert_eq!(map.scale, 0.5);
+        assert_eq!((map.texture.sampler.magnify, map.texture.sampler.minify), (magnify, minify));
+        let tangents = mesh(&scene, 0).tangents.as_ref().expect("tangents");
+        assert_eq!(tangents.values, [glam::DVec4::new(1.0, 0.0, 0.0, 1.0); 3]);
+        assert_eq!(normals(mesh(&scene, 0)), [[DVec3::Z; 3]]);
+    }
+}
+
+/// The rectangle a camera sees at a distance from it must fill the picture: its corners are the picture's.
+fn assert_sees(camera: &Camera, aspect: [u32; 2], rectangle: [DVec3; 2]) {
+    let view = View::new(camera, camera.projection, aspect).expect("the camera has a direction");
+    let size = DVec2::from(aspect.map(f64::from));
+    let [lower_left, upper_right] = rectangle;
+    for (point, expected) in [(lower_left, DVec2::new(0.0, size.y)), (upper_right, DVec2::new(size.x, 0.0))] {
+        let (pixel, before) = view.project(point);
+        assert!(
+            before && (pixel - expected).abs().max_element() < 1e-4,
+            "{point} is seen at {pixel}, not {expected}"
+        );
+    }
+}
+
+#[test]
+fn gltf_cameras_see_the_same_rectangle() {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    // A right angle of view and twice as wide as high; it stands at (1, 2, 3), turned by 90 degrees about y, so that
+    // it looks along -x with -z to its right.
+    let model = Model::triangle()
+        .with("scenes", json!([{ "nodes": [0, 1, 2] }]))
+        .with(
+            "nodes",
+            json!([
+                { "mesh": 0 },
+                { "name": "wide", "camera": 0, "translation": [1, 2, 3], "rotation": [0, half, 0, half] },
+                { "name": "flat", "camera": 1, "translation": [0, 0, 10] },
+            ]),
+        )
+        .with(
+            "cameras",
+            json!([
+                { "type": "perspective",
+                  "perspective": { "yfov": std::f64::consts::FRAC_PI_2, "aspectRatio": 2, "znear": 0.1 } },
+                { "type": "orthographic",
+                  "orthographic": { "xmag": 3, "ymag": 1.5, "znear": 0.1, "zfar": 100 } },
+            ]),
+        );
+    let (scene, warnings) = model.load();
+    assert_eq!(warnings, [""; 0]);
+    let names: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
+    assert_eq!(names, ["wide", "flat"]);
+    // At distance 5 it sees 10 units of height and 20 of width: from the middle (-4, 2, 3), y goes from -3 to 7 and z
+    // from 13 on the left to -7 on the right.
+    assert_eq!(scene.cameras[0].projection, Projection::Perspective);
+    assert_sees(&scene.cameras[0], [200, 100], [v(-4.0, -3.0, 13.0), v(-4.0, 7.0, -7.0)]);
+    // xmag and ymag are half the width and half the height, at any distance.
+    assert_eq!(scene.cameras[1].projection, Projection::Orthographic);
+    assert_sees(&scene.cameras[1], [200, 100], [v(-3.0, -1.5, 4.0), v(3.0, 1.5, -7.0)]);
+}
+
+#[test]
+fn gltf_punctual_lights() {
+    let lights = json!({ "lights": [
+        { "type": "point", "name": "a", "intensity": 10, "color": [1, 0.5, 0], "range": 7 },
+        { "type": "directional", "intensity": 3 },
+        { "type": "spot", "spot": { "innerConeAngle": 0.25, "outerConeAngle": 0.5 } },
+    ] });
+    let light = |i: u32| json!({ "KHR_lights_punctual": { "light": i } });
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let model = Model::triangle()
+        .with("scenes", json!([{ "nodes": [0, 1, 2, 3] }]))
+        .with(
+            "nodes",
+            json!([
+                { "mesh": 0 },
+                { "name": "lamp", "translation": [1, 2, 3], "extensions": light(0) },
+                // A quarter turn about x: -z becomes +y. About -x: -y, straight down.
+                { "name": "sun", "rotation": [-half, 0, 0, half], "extensions": light(1) },
+                { "name": "spot", "translation": [0, 5, 0], "rotation": [half, 0, 0, half], "extensions": light(2) },
+            ]),
+        )
+        .with("extensions", json!({ "KHR_lights_punctual": lights }))
+        .with("extensionsUsed", json!(["KHR_lights_punctual"]))
+        .with("extensionsRequired", json!(["KHR_lights_punctual"]));
+    let (scene, warnings) = model.load();
+    assert_eq!(warnings, [""; 0]);
+    let [lamp, sun, spot] = &scene.lights[..] else { panic!("{:?}", scene.lights) };
+    // A diffuse surface reflects 1/pi of the candela or lux that reach it.
+    let pi = std::f64::consts::PI;
+    assert_eq!((lamp.name.as_str(), lamp.intensity), ("lamp", 10.0 / pi));
+    assert_eq!(lamp.colour, Colour::Linear(v(1.0, 0.5, 0.0)));
+    let falloff = Falloff::InverseSquare { range: Some(7.0) };
+    assert_eq!(lamp.kind, LightKind::Point { position: v(1.0, 2.0, 3.0), falloff });
+    let LightKind::Directional { direction } = sun.kind else { panic!("{sun:?}") };
+    assert_near(direction, -DVec3::Y);
+    assert_eq!(sun.intensity, 3.0 / pi);
+    let LightKind::Spot { position, direction, falloff, inner_angle, outer_angle } = spot.kind else {
+        panic!("{spot:?}")
+    };
+    assert_near(position, v(0.0, 5.0, 0.0));
+    assert_near(direction, DVec3::Y);
+    assert_eq!((falloff, inner_angle, outer_angle), (Falloff::InverseSquare { range: None }, 0.25, 0.5));
+}
+
+#[test]
+fn gltf_strips_and_fans_keep_their_sides() {
+    let strip = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+    let fan = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    // A unit square each, whose two triangles face +z: their area vectors are (0, 0, 0.5).
+    for (mode, positions) in [(5, strip), (6, fan)] {
+        let mut model = Model::triangle();
+        let positions = model.floats(&positions);
+        model.json["meshes"][0]["primitives"][0] =
+            json!({ "attributes": { "POSITION": positions }, "mode": mode });
+        let (scene, _) = model.load();
+        let sides: Vec<DVec3> =
+            triangles(mesh(&scene, 0)).iter().map(|[a, b, c]| (*b - *a).cross(*c - *a) / 2.0).collect();
+        assert_eq!(sides, [v(0.0, 0.0, 0.5); 2], "mode {mode}");
+    }
+}
+
+#[test]
+fn gltf_points_and_lines_are_said_to_be_left_out() {
+    for mode in 0..4 {
+        let mut model = Model::triangle();
+        model.json["meshes"][0]["primitives"][0]["mode"] = json!(mode);
+        let (scene, warnings) = model.load();
+        assert_eq!(
+            (scene.primitive_count(), warnings),
+            (0, vec!["a.gltf: it: points and lines are not drawn".into()])
+        );
+    }
+}
+
+#[test]
+fn gltf_skins_are_posed_as_their_joints_stand() {
+    let mut model = Model::triangle();
+    // Joint 0 stands where it was bound; joint 1 was bound at (0, 1, 0) and now stands at (0, 3, 0): it moves by
+    // (0, 2, 0) what hangs on it. The third vertex hangs on both by halves.
+    let joints = model.shorts(&[0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0], "VEC4", 3);
+    let weights = model.floats(&[[1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0]]);
+    let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+    let mut bound = identity;
+    bound[13] = -1.0;
+    let inverse = model.floats::<16>(&[identity, bound]);
+    let attributes = &mut model.json["meshes"][0]["primitives"][0]["attributes"];
+    attributes["JOINTS_0"] = json!(joints);
+    attributes["WEIGHTS_0"] = json!(weights);
+    model.json["skins"] = json!([{ "joints": [1, 2], "inverseBindMatrices": inverse }]);
+    // The node's own transform does not count for a skinned mesh (glTF 2.0, section 3.7.3.3).
+    model.json["nodes"] = json!([
+        { "mesh": 0, "skin": 0, "translation": [100, 0, 0] }, { "children": [2] }, { "translation": [0, 3, 0] },
+    ]);
+    model.json["scenes"] = json!([{ "nodes": [0, 1] }]);
+    let (scene, warnings) = model.load();
+    assert_eq!(warnings, [""; 0]);
+    // (0,0,0) stays; (1,0,0) moves to (1,2,0); (0,1,0) by half of (0,2,0) to (0,2,0).
+    assert_eq!(triangles(mesh(&scene, 0)), [[DVec3::ZERO, v(1.0, 2.0, 0.0), v(0.0, 2.0, 0.0)]]);
+}
+
+#[test]
+fn gltf_uris_that_cannot_be_followed() {
+    let length = Model::triangle().bytes.len();
+    for (uri, expected) in [
+        ("gone.bin", "no such file"),
+        ("%FF.bin", "a.gltf: buffer 0: `%FF.bin` does not decode to a file name"),
+        ("../a.bin", "a.gltf: buffer 0: `../a.bin` leaves the file's folder"),
+        ("/etc/hostname", "a.gltf: buffer 0: `/etc/hostname` leaves the file's folder"),
+        ("%2e%2e/a.bin", "a.gltf: buffer 0: `%2e%2e/a.bin` leaves the file's folder"),
+        ("https://example.org/a.bin", "kiln fetches nothing"),
+        ("data:application/octet-stream;base64,AAAA", "a.gltf: buffer 0: 3 of 36 bytes are there"),
+        ("data:application/octet-stream;base64,!", "a damaged data URI"),
+    ] {
+        let e = Model::triangle().with("buffers", json!([{ "byteLength": length, "uri": uri }])).fails();
+        assert!(message(&e).contains(expected), "{uri}: {e}");
+        assert!(!e.hint().is_empty());
+    }
+}
+
+#[test]
+fn gltf_accessors_that_reach_outside_are_errors() {
+    // 36 bytes hold three positions; the fourth is not there.
+    let mut model = Model::triangle();
+    model.json["accessors"][0]["count"] = json!(4);
+    assert_eq!(message(&model.fails()), "a.gltf: accessor 0: its elements do not lie inside its buffer view");
+    // A view that is longer than its buffer.
+    let mut model = Model::triangle();
+    model.json["bufferViews"][0]["byteOffset"] = json!(4);
+    assert_eq!(message(&model.fails()), "a.gltf: it, primitive 0: its positions lie outside their buffer");
+    let mut model = Model::triangle();
+    let indices = model.shorts(&[0, 1, 2], "SCALAR", 30);
+    model.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+    assert_eq!(message(&model.fails()), "a.gltf: accessor 1: its elements do not lie inside its buffer view");
+}
+
+#[test]
+fn gltf_numbers_that_make_no_sense_are_errors_and_no_panic() {
+    for (key, value) in [
+        ("count", json!(0)),
+        ("count", json!(u64::MAX)),
+        ("count", json!(u64::MAX / 12)),
+        ("byteOffset", json!(u64::MAX)),
+        ("type", json!("VEC2")),
+        ("componentType", json!(UNSIGNED_SHORT)),
+    ] {
+        let mut model = Model::triangle();
+        model.json["accessors"][0][key] = value.clone();
+        let e = model.fails();
+        assert!(message(&e).starts_with("a.gltf: "), "{key} = {value}: {e}");
+    }
+    for (key, value) in
+        [("byteOffset", json!(u64::MAX)), ("byteLength", json!(u64::MAX)), ("byteStride", json!(4))]
+    {
+        let mut model = Model::triangle();
+        model.json["bufferViews"][0][key] = value.clone();
+        let e = model.fails();
+        assert!(message(&e).starts_with("a.gltf: "), "{key} = {value}: {e}");
+    }
+}
+
+/// glTF 2.0, section 3.7.2.1, says which types an attribute may have; the `gltf` crate panics on some of the others and
+/// reads garbage from the rest.
+#[test]
+fn gltf_types_that_the_format_does_not_give_are_errors() {
+    const BYTE: u32 = 5120;
+    const UNSIGNED_INT: u32 = 5125;
+    for (semantic, component, kind, bytes) in [
+        ("NORMAL", BYTE, "VEC3", 1),
+        ("NORMAL", FLOAT, "SCALAR", 4),
+        ("TEXCOORD_0", BYTE, "VEC2", 1),
+        ("TEXCOORD_0", UNSIGNED_INT, "VEC2", 4),
+        ("TEXCOORD_0", FLOAT, "VEC3", 4),
+        ("COLOR_0", BYTE, "VEC3", 1),
+        ("COLOR_0", UNSIGNED_INT, "VEC4", 4),
+        ("COLOR_0", FLOAT, "VEC2", 4),
+        ("JOINTS_0", FLOAT, "VEC4", 4),
+        ("WEIGHTS_0", BYTE, "VEC4", 1),
+    ] {
+        let mut model = Model::triangle();
+        let lanes = kind.chars().last().and_then(|c| c.to_digit(10)).unwrap_or(1) as usize;
+        let accessor = model.accessor(vec![0; 3 * lanes * bytes], component, 3, kind);
+        model.json["meshes"][0]["primitives"][0]["attributes"][semantic] = json!(accessor);
+        let e = message(&model.fails());
+        let expected = format!("a.gltf: mesh 0, primitive 0: {semantic} of type ");
+        assert!(e.starts_with(&expected) && e.ends_with(" is not glTF"), "{e}");
+    }
+    for (component, bytes) in [(FLOAT, 12), (5122, 6)] {
+        let mut model = Model::triangle();
+        let indices = model.accessor(vec![0; bytes], component, 3, "SCALAR");
+        model.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+        let expected = "a.gltf: mesh 0, primitive 0: its indices are not unsigned integers";
+        assert_eq!(message(&model.fails()), expected);
+    }
+    for (image, fault) in [
+        (json!({}), "a picture that is nowhere"),
+        (json!({ "bufferView": 0 }), "a picture in a buffer without its type"),
+    ] {
+        let model = Model::triangle().with("images", json!([image]));
+        assert_eq!(message(&model.fails()), format!("a.gltf: image 0: {fault}"));
+    }
+}
+
+#[test]
+fn gltf_sparse_accessors_cannot_ask_for_the_moon() {
+    let mut model = Model::triangle();
+    let sparse = json!({ "count": 1, "indices": { "bufferView": 0, "componentType": UNSIGNED_SHORT },
+        "values": { "bufferView": 0 } });
+    let accessor = model.json["accessors"][0].as_object_mut().expect("an object");
+    accessor.remove("bufferView");
+    accessor.insert("sparse".into(), sparse);
+    accessor.insert("count".into(), json!(1u64 << 40));
+    assert!(message(&model.fails()).starts_with("a.gltf: reading its meshes needs "));
+}
+
+#[test]
+fn gltf_indices_out_of_range() {
+    // Of a vertex: the triangle is left out and counted.
+    let mut model = Model::triangle();
+    let indices = model.shorts(&[0, 1, 2, 0, 1, 3], "SCALAR", 6);
+    model.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+    let (scene, warnings) = model.load();
+    assert_eq!(triangles(mesh(&scene, 0)), [TRIANGLE]);
+    assert_eq!(warnings, ["a.gltf: it: left out 1 triangle(s) with an index out of range"]);
+    // Of anything else: the file makes no sense.
+    let e = Model::triangle().with("nodes", json!([{ "mesh": 7 }])).fails();
+    assert_eq!(message(&e), "a.gltf: not a usable glTF file: nodes[0].mesh: Index out of bounds");
+}
+
+#[test]
+fn gltf_nodes_that_contain_themselves_are_an_error() {
+    let cycles = [
+        json!([{ "mesh": 0, "children": [0] }]),
+        json!([{ "mesh": 0, "children": [1] }, { "children": [2] }, { "children": [1] }]),
+        // Both ways round at every level: a walk of every path would take 2^depth steps.
+        json!([{ "mesh": 0, "children": [1, 1] }, { "children": [0, 0] }]),
+    ];
+    for nodes in cycles {
+        let e = Model::triangle().with("nodes", nodes.clone()).fails();
+        assert!(message(&e).ends_with("the nodes contain themselves"), "{nodes}: {e}");
+    }
+}
+
+#[test]
+fn gltf_nodes_with_several_parents_are_drawn_once_and_do_not_hang() {
+    // A chain of forty nodes, each twice the child of the one before: 2^40 paths lead to the last one.
+    let mut nodes: Vec<Value> = (1..40).map(|next| json!({ "children": [next, next] })).collect();
+    nodes.push(json!({ "name": "last", "mesh": 0 }));
+    let (scene, warnings) = Model::triangle().with("nodes", json!(nodes)).load();
+    assert_eq!(triangles(mesh(&scene, 0)), [TRIANGLE]);
+    assert_eq!(scene.objects.len(), 1);
+    assert!(
+        warnings.contains(&"a.gltf: node 39 is in the scene more than once; drawn once".into()),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn gltf_long_chains_of_nodes_are_no_cycle() {
+    // Each of 3000 nodes moves by (0, 0, 1).
+    let mut nodes: Vec<Value> =
+        (1..3000).map(|next| json!({ "children": [next], "translation": [0, 0, 1] })).collect();
+    nodes.push(json!({ "mesh": 0, "translation": [0, 0, 1] }));
+    let (scene, _) = Model::triangle().with("nodes", json!(nodes)).load();
+    assert_eq!(triangles(mesh(&scene, 0))[0][0], v(0.0, 0.0, 3000.0));
+}
+
+#[test]
+fn gltf_that_requires_what_kiln_does_not_read_says_what_to_do() {
+    let model = Model::triangle()
+        .with("extensionsUsed", json!(["KHR_mesh_quantization", "VENDOR_thing"]))
+        .with("extensionsRequired", json!(["KHR_mesh_quantization", "VENDOR_thing"]));
+    let e = model.fails();
+    assert_eq!(
+        message(&e),
+        "a.gltf: requires glTF extensions that kiln does not read: KHR_mesh_quantization, VENDOR_thing"
+    );
+    assert!(e.hint().contains("gltfpack -noq"), "{}", e.hint());
+    // What is used but not required is left out with a warning.
+    let (_, warnings) = Model::triangle().with("extensionsUsed", json!(["VENDOR_thing"])).load();
+    assert_eq!(warnings, ["a.gltf: extension VENDOR_thing is not used"]);
+}
+
+#[test]
+fn gltf_that_is_something_else() {
+    for bytes in [&b"not json"[..], b"", b"glTF\x02\0\0\0\xFF\xFF\xFF\xFF", b"{}"] {
+        let e = Folder::new().fails("a.gltf", bytes);
+        assert!(message(&e).starts_with("a.gltf: not a usable glTF file"), "{e}");
+    }
+}
+
+// -------------------------------------------------------------------------------------------------------- scene files
+
+#[test]
+fn scene_files_number_their_objects_in_the_order_written() {
+    let folder = Folder::new();
+    folder.write("two.obj", format!("{OBJ_TRIANGLE}o first\nf 1 2 3\no second\nf 1 2 3\n"));
+    let text = "
+[[sphere]]
+name = 'a'
+centre = [0, 0, 0]
+radius = 1
+[[triangles]]
+name = 'b'
+vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+[[sphere]]
+name = 'c'
+centre = [0, 0, 0]
+radius = 1
+[[mesh]]
+file = 'two.obj'
+[[triangles]]
+name = 'f'
+vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+[[sphere]]
+centre = [0, 0, 0]
+radius = 1
+";
+    let (scene, warnings) = folder.load("order.toml", text);
+    let names: Vec<&str> = scene.objects.iter().map(|o| o.name.as_str()).collect();
+    assert_eq!(names, ["a", "b", "c", "first", "second", "f", "sphere 6"]);
+    assert_eq!(warnings, [""; 0]);
+}
+
+#[test]
+fn scene_files_place_meshes() {
+    let folder = Folder::new();
+    folder.write("a.mtl", "newmtl own\nKd 0 1 0\n");
+    folder.write("a.obj", format!("mtllib a.mtl\nusemtl own\n{OBJ_TRIANGLE}f 1 2 3\n"));
+    let text = "
+[material.red]
+colour = '#ff0000'
+[material.grey]
+colour = [128, 128, 128]
+[[mesh]]
+file = 'a.obj'
+scale = 2
+rotate = [0, 0, 90]
+translate = [10, 0, 0]
+material = 'red'
+[[mesh]]
+file = 'a.obj'
+scale = [1, 3, 1]
+rotate = [90, 90, 90]
+";
+    let (scene, _) = folder.load("a.toml", text);
+    // Scaled: (2,0,0) and (0,2,0); a quarter turn about z takes x to y and y to -x; then moved by (10, 0, 0).
+    let [a, b, c] = triangles(mesh(&scene, 0))[0];
+    assert_near(a, v(10.0, 0.0, 0.0));
+    assert_near(b, v(10.0, 2.0, 0.0));
+    assert_near(c, v(8.0, 0.0, 0.0));
+    // (1,0,0): about x stays, about y to (0,0,-1), about z stays. (0,3,0): about x to (0,0,3), about y to (3,0,0),
+    // about z to (0,3,0). In the other order they would go to (0,0,-1) and (0,-3,0).
+    let [_, b, c] = triangles(mesh(&scene, 1))[0];
+    assert_near(b, v(0.0, 0.0, -1.0));
+    assert_near(c, v(0.0, 3.0, 0.0));
+    let material = |i: usize| &scene.materials[scene.objects[i].material.0 as usize];
+    let Material::Phong(red) = material(0) else { panic!("{:?}", scene.materials) };
+    assert_eq!((red.name.as_str(), red.colour), ("red", Colour::from_u8([255, 0, 0])));
+    assert_eq!(material(1).name(), "own");
+    let grey = scene.materials.iter().find(|m| m.name() == "grey");
+    let Some(Material::Phong(grey)) = grey else { panic!("{:?}", scene.materials) };
+    assert_eq!(grey.colour, Colour::from_u8([128; 3]));
+}
+
+/// A mesh far away that a scene file brings back loses nothing on the way.
+#[test]
+fn meshes_are_checked_where_they_are_placed() {
+    let folder = Folder::new();
+    folder.write("far.obj", "v 5000000 0 0\nv 5000000.01 0 0\nv 5000000 0.01 0\nf 1 2 3\n");
+    let scene = "[[mesh]]\nfile = 'far.obj'\ntranslate = [-5000000, 0, 0]\n";
+    let (scene, warnings) = folder.load("a.toml", scene);
+    assert_eq!((scene.primitive_count(), warnings.len()), (1, 0));
+    assert_near(mesh(&scene, 0).positions[1], v(0.01, 0.0, 0.0));
+}
+
+#[test]
+fn scene_files_decide_on_cameras_and_lights_not_their_meshes() {
+    let folder = Folder::new();
+    let model = Model::triangle()
+        .with("scenes", json!([{ "nodes": [0, 1] }]))
+        .with("nodes", json!([{ "mesh": 0 }, { "camera": 0 }]))
+        .with("cameras", json!([{ "type": "perspective", "perspective": { "yfov": 1, "znear": 0.1 } }]));
+    folder.write("a.glb", model.binary());
+    let (scene, _) = folder.load("a.toml", "[[mesh]]\nfile = 'a.glb'\n");
+    assert_eq!((scene.cameras.len(), scene.objects.len()), (0, 1));
+}
+
+/// A scene file's text, the message it gives and, where it matters, a piece of the hint. The line is that of the key
+/// where the text itself is wrong, and that of the section's header where what it says makes no sense.
+const FAULTS: &[(&str, &str, &str)] = &[
+    // The text itself.
+    ("[image\n", "1: ", ""),
+    ("\n[image]\nwidth = 1\nwidth = 2\n", "4: duplicate key", ""),
+    ("[image]\nheigth = 1\n", "2: unknown key `heigth`", "did you mean `height`?"),
+    ("\n\n[imag]\n", "3: unknown key `imag`", "did you mean `image`?"),
+    ("[image]\nzzz = 1\n", "2: unknown key `zzz`", "known here: width, height, background, colour"),
+    ("[image]\ncolour = 'lineal'\n", "2: unknown value `lineal`", "did you mean `linear`?"),
+    ("\n[[sphere]]\nradius = 1\n", "2: missing key `centre`", ""),
+    ("[[sphere]]\ncentre = [0, 0]\nradius = 1\n", "2: invalid length 2", ""),
+    ("[[sphere]]\ncentre = [0, 0, 0]\nradius = 'big'\n", "3: invalid type: string \"big\"", ""),
+    ("[image]\nwidth = -1\n", "2: invalid value: integer `-1`", ""),
+    ("[image]\nbackground = 'red'\n", "2: \"red\" is not a colour like \"#7c0a02\"", ""),
+    (
+        "[image]\n\nbackground = [1, 2, 256]\n",
+        "3: expected a colour: [r, g, b] with integers from 0 to 255",
+        "",
+    ),
+    ("[[mesh]]\nfile = 'a.obj'\nscale = [1, 2]\n", "3: expected a number or [x, y, z]", ""),
+    // The picture.
+    ("[image]\nwidth = 0\nheight = 5\n", "1: a picture of width or height 0", "above 0"),
+    ("# about the [image]\n\n[image]\nwidth = 5\n", "3: `width` or `height` is missing", "both or neither"),
+    ("\n[ambient]\nintensity = -1\n", "2: `intensity` is -1", "0 or more"),
+    ("[ambient]\nintensity = nan\n", "1: `intensity` is NaN", "0 or more"),
+    // Cameras.
+    (
+        "[[camera]]\nname = 'a'\nposition = [0, 0, 0]\nlook_at = [0, 0, 1]\n\
+         [[camera]]\nname = 'a'\nposition = [0, 0, 0]\nlook_at = [0, 0, 1]\n",
+        "5: a second camera named `a`",
+        "its own name",
+    ),
+    ("\n[[camera]]\nposition = [0, inf, 0]\nlook_at = [0, 0, 1]\n", "2: `position` holds inf", "finite"),
+    ("[[camera]]\nposition = [0, 0, 0]\nlook_at = [nan, 0, 1]\n", "1: `look_at` holds NaN", "finite"),
+    (
+        "[[camera]]\nposition = [0, 0, 0]\nlook_at = [0, 0, 1]\nup = [0, -inf, 0]\n",
+        "1: `up` holds -inf",
+        "finite",
+    ),
+    (
+        "[[camera]]\nposition = [1, 2, 3]\nlook_at = [1, 2, 3]\n",
+        "1: camera `camera 0` looks at itself",
+        "move",
+    ),
+    (
+        "[[camera]]\nposition = [0, 0, 0]\nlook_at = [0, 0, 1]\nup = [0, 0, 0]\n",
+        "1: camera `camera 0` has no up",
+        "",
+    ),
+    (
+        "[[camera]]\nposition = [0, 0, 0]\nlook_at = [0, 0, 1]\nviewing_rectangle = [0, 1]\nviewpoint_distance = 1\n",
+        "1: camera `camera 0` has a viewing rectangle or distance that is not above 0",
+        "above 0",
+    ),
+    (
+        "[[camera]]\nposition = [0, 0, 0]\nlook_at = [0, 0, 1]\nvertical_fov = 180\n",
+        "1: camera `camera 0` has a field of view of 180 degrees",
+        "below 180",
+    ),
+    (
+        "[[camera]]\nposition = [0, 0, 0]\nlook_at = [0, 0, 1]\nvertical_fov = 40\nviewpoint_distance = 1\n",
+        "1: camera `camera 0` says too much or too little of its lens",
+        "`vertical_fov` alone",
+    ),
+    // Lights.
+    ("[[light]]\ntype = 'pint'\n", "2: unknown value `pint`", "did you mean `point`?"),
+    ("[[light]]\ntype = 'point'\n", "1: light `light 0` is not placed", "a point light has a `position`"),
+    (
+        "\n[[light]]\nname = 'sun'\ntype = 'directional'\nposition = [0, 0, 0]\n",
+        "2: light `sun` is not placed",
+        "a directional light has a `direction`",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\ndirection = [0, -1, 0]\n",
+        "1: light `light 0` is not placed",
+        "a spot has a `position`, and a",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\n",
+        "1: light `light 0` is not placed",
+        "either a `direction` or",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\ndirection = [0, -1, 0]\n",
+        "1: light `light 0` is not placed",
+        "either a `direction` or a point to `look_at`",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 1, 0]\n",
+        "1: `look_at` is where the light is",
+        "another point",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, nan, 0]\n",
+        "1: `look_at` holds NaN",
+        "finite",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\nouter_cone_angle = 90.5\n",
+        "1: `outer_cone_angle` is 90.5",
+        "degrees from the axis, above 0 and at most 90",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\nouter_cone_angle = 0\n",
+        "1: `outer_cone_angle` is 0",
+        "above 0",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\ninner_cone_angle = 50\n",
+        "1: `inner_cone_angle` is 50, and `outer_cone_angle` 45",
+        "at most the outer angle",
+    ),
+    (
+        "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\ninner_cone_angle = -1\n",
+        "1: `inner_cone_angle` is -1",
+        "0 or more",
+    ),
+    (
+        "[[light]]\ntype = 'point'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\n",
+        "1: light `light 0` has a `look_at`",
+        "give it `type = \"spot\"`",
+    ),
+    (
+        "[[light]]\ntype = 'directional'\ndirection = [0, 1, 0]\nouter_cone_angle = 3\n",
+        "1: light `light 0` has a `outer_cone_angle`",
+        "only a spot has",
+    ),
+    ("[[light]]\ntype = 'point'\nposition = [nan, 0, 0]\n", "1: `position` holds NaN", "finite"),
+    ("[[light]]\ntype = 'directional'\ndirection = [inf, 0, 0]\n", "1: `direction` holds inf", "finite"),
+    (
+        "[[light]]\ntype = 'directional'\ndirection = [0, 0, 0]\n",
+        "1: `direction` has no length",
+        "travels in",
+    ),
+    (
+        "[[light]]\ntype = 'point'\nposition = [0, 0, 0]\nintensity = -2\n",
+        "1: `intensity` is -2",
+        "0 or more",
+    ),
+    // Materials.
+    ("[material.a]\ncolour = '#000000'\nambient = -1\n", "1: `ambient` is -1", "0 or more"),
+    ("[material.a]\ncolour = '#000000'\ndiffuse = inf\n", "1: `diffuse` is inf", "0 or more"),
+    ("[material.a]\ncolour = '#000000'\nspecular = -0.5\n", "1: `specular` is -0.5", "0 or more"),
+    (
+        "[material.a]\ncolour = '#000000'\n\n[material.b]\ncolour = '#000000'\nshininess = nan\n",
+        "4: `shininess` is NaN",
+        "",
+    ),
+    ("[material.a]\ncolour = '#000000'\nglaze = { weight = -1 }\n", "1: `glaze.weight` is -1", "0 or more"),
+    (
+        "[material.a]\ncolour = '#000000'\nglaze = { weight = 0.5, own_weight = 0.75 }\n",
+        "1: the glaze of `a` adds light: its weights sum to 1.25",
+        "at most 1",
+    ),
+    ("[material.a]\nambient = 1\n", "1: missing key `colour`", ""),
+    (
+        "[material.a]\ncolour = '#000000'\nglaze = { bounces = 20000000 }\n",
+        "1: the glaze of `a` asks for 20000000 bounces",
+        "at most 4096",
+    ),
+    ("[image]\nwidth = 4000000000\nheight = 3\n", "1: a picture of 4000000000 x 3 pixels", "at most 65535"),
+    (
+        "[[light]]\nname = 'a'\ntype = 'point'\nposition = [0, 1e120, 0]\n",
+        "1: light `a` is beyond 1e100",
+        "directional",
+    ),
+    // Objects.
+    ("[[sphere]]\ncentre = [nan, 0, 0]\nradius = 1\n", "1: `centre` holds NaN", "finite"),
+    ("\n\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 0\n", "3: a sphere of radius 0", "above 0"),
+    ("[[sphere]]\ncentre = [0, 0, 0]\nradius = inf\n", "1: a sphere of radius inf", "above 0"),
+    (
+        "[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = 'red'\n",
+        "1: there is no material `red`",
+        "add [material.red]",
+    ),
+    (
+        "[material.barn-red]\ncolour = '#ff0000'\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = 'barn-rad'\n",
+        "3: there is no material `barn-rad`",
+        "did you mean `barn-red`?",
+    ),
+    ("[[triangles]]\nvertices = [[0, 0, inf]]\n", "1: `vertices` holds inf", "finite"),
+    (
+        "[[triangles]]\nvertices = [[0, 0, 0], [1, 0, 0]]\n",
+        "1: 2 vertices without indices do not make whole triangles",
+        "three vertices",
+    ),
+    (
+        "\n[[triangles]]\nvertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nindices = [[0, 1, 3]]\n",
+        "2: index 3 is out of range: there are 3 vertices, counted from 0",
+        "correct `indices`",
+    ),
+    (
+        "\n[[mesh]]\nfile = 'b.toml'\n",
+        "2: `b.toml` is not a mesh",
+        "name a mesh: .obj, .gltf, .glb, .ply or .stl",
+    ),
+    ("[[mesh]]\nfile = 'a.obj'\ntranslate = [0, 0, nan]\n", "1: `translate` holds NaN", "finite"),
+    ("[[mesh]]\nfile = 'a.obj'\nrotate = [inf, 0, 0]\n", "1: `rotate` holds inf", "finite"),
+    ("[[mesh]]\nfile = 'a.obj'\nscale = inf\n", "1: `scale` holds inf", "finite"),
+    ("[[mesh]]\nfile = 'a.obj'\nscale = [1, 0, 1]\n", "1: `scale` is 0", "give other factors"),
+    ("\n[[mesh]]\nfile = 'gone.obj'\n", "2: mesh FOLDER/gone.obj: no such file", "check the name"),
+    ("[[mesh]]\nfile = 'a.3ds'\n", "1: mesh FOLDER/a.3ds: not a kind of file that kiln reads", "convert"),
+    ("[[mesh]]\nfile = 'a.obj'\nmaterial = 'red'\n", "1: there is no material `red`", "add [material.red]"),
+];
+
+#[test]
+fn scene_file_faults_have_their_line_and_advice() {
+    let folder = Folder::new();
+    folder.write("a.obj", format!("{OBJ_TRIANGLE}f 1 2 3\n"));
+    folder.write("a.3ds", "MM");
+    let path = folder.0.path().display().to_string();
+    let mut wrong = Vec::new();
+    for (text, expected, hint) in FAULTS {
+        let e = folder.fails("a.toml", text);
+        let said = e.to_string().replace(&path, "FOLDER");
+        if !said.starts_with(&format!("FOLDER/a.toml:{expected}")) || !e.hint().contains(hint) {
+            wrong.push(format!("{text}  said {said}\n  hint {}\n  not  {expected} | {hint}", e.hint()));
+        }
+        assert_eq!(said.lines().count(), 1, "{said}");
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn faults_in_a_mesh_of_a_scene_file_name_the_place_in_the_mesh() {
+    let folder = Folder::new();
+    folder.write("bad.obj", format!("{OBJ_TRIANGLE}f 1 2 9\n"));
+    let e = folder.fails("a.toml", "[[mesh]]\nfile = 'bad.obj'\n");
+    assert_eq!(message(&e), "bad.obj:4: vertex 9 does not exist; the file has 3");
+}
+
+/// An ASCII PLY file with `count` vertices, from its fourth line on `rest`: line 7.
+fn ply(count: &str, rest: &str) -> String {
+    let xyz = "property float x\nproperty float y\nproperty float z";
+    format!("ply\nformat ascii 1.0\nelement vertex {count}\n{xyz}\n{rest}")
+}
+
+#[test]
+fn faults_of_ply_files_have_their_line_and_advice() {
+    let folder = Folder::new();
+    let one = |text: &str| format!("ply\nelement vertex 1\n{text}\n");
+    let faces = |text: &str| {
+        ply("3", &format!("element face 1\nproperty {text}\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n"))
+    };
+    let cases = [
+        (String::new(), "a.ply:1: a PLY file begins with `ply`", "as PLY"),
+        ("plyx\n".into(), "a.ply:1: a PLY file begins with `ply`", "as PLY"),
+        ("ply".into(), "a.ply:1: the header does not end with a line `end_header`", "again"),
+        ("ply\nend_header\n".into(), "a.ply:2: the header has no line `format`", "again"),
+        (
+            "ply\nformat asci 1.0\n".into(),
+            "a.ply:2: `asci` is not a format of PLY files",
+            "correct the header",
+        ),
+        ("ply\nelement vertex -1\n".into(), "a.ply:2: `-1` is not a number of elements", "correct"),
+        ("ply\nproperty int x\n".into(), "a.ply:2: a property before the first element", "correct"),
+        ("ply\nelements 3\n".into(), "a.ply:2: `elements` is not a line of a PLY header", "correct"),
+        (one("property list int"), "a.ply:3: a property without a type or a name", "correct"),
+        (one("property half x"), "a.ply:3: `half` is not a type of PLY files", "correct"),
+        (one("property list half int x"), "a.ply:3: `half` is not a type of PLY files", "correct"),
+        (one("format ascii 1.0\nend_header"), "a.ply:2: its vertices have no `x`, `y` and `z`", "again"),
+        // Three digits and three separators each, the last of which may be missing; three lines of six bytes and that one.
+        (
+            ply("4", "end_header\n0 0 0\n0 0 0\n0 0 0\n"),
+            "a.ply:3: 4 elements `vertex` take at least 24 bytes; 19 are left",
+            "again",
+        ),
+        (
+            ply("18446744073709551615", "end_header\n0 0 0\n"),
+            "a.ply:3: 18446744073709551615 elements `vertex` take at least 18446744073709551615 bytes; 7 are left",
+            "again",
+        ),
+        (ply("2", "end_header\n1e 0 0\n0 0 0\n"), "a.ply:8: `1e` is not a number", "again"),
+        (ply("2", "end_header\n0 0\n0 0 0 0 0\n"), "a.ply:8: fewer values than the header says", "again"),
+        (
+            ply("2", "end_header\n0 0 0 0 0 0\n"),
+            "a.ply:8: the file ends before the last of the elements that its header names",
+            "again",
+        ),
+        (ply("0", "element vertex 1\nend_header\n"), "a.ply:7: its vertices have no", "again"),
+        (
+            ply("1", "element vertex 0\nproperty int x\nend_header\n0 0 0\n"),
+            "a.ply:7: a second element `vertex`",
+            "again",
+        ),
+        (
+            faces("list uchar int vertex_index"),
+            "a.ply:13: vertex 3 does not exist; there are 3 before the faces, counted from 0",
+            "again",
+        ),
+        (faces("list uchar int vertices"), "a.ply:7: its faces have no `vertex_indices`", "again"),
+    ];
+    for (text, expected, hint) in cases {
+        let e = folder.fails("a.ply", &text);
+        let said = e.to_string().replace(&format!("{}/", folder.0.path().display()), "");
+        assert!(
+            said.starts_with(expected) && said.lines().count() == 1,
+            "{text}\nsaid {said}\nnot  {expected}"
+        );
+        assert!(e.hint().contains(hint), "{text}\nhint {}", e.hint());
+    }
+    // Of binary data the byte: after 3 f32 a vertex, the list's length and two indices.
+    let text = faces("list uchar int vertex_index").replace("ascii", "binary_little_endian");
+    let header = text.find("end_header\n").expect("a header") + "end_header\n".len();
+    let mut bytes = text.as_bytes()[..header].to_vec();
+    bytes.extend([0; 36]);
+    bytes.extend([3, 0, 0, 0, 0, 0, 0, 0]);
+    let e = folder.fails("a.ply", &bytes);
+    let place = format!("a.ply: byte {}: the file ends before the last", header + 36 + 1 + 4);
+    assert!(e.to_string().contains(&place), "{e}");
+}
+
+#[test]
+fn ply_and_stl_become_meshes_as_obj_does() {
+    let (scene, warnings) = fixture("square.ply");
+    assert_eq!(warnings, [""; 0]);
+    let square = mesh(&scene, 0);
+    assert_eq!(square.triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6]]);
+    assert_eq!(scene.objects[0].name, "square");
+    let colours = &square.colours.as_ref().expect("colours").values;
+    assert_eq!(colours[1..4], [DVec3::Y, DVec3::Z, DVec3::ONE]);
+    // The same in OBJ: the same mesh and material.
+    let folder = Folder::new();
+    let obj = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nv 2 0 0 1 0 0\nv 3 0 0 1 0 0\nv 2 1 0 1 0 0\n\
+               f 1 2 3 4\nf 5 6 7\n";
+    let (of_obj, _) = folder.load("square.obj", obj);
+    assert_eq!(mesh(&of_obj, 0), square);
+    let material = |scene: &Scene| format!("{:?}", scene.materials[scene.objects[0].material.0 as usize]);
+    assert_eq!(material(&of_obj), material(&scene));
+
+    let (scene, warnings) = fixture("tetrahedron.stl");
+    assert_eq!((warnings.len(), scene.objects[0].name.as_str()), (0, "tetrahedron"));
+    let tetrahedron = mesh(&scene, 0);
+    assert_eq!((tetrahedron.positions.len(), tetrahedron.triangles.len()), (4, 4));
+    // Every edge has one triangle on each side.
+    let edges = tetrahedron.triangles.iter().flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)]);
+    let mut passed: Vec<_> = edges.map(|(a, b)| if a < b { (a, b, 1) } else { (b, a, -1) }).collect();
+    passed.sort_unstable();
+    assert!(passed.chunks(2).all(|pair| pair[0].2 + pair[1].2 == 0), "{passed:?}");
+
+    // In a scene file, beside others.
+    let fixtures = repository("assets/import").display().to_string();
+    let toml =
+        format!("[[mesh]]\nfile = '{fixtures}/square.ply'\n[[mesh]]\nfile = '{fixtures}/tetrahedron.stl'\n");
+    assert_eq!(folder.load("a.toml", toml).0.primitive_count(), 3 + 4);
+}
+
+#[test]
+fn what_ply_and_stl_files_lack_is_said() {
+    let folder = Folder::new();
+    let (scene, warnings) = folder.load("a.ply", ply("1", "end_header\n0 0 0\n"));
+    assert_eq!(scene.primitive_count(), 0);
+    assert_eq!(warnings, ["a.ply: 1 vertices without faces; points are not drawn"]);
+    let two = "element face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0 1\n1 0 0\nnan 1 0\n2 0 1 7\n";
+    let (_, warnings) = folder.load("a.ply", ply("3", two));
+    assert_eq!(
+        warnings,
+        [
+            "a.ply: 3 vertices without faces; points are not drawn",
+            "a.ply: left out 1 face(s) of fewer than three corners",
+            "a.ply: 2 line(s) hold more values than the header says; the rest of them is left out",
+        ]
+    );
+    let (scene, warnings) = folder.load("a.stl", "solid a\n");
+    assert_eq!(scene.primitive_count(), 0);
+    assert_eq!(warnings, ["a.stl: ends without `endsolid`, so it may not be whole"]);
+}
+
+#[test]
+fn a_spot_of_a_scene_file() {
+    let folder = Folder::new();
+    let spot = |text: &str| {
+        let (scene, _) =
+            folder.load("a.toml", format!("[[light]]\ntype = 'spot'\nposition = [1, 5, 2]\n{text}"));
+        scene.lights[0].clone()
+    };
+    // From (1, 5, 2) to (1, 2, 6): (0, -3, 4) / 5.
+    let light = spot("look_at = [1, 2, 6]\ninner_cone_angle = 30\nouter_cone_angle = 60\nintensity = 2\n");
+    let LightKind::Spot { position, direction, falloff, inner_angle, outer_angle } = light.kind else {
+        panic!("{light:?}")
+    };
+    assert_eq!((position, falloff, light.intensity), (DVec3::new(1.0, 5.0, 2.0), Falloff::None, 2.0));
+    assert!((direction - DVec3::new(0.0, -0.6, 0.8)).length() < 1e-15, "{direction}");
+    assert_eq!((inner_angle, outer_angle), (30f64.to_radians(), 60f64.to_radians()));
+    let light = spot("direction = [0, -1e-300, 0]\nfalloff = 'inverse-square'\ncolour = '#ff0000'\n");
+    let LightKind::Spot { direction, falloff, inner_angle, outer_angle, .. } = light.kind else {
+        panic!("{light:?}")
+    };
+    assert_eq!((direction, falloff), (-DVec3::Y, Falloff::InverseSquare { range: None }));
+    assert_eq!((inner_angle, outer_angle), (0.0, 45f64.to_radians()));
+}
+
+#[test]
+fn every_importer_has_a_row_in_the_docs_and_a_fixture() {
+    let page =
+        std::fs::read_to_string(repository("docs/command-line.md")).expect("the page of the command line");
+    let mut files = Vec::new();
+    for folder in ["assets/import", "scenes"] {
+        let entries = std::fs::read_dir(repository(folder)).expect("a folder of fixtures");
+        files.extend(entries.map(|entry| entry.expect("an entry").path()));
+    }
+    for importer in kiln::import::IMPORTERS {
+        let endings: Vec<String> = importer.endings.iter().map(|ending| format!("`.{ending}`")).collect();
+        let row = format!("\n| {} | {} | ", importer.name, endings.join(", "));
+        assert!(page.contains(&row), "docs/command-line.md has no row {row:?}");
+        let is_its = |file: &&PathBuf| {
+            file.extension().is_some_and(|e| importer.endings.iter().any(|ending| e == *ending))
+        };
+        let fixture = files.iter().find(is_its);
+        let fixture = fixture.unwrap_or_else(|| panic!("no fixture of {} in assets/import", importer.name));
+        assert!(load(fixture).0.primitive_count() > 0, "{} is empty", fixture.display());
+    }
+}
+
+#[test]
+fn inputs_that_are_not_there_or_not_known() {
+    let folder = Folder::new();
+    let fails = |name: &str| {
+        let file = folder.0.path().join(name);
+        kiln::import::load(&[file], &mut Warnings::default()).expect_err("it cannot be read")
+    };
+    assert_eq!(message(&fails("gone.obj")), "gone.obj: no such file");
+    folder.write("a.3ds", "MM");
+    let e = fails("a.3ds");
+    assert_eq!(message(&e), "a.3ds: not a kind of file that kiln reads");
+    assert!(e.hint().contains(".toml, .obj, .gltf, .glb, .ply, .stl"), "{}", e.hint());
+    std::fs::create_dir(folder.0.path().join("folder.obj")).expect("the folder can be made");
+    assert_eq!(message(&fails("folder.obj")), "folder.obj: is a folder");
+}

@@ -1,0 +1,7 @@
+//! Scene, OBJ and glTF files, valid and broken.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod import;
+mod shared_meshes;

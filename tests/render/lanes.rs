@@ -1,0 +1,144 @@
+//! What is computed for many rays at once is what is computed for each alone, bit for bit: primary rays, surfaces, lights
+//! and colours, over tiles of every kind of scene, in every tier.
+
+use std::path::PathBuf;
+
+use crate::common;
+use crate::common::picture::{Prepared, equip, load, prepare};
+use crate::common::repository;
+use glam::DVec3;
+use kiln::bvh::Traversal;
+use kiln::film::Window;
+use kiln::geometry::{Hit, Ray};
+use kiln::scene::{Numerics, Projection};
+use kiln::shading::{LightLanes, LightSample, Scratch, ShadingMode, shade, shade_all};
+use kiln::world::{LANES, Lanes, RayLanes, Surface, Surfaces};
+
+const SIZE: [u32; 2] = [96, 72];
+
+/// Scenes with spheres, flat and smooth meshes, textures, several kinds of light and materials.
+fn scenes() -> Vec<PathBuf> {
+    let mut files = vec![repository("scenes/assignment.toml")];
+    let hard = std::fs::read_dir(repository("scenes/hard")).expect("the hard scenes");
+    files.extend(
+        hard.map(|entry| entry.expect("a file").path()).filter(|p| p.extension() == Some("toml".as_ref())),
+    );
+    if let Some(models) = common::models("lanes") {
+        files.extend(["CornellBox.glb", "Fox.glb", "spot.obj", "teapot.obj"].map(|name| models.join(name)));
+    }
+    files
+}
+
+/// The windows of the picture's tiles, those at its border cut off.
+fn tiles() -> impl Iterator<Item = Window> {
+    let [width, height] = SIZE;
+    (0..height).step_by(16).flat_map(move |y| {
+        (0..width).step_by(16).map(move |x| Window {
+            x,
+            y,
+            width: 16.min(width - x),
+            height: 16.min(height - y),
+        })
+    })
+}
+
+fn bits(v: DVec3) -> [u64; 3] {
+    v.to_array().map(f64::to_bits)
+}
+
+fn bits_of(surface: &Surface) -> Vec<u64> {
+    let vectors = [
+        surface.point.position,
+        surface.point.reach,
+        surface.view,
+        surface.geometric_normal,
+        surface.shading_normal,
+        surface.tint,
+    ];
+    let indices = [surface.prim.0, surface.object, surface.material].map(u64::from);
+    vectors.into_iter().flat_map(bits).chain(indices).collect()
+}
+
+/// A tile's rays and hits, one by one.
+fn hits(prepared: &Prepared, window: Window) -> (Vec<Ray>, Vec<Option<Hit>>) {
+    let precision = prepared.world.numerics().ray_precision();
+    let pixels =
+        (0..window.area() as u32).map(|i| (window.x + i % window.width, window.y + i / window.width));
+    let rays: Vec<Ray> = pixels.map(|(x, y)| prepared.view.ray(x, y, precision)).collect();
+    let mut traversal = Traversal::default();
+    let hits = rays.iter().map(|ray| prepared.world.accelerator.closest_hit(ray, &mut traversal)).collect();
+    (rays, hits)
+}
+
+fn check(prepared: &Prepared, what: &str) -> usize {
+    let world = &prepared.world;
+    let (mut lanes, mut surfaces) = (Box::<RayLanes>::default(), Box::<Surfaces>::default());
+    let (mut colours, mut scratch) = (Box::<Lanes>::default(), Box::<Scratch>::default());
+    let mut lights: Vec<Box<LightLanes>> = Vec::new();
+    lights.resize_with(world.lights.len(), Box::default);
+    let mut seen = 0;
+    for window in tiles() {
+        let (rays, hits) = hits(prepared, window);
+        prepared.view.rays(window, world.numerics().ray_precision(), &mut lanes);
+        let mut woven = Vec::new();
+        lanes.weave(rays.len(), &mut woven);
+        assert_eq!(woven, rays, "{what}");
+
+        world.surfaces(&lanes, &hits, &mut surfaces);
+        let expected: Vec<Surface> =
+            rays.iter().zip(&hits).filter_map(|(ray, hit)| Some(world.surface(ray, hit.as_ref()?))).collect();
+        assert_eq!(surfaces.len(), expected.len());
+        let parts: usize = surfaces.by_material().iter().map(|(_, range)| range.len()).sum();
+        assert_eq!(parts, expected.len());
+        for (i, surface) in expected.iter().enumerate() {
+            assert_eq!(bits_of(&surfaces.get(i)), bits_of(surface), "{what}, {window:?}, surface {i}");
+        }
+        seen += expected.len();
+
+        for smooth in [false, true] {
+            for (many, light) in lights.iter_mut().zip(&world.lights) {
+                many.look(light, &surfaces, smooth);
+                for (i, surface) in expected.iter().enumerate() {
+                    let one = LightSample::new(light, surface, smooth);
+                    assert_eq!(many.reaches[i].then(|| many.get(i)), one, "{what}, {window:?}, surface {i}");
+                }
+            }
+        }
+        for mode in [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Phong] {
+            let reaching: &[Box<LightLanes>] = if mode.uses_lights() { &lights } else { &[] };
+            shade_all(world, mode, &surfaces, reaching, &mut colours, &mut scratch);
+            for (i, surface) in expected.iter().enumerate() {
+                let samples: Vec<LightSample> =
+                    reaching.iter().filter(|light| light.reaches[i]).map(|light| light.get(i)).collect();
+                let one = shade(world, mode, surface, &samples);
+                assert_eq!(bits(colours.get(i)), bits(one), "{what}, {mode:?}, {window:?}, surface {i}");
+            }
+        }
+    }
+    seen
+}
+
+#[test]
+fn many_are_as_each_alone() {
+    assert_eq!(LANES, 256, "the tiles above are as large as the renderer's");
+    for file in scenes() {
+        let mut scene = load(&file);
+        equip(&mut scene);
+        for (numerics, projection) in Numerics::ALL
+            .into_iter()
+            .zip([Projection::Perspective, Projection::Orthographic].into_iter().cycle())
+        {
+            let mut scene = scene.clone();
+            scene.cameras[0].projection = projection;
+            let what = format!("{}, {}", file.display(), numerics.name());
+            check(&prepare(scene, SIZE, numerics), &what);
+        }
+    }
+}
+
+/// The assignment's picture has its plane, both spheres and the tetrahedron in it, so that the loops have been asked.
+#[test]
+fn the_loops_are_asked() {
+    let prepared = prepare(load(&repository("scenes/assignment.toml")), SIZE, Numerics::Watertight);
+    assert!(check(&prepared, "assignment") > 2000);
+}

@@ -1,0 +1,13 @@
+//! Pictures and AOVs: values derived by hand, golden images, textures, sampling and effects.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod aov;
+mod closed_form;
+mod effects;
+mod golden;
+mod lanes;
+mod normal_maps;
+mod sampling;
+mod textures;

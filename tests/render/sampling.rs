@@ -1,0 +1,497 @@
+//! Samples: how fast their mean comes near the exact integral, and that a pixel depends on nothing but its own.
+
+use crate::common::Numbers;
+use crate::common::picture::{Prepared, parse, prepare};
+use glam::DVec3;
+use kiln::effects::effort::{Adaptive, First, Groups, displayed_error, unseen};
+use kiln::effects::random::{Point, Purpose, Scramble};
+use kiln::effects::samples::{Field, Sum};
+use kiln::effects::tile::{Context, Tile};
+use kiln::effects::{Choices, Plan, RayKind};
+use kiln::film::{ColourPipeline, Film, Filter, FilterShape, Window};
+use kiln::render::{RenderControl, Statistics, render};
+use kiln::scene::{Numerics, Sampling};
+use kiln::shading::ShadingMode;
+
+/// The area of the part `a x + b y < d` of the unit square around the origin: the integral of a ramp twice, which is a sum of
+/// squares of what lies on the right side of each corner.
+fn area(a: f64, b: f64, d: f64) -> f64 {
+    let (a, b) = (a.abs(), b.abs());
+    let above = |s: f64| s.max(0.0).powi(2);
+    let s = d + (a + b) / 2.0;
+    (above(s) - above(s - a) - above(s - b) + above(s - a - b)) / (2.0 * a * b)
+}
+
+/// A function over a pixel, and its integral over the unit square around the origin.
+type Integrand = (Box<dyn Fn(f64, f64) -> f64>, f64);
+
+fn edge(numbers: &mut Numbers) -> Integrand {
+    // Never along an axis, which the formula does not have.
+    let (angle, d) = ((numbers.unit() + 1e-3) * std::f64::consts::TAU, 0.6 * numbers.signed());
+    let (a, b) = (angle.cos(), angle.sin());
+    (Box::new(move |x, y| f64::from(u8::from(a * x + b * y < d))), area(a, b, d))
+}
+
+fn smooth(numbers: &mut Numbers) -> Integrand {
+    let (a, b) = (0.5 + numbers.unit(), 0.5 + numbers.unit());
+    let along = |a: f64| 2.0 * (a / 2.0).sinh() / a;
+    (Box::new(move |x, y| (a * x + b * y).exp()), along(a) * along(b))
+}
+
+/// A fine texture: a few waves a pixel.
+fn texture(numbers: &mut Numbers) -> Integrand {
+    let (a, b, phase) =
+        (numbers.unit() * 12.0 + 1.0, numbers.unit() * 12.0 + 1.0, numbers.unit() * std::f64::consts::TAU);
+    let along = |a: f64| 2.0 * (a / 2.0).sin() / a;
+    (Box::new(move |x, y| (a * x + b * y + phase).sin()), phase.sin() * along(a) * along(b))
+}
+
+const PIXELS: u32 = 300;
+
+/// The root mean square over pixels of what the mean of the first n samples is off, for n from 1 to `most`.
+fn errors(make: fn(&mut Numbers) -> Integrand, most: u32, is_random: bool) -> Vec<f64> {
+    let filter = Filter::new(FilterShape::Box, 0.5);
+    let mut numbers = Numbers::new(5);
+    let mut squares = vec![0.0; most as usize];
+    for pixel in 0..PIXELS {
+        let (value, exact) = make(&mut numbers);
+        let scramble = Scramble::new(pixel, 7, 0, Purpose::Pixel);
+        let mut sum = 0.0;
+        for sample in 0..most {
+            let own = scramble.of(Point::new(sample, Purpose::Pixel));
+            let other = [numbers.unit() as f32, numbers.unit() as f32];
+            let ([x, y], _) = filter.place(if is_random { other.map(|u| u.min(0.999_999)) } else { own });
+            sum += value(x, y);
+            squares[sample as usize] += (sum / f64::from(sample + 1) - exact).powi(2);
+        }
+    }
+    squares.iter().map(|s| (s / f64::from(PIXELS)).sqrt()).collect()
+}
+
+/// The slope of the logarithm of the error over that of the count, by least squares.
+fn slope(errors: &[f64], counts: &[usize]) -> f64 {
+    let points: Vec<(f64, f64)> = counts.iter().map(|&n| ((n as f64).ln(), errors[n - 1].ln())).collect();
+    let n = points.len() as f64;
+    let (mx, my) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
+    let covariance: f64 = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum();
+    covariance / points.iter().map(|p| (p.0 - mx).powi(2)).sum::<f64>()
+}
+
+/// Counts that are no powers of two, about evenly spaced in their logarithm.
+const ODD: &[usize] = &[9, 13, 21, 35, 51, 85, 133, 211, 341, 541, 871, 1401];
+const POWERS: &[usize] = &[8, 16, 32, 64, 128, 256, 512, 1024];
+
+#[test]
+fn the_areas_of_half_planes() {
+    // Halves; a corner of legs 1/2 cut off: 1/8; nothing, and all.
+    assert!((area(0.6, -0.8, 0.0) - 0.5).abs() < 1e-12);
+    assert!((area(1.0, 1.0, -0.5) - 0.125).abs() < 1e-12);
+    assert_eq!(area(0.6, 0.8, -0.8), 0.0);
+    assert!((area(0.6, 0.8, 0.8) - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn the_error_falls_as_the_sequence_promises() {
+    // Random points: n^-0.5 whatever there is to see. Stratified ones: n^-0.75 where there are edges (Mitchell 1996). Scrambled
+    // Sobol sequences: n^-1.5 on smooth functions at powers of two, n^-1 in between, where the last points are few.
+    for (name, make, odd, powers) in [
+        ("edge", edge as fn(&mut Numbers) -> Integrand, -0.68, -0.70),
+        ("smooth", smooth, -0.95, -1.4),
+        ("texture", texture, -0.95, -1.2),
+    ] {
+        let own = errors(make, 1401, false);
+        let random = errors(make, 1401, true);
+        let slopes = [slope(&own, ODD), slope(&own, POWERS), slope(&random, ODD)];
+        println!("{name}: slopes {slopes:.2?}, errors of 16 samples {:.4} and {:.4}", own[15], random[15]);
+        assert!(slopes[0] < odd, "{name}: {slopes:?}");
+        assert!(slopes[1] < powers, "{name}: {slopes:?}");
+        // The measure itself tells.
+        assert!((slopes[2] + 0.5).abs() < 0.1, "{name}: {slopes:?}");
+        // From 16 on: before, the texture's waves are finer than the samples.
+        for n in 16..=own.len() {
+            assert!(
+                own[n - 1] < 0.95 * random[n - 1],
+                "{name}: {n} samples: {} {}",
+                own[n - 1],
+                random[n - 1]
+            );
+        }
+    }
+}
+
+#[test]
+fn every_filter_finds_its_own_moments() {
+    // The mean of x^2 + x through a filter is its second moment: by 2^16 samples to 1e-3, negative lobes and all. Of the box r^2/3,
+    // of the tent r^2/6, of Mitchell and Netravali's (2 B / 3) / 2 = 1/9 of a quarter of its radius' square.
+    let gaussian = |r: f64| {
+        // By the midpoint rule over exp(-9/2 x^2) - exp(-9/2), the filter of radius 1.
+        let sums = (0..100_000).map(|i| (f64::from(i) + 0.5) / 1e5).fold((0.0, 0.0), |(one, two), x| {
+            let value = (-4.5 * x * x).exp() - (-4.5f64).exp();
+            (one + value, two + value * x * x)
+        });
+        sums.1 / sums.0 * r * r
+    };
+    for (shape, radius, moment) in [
+        (FilterShape::Box, 0.5, 0.25 / 3.0),
+        (FilterShape::Box, 2.0, 4.0 / 3.0),
+        (FilterShape::Tent, 1.0, 1.0 / 6.0),
+        (FilterShape::Gaussian, 1.5, gaussian(1.5)),
+        (FilterShape::Mitchell, 2.0, 1.0 / 9.0),
+        (FilterShape::Mitchell, 3.0, 1.0 / 4.0),
+    ] {
+        let filter = Filter::new(shape, radius);
+        let scramble = Scramble::new(1, 2, 3, Purpose::Pixel);
+        let mut sum = Sum::default();
+        for sample in 0..1 << 16 {
+            let ([x, y], sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
+            sum.add([x * x + x, y * y, x * y].map(|c| c as f32), sign);
+        }
+        let value = sum.value(&filter);
+        assert!((value - DVec3::new(moment, moment, 0.0)).abs().max_element() < 1e-3, "{shape:?} {value}");
+    }
+}
+
+#[test]
+fn equal_samples_have_their_own_colour_as_their_mean() {
+    for shape in FilterShape::ALL {
+        let filter = Filter::new(shape, shape.usual_radius());
+        for count in 1..200 {
+            let colour = [0.1f32, 1.0 / 3.0, 7e-9];
+            let scramble = Scramble::new(count, 2, 3, Purpose::Pixel);
+            let (mut sum, mut groups) = (Sum::default(), Groups::default());
+            for sample in 0..count {
+                let (_, sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
+                sum.add(colour, sign);
+                groups.add(colour, sign as f32);
+            }
+            assert_eq!(sum.value(&filter).as_vec3().to_array(), colour, "{shape:?} {count}");
+            if count > 1 {
+                assert!(groups.variance(sum.mean(), filter.mean_sign()).max_element() < 1e-12);
+            }
+        }
+    }
+}
+
+/// What became of pixels with an edge, black beside white, at any angle through them or close by.
+struct Stopped {
+    /// The share of those that are off by more than three times the level.
+    wrong: f64,
+    rms: f64,
+    samples: f64,
+}
+
+/// Samples pixels as the effect does; by themselves alone where `by_neighbours` is false.
+fn stop(adaptive: Adaptive, most: u32, by_neighbours: bool) -> Stopped {
+    let filter = Filter::new(FilterShape::Box, 0.5);
+    let mut numbers = Numbers::new(11);
+    let (mut wrong, mut squares, mut taken) = (0, 0.0, 0);
+    let pixels = 2000;
+    for pixel in 0..pixels {
+        let (value, exact) = edge(&mut numbers);
+        let (left, top) = (3 * pixel, 1);
+        // The samples `from` up to `to` of the pixel in this column and row of the three by three.
+        let take = |column: u32, row: u32, from: u32, to: u32, sum: &mut Sum, groups: &mut Groups| {
+            let scramble = Scramble::new(left + column, top + row, 0, Purpose::Pixel);
+            for sample in from..to {
+                let ([x, y], sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
+                let colour = [value(x + f64::from(column) - 1.0, y + f64::from(row) - 1.0) as f32; 3];
+                sum.add(colour, sign);
+                groups.add(colour, sign as f32);
+            }
+        };
+        let mut firsts = Vec::new();
+        for (row, column) in (0..9).map(|i| (i / 3, i % 3)) {
+            let (mut sum, mut groups) = (Sum::default(), Groups::default());
+            take(column, row, 0, adaptive.floor, &mut sum, &mut groups);
+            firsts.push(First::new(&groups, sum.mean(), 1.0));
+        }
+        let around = firsts[4].spread(&firsts);
+        let (mut sum, mut groups) = (Sum::default(), Groups::default());
+        let mut look = 0;
+        loop {
+            let next = adaptive.next_look(look, most);
+            take(1, 1, look, next, &mut sum, &mut groups);
+            look = next;
+            let hidden = if by_neighbours { unseen(around, look) } else { DVec3::ZERO };
+            let error = (groups.variance(sum.mean(), 1.0) + hidden).x.sqrt();
+            let error = displayed_error(sum.mean(), DVec3::splat(error), ColourPipeline::Display);
+            if look == most || error <= adaptive.level {
+                break;
+            }
+        }
+        let off = (sum.mean().x - exact).abs();
+        wrong += u32::from(off > 3.0 * adaptive.level);
+        squares += off * off;
+        taken += look;
+    }
+    let share = |of: f64| of / f64::from(pixels);
+    Stopped { wrong: share(f64::from(wrong)), rms: share(squares).sqrt(), samples: share(f64::from(taken)) }
+}
+
+#[test]
+fn few_pixels_are_stopped_too_early() {
+    // The worst there is to miss. What a pixel's own samples have not seen they cannot know of, and of few samples that is much; its
+    // neighbours' have seen where the edge goes on. Errors are estimated from few groups, and the first low estimate stops a pixel: so
+    // all these pixels together may be off by somewhat more than the level, though not by half as much again.
+    let level = 0.01;
+    for (floor, share) in [(4, 0.02), (16, 0.02)] {
+        let adaptive = Adaptive { level, floor };
+        let [alone, together] = [false, true].map(|by_neighbours| stop(adaptive, 1024, by_neighbours));
+        for (name, Stopped { wrong, rms, samples }) in [("alone", &alone), ("with neighbours", &together)] {
+            println!(
+                "{floor} first, {name}: {wrong:.4} stopped wrongly; rms {rms:.4}; {samples:.1} samples a pixel"
+            );
+        }
+        assert!(together.wrong < share && together.rms < 1.5 * level, "{} {}", together.wrong, together.rms);
+        // The measure itself tells.
+        assert!(
+            alone.wrong > 3.0 * together.wrong && alone.rms > together.rms,
+            "{} {}",
+            alone.wrong,
+            alone.rms
+        );
+    }
+}
+
+#[test]
+fn first_samples_lie_apart_by_their_mean_squares() {
+    let first = |colours: &[f32]| {
+        let (mut sum, mut groups) = (Sum::default(), Groups::default());
+        for &colour in colours {
+            sum.add([colour, 0.0, 1.0], 1.0);
+            groups.add([colour, 0.0, 1.0], 1.0);
+        }
+        First::new(&groups, sum.mean(), 1.0)
+    };
+    // 0, 0, 1, 1 has a variance of 4 (1/2)^2 / 3 = 1/3 and lies 1/2 off 0: of itself and this, (0 + 1/3 + 1/4) / 2 = 7/24.
+    let (black, half) = (first(&[0.0; 4]), first(&[0.0, 0.0, 1.0, 1.0]));
+    let spread = black.spread([&black, &half]);
+    assert!((spread.x - 7.0 / 24.0).abs() < 1e-6 && spread.y == 0.0 && spread.z == 0.0, "{spread}");
+    // What is no number is left out, and does not hide the others.
+    let broken = first(&[f32::NAN; 4]);
+    assert_eq!(black.spread([&black, &broken, &half]), spread);
+    // It counts for less and less: by the third power of the samples taken.
+    let [few, many] = [4, 8].map(|taken| unseen(spread, taken));
+    assert!((few.x / many.x - 8.0).abs() < 1e-9 && few.y == 0.0);
+}
+
+#[test]
+fn a_field_is_a_tile_and_what_is_around_it() {
+    let tile = Window { x: 16, y: 0, width: 5, height: 3 };
+    // No row above; a column on either side; a row below.
+    let field = Field::new(tile, 1, [48, 48]);
+    assert_eq!(field.whole, Window { x: 15, y: 0, width: 7, height: 4 });
+    let own: Vec<usize> = field.own().collect();
+    assert_eq!(own, [1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 15, 16, 17, 18, 19]);
+    assert_eq!((0..28).filter(|&pixel| field.is_own(pixel)).collect::<Vec<_>>(), own);
+    assert_eq!(field.near(8).collect::<Vec<_>>(), [0, 1, 2, 7, 8, 9, 14, 15, 16]);
+    assert_eq!(field.near(0).collect::<Vec<_>>(), [0, 1, 7, 8]);
+    assert_eq!(field.near(27).collect::<Vec<_>>(), [19, 20, 26, 27]);
+    // Nothing beyond the picture.
+    assert_eq!(Field::new(tile, 1, [21, 3]).whole, Window { x: 15, y: 0, width: 6, height: 3 });
+    assert_eq!(Field::new(tile, 0, [48, 48]).whole, tile);
+}
+
+#[test]
+fn pixels_are_looked_at_at_the_floor_and_at_growing_counts() {
+    let looks = |floor: u32, most: u32| {
+        let adaptive = Adaptive { level: 0.1, floor };
+        let mut taken = 0;
+        std::iter::from_fn(move || {
+            taken = (taken < most).then(|| adaptive.next_look(taken, most))?;
+            Some(taken)
+        })
+        .collect::<Vec<_>>()
+    };
+    assert_eq!(looks(16, 100), [16, 32, 48, 64, 96, 100]);
+    assert_eq!(looks(1, 5), [1, 2, 4, 5]);
+    assert_eq!(looks(4, 50), [4, 8, 16, 32, 48, 50]);
+    assert_eq!(looks(6, 40), [6, 12, 24, 40]);
+    assert_eq!(looks(5, 5), [5]);
+}
+
+/// Black, and white below a slanted line, 16 by 16 pixels of unit size; with a shadowed, glazed ball where asked for.
+fn scene(image: &str, with_ball: bool) -> Prepared {
+    let ball = "[[sphere]]\ncentre = [2.0, -3.0, 2.0]\nradius = 2.5\nmaterial = \"white\"\n";
+    let text = format!(
+        "[image]\nwidth = 48\nheight = 48\ncolour = \"display\"\n{image}\n\
+         [[camera]]\nposition = [0, 0, 10]\nlook_at = [0, 0, 0]\nprojection = \"orthographic\"\n\
+         viewing_rectangle = [48, 48]\nviewpoint_distance = 1\n\
+         [material.white]\ncolour = [255, 255, 255]\nglaze = {{ weight = 0.25 }}\n\
+         [[light]]\ntype = \"point\"\nposition = [-5, 9, 9]\n\
+         [[triangles]]\nmaterial = \"white\"\nvertices = [[-100, -29.7, 0], [100, 31.3, 0], [0, -300, 0]]\n{}",
+        if with_ball { ball } else { "" }
+    );
+    prepare(parse(&text), [48, 48], Numerics::Watertight)
+}
+
+fn picture(prepared: &Prepared, window: Window, threads: usize) -> (Film, Statistics) {
+    let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
+    let control = RenderControl::default();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+    pool.install(|| render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &control))
+        .expect("a picture")
+}
+
+const WHOLE: Window = Window { x: 0, y: 0, width: 48, height: 48 };
+
+#[test]
+fn an_edge_is_where_it_should_be() {
+    // The line y = 0.8 + 0.305 x; pixel (i, j) from the top has its centre at (i - 23.5, 23.5 - j).
+    let prepared = scene("samples = 256\nfilter = \"box\"", false);
+    let choices = Choices { shading: ShadingMode::Flat, ..Choices::default() };
+    let (film, statistics) = prepared.render(choices);
+    assert_eq!(statistics.rays(RayKind::PRIMARY).cast, 48 * 48 * 256);
+    let (mut squares, mut crossed) = (0.0, 0);
+    for j in 0..48 {
+        for i in 0..48 {
+            let (x, y) = (f64::from(i) - 23.5, 23.5 - f64::from(j));
+            let exact = area(-0.305, 1.0, 0.8 + 0.305 * x - y);
+            let off = f64::from(film.pixel(i, j)[0]) - exact;
+            let is_crossed = exact > 0.0 && exact < 1.0;
+            assert!(is_crossed || off.abs() < 1e-12, "({i}, {j}): {off}");
+            squares += off * off;
+            crossed += u32::from(is_crossed);
+        }
+    }
+    // 256 samples at random are off by up to 1/32; those of this sequence by an eighth of that (256^-0.25 and less).
+    assert!(crossed > 48 && (squares / f64::from(crossed)).sqrt() < 0.25 / 32.0, "{crossed} {squares}");
+}
+
+#[test]
+fn crops_and_threads_change_no_bit() {
+    for image in [
+        "samples = 7\nfilter = \"mitchell\"",
+        "samples = 5\nfilter = \"gaussian\"\nfilter_radius = 3.3",
+        "samples = 70\nnoise = 0.01\nfilter = \"tent\"\nmin_samples = 6",
+        "noise = 0.02\nfilter = \"mitchell\"\nseed = 9",
+    ] {
+        let prepared = scene(image, true);
+        let (film, statistics) = picture(&prepared, WHOLE, 1);
+        let (other, same) = picture(&prepared, WHOLE, 3);
+        assert_eq!(film, other, "{image}");
+        assert_eq!(statistics.rays(RayKind::PRIMARY), same.rays(RayKind::PRIMARY));
+        // Tiles of the crop lie across those of the whole.
+        let crop = Window { x: 5, y: 11, width: 33, height: 21 };
+        let (part, _) = picture(&prepared, crop, 2);
+        for y in 0..crop.height {
+            for x in 0..crop.width {
+                assert_eq!(part.pixel(x, y), film.pixel(crop.x + x, crop.y + y), "{image}: ({x}, {y})");
+            }
+        }
+    }
+}
+
+#[test]
+fn single_pixels_have_the_picture_s_bits() {
+    // A crop of one pixel is a tile of its own: all its neighbours are beyond it. Along the edge, at the borders and corners of tiles and
+    // of the picture.
+    let prepared = scene("noise = 0.01", true);
+    let (film, _) = picture(&prepared, WHOLE, 1);
+    for (x, y) in (0..48).map(|x| (x, (23 - (x * 3 / 10 - 7)) as u32)).chain([
+        (0, 0),
+        (47, 47),
+        (0, 47),
+        (15, 16),
+        (16, 15),
+    ]) {
+        let x = x as u32;
+        let (one, _) = picture(&prepared, Window { x, y, width: 1, height: 1 }, 1);
+        assert_eq!(one.pixel(0, 0), film.pixel(x, y), "({x}, {y})");
+    }
+}
+
+#[test]
+fn samples_around_a_tile_are_counted_but_are_no_samples_of_its_pixels() {
+    let prepared = scene("noise = 0.01\nmin_samples = 4", true);
+    let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
+    let context = Context { world: &prepared.world, view: &prepared.view };
+    // Black all around: four samples a pixel, of nine pixels, and in the picture's corner of four.
+    for (x, y, cast) in [(3, 3, 36), (0, 0, 16)] {
+        let window = Window { x, y, width: 1, height: 1 };
+        let (_, statistics) = picture(&prepared, window, 1);
+        assert_eq!(statistics.rays(RayKind::PRIMARY).cast, cast);
+        assert_eq!(plan.samples(&mut Tile::default(), &context, window), [4]);
+    }
+    // A whole tile in the middle of the picture: 18 squared less 16 squared pixels around it.
+    let window = Window { x: 16, y: 16, width: 16, height: 16 };
+    let taken = plan.samples(&mut Tile::default(), &context, window);
+    assert!(taken.len() == 256 && taken.iter().any(|&n| n > 4));
+    let (_, statistics) = picture(&prepared, window, 1);
+    let own: u64 = taken.iter().map(|&n| u64::from(n)).sum();
+    assert_eq!(statistics.rays(RayKind::PRIMARY).cast, own + 4 * (18 * 18 - 16 * 16));
+}
+
+#[test]
+fn a_floor_as_high_as_the_ceiling_is_uniform() {
+    let (uniform, _) = picture(&scene("samples = 33", true), WHOLE, 1);
+    // Through the registry adaptive effort is then off; so once more with it on, at a level that nothing reaches.
+    for image in
+        ["samples = 33\nnoise = 0.5\nmin_samples = 33", "samples = 33\nnoise = 0.000001\nmin_samples = 1"]
+    {
+        let prepared = scene(image, true);
+        let (film, _) = picture(&prepared, WHOLE, 1);
+        let equal =
+            (0..48 * 48).filter(|i| film.pixel(i % 48, i / 48) == uniform.pixel(i % 48, i / 48)).count();
+        match prepared.sampling.min_samples {
+            Some(33) => assert_eq!(film, uniform),
+            // One sample is no ground to stop on, and with equal ones after it there is nothing to gain: those differ by less than
+            // what one sample in 33 can be seen to be.
+            _ => assert!(equal > 48 * 48 * 3 / 4, "{equal}"),
+        }
+    }
+}
+
+#[test]
+fn effort_goes_where_it_is_needed() {
+    let uniform = "samples = 256\nfilter = \"box\"";
+    let (reference, _) = picture(&scene("samples = 4096\nfilter = \"box\"\nseed = 1", true), WHOLE, 3);
+    let error = |film: &Film| {
+        let off =
+            reference.rows().zip(film.rows()).map(|(a, b)| f64::from(a[0].min(1.0) - b[0].min(1.0)).powi(2));
+        (off.sum::<f64>() / f64::from(48 * 48)).sqrt()
+    };
+    let (_, all) = picture(&scene(uniform, true), WHOLE, 3);
+    let prepared = scene("samples = 256\nnoise = 0.004\nfilter = \"box\"", true);
+    let (film, some) = picture(&prepared, WHOLE, 3);
+    let (cast, most) = (some.rays(RayKind::PRIMARY).cast, all.rays(RayKind::PRIMARY).cast);
+    assert!(cast >= 48 * 48 * 4 && cast < most / 4, "{cast} of {most}");
+    // The level is the standard error of one pixel: all of them together are not farther off.
+    assert!(error(&film) < 0.004, "{}", error(&film));
+}
+
+#[test]
+fn one_sample_and_no_filter_is_the_pixels_centre() {
+    let (plain, statistics) = picture(&scene("", true), WHOLE, 1);
+    let (one, same) = picture(&scene("samples = 1", true), WHOLE, 1);
+    assert_eq!(plain, one);
+    let names = |s: &Statistics| s.stages.iter().map(|stage| stage.name).collect::<Vec<_>>();
+    assert_eq!(names(&statistics), names(&same));
+    assert!(!names(&one_with_filter()).is_empty() && names(&one_with_filter()) != names(&same));
+}
+
+fn one_with_filter() -> Statistics {
+    picture(&scene("samples = 1\nfilter = \"box\"", true), WHOLE, 1).1
+}
+
+#[test]
+fn nothing_is_kept_where_nothing_is_asked_for() {
+    assert!(!Sampling::default().is_wanted());
+    assert!(
+        !Sampling { samples: Some(1), seed: Some(3), min_samples: Some(4), ..Default::default() }.is_wanted()
+    );
+    assert!(Sampling { samples: Some(2), ..Default::default() }.is_wanted());
+}
+
+#[test]
+fn eight_bit_samples_are_averaged_and_rounded_once_more() {
+    // Every value of the film is a 256th, also of pixels that an edge crosses.
+    let mut text = scene("samples = 9", true);
+    text.world.pipeline = ColourPipeline::U8;
+    let (film, _) = picture(&text, WHOLE, 1);
+    for pixel in film.rows() {
+        for channel in pixel.map(|c| f64::from(c) * 255.0) {
+            assert!((channel - channel.round()).abs() < 1e-4, "{channel}");
+        }
+    }
+}

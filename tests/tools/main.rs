@@ -1,0 +1,10 @@
+//! `kiln bench`, `kiln compare`, `kiln explain` and `kiln study`.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod bench;
+mod compare;
+mod explain;
+mod leaks;
+mod study;

@@ -1,0 +1,276 @@
+//! `kiln study`: what must hold of any study, on a tiny one, and the files that it writes.
+
+use std::path::Path;
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+use crate::common::repository;
+use kiln::study::{Judge, Study, from_csv, to_csv};
+
+/// A study of the assignment scene, small and quick, in a folder that goes when the tests end.
+fn made(inputs: &[&str], more: &[&str]) -> (tempfile::TempDir, Output) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
+        .current_dir(repository("."))
+        .args([&["study"], inputs, &["--progress", "none", "--rounds", "1"], more, &["-o"]].concat())
+        .arg(folder.path())
+        .output()
+        .expect("kiln runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    (folder, output)
+}
+
+fn read(folder: &Path) -> Study {
+    let text = std::fs::read_to_string(folder.join("study.json")).expect("JSON");
+    serde_json::from_str(&text).expect("a study")
+}
+
+/// One for all tests.
+fn tiny() -> &'static (tempfile::TempDir, Output) {
+    static TINY: OnceLock<(tempfile::TempDir, Output)> = OnceLock::new();
+    TINY.get_or_init(|| made(&["scenes/assignment.toml"], &["--size", "48x48"]))
+}
+
+#[test]
+fn the_acceleration_structure_makes_no_error() {
+    let study = read(tiny().0.path());
+    let rows: Vec<_> = study.rows.iter().filter(|row| row.knob == "bvh").collect();
+    // Three presets, two other layouts, and brute force over so small a scene.
+    assert_eq!(rows.len(), 6);
+    let base = study.rows.iter().find(|row| row.base).expect("the picture as asked for");
+    for row in rows {
+        assert_eq!(row.fingerprint, base.fingerprint, "{}", row.name());
+        assert_eq!(row.twin, base.twin, "{}", row.name());
+        assert_eq!(row.rays, base.rays, "{}", row.name());
+    }
+}
+
+#[test]
+fn exact_is_its_own_measure() {
+    let study = read(tiny().0.path());
+    let exact = study.rows.iter().find(|row| row.name() == "numerics: exact").expect("a row");
+    assert_eq!(exact.judge, Judge::Twin);
+    assert!(exact.twin.expect("finite").are_none());
+    let exact = study.geometry.iter().find(|tier| tier.numerics == "exact").expect("a tier");
+    assert_eq!((exact.false_hits, exact.false_misses, exact.wrong_primitives), (0, 0, 0));
+    assert_eq!(exact.t_ulps, Some([0.0; 3]));
+    // The tetrahedron is closed, and no tier but `fast` lets anything out of it.
+    for tier in study.geometry.iter().filter(|tier| tier.numerics != "fast") {
+        assert_eq!(tier.leaks_per_million, Some(0.0), "{}", tier.numerics);
+        assert!(tier.leak_rays > 100_000);
+    }
+}
+
+#[test]
+fn more_samples_are_closer_to_the_limit() {
+    let study = read(tiny().0.path());
+    let rows: Vec<_> = study.rows.iter().filter(|row| row.knob == "samples").collect();
+    // 1, 2, 4, … 32.
+    assert_eq!(rows.len(), 6);
+    let errors: Vec<f64> = rows.iter().map(|row| row.limit.expect("finite").rmse).collect();
+    assert!(errors.windows(2).all(|pair| pair[1] < pair[0]), "{errors:?}");
+    for (row, samples) in rows.iter().zip([1.0, 2.0, 4.0, 8.0, 16.0, 32.0]) {
+        assert_eq!(row.samples_per_pixel, samples);
+    }
+    // Variance of stratified samples falls between n^-1 and n^-2 (Mitchell 1996): 16 times as many, at least 4 times as close.
+    assert!(errors[1] / errors[5] > 4.0, "{errors:?}");
+    // The limit's own error is that of 1024 samples, 32 times as many: far below.
+    assert!(study.floors[0].rmse * 5.0 < errors[5], "{} {errors:?}", study.floors[0].rmse);
+}
+
+#[test]
+fn knobs_without_anything_to_do_are_left_out_with_a_reason() {
+    let study = read(tiny().0.path());
+    let why = |knob: &str| study.left_out.iter().find(|[name, _]| name == knob).map(|[_, why]| why.clone());
+    // The assignment has spheres and flat triangles, glaze and a light, but no pictures.
+    assert!(why("picture filter").is_some_and(|why| !why.is_empty()), "{:?}", study.left_out);
+    assert!(why("glaze bounces").is_none() && why("shadows").is_none());
+    for [knob, _] in &study.left_out {
+        assert!(study.rows.iter().all(|row| row.knob != *knob), "{knob}");
+    }
+}
+
+#[test]
+fn giving_up_an_effect_is_an_error_and_saves_rays() {
+    let study = read(tiny().0.path());
+    let base = study.rows.iter().find(|row| row.base).expect("a base");
+    for name in ["glaze bounces: 0 bounces", "shadows: off"] {
+        let row = study.rows.iter().find(|row| row.name() == name).expect("a row");
+        assert!(row.rays < base.rays && row.primary_rays == base.primary_rays, "{name}");
+        assert!(row.twin.expect("finite").rmse > base.twin.expect("finite").rmse, "{name}");
+    }
+}
+
+/// Of two runs, all that is not time is the same to the bit.
+#[test]
+fn errors_do_not_depend_on_the_run_or_on_threads() {
+    let first = read(tiny().0.path());
+    let (folder, _) = made(&["scenes/assignment.toml"], &["--size", "48x48", "--threads", "2"]);
+    let second = read(folder.path());
+    assert_eq!(
+        (first.floors, first.geometry, first.left_out),
+        (second.floors, second.geometry, second.left_out)
+    );
+    assert_eq!(first.rows.len(), second.rows.len());
+    for (a, b) in first.rows.iter().zip(&second.rows) {
+        assert_eq!(
+            (&a.limit, &a.twin, &a.fingerprint, a.rays),
+            (&b.limit, &b.twin, &b.fingerprint, b.rays),
+            "{}",
+            a.name()
+        );
+    }
+}
+
+#[test]
+fn the_tables_hold_the_same_and_can_be_read_back() {
+    let folder = tiny().0.path();
+    let csv = std::fs::read_to_string(folder.join("study.csv")).expect("CSV");
+    let mut rows = from_csv(&csv).expect("rows");
+    assert!(to_csv(&rows) == csv, "another table came back");
+    // The JSON has the same rows, to the last digit. Held against each other as text: what reads JSON here may be off by the last bit.
+    let dense = |text: &str| text.split_whitespace().collect::<String>();
+    let json = dense(&std::fs::read_to_string(folder.join("study.json")).expect("JSON"));
+    assert_eq!(read(folder).rows.len(), rows.len());
+    for row in &rows {
+        let row = dense(&serde_json::to_value(row).expect("numbers and text").to_string());
+        assert!(json.contains(&row), "{row}");
+    }
+    // A missing error stays missing: it is not 0.
+    (rows[0].limit, rows[0].non_finite, rows[0].setting) = (None, 3, "a, \"quoted\" name".into());
+    assert_eq!(from_csv(&to_csv(&rows)).expect("rows"), rows);
+    assert!(from_csv("id,knob\n1\n").is_err());
+}
+
+#[test]
+fn the_page_needs_no_network() {
+    let page = std::fs::read_to_string(tiny().0.path().join("index.html")).expect("a page");
+    // The names that SVG's elements belong to are no addresses that anyone opens.
+    let page = page.replace("http://www.w3.org/2000/svg", "").replace("http://www.w3.org/1999/xlink", "");
+    for outside in ["http:", "https:", "src=\"/", "url(", "@import", "<link"] {
+        assert!(!page.contains(outside), "{outside}");
+    }
+    for inside in ["<svg", "data:image/png;base64,", "prefers-color-scheme", "kiln study", "</html>"] {
+        assert!(page.contains(inside), "{inside}");
+    }
+}
+
+#[test]
+fn advice_is_printed_and_is_that_of_the_front() {
+    let (folder, output) = tiny();
+    let study = read(folder.path());
+    let printed = String::from_utf8_lossy(&output.stdout);
+    assert!(!study.advice.is_empty());
+    for advice in &study.advice {
+        assert!(printed.contains(&advice.text), "{printed}");
+        let Some(row) = advice.row.map(|row| &study.rows[row]) else { continue };
+        assert!(row.limit.expect("finite").rmse < advice.below);
+        // Nothing that is as good is quicker.
+        let quicker = study.rows.iter().filter(|other| other.filter == row.filter).find(|other| {
+            other.limit.is_some_and(|limit| limit.rmse < advice.below)
+                && other.trace_ms.median < row.trace_ms.median
+        });
+        assert!(quicker.is_none(), "{}: {:?}", advice.text, quicker.map(|row| row.name()));
+    }
+}
+
+#[test]
+fn a_mesh_alone_can_be_studied() {
+    let (folder, output) = made(&["assets/import/l.obj"], &["--size", "24x24"]);
+    let study = read(folder.path());
+    // A headlight casts shadows; nothing is glazed, and the picture adds up light linearly.
+    let left_out: Vec<&str> = study.left_out.iter().map(|[knob, _]| knob.as_str()).collect();
+    assert!(left_out.contains(&"glaze bounces") && left_out.contains(&"colour"), "{left_out:?}");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("left out: glaze bounces: "));
+}
+
+#[test]
+fn a_folder_that_cannot_be_made_is_said_before_any_work() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("file");
+    std::fs::write(&file, "").expect("a file");
+    let code = |output: &Path, inputs: &str| {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
+        let output = command.args(["study", inputs, "-o"]).arg(output).output().expect("kiln runs");
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (status, said) = code(&file.join("inside"), "no-such-scene.toml");
+    assert_eq!(status, Some(4), "{said}");
+    // What was made for nothing goes again; what was there stays.
+    let (status, said) = code(&folder.path().join("new/deep"), "no-such-scene.toml");
+    assert_eq!(status, Some(3), "{said}");
+    assert!(!folder.path().join("new").exists() && folder.path().exists());
+    let old = folder.path().join("old");
+    std::fs::create_dir(&old).expect("a folder");
+    assert_eq!(code(&old, "no-such-scene.toml").0, Some(3));
+    assert!(old.exists());
+}
+
+/// Of the options before and those of a row, those that make the row's picture: one of the same name takes the place of another.
+fn together(given: &[&str], options: &str) -> Vec<String> {
+    let own: Vec<&str> = options.split_whitespace().collect();
+    let adds = |name: &str| name == "--with" || name == "--without";
+    let pairs = given.chunks(2).filter(|pair| adds(pair[0]) || !own.contains(&pair[0]));
+    pairs.flatten().copied().chain(own.iter().copied()).map(str::to_owned).collect()
+}
+
+#[test]
+fn the_options_of_a_row_make_its_picture() {
+    use std::hash::{DefaultHasher, Hash, Hasher};
+    let bases: [&[&str]; 5] = [
+        &[],
+        &["--samples", "8", "--noise", "0.02"],
+        &["--filter-radius", "0.7"],
+        &["--with", "shadows", "--samples", "2"],
+        &["--without", "glaze", "--filter", "mitchell"],
+    ];
+    for base in bases {
+        let small = [&["--size", "20x20"], base].concat();
+        let (folder, _) = made(&["scenes/assignment.toml"], &small);
+        let study = read(folder.path());
+        let mut count = 0;
+        for row in &study.rows {
+            if !row.has_options {
+                assert_eq!(row.options, "", "{}", row.name());
+                continue;
+            }
+            let file = folder.path().join("row.exr");
+            let options = together(&small, &row.options);
+            let output = Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
+                .current_dir(repository("."))
+                .args(["render", "scenes/assignment.toml", "--progress", "none", "-o"])
+                .arg(&file)
+                .args(&options)
+                .output()
+                .expect("kiln runs");
+            assert!(output.status.success(), "{options:?}: {}", String::from_utf8_lossy(&output.stderr));
+            let picture = kiln::film::read::read_picture(&file).expect("a picture");
+            let mut hasher = DefaultHasher::new();
+            picture.values.iter().flatten().for_each(|channel| channel.to_bits().hash(&mut hasher));
+            assert_eq!(format!("{:016x}", hasher.finish()), row.fingerprint, "{}: {options:?}", row.name());
+            count += 1;
+        }
+        // Layouts, some bounces and what cannot be taken back have no options; most have.
+        assert!(count > study.rows.len() / 2, "{count} of {} with {base:?}", study.rows.len());
+        let none = |name: &str| study.rows.iter().any(|row| row.name() == name && !row.has_options);
+        assert!(none("bvh: layout bvh2"));
+    }
+}
+
+#[test]
+fn one_knob_alone_can_be_varied() {
+    let (folder, _) = made(&["scenes/assignment.toml"], &["--size", "20x12", "--knob", "numerics"]);
+    let study = read(folder.path());
+    // What was asked for, and the four tiers; nothing is held against a picture of many samples.
+    assert_eq!(study.rows.len(), 5);
+    assert!(study.floors.is_empty() && study.rows.iter().all(|row| row.limit.is_none()));
+    assert!(study.rows.iter().all(|row| row.twin.is_some()));
+    // Four rays across a pixel.
+    assert!(study.geometry.iter().all(|tier| tier.rays == 16 * 20 * 12));
+    let output = Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
+        .args(["study", "x.toml", "-o", "x", "--knob", "colours"])
+        .output()
+        .expect("kiln runs");
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("no knob `colours`"), "{said}");
+}
