@@ -327,7 +327,7 @@ fn scene(image: &str, with_ball: bool) -> Prepared {
 
 fn picture(prepared: &Prepared, window: Window, threads: usize) -> (Film, Statistics) {
     let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
-    let control = RenderControl::default();
+    let control = RenderControl { time_stages: true, ..RenderControl::default() };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
     pool.install(|| render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &control))
         .expect("a picture")
