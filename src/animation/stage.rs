@@ -5,7 +5,7 @@
 //! s for the picture of 1024 x 1024, on one thread; refitting takes 0.4 of it (`bvh::is_worth_keeping`), but wants a tree of its
 //! own for each frame in flight and traces worse. The assignment's seven primitives take a tenth of a millisecond.
 
-use crate::bvh::Structure;
+use crate::bvh::Layout;
 use crate::error::{Error, Result};
 use crate::film::ColourPipeline;
 use crate::scene::animation::{Motion, Property, Target, Track};
@@ -27,7 +27,7 @@ pub struct Stage {
     /// How the scene was moved where its objects stand still.
     range: Option<Range>,
     /// What is built for objects that move; `None` where none does.
-    structure: Option<Structure>,
+    structure: Option<Layout>,
 }
 
 /// What there is at a time.
@@ -53,7 +53,7 @@ impl Stage {
         camera: &Camera,
         headlight: bool,
         pipeline: ColourPipeline,
-        structure: Structure,
+        structure: Layout,
         numerics: Numerics,
     ) -> Result<Self> {
         let known = scene.cameras.iter().position(|known| known == camera);

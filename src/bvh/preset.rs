@@ -1,18 +1,17 @@
-//! How much work is spent on building.
+//! [`Preset`]: named points on the parameters of the builder.
 
 use obvhs::BvhBuildParams;
 use obvhs::ploc::{PlocSearchDistance, SortPrecision};
 
-/// From the least work spent on building to the least spent on tracing. No picture depends on it.
+/// A trade-off between build time and traversal time. No image depends on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Preset {
-    /// For scenes that change with every picture, or that few rays are cast in.
+    /// The fastest build: for scenes that change every frame or with few rays.
     FastBuild,
     /// The default.
     #[default]
     Balanced,
-    /// For scenes that many rays are cast in: large triangles are split beforehand, and every node is considered for
-    /// reinsertion.
+    /// The fastest traversal: large triangles are split beforehand, and every node is considered for reinsertion.
     BestTrace,
 }
 
@@ -34,9 +33,7 @@ impl Preset {
         Preset::ALL.into_iter().find(|preset| preset.name() == name)
     }
 
-    /// As measured with trees of eight. Sorting by 128 bits changed no count of tests; searching wider than 14, a second
-    /// reinsertion, or a ratio above 0.015 for the default, brought less than 3 % of them; a ratio of 0.02 brings 0.5 % and takes 5 %
-    /// longer to build, one of 0.01 saves 3 % and costs up to 3 %.
+    /// The parameters of obvhs's builder. Measurements: docs/decisions.md.
     pub(super) fn parameters(self) -> BvhBuildParams {
         let common = BvhBuildParams {
             pre_split: false,

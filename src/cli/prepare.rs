@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::arguments::Arguments;
 use super::picture;
 use super::statistics::Seconds;
-use crate::bvh::Structure;
+use crate::bvh::Layout;
 use crate::effects::{Choices, Plan, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::write::FINGERPRINT;
@@ -45,7 +45,7 @@ pub struct Described {
     pub choices: Choices,
     pub pipeline: ColourPipeline,
     pub numerics: Numerics,
-    pub structure: Structure,
+    pub structure: Layout,
     /// What makes the picture.
     pub settings: Vec<(String, String)>,
 }
@@ -138,7 +138,7 @@ pub fn settle(
         .value("camera", &(&camera, projection, size, (window.x, window.y, window.width, window.height)));
     fingerprint.value("choices", &(shading.name(), with, without, pipeline.name(), numerics.name()));
     settings.push((FINGERPRINT.to_owned(), fingerprint.finish()));
-    let structure = Structure::Wide(arguments.preset());
+    let structure = Layout::Wide(arguments.preset());
     Ok(Described {
         scene,
         range,

@@ -240,7 +240,7 @@ fn way_out(origin: DVec3, bounds: Option<(DVec3, DVec3)>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bvh::Structure;
+    use crate::bvh::Layout;
     use crate::effects::Choices;
     use crate::error::Warnings;
     use crate::scene::{Camera, Numerics, Projection, Scene};
@@ -266,7 +266,7 @@ mod tests {
         let view = View::new(&camera, camera.projection, [101, 101]).unwrap();
         let bounds = scene.bounds();
         let pipeline = scene.colour.unwrap_or_default();
-        let world = World::prepare(scene, pipeline, Structure::default(), Numerics::Double);
+        let world = World::prepare(scene, pipeline, Layout::default(), Numerics::Double);
         let plan = Plan::new(&world, &Choices::default()).unwrap();
         Ready { world, view, plan, bounds, range }
     }

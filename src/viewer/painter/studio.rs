@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::animation::{Moment, Stage};
-use crate::bvh::Structure;
+use crate::bvh::Layout;
 use crate::effects::{Decision, EFFECTS, Plan};
 use crate::error::{Error, Result};
 use crate::film::ColourPipeline;
@@ -126,7 +126,7 @@ impl Studio {
             self.stages.drain(..self.stages.len().saturating_sub(KEPT - 1));
             let scene = opened.scene.clone();
             let camera = scene.cameras.first().cloned().unwrap_or_else(|| nowhere(&scene));
-            let (pipeline, structure) = (settings.pipeline, Structure::Wide(opened.preset));
+            let (pipeline, structure) = (settings.pipeline, Layout::Wide(opened.preset));
             let stage = Stage::new(scene, &camera, false, pipeline, structure, settings.numerics)?;
             self.stages.push((key, Arc::new(stage)));
         }
