@@ -211,7 +211,7 @@ pub trait Tier: Send + Sync + 'static {
     /// A ray prepared for triangles.
     type Prepared: Copy;
 
-    /// Whether the tier decides hits by [`Woop`](super::woop)'s triangle test and the f64 sphere test, of which there
+    /// Whether the tier decides hits by the test of Woop, Benthin and Wald and the f64 sphere test, of which there
     /// are versions for four rays. Else those return [`Hit4::UNDECIDED`].
     const HAS_RAY4: bool = false;
 

@@ -37,7 +37,7 @@
 //! Exceptions:
 //! - Surfaces that share no corner with the triangle and lie closer than 2 ORIGIN_OFFSET R are jumped.
 //! - A ray that passes the border of a face's bounding box within 2^-49 R, less than 2^-23 R from its origin along an
-//!   axis, may be rejected by the box tests ([`super::bounds::DOUBLE_MARGIN`]). That takes a fold sharper than about
+//!   axis, may be rejected by the box tests (`DOUBLE_MARGIN`). That takes a fold sharper than about
 //!   30 degrees, or a spike with such an opening angle, and a ray aimed that closely at another edge of the
 //!   neighbouring face.
 //!

@@ -121,17 +121,12 @@ impl WoopTest {
     /// The hits on four triangles, with the bits of [`WoopTest::hit`].
     #[inline(always)]
     pub fn hit_triangle4<S: Simd, C: Corner>(&self, triangles: &Triangle4<C>) -> Hit4 {
-        hit_four::<S>(
-            &self.from_origin::<S, C>(triangles),
-            &self.splat::<S>(),
-            self.zero_direction_mask,
-            false,
-        )
+        hit_four::<S>(&self.relative::<S, C>(triangles), &self.splat::<S>(), self.zero_direction_mask, false)
     }
 
     /// The corners of four triangles relative to the ray's origin, axes permuted.
     #[inline(always)]
-    fn from_origin<S: Simd, C: Corner>(&self, triangles: &Triangle4<C>) -> [[S::D4; 3]; 3] {
+    fn relative<S: Simd, C: Corner>(&self, triangles: &Triangle4<C>) -> [[S::D4; 3]; 3] {
         let axes = self.major.axes();
         let [x, y, z] = self.origin.to_array();
         let origin = [S::d4_splat(x), S::d4_splat(y), S::d4_splat(z)];

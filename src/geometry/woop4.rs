@@ -1,10 +1,8 @@
-//! The triangle test of [`super::woop`] for four ray-triangle pairs at once: four rays and one triangle, four rays
-//! with a triangle each, or one ray and four triangles
-//! ([`WoopTest::hit_triangle4`](super::woop::WoopTest::hit_triangle4)).
+//! The watertight triangle test (`woop`) for four ray-triangle pairs at once: four rays and one triangle, four rays
+//! with a triangle each, or one ray and four triangles (`WoopTest::hit_triangle4`).
 //!
 //! Operations and their order are those of the test for one ray, so the results have the same bits. Lanes where that
-//! test would branch off (cancellation, zero direction components, sides that f64 does not decide) come back
-//! undecided.
+//! test would branch off (cancellation, zero direction components, sides that f64 does not decide) come back undecided.
 
 use super::four::{Hit4, LANES4, MASK4, Ray4, Triangle4};
 use super::simd::Simd;

@@ -27,6 +27,8 @@ mod traverse;
 
 pub use rays::PACKET;
 
+use std::marker::PhantomData;
+
 use super::layout::{Child, Wide};
 use crate::bvh::Tests;
 use crate::geometry::four::{Hit4, LANES4};
@@ -51,8 +53,8 @@ pub fn closest<T: Tier, S: Simd>(
     S::run(
         #[inline(always)]
         || {
-            let Some(mut packet) = Packet::<T, false>::new::<S>(wide, rays, scratch) else { return false };
-            packet.traverse::<S>(stack, tests) && packet.resolve_all::<S>(hits)
+            let Some(mut packet) = Packet::<T, false>::new::<S>(rays, scratch) else { return false };
+            packet.traverse::<S>(wide, stack, tests) && packet.resolve_all::<S>(wide, hits)
         },
     )
 }
@@ -70,8 +72,8 @@ pub fn occluded<T: Tier, S: Simd>(
     S::run(
         #[inline(always)]
         || {
-            let Some(mut packet) = Packet::<T, true>::new::<S>(wide, rays, scratch) else { return false };
-            if !packet.traverse::<S>(stack, tests) {
+            let Some(mut packet) = Packet::<T, true>::new::<S>(rays, scratch) else { return false };
+            if !packet.traverse::<S>(wide, stack, tests) {
                 return false;
             }
             let active = &packet.scratch.active;
@@ -119,8 +121,9 @@ impl Scratch {
 }
 
 /// A packet of rays, traced for their closest hits, or (`ANY`) for any hit.
+///
+/// Methods take the tree as a parameter: as a field, it would be reloaded after every store to `scratch`.
 struct Packet<'a, T: Tier, const ANY: bool> {
-    wide: &'a Wide<T>,
     rays: &'a [Ray],
     frustum: Frustum,
     scratch: &'a mut Scratch,
@@ -128,12 +131,13 @@ struct Packet<'a, T: Tier, const ANY: bool> {
     is_prepared: u64,
     /// Whether the tier missed a triangle that f32 certainly hit: the packet is abandoned.
     is_inconsistent: bool,
+    tier: PhantomData<T>,
 }
 
 impl<'a, T: Tier, const ANY: bool> Packet<'a, T, ANY> {
     /// A packet of rays with a common origin, or (`ANY`) a common end, or direction; `None` for other rays.
     #[inline(always)]
-    fn new<S: Simd>(wide: &'a Wide<T>, rays: &'a [Ray], scratch: &'a mut Scratch) -> Option<Self> {
+    fn new<S: Simd>(rays: &'a [Ray], scratch: &'a mut Scratch) -> Option<Self> {
         debug_assert!(rays.len() <= PACKET);
         let frustum = Frustum::new::<S>(rays, ANY, &mut scratch.rays)?;
         let blocks = scratch.rays.blocks;
@@ -154,7 +158,8 @@ impl<'a, T: Tier, const ANY: bool> Packet<'a, T, ANY> {
         scratch.active[blocks - 1] = u8::MAX >> (BLOCK - in_last_block);
         scratch.rays.ends[blocks - 1][in_last_block..].fill(f32::NEG_INFINITY);
         scratch.best.reset::<S>(&scratch.rays, round_up(frustum.spread));
-        let mut packet = Packet { wide, rays, frustum, scratch, is_prepared: 0, is_inconsistent: false };
+        let mut packet =
+            Packet { rays, frustum, scratch, is_prepared: 0, is_inconsistent: false, tier: PhantomData };
         packet.update_depths::<S>(u32::MAX >> (BLOCKS - blocks));
         Some(packet)
     }

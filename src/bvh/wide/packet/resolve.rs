@@ -66,6 +66,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
     #[inline(always)]
     pub(super) fn test_block<S: Simd>(
         &mut self,
+        wide: &Wide<T>,
         block: usize,
         rays: u32,
         test4: impl Fn(&mut Self, usize) -> Hit4,
@@ -84,22 +85,16 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                 let place = lanes.trailing_zeros() as usize % LANES4;
                 lanes &= lanes - 1;
                 let Some(hit) = hit(self, first + place, &four, place) else { continue };
-                changed |= self.record::<S>(first + place, &hit);
+                changed |= self.record::<S>(wide, first + place, &hit);
             }
         }
         changed
     }
 
-    /// The primitive id of the triangle in a slot.
-    #[inline(always)]
-    fn prim_in_slot(&self, slot: SlotId) -> u32 {
-        self.wide.triangles[slot.0 as usize / LANES4].ids[slot.0 as usize % LANES4]
-    }
-
     /// The given rays of a block without those whose best hit is already on triangle `prim`, which may be in several
     /// slots.
     #[inline(always)]
-    pub(super) fn without_known(&self, block: usize, mut rays: u32, prim: u32) -> u32 {
+    pub(super) fn without_known(&self, wide: &Wide<T>, block: usize, mut rays: u32, prim: u32) -> u32 {
         if ANY {
             return rays;
         }
@@ -109,7 +104,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
             rays &= rays - 1;
             let is_known = match self.scratch.best.get(block * BLOCK + lane) {
                 BestHit::None => false,
-                BestHit::Unresolved(slot) => self.prim_in_slot(slot) == prim,
+                BestHit::Unresolved(slot) => prim_in_slot(wide, slot) == prim,
                 BestHit::Resolved(hit) => hit.prim.0 == prim,
             };
             left &= !(u32::from(is_known) << lane);
@@ -119,7 +114,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
 
     /// Records a hit found by the tier. Returns whether it is the new best hit.
     #[inline(always)]
-    fn record<S: Simd>(&mut self, ray: usize, hit: &Hit) -> bool {
+    fn record<S: Simd>(&mut self, wide: &Wide<T>, ray: usize, hit: &Hit) -> bool {
         if ANY {
             self.retire::<S>(ray / BLOCK, 1 << (ray % BLOCK));
             return true;
@@ -128,7 +123,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
             BestHit::None => None,
             BestHit::Resolved(hit) => Some(hit),
             BestHit::Unresolved(slot) => {
-                let best = hit_in_slot(self.wide, &self.rays[ray], slot);
+                let best = hit_in_slot(wide, &self.rays[ray], slot);
                 match &best {
                     Some(best) => self.scratch.best.resolve(ray, best),
                     None => self.is_inconsistent = true,
@@ -136,7 +131,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                 best
             }
         };
-        if !self.wide.is_better(&self.rays[ray], hit, best.as_ref()) {
+        if !wide.is_better(&self.rays[ray], hit, best.as_ref()) {
             return false;
         }
         let depths = self.scratch.rays.depths_at(ray, hit.t);
@@ -151,7 +146,7 @@ impl<T: Tier> Packet<'_, T, false> {
     ///
     /// One loop per step, so that independent results overlap.
     #[inline(always)]
-    pub(super) fn resolve_all<S: Simd>(&mut self, hits: &mut Vec<Option<Hit>>) -> bool {
+    pub(super) fn resolve_all<S: Simd>(&mut self, wide: &Wide<T>, hits: &mut Vec<Option<Hit>>) -> bool {
         let (rays, before) = (self.rays, hits.len());
         let fours = rays.len().div_ceil(LANES4);
         let mut unresolved = 0u64;
@@ -163,20 +158,20 @@ impl<T: Tier> Packet<'_, T, false> {
         }
         for index in 0..fours {
             if unresolved >> index & 1 != 0 {
-                self.scratch.resolved[index] = self.resolve4::<S>(index);
+                self.scratch.resolved[index] = self.resolve4::<S>(wide, index);
             }
         }
         hits.reserve(rays.len());
-        for index in 0..rays.len() {
+        for (index, ray) in rays.iter().enumerate() {
             let best = match self.scratch.best.get(index) {
                 BestHit::None => None,
                 BestHit::Resolved(hit) => Some(hit),
                 BestHit::Unresolved(slot) => {
                     let (four, lane) = (&self.scratch.resolved[index / LANES4], index % LANES4);
                     let hit = if four.hit >> lane & 1 != 0 {
-                        Some(four.at(lane, PrimId(self.prim_in_slot(slot)), slot))
+                        Some(four.at(lane, PrimId(prim_in_slot(wide, slot)), slot))
                     } else if four.undecided >> lane & 1 != 0 {
-                        hit_in_slot(self.wide, &rays[index], slot)
+                        hit_in_slot(wide, ray, slot)
                     } else {
                         None
                     };
@@ -194,8 +189,7 @@ impl<T: Tier> Packet<'_, T, false> {
 
     /// Tests four rays, some with unresolved best hits, against these triangles.
     #[inline(always)]
-    fn resolve4<S: Simd>(&mut self, index: usize) -> Hit4 {
-        let wide = self.wide;
+    fn resolve4<S: Simd>(&mut self, wide: &Wide<T>, index: usize) -> Hit4 {
         let slots = self.scratch.best.slots4(index * LANES4);
         let Some(some) = slots.into_iter().find(|&slot| BestHits::is_unresolved(slot)) else {
             return Hit4::NONE;
@@ -219,13 +213,19 @@ pub fn hit_in_slot<T: Tier>(wide: &Wide<T>, ray: &Ray, slot: SlotId) -> Option<H
     hit_triangle::<T>(&T::prepare(ray), ray, &wide.triangles[slot.0 as usize / LANES4], slot)
 }
 
+/// The primitive id of the triangle in a slot.
+#[inline(always)]
+fn prim_in_slot<T: Tier>(wide: &Wide<T>, slot: SlotId) -> u32 {
+    wide.triangles[slot.0 as usize / LANES4].ids[slot.0 as usize % LANES4]
+}
+
 /// The plane of a triangle, which decides on which side of the triangle rays start.
 ///
-/// For a point o, H = n . (A - o) with n = (B - A) x (C - A) is the signed distance to the plane times twice the
-/// area. In max norms, let M = |A - o|, p = |B - A| and q = |C - A|: no corner is farther from o than M, M + p and M
-/// + q. H as computed here is off by less than 48 u M p q: six products of three differences, with 8 roundings each.
-/// The tier's test has the sign of H where H is above 168 u M (M + p) (M + q) (see `side` in `geometry::woop4`); u =
-/// 2^-53.
+/// For a point o, H = n . (A - o) with n = (B - A) x (C - A) is the signed distance to the plane times twice the area.
+/// In max norms, let M = |A - o|, p = |B - A| and q = |C - A|: no corner is farther from o than M, M + p and M + q.
+/// H as computed here is off by less than 48 u M p q: six products of three differences, with 8 roundings each.
+/// The tier's test has the sign of H if that is above 168 u M (M + p) (M + q) (see `side` in `geometry::woop4`);
+/// u = 2^-53.
 struct TrianglePlane {
     corner: [f64; 3],
     /// n, oriented so that H of the apex is positive.

@@ -7,7 +7,7 @@ use super::projected_triangles::ProjectedTriangles;
 use super::rays::BLOCKS;
 use super::resolve::{CertainHit, hit_in_slot};
 use crate::bvh::Tests;
-use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH};
+use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::wide::single::leaf::{hit_sphere, hit_sphere_ray4};
 use crate::geometry::four::{LANES4, Ray4};
 use crate::geometry::simd::Simd;
@@ -20,8 +20,12 @@ const MAX_WORK_PER_RAY: usize = 2;
 impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
     /// Finds the best hits of all rays. `false` if the packet is abandoned.
     #[inline(always)]
-    pub(super) fn traverse<S: Simd>(&mut self, stack: &mut Vec<(Child, f32)>, tests: &mut Tests) -> bool {
-        let wide = self.wide;
+    pub(super) fn traverse<S: Simd>(
+        &mut self,
+        wide: &Wide<T>,
+        stack: &mut Vec<(Child, f32)>,
+        tests: &mut Tests,
+    ) -> bool {
         stack.clear();
         let Some(mut node) = wide.nodes.first() else { return true };
         let mut work = 0;
@@ -41,7 +45,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                     }
                     Content::Triangles(triangles) => {
                         for index in triangles {
-                            work += self.visit_triangles::<S>(index, tests);
+                            work += self.visit_triangles::<S>(wide, index, tests);
                         }
                         if work > MAX_WORK_PER_RAY * self.rays.len() {
                             return false;
@@ -49,7 +53,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                     }
                     Content::Spheres(spheres) => {
                         for index in spheres {
-                            self.visit_sphere::<S>(index, tests);
+                            self.visit_sphere::<S>(wide, index, tests);
                         }
                     }
                 }
@@ -59,8 +63,8 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
 
     /// Tests the four triangles of a leaf. Returns the work done.
     #[inline(always)]
-    fn visit_triangles<S: Simd>(&mut self, index: u32, tests: &mut Tests) -> usize {
-        let leaf = &self.wide.triangles[index as usize];
+    fn visit_triangles<S: Simd>(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) -> usize {
+        let leaf = &wide.triangles[index as usize];
         let projected = ProjectedTriangles::<S>::new::<T>(&leaf.corners, &self.frustum);
         let mut lanes = projected.overlapping;
         if lanes == 0 {
@@ -81,7 +85,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                 if nearest > self.scratch.depths[block] {
                     continue;
                 }
-                let found = self.visit_block::<S>(block, lane, (leaf, slot, &corners), &edges, tests);
+                let found = self.visit_block::<S>(wide, block, lane, (leaf, slot, &corners), &edges, tests);
                 changed |= u32::from(found) << block;
             }
         }
@@ -93,6 +97,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
     #[inline(always)]
     fn visit_block<S: Simd>(
         &mut self,
+        wide: &Wide<T>,
         block: usize,
         lane: usize,
         (leaf, slot, corners): (&TriangleLeaf<T::Corner>, SlotId, &[[f64; 3]; 3]),
@@ -117,9 +122,10 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
         if undecided == 0 {
             return found;
         }
-        let undecided = self.without_known(block, undecided, leaf.ids[lane]);
+        let undecided = self.without_known(wide, block, undecided, leaf.ids[lane]);
         found
             | self.test_block::<S>(
+                wide,
                 block,
                 undecided,
                 #[inline(always)]
@@ -131,15 +137,14 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                     if four.undecided >> place & 1 == 0 {
                         return Some(four.at(place, PrimId(leaf.ids[lane]), slot));
                     }
-                    hit_in_slot(packet.wide, &packet.rays[ray], slot)
+                    hit_in_slot(wide, &packet.rays[ray], slot)
                 },
             )
     }
 
     /// Tests all rays against a sphere.
     #[inline(always)]
-    fn visit_sphere<S: Simd>(&mut self, index: u32, tests: &mut Tests) {
-        let wide = self.wide;
+    fn visit_sphere<S: Simd>(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) {
         let (sphere, prim) = &wide.spheres[index as usize];
         let projected = ProjectedSphere::<S>::new(sphere, &self.frustum);
         let mut changed = 0u32;
@@ -151,6 +156,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
             }
             tests.primitives += u64::from(possible.count_ones());
             let found = self.test_block::<S>(
+                wide,
                 block,
                 possible,
                 #[inline(always)]
