@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use glam::DVec3;
-use kiln::bvh::{self, Slot, Structure, Traversal};
+use kiln::bvh::{self, Layout, Slot, Traversal};
 use kiln::effects::glaze::mirrored_ray;
 use kiln::effects::shadows::shadow_ray;
 use kiln::effects::{Choices, Plan};
@@ -100,7 +100,7 @@ fn trace(c: &mut Criterion) {
             scene.lights.extend(headlight(&camera));
         }
         let view = View::new(&camera, camera.projection, SIZE).expect("a usable camera");
-        let world = World::prepare(scene, ColourPipeline::Linear, Structure::default(), Numerics::Watertight);
+        let world = World::prepare(scene, ColourPipeline::Linear, Layout::default(), Numerics::Watertight);
         let mut group = c.benchmark_group(name);
         group.sample_size(20);
 
@@ -110,7 +110,7 @@ fn trace(c: &mut Criterion) {
         group.throughput(Throughput::Elements(slots.len() as u64));
         group.bench_function("build", |b| {
             let build = |slots: &Vec<Slot>| {
-                bvh::build(slots.iter().copied(), Structure::default(), Numerics::Watertight)
+                bvh::build(slots.iter().copied(), Layout::default(), Numerics::Watertight)
             };
             b.iter_batched(|| &slots, build, BatchSize::LargeInput);
         });

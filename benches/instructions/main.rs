@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 use kiln::bench::Numbers;
-use kiln::bvh::{self, Accelerator, Primitive, Slot, Structure, Traversal};
+use kiln::bvh::{self, Accelerator, Layout, Primitive, Slot, Traversal};
 use kiln::film::TILE;
 use kiln::geometry::spawn::SurfacePoint;
 use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Triangle};
@@ -97,7 +97,7 @@ fn main() {
     let slots = (0..)
         .zip(triangles())
         .map(|(id, corners)| Slot { primitive: Primitive::Triangle(Triangle(corners)), id: PrimId(id) });
-    let tree = bvh::build(slots, Structure::default(), Numerics::Watertight);
+    let tree = bvh::build(slots, Layout::default(), Numerics::Watertight);
     let rays = match kind.as_str() {
         "primary" => primary(),
         "shadow" => shadow(&*tree),

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use crate::bvh::Structure;
+use crate::bvh::Layout;
 use crate::error::Result;
 use crate::film::ColourPipeline;
 use crate::scene::animation::{Motion, Property, Target, Track};
@@ -27,7 +27,7 @@ pub struct PreparedAnimation {
     /// How the scene was moved where its objects stand still.
     range: Option<Range>,
     /// What is built for objects that move; `None` where none does.
-    structure: Option<Structure>,
+    structure: Option<Layout>,
 }
 
 /// What there is at a time.
@@ -53,7 +53,7 @@ impl PreparedAnimation {
         camera: &Camera,
         headlight: bool,
         pipeline: ColourPipeline,
-        structure: Structure,
+        structure: Layout,
         numerics: Numerics,
     ) -> Result<Self> {
         let known = scene.cameras.iter().position(|known| known == camera);

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 
 use super::Mesh;
 use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
-use crate::bvh::{Quality, Seen, quality};
+use crate::bvh::{Quality, VisitedNode, quality};
 use crate::error::Result;
 use crate::geometry::Ray;
 
@@ -122,7 +122,7 @@ impl BuiltBinary {
             if let BvhNode::Node { child_l_index, child_r_index, .. } = &nodes[index] {
                 children.extend([child_l_index, child_r_index]);
             }
-            Seen { area: areas[index], primitives: 1 }
+            VisitedNode { area: areas[index], primitives: 1 }
         })
     }
 }

@@ -4,23 +4,23 @@ use glam::DVec3;
 
 use super::speed::{self, Contender, Facts, Label, Queue, Ready};
 use super::{Built, Engine, Mesh};
-use crate::bvh::{self, Accelerator, Preset, Primitive, Slot, Structure, Tests, Traversal};
+use crate::bvh::{self, Accelerator, Layout, Preset, Primitive, Slot, Tests, Traversal};
 use crate::error::Result;
 use crate::geometry::{Hit, Numerics, PrimId, Ray, SlotId, Triangle};
 
 /// One of kiln's structures in one of its tiers.
 struct Kiln {
-    structure: Structure,
+    structure: Layout,
     numerics: Numerics,
 }
 
 /// Every structure in every tier.
 pub fn engines() -> Vec<Box<dyn Engine>> {
     let structures = [
-        Structure::BruteForce,
-        Structure::Tree(Preset::default()),
-        Structure::Wide(Preset::default()),
-        Structure::Portable(Preset::default()),
+        Layout::BruteForce,
+        Layout::Bvh2(Preset::default()),
+        Layout::Wide(Preset::default()),
+        Layout::Portable(Preset::default()),
     ];
     let kilns = structures.into_iter().flat_map(|structure| {
         Numerics::ALL.map(|numerics| Box::new(Kiln { structure, numerics }) as Box<dyn Engine>)
@@ -35,10 +35,10 @@ impl Engine for Kiln {
 
     fn layout(&self) -> &'static str {
         match self.structure {
-            Structure::BruteForce => "brute-force",
-            Structure::Tree(_) => "bvh2",
-            Structure::Wide(_) => "bvh8",
-            Structure::Portable(_) => "bvh8-portable",
+            Layout::BruteForce => "brute-force",
+            Layout::Bvh2(_) => "bvh2",
+            Layout::Wide(_) => "bvh8",
+            Layout::Portable(_) => "bvh8-portable",
         }
     }
 
@@ -51,7 +51,7 @@ impl Engine for Kiln {
     }
 
     fn is_exhaustive(&self) -> bool {
-        self.structure == Structure::BruteForce
+        self.structure == Layout::BruteForce
     }
 
     fn build(&self, mesh: &Mesh) -> Result<Box<dyn Built>> {
@@ -60,7 +60,7 @@ impl Engine for Kiln {
 }
 
 /// kiln's structure over a mesh.
-pub fn accelerator(mesh: &Mesh, structure: Structure, numerics: Numerics) -> Box<dyn Accelerator> {
+pub fn accelerator(mesh: &Mesh, structure: Layout, numerics: Numerics) -> Box<dyn Accelerator> {
     let slots = (0..mesh.triangles.len() as u32).map(|id| {
         let triangle = Triangle(mesh.corners(id).map(|corner| corner.as_dvec3()));
         Slot { primitive: Primitive::Triangle(triangle), id: PrimId(id) }
@@ -69,7 +69,7 @@ pub fn accelerator(mesh: &Mesh, structure: Structure, numerics: Numerics) -> Box
 }
 
 /// The same as an engine gives it.
-pub fn built(mesh: &Mesh, structure: Structure, numerics: Numerics) -> Box<dyn Built> {
+pub fn built(mesh: &Mesh, structure: Layout, numerics: Numerics) -> Box<dyn Built> {
     Box::new(BuiltKiln(accelerator(mesh, structure, numerics)))
 }
 
@@ -89,23 +89,23 @@ impl Built for BuiltKiln {
 pub fn contenders() -> Vec<Box<dyn Contender>> {
     let numerics = Numerics::default();
     let presets = [
-        Structure::Tree(Preset::default()),
-        Structure::Portable(Preset::default()),
-        Structure::Wide(Preset::FastBuild),
-        Structure::Wide(Preset::BestTrace),
+        Layout::Bvh2(Preset::default()),
+        Layout::Portable(Preset::default()),
+        Layout::Wide(Preset::FastBuild),
+        Layout::Wide(Preset::BestTrace),
     ]
     .map(|structure| Kiln { structure, numerics });
-    let tiers = Numerics::ALL.map(|numerics| Kiln { structure: Structure::default(), numerics });
+    let tiers = Numerics::ALL.map(|numerics| Kiln { structure: Layout::default(), numerics });
     tiers.into_iter().chain(presets).map(|kiln| Box::new(kiln) as Box<dyn Contender>).collect()
 }
 
 /// What renders where nothing else is asked for.
 pub fn default_contender() -> Box<dyn Contender> {
-    Box::new(Kiln { structure: Structure::default(), numerics: Numerics::default() })
+    Box::new(Kiln { structure: Layout::default(), numerics: Numerics::default() })
 }
 
 /// The widest instructions that a structure's traversal uses.
-fn isa(structure: Structure) -> &'static str {
+fn isa(structure: Layout) -> &'static str {
     let nothing = bvh::build([], structure, Numerics::default());
     nothing.describe().isa
 }
@@ -113,10 +113,8 @@ fn isa(structure: Structure) -> &'static str {
 impl Contender for Kiln {
     fn label(&self) -> Label {
         let preset = match self.structure {
-            Structure::BruteForce => None,
-            Structure::Tree(preset) | Structure::Wide(preset) | Structure::Portable(preset) => {
-                Some(preset.name())
-            }
+            Layout::BruteForce => None,
+            Layout::Bvh2(preset) | Layout::Wide(preset) | Layout::Portable(preset) => Some(preset.name()),
         };
         Label {
             engine: self.name(),

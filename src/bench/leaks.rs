@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::tetrahedron::Tetrahedron;
 use super::{Built, Engine, Icosphere, Kind, LEVEL, Mesh, PLACEMENTS, kiln, ray};
-use crate::bvh::Structure;
+use crate::bvh::Layout;
 use crate::error::{Error, Result};
 use crate::geometry::Numerics;
 use crate::render::RenderControl;
@@ -149,7 +149,7 @@ pub(super) fn measure_through(
     rays: Counts,
     watch: &RenderControl,
 ) -> Result<Counts> {
-    let built = kiln::built(&sphere.mesh, Structure::default(), numerics);
+    let built = kiln::built(&sphere.mesh, Layout::default(), numerics);
     primary_leaks(&*built, sphere, rays, true, watch, &|_| {})
 }
 

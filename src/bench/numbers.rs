@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::bvh::mix::{GOLDEN, mix};
+use crate::bvh::splitmix64::{GOLDEN, splitmix64};
 
 /// A sequence of random numbers: PCG-XSH-RR 64/32 (O'Neill, PCG: A Family of Simple Fast Space-Efficient Statistically
 /// Good Algorithms for Random Number Generation, 2014), started where SplitMix64 (Steele, Lea and Flood, Fast Splittable
@@ -12,7 +12,7 @@ pub struct Numbers(u64);
 impl Numbers {
     /// The sequence of `seed` and `index`.
     pub fn new(seed: u64, index: u64) -> Self {
-        Numbers(mix(mix(seed).wrapping_add(index.wrapping_mul(GOLDEN))))
+        Numbers(splitmix64(splitmix64(seed).wrapping_add(index.wrapping_mul(GOLDEN))))
     }
 
     fn next(&mut self) -> u32 {

@@ -14,7 +14,7 @@ use obvhs::triangle::Triangle;
 
 use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
 use super::{Built, Engine, Mesh};
-use crate::bvh::{Seen, quality};
+use crate::bvh::{VisitedNode, quality};
 use crate::error::Result;
 use crate::geometry;
 
@@ -144,7 +144,10 @@ impl Ready for BuiltObvhs {
                     if !node.is_leaf() {
                         children.extend([node.first_index as usize, node.first_index as usize + 1]);
                     }
-                    Seen { area: f64::from(node.aabb().half_area()), primitives: node.prim_count as usize }
+                    VisitedNode {
+                        area: f64::from(node.aabb().half_area()),
+                        primitives: node.prim_count as usize,
+                    }
                 });
                 (tree.nodes.len(), size_of_val(&tree.nodes[..]), Some(quality))
             }

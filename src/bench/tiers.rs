@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::leaks::{Counts, measure_through};
 use super::{Icosphere, Kind, LEVEL, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, ray};
-use crate::bvh::{Accelerator, Structure, Traversal};
+use crate::bvh::{Accelerator, Layout, Traversal};
 use crate::error::Result;
 use crate::geometry::{Hit, Numerics, Precision, Ray};
 use crate::render::RenderControl;
@@ -129,8 +129,8 @@ struct Answers {
 }
 
 fn compare(mesh: &Mesh, numerics: Numerics, rays: &[Ray]) -> Answers {
-    let tier = kiln::accelerator(mesh, Structure::default(), numerics);
-    let exact = kiln::accelerator(mesh, Structure::default(), Numerics::Exact);
+    let tier = kiln::accelerator(mesh, Layout::default(), numerics);
+    let exact = kiln::accelerator(mesh, Layout::default(), Numerics::Exact);
     let one = |ray: &Ray| {
         let mut traversal = Traversal::default();
         let found = tier.closest_hit(ray, &mut traversal);
@@ -164,7 +164,7 @@ fn judge(found: Option<Hit>, truth: &[Hit]) -> (bool, f64) {
 /// aimed ones.
 fn times(sphere: &Icosphere, runs: u32) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
     let accelerators =
-        Numerics::ALL.map(|numerics| kiln::accelerator(&sphere.mesh, Structure::default(), numerics));
+        Numerics::ALL.map(|numerics| kiln::accelerator(&sphere.mesh, Layout::default(), numerics));
     let aimed: Vec<_> = (0..TIMED).map(|index| ray(sphere, Kind::Inside, index)).collect();
     let picture = picture(sphere);
     let of_tier = |rays: &[(DVec3, DVec3)], accelerator: &dyn Accelerator| -> Vec<Ray> {

@@ -1,16 +1,16 @@
-//! Every primitive, every time: the oracle that the acceleration structures are held to.
+//! [`Layout::BruteForce`](super::Layout::BruteForce): every ray against every primitive, the oracle of the tests.
 
-use super::store::{PrimitiveTest, StoredSlot};
+use super::stored_slot::{PrimitiveTest, StoredSlot};
 use super::{Accelerator, Description, Primitive, Quality, Traversal};
 use crate::geometry::{Hit, Numerics, Ray, SlotId, Tier};
 
-/// No structure at all.
+/// A list of primitives.
 pub struct BruteForce<T: Tier> {
     slots: Vec<StoredSlot<T>>,
 }
 
 impl<T: Tier> BruteForce<T> {
-    /// Over the given primitives, in any order.
+    /// A list of the given primitives, in any order.
     pub fn new(slots: Vec<StoredSlot<T>>) -> Self {
         BruteForce { slots }
     }

@@ -1,9 +1,11 @@
-//! Building: obvhs's PLOC, reinsertion and leaf collapsing, over kiln's own boxes.
+//! Builds binary trees by obvhs's PLOC, reinsertion and leaf collapsing over kiln's own bounds, and wide trees from
+//! them.
+//!
+//! The steps are those of obvhs's `build_bvh2`, without its validation in debug builds, which rejects deep trees.
 
 use glam::{Vec3, Vec3A};
 use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
-use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::leaf_collapser::collapse;
 use obvhs::bvh2::node::Bvh2Node;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -11,46 +13,43 @@ use obvhs::ploc::PlocBuilder;
 use obvhs::splits::split_aabbs_preset;
 use rayon::prelude::*;
 
-use super::mix::{GOLDEN, mix};
-use super::store::StoredSlot;
-use super::tree::Tree;
+use super::bvh2::Bvh2;
+use super::splitmix64::{GOLDEN, splitmix64};
+use super::stored_slot::StoredSlot;
 use super::wide::{Wide, convert};
 use super::{Preset, Primitive};
 use crate::geometry::simd::prefetch;
 use crate::geometry::{Bounds, Tier};
 
-/// Where triangles are split, obvhs's halves are measured to leave gaps of up to 9.7 ulp at the cut.
+/// How much the parts of split triangles are enlarged. obvhs leaves gaps of up to 9.7 ulp (measured) at a cut.
 const SPLIT_GAP_ULPS: f32 = 16.0;
 
-/// The greatest growth of a box for the builder: units of its last place, and a share of its size.
-const MOST_JITTER: (u32, f32) = (16, 1.0 / 128.0);
+/// The largest random growth of a box given to PLOC: in ulps, and relative to its size.
+const MAX_JITTER: (u32, f32) = (16, 1.0 / 128.0);
 
-/// Random bits for each side: three sides of 64.
-const STEP_BITS: u32 = 21;
+/// Random bits per axis, of 64.
+const JITTER_BITS: u32 = 21;
 
-/// Builds a tree over `slots`.
-///
-/// The steps are those of obvhs's own `build_bvh2`, with boxes of ours and without the validation that it runs in
-/// debug builds, which takes deep trees for broken ones.
-pub fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Tree<T> {
+/// Builds a binary tree over `slots`.
+pub fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Bvh2<T> {
     if slots.is_empty() {
-        return Tree::new(Vec::new(), Vec::new());
+        return Bvh2::new(Vec::new(), Vec::new());
     }
-    let Binary { tree, of_slot, parameters } = binary(slots, preset);
+    let Ploc { tree, of_slot, parameters } = ploc_over_slots(slots, preset);
     let (nodes, order) = with_leaves(tree, parameters);
-    Tree::new(nodes, order.iter().map(|&i| slots[of_slot[i as usize] as usize]).collect())
+    Bvh2::new(nodes, order.iter().map(|&i| slots[of_slot[i as usize] as usize]).collect())
 }
 
-/// Nodes over boxes, and the boxes in the order of the leaves.
+/// The nodes of a tree over boxes, and the indices of the boxes in the order of the leaves.
 pub(super) fn build_nodes(boxes: &[Bounds], parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
     if boxes.is_empty() {
         return (Vec::new(), Vec::new());
     }
-    with_leaves(nearest_first(boxes, parameters), parameters)
+    with_leaves(ploc(boxes, parameters), parameters)
 }
 
-/// The tree, optimised, with as many boxes a leaf as pay.
-fn with_leaves(mut tree: Bvh2, parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
+/// Optimises a tree by reinsertion and collapses leaves where the cost heuristic favours it.
+fn with_leaves(mut tree: obvhs::bvh2::Bvh2, parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Vec<u32>) {
     let mut reinsertion = ReinsertionOptimizer::default();
     let ratio = parameters.reinsertion_batch_ratio;
     reinsertion.run(&mut tree, ratio, None);
@@ -59,49 +58,48 @@ fn with_leaves(mut tree: Bvh2, parameters: BvhBuildParams) -> (Vec<Bvh2Node>, Ve
     (tree.nodes, tree.primitive_indices)
 }
 
-/// The same for nodes of eight, which find their leaves themselves.
+/// Builds a tree of eight children per node, whose leaves [`convert`] chooses.
 pub fn build_wide<T: Tier>(slots: &[StoredSlot<T>], preset: Preset, simd: bool) -> Wide<T> {
     if slots.is_empty() {
-        return convert(&Bvh2::default(), &[], slots, simd);
+        return convert(&obvhs::bvh2::Bvh2::default(), &[], slots, simd);
     }
-    let Binary { mut tree, of_slot, parameters } = binary(slots, preset);
+    let Ploc { mut tree, of_slot, parameters } = ploc_over_slots(slots, preset);
     ReinsertionOptimizer::default().run(&mut tree, parameters.reinsertion_batch_ratio, None);
     convert(&tree, &of_slot, slots, simd)
 }
 
-/// A binary tree, one primitive a leaf, before it is optimised.
-struct Binary {
-    tree: Bvh2,
-    /// For each box that the tree was built over, the slot of its primitive.
+/// PLOC's tree, one box per leaf, not yet optimised.
+struct Ploc {
+    tree: obvhs::bvh2::Bvh2,
+    /// The slot of each box.
     of_slot: Vec<u32>,
     parameters: BvhBuildParams,
 }
 
-/// Boxes, slots or nodes that one thread works on at least.
-pub(super) const LEAST_SHARE: usize = 4096;
+/// The least number of boxes, slots or leaves per parallel task.
+pub(super) const MIN_PARALLEL: usize = 4096;
 
-fn binary<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Binary {
+fn ploc_over_slots<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Ploc {
     let parameters = preset.parameters();
-    let whole: Vec<Bounds> = slots.par_iter().with_min_len(LEAST_SHARE).map(StoredSlot::bounds).collect();
+    let whole: Vec<Bounds> = slots.par_iter().with_min_len(MIN_PARALLEL).map(StoredSlot::bounds).collect();
     let Boxes { boxes, of_slot } = if parameters.pre_split && T::IS_TIGHT {
         split_large_triangles(slots, &whole)
     } else {
         Boxes { boxes: whole, of_slot: (0..slots.len() as u32).collect() }
     };
-    let tree = nearest_first(&boxes, parameters);
-    Binary { tree, of_slot, parameters }
+    let tree = ploc(&boxes, parameters);
+    Ploc { tree, of_slot, parameters }
 }
 
-/// PLOC's tree over boxes, one a leaf.
+/// PLOC's tree over boxes, one per leaf.
 ///
-/// PLOC merges pairs that are each other's nearest. Where all are equally near (copies of a triangle, rows), or each is
-/// nearer to the next than to the last (fans, cones), that is one pair a round: time grows with the square of the number,
-/// and the tree becomes a chain. So it is given boxes that are grown a little on each side, by a number made from the
-/// primitive's place: no two are equally near, no long run is ordered, and equal input still gives equal trees. The nodes
-/// get their true boxes back before anything else looks at them.
-fn nearest_first(boxes: &[Bounds], parameters: BvhBuildParams) -> Bvh2 {
-    let places = boxes.par_iter().with_min_len(LEAST_SHARE).enumerate();
-    let jittered: Vec<Aabb> = places.map(|(place, b)| to_obvhs(jitter(*b, place as u64))).collect();
+/// PLOC merges pairs of mutual nearest neighbours. Where all distances are equal (copies of a triangle, rows) or
+/// decrease along a sequence (fans, cones), that is one pair per round: quadratic time, and the tree becomes a chain.
+/// So each box is enlarged by a small pseudorandom amount derived from its index, which breaks ties and sequences and
+/// is deterministic. The nodes get their true bounds afterwards.
+fn ploc(boxes: &[Bounds], parameters: BvhBuildParams) -> obvhs::bvh2::Bvh2 {
+    let indexed = boxes.par_iter().with_min_len(MIN_PARALLEL).enumerate();
+    let jittered: Vec<Aabb> = indexed.map(|(index, b)| to_obvhs(jitter(*b, index as u64))).collect();
     let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
         parameters.ploc_search_distance,
         &jittered,
@@ -109,7 +107,7 @@ fn nearest_first(boxes: &[Bounds], parameters: BvhBuildParams) -> Bvh2 {
         parameters.sort_precision,
         parameters.search_depth_threshold,
     );
-    tighten(&mut tree, boxes);
+    set_bounds(&mut tree, boxes);
     tree
 }
 
@@ -117,31 +115,31 @@ fn to_obvhs(b: Bounds) -> Aabb {
     Aabb::new(Vec3A::from(b.min), Vec3A::from(b.max))
 }
 
-/// The box, larger on each side by up to [`MOST_JITTER`], and by a unit in the last place at least, as its place tells.
-fn jitter(b: Bounds, place: u64) -> Bounds {
-    let (units, share) = MOST_JITTER;
+/// The box, enlarged at each plane by 1 ulp up to [`MAX_JITTER`], pseudorandomly by its index.
+fn jitter(b: Bounds, index: u64) -> Bounds {
+    let (ulps, share) = MAX_JITTER;
     let (ulp, size) = (b.ulp(), (b.max - b.min).max_element());
     let steps = |bits: u64| {
         let step = |bits: u32| {
-            let portion = bits as f32 / (1u32 << STEP_BITS) as f32;
-            ulp * (1 + bits % units) as f32 + size * share * portion
+            let portion = bits as f32 / (1u32 << JITTER_BITS) as f32;
+            ulp * (1 + bits % ulps) as f32 + size * share * portion
         };
-        let part = |k: u32| (bits >> (k * STEP_BITS)) as u32 & ((1 << STEP_BITS) - 1);
+        let part = |k: u32| (bits >> (k * JITTER_BITS)) as u32 & ((1 << JITTER_BITS) - 1);
         Vec3::new(step(part(0)), step(part(1)), step(part(2)))
     };
-    let below = steps(mix((2 * place + 1).wrapping_mul(GOLDEN)));
-    b.grown(below, steps(mix((2 * place + 2).wrapping_mul(GOLDEN))))
+    let below = steps(splitmix64((2 * index + 1).wrapping_mul(GOLDEN)));
+    b.grown(below, steps(splitmix64((2 * index + 2).wrapping_mul(GOLDEN))))
 }
 
-/// How far ahead boxes are asked for, in nodes: they lie in no order.
-const AHEAD: usize = 16;
+/// The distance, in nodes, at which boxes are prefetched: they are accessed in random order.
+const PREFETCH_AHEAD: usize = 16;
 
-/// Gives every node the box around what is below it, from the boxes of leaves.
-fn tighten(tree: &mut Bvh2, boxes: &[Bounds]) {
+/// Sets the bounds of all nodes from the boxes of the leaves, bottom-up.
+fn set_bounds(tree: &mut obvhs::bvh2::Bvh2, boxes: &[Bounds]) {
     assert!(tree.children_are_ordered_after_parents, "as PLOC leaves them");
     for index in (0..tree.nodes.len()).rev() {
         if let Some(soon) =
-            index.checked_sub(AHEAD).map(|soon| &tree.nodes[soon]).filter(|soon| soon.is_leaf())
+            index.checked_sub(PREFETCH_AHEAD).map(|soon| &tree.nodes[soon]).filter(|soon| soon.is_leaf())
         {
             prefetch(boxes, tree.primitive_indices[soon.first_index as usize] as usize);
         }
@@ -156,18 +154,18 @@ fn tighten(tree: &mut Bvh2, boxes: &[Bounds]) {
     }
 }
 
-/// What the builder is given.
+/// The input of the builder.
 struct Boxes {
-    /// Boxes of primitives, or of parts of them.
+    /// Bounds of primitives or of parts of them.
     boxes: Vec<Bounds>,
-    /// For each box, the slot of its primitive.
+    /// The slot of each box.
     of_slot: Vec<u32>,
 }
 
-/// Boxes of parts of large triangles, and of everything else whole.
+/// Bounds of parts of large triangles, and of all other primitives.
 fn split_large_triangles<T: Tier>(slots: &[StoredSlot<T>], whole: &[Bounds]) -> Boxes {
     let mut triangles = Vec::with_capacity(slots.len());
-    // obvhs looks triangles up by their place in its list.
+    // The slot of each triangle in obvhs's list.
     let mut of_triangle = Vec::with_capacity(slots.len());
     let mut spheres = Vec::new();
     for (index, slot) in (0..).zip(slots) {
@@ -189,7 +187,7 @@ fn split_large_triangles<T: Tier>(slots: &[StoredSlot<T>], whole: &[Bounds]) -> 
         split_aabbs_preset(&mut parts, &mut of_part, &triangles, total / triangles.len() as f32, largest);
     }
     let mut of_slot: Vec<u32> = of_part.iter().map(|&part| of_triangle[part as usize]).collect();
-    // The cuts are as exact as the whole triangle's coordinates are.
+    // The error of a cut is relative to the coordinates of the whole triangle.
     let closed = |(part, &slot): (&Aabb, &u32)| {
         let gap = Vec3::splat(SPLIT_GAP_ULPS * whole[slot as usize].ulp());
         Bounds { min: part.min.into(), max: part.max.into() }.grown(gap, gap)

@@ -1,31 +1,32 @@
-//! Acceleration structures over triangles and spheres alike.
+//! Acceleration structures over triangles and spheres, behind [`Accelerator`].
 //!
-//! obvhs builds the tree; kiln walks it itself. obvhs's own traversal and intersectors are fast but not conservative:
-//! its boxes are tested without margin, tiny direction components are clamped, ties depend on the layout, and its
-//! triangle test loses rays on edges seen from behind. The picture must not depend on the structure, so every
-//! structure here answers exactly as [`Structure::BruteForce`] does, in every tier of numerics: the least t, ties to the lowest primitive id.
+//! [`build`] makes one in any [`Layout`] and tier of numerics. obvhs builds the trees (`build`); the traversals are
+//! kiln's: `bvh2` over the binary tree, `wide` over nodes of eight children, `instances` over meshes that are placed
+//! many times ([`Instance`]), and `brute_force`, the oracle of the tests. [`Bvh`] is the interface for library users.
 //!
-//! Meshes that stand in many places are kept once ([`Instance`]), beside a structure for everything else.
+//! Every layout returns exactly the hits of [`Layout::BruteForce`]: the least t, ties to the lowest primitive id.
+//! obvhs's own traversal does not: its boxes are tested without margin, tiny direction components are clamped, ties
+//! depend on the layout, and its triangle test loses rays on edges seen from behind.
 
+mod api;
 mod brute_force;
 mod build;
+mod bvh2;
 mod instances;
-pub mod mix;
 mod preset;
 mod quality;
-mod store;
-mod tree;
-mod user;
+pub mod splitmix64;
+mod stored_slot;
 mod wide;
 
+pub use api::{Bvh, NotFinite, Update, is_worth_keeping};
 pub use instances::{Instance, MeshSpace, can_be_instance};
 pub use preset::Preset;
-pub use quality::{Quality, Seen, quality};
-pub use user::{Bvh, NotFinite, Update, is_worth_keeping};
+pub use quality::{Quality, VisitedNode, quality};
 
 use brute_force::BruteForce;
 use instances::Instances;
-use store::StoredSlot;
+use stored_slot::StoredSlot;
 
 use glam::{DVec3, Vec3};
 
@@ -44,7 +45,7 @@ pub enum Primitive {
 }
 
 impl Primitive {
-    /// The smallest f32 box that holds the primitive.
+    /// The smallest f32 box around the primitive.
     pub fn bounds(&self) -> Bounds {
         match self {
             Primitive::Triangle(triangle) => triangle.bounds(),
@@ -52,8 +53,8 @@ impl Primitive {
         }
     }
 
-    /// In numbers of `precision`; `None` for a sphere whose radius rounds to 0. Triangles that have no area are kept: where they close a gap
-    /// at a T-vertex, rays hit them.
+    /// The primitive rounded to `precision`; `None` for a sphere whose radius rounds to 0. Triangles without area
+    /// stay: where one closes a gap at a T-vertex, rays hit it.
     pub fn rounded(&self, precision: Precision) -> Option<Self> {
         match *self {
             Primitive::Triangle(Triangle(corners)) => {
@@ -67,104 +68,102 @@ impl Primitive {
     }
 }
 
-/// A primitive and its number.
+/// A primitive and its id.
 #[derive(Debug, Clone, Copy)]
 pub struct Slot {
     /// Its geometry.
     pub primitive: Primitive,
-    /// Its place in the description.
+    /// Its index in the scene description.
     pub id: PrimId,
 }
 
-/// How rays find what they hit.
+/// The layout of an acceleration structure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Structure {
-    /// obvhs's binary tree, built with a preset.
-    Tree(Preset),
-    /// The same tree converted to nodes of eight, for the instructions that the machine has.
+pub enum Layout {
+    /// obvhs's binary tree.
+    Bvh2(Preset),
+    /// The binary tree converted to nodes of eight children, traversed by AVX2 where the machine has it.
     Wide(Preset),
-    /// The same without instructions that not every machine has.
+    /// The same, traversed by portable code.
     Portable(Preset),
-    /// No structure: every primitive is tested. The oracle that the others are held to.
+    /// No structure: every ray is tested against every primitive.
     BruteForce,
 }
 
-impl Structure {
-    /// How its trees are built; `None` where it has none, and no place for instances.
+impl Layout {
+    /// The build preset; `None` for brute force, which has no trees and no instances.
     pub fn preset(self) -> Option<Preset> {
         match self {
-            Structure::Tree(preset) | Structure::Wide(preset) | Structure::Portable(preset) => Some(preset),
-            Structure::BruteForce => None,
+            Layout::Bvh2(preset) | Layout::Wide(preset) | Layout::Portable(preset) => Some(preset),
+            Layout::BruteForce => None,
         }
     }
 }
 
-impl Default for Structure {
+impl Default for Layout {
     fn default() -> Self {
-        Structure::Wide(Preset::default())
+        Layout::Wide(Preset::default())
     }
 }
 
-impl Structure {
-    /// Every structure but brute force: every layout, built with every preset.
-    pub fn trees() -> impl Iterator<Item = Structure> {
-        [Structure::Tree, Structure::Wide, Structure::Portable]
-            .into_iter()
-            .flat_map(|layout| Preset::ALL.map(layout))
+impl Layout {
+    /// Every layout except brute force, with every preset.
+    pub fn trees() -> impl Iterator<Item = Layout> {
+        [Layout::Bvh2, Layout::Wide, Layout::Portable].into_iter().flat_map(|layout| Preset::ALL.map(layout))
     }
 }
 
-/// Builds a structure over primitives whose numbers are rounded to those of the tier.
+/// Builds a structure over primitives, which are rounded to the precision of the tier.
 pub fn build(
     slots: impl IntoIterator<Item = Slot>,
-    structure: Structure,
+    layout: Layout,
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
-    build_from(&mut slots.into_iter(), structure, numerics)
+    build_from(&mut slots.into_iter(), layout, numerics)
 }
 
-/// Not generic, so that the traversals of every tier are compiled once and not again in each crate that calls [`build`].
+/// Not generic, so that the traversals are compiled once and not in each crate that calls [`build`].
 fn build_from(
     slots: &mut dyn Iterator<Item = Slot>,
-    structure: Structure,
+    layout: Layout,
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
-    fn of<T: Tier>(slots: &mut dyn Iterator<Item = Slot>, structure: Structure) -> Box<dyn Accelerator> {
+    fn of<T: Tier>(slots: &mut dyn Iterator<Item = Slot>, layout: Layout) -> Box<dyn Accelerator> {
         let stored: Vec<StoredSlot<T>> = slots.map(StoredSlot::new).collect();
-        match structure {
-            Structure::Tree(preset) => Box::new(build::build(&stored, preset)),
-            Structure::Wide(preset) => Box::new(build::build_wide(&stored, preset, wide::is_accelerated())),
-            Structure::Portable(preset) => Box::new(build::build_wide(&stored, preset, false)),
-            Structure::BruteForce => Box::new(BruteForce::new(stored)),
+        match layout {
+            Layout::Bvh2(preset) => Box::new(build::build(&stored, preset)),
+            Layout::Wide(preset) => Box::new(build::build_wide(&stored, preset, wide::is_accelerated())),
+            Layout::Portable(preset) => Box::new(build::build_wide(&stored, preset, false)),
+            Layout::BruteForce => Box::new(BruteForce::new(stored)),
         }
     }
     match numerics {
-        Numerics::Fast => of::<Fast>(slots, structure),
-        Numerics::Watertight => of::<Watertight>(slots, structure),
-        Numerics::Double => of::<Double>(slots, structure),
-        Numerics::Exact => of::<Exact>(slots, structure),
+        Numerics::Fast => of::<Fast>(slots, layout),
+        Numerics::Watertight => of::<Watertight>(slots, layout),
+        Numerics::Double => of::<Double>(slots, layout),
+        Numerics::Exact => of::<Exact>(slots, layout),
     }
 }
 
-/// Builds a structure over primitives, and over meshes that stand in many places, of which each [`can_be_instance`].
+/// Builds a structure over primitives and over instances, each of which must satisfy [`can_be_instance`].
 pub fn build_with_instances(
     slots: impl IntoIterator<Item = Slot>,
     instances: Vec<Instance>,
-    structure: Structure,
+    layout: Layout,
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
     let slots = &mut slots.into_iter();
-    let Some(preset) = structure.preset().filter(|_| !instances.is_empty()) else {
+    let Some(preset) = layout.preset().filter(|_| !instances.is_empty()) else {
         return match numerics.precision() {
             Precision::Single => {
-                build(slots.chain(instances.iter().flat_map(Instance::slots::<Vec3>)), structure, numerics)
+                build(slots.chain(instances.iter().flat_map(Instance::slots::<Vec3>)), layout, numerics)
             }
             Precision::Double => {
-                build(slots.chain(instances.iter().flat_map(Instance::slots::<DVec3>)), structure, numerics)
+                build(slots.chain(instances.iter().flat_map(Instance::slots::<DVec3>)), layout, numerics)
             }
         };
     };
-    let flat = build_from(slots, structure, numerics);
+    let flat = build_from(slots, layout, numerics);
     over_instances(flat, instances, preset, numerics)
 }
 
@@ -182,26 +181,36 @@ fn over_instances(
     }
 }
 
-/// What a traversal needs from one ray to the next, and what it counted.
+/// What a traversal does after a hit or a leaf. `D` is its type of distances.
+pub(crate) enum Next<D = f64> {
+    /// Continue.
+    Continue,
+    /// Continue, but skip what is farther than this distance.
+    Shorten(D),
+    /// Stop.
+    Stop,
+}
+
+/// The memory of traversals, reused from one ray to the next, and their counters. One per thread.
 #[derive(Default)]
 pub struct Traversal {
     stack: Vec<(u32, f32)>,
     children: Vec<(wide::Child, f32)>,
     packet: Box<wide::Scratch>,
     stacks: wide::Stacks,
-    /// Where the rays of a batch begin.
+    /// The nodes at which the rays of a batch start, with entry distances.
     entries: Vec<(u32, f32)>,
     instances: instances::Stacks,
-    /// The work done so far.
+    /// The number of tests so far.
     pub tests: Tests,
 }
 
-/// Deterministic measures of work.
+/// Counters of intersection tests; deterministic.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tests {
     /// Boxes tested.
     pub nodes: u64,
-    /// Primitives tested; of packets, pairs of a ray and a primitive that it may meet by bounds in f32, whether that decides or the tier.
+    /// Primitives tested. In packets: pairs of a ray and a primitive that the f32 bounds do not exclude.
     pub primitives: u64,
 }
 
@@ -212,67 +221,65 @@ impl std::ops::AddAssign for Tests {
     }
 }
 
-/// What answers "what does this ray hit".
+/// An acceleration structure: intersection queries, refitting and description.
 pub trait Accelerator: Send + Sync {
-    /// The hit with the least t, and among those at the same t the one with the lowest primitive id.
+    /// The closest hit; of hits at equal t, the one with the lowest primitive id.
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit>;
 
-    /// Whether the ray hits anything at all.
+    /// Whether the ray hits anything.
     fn is_occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool;
 
-    /// Every hit of the ray, in no order, appended to `hits`. On an edge or a corner all triangles that meet there count.
+    /// Appends every hit of the ray to `hits`, in no order. On an edge or corner, all triangles that share it are hit.
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal);
 
-    /// What [`Hit::slot`] refers to.
+    /// The primitive that [`Hit::slot`] refers to.
     fn primitive(&self, slot: SlotId) -> Primitive;
 
-    /// The tier that it decides by.
+    /// The tier of its intersection tests.
     fn numerics(&self) -> Numerics;
 
-    /// What there is to say about the structure.
+    /// Its layout, instruction set and size.
     fn describe(&self) -> Description;
 
-    /// Takes new positions for the primitives it was built over, `primitive` telling each by its id, and keeps its shape:
-    /// much quicker than to build, and as right. Those that the tier's numbers cannot hold ([`Primitive::rounded`]) are not
-    /// hit until they are back. Says how many times the cost by the surface area heuristic, which grows with the time of
-    /// rays, is what it was when it was built: [`is_worth_keeping`] judges.
+    /// Refits the tree to new positions of its primitives, given by id. Faster than a build, and hits are as exact.
+    /// Primitives without a rounded form ([`Primitive::rounded`]) are missed until a later refit. Returns the cost by
+    /// the surface area heuristic relative to that at build; see [`is_worth_keeping`].
     ///
-    /// `None` where it cannot be: the structure is not made for it, or a triangle has become a sphere. Such a one must be
-    /// built anew.
+    /// `None` if the layout does not support it, or a primitive has changed its kind: the structure must be built anew.
     fn refit(&mut self, _primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
         None
     }
 
-    /// How good its tree is; `None` where there is none. Looks at every node.
+    /// The quality of its tree; `None` without a single tree. Visits every node.
     fn quality(&self) -> Option<Quality>;
 
-    /// The closest hit of every ray, in order, appended to `hits`.
+    /// Appends the closest hit of every ray to `hits`, in order.
     fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
         hits.extend(rays.iter().map(|ray| self.closest_hit(ray, traversal)));
     }
 
-    /// Whether every ray hits anything at all, in order, appended to `occluded`.
+    /// Appends whether each ray hits anything to `occluded`, in order.
     fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
         occluded.extend(rays.iter().map(|ray| self.is_occluded(ray, traversal)));
     }
 }
 
-/// What there is to say about an acceleration structure.
+/// The layout, instruction set and size of an acceleration structure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Description {
-    /// Its name.
+    /// The name of its layout.
     pub layout: &'static str,
-    /// The widest instructions that its traversal uses: see [`compiled_isa`].
+    /// The widest instruction set of its traversal; see [`compiled_isa`].
     pub isa: &'static str,
-    /// How many nodes it has.
+    /// The number of nodes.
     pub nodes: usize,
-    /// How many slots it has; may exceed the primitives where large ones are kept in several places.
+    /// The number of slots; exceeds the number of primitives where large triangles are split.
     pub slots: usize,
     /// Its size in bytes.
     pub bytes: usize,
 }
 
-/// The widest instructions that the compiler was allowed to use: `avx512`, `avx2`, `sse2`, `neon` or `scalar`.
+/// The widest instruction set that the compiler was allowed to use: `avx512`, `avx2`, `sse2`, `neon` or `scalar`.
 pub fn compiled_isa() -> &'static str {
     match () {
         () if cfg!(target_feature = "avx512f") => "avx512",

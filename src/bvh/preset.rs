@@ -3,7 +3,7 @@
 use obvhs::BvhBuildParams;
 use obvhs::ploc::{PlocSearchDistance, SortPrecision};
 
-/// From the least work spent on building to the least spent on tracing. No picture depends on it.
+/// A trade-off between build time and traversal time. No image depends on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Preset {

@@ -1,39 +1,38 @@
-//! Many rays at once, for boxes: what none of them enters, none has to be tested against.
+//! [`Beam`]: interval arithmetic over a batch of rays, for the box tests at the top of a tree.
 
 use glam::{DVec3, Vec3A};
 
 use super::bounds::{PRUNE_MARGIN, round_down};
 use super::{Bounds, Ray};
 
-/// The intervals that the numbers of a set of rays lie in.
+/// The intervals that contain the origins, reciprocal directions and ends of a set of rays.
 ///
-/// The test is that of a single ray ([`super::SingleBoxTest`]), carried out on intervals in the same f32 arithmetic, after
-/// their ends have been rounded outwards. Rounding is monotone, so the ends of an interval, computed, hold every ray's
-/// own number, computed in f32: a box that any of the rays enters, the beam enters. For rays of f64 numbers, whose own
-/// test is finer than the margin of f32, it holds all the more.
+/// The box test is that of a single ray ([`super::SingleBoxTest`]) on intervals, in the same f32 arithmetic, after
+/// the bounds of the intervals were rounded outwards. Rounding is monotone, so the computed intervals contain each
+/// ray's computed f32 numbers: the beam enters every box that one of the rays enters. The same holds for f64 rays,
+/// whose own test is within the f32 margin.
 pub struct Beam {
     origin: [Vec3A; 2],
-    /// Least and greatest reciprocal of the directions; to be used on axes that all rays run along.
+    /// Least and greatest reciprocal of the directions, for axes of kind [`Axis::Along`].
     inverse: [Vec3A; 2],
-    /// For each axis, what it can tell.
     axes: [Axis; 3],
     t_min: f32,
     t_max: f32,
 }
 
-/// What an axis of a beam can tell.
+/// The directions of a beam's rays along one axis.
 #[derive(Clone, Copy, PartialEq)]
 enum Axis {
-    /// All rays run the same way along it, upwards (`false`) or downwards (`true`).
+    /// All positive (`false`) or all negative (`true`).
     Along(bool),
-    /// No ray moves along it.
+    /// All 0.
     Across,
-    /// Nothing: some run upwards, some downwards or not at all.
+    /// Different signs: this axis rejects no box.
     Mixed,
 }
 
 impl Beam {
-    /// Around the given rays; `None` where there are none. `t_max` is a distance beyond which none of them counts.
+    /// The beam of the given rays; `None` without rays. `t_max` is at least the largest `t_max` of the rays.
     pub fn new(rays: &[Ray], t_max: f32) -> Option<Self> {
         let first = rays.first()?;
         let mut origin = [first.origin; 2];
@@ -51,7 +50,7 @@ impl Beam {
         };
         let (origin, inverse) = (outwards(origin), outwards(inverse));
         let axes = [0, 1, 2].map(|axis| {
-            // Directions hold no negative zeros, so a zero gives +infinity.
+            // Directions have no -0, so a zero gives +infinity.
             let (least, greatest) = (inverse[0][axis], inverse[1][axis]);
             if least == f32::INFINITY {
                 Axis::Across
@@ -64,7 +63,7 @@ impl Beam {
         Some(Beam { origin, inverse, axes, t_min: round_down(t_min), t_max })
     }
 
-    /// Where the first of the rays may enter the box from `min` to `max`; `None` if none of them does.
+    /// A lower bound of the distance at which any ray enters the box from `min` to `max`; `None` if none does.
     pub fn enters(&self, min: Vec3A, max: Vec3A) -> Option<f32> {
         let (mut enter, mut leave) = (self.t_min, self.t_max);
         for axis in 0..3 {
@@ -116,7 +115,7 @@ mod tests {
             size in prop::array::uniform3(prop_oneof![Just(0.0f64), 0.0f64..1.0]),
             t_max in prop_oneof![Just(f64::INFINITY), 0.0f64..3.0],
         ) {
-            // Coherent more often than not: all directions near the first.
+            // Often coherent: directions near the first.
             let lead = rays[0].1;
             let (min, max) = (min.as_vec3a(), (min + DVec3::from(size)).as_vec3a());
             for precision in [Precision::Single, Precision::Double] {

@@ -1,10 +1,10 @@
-//! Boxes that hold what they should, and a box test that misses none of them.
+//! Bounding boxes in f32, directed rounding, and the conservative box tests in f32 and f64.
 
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::Ray;
 
-/// An axis-aligned box of f32 numbers, both ends included.
+/// An axis-aligned f32 box, borders included.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
     /// Least corner.
@@ -14,48 +14,48 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The smallest f32 box that holds the box from `min` to `max`.
+    /// The smallest f32 box around the f64 box from `min` to `max`.
     pub fn rounded_out(min: DVec3, max: DVec3) -> Self {
         Bounds { min: per_axis(min, round_down), max: per_axis(max, round_up) }
     }
 
-    /// The smallest box that holds both.
+    /// The smallest box around both.
     pub fn union(self, other: Self) -> Self {
         Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Half of the surface's area.
+    /// Half the surface area.
     pub fn half_area(&self) -> f32 {
         let size = self.max - self.min;
         size.x * size.y + size.y * size.z + size.z * size.x
     }
 
-    /// The last place of the largest coordinate.
+    /// The unit in the last place of the largest coordinate.
     pub fn ulp(&self) -> f32 {
         let largest = self.min.abs().max(self.max.abs()).max_element();
         largest.next_up() - largest
     }
 
-    /// This box, larger by the given steps on each side.
+    /// This box, enlarged by `below` at its lower and `above` at its upper planes.
     pub fn grown(self, below: Vec3, above: Vec3) -> Self {
         Bounds { min: self.min - below, max: self.max + above }
     }
 }
 
-/// Moves a distance along `ray` into the part of the ray that passes through the box from `min` to `max`; `None` where
-/// there is no such part, up to [`DOUBLE_MARGIN`].
+/// `t` clamped to the interval in which `ray` is inside the box from `min` to `max`; `None` if there is no such
+/// interval, up to [`DOUBLE_MARGIN`].
 ///
-/// The distances of the box's planes come from one subtraction, one reciprocal and one multiplication each, so they are
-/// good to 2 ulp of f64 even where the hit's own formula cancels. A box test that contains this box then contains the
-/// hit, whatever was lost in computing it; and on an axis-aligned triangle the plane's own distance is taken.
+/// The distances of the planes take one subtraction, one reciprocal and one multiplication each, so they are good to
+/// 2 ulp even where the primitive test cancels. A node that contains this box then contains the hit, whatever the
+/// error of `t`; and on an axis-aligned triangle the result is the distance of the plane.
 #[inline(always)]
-pub fn hold(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> Option<f64> {
+pub fn clamp_to_bounds(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> Option<f64> {
     let inverse = ray.direction.recip();
     let downwards = inverse.cmplt(DVec3::ZERO);
     let near = (DVec3::select(downwards, max, min) - ray.origin) * inverse;
     let far = (DVec3::select(downwards, min, max) - ray.origin) * inverse;
-    // What is not a number is never taken: a ray that runs in a plane of the box (0 times infinity). Along an axis that
-    // the ray does not move on the others are infinite, and hold nothing.
+    // NaN, from a ray in a plane of the box (0 times infinity), is never taken. Other distances on an axis of zero
+    // direction are infinite and do not clamp.
     let up = |t: f64, bound: f64| if bound > t { bound } else { t };
     let down = |t: f64, bound: f64| if bound < t { bound } else { t };
     let enter = up(up(up(f64::NEG_INFINITY, near.x), near.y), near.z);
@@ -67,9 +67,9 @@ fn per_axis(v: DVec3, f: impl Fn(f64) -> f32) -> Vec3 {
     Vec3::new(f(v.x), f(v.y), f(v.z))
 }
 
-/// `x` rounded to f32 upwards where `side` is above 0, downwards where it is below, and to the nearest where it is 0.
+/// `x` rounded to f32, upwards if `side` is above 0, downwards if below, to nearest if it is 0.
 ///
-/// Without branches on the numbers: they are as good as random.
+/// Without branches on the numbers, which would be mispredicted.
 #[inline(always)]
 pub fn round_towards(x: f64, side: f64) -> f32 {
     let y = x as f32;
@@ -93,7 +93,7 @@ pub fn round_down(x: f64) -> f32 {
 pub fn round_up(x: f64) -> f32 {
     let y = x as f32;
     let bits = y.to_bits();
-    // One step up, for numbers below something: never NaN, +infinity or -0.
+    // The next number up. `y < x` excludes NaN, +infinity and -0.
     let next = if y.is_sign_negative() { bits.wrapping_sub(1) } else { bits + 1 };
     if f64::from(y) < x { f32::from_bits(next) } else { y }
 }
@@ -106,23 +106,24 @@ pub fn round_up(x: f64) -> f32 {
 /// factor is for the rounding of that move itself.
 pub const PRUNE_MARGIN: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// The margin of the f64 box test. Ize's derivation asks for 1 + 3.5 ε; the rest is for primitive tests that see corners
-/// moved by up to 2^-50 of their distance to the ray's origin (see [`super::woop`]): it covers hits from 2^-24 of that distance on, which
-/// is what origins of secondary rays are kept from edges by ([`super::spawn::EDGE_DISTANCE`]). The margin of f32 is wider
-/// than what it needs by 2^-24, so that a box that is held by this one is entered in f32, too.
+/// The margin of the f64 box test. Ize's derivation requires 1 + 3.5 ε. The rest is for primitive tests that see
+/// corners moved by up to 2^-50 of their distance to the ray's origin (see [`super::woop`]): it covers hits from
+/// 2^-24 of that distance on, and secondary rays start farther from edges than that
+/// ([`super::spawn::EDGE_DISTANCE`]). [`PRUNE_MARGIN`] is wider than f32 requires by 2^-24, so a box entered with
+/// this margin is entered in f32, too.
 pub const DOUBLE_MARGIN: f64 = 1.0 + 1.0 / (1u32 << 26) as f64;
 
-/// A ray made ready for boxes, whose planes are f32 numbers.
+/// A ray prepared for boxes with f32 planes.
 pub trait BoxTest {
     /// Prepares `ray`.
     fn new(ray: &Ray) -> Self;
 
-    /// Where the ray enters the box from `min` to `max`, or `None` if it misses it or enters it beyond `t_max`. Never
-    /// misses a box that the exact ray meets before `t_max`.
+    /// The distance at which the ray enters the box from `min` to `max`; `None` if it misses the box or enters it
+    /// beyond `t_max`. Conservative: the exact ray meets no other box before `t_max`.
     fn enters(&self, min: Vec3A, max: Vec3A, t_max: f32) -> Option<f32>;
 }
 
-/// The box test in f32, for rays of f32 numbers.
+/// The box test in f32, for f32 rays.
 #[derive(Clone, Copy)]
 pub struct SingleBoxTest {
     origin: Vec3A,
@@ -132,14 +133,14 @@ pub struct SingleBoxTest {
 }
 
 impl SingleBoxTest {
-    /// Where the ray enters and leaves the box from `min` to `max`, not before its start and not beyond `t_max`. It
-    /// misses the box where it leaves before it enters.
+    /// The distances at which the ray enters and leaves the box from `min` to `max`, clamped to `t_min` and `t_max`,
+    /// the second with its margin. The ray misses the box if the first is larger.
     #[inline(always)]
     pub fn span(&self, min: Vec3A, max: Vec3A, t_max: f32) -> [f32; 2] {
         let to_min = (min - self.origin) * self.inverse;
         let to_max = (max - self.origin) * self.inverse;
-        // Where the ray runs in a plane of the box (0 times infinity) there is no number, and that plane must not tell:
-        // the order of the operands, here and below, lets such a lane fall through to `t_min` and `t_max`.
+        // NaN, from a ray in a plane of the box (0 times infinity), must not decide: the order of the operands, here
+        // and below, lets such a lane fall through to `t_min` and `t_max`.
         let near = lesser(to_max, to_min);
         let far = greater(to_min, to_max);
         let enter = greater(near, self.t_min).max_element();
@@ -165,7 +166,7 @@ impl BoxTest for SingleBoxTest {
     }
 }
 
-/// The box test in f64, for rays of f64 numbers.
+/// The box test in f64, for f64 rays.
 pub struct DoubleBoxTest {
     origin: DVec3,
     inverse: DVec3,
@@ -182,7 +183,7 @@ impl BoxTest for DoubleBoxTest {
     fn enters(&self, min: Vec3A, max: Vec3A, t_max: f32) -> Option<f32> {
         let to_min = (min.as_dvec3() - self.origin) * self.inverse;
         let to_max = (max.as_dvec3() - self.origin) * self.inverse;
-        // As in f32: what is not a number falls through.
+        // NaN falls through, as in f32.
         let axis = |to_min: f64, to_max: f64, [enter, leave]: [f64; 2]| {
             let near = if to_max < to_min { to_max } else { to_min };
             let far = if to_min > to_max { to_min } else { to_max };
@@ -191,19 +192,19 @@ impl BoxTest for DoubleBoxTest {
         let span = axis(to_min.x, to_max.x, [self.t_min, f64::from(t_max)]);
         let span = axis(to_min.y, to_max.y, span);
         let [enter, leave] = axis(to_min.z, to_max.z, span);
-        // Rounding to f32 is a quarter of what the distances that it is compared with are widened by.
+        // Rounding to f32 is a quarter of the margin of the distances that this is compared with.
         (enter <= leave * DOUBLE_MARGIN).then_some(enter as f32)
     }
 }
 
-/// For each lane `a` if it is less than `b`, and `b` otherwise: also where one of them is not a number.
+/// `a < b ? a : b` per lane: `b` if either is NaN.
 #[inline(always)]
 pub(super) fn lesser(a: Vec3A, b: Vec3A) -> Vec3A {
-    // One instruction of SSE does just this; elsewhere `min` treats what is not a number otherwise.
+    // `minps` of SSE has these semantics; elsewhere `min` treats NaN differently.
     if cfg!(target_feature = "sse2") { a.min(b) } else { Vec3A::select(a.cmplt(b), a, b) }
 }
 
-/// For each lane `a` if it is greater than `b`, and `b` otherwise: also where one of them is not a number.
+/// `a > b ? a : b` per lane: `b` if either is NaN.
 #[inline(always)]
 pub(super) fn greater(a: Vec3A, b: Vec3A) -> Vec3A {
     if cfg!(target_feature = "sse2") { a.max(b) } else { Vec3A::select(a.cmpgt(b), a, b) }
@@ -218,7 +219,7 @@ mod tests {
     fn enters(ray: &Ray, b: Bounds, t_max: f32) -> Option<f32> {
         let double = DoubleBoxTest::new(ray).enters(b.min.into(), b.max.into(), t_max);
         let single = SingleBoxTest::new(ray).enters(b.min.into(), b.max.into(), t_max);
-        // The wider margin of f32 finds all that f64 finds.
+        // The f32 margin is wider: f32 enters every box that f64 enters.
         assert!(double.is_none() || single.is_some());
         double.and(single)
     }
@@ -257,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_a_number_gives_the_second() {
+    fn nan_selects_the_second_operand() {
         let (nan, one) = (Vec3A::splat(f32::NAN), Vec3A::ONE);
         assert_eq!((lesser(nan, one), greater(nan, one)), (one, one));
         assert!(lesser(one, nan).is_nan() && greater(one, nan).is_nan());
@@ -286,8 +287,8 @@ mod tests {
     }
 
     proptest! {
-        /// Rays aimed at points of a box, corners and edges included, enter it: the exact point is in the box and on
-        /// the exact ray whenever the ray is built backwards from it with numbers that need no rounding.
+        /// Rays aimed at points of a box, corners and edges included, enter it. The ray is built backwards from the
+        /// point with numbers that need no rounding, so the point is on the exact ray.
         #[test]
         fn no_box_is_missed(
             min in prop::array::uniform3(-1000i32..1000),

@@ -1,8 +1,8 @@
-//! Distances along rays as exact numbers, for the cases that f64 cannot decide.
+//! Exact distances along rays, for the cases of the tier `exact` that f64 does not decide.
 //!
-//! Every f64 is an integer times a power of two. Scaled by one power of two, all numbers that a distance depends on
-//! are integers, and the distance itself does not change: it is a ratio of lengths along the ray. So it is a fraction
-//! of integers for a triangle, and a root of a quadratic with integer coefficients for a sphere.
+//! Every f64 is an integer times a power of two. Scaling all coordinates by one power of two makes them integers and
+//! leaves t, a ratio of lengths, unchanged. So t is a fraction of integers for a triangle, and a root of a quadratic
+//! with integer coefficients for a sphere.
 
 use std::cmp::Ordering;
 
@@ -12,7 +12,7 @@ use num_traits::{Signed, ToPrimitive};
 
 use super::{Ray, Sphere};
 
-/// The number `(b - √d) / a`, or `(b + √d) / a` where it is the far one; `a` is above 0 and `d` not below.
+/// The number `(b - √d) / a`, or `(b + √d) / a` if `far`, with `a > 0` and `d >= 0`.
 #[derive(Debug, Clone)]
 pub struct Distance {
     b: BigInt,
@@ -21,11 +21,11 @@ pub struct Distance {
     far: bool,
 }
 
-/// Where a ray meets the plane of a triangle, exactly.
+/// A ray's exact intersection with the plane of a triangle.
 pub struct Crossing {
-    /// How far along the ray.
+    /// The distance along the ray.
     pub distance: Distance,
-    /// The barycentric coordinates of the corners, to f64.
+    /// The barycentric coordinates of the corners, rounded to f64.
     pub weights: [f64; 3],
 }
 
@@ -33,14 +33,14 @@ pub struct Crossing {
 type Vector = [BigInt; 3];
 
 impl Distance {
-    /// A number as a distance; it must be finite.
+    /// A finite number as a distance.
     pub fn of(t: f64) -> Self {
         let [b, a] = integers([t, 1.0]);
         Distance { b, a, d: BigInt::ZERO, far: false }
     }
 
-    /// Where `ray` meets the plane of a triangle: its normal `n` gives `n.(corner - origin) / n.direction`. `None` where it
-    /// runs along the plane, or where there is no plane.
+    /// The intersection with the plane of a triangle of normal n, at `n.(corner - origin) / n.direction`. `None` if
+    /// the ray is parallel to the plane or the triangle has no area.
     pub fn to_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
         let [o, d] = [ray.origin, ray.direction];
         let [a, b, c] = *corners;
@@ -61,7 +61,7 @@ impl Distance {
         Some(Crossing { distance, weights })
     }
 
-    /// Where `ray` meets a sphere, the near one and the far one: `a t^2 - 2 b t + c = 0`. `None` where it passes by.
+    /// The near and far intersection with a sphere, the roots of `a t^2 - 2 b t + c = 0`. `None` if the line misses it.
     pub fn to_sphere(ray: &Ray, sphere: &Sphere) -> Option<[Self; 2]> {
         let [o, d, m] = [ray.origin, ray.direction, sphere.centre];
         let numbers = integers([o.x, o.y, o.z, d.x, d.y, d.z, m.x, m.y, m.z, sphere.radius]);
@@ -77,7 +77,7 @@ impl Distance {
         Some([false, true].map(|far| Distance { b: b.clone(), a: a.clone(), d: d.clone(), far }))
     }
 
-    /// Whether it lies within the ray's ends.
+    /// Whether it lies strictly between `t_min` and `t_max` of the ray.
     pub fn is_within(&self, ray: &Ray) -> bool {
         let before = |t: f64| match t {
             f64::INFINITY => true,
@@ -92,9 +92,9 @@ impl Distance {
         after(ray.t_min) && before(ray.t_max)
     }
 
-    /// Which of two distances, along rays of any length, is the smaller number.
+    /// The order of two distances.
     pub fn cmp(&self, other: &Self) -> Ordering {
-        // Times both denominators: a whole number and two square roots, of which the second is taken away.
+        // The difference times both denominators: an integer and two square roots, the second subtracted.
         let whole = &self.b * &other.a - &other.b * &self.a;
         let root = |x: &Self, by: &BigInt, plus: bool| {
             let square = &x.d * by * by;
@@ -111,9 +111,9 @@ impl Distance {
         sign.cmp(&0)
     }
 
-    /// The nearest f64, up to its last place.
+    /// The nearest f64, up to 1 ulp.
     pub fn to_f64(&self) -> f64 {
-        // Bits below the point: the root of anything above 0 then has these at least.
+        // Fractional bits of the root.
         const PLACES: u32 = 64;
         let root = (&self.d << (2 * PLACES)).sqrt();
         let root = if self.far { root } else { -root };
@@ -121,19 +121,19 @@ impl Distance {
         if self.b.is_negative() == root.is_negative() || root.sign() == Sign::NoSign {
             return ratio(&(b + root), &(&self.a << PLACES));
         }
-        // Where the two take each other away: (b^2 - d) / (a (b - root)).
+        // Where b and the root cancel: (b^2 - d) / (a (b - root)).
         ratio(&((&self.b * &self.b - &self.d) << PLACES), &(&self.a * (b - root)))
     }
 }
 
-/// The sign of `whole + s √p + t √q`, where the square roots come as (s, p) and (t, q), signs first.
+/// The sign of `whole + s √p + t √q` with signs s and t.
 fn sign_of_sum(whole: &BigInt, (s, p): (i32, BigInt), (t, q): (i32, BigInt)) -> i32 {
     let sign = |x: &BigInt| match x.sign() {
         Sign::Minus => -1,
         Sign::NoSign => 0,
         Sign::Plus => 1,
     };
-    // Of two things, one of which has sign s and square p.
+    // The sign of a sum of two terms with signs s and t; `squares` is the sign of the difference of their squares.
     let stronger = |s: i32, t: i32, squares: i32| {
         if s == t || t == 0 || squares > 0 {
             s
@@ -148,7 +148,7 @@ fn sign_of_sum(whole: &BigInt, (s, p): (i32, BigInt), (t, q): (i32, BigInt)) -> 
     if whole_sign == roots || roots == 0 || whole_sign == 0 {
         return if roots == 0 { whole_sign } else { roots };
     }
-    // They disagree: compare squares, (s √p + t √q)^2 - whole^2 = rest + 2 s t √(p q).
+    // Opposite signs: compare squares, (s √p + t √q)^2 - whole^2 = rest + 2 s t √(p q).
     let product = &p * &q;
     let rest = &p + &q - whole * whole;
     let four = &product << 2u32;
@@ -160,7 +160,7 @@ fn sign_of_sum(whole: &BigInt, (s, p): (i32, BigInt), (t, q): (i32, BigInt)) -> 
     }
 }
 
-/// The numbers as integers, all scaled by the same power of two. They must be finite.
+/// Finite numbers as integers, all scaled by the same power of two.
 fn integers<const N: usize>(numbers: [f64; N]) -> [BigInt; N] {
     let parts = numbers.map(|x| {
         let bits = x.to_bits();
@@ -180,14 +180,14 @@ fn integers<const N: usize>(numbers: [f64; N]) -> [BigInt; N] {
     })
 }
 
-/// The quotient of two integers, to the last place of an f64.
+/// The quotient of two integers, to 1 ulp.
 fn ratio(numerator: &BigInt, denominator: &BigInt) -> f64 {
     let shift = denominator.bits() as i64 - numerator.bits() as i64 + 66;
     let quotient = match u64::try_from(shift) {
         Ok(shift) => (numerator << shift) / denominator,
         Err(_) => numerator / (denominator << shift.unsigned_abs()),
     };
-    // In two steps, so that neither power leaves the range of f64.
+    // In two steps: each power is within the range of f64.
     let half = (shift / 2) as i32;
     quotient.to_f64().unwrap_or(f64::NAN) * 2f64.powi(-half) * 2f64.powi(half - shift as i32)
 }
@@ -212,8 +212,7 @@ mod tests {
         Distance { b: b.into(), a: a.into(), d: d.into(), far }
     }
 
-    /// All small roots, against f64, which tells apart those that are not equal: the least gap between two of them is
-    /// far above its precision. Equal ones are known: their minimal polynomials agree.
+    /// All small roots against f64, whose precision is far below the least gap between two different roots.
     #[test]
     fn order_is_that_of_the_numbers() {
         let mut all = Vec::new();
@@ -248,7 +247,7 @@ mod tests {
 
     #[test]
     fn cancelling_roots_keep_their_digits() {
-        // t^2 - 2e9 t + 1 = 0: the near root is 5e-10 (1 + 2.5e-19 and less).
+        // t^2 - 2e9 t + 1 = 0: the near root is 5e-10 (1 + at most 2.5e-19).
         let big = root(1_000_000_000, 1, 0, false);
         let d = &big.b * &big.b - BigInt::from(1);
         assert_eq!(Distance { d, ..big }.to_f64(), 5e-10);

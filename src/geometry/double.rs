@@ -1,15 +1,15 @@
-//! The tier `double`: rays, corners and box tests in f64, from the numbers of the files on.
+//! The tier `double`: rays, corners and box tests in f64.
 //!
-//! The tests are those of `watertight`, and hold the same guarantees for the same reasons; what f32 did to the scene and
-//! to the rays is gone. Boxes are kept in f32, rounded outwards, and tested in f64.
+//! Tests and guarantees are those of [`watertight`](super::Watertight), without rounding the scene to f32. Boxes are
+//! stored in f32, rounded outwards, and tested in f64.
 
 use glam::DVec3;
 
 use super::bounds::DoubleBoxTest;
-use super::bundle::{FourHits, Gathered, RAYS, WoopBundle};
+use super::four::Hit4;
 use super::simd::Simd;
 use super::woop::WoopTest;
-use super::{Quad, Ray, Sphere, Tier, TriangleHit};
+use super::{Ray, Sphere, Tier, Triangle4, TriangleHit};
 use crate::scene::Numerics;
 
 /// f64 geometry, decided in f64.
@@ -20,17 +20,7 @@ impl Tier for Double {
     type Corner = DVec3;
     type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
-    const HAS_BUNDLES: bool = true;
-
-    #[inline(always)]
-    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[[f64; 3]; 3], ahead: bool) -> FourHits {
-        bundle.hit::<S>(corners, ahead)
-    }
-
-    #[inline(always)]
-    fn hit_each<S: Simd>(bundle: &WoopBundle, triangles: &[(&Quad<DVec3>, usize); RAYS]) -> FourHits {
-        bundle.hit_each::<S, _>(triangles)
-    }
+    const HAS_RAY4: bool = true;
 
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {
@@ -43,17 +33,12 @@ impl Tier for Double {
     }
 
     #[inline(always)]
-    fn hit_quad<S: Simd>(test: &WoopTest, quad: &Quad<DVec3>) -> FourHits {
-        test.hit_quad::<S, _>(quad)
+    fn hit_triangle4<S: Simd>(test: &WoopTest, triangles: &Triangle4<DVec3>) -> Hit4 {
+        test.hit_triangle4::<S, _>(triangles)
     }
 
     #[inline(always)]
     fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64> {
         sphere.hit(ray)
-    }
-
-    #[inline(always)]
-    fn hit_sphere_by_four<S: Simd>(rays: &Gathered<S>, sphere: &Sphere) -> FourHits {
-        sphere.hit_by_four(rays)
     }
 }

@@ -1,12 +1,12 @@
-//! The tier `exact`: every decision is that of exact arithmetic on the rays and the corners as f64 numbers.
+//! The tier `exact`: every decision is that of exact arithmetic on f64 rays and corners.
 //!
-//! f64 with an error bound decides nearly always; where it cannot, expansions give the signs of the edge functions
-//! ([`super::expansion`]), and integers the order of distances ([`super::distance`]). Exact is: whether a ray hits,
-//! edges, corners and tangents included; whether that lies within the ray's ends; which of two hits is nearer, and that
-//! two are equally near. A hit's distance is good to [`TOLERANCE`], its weights to 2^-24.
+//! f64 with an error bound decides nearly always. Otherwise expansions give the signs of the edge functions
+//! ([`super::expansion`]) and big integers the order of distances ([`super::distance`]). Exact are: whether a ray
+//! hits, edges, corners and tangents included; whether the hit lies between `t_min` and `t_max`; and the order of two
+//! hits, equality included. A hit's distance is good to [`TOLERANCE`], its weights to 2^-24.
 //!
-//! What it does not promise: coordinates below 2^-250 and components of directions below 2^-100 of the largest are taken
-//! as 0 beforehand; rays themselves, and the points that secondary rays start from, are rounded numbers.
+//! Not exact: coordinates below 2^-250 and direction components below 2^-100 of the largest become 0 beforehand, and
+//! rays and the origins of secondary rays are rounded.
 //!
 //! In the bounds, u = 2^-53 is half of `f64::EPSILON`.
 
@@ -22,11 +22,11 @@ use crate::scene::Numerics;
 /// f64 geometry, decided exactly.
 pub struct Exact;
 
-/// The relative error of a distance. Two that are further apart than four times this differ, and the margin of the boxes
-/// that are passed over ([`super::PRUNE_MARGIN`]) is far wider.
+/// The relative error of a distance. Two distances further apart than four times this differ; the margin of the box
+/// tests ([`super::PRUNE_MARGIN`]) is far wider.
 pub const TOLERANCE: f64 = f64::from_bits((1023 - 40) << 52);
 
-/// The share of the sum of the weights that each may be off by.
+/// The relative error of weights, as a share of their sum, above which they are computed exactly.
 const WEIGHT_TOLERANCE: f64 = f64::from_bits((1023 - 26) << 52);
 
 impl Tier for Exact {
@@ -50,7 +50,7 @@ impl Tier for Exact {
             least = least.min(weight);
             most = most.max(weight);
         }
-        // Two weights of certain, opposite signs: most triangles that are tested are missed by much.
+        // Two weights of certain, opposite signs: the common case of a miss.
         if least < -error && most > error {
             return None;
         }
@@ -61,7 +61,7 @@ impl Tier for Exact {
 
     #[inline(always)]
     fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64> {
-        // As in `Sphere::hit`, with bounds.
+        // As `Sphere::hit`, with error bounds.
         let (d, f) = (ray.direction, ray.origin - sphere.centre);
         let (a, ff, rr) = (d.dot(d), f.dot(f), sphere.radius * sphere.radius);
         let b = -f.dot(d);
@@ -77,7 +77,7 @@ impl Tier for Exact {
         let c = ff - rr;
         let (b_error, c_error) = (4.0 * f64::EPSILON * (ff * a).sqrt(), 4.0 * f64::EPSILON * (ff + rr));
         if c > c_error && b < -b_error {
-            // Outside, and turned away.
+            // The ray starts outside and points away.
             return None;
         }
         if discriminant <= error {
@@ -113,15 +113,16 @@ impl Tier for Exact {
 
 /// Bound on the error of the edge functions of a triangle.
 ///
-/// With M the largest distance on an axis from the ray's origin and P the largest aside of the ray: a sheared coordinate
+/// With M the largest coordinate relative to the ray's origin and P the largest sheared x or y: a sheared coordinate
 /// is off by at most 8u M (the difference by u, the shear by 2u, their product and the last difference by u each); an
-/// edge function, of two products of those, by 32u M P + 300 u^2 M^2; and rounding it by 4u P^2, where P is at most 2 M.
+/// edge function, of two products of those, by 32u M P + 300 u^2 M^2; and rounding it by 4u P^2, where P is at most 2
+/// M.
 #[inline(always)]
 fn weight_error(sheared: &Sheared) -> f64 {
     let [a, b, c] = sheared.corners;
     let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
-    let aside = sheared.aside.as_flattened().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
-    24.0 * f64::EPSILON * reach * (aside + 4.0 * f64::EPSILON * reach)
+    let lateral = sheared.sheared_xy.as_flattened().iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    24.0 * f64::EPSILON * reach * (lateral + 4.0 * f64::EPSILON * reach)
 }
 
 /// The weights with their exact signs; `None` where the ray misses.
@@ -139,7 +140,7 @@ fn decide(
     for (k, weight) in weights.iter_mut().enumerate() {
         if weight.abs() <= error {
             // The edge function of `a` is the triple product of the direction, `c` and `b`, over the direction's
-            // component along the turned axis; and so on round.
+            // component along the major axis; `b` and `c` by cyclic permutation.
             let (p, q) = (corners[(k + 2) % 3], corners[(k + 1) % 3]);
             let triple = triple_product(ray, p, q);
             let sign = f64::from(triple.sign()) * test.shear[2].signum();
@@ -164,7 +165,7 @@ fn triple_product(ray: &Ray, p: DVec3, q: DVec3) -> Expansion {
         .fold(Expansion::default(), |sum, term| sum + term)
 }
 
-/// Where a triangle that the ray's line certainly passes through is hit.
+/// The hit on a triangle that the ray's line certainly passes through.
 #[inline(always)]
 fn settle(
     test: &WoopTest,
@@ -182,7 +183,8 @@ fn settle(
     }
     let [a, b, c] = sheared.corners.map(|corner| corner.z);
     let depth = (weight_a * a + weight_b * b + weight_c * c) * share;
-    // Each share is off by twice 3 errors of the sum, which move the depth within the triangle's own; and rounding.
+    // Each weight over the sum is off by twice 3 errors, each of which moves the depth within the triangle's range of
+    // depths; the rest is rounding.
     let deep = a.max(b).max(c) - a.min(b).min(c);
     let depth_error =
         7.0 * error * share.abs() * deep + 8.0 * f64::EPSILON * a.abs().max(b.abs()).max(c.abs());
@@ -190,9 +192,9 @@ fn settle(
         depth * test.shear[2]
     } else {
         match plane_distance(ray, corners) {
-            Plane::At(t) => t,
-            Plane::Behind => return None,
-            Plane::Unclear => return settle_exactly(ray, corners),
+            PlaneDistance::At(t) => t,
+            PlaneDistance::Behind => return None,
+            PlaneDistance::Undecided => return settle_exactly(ray, corners),
         }
     };
     match is_within(ray, t) {
@@ -202,24 +204,24 @@ fn settle(
     }
 }
 
-/// What f64 says of a ray and the plane of a triangle.
-enum Plane {
-    /// They meet at this distance, to the tolerance.
+/// The distance to a triangle's plane as far as f64 decides it.
+enum PlaneDistance {
+    /// The distance, to the tolerance.
     At(f64),
-    /// They meet at a distance below 0, or at 0, and those do not count.
+    /// At or below 0: a miss.
     Behind,
-    /// f64 cannot tell.
-    Unclear,
+    /// Not decided by f64.
+    Undecided,
 }
 
-/// Where the ray meets the plane of a triangle, as far as f64 tells.
+/// The distance to a triangle's plane in f64.
 #[cold]
-fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> Plane {
+fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> PlaneDistance {
     let (u, v, to_a) = (b - a, c - a, a - ray.origin);
     let normal = u.cross(v);
     let permanent = u.abs().yzx() * v.abs().zxy() + u.abs().zxy() * v.abs().yzx();
-    // The normal is off by 4u of its permanent, the way to the corner by u, their product by u more, the sum by 2u more; and
-    // 2u for what is of second order.
+    // The normal is off by 4u of its permanent, the vector to the corner by u, their product by u more, the sum by 2u
+    // more; and 2u for second-order terms.
     let product = |with: DVec3| (normal.dot(with), 5.0 * f64::EPSILON * permanent.dot(with.abs()));
     let (numerator, numerator_error) = product(to_a);
     let (denominator, denominator_error) = product(ray.direction);
@@ -227,14 +229,14 @@ fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> Plane {
         numerator_error <= numerator.abs() * share && denominator_error <= denominator.abs() * share
     };
     if within(TOLERANCE / 4.0) {
-        return Plane::At(numerator / denominator);
+        return PlaneDistance::At(numerator / denominator);
     }
-    // A ray that leaves the surface it starts from: the distance is lost to rounding, its sign is not.
+    // A ray that leaves the surface it starts on: rounding destroys the distance, not its sign.
     let behind = numerator.is_sign_negative() != denominator.is_sign_negative();
-    if behind && within(0.5) { Plane::Behind } else { Plane::Unclear }
+    if behind && within(0.5) { PlaneDistance::Behind } else { PlaneDistance::Undecided }
 }
 
-/// The same in integers.
+/// [`settle`] in exact integer arithmetic.
 #[cold]
 fn settle_exactly(ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {
     is_ray(ray).then_some(())?;
@@ -242,20 +244,20 @@ fn settle_exactly(ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {
     distance.is_within(ray).then(|| TriangleHit { t: distance.to_f64(), weights: [weights[1], weights[2]] })
 }
 
-/// Whether it has an origin and a direction at all; what has not hits nothing.
+/// Whether origin and direction are finite and the direction is not zero. Other rays hit nothing.
 fn is_ray(ray: &Ray) -> bool {
     ray.origin.is_finite() && ray.direction.is_finite() && ray.direction != DVec3::ZERO
 }
 
-/// The first of a sphere's two distances that lies within the ray's ends.
+/// The first of a sphere's two distances that lies between `t_min` and `t_max`.
 #[cold]
 fn exact_sphere(ray: &Ray, sphere: &Sphere) -> Option<Distance> {
     is_ray(ray).then_some(())?;
     Distance::to_sphere(ray, sphere)?.into_iter().find(|distance| distance.is_within(ray))
 }
 
-/// Whether a distance that is good to the tolerance lies within the ray's ends; `None` where it is too near one of them
-/// to tell.
+/// Whether a distance, good to the tolerance, lies between `t_min` and `t_max`; `None` if it is too near one of them
+/// to decide.
 #[inline(always)]
 fn is_within(ray: &Ray, t: f64) -> Option<bool> {
     let slack = 2.0 * TOLERANCE * t.abs();
@@ -274,7 +276,7 @@ fn is_exactly_before(ray: &Ray, hits: [(&Hit, &Stored<DVec3>); 2]) -> bool {
     let [a, b] = hits.map(|(_, primitive)| distance(primitive));
     let order = match (a, b) {
         (Some(a), Some(b)) => a.cmp(&b),
-        // Both have been hit.
+        // Unreachable: both have been hit.
         _ => std::cmp::Ordering::Equal,
     };
     order.then(hits[0].0.prim.cmp(&hits[1].0.prim)).is_lt()

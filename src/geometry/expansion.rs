@@ -1,9 +1,9 @@
-//! Sums of f64 numbers that are exact: floating-point expansions.
+//! Floating-point expansions: exact sums, differences and products of f64, for signs that f64 does not decide.
 //!
-//! Shewchuk, Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates, Discrete & Computational
-//! Geometry 18, 1997, section 2. An expansion is a sum of f64 numbers that do not overlap, smallest first, without
-//! zeros; its sign is that of its last term. Exact as long as no intermediate number leaves the range of f64, which
-//! callers see to: see [`super::Precision::round`].
+//! Shewchuk, Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates, Discrete &
+//! Computational Geometry 18, 1997, section 2. An expansion is a sum of nonoverlapping f64 numbers, smallest first,
+//! without zeros; its sign is that of its last term. Exact as long as no intermediate number overflows or underflows,
+//! which [`super::Precision::round`] ensures for products of three coordinates.
 
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -26,12 +26,12 @@ impl Expansion {
         self.0.last().map_or(0, |&x| if x > 0.0 { 1 } else { -1 })
     }
 
-    /// The nearest f64, up to its last place.
+    /// The nearest f64, up to 1 ulp.
     pub fn estimate(&self) -> f64 {
         self.0.iter().sum()
     }
 
-    /// This times an f64 (Shewchuk's Scale-Expansion).
+    /// The product with an f64 (Shewchuk's Scale-Expansion).
     pub fn scaled(&self, by: f64) -> Self {
         let mut terms = Vec::with_capacity(2 * self.0.len());
         let mut keep = |x: f64| {
@@ -109,13 +109,13 @@ pub fn two_sum(a: f64, b: f64) -> (f64, f64) {
     (sum, (a - virtual_a) + (b - virtual_b))
 }
 
-/// The same where `a` is not the smaller in magnitude (Dekker).
+/// [`two_sum`] for |a| >= |b| (Dekker).
 fn fast_two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     (sum, b - (sum - a))
 }
 
-/// The rounded product and its rounding error (Dekker, Veltkamp): without the fused instruction that not every machine has.
+/// The rounded product and its rounding error (Dekker, Veltkamp), without FMA, which not every machine has.
 pub fn two_product(a: f64, b: f64) -> (f64, f64) {
     const SPLITTER: f64 = 134_217_729.0; // 2^27 + 1
     let split = |x: f64| {

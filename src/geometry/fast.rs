@@ -1,11 +1,11 @@
-//! The tier `fast`: f32 throughout.
+//! The tier `fast`: f32 throughout, not watertight.
 //!
 //! Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, Journal of Graphics Tools 2(1) 1997, without
-//! the cut at small determinants that it suggests: it would not be scale-free. Its two barycentric coordinates are
-//! rounded apart, so two triangles that share an edge do not see the same edge, and rays slip between them.
+//! the threshold on small determinants that it suggests, which depends on scale. Its two barycentric coordinates are
+//! rounded independently, so two triangles disagree on their shared edge, and rays pass between them.
 //!
-//! Boxes stay conservative, and a hit counts only in its primitive's own box, at a distance within it: a wrong answer is
-//! the same wrong answer whatever structure holds the triangle. So large triangles are not kept in parts here.
+//! Box tests are conservative, and a hit's distance is clamped to its primitive's own bounds, so hits do not depend
+//! on the acceleration structure. Triangles are not split in this tier ([`Tier::IS_TIGHT`]).
 
 use glam::{Vec3, Vec3A};
 
@@ -47,7 +47,7 @@ impl Tier for Fast {
         let share = 1.0 / to_b.dot(p);
         let from_a = test.origin - a;
         let v = from_a.dot(p) * share;
-        // What is not a number fails here, too.
+        // NaN fails, too.
         if !(0.0..=1.0).contains(&v) {
             return None;
         }
@@ -84,8 +84,8 @@ impl Tier for Fast {
     }
 }
 
-/// A distance held within the part of the ray that lies in a primitive's own box; `None` where there is no such part, or
-/// where the distance is not within the ray's ends.
+/// A distance clamped to the interval in which the ray is inside a primitive's bounds; `None` if there is none, or if
+/// the result is not between `t_min` and `t_max`.
 #[inline(always)]
 fn within(test: &SingleBoxTest, ray: &Ray, t: f32, [min, max]: [Vec3A; 2]) -> Option<f64> {
     let [enter, leave] = test.span(min, max, round_up(ray.t_max));

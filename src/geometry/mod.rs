@@ -1,6 +1,7 @@
-//! Rays, boxes, triangles and spheres, with the error bounds that keep them honest.
+//! Rays, boxes, triangles and spheres, and the intersection tests of every numeric tier with their error bounds.
 //!
-//! Numerics come in four tiers ([`Numerics`]), one type and one file each behind the trait [`Tier`]:
+//! Used by `bvh`, which traverses, and by `world`, which makes surface interactions. There are four tiers
+//! ([`Numerics`]), one type and one file each behind the trait [`Tier`]:
 //!
 //! | tier | rays and corners | boxes tested in | triangles | spheres |
 //! | ---- | ---------------- | --------------- | --------- | ------- |
@@ -10,24 +11,23 @@
 //! | [`Exact`] | f64 | f64 | the same with error bounds, then exact | the same with error bounds, then exact |
 //!
 //! In all of them:
-//! - A ray's origin and direction are numbers of the tier ([`Numerics::ray_precision`]), so that box tests and primitive tests
-//!   speak of the same ray.
+//! - A ray's origin and direction are rounded to the tier's precision first ([`Numerics::ray_precision`]), so box
+//!   tests and primitive tests see the same ray.
 //! - Boxes are f32, rounded outwards, and tested with a margin that absorbs rounding ([`BoxTest`]).
-//! - Triangles are hit on both sides, edges and corners included; a ray in a triangle's plane misses.
+//! - Triangles are hit from both sides, edges and corners included; a ray in a triangle's plane misses.
 //! - Secondary rays start in front of the surface they leave and of its neighbours ([`spawn`]).
 //!
-//! No constant here decides a hit; every bound is relative to the numbers it guards.
+//! No absolute constant decides a hit: every bound is relative to the numbers it applies to.
 
 mod beam;
 mod bounds;
-pub mod bundle;
 mod distance;
 mod double;
 mod exact;
 pub(crate) mod expansion;
 mod fast;
+pub mod four;
 mod numerics;
-pub mod quad;
 mod ray;
 pub mod simd;
 pub mod spawn;
@@ -36,6 +36,7 @@ mod triangle;
 mod watertight;
 mod widened;
 mod woop;
+pub mod woop4;
 
 pub use crate::scene::Numerics;
 pub use beam::Beam;
@@ -43,8 +44,8 @@ pub use bounds::{Bounds, BoxTest, DoubleBoxTest, PRUNE_MARGIN, SingleBoxTest, ro
 pub use double::Double;
 pub use exact::Exact;
 pub use fast::Fast;
+pub use four::Triangle4;
 pub use numerics::{Corner, Precision, Stored, Tier};
-pub use quad::Quad;
 pub use ray::{Hit, PrimId, Ray, SlotId};
 pub use sphere::Sphere;
 pub use triangle::{Triangle, TriangleHit};

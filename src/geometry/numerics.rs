@@ -1,15 +1,15 @@
-//! The tiers of numerics: what each keeps geometry in, and how it decides.
+//! [`Tier`], the interface of the numeric tiers, and the precisions that they store rays and corners in.
 
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::BoxTest;
-use super::bundle::{FourHits, Gathered, RAYS, WoopBundle};
-use super::quad::{LANES, Quad};
+use super::four::{Hit4, LANES4, Ray4, Triangle4};
 use super::simd::Simd;
+use super::woop4::PreparedRay4;
 use super::{Bounds, Hit, Ray, Sphere, TriangleHit};
 use crate::scene::Numerics;
 
-/// The floating-point numbers that rays and corners are kept in.
+/// The floating-point format of rays or corners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Precision {
     /// f32, 24 bits.
@@ -18,16 +18,16 @@ pub enum Precision {
     Double,
 }
 
-/// Direction components smaller than this share of the largest are taken as 0. It is far below what rounding has done to
-/// the direction already (2^-25 of the largest, or 2^-54), and keeps the reciprocals of the box test finite.
+/// Direction components below this share of the largest become 0, which keeps the reciprocals of the box test finite.
+/// It is far below the rounding of the direction (2^-25 or 2^-54 of the largest).
 const SMALLEST_COMPONENT: f64 = 1.0 / (1u128 << 100) as f64;
 
-/// Coordinates nearer to 0 than this are taken as 0, as f32 does with those below 2^-150: products of three then stay
-/// within f64's range to their last bit, which exact arithmetic needs.
+/// f64 coordinates below this become 0, as f32 does below 2^-150. Products of three coordinates then do not
+/// underflow, which exact arithmetic requires.
 const SMALLEST_COORDINATE: f64 = f64::from_bits((1023 - 250) << 52);
 
 impl Precision {
-    /// A coordinate in these numbers, the nearest one.
+    /// The nearest coordinate of this precision.
     #[inline]
     pub fn round(self, x: f64) -> f64 {
         match self {
@@ -37,9 +37,9 @@ impl Precision {
         }
     }
 
-    /// A ray whose origin and direction are rounded to the nearest of these numbers. Zeros are positive zeros.
+    /// A ray with origin and direction rounded to this precision. Zero components become +0.
     ///
-    /// `direction` must be finite and not zero, `origin` finite.
+    /// `origin` and `direction` must be finite, and `direction` not zero.
     #[inline(always)]
     pub fn ray(self, origin: DVec3, direction: DVec3, t_min: f64, t_max: f64) -> Ray {
         let (origin, direction) = match self {
@@ -68,7 +68,7 @@ impl Precision {
 }
 
 impl Numerics {
-    /// The numbers that corners of triangles are kept in.
+    /// The precision of triangle corners.
     pub fn precision(self) -> Precision {
         match self {
             Numerics::Fast | Numerics::Watertight => Precision::Single,
@@ -76,7 +76,7 @@ impl Numerics {
         }
     }
 
-    /// The numbers that origins and directions of rays are kept in: f64 wherever hits are decided in f64.
+    /// The precision of ray origins and directions: f64 wherever hits are decided in f64.
     pub fn ray_precision(self) -> Precision {
         match self {
             Numerics::Fast => Precision::Single,
@@ -85,22 +85,22 @@ impl Numerics {
     }
 }
 
-/// A corner of a triangle in the numbers that a tier keeps.
+/// A triangle corner in the precision of a tier: [`Vec3`] or [`DVec3`].
 pub trait Corner: Copy + Send + Sync + 'static {
-    /// These numbers.
+    /// The type of a coordinate.
     type Scalar: Copy + Send + Sync + 'static;
-    /// What is not a number.
-    const NONE: Self::Scalar;
+    /// NaN.
+    const NAN: Self::Scalar;
     /// x, y and z.
     fn to_array(self) -> [Self::Scalar; 3];
-    /// Four of these numbers in f64.
-    fn to_d4<S: Simd>(numbers: [Self::Scalar; LANES]) -> S::D4;
+    /// Four coordinates converted to f64.
+    fn to_d4<S: Simd>(numbers: [Self::Scalar; LANES4]) -> S::D4;
     /// From x, y and z.
     fn from_array(array: [Self::Scalar; 3]) -> Self;
-    /// The nearest that these numbers have.
-    fn lower(point: DVec3) -> Self;
-    /// In f64, without rounding.
-    fn raise(self) -> DVec3;
+    /// The nearest corner of this precision.
+    fn from_dvec3(point: DVec3) -> Self;
+    /// The corner in f64, exactly.
+    fn to_dvec3(self) -> DVec3;
     /// Least and greatest coordinates of three corners.
     fn span(corners: &[Self; 3]) -> [DVec3; 2];
     /// The smallest f32 box that holds three corners.
@@ -112,10 +112,10 @@ pub trait Corner: Copy + Send + Sync + 'static {
 
 impl Corner for Vec3 {
     type Scalar = f32;
-    const NONE: f32 = f32::NAN;
+    const NAN: f32 = f32::NAN;
 
     #[inline(always)]
-    fn to_d4<S: Simd>(numbers: [f32; LANES]) -> S::D4 {
+    fn to_d4<S: Simd>(numbers: [f32; LANES4]) -> S::D4 {
         S::d4_from_f32(numbers)
     }
 
@@ -129,12 +129,12 @@ impl Corner for Vec3 {
         Vec3::from_array(array)
     }
 
-    fn lower(point: DVec3) -> Self {
+    fn from_dvec3(point: DVec3) -> Self {
         point.as_vec3()
     }
 
     #[inline(always)]
-    fn raise(self) -> DVec3 {
+    fn to_dvec3(self) -> DVec3 {
         self.as_dvec3()
     }
 
@@ -152,10 +152,10 @@ impl Corner for Vec3 {
 
 impl Corner for DVec3 {
     type Scalar = f64;
-    const NONE: f64 = f64::NAN;
+    const NAN: f64 = f64::NAN;
 
     #[inline(always)]
-    fn to_d4<S: Simd>(numbers: [f64; LANES]) -> S::D4 {
+    fn to_d4<S: Simd>(numbers: [f64; LANES4]) -> S::D4 {
         S::d4(numbers)
     }
 
@@ -169,12 +169,12 @@ impl Corner for DVec3 {
         DVec3::from_array(array)
     }
 
-    fn lower(point: DVec3) -> Self {
+    fn from_dvec3(point: DVec3) -> Self {
         point.map(|c| Precision::Double.round(c))
     }
 
     #[inline(always)]
-    fn raise(self) -> DVec3 {
+    fn to_dvec3(self) -> DVec3 {
         self
     }
 
@@ -184,74 +184,78 @@ impl Corner for DVec3 {
     }
 }
 
-/// A primitive in the numbers that a tier keeps.
+/// A primitive in the precision of a tier.
 #[derive(Debug, Clone, Copy)]
 pub enum Stored<C> {
     /// The corners of a triangle.
     Triangle([C; 3]),
-    /// A sphere, in f64 in every tier: there are few.
+    /// A sphere, in f64 in every tier.
     Sphere(Sphere),
 }
 
-/// A tier of numerics: how rays are tested against boxes, triangles and spheres, and which of two hits is nearer.
+/// A numeric tier: the tests of rays against boxes, triangles and spheres, and the order of hits.
 ///
-/// What every tier owes, so that no acceleration structure can change the picture: a hit's distance lies within the
-/// part of the ray that its box test finds in the primitive's own box, up to the margin of that test.
+/// Every tier must keep a hit's distance within the interval in which its box test finds the ray inside the
+/// primitive's own bounds, up to the margin of that test. Then no acceleration structure changes the image.
 pub trait Tier: Send + Sync + 'static {
     /// Its name.
     const NUMERICS: Numerics;
-    /// Whether a hit lies on its triangle up to a few units in the last place, so that boxes around parts of a triangle hold
-    /// the hits on those parts, and a ray that passes beside it by more does not hit it. Else only the box around the whole
-    /// triangle tells.
+    /// Whether a hit lies on its triangle up to a few units in the last place. Then boxes around parts of a triangle
+    /// bound the hits on those parts, and packets may reject rays by conservative edge functions. Otherwise only the
+    /// bounds of the whole triangle are certain.
     const IS_TIGHT: bool = true;
-    /// What corners are kept in.
+    /// The type of triangle corners.
     type Corner: Corner;
-    /// A ray made ready for boxes.
+    /// A ray prepared for boxes.
     type Boxes: BoxTest;
-    /// A ray made ready for triangles.
+    /// A ray prepared for triangles.
     type Prepared: Copy;
 
-    /// Whether [`Tier::hit_bundle`] tells more than nothing.
-    const HAS_BUNDLES: bool = false;
+    /// Whether the tier decides hits by the test of Woop, Benthin and Wald and the f64 sphere test, of which there
+    /// are versions for four rays. Else those return [`Hit4::UNDECIDED`].
+    const HAS_RAY4: bool = false;
 
-    /// What [`Tier::hit_triangle`] says of each ray of a bundle, as far as that can be told for all at once. `ahead`: no triangle that a ray
-    /// hits lies behind it.
+    /// [`Tier::hit_triangle`] for four rays and one triangle. `ahead`: the caller knows that no hit lies behind a
+    /// ray's origin.
     #[inline(always)]
-    fn hit_bundle<S: Simd>(_: &WoopBundle, _corners: &[[f64; 3]; 3], _ahead: bool) -> FourHits {
-        FourHits::ONE_BY_ONE
+    fn hit_triangle_ray4<S: Simd>(rays: &PreparedRay4, corners: &[[f64; 3]; 3], ahead: bool) -> Hit4 {
+        if Self::HAS_RAY4 { rays.hit::<S>(corners, ahead) } else { Hit4::UNDECIDED }
     }
 
-    /// What [`Tier::hit_triangle`] says of each ray of a bundle and a triangle of its own, one of a quad and ahead of the ray, as far as
-    /// that can be told for all at once.
+    /// [`Tier::hit_triangle`] for four rays with a triangle each, given as a lane of a [`Triangle4`] and known to lie
+    /// ahead.
     #[inline(always)]
-    fn hit_each<S: Simd>(_: &WoopBundle, _triangles: &[(&Quad<Self::Corner>, usize); RAYS]) -> FourHits {
-        FourHits::ONE_BY_ONE
+    fn hit_triangles_ray4<S: Simd>(
+        rays: &PreparedRay4,
+        triangles: &[(&Triangle4<Self::Corner>, usize); LANES4],
+    ) -> Hit4 {
+        if Self::HAS_RAY4 { rays.hit_each::<S, _>(triangles) } else { Hit4::UNDECIDED }
     }
 
-    /// Makes a ray ready for triangles.
+    /// Prepares a ray for triangles.
     fn prepare(ray: &Ray) -> Self::Prepared;
 
-    /// Where `ray`, for which `prepared` was made, hits a triangle within its ends. Both sides count; a ray in the
-    /// triangle's plane does not hit.
+    /// The hit of `ray`, for which `prepared` was made, on a triangle, with `t_min < t < t_max`. Two-sided; a ray in
+    /// the triangle's plane misses.
     fn hit_triangle(prepared: &Self::Prepared, ray: &Ray, corners: &[Self::Corner; 3])
     -> Option<TriangleHit>;
 
-    /// What [`Tier::hit_triangle`] says of each triangle of a quad, as far as that can be told for all at once.
+    /// [`Tier::hit_triangle`] for one ray and four triangles.
     #[inline(always)]
-    fn hit_quad<S: Simd>(_: &Self::Prepared, _quad: &Quad<Self::Corner>) -> FourHits {
-        FourHits::ONE_BY_ONE
+    fn hit_triangle4<S: Simd>(_: &Self::Prepared, _triangles: &Triangle4<Self::Corner>) -> Hit4 {
+        Hit4::UNDECIDED
     }
 
-    /// The least distance within the ray's ends at which it meets a sphere, from outside or from inside.
+    /// The least distance with `t_min < t < t_max` at which the ray meets a sphere, from outside or inside.
     fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64>;
 
-    /// What [`Tier::hit_sphere`] says of each of four rays, as far as that can be told for all at once.
+    /// [`Tier::hit_sphere`] for four rays.
     #[inline(always)]
-    fn hit_sphere_by_four<S: Simd>(_: &Gathered<S>, _sphere: &Sphere) -> FourHits {
-        FourHits::ONE_BY_ONE
+    fn hit_sphere_ray4<S: Simd>(rays: &Ray4<S>, sphere: &Sphere) -> Hit4 {
+        if Self::HAS_RAY4 { sphere.hit_ray4(rays) } else { Hit4::UNDECIDED }
     }
 
-    /// Whether the first of two hits comes before the second: nearer, or as near and of a lower id.
+    /// Whether the first of two hits is nearer, or equally near with the lower primitive id.
     #[inline(always)]
     fn is_before(_: &Ray, [a, b]: [(&Hit, &Stored<Self::Corner>); 2]) -> bool {
         a.0.is_before(b.0)
@@ -282,7 +286,7 @@ mod tests {
     /// What a tier says of a ray from `origin` and a triangle.
     fn hit_of<T: Tier>(corners: [DVec3; 3], ray: impl Fn(Precision) -> Ray) -> Option<TriangleHit> {
         let ray = ray(T::NUMERICS.ray_precision());
-        T::hit_triangle(&T::prepare(&ray), &ray, &corners.map(T::Corner::lower))
+        T::hit_triangle(&T::prepare(&ray), &ray, &corners.map(T::Corner::from_dvec3))
     }
 
     fn hits(corners: [DVec3; 3], ray: impl Fn(Precision) -> Ray) -> [Option<TriangleHit>; 4] {

@@ -1,41 +1,41 @@
-//! Rays and what they hit.
+//! [`Ray`], [`Hit`] and the indices of primitives.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-/// A ray: the points `origin + t * direction` with `t_min < t < t_max`, open at both ends. Its origin
-/// and its direction are numbers of the tier that it is made for: see [`super::Precision::ray`].
+/// A ray: the points `origin + t * direction` with `t_min < t < t_max`, open at both ends. Origin and direction are
+/// rounded to the precision of its tier by [`super::Precision::ray`].
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Ray {
-    /// Where it starts.
+    /// Its origin.
     pub origin: DVec3,
-    /// Where it goes; of length 1 up to that rounding, so that t is a distance.
+    /// Its direction, of length 1 up to rounding, so that t is a distance.
     pub direction: DVec3,
-    /// What lies at or before this is not hit. Not negative: boxes are tested with margins that hold on that side of 0 only.
+    /// Hits are beyond this. Not negative: the margins of the box tests are valid for t >= 0 only.
     pub t_min: f64,
-    /// What lies at or beyond this is not hit.
+    /// Hits are before this.
     pub t_max: f64,
 }
 
-/// A primitive by its place in the description; decides between hits at the same distance.
+/// A primitive's index in the scene description. Decides between hits at equal distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PrimId(pub u32);
 
-/// A primitive by its place in an acceleration structure.
+/// A primitive's index in an acceleration structure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SlotId(pub u32);
 
-/// The least that is known of a hit; the rest is computed once, for the hit that counts.
+/// The result of an intersection test. The surface interaction is computed from it once, for the closest hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Distance along the ray, in units of its direction's length.
+    /// Distance along the ray, in units of the direction's length.
     pub t: f64,
-    /// What was hit.
+    /// The primitive.
     pub prim: PrimId,
-    /// Where its geometry is kept.
+    /// The slot of its geometry.
     pub slot: SlotId,
-    /// On a triangle, the barycentric coordinates of its second and third corner; 0 on a sphere.
+    /// Barycentric coordinates of a triangle's second and third corner; 0 on a sphere.
     pub weights: [f64; 2],
 }
 
@@ -47,7 +47,7 @@ impl Ray {
 }
 
 impl Hit {
-    /// Whether this hit comes before `other`: nearer, or as near and of a lower id.
+    /// Whether this hit is nearer than `other`, or equally near with the lower primitive id.
     #[inline]
     pub fn is_before(&self, other: &Hit) -> bool {
         self.t < other.t || (self.t == other.t && self.prim < other.prim)

@@ -1,66 +1,72 @@
 //! Origins of secondary rays: shadow, reflection and every other ray that leaves a surface.
 //!
-//! A secondary ray must start in the free space in front of the surface, or it hits that surface again (acne) or starts behind a
-//! neighbouring one (a leak). Offsetting the hit point along the normal (pbrt, 4th edition, section 6.8) is not enough at an
-//! edge of a concave corner: there the offset point lies on or behind the neighbouring face. So the point is moved twice:
-//! 1. within its triangle, until it is [`EDGE_DISTANCE`] R from every edge, or half the inradius where that is less, and
+//! A secondary ray must start in the free space in front of the surface, or it hits that surface again (acne) or
+//! starts behind a neighbouring one (a leak). Offsetting the hit point along the normal (pbrt, 4th edition, section
+//! 6.8) is not enough at an edge of a concave corner: there the offset point lies on or behind the neighbouring face.
+//! So the hit point is moved twice:
+//! 1. within its triangle, until it is [`EDGE_DISTANCE`] R from every edge, or half the inradius if that is less, and
 //! 2. along the geometric normal by [`ORIGIN_OFFSET`] R.
 //!
-//! A ray that meets an edge exactly may report the face that is hidden there behind the other one; then the point within it is hidden, too.
-//! Free space is known in one more place: on the ray that hit the surface, before the hit. If anything lies between the two,
-//! the point EDGE_DISTANCE R before the hit takes its place ([`SurfacePoint::before_hit`]).
+//! A ray that meets an edge exactly may report the face that is hidden there behind the other one; then the point
+//! within that face is hidden, too. The points of the incoming ray before the hit are free. If a face lies between
+//! them and the moved point, the point EDGE_DISTANCE R before the hit is used ([`SurfacePoint::before_hit`]).
 //!
-//! R is the largest coordinate of the triangle's corners. Both distances are shares of the coordinates that the point was computed from,
-//! so they hold at every scale.
+//! R is the largest coordinate of the triangle's corners. Both distances are relative to the coordinates that the
+//! point was computed from, so they hold at every scale.
 //!
 //! # What this guarantees (`watertight`, `double`, `exact`)
-//! Let u = 2^-53. The hit point is off by less than 8 u R: four roundings of the convex combination, of which each axis has R at most,
-//! and three of the weights' sum. A triangle test sees each corner moved by at most 8 u times its distance from the origin
-//! (moving it to the origin rounds by 2 u, the shear by 2 u, their product by u and the difference by 2 u), so by 16 u R for the corners of
-//! this triangle. The origin is 2^13 u R above the plane, more than 150 times both together in Euclidean norm, so it is in front of
-//! its own triangle, also as a test sees it.
+//! Let u = 2^-53. The hit point is off by less than 8 u R: four roundings of the convex combination, each at most u R
+//! per axis, and three of the weights' sum. The triangle test sees each corner moved by at most 8 u times its
+//! distance from the origin (the difference from the origin rounds by 2 u, the shear by 2 u, their product by u and
+//! the last difference by 2 u), so by 16 u R for the corners of this triangle. The origin is 2^13 u R above the
+//! plane, more than 150 times both together in Euclidean norm, so it is in front of its own triangle, also as the
+//! test sees it.
 //!
-//! A neighbouring face that shares an edge with the triangle at a dihedral angle a rises to EDGE_DISTANCE R tan a above the
-//! point; the origin is in front of that face, too, as long as that is more than ORIGIN_OFFSET R and the errors above: for
-//! every a > 2^-16.9, 0.0005 degrees. The same holds for a face that shares one corner only, with the angle between the
-//! two planes' directions at that corner. Before the hit, the origin is EDGE_DISTANCE R sin b in front of every face that the ray met at an
-//! angle b: enough for every b > 2^-21.9, as what is met within 2^-45 R of it is taken for rounding; or 2^-16.9 where the ray met the
-//! triangle itself at less than that.
+//! A face that shares an edge with the triangle at a dihedral angle a is EDGE_DISTANCE R tan a above the point; the
+//! origin is in front of that face, too, as long as that exceeds ORIGIN_OFFSET R plus the errors above: for every
+//! a > 2^-16.9, 0.0005 degrees. The same holds for a face that shares one corner only, with the angle between the two
+//! planes' directions at that corner. Before the hit, the origin is EDGE_DISTANCE R sin b in front of every face that
+//! the incoming ray met at an angle b: enough for every b > 2^-21.9, because hits within 2^-45 R of it count as
+//! rounding; or 2^-16.9 if the ray met the triangle itself at less than that.
 //!
-//! Then the origin lies inside the closed mesh that the test sees, whose edges have no gaps, and no ray can leave that mesh without a hit.
+//! Then the origin lies inside the closed mesh that the test sees, whose edges have no gaps, and no ray leaves that
+//! mesh without a hit.
 //!
-//! The point moves by EDGE_DISTANCE R at most near an edge, and by 2 EDGE_DISTANCE R / sin(a / 2) near a corner of angle a.
+//! The point moves by EDGE_DISTANCE R at most near an edge, and by 2 EDGE_DISTANCE R / sin(a / 2) near a corner of
+//! angle a.
 //!
-//! Where it does not hold:
-//! - In triangles with an inradius below 2 EDGE_DISTANCE R the point keeps half the inradius from the edges, and the bound on the dihedral
-//!   angle grows by as much as that is less.
+//! Exceptions:
+//! - In triangles with an inradius below 2 EDGE_DISTANCE R the point keeps half the inradius from the edges, and the
+//!   bound on the dihedral angle grows by the same factor.
 //! - Surfaces that share no corner with the triangle and lie closer than 2 ORIGIN_OFFSET R are jumped.
-//! - A ray that passes the border of a face's bounding box within 2^-49 R, less than 2^-23 R from its origin along an axis, may be
-//!   refused by the box tests (`bounds::DOUBLE_MARGIN`). It takes a fold sharper than about 30 degrees or a spike with such
-//!   an opening angle, and a ray that is aimed that closely at another edge of the neighbouring face.
+//! - A ray that passes the border of a face's bounding box within 2^-49 R, less than 2^-23 R from its origin along an
+//!   axis, may be rejected by the box tests (`bounds::DOUBLE_MARGIN`). That takes a fold sharper than about
+//!   30 degrees, or a spike with such an opening angle, and a ray aimed that closely at another edge of the
+//!   neighbouring face.
 //!
-//! The tier `fast` rounds the origin to f32, away from the surface, and promises nothing at edges.
+//! The tier `fast` rounds the origin to f32, away from the surface, and guarantees nothing at edges.
 
 use glam::DVec3;
 
 use super::{Numerics, Triangle};
 
-/// The distance of origins from the edges of their triangle, relative to the largest coordinate of its corners: 2^-23, the spacing of
-/// f32 numbers.
+/// The distance of origins from the edges of their triangle, relative to the largest coordinate of its corners: 2^-23,
+/// the spacing of f32 numbers.
 pub const EDGE_DISTANCE: f64 = 1.0 / (1u32 << 23) as f64;
 
-/// The least height of origins over their triangle, relative to the same: 2^-40. Above the errors (2^-49), so that f64 decides cheaply on which
-/// side of its own triangle a ray starts; below [`EDGE_DISTANCE`] by the smallest dihedral angle that is guaranteed.
+/// The height of origins above their triangle, relative to the same: 2^-40. Above the errors (2^-49), so that f64
+/// decides on which side of its own triangle a ray starts; below [`EDGE_DISTANCE`] by the smallest guaranteed
+/// dihedral angle.
 pub const ORIGIN_OFFSET: f64 = 1.0 / (1u64 << 40) as f64;
 
-/// A point on a surface, and the magnitudes that its error is relative to.
+/// A point on a surface, from which secondary rays start, and the coordinates that its error is relative to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SurfacePoint {
     /// The point.
     pub position: DVec3,
-    /// What origins are offset from: the same, or near an edge a point farther inside the triangle or before the hit.
+    /// The point that is offset: `position`, or near an edge a point farther inside the triangle or before the hit.
     pub start: DVec3,
-    /// For each axis, the largest coordinate that it was computed from.
+    /// The largest coordinate that it was computed from, per axis.
     pub reach: DVec3,
 }
 
@@ -76,8 +82,9 @@ impl SurfacePoint {
         SurfacePoint { position, start: start.map_or(position, at), reach }
     }
 
-    /// The same point with origins before the hit of a ray that came from the direction `view` (of length 1), `distance` away, on the
-    /// side of `normal`. They lie on that ray where it is as high over the surface as they are to be.
+    /// The same point with origins before the hit, on the side of the unit vector `normal`, for an incoming ray of
+    /// length `distance`. `view` is the unit direction towards that ray's origin. The secondary rays' origins lie on
+    /// the incoming ray unless it is lower above the surface there than [`ORIGIN_OFFSET`].
     pub fn before_hit(self, view: DVec3, distance: f64, normal: DVec3) -> Self {
         let reach = self.reach.max_element();
         let shift = (EDGE_DISTANCE * reach).min(0.5 * distance);
@@ -92,13 +99,13 @@ impl SurfacePoint {
         SurfacePoint { position, start: position, reach: centre.abs() + radius }
     }
 
-    /// The same point moved by `offset`.
+    /// The point moved by `offset`.
     #[inline(always)]
     pub fn moved(self, offset: DVec3) -> Self {
         SurfacePoint { position: self.position + offset, start: self.start + offset, ..self }
     }
 
-    /// The origin of a ray that leaves the surface on the side that `normal` (of length 1) points to.
+    /// The origin of a ray that leaves the surface on the side of the unit vector `normal`.
     #[inline(always)]
     pub fn origin_towards(&self, normal: DVec3, numerics: Numerics) -> DVec3 {
         if numerics == Numerics::Fast {
@@ -109,11 +116,11 @@ impl SurfacePoint {
     }
 }
 
-/// Error of a point and of a triangle test in f32, relative to the coordinates of the triangle: γ7 (pbrt, 4th edition, section 6.8.1),
-/// rounded up to 8 units of 2^-24.
+/// Error of a point and of a triangle test in f32, relative to the coordinates of the triangle: γ7 (pbrt, 4th
+/// edition, section 6.8.1), rounded up to 8 units of 2^-24.
 const FAST_ERROR: f64 = 4.0 * f32::EPSILON as f64;
 
-/// Each coordinate rounded to f32, in the direction of `normal` on its axis; to the nearest where that is 0.
+/// Each coordinate rounded to f32 in the direction of `normal`; to nearest if that component is 0.
 #[inline(always)]
 fn round_away(point: DVec3, normal: DVec3) -> DVec3 {
     use super::bounds::round_towards;
@@ -121,14 +128,14 @@ fn round_away(point: DVec3, normal: DVec3) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Barycentric coordinates of the point moved to `distance` from every edge, or to half the inradius where that is less. `None` where it
-/// is far enough from them already.
+/// Barycentric coordinates of the point moved to `distance` from every edge, or to half the inradius if that is less.
+/// `None` if it is far enough from them already.
 #[inline(always)]
 fn interior_weights(corners: [DVec3; 3], weights: [f64; 3], distance: f64) -> Option<[f64; 3]> {
     let triangle = Triangle(corners);
     let [a, b, c] = weights;
     let smallest = a.min(b).min(c);
-    // A weight is the distance from the opposite edge over the height on it, which is least on the longest edge.
+    // A weight is the distance to the opposite edge over the height above it, which is least above the longest edge.
     let (longest_squared, area_squared) =
         (triangle.longest_edge_squared(), triangle.normal().length_squared());
     if smallest > 0.0 && smallest * smallest * area_squared >= distance * distance * longest_squared {
@@ -139,7 +146,8 @@ fn interior_weights(corners: [DVec3; 3], weights: [f64; 3], distance: f64) -> Op
 
 /// See [`interior_weights`]; `area` is twice the triangle's.
 ///
-/// Near one edge the point moves at right angles to it. Near two, at their corner, it moves to where both distances are right.
+/// Near one edge the point moves perpendicular to it. Near two, at their corner, it moves to where both distances
+/// are right.
 #[cold]
 fn moved_inwards(corners: [DVec3; 3], weights: [f64; 3], distance: f64, area: f64) -> [f64; 3] {
     let sides = [(1, 2), (2, 0), (0, 1)];
@@ -186,8 +194,8 @@ mod tests {
         })
     }
 
-    /// The most that a point moves for a distance of 1 from the edges: 1, or 2 / sin(a / 2) where it may lie within `near` of two edges, at a
-    /// corner of angle a.
+    /// The most that a point moves for a distance of 1 from the edges: 1, or 2 / sin(a / 2) if it may lie within
+    /// `near` of two edges, at a corner of angle a.
     fn most_moved(corners: [DVec3; 3], p: DVec3, near: f64) -> f64 {
         let [ab, bc, ca] = [0, 1, 2].map(|k| (corners[(k + 1) % 3] - corners[k]).normalize());
         let [to_bc, to_ca, to_ab] = distances(corners, p).map(|distance| distance < near);
@@ -198,8 +206,8 @@ mod tests {
         at_corner.map(most).into_iter().fold(1.0, f64::max)
     }
 
-    /// A triangle of 1 by 0.01, 1000 from the origin: near the long edge, which a centroid would pull it far along, the point moves straight
-    /// away from it.
+    /// A triangle of 1 by 0.01, 1000 from the origin: near the long edge the point moves perpendicular to that edge,
+    /// not towards the centroid.
     #[test]
     fn in_a_long_triangle_points_stay_where_they_are() {
         let corners = [[1000.0, 0.0, 0.0], [1001.0, 0.0, 0.0], [1000.0, 0.01, 0.0]].map(DVec3::from);
@@ -209,8 +217,8 @@ mod tests {
     }
 
     proptest! {
-        /// In front of the plane by the offset, and as far from the edges as promised: also for points on edges and corners, and for
-        /// weights that rounding made negative.
+        /// In front of the plane by the offset, and as far from the edges as guaranteed, also for points on edges and
+        /// corners, and for weights that rounding made negative.
         #[test]
         fn origins_are_in_front_and_away_from_edges(
             corners in prop::array::uniform3(prop::array::uniform3(-1.0f64..1.0)),

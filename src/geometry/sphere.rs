@@ -1,18 +1,17 @@
-//! The sphere test.
+//! Analytic spheres and their intersection test in f64, for one ray and for four.
 //!
 //! The textbook discriminant `(d.e)^2 - (d.d)(e.e - r^2)` cancels for small or distant spheres. Haines, Günther and
-//! Akenine-Möller (Ray Tracing Gems, chapter 7, 2019) take the distance from the centre to the ray's nearest point
-//! instead, and the root that cancels from the product of both. In f64 that decides every case right that f32 forms
-//! were measured to fail; spheres are few, so nothing cheaper is tried.
+//! Akenine-Möller (Ray Tracing Gems, chapter 7, 2019) use the distance from the centre to the ray's nearest point
+//! instead, and compute the root that cancels from the product of both.
 
 use glam::DVec3;
 
-use super::bounds::{DOUBLE_MARGIN, hold};
-use super::bundle::{FourHits, Gathered, RAYS};
+use super::bounds::{DOUBLE_MARGIN, clamp_to_bounds};
+use super::four::{Hit4, MASK4, Ray4};
 use super::simd::Simd;
 use super::{Bounds, Ray};
 
-/// A sphere, in the numbers of the description.
+/// A sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sphere {
     /// Its centre.
@@ -24,18 +23,18 @@ pub struct Sphere {
 impl Sphere {
     /// The smallest f32 box that holds the sphere.
     pub fn bounds(&self) -> Bounds {
-        let [min, max] = self.box_in_f64();
+        let [min, max] = self.bounds_f64();
         Bounds::rounded_out(min, max)
     }
 
-    /// A box that holds the sphere, with room for the rounding of the sums.
+    /// Bounds of the sphere in f64, widened by the rounding of the sums.
     #[inline(always)]
-    fn box_in_f64(&self) -> [DVec3; 2] {
+    fn bounds_f64(&self) -> [DVec3; 2] {
         let reach = DVec3::splat(self.radius) + f64::EPSILON * (self.centre.abs() + self.radius);
         [self.centre - reach, self.centre + reach]
     }
 
-    /// The least distance within the ray's ends at which `ray` meets the surface, from outside or from inside.
+    /// The least distance with `t_min < t < t_max` at which `ray` meets the surface, from outside or inside.
     #[inline(always)]
     pub fn hit(&self, ray: &Ray) -> Option<f64> {
         let (d, f) = (ray.direction, ray.origin - self.centre);
@@ -49,22 +48,21 @@ impl Sphere {
         let q = b + (a * discriminant).sqrt().copysign(b);
         let c = f.dot(f) - self.radius * self.radius;
         let (t0, t1) = (c / q, q / a);
-        let [min, max] = self.box_in_f64();
-        let within = |t: f64| hold(min, max, ray, t).filter(|&t| ray.t_min < t && t < ray.t_max);
+        let [min, max] = self.bounds_f64();
+        let within = |t: f64| clamp_to_bounds(min, max, ray, t).filter(|&t| ray.t_min < t && t < ray.t_max);
         within(t0.min(t1)).or_else(|| within(t0.max(t1)))
     }
 
-    /// What [`Sphere::hit`] says of each of four rays, by the same operations in the same order.
+    /// [`Sphere::hit`] for four rays, by the same operations in the same order.
     #[inline(always)]
-    pub fn hit_by_four<S: Simd>(&self, rays: &Gathered<S>) -> FourHits {
-        const ALL: u32 = (1 << RAYS) - 1;
+    pub fn hit_ray4<S: Simd>(&self, rays: &Ray4<S>) -> Hit4 {
         let (d, centre) = (rays.direction, self.centre.to_array());
         let mut f = rays.origin;
         for (f, centre) in f.iter_mut().zip(centre) {
             *f = S::d4_sub(*f, S::d4_splat(centre));
         }
         let a = dot::<S>(&d, &d);
-        // Times -1 rather than from 0, for the sign of a zero.
+        // Times -1 instead of subtracted from 0: `hit` gets -0 for 0.
         let b = S::d4_mul(dot::<S>(&f, &d), S::d4_splat(-1.0));
         let share = S::d4_div(b, a);
         let mut nearest = f;
@@ -73,17 +71,17 @@ impl Sphere {
         }
         let square = S::d4_splat(self.radius * self.radius);
         let discriminant = S::d4_sub(square, dot::<S>(&nearest, &nearest));
-        let met = !S::d4_lt(discriminant, S::d4_splat(0.0)) & ALL;
+        let met = !S::d4_lt(discriminant, S::d4_splat(0.0)) & MASK4;
         if met == 0 {
-            return FourHits::NONE;
+            return Hit4::NONE;
         }
         let q = S::d4_add(b, S::d4_copysign(S::d4_sqrt(S::d4_mul(a, discriminant)), b));
         let c = S::d4_sub(dot::<S>(&f, &f), square);
         let (t0, t1) = (S::d4_div(c, q), S::d4_div(q, a));
-        // What is not a number has no order, and rays that do not run along an axis have no distances on it.
+        // NaN roots have no order, and zero direction components give no distances: both are left to `hit`.
         let mut sure = S::d4_le(t0, t1) | S::d4_le(t1, t0);
-        // As in `hold`.
-        let [min, max] = self.box_in_f64();
+        // As `clamp_to_bounds`.
+        let [min, max] = self.bounds_f64();
         let mut enter = S::d4_splat(f64::NEG_INFINITY);
         let mut leave = S::d4_splat(f64::INFINITY);
         for axis in 0..3 {
@@ -95,19 +93,19 @@ impl Sphere {
             leave = S::d4_min(S::d4_max(low, high), leave);
         }
         let passes = S::d4_le(enter, S::d4_mul(leave, S::d4_splat(DOUBLE_MARGIN)));
-        let held = [S::d4_min(t0, t1), S::d4_max(t0, t1)];
-        let held = [S::d4_max(enter, S::d4_min(leave, held[0])), S::d4_max(enter, S::d4_min(leave, held[1]))];
+        let clamped = [S::d4_min(t0, t1), S::d4_max(t0, t1)];
+        let clamped =
+            [S::d4_max(enter, S::d4_min(leave, clamped[0])), S::d4_max(enter, S::d4_min(leave, clamped[1]))];
         let mut within = [met & sure & passes; 2];
-        for (within, held) in within.iter_mut().zip(held) {
-            *within &= S::d4_lt(rays.t_min, held) & S::d4_lt(held, rays.t_max);
+        for (within, clamped) in within.iter_mut().zip(clamped) {
+            *within &= S::d4_lt(rays.t_min, clamped) & S::d4_lt(clamped, rays.t_max);
         }
         let [first, second] = within;
-        let mut hits =
-            FourHits { hit: first, unsure: met & !sure, t: S::d4_array(held[0]), ..FourHits::NONE };
+        let mut hits = Hit4 { hit: first, undecided: met & !sure, t: S::d4_array(clamped[0]), ..Hit4::NONE };
         let far = second & !first;
         if far != 0 {
             hits.hit |= far;
-            let from_inside = S::d4_array(held[1]);
+            let from_inside = S::d4_array(clamped[1]);
             for (lane, (t, from_inside)) in hits.t.iter_mut().zip(from_inside).enumerate() {
                 if far >> lane & 1 != 0 {
                     *t = from_inside;
@@ -117,7 +115,7 @@ impl Sphere {
         hits
     }
 
-    /// The point of the surface nearest to `point`, and the outward normal there, of length 1.
+    /// The point of the surface nearest to `point`, and the outward unit normal there.
     pub fn surface(&self, point: DVec3) -> (DVec3, DVec3) {
         let normal = (point - self.centre).try_normalize().unwrap_or(DVec3::Y);
         (self.centre + normal * self.radius, normal)
@@ -133,6 +131,7 @@ fn dot<S: Simd>([ax, ay, az]: &[S::D4; 3], [bx, by, bz]: &[S::D4; 3]) -> S::D4 {
 mod tests {
     use super::*;
     use crate::geometry::Precision;
+    use crate::geometry::four::LANES4;
 
     fn hit(sphere: &Sphere, origin: DVec3, direction: DVec3) -> Option<f64> {
         sphere.hit(&Precision::Single.ray(origin, direction, 0.0, f64::INFINITY))
@@ -164,15 +163,15 @@ mod tests {
         assert_eq!(hit(&BALL, DVec3::new(0.0, 0.0, 3.0), DVec3::Z), Some(4.0));
     }
 
-    /// Of every four rays, one by one and at once.
+    /// Compares [`Sphere::hit_ray4`] with [`Sphere::hit`] bit by bit.
     fn four_are_as_one<S: Simd>(sphere: &Sphere, rays: &[Ray]) {
-        for four in rays.chunks(RAYS) {
+        for four in rays.chunks(LANES4) {
             let hits = S::run(
                 #[inline(always)]
-                || sphere.hit_by_four(&Gathered::<S>::new(four, 0)),
+                || sphere.hit_ray4(&Ray4::<S>::new(four, 0)),
             );
             for (lane, ray) in four.iter().enumerate() {
-                if hits.unsure >> lane & 1 == 0 {
+                if hits.undecided >> lane & 1 == 0 {
                     let found = (hits.hit >> lane & 1 != 0).then_some(hits.t[lane]);
                     assert_eq!(
                         found.map(f64::to_bits),
@@ -203,7 +202,8 @@ mod tests {
             for i in 0..4000 {
                 let mut vector = || DVec3::new(unit(), unit(), unit());
                 let (on, other) = (vector().normalize() * size, vector().normalize() * size);
-                // From outside, from inside, from the surface, from near it and from the centre; through it, beside it, along it.
+                // From outside, from inside, from the surface, from near it and from the centre; through it, beside
+                // it, along it.
                 let origin = sphere.centre + on * [3.0, 0.5, 1.0, 1.0 + 1e-9, 0.0, 1e3][i % 6];
                 let towards = sphere.centre + other * [0.7, 1.0, 1.5, 1.0 + 1e-12][i / 6 % 4] - origin;
                 let mut direction = if i % 5 == 0 { on.cross(other) } else { towards }.normalize_or(DVec3::X);
@@ -216,7 +216,7 @@ mod tests {
             }
             four_are_as_one::<crate::geometry::simd::Portable>(&sphere, &rays);
             #[cfg(target_arch = "x86_64")]
-            if crate::geometry::simd::Avx2::is_there() {
+            if crate::geometry::simd::Avx2::is_supported() {
                 four_are_as_one::<crate::geometry::simd::Avx2>(&sphere, &rays);
             }
         }

@@ -1,4 +1,4 @@
-//! Triangles, apart from how they are hit.
+//! [`Triangle`]: bounds, normal and exact degeneracy. The intersection tests are in the files of the tiers.
 
 use glam::{DVec3, Vec3Swizzles};
 
@@ -10,12 +10,12 @@ use super::{Bounds, Corner};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Triangle(pub [DVec3; 3]);
 
-/// Where a ray meets a triangle.
+/// A ray's intersection with a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TriangleHit {
     /// Distance along the ray.
     pub t: f64,
-    /// Barycentric coordinates of the second and the third corner; the first has the rest of 1.
+    /// Barycentric coordinates of the second and third corner; that of the first is 1 minus both.
     pub weights: [f64; 2],
 }
 
@@ -27,15 +27,15 @@ impl Triangle {
         Bounds::rounded_out(min, max)
     }
 
-    /// A vector perpendicular to the triangle; the order of the corners gives its side, twice the area its length.
+    /// The normal (b - a) x (c - a), whose length is twice the area.
     #[inline(always)]
     pub fn normal(&self) -> DVec3 {
         let [a, b, c] = self.0;
         (b - a).cross(c - a)
     }
 
-    /// The unit normal, to 2^-10 radians and better. `None` for a triangle thinner than [`ORIGIN_OFFSET`] times its largest coordinate:
-    /// differences of its corners are rounded by 2^-53 of that.
+    /// The unit normal, to 2^-10 radians or better. `None` for a triangle thinner than [`ORIGIN_OFFSET`] times its
+    /// largest coordinate, of which 2^-53 is the rounding of the edges.
     #[inline(always)]
     pub fn unit_normal(&self) -> Option<DVec3> {
         let [a, b, c] = self.0;
@@ -58,7 +58,7 @@ impl Triangle {
         [b - a, c - b, a - c]
     }
 
-    /// Whether the corners lie on one line, exactly.
+    /// Whether the corners are exactly collinear.
     pub fn is_degenerate(&self) -> bool {
         let [a, b, c] = self.0;
         let (u, v) = (b - a, c - a);
@@ -84,7 +84,7 @@ mod tests {
         let d = DVec3::new(1.0, 2.0, -5.0);
         assert!(degenerate([p, p + d, p + 3.0 * d]));
         assert!(degenerate([p, p, p + d]) && degenerate([p; 3]));
-        // One step aside, where the f64 cross product of the differences is lost to rounding.
+        // One ulp beside the line, where the f64 cross product of the differences is lost to rounding.
         let a = DVec3::new(1.0, 1.0, 0.0);
         let b = a * 2f64.powi(60);
         assert!(degenerate([DVec3::ZERO, a, b]));

@@ -1,16 +1,16 @@
-//! The tier `watertight`, the default: corners are f32 numbers, rays f64, and what they meet is decided in f64.
+//! The tier `watertight`, the default: f32 corners, f64 rays, hits decided in f64.
 //!
-//! Two triangles that share an edge see the same two numbers for its ends and opposite signs for its edge function; a
-//! sign is right or zero, and zero counts as inside for both, so no ray passes between them ([`super::woop`]). A hit's
-//! distance is held within its primitive's own box, so that no box around it can be pruned before it.
+//! Two triangles that share an edge compute its edge function from the same two points with opposite signs; a sign is
+//! right or zero, and zero counts as inside for both, so no ray passes between them ([`super::woop`]). A hit's
+//! distance is clamped to its primitive's own bounds, so no box around it is pruned before it.
 
 use glam::Vec3;
 
 use super::bounds::DoubleBoxTest;
-use super::bundle::{FourHits, Gathered, RAYS, WoopBundle};
+use super::four::Hit4;
 use super::simd::Simd;
 use super::woop::WoopTest;
-use super::{Quad, Ray, Sphere, Tier, TriangleHit};
+use super::{Ray, Sphere, Tier, Triangle4, TriangleHit};
 use crate::scene::Numerics;
 
 /// f32 geometry, decided in f64.
@@ -21,17 +21,7 @@ impl Tier for Watertight {
     type Corner = Vec3;
     type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
-    const HAS_BUNDLES: bool = true;
-
-    #[inline(always)]
-    fn hit_bundle<S: Simd>(bundle: &WoopBundle, corners: &[[f64; 3]; 3], ahead: bool) -> FourHits {
-        bundle.hit::<S>(corners, ahead)
-    }
-
-    #[inline(always)]
-    fn hit_each<S: Simd>(bundle: &WoopBundle, triangles: &[(&Quad<Vec3>, usize); RAYS]) -> FourHits {
-        bundle.hit_each::<S, _>(triangles)
-    }
+    const HAS_RAY4: bool = true;
 
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {
@@ -44,17 +34,12 @@ impl Tier for Watertight {
     }
 
     #[inline(always)]
-    fn hit_quad<S: Simd>(test: &WoopTest, quad: &Quad<Vec3>) -> FourHits {
-        test.hit_quad::<S, _>(quad)
+    fn hit_triangle4<S: Simd>(test: &WoopTest, triangles: &Triangle4<Vec3>) -> Hit4 {
+        test.hit_triangle4::<S, _>(triangles)
     }
 
     #[inline(always)]
     fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64> {
         sphere.hit(ray)
-    }
-
-    #[inline(always)]
-    fn hit_sphere_by_four<S: Simd>(rays: &Gathered<S>, sphere: &Sphere) -> FourHits {
-        sphere.hit_by_four(rays)
     }
 }

@@ -30,7 +30,7 @@ pub use settings::{CameraChoice, RenderSettings};
 
 use std::sync::Arc;
 
-use crate::bvh::Structure;
+use crate::bvh::Layout;
 use crate::effects::{Choices, Plan, check_names, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::{ColourPipeline, Film, Pixel, Share, Window};
@@ -174,7 +174,7 @@ pub struct ResolvedJob {
     /// The tier of numerics.
     pub numerics: Numerics,
     /// The layout of the acceleration structure, and how it is built.
-    pub structure: Structure,
+    pub structure: Layout,
     /// What makes the picture.
     pub metadata: Metadata,
 }
@@ -250,7 +250,7 @@ pub fn resolve_for(
     };
     let metadata = metadata::metadata(&scene, &origin);
     choices.scene = std::mem::take(&mut scene.effects);
-    let (share, structure) = (settings.share, Structure::Wide(settings.preset));
+    let (share, structure) = (settings.share, Layout::Wide(settings.preset));
     Ok(ResolvedJob {
         scene,
         range,

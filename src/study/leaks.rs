@@ -11,7 +11,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::bench::Numbers;
-use crate::bvh::{self, Accelerator, Primitive, Slot, Structure, Traversal};
+use crate::bvh::{self, Accelerator, Layout, Primitive, Slot, Traversal};
 use crate::error::{Error, Result};
 use crate::geometry::{Numerics, PrimId, Ray, Triangle};
 use crate::render::RenderControl;
@@ -74,7 +74,7 @@ impl Closed {
         let slots = (0..)
             .zip(&self.corners)
             .map(|(id, &corners)| Slot { primitive: Primitive::Triangle(Triangle(corners)), id: PrimId(id) });
-        bvh::build(slots, Structure::default(), numerics)
+        bvh::build(slots, Layout::default(), numerics)
     }
 
     /// Half-way between where a line enters and where it leaves. The line starts outside and goes through the middle of a triangle,

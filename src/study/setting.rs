@@ -1,6 +1,6 @@
 //! A setting: everything that a study varies of how a scene is rendered.
 
-use crate::bvh::Structure;
+use crate::bvh::Layout;
 use crate::effects::Choices;
 use crate::film::ColourPipeline;
 use crate::geometry::Numerics;
@@ -12,7 +12,7 @@ pub struct Setting {
     /// How exactly it is decided what a ray hits.
     pub numerics: Numerics,
     /// How rays find it.
-    pub structure: Structure,
+    pub structure: Layout,
     /// The numbers light is added up in.
     pub pipeline: ColourPipeline,
     /// How pixels are sampled.
@@ -29,7 +29,7 @@ pub struct Setting {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WorldKey {
     numerics: Numerics,
-    structure: Structure,
+    structure: Layout,
     pipeline: ColourPipeline,
     bounces: Option<u32>,
 }
@@ -93,8 +93,7 @@ impl Setting {
         }
         if self.structure != base.structure {
             // Layouts are not for users to choose.
-            let preset =
-                self.structure.preset().filter(|&preset| self.structure == Structure::Wide(preset))?;
+            let preset = self.structure.preset().filter(|&preset| self.structure == Layout::Wide(preset))?;
             options.push(format!("--bvh {}", preset.name()));
         }
         options.extend(self.sampling_options(&base.sampling)?);

@@ -3,7 +3,7 @@
 
 use super::data::Judge;
 use super::setting::Setting;
-use crate::bvh::{Preset, Structure};
+use crate::bvh::{Layout, Preset};
 use crate::effects::{EFFECTS, Plan};
 use crate::film::{ColourPipeline, FilterShape};
 use crate::geometry::Numerics;
@@ -96,16 +96,14 @@ impl List<'_> {
 
     fn structures(&mut self, scene: &Scene) {
         for preset in Preset::ALL {
-            let structure = Structure::Wide(preset);
+            let structure = Layout::Wide(preset);
             self.add("bvh", preset.name(), Judge::Twin, Setting { structure, ..self.base.clone() });
         }
         let preset = self.base.structure.preset().unwrap_or_default();
-        let mut layouts = vec![
-            ("layout bvh8-portable", Structure::Portable(preset)),
-            ("layout bvh2", Structure::Tree(preset)),
-        ];
+        let mut layouts =
+            vec![("layout bvh8-portable", Layout::Portable(preset)), ("layout bvh2", Layout::Bvh2(preset))];
         if scene.primitive_count() <= FEW {
-            layouts.push(("layout brute-force", Structure::BruteForce));
+            layouts.push(("layout brute-force", Layout::BruteForce));
         }
         for (name, structure) in layouts {
             self.add("bvh", name, Judge::Twin, Setting { structure, ..self.base.clone() });

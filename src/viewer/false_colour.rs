@@ -275,7 +275,7 @@ mod tests {
     use std::sync::atomic::AtomicBool;
 
     use super::*;
-    use crate::bvh::Structure;
+    use crate::bvh::Layout;
     use crate::effects::{Choices, Plan};
     use crate::error::Warnings;
     use crate::film::{Share, Window};
@@ -289,7 +289,7 @@ mod tests {
         let scene = crate::import::load(&[file], &mut Warnings::default()).unwrap();
         let camera = scene.cameras[0].clone();
         let view = View::new(&camera, camera.projection, [size, size]).unwrap();
-        let world = World::prepare(scene, Default::default(), Structure::default(), Numerics::default());
+        let world = World::prepare(scene, Default::default(), Layout::default(), Numerics::default());
         let plan = Plan::new(&world, &Choices::default()).unwrap();
         let window = Window { x: 0, y: 0, width: size, height: size };
         let subject = Subject {

@@ -237,7 +237,7 @@ fn way_out(origin: DVec3, bounds: Option<(DVec3, DVec3)>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bvh::Structure;
+    use crate::bvh::Layout;
     use crate::effects::Choices;
     use crate::error::Warnings;
     use crate::scene::{Camera, Numerics, Projection, Scene};
@@ -264,7 +264,7 @@ mod tests {
         let bounds = scene.bounds();
         let pipeline = scene.colour.unwrap_or_default();
         let choices = Choices { sampling: scene.sampling, ..Choices::default() };
-        let world = World::prepare(scene, pipeline, Structure::default(), Numerics::Double);
+        let world = World::prepare(scene, pipeline, Layout::default(), Numerics::Double);
         let plan = Plan::new(&world, &choices).unwrap();
         Ready { world, view, plan, bounds, range }
     }

@@ -31,7 +31,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::bvh::{self, Accelerator, Instance, MeshSpace, Primitive, Slot, Structure};
+use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Primitive, Slot};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, PrimId, Sphere, Triangle};
 use crate::scene::{Light, LightKind, Mesh, Object, Scene, Shape};
@@ -104,18 +104,13 @@ pub struct WorldLight {
 
 impl World {
     /// Prepares a scene for rendering in `pipeline`, its geometry in the numbers of `numerics`.
-    pub fn prepare(
-        scene: Scene,
-        pipeline: ColourPipeline,
-        structure: Structure,
-        numerics: Numerics,
-    ) -> World {
+    pub fn prepare(scene: Scene, pipeline: ColourPipeline, structure: Layout, numerics: Numerics) -> World {
         let images = scene.images.iter().map(|image| Image::new(image.clone(), pipeline)).collect();
         World::with_images(scene, images, pipeline, structure, numerics)
     }
 
     /// [`World::prepare`] for a scene that has this world's pictures, which are shared.
-    pub fn prepare_another(&self, scene: Scene, structure: Structure) -> World {
+    pub fn prepare_another(&self, scene: Scene, structure: Layout) -> World {
         World::with_images(scene, self.images.clone(), self.pipeline, structure, self.numerics())
     }
 
@@ -128,7 +123,7 @@ impl World {
         scene: Scene,
         images: Arc<[Image]>,
         pipeline: ColourPipeline,
-        structure: Structure,
+        structure: Layout,
         numerics: Numerics,
     ) -> World {
         let Parts { instances, shared, firsts } = instances(&scene.objects, structure, numerics);
@@ -209,7 +204,7 @@ struct Parts {
 }
 
 /// Finds the objects that share their mesh with others, where the structure has a place for them.
-fn instances(objects: &[Object], structure: Structure, numerics: Numerics) -> Parts {
+fn instances(objects: &[Object], structure: Layout, numerics: Numerics) -> Parts {
     let mut parts = Parts { instances: Vec::new(), shared: Vec::new(), firsts: Vec::new() };
     let mut meshes: HashMap<*const Mesh, Option<MeshSpace>> = HashMap::new();
     let mut first = 0;

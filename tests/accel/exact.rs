@@ -11,7 +11,7 @@ use crate::common::hard::check::{exact_hits, judge_in};
 use crate::common::hard::{Corners, ball, corners_of, numbered, placed, times_factor, triangles};
 use crate::common::oracle::{self, Distance};
 use glam::DVec3;
-use kiln::bvh::{Accelerator, Preset, Primitive, Slot, Structure, Traversal, build};
+use kiln::bvh::{Accelerator, Layout, Preset, Primitive, Slot, Traversal, build};
 use kiln::geometry::{Numerics, Precision, PrimId, Ray, Triangle};
 
 /// What was compared, to be printed.
@@ -59,7 +59,7 @@ fn compare(slots: &[Slot], exact: &dyn Accelerator, ray: &Ray, faults: &mut Faul
     }
 }
 
-fn exactly(slots: &[Slot], structure: Structure) -> Box<dyn Accelerator> {
+fn exactly(slots: &[Slot], structure: Layout) -> Box<dyn Accelerator> {
     build(slots.iter().copied(), structure, Numerics::Exact)
 }
 
@@ -78,7 +78,7 @@ fn triangles_are_hit_or_missed_as_in_exact_arithmetic() {
         mesh.push([b, a, point(kind, &mut numbers)]);
         mesh.push([c, point(kind, &mut numbers), point(kind, &mut numbers)]);
         let slots = triangles(mesh.iter().copied());
-        let exact = exactly(&slots, Structure::BruteForce);
+        let exact = exactly(&slots, Layout::BruteForce);
         for _ in 0..20 {
             let ray = aimed_ray(kind, &mesh[0], &mut numbers);
             compare(&slots, &*exact, &ray, &mut faults, &mut count);
@@ -99,7 +99,7 @@ fn spheres_are_hit_or_missed_as_in_exact_arithmetic() {
         let kind = Kind::nth(i, &mut numbers);
         let (centre, radius, touching) = touching_ball(kind, &mut numbers);
         let slots = numbered([ball(centre, radius)]);
-        let exact = exactly(&slots, Structure::BruteForce);
+        let exact = exactly(&slots, Layout::BruteForce);
         for _ in 0..20 {
             let on_surface = centre + numbers.direction() * radius;
             let ray = match numbers.below(6) {
@@ -155,7 +155,7 @@ fn the_ends_of_rays_are_compared_exactly() {
             (ball(centre, radius), touching),
         ] {
             let slots = numbered([primitive]);
-            let exact = exactly(&slots, Structure::BruteForce);
+            let exact = exactly(&slots, Layout::BruteForce);
             let distances: Vec<Distance> = match primitive {
                 Primitive::Triangle(_) => oracle::line_triangle(&ray, &corners).into_iter().collect(),
                 Primitive::Sphere(_) => {
@@ -183,8 +183,7 @@ fn the_ends_of_rays_are_compared_exactly() {
 fn compare_order(slots: &[Slot], ray: &Ray, faults: &mut Faults, count: &mut Count) {
     let mut left = slots.to_vec();
     while !left.is_empty() {
-        let structure =
-            if left.len().is_multiple_of(2) { Structure::BruteForce } else { Structure::default() };
+        let structure = if left.len().is_multiple_of(2) { Layout::BruteForce } else { Layout::default() };
         let exact = exactly(&left, structure);
         compare(&left, &*exact, ray, faults, count);
         let Some(closest) = exact.closest_hit(ray, &mut Traversal::default()) else { break };
@@ -314,8 +313,7 @@ fn trees_of_everything_answer_exactly() {
             rays.push(touching);
         }
         let slots = shuffled(primitives, &mut numbers);
-        for structure in
-            [Structure::Tree(Preset::BestTrace), Structure::default(), Structure::Wide(Preset::BestTrace)]
+        for structure in [Layout::Bvh2(Preset::BestTrace), Layout::default(), Layout::Wide(Preset::BestTrace)]
         {
             let tree = exactly(&slots, structure);
             for ray in &rays {
@@ -346,7 +344,7 @@ fn tiers_that_round_err_no_more_than_derived() {
         }
         let slots = numbered(primitives);
         let what = format!("rounded, {kind:?}");
-        let summary = judge_in(&what, &slots, &rays, &[Numerics::Double], &[Structure::BruteForce]);
+        let summary = judge_in(&what, &slots, &rays, &[Numerics::Double], &[Layout::BruteForce]);
         assert!(summary.ulps[0] <= 1.0, "{what}: {summary:?}");
     }
 }

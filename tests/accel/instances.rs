@@ -10,7 +10,7 @@ use crate::common::picture::{bits, prepare};
 use crate::common::places::{FAMILIES, Family};
 use crate::common::{Numbers, picture};
 use glam::{DMat4, DVec2, DVec3, DVec4};
-use kiln::bvh::{Preset, Structure, Traversal};
+use kiln::bvh::{Layout, Preset, Traversal};
 use kiln::effects::{Choices, RayKind};
 use kiln::film::ColourPipeline;
 use kiln::geometry::{Numerics, PrimId, Ray};
@@ -80,7 +80,7 @@ fn scene_with(mesh: Mesh, places: &[Placement]) -> Scene {
     scene_of([sphere].into_iter().chain(shared).chain([ground]))
 }
 
-fn world(scene: &Scene, structure: Structure, numerics: Numerics) -> World {
+fn world(scene: &Scene, structure: Layout, numerics: Numerics) -> World {
     World::prepare(scene.clone(), ColourPipeline::Linear, structure, numerics)
 }
 
@@ -129,12 +129,12 @@ fn rays(scene: &Scene, count: usize, numerics: Numerics, numbers: &mut Numbers) 
 fn same_answers(what: &str, scene: &Scene, rays: usize, tiers: &[Numerics]) {
     for &numerics in tiers {
         let rays = self::rays(scene, rays, numerics, &mut Numbers::new(29));
-        let flat = world(scene, Structure::BruteForce, numerics);
+        let flat = world(scene, Layout::BruteForce, numerics);
         let expected = Answer::to_all(&*flat.accelerator, &rays);
         let hits: usize = expected.iter().map(|answer| answer.all.len()).sum();
         assert!(hits > rays.len() / 8, "{what}: {hits} hits");
         for preset in Preset::ALL {
-            let shared = world(scene, Structure::Tree(preset), numerics);
+            let shared = world(scene, Layout::Bvh2(preset), numerics);
             assert_eq!(shared.accelerator.describe().layout, "instances", "{what}");
             assert_eq!(shared.too_small, flat.too_small, "{what}");
             let found = Answer::to_all(&*shared.accelerator, &rays);
@@ -231,7 +231,7 @@ fn nothing_gets_out_of_a_closed_mesh_in_any_place() {
             let middle = placement.point(DVec3::ZERO);
             let aims = targets(&corners, &At::SHARED, times_factor(400), &mut numbers);
             for numerics in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
-                let world = world(&scene, Structure::default(), numerics);
+                let world = world(&scene, Layout::default(), numerics);
                 assert_eq!(world.accelerator.describe().layout, "instances");
                 let mut traversal = Traversal::default();
                 for target in &aims {
@@ -255,8 +255,7 @@ fn what_cannot_be_brought_back_is_copied() {
     let place = Placement::new(DMat4::from_rotation_x(0.5) * DMat4::from_scale(DVec3::new(1.0, 1.0, 0.0)));
     let scene = scene_with(mesh_of(&meshes::icosphere(1, DVec3::ZERO, 1.0)), &[place.clone(), place]);
     for numerics in Numerics::ALL {
-        let [shared, flat] =
-            [Structure::default(), Structure::BruteForce].map(|s| world(&scene, s, numerics));
+        let [shared, flat] = [Layout::default(), Layout::BruteForce].map(|s| world(&scene, s, numerics));
         assert_ne!(shared.accelerator.describe().layout, "instances");
         let rays = rays(&scene, 400, numerics, &mut Numbers::new(8));
         let answers = |world: &World| Answer::to_all(&*world.accelerator, &rays);
@@ -329,7 +328,7 @@ fn places_cost_no_triangles() {
     };
     let scene = scene_of((0..10_000).map(place));
     assert_eq!((scene.primitive_count(), mesh.triangles.len()), (204_800_000, 20_480));
-    let world = world(&scene, Structure::default(), Numerics::Watertight);
+    let world = world(&scene, Layout::default(), Numerics::Watertight);
     let description = world.accelerator.describe();
     assert_eq!((description.layout, description.slots), ("instances", 20_480));
     assert!(description.bytes < 20_480 * (16 + 2 * 32) + 10_242 * 24 + 10_000 * 1024, "{description:?}");

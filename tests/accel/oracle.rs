@@ -3,7 +3,7 @@
 
 use crate::common::{self, Numbers, origin_on_border};
 use glam::DVec3;
-use kiln::bvh::{Primitive, Slot, Structure, Traversal, build};
+use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
 use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
 
 /// How many rays are asked about at once.
@@ -192,12 +192,12 @@ fn bits(hit: Option<Hit>) -> Option<(u64, PrimId)> {
 
 fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str, numerics: Numerics) {
     let what = format!("{what}, {}", numerics.name());
-    let oracle = build(slots.iter().copied(), Structure::BruteForce, numerics);
+    let oracle = build(slots.iter().copied(), Layout::BruteForce, numerics);
     let mut traversal = Traversal::default();
     let expected: Vec<_> = rays.iter().map(|ray| bits(oracle.closest_hit(ray, &mut traversal))).collect();
     let count = expected.iter().flatten().count();
     assert!(count * 2 > rays.len(), "{what}: only {count} of {} rays hit; they test too little", rays.len());
-    for structure in Structure::trees() {
+    for structure in Layout::trees() {
         let tree = build(slots.iter().copied(), structure, numerics);
         let wrong = rays
             .iter()
@@ -301,9 +301,9 @@ fn few_primitives_answer_as_brute_force() {
         let rays = rays(&all, 1.0, DVec3::ZERO, numerics);
         for count in 0..=5 {
             let few: Vec<Slot> = all.iter().rev().take(count).copied().collect();
-            let oracle = build(few.iter().copied(), Structure::BruteForce, numerics);
+            let oracle = build(few.iter().copied(), Layout::BruteForce, numerics);
             let mut traversal = Traversal::default();
-            for structure in Structure::trees() {
+            for structure in Layout::trees() {
                 let tree = build(few.iter().copied(), structure, numerics);
                 for ray in &rays {
                     let expected = bits(oracle.closest_hit(ray, &mut traversal));
@@ -347,7 +347,7 @@ fn closed_meshes_do_not_leak() {
     ] {
         let slots = slots(globe(32, 64, offset, scale));
         for numerics in Numerics::ALL {
-            let tree = build(slots.iter().copied(), Structure::default(), numerics);
+            let tree = build(slots.iter().copied(), Layout::default(), numerics);
             let precision = numerics.ray_precision();
             let mut numbers = Numbers::new(13);
             let mut traversal = Traversal::default();

@@ -2,7 +2,7 @@
 
 use crate::common::Numbers;
 use glam::DVec3;
-use kiln::bvh::{Primitive, Slot, Structure, Traversal, build};
+use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
 use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
 
 /// As many rays as a tile has.
@@ -190,12 +190,12 @@ fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {
     let slots = slots(scale, offset);
     for numerics in Numerics::ALL {
         let precision = numerics.ray_precision();
-        let oracle = build(slots.iter().copied(), Structure::BruteForce, numerics);
+        let oracle = build(slots.iter().copied(), Layout::BruteForce, numerics);
         let mut traversal = Traversal::default();
         let (mut all, mut hit, mut lit, mut dark) = (0, 0, 0, 0);
         let mut tiles = tiles(&slots, scale, offset, precision);
         tiles.extend(parallel_tiles(&slots, scale, precision));
-        let trees: Vec<_> = [Structure::default(), Structure::Portable(Default::default())]
+        let trees: Vec<_> = [Layout::default(), Layout::Portable(Default::default())]
             .map(|structure| (structure, build(slots.iter().copied(), structure, numerics)))
             .into();
         for (index, rays) in tiles.iter().enumerate() {
@@ -288,7 +288,7 @@ fn ends_on_both_sides_of_a_triangle() {
     for numerics in Numerics::ALL {
         let precision = numerics.ray_precision();
         let mut traversal = Traversal::default();
-        let oracle = build(slots.iter().copied(), Structure::BruteForce, numerics);
+        let oracle = build(slots.iter().copied(), Layout::BruteForce, numerics);
         let rays: Vec<Ray> = (0..TILE)
             .map(|i| {
                 let (x, y) = ((i % 16) as f64 / 16.0 - 0.5, (i / 16) as f64 / 16.0 - 0.5);
@@ -301,7 +301,7 @@ fn ends_on_both_sides_of_a_triangle() {
             .collect();
         let expected: Vec<_> = rays.iter().map(|ray| oracle.is_occluded(ray, &mut traversal)).collect();
         assert_eq!(expected, (0..TILE).map(|i| i % 2 == 1).collect::<Vec<_>>());
-        for structure in [Structure::default(), Structure::Portable(Default::default())] {
+        for structure in [Layout::default(), Layout::Portable(Default::default())] {
             let tree = build(slots.iter().copied(), structure, numerics);
             let mut occluded = Vec::new();
             tree.are_occluded(&rays, &mut occluded, &mut traversal);

@@ -2,7 +2,7 @@
 
 use crate::common::Numbers;
 use glam::DVec3;
-use kiln::bvh::{Bvh, NotFinite, Preset, Primitive, Slot, Structure, Traversal, Update, build};
+use kiln::bvh::{Bvh, Layout, NotFinite, Preset, Primitive, Slot, Traversal, Update, build};
 use kiln::geometry::{Hit, Numerics, PrimId, Ray, Sphere, Triangle};
 
 /// Triangles with corners within 0.1 of a point of the cube, and a ball for every tenth.
@@ -71,7 +71,7 @@ fn bits(hit: Option<Hit>) -> Option<(PrimId, u64, [u64; 2])> {
 fn a_refitted_structure_answers_as_brute_force_does() {
     let mut numbers = Numbers::new(71);
     for (numerics, preset) in Numerics::ALL.into_iter().flat_map(|n| Preset::ALL.map(|preset| (n, preset))) {
-        for structure in [Structure::Wide(preset), Structure::Portable(preset)] {
+        for structure in [Layout::Wide(preset), Layout::Portable(preset)] {
             let first = crowd(500, &mut numbers);
             let mut refitted = build(slots(&first, numerics), structure, numerics);
             // There and on, and back to where it came from: what has shrunk to nothing is there again.
@@ -80,7 +80,7 @@ fn a_refitted_structure_answers_as_brute_force_does() {
             for now in [&then, &last, &first] {
                 let times_worse = refitted.refit(&|id| now[id.0 as usize]).expect("a structure that can");
                 assert!(times_worse.is_finite() && times_worse > 0.0, "{times_worse}");
-                let oracle = build(slots(now, numerics), Structure::BruteForce, numerics);
+                let oracle = build(slots(now, numerics), Layout::BruteForce, numerics);
                 let (mut traversal, mut hits, mut expected) = (Traversal::default(), Vec::new(), Vec::new());
                 let rays = rays(now, numerics, &mut numbers);
                 refitted.closest_hits(&rays, &mut hits, &mut traversal);
@@ -109,7 +109,7 @@ fn a_refitted_structure_answers_as_brute_force_does() {
 fn all_degenerate_at_once_is_nothing_to_hit() {
     let mut numbers = Numbers::new(72);
     let first = crowd(100, &mut numbers);
-    let mut structure = build(slots(&first, Numerics::Exact), Structure::default(), Numerics::Exact);
+    let mut structure = build(slots(&first, Numerics::Exact), Layout::default(), Numerics::Exact);
     let nothing = |id: PrimId| match first[id.0 as usize] {
         Primitive::Triangle(_) => Primitive::Triangle(Triangle([DVec3::ZERO; 3])),
         Primitive::Sphere(_) => Primitive::from(([0.0; 3], 0.0)),
@@ -132,7 +132,7 @@ fn boxes_that_all_shrink_alike_cost_as_much_as_before() {
         })
         .collect();
     for numerics in Numerics::ALL {
-        let mut structure = build(slots(&first, numerics), Structure::default(), numerics);
+        let mut structure = build(slots(&first, numerics), Layout::default(), numerics);
         let point = Primitive::Triangle(Triangle([DVec3::ZERO; 3]));
         assert_eq!(structure.refit(&|_| point), Some(1.0), "{}", numerics.name());
     }
@@ -144,9 +144,9 @@ fn a_triangle_that_becomes_a_sphere_asks_for_a_new_structure() {
     let triangle = Primitive::from([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
     let ball = Primitive::from(([0.0; 3], 1.0));
     for (from, to) in [(triangle, ball), (ball, triangle)] {
-        let mut structure = build([slot(from)], Structure::default(), Numerics::default());
+        let mut structure = build([slot(from)], Layout::default(), Numerics::default());
         assert_eq!(structure.refit(&|_| to), None);
-        assert_eq!(build([slot(from)], Structure::BruteForce, Numerics::default()).refit(&|_| from), None);
+        assert_eq!(build([slot(from)], Layout::BruteForce, Numerics::default()).refit(&|_| from), None);
     }
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use assert_cmd::Command;
 use glam::{DMat4, DQuat, DVec3};
 use kiln::animation::{PreparedAnimation, turntable};
-use kiln::bvh::{Preset, Structure};
+use kiln::bvh::{Layout, Preset};
 use kiln::effects::{Choices, Plan};
 use kiln::error::{Place, Warnings};
 use kiln::film::{ColourPipeline, Film, Window};
@@ -92,7 +92,7 @@ fn the_camera_draws_back_and_keeps_looking_at_the_tetrahedron() {
 }
 
 const SIZE: [u32; 2] = [48, 32];
-const STRUCTURE: Structure = Structure::Wide(Preset::Balanced);
+const STRUCTURE: Layout = Layout::Wide(Preset::Balanced);
 
 fn picture(world: &World, camera: &Camera) -> Film<[u8; 3]> {
     let view = View::new(camera, camera.projection, SIZE).unwrap();

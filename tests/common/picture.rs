@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::{DMat4, DVec3};
-use kiln::bvh::{Structure, Traversal};
+use kiln::bvh::{Layout, Traversal};
 use kiln::effects::{Choices, Plan};
 use kiln::error::Warnings;
 use kiln::film::{ColourPipeline, Film, Window};
@@ -51,7 +51,7 @@ pub fn prepare(mut scene: Scene, size: [u32; 2], numerics: Numerics) -> Prepared
     let view = View::new(&camera, camera.projection, size).expect("a usable camera");
     let pipeline = scene.colour.unwrap_or(ColourPipeline::Linear);
     let (scene_effects, sampling) = (scene.effects.clone(), scene.sampling);
-    let world = World::prepare(scene, pipeline, Structure::default(), numerics);
+    let world = World::prepare(scene, pipeline, Layout::default(), numerics);
     Prepared { world, view, size, scene_effects, sampling }
 }
 

@@ -20,7 +20,7 @@ use crate::common::hard::{
     Corners, ball, meshes, numbered, piles, placed, ray, ray_towards, single, times_factor, triangles,
 };
 use glam::DVec3;
-use kiln::bvh::{Preset, Slot, Structure, build};
+use kiln::bvh::{Layout, Preset, Slot, build};
 use kiln::geometry::{Numerics, Ray};
 
 /// Set-up: one triangle in the other, growing by 1.01 and by 2, over 80 powers of two; and triangles of random sizes over as
@@ -173,8 +173,7 @@ fn c8_triangles_cut_to_pieces_are_whole() {
     let slots = triangles(mesh.clone());
     let large: Vec<Corners> = mesh.into_iter().filter(|[a, b, _]| a.distance(*b) > 10.0).collect();
     assert!(large.len() > 30);
-    let split =
-        [Structure::BruteForce, Structure::Tree(Preset::BestTrace), Structure::Tree(Preset::BestTrace)];
+    let split = [Layout::BruteForce, Layout::Bvh2(Preset::BestTrace), Layout::Bvh2(Preset::BestTrace)];
     // They do cut: there are more slots than triangles.
     let most = build(slots.iter().copied(), split[2], Numerics::Watertight).describe().slots;
     assert!(most > slots.len(), "nothing was cut");
@@ -200,7 +199,7 @@ fn c8_triangles_cut_to_pieces_are_whole() {
 
 /// How many slots the preset that cuts most makes of so many primitives.
 fn pieces(slots: &[Slot]) -> usize {
-    build(slots.iter().copied(), Structure::Tree(Preset::BestTrace), Numerics::Watertight).describe().slots
+    build(slots.iter().copied(), Layout::Bvh2(Preset::BestTrace), Numerics::Watertight).describe().slots
 }
 
 /// Set-up: large triangles of whole numbers among small ones, and rays that run in their planes, through them and past them;

@@ -7,7 +7,7 @@ use crate::common;
 use crate::common::borders::{CUBE, Folder, Model, TIGHT, camera, films, scene, sound};
 use crate::common::picture::{bits, equip, prepare};
 use glam::DVec3;
-use kiln::bvh::{Structure, Traversal};
+use kiln::bvh::{Layout, Traversal};
 use kiln::film::ColourPipeline;
 use kiln::geometry::{Hit, Ray};
 use kiln::scene::{Numerics, Projection, Scene};
@@ -46,7 +46,7 @@ fn hits_by_every_structure(scene: &Scene) -> Vec<Vec<Option<(u32, u64)>>> {
     let mut scene = scene.clone();
     equip(&mut scene);
     let rays = prepare(scene.clone(), SIZE, Numerics::Watertight).rays();
-    let structures = Structure::trees().chain([Structure::BruteForce]);
+    let structures = Layout::trees().chain([Layout::BruteForce]);
     let answers = structures.map(|structure| {
         let world = World::prepare(scene.clone(), ColourPipeline::Linear, structure, Numerics::Watertight);
         let mut traversal = Traversal::default();

@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use crate::common::borders::{Folder, camera, scene, sound, tiers};
 use crate::common::picture::{bits, prepare};
 use glam::DVec3;
-use kiln::bvh::Structure;
+use kiln::bvh::Layout;
 use kiln::effects::{Choices, Plan};
 use kiln::film::Window;
 use kiln::render::{RenderControl, render};
@@ -84,7 +84,7 @@ fn l1_the_picture_does_not_depend_on_the_structure() {
     {
         let mut prepared = prepare(scene.clone(), SIZE, numerics);
         let expected = bits(&sound(&prepared), SIZE);
-        for structure in Structure::trees().chain([Structure::BruteForce]) {
+        for structure in Layout::trees().chain([Layout::BruteForce]) {
             prepared.world = World::prepare(scene.clone(), prepared.world.pipeline, structure, numerics);
             assert!(bits(&sound(&prepared), SIZE) == expected, "{}: {structure:?}", numerics.name());
         }

@@ -17,7 +17,7 @@ use crate::common::hard::{
     triangles,
 };
 use glam::DVec3;
-use kiln::bvh::{Slot, Structure, Traversal, build};
+use kiln::bvh::{Layout, Slot, Traversal, build};
 use kiln::geometry::{Numerics, PrimId, Ray};
 
 /// At least half of the rays hit: the case is not beside the point.
@@ -34,7 +34,7 @@ fn a1_signed_zeros_make_no_difference() {
         for structure in all_structures() {
             let accelerator = build(slots.iter().copied(), structure, tier);
             let mut faults = Faults::new(format!("{}, {structure:?}", tier.name()));
-            let side = if structure == Structure::BruteForce { 10 } else { 30 };
+            let side = if structure == Layout::BruteForce { 10 } else { 30 };
             for patterns in axes_with_signed_zeros() {
                 let along = patterns[0];
                 let (u, v) = (along.any_orthonormal_vector(), along.cross(along.any_orthonormal_vector()));
@@ -132,7 +132,7 @@ fn a5_the_length_of_a_direction_makes_no_difference() {
     let aimed = targets(&mesh, &At::ALL, times_factor(500), &mut numbers);
     let rays = from_around(DVec3::ZERO, 3.0, &aimed, &mut numbers);
     for tier in Numerics::ALL {
-        for structure in [Structure::BruteForce, DEFAULT_TREE] {
+        for structure in [Layout::BruteForce, DEFAULT_TREE] {
             let accelerator = build(slots.iter().copied(), structure, tier);
             let answers = Answer::to_all(&*accelerator, &rays);
             for exponent in [-100, -60, -20, -1, 1, 20, 60, 100] {

@@ -6,7 +6,7 @@ use crate::common::hard::{meshes, times_factor};
 use crate::common::picture::{parse, prepare};
 use crate::common::{Numbers, weights_on_borders};
 use glam::{DMat3, DMat4, DQuat, DVec3};
-use kiln::bvh::{Accelerator, Primitive, Slot, Structure, Traversal, build};
+use kiln::bvh::{Accelerator, Layout, Primitive, Slot, Traversal, build};
 use kiln::effects::glaze::mirrored_ray;
 use kiln::effects::shadows::shadow_ray;
 use kiln::effects::{Choices, RayKind};
@@ -24,7 +24,7 @@ fn slots(triangles: &[[DVec3; 3]]) -> Vec<Slot> {
 }
 
 fn tree(triangles: &[[DVec3; 3]], numerics: Numerics) -> Box<dyn Accelerator> {
-    build(slots(triangles), Structure::default(), numerics)
+    build(slots(triangles), Layout::default(), numerics)
 }
 
 /// An icosphere of f32 corners.
@@ -395,7 +395,7 @@ fn middle_of(angle: f64) -> DVec3 {
 }
 
 /// A world of one closed mesh, alone or in two places of which the second is far away: then it is an instance.
-fn closed_world(triangles: &[[DVec3; 3]], numerics: Numerics, structure: Structure, shared: bool) -> World {
+fn closed_world(triangles: &[[DVec3; 3]], numerics: Numerics, structure: Layout, shared: bool) -> World {
     let mesh = Mesh {
         positions: triangles.iter().flatten().copied().collect(),
         triangles: (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
@@ -515,11 +515,11 @@ fn nothing_escapes(name: &str, mesh: &[[DVec3; 3]], inside: DVec3, lamp: DVec3, 
                     continue;
                 }
                 for (structure, shared) in [
-                    (Structure::default(), false),
-                    (Structure::default(), true),
-                    (Structure::Portable(Default::default()), false),
-                    (Structure::Tree(Default::default()), false),
-                    (Structure::BruteForce, false),
+                    (Layout::default(), false),
+                    (Layout::default(), true),
+                    (Layout::Portable(Default::default()), false),
+                    (Layout::Bvh2(Default::default()), false),
+                    (Layout::BruteForce, false),
                 ] {
                     // Instances are near the origin only: the world would be moved.
                     if shared && (offset > 0.0 || scale != 1.0) {
@@ -660,7 +660,7 @@ fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
             triangles.reverse();
         }
         for numerics in CLOSED {
-            let world = closed_world(&triangles, numerics, Structure::default(), false);
+            let world = closed_world(&triangles, numerics, Layout::default(), false);
             let (mut rays, mut naive) = (Vec::new(), Vec::new());
             for i in 0..times_factor(3000) {
                 // From the cell beside the edge on either side, where one of the faces x = 0 and y = 0 is hidden.
@@ -699,7 +699,7 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_wall() {
     let triangles = meshes::cube(2);
     let mut numbers = Numbers::new(37);
     for numerics in CLOSED {
-        let world = closed_world(&triangles, numerics, Structure::default(), false);
+        let world = closed_world(&triangles, numerics, Layout::default(), false);
         let precision = numerics.ray_precision();
         let mut rays = Vec::new();
         for x in -8..=8 {
@@ -726,7 +726,7 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_turned_wall() {
     let triangles: Vec<_> = meshes::cube(2).iter().map(|corners| corners.map(|p| turn * p)).collect();
     let mut numbers = Numbers::new(38);
     for numerics in CLOSED {
-        let world = closed_world(&triangles, numerics, Structure::default(), false);
+        let world = closed_world(&triangles, numerics, Layout::default(), false);
         let precision = numerics.ray_precision();
         let (mut rays, mut reached) = (Vec::new(), 0);
         for _ in 0..times_factor(20_000) {
@@ -762,7 +762,7 @@ fn e7_convex_edges_do_not_shadow_themselves() {
     for (name, triangles, least_rise) in bodies {
         let middle = triangles.iter().flatten().sum::<DVec3>() / (3 * triangles.len()) as f64;
         for numerics in CLOSED {
-            let world = closed_world(&triangles, numerics, Structure::default(), false);
+            let world = closed_world(&triangles, numerics, Layout::default(), false);
             let mut rays = Vec::new();
             for _ in 0..times_factor(20_000) {
                 let corners = rounded(&triangles[numbers.below(triangles.len())], numerics);
@@ -791,8 +791,8 @@ fn e7_starts_closer_to_an_edge_than_rounding_are_safe_in_exact_only() {
     let triangles = [[a, b, c], [a, b, d], [a, c, d], [b, c, d]];
     let mut numbers = Numbers::new(33);
     for numerics in CLOSED {
-        let world = closed_world(&triangles, numerics, Structure::default(), false);
-        let exact = closed_world(&triangles, Numerics::Exact, Structure::default(), false);
+        let world = closed_world(&triangles, numerics, Layout::default(), false);
+        let exact = closed_world(&triangles, Numerics::Exact, Layout::default(), false);
         for (exponent, safe) in [(-20, true), (-40, true), (-47, true), (-53, numerics == Numerics::Exact)] {
             let mut rays = Vec::new();
             for _ in 0..times_factor(20_000) {
@@ -823,7 +823,7 @@ fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
         let sphere = kiln::geometry::Sphere { centre, radius };
         let slot = Slot { primitive: Primitive::Sphere(sphere), id: PrimId(0) };
         for numerics in CLOSED {
-            let accelerator = build([slot], Structure::default(), numerics);
+            let accelerator = build([slot], Layout::default(), numerics);
             let mut traversal = Traversal::default();
             for _ in 0..times_factor(20_000) {
                 let (outwards, direction) = (numbers.direction(), numbers.direction());
@@ -854,7 +854,7 @@ fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
 fn e7_a_wedge_beyond_the_bound_leaks() {
     let angle = ORIGIN_OFFSET / EDGE_DISTANCE / 64.0;
     let triangles = wedge(angle);
-    let world = closed_world(&triangles, Numerics::Double, Structure::default(), false);
+    let world = closed_world(&triangles, Numerics::Double, Layout::default(), false);
     let [free, _] =
         leaving(&world, &triangles, middle_of(angle), DVec3::X * 9.0, 10_000, &mut Numbers::new(35));
     assert!(escaped(&world, &free)[0] > 0);

@@ -19,7 +19,7 @@ use crate::common::hard::{
     Corners, meshes, piles, placed, ray, ray_towards, single, single_mesh, times_factor, triangles,
 };
 use glam::DVec3;
-use kiln::bvh::{Structure, Traversal, build};
+use kiln::bvh::{Layout, Traversal, build};
 use kiln::geometry::{Numerics, PrimId, Ray};
 
 /// Set-up: triangles of length 1 and width 0.1 to 1e-7, around the origin and 1e4 away from it, aimed at their centroids as
@@ -40,7 +40,7 @@ fn b4_slivers_are_decided_exactly_and_give_numbers() {
 }
 
 /// Every hit in every tier is at a finite distance above 0, with weights that are numbers.
-fn are_numbers(slots: &[kiln::bvh::Slot], rays: &[Ray], structures: &[Structure]) {
+fn are_numbers(slots: &[kiln::bvh::Slot], rays: &[Ray], structures: &[Layout]) {
     let mut traversal = Traversal::default();
     for tier in Numerics::ALL {
         for &structure in structures {

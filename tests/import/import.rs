@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use crate::common::{self, repository};
 use glam::{DVec2, DVec3};
-use kiln::bvh::Structure;
+use kiln::bvh::Layout;
 use kiln::effects::{Choices, Plan};
 use kiln::error::{Error, Warnings};
 use kiln::film::{Colour, ColourPipeline, Window};
@@ -117,7 +117,7 @@ fn seen(scene: Scene, min: [f64; 2], max: [f64; 2], size: [u32; 2]) -> Vec<[u8; 
         viewpoint_distance: 100.0,
     };
     let pipeline = ColourPipeline::Display;
-    let world = World::prepare(scene, pipeline, Structure::default(), Numerics::default());
+    let world = World::prepare(scene, pipeline, Layout::default(), Numerics::default());
     let choices = Choices { shading: ShadingMode::Flat, ..Choices::default() };
     let plan = Plan::new(&world, &choices).expect("no effect is asked for");
     let view = View::new(&camera, Projection::Orthographic, size).expect("the camera has a direction");

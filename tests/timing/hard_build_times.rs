@@ -11,7 +11,7 @@ use crate::common::hard::aim::{At, from_around, targets};
 use crate::common::hard::check::{DEFAULT_TREE, all_structures, judge_in, scaled};
 use crate::common::hard::{meshes, piles, ray, ray_towards, single, times_factor, triangles};
 use glam::DVec3;
-use kiln::bvh::{Preset, Slot, Structure, Traversal, build};
+use kiln::bvh::{Layout, Preset, Slot, Traversal, build};
 use kiln::geometry::{Numerics, PrimId};
 
 /// To be held by a test while it times.
@@ -25,7 +25,7 @@ fn build_time(slots: &[Slot], preset: Preset, enough: Duration) -> Duration {
     let mut best = Duration::MAX;
     for _ in 0..5 {
         let start = Instant::now();
-        build(slots.iter().copied(), Structure::Tree(preset), Numerics::Watertight);
+        build(slots.iter().copied(), Layout::Bvh2(preset), Numerics::Watertight);
         best = best.min(start.elapsed());
         if best < enough {
             break;
@@ -66,7 +66,7 @@ fn c1_coincident_triangles_build_in_good_time() {
             ray_towards(DVec3::new(-3.0, 1.0, 1.0), DVec3::new(0.0, 0.0, 5.0)),
         ];
         for tier in Numerics::ALL {
-            for structure in [Structure::BruteForce, DEFAULT_TREE] {
+            for structure in [Layout::BruteForce, DEFAULT_TREE] {
                 let accelerator = build(slots.iter().copied(), structure, tier);
                 for ray in &at_centroid {
                     let hit = accelerator.closest_hit(ray, &mut traversal).map(|hit| hit.prim);
@@ -118,7 +118,7 @@ fn c2_rows_stacks_and_fences_build_in_good_time() {
         rays.push(ray(DVec3::new(0.25, 0.25, -5.0), DVec3::Z));
         let slots = triangles(mesh);
         builds_in_good_time(limit, what, &slots);
-        judge_in(what, &slots, &rays, &Numerics::ALL, &[Structure::BruteForce, DEFAULT_TREE]);
+        judge_in(what, &slots, &rays, &Numerics::ALL, &[Layout::BruteForce, DEFAULT_TREE]);
     }
 }
 
@@ -133,7 +133,7 @@ fn c3_fans_build_in_good_time() {
     rays.push(ray_towards(DVec3::new(0.125, 0.25, 3.0), DVec3::ZERO));
     let slots = triangles(mesh);
     builds_in_good_time(Duration::from_millis(500), "fan", &slots);
-    judge_in("fan", &slots, &rays, &Numerics::ALL, &[Structure::BruteForce, DEFAULT_TREE]);
+    judge_in("fan", &slots, &rays, &Numerics::ALL, &[Layout::BruteForce, DEFAULT_TREE]);
 }
 
 /// Set-up: a double cone of 50 000 triangles.

@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::super::{Mesh, Numbers, kiln};
-use crate::bvh::{Accelerator, Primitive, Structure, Traversal};
+use crate::bvh::{Accelerator, Layout, Primitive, Traversal};
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Hit, Numerics, Precision, Ray};
 use crate::world::View;
@@ -73,7 +73,7 @@ pub struct Questions {
 impl Questions {
     /// As `eye` sees the mesh.
     pub fn new(mesh: &Mesh, eye: &Eye) -> Self {
-        let accelerator = kiln::accelerator(mesh, Structure::default(), Numerics::Watertight);
+        let accelerator = kiln::accelerator(mesh, Layout::default(), Numerics::Watertight);
         let primary = primary(eye);
         let hits = closest_hits(&*accelerator, &primary);
         let points: Vec<(u64, Point)> = (0..)

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::super::{Mesh, is_nearest, kiln};
 use super::{Kind, Questions};
-use crate::bvh::{Accelerator, Preset, Structure, Traversal};
+use crate::bvh::{Accelerator, Layout, Preset, Traversal};
 use crate::geometry::{Numerics, Ray};
 
 /// What every ray should find.
@@ -17,7 +17,7 @@ pub struct Truth<'a> {
 impl<'a> Truth<'a> {
     /// Over a mesh, for every ray of `questions`.
     pub fn new(mesh: &Mesh, questions: &'a Questions) -> Self {
-        let accelerator = kiln::accelerator(mesh, Structure::Tree(Preset::default()), Numerics::Exact);
+        let accelerator = kiln::accelerator(mesh, Layout::Bvh2(Preset::default()), Numerics::Exact);
         let answers = Kind::ALL.map(|kind| {
             let one = |traversal: &mut Traversal, ray: &Ray| match kind.is_any_hit() {
                 true => accelerator.is_occluded(ray, traversal).then_some(0),

@@ -1,13 +1,14 @@
-//! Meshes that stand in many places: a tree over the places, and one tree over each mesh.
+//! Instances: a tree over the instances (top level) and one tree over each mesh (bottom level).
 //!
-//! What is not shared is in a structure of its own, which is asked first. Boxes are tested in the space of the mesh,
-//! triangles in the world, with the arithmetic that moves a copy: so each hit is the hit of a mesh that was copied and
-//! moved, to the bit. Boxes are met as if larger by all that this arithmetic rounds ([`space`]), so none is passed over
-//! that holds the first hit.
+//! Primitives that are not instanced are in a structure of their own, which is traversed first. A ray passes
+//! [`traverse`] for the top level, [`transform`] into the space of the mesh, and [`traverse`] for the tree of
+//! [`mesh_bvh`]. Boxes are tested in the space of the mesh, triangles in world space on corners that are transformed
+//! one by one with the arithmetic that transforms a copy, so hits have the bits of a copied mesh. Boxes are enlarged
+//! by all that this arithmetic rounds.
 
-mod bottom;
-mod space;
-mod walk;
+mod mesh_bvh;
+mod transform;
+mod traverse;
 
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -18,116 +19,118 @@ use obvhs::bvh2::node::Bvh2Node;
 
 use super::Preset;
 use super::build::build_nodes;
-use super::{Accelerator, Description, Primitive, Quality, Slot, Traversal};
+use super::{Accelerator, Description, Next, Primitive, Quality, Slot, Traversal};
 use crate::geometry::{
     Bounds, BoxTest, Corner, Hit, Numerics, PrimId, Ray, SlotId, Stored, Tier, Triangle, prune_distance,
 };
 use crate::scene::{Mesh, Placed};
-use bottom::Bottom;
-use space::Frame;
-pub use space::MeshSpace;
-use walk::{Step, walk};
+use mesh_bvh::MeshBvh;
+pub use transform::MeshSpace;
+use transform::Transform;
+use traverse::traverse;
 
-/// A mesh in one of its places.
+/// A mesh with a placement.
 pub struct Instance {
-    /// Which, and where.
+    /// The mesh and its placement.
     pub placed: Placed,
-    /// The number of its first triangle.
+    /// The id of its first triangle.
     pub first: PrimId,
 }
 
 impl Instance {
-    /// The number of a triangle of the mesh.
+    /// The primitive id of a triangle of the mesh.
     fn prim(&self, triangle: u32) -> PrimId {
         PrimId(self.first.0 + triangle)
     }
 
-    /// Every triangle, as if it were not shared.
+    /// The triangles in world space, rounded to the type `C`.
     pub(super) fn slots<C: Corner>(&self) -> impl Iterator<Item = Slot> {
         (0..self.placed.triangle_count() as u32).map(|triangle| {
-            let corners = self.placed.corners_of(triangle).map(|corner| C::lower(corner).raise());
+            let corners = self.placed.corners_of(triangle).map(|corner| C::from_dvec3(corner).to_dvec3());
             Slot { primitive: Primitive::Triangle(Triangle(corners)), id: self.prim(triangle) }
         })
     }
 }
 
-/// Whether a mesh in one of its places can be an [`Instance`]. To one that is squeezed flat no ray can be brought back.
+/// Whether a mesh with a placement can be an [`Instance`]: not if the placement is singular or nearly so.
 pub fn can_be_instance(placed: &Placed, space: &MeshSpace, numerics: Numerics) -> bool {
-    Frame::new(placed, space, numerics).is_some()
+    Transform::new(placed, space, numerics).is_some()
 }
 
-/// Where the trees of two levels keep what waits.
+/// The traversal stacks of the two levels.
 #[derive(Debug, Default)]
 pub struct Stacks {
     top: Vec<(u32, f32)>,
     bottom: Vec<(u32, f32)>,
 }
 
-/// An instance with what rays need of it.
-struct Ready {
+/// An instance prepared for rays.
+struct PreparedInstance {
     instance: Instance,
-    frame: Frame,
-    /// Which mesh.
-    bottom: u32,
+    transform: Transform,
+    /// The index of its mesh in [`Instances::meshes`].
+    mesh: u32,
     /// The slot of the first triangle of its mesh.
     slot: u32,
 }
 
-/// A structure for what is not shared, and two levels of trees for what is.
+/// A structure over single primitives, and a two-level tree over instances.
 pub struct Instances<T: Tier> {
+    /// The structure over primitives that are not instanced.
     flat: Box<dyn Accelerator>,
-    ready: Vec<Ready>,
-    bottoms: Vec<Bottom>,
+    instances: Vec<PreparedInstance>,
+    meshes: Vec<MeshBvh>,
+    /// The nodes of the top level.
     top: Vec<Bvh2Node>,
-    /// Instances in the order of the leaves.
+    /// Indices of instances in the order of the leaves.
     order: Vec<u32>,
     tier: std::marker::PhantomData<T>,
 }
 
 impl<T: Tier> Instances<T> {
-    /// `flat` and these, of which each [`can_be_instance`].
+    /// Builds the two-level tree. Every instance must satisfy [`can_be_instance`].
     pub fn new(flat: Box<dyn Accelerator>, instances: Vec<Instance>, preset: Preset) -> Self {
-        // The last numbers, whatever slots the other structure has.
+        // The highest slots: those of `flat` begin at 0.
         let triangles: usize = instances.iter().map(|i| i.placed.mesh.triangles.len()).sum();
         let triangles = u32::try_from(triangles).expect("primitives are numbered with 32 bits");
         let mut slot = u32::MAX - triangles;
-        let mut places: HashMap<*const Mesh, (u32, MeshSpace)> = HashMap::new();
+        let mut known: HashMap<*const Mesh, (u32, MeshSpace)> = HashMap::new();
         let mut meshes: Vec<(Arc<Mesh>, MeshSpace, DMat3)> = Vec::new();
-        let mut ready = Vec::with_capacity(instances.len());
+        let mut prepared = Vec::with_capacity(instances.len());
         for instance in instances {
             let mesh = &instance.placed.mesh;
-            let (bottom, space) = *places.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+            let (index, space) = *known.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
                 let space = MeshSpace::of(mesh).expect("a mesh that can be an instance");
                 meshes.push((mesh.clone(), space, DMat3::ZERO));
                 (meshes.len() as u32 - 1, space)
             });
-            let frame = Frame::new(&instance.placed, &space, T::NUMERICS).expect("it can be an instance");
-            let spread = &mut meshes[bottom as usize].2;
-            let [x, y, z] = [0, 1, 2].map(|k| spread.col(k).max(frame.spread().col(k)));
+            let transform =
+                Transform::new(&instance.placed, &space, T::NUMERICS).expect("it can be an instance");
+            let spread = &mut meshes[index as usize].2;
+            let [x, y, z] = [0, 1, 2].map(|k| spread.col(k).max(transform.spread().col(k)));
             *spread = DMat3::from_cols(x, y, z);
             let first = slot;
             slot += mesh.triangles.len() as u32;
-            ready.push(Ready { instance, frame, bottom, slot: first });
+            prepared.push(PreparedInstance { instance, transform, mesh: index, slot: first });
         }
-        let bottoms: Vec<Bottom> = meshes
+        let meshes: Vec<MeshBvh> = meshes
             .into_iter()
             .map(|(mesh, space, spread)| {
-                // Hits lie on their triangle, but where they are only known to lie in the box around it.
+                // In tiers whose hits lie only in the bounds of their triangle, boxes are enlarged accordingly.
                 let spread = if T::IS_TIGHT { DMat3::ZERO } else { spread };
-                Bottom::new(mesh, &space, &spread, preset)
+                MeshBvh::new(mesh, &space, &spread, preset)
             })
             .collect();
         let boxes: Vec<Bounds> =
-            ready.iter().map(|ready| bottoms[ready.bottom as usize].in_world(&ready.frame)).collect();
+            prepared.iter().map(|i| meshes[i.mesh as usize].in_world(&i.transform)).collect();
         let mut parameters = preset.parameters();
-        // A box is cheaper than a mesh.
+        // Testing a box is cheaper than traversing a mesh.
         parameters.max_prims_per_leaf = 1;
         let (top, order) = build_nodes(&boxes, parameters);
-        Instances { flat, ready, bottoms, top, order, tier: std::marker::PhantomData }
+        Instances { flat, instances: prepared, meshes, top, order, tier: std::marker::PhantomData }
     }
 
-    /// Calls `found` with every hit on an instance that no box is passed over for: all that lie before `t_max`, and before
-    /// what `found` says from then on; it says `None` where nothing more is wanted.
+    /// Calls `found` with the hits on instances before `t_max`. It returns the new `t_max`, or `None` to stop.
     #[inline(always)]
     fn each_hit(
         &self,
@@ -142,12 +145,12 @@ impl<T: Tier> Instances<T> {
         let mut count = 0;
         let t_max = Cell::new(t_max);
         let enters = |min: Vec3A, max: Vec3A, t_max: f32| boxes.enters(min, max, t_max);
-        walk(&self.top, prune_distance(t_max.get()), top, &mut count, enters, |leaf, enter| {
+        traverse(&self.top, prune_distance(t_max.get()), top, &mut count, enters, |leaf, enter| {
             for &index in &self.order[leaf.start as usize..leaf.end as usize] {
-                let Ready { instance, frame, bottom: mesh, slot } = &self.ready[index as usize];
-                let Bottom { mesh, nodes, triangles } = &self.bottoms[*mesh as usize];
-                let (boxes, start) = frame.local(ray, enter);
-                // With room for the rounding of the difference.
+                let PreparedInstance { instance, transform, mesh, slot } = &self.instances[index as usize];
+                let MeshBvh { mesh, nodes, triangles } = &self.meshes[*mesh as usize];
+                let (boxes, start) = transform.local(ray, enter);
+                // Plus the rounding of the difference.
                 let local = || prune_distance(t_max.get() - start + t_max.get() * f64::EPSILON);
                 let enters = |min: Vec3A, max: Vec3A, t_max: f32| boxes.enters(min, max, t_max);
                 let visit = |leaf: std::ops::Range<u32>, _| {
@@ -156,7 +159,7 @@ impl<T: Tier> Instances<T> {
                     let before = t_max.get();
                     for (triangle, corners) in leaf {
                         let corner = |i: u32| {
-                            T::Corner::lower(instance.placed.placement.point(mesh.positions[i as usize]))
+                            T::Corner::from_dvec3(instance.placed.placement.point(mesh.positions[i as usize]))
                         };
                         let corners = corners.map(corner);
                         let prepared = prepared.get_or_insert_with(|| T::prepare(ray));
@@ -164,26 +167,26 @@ impl<T: Tier> Instances<T> {
                             let (prim, slot) = (instance.prim(*triangle), SlotId(slot + triangle));
                             match found(Hit { t: hit.t, prim, slot, weights: hit.weights }, corners) {
                                 Some(t) => t_max.set(t),
-                                None => return Step::Stop,
+                                None => return Next::Stop,
                             }
                         }
                     }
-                    if t_max.get() < before { Step::Prune(local()) } else { Step::Go }
+                    if t_max.get() < before { Next::Shorten(local()) } else { Next::Continue }
                 };
-                let step = walk(nodes, local(), bottom, &mut tests.nodes, enters, visit);
-                if let Step::Stop = step {
-                    return Step::Stop;
+                let next = traverse(nodes, local(), bottom, &mut tests.nodes, enters, visit);
+                if let Next::Stop = next {
+                    return Next::Stop;
                 }
             }
-            Step::Prune(prune_distance(t_max.get()))
+            Next::Shorten(prune_distance(t_max.get()))
         });
         tests.nodes += count;
     }
 
-    /// The closest hit of all, given that of `flat`.
+    /// The closest hit, given that of `flat`.
     fn closest(&self, ray: &Ray, flat: Option<Hit>, traversal: &mut Traversal) -> Option<Hit> {
         let stored = |hit: Hit| match self.flat.primitive(hit.slot) {
-            Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::lower)),
+            Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::from_dvec3)),
             Primitive::Sphere(sphere) => Stored::Sphere(sphere),
         };
         let mut best: Option<(Hit, Stored<T::Corner>)> = flat.map(|hit| (hit, stored(hit)));
@@ -245,12 +248,12 @@ impl<T: Tier> Accelerator for Instances<T> {
     }
 
     fn primitive(&self, slot: SlotId) -> Primitive {
-        let after = self.ready.partition_point(|ready| ready.slot <= slot.0);
-        match after.checked_sub(1).map(|index| &self.ready[index]) {
+        let after = self.instances.partition_point(|instance| instance.slot <= slot.0);
+        match after.checked_sub(1).map(|index| &self.instances[index]) {
             None => self.flat.primitive(slot),
-            Some(ready) => {
-                let corners = ready.instance.placed.corners_of(slot.0 - ready.slot);
-                Primitive::Triangle(Triangle(corners.map(|p| T::Corner::lower(p).raise())))
+            Some(prepared) => {
+                let corners = prepared.instance.placed.corners_of(slot.0 - prepared.slot);
+                Primitive::Triangle(Triangle(corners.map(|p| T::Corner::from_dvec3(p).to_dvec3())))
             }
         }
     }
@@ -260,20 +263,20 @@ impl<T: Tier> Accelerator for Instances<T> {
     }
 
     fn quality(&self) -> Option<Quality> {
-        // Two levels and a structure beside them have no area in common to measure by.
+        // Not defined over two levels and a separate structure.
         None
     }
 
     fn describe(&self) -> Description {
         let flat = self.flat.describe();
-        let lists = |ready: &Ready| ready.instance.placed.placement.bytes();
-        let own = size_of_val(self.ready.as_slice())
-            + self.ready.iter().map(lists).sum::<usize>()
+        let lists = |prepared: &PreparedInstance| prepared.instance.placed.placement.bytes();
+        let own = size_of_val(self.instances.as_slice())
+            + self.instances.iter().map(lists).sum::<usize>()
             + size_of_val(self.top.as_slice())
             + size_of_val(self.order.as_slice());
-        let bytes = self.bottoms.iter().map(Bottom::bytes).sum::<usize>() + own;
-        let nodes = self.bottoms.iter().map(|bottom| bottom.nodes.len()).sum::<usize>() + self.top.len();
-        let slots = self.bottoms.iter().map(|bottom| bottom.triangles.len()).sum::<usize>();
+        let bytes = self.meshes.iter().map(MeshBvh::bytes).sum::<usize>() + own;
+        let nodes = self.meshes.iter().map(|mesh| mesh.nodes.len()).sum::<usize>() + self.top.len();
+        let slots = self.meshes.iter().map(|mesh| mesh.triangles.len()).sum::<usize>();
         Description {
             layout: "instances",
             isa: flat.isa,

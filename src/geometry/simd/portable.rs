@@ -1,8 +1,8 @@
-//! Arrays, for every machine; compilers make of them what they can.
+//! [`Simd`] by arrays, for every machine.
 
 use super::{Side, Simd};
 
-/// No instructions in particular.
+/// Portable Rust, left to the compiler's vectorisation.
 #[derive(Clone, Copy)]
 pub struct Portable;
 
@@ -22,7 +22,6 @@ fn mask<T: Copy, const N: usize>(a: [T; N], b: [T; N], holds: impl Fn(T, T) -> b
 impl Simd for Portable {
     type F8 = [f32; 8];
     type D4 = [f64; 4];
-    const FUSED: bool = false;
 
     #[inline(always)]
     fn run<R>(f: impl FnOnce() -> R) -> R {
@@ -38,7 +37,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn f8_of(pair: &[[f32; 8]; 2], side: Side) -> [f32; 8] {
+    fn f8_load(pair: &[[f32; 8]; 2], side: Side) -> [f32; 8] {
         pair[usize::from(side != Side::new(false))]
     }
 
@@ -103,7 +102,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn write(mask: u32, x: u32, to: &mut [u32; 8]) {
+    fn masked_store(mask: u32, x: u32, to: &mut [u32; 8]) {
         for (lane, to) in to.iter_mut().enumerate() {
             if mask >> lane & 1 != 0 {
                 *to = x;
@@ -112,12 +111,12 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn f8_least(x: [f32; 8]) -> f32 {
+    fn f8_reduce_min(x: [f32; 8]) -> f32 {
         x.into_iter().fold(f32::INFINITY, |a, b| if a < b { a } else { b })
     }
 
     #[inline(always)]
-    fn f8_most(x: [f32; 8]) -> f32 {
+    fn f8_reduce_max(x: [f32; 8]) -> f32 {
         x.into_iter().fold(f32::NEG_INFINITY, |a, b| if a > b { a } else { b })
     }
 
@@ -128,7 +127,7 @@ impl Simd for Portable {
     }
 
     #[inline(always)]
-    fn sort(enter: [f32; 8], leave: [f32; 8], of: &[u32; 8], to: &mut [u64; 8]) -> usize {
+    fn sort_entered(enter: [f32; 8], leave: [f32; 8], of: &[u32; 8], to: &mut [u64; 8]) -> usize {
         let mut count = 0;
         for lane in 0..8 {
             if enter[lane] <= leave[lane] {

@@ -1,18 +1,18 @@
-//! AVX2 and FMA, and what came with them or before. The only file of the room with `unsafe`: calls of instructions that the
-//! machine was asked for beforehand, or that every machine of this kind has.
+//! [`Simd`] by AVX2 and FMA. The only file of `geometry` with `unsafe`: intrinsics that were detected beforehand or
+//! that every x86-64 has.
 
 use std::arch::x86_64::*;
 
 use super::{Side, Simd};
 
-/// AVX2 and FMA. To be used only where [`Avx2::is_there`]: that is what makes the calls in this file safe, and why nothing
-/// outside this crate can name the type.
+/// AVX2 and FMA. To be used only if [`Avx2::is_supported`]: the safety of the intrinsics in this file depends on it,
+/// so the type is private to the crate.
 #[derive(Clone, Copy)]
 pub struct Avx2;
 
 impl Avx2 {
-    /// Whether this machine has them.
-    pub fn is_there() -> bool {
+    /// Whether this machine supports AVX2, FMA and the bit instructions that the compiler may use with them.
+    pub fn is_supported() -> bool {
         use std::arch::is_x86_feature_detected as has;
         let counts_bits = has!("popcnt") && has!("bmi1") && has!("bmi2") && has!("lzcnt");
         counts_bits && has!("avx2") && has!("fma")
@@ -23,7 +23,7 @@ impl Avx2 {
 #[inline(always)]
 pub fn prefetch<T>(items: &[T], index: usize) {
     let at = items.as_ptr().wrapping_add(index).cast::<i8>();
-    // SAFETY: the instruction is one of SSE, which every x86-64 has, and asking for memory reads nothing.
+    // SAFETY: the instruction is one of SSE, which every x86-64 has, and a prefetch does not access memory.
     unsafe { _mm_prefetch::<_MM_HINT_T0>(at) };
 }
 
@@ -32,14 +32,13 @@ fn run<R>(f: impl FnOnce() -> R) -> R {
     f()
 }
 
-/// For every mask of lanes those that it holds, from the first on, and then the others.
+/// For every mask: the lanes in it, in order, then the other lanes.
 static FRONT: [[u8; 8]; 256] = {
     let mut table = [[0; 8]; 256];
     let mut mask = 0;
     while mask < 256 {
         let (mut place, mut lane) = (0, 0);
         while lane < 16 {
-            // First those that are held, then the others.
             if (mask >> (lane % 8) & 1 == 1) == (lane < 8) {
                 table[mask][place] = (lane % 8) as u8;
                 place += 1;
@@ -51,19 +50,19 @@ static FRONT: [[u8; 8]; 256] = {
     table
 };
 
-/// The order of numbers that are not negative is that of their bits; the lowest three make room for the lane. Bitonic
-/// networks (Batcher, Sorting Networks and their Applications, 1968) sort without a branch to guess wrong: one of four for
-/// what is nearly always all there is, else one of eight.
+/// See [`Simd::sort_entered`]. Numbers that are not negative are ordered as their bits; the lowest three bits hold
+/// the lane. Sorted without branches by bitonic networks (Batcher, Sorting Networks and their Applications, 1968): a
+/// network of four for the common case of at most four lanes, else one of eight.
 #[inline]
 #[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
-fn sort(enter: __m256, leave: __m256, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
-    let holds = _mm256_cmp_ps::<_CMP_LE_OQ>(enter, leave);
+fn sort_entered(enter: __m256, leave: __m256, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
+    let entered = _mm256_cmp_ps::<_CMP_LE_OQ>(enter, leave);
     let number = _mm256_set1_epi32(!7);
     let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
     let keys = _mm256_or_si256(_mm256_and_si256(_mm256_castps_si256(enter), number), lanes);
-    // The others become less than all.
-    let keys = _mm256_blendv_epi8(_mm256_set1_epi32(-1), keys, _mm256_castps_si256(holds));
-    let mask = _mm256_movemask_ps(holds) as u32;
+    // The other lanes become less than all of these.
+    let keys = _mm256_blendv_epi8(_mm256_set1_epi32(-1), keys, _mm256_castps_si256(entered));
+    let mask = _mm256_movemask_ps(entered) as u32;
     let count = mask.count_ones() as usize;
     let of: __m256i = bytemuck::cast(*of);
     if count <= 4 {
@@ -92,14 +91,14 @@ fn sort(enter: __m256, leave: __m256, of: &[u32; 8], to: &mut [u64; 8]) -> usize
     count
 }
 
-/// The greater of two in the lanes of the mask, the less in the others.
+/// The maximum in the lanes of the mask, the minimum in the others.
 #[inline]
 #[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
 fn exchange_four<const GREATER: i32>(a: __m128i, b: __m128i) -> __m128i {
     _mm_blend_epi32::<GREATER>(_mm_min_epi32(a, b), _mm_max_epi32(a, b))
 }
 
-/// The greater of two in the lanes of the mask, the less in the others.
+/// The maximum in the lanes of the mask, the minimum in the others.
 #[inline]
 #[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
 fn exchange<const GREATER: i32>(a: __m256i, b: __m256i) -> __m256i {
@@ -117,7 +116,6 @@ fn lanes_of(mask: u32) -> __m256i {
 impl Simd for Avx2 {
     type F8 = __m256;
     type D4 = __m256d;
-    const FUSED: bool = true;
 
     #[inline(always)]
     fn run<R>(f: impl FnOnce() -> R) -> R {
@@ -127,11 +125,11 @@ impl Simd for Avx2 {
 
     #[inline(always)]
     fn prefetch<A, B>(a: &[A], b: &[B], of_b: bool, index: usize) {
-        // Chosen without a branch; the longer of the two is asked for.
+        // Selected without a branch, and with the number of lines of the larger type.
         let first = [a.as_ptr().cast::<i8>(), b.as_ptr().cast::<i8>()][usize::from(of_b)];
         let at = first.wrapping_add(index * [size_of::<A>(), size_of::<B>()][usize::from(of_b)]);
         for line in (0..size_of::<A>().max(size_of::<B>())).step_by(64) {
-            // SAFETY: asking for memory reads nothing.
+            // SAFETY: a prefetch does not access memory.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(line)) };
         }
     }
@@ -147,15 +145,15 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn f8_of(pair: &[[f32; 8]; 2], side: Side) -> __m256 {
-        // SAFETY: a side is one of the two, and nothing else can make one.
+    fn f8_load(pair: &[[f32; 8]; 2], side: Side) -> __m256 {
+        // SAFETY: a `Side` is the offset of one of the two arrays; its field is private to `simd`.
         unsafe { _mm256_loadu_ps(pair.as_ptr().byte_add(side.0).cast()) }
     }
 
     #[inline(always)]
-    fn sort(enter: __m256, leave: __m256, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
+    fn sort_entered(enter: __m256, leave: __m256, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
         // SAFETY: see [`Avx2`].
-        unsafe { sort(enter, leave, of, to) }
+        unsafe { sort_entered(enter, leave, of, to) }
     }
 
     #[inline(always)]
@@ -235,8 +233,8 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn write(mask: u32, x: u32, to: &mut [u32; 8]) {
-        // Read and written whole: writing some lanes only is slow on some processors.
+    fn masked_store(mask: u32, x: u32, to: &mut [u32; 8]) {
+        // As a whole: masked stores are slow on some processors.
         // SAFETY: see [`Avx2`].
         unsafe {
             let now: __m256i = bytemuck::cast(*to);
@@ -245,7 +243,7 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn f8_least(x: __m256) -> f32 {
+    fn f8_reduce_min(x: __m256) -> f32 {
         // SAFETY: see [`Avx2`].
         unsafe {
             let x = _mm_min_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));
@@ -255,7 +253,7 @@ impl Simd for Avx2 {
     }
 
     #[inline(always)]
-    fn f8_most(x: __m256) -> f32 {
+    fn f8_reduce_max(x: __m256) -> f32 {
         // SAFETY: see [`Avx2`].
         unsafe {
             let x = _mm_max_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::animation::{FrameWorld, PreparedAnimation};
-use crate::bvh::Structure;
+use crate::bvh::Layout;
 use crate::effects::{Choices, Decision, EFFECTS, Plan};
 use crate::error::{Error, Result};
 use crate::film::ColourPipeline;
@@ -118,7 +118,7 @@ impl Studio {
             self.animations.drain(..self.animations.len().saturating_sub(KEPT - 1));
             let scene = opened.scene.clone();
             let camera = scene.cameras.first().cloned().unwrap_or_else(|| nowhere(&scene));
-            let (pipeline, structure) = (settings.pipeline, Structure::Wide(opened.preset));
+            let (pipeline, structure) = (settings.pipeline, Layout::Wide(opened.preset));
             let animation =
                 PreparedAnimation::new(scene, &camera, false, pipeline, structure, settings.numerics)?;
             self.animations.push((key, Arc::new(animation)));

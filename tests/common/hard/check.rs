@@ -11,7 +11,7 @@
 
 use std::collections::BTreeMap;
 
-use kiln::bvh::{Preset, Primitive, Slot, Structure, Traversal, build};
+use kiln::bvh::{Layout, Preset, Primitive, Slot, Traversal, build};
 use kiln::geometry::{Numerics, PrimId, Ray, Sphere, Triangle};
 
 use super::answer::{Answer, Faults, answers_alike};
@@ -19,25 +19,25 @@ use super::single;
 use crate::common::oracle::{self, Distance};
 
 /// Brute force, and the trees that differ most.
-pub const STRUCTURES: [Structure; 7] = [
-    Structure::BruteForce,
-    Structure::Tree(Preset::FastBuild),
-    Structure::Tree(Preset::Balanced),
-    Structure::Tree(Preset::BestTrace),
-    Structure::Wide(Preset::Balanced),
-    Structure::Wide(Preset::BestTrace),
-    Structure::Portable(Preset::FastBuild),
+pub const STRUCTURES: [Layout; 7] = [
+    Layout::BruteForce,
+    Layout::Bvh2(Preset::FastBuild),
+    Layout::Bvh2(Preset::Balanced),
+    Layout::Bvh2(Preset::BestTrace),
+    Layout::Wide(Preset::Balanced),
+    Layout::Wide(Preset::BestTrace),
+    Layout::Portable(Preset::FastBuild),
 ];
 
 /// The tree that is built where nothing is asked for.
-pub const DEFAULT_TREE: Structure = Structure::Wide(Preset::Balanced);
+pub const DEFAULT_TREE: Layout = Layout::Wide(Preset::Balanced);
 
 /// Tiers in which closed meshes do not leak.
 pub const WATERTIGHT: [Numerics; 3] = [Numerics::Watertight, Numerics::Double, Numerics::Exact];
 
 /// Brute force and every layout of every preset.
-pub fn all_structures() -> Vec<Structure> {
-    [Structure::BruteForce].into_iter().chain(Structure::trees()).collect()
+pub fn all_structures() -> Vec<Layout> {
+    [Layout::BruteForce].into_iter().chain(Layout::trees()).collect()
 }
 
 /// What was seen; for tests to be sure that something was.
@@ -66,7 +66,7 @@ pub fn judge_in(
     slots: &[Slot],
     rays: &[Ray],
     tiers: &[Numerics],
-    structures: &[Structure],
+    structures: &[Layout],
 ) -> Summary {
     let all_single = slots.iter().all(is_single) && rays.iter().all(|r| r.origin == single(r.origin));
     assert!(all_single || tiers.iter().all(|tier| !rounds(*tier)), "{what}: not f32 numbers");
@@ -221,7 +221,7 @@ fn is_single(slot: &Slot) -> bool {
 }
 
 /// Every one of the rays hits something: in tiers that do not leak, with every structure given.
-pub fn none_gets_out(what: &str, slots: &[Slot], rays: &[Ray], tiers: &[Numerics], structures: &[Structure]) {
+pub fn none_gets_out(what: &str, slots: &[Slot], rays: &[Ray], tiers: &[Numerics], structures: &[Layout]) {
     let mut traversal = Traversal::default();
     for &tier in tiers {
         for &structure in structures {
@@ -243,7 +243,7 @@ pub fn none_gets_out(what: &str, slots: &[Slot], rays: &[Ray], tiers: &[Numerics
 /// Scaling everything by a power of two changes no digit of any answer.
 pub fn scales_to_the_bit(what: &str, slots: &[Slot], rays: &[Ray], exponents: &[i32], tiers: &[Numerics]) {
     for &tier in tiers {
-        for structure in [Structure::BruteForce, DEFAULT_TREE] {
+        for structure in [Layout::BruteForce, DEFAULT_TREE] {
             let answers = Answer::to_all(&*build(slots.iter().copied(), structure, tier), rays);
             for &exponent in exponents {
                 let scale = f64::from(exponent).exp2();

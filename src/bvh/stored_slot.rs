@@ -1,9 +1,9 @@
-//! Primitives as structures keep them, in the numbers of a tier, and how rays are tested against them.
+//! [`StoredSlot`]: a primitive in the precision of a tier, as builds, brute force and the binary tree store it.
 
 use super::{Primitive, Slot};
 use crate::geometry::{Bounds, Corner, Hit, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit};
 
-/// A primitive as an acceleration structure keeps it, next to those it is tested with.
+/// A primitive in the precision of a tier, and its id.
 pub struct StoredSlot<T: Tier> {
     pub(super) primitive: Stored<T::Corner>,
     pub(super) id: PrimId,
@@ -18,24 +18,24 @@ impl<T: Tier> Clone for StoredSlot<T> {
 impl<T: Tier> Copy for StoredSlot<T> {}
 
 impl<T: Tier> StoredSlot<T> {
-    /// Rounded to the numbers of the tier.
+    /// Rounds a primitive to the precision of the tier.
     pub fn new(slot: Slot) -> Self {
         let primitive = match slot.primitive {
-            Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::lower)),
+            Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::from_dvec3)),
             Primitive::Sphere(sphere) => Stored::Sphere(sphere),
         };
         StoredSlot { primitive, id: slot.id }
     }
 
-    /// The geometry, without further rounding.
+    /// The primitive in f64, without further rounding.
     pub fn primitive(&self) -> Primitive {
         match self.primitive {
-            Stored::Triangle(corners) => Primitive::Triangle(Triangle(corners.map(Corner::raise))),
+            Stored::Triangle(corners) => Primitive::Triangle(Triangle(corners.map(Corner::to_dvec3))),
             Stored::Sphere(sphere) => Primitive::Sphere(sphere),
         }
     }
 
-    /// The smallest f32 box that holds it.
+    /// The smallest f32 box around it.
     pub fn bounds(&self) -> Bounds {
         match &self.primitive {
             Stored::Triangle(corners) => T::Corner::bounds(corners),
@@ -44,7 +44,8 @@ impl<T: Tier> StoredSlot<T> {
     }
 }
 
-/// A ray made ready for primitives of every kind, once the first of them is met: many rays meet none.
+/// A ray to be tested against stored primitives. It is prepared for triangles at the first one, as many rays reach
+/// none.
 pub struct PrimitiveTest<'a, T: Tier> {
     ray: &'a Ray,
     triangles: Option<T::Prepared>,
@@ -56,7 +57,7 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
         PrimitiveTest { ray, triangles: None }
     }
 
-    /// Whether and where the ray hits the primitive that stands at `index`.
+    /// The hit of the ray on the primitive in slot `index`.
     #[inline(always)]
     pub fn hit(&mut self, slot: &StoredSlot<T>, index: u32) -> Option<Hit> {
         let TriangleHit { t, weights } = match &slot.primitive {
@@ -69,13 +70,13 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
         Some(Hit { t, prim: slot.id, slot: SlotId(index), weights })
     }
 
-    /// Whether `hit` comes before the best so far. Both are hits of `slots`.
+    /// Whether `hit` comes before the best hit so far; both are on primitives of `slots`.
     #[inline(always)]
     pub fn is_better(&self, hit: &Hit, best: Option<&Hit>, slots: &[StoredSlot<T>]) -> bool {
-        let with = |hit: &Hit| &slots[hit.slot.0 as usize].primitive;
-        // A large triangle may be kept in several places.
+        let primitive = |hit: &Hit| &slots[hit.slot.0 as usize].primitive;
+        // A split triangle is in several slots.
         best.is_none_or(|best| {
-            hit.prim != best.prim && T::is_before(self.ray, [(hit, with(hit)), (best, with(best))])
+            hit.prim != best.prim && T::is_before(self.ray, [(hit, primitive(hit)), (best, primitive(best))])
         })
     }
 }

@@ -1,30 +1,30 @@
-//! obvhs's binary tree, walked with conservative boxes.
+//! [`Layout::Bvh2`](super::Layout::Bvh2): obvhs's binary tree, traversed with conservative box tests.
 //!
-//! Nodes are used as obvhs lays them out: 32 bytes each, siblings side by side, so a step reads one cache line. Boxes
-//! are f32 and hold what is in them; a tier's [`BoxTest`] misses none of them; a hit's t lies within its primitive's box. So a
-//! node is only ever passed over when nothing in it can come before the best hit.
+//! Nodes have obvhs's layout: 32 bytes, siblings adjacent, so visiting two children reads one cache line. Bounds are
+//! f32 and rounded outwards, a tier's [`BoxTest`] is conservative, and a hit's t lies within its primitive's bounds.
+//! So a node is skipped only if it contains no hit before the best hit.
 
 use glam::{Vec3A, Vec4};
 use obvhs::bvh2::node::Bvh2Node;
 
-use super::store::{PrimitiveTest, StoredSlot};
-use super::{Accelerator, Description, Primitive, Quality, Seen, Tests, Traversal, quality};
+use super::stored_slot::{PrimitiveTest, StoredSlot};
+use super::{Accelerator, Description, Next, Primitive, Quality, Tests, Traversal, VisitedNode, quality};
 use crate::geometry::{Beam, BoxTest, Hit, Numerics, PRUNE_MARGIN, Ray, SlotId, Tier, round_up};
 
-/// A binary tree of boxes.
-pub struct Tree<T: Tier> {
+/// A binary bounding volume hierarchy.
+pub struct Bvh2<T: Tier> {
     nodes: Vec<Bvh2Node>,
     slots: Vec<StoredSlot<T>>,
 }
 
-impl<T: Tier> Tree<T> {
-    /// A tree whose leaves refer to ranges of `slots`.
+impl<T: Tier> Bvh2<T> {
+    /// A tree with leaves that are ranges of `slots`.
     pub(super) fn new(nodes: Vec<Bvh2Node>, slots: Vec<StoredSlot<T>>) -> Self {
-        Tree { nodes, slots }
+        Bvh2 { nodes, slots }
     }
 
-    /// The nodes that rays of a batch begin at, nearest first: together they hold everything that any of the rays can
-    /// hit, and rays that keep close together are spared the way down to them.
+    /// Finds up to [`MAX_ENTRIES`] nodes, nearest first, that together contain everything that a batch of rays can
+    /// hit. Coherent rays start there instead of at the root.
     fn find_entries(&self, rays: &[Ray], traversal: &mut Traversal) {
         let Traversal { entries, tests, .. } = traversal;
         entries.clear();
@@ -36,9 +36,9 @@ impl<T: Tier> Tree<T> {
         };
         tests.nodes += 1;
         entries.extend(enters(root).map(|at| (0, at)));
-        // Nodes are opened first come, first served, until there are enough of them or all are leaves.
+        // Opens nodes in order until there are enough, or all are leaves.
         let mut next = 0;
-        while next < entries.len() && entries.len() < MOST_ENTRIES {
+        while next < entries.len() && entries.len() < MAX_ENTRIES {
             let node = &self.nodes[entries[next].0 as usize];
             if node.is_leaf() {
                 next += 1;
@@ -53,16 +53,16 @@ impl<T: Tier> Tree<T> {
         entries.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
     }
 
-    /// Calls `visit` with the index range of each leaf below `entries` that the ray meets: entry after entry,
+    /// Calls `visit` with the slots of each leaf below `entries` that the ray enters: one entry after the other,
     /// nearest boxes first within each.
     #[inline]
-    fn walk(
+    fn traverse(
         &self,
         ray: &Ray,
         entries: &[(u32, f32)],
         stack: &mut Vec<(u32, f32)>,
         tests: &mut Tests,
-        mut visit: impl FnMut(std::ops::Range<u32>) -> Step,
+        mut visit: impl FnMut(std::ops::Range<u32>) -> Next,
     ) {
         if entries.is_empty() {
             return;
@@ -80,9 +80,9 @@ impl<T: Tier> Tree<T> {
                 if let Some(leaf) = self.descend(index, &test, t_max, stack, tests) {
                     tests.primitives += leaf.len() as u64;
                     match visit(leaf) {
-                        Step::Stop => return,
-                        Step::Prune(t) => t_max = prune_distance(t),
-                        Step::Go => {}
+                        Next::Stop => return,
+                        Next::Shorten(t) => t_max = prune_distance(t),
+                        Next::Continue => {}
                     }
                 }
                 index = loop {
@@ -99,8 +99,8 @@ impl<T: Tier> Tree<T> {
         }
     }
 
-    /// From a node that the ray enters down to a leaf, always to the nearer side, leaving the farther sides on the stack.
-    /// `None` where no side is entered.
+    /// Descends from a node to a leaf, to the nearer child first, and pushes farther ones. `None` if neither child of
+    /// a node is entered.
     #[inline(always)]
     fn descend(
         &self,
@@ -142,7 +142,7 @@ impl<T: Tier> Tree<T> {
     ) -> Option<Hit> {
         let mut test = PrimitiveTest::<T>::new(ray);
         let mut best: Option<Hit> = None;
-        self.walk(ray, entries, stack, tests, |leaf| {
+        self.traverse(ray, entries, stack, tests, |leaf| {
             let before = best;
             for index in leaf {
                 if let Some(hit) = test.hit(&self.slots[index as usize], index)
@@ -152,8 +152,8 @@ impl<T: Tier> Tree<T> {
                 }
             }
             match best {
-                Some(hit) if best != before => Step::Prune(hit.t),
-                _ => Step::Go,
+                Some(hit) if best != before => Next::Shorten(hit.t),
+                _ => Next::Continue,
             }
         });
         best
@@ -169,15 +169,15 @@ impl<T: Tier> Tree<T> {
     ) -> bool {
         let mut test = PrimitiveTest::<T>::new(ray);
         let mut occluded = false;
-        self.walk(ray, entries, stack, tests, |leaf| {
+        self.traverse(ray, entries, stack, tests, |leaf| {
             let slots = &self.slots[leaf.start as usize..leaf.end as usize];
             occluded = slots.iter().any(|slot| test.hit(slot, 0).is_some());
-            if occluded { Step::Stop } else { Step::Go }
+            if occluded { Next::Stop } else { Next::Continue }
         });
         occluded
     }
 
-    /// Where a single ray begins: at the root, where there is one.
+    /// The entry of a single ray: the root, if there is one.
     fn root(&self) -> &'static [(u32, f32)] {
         if self.nodes.is_empty() { &[] } else { &[(0, 0.0)] }
     }
@@ -186,22 +186,11 @@ impl<T: Tier> Tree<T> {
 /// The index of no node.
 const NOTHING: u32 = u32::MAX;
 
-/// How many nodes a batch of rays may begin at. Of 4, 8 and 16, in one alternating run on one thread, 8 was the fastest on
-/// the bunny (208 ms against 227 and 230, medians of 9), level with 16 and ahead of 4 in the kitchen (90 ms against 88 and
-/// 101); on the assignment scene the three were the same within the noise.
-const MOST_ENTRIES: usize = 8;
+/// The most nodes at which a batch of rays starts. Measurements: docs/decisions.md.
+const MAX_ENTRIES: usize = 8;
 
-/// What to do after a leaf.
-enum Step {
-    /// Go on.
-    Go,
-    /// Go on, but not beyond this distance.
-    Prune(f64),
-    /// Nothing more is wanted.
-    Stop,
-}
-
-/// An f32 distance that no box around a hit at `t` is entered beyond: computed entries are at most 1 + γ3 too far.
+/// An f32 distance beyond which no box around a hit at `t` is entered: computed entry distances are at most 1 + γ3
+/// too far.
 #[inline]
 fn prune_distance(t: f64) -> f32 {
     round_up(t) * PRUNE_MARGIN
@@ -213,14 +202,14 @@ fn enters(test: &impl BoxTest, node: &Bvh2Node, t_max: f32) -> Option<f32> {
     test.enters(min, max, t_max)
 }
 
-/// A node's box. The fourth numbers of the two vectors are its count and its index, and take no part.
+/// A node's bounds. The fourth components of the two vectors are its count and index, which are ignored.
 #[inline(always)]
 fn planes(node: &Bvh2Node) -> [Vec3A; 2] {
     let [min, max]: [Vec4; 2] = bytemuck::cast(*node);
     [Vec3A::from_vec4(min), Vec3A::from_vec4(max)]
 }
 
-impl<T: Tier> Accelerator for Tree<T> {
+impl<T: Tier> Accelerator for Bvh2<T> {
     fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         self.closest_below(ray, self.root(), &mut traversal.stack, &mut traversal.tests)
     }
@@ -245,11 +234,11 @@ impl<T: Tier> Accelerator for Tree<T> {
         let Traversal { stack, tests, .. } = traversal;
         let mut test = PrimitiveTest::<T>::new(ray);
         let first = hits.len();
-        self.walk(ray, self.root(), stack, tests, |leaf| {
+        self.traverse(ray, self.root(), stack, tests, |leaf| {
             hits.extend(leaf.filter_map(|index| test.hit(&self.slots[index as usize], index)));
-            Step::Go
+            Next::Continue
         });
-        // Large triangles may be kept in several places.
+        // A split triangle is in several slots.
         let mut found = hits.split_off(first);
         found.sort_unstable_by_key(|hit| hit.prim);
         found.dedup_by_key(|hit| hit.prim);
@@ -271,14 +260,14 @@ impl<T: Tier> Accelerator for Tree<T> {
     }
 
     fn quality(&self) -> Option<Quality> {
-        let look = |index: usize, children: &mut Vec<usize>| {
+        let visit = |index: usize, children: &mut Vec<usize>| {
             let node = &self.nodes[index];
             if !node.is_leaf() {
                 children.extend([node.first_index as usize, node.first_index as usize + 1]);
             }
-            Seen { area: f64::from(node.aabb().half_area()), primitives: node.prim_count as usize }
+            VisitedNode { area: f64::from(node.aabb().half_area()), primitives: node.prim_count as usize }
         };
-        (!self.nodes.is_empty()).then(|| quality(0, look))
+        (!self.nodes.is_empty()).then(|| quality(0, visit))
     }
 }
 
@@ -287,7 +276,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_node_holds_its_planes_where_the_box_test_reads_them() {
+    fn a_node_has_its_planes_where_the_box_test_reads_them() {
         let b = obvhs::aabb::Aabb::new(glam::Vec3A::new(1.0, 2.0, 3.0), glam::Vec3A::new(4.0, 5.0, 6.0));
         let node = Bvh2Node::new(b, 7, 8);
         assert_eq!(planes(&node), [Vec3A::new(1.0, 2.0, 3.0), Vec3A::new(4.0, 5.0, 6.0)]);

@@ -1,31 +1,32 @@
-//! Which nodes of a binary tree become the children of wide ones.
+//! [`Collapse`]: which nodes of the binary tree become children of wide nodes.
 //!
-//! Of all ways to take wide nodes from a binary tree with given leaves, this finds the one whose boxes have the least area in sum, that is,
-//! of the least cost by the surface area heuristic (Ylitie, Karras and Laine, Efficient Incoherent Ray Traversal on GPUs Through
-//! Compressed Wide BVHs, 2017, section 3.2): from the leaves up, what it costs at least to hold what is below a node as at most
-//! 1, 2, ... 8 children of one wide node.
+//! Of all wide trees over the given leaves, finds the one whose nodes have the least total surface area, that is the
+//! least cost by the surface area heuristic, by dynamic programming (Ylitie, Karras and Laine, Efficient Incoherent
+//! Ray Traversal on GPUs Through Compressed Wide BVHs, 2017, section 3.2): from the leaves up, the least cost of
+//! representing a subtree as at most 1, 2, ... 8 children of one wide node.
 
 use super::node::WIDTH;
-use super::outline::{Below, Entry};
+use super::preorder::{Entry, EntryContent};
 
-/// The least area of the wide nodes below a node of the binary tree, where it may take 1, 2, ... places of the one above.
+/// The least total area of the wide nodes of a subtree that takes at most 1, 2, ... places in its parent.
 type Costs = [f32; WIDTH];
 
-/// What leads to the least, for a node of the binary tree: of 2, 3, ... places the number that its first child takes, or 0 where it is
-/// better to be one child; and in the first place, the same for a wide node of its own, which has all places. Of leaves all are 0.
+/// The choices that lead to the least cost: for 2, 3, ... places the number of them that the first child takes, or 0
+/// if the node itself becomes a child; at index 0, the same for a wide node of its own with all eight places. All 0
+/// for leaves.
 type Split = [u8; WIDTH];
 
-/// Areas beyond this are all alike: any number of them can be added.
+/// Larger areas count as this, so that sums do not overflow.
 const LARGEST: f32 = 1e28;
 
-/// The choice for every node.
+/// The choices for every node.
 pub struct Collapse(Vec<Split>);
 
 impl Collapse {
-    /// Of a tree in preorder.
+    /// The choices for a tree in preorder.
     pub fn new(entries: &[Entry]) -> Self {
         let mut splits = vec![[0; WIDTH]; entries.len()];
-        // Backwards: where a node is met, the costs of its children are the last two, the first child's last.
+        // Backwards: at an inner node the costs of its children are the last two, the first child's last.
         let mut costs: Vec<Costs> = Vec::new();
         for (entry, split) in entries.iter().zip(&mut splits).rev() {
             if entry.is_leaf() {
@@ -35,26 +36,26 @@ impl Collapse {
             let (Some(first), Some(second)) = (costs.pop(), costs.pop()) else {
                 unreachable!("two children for every node")
             };
-            // Where nothing has area, there are still to be as few nodes as can be; nor may sums of areas overflow.
+            // At least a positive area, to minimise the number of nodes where there is none. NaN counts as the largest.
             let area = entry.bounds.half_area();
             let area = if area < LARGEST { area.max(f32::MIN_POSITIVE) } else { LARGEST };
-            let below;
-            (below, *split) = best_split(&first, &second, area);
-            costs.push(below);
+            let cost;
+            (cost, *split) = best_split(&first, &second, area);
+            costs.push(cost);
         }
         Collapse(splits)
     }
 
-    /// The entries that a wide node over `root` holds.
+    /// The entries that become children of the wide node at `root`, and their number.
     pub fn children(&self, entries: &[Entry], root: u32) -> ([u32; WIDTH], usize) {
         let (mut children, mut len) = ([root; WIDTH], 0);
-        // Not more than there are places wait.
-        let (mut waiting, mut top) = ([(root, WIDTH, self.0[root as usize][0]); WIDTH], 1);
+        // The stack never exceeds the number of places.
+        let (mut stack, mut top) = ([(root, WIDTH, self.0[root as usize][0]); WIDTH], 1);
         while top > 0 {
             top -= 1;
-            let (node, places, of_first) = waiting[top];
-            let second = match entries[node as usize].below {
-                Below::Two(second) if of_first > 0 => second,
+            let (node, places, of_first) = stack[top];
+            let second = match entries[node as usize].content {
+                EntryContent::Inner(second) if of_first > 0 => second,
                 _ => {
                     children[len] = node;
                     len += 1;
@@ -64,7 +65,7 @@ impl Collapse {
             let of_first = usize::from(of_first);
             for (child, places) in [(second, places - of_first), (node + 1, of_first)] {
                 let of_first = if places == 1 { 0 } else { self.0[child as usize][places - 1] };
-                waiting[top] = (child, places, of_first);
+                stack[top] = (child, places, of_first);
                 top += 1;
             }
         }
@@ -72,14 +73,14 @@ impl Collapse {
     }
 }
 
-/// The least costs below a node of that area, by those below its two children, and how its places are split for that.
+/// The least costs of a node of the given area from those of its two children, and the choices for them.
 #[inline(always)]
 fn best_split(first: &Costs, second: &Costs, area: f32) -> (Costs, Split) {
-    // What is below the second child if it has 1, 2, ... places, and before that what it cannot have.
+    // Costs of the second child for ... -1, 0, 1, 2, ... places.
     let mut shifted = [f32::INFINITY; 2 * WIDTH];
     shifted[WIDTH..].copy_from_slice(second);
     let (mut costs, mut split) = ([f32::INFINITY; WIDTH], [1u32; WIDTH]);
-    // All numbers of places at once, without branches, which nobody could foresee.
+    // For all numbers of places at once, without branches, which would be mispredicted.
     for taken in 1..WIDTH {
         for place in 0..WIDTH {
             let cost = first[taken - 1] + shifted[WIDTH + place - taken];
@@ -89,7 +90,7 @@ fn best_split(first: &Costs, second: &Costs, area: f32) -> (Costs, Split) {
         }
     }
     let mut split = split.map(|taken| taken as u8);
-    // More places never cost more, so a wide node uses all that it may.
+    // More places never cost more, so a wide node may use all eight.
     costs[0] = costs[WIDTH - 1] + area;
     split[0] = split[WIDTH - 1];
     for places in 2..=WIDTH {
@@ -103,7 +104,7 @@ fn best_split(first: &Costs, second: &Costs, area: f32) -> (Costs, Split) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bvh::mix::{GOLDEN, mix};
+    use crate::bvh::splitmix64::{GOLDEN, splitmix64};
     use crate::geometry::Bounds;
     use glam::Vec3;
 
@@ -111,17 +112,17 @@ mod tests {
         Bounds { min: Vec3::ZERO, max: Vec3::splat(side) }
     }
 
-    /// Puts a tree of that many leaves, and boxes of any size, behind the others. Boxes need not lie in each other here.
+    /// Appends a tree of that many leaves. Bounds have random sizes and need not contain each other.
     fn grow(entries: &mut Vec<Entry>, leaves: usize, below: &mut impl FnMut(usize) -> usize) {
         let place = entries.len();
-        let leaf = Below::Triangles(0, 1);
-        entries.push(Entry { bounds: cube(below(100) as f32), below: leaf });
+        let leaf = EntryContent::Triangles(0, 1);
+        entries.push(Entry { bounds: cube(below(100) as f32), content: leaf });
         if leaves == 1 {
             return;
         }
         let left = 1 + below(leaves - 1);
         grow(entries, left, below);
-        entries[place].below = Below::Two(entries.len() as u32);
+        entries[place].content = EntryContent::Inner(entries.len() as u32);
         grow(entries, leaves - left, below);
     }
 
@@ -129,16 +130,16 @@ mod tests {
         let mut state = seed;
         let mut below = |end: usize| {
             state = state.wrapping_add(GOLDEN);
-            mix(state) as usize % end
+            splitmix64(state) as usize % end
         };
         let mut entries = Vec::new();
         grow(&mut entries, leaves, &mut below);
         entries
     }
 
-    /// Every set of nodes that a wide node over `node` could hold.
+    /// Every possible set of children of a wide node at `node`.
     fn sets(entries: &[Entry], node: u32) -> Vec<Vec<u32>> {
-        let Below::Two(second) = entries[node as usize].below else { return vec![vec![node]] };
+        let EntryContent::Inner(second) = entries[node as usize].content else { return vec![vec![node]] };
         let of = |child: u32| {
             let opened = sets(entries, child);
             let closed = (!entries[child as usize].is_leaf()).then(|| vec![child]);
@@ -149,7 +150,7 @@ mod tests {
         both.filter(|set| set.len() <= WIDTH).collect()
     }
 
-    /// The least area of all wide nodes, by trying everything.
+    /// The least total area of wide nodes, by exhaustive search.
     fn least(entries: &[Entry], node: u32) -> f32 {
         if entries[node as usize].is_leaf() {
             return 0.0;
@@ -160,7 +161,7 @@ mod tests {
         entries[node as usize].bounds.half_area() + costs.fold(f32::INFINITY, f32::min)
     }
 
-    /// The area of all wide nodes, how many they are, how few children one of them has, and the leaves that they hold.
+    /// The total area and number of wide nodes, the least number of children, and the number of leaves.
     fn taken(entries: &[Entry]) -> (f32, usize, usize, usize) {
         let collapse = Collapse::new(entries);
         let (mut waiting, mut area, mut count, mut fewest, mut leaves) = (vec![0u32], 0.0, 0, WIDTH, 0);
@@ -188,17 +189,17 @@ mod tests {
         }
     }
 
-    /// Sixteen leaves, a full tree. Opened as far as there are places, the wide root would hold eight nodes of two leaves, of area 8 *
-    /// 1200; two nodes of eight leaves have less, for they are smaller.
+    /// A full tree of sixteen leaves. Opening the root as far as possible gives eight nodes of two leaves, of total
+    /// area 8 * 1200; two nodes of eight leaves have less.
     #[test]
     fn small_nodes_stay_closed() {
         fn full(entries: &mut Vec<Entry>, leaves: usize) {
             let place = entries.len();
             let bounds = cube(if leaves < 8 { 20.0 } else { 10.0 });
-            entries.push(Entry { bounds, below: Below::Triangles(0, 1) });
+            entries.push(Entry { bounds, content: EntryContent::Triangles(0, 1) });
             if leaves > 1 {
                 full(entries, leaves / 2);
-                entries[place].below = Below::Two(entries.len() as u32);
+                entries[place].content = EntryContent::Inner(entries.len() as u32);
                 full(entries, leaves / 2);
             }
         }

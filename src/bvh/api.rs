@@ -1,30 +1,30 @@
-//! The room as a library: a structure over the user's own triangles and spheres. It is the one that pictures are made with.
+//! [`Bvh`]: the acceleration structure for library users, over their own triangles and spheres.
 
 use glam::DVec3;
 
-use super::{Accelerator, Preset, Primitive, Slot, Structure, Traversal, build};
+use super::{Accelerator, Layout, Preset, Primitive, Slot, Traversal, build};
 use crate::geometry::{Hit, Numerics, PrimId, Ray, Sphere, Triangle};
 
-/// Triangles and spheres, ready for rays. A primitive's number is its place in the list that it came in.
-/// [The first page of the crate](crate) has an example.
+/// A bounding volume hierarchy over triangles and spheres. A primitive's id is its index in the list that it was
+/// built from. The [crate documentation](crate) has an example.
 pub struct Bvh {
     accelerator: Box<dyn Accelerator>,
-    structure: Structure,
+    layout: Layout,
     numerics: Numerics,
-    /// Whether each primitive is one that the tier's numbers can hold, and so has a place in the structure.
-    held: Vec<bool>,
+    /// Whether each primitive has a rounded form ([`Primitive::rounded`]), and so a slot.
+    has_slot: Vec<bool>,
 }
 
-/// What [`Bvh::update`] has done.
+/// The result of [`Bvh::update`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Update {
-    /// The tree kept its shape; it costs so many times what it did when it was built.
+    /// The tree was refitted. Its cost by the surface area heuristic, relative to that at build.
     Refitted(f64),
     /// A new tree was built.
     Rebuilt,
 }
 
-/// A number that is not finite, or beyond what f32 holds: boxes are f32 in every tier.
+/// A number that is not finite or exceeds f32: bounds are f32 in every tier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotFinite {
     /// In a primitive.
@@ -37,21 +37,16 @@ pub enum NotFinite {
     Ray,
 }
 
-/// How many times its cost at build a tree may come to before another is built.
-///
-/// On the bunny, twisted and bent as a whole, rays need 11 to 16 % more tests than in a new tree at 1.2 times the cost,
-/// 30 to 40 % at 1.6, and 1.6 to 1.9 times as many at 2.3. Refitting takes 0.4 of the time of building (6.7 ms and 16.3 ms on
-/// one thread); the difference is what 12 % of the work of about 200,000 diffuse rays comes to. Where every corner shakes
-/// on its own, new trees become nearly as much worse, and another is built for nothing.
-const MOST_TIMES_WORSE: f64 = 1.2;
+/// The cost relative to that at build above which a refitted tree is rebuilt. Measurements: docs/decisions.md.
+const MAX_RELATIVE_COST: f64 = 1.2;
 
-/// Whether a tree that was refitted is to be kept, by what [`Accelerator::refit`] says.
-pub fn is_worth_keeping(times_worse: f64) -> bool {
-    times_worse <= MOST_TIMES_WORSE
+/// Whether to keep a refitted tree with this cost relative to that at build, as returned by [`Accelerator::refit`].
+pub fn is_worth_keeping(relative_cost: f64) -> bool {
+    relative_cost <= MAX_RELATIVE_COST
 }
 
 impl Bvh {
-    /// Built as pictures are by default: no ray passes between triangles that share an edge.
+    /// Builds with the default preset and tier: watertight, no ray passes between triangles that share an edge.
     ///
     /// # Errors
     /// [`NotFinite`] for coordinates and radii that are not finite in f32.
@@ -59,7 +54,7 @@ impl Bvh {
         Bvh::with(primitives, Preset::default(), Numerics::default())
     }
 
-    /// Built with a preset, in a tier.
+    /// Builds with a preset and a tier.
     ///
     /// # Errors
     /// [`NotFinite`] for coordinates and radii that are not finite in f32.
@@ -68,43 +63,43 @@ impl Bvh {
         preset: Preset,
         numerics: Numerics,
     ) -> Result<Self, NotFinite> {
-        Ok(Bvh::over(&checked(primitives, numerics)?, Structure::Wide(preset), numerics))
+        Ok(Bvh::over(&checked(primitives, numerics)?, Layout::Wide(preset), numerics))
     }
 
-    fn over(primitives: &[Option<Primitive>], structure: Structure, numerics: Numerics) -> Self {
+    fn over(primitives: &[Option<Primitive>], layout: Layout, numerics: Numerics) -> Self {
         let slots =
             (0..).zip(primitives).filter_map(|(id, p)| Some(Slot { primitive: (*p)?, id: PrimId(id) }));
-        let held = primitives.iter().map(Option::is_some).collect();
-        Bvh { accelerator: build(slots, structure, numerics), structure, numerics, held }
+        let has_slot = primitives.iter().map(Option::is_some).collect();
+        Bvh { accelerator: build(slots, layout, numerics), layout, numerics, has_slot }
     }
 
-    /// A ray in the numbers of the tier, from `origin` on. `direction` may have any length but 0 and is normalised, so a hit's t is a
-    /// distance.
+    /// A ray from `origin`, rounded to the precision of the tier. `direction` of any length but 0 is normalised, so t
+    /// is a distance.
     ///
     /// # Errors
-    /// [`NotFinite::Ray`], also for an origin beyond what f32 holds.
+    /// [`NotFinite::Ray`], also for an origin that exceeds f32.
     pub fn ray(&self, origin: impl Into<DVec3>, direction: impl Into<DVec3>) -> Result<Ray, NotFinite> {
         let (origin, direction) = (origin.into(), direction.into());
         let largest = direction.abs().max_element();
         if !origin.as_vec3().is_finite() || !direction.is_finite() || largest == 0.0 {
             return Err(NotFinite::Ray);
         }
-        // Divided first: the square of the length may be more or less than f64 holds.
+        // Divided first: the square of the length could overflow or underflow.
         let direction = (direction / largest).normalize();
         Ok(self.numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY))
     }
 
-    /// The hit with the least t, ties to the primitive that came first.
+    /// The closest hit; of hits at equal t, the one with the lowest id.
     pub fn closest_hit(&self, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
         self.accelerator.closest_hit(ray, traversal)
     }
 
-    /// Whether the ray hits anything between its ends.
+    /// Whether the ray hits anything between `t_min` and `t_max`.
     pub fn occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
         self.accelerator.is_occluded(ray, traversal)
     }
 
-    /// The closest hit of every ray. Quickest for rays that start or end close together, 64 and more at a time.
+    /// The closest hit of every ray. Fastest for batches of 64 and more rays with a common origin, end or direction.
     pub fn closest_hits(&self, rays: &[Ray], traversal: &mut Traversal) -> Vec<Option<Hit>> {
         let mut hits = Vec::with_capacity(rays.len());
         self.accelerator.closest_hits(rays, &mut hits, traversal);
@@ -118,54 +113,53 @@ impl Bvh {
         occluded
     }
 
-    /// Takes the primitives as they are now. Where they are the same ones in other places the tree is kept and its boxes
-    /// are computed anew, unless it has become so much worse ([`is_worth_keeping`]) that another pays. On an error all is as
-    /// it was.
+    /// Replaces the primitives. The tree is refitted if their number and kinds are the same and it stays good enough
+    /// ([`is_worth_keeping`]), else rebuilt. On an error nothing changes.
     ///
     /// # Errors
     /// [`NotFinite`], as for [`Bvh::new`].
     pub fn update(&mut self, primitives: impl IntoIterator<Item = Primitive>) -> Result<Update, NotFinite> {
         let now = checked(primitives, self.numerics)?;
-        // A triangle that could not be held before has no place in the tree.
-        let is_same =
-            self.held.len() == now.len() && self.held.iter().zip(&now).all(|(held, p)| *held || p.is_none());
+        // A primitive without a slot cannot be refitted.
+        let is_same = self.has_slot.len() == now.len()
+            && self.has_slot.iter().zip(&now).all(|(has_slot, p)| *has_slot || p.is_none());
         if is_same {
-            // Only spheres can be without a place: those of no radius.
+            // Only spheres of radius 0 are without a slot.
             let nothing = Primitive::Sphere(Sphere { centre: DVec3::ZERO, radius: 0.0 });
-            let times_worse = self.accelerator.refit(&|id| now[id.0 as usize].unwrap_or(nothing));
-            if let Some(times_worse) = times_worse.filter(|times| is_worth_keeping(*times)) {
-                return Ok(Update::Refitted(times_worse));
+            let relative_cost = self.accelerator.refit(&|id| now[id.0 as usize].unwrap_or(nothing));
+            if let Some(relative_cost) = relative_cost.filter(|cost| is_worth_keeping(*cost)) {
+                return Ok(Update::Refitted(relative_cost));
             }
         }
-        *self = Bvh::over(&now, self.structure, self.numerics);
+        *self = Bvh::over(&now, self.layout, self.numerics);
         Ok(Update::Rebuilt)
     }
 
-    /// How many spheres cannot be hit, because their radius is not above 0.
+    /// The number of spheres that cannot be hit because their radius is not above 0.
     pub fn left_out(&self) -> usize {
-        self.held.iter().filter(|held| !**held).count()
+        self.has_slot.iter().filter(|has_slot| !**has_slot).count()
     }
 
-    /// What answers, for all that it can besides.
+    /// The underlying acceleration structure.
     pub fn accelerator(&self) -> &dyn Accelerator {
         &*self.accelerator
     }
 }
 
-/// The primitives in the numbers of the tier; `None` for those that it cannot hold.
+/// The primitives rounded to the precision of the tier; `None` for those without a rounded form.
 fn checked(
     primitives: impl IntoIterator<Item = Primitive>,
     numerics: Numerics,
 ) -> Result<Vec<Option<Primitive>>, NotFinite> {
     let precision = numerics.precision();
     let is_finite = |primitive: &Primitive| {
-        let held = match primitive {
+        let is_finite = match primitive {
             Primitive::Triangle(Triangle(corners)) => corners.iter().all(|corner| corner.is_finite()),
             Primitive::Sphere(sphere) => sphere.centre.is_finite() && sphere.radius.is_finite(),
         };
-        // Boxes are f32 in every tier.
+        // Bounds are f32 in every tier.
         let b = primitive.bounds();
-        held && b.min.is_finite() && b.max.is_finite()
+        is_finite && b.min.is_finite() && b.max.is_finite()
     };
     let check = |(index, primitive): (usize, Primitive)| match is_finite(&primitive) {
         true => Ok(primitive.rounded(precision)),
@@ -174,21 +168,21 @@ fn checked(
     primitives.into_iter().enumerate().map(check).collect()
 }
 
-/// Three corners.
+/// A triangle of three corners.
 impl From<[[f64; 3]; 3]> for Primitive {
     fn from(corners: [[f64; 3]; 3]) -> Self {
         Primitive::Triangle(Triangle(corners.map(DVec3::from)))
     }
 }
 
-/// Three corners.
+/// A triangle of three corners.
 impl From<[[f32; 3]; 3]> for Primitive {
     fn from(corners: [[f32; 3]; 3]) -> Self {
         Primitive::Triangle(Triangle(corners.map(|corner| corner.map(f64::from).into())))
     }
 }
 
-/// The centre and the radius of a sphere.
+/// A sphere of a centre and radius.
 impl From<([f64; 3], f64)> for Primitive {
     fn from((centre, radius): ([f64; 3], f64)) -> Self {
         Primitive::Sphere(Sphere { centre: centre.into(), radius })

@@ -1,31 +1,31 @@
-//! The tree over a mesh that stands in many places.
+//! [`MeshBvh`]: the tree over an instanced mesh, in the space of the mesh.
 
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use obvhs::bvh2::node::Bvh2Node;
 
-use super::space::{Frame, MeshSpace};
+use super::transform::{MeshSpace, Transform};
 use crate::bvh::Preset;
 use crate::bvh::build::build_nodes;
 use crate::geometry::{Bounds, Corner};
 use crate::scene::Mesh;
 
-/// A mesh and the tree over it, in its own space.
-pub struct Bottom {
+/// A mesh and the binary tree over it, in [`MeshSpace`].
+pub struct MeshBvh {
     /// The mesh.
     pub mesh: Arc<Mesh>,
-    /// The boxes.
+    /// The nodes of the tree.
     pub nodes: Vec<Bvh2Node>,
-    /// The triangles in the order of the leaves: their place in the mesh, and their corners'.
+    /// The triangles in the order of the leaves: index in the mesh, and vertex indices.
     pub triangles: Vec<(u32, [u32; 3])>,
 }
 
-/// How many boxes a mesh is seen as where it is put into a box of the world.
-const PARTS: usize = 64;
+/// The number of nodes whose transformed boxes bound an instance.
+const BOUNDING_NODES: usize = 64;
 
-impl Bottom {
-    /// A tree over `mesh`, whose boxes are larger than their triangles by `spread` times their half sizes.
+impl MeshBvh {
+    /// Builds the tree. Boxes are enlarged by `spread` times their half sizes; see [`Transform::spread`].
     pub fn new(mesh: Arc<Mesh>, space: &MeshSpace, spread: &DMat3, preset: Preset) -> Self {
         let bounds = |triangle: &[u32; 3]| {
             let [min, max] = DVec3::span(&triangle.map(|i| space.point(mesh.positions[i as usize])));
@@ -35,14 +35,14 @@ impl Bottom {
         let boxes: Vec<Bounds> = mesh.triangles.iter().map(bounds).collect();
         let (nodes, order) = build_nodes(&boxes, preset.parameters());
         let triangles = order.into_iter().map(|i| (i, mesh.triangles[i as usize])).collect();
-        Bottom { mesh, nodes, triangles }
+        MeshBvh { mesh, nodes, triangles }
     }
 
-    /// A box that holds all corners in one of the mesh's places, in the world, rounded or not.
-    pub fn in_world(&self, frame: &Frame) -> Bounds {
+    /// Bounds of the instance in world space, for corners rounded or not.
+    pub fn in_world(&self, transform: &Transform) -> Bounds {
         let mut open = vec![0];
         let mut next = 0;
-        while next < open.len() && open.len() < PARTS {
+        while next < open.len() && open.len() < BOUNDING_NODES {
             let node = &self.nodes[open[next]];
             if node.is_leaf() {
                 next += 1;
@@ -55,13 +55,13 @@ impl Bottom {
         let [min, max] = open.into_iter().fold(none, |[min, max], index| {
             let b = self.nodes[index].aabb();
             let corner = |v: glam::Vec3A| glam::Vec3::from(v).as_dvec3();
-            let [least, greatest] = frame.in_world(corner(b.min), corner(b.max));
+            let [least, greatest] = transform.in_world(corner(b.min), corner(b.max));
             [min.min(least), max.max(greatest)]
         });
         Bounds::rounded_out(min, max)
     }
 
-    /// Its size in bytes, with the corners that it reads.
+    /// Its size in bytes, with the vertex positions of the mesh.
     pub fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice())
             + size_of_val(self.triangles.as_slice())

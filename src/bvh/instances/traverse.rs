@@ -1,31 +1,23 @@
-//! The way through a tree of boxes, whatever its boxes are tested with and whatever its leaves hold.
+//! The traversal of a binary tree with a given box test and leaf function; used for both levels.
 
 use std::ops::Range;
 
 use glam::Vec3A;
 use obvhs::bvh2::node::Bvh2Node;
 
-/// What to do after a leaf.
-pub enum Step {
-    /// Go on.
-    Go,
-    /// Go on, but not into boxes that are entered beyond this distance.
-    Prune(f32),
-    /// Nothing more is wanted.
-    Stop,
-}
+use crate::bvh::Next;
 
-/// Calls `visit` with the range of each leaf that `enters` finds, and with where it is entered: nearest boxes first.
-/// `count` is the number of boxes tested.
+/// Calls `visit` with the range of each leaf whose box `enters` enters, and the entry distance; nearest boxes first.
+/// Adds the number of boxes tested to `count`. Returns [`Next::Stop`] if `visit` did.
 #[inline(always)]
-pub fn walk(
+pub fn traverse(
     nodes: &[Bvh2Node],
     mut t_max: f32,
     stack: &mut Vec<(u32, f32)>,
     count: &mut u64,
     enters: impl Fn(Vec3A, Vec3A, f32) -> Option<f32>,
-    mut visit: impl FnMut(Range<u32>, f32) -> Step,
-) -> Step {
+    mut visit: impl FnMut(Range<u32>, f32) -> Next<f32>,
+) -> Next<f32> {
     let test = |index: u32, t_max: f32| {
         let b = nodes[index as usize].aabb();
         enters(b.min, b.max, t_max)
@@ -43,9 +35,9 @@ pub fn walk(
             let node = &nodes[index as usize];
             if node.is_leaf() {
                 match visit(node.first_index..node.first_index + node.prim_count, at) {
-                    Step::Go => {}
-                    Step::Prune(t) => t_max = t,
-                    Step::Stop => return Step::Stop,
+                    Next::Continue => {}
+                    Next::Shorten(t) => t_max = t,
+                    Next::Stop => return Next::Stop,
                 }
                 break;
             }
@@ -63,5 +55,5 @@ pub fn walk(
             };
         }
     }
-    Step::Go
+    Next::Continue
 }

@@ -1,0 +1,46 @@
+//! Sizes and quality of a tree, for `kiln info`, statistics and benchmarks.
+
+use super::{Content, NO_PRIMITIVE, Node, TriangleLeaf, WIDTH, Wide};
+use crate::bvh::{Description, Quality, VisitedNode, compiled_isa, quality};
+use crate::geometry::{Bounds, PrimId, Sphere, Tier};
+
+impl<T: Tier> Wide<T> {
+    /// See [`Accelerator::quality`](crate::bvh::Accelerator::quality).
+    pub fn measure(&self) -> Option<Quality> {
+        // Nodes are numbered by their index, leaves by the number of nodes plus their node's index and place.
+        let nodes = self.nodes.len();
+        let area = |index: usize| -> f64 {
+            let node = &self.nodes[index];
+            let whole = node.places().map(|place| node.bounds(place)).reduce(Bounds::union);
+            whole.map_or(0.0, |b| f64::from(b.half_area()))
+        };
+        let visit = |index: usize, children: &mut Vec<usize>| {
+            if index < nodes {
+                let node = &self.nodes[index];
+                children.extend(node.places().map(|place| match node.children[place].content() {
+                    Content::Node(child) => child as usize,
+                    _ => nodes + index * WIDTH + place,
+                }));
+                return VisitedNode { area: area(index), primitives: 0 };
+            }
+            let (node, place) = (&self.nodes[(index - nodes) / WIDTH], (index - nodes) % WIDTH);
+            let primitives = match node.children[place].content() {
+                Content::Triangles(range) | Content::Spheres(range) => range.len(),
+                Content::Node(_) => 0,
+            };
+            VisitedNode { area: f64::from(node.bounds(place).half_area()), primitives }
+        };
+        (nodes > 0).then(|| quality(0, visit))
+    }
+
+    /// See [`Accelerator::describe`](crate::bvh::Accelerator::describe).
+    pub fn description(&self) -> Description {
+        let ids = self.triangles.iter().flat_map(|leaf| leaf.ids);
+        let slots = ids.filter(|&id| id != NO_PRIMITIVE).count() + self.spheres.len();
+        let bytes = self.nodes.len() * size_of::<Node>()
+            + self.triangles.len() * size_of::<TriangleLeaf<T::Corner>>()
+            + self.spheres.len() * size_of::<(Sphere, PrimId)>();
+        let isa = if self.simd { "avx2" } else { compiled_isa() };
+        Description { layout: "bvh8", isa, nodes: self.nodes.len(), slots, bytes }
+    }
+}

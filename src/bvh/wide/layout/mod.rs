@@ -1,0 +1,73 @@
+//! The memory layout of the BVH8 and its construction from obvhs's binary tree.
+//!
+//! Construction: [`preorder`] reads the binary tree once and finds its leaves; [`collapse`] chooses which binary
+//! nodes become wide ones; [`convert`](mod@convert) writes [`node`]s and leaves. [`refit`] moves the primitives of a
+//! tree that was built before. [`describe`] reports sizes and quality.
+
+mod collapse;
+mod convert;
+mod describe;
+mod node;
+mod preorder;
+mod refit;
+
+pub use convert::convert;
+pub use node::{Child, Content, Node, WIDTH};
+
+use crate::geometry::four::LANES4;
+use crate::geometry::{Corner, Hit, PrimId, Ray, SlotId, Sphere, Stored, Tier, Triangle4};
+
+/// A bounding volume hierarchy of eight children per node.
+pub struct Wide<T: Tier> {
+    /// The nodes, every node before its descendants; the root is the first. Empty without primitives.
+    pub nodes: Vec<Node>,
+    /// The leaves of triangles. Slot `LANES4 * i + lane` is a lane of leaf i.
+    pub triangles: Vec<TriangleLeaf<T::Corner>>,
+    /// The spheres of all leaves. Their slots follow those of triangles.
+    pub spheres: Vec<(Sphere, PrimId)>,
+    /// The number of nodes on the longest path from the root.
+    pub depth: usize,
+    /// Whether AVX2 is used.
+    pub simd: bool,
+    /// The cost by the surface area heuristic before the first refit.
+    cost_at_build: Option<f64>,
+}
+
+/// Up to four triangles and their primitive ids.
+#[derive(Clone, Copy)]
+pub struct TriangleLeaf<C: Corner> {
+    pub corners: Triangle4<C>,
+    /// Primitive ids; [`NO_PRIMITIVE`] in empty lanes.
+    pub ids: [u32; LANES4],
+}
+
+/// The primitive id of an empty lane.
+pub const NO_PRIMITIVE: u32 = u32::MAX;
+
+impl<T: Tier> Wide<T> {
+    /// The slot of a sphere.
+    #[inline(always)]
+    pub fn slot_of_sphere(&self, index: u32) -> SlotId {
+        SlotId((self.triangles.len() * LANES4) as u32 + index)
+    }
+
+    /// The primitive in a slot, in the precision of the tier.
+    #[inline(always)]
+    pub fn stored(&self, slot: SlotId) -> Stored<T::Corner> {
+        let slot = slot.0 as usize;
+        match self.triangles.get(slot / LANES4) {
+            Some(leaf) => Stored::Triangle(leaf.corners.triangle(slot % LANES4)),
+            None => Stored::Sphere(self.spheres[slot - self.triangles.len() * LANES4].0),
+        }
+    }
+
+    /// Whether `hit` comes before the best hit so far.
+    #[inline(always)]
+    pub fn is_better(&self, ray: &Ray, hit: &Hit, best: Option<&Hit>) -> bool {
+        best.is_none_or(|best| {
+            // A split triangle is in several slots.
+            hit.prim != best.prim
+                && T::is_before(ray, [(hit, &self.stored(hit.slot)), (best, &self.stored(best.slot))])
+        })
+    }
+}

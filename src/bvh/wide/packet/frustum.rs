@@ -1,0 +1,220 @@
+//! [`Frustum`]: a conservative frustum around the rays of a packet, tested against the boxes of nodes.
+//!
+//! Depth is measured from the apex along the axis of the largest direction components; a ray is the point (u, v) of
+//! its slopes, the change of the other two coordinates per unit of depth. The frustum is the apex with intervals of u
+//! and v. A box is outside if over its range of depths it does not overlap these intervals. Only differences and
+//! products of f32 numbers are compared, after the bounds of the intervals were moved outwards by more than these
+//! round ([`SLACK`]).
+//!
+//! For parallel rays, (u, v) is the point where a ray crosses the plane of depth 0. A box is outside if, carried
+//! along the rays to that plane, it does not overlap the intervals; there a bound on the rounding is added to the
+//! sum.
+//!
+//! Hits of a primitive lie within its bounds (see [`Tier`](crate::geometry::Tier)), so the boxes of a tree are
+//! conservative for rays, and for frusta around rays.
+
+use super::rays::{BLOCK, Common, PacketRays};
+use crate::bvh::wide::layout::{Node, WIDTH};
+use crate::bvh::wide::single::box_ray::LENGTHS;
+use crate::geometry::simd::Simd;
+use crate::geometry::{Ray, round_down, round_up};
+
+/// The relative amount by which bounds of intervals are moved outwards. A slope is off by 5 u (two components, a
+/// reciprocal, a product and its rounding to f32), a difference by u, its product with the slope by u more, and the
+/// other difference by u: 8 u; and hits are clamped to their bounds up to 2^-26. This is 16 u, with u = 2^-24.
+pub const SLACK: f64 = 8.0 * f32::EPSILON as f64;
+
+/// The largest distance of a ray from the common end, relative to the shortest ray. Wider frusta cull too little.
+pub const MAX_SPREAD: f64 = 1.0 / 65536.0;
+
+/// A frustum around rays with a common origin, end (`to_end`) or direction. The apex is the common origin or end.
+pub struct Frustum {
+    /// The axes of u, v and depth.
+    pub axes: [usize; 3],
+    /// Whether depth grows towards negative coordinates.
+    pub flipped: bool,
+    /// The apex; for parallel rays, the origin of the first.
+    pub apex: [f64; 3],
+    /// The largest distance on any axis at which a ray passes the apex.
+    pub spread: f64,
+    /// Least and greatest coordinates of the apex in f32.
+    apex_bounds: [[f32; 2]; 3],
+    /// The intervals of u and v, moved outwards.
+    pub intervals: [[f32; 2]; 2],
+    /// For parallel rays, the change of the u and v coordinates per unit of depth.
+    pub shear: Option<[f64; 2]>,
+    /// For parallel rays, a bound on coordinates of origins relative to the apex, and on how far the shear moves them.
+    pub reach: f64,
+    /// No ray has hits before this depth.
+    pub min_depth: f32,
+    /// No ray needs hits beyond this depth.
+    pub max_depth: f32,
+    /// Hits from this depth on are certainly on the ray's side of the apex: beyond `t_min`, or before `t_max` for a
+    /// common end. Infinite if that is unknown.
+    pub inner_depth: f32,
+}
+
+impl Frustum {
+    /// The frustum of rays with a common end (`to_end`) or origin, or of parallel rays, and their projection in
+    /// `packet`. `None` if the rays have nothing in common or diverge too far.
+    #[inline(always)]
+    pub fn new<S: Simd>(rays: &[Ray], to_end: bool, packet: &mut PacketRays) -> Option<Self> {
+        let first = rays.first()?;
+        if rays[rays.len() / 2].direction == first.direction
+            && rays[rays.len() - 1].direction == first.direction
+        {
+            return Self::parallel(rays, packet);
+        }
+        // Rejects most incoherent packets early.
+        if !to_end && rays[rays.len() / 2].origin != first.origin {
+            return None;
+        }
+        let common = packet.fill::<S>(rays, to_end);
+        let (apex, spread) = if to_end { common.end? } else { (common.origin?, 0.0) };
+        let depth = depth_axis(&common)?;
+        let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
+        let mut intervals = [[0.0; 2]; 2];
+        for (interval, [least, most]) in intervals.iter_mut().zip(packet.project::<S>(axes[0], to_end)) {
+            let (a, b) = (f64::from(S::f8_reduce_min(least)), f64::from(S::f8_reduce_max(most)));
+            *interval = [round_down(a - a.abs() * SLACK), round_up(b + b.abs() * SLACK)];
+        }
+        let around = |x: f64| [round_down(x - spread), round_up(x + spread)];
+        let frustum = Frustum {
+            axes,
+            flipped: (first.direction[depth] < 0.0) != to_end,
+            apex,
+            spread,
+            apex_bounds: apex.map(around),
+            intervals,
+            shear: None,
+            reach: 0.0,
+            min_depth: 0.0,
+            max_depth: f32::INFINITY,
+            inner_depth: if common.starts_at_0 {
+                round_up(2.0 * spread).max(f32::MIN_POSITIVE)
+            } else {
+                f32::INFINITY
+            },
+        };
+        packet.starts[..packet.blocks].fill([0.0; BLOCK]);
+        frustum.intervals.as_flattened().iter().all(|slope| slope.is_finite()).then_some(frustum)
+    }
+
+    /// The frustum of parallel rays.
+    fn parallel(rays: &[Ray], packet: &mut PacketRays) -> Option<Self> {
+        let (direction, apex) = (rays[0].direction, rays[0].origin);
+        let length = direction.abs();
+        let depth = (0..3).fold(0, |best, axis| if length[axis] > length[best] { axis } else { best });
+        let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
+        let flipped = direction[depth] < 0.0;
+        if !LENGTHS.contains(&length[depth]) || rays.iter().any(|ray| ray.direction != direction) {
+            return None;
+        }
+        let shear = [0, 1].map(|k| direction[axes[k]] / length[depth]);
+        packet.blocks = rays.len().div_ceil(BLOCK);
+        let mut frustum = Frustum {
+            axes,
+            flipped,
+            apex: apex.to_array(),
+            spread: 0.0,
+            apex_bounds: apex.to_array().map(|x| [round_down(x), round_up(x)]),
+            intervals: [[f32::INFINITY, f32::NEG_INFINITY]; 2],
+            shear: Some(shear),
+            reach: 0.0,
+            min_depth: f32::INFINITY,
+            max_depth: f32::INFINITY,
+            inner_depth: f32::INFINITY,
+        };
+        for i in 0..packet.blocks * BLOCK {
+            let (block, lane) = (i / BLOCK, i % BLOCK);
+            let from_apex = rays[i.min(rays.len() - 1)].origin - apex;
+            let start = if flipped { -from_apex[depth] } else { from_apex[depth] };
+            for (k, interval) in frustum.intervals.iter_mut().enumerate() {
+                let (lateral, sheared) = (from_apex[axes[k]], shear[k] * start);
+                let at = lateral - sheared;
+                let error = (lateral.abs() + sheared.abs()) * SLACK;
+                packet.projected[k][block][lane] = at as f32;
+                *interval = [interval[0].min(round_down(at - error)), interval[1].max(round_up(at + error))];
+                frustum.reach = frustum.reach.max(lateral.abs() + sheared.abs());
+            }
+            packet.projected[2][block][lane] = length[depth] as f32;
+            packet.ends[block][lane] = rays[i.min(rays.len() - 1)].t_max as f32;
+            packet.starts[block][lane] = round_up(start + start.abs() * SLACK);
+            frustum.min_depth = frustum.min_depth.min(round_down(start - start.abs() * SLACK));
+            frustum.reach = frustum.reach.max(start.abs());
+        }
+        frustum.intervals.as_flattened().iter().all(|at| at.is_finite()).then_some(frustum)
+    }
+
+    /// The places of `node` whose boxes may be entered by a ray, as bits, and lower bounds of the entry depths.
+    #[inline(always)]
+    pub fn enter<S: Simd>(&self, node: &Node) -> (u32, [f32; WIDTH]) {
+        let [u, v, depth] = self.axes;
+        let apex = self.apex_bounds[depth];
+        let [least, greatest] = [S::f8(node.planes[depth][0]), S::f8(node.planes[depth][1])];
+        // Least and greatest depth of each box, for any position of the apex in its bounds.
+        let (near, far) = if self.flipped {
+            (S::f8_sub(S::f8_splat(apex[0]), greatest), S::f8_sub(S::f8_splat(apex[1]), least))
+        } else {
+            (S::f8_sub(least, S::f8_splat(apex[1])), S::f8_sub(greatest, S::f8_splat(apex[0])))
+        };
+        let start = S::f8_splat(self.min_depth);
+        let near = S::f8_max(near, start);
+        let mut mask = S::f8_le(start, far) & S::f8_le(near, S::f8_splat(self.max_depth));
+        if let Some(shear) = self.shear {
+            for (k, axis) in [u, v].into_iter().enumerate() {
+                let shear = S::f8_splat(shear[k] as f32);
+                let (a, b) = (S::f8_mul(shear, near), S::f8_mul(shear, far));
+                let (low, high) = (S::f8_min(a, b), S::f8_max(a, b));
+                let least = S::f8_sub(S::f8(node.planes[axis][0]), S::f8_splat(self.apex_bounds[axis][1]));
+                let most = S::f8_sub(S::f8(node.planes[axis][1]), S::f8_splat(self.apex_bounds[axis][0]));
+                // Each term is off by at most 3 u of itself (the shear, depth, product), and their difference by u.
+                let size = S::f8_add(max_abs::<S>(least, most), max_abs::<S>(low, high));
+                let error =
+                    S::f8_mul(S::f8_add(size, S::f8_splat(self.reach as f32)), S::f8_splat(SLACK as f32));
+                let error = S::f8_add(error, S::f8_splat(f32::MIN_POSITIVE));
+                let [first, last] = self.intervals[k];
+                mask &= S::f8_le(S::f8_sub(S::f8_sub(least, high), error), S::f8_splat(last));
+                mask &= S::f8_le(S::f8_splat(first), S::f8_add(S::f8_sub(most, low), error));
+            }
+            return (mask, S::f8_array(near));
+        }
+        for (k, axis) in [u, v].into_iter().enumerate() {
+            let [apex_least, apex_most] = self.apex_bounds[axis];
+            let [slope_least, slope_most] = self.intervals[k];
+            let (low, high) = (S::f8_splat(slope_least), S::f8_splat(slope_most));
+            let above = S::f8_sub(S::f8(node.planes[axis][0]), S::f8_splat(apex_most));
+            let below = S::f8_sub(S::f8(node.planes[axis][1]), S::f8_splat(apex_least));
+            mask &= S::f8_le(above, S::f8_max(S::f8_mul(high, near), S::f8_mul(high, far)));
+            mask &= S::f8_le(S::f8_min(S::f8_mul(low, near), S::f8_mul(low, far)), below);
+        }
+        (mask, S::f8_array(near))
+    }
+}
+
+/// The axis on which the least direction component is largest and all have the same sign; `None` if components are
+/// too small or too large for f32 slopes. Such rays are traced one by one, which scales them.
+#[inline(always)]
+fn depth_axis(common: &Common) -> Option<usize> {
+    let shortest = |axis: usize| {
+        let [least, most] = common.directions[axis];
+        if least > 0.0 || most < 0.0 { least.abs().min(most.abs()) } else { 0.0 }
+    };
+    let depth = if shortest(0) >= shortest(1) && shortest(0) >= shortest(2) {
+        0
+    } else if shortest(1) >= shortest(2) {
+        1
+    } else {
+        2
+    };
+    let longest = common.directions.as_flattened().iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+    let fits = LENGTHS.contains(&f64::from(shortest(depth))) && LENGTHS.contains(&f64::from(longest));
+    fits.then_some(depth)
+}
+
+/// The greater of |a| and |b|.
+#[inline(always)]
+fn max_abs<S: Simd>(a: S::F8, b: S::F8) -> S::F8 {
+    let zero = S::f8_splat(0.0);
+    S::f8_max(S::f8_max(a, S::f8_sub(zero, a)), S::f8_max(b, S::f8_sub(zero, b)))
+}

@@ -1,0 +1,189 @@
+//! [`ProjectedTriangles`]: four triangles projected to the (u, v) plane of a packet's frustum, and the blocks of rays
+//! that their bounds there overlap. The f64 helpers at the end are shared with [`super::edge_functions`].
+
+use super::frustum::Frustum;
+use super::rays::{BLOCK, BLOCKS};
+use crate::geometry::four::{LANES4, MASK4};
+use crate::geometry::simd::Simd;
+use crate::geometry::{Corner, Tier, Triangle4};
+
+/// Least and greatest u, least and greatest v of every block of rays.
+pub type BlockBounds = [[[f32; BLOCKS]; 2]; 2];
+
+/// Four triangles relative to the apex of a frustum.
+pub struct ProjectedTriangles<S: Simd> {
+    /// Corners relative to the apex, each as coordinates on the axes of u, v and depth.
+    pub corners: [[S::D4; 3]; 3],
+    /// Projected corners, each as (u, v).
+    pub points: [[S::D4; 2]; 3],
+    /// A lower bound of each triangle's depth.
+    pub nearest: [f32; LANES4],
+    /// Conservative intervals of u and v; infinite if a corner is not beyond the apex.
+    bounds: [[[f32; LANES4]; 2]; 2],
+    /// The triangles that overlap the frustum, as bits.
+    pub overlapping: u32,
+}
+
+impl<S: Simd> ProjectedTriangles<S> {
+    #[inline(always)]
+    pub fn new<T: Tier>(triangles: &Triangle4<T::Corner>, frustum: &Frustum) -> Self {
+        let zero = S::d4_splat(0.0);
+        let mut corners = [[zero; 3]; 3];
+        let (mut least, mut most) = ([zero; 2], [zero; 2]);
+        let (mut nearest, mut farthest) = (zero, zero);
+        let mut points = [[zero; 2]; 3];
+        let (spread, depth) = (S::d4_splat(frustum.spread), S::d4_splat(f64::from(frustum.max_depth)));
+        for (k, corner) in corners.iter_mut().enumerate() {
+            for (place, coordinate) in corner.iter_mut().enumerate() {
+                let axis = frustum.axes[place];
+                let (at, apex) =
+                    (T::Corner::to_d4::<S>(triangles.corners[k][axis]), S::d4_splat(frustum.apex[axis]));
+                let flipped = place == 2 && frustum.flipped;
+                *coordinate = if flipped { S::d4_sub(apex, at) } else { S::d4_sub(at, apex) };
+            }
+            let (at, error) = match frustum.shear {
+                None => perspective::<S>(corner, spread),
+                Some(shear) => parallel::<S>(corner, shear, frustum.reach),
+            };
+            for place in 0..2 {
+                let (low, high) = (S::d4_sub(at[place], error[place]), S::d4_add(at[place], error[place]));
+                least[place] = if k == 0 { low } else { S::d4_min(low, least[place]) };
+                most[place] = if k == 0 { high } else { S::d4_max(high, most[place]) };
+            }
+            points[k] = at;
+            nearest = if k == 0 { corner[2] } else { S::d4_min(corner[2], nearest) };
+            farthest = if k == 0 { corner[2] } else { S::d4_max(corner[2], farthest) };
+        }
+        // A corner that is not clearly beyond the apex has no projection.
+        let clear =
+            if frustum.shear.is_some() { MASK4 } else { S::d4_lt(S::d4_add(spread, spread), nearest) };
+        let [[first_u, last_u], [first_v, last_v]] = frustum.intervals;
+        let mut across = S::d4_le(least[0], splat::<S>(last_u)) & S::d4_le(splat::<S>(first_u), most[0]);
+        across &= S::d4_le(least[1], splat::<S>(last_v)) & S::d4_le(splat::<S>(first_v), most[1]);
+        let start = S::d4_sub(S::d4_splat(f64::from(frustum.min_depth)), spread);
+        let in_depth = S::d4_le(start, farthest) & S::d4_le(nearest, depth);
+        let [low_u, low_v] = [to_f32::<S>(below::<S>(least[0])), to_f32::<S>(below::<S>(least[1]))];
+        let [high_u, high_v] = [to_f32::<S>(above::<S>(most[0])), to_f32::<S>(above::<S>(most[1]))];
+        let mut projected = ProjectedTriangles {
+            corners,
+            points,
+            nearest: to_f32::<S>(below::<S>(nearest)),
+            bounds: [[low_u, high_u], [low_v, high_v]],
+            overlapping: in_depth & (across | !clear & MASK4),
+        };
+        projected.unbound(!clear & MASK4);
+        projected
+    }
+
+    /// Makes the intervals of some triangles infinite.
+    #[inline(always)]
+    fn unbound(&mut self, mut triangles: u32) {
+        while triangles != 0 {
+            let lane = triangles.trailing_zeros() as usize % LANES4;
+            triangles &= triangles - 1;
+            for bounds in &mut self.bounds {
+                (bounds[0][lane], bounds[1][lane]) = (f32::NEG_INFINITY, f32::INFINITY);
+            }
+        }
+    }
+
+    /// The blocks of rays that a triangle's bounds overlap, as bits.
+    #[inline(always)]
+    pub fn blocks(&self, lane: usize, block_bounds: &BlockBounds) -> u32 {
+        let mut blocks = 0;
+        for first in (0..BLOCKS).step_by(BLOCK) {
+            let mut mask = u32::MAX;
+            for ([least, most], bounds) in block_bounds.iter().zip(&self.bounds) {
+                let (low, high) = (S::f8_splat(bounds[0][lane]), S::f8_splat(bounds[1][lane]));
+                mask &= S::f8_le(eight::<S>(least, first), high) & S::f8_le(low, eight::<S>(most, first));
+            }
+            blocks |= mask << first;
+        }
+        blocks
+    }
+}
+
+/// A corner's (u, v) as seen from the apex, and its error.
+#[inline(always)]
+fn perspective<S: Simd>(corner: &[S::D4; 3], spread: S::D4) -> ([S::D4; 2], [S::D4; 2]) {
+    let share = S::d4_div(S::d4_splat(1.0), corner[2]);
+    // For a ray that passes the apex at a distance, the corner is moved by that distance: across, and in depth, which
+    // changes a slope by that share of itself, at most twice that at the depths that count.
+    let lateral = S::d4_mul(spread, share);
+    let relative = S::d4_add(S::d4_splat(SLOPE_SLACK), S::d4_add(lateral, lateral));
+    let (u, v) = (S::d4_mul(corner[0], share), S::d4_mul(corner[1], share));
+    let error_u = S::d4_add(S::d4_mul(S::d4_abs(u), relative), lateral);
+    let error_v = S::d4_add(S::d4_mul(S::d4_abs(v), relative), lateral);
+    ([u, v], [error_u, error_v])
+}
+
+/// A corner's (u, v), moved along parallel rays to the plane of depth 0, and its error.
+#[inline(always)]
+fn parallel<S: Simd>(corner: &[S::D4; 3], shear: [f64; 2], reach: f64) -> ([S::D4; 2], [S::D4; 2]) {
+    let back_u = S::d4_mul(S::d4_splat(shear[0]), corner[2]);
+    let back_v = S::d4_mul(S::d4_splat(shear[1]), corner[2]);
+    let (u, v) = (S::d4_sub(corner[0], back_u), S::d4_sub(corner[1], back_v));
+    let largest = S::d4_max(S::d4_max(S::d4_abs(corner[0]), S::d4_abs(corner[1])), S::d4_abs(corner[2]));
+    let roundings = S::d4_mul(S::d4_add(largest, S::d4_splat(reach)), S::d4_splat(PRODUCT_SLACK));
+    let error_u = S::d4_add(S::d4_mul(S::d4_abs(u), S::d4_splat(SLOPE_SLACK)), roundings);
+    let error_v = S::d4_add(S::d4_mul(S::d4_abs(v), S::d4_splat(SLOPE_SLACK)), roundings);
+    ([u, v], [error_u, error_v])
+}
+
+/// The relative error of a corner's slope in f64 and a ray's in f32: 8 u with u = 2^-24.
+const SLOPE_SLACK: f64 = 4.0 * f32::EPSILON as f64;
+
+/// 32 roundings of f64.
+pub const PRODUCT_SLACK: f64 = 16.0 * f64::EPSILON;
+
+/// A bound on underflow to f32: its least normal number.
+pub const UNDERFLOW: f64 = f32::MIN_POSITIVE as f64;
+
+#[inline(always)]
+fn eight<S: Simd>(list: &[f32; BLOCKS], first: usize) -> S::F8 {
+    let mut some = [0.0; BLOCK];
+    some.copy_from_slice(&list[first..first + BLOCK]);
+    S::f8(some)
+}
+
+/// An f32 in four f64 lanes.
+#[inline(always)]
+fn splat<S: Simd>(x: f32) -> S::D4 {
+    S::d4_splat(f64::from(x))
+}
+
+/// a b - c d
+#[inline(always)]
+pub fn difference_of_products<S: Simd>(a: S::D4, b: S::D4, c: S::D4, d: S::D4) -> S::D4 {
+    S::d4_sub(S::d4_mul(a, b), S::d4_mul(c, d))
+}
+
+/// |x| + |y| + |z|
+#[inline(always)]
+pub fn norm1<S: Simd>(v: &[S::D4; 3]) -> S::D4 {
+    S::d4_add(S::d4_add(S::d4_abs(v[0]), S::d4_abs(v[1])), S::d4_abs(v[2]))
+}
+
+/// Numbers that, rounded to f32, are not above `x`: rounding is off by u of `x`, or by underflow.
+#[inline(always)]
+pub fn below<S: Simd>(x: S::D4) -> S::D4 {
+    S::d4_sub(x, rounding::<S>(x))
+}
+
+/// Numbers that, rounded to f32, are not below `x`.
+#[inline(always)]
+pub fn above<S: Simd>(x: S::D4) -> S::D4 {
+    S::d4_add(x, rounding::<S>(x))
+}
+
+#[inline(always)]
+fn rounding<S: Simd>(x: S::D4) -> S::D4 {
+    S::d4_add(S::d4_mul(S::d4_abs(x), S::d4_splat(f64::from(f32::EPSILON))), S::d4_splat(UNDERFLOW))
+}
+
+/// Rounded to f32.
+#[inline(always)]
+pub fn to_f32<S: Simd>(x: S::D4) -> [f32; LANES4] {
+    let [a, b, c, d, ..] = S::f8_array(S::f8_from_d4(x, x));
+    [a, b, c, d]
+}

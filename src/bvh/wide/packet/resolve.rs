@@ -1,0 +1,318 @@
+//! The hits of a packet that f32 does not decide: tested by the tier, four rays at once where it can
+//! ([`Tier::hit_triangle_ray4`]), or by the side of a triangle's plane in f64 ([`TrianglePlane`]).
+
+use super::Packet;
+use super::hits::{BestHit, BestHits};
+use super::rays::BLOCK;
+use crate::bvh::wide::layout::Wide;
+use crate::bvh::wide::single::leaf::hit_triangle;
+use crate::geometry::four::{Hit4, LANES4, MASK4, Ray4};
+use crate::geometry::simd::Simd;
+use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
+
+/// A triangle that rays certainly hit.
+pub struct CertainHit<'a> {
+    pub slot: SlotId,
+    pub corners: &'a [[f64; 3]; 3],
+    /// See [`TrianglePlane::new`].
+    pub sign: f64,
+}
+
+impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
+    /// Records certain hits of rays of a block, between two depths. Returns the rays that must still be tested, and
+    /// whether a best hit changed.
+    #[inline(always)]
+    pub(super) fn record_certain<S: Simd>(
+        &mut self,
+        block: usize,
+        certain: u32,
+        triangle: &CertainHit,
+        depths: [S::F8; 2],
+    ) -> (u32, bool) {
+        let [nearer, farther] = self.scratch.best.compare::<S>(block, depths);
+        // Nearer to the apex the hit may be outside of the ray.
+        let within = certain & S::f8_le(S::f8_splat(self.frustum.inner_depth), depths[0]);
+        let nearer = nearer & within;
+        let mut unknown = certain & !(nearer | farther);
+        if !ANY {
+            if nearer != 0 {
+                self.scratch.best.set_unresolved::<S>(block, nearer, triangle.slot.0, depths);
+            }
+            return (unknown, nearer != 0);
+        }
+        let mut hit = nearer;
+        if unknown & within != 0 {
+            // Shadow rays start close to the surface that they leave: f64 decides on which side of the triangle.
+            let plane = TrianglePlane::new(triangle.corners, triangle.sign);
+            for half in 0..BLOCK / LANES4 {
+                let tested = unknown & within & (MASK4 << (half * LANES4));
+                if tested == 0 {
+                    continue;
+                }
+                let four = Ray4::<S>::new(self.rays, block * BLOCK + half * LANES4);
+                let [before, beyond] = plane.sides::<S>(&four);
+                unknown &= !((before | beyond) << (half * LANES4) & tested);
+                hit |= beyond << (half * LANES4) & tested;
+            }
+        }
+        if hit != 0 {
+            self.retire::<S>(block, hit);
+        }
+        (unknown, hit != 0)
+    }
+
+    /// Tests some rays of a block, four at once, and records their hits. `test4` tests four rays from an index on;
+    /// `hit` makes the hit of a ray from a lane of the result. Returns whether a best hit changed.
+    #[inline(always)]
+    pub(super) fn test_block<S: Simd>(
+        &mut self,
+        wide: &Wide<T>,
+        block: usize,
+        rays: u32,
+        test4: impl Fn(&mut Self, usize) -> Hit4,
+        hit: impl Fn(&Self, usize, &Hit4, usize) -> Option<Hit>,
+    ) -> bool {
+        let mut changed = false;
+        for half in 0..BLOCK / LANES4 {
+            let tested = rays >> (half * LANES4) & MASK4;
+            if tested == 0 {
+                continue;
+            }
+            let first = block * BLOCK + half * LANES4;
+            let four = test4(self, first);
+            let mut lanes = (four.hit | four.undecided) & tested;
+            while lanes != 0 {
+                let place = lanes.trailing_zeros() as usize % LANES4;
+                lanes &= lanes - 1;
+                let Some(hit) = hit(self, first + place, &four, place) else { continue };
+                changed |= self.record::<S>(wide, first + place, &hit);
+            }
+        }
+        changed
+    }
+
+    /// The given rays of a block without those whose best hit is already on triangle `prim`, which may be in several
+    /// slots.
+    #[inline(always)]
+    pub(super) fn without_known(&self, wide: &Wide<T>, block: usize, mut rays: u32, prim: u32) -> u32 {
+        if ANY {
+            return rays;
+        }
+        let mut left = rays;
+        while rays != 0 {
+            let lane = rays.trailing_zeros() as usize % BLOCK;
+            rays &= rays - 1;
+            let is_known = match self.scratch.best.get(block * BLOCK + lane) {
+                BestHit::None => false,
+                BestHit::Unresolved(slot) => prim_in_slot(wide, slot) == prim,
+                BestHit::Resolved(hit) => hit.prim.0 == prim,
+            };
+            left &= !(u32::from(is_known) << lane);
+        }
+        left
+    }
+
+    /// Records a hit found by the tier. Returns whether it is the new best hit.
+    #[inline(always)]
+    fn record<S: Simd>(&mut self, wide: &Wide<T>, ray: usize, hit: &Hit) -> bool {
+        if ANY {
+            self.retire::<S>(ray / BLOCK, 1 << (ray % BLOCK));
+            return true;
+        }
+        let best = match self.scratch.best.get(ray) {
+            BestHit::None => None,
+            BestHit::Resolved(hit) => Some(hit),
+            BestHit::Unresolved(slot) => {
+                let best = hit_in_slot(wide, &self.rays[ray], slot);
+                match &best {
+                    Some(best) => self.scratch.best.resolve(ray, best),
+                    None => self.is_inconsistent = true,
+                }
+                best
+            }
+        };
+        if !wide.is_better(&self.rays[ray], hit, best.as_ref()) {
+            return false;
+        }
+        let depths = self.scratch.rays.depths_at(ray, hit.t);
+        self.scratch.best.set_resolved(ray, hit, depths);
+        true
+    }
+}
+
+impl<T: Tier> Packet<'_, T, false> {
+    /// Tests the unresolved best hits and appends the best hits of all rays. `false`, with nothing appended, if the
+    /// tier missed a triangle that f32 certainly hit.
+    ///
+    /// One loop per step, so that independent results overlap.
+    #[inline(always)]
+    pub(super) fn resolve_all<S: Simd>(&mut self, wide: &Wide<T>, hits: &mut Vec<Option<Hit>>) -> bool {
+        let (rays, before) = (self.rays, hits.len());
+        let fours = rays.len().div_ceil(LANES4);
+        let mut unresolved = 0u64;
+        for index in 0..fours {
+            if self.scratch.best.slots4(index * LANES4).into_iter().any(BestHits::is_unresolved) {
+                unresolved |= 1 << index;
+                self.prepared::<S>(index);
+            }
+        }
+        for index in 0..fours {
+            if unresolved >> index & 1 != 0 {
+                self.scratch.resolved[index] = self.resolve4::<S>(wide, index);
+            }
+        }
+        hits.reserve(rays.len());
+        for (index, ray) in rays.iter().enumerate() {
+            let best = match self.scratch.best.get(index) {
+                BestHit::None => None,
+                BestHit::Resolved(hit) => Some(hit),
+                BestHit::Unresolved(slot) => {
+                    let (four, lane) = (&self.scratch.resolved[index / LANES4], index % LANES4);
+                    let hit = if four.hit >> lane & 1 != 0 {
+                        Some(four.at(lane, PrimId(prim_in_slot(wide, slot)), slot))
+                    } else if four.undecided >> lane & 1 != 0 {
+                        hit_in_slot(wide, ray, slot)
+                    } else {
+                        None
+                    };
+                    self.is_inconsistent |= hit.is_none();
+                    hit
+                }
+            };
+            hits.push(best);
+        }
+        if self.is_inconsistent {
+            hits.truncate(before);
+        }
+        !self.is_inconsistent
+    }
+
+    /// Tests four rays, some with unresolved best hits, against these triangles.
+    #[inline(always)]
+    fn resolve4<S: Simd>(&mut self, wide: &Wide<T>, index: usize) -> Hit4 {
+        let slots = self.scratch.best.slots4(index * LANES4);
+        let Some(some) = slots.into_iter().find(|&slot| BestHits::is_unresolved(slot)) else {
+            return Hit4::NONE;
+        };
+        // Other lanes are tested against any of the triangles.
+        let or_some = |slot: u32| if BestHits::is_unresolved(slot) { slot } else { some };
+        let tested = [or_some(slots[0]), or_some(slots[1]), or_some(slots[2]), or_some(slots[3])];
+        let place = |slot: u32| (&wide.triangles[slot as usize / LANES4].corners, slot as usize % LANES4);
+        let prepared = self.prepared::<S>(index);
+        if tested == [some; LANES4] {
+            let (triangles, lane) = place(some);
+            return T::hit_triangle_ray4::<S>(prepared, &triangles.corners_f64(lane), true);
+        }
+        let triangles = [place(tested[0]), place(tested[1]), place(tested[2]), place(tested[3])];
+        T::hit_triangles_ray4::<S>(prepared, &triangles)
+    }
+}
+
+/// The tier's hit of a ray on the triangle in a slot.
+pub fn hit_in_slot<T: Tier>(wide: &Wide<T>, ray: &Ray, slot: SlotId) -> Option<Hit> {
+    hit_triangle::<T>(&T::prepare(ray), ray, &wide.triangles[slot.0 as usize / LANES4], slot)
+}
+
+/// The primitive id of the triangle in a slot.
+#[inline(always)]
+fn prim_in_slot<T: Tier>(wide: &Wide<T>, slot: SlotId) -> u32 {
+    wide.triangles[slot.0 as usize / LANES4].ids[slot.0 as usize % LANES4]
+}
+
+/// The plane of a triangle, which decides on which side of the triangle rays start.
+///
+/// For a point o, H = n . (A - o) with n = (B - A) x (C - A) is the signed distance to the plane times twice the area.
+/// In max norms, let M = |A - o|, p = |B - A| and q = |C - A|: no corner is farther from o than M, M + p and M + q.
+/// H as computed here is off by less than 48 u M p q: six products of three differences, with 8 roundings each.
+/// The tier's test has the sign of H if that is above 168 u M (M + p) (M + q) (see `side` in `geometry::woop4`);
+/// u = 2^-53.
+struct TrianglePlane {
+    corner: [f64; 3],
+    /// n, oriented so that H of the apex is positive.
+    normal: [f64; 3],
+    /// p and q.
+    sizes: [f64; 2],
+}
+
+/// 256 u, more than the sum of both bounds.
+const SIDE_SLACK: f64 = 128.0 * f64::EPSILON;
+
+impl TrianglePlane {
+    /// The plane of a triangle; `sign` is the sign of H at the apex.
+    #[inline(always)]
+    fn new([a, b, c]: &[[f64; 3]; 3], sign: f64) -> Self {
+        let minus = |p: &[f64; 3], q: &[f64; 3]| [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
+        let size = |p: &[f64; 3]| p[0].abs().max(p[1].abs()).max(p[2].abs());
+        let (p, q) = (minus(b, a), minus(c, a));
+        let normal = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+        TrianglePlane {
+            corner: *a,
+            normal: [normal[0] * sign, normal[1] * sign, normal[2] * sign],
+            sizes: [size(&p), size(&q)],
+        }
+    }
+
+    /// The rays that certainly start on the apex's side of the plane, and those that certainly start on the other side.
+    #[inline(always)]
+    fn sides<S: Simd>(&self, rays: &Ray4<S>) -> [u32; 2] {
+        let nothing = S::d4_splat(0.0);
+        let (mut height, mut reach) = (nothing, nothing);
+        for axis in 0..3 {
+            let to_corner = S::d4_sub(S::d4_splat(self.corner[axis]), rays.origin[axis]);
+            height = S::d4_add(S::d4_mul(S::d4_splat(self.normal[axis]), to_corner), height);
+            reach = S::d4_max(S::d4_abs(to_corner), reach);
+        }
+        let [p, q] = self.sizes.map(|size| S::d4_add(reach, S::d4_splat(size)));
+        let error = S::d4_mul(S::d4_mul(reach, S::d4_splat(SIDE_SLACK)), S::d4_mul(p, q));
+        [S::d4_lt(error, height), S::d4_lt(height, S::d4_sub(nothing, error))]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::expansion::Expansion;
+    use crate::geometry::simd::Portable;
+    use glam::DVec3;
+
+    /// The sign of H in exact arithmetic.
+    fn exact(corners: &[[f64; 3]; 3], o: DVec3) -> i32 {
+        let [a, b, c] = corners;
+        let side = |p: &[f64; 3], q: &[f64; 3], k: usize| Expansion::difference(p[k], q[k]);
+        let o = o.to_array();
+        let term = |(k, i, j): (usize, usize, usize)| {
+            side(a, &o, k) * (side(b, a, i) * side(c, a, j) - side(b, a, j) * side(c, a, i))
+        };
+        let terms = [(0, 1, 2), (1, 2, 0), (2, 0, 1)].map(term);
+        terms.into_iter().fold(Expansion::default(), |sum, term| sum + term).sign()
+    }
+
+    #[test]
+    fn a_side_that_is_sure_is_right() {
+        let mut state = 7u64;
+        let mut unit = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+        };
+        let (mut sure, mut unsure) = (0, 0);
+        for i in 0..20_000 {
+            let away = [0.0, 3.0, 1e3][i % 3];
+            let mut corner = || [away + unit(), away + unit(), away + unit()];
+            let corners = [corner(), corner(), corner()];
+            let [a, b, c] = corners.map(DVec3::from);
+            // In the plane up to f64's rounding, or off it by a few units in the last place of f64 or f32.
+            let beside = [0.0, 1e-16, 1e-15, 1e-13, 1e-7][i / 3 % 5] * (away + 1.0) * unit();
+            let (v, w) = (unit(), unit());
+            let origin = a + v * (b - a) + w * (c - a) + beside * (b - a).cross(c - a).normalize();
+            let ray = Ray { origin, direction: DVec3::X, t_min: 0.0, t_max: 1.0 };
+            let [before, beyond] = TrianglePlane::new(&corners, 1.0).sides::<Portable>(&Ray4::new(&[ray], 0));
+            match exact(&corners, origin) {
+                sign if before & 1 != 0 => assert!(sign > 0, "{corners:?} {origin:?}"),
+                sign if beyond & 1 != 0 => assert!(sign < 0, "{corners:?} {origin:?}"),
+                _ => unsure += 1,
+            }
+            sure += i32::from((before | beyond) & 1 != 0);
+        }
+        assert!(sure > 2000 && unsure > 2000, "{sure} sure, {unsure} not");
+    }
+}

@@ -1,0 +1,195 @@
+//! The traversal of the tree by a packet: nodes are tested against the frustum, leaves against blocks of eight rays.
+
+use super::Packet;
+use super::edge_functions::EdgeFunctions;
+use super::projected_sphere::ProjectedSphere;
+use super::projected_triangles::ProjectedTriangles;
+use super::rays::BLOCKS;
+use super::resolve::{CertainHit, hit_in_slot};
+use crate::bvh::Tests;
+use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH, Wide};
+use crate::bvh::wide::single::leaf::{hit_sphere, hit_sphere_ray4};
+use crate::geometry::four::{LANES4, Ray4};
+use crate::geometry::simd::Simd;
+use crate::geometry::{PrimId, SlotId, Tier};
+
+/// The work per ray above which a packet is abandoned: 1 for each triangle leaf visited, 2 for each of its triangles
+/// that overlaps the frustum. Measurements: docs/decisions.md.
+const MAX_WORK_PER_RAY: usize = 2;
+
+impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
+    /// Finds the best hits of all rays. `false` if the packet is abandoned.
+    #[inline(always)]
+    pub(super) fn traverse<S: Simd>(
+        &mut self,
+        wide: &Wide<T>,
+        stack: &mut Vec<(Child, f32)>,
+        tests: &mut Tests,
+    ) -> bool {
+        stack.clear();
+        let Some(mut node) = wide.nodes.first() else { return true };
+        let mut work = 0;
+        loop {
+            tests.nodes += 1;
+            let (mask, at) = self.frustum.enter::<S>(node);
+            push_children(node, mask, &at, stack);
+            loop {
+                let Some((child, at)) = stack.pop() else { return true };
+                if at > self.frustum.max_depth {
+                    continue;
+                }
+                match child.content() {
+                    Content::Node(index) => {
+                        node = &wide.nodes[index as usize];
+                        break;
+                    }
+                    Content::Triangles(triangles) => {
+                        for index in triangles {
+                            work += self.visit_triangles::<S>(wide, index, tests);
+                        }
+                        if work > MAX_WORK_PER_RAY * self.rays.len() {
+                            return false;
+                        }
+                    }
+                    Content::Spheres(spheres) => {
+                        for index in spheres {
+                            self.visit_sphere::<S>(wide, index, tests);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Tests the four triangles of a leaf. Returns the work done.
+    #[inline(always)]
+    fn visit_triangles<S: Simd>(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) -> usize {
+        let leaf = &wide.triangles[index as usize];
+        let projected = ProjectedTriangles::<S>::new::<T>(&leaf.corners, &self.frustum);
+        let mut lanes = projected.overlapping;
+        if lanes == 0 {
+            return 1;
+        }
+        let edges = EdgeFunctions::new::<S>(&projected, &self.frustum);
+        // Updated at the end: reading the depths right after their lanes were stored would stall.
+        let mut changed = 0u32;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize % LANES4;
+            lanes &= lanes - 1;
+            let slot = SlotId(index * LANES4 as u32 + lane as u32);
+            let mut blocks = projected.blocks(lane, &self.scratch.block_bounds);
+            let (nearest, corners) = (projected.nearest[lane], leaf.corners.corners_f64(lane));
+            while blocks != 0 {
+                let block = blocks.trailing_zeros() as usize % BLOCKS;
+                blocks &= blocks - 1;
+                if nearest > self.scratch.depths[block] {
+                    continue;
+                }
+                let found = self.visit_block::<S>(wide, block, lane, (leaf, slot, &corners), &edges, tests);
+                changed |= u32::from(found) << block;
+            }
+        }
+        self.update_depths::<S>(changed);
+        1 + 2 * projected.overlapping.count_ones() as usize
+    }
+
+    /// Tests the rays of a block against one triangle. Returns whether a best hit changed.
+    #[inline(always)]
+    fn visit_block<S: Simd>(
+        &mut self,
+        wide: &Wide<T>,
+        block: usize,
+        lane: usize,
+        (leaf, slot, corners): (&TriangleLeaf<T::Corner>, SlotId, &[[f64; 3]; 3]),
+        edges: &EdgeFunctions,
+        tests: &mut Tests,
+    ) -> bool {
+        let [u, v, _] = &self.scratch.rays.projected;
+        let overlap = edges.overlap::<S>(lane, u[block], v[block]);
+        let active = u32::from(self.scratch.active[block]);
+        let mut undecided = overlap.possible & active;
+        if undecided == 0 {
+            return false;
+        }
+        tests.primitives += u64::from(undecided.count_ones());
+        let (certain, mut found) = (overlap.certain & active, false);
+        if certain != 0 {
+            let depths = edges.depths(lane, &overlap);
+            let hit = CertainHit { slot, corners, sign: edges.signs[lane] };
+            let (unknown, changed) = self.record_certain::<S>(block, certain, &hit, depths);
+            (undecided, found) = (undecided & !certain | unknown, changed);
+        }
+        if undecided == 0 {
+            return found;
+        }
+        let undecided = self.without_known(wide, block, undecided, leaf.ids[lane]);
+        found
+            | self.test_block::<S>(
+                wide,
+                block,
+                undecided,
+                #[inline(always)]
+                |packet, first| {
+                    T::hit_triangle_ray4::<S>(packet.prepared::<S>(first / LANES4), corners, false)
+                },
+                #[inline(always)]
+                |packet, ray, four, place| {
+                    if four.undecided >> place & 1 == 0 {
+                        return Some(four.at(place, PrimId(leaf.ids[lane]), slot));
+                    }
+                    hit_in_slot(wide, &packet.rays[ray], slot)
+                },
+            )
+    }
+
+    /// Tests all rays against a sphere.
+    #[inline(always)]
+    fn visit_sphere<S: Simd>(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) {
+        let (sphere, prim) = &wide.spheres[index as usize];
+        let projected = ProjectedSphere::<S>::new(sphere, &self.frustum);
+        let mut changed = 0u32;
+        for block in 0..self.scratch.rays.blocks % (BLOCKS + 1) {
+            let [u, v, _] = &self.scratch.rays.projected;
+            let possible = projected.possible(u[block], v[block]) & u32::from(self.scratch.active[block]);
+            if possible == 0 {
+                continue;
+            }
+            tests.primitives += u64::from(possible.count_ones());
+            let found = self.test_block::<S>(
+                wide,
+                block,
+                possible,
+                #[inline(always)]
+                |packet, first| hit_sphere_ray4::<T, S>(&Ray4::new(packet.rays, first), sphere),
+                #[inline(always)]
+                |packet, ray, four, lane| {
+                    let mut hit = four.at(lane, *prim, wide.slot_of_sphere(index));
+                    if four.undecided >> lane & 1 != 0 {
+                        hit.t = hit_sphere::<T>(&packet.rays[ray], sphere)?;
+                    }
+                    Some(hit)
+                },
+            );
+            changed |= u32::from(found) << block;
+        }
+        self.update_depths::<S>(changed);
+    }
+}
+
+/// Pushes the children in `mask`, the farthest first. `at` are the entry depths.
+#[inline(always)]
+fn push_children(node: &Node, mut mask: u32, at: &[f32; WIDTH], stack: &mut Vec<(Child, f32)>) {
+    let first = stack.len();
+    while mask != 0 {
+        let place = mask.trailing_zeros() as usize % WIDTH;
+        mask &= mask - 1;
+        let item = (node.children[place], at[place]);
+        let mut after = stack.len();
+        stack.push(item);
+        while after > first && stack[after - 1].1 < item.1 {
+            stack[after] = stack[after - 1];
+            after -= 1;
+        }
+        stack[after] = item;
+    }
+}

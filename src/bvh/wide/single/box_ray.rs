@@ -1,0 +1,126 @@
+//! [`BoxRay`]: the test of one ray against the eight boxes of a node. Used by the single-ray traversal and by streams.
+//!
+//! The distance to a plane is `plane * inverse - offset` with `offset = origin * inverse`: one fused multiply-add.
+//! Without further care this is off by the rounding of the offset, which loses rays. So the offset is moved by more
+//! than its rounding towards the side that enlarges the box ([`WIDENING`]), which leaves factors of 1 ± u, two for
+//! the reciprocal and one for the result, and the margin absorbs those ([`MARGIN`]). A ray with a direction component
+//! of 0 has no such offset on that axis: for those rays the origin is moved instead, and distances are `(plane -
+//! origin) * inverse`. Instruction sets without fused multiply-add use that form for every ray. Both forms test f64
+//! rays against the f32 boxes.
+
+use crate::bvh::wide::layout::{Node, WIDTH};
+use crate::geometry::simd::{Side, Simd};
+use crate::geometry::{PRUNE_MARGIN, Ray, round_down};
+use glam::Vec3;
+
+/// The factor by which the distance at which a ray leaves a box is enlarged: [`PRUNE_MARGIN`], within which the tier
+/// `fast` clamps hits to their own bounds, and 8 u for the different arithmetic here.
+pub const MARGIN: f32 = PRUNE_MARGIN + 4.0 * f32::EPSILON;
+
+/// The share of itself by which an offset is moved. It is off by up to 2 u (an f64 origin is rounded, then
+/// multiplied); this is 4 u. Underflow is covered by adding the least normal number.
+const WIDENING: f32 = 2.0 * f32::EPSILON;
+
+/// Largest direction components for which distances to planes stay far from the limits of f32.
+pub const LENGTHS: std::ops::RangeInclusive<f64> = 1.0 / 1024.0..=1024.0;
+
+/// A ray prepared for the boxes of nodes.
+#[derive(Clone, Copy)]
+pub struct BoxRay {
+    /// Reciprocals of the direction; infinite where it is 0.
+    inverse: [f32; 3],
+    /// The nearer of each axis's planes.
+    near: [Side; 3],
+    /// For each axis the widened offsets of the near and the far plane, or the widened origins.
+    offsets: [[f32; 2]; 3],
+    /// Boxes that end before this distance are not entered.
+    pub t_min: f32,
+    /// The factor from distances along the ray to distances of boxes.
+    scale: f64,
+}
+
+/// The greatest power of two that is not above `x`, but at least the least normal number.
+#[cold]
+fn power_of_two_below(x: f64) -> f64 {
+    f64::from_bits(x.max(f64::MIN_POSITIVE).to_bits() & 0x7ff0_0000_0000_0000)
+}
+
+impl BoxRay {
+    /// Prepares a ray. `fused` requires a direction without zeros.
+    #[inline(always)]
+    pub fn new(ray: &Ray, fused: bool) -> Self {
+        let longest = ray.direction.abs().max_element();
+        // Directions that are far from length 1 are scaled by a power of two, which is exact.
+        let (scale, direction) = if LENGTHS.contains(&longest) {
+            (1.0, ray.direction)
+        } else {
+            let scale = power_of_two_below(longest);
+            (scale, ray.direction / scale)
+        };
+        let (direction, origin) = (direction.as_vec3(), ray.origin.as_vec3());
+        let inverse = direction.recip();
+        let offset = if fused { origin * inverse } else { origin };
+        // A subnormal origin is off by half its last place, times `inverse`. The least normal number covers that:
+        // processors are slow at subnormal ones.
+        let underflow = if fused { inverse.abs() } else { Vec3::ZERO };
+        let widening = offset.abs() * WIDENING + (underflow + 1.0) * f32::MIN_POSITIVE;
+        let (greatest, least) = (offset + widening, offset - widening);
+        let mut prepared = BoxRay {
+            inverse: inverse.to_array(),
+            near: [Side::new(false); 3],
+            offsets: [[0.0; 2]; 3],
+            t_min: round_down(ray.t_min * scale),
+            scale,
+        };
+        for axis in 0..3 {
+            let downwards = inverse[axis] < 0.0;
+            prepared.near[axis] = Side::new(downwards);
+            // The near plane is moved nearer, the far plane farther.
+            let swapped = downwards && !fused;
+            prepared.offsets[axis] =
+                if swapped { [least[axis], greatest[axis]] } else { [greatest[axis], least[axis]] };
+        }
+        prepared
+    }
+
+    /// The distance beyond which no box around a hit at `t` is entered. Computed entry distances are at most 4 u too
+    /// far, and rounding `t` takes u.
+    #[inline(always)]
+    pub fn prune_distance(&self, t: f64) -> f32 {
+        ((t * self.scale) as f32).max(f32::MIN_POSITIVE) * MARGIN
+    }
+
+    /// The distances at which the ray enters and leaves the boxes of `node`, clamped to `t_min` and `t_max`, the
+    /// second with its margin. A box may be entered if the first is not larger. Conservative: every box that contains
+    /// a point of the exact ray between `t_min` and `t_max` is entered.
+    #[inline(always)]
+    pub fn span<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (S::F8, S::F8) {
+        let mut enter = S::f8_splat(self.t_min);
+        let mut leave = S::f8_splat(t_max);
+        for axis in 0..3 {
+            let (near, inverse) = (self.near[axis], S::f8_splat(self.inverse[axis]));
+            let [near_offset, far_offset] = self.offsets[axis];
+            // NaN, from a ray in a plane of the box, is never taken.
+            let planes = &node.planes[axis];
+            let at_near = distances::<S, FUSED>(S::f8_load(planes, near), inverse, near_offset);
+            let at_far = distances::<S, FUSED>(S::f8_load(planes, near.other()), inverse, far_offset);
+            enter = S::f8_max(at_near, enter);
+            leave = S::f8_min(at_far, leave);
+        }
+        (enter, S::f8_mul(leave, S::f8_splat(MARGIN)))
+    }
+
+    /// The places of `node` whose boxes the ray enters, as bits, and the entry distances.
+    #[inline(always)]
+    pub fn enter<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (u32, [f32; WIDTH]) {
+        let (enter, leave) = self.span::<S, FUSED>(node, t_max);
+        (S::f8_le(enter, leave) & node.present, S::f8_array(enter))
+    }
+}
+
+/// The distances to eight planes of one axis.
+#[inline(always)]
+fn distances<S: Simd, const FUSED: bool>(planes: S::F8, inverse: S::F8, offset: f32) -> S::F8 {
+    let offset = S::f8_splat(offset);
+    if FUSED { S::mul_sub(planes, inverse, offset) } else { S::f8_mul(S::f8_sub(planes, offset), inverse) }
+}

@@ -1,0 +1,87 @@
+//! The primitive tests of one leaf. Used by the single-ray traversal and by streams.
+
+use crate::bvh::wide::layout::{Child, Content, TriangleLeaf, Wide};
+use crate::bvh::{Next, Tests};
+use crate::geometry::four::{Hit4, LANES4, Ray4};
+use crate::geometry::simd::Simd;
+use crate::geometry::{Hit, PrimId, Ray, SlotId, Sphere, Tier};
+
+/// Calls `found` with every hit in a leaf until it returns [`Next::Stop`]. Returns what the traversal does next.
+#[inline(always)]
+pub fn hits_in_leaf<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    ray: &Ray,
+    prepared: &T::Prepared,
+    leaf: Child,
+    tests: &mut Tests,
+    mut found: impl FnMut(Hit) -> Next,
+) -> Next {
+    let mut next = Next::Continue;
+    match leaf.content() {
+        Content::Node(_) => {}
+        Content::Triangles(triangles) => {
+            tests.primitives += triangles.len() as u64;
+            for index in triangles {
+                let leaf = &wide.triangles[index as usize];
+                let four = T::hit_triangle4::<S>(prepared, &leaf.corners);
+                let mut lanes = four.hit | four.undecided;
+                while lanes != 0 {
+                    let lane = lanes.trailing_zeros() as usize % LANES4;
+                    lanes &= lanes - 1;
+                    let slot = SlotId(index * LANES4 as u32 + lane as u32);
+                    let hit = if four.undecided >> lane & 1 == 0 {
+                        four.at(lane, PrimId(leaf.ids[lane]), slot)
+                    } else {
+                        match hit_triangle::<T>(prepared, ray, leaf, slot) {
+                            Some(hit) => hit,
+                            None => continue,
+                        }
+                    };
+                    match found(hit) {
+                        Next::Stop => return Next::Stop,
+                        Next::Shorten(t) => next = Next::Shorten(t),
+                        Next::Continue => {}
+                    }
+                }
+            }
+        }
+        Content::Spheres(spheres) => {
+            tests.primitives += spheres.len() as u64;
+            for index in spheres {
+                let (sphere, prim) = &wide.spheres[index as usize];
+                let Some(t) = hit_sphere::<T>(ray, sphere) else { continue };
+                match found(Hit { t, prim: *prim, slot: wide.slot_of_sphere(index), weights: [0.0; 2] }) {
+                    Next::Stop => return Next::Stop,
+                    Next::Shorten(t) => next = Next::Shorten(t),
+                    Next::Continue => {}
+                }
+            }
+        }
+    }
+    next
+}
+
+/// The hit on the triangle in a slot of `leaf`, by the test for one ray. Rarely called: for undecided lanes.
+#[inline(never)]
+pub fn hit_triangle<T: Tier>(
+    prepared: &T::Prepared,
+    ray: &Ray,
+    leaf: &TriangleLeaf<T::Corner>,
+    slot: SlotId,
+) -> Option<Hit> {
+    let lane = slot.0 as usize % LANES4;
+    let hit = T::hit_triangle(prepared, ray, &leaf.corners.triangle(lane))?;
+    Some(Hit { t: hit.t, prim: PrimId(leaf.ids[lane]), slot, weights: hit.weights })
+}
+
+/// The distance of a sphere. A sphere of radius 0, left by a refit, is missed.
+#[inline(never)]
+pub fn hit_sphere<T: Tier>(ray: &Ray, sphere: &Sphere) -> Option<f64> {
+    if sphere.radius > 0.0 { T::hit_sphere(ray, sphere) } else { None }
+}
+
+/// [`hit_sphere`] for four rays.
+#[inline(always)]
+pub fn hit_sphere_ray4<T: Tier, S: Simd>(rays: &Ray4<S>, sphere: &Sphere) -> Hit4 {
+    if sphere.radius > 0.0 { T::hit_sphere_ray4(rays, sphere) } else { Hit4::NONE }
+}

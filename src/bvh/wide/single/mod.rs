@@ -1,0 +1,179 @@
+//! The traversal for one ray: from the root down, the nearest child first, the others on a stack.
+//!
+//! [`box_ray`] tests the ray against the eight boxes of a node, [`leaf`] against the primitives of a leaf.
+
+pub mod box_ray;
+pub mod leaf;
+
+use super::layout::{Child, Content, Node, WIDTH, Wide};
+use crate::bvh::{Next, Tests};
+use crate::geometry::simd::Simd;
+use crate::geometry::{Hit, Ray, Tier};
+use box_ray::BoxRay;
+use leaf::hits_in_leaf;
+
+/// The closest hit. `FUSED` requires a direction without zeros.
+#[inline(always)]
+pub fn closest<T: Tier, S: Simd, const FUSED: bool>(
+    wide: &Wide<T>,
+    ray: &Ray,
+    stack: &mut Vec<(Child, f32)>,
+    tests: &mut Tests,
+) -> Option<Hit> {
+    S::run(
+        #[inline(always)]
+        || {
+            let mut best: Option<Hit> = None;
+            traverse::<T, S, FUSED, true>(
+                wide,
+                ray,
+                stack,
+                tests,
+                #[inline(always)]
+                |hit| {
+                    if !wide.is_better(ray, &hit, best.as_ref()) {
+                        return Next::Continue;
+                    }
+                    best = Some(hit);
+                    Next::Shorten(hit.t)
+                },
+            );
+            best
+        },
+    )
+}
+
+/// Whether the ray hits anything. `FUSED` requires a direction without zeros.
+#[inline(always)]
+pub fn occluded<T: Tier, S: Simd, const FUSED: bool>(
+    wide: &Wide<T>,
+    ray: &Ray,
+    stack: &mut Vec<(Child, f32)>,
+    tests: &mut Tests,
+) -> bool {
+    S::run(
+        #[inline(always)]
+        || {
+            let mut occluded = false;
+            traverse::<T, S, FUSED, false>(
+                wide,
+                ray,
+                stack,
+                tests,
+                #[inline(always)]
+                |_| {
+                    occluded = true;
+                    Next::Stop
+                },
+            );
+            occluded
+        },
+    )
+}
+
+/// Appends every hit, in no order; split triangles several times. `FUSED` requires a direction without zeros.
+#[inline(always)]
+pub fn all<T: Tier, S: Simd, const FUSED: bool>(
+    wide: &Wide<T>,
+    ray: &Ray,
+    hits: &mut Vec<Hit>,
+    stack: &mut Vec<(Child, f32)>,
+    tests: &mut Tests,
+) {
+    traverse::<T, S, FUSED, false>(wide, ray, stack, tests, |hit| {
+        hits.push(hit);
+        Next::Continue
+    });
+}
+
+/// Calls `found` with the hits of the ray until it returns [`Next::Stop`]; nearest boxes first if `NEAREST`.
+#[inline(always)]
+fn traverse<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
+    wide: &Wide<T>,
+    ray: &Ray,
+    stack: &mut Vec<(Child, f32)>,
+    tests: &mut Tests,
+    mut found: impl FnMut(Hit) -> Next,
+) {
+    if wide.nodes.is_empty() {
+        return;
+    }
+    let boxes = BoxRay::new(ray, FUSED);
+    let prepared = T::prepare(ray);
+    let mut t_max = boxes.prune_distance(ray.t_max);
+    // Every node on the path leaves at most seven children on the stack.
+    let room = wide.depth * WIDTH;
+    if stack.len() < room {
+        stack.resize(room, (Node::EMPTY.children[0], 0.0));
+    }
+    let stack = &mut stack[..];
+    let mut top = 0;
+    let mut node = &wide.nodes[0];
+    loop {
+        tests.nodes += 1;
+        let (mask, at) = boxes.enter::<S, FUSED>(node, t_max);
+        let mut next = push_children::<NEAREST>(node, mask, &at, stack, &mut top);
+        // Visits leaves up to the next node.
+        loop {
+            let child = match next.take() {
+                Some(child) => child,
+                None => loop {
+                    if top == 0 {
+                        return;
+                    }
+                    top -= 1;
+                    let (child, at) = stack[top];
+                    if !NEAREST || at <= t_max {
+                        break child;
+                    }
+                },
+            };
+            if let Content::Node(index) = child.content() {
+                node = &wide.nodes[index as usize];
+                break;
+            }
+            match hits_in_leaf::<T, S>(wide, ray, &prepared, child, tests, &mut found) {
+                Next::Stop => return,
+                Next::Shorten(t) => t_max = boxes.prune_distance(t),
+                Next::Continue => {}
+            }
+        }
+    }
+}
+
+/// Pushes the children in `mask`, the farthest first if `NEAREST`, except the nearest, which it returns. `at` are the
+/// entry distances.
+#[inline(always)]
+fn push_children<const NEAREST: bool>(
+    node: &Node,
+    mut mask: u32,
+    at: &[f32; WIDTH],
+    stack: &mut [(Child, f32)],
+    top: &mut usize,
+) -> Option<Child> {
+    if mask == 0 {
+        return None;
+    }
+    let place = mask.trailing_zeros() as usize % WIDTH;
+    mask &= mask - 1;
+    let (mut nearest, mut nearest_at) = (node.children[place], at[place]);
+    let first = *top;
+    while mask != 0 {
+        let place = mask.trailing_zeros() as usize % WIDTH;
+        mask &= mask - 1;
+        let mut item = (node.children[place], at[place]);
+        let mut j = *top;
+        if NEAREST {
+            if item.1 < nearest_at {
+                (nearest, nearest_at, item) = (item.0, item.1, (nearest, nearest_at));
+            }
+            while j > first && stack[j - 1].1 < item.1 {
+                stack[j] = stack[j - 1];
+                j -= 1;
+            }
+        }
+        stack[j] = item;
+        *top += 1;
+    }
+    Some(nearest)
+}

@@ -1,0 +1,111 @@
+//! The traversal for incoherent rays: [`STREAM_WIDTH`] rays in turns, one node or leaf each.
+//!
+//! A single ray waits for memory and for branches that cannot be predicted. Here the memory of a ray's next node or
+//! leaf is prefetched while the other rays take their turns, and the children of a node are sorted without branches
+//! ([`Simd::sort_entered`]). [`state`] has the rays in flight, their stacks, and the queues of rays by what they
+//! visit next.
+
+mod state;
+
+use super::layout::{Child, WIDTH, Wide};
+use super::single::leaf::hits_in_leaf;
+use crate::bvh::{Next, Tests};
+use crate::geometry::simd::Simd;
+use crate::geometry::{Hit, Ray, Tier};
+pub use state::Stacks;
+use state::{Queues, ROOM, STREAM_WIDTH, StreamRay};
+
+/// Whether the stacks have room for this tree.
+pub fn applies<T: Tier>(wide: &Wide<T>) -> bool {
+    !wide.nodes.is_empty() && (wide.depth + 2) * WIDTH <= ROOM
+}
+
+/// Calls `found` with the index of a ray and each of its hits, nearest boxes first, until it returns [`Next::Stop`]
+/// for that ray. Directions must have no zeros, and the tree must fulfil [`applies`].
+///
+/// One function, because `queues` and `next` must stay in registers between the steps.
+#[inline(always)]
+pub fn traverse<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    rays: &[Ray],
+    Stacks(stacks): &mut Stacks,
+    tests: &mut Tests,
+    mut found: impl FnMut(usize, Hit) -> Next,
+) {
+    let live = rays.len().min(STREAM_WIDTH);
+    if live == 0 {
+        return;
+    }
+    let mut queues = Queues::default();
+    let mut in_flight = [StreamRay::new::<T>(rays, 0, &mut stacks[0].items); STREAM_WIDTH];
+    for (index, state) in in_flight.iter_mut().enumerate().take(live) {
+        *state = StreamRay::new::<T>(rays, index, &mut stacks[index].items);
+        queues.push(index, state.child);
+    }
+    let mut next = live;
+    loop {
+        // 1. Nodes: the entered children go to the stacks.
+        let (ready, len) = queues.take(Child::KIND_NODE);
+        tests.nodes += len as u64;
+        for &index in &ready[..len] {
+            let index = usize::from(index) % STREAM_WIDTH;
+            let (state, stack) = (&mut in_flight[index], &mut stacks[index].items);
+            let node = &wide.nodes[state.child.index()];
+            let (enter, leave) = state.boxes.span::<S, true>(node, state.t_max);
+            debug_assert!(state.top < ROOM);
+            let top = state.top % ROOM;
+            let Some(to) = stack[top..top + WIDTH].first_chunk_mut() else { unreachable!("there is room") };
+            state.top += S::sort_entered(enter, leave, Child::bits(&node.children), to);
+        }
+        // In a second loop, because reading what was just stored in parts stalls.
+        for &index in &ready[..len] {
+            let index = usize::from(index) % STREAM_WIDTH;
+            let (state, stack) = (&mut in_flight[index], &mut stacks[index].items);
+            state.pop(stack);
+            prefetch::<T, S>(wide, state.child);
+            queues.push(index, state.child);
+        }
+        // 2. Leaves.
+        for kind in [Child::KIND_TRIANGLES, Child::KIND_SPHERES] {
+            let (ready, len) = queues.take(kind);
+            for &index in &ready[..len] {
+                let index = usize::from(index) % STREAM_WIDTH;
+                let (state, stack) = (&mut in_flight[index], &mut stacks[index].items);
+                let ray = state.ray;
+                let after = hits_in_leaf::<T, S>(
+                    wide,
+                    &rays[ray],
+                    &state.prepared,
+                    state.child,
+                    tests,
+                    #[inline(always)]
+                    |hit| found(ray, hit),
+                );
+                match after {
+                    Next::Stop => state.top = 1,
+                    Next::Shorten(t) => state.t_max = state.boxes.prune_distance(t),
+                    Next::Continue => {}
+                }
+                state.pop(stack);
+                prefetch::<T, S>(wide, state.child);
+                queues.push(index, state.child);
+            }
+        }
+        // 3. Finished rays are replaced by the next ones.
+        let (ready, len) = queues.take(Child::KIND_NOTHING);
+        for &index in ready[..len].iter().take(rays.len() - next) {
+            let index = usize::from(index) % STREAM_WIDTH;
+            in_flight[index] = StreamRay::new::<T>(rays, next, &mut stacks[index].items);
+            queues.push(index, in_flight[index].child);
+            next += 1;
+        }
+        if queues.is_empty() {
+            return;
+        }
+    }
+}
+
+#[inline(always)]
+fn prefetch<T: Tier, S: Simd>(wide: &Wide<T>, child: Child) {
+    S::prefetch(&wide.nodes, &wide.triangles, child.is_leaf(), child.index());
+}

@@ -1,0 +1,118 @@
+//! The state of a stream: rays in flight, their stacks, and the queues of rays by the kind of their next visit.
+
+use crate::bvh::wide::layout::{Child, WIDTH};
+use crate::bvh::wide::single::box_ray::BoxRay;
+use crate::geometry::{Ray, Tier};
+
+/// Rays in flight.
+pub const STREAM_WIDTH: usize = 32;
+
+/// Elements per stack. Every node on a path leaves at most seven children; deeper trees are traversed by single rays.
+pub const ROOM: usize = 256;
+
+/// One traversal stack per ray in flight. An element has a [`Child`] in its lower half and the bits of its entry
+/// distance in its upper half; positive f32 are ordered as their bits. The bottom element is [`Child::NOTHING`].
+pub struct Stacks(pub Box<[Stack; STREAM_WIDTH]>);
+
+/// With room for a whole vector above any top.
+type Items = [u64; ROOM + WIDTH];
+
+/// The stack of one ray.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub struct Stack {
+    /// The padding also puts the bottoms of the stacks, nearly all that is used, into different cache sets.
+    pub items: Items,
+}
+
+impl Default for Stacks {
+    fn default() -> Self {
+        let stacks = vec![Stack { items: [0; ROOM + WIDTH] }; STREAM_WIDTH];
+        Stacks(stacks.try_into().unwrap_or_else(|_| unreachable!("as many as rays in flight")))
+    }
+}
+
+/// A ray in flight.
+#[derive(Clone, Copy)]
+pub struct StreamRay<P: Copy> {
+    pub boxes: BoxRay,
+    pub prepared: P,
+    /// The index of the ray.
+    pub ray: usize,
+    /// The height of its stack.
+    pub top: usize,
+    /// Boxes beyond this distance are not entered.
+    pub t_max: f32,
+    /// The node or leaf that it visits next.
+    pub child: Child,
+}
+
+impl<P: Copy> StreamRay<P> {
+    /// A ray at the root.
+    #[inline(always)]
+    pub fn new<T: Tier<Prepared = P>>(rays: &[Ray], index: usize, stack: &mut Items) -> Self {
+        let ray = &rays[index];
+        let boxes = BoxRay::new(ray, true);
+        stack[0] = u64::from(Child::NOTHING.as_bits());
+        StreamRay {
+            t_max: boxes.prune_distance(ray.t_max),
+            boxes,
+            prepared: T::prepare(ray),
+            ray: index,
+            top: 1,
+            child: Child::node(0),
+        }
+    }
+
+    /// Pops the next child that is entered before `t_max`.
+    #[inline(always)]
+    pub fn pop(&mut self, stack: &Items) {
+        let mut top = self.top - 1;
+        let mut item = stack[top % ROOM];
+        while (item >> 32) as u32 > self.t_max.to_bits() {
+            top -= 1;
+            item = stack[top % ROOM];
+        }
+        (self.top, self.child) = (top, Child::of_bits(item as u32));
+    }
+}
+
+/// One queue of rays for each kind of [`Child`].
+#[derive(Default)]
+pub struct Queues {
+    rays: [[u8; STREAM_WIDTH]; Child::KINDS],
+    /// The lengths, 16 bits for each kind, in one register: in memory, every push would wait for the one before,
+    /// because the processor cannot predict which length is written.
+    lengths: u64,
+}
+
+impl Queues {
+    const BITS: usize = u64::BITS as usize / Child::KINDS;
+
+    /// Whether no ray waits.
+    #[inline(always)]
+    pub fn is_empty(&self) -> bool {
+        self.lengths == 0
+    }
+
+    /// Appends a ray to the queue of its next child. Without a branch, which would be mispredicted.
+    #[inline(always)]
+    pub fn push(&mut self, ray: usize, child: Child) {
+        let kind = child.kind();
+        self.rays[kind][self.len(kind) % STREAM_WIDTH] = ray as u8;
+        self.lengths += 1 << (kind * Self::BITS);
+    }
+
+    #[inline(always)]
+    fn len(&self, kind: usize) -> usize {
+        (self.lengths >> (kind * Self::BITS)) as u16 as usize
+    }
+
+    /// Empties a queue and returns its rays and their number.
+    #[inline(always)]
+    pub fn take(&mut self, kind: usize) -> ([u8; STREAM_WIDTH], usize) {
+        let len = self.len(kind);
+        self.lengths -= (len as u64) << (kind * Self::BITS);
+        (self.rays[kind], len)
+    }
+}

@@ -1,0 +1,114 @@
+//! Four rays, four triangles and their four hits as structures of arrays: the operands of the four-wide primitive
+//! tests.
+//!
+//! The tests themselves are in [`super::woop4`] and [`super::sphere`]; the traversals of `bvh/wide` call them through
+//! [`Tier`](super::Tier).
+
+use super::simd::Simd;
+use super::{Corner, Hit, PrimId, Ray, SlotId};
+
+/// Lanes of [`Ray4`], [`Triangle4`] and [`Hit4`].
+pub const LANES4: usize = 4;
+
+/// All four lanes, as bits.
+pub const MASK4: u32 = (1 << LANES4) - 1;
+
+/// Four rays.
+pub struct Ray4<S: Simd> {
+    /// See [`Ray::origin`].
+    pub origin: [S::D4; 3],
+    /// See [`Ray::direction`].
+    pub direction: [S::D4; 3],
+    /// See [`Ray::t_min`].
+    pub t_min: S::D4,
+    /// See [`Ray::t_max`].
+    pub t_max: S::D4,
+}
+
+impl<S: Simd> Ray4<S> {
+    /// Four rays of `rays` from index `first` on. Lanes beyond the end repeat the last ray.
+    ///
+    /// # Panics
+    /// If `rays` is empty.
+    #[inline(always)]
+    pub fn new(rays: &[Ray], first: usize) -> Self {
+        let last = rays.len() - 1;
+        let halves = |lane: usize| {
+            let [low, high]: [[f64; 4]; 2] = bytemuck::cast(rays[(first + lane).min(last)]);
+            (S::d4(low), S::d4(high))
+        };
+        let [a, b, c, d] = [halves(0), halves(1), halves(2), halves(3)];
+        let [ox, oy, oz, dx] = S::d4_transposed([a.0, b.0, c.0, d.0]);
+        let [dy, dz, t_min, t_max] = S::d4_transposed([a.1, b.1, c.1, d.1]);
+        Ray4 { origin: [ox, oy, oz], direction: [dx, dy, dz], t_min, t_max }
+    }
+}
+
+/// Up to four triangles: `corners[k][axis][lane]`. Coordinates of empty lanes are NaN, which no ray hits.
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+pub struct Triangle4<C: Corner> {
+    /// First, second and third corners.
+    pub corners: [[[C::Scalar; LANES4]; 3]; 3],
+}
+
+impl<C: Corner> Triangle4<C> {
+    /// Four empty lanes.
+    pub const EMPTY: Self = Triangle4 { corners: [[[C::NAN; LANES4]; 3]; 3] };
+
+    /// Writes a triangle to a lane, or empties the lane.
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, triangle: Option<&[C; 3]>) {
+        for k in 0..3 {
+            let [x, y, z] = triangle.map_or([C::NAN; 3], |corners| corners[k].to_array());
+            let corner = &mut self.corners[k];
+            (corner[0][lane], corner[1][lane], corner[2][lane]) = (x, y, z);
+        }
+    }
+
+    /// The triangle in a lane.
+    #[inline(always)]
+    pub fn triangle(&self, lane: usize) -> [C; 3] {
+        [self.corner(0, lane), self.corner(1, lane), self.corner(2, lane)]
+    }
+
+    /// The corners in a lane, converted to f64.
+    #[inline(always)]
+    pub fn corners_f64(&self, lane: usize) -> [[f64; 3]; 3] {
+        let [a, b, c] = self.triangle(lane);
+        [a.to_dvec3().to_array(), b.to_dvec3().to_array(), c.to_dvec3().to_array()]
+    }
+
+    // Without `array::map`, which is not always inlined.
+    #[inline(always)]
+    fn corner(&self, k: usize, lane: usize) -> C {
+        let [x, y, z] = &self.corners[k];
+        C::from_array([x[lane], y[lane], z[lane]])
+    }
+}
+
+/// The hits of four ray-primitive pairs. Masks have one bit per lane.
+#[derive(Clone, Copy)]
+pub struct Hit4 {
+    /// Lanes that hit.
+    pub hit: u32,
+    /// Lanes that must be tested again by the tier's test for one ray.
+    pub undecided: u32,
+    /// Distances.
+    pub t: [f64; LANES4],
+    /// Barycentric coordinates of the second and third corner.
+    pub weights: [[f64; LANES4]; 2],
+}
+
+impl Hit4 {
+    /// Four misses.
+    pub const NONE: Hit4 = Hit4 { hit: 0, undecided: 0, t: [0.0; LANES4], weights: [[0.0; LANES4]; 2] };
+    /// Four undecided lanes: the result of tiers without a four-wide test.
+    pub const UNDECIDED: Hit4 = Hit4 { undecided: MASK4, ..Hit4::NONE };
+
+    /// The hit in a lane, on primitive `prim` in `slot`.
+    #[inline(always)]
+    pub fn at(&self, lane: usize, prim: PrimId, slot: SlotId) -> Hit {
+        Hit { t: self.t[lane], prim, slot, weights: [self.weights[0][lane], self.weights[1][lane]] }
+    }
+}
