@@ -18,7 +18,7 @@ use crate::film::{Share, TILE};
 use crate::import;
 use crate::job::metadata::fingerprint_of;
 use crate::job::{Metadata, RenderJob, RenderSettings};
-use crate::render::aov::Wanted;
+use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
 use clap::Args;
 
@@ -113,7 +113,7 @@ pub struct Pictures {
     pub names: FileNames,
     pub format: Format,
     /// What else is kept of each pixel.
-    pub wanted: Wanted,
+    pub wanted: AovSelection,
     /// The names of what else is kept.
     pub layers: Vec<String>,
     /// The frames that are this process's.
