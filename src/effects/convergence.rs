@@ -166,7 +166,7 @@ const WEIGHT: f64 = 10.0;
 /// large n, and twice that for both sides. With n stratified samples and a part within one stratum it is the integral of
 /// (h a)^2 (1 - n a), which is h^2 / (12 n^3), and twice that. A line that crosses a square of three by three pixels crosses the
 /// middle one with probability 1/3 (Cauchy and Crofton), and `around` is then about 0.4 h^2. So the factor of `around` / n^3 is 0.14
-/// to 3.3 on average. [`WEIGHT`] is larger because a missed edge costs more than additional samples. Measurements:
+/// to 3.3 on average. `WEIGHT` is larger because a missed edge costs more than additional samples. Measurements:
 /// docs/decisions.md.
 pub fn missed_variance(around: Vec4, taken: u32) -> DVec3 {
     around.truncate().as_dvec3() * (WEIGHT / f64::from(taken).powi(3))

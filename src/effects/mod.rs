@@ -3,7 +3,7 @@
 //! A picture is rendered by a list of [`Stage`]s over ray buffers (see [`tile::Tile`]). [`Plan::new`] makes the list from what
 //! the scene calls for. An effect that nothing calls for has no stage, casts no ray and holds no memory.
 //!
-//! Each effect has one file and one line in [`registry!`], which makes [`EFFECTS`]. Its file states what calls for it, what it
+//! Each effect has one file and one line in `registry!`, which makes [`EFFECTS`]. Its file states what calls for it, what it
 //! changes in the [`PlanSpec`], its stages at the [`Hook`]s, its ray kinds, and its buffers, which are kept in the tile by
 //! [`tile::Tile::with_buffers`] and so exist only where the effect runs. A build without an effect:
 //! `RUSTFLAGS='--cfg kiln_without="glaze"'`.

@@ -1,6 +1,6 @@
 //! Rendering: tiles in parallel, each through the stages of the plan.
 //!
-//! [`render_tile`] takes a tile from rays to pixels. A pixel depends on its own rays alone, so the picture has the same bits for any
+//! `render_tile` takes a tile from rays to pixels. A pixel depends on its own rays alone, so the picture has the same bits for any
 //! number of threads, any order of tiles and any crop.
 
 pub mod aov;

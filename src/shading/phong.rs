@@ -58,7 +58,7 @@ fn highlight_cosine(sample: &LightSample, normal: DVec3, view: DVec3) -> f64 {
     mirrored.dot(view).clamp(0.0, 1.0)
 }
 
-/// Temporary buffers of [`shade_all`].
+/// Temporary buffers of [`super::shade_all`].
 pub struct Scratch {
     /// `(R.V)^n`.
     power: [f64; RAYS_PER_BATCH],
