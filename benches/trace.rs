@@ -19,7 +19,7 @@ use kiln::geometry::{Numerics, Precision, PrimId, Ray, SlotId};
 use kiln::render::{RenderControl, render};
 use kiln::scene::{MaterialId, Mesh, Object, Scene, Shape};
 use kiln::shading::LightSample;
-use kiln::world::{StandardView, Surface, View, World, fitted_camera, headlight};
+use kiln::world::{StandardView, SurfaceInteraction, View, World, fitted_camera, headlight};
 
 const SIZE: [u32; 2] = [512, 512];
 
@@ -75,10 +75,13 @@ fn rays(world: &World, view: &View) -> Rays {
     let primary: Vec<Ray> = pixels.map(|(x, y)| view.ray(x, y, Precision::Double)).collect();
     let mut hits = Vec::new();
     world.accelerator.closest_hits(&primary, &mut hits, &mut Traversal::default());
-    let surfaces: Vec<Surface> =
-        primary.iter().zip(&hits).filter_map(|(ray, hit)| Some(world.surface(ray, hit.as_ref()?))).collect();
-    let origin = |s: &Surface| s.point.origin_towards(s.geometric_normal, Numerics::Watertight);
-    let to_light = |s: &Surface| {
+    let surfaces: Vec<SurfaceInteraction> = primary
+        .iter()
+        .zip(&hits)
+        .filter_map(|(ray, hit)| Some(world.interaction(ray, hit.as_ref()?)))
+        .collect();
+    let origin = |s: &SurfaceInteraction| s.point.origin_towards(s.geometric_normal, Numerics::Watertight);
+    let to_light = |s: &SurfaceInteraction| {
         let light = LightSample::new(world.lights.first()?, s, false)?;
         Some(shadow_ray(origin(s), &light, Numerics::Watertight))
     };

@@ -1,17 +1,17 @@
-//! Lists of frames as people and render farms write them, and the names of the files that frames go to.
+//! Frame lists as users and render farms write them, and the names of numbered files.
 //!
-//! Schedulers pass their own range text on: Open Job Description `1-10:2`, Deadline and Qube `1-10x2`, Blender `1..10`. All
-//! are understood, so that nobody has to translate.
+//! Schedulers pass their own range syntax on: Open Job Description `1-10:2`, Deadline and Qube `1-10x2`, Blender `1..10`. All are
+//! accepted.
 
 use std::collections::HashSet;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// The most frames that a list may have: nine hours at 30 a second. A slip of the finger should not fill the memory.
+/// The most frames of a list, nine hours at 30 frames a second: bounds the memory that a mistyped list takes.
 const MOST_FRAMES: u64 = 1_000_000;
 
-/// Frames in the order in which they were asked for, each once.
+/// Frame numbers without duplicates, in the order in which they were given.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FrameList(Vec<i32>);
 
@@ -30,9 +30,8 @@ impl FrameList {
 impl FromStr for FrameList {
     type Err = String;
 
-    /// Reads `1-10`, `1..10`, `1-10:2`, `1-10x2`, `3,7,9-12`: items between commas or blanks. Numbers may be negative, ranges
-    /// descending; a range has its first frame, and its last one where the step meets it. A frame named twice stands where it
-    /// was named first.
+    /// Parses `1-10`, `1..10`, `1-10:2`, `1-10x2`, `3,7,9-12`: items separated by commas or blanks. Numbers may be negative and ranges
+    /// descending. A range contains its last frame if the step meets it. A frame given twice keeps its first position.
     ///
     /// # Errors
     /// One line that says which item is wrong, and why.
@@ -41,7 +40,7 @@ impl FromStr for FrameList {
         let mut seen = HashSet::new();
         let joined = join_operators(text);
         for item in joined.split(|c: char| c == ',' || c.is_whitespace()).filter(|item| !item.is_empty()) {
-            let range = Range::parse(item)?;
+            let range = FrameRange::parse(item)?;
             if range.count() + frames.len() as u64 > MOST_FRAMES {
                 return Err(format!("`{item}` makes more than {MOST_FRAMES} frames"));
             }
@@ -54,7 +53,7 @@ impl FromStr for FrameList {
     }
 }
 
-/// The list in its shortest usual form: what [`FrameList::from_str`] reads back as the same list.
+/// A short form of the list, which [`FrameList::from_str`] parses to the same list.
 impl fmt::Display for FrameList {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut rest = self.0.as_slice();
@@ -78,7 +77,7 @@ impl fmt::Display for FrameList {
     }
 }
 
-/// Takes away the blanks around operators, so that `1 - 10 : 2` is one item; `3 -2` stays two.
+/// Removes the blanks around operators, so that `1 - 10 : 2` is one item; `3 -2` stays two.
 fn join_operators(text: &str) -> String {
     let words: Vec<&str> = text.split_whitespace().collect();
     let mut joined = String::new();
@@ -94,19 +93,19 @@ fn join_operators(text: &str) -> String {
 }
 
 /// A range of frames, or a single one.
-struct Range {
+struct FrameRange {
     first: i32,
     last: i32,
     step: u32,
 }
 
-impl Range {
+impl FrameRange {
     fn parse(item: &str) -> Result<Self, String> {
         let (span, step) = match item.find([':', 'x', 'X']) {
             Some(at) => (&item[..at], Some(&item[at + 1..])),
             None => (item, None),
         };
-        // A sign at the start is a number's own.
+        // A dash at the start is a sign.
         let split = match span.find("..") {
             Some(at) => Some((&span[..at], &span[at + 2..])),
             None => {
@@ -137,7 +136,7 @@ impl Range {
                 step.unsigned_abs()
             }
         };
-        Ok(Range { first, last, step })
+        Ok(FrameRange { first, last, step })
     }
 
     fn count(&self) -> u64 {
@@ -147,32 +146,31 @@ impl Range {
     fn frames(&self) -> impl Iterator<Item = i32> + use<> {
         let (first, step) = (i64::from(self.first), i64::from(self.step));
         let sign = if self.last < self.first { -1 } else { 1 };
-        // Between first and last, so it fits.
+        // Between first and last, so it fits into i32.
         (0..self.count() as i64).map(move |i| (first + sign * i * step) as i32)
     }
 }
 
-/// The names of a series of files: `frame_####.png` or `frame_%04d.png`.
+/// The names of numbered files: `frame_####.png` or `frame_%04d.png`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileNames {
     folder: PathBuf,
     before: String,
     after: String,
-    /// How wide the number is at least; `None` where it is not in the name.
+    /// The minimum width of the number; `None` for a name without number.
     width: Option<usize>,
 }
 
 impl FileNames {
-    /// The series that a name stands for: one run of `#`, or one `%d` or `%04d`, in its last part. `None` for the name of a single
-    /// file.
+    /// Parses a name with one run of `#`, or one `%d` or `%04d`, in its last component. `None` for a name without.
     ///
     /// # Errors
-    /// One line, where there are several places for the number.
+    /// One line, for a name with several placeholders.
     pub fn parse(name: &Path) -> Result<Option<Self>, String> {
         let Some(file) = name.file_name().and_then(|file| file.to_str()) else { return Ok(None) };
-        let mut places = places(file);
-        let Some((start, end, width)) = places.pop() else { return Ok(None) };
-        if !places.is_empty() {
+        let mut placeholders = placeholders(file);
+        let Some((start, end, width)) = placeholders.pop() else { return Ok(None) };
+        if !placeholders.is_empty() {
             return Err(format!("{}: several places for the number of the frame", name.display()));
         }
         Ok(Some(FileNames {
@@ -183,15 +181,15 @@ impl FileNames {
         }))
     }
 
-    /// The one name of a single frame.
+    /// The name of a single file, the same for every frame.
     pub fn single(name: &Path) -> Self {
         let file = name.file_name().map(|file| file.to_string_lossy().into_owned());
         let folder = name.parent().map(Path::to_owned).unwrap_or_default();
         FileNames { folder, before: file.unwrap_or_default(), after: String::new(), width: None }
     }
 
-    /// The file of a frame. As C's `%04d` has it: filled up with zeros to the width, the sign counting; numbers that are wider
-    /// are written whole.
+    /// The file of a frame. As with C's `%04d`, the number is padded with zeros to the width including the sign; wider numbers are
+    /// written in full.
     pub fn of(&self, frame: i32) -> PathBuf {
         let FileNames { folder, before, after, width } = self;
         match width {
@@ -201,10 +199,10 @@ impl FileNames {
     }
 }
 
-/// Where a file's name has room for a number: start, end, width.
-fn places(file: &str) -> Vec<(usize, usize, usize)> {
+/// The placeholders of a file name: start, end, width.
+fn placeholders(file: &str) -> Vec<(usize, usize, usize)> {
     let bytes = file.as_bytes();
-    let mut places = Vec::new();
+    let mut found = Vec::new();
     let mut at = 0;
     while at < bytes.len() {
         let run = |from: usize, is: fn(u8) -> bool| bytes[from..].iter().take_while(|&&b| is(b)).count();
@@ -212,20 +210,20 @@ fn places(file: &str) -> Vec<(usize, usize, usize)> {
         let digits = if bytes[at] == b'%' { run(at + 1, |b| b.is_ascii_digit()) } else { 0 };
         let end = at + 1 + digits;
         if hashes > 0 {
-            places.push((at, at + hashes, hashes));
+            found.push((at, at + hashes, hashes));
             at += hashes;
         } else if bytes[at] == b'%' && bytes.get(end) == Some(&b'd') {
-            // Anything else, such as `100%`, is a name like any other.
+            // Other uses of `%`, as in `100%`, are literal.
             let width = &file[at + 1..end];
             if width.is_empty() || (width.starts_with('0') && width.len() <= 3) {
-                places.push((at, end + 1, width.parse().unwrap_or(0)));
+                found.push((at, end + 1, width.parse().unwrap_or(0)));
             }
             at = end + 1;
         } else {
             at += 1;
         }
     }
-    places
+    found
 }
 
 #[cfg(test)]
@@ -328,7 +326,7 @@ mod tests {
             }
         }
 
-        /// No text is too odd for an answer, and an error is one line.
+        /// No input panics, and an error is one line.
         #[test]
         fn no_text_panics(text in "[-0-9:x., a#.]{0,20}|\\PC{0,12}") {
             if let Err(message) = text.parse::<FrameList>() {

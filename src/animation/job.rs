@@ -1,4 +1,4 @@
-//! An animation as render jobs: one for each frame that is asked for.
+//! An animation as render jobs, one per frame.
 
 use std::sync::Arc;
 
@@ -15,17 +15,17 @@ use crate::scene::animation::Timeline;
 use crate::scene::{Camera, Scene};
 use crate::world::StandardView;
 
-/// Which frames of an animation are asked for, and how long it is.
+/// The frames of an animation to render, and its timing.
 pub struct FrameRequest<'a> {
-    /// Frames a second, instead of the scene's.
+    /// Frames per second; `None` for the scene's.
     pub fps: Option<f64>,
-    /// Seconds from beginning to end, instead of the scene's.
+    /// The duration in seconds; `None` for the scene's.
     pub duration: Option<f64>,
-    /// The frames; all of the animation's where this is `None`.
+    /// The frames; `None` for all.
     pub list: Option<&'a FrameList>,
-    /// The share of them to make.
+    /// The share of the frames to render.
     pub share: Share,
-    /// Whether a frame with this metadata need not be made, because it is there.
+    /// Whether a frame with this metadata exists already and is skipped.
     pub is_there: &'a (dyn Fn(i32, &Metadata) -> bool + Sync),
 }
 
@@ -36,19 +36,19 @@ impl<'a> FrameRequest<'a> {
     }
 }
 
-/// An animation of which any frame can be made.
+/// An animation prepared for rendering.
 pub struct AnimationJob {
-    /// `None` where no frame is to be made.
+    /// `None` where no frame is to be rendered.
     animation: Option<PreparedAnimation>,
     /// Frames and times.
     pub timeline: Timeline,
-    /// The frames to make, in order.
+    /// The frames to render, in order.
     pub frames: Vec<i32>,
-    /// How many frames are there already.
+    /// The number of frames that were skipped.
     pub skipped: usize,
-    /// How many effects the first frame has on. A light that is dark at first may add to them.
+    /// The number of effects that are on in the first frame. A light that is dark at first may add to them.
     pub effects_on: usize,
-    /// What all frames have in common. Its scene is empty: that is in `animation`.
+    /// The settings that all frames share. Its scene is empty; `animation` has it.
     pub resolved: ResolvedJob,
 }
 
@@ -87,7 +87,7 @@ impl AnimationJob {
         let mut resolved = job::resolve_for(scene, None, camera.clone(), size, settings)?;
         let mine = list.frames().iter().enumerate().filter(|(place, _)| request.share.has(*place));
         let mine: Vec<i32> = mine.map(|(_, &frame)| frame).collect();
-        // Checking a file takes reading it to its end.
+        // In parallel, since checking a file reads all of it.
         let to_do = mine.par_iter().filter(|&&frame| !(request.is_there)(frame, &resolved.metadata));
         let frames: Vec<i32> = to_do.copied().collect();
         let skipped = mine.len() - frames.len();
@@ -108,30 +108,30 @@ impl AnimationJob {
         // Errors and warnings of the first frame come before any is rendered.
         let first = made.frame(first)?;
         made.effects_on = first.plan.effects_on().count();
-        job::warn_of_range(first.range.as_ref(), warnings);
+        job::warn_of_recentering(first.recentering.as_ref(), warnings);
         job::warn_of_job(&first, warnings);
         Ok(made)
     }
 
-    /// The job of a frame: the same, to the bit, whichever other frames are made.
+    /// The render job of a frame. It does not depend on which other frames are rendered.
     ///
     /// # Errors
-    /// [`Error::Input`] where a track comes to what cannot be, and those of [`RenderJob::new`].
+    /// [`Error::Input`] where a track takes a property out of its range, and those of [`RenderJob::new`].
     pub fn frame(&self, frame: i32) -> Result<RenderJob> {
         let Some(animation) = &self.animation else {
             return Err(Error::Failed { what: "no frame is to be made".into(), hint: String::new() });
         };
-        let FrameWorld { world, camera, range, .. } = animation.at(self.timeline.time(frame))?;
+        let FrameWorld { world, camera, recentering, .. } = animation.at(self.timeline.time(frame))?;
         let ResolvedJob { camera: resolved, size, window, share, choices, metadata, .. } = &self.resolved;
         let camera = Camera { projection: resolved.projection, ..camera };
-        let job = RenderJob::new(Arc::clone(&world), range, camera, *size, choices.clone())?;
+        let job = RenderJob::new(Arc::clone(&world), recentering, camera, *size, choices.clone())?;
         let mut metadata = metadata.clone();
         metadata.push((FRAME.to_owned(), frame.to_string()));
         Ok(RenderJob { window: *window, share: *share, metadata, ..job })
     }
 }
 
-/// The camera and the size of the frames. A scene in which nothing moves becomes a turntable.
+/// The camera and the size of the frames. A scene without animation becomes a turntable.
 fn camera_and_size(scene: &mut Scene, settings: &RenderSettings) -> Result<(Camera, [u32; 2])> {
     let viewpoint = Viewpoint::of(&settings.camera, scene, None)?;
     let size = viewpoint.size(settings, scene);

@@ -1,16 +1,16 @@
-//! Animation: which frames there are, what the scene is in each of them, and films of them.
+//! Animation: frame lists, the scene of each frame, and videos.
 //!
-//! A frame is a [`Scene`](crate::scene::Scene) like any other, made from the description for a time, and from nothing
-//! else: rendered alone it has the same bits as in a run of all. So a farm may deal frames out as it likes.
+//! A frame is a [`Scene`](crate::scene::Scene) computed from the description and the time alone. Rendered by itself it has the same
+//! bits as in a run of all frames, so a render farm may distribute frames in any way.
 
 pub mod frames;
 mod job;
-pub mod moving;
 mod order;
 mod prepared;
+pub mod video;
 
 pub use frames::{FileNames, FrameList};
 pub use job::{AnimationJob, FrameRequest};
-pub use moving::{Form, Outline, Prepared, Quality, Recorder};
 pub use order::in_order;
 pub use prepared::{FrameWorld, PreparedAnimation, turntable};
+pub use video::{FrameData, Quality, VideoFormat, VideoSpec, VideoWriter};

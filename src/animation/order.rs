@@ -1,4 +1,4 @@
-//! Frames in parallel, taken in their order.
+//! Frames made in parallel and consumed in order.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,12 +6,11 @@ use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
 
 use crate::error::{Error, Result};
 
-/// Makes every frame of `frames` on the pool, `in_flight` at once and no more, and hands them to `take` in order, on a thread
-/// beside the pool's. Frames wait no longer for each other than memory asks: one that is made holds its place until it is
-/// taken. What fails first ends it all.
+/// Calls `make` for every frame on the pool, and `take` with the results in order, on a thread outside the pool. At most
+/// `in_flight` frames are being made or wait to be taken. The first error ends the run.
 ///
 /// # Errors
-/// That of the first frame that failed to be made or taken; [`Error::Interrupted`] once `cancel` is set.
+/// The error of the first frame that could not be made or taken; [`Error::Interrupted`] once `cancel` is set.
 pub fn in_order<T: Send>(
     pool: &rayon::ThreadPool,
     frames: &[i32],
@@ -21,7 +20,7 @@ pub fn in_order<T: Send>(
     take: &mut (dyn FnMut(i32, T) -> Result<()> + Send),
 ) -> Result<()> {
     let (made, arriving) = channel::<(usize, Result<T>)>();
-    // As many permits as frames may be in flight; `take` gives them back.
+    // One permit per frame in flight; it is returned when the frame was taken.
     let (returned, permits) = sync_channel::<()>(in_flight.max(1));
     let give_back = returned.clone();
     (0..in_flight.max(1)).for_each(|_| {
@@ -30,9 +29,9 @@ pub fn in_order<T: Send>(
     drop(returned);
     std::thread::scope(|threads| {
         let taker = threads.spawn(move || {
-            taken(frames, &arriving, &mut |frame, work| {
+            take_in_order(frames, &arriving, &mut |frame, work| {
                 take(frame, work)?;
-                // Nobody waits for it at the end.
+                // Fails at the end, when no frame waits for a permit.
                 let _ = give_back.try_send(());
                 Ok(())
             })
@@ -43,7 +42,7 @@ pub fn in_order<T: Send>(
     })
 }
 
-/// Starts a frame whenever there is a permit, until there are no more frames or nobody takes them.
+/// Starts a frame for each permit, until all are started, `take` has failed, or `cancel` is set.
 fn dispatch<'a, T: Send + 'a>(
     scope: &rayon::Scope<'a>,
     frames: &'a [i32],
@@ -58,16 +57,16 @@ fn dispatch<'a, T: Send + 'a>(
         }
         let made = made.clone();
         scope.spawn(move |_| {
-            // Whoever would take it may have failed.
+            // Fails where `take` has failed.
             let _ = made.send((index, make(frame)));
         });
     }
-    // Taking ends when nobody makes any more.
+    // The receiver ends when all senders are dropped.
     drop(made);
 }
 
-/// Takes frames as they arrive, those that are early later.
-fn taken<T>(
+/// Takes arriving frames in order; those that arrive early wait.
+fn take_in_order<T>(
     frames: &[i32],
     arriving: &Receiver<(usize, Result<T>)>,
     take: &mut dyn FnMut(i32, T) -> Result<()>,
@@ -148,7 +147,7 @@ mod tests {
             Ok(())
         };
         let make = |_| Ok(());
-        // Set at the fourth, unset by the next ones: frames in flight are still taken.
+        // Set at the last of four frames.
         let result = in_order(&pool(), &frames[..4], 1, &cancel, &make, &mut take);
         assert_eq!(result, Err(Error::Interrupted));
     }

@@ -1,7 +1,7 @@
-//! An animation prepared once, and the scene at any of its times.
+//! An animation prepared once, and the prepared scene at any time.
 //!
-//! What does not move is shared by all frames: images always, the acceleration structure where only cameras and lights move. Where
-//! objects move, each frame's structure is built anew: refitting wants a structure of its own for each frame in flight and traces worse.
+//! All frames share the images, and the acceleration structure where only cameras and lights move. Where objects move, each frame
+//! builds its own: refitting would need a structure per frame in flight as well, and gives a tree that is slower to traverse.
 
 use std::sync::Arc;
 
@@ -10,44 +10,44 @@ use crate::error::Result;
 use crate::film::ColourPipeline;
 use crate::scene::animation::{Motion, Property, Target, Track};
 use crate::scene::{Animation, Camera, Numerics, Projection, Scene};
-use crate::world::{Range, StandardView, World, bring_into_range, headlight, turntable_camera};
+use crate::world::{Recentering, StandardView, World, headlight, recenter, turntable_camera};
 
-/// Seconds of a turntable, and frames a second, where nothing says otherwise.
+/// The default duration of a turntable in seconds, and its frames per second.
 const TURNTABLE: (f64, f64) = (10.0, 30.0);
 
-/// An animation with all that its frames share.
+/// An animation with everything its frames share.
 pub struct PreparedAnimation {
-    /// The description; without its objects where they stand still, for they are in the world.
+    /// The description. Without objects where none moves: `world` has them.
     scene: Scene,
-    /// Index of the camera.
+    /// The index of the camera.
     camera: usize,
-    /// Whether the camera brings a light, because the scene has none.
+    /// Whether a headlight follows the camera.
     headlight: bool,
     world: World,
-    /// How the scene was moved where its objects stand still.
-    range: Option<Range>,
-    /// What is built for objects that move; `None` where none does.
+    /// How `world` was recentered.
+    recentering: Option<Recentering>,
+    /// The structure to build for each frame; `None` where no object moves.
     structure: Option<Layout>,
 }
 
-/// What there is at a time.
+/// The prepared scene at a time.
 pub struct FrameWorld {
-    /// The scene, prepared.
+    /// The prepared scene.
     pub world: Arc<World>,
-    /// What it is seen by.
+    /// The camera.
     pub camera: Camera,
-    /// All the scene's cameras, and that one where it is another.
+    /// All cameras of the scene, and `camera` if it is none of them.
     pub cameras: Vec<Camera>,
-    /// How the scene was moved before it was prepared.
-    pub range: Option<Range>,
+    /// How the scene was recentered.
+    pub recentering: Option<Recentering>,
 }
 
 impl PreparedAnimation {
-    /// Prepares what all frames share. `camera` is what the frames are seen by, as it is described: one of the scene's or
-    /// another. `headlight` says whether a scene without lights is given one that goes with the camera.
+    /// Prepares what all frames share. `camera` is one of the scene's or another, in the scene's coordinates. `headlight` adds a light
+    /// that follows the camera to a scene without lights.
     ///
     /// # Errors
-    /// [`crate::error::Error::Input`] where a track has nothing to move.
+    /// [`crate::error::Error::Input`] for a track whose target does not exist.
     pub fn new(
         mut scene: Scene,
         camera: &Camera,
@@ -70,39 +70,39 @@ impl PreparedAnimation {
             };
             scene.objects = Vec::new();
         }
-        let range = bring_into_range(&mut base);
+        let recentering = recenter(&mut base);
         let world = World::prepare(base, pipeline, structure, numerics);
         Ok(PreparedAnimation {
             headlight: headlight && scene.lights.is_empty(),
             scene,
             camera,
             world,
-            range,
+            recentering,
             structure: moves.then_some(structure),
         })
     }
 
-    /// The world at rest, for what is to be said of it.
+    /// The prepared scene before the animation begins.
     pub fn world(&self) -> &World {
         &self.world
     }
 
-    /// How the scene at rest was moved before it was prepared.
-    pub fn range(&self) -> Option<Range> {
-        self.range
+    /// How [`PreparedAnimation::world`] was recentered.
+    pub fn range(&self) -> Option<Recentering> {
+        self.recentering
     }
 
-    /// What there is at a time, 0 being the beginning and 1 the end.
+    /// The prepared scene at a time, 0 being the beginning and 1 the end.
     ///
     /// # Errors
-    /// [`crate::error::Error::Input`] where a track comes to what cannot be.
+    /// [`crate::error::Error::Input`] where a track takes a property out of its range.
     pub fn at(&self, time: f64) -> Result<FrameWorld> {
         let mut scene = self.scene.at(time)?;
-        let range = match (self.structure, &self.range) {
-            (Some(_), _) => bring_into_range(&mut scene),
-            (None, range) => {
-                range.iter().for_each(|range| range.apply(&mut scene));
-                *range
+        let recentering = match (self.structure, &self.recentering) {
+            (Some(_), _) => recenter(&mut scene),
+            (None, recentering) => {
+                recentering.iter().for_each(|recentering| recentering.apply(&mut scene));
+                *recentering
             }
         };
         let cameras = std::mem::take(&mut scene.cameras);
@@ -114,12 +114,12 @@ impl PreparedAnimation {
             Some(structure) => self.world.prepare_another(scene, structure),
             None => self.world.under(scene.lights),
         };
-        Ok(FrameWorld { world: Arc::new(world), camera, cameras, range })
+        Ok(FrameWorld { world: Arc::new(world), camera, cameras, recentering })
     }
 }
 
-/// Has a camera go once round what it looks at, for scenes that say nothing of what moves. `None` for the camera stands for
-/// one that sees the whole scene from all sides, beginning at `view`. Returns the camera; `None` where there is nothing to look at.
+/// Adds an animation to the scene: `camera` orbits once around the point it looks at. Without a camera, one that sees the whole scene
+/// from all sides, beginning at `view`. Returns the camera; `None` for a scene without extent.
 pub fn turntable(
     scene: &mut Scene,
     camera: Option<Camera>,
@@ -139,7 +139,7 @@ pub fn turntable(
         motion: Motion::Orbit { property, around, axis: glam::DVec3::Y, turns: 1.0 },
         place: std::path::Path::new("turntable").into(),
     };
-    // A camera of that name that there was already would turn, too.
+    // The tracks name the camera, and would move another of the same name, too.
     scene.cameras.retain(|other| other.name != camera.name);
     scene.cameras.push(camera.clone());
     let (duration, fps) = TURNTABLE;

@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::clock::Clock;
 use super::spread::Spread;
-use crate::effects::Plan;
+use crate::effects::{EffectId, Plan};
 use crate::error::Result;
 use crate::film::Film;
 use crate::job::RenderJob;
@@ -28,8 +28,8 @@ pub struct Cost {
 /// What an effect adds.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
-    /// Its name.
-    pub effect: &'static str,
+    /// The effect.
+    pub effect: EffectId,
     /// What it adds to a picture with all effects before it in the plan's order.
     pub adds: Cost,
     /// What the whole picture saves in milliseconds without it.

@@ -11,14 +11,16 @@ use super::frames::{self, LengthArguments, Noticed, Pictures, Report};
 use super::output::check_folder;
 use super::prepare::timed;
 use super::progress::{Mode, Progress};
-use crate::animation::{FileNames, Form, FrameList, FrameRequest, Outline, Prepared, Quality, Recorder};
+use crate::animation::{
+    FileNames, FrameData, FrameList, FrameRequest, Quality, VideoFormat, VideoSpec, VideoWriter,
+};
 use crate::error::{Error, Result};
 use crate::film::Share;
 use crate::film::output::describe;
 use crate::film::write::Format;
 use crate::job::RenderJob;
 use crate::render::RenderControl;
-use crate::render::aov::Wanted;
+use crate::render::aov::AovSelection;
 
 #[derive(Args)]
 pub struct Command {
@@ -73,7 +75,7 @@ fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     if let Some(names) = names {
         let format = Format::from_path(&command.output)?;
         check_folder(&command.output)?;
-        let wanted = Wanted::new(&[])?;
+        let wanted = AovSelection::new(&[])?;
         let pictures = Pictures {
             names,
             format,
@@ -92,10 +94,10 @@ fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         QualityName::Low => Quality::Low,
     };
     let is_stream = command.output == Path::new("-");
-    let form = match (is_stream, command.raw) {
-        (true, RawName::Y4m) => Form::Y4m,
-        (true, RawName::Rgb) => Form::Rgb,
-        (false, _) => Form::from_path(&command.output, quality).ok_or_else(|| {
+    let format = match (is_stream, command.raw) {
+        (true, RawName::Y4m) => VideoFormat::Y4m,
+        (true, RawName::Rgb) => VideoFormat::Rgb,
+        (false, _) => VideoFormat::from_path(&command.output, quality).ok_or_else(|| {
             let what = format!("{}: not a film that can be written", command.output.display());
             Error::usage(what, "name an .mp4, .gif, .png or .y4m, or numbered frames: frame_####.png")
         })?,
@@ -103,10 +105,10 @@ fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     if !is_stream {
         check_folder(&command.output)?;
     }
-    film(command, form, is_stream, interrupted)
+    film(command, format, is_stream, interrupted)
 }
 
-fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
+fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
     let pool = super::pool(command.what.threads)?;
     let mut report = Report::new(command.progress);
     let LengthArguments { fps, duration } = command.length;
@@ -114,8 +116,8 @@ fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool
     let animation = report.load(&pool, &command.what, &command.what.settings()?, &request)?;
     let window = animation.resolved.window;
     let size = [window.width, window.height];
-    form.check(size, animation.timeline.fps())?;
-    let outline = Outline {
+    format.check(size, animation.timeline.fps())?;
+    let spec = VideoSpec {
         size,
         fps: animation.timeline.fps(),
         frames: animation.frames.len(),
@@ -124,17 +126,17 @@ fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool
     let failed = |e: std::io::Error| Error::output(command.output.as_path(), describe(&e));
     let mut recorder = if is_stream {
         let out = Box::new(BufWriter::with_capacity(1 << 20, std::io::stdout()));
-        Recorder::to_stream(out, form, outline).map_err(failed)?
+        VideoWriter::to_stream(out, format, spec).map_err(failed)?
     } else {
-        Recorder::to_file(&command.output, form, outline)?
+        VideoWriter::to_file(&command.output, format, spec)?
     };
     let noticed = Noticed::default();
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {
         let (film, statistics) = job.render(control)?;
         noticed.look(frame, &statistics);
-        Ok(form.of(&film))
+        Ok(format.convert(&film))
     };
-    let mut take = |_, frame: Prepared| recorder.add(frame).map_err(failed);
+    let mut take = |_, frame: FrameData| recorder.add(frame).map_err(failed);
     let mut took = 0.0;
     // A film of f32, and what the format takes of it.
     let needs = (0, 12 + 4);
@@ -148,9 +150,9 @@ fn film(command: &Command, form: Form, is_stream: bool, interrupted: &AtomicBool
         command.output.display(),
         window.width,
         window.height,
-        outline.frames,
-        outline.frames as f64 / outline.fps,
-        outline.fps,
+        spec.frames,
+        spec.frames as f64 / spec.fps,
+        spec.fps,
     ));
     Ok(())
 }

@@ -68,12 +68,12 @@ fn to_json(job: &RenderJob, costs: Option<&Costs>) -> Value {
         .map(|(effect, decision)| {
             let part = costs.and_then(|costs| part_of(costs, decision));
             json!({
-                "name": effect.name,
+                "name": effect.id,
                 "summary": effect.summary,
                 "on": decision.on,
                 "why": decision.why,
                 "value": decision.value,
-                "stages": job.plan.steps().iter().filter(|step| step.effect == Some(effect.name)).count(),
+                "stages": job.plan.stages().iter().filter(|stage| stage.effect == Some(effect.id)).count(),
                 "adds": part.map(|part| cost(&part.adds)),
                 "share": part.zip(costs).map(|(part, costs)| part.adds.ms.median / costs.whole.ms.median),
                 "alone_ms": part.map(|part| spread(part.alone)),
@@ -102,8 +102,12 @@ fn part_of<'a>(costs: &'a Costs, decision: &Decision) -> Option<&'a Part> {
 
 fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
     let mut text = String::new();
-    let width =
-        2 + decisions.iter().map(|decision| decision.effect.len()).max().unwrap_or(0).max("effect".len());
+    let width = 2 + decisions
+        .iter()
+        .map(|decision| decision.effect.name().len())
+        .max()
+        .unwrap_or(0)
+        .max("effect".len());
     let mut line = |name: &str, on: &str, numbers: &str, why: &str| {
         let row = format!("{name:<width$}{on:<5}{numbers}{why}");
         let _ = writeln!(text, "{}", row.trim_end());
@@ -120,7 +124,7 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
         let numbers =
             part.map_or(blank.clone(), |(part, costs)| numbers(&part.adds, costs, Some(part.alone.median)));
         let on = if decision.on { "on" } else { "off" };
-        line(decision.effect, on, &numbers, &decision.why);
+        line(decision.effect.name(), on, &numbers, &decision.why);
     }
     if let Some(costs) = costs {
         line("whole", "", &numbers(&costs.whole, costs, None), "");

@@ -21,7 +21,7 @@ use crate::import;
 use crate::job::metadata::fingerprint_of;
 use crate::job::{Metadata, RenderJob, RenderSettings};
 use crate::limits;
-use crate::render::aov::Wanted;
+use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
 
 /// How long an animation is, against what the scene says.
@@ -117,7 +117,7 @@ pub struct Pictures {
     pub names: FileNames,
     pub format: Format,
     /// What else is kept of each pixel.
-    pub wanted: Wanted,
+    pub wanted: AovSelection,
     /// The names of what else is kept.
     pub layers: Vec<String>,
     /// The frames that are this process's.

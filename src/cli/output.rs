@@ -11,7 +11,7 @@ use crate::film::write::{self, Format, Picture, encode, write_picture};
 use crate::film::{self, Film, Pixel, Share, Window};
 use crate::job::RenderJob;
 use crate::limits;
-use crate::render::aov::{self, Wanted};
+use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
 use crate::study::choose::{self, End, Wish};
 use crate::world::World;
@@ -104,7 +104,7 @@ pub fn check_folder(output: &Path) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Failed`] with what it needs.
-pub fn check_memory(job: &RenderJob, target: &Target, wanted: &Wanted, has_wish: bool) -> Result<()> {
+pub fn check_memory(job: &RenderJob, target: &Target, wanted: &AovSelection, has_wish: bool) -> Result<()> {
     let channels = wanted.channel_count(job.plan.effects_on().count()) as u64;
     let writing = match target {
         // Written tile by tile.
@@ -119,7 +119,7 @@ pub fn check_memory(job: &RenderJob, target: &Target, wanted: &Wanted, has_wish:
 }
 
 /// The most bytes for each pixel of a picture while it is rendered.
-pub fn bytes_a_pixel(format: Format, wanted: &Wanted, channels: u64) -> u64 {
+pub fn bytes_a_pixel(format: Format, wanted: &AovSelection, channels: u64) -> u64 {
     match format {
         Format::Exr => 4 * (3 + channels) + if channels > 0 { wanted.bytes_a_pixel() } else { 0 },
         Format::Png | Format::Jpeg => 3,
@@ -146,7 +146,7 @@ pub fn check_memory_of(window: Window, channels: u64, bytes_each: u64) -> Result
 pub fn render_plainly(
     job: &RenderJob,
     format: Format,
-    wanted: &Wanted,
+    wanted: &AovSelection,
     control: &RenderControl,
 ) -> Result<(Picture, Statistics)> {
     if format != Format::Exr {
@@ -218,14 +218,18 @@ pub fn warn_of_the_picture(
         ));
         return;
     }
-    let shadow = statistics.rays(RayKind("shadow"));
-    if shadow.cast > 0 && shadow.hit == shadow.cast {
+    let mut shadow = statistics.rays.iter().filter(|(kind, _)| kind.is_shadow);
+    if shadow.any(|(_, count)| count.cast > 0 && count.hit == count.cast) {
         warnings.push("no light reaches anything in the picture: every shadow ray is blocked");
     }
     if inputs.len() > 1 {
         for (index, file) in inputs.iter().enumerate() {
-            let mut objects =
-                world.objects.iter().zip(&statistics.seen).filter(|(o, _)| o.input == index).peekable();
+            let mut objects = world
+                .objects
+                .iter()
+                .zip(&statistics.visible_objects)
+                .filter(|(o, _)| o.input == index)
+                .peekable();
             if objects.peek().is_some() && objects.all(|(_, seen)| !seen) {
                 warnings.push(format!(
                     "{} is nowhere in the picture; place it with [[mesh]] in a scene file, or try `--camera auto`",

@@ -20,7 +20,7 @@ use crate::film::output::write_whole;
 use crate::film::write::Format;
 use crate::job::metadata;
 use crate::render::RenderControl;
-use crate::render::aov::{LARGEST_NUMBER, Wanted};
+use crate::render::aov::{AovSelection, LARGEST_NUMBER};
 
 #[derive(Args)]
 pub struct Command {
@@ -77,7 +77,7 @@ fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     if command.list_outputs {
         return super::print(&format!("{}\n", target.file().display()));
     }
-    let wanted = Wanted::new(&command.aov)?;
+    let wanted = AovSelection::new(&command.aov)?;
     check_layers(command, target.format())?;
     if let Some(file) = &command.stats {
         if same_file(file, target.file()) {
@@ -128,7 +128,7 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
     let pictures = Pictures {
         names,
         format,
-        wanted: Wanted::new(&command.aov)?,
+        wanted: AovSelection::new(&command.aov)?,
         layers: command.aov.clone(),
         share,
         skip_existing: command.skip_existing,
@@ -140,7 +140,12 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
     frames::write_pictures(&command.what, &length, Some(list), &pictures, interrupted)
 }
 
-fn render_to(command: &Command, target: &Target, wanted: &Wanted, interrupted: &AtomicBool) -> Result<()> {
+fn render_to(
+    command: &Command,
+    target: &Target,
+    wanted: &AovSelection,
+    interrupted: &AtomicBool,
+) -> Result<()> {
     let progress = Progress::new(command.progress);
     let mut warnings = Warnings::default();
     let mut printer = Printer::default();

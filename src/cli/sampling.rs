@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::numbers::number;
+use crate::effects::{EffectId, id};
 use crate::error::Warnings;
 use crate::film::FilterShape;
 use crate::scene::Sampling;
@@ -97,8 +98,8 @@ impl SamplingArguments {
         has_target: bool,
         warnings: &mut Warnings,
     ) {
-        let lacks = |effect: &str| without.iter().any(|name| name == effect);
-        if lacks("antialiasing") {
+        let lacks = |effect: EffectId| without.iter().any(|name| *name == effect.name());
+        if lacks(id::ANTIALIASING) {
             let typed = [
                 ("--samples", self.samples.is_some_and(|samples| samples > 1)),
                 ("--filter", self.filter.is_some()),
@@ -112,7 +113,7 @@ impl SamplingArguments {
             }
             return;
         }
-        if self.noise.is_some() && lacks("adaptive") {
+        if self.noise.is_some() && lacks(id::ADAPTIVE) {
             warnings.push("--noise changes nothing: every pixel takes all samples without adaptive");
         }
         if self.min_samples.is_some() && sampling.noise.is_none() {

@@ -5,7 +5,7 @@ use serde_json::{Map, Value, json};
 use crate::bench::memory;
 use crate::effects::{Decision, Plan};
 use crate::error::Warnings;
-use crate::render::{Bill, Statistics};
+use crate::render::{EffectCost, Statistics};
 use crate::world::{Image, World};
 
 /// The version of the schema.
@@ -33,13 +33,13 @@ pub fn to_json(
     let rays: Map<String, Value> = statistics
         .rays
         .iter()
-        .map(|(kind, count)| (kind.0.to_owned(), json!({ "cast": count.cast, "hit": count.hit })))
+        .map(|(kind, count)| (kind.name.to_owned(), json!({ "cast": count.cast, "hit": count.hit })))
         .collect();
     let effects: Map<String, Value> = plan
         .decisions
         .iter()
-        .zip(&statistics.bills)
-        .map(|(decision, bill)| (decision.effect.to_owned(), effect(decision, bill)))
+        .zip(&statistics.effect_costs)
+        .map(|(decision, cost)| (decision.effect.name().to_owned(), effect(decision, cost)))
         .collect();
     let stages: Vec<Value> = statistics
         .stages
@@ -71,7 +71,7 @@ pub fn to_json(
         "pictures": {
             "count": world.images.len(),
             "bytes": world.images.iter().map(|image| size_of_val(&*image.pixels)).sum::<usize>(),
-            "pyramid_bytes": world.images.iter().map(Image::pyramid_bytes).sum::<usize>(),
+            "pyramid_bytes": world.images.iter().map(Image::mip_map_bytes).sum::<usize>(),
         },
         "rays": rays,
         "tests": { "nodes": statistics.tests.nodes, "primitives": statistics.tests.primitives },
@@ -84,14 +84,14 @@ pub fn to_json(
 }
 
 /// What was decided of an effect, and what it took.
-fn effect(decision: &Decision, bill: &Bill) -> Value {
+fn effect(decision: &Decision, cost: &EffectCost) -> Value {
     json!({
         "on": decision.on,
         "why": decision.why,
         "value": decision.value,
-        "stages": bill.stages,
-        "rays": bill.rays,
-        "thread_seconds": bill.time.map(|time| time.as_secs_f64()),
-        "bytes": bill.bytes,
+        "stages": cost.stages,
+        "rays": cost.rays,
+        "thread_seconds": cost.time.map(|time| time.as_secs_f64()),
+        "bytes": cost.bytes,
     })
 }

@@ -18,7 +18,7 @@ use crate::film::check::{Found, Made, look};
 use crate::film::write::Format;
 use crate::job::RenderSettings;
 use crate::job::metadata::fingerprint_of;
-use crate::render::aov::Wanted;
+use crate::render::aov::AovSelection;
 
 #[derive(Args)]
 #[command(
@@ -67,7 +67,7 @@ pub fn run(command: &Command) -> Result<u8> {
         return report(command, &files, &check(&files, Format::from_path(name)?, None));
     };
     arguments::check(&command.what)?;
-    Wanted::new(&command.aov)?;
+    AovSelection::new(&command.aov)?;
     let format = Format::from_path(output)?;
     let (fingerprint, list) = super::pool(command.what.threads)?.install(|| expected(command, output))?;
     let files = files(output, list.as_ref())?;

@@ -1,19 +1,25 @@
-//! Antialiasing: a pixel is the filtered mean of several samples instead of what its centre sees ([`super::samples`]).
+//! Antialiasing: a pixel is the filtered mean of several samples instead of the one through its centre ([`super::samples`]).
 
-use super::samples::{Field, Sampler, Samples};
-use super::tile::{Context, Tile, vec_bytes};
-use super::{Asked, Effect, Hook, Stage};
+use super::region::SampledRegion;
+use super::samples::{Sampler, TileSamples};
+use super::tile::{RenderContext, Tile, vec_bytes};
+use super::{Effect, EffectContext, Hook, Stage, id};
 
-/// How many samples pictures are taken to have that are made in parts, for what depends on it: how much of a texture each sees.
-/// Fewer would blur textures, which no measurement of noise sees.
+/// The samples a pixel that texture footprints are computed for where a picture is rendered in parts ([`Sampling::part`]) and
+/// the total is not known. Fewer would blur textures, which no noise estimate detects.
+///
+/// [`Sampling::part`]: crate::scene::Sampling::part
 const SAMPLES_OF_PARTS: u32 = 64;
 
-/// In the registry.
+/// The registry's entry.
 pub const EFFECT: Effect = Effect {
-    name: "antialiasing",
+    id: id::ANTIALIASING,
     summary: "a pixel is the filtered mean of several samples, not what its centre sees",
+    builds_on: None,
     needs_lights: false,
     is_shading: false,
+    decides_samples: true,
+    is_study_switch: false,
     rays: &[],
     value: None,
     called_for: |_, sampling| {
@@ -25,62 +31,63 @@ pub const EFFECT: Effect = Effect {
         let up_to = if sampling.noise.is_some() { "up to " } else { "" };
         Ok(format!("{up_to}{samples} sample(s) a pixel, filter `{name}` of radius {radius}"))
     },
-    outline: |asked: &Asked, outline| {
-        outline.own_rays = true;
-        let sampling = asked.sampling;
-        // A part of a picture whose samples are not known yet: many.
+    specify: |context: &EffectContext, spec| {
+        spec.own_camera_rays = true;
+        let sampling = context.sampling;
         let least = if sampling.first.is_some() { SAMPLES_OF_PARTS } else { 1 };
-        outline.samples = sampling.most_samples().max(least);
+        spec.samples = sampling.most_samples().max(least);
     },
-    stages: |asked: &Asked, hook| match hook {
-        Hook::Rays => vec![Box::new(Scatter(Sampler::new(asked)))],
-        Hook::Film => vec![Box::new(Gather(Sampler::new(asked)))],
+    stages: |context: &EffectContext, hook| match hook {
+        Hook::Rays => vec![Box::new(SampleRays(Sampler::new(context)))],
+        Hook::Film => vec![Box::new(AddSamples(Sampler::new(context)))],
         _ => Vec::new(),
     },
-    bytes: |tile| tile.kept::<Samples>().map_or(0, Samples::bytes) + vec_bytes(&tile.taken),
+    bytes: |tile| {
+        tile.buffers::<TileSamples>().map_or(0, TileSamples::bytes) + vec_bytes(&tile.sample_counts)
+    },
 };
 
-/// Fills level 0 with the rays of the next pass of samples.
-pub struct Scatter(Sampler);
+/// Fills generation 0 with the rays of the next pass of samples.
+pub struct SampleRays(Sampler);
 
-impl Stage for Scatter {
+impl Stage for SampleRays {
     fn name(&self) -> &'static str {
         "primary"
     }
 
-    fn run(&self, tile: &mut Tile, context: &Context) {
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let Some(window) = tile.window else { return };
-        tile.with(|samples: &mut Samples, tile| {
-            if !tile.again {
-                samples.start(Field::new(window, self.0.apron, context.view.size()), &self.0);
+        tile.with_buffers(|samples: &mut TileSamples, tile| {
+            if !tile.needs_more_samples {
+                samples.start(SampledRegion::new(window, self.0.apron, context.view.size()), &self.0);
             }
-            samples.list(&self.0);
-            let (x, y) = samples.places();
+            samples.next_pass(&self.0);
+            let (x, y) = samples.film_positions();
             let precision = context.world.numerics().ray_precision();
-            let level = tile.level();
-            context.view.rays_through(x, y, precision, &mut level.lanes);
-            level.lanes.weave(x.len(), &mut level.rays);
-            level.sources.clear();
-            level.sources.extend(0..x.len() as u32);
+            let generation = tile.generation();
+            context.view.rays_through(x, y, precision, &mut generation.soa);
+            generation.soa.to_rays(x.len(), &mut generation.rays);
+            generation.sources.clear();
+            generation.sources.extend(0..x.len() as u32);
             tile.pixels.clear();
         });
     }
 }
 
-/// Adds what the pass saw to the pixels, and gives them their values after the last.
-pub struct Gather(Sampler);
+/// Adds the pass's samples to their pixels, and gives the pixels their values after the last pass.
+pub struct AddSamples(Sampler);
 
-impl Stage for Gather {
+impl Stage for AddSamples {
     fn name(&self) -> &'static str {
         "samples"
     }
 
-    fn run(&self, tile: &mut Tile, context: &Context) {
-        tile.with(|samples: &mut Samples, tile| {
-            samples.take(&tile.pixels);
-            // Whether pixels that could take more do so is for the next stage to say.
-            tile.again = !samples.is_round_done() || samples.round_end() < self.0.samples;
-            if !tile.again {
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        tile.with_buffers(|samples: &mut TileSamples, tile| {
+            samples.add(&tile.pixels);
+            // The stage of adaptive sampling, which comes next, may end the tile earlier.
+            tile.needs_more_samples = !samples.is_round_done() || samples.round_end() < self.0.samples;
+            if !tile.needs_more_samples {
                 samples.finish(tile, &self.0, context.world.pipeline);
             }
         });

@@ -1,30 +1,30 @@
-//! Local shading: the lights over a surface's horizon, and the colour it has under them.
+//! The stages of local shading: light samples, and the colours they give.
 
 use super::Stage;
-use super::tile::{Context, Level, Tile};
+use super::tile::{RayGeneration, RenderContext, Tile};
 use crate::shading::{ShadingMode, shade_all, takes_light};
 
-/// Finds, for each surface of a level, the lights that shine on its side and that its material returns.
-pub struct Illuminate {
-    /// How far shading goes.
+/// Samples every light at the surfaces of a generation. Lights below the horizon, and those that the material does not return,
+/// are marked as not reaching the surface.
+pub struct SampleLights {
+    /// Which terms are shaded.
     pub mode: ShadingMode,
-    /// Whether smooth meshes are lit by their normals alone.
+    /// Whether smooth meshes are lit by their shading normals alone.
     pub smooth: bool,
 }
 
-impl Stage for Illuminate {
+impl Stage for SampleLights {
     fn name(&self) -> &'static str {
         "lights"
     }
 
-    fn run(&self, tile: &mut Tile, context: &Context) {
-        let Tile { levels, depth, lights, .. } = tile;
-        let surfaces = &levels[*depth].surfaces;
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        let Tile { generations, depth, lights, .. } = tile;
+        let surfaces = &generations[*depth].surfaces;
         lights.resize_with(context.world.lights.len(), Box::default);
-        for (lanes, light) in lights.iter_mut().zip(&context.world.lights) {
-            lanes.look(light, surfaces, self.smooth);
+        for (samples, light) in lights.iter_mut().zip(&context.world.lights) {
+            samples.sample(light, surfaces, self.smooth);
         }
-        // What no light changes asks none.
         for (material, range) in surfaces.by_material() {
             if !takes_light(&context.world.materials[*material as usize], self.mode) {
                 lights.iter_mut().for_each(|light| light.reaches[range.clone()].fill(false));
@@ -33,9 +33,9 @@ impl Stage for Illuminate {
     }
 }
 
-/// Computes the colour of each surface of a level.
+/// Computes the colour of each surface of a generation.
 pub struct Shade {
-    /// How far shading goes.
+    /// Which terms are shaded.
     pub mode: ShadingMode,
 }
 
@@ -44,9 +44,9 @@ impl Stage for Shade {
         "shading"
     }
 
-    fn run(&self, tile: &mut Tile, context: &Context) {
-        let Tile { levels, depth, lights, shading, .. } = tile;
-        let Level { surfaces, colours, .. } = &mut levels[*depth];
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        let Tile { generations, depth, lights, shading, .. } = tile;
+        let RayGeneration { surfaces, colours, .. } = &mut generations[*depth];
         shade_all(context.world, self.mode, surfaces, lights, colours, shading);
     }
 }

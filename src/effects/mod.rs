@@ -1,60 +1,101 @@
-//! Effects: each computed where the scene calls for it, and nowhere else.
+//! Effects: the optional parts of rendering, each computed only where the scene calls for it.
 //!
-//! Rendering is a list of [`Stage`]s over arrays of rays (see [`tile::Tile`]). [`Plan::new`] makes the list from what the
-//! scene calls for and from nothing else, so an effect that nobody calls for has no stage, casts no ray and holds no memory.
+//! A picture is rendered by a list of [`Stage`]s over ray buffers (see [`tile::Tile`]). [`Plan::new`] makes the list from what
+//! the scene calls for. An effect that nothing calls for has no stage, casts no ray and holds no memory.
 //!
-//! One file an effect, and one line in [`EFFECTS`]. The file says all there is to say: what calls for the effect, what it
-//! changes in the [`Outline`] of the plan, its stages at the [`Hook`]s, its kinds of rays, and the memory it holds (kept in the
-//! tile by [`tile::Tile::with`], so that it exists only where the effect runs). A build without an effect:
+//! Each effect has one file and one line in `registry!`, which makes [`EFFECTS`]. Its file states what calls for it, what it
+//! changes in the [`PlanSpec`], its stages at the [`Hook`]s, its ray kinds, and its buffers, which are kept in the tile by
+//! [`tile::Tile::with_buffers`] and so exist only where the effect runs. A build without an effect:
 //! `RUSTFLAGS='--cfg kiln_without="glaze"'`.
 
-pub mod effort;
-mod film;
-mod leave;
+mod closest_hits;
+pub mod convergence;
 mod local;
-mod pictures;
+mod pixels;
 mod plan;
-mod primary;
+mod primary_rays;
 pub mod random;
+mod ray_origins;
+pub mod region;
 pub mod samples;
+mod texture_points;
 pub mod tile;
-mod visible;
 
-pub use plan::{Choices, Decision, Plan, Step, check_names, check_scene};
+pub use plan::{Choices, Decision, Plan, PlannedStage, check_names, check_scene};
+
+use std::fmt;
+
+use serde::Serialize;
 
 use crate::scene::file::SceneFile;
 use crate::scene::{Sampling, TextureFilter};
 use crate::shading::ShadingMode;
 use crate::world::World;
-use tile::{Context, Tile};
+use tile::{RenderContext, Tile};
 
-/// Names the files of effects, in the order of the plan.
+/// Declares the effects, in the order of the plan: name as typed by users, source file, constant in [`id`].
 macro_rules! registry {
-    ($($name:tt => $file:ident,)*) => {
+    ($($name:tt => $file:ident $id:ident,)*) => {
         $(#[cfg(not(kiln_without = $name))] pub mod $file;)*
 
-        /// Every effect there is, in the order of the plan: each builds on those before it.
+        /// The ids of all effects, also of those that this build leaves out.
+        pub mod id {
+            use super::EffectId;
+            $(#[doc = concat!("`", $name, "`")] pub const $id: EffectId = EffectId($name);)*
+        }
+
+        /// All effects of this build, in the order of the plan: each may build on those before it.
         pub const EFFECTS: &[Effect] = &[$(#[cfg(not(kiln_without = $name))] $file::EFFECT,)*];
     };
 }
 
 registry! {
-    "textures" => textures,
-    "normal-maps" => normal_maps,
-    "shadows" => shadows,
-    "terminator" => terminator,
-    "glaze" => glaze,
-    "antialiasing" => antialiasing,
-    "adaptive" => adaptive,
+    "textures" => textures TEXTURES,
+    "normal-maps" => normal_maps NORMAL_MAPS,
+    "shadows" => shadows SHADOWS,
+    "terminator" => terminator TERMINATOR,
+    "glaze" => glaze GLAZE,
+    "antialiasing" => antialiasing ANTIALIASING,
+    "adaptive" => adaptive ADAPTIVE,
 }
 
-/// A kind of ray, for counting, by its name in statistics.
+/// Identifies an effect. The constants are in [`id`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
+pub struct EffectId(&'static str);
+
+impl EffectId {
+    /// The name as typed by users.
+    pub const fn name(self) -> &'static str {
+        self.0
+    }
+
+    /// `NAME=VALUE`, as `--with` takes it.
+    pub fn with_value(self, value: impl fmt::Display) -> String {
+        format!("{}={value}", self.0)
+    }
+}
+
+impl fmt::Display for EffectId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.0)
+    }
+}
+
+/// A kind of ray, counted by itself in statistics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct RayKind(pub &'static str);
+pub struct RayKind {
+    /// The name in statistics.
+    pub name: &'static str,
+    /// Whether these are occlusion tests between a surface and a light.
+    pub is_shadow: bool,
+    /// The 8-bit sRGB colour that the window draws these rays in.
+    pub colour: [u8; 3],
+}
 
 impl RayKind {
-    /// From the camera.
-    pub const PRIMARY: RayKind = RayKind("primary");
+    /// Camera rays.
+    pub const PRIMARY: RayKind = RayKind { name: "primary", is_shadow: false, colour: [255, 220, 90] };
 
     /// Every kind: primary rays, then those of the effects.
     pub fn all() -> impl Iterator<Item = RayKind> {
@@ -62,134 +103,147 @@ impl RayKind {
     }
 }
 
-/// A step of the work on a tile.
+/// A stage of rendering a tile.
 pub trait Stage: Send + Sync {
     /// The name in statistics.
     fn name(&self) -> &'static str;
 
-    /// Does the step, on the level [`Tile::depth`] where it is one of a level.
-    fn run(&self, tile: &mut Tile, context: &Context);
+    /// Runs the stage. A stage of a ray generation works on the generation [`Tile::depth`].
+    fn run(&self, tile: &mut Tile, context: &RenderContext);
 }
 
-/// An effect that scenes can call for: everything about it.
+/// An effect: its properties, what calls for it, and its stages.
 pub struct Effect {
-    /// The name as typed by users.
-    pub name: &'static str,
-    /// One line on what it does.
+    /// The id, which holds the name as typed by users.
+    pub id: EffectId,
+    /// One line that says what it does.
     pub summary: &'static str,
-    /// Whether it has a meaning only where lights shine.
+    /// The effect without which this one does nothing.
+    pub builds_on: Option<EffectId>,
+    /// Whether it does nothing without lights.
     pub needs_lights: bool,
-    /// Whether it is a part of shading, which pictures of single terms leave out.
+    /// Whether it is part of shading. The modes below [`ShadingMode::Full`] show one term alone, without such effects.
     pub is_shading: bool,
+    /// Whether it decides where or how often pixels are sampled.
+    pub decides_samples: bool,
+    /// Whether `kiln study` varies it by switching it on and off. It varies the others by their values or by the sampling.
+    pub is_study_switch: bool,
     /// The kinds of rays that it casts.
     pub rays: &'static [RayKind],
-    /// What it can be told beyond on and off.
-    pub value: Option<Value>,
-    /// What in the scene or its sampling calls for it, by name, or why nothing does.
+    /// The value it takes, if any.
+    pub value: Option<EffectValue>,
+    /// What in the scene or its sampling calls for it, by name; `Err` with the reason where nothing does.
     pub called_for: fn(&World, &Sampling) -> Result<String, String>,
-    /// What it changes in the plan's outline.
-    pub outline: fn(&Asked, &mut Outline),
+    /// Enters into the plan's specification what it needs.
+    pub specify: fn(&EffectContext, &mut PlanSpec),
     /// Its stages at a hook, in order.
-    pub stages: fn(&Asked, Hook) -> Vec<Box<dyn Stage>>,
+    pub stages: fn(&EffectContext, Hook) -> Vec<Box<dyn Stage>>,
     /// Bytes of memory that it holds in a tile.
     pub bytes: fn(&Tile) -> usize,
 }
 
+impl Effect {
+    /// The name as typed by users.
+    pub const fn name(&self) -> &'static str {
+        self.id.name()
+    }
+}
+
 /// A value that an effect takes: `--with NAME=VALUE`, and `NAME = VALUE` in a scene file.
-pub struct Value {
+pub struct EffectValue {
     /// What it is, such as "samples a pixel".
     pub meaning: &'static str,
-    /// Whether it can be used, or what is wrong with it.
+    /// Checks a value; `Err` says what is wrong with it.
     pub check: fn(&str) -> Result<(), String>,
 }
 
-/// What an effect may know when it lists its stages.
-pub struct Asked<'a> {
+/// The input of an effect's [`Effect::specify`] and [`Effect::stages`].
+pub struct EffectContext<'a> {
     /// The prepared scene.
     pub world: &'a World,
     /// How pixels are sampled.
     pub sampling: &'a Sampling,
-    /// The plan's outline: while that is being made, what earlier effects made of it.
-    pub outline: Outline,
+    /// The plan's specification: in [`Effect::specify`] as left by earlier effects, in [`Effect::stages`] complete.
+    pub spec: PlanSpec,
     /// The value that the effect was given.
     pub value: Option<String>,
 }
 
-/// What a plan is going to be, decided before any stage is listed. Effects change it, in their order.
+/// The specification of a plan, complete before any stage is listed. Effects change it in their order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Outline {
-    /// How far shading goes.
+pub struct PlanSpec {
+    /// Which terms are shaded.
     pub shading: ShadingMode,
-    /// Whether lights take part.
+    /// Whether lights are evaluated.
     pub lit: bool,
-    /// How many samples a pixel takes: of several, each sees as much less of a picture.
+    /// Samples a pixel. Texture footprints shrink with it.
     pub samples: u32,
-    /// Which pictures are looked up, and how.
-    pub pictures: Pictures,
-    /// Whether smooth meshes are lit by their normals alone.
+    /// Which textures are looked up, and how.
+    pub texture_use: TextureUse,
+    /// Whether smooth meshes are lit by their shading normals alone, also from below the horizon of the triangle.
     pub smooth: bool,
-    /// Whether surfaces ask what stands between them and the lights.
+    /// Whether shadow rays are cast.
     pub shadow_rays: bool,
-    /// On how many levels, from the first, rays leave the surfaces.
-    pub leaving: u32,
-    /// What the rays of levels beyond the first are; `None` where there are no such levels.
-    pub further: Option<Further>,
-    /// Whether an effect makes the camera's rays, instead of one through each pixel's centre.
-    pub own_rays: bool,
-    /// Whether pixels are sampled no further than it takes.
+    /// On how many ray generations, from the first, rays leave the surfaces.
+    pub generations_with_origins: u32,
+    /// The secondary rays; `None` for a plan with primary rays only.
+    pub secondary: Option<SecondaryRays>,
+    /// Whether an effect makes the camera rays, instead of one through each pixel's centre.
+    pub own_camera_rays: bool,
+    /// Whether the number of samples differs from pixel to pixel.
     pub adaptive: bool,
 }
 
-/// Pictures that are looked up.
+/// Which textures are looked up, and how.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Pictures {
-    /// Those that say what surfaces are of.
-    pub textures: bool,
-    /// Those that tilt normals.
+pub struct TextureUse {
+    /// The textures of colour, roughness, metallic and emission.
+    pub material_textures: bool,
+    /// The normal maps.
     pub normal_maps: bool,
-    /// How; `None` for each as its sampler says.
+    /// The filter; `None` for that of each texture's sampler.
     pub filter: Option<TextureFilter>,
 }
 
-/// Levels beyond the first.
+/// The rays of all generations beyond the first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Further {
-    /// What their rays count as.
+pub struct SecondaryRays {
+    /// The kind they are counted as.
     pub kind: RayKind,
-    /// The name of the stage that finds what they hit.
+    /// The name of the stage that finds their closest hits.
     pub hits: &'static str,
-    /// The effect that sends them.
-    pub effect: &'static str,
+    /// The effect that casts them.
+    pub effect: EffectId,
 }
 
-/// Whether a list of stages is the first level's or that of all others.
+/// Whether stages belong to the first ray generation or to all later ones, which share one list of stages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Depth {
-    /// The level of the pixels' own rays.
-    First,
-    /// Every level beyond.
-    Further,
+pub enum RayClass {
+    /// The camera rays.
+    Primary,
+    /// Every generation beyond.
+    Secondary,
 }
 
 /// The places in a plan where effects have stages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Hook {
-    /// The camera's rays are made; nothing is asked yet.
+    /// Before the first generation: camera rays are made.
     Rays,
-    /// A level's surfaces are found, and where rays leave them; lights are not looked at yet.
-    BeforeLighting(Depth),
-    /// It is known which lights shine on the side of each surface of a level. Only where lights take part.
-    AfterLighting(Depth),
-    /// A level's surfaces have their colours. Who sends rays out fills the next level ([`Tile::this_and_next`]).
-    AfterShading(Depth),
-    /// All levels are done. Once for each level that sent rays out, the deepest first.
-    AfterLevels,
+    /// A generation's surface interactions and ray origins are known; lights are not evaluated yet.
+    BeforeLighting(RayClass),
+    /// The lights above each surface's horizon are known. Only where lights are evaluated.
+    AfterLighting(RayClass),
+    /// A generation is shaded. A stage that casts secondary rays fills the next generation ([`Tile::this_and_next`]).
+    AfterShading(RayClass),
+    /// All generations are shaded. Runs once for each generation that cast secondary rays, the deepest first.
+    AfterGenerations,
     /// The pixels have their colours.
     Film,
 }
 
-/// What calls for an effect: things of a kind, the first few by name. `None` for none.
-pub fn named(kind: &str, names: &[&str]) -> Option<String> {
+/// A list of names for [`Effect::called_for`]: "lights `a`, `b` and 1 more". `None` for an empty list.
+pub fn named(noun: &str, names: &[&str]) -> Option<String> {
     let mut shown: Vec<&str> = Vec::new();
     for name in names {
         if shown.len() < 3 && !shown.contains(name) {
@@ -199,9 +253,9 @@ pub fn named(kind: &str, names: &[&str]) -> Option<String> {
     let quoted = shown.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
     match names.len() - shown.len() {
         _ if names.is_empty() => None,
-        0 if shown.len() == 1 => Some(format!("{kind} {quoted}")),
-        0 => Some(format!("{kind}s {quoted}")),
-        more => Some(format!("{kind}s {quoted} and {more} more")),
+        0 if shown.len() == 1 => Some(format!("{noun} {quoted}")),
+        0 => Some(format!("{noun}s {quoted}")),
+        more => Some(format!("{noun}s {quoted} and {more} more")),
     }
 }
 
@@ -210,10 +264,10 @@ pub fn schema() -> serde_json::Value {
     let mut schema = SceneFile::schema();
     let mut names = serde_json::Map::new();
     for effect in EFFECTS {
-        let kinds =
+        let types =
             if effect.value.is_some() { ["boolean", "number", "string"].as_slice() } else { &["boolean"] };
-        let entry = serde_json::json!({ "description": effect.summary, "type": kinds });
-        names.insert(effect.name.into(), entry);
+        let entry = serde_json::json!({ "description": effect.summary, "type": types });
+        names.insert(effect.name().into(), entry);
     }
     if let Some(section) = schema.pointer_mut("/properties/effects").and_then(|s| s.as_object_mut()) {
         section.insert("properties".into(), names.into());
@@ -230,16 +284,16 @@ mod tests {
     fn every_effect_can_be_said_in_a_scene_file() {
         let schema = schema();
         for effect in EFFECTS {
-            let text = format!("[effects]\n{} = true\n", effect.name);
+            let text = format!("[effects]\n{} = true\n", effect.id);
             let file = SceneFile::parse(&text, std::path::Path::new("a.toml")).unwrap();
-            assert!(file.effects[effect.name].get_ref().is_on());
-            assert!(schema["properties"]["effects"]["properties"][effect.name].is_object());
+            assert!(file.effects[effect.name()].get_ref().is_on());
+            assert!(schema["properties"]["effects"]["properties"][effect.name()].is_object());
             assert!(!effect.summary.is_empty());
         }
     }
 
     #[test]
-    fn what_calls_is_named() {
+    fn lists_of_names_are_cut_off_after_three() {
         assert_eq!(named("light", &[]), None);
         assert_eq!(named("light", &["a"]).unwrap(), "light `a`");
         assert_eq!(named("light", &["a", "b"]).unwrap(), "lights `a`, `b`");
@@ -248,11 +302,15 @@ mod tests {
     }
 
     #[test]
-    fn names_are_told_apart() {
-        let kinds: Vec<&str> = RayKind::all().map(|kind| kind.0).collect();
-        let effects: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
-        for names in [kinds, effects] {
+    fn names_are_unique_and_effects_stand_behind_those_they_build_on() {
+        let kinds: Vec<&str> = RayKind::all().map(|kind| kind.name).collect();
+        let effects: Vec<&str> = EFFECTS.iter().map(Effect::name).collect();
+        for names in [&kinds, &effects] {
             assert!(names.iter().enumerate().all(|(i, name)| !names[..i].contains(name)), "{names:?}");
+        }
+        for (i, effect) in EFFECTS.iter().enumerate() {
+            let base = effect.builds_on.and_then(|base| EFFECTS.iter().position(|other| other.id == base));
+            assert!(base.is_none_or(|base| base < i), "{}", effect.id);
         }
     }
 }

@@ -1,23 +1,26 @@
-//! Normal maps: pictures that tilt the normals which surfaces are shaded and mirror by.
+//! Normal maps: textures that perturb the shading normals (glTF 2.0, section 3.9.3).
 //!
-//! However it is tilted, a surface is lit only from above the horizon of the mesh's own normal: a bump beyond the line where the
-//! mesh turns away from a light is in its shadow.
+//! A surface is lit only from above the horizon of its unperturbed shading normal: a bump beyond the terminator of the mesh lies in
+//! the mesh's shadow.
 
 use glam::DVec3;
 
-use super::pictures::{self, Buffers};
-use super::tile::{Context, Level, Tile, vec_bytes};
-use super::{Asked, Effect, Hook, Pictures, Stage, named};
-use crate::shading::normal_map::{decode, held_above};
+use super::texture_points::{self, Buffers};
+use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use super::{Effect, EffectContext, Hook, Stage, TextureUse, id, named};
+use crate::shading::normal_map::{decode, limit_tilt};
 use crate::shading::texture::look_up;
-use crate::world::{Meaning, World};
+use crate::world::{TexelEncoding, World};
 
-/// In the registry.
+/// The registry's entry.
 pub const EFFECT: Effect = Effect {
-    name: "normal-maps",
+    id: id::NORMAL_MAPS,
     summary: "pictures tilt the normals that surfaces are shaded by",
+    builds_on: None,
     needs_lights: true,
     is_shading: false,
+    decides_samples: false,
+    is_study_switch: true,
     rays: &[],
     value: None,
     called_for: |world: &World, _| {
@@ -29,31 +32,33 @@ pub const EFFECT: Effect = Effect {
             .map(|names| format!("the normal maps of {names}"))
             .ok_or_else(|| "no mesh has a normal map".into())
     },
-    outline: |_, outline| outline.pictures.normal_maps = true,
-    stages: |asked: &Asked, hook: Hook| {
-        let pictures = asked.outline.pictures;
+    specify: |_, spec| spec.texture_use.normal_maps = true,
+    stages: |context: &EffectContext, hook: Hook| {
+        let texture_use = context.spec.texture_use;
         match hook {
-            Hook::AfterLighting(_) => vec![Box::new(Horizon)],
-            _ => pictures::stages(asked, hook, !pictures.textures, NormalMaps { pictures }),
+            Hook::AfterLighting(_) => vec![Box::new(MeshHorizon)],
+            _ => {
+                let is_first = !texture_use.material_textures;
+                texture_points::stages(context, hook, is_first, NormalMaps { texture_use })
+            }
         }
     },
     bytes: |tile| {
-        // Where there are textures they are billed for what both share. A worker whose rays all missed has no texels either: what
-        // it keeps is not this effect's unless normals were tilted.
-        let texels = tile.levels.iter().any(|level| level.surfaces.texels.capacity() > 0);
-        let shared = tile.kept::<Buffers>().filter(|_| !texels).map_or(0, Buffers::bytes);
-        let own = |Tilted(tilted): &Tilted| shared + size_of::<Tilted>() + vec_bytes(tilted);
-        tile.kept::<Tilted>().map_or(0, own)
+        // The texture points are counted here only where the effect of textures has not run: it counts them itself.
+        let has_texels = tile.generations.iter().any(|generation| generation.surfaces.texels.capacity() > 0);
+        let shared = tile.buffers::<Buffers>().filter(|_| !has_texels).map_or(0, Buffers::bytes);
+        let own = |Unperturbed(normals): &Unperturbed| shared + size_of::<Unperturbed>() + vec_bytes(normals);
+        tile.buffers::<Unperturbed>().map_or(0, own)
     },
 };
 
-/// The surfaces of the level in work whose normals were tilted, and the normals that they had.
+/// The surfaces of the current generation whose normals were perturbed, with the normals they had before.
 #[derive(Default)]
-struct Tilted(Vec<(u32, DVec3)>);
+struct Unperturbed(Vec<(u32, DVec3)>);
 
-/// Tilts the shading normals of the surfaces of a level.
+/// Perturbs the shading normals of the surfaces of a generation.
 struct NormalMaps {
-    pictures: Pictures,
+    texture_use: TextureUse,
 }
 
 impl Stage for NormalMaps {
@@ -61,61 +66,61 @@ impl Stage for NormalMaps {
         "normal maps"
     }
 
-    fn run(&self, tile: &mut Tile, context: &Context) {
-        tile.with(|Tilted(tilted), tile| {
-            tilted.clear();
-            tile.with(|own: &mut Buffers, tile| self.tilt(own, tile, context.world, tilted));
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        tile.with_buffers(|Unperturbed(normals), tile| {
+            normals.clear();
+            tile.with_buffers(|own: &mut Buffers, tile| self.perturb(own, tile, context.world, normals));
         });
     }
 }
 
 impl NormalMaps {
-    fn tilt(&self, own: &Buffers, tile: &mut Tile, world: &World, kept: &mut Vec<(u32, DVec3)>) {
+    fn perturb(&self, own: &Buffers, tile: &mut Tile, world: &World, unperturbed: &mut Vec<(u32, DVec3)>) {
         let points = own.points(tile.depth);
         if points.is_empty() {
             return;
         }
-        let Level { surfaces, hits, .. } = &mut tile.levels[tile.depth];
+        let RayGeneration { surfaces, hits, .. } = &mut tile.generations[tile.depth];
         for part in 0..surfaces.by_material().len() {
             let (material, range) = surfaces.by_material()[part].clone();
             let Some(map) = world.materials[material as usize].normal_map() else { continue };
             let texture = &map.texture;
             let image = &world.images[texture.image as usize];
-            let filter = self.pictures.filter(texture);
+            let filter = self.texture_use.filter(texture);
             for i in range {
                 let (Some(point), Some(hit)) = (&points[i], &hits[surfaces.ray_of()[i] as usize]) else {
                     continue;
                 };
                 let surface = surfaces.get(i);
                 let Some([tangent, bitangent, normal]) = world.tangent_frame(&surface, hit) else { continue };
-                let encoded = look_up(image, Meaning::Numbers, &texture.sampler, &filter, point);
+                let encoded = look_up(image, TexelEncoding::Data, &texture.sampler, &filter, point);
                 let n = decode(encoded, map.scale);
-                // Seen from behind, bumps are dents.
+                // On the back side bumps are dents.
                 let side = normal.dot(surface.shading_normal).signum();
                 let tilted = side * (n.x * tangent + n.y * bitangent + n.z * normal);
                 if let Some(tilted) = tilted.try_normalize() {
                     let held =
-                        held_above(surface.shading_normal, tilted, surface.geometric_normal, surface.view);
+                        limit_tilt(surface.shading_normal, tilted, surface.geometric_normal, surface.view);
                     surfaces.shading_normal.set(i, held);
-                    kept.push((i as u32, surface.shading_normal));
+                    unperturbed.push((i as u32, surface.shading_normal));
                 }
             }
         }
     }
 }
 
-/// Takes away the lights below the horizon of tilted surfaces.
-struct Horizon;
+/// Removes the lights below the horizon of the unperturbed shading normal.
+struct MeshHorizon;
 
-impl Stage for Horizon {
+impl Stage for MeshHorizon {
     fn name(&self) -> &'static str {
         "normal maps"
     }
 
-    fn run(&self, tile: &mut Tile, _: &Context) {
-        tile.with(|Tilted(tilted), tile| {
+    fn run(&self, tile: &mut Tile, _: &RenderContext) {
+        tile.with_buffers(|Unperturbed(normals), tile| {
             for light in &mut tile.lights {
-                for &(i, normal) in &*tilted {
+                for &(i, normal) in &*normals {
                     let i = i as usize;
                     if light.reaches[i] {
                         light.reaches[i] = light.get(i).direction.dot(normal) > 0.0;

@@ -1,11 +1,11 @@
-//! The plan: which effects there are to compute, and the stages that compute them, in the order they run.
+//! The plan: which effects are computed, and the list of stages that computes them.
 
 use std::ops::Range;
 
-use super::tile::{Context, Tile};
+use super::tile::{RenderContext, Tile};
 use super::{
-    Asked, Depth, EFFECTS, Effect, Hook, Outline, Pictures, RayKind, Stage, Value, film, leave, local,
-    primary, visible,
+    EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, PlanSpec, RayClass, RayKind, Stage,
+    TextureUse, closest_hits, local, pixels, primary_rays, ray_origins,
 };
 use crate::error::{Error, Result};
 use crate::film::Window;
@@ -14,134 +14,125 @@ use crate::scene::file::{EffectsSection, nearest_name};
 use crate::shading::ShadingMode;
 use crate::world::World;
 
-/// Effects that mean nothing without another: each with that one.
-const BUILDS_ON: &[(&str, &str)] = &[("adaptive", "antialiasing")];
-
-/// What the user asks for, over what the scene says.
+/// What a plan is made from, beside the world.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Choices {
-    /// How far shading goes.
+    /// Which terms are shaded.
     pub shading: ShadingMode,
     /// How often and where pixels are sampled.
     pub sampling: Sampling,
-    /// What the scene file says of effects.
+    /// The scene file's section on effects.
     pub scene: EffectsSection,
-    /// Effects to have, each as `NAME` or `NAME=VALUE`.
+    /// Effects that the user asks for, each as `NAME` or `NAME=VALUE`.
     pub with: Vec<String>,
-    /// Effects to do without.
+    /// Effects that the user excludes.
     pub without: Vec<String>,
-    /// Whether effects to have get their stages also where there is nothing for them to do. The picture is the same.
+    /// Whether effects in `with` get their stages also where nothing calls for them, which does not change the picture.
     pub even_idle: bool,
 }
 
 /// Whether an effect is computed, and why.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Decision {
-    /// The effect's name.
-    pub effect: &'static str,
+    /// The effect.
+    pub effect: EffectId,
     /// Whether it is computed.
     pub on: bool,
-    /// What calls for it, or what keeps it off.
+    /// What calls for it, or why it is off.
     pub why: String,
     /// The value that it was given.
     pub value: Option<String>,
 }
 
-/// A stage, and whose it is.
-pub struct Step {
-    /// What is done.
+/// A stage of a plan.
+pub struct PlannedStage {
+    /// The stage.
     pub stage: Box<dyn Stage>,
-    /// The effect that it is there for; `None` for what every picture takes.
-    pub effect: Option<&'static str>,
+    /// The effect that needs it; `None` for the stages of every picture.
+    pub effect: Option<EffectId>,
 }
 
-/// The stages that a picture takes, in order.
+/// The stages of a picture, in order.
 pub struct Plan {
-    /// How far shading goes.
+    /// Which terms are shaded.
     pub shading: ShadingMode,
     /// How pixels are sampled.
     pub sampling: Sampling,
-    /// What was decided of each effect.
+    /// The decision on each of [`EFFECTS`].
     pub decisions: Vec<Decision>,
-    /// Whether an effect makes the camera's rays.
-    own_rays: bool,
-    steps: Vec<Step>,
-    /// Those of the first level, those of every further one, those on the way back, and those of the film.
+    spec: PlanSpec,
+    stages: Vec<PlannedStage>,
+    /// The stages of the first generation, of each further generation, of the way back, and of the film.
     parts: [Range<usize>; 4],
 }
 
 impl Plan {
-    /// Decides which effects there is anything to do for, and lists the stages.
+    /// Decides which effects are computed, and lists the stages.
     ///
     /// # Errors
-    /// [`Error::Usage`] for an effect that does not exist or is both asked for and not, [`Error::Input`] where a scene file names
-    /// one that does not exist.
+    /// [`Error::Usage`] for an effect that does not exist or is both asked for and excluded, [`Error::Input`] where a scene file
+    /// names one that does not exist.
     pub fn new(world: &World, choices: &Choices) -> Result<Plan> {
         check_names(&choices.with, &choices.without)?;
         check_scene(&choices.scene)?;
         let mut decisions: Vec<Decision> =
             EFFECTS.iter().map(|effect| decide(effect, world, choices)).collect();
-        for (effect, base) in BUILDS_ON.iter().filter(|_| !choices.even_idle) {
-            let stands = decisions.iter().any(|d| d.effect == *base && d.on);
-            for decision in decisions.iter_mut().filter(|d| d.effect == *effect && d.on && !stands) {
-                (decision.on, decision.why) = (false, format!("there is no {base}"));
+        for (i, effect) in EFFECTS.iter().enumerate().filter(|_| !choices.even_idle) {
+            let Some(base) = effect.builds_on else { continue };
+            if decisions[i].on && !decisions.iter().any(|d| d.effect == base && d.on) {
+                (decisions[i].on, decisions[i].why) = (false, format!("there is no {base}"));
             }
         }
         Ok(Plan::of(world, choices.shading, choices.sampling, decisions))
     }
 
-    /// This plan with those effects only that `keep` accepts by their index in [`Plan::decisions`].
+    /// This plan with only those effects that `keep` accepts by their index in [`Plan::decisions`].
     pub fn keeping(&self, world: &World, keep: impl Fn(usize) -> bool) -> Plan {
         let mut decisions = self.decisions.clone();
         decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= keep(i));
         Plan::of(world, self.shading, self.sampling, decisions)
     }
 
-    /// The plan that follows from decisions about each of [`EFFECTS`].
+    /// The plan for a decision on each of [`EFFECTS`].
     fn of(world: &World, shading: ShadingMode, sampling: Sampling, decisions: Vec<Decision>) -> Plan {
-        let outline = Outline {
+        let mut spec = PlanSpec {
             shading,
             lit: shading.uses_lights() && !world.lights.is_empty(),
             samples: 1,
-            pictures: Pictures::default(),
+            texture_use: TextureUse::default(),
             smooth: false,
             shadow_rays: false,
-            leaving: 0,
-            further: None,
-            own_rays: false,
+            generations_with_origins: 0,
+            secondary: None,
+            own_camera_rays: false,
             adaptive: false,
         };
-        let mut asked: Vec<(&Effect, Asked)> = Vec::new();
-        let mut made = outline;
+        let mut effects: Vec<(&Effect, EffectContext)> = Vec::new();
         for (effect, decision) in EFFECTS.iter().zip(&decisions).filter(|(_, decision)| decision.on) {
-            let own = Asked { world, sampling: &sampling, outline: made, value: decision.value.clone() };
-            (effect.outline)(&own, &mut made);
-            asked.push((effect, own));
+            let own = EffectContext { world, sampling: &sampling, spec, value: decision.value.clone() };
+            (effect.specify)(&own, &mut spec);
+            effects.push((effect, own));
         }
-        asked.iter_mut().for_each(|(_, own)| own.outline = made);
-        let mut list = List { steps: Vec::new(), asked, outline: made };
-        if !made.own_rays {
-            list.add(primary::Primary, None);
-        }
-        list.hook(Hook::Rays);
-        let parts = list.fill();
-        let steps = list.steps;
-        Plan { shading, sampling, decisions, own_rays: made.own_rays, steps, parts }
+        effects.iter_mut().for_each(|(_, own)| own.spec = spec);
+        let mut builder = PlanBuilder { stages: Vec::new(), effects, spec };
+        let parts = builder.build();
+        let stages = builder.stages;
+        Plan { shading, sampling, decisions, spec, stages, parts }
     }
 
-    /// Does all the work on a tile that was started, and calls `done` with the index of each step that is.
+    /// Runs all stages on a tile that was started. Calls `done` with the index of each stage after it ran.
     #[inline]
-    pub fn run(&self, tile: &mut Tile, context: &Context, mut done: impl FnMut(usize)) {
-        let [first, further, back, film] = &self.parts;
+    pub fn run(&self, tile: &mut Tile, context: &RenderContext, mut done: impl FnMut(usize)) {
+        let [first, secondary, back, film] = &self.parts;
         let mut each = |part: &Range<usize>, tile: &mut Tile| {
             for index in part.clone() {
-                self.steps[index].stage.run(tile, context);
+                self.stages[index].stage.run(tile, context);
                 done(index);
             }
         };
         each(first, tile);
-        while !further.is_empty() && tile.descend() {
-            each(further, tile);
+        while !secondary.is_empty() && tile.descend() {
+            each(secondary, tile);
         }
         while tile.ascend() {
             each(back, tile);
@@ -149,119 +140,138 @@ impl Plan {
         each(film, tile);
     }
 
-    /// Makes the rays through the centres of a tile's pixels, and nothing else, whatever rays the picture takes: on the first level
-    /// of a tile that was started.
-    pub fn centre_rays(&self, tile: &mut Tile, context: &Context) {
-        primary::Primary.run(tile, context);
+    /// Fills generation 0 of a tile that was started with the rays through the centres of its pixels, whatever rays the picture
+    /// takes.
+    pub fn centre_rays(&self, tile: &mut Tile, context: &RenderContext) {
+        primary_rays::PrimaryRays.run(tile, context);
     }
 
-    /// Finds how many samples each pixel of a tile takes: by taking them, where it is not one.
-    pub fn samples(&self, tile: &mut Tile, context: &Context, window: Window) -> Vec<u32> {
+    /// The number of samples that each pixel of a tile takes. Renders the tile where that is not one.
+    pub fn sample_counts(&self, tile: &mut Tile, context: &RenderContext, window: Window) -> Vec<u32> {
         tile.start(window);
-        if self.own_rays {
+        if self.takes_samples() {
             self.run(tile, context, |_| {});
-            while tile.again {
+            while tile.needs_more_samples {
                 self.run(tile, context, |_| {});
             }
         }
-        if tile.taken.is_empty() { vec![1; window.area()] } else { tile.taken.clone() }
+        if tile.sample_counts.is_empty() { vec![1; window.area()] } else { tile.sample_counts.clone() }
     }
 
-    /// The steps in the order they run; those of further levels run once for each.
-    pub fn steps(&self) -> &[Step] {
-        &self.steps
+    /// Whether an effect makes the camera rays, instead of one through each pixel's centre.
+    pub fn takes_samples(&self) -> bool {
+        self.spec.own_camera_rays
     }
 
-    /// The names of the effects that are computed.
-    pub fn effects_on(&self) -> impl Iterator<Item = &'static str> + '_ {
+    /// Whether the number of samples differs from pixel to pixel.
+    pub fn is_adaptive(&self) -> bool {
+        self.spec.adaptive
+    }
+
+    /// The stages in the order they run. Those of secondary rays run once per generation.
+    pub fn stages(&self) -> &[PlannedStage] {
+        &self.stages
+    }
+
+    /// The effects that are computed.
+    pub fn effects_on(&self) -> impl Iterator<Item = EffectId> + '_ {
         self.decisions.iter().filter(|d| d.on).map(|d| d.effect)
     }
 }
 
-/// A plan in the making.
-struct List<'a> {
-    steps: Vec<Step>,
-    asked: Vec<(&'static Effect, Asked<'a>)>,
-    outline: Outline,
+/// Collects the stages of a plan.
+struct PlanBuilder<'a> {
+    stages: Vec<PlannedStage>,
+    /// The effects that are on.
+    effects: Vec<(&'static Effect, EffectContext<'a>)>,
+    spec: PlanSpec,
 }
 
-impl List<'_> {
-    fn fill(&mut self) -> [Range<usize>; 4] {
+impl PlanBuilder<'_> {
+    /// Lists all stages; returns [`Plan::parts`].
+    fn build(&mut self) -> [Range<usize>; 4] {
         let mut end = 0;
-        let mut part = |list: &Self| {
-            let start = std::mem::replace(&mut end, list.steps.len());
+        let mut part = |builder: &Self| {
+            let start = std::mem::replace(&mut end, builder.stages.len());
             start..end
         };
-        self.level(Depth::First);
-        let first = part(self);
-        if self.outline.further.is_some() {
-            self.level(Depth::Further);
+        if !self.spec.own_camera_rays {
+            self.add(primary_rays::PrimaryRays, None);
         }
-        let further = part(self);
-        self.hook(Hook::AfterLevels);
+        self.add_hook(Hook::Rays);
+        self.add_generation(RayClass::Primary);
+        let first = part(self);
+        if self.spec.secondary.is_some() {
+            self.add_generation(RayClass::Secondary);
+        }
+        let secondary = part(self);
+        self.add_hook(Hook::AfterGenerations);
         let back = part(self);
-        self.add(film::Expose, None);
-        self.hook(Hook::Film);
-        [first, further, back, part(self)]
+        self.add(pixels::WritePixels, None);
+        self.add_hook(Hook::Film);
+        [first, secondary, back, part(self)]
     }
 
-    fn level(&mut self, depth: Depth) {
-        let Outline { shading, lit, smooth, leaving, further, .. } = self.outline;
-        let further = further.filter(|_| depth == Depth::Further);
-        let owner = further.map(|further| further.effect);
-        let kind = further.map_or(RayKind::PRIMARY, |further| further.kind);
-        let name = further.map_or("primary hits", |further| further.hits);
-        self.add(visible::Visible { kind, name }, owner);
-        if leaving > u32::from(depth == Depth::Further) {
-            self.add(leave::Origins { levels: leaving }, owner);
+    /// Adds the stages of a ray generation.
+    fn add_generation(&mut self, class: RayClass) {
+        let PlanSpec { shading, lit, smooth, generations_with_origins: generations, secondary, .. } =
+            self.spec;
+        let secondary = secondary.filter(|_| class == RayClass::Secondary);
+        let owner = secondary.map(|rays| rays.effect);
+        let kind = secondary.map_or(RayKind::PRIMARY, |rays| rays.kind);
+        let name = secondary.map_or("primary hits", |rays| rays.hits);
+        self.add(closest_hits::ClosestHits { kind, name }, owner);
+        if generations > u32::from(class == RayClass::Secondary) {
+            self.add(ray_origins::RayOrigins { generations }, owner);
         }
-        self.hook(Hook::BeforeLighting(depth));
+        self.add_hook(Hook::BeforeLighting(class));
         if lit {
-            self.add(local::Illuminate { smooth, mode: shading }, owner);
-            self.hook(Hook::AfterLighting(depth));
+            self.add(local::SampleLights { smooth, mode: shading }, owner);
+            self.add_hook(Hook::AfterLighting(class));
         }
         self.add(local::Shade { mode: shading }, owner);
-        self.hook(Hook::AfterShading(depth));
+        self.add_hook(Hook::AfterShading(class));
     }
 
-    fn add(&mut self, stage: impl Stage + 'static, effect: Option<&'static str>) {
-        self.steps.push(Step { stage: Box::new(stage), effect });
+    fn add(&mut self, stage: impl Stage + 'static, effect: Option<EffectId>) {
+        self.stages.push(PlannedStage { stage: Box::new(stage), effect });
     }
 
-    fn hook(&mut self, hook: Hook) {
-        for (effect, asked) in &self.asked {
-            let stages = (effect.stages)(asked, hook).into_iter();
-            self.steps.extend(stages.map(|stage| Step { stage, effect: Some(effect.name) }));
+    /// Adds the stages of all effects at a hook.
+    fn add_hook(&mut self, hook: Hook) {
+        for (effect, context) in &self.effects {
+            let stages = (effect.stages)(context, hook).into_iter();
+            self.stages.extend(stages.map(|stage| PlannedStage { stage, effect: Some(effect.id) }));
         }
     }
 }
 
-/// The name and the value of what was typed as `NAME` or `NAME=VALUE`.
+/// Splits `NAME` or `NAME=VALUE`.
 fn name_and_value(typed: &str) -> (&str, Option<&str>) {
     typed.split_once('=').map_or((typed, None), |(name, value)| (name, Some(value)))
 }
 
-/// The effect of this name.
+/// The effect of this name; `Err` with a hint at the nearest name.
 fn find(name: &str) -> std::result::Result<&'static Effect, String> {
-    let known: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
-    EFFECTS.iter().find(|effect| effect.name == name).ok_or_else(|| nearest_name(name, &known))
+    let known: Vec<&str> = EFFECTS.iter().map(Effect::name).collect();
+    EFFECTS.iter().find(|effect| effect.name() == name).ok_or_else(|| nearest_name(name, &known))
 }
 
-/// Whether an effect can use a value; what is wrong and what to do about it where not.
+/// Checks the value of an effect; `Err` says what is wrong and what to do.
 fn check_value(effect: &Effect, value: &str) -> std::result::Result<(), (String, String)> {
-    let name = effect.name;
+    let name = effect.id;
     match &effect.value {
         None => Err((format!("`{name}` takes no value, and `{value}` was given"), "leave it out".into())),
-        Some(Value { meaning, check }) => check(value).map_err(|what| {
+        Some(EffectValue { meaning, check }) => check(value).map_err(|what| {
             (format!("`{value}` cannot be the {meaning} of `{name}`: {what}"), String::new())
         }),
     }
 }
 
-/// Whether every name of `--with` and `--without` is that of an effect, and none is in both.
+/// Checks that every name of `--with` and `--without` is that of an effect, and that none is in both.
 ///
 /// # Errors
-/// [`Error::Usage`] for the first that is not, with the nearest one that is.
+/// [`Error::Usage`] for the first that is not, with the nearest name.
 pub fn check_names(with: &[String], without: &[String]) -> Result<()> {
     for typed in with.iter().chain(without) {
         let (name, value) = name_and_value(typed);
@@ -281,10 +291,10 @@ pub fn check_names(with: &[String], without: &[String]) -> Result<()> {
     }
 }
 
-/// Whether every key of a scene file's `[effects]` is an effect.
+/// Checks that every key of a scene file's `[effects]` is the name of an effect, and its values.
 ///
 /// # Errors
-/// [`Error::Input`] for the first that is not, with the nearest one that is.
+/// [`Error::Input`] for the first that is not, with the nearest name.
 pub fn check_scene(scene: &EffectsSection) -> Result<()> {
     for (name, said, place) in scene.iter() {
         let fail = |what: String, hint: String| match place {
@@ -299,15 +309,15 @@ pub fn check_scene(scene: &EffectsSection) -> Result<()> {
     Ok(())
 }
 
-/// The user's word first, then the scene's, then the shading mode's, then what there is to do. An effect with nothing
-/// to do stays off whoever asks: it could not change the picture.
+/// Decides whether an effect is computed. In this order: it needs something that calls for it, `--without` and `--with`, the scene
+/// file, the shading mode. An effect that nothing calls for stays off even if asked for: it could not change the picture.
 fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
-    let name = effect.name;
+    let name = effect.name();
     let said = choices.scene.get(name);
     let asked_for = choices.with.iter().map(|typed| name_and_value(typed)).rfind(|(n, _)| *n == name);
     let value = asked_for.and_then(|(_, value)| Some(value?.to_owned()));
     let value = value.or_else(|| said.and_then(|said| said.value()));
-    let decision = |on, why: String| Decision { effect: name, on, why, value: value.clone() };
+    let decision = |on, why: String| Decision { effect: effect.id, on, why, value: value.clone() };
     let calls = match (effect.called_for)(world, &choices.sampling) {
         Err(nothing) if choices.even_idle && asked_for.is_some() => {
             return decision(true, format!("--with {name}, though {nothing}"));
@@ -329,7 +339,7 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
         Some(true) => return decision(true, format!("the scene file turns it on; {calls}")),
         None => {}
     }
-    if effect.is_shading && choices.shading < ShadingMode::Phong {
+    if effect.is_shading && choices.shading < ShadingMode::Full {
         return decision(false, format!("--shading {} shows that term alone", choices.shading.name()));
     }
     decision(true, calls)

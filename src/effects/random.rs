@@ -1,35 +1,34 @@
-//! Random numbers: a function of pixel, sample, purpose and seed, and of nothing else. So no thread, tile or crop changes
-//! them.
+//! Random numbers as a pure function of pixel, sample, purpose and seed, so that threads, tiles and crops do not change them.
 //!
-//! Each pixel has an Owen-scrambled Sobol sequence of its own (Burley, Practical Hash-based Owen Scrambling, JCGT 9(4),
-//! 2020; crate `sobol_burley`): the points of Sobol's sequence are the same for all, and scrambled by a hash of the pixel's place
-//! in the whole picture. The first 2^k points lie in different cells of every grid of 2^k equal rectangles, for every k: so
-//! they are spread evenly at every count, not only at the last.
+//! Each pixel has its own Owen-scrambled Sobol sequence (Burley, Practical Hash-based Owen Scrambling, JCGT 9(4), 2020; crate
+//! `sobol_burley`): the points of the Sobol sequence, shared by all pixels, scrambled by a hash of the pixel's position in the
+//! whole picture. For every k, the first 2^k points lie in different cells of every grid of 2^k equal rectangles, so the points are
+//! evenly distributed at every count.
 
 use sobol_burley::parts::{hash, owen_scramble_rev, sobol_rev, u32_to_f32_norm};
 
 use crate::scene::MOST_SAMPLES;
 
-/// What numbers are drawn for. Those of different purposes have nothing in common.
+/// What random numbers are used for. Each purpose has an independent sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
-    /// Where in the pixel a primary ray goes through.
+    /// The film position of a camera ray.
     Pixel,
 }
 
-/// How many bits of a seed make room for a purpose.
+/// The number of low bits of the hash input that hold the purpose.
 const BITS_OF_PURPOSES: u32 = 4;
 
-/// A point of Sobol's sequence in the unit square, its bits in reverse: what a sample of all pixels has in common.
+/// A point of the Sobol sequence in the unit square, with reversed bits. Samples of one index share it in all pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Point([u32; 2]);
 
 impl Point {
-    /// That of a sample, counted from 0 to below [`MOST_SAMPLES`].
+    /// The point of a sample, 0 to below [`MOST_SAMPLES`].
     pub fn new(sample: u32, purpose: Purpose) -> Self {
         let index = (sample % MOST_SAMPLES).reverse_bits();
-        // In an order of its own for each purpose, in which a stretch of 2^k points at a multiple of 2^k is still such a stretch.
+        // A shuffled order for each further purpose. Owen scrambling of the index maps aligned blocks of 2^k to such blocks.
         let shuffled = match purpose as u32 {
             0 => index,
             other => owen_scramble_rev(index, hash(other)),
@@ -38,20 +37,20 @@ impl Point {
     }
 }
 
-/// What a pixel makes of points.
+/// The scrambling of a pixel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Scramble([u32; 2]);
 
 impl Scramble {
-    /// That of the pixel in column `x`, row `y` of the whole picture.
+    /// The scrambling of the pixel in column `x`, row `y` of the whole picture.
     #[inline(always)]
     pub fn new(x: u32, y: u32, seed: u32, purpose: Purpose) -> Self {
-        // Turned and not shifted: no bit of a seed is lost.
+        // Rotated instead of shifted, so that no bit of the seed is lost.
         let [a, b, _] = pcg3d([x, y, seed.rotate_left(BITS_OF_PURPOSES) ^ purpose as u32]);
         Scramble([a, b])
     }
 
-    /// A point scrambled: two numbers from 0 to below 1.
+    /// The scrambled point: two numbers from 0 to below 1.
     #[inline(always)]
     pub fn of(self, point: Point) -> [f32; 2] {
         let number = |i: usize| u32_to_f32_norm(owen_scramble_rev(point.0[i], self.0[i]).reverse_bits());
@@ -59,8 +58,8 @@ impl Scramble {
     }
 }
 
-/// Jarzynski and Olano, Hash Functions for GPU Rendering (JCGT 9(3), 2020), listing `pcg3d`: each bit of the input changes
-/// each of the output with a chance of about a half.
+/// The hash `pcg3d` (Jarzynski and Olano, Hash Functions for GPU Rendering, JCGT 9(3), 2020): each input bit flips each output bit
+/// with a probability of about 1/2.
 #[inline(always)]
 fn pcg3d(v: [u32; 3]) -> [u32; 3] {
     let mixed = |[x, y, z]: [u32; 3]| {

@@ -1,162 +1,108 @@
-//! The samples of a tile's pixels: where they lie, in which order they are taken, and what becomes of them.
+//! The samples of a tile's pixels: their positions, their order and their sums.
 //!
-//! The stages are run as often as it takes, each time with as many rays as a tile has pixels: one through each pixel while all are
-//! sampled, several through each where few are left ([`super::effort`]). A pixel's samples and their order depend on nothing but
-//! the pixel. Where pixels are judged by their neighbours, too, those around a tile are sampled with it ([`Field`]) as often as
-//! that takes, and thrown away: a crop or another tiling then has the same pixels.
+//! The plan's stages run once per pass, each with at most [`RAYS_PER_BATCH`] rays: one through each pixel while all are sampled,
+//! several through each where few are left ([`super::convergence`]). A round is the passes between two convergence tests. The
+//! samples of a pixel and their order depend on the pixel alone. Where the test reads neighbours, the pixels around a tile are
+//! sampled with it and discarded ([`SampledRegion`]), so that crops and tilings do not change a pixel.
 
 use glam::DVec3;
 
-use super::Asked;
-use super::effort::Adaptive;
+use super::EffectContext;
+use super::convergence::Criterion;
 use super::random::{Point, Purpose, Scramble};
+use super::region::SampledRegion;
 use super::tile::{Tile, vec_bytes};
 use crate::film::{ColourPipeline, Filter, Window};
-use crate::world::{LANES, widely};
+use crate::world::{RAYS_PER_BATCH, simd_dispatch};
 
 /// How the pixels of a picture are sampled.
 #[derive(Debug, Clone)]
 pub struct Sampler {
-    /// Samples a pixel; the most of them where effort is adaptive.
+    /// Samples a pixel; the maximum where sampling is adaptive.
     pub samples: u32,
-    /// The first of them that is taken.
+    /// The index of the first sample.
     pub first: u32,
-    /// What a pixel is seen through.
+    /// The reconstruction filter.
     pub filter: Filter,
-    /// What the random numbers depend on besides pixel, sample and dimension.
+    /// The seed of the random numbers.
     pub seed: u32,
-    /// Samples that every pixel takes before it can be done.
+    /// Samples that every pixel takes before the first convergence test.
     pub floor: u32,
-    /// How many pixels around a tile take those, too, because pixels in it are judged by their neighbours.
+    /// Width in pixels of the apron around a tile that is sampled for the convergence test.
     pub apron: u32,
-    /// Whether all go through the pixel's centre, because nothing else is asked for.
+    /// Whether all samples go through the pixel's centre, because none were asked for.
     pub centred: bool,
 }
 
 impl Sampler {
-    /// What the scene's settings say.
-    pub fn new(asked: &Asked) -> Self {
-        let sampling = asked.sampling;
+    /// The sampler for the scene's settings.
+    pub fn new(context: &EffectContext) -> Self {
+        let sampling = context.sampling;
         let (shape, radius) = sampling.shape_and_radius();
         let centred = !sampling.is_wanted();
         let samples = if centred { 1 } else { sampling.most_samples() };
-        let is_adaptive = asked.outline.adaptive;
-        let floor = if is_adaptive { Adaptive::new(sampling).floor.min(samples) } else { samples };
+        let is_adaptive = context.spec.adaptive;
+        let floor = if is_adaptive { Criterion::new(sampling).min_samples.min(samples) } else { samples };
         Sampler {
             samples,
             first: sampling.first.unwrap_or(0),
             filter: Filter::new(shape, radius),
             seed: sampling.seed.unwrap_or(0),
             floor,
-            // Nobody is judged where no level is given, or before all samples are taken.
+            // No pixel is tested where no noise level is given, or before it has all its samples.
             apron: u32::from(is_adaptive && sampling.noise.is_some() && floor < samples),
             centred,
         }
     }
 }
 
-/// What a tile keeps of its samples.
+/// The samples of a tile.
 #[derive(Default)]
-pub struct Samples {
-    /// The tile's pixels and those around it that are sampled for their sake.
-    field: Field,
-    /// The sum of each pixel's samples.
-    sums: Vec<Sum>,
+pub struct TileSamples {
+    region: SampledRegion,
+    /// For each pixel of the region, the sum of its samples.
+    sums: Vec<SampleSum>,
     /// The pixels that are still sampled, in ascending order.
     live: Vec<u16>,
-    /// Which samples they take next, from and up to.
+    /// The samples of the current round: first index, and end.
     round: (u32, u32),
-    /// How many samples of the round have been cast, those of all pixels.
+    /// Rays of the round that were cast, over all pixels.
     cast: usize,
-    pass: Box<Pass>,
-}
-
-/// A tile and its apron: the pixels around it, within the picture, that its own pixels are judged by.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Field {
-    /// All of them. Pixels are counted row by row from the top.
-    pub whole: Window,
-    /// The tile's own.
-    pub tile: Window,
-}
-
-impl Default for Field {
-    fn default() -> Self {
-        let nothing = Window { x: 0, y: 0, width: 0, height: 0 };
-        Field { whole: nothing, tile: nothing }
-    }
-}
-
-impl Field {
-    /// A tile with so many pixels around it as there are in a picture of this width and height, `apron` at most.
-    pub fn new(tile: Window, apron: u32, [width, height]: [u32; 2]) -> Self {
-        let (x, y) = (tile.x.saturating_sub(apron), tile.y.saturating_sub(apron));
-        let right = tile.x.saturating_add(tile.width).saturating_add(apron).min(width);
-        let bottom = tile.y.saturating_add(tile.height).saturating_add(apron).min(height);
-        Field { whole: Window { x, y, width: right - x, height: bottom - y }, tile }
-    }
-
-    /// Whether a pixel is one of the tile's own.
-    #[inline(always)]
-    pub fn is_own(&self, pixel: usize) -> bool {
-        let Field { whole, tile } = self;
-        let (x, y) = (whole.x + pixel as u32 % whole.width, whole.y + pixel as u32 / whole.width);
-        // What lies before it wraps to more than any width.
-        x.wrapping_sub(tile.x) < tile.width && y.wrapping_sub(tile.y) < tile.height
-    }
-
-    /// A pixel and the up to eight around it, row by row from the top.
-    #[inline(always)]
-    pub fn near(&self, pixel: usize) -> impl Iterator<Item = usize> + use<> {
-        let Window { width, height, .. } = self.whole;
-        let (x, y) = (pixel as u32 % width, pixel as u32 / width);
-        let (left, right) = (x.saturating_sub(1), (x + 2).min(width));
-        let rows = y.saturating_sub(1)..(y + 2).min(height);
-        rows.flat_map(move |row| (row * width + left) as usize..(row * width + right) as usize)
-    }
-
-    /// The tile's own pixels, row by row from the top.
-    pub fn own(&self) -> impl Iterator<Item = usize> + use<> {
-        let Field { whole, tile } = *self;
-        (tile.y - whole.y..tile.y - whole.y + tile.height).flat_map(move |row| {
-            let start = (row * whole.width + tile.x - whole.x) as usize;
-            start..start + tile.width as usize
-        })
-    }
+    pass: Box<SamplePass>,
 }
 
 /// The rays of a pass.
-struct Pass {
+struct SamplePass {
     len: usize,
     /// For each ray, its pixel.
-    pixels: [u16; LANES],
+    pixels: [u16; RAYS_PER_BATCH],
     /// For each ray, its point of the sequence.
-    points: [Point; LANES],
-    /// Where they go through the picture, in pixels from its top left corner.
-    x: [f64; LANES],
-    y: [f64; LANES],
-    /// The signs that they count with.
-    signs: [f64; LANES],
+    points: [Point; RAYS_PER_BATCH],
+    /// Film positions in pixels, right of and below the picture's top left corner.
+    x: [f64; RAYS_PER_BATCH],
+    y: [f64; RAYS_PER_BATCH],
+    /// Signs of the filter weights, 1 or -1.
+    signs: [f64; RAYS_PER_BATCH],
 }
 
-impl Default for Pass {
+impl Default for SamplePass {
     fn default() -> Self {
-        Pass {
+        SamplePass {
             len: 0,
-            pixels: [0; LANES],
-            points: [Point::default(); LANES],
-            x: [0.0; LANES],
-            y: [0.0; LANES],
-            signs: [1.0; LANES],
+            pixels: [0; RAYS_PER_BATCH],
+            points: [Point::default(); RAYS_PER_BATCH],
+            x: [0.0; RAYS_PER_BATCH],
+            y: [0.0; RAYS_PER_BATCH],
+            signs: [1.0; RAYS_PER_BATCH],
         }
     }
 }
 
-impl Pass {
-    /// Finds where the rays go.
+impl SamplePass {
+    /// Computes the film positions and signs.
     #[inline(always)]
     fn place(&mut self, window: Window, sampler: &Sampler) {
-        for i in 0..self.len.min(LANES) {
+        for i in 0..self.len.min(RAYS_PER_BATCH) {
             let pixel = u32::from(self.pixels[i]);
             let (x, y) = (window.x + pixel % window.width, window.y + pixel / window.width);
             let numbers = Scramble::new(x, y, sampler.seed, Purpose::Pixel).of(self.points[i]);
@@ -169,25 +115,25 @@ impl Pass {
     }
 }
 
-impl Samples {
-    /// Begins with a tile.
-    pub fn start(&mut self, field: Field, sampler: &Sampler) {
-        let pixels = field.whole.area();
-        self.field = field;
+impl TileSamples {
+    /// Begins a tile.
+    pub fn start(&mut self, region: SampledRegion, sampler: &Sampler) {
+        let pixels = region.whole.area();
+        self.region = region;
         self.sums.clear();
-        self.sums.resize(pixels, Sum::default());
+        self.sums.resize(pixels, SampleSum::default());
         self.live.clear();
         self.live.extend(0..pixels as u16);
         self.round = (sampler.first, sampler.floor);
         self.cast = 0;
     }
 
-    /// Lists the rays of the next pass: sample by sample, within a sample pixel by pixel.
-    pub fn list(&mut self, sampler: &Sampler) {
+    /// Begins the next pass: lists its rays sample by sample, within a sample pixel by pixel.
+    pub fn next_pass(&mut self, sampler: &Sampler) {
         let (from, to) = self.round;
         let all = self.live.len() * (to - from) as usize;
-        let Samples { live, pass, field, .. } = self;
-        pass.len = LANES.min(all - self.cast);
+        let TileSamples { live, pass, region, .. } = self;
+        pass.len = RAYS_PER_BATCH.min(all - self.cast);
         let mut pixel = self.cast % live.len();
         let mut sample = from + (self.cast / live.len()) as u32;
         let mut point = Point::new(sample, Purpose::Pixel);
@@ -200,40 +146,43 @@ impl Samples {
             }
         }
         self.cast += pass.len;
-        widely(
+        simd_dispatch(
             #[inline(always)]
-            || pass.place(field.whole, sampler),
+            || pass.place(region.whole, sampler),
         );
     }
 
-    /// Where the rays of the pass go through the picture: right of and below its top left corner, in pixels.
-    pub fn places(&self) -> (&[f64], &[f64]) {
-        let Pass { len, x, y, .. } = &*self.pass;
+    /// The film positions of the pass's rays in pixels, right of and below the picture's top left corner.
+    pub fn film_positions(&self) -> (&[f64], &[f64]) {
+        let SamplePass { len, x, y, .. } = &*self.pass;
         (&x[..*len], &y[..*len])
     }
 
-    /// Takes in what the rays of the pass saw.
-    pub fn take(&mut self, colours: &[[f32; 3]]) {
-        let Samples { pass, sums, .. } = self;
+    /// Adds the colours of the pass's rays to their pixels.
+    pub fn add(&mut self, colours: &[[f32; 3]]) {
+        let TileSamples { pass, sums, .. } = self;
         for ((&pixel, &sign), &colour) in pass.pixels[..pass.len].iter().zip(&pass.signs).zip(colours) {
             sums[usize::from(pixel)].add(colour, sign);
         }
     }
 
-    /// For each ray of the pass its pixel, its sign and, of `colours`, what it saw.
-    pub fn seen<'a>(&'a self, colours: &'a [[f32; 3]]) -> impl Iterator<Item = (usize, f64, &'a [f32; 3])> {
-        let Pass { len, pixels, signs, .. } = &*self.pass;
+    /// For each ray of the pass, its pixel, its sign and its entry of `colours`.
+    pub fn of_pass<'a>(
+        &'a self,
+        colours: &'a [[f32; 3]],
+    ) -> impl Iterator<Item = (usize, f64, &'a [f32; 3])> {
+        let SamplePass { len, pixels, signs, .. } = &*self.pass;
         let rays = pixels[..*len].iter().zip(signs).zip(colours);
         rays.map(|((&pixel, &sign), colour)| (usize::from(pixel), sign, colour))
     }
 
     /// The pixels that are sampled.
-    pub fn field(&self) -> Field {
-        self.field
+    pub fn region(&self) -> SampledRegion {
+        self.region
     }
 
-    /// What each pixel's samples add up to.
-    pub fn sums(&self) -> &[Sum] {
+    /// For each pixel of the region, the sum of its samples.
+    pub fn sums(&self) -> &[SampleSum] {
         &self.sums
     }
 
@@ -242,93 +191,95 @@ impl Samples {
         self.round.0 == 0 && self.cast == self.pass.len
     }
 
-    /// Whether the round's last pass is through.
+    /// Whether the pass is the last of its round.
     pub fn is_round_done(&self) -> bool {
         self.cast == self.live.len() * (self.round.1 - self.round.0) as usize
     }
 
-    /// How many samples the pixels have that are still sampled, at the end of the round.
+    /// The number of samples that live pixels have at the end of the round.
     pub fn round_end(&self) -> u32 {
         self.round.1
     }
 
-    /// Begins another round, up to `end` samples, of those of the tile's own pixels that `goes_on` says so of.
-    pub fn go_on_where(&mut self, end: u32, goes_on: impl Fn(usize, &Sum) -> bool) {
-        let Samples { live, sums, field, .. } = self;
+    /// Begins another round, up to `end` samples, for those of the tile's own live pixels that `keep` accepts.
+    pub fn start_round(&mut self, end: u32, keep: impl Fn(usize, &SampleSum) -> bool) {
+        let TileSamples { live, sums, region, .. } = self;
         live.retain(|&pixel| {
             let pixel = usize::from(pixel);
-            field.is_own(pixel) && goes_on(pixel, &sums[pixel])
+            region.is_own(pixel) && keep(pixel, &sums[pixel])
         });
         self.round = (self.round.1, end);
         self.cast = 0;
     }
 
     /// Whether no pixel is sampled any further.
-    pub fn is_over(&self) -> bool {
+    pub fn is_finished(&self) -> bool {
         self.live.is_empty()
     }
 
-    /// Gives the pixels of the tile their values.
+    /// Ends the tile: writes the values and sample counts of its pixels.
     pub fn finish(&self, tile: &mut Tile, sampler: &Sampler, pipeline: ColourPipeline) {
-        let value = |sum: &Sum| match pipeline {
-            // What a film of 8 bits cannot hold is rounded.
+        let value = |sum: &SampleSum| match pipeline {
+            // This pipeline rounds every value to 8 bits.
             ColourPipeline::U8 => pipeline.hold(sum.value(&sampler.filter)),
             _ => sum.value(&sampler.filter),
         };
-        tile.again = false;
+        let own = || self.region.own().map(|pixel| &self.sums[pixel]);
+        tile.needs_more_samples = false;
         tile.pixels.clear();
-        tile.pixels.extend(self.field.own().map(|pixel| value(&self.sums[pixel]).as_vec3().to_array()));
-        tile.taken.clear();
-        tile.taken.extend(self.field.own().map(|pixel| self.sums[pixel].taken));
+        tile.pixels.extend(own().map(|sum| value(sum).as_vec3().to_array()));
+        tile.sample_counts.clear();
+        tile.sample_counts.extend(own().map(|sum| sum.count));
     }
 
-    /// Bytes of memory that it holds.
+    /// Bytes of memory.
     pub fn bytes(&self) -> usize {
-        let Samples { sums, live, pass, .. } = self;
-        size_of::<Samples>() + vec_bytes(sums) + vec_bytes(live) + size_of_val(&**pass)
+        let TileSamples { sums, live, pass, .. } = self;
+        size_of::<TileSamples>() + vec_bytes(sums) + vec_bytes(live) + size_of_val(&**pass)
     }
 }
 
-/// The samples of a pixel, added up. In f64, where so many numbers of f32 as a pixel can have add up with no rounding that f32
-/// shows; those that are equal, with none at all.
+/// The sum of a pixel's samples. In f64, in which the rounding of [`crate::scene::MOST_SAMPLES`] sums of f32 values does not
+/// show in f32, and equal samples add up exactly.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Sum {
-    taken: u32,
-    /// Those that count with a negative sign.
-    negative: u32,
+pub struct SampleSum {
+    count: u32,
+    /// The samples with negative sign.
+    negative_count: u32,
     colours: DVec3,
-    of_negative: DVec3,
+    negative_colours: DVec3,
 }
 
-impl Sum {
-    /// Takes in a sample that counts with a sign.
+impl SampleSum {
+    /// Adds a sample whose filter weight has this sign.
     #[inline(always)]
     pub fn add(&mut self, colour: [f32; 3], sign: f64) {
         let colour = DVec3::from(colour.map(f64::from));
-        self.taken += 1;
+        self.count += 1;
         self.colours += colour;
         if sign < 0.0 {
-            self.negative += 1;
-            self.of_negative += colour;
+            self.negative_count += 1;
+            self.negative_colours += colour;
         }
     }
 
-    /// The plain mean of the samples.
+    /// The mean of the samples without their signs.
     pub fn mean(&self) -> DVec3 {
-        self.colours / f64::from(self.taken)
+        self.colours / f64::from(self.count)
     }
 
     /// The pixel's value through `filter`.
     ///
-    /// With signs, the mean of `sign * (colour - mean)` over the signs' expected mean is added to the plain mean: no division by a
-    /// sum of signs that may vanish, and where all samples are equal exactly their colour.
+    /// For a filter with negative lobes: the mean, plus the mean of `sign * (colour - mean)` divided by the expected sign. This
+    /// never divides by a sum of signs that may vanish, and equal samples give exactly their colour.
     pub fn value(&self, filter: &Filter) -> DVec3 {
         let mean = self.mean();
         if !filter.is_signed() {
             return mean;
         }
+        let count = f64::from(self.count);
         let (signed, signs) =
-            (self.colours - 2.0 * self.of_negative, f64::from(self.taken) - 2.0 * f64::from(self.negative));
-        mean + (signed - mean * signs) / (f64::from(self.taken) * filter.mean_sign())
+            (self.colours - 2.0 * self.negative_colours, count - 2.0 * f64::from(self.negative_count));
+        mean + (signed - mean * signs) / (count * filter.mean_sign())
     }
 }

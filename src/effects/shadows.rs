@@ -1,66 +1,69 @@
-//! Shadows: a light counts only where nothing lies between it and the surface.
+//! Shadows: occlusion tests between surfaces and lights.
 //!
-//! The assignment's report: a ray from the point towards the light, blocked by anything *between* the two; what lies
-//! behind the light does not count.
+//! The assignment's report: a ray from the point towards the light, blocked by anything *between* the two. What lies behind the
+//! light does not block it.
 
 use glam::DVec3;
 
-use super::tile::{Context, Level, Tile, vec_bytes};
-use super::{Asked, Effect, Hook, RayKind, Stage, named};
+use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use super::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
 use crate::geometry::{Numerics, Ray};
-use crate::shading::{LightLanes, LightSample};
-use crate::world::{Lanes, RayLanes, Surfaces, World, widely};
+use crate::shading::{LightSample, LightSoa};
+use crate::world::{InteractionSoa, RaySoa, Vec3Soa, World, simd_dispatch};
 
-/// Towards lights.
-const RAYS: RayKind = RayKind("shadow");
+/// Shadow rays.
+pub const RAYS: RayKind = RayKind { name: "shadow", is_shadow: true, colour: [120, 190, 255] };
 
-/// In the registry.
+/// The registry's entry.
 pub const EFFECT: Effect = Effect {
-    name: "shadows",
+    id: id::SHADOWS,
     summary: "lights are blocked by what stands in their way",
+    builds_on: None,
     needs_lights: true,
     is_shading: true,
+    decides_samples: false,
+    is_study_switch: true,
     rays: &[RAYS],
     value: None,
     called_for: |world: &World, _| {
         let names: Vec<&str> = world.lights.iter().map(|light| light.name.as_str()).collect();
         named("light", &names).ok_or_else(|| "the scene has no lights".into())
     },
-    outline: |_, outline| {
-        if outline.lit {
-            outline.shadow_rays = true;
-            outline.leaving = u32::MAX;
+    specify: |_, spec| {
+        if spec.lit {
+            spec.shadow_rays = true;
+            spec.generations_with_origins = u32::MAX;
         }
     },
-    stages: |_: &Asked, hook| match hook {
+    stages: |_: &EffectContext, hook| match hook {
         Hook::AfterLighting(_) => vec![Box::new(Shadows)],
         _ => Vec::new(),
     },
     bytes: |tile| {
-        tile.kept::<Buffers>().map_or(0, |Buffers { lanes, rays, occluded, asked }| {
+        tile.buffers::<Buffers>().map_or(0, |Buffers { soa, rays, occluded, surfaces }| {
             size_of::<Buffers>()
-                + size_of_val(&**lanes)
+                + size_of_val(&**soa)
                 + vec_bytes(rays)
                 + vec_bytes(occluded)
-                + vec_bytes(asked)
+                + vec_bytes(surfaces)
         })
     },
 };
 
-/// What asking about one light takes.
+/// Temporary buffers, reused for each light.
 #[derive(Default)]
 struct Buffers {
-    /// The shadow rays of all surfaces of a level, coordinate by coordinate.
-    lanes: Box<RayLanes>,
+    /// The shadow rays of all surfaces of a generation.
+    soa: Box<RaySoa>,
     /// Those that are cast.
     rays: Vec<Ray>,
-    /// For each of them, whether it is blocked.
+    /// For each ray that is cast, whether it is occluded.
     occluded: Vec<bool>,
-    /// For each of them, its surface.
-    asked: Vec<u32>,
+    /// For each ray that is cast, its surface.
+    surfaces: Vec<u32>,
 }
 
-/// Takes away the lights that do not reach the surfaces of a level.
+/// Tests every light for occlusion at the surfaces of a generation.
 struct Shadows;
 
 impl Stage for Shadows {
@@ -68,72 +71,82 @@ impl Stage for Shadows {
         "shadows"
     }
 
-    fn run(&self, tile: &mut Tile, context: &Context) {
-        tile.with(|own: &mut Buffers, tile| take_away(own, tile, context));
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        tile.with_buffers(|own: &mut Buffers, tile| test_occlusion(own, tile, context));
     }
 }
 
-fn take_away(own: &mut Buffers, tile: &mut Tile, context: &Context) {
-    let Tile { levels, depth, lights, traversal, onlooker, .. } = tile;
-    let Level { surfaces, origins, shadow_origins, .. } = &levels[*depth];
+fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
+    let Tile { generations, depth, lights, traversal, recorder, .. } = tile;
+    let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*depth];
     let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
-    let Buffers { lanes, rays, occluded, asked } = own;
+    let Buffers { soa, rays, occluded, surfaces: tested } = own;
     let (mut cast, mut blocked) = (0, 0);
     for (index, light) in lights.iter_mut().enumerate() {
-        list_reached(&light.reaches[..surfaces.len()], asked);
-        if asked.is_empty() {
+        list_reached(&light.reaches[..surfaces.len()], tested);
+        if tested.is_empty() {
             continue;
         }
-        // Constants, so that the loop has no branch on the tier.
-        match context.world.numerics() {
-            Numerics::Fast => widely(
-                #[inline(always)]
-                || rays_to(light, surfaces, origins, Numerics::Fast, lanes),
-            ),
-            Numerics::Watertight => widely(
-                #[inline(always)]
-                || rays_to(light, surfaces, origins, Numerics::Watertight, lanes),
-            ),
-            Numerics::Double | Numerics::Exact => widely(
-                #[inline(always)]
-                || rays_to(light, surfaces, origins, Numerics::Double, lanes),
-            ),
-        }
-        if asked.len() == surfaces.len() {
-            lanes.weave(surfaces.len(), rays);
+        shadow_rays(light, surfaces, origins, context.world.numerics(), soa);
+        if tested.len() == surfaces.len() {
+            soa.to_rays(surfaces.len(), rays);
         } else {
-            lanes.weave_some(asked, rays);
+            soa.to_rays_at(tested, rays);
         }
         occluded.clear();
         context.world.accelerator.are_occluded(rays, occluded, traversal);
-        if let Some(onlooker) = onlooker {
-            onlooker.see_asked(RAYS, *depth, Some(index), asked, rays, occluded);
+        if let Some(recorder) = recorder {
+            recorder.record_occlusion(RAYS, *depth, Some(index), tested, rays, occluded);
         }
         cast += occluded.len();
-        let met = occluded.iter().filter(|&&blocked| blocked).count();
-        if met > 0 {
-            for (&surface, &is_blocked) in asked.iter().zip(&*occluded) {
+        let blocked_here = occluded.iter().filter(|&&blocked| blocked).count();
+        if blocked_here > 0 {
+            for (&surface, &is_blocked) in tested.iter().zip(&*occluded) {
                 light.reaches[surface as usize] &= !is_blocked;
             }
         }
-        blocked += met;
+        blocked += blocked_here;
     }
     tile.count(RAYS, cast, blocked);
 }
 
-/// The rays from all surfaces to a light.
+/// Writes the shadow rays of all surfaces, also of those that the light does not reach.
+fn shadow_rays(
+    light: &LightSoa,
+    surfaces: &InteractionSoa,
+    origins: &Vec3Soa,
+    numerics: Numerics,
+    rays: &mut RaySoa,
+) {
+    // The tier is passed as a constant, so that the loops have no branch on it.
+    match numerics {
+        Numerics::Fast => simd_dispatch(
+            #[inline(always)]
+            || rays_to(light, surfaces, origins, Numerics::Fast, rays),
+        ),
+        Numerics::Watertight => simd_dispatch(
+            #[inline(always)]
+            || rays_to(light, surfaces, origins, Numerics::Watertight, rays),
+        ),
+        Numerics::Double | Numerics::Exact => simd_dispatch(
+            #[inline(always)]
+            || rays_to(light, surfaces, origins, Numerics::Double, rays),
+        ),
+    }
+}
+
 #[inline(always)]
 fn rays_to(
-    light: &LightLanes,
-    surfaces: &Surfaces,
-    origins: &Lanes,
+    light: &LightSoa,
+    surfaces: &InteractionSoa,
+    origins: &Vec3Soa,
     numerics: Numerics,
-    rays: &mut RayLanes,
+    rays: &mut RaySoa,
 ) {
     for i in 0..surfaces.len() {
         let origin = origins.get(i);
         let seen = light.get(i).seen_from(origin - surfaces.position.get(i));
-        // Where the light does not reach it may have no direction, and nobody will ask.
+        // A light that does not reach the surface may have no direction; the ray is not cast.
         let normal = surfaces.geometric_normal.get(i);
         let pick = |a: f64, b: f64| if light.reaches[i] { a } else { b };
         let direction = DVec3::new(
@@ -145,7 +158,7 @@ fn rays_to(
     }
 }
 
-/// Lists the surfaces that a light reaches.
+/// Lists the surfaces whose entry in `reaches` is set.
 fn list_reached(reaches: &[bool], surfaces: &mut Vec<u32>) {
     surfaces.clear();
     if reaches.iter().all(|&reaches| reaches) {
@@ -155,13 +168,13 @@ fn list_reached(reaches: &[bool], surfaces: &mut Vec<u32>) {
     }
 }
 
-/// The ray from `origin`, on a surface's outer side, to a light as seen from there, open at both ends.
+/// The shadow ray from `origin`, on a surface's outer side, to a light as sampled from there; open at both ends.
 ///
-/// The ray ends before the light by two steps of the numbers that corners are rounded to, relative to its length, and a few of f64: the
-/// surface that the light stands on may have been rounded to before it, and does not count. Where the ray rises less than a quarter from
-/// that surface it may still meet it.
+/// The ray ends before the light by a relative distance of 2 epsilon of the precision of corners and 8 epsilon of f64, so that it does not
+/// hit the surface that the light lies on, whose corners are rounded. Where the ray rises from that surface by less than a quarter
+/// of its length it may still hit it.
 #[inline(always)]
 pub fn shadow_ray(origin: DVec3, light: &LightSample, numerics: Numerics) -> Ray {
-    let beside = 2.0 * numerics.precision().epsilon() + 8.0 * f64::EPSILON;
-    numerics.ray_precision().ray(origin, light.direction, 0.0, light.distance * (1.0 - beside))
+    let margin = 2.0 * numerics.precision().epsilon() + 8.0 * f64::EPSILON;
+    numerics.ray_precision().ray(origin, light.direction, 0.0, light.distance * (1.0 - margin))
 }

@@ -1,20 +1,23 @@
-//! Textures: what the pictures of materials say of the surfaces that have them, and of no others.
+//! Textures: lookups of the materials' textures at the surfaces that have them.
 
-use super::pictures::{self, Buffers};
-use super::tile::{Context, Level, Tile, vec_bytes};
-use super::{Asked, Effect, Hook, Pictures, Stage, Value, named};
+use super::texture_points::{self, Buffers};
+use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use super::{Effect, EffectContext, EffectValue, Hook, Stage, TextureUse, id, named};
 use crate::scene::TextureFilter;
 use crate::shading::texture::look_up;
-use crate::world::{LoweredMaterial, LoweredTexture, Meaning, Texels, World};
+use crate::world::{PreparedMaterial, PreparedTexture, TexelEncoding, Texels, World};
 
-/// In the registry.
+/// The registry's entry.
 pub const EFFECT: Effect = Effect {
-    name: "textures",
+    id: id::TEXTURES,
     summary: "pictures on surfaces: nearest, bilinear, mipmap or anisotropic; as each says itself, if not told",
+    builds_on: None,
     needs_lights: false,
     is_shading: false,
+    decides_samples: false,
+    is_study_switch: false,
     rays: &[],
-    value: Some(Value {
+    value: Some(EffectValue {
         meaning: "filter",
         check: |value| match filter(value) {
             Some(_) => Ok(()),
@@ -22,20 +25,21 @@ pub const EFFECT: Effect = Effect {
         },
     }),
     called_for: |world: &World, _| {
-        let pictured = world.materials_in_use().filter(|(_, material)| material.textures().next().is_some());
-        let names: Vec<&str> = pictured.map(|(name, _)| name).collect();
+        let textured = world.materials_in_use().filter(|(_, material)| material.textures().next().is_some());
+        let names: Vec<&str> = textured.map(|(name, _)| name).collect();
         named("material", &names).ok_or_else(|| "no object is of a material with a picture".into())
     },
-    outline: |asked, outline| {
-        outline.pictures.textures = true;
-        outline.pictures.filter = asked.value.as_deref().and_then(filter);
+    specify: |context, spec| {
+        spec.texture_use.material_textures = true;
+        spec.texture_use.filter = context.value.as_deref().and_then(filter);
     },
-    stages: |asked: &Asked, hook: Hook| {
-        pictures::stages(asked, hook, true, Textures { pictures: asked.outline.pictures })
+    stages: |context: &EffectContext, hook: Hook| {
+        texture_points::stages(context, hook, true, Textures { texture_use: context.spec.texture_use })
     },
     bytes: |tile| {
-        let texels = tile.levels.iter().map(|level| vec_bytes(&level.surfaces.texels)).sum::<usize>();
-        texels + tile.kept::<Buffers>().filter(|_| texels > 0).map_or(0, Buffers::bytes)
+        let texels = tile.generations.iter().map(|generation| vec_bytes(&generation.surfaces.texels));
+        let texels = texels.sum::<usize>();
+        texels + tile.buffers::<Buffers>().filter(|_| texels > 0).map_or(0, Buffers::bytes)
     },
 };
 
@@ -44,36 +48,36 @@ fn filter(name: &str) -> Option<TextureFilter> {
     TextureFilter::ALL.into_iter().find(|filter| filter.name() == name)
 }
 
-/// Looks up the pictures of the surfaces of a level.
+/// Looks up the textures of the surfaces of a generation.
 struct Textures {
-    pictures: Pictures,
+    texture_use: TextureUse,
 }
 
-/// Where what a picture shows goes.
-type Put = fn(&mut Texels, glam::DVec3);
+/// Stores a looked-up value in the texels of a surface.
+type Store = fn(&mut Texels, glam::DVec3);
 
 impl Stage for Textures {
     fn name(&self) -> &'static str {
         "textures"
     }
 
-    fn run(&self, tile: &mut Tile, context: &Context) {
-        tile.with(|own: &mut Buffers, tile| {
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        tile.with_buffers(|own: &mut Buffers, tile| {
             let points = own.points(tile.depth);
             if points.is_empty() {
                 return;
             }
-            let Level { surfaces, .. } = &mut tile.levels[tile.depth];
+            let RayGeneration { surfaces, .. } = &mut tile.generations[tile.depth];
             let mut texels = std::mem::take(&mut surfaces.texels);
             texels.resize(surfaces.len(), Texels::default());
             for (material, range) in surfaces.by_material() {
                 let material = &context.world.materials[*material as usize];
-                for (texture, meaning, put) in slots(material) {
+                for (texture, encoding, store) in slots(material) {
                     let image = &context.world.images[texture.image as usize];
-                    let filter = self.pictures.filter(&texture);
+                    let filter = self.texture_use.filter(&texture);
                     for (texels, point) in texels[range.clone()].iter_mut().zip(&points[range.clone()]) {
                         if let Some(point) = point {
-                            put(texels, look_up(image, meaning, &texture.sampler, &filter, point));
+                            store(texels, look_up(image, encoding, &texture.sampler, &filter, point));
                         }
                     }
                 }
@@ -83,18 +87,15 @@ impl Stage for Textures {
     }
 }
 
-/// The pictures of a material, what their values mean, and where they go.
-fn slots(material: &LoweredMaterial) -> impl Iterator<Item = (LoweredTexture, Meaning, Put)> {
-    let puts: [Put; 3] = [
+/// The textures of a material, the encoding of their texels, and where their values are stored.
+fn slots(material: &PreparedMaterial) -> impl Iterator<Item = (PreparedTexture, TexelEncoding, Store)> {
+    let stores: [Store; 3] = [
         |texels, c| texels.colour = c,
         |texels, c| (texels.roughness, texels.metallic) = (c.y, c.z),
         |texels, c| texels.emission = c,
     ];
-    material
-        .slots()
-        .into_iter()
-        .zip(puts)
-        .filter_map(|((texture, meaning), put)| Some((texture?, meaning, put)))
+    let slots = material.slots().into_iter().zip(stores);
+    slots.filter_map(|((texture, encoding), store)| Some((texture?, encoding, store)))
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! What stages work on: the rays of one tile, level by level.
+//! The per-tile working set: ray, hit and shading buffers, one set per ray generation.
 //!
-//! Level 0 holds the rays of the tile's pixels, each further level the rays that surfaces of the one before sent out.
-//! All arrays are kept from tile to tile, so that a steady state allocates nothing; each stage sets what it fills anew.
-//! What only one effect needs is not here but in its own file, and exists where that runs ([`Tile::with`]).
+//! Generation 0 holds the camera rays of the tile's pixels, each further generation the rays cast from the surfaces of the one
+//! before. All buffers are kept from tile to tile, so rendering allocates nothing once they have grown; each stage overwrites
+//! what it fills. Buffers of a single effect are defined in its own file and exist only where it runs ([`Tile::with_buffers`]).
 
 use std::any::Any;
 
@@ -10,49 +10,49 @@ use super::RayKind;
 use crate::bvh::Traversal;
 use crate::film::Window;
 use crate::geometry::{Hit, Ray};
-use crate::shading::{LightLanes, Scratch};
-use crate::world::{Lanes, RayLanes, Surfaces, View, World};
+use crate::shading::{LightSoa, Scratch};
+use crate::world::{InteractionSoa, RaySoa, Vec3Soa, View, World};
 
-/// What every stage may read.
-pub struct Context<'a> {
+/// The read-only input of every stage.
+pub struct RenderContext<'a> {
     /// The prepared scene.
     pub world: &'a World,
     /// The camera.
     pub view: &'a View,
 }
 
-/// The rays of one generation and what became of them: at most one a pixel.
+/// The rays of one generation with their hits and shading, at most one ray per pixel of the tile.
 #[derive(Default)]
-pub struct Level {
+pub struct RayGeneration {
     /// The rays.
     pub rays: Vec<Ray>,
-    /// The same, coordinate by coordinate.
-    pub lanes: Box<RayLanes>,
-    /// For each ray, what sent it: a pixel of the tile on level 0, a surface of the level before on others.
+    /// The same rays as a structure of arrays.
+    pub soa: Box<RaySoa>,
+    /// For each ray its source: in generation 0 a pixel of the tile, otherwise a surface of the generation before.
     pub sources: Vec<u32>,
     /// For each ray, its closest hit.
     pub hits: Vec<Option<Hit>>,
-    /// The points that were hit, in the order of the rays.
-    pub surfaces: Box<Surfaces>,
-    /// For each surface, where rays that leave it start; there where some do.
-    pub origins: Option<Box<Lanes>>,
-    /// For each surface, where its shadow rays start; there where that is not where other rays do.
-    pub shadow_origins: Option<Box<Lanes>>,
+    /// The surface interactions of the rays that hit, in the order of the rays.
+    pub surfaces: Box<InteractionSoa>,
+    /// For each surface, the origin of the rays that leave it; `None` where no rays do.
+    pub origins: Option<Box<Vec3Soa>>,
+    /// For each surface, the origin of its shadow rays; `None` where it is that of all rays.
+    pub shadow_origins: Option<Box<Vec3Soa>>,
     /// For each surface, its colour.
-    pub colours: Box<Lanes>,
+    pub colours: Box<Vec3Soa>,
 }
 
-impl Level {
-    /// Bytes of memory that it holds, but for what an effect put there.
+impl RayGeneration {
+    /// Bytes of memory, without the buffers that effects add.
     pub fn bytes(&self) -> usize {
-        let Level { rays, lanes, sources, hits, surfaces, origins, shadow_origins: _, colours } = self;
-        size_of::<Level>()
+        let RayGeneration { rays, soa, sources, hits, surfaces, origins, shadow_origins: _, colours } = self;
+        size_of::<RayGeneration>()
             + vec_bytes(rays)
-            + size_of_val(&**lanes)
+            + size_of_val(&**soa)
             + vec_bytes(sources)
             + vec_bytes(hits)
             + size_of_val(&**surfaces)
-            + usize::from(origins.is_some()) * size_of::<Lanes>()
+            + usize::from(origins.is_some()) * size_of::<Vec3Soa>()
             + size_of_val(&**colours)
     }
 }
@@ -62,183 +62,184 @@ pub fn vec_bytes<T>(values: &Vec<T>) -> usize {
     values.capacity() * size_of::<T>()
 }
 
-/// A tile in the making.
+/// The working set of one thread, which renders one tile at a time.
 #[derive(Default)]
 pub struct Tile {
-    /// The pixels it covers.
+    /// The pixels of the tile.
     pub window: Option<Window>,
-    /// The generations of rays.
-    pub levels: Vec<Level>,
-    /// The one that is being worked on.
+    /// The ray generations.
+    pub generations: Vec<RayGeneration>,
+    /// The index of the generation that stages work on.
     pub depth: usize,
-    /// The finished pixels, row by row from the top; until an effect that takes several samples has made them, what each ray of
-    /// level 0 saw.
+    /// The colours of the pixels, row by row from the top. While an effect takes several samples: the colours of the rays of
+    /// generation 0.
     pub pixels: Vec<[f32; 3]>,
-    /// Whether the stages are to be run again, for further samples.
-    pub again: bool,
-    /// How many samples each of the finished pixels took; empty where it is one.
-    pub taken: Vec<u32>,
-    /// What traversals need and count.
+    /// Whether the stages have to run again, for further samples.
+    pub needs_more_samples: bool,
+    /// Samples taken for each finished pixel; empty where each has one.
+    pub sample_counts: Vec<u32>,
+    /// Traversal state and counters.
     pub traversal: Traversal,
-    /// Rays cast and rays that hit, by kind; no entry for kinds of which none was.
+    /// Rays cast and rays that hit, by kind; kinds without rays have no entry.
     pub rays: Vec<(RayKind, RayCount)>,
-    /// The lights as the surfaces of a level see them, in the world's order, until those are shaded; empty where no stage
-    /// looked for lights.
-    pub lights: Vec<Box<LightLanes>>,
-    /// What shading needs in passing.
+    /// For each light of the world, its samples at the surfaces of the current generation; empty where lights are not evaluated.
+    pub lights: Vec<Box<LightSoa>>,
+    /// Temporary buffers of shading.
     pub shading: Box<Scratch>,
-    /// For each object, whether a primary ray has seen it.
-    pub seen: Vec<bool>,
-    /// Who looks on while the tile is made; nobody while a picture is rendered.
-    pub onlooker: Option<Box<Onlooker>>,
-    /// What effects keep for themselves, each in a type of its own.
-    own: Vec<Box<dyn Any + Send>>,
+    /// For each object, whether a primary ray has hit it.
+    pub visible_objects: Vec<bool>,
+    /// Records every ray; `None` while pictures are rendered.
+    pub recorder: Option<Box<RayRecorder>>,
+    /// The buffers of effects, one type each.
+    effect_buffers: Vec<Box<dyn Any + Send>>,
 }
 
-/// Every ray of a tile, in the order that they are cast in.
+/// The rays of a tile in the order in which they were cast.
 #[derive(Debug, Default)]
-pub struct Onlooker {
+pub struct RayRecorder {
     /// The rays.
-    pub casts: Vec<Cast>,
+    pub rays: Vec<RecordedRay>,
 }
 
 /// A ray that was cast.
 #[derive(Debug, Clone, Copy)]
-pub struct Cast {
-    /// What it was cast for.
+pub struct RecordedRay {
+    /// Its kind.
     pub kind: RayKind,
-    /// The level whose ray it is, or whose surface asked.
+    /// Its generation; for an occlusion test, that of the surface it starts from.
     pub depth: usize,
-    /// What sent it: a pixel of the tile or a surface of the level before where the ray is one of a level, a surface of the level
-    /// where it asks whether something is in its way.
+    /// Its source, as in [`RayGeneration::sources`]; for an occlusion test, the surface of generation `depth`.
     pub source: u32,
-    /// Of a ray towards a light, which.
+    /// For a shadow ray, the index of the light.
     pub light: Option<usize>,
     /// The ray.
     pub ray: Ray,
-    /// What came of it.
-    pub met: Met,
+    /// The result of tracing it.
+    pub result: TraceResult,
 }
 
-/// What came of a ray.
+/// The result of tracing a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Met {
-    /// It hit nothing.
-    Nothing,
-    /// It was asked for its closest hit.
-    Hit(Hit),
-    /// It was only asked whether anything is in its way, and something is.
-    Something,
+pub enum TraceResult {
+    /// No hit.
+    Miss,
+    /// The closest hit.
+    Closest(Hit),
+    /// Some hit, from an occlusion test.
+    Occluded,
 }
 
-impl Onlooker {
-    /// Sees the rays of a level.
+impl RayRecorder {
+    /// Records the rays of a generation with their closest hits.
     #[cold]
-    pub fn see_level(&mut self, kind: RayKind, depth: usize, level: &Level) {
-        let rays = level.rays.iter().zip(&level.hits).zip(&level.sources);
-        self.casts.extend(rays.map(|((&ray, hit), &source)| {
-            let met = hit.map_or(Met::Nothing, Met::Hit);
-            Cast { kind, depth, source, light: None, ray, met }
+    pub fn record_generation(&mut self, kind: RayKind, depth: usize, generation: &RayGeneration) {
+        let rays = generation.rays.iter().zip(&generation.hits).zip(&generation.sources);
+        self.rays.extend(rays.map(|((&ray, hit), &source)| {
+            let result = hit.map_or(TraceResult::Miss, TraceResult::Closest);
+            RecordedRay { kind, depth, source, light: None, ray, result }
         }));
     }
 
-    /// Sees rays that are asked whether something is in their way; of each of them, which surface asks.
+    /// Records occlusion tests. `surfaces` holds the surface of each ray.
     #[cold]
-    pub fn see_asked(
+    pub fn record_occlusion(
         &mut self,
         kind: RayKind,
         depth: usize,
         light: Option<usize>,
         surfaces: &[u32],
         rays: &[Ray],
-        blocked: &[bool],
+        occluded: &[bool],
     ) {
-        let rays = rays.iter().zip(blocked).zip(surfaces);
-        self.casts.extend(rays.map(|((&ray, &blocked), &source)| {
-            let met = if blocked { Met::Something } else { Met::Nothing };
-            Cast { kind, depth, source, light, ray, met }
+        let rays = rays.iter().zip(occluded).zip(surfaces);
+        self.rays.extend(rays.map(|((&ray, &occluded), &source)| {
+            let result = if occluded { TraceResult::Occluded } else { TraceResult::Miss };
+            RecordedRay { kind, depth, source, light, ray, result }
         }));
     }
 }
 
-/// Rays of a kind.
+/// The count of rays of one kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct RayCount {
-    /// How many were cast.
+    /// Rays that were cast.
     pub cast: u64,
-    /// How many of them hit something.
+    /// Those that hit.
     pub hit: u64,
 }
 
 impl Tile {
-    /// Makes ready for the pixels of `window`. Counts go on.
+    /// Begins a tile. Counters continue.
     pub fn start(&mut self, window: Window) {
         self.window = Some(window);
         self.depth = 0;
-        self.again = false;
-        self.taken.clear();
+        self.needs_more_samples = false;
+        self.sample_counts.clear();
         self.pixels.clear();
     }
 
-    /// The level that is being worked on, made where it does not exist yet.
-    pub fn level(&mut self) -> &mut Level {
-        if self.levels.len() <= self.depth {
-            self.levels.resize_with(self.depth + 1, Level::default);
+    /// The current generation, created if it does not exist.
+    pub fn generation(&mut self) -> &mut RayGeneration {
+        if self.generations.len() <= self.depth {
+            self.generations.resize_with(self.depth + 1, RayGeneration::default);
         }
-        &mut self.levels[self.depth]
+        &mut self.generations[self.depth]
     }
 
-    /// The level that is being worked on and the next, made where it does not exist yet.
-    pub fn this_and_next(&mut self) -> (&mut Level, &mut Level) {
-        if self.levels.len() <= self.depth + 1 {
-            self.levels.resize_with(self.depth + 2, Level::default);
+    /// The current generation and the next, created if they do not exist.
+    pub fn this_and_next(&mut self) -> (&mut RayGeneration, &mut RayGeneration) {
+        if self.generations.len() <= self.depth + 1 {
+            self.generations.resize_with(self.depth + 2, RayGeneration::default);
         }
-        let (before, after) = self.levels.split_at_mut(self.depth + 1);
+        let (before, after) = self.generations.split_at_mut(self.depth + 1);
         (&mut before[self.depth], &mut after[0])
     }
 
-    /// Goes on to the next level, if it has rays.
+    /// Moves on to the next generation if it has rays; returns whether it has.
     pub fn descend(&mut self) -> bool {
-        let goes_on = self.levels.get(self.depth + 1).is_some_and(|next| !next.rays.is_empty());
-        self.depth += usize::from(goes_on);
-        goes_on
+        let has_rays = self.generations.get(self.depth + 1).is_some_and(|next| !next.rays.is_empty());
+        self.depth += usize::from(has_rays);
+        has_rays
     }
 
-    /// Goes back to the level before, if there is one.
+    /// Moves back to the generation before; returns `false` at the first.
     pub fn ascend(&mut self) -> bool {
-        let goes_back = self.depth > 0;
-        self.depth -= usize::from(goes_back);
-        goes_back
+        let is_deeper = self.depth > 0;
+        self.depth -= usize::from(is_deeper);
+        is_deeper
     }
 
-    /// Works on the tile with what an effect keeps for itself, made where it does not exist yet.
-    pub fn with<T: Default + Send + 'static, R>(&mut self, work: impl FnOnce(&mut T, &mut Tile) -> R) -> R {
-        let at = self.own.iter().position(|own| own.is::<T>());
+    /// Calls `work` with an effect's buffers of type `T`, created if they do not exist, and with the tile.
+    pub fn with_buffers<T: Default + Send + 'static, R>(
+        &mut self,
+        work: impl FnOnce(&mut T, &mut Tile) -> R,
+    ) -> R {
+        let at = self.effect_buffers.iter().position(|buffers| buffers.is::<T>());
         let mut taken = match at {
-            Some(at) => self.own.swap_remove(at),
+            Some(at) => self.effect_buffers.swap_remove(at),
             None => Box::<T>::default(),
         };
-        let own = taken.downcast_mut().expect("what was found by its type");
-        let result = work(own, self);
-        self.own.push(taken);
+        let buffers = taken.downcast_mut().expect("what was found by its type");
+        let result = work(buffers, self);
+        self.effect_buffers.push(taken);
         result
     }
 
-    /// What an effect keeps for itself; `None` where it never ran.
-    pub fn kept<T: 'static>(&self) -> Option<&T> {
-        self.own.iter().find_map(|own| own.downcast_ref())
+    /// An effect's buffers of type `T`; `None` where it has not run.
+    pub fn buffers<T: 'static>(&self) -> Option<&T> {
+        self.effect_buffers.iter().find_map(|buffers| buffers.downcast_ref())
     }
 
-    /// Bytes of memory that it holds for what every picture takes: what effects hold is theirs to say.
+    /// Bytes of memory for what every picture needs. The memory of effects is counted by [`super::Effect::bytes`].
     pub fn bytes(&self) -> usize {
-        let Tile { levels, pixels, lights, shading, seen, .. } = self;
+        let Tile { generations, pixels, lights, shading, visible_objects, .. } = self;
         size_of::<Tile>()
-            + levels.first().map_or(0, Level::bytes)
+            + generations.first().map_or(0, RayGeneration::bytes)
             + vec_bytes(pixels)
             + vec_bytes(lights)
-            + lights.len() * size_of::<LightLanes>()
+            + lights.len() * size_of::<LightSoa>()
             + size_of_val(&**shading)
-            + vec_bytes(seen)
+            + vec_bytes(visible_objects)
     }
 
     /// Adds to the count of a kind of ray.

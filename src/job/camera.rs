@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::film::Window;
 use crate::scene::file::nearest_name;
 use crate::scene::{Camera, Scene, usual_size};
-use crate::world::{Range, StandardView, fitted_camera};
+use crate::world::{Recentering, StandardView, fitted_camera};
 
 /// What a scene is seen by.
 pub enum Viewpoint<'a> {
@@ -19,15 +19,20 @@ pub enum Viewpoint<'a> {
 }
 
 impl Viewpoint<'_> {
-    /// The viewpoint that `choice` names. `range` is how the scene was moved; a given camera is moved likewise.
+    /// The viewpoint that `choice` names. `recentering` is how the scene was moved; a given camera is moved likewise.
     ///
     /// # Errors
     /// [`Error::Usage`] where there is no such camera.
-    pub fn of<'a>(choice: &CameraChoice, scene: &'a Scene, range: Option<&Range>) -> Result<Viewpoint<'a>> {
+    pub fn of<'a>(
+        choice: &CameraChoice,
+        scene: &'a Scene,
+        recentering: Option<&Recentering>,
+    ) -> Result<Viewpoint<'a>> {
         match choice {
             CameraChoice::Fitted(view) => Ok(Viewpoint::Fitted(*view)),
             CameraChoice::Given(camera) => {
-                let moved = range.map_or_else(|| camera.clone(), |range| range.moved(camera));
+                let moved =
+                    recentering.map_or_else(|| camera.clone(), |recentering| recentering.moved(camera));
                 Ok(Viewpoint::Camera(Cow::Owned(moved)))
             }
             CameraChoice::Named(name) => {

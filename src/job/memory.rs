@@ -1,14 +1,14 @@
-//! Whether there is memory for what is made of a scene before it is rendered.
+//! Memory checks of a scene before it is prepared for rendering.
 
 use std::collections::HashSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::effects::Choices;
+use crate::effects::{Choices, id};
 use crate::error::{Error, Result};
 use crate::geometry::Precision;
 use crate::limits;
-use crate::scene::{Numerics, Object, Scene, Shape, TextureImage};
+use crate::scene::{Numerics, Object, Scene, Shape, TextureFilter, TextureImage};
 
 /// Checks that there is memory for the acceleration structure and the mip maps of a scene.
 ///
@@ -32,13 +32,15 @@ pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Res
     })
 }
 
-/// Checks that there is memory for the mip maps of a scene's textures, which lookups but `nearest` and `bilinear` use.
+/// Checks that there is memory for the mip maps of a scene's textures, which all filters but `nearest` and `bilinear`
+/// use.
 ///
 /// # Errors
 /// [`Error::Input`] for the largest texture.
 fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
-    let without = ["textures=nearest", "textures=bilinear"];
-    if choices.with.iter().any(|name| without.contains(&name.as_str())) {
+    let without = [TextureFilter::Nearest, TextureFilter::Bilinear].map(TextureFilter::name);
+    let without = without.map(|filter| id::TEXTURES.with_value(filter));
+    if choices.with.iter().any(|typed| without.contains(typed)) {
         return Ok(());
     }
     let area = |image: &TextureImage| limits::product(&[image.width.into(), image.height.into()]);
@@ -51,7 +53,8 @@ fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
         let what =
             format!("making mip maps of this texture of {width} x {height} pixels and all others {excess}");
         let hint = format!(
-            "make it smaller, render --with textures=bilinear, which uses none, or {}",
+            "make it smaller, render --with {}, which uses none, or {}",
+            id::TEXTURES.with_value(TextureFilter::Bilinear.name()),
             excess.remedy()
         );
         Error::input(Path::new(name), what, hint)

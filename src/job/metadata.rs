@@ -4,7 +4,7 @@ use crate::effects::Choices;
 use crate::film::write::FINGERPRINT;
 use crate::film::{ColourPipeline, Window};
 use crate::scene::{Camera, Fingerprint, INLINE_NAME, Numerics, Scene};
-use crate::world::Range;
+use crate::world::Recentering;
 
 /// Names and values that are written into image files. Nothing in them differs between two runs of the same.
 pub type Metadata = Vec<(String, String)>;
@@ -12,7 +12,7 @@ pub type Metadata = Vec<(String, String)>;
 /// What a picture of a scene is made by, beside the scene itself.
 pub struct Origin<'a> {
     /// How the scene was moved.
-    pub range: Option<&'a Range>,
+    pub recentering: Option<&'a Recentering>,
     /// The camera, with the projection that is used.
     pub camera: &'a Camera,
     /// Width and height of the whole picture in pixels.
@@ -31,7 +31,7 @@ pub struct Origin<'a> {
 
 /// The metadata of a picture.
 pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
-    let &Origin { range, camera, size, window, choices, pipeline, numerics, layers } = origin;
+    let &Origin { recentering, camera, size, window, choices, pipeline, numerics, layers } = origin;
     let Choices { shading, sampling, scene: _, with, without, even_idle: _ } = choices;
     // Without their folders: the same scene is the same picture wherever it lies.
     let name = |input: &std::path::PathBuf| {
@@ -39,7 +39,8 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     };
     let inputs: Vec<String> = scene.inputs.iter().map(name).collect();
     let camera_name = if camera.name == INLINE_NAME {
-        let moved_back = range.map_or_else(|| camera.clone(), |range| range.moved_back(camera));
+        let moved_back =
+            recentering.map_or_else(|| camera.clone(), |recentering| recentering.moved_back(camera));
         moved_back.to_inline()
     } else {
         camera.name.clone()
@@ -67,7 +68,7 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     let mut fingerprint = Fingerprint::default();
     fingerprint.scene(scene);
     fingerprint.value("sampling", sampling);
-    fingerprint.value("range", &range.map(|range| (range.middle, range.scale)));
+    fingerprint.value("range", &recentering.map(|recentering| (recentering.middle, recentering.scale)));
     fingerprint.value("camera", &(camera, size, (x, y, width, height)));
     fingerprint.value("choices", &(shading.name(), with, without, pipeline.name(), numerics.name()));
     metadata.push((FINGERPRINT.to_owned(), fingerprint.finish()));

@@ -35,10 +35,10 @@ use crate::effects::{Choices, Plan, check_names, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::{ColourPipeline, Film, Pixel, Share, Window};
 use crate::import::check_drawable;
-use crate::render::aov::Subject;
+use crate::render::aov::AovSource;
 use crate::render::{RenderControl, Statistics, render};
 use crate::scene::{Camera, Numerics, Sampling, Scene};
-use crate::world::{Range, View, World, bring_into_range, headlight};
+use crate::world::{Recentering, View, World, headlight, recenter};
 use camera::Viewpoint;
 
 /// Everything that a picture takes, ready to be rendered.
@@ -46,7 +46,7 @@ pub struct RenderJob {
     /// The prepared scene.
     pub world: Arc<World>,
     /// How the scene was moved before it was prepared.
-    pub range: Option<Range>,
+    pub recentering: Option<Recentering>,
     /// The camera in the world's coordinates, with the projection that is used.
     pub camera: Camera,
     /// The camera's rays for a picture of its size.
@@ -70,7 +70,7 @@ impl RenderJob {
     /// Those of [`View::new`] and [`Plan::new`].
     pub fn new(
         world: Arc<World>,
-        range: Option<Range>,
+        recentering: Option<Recentering>,
         camera: Camera,
         size: [u32; 2],
         choices: Choices,
@@ -79,7 +79,7 @@ impl RenderJob {
         let plan = Plan::new(&world, &choices)?;
         let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
         let (share, metadata) = (Share::ALL, Metadata::new());
-        Ok(RenderJob { world, range, camera, view, window, share, choices, plan, metadata })
+        Ok(RenderJob { world, recentering, camera, view, window, share, choices, plan, metadata })
     }
 
     /// The same picture with other choices. The world is shared.
@@ -88,10 +88,10 @@ impl RenderJob {
     /// Those of [`Plan::new`].
     pub fn with_choices(&self, choices: Choices) -> Result<Self> {
         let plan = Plan::new(&self.world, &choices)?;
-        let RenderJob { world, range, camera, view, window, share, metadata, .. } = self;
+        let RenderJob { world, recentering, camera, view, window, share, metadata, .. } = self;
         Ok(RenderJob {
             world: Arc::clone(world),
-            range: *range,
+            recentering: *recentering,
             camera: camera.clone(),
             view: view.clone(),
             window: *window,
@@ -107,8 +107,8 @@ impl RenderJob {
     /// # Errors
     /// Those of [`RenderJob::new`].
     pub fn with_size(&self, size: [u32; 2]) -> Result<Self> {
-        let RenderJob { world, range, camera, choices, .. } = self;
-        RenderJob::new(Arc::clone(world), *range, camera.clone(), size, choices.clone())
+        let RenderJob { world, recentering, camera, choices, .. } = self;
+        RenderJob::new(Arc::clone(world), *recentering, camera.clone(), size, choices.clone())
     }
 
     /// Replaces the sampling; the plan follows.
@@ -147,18 +147,18 @@ impl RenderJob {
     }
 
     /// What the layers of the picture are made of.
-    pub fn subject<'a>(&'a self, film: Option<&'a Film>) -> Subject<'a> {
-        let RenderJob { world, range, view, plan, window, share, .. } = self;
-        Subject { world, range: *range, view, plan, window: *window, share: *share, film }
+    pub fn subject<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
+        let RenderJob { world, recentering, view, plan, window, share, .. } = self;
+        AovSource { world, recentering: *recentering, view, plan, window: *window, share: *share, film }
     }
 }
 
 /// A scene and all that decides its picture, before the acceleration structure is built.
 pub struct ResolvedJob {
-    /// The scene, moved into range and with a light.
+    /// The scene, recentered and with a light.
     pub scene: Scene,
     /// How it was moved.
-    pub range: Option<Range>,
+    pub recentering: Option<Recentering>,
     /// The camera, with the projection that is used.
     pub camera: Camera,
     /// Width and height of the whole picture in pixels.
@@ -195,25 +195,25 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     check_names(&settings.with, &settings.without)?;
     check_scene(&scene.effects)?;
     check_drawable(&scene)?;
-    let range = bring_into_range(&mut scene);
-    warn_of_range(range.as_ref(), warnings);
-    let viewpoint = Viewpoint::of(&settings.camera, &scene, range.as_ref())?;
+    let recentering = recenter(&mut scene);
+    warn_of_recentering(recentering.as_ref(), warnings);
+    let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
     let size = viewpoint.size(settings, &scene);
     let camera = viewpoint.camera(settings, &scene, size)?;
     if scene.lights.is_empty() && settings.shading.uses_lights() {
         scene.lights.extend(headlight(&camera));
         warnings.note(HEADLIGHT);
     }
-    resolve_for(scene, range, camera, size, settings)
+    resolve_for(scene, recentering, camera, size, settings)
 }
 
-/// [`resolve`] for a scene that is in range and lit, seen by a camera of its own.
+/// [`resolve`] for a scene that is recentered and lit, seen by a camera of its own.
 ///
 /// # Errors
 /// [`Error::Usage`] for settings that cannot be met.
 pub fn resolve_for(
     mut scene: Scene,
-    range: Option<Range>,
+    recentering: Option<Recentering>,
     mut camera: Camera,
     size: [u32; 2],
     settings: &RenderSettings,
@@ -239,7 +239,7 @@ pub fn resolve_for(
     };
     let layers = &settings.layers;
     let origin = metadata::Origin {
-        range: range.as_ref(),
+        recentering: recentering.as_ref(),
         camera: &camera,
         size,
         window,
@@ -253,7 +253,7 @@ pub fn resolve_for(
     let (share, structure) = (settings.share, Layout::Wide(settings.preset));
     Ok(ResolvedJob {
         scene,
-        range,
+        recentering,
         camera,
         size,
         window,
@@ -272,10 +272,10 @@ impl ResolvedJob {
     /// # Errors
     /// Those of [`check_memory`] and [`RenderJob::new`].
     pub fn build(self, warnings: &mut Warnings) -> Result<RenderJob> {
-        let ResolvedJob { scene, range, camera, size, window, share, choices, metadata, .. } = self;
+        let ResolvedJob { scene, recentering, camera, size, window, share, choices, metadata, .. } = self;
         check_memory(&scene, &choices, self.numerics)?;
         let world = World::prepare(scene, self.pipeline, self.structure, self.numerics);
-        let job = RenderJob::new(Arc::new(world), range, camera, size, choices)?;
+        let job = RenderJob::new(Arc::new(world), recentering, camera, size, choices)?;
         let job = RenderJob { window, share, metadata, ..job };
         warn_of_job(&job, warnings);
         Ok(job)
@@ -286,9 +286,9 @@ impl ResolvedJob {
 pub const HEADLIGHT: &str = "no light in the scene; added a headlight";
 
 /// Notes how a scene was moved.
-pub fn warn_of_range(range: Option<&Range>, warnings: &mut Warnings) {
-    if let Some(range) = range {
-        warnings.note(match range.scale {
+pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut Warnings) {
+    if let Some(recentering) = recentering {
+        warnings.note(match recentering.scale {
             1.0 => "the scene lies far from the origin; moved to it, to keep its digits",
             _ => "the scene's size is beyond what f32 holds well; scaled by a power of two",
         });
@@ -306,7 +306,7 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
         ));
     }
     for decision in
-        plan.decisions.iter().filter(|d| !d.on && choices.with.iter().any(|name| name == d.effect))
+        plan.decisions.iter().filter(|d| !d.on && choices.with.iter().any(|name| *name == d.effect.name()))
     {
         warnings.push(format!("--with {} changes nothing: {}", decision.effect, decision.why));
     }

@@ -1,8 +1,8 @@
-//! AOVs (arbitrary output variables): what else is known of a pixel, beside its colour.
+//! AOVs (arbitrary output variables): further channels of a picture, beside its colour.
 //!
-//! Those of the geometry are asked of the ray through each pixel's centre by itself, after the picture: the surface it hits first,
-//! unfiltered, however many samples the picture takes. Those are counted by taking them again. The share of each effect is the difference of two pictures: with the
-//! effects up to this one in the plan's order, and with those before it. So base and shares add up to the picture.
+//! Geometric AOVs come from the closest hit of the ray through each pixel's centre, unfiltered, whatever samples the picture takes.
+//! The channels of an effect are the difference of two pictures: one with the effects up to this one in the plan's order, and one with
+//! those before it. So the base and all effects add up to the picture.
 
 use std::sync::Mutex;
 
@@ -10,62 +10,63 @@ use rayon::prelude::*;
 
 use super::{RenderControl, render};
 use crate::effects::Plan;
-use crate::effects::tile::{Context, Tile};
+use crate::effects::tile::{RenderContext, Tile};
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
 use crate::film::{Film, Share, Window};
 use crate::scene::file::nearest_name;
 use crate::shading::{ShadingMode, shade};
-use crate::world::{Range, Surface, View, World};
+use crate::world::{Recentering, SurfaceInteraction, View, World};
 
-/// What is known of a camera ray.
-struct Seen<'a> {
+/// The input of an AOV: the camera ray of a pixel and its closest hit.
+struct AovInput<'a> {
     world: &'a World,
-    /// How the scene was moved before it was prepared.
-    range: Option<Range>,
-    /// Camera rays of the pixel.
+    /// How the scene was recentered.
+    recentering: Option<Recentering>,
+    /// The number of camera rays of the pixel.
     samples: u32,
-    /// Boxes that this ray was tested against.
+    /// The number of boxes that the ray was tested against.
     node_tests: u64,
-    /// The distance to what it hits, and that point.
-    hit: Option<(f64, Surface)>,
+    /// The distance and surface interaction of the closest hit.
+    hit: Option<(f64, SurfaceInteraction)>,
 }
 
-/// A thing that can be known of a pixel.
+/// An AOV.
 pub struct Aov {
     /// The name as typed by users.
     pub name: &'static str,
-    /// What it is, and what it is where nothing is hit.
+    /// What it is, and its value for the background.
     pub summary: &'static str,
-    /// Its channels in the file.
+    /// The names of its channels in the file.
     pub channels: &'static [&'static str],
-    /// Their values.
-    value: fn(&Seen) -> [f32; 3],
+    /// The values of its channels; the rest is unused.
+    value: fn(&AovInput) -> [f32; 3],
 }
 
-/// The name of the shares of the effects, which have channels for each effect that is on.
+/// The name of the AOV with the channels of each effect that is on.
 pub const EFFECTS: &str = "effects";
 
-/// Every AOV but the shares of the effects.
+/// Every AOV except [`EFFECTS`].
 pub const AOVS: &[Aov] = &[
     Aov {
         name: "depth",
         summary: "distance from the camera along the ray; infinite for the background",
         channels: &["Depth.Z"],
-        value: |seen| {
-            let scale = seen.range.map_or(1.0, |range| range.scale);
-            [seen.hit.as_ref().map_or(f32::INFINITY, |(t, _)| (t / scale) as f32), 0.0, 0.0]
+        value: |input| {
+            let scale = input.recentering.map_or(1.0, |recentering| recentering.scale);
+            [input.hit.as_ref().map_or(f32::INFINITY, |(t, _)| (t / scale) as f32), 0.0, 0.0]
         },
     },
     Aov {
         name: "position",
         summary: "the point in the scene's own coordinates; 0 for the background",
         channels: &["Position.X", "Position.Y", "Position.Z"],
-        value: |seen| {
-            of_surface(seen, |surface| {
+        value: |input| {
+            of_surface(input, |surface| {
                 let position = surface.point.position;
-                seen.range
-                    .map_or(position, |range| position / range.scale + range.middle)
+                input
+                    .recentering
+                    .map_or(position, |recentering| position / recentering.scale + recentering.middle)
                     .as_vec3()
                     .to_array()
             })
@@ -75,21 +76,21 @@ pub const AOVS: &[Aov] = &[
         name: "normal",
         summary: "the unit normal for shading, on the camera's side; 0 for the background",
         channels: &["Normal.X", "Normal.Y", "Normal.Z"],
-        value: |seen| of_surface(seen, |surface| surface.shading_normal.as_vec3().to_array()),
+        value: |input| of_surface(input, |surface| surface.shading_normal.as_vec3().to_array()),
     },
     Aov {
         name: "geometric-normal",
         summary: "the unit normal of the sphere or triangle, on the camera's side; 0 for the background",
         channels: &["GeometricNormal.X", "GeometricNormal.Y", "GeometricNormal.Z"],
-        value: |seen| of_surface(seen, |surface| surface.geometric_normal.as_vec3().to_array()),
+        value: |input| of_surface(input, |surface| surface.geometric_normal.as_vec3().to_array()),
     },
     Aov {
         name: "albedo",
         summary: "the surface's own colour, without light; 0 for the background",
         channels: &["Albedo.R", "Albedo.G", "Albedo.B"],
-        value: |seen| {
-            of_surface(seen, |surface| {
-                shade(seen.world, ShadingMode::Flat, surface, &[]).as_vec3().to_array()
+        value: |input| {
+            of_surface(input, |surface| {
+                shade(input.world, ShadingMode::Flat, surface, &[]).as_vec3().to_array()
             })
         },
     },
@@ -97,128 +98,135 @@ pub const AOVS: &[Aov] = &[
         name: "object",
         summary: "the number of the object, in the order of the description from 0; -1 for the background",
         channels: &["Object.X"],
-        value: |seen| number(seen, |surface| surface.object),
+        value: |input| number(input, |surface| surface.object),
     },
     Aov {
         name: "material",
         summary: "the number of the material; -1 for the background",
         channels: &["Material.X"],
-        value: |seen| number(seen, |surface| surface.material),
+        value: |input| number(input, |surface| surface.material),
     },
     Aov {
         name: "primitive",
         summary: "the number of the sphere or triangle; -1 for the background",
         channels: &["Primitive.X"],
-        value: |seen| number(seen, |surface| surface.prim.0),
+        value: |input| number(input, |surface| surface.prim.0),
     },
     Aov {
         name: "samples",
         summary: "camera rays of the pixel",
         channels: &["Samples.X"],
-        value: |seen| [seen.samples as f32, 0.0, 0.0],
+        value: |input| [input.samples as f32, 0.0, 0.0],
     },
     Aov {
         name: "node-tests",
         summary: "boxes that the camera ray, cast by itself, is tested against",
         channels: &["NodeTests.X"],
-        value: |seen| [seen.node_tests as f32, 0.0, 0.0],
+        value: |input| [input.node_tests as f32, 0.0, 0.0],
     },
 ];
 
-/// Numbers up to this one are kept exactly; programs that open pictures expect floats.
+/// The largest number up to which all integers are exact in the f32 channels.
 pub const LARGEST_NUMBER: usize = 1 << 24;
 
-fn of_surface(seen: &Seen, value: impl Fn(&Surface) -> [f32; 3]) -> [f32; 3] {
-    seen.hit.as_ref().map_or([0.0; 3], |(_, surface)| value(surface))
+fn of_surface(input: &AovInput, value: impl Fn(&SurfaceInteraction) -> [f32; 3]) -> [f32; 3] {
+    input.hit.as_ref().map_or([0.0; 3], |(_, surface)| value(surface))
 }
 
-fn number(seen: &Seen, value: impl Fn(&Surface) -> u32) -> [f32; 3] {
-    [seen.hit.as_ref().map_or(-1.0, |(_, surface)| value(surface) as f32), 0.0, 0.0]
+fn number(input: &AovInput, value: impl Fn(&SurfaceInteraction) -> u32) -> [f32; 3] {
+    [input.hit.as_ref().map_or(-1.0, |(_, surface)| value(surface) as f32), 0.0, 0.0]
 }
 
-/// What the user asks for.
-pub struct Wanted {
+/// The AOVs that are asked for.
+pub struct AovSelection {
     aovs: Vec<&'static Aov>,
     effects: bool,
 }
 
-impl Wanted {
-    /// From names; `all` stands for every one.
+impl AovSelection {
+    /// The AOVs of these names; `all` selects every one.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a name that is none, with the nearest one that is.
+    /// [`Error::Usage`] for an unknown name, with the nearest known one.
     pub fn new(names: &[String]) -> Result<Self> {
         let known: Vec<&str> = AOVS.iter().map(|aov| aov.name).chain([EFFECTS, "all"]).collect();
         if let Some(name) = names.iter().find(|name| !known.contains(&name.as_str())) {
             return Err(Error::usage(format!("there is no AOV `{name}`"), nearest_name(name, &known)));
         }
         let asked = |name: &str| names.iter().any(|n| n == name || n == "all");
-        Ok(Wanted { aovs: AOVS.iter().filter(|aov| asked(aov.name)).collect(), effects: asked(EFFECTS) })
+        Ok(AovSelection {
+            aovs: AOVS.iter().filter(|aov| asked(aov.name)).collect(),
+            effects: asked(EFFECTS),
+        })
     }
 
-    /// How many channels there are beside the picture's own, where so many effects are on.
+    /// The number of channels, for a plan with this many effects on.
     pub fn channel_count(&self, effects_on: usize) -> usize {
         let effects = if self.effects { 3 * (1 + effects_on) } else { 0 };
         self.aovs.iter().map(|aov| aov.channels.len()).sum::<usize>() + effects
     }
 
-    /// The most bytes for each pixel that making the channels takes beside the picture and the channels themselves: a film of bytes for
-    /// the tiles, or a film without an effect, its pixels in rows, and those of the film before.
+    /// The most bytes per pixel of temporary memory, beside the picture and the channels: a film of bytes for the tiles, or a film
+    /// without an effect, its pixels in rows, and those of the film before.
     pub fn bytes_a_pixel(&self) -> u64 {
         if self.effects { 3 * 12 } else { 3 }
     }
 
-    /// Whether numbers of primitives are asked for.
+    /// Whether the numbers of primitives are asked for.
     pub fn has_primitives(&self) -> bool {
         self.aovs.iter().any(|aov| aov.name == "primitive")
     }
 }
 
-/// A picture that is to be told more of.
-pub struct Subject<'a> {
+/// The picture whose AOVs are computed.
+pub struct AovSource<'a> {
     /// The prepared scene.
     pub world: &'a World,
-    /// How it was moved before.
-    pub range: Option<Range>,
+    /// How the scene was recentered.
+    pub recentering: Option<Recentering>,
     /// The camera.
     pub view: &'a View,
-    /// What the picture takes.
+    /// The plan of the picture.
     pub plan: &'a Plan,
-    /// The part of it that was made.
+    /// The part of the picture that was rendered.
     pub window: Window,
-    /// The tiles of it that were made.
+    /// The share of its tiles that was rendered.
     pub share: Share,
-    /// The picture itself, where there is one; only the shares of effects ask for it, and render it where there is none.
+    /// The picture, if it exists. It saves rendering it again for the AOV of the effects.
     pub film: Option<&'a Film>,
 }
 
-/// The channels that are wanted beside the picture's own, row by row from the top.
+/// Computes the selected channels, row by row from the top.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory.
-pub fn channels(subject: &Subject, wanted: &Wanted, watch: &RenderControl) -> Result<Vec<Channel>> {
+pub fn channels(
+    source: &AovSource,
+    selection: &AovSelection,
+    control: &RenderControl,
+) -> Result<Vec<Channel>> {
     let mut channels = Vec::new();
-    if !wanted.aovs.is_empty() {
-        channels.extend(geometry(subject, &wanted.aovs, watch)?);
+    if !selection.aovs.is_empty() {
+        channels.extend(geometry(source, &selection.aovs, control)?);
     }
-    if wanted.effects {
-        channels.extend(shares(subject, watch)?);
+    if selection.effects {
+        channels.extend(effect_layers(source, control)?);
     }
     Ok(channels)
 }
 
-fn geometry(subject: &Subject, aovs: &[&Aov], watch: &RenderControl) -> Result<Vec<Channel>> {
+fn geometry(source: &AovSource, aovs: &[&Aov], control: &RenderControl) -> Result<Vec<Channel>> {
     let names: Vec<&str> = aovs.iter().flat_map(|aov| aov.channels).copied().collect();
-    let Window { x, y, width, .. } = subject.window;
-    let area = subject.window.area();
+    let Window { x, y, width, .. } = source.window;
+    let area = source.window.area();
     let all: Vec<Mutex<Vec<f32>>> = names.iter().map(|_| Mutex::new(vec![0.0; area])).collect();
-    // The film is asked for its tiles, so that they are those of the picture.
-    let mut tiles: Film<[u8; 3]> = Film::new(subject.window)?;
+    // A film of the same window has the same tiles as the picture.
+    let mut tiles: Film<[u8; 3]> = Film::new(source.window)?;
     tiles.tiles_mut().into_par_iter().enumerate().for_each_init(Tile::default, |tile, (place, part)| {
-        if !subject.share.has(place) || watch.cancel.load(std::sync::atomic::Ordering::Relaxed) {
+        if !source.share.has(place) || control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
             return;
         }
-        let values = of_tile(subject, aovs, tile, part.window);
+        let values = of_tile(source, aovs, tile, part.window);
         for (channel, values) in all.iter().zip(values) {
             let Ok(mut channel) = channel.lock() else { continue };
             for (row, values) in values.chunks(part.window.width as usize).enumerate() {
@@ -228,7 +236,7 @@ fn geometry(subject: &Subject, aovs: &[&Aov], watch: &RenderControl) -> Result<V
             }
         }
     });
-    if watch.cancel.load(std::sync::atomic::Ordering::Relaxed) {
+    if control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
         return Err(Error::Interrupted);
     }
     let channels = names.into_iter().zip(all);
@@ -237,38 +245,38 @@ fn geometry(subject: &Subject, aovs: &[&Aov], watch: &RenderControl) -> Result<V
         .collect())
 }
 
-/// For each channel, the values of a tile's pixels.
-fn of_tile(subject: &Subject, aovs: &[&Aov], tile: &mut Tile, window: Window) -> Vec<Vec<f32>> {
-    let world = subject.world;
+/// For each channel, its values in a tile.
+fn of_tile(source: &AovSource, aovs: &[&Aov], tile: &mut Tile, window: Window) -> Vec<Vec<f32>> {
+    let world = source.world;
     tile.start(window);
-    let context = Context { world, view: subject.view };
+    let context = RenderContext { world, view: source.view };
     let is_counted = aovs.iter().any(|aov| aov.name == "samples");
     let samples =
-        if is_counted { subject.plan.samples(tile, &context, window) } else { vec![1; window.area()] };
+        if is_counted { source.plan.sample_counts(tile, &context, window) } else { vec![1; window.area()] };
     tile.start(window);
-    subject.plan.centre_rays(tile, &context);
+    source.plan.centre_rays(tile, &context);
     let count = aovs.iter().map(|aov| aov.channels.len()).sum();
     let mut values = vec![vec![0.0; window.area()]; count];
-    let Tile { levels, traversal, .. } = tile;
-    for (&pixel, ray) in levels[0].sources.iter().zip(&levels[0].rays) {
+    let Tile { generations, traversal, .. } = tile;
+    for (&pixel, ray) in generations[0].sources.iter().zip(&generations[0].rays) {
         let before = traversal.tests.nodes;
         let hit = world.accelerator.closest_hit(ray, traversal);
-        let seen = Seen {
+        let input = AovInput {
             world,
-            range: subject.range,
+            recentering: source.recentering,
             samples: samples[pixel as usize],
             node_tests: traversal.tests.nodes - before,
-            hit: hit.map(|hit| (hit.t, world.surface(ray, &hit))),
+            hit: hit.map(|hit| (hit.t, world.interaction(ray, &hit))),
         };
-        let all = aovs.iter().flat_map(|aov| (aov.value)(&seen).into_iter().take(aov.channels.len()));
+        let all = aovs.iter().flat_map(|aov| (aov.value)(&input).into_iter().take(aov.channels.len()));
         values.iter_mut().zip(all).for_each(|(channel, value)| channel[pixel as usize] = value);
     }
     values
 }
 
-/// What the picture is without effects, and what each effect adds.
-fn shares(subject: &Subject, watch: &RenderControl) -> Result<Vec<Channel>> {
-    let &Subject { world, view, plan, window, share, film, .. } = subject;
+/// The picture without effects, and what each effect adds.
+fn effect_layers(source: &AovSource, control: &RenderControl) -> Result<Vec<Channel>> {
+    let &AovSource { world, view, plan, window, share, film, .. } = source;
     let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
     let mut before: Option<Vec<[f32; 3]>> = None;
     let mut channels = Vec::new();
@@ -279,12 +287,12 @@ fn shares(subject: &Subject, watch: &RenderControl) -> Result<Vec<Channel>> {
         } else {
             let plan = plan.keeping(world, |i| on[..count].contains(&i));
             let is_selected = |place: usize, _: Window| share.has(place);
-            let control = RenderControl { time_stages: false, ..*watch };
+            let control = RenderControl { time_stages: false, ..*control };
             render::<[f32; 3]>(world, view, &plan, window, is_selected, &control)?.0.rows().collect()
         };
         let layer = match count {
             0 => "Base".to_owned(),
-            _ => layer(plan.decisions[on[count - 1]].effect),
+            _ => layer(plan.decisions[on[count - 1]].effect.name()),
         };
         for (c, letter) in ["R", "G", "B"].into_iter().enumerate() {
             let values = match &before {
@@ -298,7 +306,7 @@ fn shares(subject: &Subject, watch: &RenderControl) -> Result<Vec<Channel>> {
     Ok(channels)
 }
 
-/// `normal-maps` becomes `EffectNormalMaps`, which is no other AOV's name.
+/// The layer name of an effect, in camel case: `EffectNormalMaps`. The prefix keeps it apart from other AOVs.
 fn layer(effect: &str) -> String {
     let words = effect.split('-').map(|word| {
         let (first, rest) = word.split_at(word.chars().next().map_or(0, char::len_utf8));
@@ -313,7 +321,8 @@ mod tests {
 
     #[test]
     fn names_are_known_or_have_a_neighbour() {
-        let wanted = |names: &[&str]| Wanted::new(&names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>());
+        let wanted =
+            |names: &[&str]| AovSelection::new(&names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>());
         assert_eq!(wanted(&["all"]).unwrap().aovs.len(), AOVS.len());
         let some = wanted(&["depth", "effects"]).unwrap();
         assert!(some.effects && some.aovs.len() == 1 && !some.has_primitives());

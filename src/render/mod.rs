@@ -1,12 +1,12 @@
 //! Rendering: tiles in parallel, each through the stages of the plan.
 //!
-//! The whole way from a tile to its pixels is `render_tile`. Every pixel depends on nothing but its own rays, so the
-//! picture is the same to the bit for any number of threads, any order of tiles and any part of the picture.
+//! `render_tile` takes a tile from rays to pixels. A pixel depends on its own rays alone, so the picture has the same bits for any
+//! number of threads, any order of tiles and any crop.
 
 pub mod aov;
 mod statistics;
 
-pub use statistics::{Bill, StageTime, Statistics, grouped};
+pub use statistics::{EffectCost, StageTime, Statistics, grouped};
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -15,22 +15,22 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::effects::Plan;
-use crate::effects::tile::{Context, Tile};
+use crate::effects::tile::{RenderContext, Tile};
 use crate::error::{Error, Result};
 use crate::film::{self, ColourPipeline, Film, FilmTile, Pixel, Window};
-use crate::world::{View, World, widely};
+use crate::world::{View, World, simd_dispatch};
 
-/// How a running render is watched and stopped.
+/// Cancellation and progress of a render.
 pub struct RenderControl<'a> {
-    /// Set by anyone to stop the render within a tile.
+    /// Set to cancel the render; it stops within a tile.
     pub cancel: &'a AtomicBool,
-    /// Called after every tile, from any thread, with the tiles done and all tiles.
+    /// Called after every tile, from any thread, with the number of finished tiles and of all tiles.
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
-    /// Whether [`Statistics::stages`] has the time of each stage. Reading the clock costs a few hundredths of a quick render.
+    /// Whether the time of each stage is measured ([`Statistics::stages`]), which makes short renders a few percent slower.
     pub time_stages: bool,
 }
 
-/// Nothing is watched, and nothing stops the render.
+/// No cancellation, no progress, no times.
 impl Default for RenderControl<'_> {
     fn default() -> Self {
         static NEVER: AtomicBool = AtomicBool::new(false);
@@ -38,8 +38,8 @@ impl Default for RenderControl<'_> {
     }
 }
 
-/// Renders the part `window` of the picture that `view` was made for, on the current rayon pool, onto a film of any pixels. Only the
-/// tiles that `is_selected` accepts, by their place in the order of tiles and by the pixels they cover, are rendered; the others stay black.
+/// Renders the part `window` of the picture of `view`, on the current rayon pool. Only the tiles that `is_selected` accepts, by their
+/// index and pixels, are rendered; the others stay black.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory for the picture.
@@ -52,7 +52,7 @@ pub fn render<P: Pixel>(
     control: &RenderControl,
 ) -> Result<(Film<P>, Statistics)> {
     let mut film = Film::new(window)?;
-    let context = Context { world, view };
+    let context = RenderContext { world, view };
     let idle: Mutex<Vec<Box<Worker>>> = Mutex::new(Vec::new());
     let done = AtomicUsize::new(0);
     let mut tiles = film.tiles_mut();
@@ -79,12 +79,12 @@ pub fn render<P: Pixel>(
     Ok((film, statistics))
 }
 
-/// What a thread keeps from tile to tile.
+/// The working set of a thread, reused for many tiles.
 struct Worker {
     tile: Tile,
-    /// Time spent in each stage.
+    /// The time spent in each stage of the plan.
     times: Vec<std::time::Duration>,
-    /// Pixels that are not numbers: their columns and rows.
+    /// Columns and rows of the pixels that are not finite.
     non_finite: Vec<(u32, u32)>,
 }
 
@@ -92,16 +92,16 @@ impl Worker {
     fn new(plan: &Plan) -> Self {
         Worker {
             tile: Tile::default(),
-            times: vec![Default::default(); plan.steps().len()],
+            times: vec![Default::default(); plan.stages().len()],
             non_finite: Vec::new(),
         }
     }
 }
 
-/// A tile: every stage of the plan in order, again while there are samples to take, then the pixels.
+/// Renders a tile: runs the stages of the plan, repeatedly while more samples are needed, then converts the pixels for the film.
 fn render_tile<P: Pixel>(
     plan: &Plan,
-    context: &Context,
+    context: &RenderContext,
     film: &mut FilmTile<P>,
     worker: &mut Worker,
     control: &RenderControl,
@@ -111,14 +111,14 @@ fn render_tile<P: Pixel>(
     let now = || control.time_stages.then(Instant::now);
     let mut last = now();
     loop {
-        plan.run(tile, context, |step| {
+        plan.run(tile, context, |stage| {
             let now = now();
             if let (Some(last), Some(now)) = (last, now) {
-                times[step] += now - last;
+                times[stage] += now - last;
             }
             last = now;
         });
-        if !tile.again {
+        if !tile.needs_more_samples {
             break;
         }
         if control.cancel.load(Ordering::Relaxed) {
@@ -126,14 +126,14 @@ fn render_tile<P: Pixel>(
         }
     }
     let colours = &tile.pixels;
-    non_finite.extend(widely(
+    non_finite.extend(simd_dispatch(
         #[inline(always)]
         || film::non_finite(film.window, colours),
     ));
-    // Pipelines are told apart once, not for every pixel.
+    // The pipeline is passed as a constant, so that the loop has no branch on it. `U8` develops as `Display` does.
     match context.world.pipeline {
         ColourPipeline::Linear => P::develop(colours, ColourPipeline::Linear, film.pixels),
-        _ => widely(
+        _ => simd_dispatch(
             #[inline(always)]
             || P::develop(colours, ColourPipeline::Display, film.pixels),
         ),

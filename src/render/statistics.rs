@@ -1,103 +1,91 @@
-//! What a render did: rays, tests, the time of each stage, and what each effect was billed for.
+//! Statistics of a render: rays, tests, the time of each stage, and the cost of each effect.
 
 use std::time::Duration;
 
 use super::Worker;
 use crate::bvh::Tests;
-use crate::effects::tile::RayCount;
-use crate::effects::{EFFECTS, Plan, RayKind};
+use crate::effects::tile::{RayCount, Tile};
+use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
 
-/// What a render did.
+/// The statistics of a render.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Statistics {
-    /// Thread time of each stage, in the plan's order, stages of one name and one effect added up; empty where the clock
-    /// stood.
+    /// The time of each stage summed over threads, in the plan's order. Stages with the same name and effect are merged. Empty unless
+    /// [`RenderControl::time_stages`](super::RenderControl::time_stages) is set.
     pub stages: Vec<StageTime>,
-    /// Rays cast and rays that hit, of each of [`RayKind::all`].
+    /// Rays cast and rays that hit, for each of [`RayKind::all`].
     pub rays: Vec<(RayKind, RayCount)>,
-    /// Boxes and primitives tested.
+    /// Box and primitive tests.
     pub tests: Tests,
-    /// What each of [`EFFECTS`] took.
-    pub bills: Vec<Bill>,
-    /// Bytes that the tile of a thread holds at most for what every picture takes.
+    /// The cost of each of [`EFFECTS`].
+    pub effect_costs: Vec<EffectCost>,
+    /// The maximum over threads of the bytes of a tile, without those of effects.
     pub base_bytes: usize,
-    /// For each object, whether a primary ray has seen it.
-    pub seen: Vec<bool>,
-    /// Pixels that are not a number or infinite: how many, and columns and rows of the first ten of them.
+    /// For each object, whether a primary ray has hit it.
+    pub visible_objects: Vec<bool>,
+    /// The number of pixels that are not finite, and columns and rows of the first ten.
     pub non_finite: (usize, Vec<(u32, u32)>),
 }
 
-/// Thread time spent in the stages of one name.
+/// The time of the stages with one name and effect, summed over threads.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StageTime {
-    /// The stage.
+    /// The name of the stage.
     pub name: &'static str,
-    /// The effect that it is there for; `None` for what every picture takes.
-    pub effect: Option<&'static str>,
+    /// The effect that needs it; `None` for the stages of every picture.
+    pub effect: Option<EffectId>,
     /// The time.
     pub time: Duration,
 }
 
-/// What an effect took.
+/// The cost of an effect.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Bill {
+pub struct EffectCost {
     /// The effect.
-    pub effect: &'static str,
-    /// Its stages in the plan.
+    pub effect: EffectId,
+    /// The number of its stages in the plan.
     pub stages: usize,
-    /// Rays of its kinds.
+    /// The number of rays of its kinds.
     pub rays: u64,
-    /// Thread time of its stages; `None` where the clock stood.
+    /// The time of its stages summed over threads; `None` where times are not measured.
     pub time: Option<Duration>,
-    /// Bytes that the tile of a thread holds for it at most.
+    /// The maximum over threads of the bytes that a tile holds for it.
     pub bytes: usize,
 }
 
 impl Statistics {
+    /// Sums the statistics of all threads.
     pub(super) fn gather(plan: &Plan, workers: &[Box<Worker>], time_stages: bool) -> Self {
-        let count = |kind| (kind, RayCount::default());
-        let mut sum = Statistics {
-            stages: Vec::new(),
-            rays: RayKind::all().map(count).collect(),
-            tests: Tests::default(),
-            bills: Vec::new(),
-            base_bytes: workers.iter().map(|worker| worker.tile.bytes()).max().unwrap_or(0),
-            seen: Vec::new(),
-            non_finite: Default::default(),
-        };
-        let timed = if time_stages { plan.steps() } else { &[] };
-        for (index, step) in timed.iter().enumerate() {
-            let time = workers.iter().map(|worker| worker.times[index]).sum();
-            let (name, effect) = (step.stage.name(), step.effect);
-            match sum.stages.iter_mut().find(|s| s.name == name && s.effect == effect) {
-                Some(same) => same.time += time,
-                None => sum.stages.push(StageTime { name, effect, time }),
-            }
-        }
         let mut non_finite: Vec<(u32, u32)> = workers.iter().flat_map(|w| &w.non_finite).copied().collect();
         non_finite.sort_unstable_by_key(|&(x, y)| (y, x));
-        sum.non_finite = (non_finite.len(), non_finite.into_iter().take(10).collect());
-        for worker in workers {
-            let tile = &worker.tile;
-            for &(kind, count) in &tile.rays {
+        let mut sum = Statistics {
+            stages: if time_stages { stage_times(plan, workers) } else { Vec::new() },
+            rays: RayKind::all().map(|kind| (kind, RayCount::default())).collect(),
+            tests: Tests::default(),
+            effect_costs: Vec::new(),
+            base_bytes: workers.iter().map(|worker| worker.tile.bytes()).max().unwrap_or(0),
+            visible_objects: Vec::new(),
+            non_finite: (non_finite.len(), non_finite.into_iter().take(10).collect()),
+        };
+        for Tile { rays, traversal, visible_objects, .. } in workers.iter().map(|worker| &worker.tile) {
+            for &(kind, count) in rays {
                 let Some((_, sum)) = sum.rays.iter_mut().find(|(known, _)| *known == kind) else { continue };
                 sum.cast += count.cast;
                 sum.hit += count.hit;
             }
-            sum.tests += tile.traversal.tests;
-            sum.seen.resize(sum.seen.len().max(tile.seen.len()), false);
-            sum.seen.iter_mut().zip(&tile.seen).for_each(|(sum, &seen)| *sum |= seen);
+            sum.tests += traversal.tests;
+            sum.add_visible(visible_objects);
         }
-        sum.bills = EFFECTS
+        sum.effect_costs = EFFECTS
             .iter()
             .map(|effect| {
-                let own = |owner: Option<&'static str>| owner == Some(effect.name);
+                let own = |owner: Option<EffectId>| owner == Some(effect.id);
                 let times = sum.stages.iter().filter(|stage| own(stage.effect)).map(|stage| stage.time);
-                Bill {
-                    effect: effect.name,
-                    stages: plan.steps().iter().filter(|step| own(step.effect)).count(),
+                EffectCost {
+                    effect: effect.id,
+                    stages: plan.stages().iter().filter(|stage| own(stage.effect)).count(),
                     rays: effect.rays.iter().map(|&kind| sum.rays(kind).cast).sum(),
-                    time: (time_stages).then(|| times.sum()),
+                    time: time_stages.then(|| times.sum()),
                     bytes: workers.iter().map(|worker| (effect.bytes)(&worker.tile)).max().unwrap_or(0),
                 }
             })
@@ -105,7 +93,13 @@ impl Statistics {
         sum
     }
 
-    /// Takes in another part of the same picture: as of other samples of the same pixels, by a plan that may have other stages.
+    fn add_visible(&mut self, objects: &[bool]) {
+        self.visible_objects.resize(self.visible_objects.len().max(objects.len()), false);
+        self.visible_objects.iter_mut().zip(objects).for_each(|(own, &other)| *own |= other);
+    }
+
+    /// Adds the statistics of another part of the same picture, such as other samples of its pixels, whose plan may have other
+    /// stages.
     pub fn add(&mut self, other: &Statistics) {
         for stage in &other.stages {
             match self.stages.iter_mut().find(|own| own.name == stage.name && own.effect == stage.effect) {
@@ -118,32 +112,45 @@ impl Statistics {
             own.hit += other.hit;
         }
         self.tests += other.tests;
-        for (own, other) in self.bills.iter_mut().zip(&other.bills) {
+        for (own, other) in self.effect_costs.iter_mut().zip(&other.effect_costs) {
             own.stages = own.stages.max(other.stages);
             own.rays += other.rays;
             own.time = own.time.zip(other.time).map(|(a, b)| a + b);
             own.bytes = own.bytes.max(other.bytes);
         }
         self.base_bytes = self.base_bytes.max(other.base_bytes);
-        self.seen.resize(self.seen.len().max(other.seen.len()), false);
-        self.seen.iter_mut().zip(&other.seen).for_each(|(own, &other)| *own |= other);
+        self.add_visible(&other.visible_objects);
         if other.non_finite.0 > self.non_finite.0 {
             self.non_finite = other.non_finite.clone();
         }
     }
 
-    /// Bytes that the tile of a thread holds at most.
+    /// An upper bound of the bytes that the tile of a thread holds.
     pub fn bytes(&self) -> usize {
-        self.base_bytes + self.bills.iter().map(|bill| bill.bytes).sum::<usize>()
+        self.base_bytes + self.effect_costs.iter().map(|cost| cost.bytes).sum::<usize>()
     }
 
-    /// Rays of a kind.
+    /// The count of rays of a kind.
     pub fn rays(&self, kind: RayKind) -> RayCount {
         self.rays.iter().find(|(known, _)| *known == kind).map_or(RayCount::default(), |(_, count)| *count)
     }
 }
 
-/// A count in decimal digits, with `separator` between every three.
+/// Adds the times of all threads, stage by stage; stages with the same name and effect are merged.
+fn stage_times(plan: &Plan, workers: &[Box<Worker>]) -> Vec<StageTime> {
+    let mut times: Vec<StageTime> = Vec::new();
+    for (index, stage) in plan.stages().iter().enumerate() {
+        let time = workers.iter().map(|worker| worker.times[index]).sum();
+        let (name, effect) = (stage.stage.name(), stage.effect);
+        match times.iter_mut().find(|known| known.name == name && known.effect == effect) {
+            Some(known) => known.time += time,
+            None => times.push(StageTime { name, effect, time }),
+        }
+    }
+    times
+}
+
+/// A number in decimal digits, with `separator` between groups of three.
 pub fn grouped(number: u64, separator: char) -> String {
     let digits = number.to_string();
     let mut text = String::new();

@@ -90,7 +90,7 @@ impl Filter {
     }
 
     /// Whether pyramids are looked up.
-    pub fn needs_pyramid(&self) -> bool {
+    pub fn needs_mip_map(&self) -> bool {
         self.minify.between.is_some()
     }
 }
@@ -141,10 +141,10 @@ mod tests {
         assert_eq!(Sampler::default().filter(None), Sampler::default().filter(Some(TextureFilter::Mipmap)));
         for filter in TextureFilter::ALL {
             let mips = matches!(filter, TextureFilter::Mipmap | TextureFilter::Anisotropic);
-            assert_eq!(Sampler::default().filter(Some(filter)).needs_pyramid(), mips, "{}", filter.name());
+            assert_eq!(Sampler::default().filter(Some(filter)).needs_mip_map(), mips, "{}", filter.name());
         }
         // Linear above and nearest below differ only by what the pixel sees.
         let mixed = Sampler { minify: pixels.minify, ..Sampler::default() }.filter(None);
-        assert!(mixed.needs_footprint() && !mixed.needs_pyramid());
+        assert!(mixed.needs_footprint() && !mixed.needs_mip_map());
     }
 }

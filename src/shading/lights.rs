@@ -1,37 +1,37 @@
-//! What arrives from a light at a point.
+//! Light samples: direction, distance and radiance of a light at a surface.
 
 use glam::DVec3;
 
 use crate::scene::{Falloff, LightKind};
-use crate::world::{LANES, Lanes, Surface, Surfaces, WorldLight, widely};
+use crate::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, WorldLight, simd_dispatch};
 
-/// A light as seen from a surface.
+/// A light sampled at a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LightSample {
-    /// Unit vector towards the light.
+    /// The unit vector towards the light.
     pub direction: DVec3,
-    /// How far away the light is; infinite for directional lights.
+    /// The distance of the light; infinite for directional lights.
     pub distance: f64,
-    /// What arrives, before the surface's tilt: colour times intensity times falloff.
+    /// The incident radiance: colour times intensity times falloff, without the cosine.
     pub radiance: DVec3,
-    /// Cosine between the shading normal and the direction, above 0.
+    /// The cosine between the shading normal and the direction, above 0.
     pub cosine: f64,
 }
 
 impl LightSample {
-    /// The light as seen from the surface, or `None` where it adds nothing: it has no intensity there, lies in the
-    /// surface, or shines on the other side. The sides are those of the shading normal, and of the geometry, too, unless
-    /// the surface is to be taken as `smooth`.
+    /// The light sampled at a surface; `None` where it contributes nothing: its radiance there is 0 or not finite, it lies at the
+    /// point itself, or below the horizon. The horizon is that of the shading normal and, unless `smooth` is set, also that of the
+    /// geometric normal.
     #[inline]
-    pub fn new(light: &WorldLight, surface: &Surface, smooth: bool) -> Option<Self> {
+    pub fn new(light: &WorldLight, surface: &SurfaceInteraction, smooth: bool) -> Option<Self> {
         let normals = [surface.shading_normal, surface.geometric_normal];
         let (sample, reaches) =
             Self::at(&light.kind, light.radiance, surface.point.position, normals, smooth);
         reaches.then_some(sample)
     }
 
-    /// The light as seen from a point with the given normals for shading and of the geometry, and whether it adds
-    /// anything there.
+    /// The light sampled at a point with the given shading and geometric normal, and whether it contributes there. Without
+    /// branches on the surface, for vectorisation.
     #[inline(always)]
     fn at(
         kind: &LightKind,
@@ -44,17 +44,17 @@ impl LightSample {
             LightKind::Directional { direction } => (-*direction, 1.0),
             LightKind::Point { position, falloff } => {
                 let to_light = *position - point;
-                (to_light, weaken(*falloff, to_light.length_squared()))
+                (to_light, distance_attenuation(*falloff, to_light.length_squared()))
             }
             LightKind::Spot { position, direction, falloff, inner_angle, outer_angle } => {
                 let to_light = *position - point;
                 let cosine = -to_light.dot(*direction) / to_light.length();
-                let cone = cone(cosine, *inner_angle, *outer_angle);
-                (to_light, cone * weaken(*falloff, to_light.length_squared()))
+                let cone = cone_attenuation(cosine, *inner_angle, *outer_angle);
+                (to_light, cone * distance_attenuation(*falloff, to_light.length_squared()))
             }
         };
         let length = to_light.length();
-        // A light in the point itself has no direction to shine from.
+        // Not finite for a light at the point itself, which `length > 0` rejects.
         let direction = to_light / length;
         let cosine = shading_normal.dot(direction);
         let reaches = (cosine > 0.0) & (smooth | (geometric_normal.dot(direction) > 0.0));
@@ -67,7 +67,7 @@ impl LightSample {
         (LightSample { direction, distance, radiance, cosine }, reaches)
     }
 
-    /// The same light from a point that lies `moved` beside the surface's.
+    /// The same sample as seen from a point displaced by `moved`: direction and distance change, radiance and cosine do not.
     #[inline(always)]
     pub fn seen_from(&self, moved: DVec3) -> Self {
         if self.distance.is_infinite() {
@@ -75,36 +75,36 @@ impl LightSample {
         }
         let to_light = self.direction * self.distance - moved;
         let distance = to_light.length();
-        // Lifted right into the light, it has no direction; the surface's own will do.
+        // At the light itself there is no direction; the original one is kept.
         let direction = if distance > 0.0 { to_light / distance } else { self.direction };
         LightSample { direction, distance, ..*self }
     }
 }
 
-/// A light as the surfaces of a level see it.
-pub struct LightLanes {
-    direction: Lanes,
-    radiance: Lanes,
-    distance: [f64; LANES],
-    cosine: [f64; LANES],
-    /// Whether it adds anything to the surface.
-    pub reaches: [bool; LANES],
+/// A light sampled at the surfaces of a ray generation, as a structure of arrays.
+pub struct LightSoa {
+    direction: Vec3Soa,
+    radiance: Vec3Soa,
+    distance: [f64; RAYS_PER_BATCH],
+    cosine: [f64; RAYS_PER_BATCH],
+    /// For each surface, whether the light contributes. Cleared by occlusion tests.
+    pub reaches: [bool; RAYS_PER_BATCH],
 }
 
-impl Default for LightLanes {
+impl Default for LightSoa {
     fn default() -> Self {
-        LightLanes {
-            direction: Lanes::default(),
-            radiance: Lanes::default(),
-            distance: [0.0; LANES],
-            cosine: [0.0; LANES],
-            reaches: [false; LANES],
+        LightSoa {
+            direction: Vec3Soa::default(),
+            radiance: Vec3Soa::default(),
+            distance: [0.0; RAYS_PER_BATCH],
+            cosine: [0.0; RAYS_PER_BATCH],
+            reaches: [false; RAYS_PER_BATCH],
         }
     }
 }
 
-impl LightLanes {
-    /// The light as seen from the surface at `i`, where it reaches that.
+impl LightSoa {
+    /// The sample at surface `i`, meaningful only where `reaches` is set.
     #[inline(always)]
     pub fn get(&self, i: usize) -> LightSample {
         LightSample {
@@ -115,24 +115,24 @@ impl LightLanes {
         }
     }
 
-    /// Looks at `light` from every surface: [`LightSample::new`] for each.
-    pub fn look(&mut self, light: &WorldLight, surfaces: &Surfaces, smooth: bool) {
-        // The common kinds are told apart once, not for every surface.
+    /// Samples `light` at every surface, with the bits of [`LightSample::new`].
+    pub fn sample(&mut self, light: &WorldLight, surfaces: &InteractionSoa, smooth: bool) {
+        // The common kinds are passed as constants, so that the loop has no branch on them.
         match &light.kind {
             &LightKind::Directional { direction } => {
-                widely(
+                simd_dispatch(
                     #[inline(always)]
                     || self.fill(&LightKind::Directional { direction }, light, surfaces, smooth),
                 );
             }
-            &LightKind::Point { position, falloff: Falloff::None } => widely(
+            &LightKind::Point { position, falloff: Falloff::None } => simd_dispatch(
                 #[inline(always)]
                 || {
                     let kind = LightKind::Point { position, falloff: Falloff::None };
                     self.fill(&kind, light, surfaces, smooth);
                 },
             ),
-            &LightKind::Point { position, falloff: Falloff::InverseSquare { range: None } } => widely(
+            &LightKind::Point { position, falloff: Falloff::InverseSquare { range: None } } => simd_dispatch(
                 #[inline(always)]
                 || {
                     let falloff = Falloff::InverseSquare { range: None };
@@ -144,7 +144,7 @@ impl LightLanes {
     }
 
     #[inline(always)]
-    fn fill(&mut self, kind: &LightKind, light: &WorldLight, surfaces: &Surfaces, smooth: bool) {
+    fn fill(&mut self, kind: &LightKind, light: &WorldLight, surfaces: &InteractionSoa, smooth: bool) {
         let radiance = light.radiance;
         for i in 0..surfaces.len() {
             let normals = [surfaces.shading_normal.get(i), surfaces.geometric_normal.get(i)];
@@ -159,9 +159,9 @@ impl LightLanes {
     }
 }
 
-/// KHR_lights_punctual: 1 / d^2, times max(min(1 - (d / range)^4, 1), 0) where there is a range.
+/// The distance attenuation of KHR_lights_punctual: 1 / d^2, times max(min(1 - (d / range)^4, 1), 0) for a light with a range.
 #[inline(always)]
-fn weaken(falloff: Falloff, distance_squared: f64) -> f64 {
+fn distance_attenuation(falloff: Falloff, distance_squared: f64) -> f64 {
     match falloff {
         Falloff::None => 1.0,
         Falloff::InverseSquare { range: None } => 1.0 / distance_squared,
@@ -172,14 +172,14 @@ fn weaken(falloff: Falloff, distance_squared: f64) -> f64 {
     }
 }
 
-/// KHR_lights_punctual: the square of a linear ramp in the cosine from the outer to the inner angle.
-fn cone(cosine: f64, inner_angle: f64, outer_angle: f64) -> f64 {
+/// The angular attenuation of KHR_lights_punctual: the square of a linear ramp in the cosine from the outer to the inner angle.
+fn cone_attenuation(cosine: f64, inner_angle: f64, outer_angle: f64) -> f64 {
     let (inner, outer) = (inner_angle.cos(), outer_angle.cos());
     if cosine <= outer {
         return 0.0;
     }
     let ramp = ((cosine - outer) / (inner - outer)).clamp(0.0, 1.0);
-    // Equal angles make a sharp edge: 0 / 0 inside is full strength.
+    // Equal angles give a sharp edge: 0 / 0 inside the cone counts as 1.
     if ramp.is_nan() { 1.0 } else { ramp * ramp }
 }
 
@@ -189,20 +189,20 @@ mod tests {
 
     #[test]
     fn falloff_by_hand() {
-        assert_eq!(weaken(Falloff::None, 100.0), 1.0);
-        assert_eq!(weaken(Falloff::InverseSquare { range: None }, 4.0), 0.25);
+        assert_eq!(distance_attenuation(Falloff::None, 100.0), 1.0);
+        assert_eq!(distance_attenuation(Falloff::InverseSquare { range: None }, 4.0), 0.25);
         // d = 1, range = 2: 1 - (1/2)^4 = 15/16.
-        assert_eq!(weaken(Falloff::InverseSquare { range: Some(2.0) }, 1.0), 15.0 / 16.0);
-        assert_eq!(weaken(Falloff::InverseSquare { range: Some(2.0) }, 9.0), 0.0);
+        assert_eq!(distance_attenuation(Falloff::InverseSquare { range: Some(2.0) }, 1.0), 15.0 / 16.0);
+        assert_eq!(distance_attenuation(Falloff::InverseSquare { range: Some(2.0) }, 9.0), 0.0);
     }
 
     #[test]
     fn cones_by_hand() {
         let (inner, outer) = (0.0f64, 60f64.to_radians());
-        assert_eq!(cone(1.0, inner, outer), 1.0);
-        assert_eq!(cone(0.5, inner, outer), 0.0);
+        assert_eq!(cone_attenuation(1.0, inner, outer), 1.0);
+        assert_eq!(cone_attenuation(0.5, inner, outer), 0.0);
         // Halfway in the cosine: (1/2)^2.
-        assert!((cone(0.75, inner, outer) - 0.25).abs() < 1e-12);
-        assert_eq!(cone(0.9, outer, outer), 1.0);
+        assert!((cone_attenuation(0.75, inner, outer) - 0.25).abs() < 1e-12);
+        assert_eq!(cone_attenuation(0.9, outer, outer), 1.0);
     }
 }

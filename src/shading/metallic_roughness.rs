@@ -1,29 +1,29 @@
-//! glTF's material: Lambert under GGX (glTF 2.0, appendix B).
+//! glTF's metallic-roughness material: Lambert and GGX (glTF 2.0, appendix B).
 //!
-//! In kiln's units a light of intensity 1 shows a diffuse surface that faces it in its own colour, so every term is pi
-//! times its physical one. Ambient light is taken as the same from everywhere: it returns the diffuse colour and the
-//! mirror's colour at normal incidence.
+//! A light of intensity 1 shows a diffuse surface that faces it in its base colour, so every term is pi times the BSDF of the
+//! specification. Ambient light is constant over the sphere; its reflection is approximated by the diffuse colour plus the
+//! reflectance at normal incidence.
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
 use super::{LightSample, ShadingMode};
-use crate::world::{MetallicRoughnessValues, Surface, World};
+use crate::world::{PreparedMetallicRoughness, SurfaceInteraction, World};
 
-/// Reflectance of a dielectric with index of refraction 1.5, head on.
+/// The reflectance at normal incidence of a dielectric with index of refraction 1.5.
 const DIELECTRIC: f64 = 0.04;
 
-/// The least roughness that a point light is shaded with. A perfect mirror shows a point light in no pixel at all;
-/// this makes it a spot of about a degree.
-const LEAST_ROUGHNESS: f64 = 0.045;
+/// The lower limit of the roughness, since a perfect mirror reflects point lights in no pixel. It gives a highlight of about one
+/// degree.
+const MIN_ROUGHNESS: f64 = 0.045;
 
-/// The colour of the surface under the given lights.
+/// The colour of a surface under the given lights.
 pub fn shade(
     world: &World,
-    material: &MetallicRoughnessValues,
+    material: &PreparedMetallicRoughness,
     mode: ShadingMode,
-    surface: &Surface,
+    surface: &SurfaceInteraction,
     lights: &[LightSample],
 ) -> DVec3 {
     let base = material.base_colour * surface.tint * surface.texels.colour;
@@ -33,33 +33,34 @@ pub fn shade(
     let metallic = material.metallic * surface.texels.metallic;
     let roughness = material.roughness * surface.texels.roughness;
     let diffuse = base * (1.0 - metallic) * (1.0 - DIELECTRIC);
-    let head_on = DVec3::splat(DIELECTRIC).lerp(base, metallic);
+    let f0 = DVec3::splat(DIELECTRIC).lerp(base, metallic);
     let emission = material.emission * surface.texels.emission;
-    let mut sum = emission + world.ambient * (diffuse + head_on);
+    let mut sum = emission + world.ambient * (diffuse + f0);
     for light in lights {
         let mut returned = diffuse;
-        if mode == ShadingMode::Phong {
-            returned += mirror(surface, light, head_on, roughness.max(LEAST_ROUGHNESS));
+        if mode == ShadingMode::Full {
+            returned += specular(surface, light, f0, roughness.max(MIN_ROUGHNESS));
         }
         sum += returned * light.radiance * light.cosine;
     }
     world.pipeline.hold(sum)
 }
 
-/// pi times GGX's distribution, Smith's height-correlated visibility (Heitz 2014) and Schlick's Fresnel term.
-fn mirror(surface: &Surface, light: &LightSample, head_on: DVec3, roughness: f64) -> DVec3 {
+/// pi times the product of the GGX distribution, Smith's height-correlated visibility (Heitz, Understanding the Masking-Shadowing
+/// Function in Microfacet-Based BRDFs, JCGT 3(2), 2014) and Schlick's Fresnel approximation.
+fn specular(surface: &SurfaceInteraction, light: &LightSample, f0: DVec3, roughness: f64) -> DVec3 {
     let n = surface.shading_normal;
-    // A light right behind a smooth surface that is seen from its dark side has no half vector, and no highlight.
+    // Where the light is exactly opposite to the view there is no half vector, and no highlight.
     let Some(half) = (light.direction + surface.view).try_normalize() else { return DVec3::ZERO };
     let n_v = n.dot(surface.view).abs().max(f64::MIN_POSITIVE);
     let (n_l, n_h) = (light.cosine, n.dot(half).clamp(0.0, 1.0));
     let v_h = surface.view.dot(half).clamp(0.0, 1.0);
     let a2 = roughness.powi(4);
-    let bulge = n_h * n_h * (a2 - 1.0) + 1.0;
-    let distribution = a2 / (PI * bulge * bulge);
+    let denominator = n_h * n_h * (a2 - 1.0) + 1.0;
+    let distribution = a2 / (PI * denominator * denominator);
     let smith = |x: f64, y: f64| x * (y * y * (1.0 - a2) + a2).sqrt();
     let visibility = 0.5 / (smith(n_l, n_v) + smith(n_v, n_l));
-    let fresnel = head_on + (DVec3::ONE - head_on) * (1.0 - v_h).powi(5);
+    let fresnel = f0 + (DVec3::ONE - f0) * (1.0 - v_h).powi(5);
     PI * distribution * visibility * fresnel
 }
 
@@ -69,8 +70,8 @@ mod tests {
     use crate::geometry::PrimId;
     use crate::geometry::spawn::SurfacePoint;
 
-    fn surface(view: DVec3) -> Surface {
-        Surface {
+    fn surface(view: DVec3) -> SurfaceInteraction {
+        SurfaceInteraction {
             point: SurfacePoint { position: DVec3::ZERO, start: DVec3::ZERO, reach: DVec3::ZERO },
             view,
             geometric_normal: DVec3::Y,
@@ -83,16 +84,16 @@ mod tests {
         }
     }
 
-    /// Head on at roughness 1: D = 1 / pi, V = 0.5 / (1 + 1), F = F0, so pi D V F = F0 / 4.
+    /// Normal incidence at roughness 1: D = 1 / pi, V = 0.5 / (1 + 1), F = F0, so pi D V F = F0 / 4.
     #[test]
     fn head_on_by_hand() {
         let light = LightSample { direction: DVec3::Y, distance: 1.0, radiance: DVec3::ONE, cosine: 1.0 };
-        let returned = mirror(&surface(DVec3::Y), &light, DVec3::splat(0.5), 1.0);
+        let returned = specular(&surface(DVec3::Y), &light, DVec3::splat(0.5), 1.0);
         assert!((returned - DVec3::splat(0.125)).abs().max_element() < 1e-15);
     }
 
-    /// A white furnace: a metal with F0 = 1 returns at most what it gets, whatever its roughness and the view. The
-    /// integral over the hemisphere is by the midpoint rule.
+    /// White furnace test: a metal with F0 = 1 has an albedo of at most 1 for every roughness and view. The integral over the
+    /// hemisphere is computed by the midpoint rule.
     #[test]
     fn no_light_is_made() {
         for roughness in [0.2f64, 0.5, 1.0] {
@@ -106,10 +107,10 @@ mod tests {
                         let sine = (1.0 - cosine * cosine).sqrt();
                         let direction = DVec3::new(sine * phi.cos(), cosine, sine * phi.sin());
                         let light = LightSample { direction, distance: 1.0, radiance: DVec3::ONE, cosine };
-                        sum += mirror(&surface(view), &light, DVec3::ONE, roughness).x * cosine;
+                        sum += specular(&surface(view), &light, DVec3::ONE, roughness).x * cosine;
                     }
                 }
-                // The mean over the hemisphere times 2 pi, over the pi that `mirror` carries.
+                // The mean over the hemisphere times 2 pi, over the pi that `specular` contains.
                 let albedo = sum / f64::from(steps * steps) * 2.0;
                 assert!(albedo < 1.005 && albedo > 0.3, "roughness {roughness}, view {view_angle}: {albedo}");
             }

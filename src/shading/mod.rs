@@ -1,6 +1,4 @@
-//! Light at a point: pure functions of a surface and what shines on it.
-//!
-//! Nothing here casts a ray; whether a light is in the way of nothing is somebody else's business.
+//! Shading: pure functions of a surface interaction and light samples. Visibility is tested by the caller.
 
 mod lights;
 mod metallic_roughness;
@@ -8,33 +6,34 @@ pub mod normal_map;
 mod phong;
 pub mod texture;
 
-pub use lights::{LightLanes, LightSample};
+pub use lights::{LightSample, LightSoa};
 pub use phong::Scratch;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::world::{Lanes, LoweredMaterial, Surface, Surfaces, World};
+use crate::world::{InteractionSoa, PreparedMaterial, SurfaceInteraction, Vec3Soa, World};
 
-/// How far shading goes.
+/// Which terms of the shading model are computed, in ascending order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ShadingMode {
-    /// The object's own colour.
+    /// The base colour, without light.
     Flat,
-    /// Ambient light alone.
+    /// Ambient light.
     Ambient,
     /// Ambient and diffuse light.
     Diffuse,
-    /// Ambient and diffuse light and highlights.
+    /// All terms, with highlights and the effects of shading. Typed `phong`.
     #[default]
-    Phong,
+    #[serde(rename = "phong")]
+    Full,
 }
 
 impl ShadingMode {
-    /// Every mode, from the least to all.
+    /// Every mode, in ascending order.
     pub const ALL: [ShadingMode; 4] =
-        [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Phong];
+        [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Full];
 
     /// The name as typed by users.
     pub fn name(self) -> &'static str {
@@ -42,47 +41,52 @@ impl ShadingMode {
             ShadingMode::Flat => "flat",
             ShadingMode::Ambient => "ambient",
             ShadingMode::Diffuse => "diffuse",
-            ShadingMode::Phong => "phong",
+            ShadingMode::Full => "phong",
         }
     }
 
-    /// Whether lights take part at all.
+    /// Whether lights are evaluated.
     pub fn uses_lights(self) -> bool {
         self >= ShadingMode::Diffuse
     }
 }
 
-/// Whether any light, whatever its strength, can change the colour of such a material.
-pub fn takes_light(material: &LoweredMaterial, mode: ShadingMode) -> bool {
+/// Whether lights can change the colour of a material.
+pub fn takes_light(material: &PreparedMaterial, mode: ShadingMode) -> bool {
     match material {
-        LoweredMaterial::Phong(material) => phong::takes_light(material, mode),
-        LoweredMaterial::MetallicRoughness(material) => !material.unlit,
+        PreparedMaterial::Phong(material) => phong::takes_light(material, mode),
+        PreparedMaterial::MetallicRoughness(material) => !material.unlit,
     }
 }
 
-/// The colour of a surface under the given lights: those that reach it, each as seen from it.
-pub fn shade(world: &World, mode: ShadingMode, surface: &Surface, lights: &[LightSample]) -> DVec3 {
+/// The colour of a surface, in the numbers of the pipeline. `lights` are the samples of the lights that reach it.
+pub fn shade(
+    world: &World,
+    mode: ShadingMode,
+    surface: &SurfaceInteraction,
+    lights: &[LightSample],
+) -> DVec3 {
     match &world.materials[surface.material as usize] {
-        LoweredMaterial::Phong(material) => phong::shade(world, material, mode, surface, lights),
-        LoweredMaterial::MetallicRoughness(material) => {
+        PreparedMaterial::Phong(material) => phong::shade(world, material, mode, surface, lights),
+        PreparedMaterial::MetallicRoughness(material) => {
             metallic_roughness::shade(world, material, mode, surface, lights)
         }
     }
 }
 
-/// The colours of all `surfaces` under the lights as they see them: [`shade`] for each, in the order of the lights.
+/// Computes the colours of all `surfaces`, with the bits of [`shade`]. Lights are added in the order of `lights`.
 pub fn shade_all(
     world: &World,
     mode: ShadingMode,
-    surfaces: &Surfaces,
-    lights: &[Box<LightLanes>],
-    colours: &mut Lanes,
+    surfaces: &InteractionSoa,
+    lights: &[Box<LightSoa>],
+    colours: &mut Vec3Soa,
     scratch: &mut Scratch,
 ) {
     let mut samples = Vec::new();
     for (index, range) in surfaces.by_material() {
         let range = range.clone();
-        if let LoweredMaterial::Phong(material) = &world.materials[*index as usize]
+        if let PreparedMaterial::Phong(material) = &world.materials[*index as usize]
             && material.texture.is_none()
         {
             phong::shade_all(world, material, mode, (surfaces, range), lights, (colours, scratch));

@@ -1,23 +1,25 @@
-//! The assignment's shading.
+//! The assignment's Phong model.
 //!
-//! `L_a = k_a I_a`, `L_d = k_d I (N.L)`, `L_s = k_s I (R.V)^n` with `R = 2 N (N.L) - L`, and the object's own colour
-//! times their sum. A light with N.L <= 0 adds nothing, its highlight included.
+//! `L_a = k_a I_a`, `L_d = k_d I (N.L)`, `L_s = k_s I (R.V)^n` with `R = 2 N (N.L) - L`; the colour is the base colour times their sum.
+//! A light with N.L <= 0 contributes nothing, also no highlight.
 
 use std::ops::Range;
 
 use glam::DVec3;
 
-use super::{LightLanes, LightSample, ShadingMode};
+use super::{LightSample, LightSoa, ShadingMode};
 use crate::film::ColourPipeline;
-use crate::world::{LANES, Lanes, PhongValues, Surface, Surfaces, World, widely};
+use crate::world::{
+    InteractionSoa, PreparedPhong, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd_dispatch,
+};
 
-/// The object's colour times the light that it returns.
+/// The colour of a surface under the given lights.
 #[inline]
 pub fn shade(
     world: &World,
-    material: &PhongValues,
+    material: &PreparedPhong,
     mode: ShadingMode,
-    surface: &Surface,
+    surface: &SurfaceInteraction,
     lights: &[LightSample],
 ) -> DVec3 {
     let mut colour = material.colour * surface.tint;
@@ -39,44 +41,45 @@ pub fn shade(
     world.pipeline.mix_light(colour, light)
 }
 
-/// Whether it returns anything of a light. Where not, a light adds zero to what is never below it.
-pub fn takes_light(material: &PhongValues, mode: ShadingMode) -> bool {
+/// Whether a light can add more than 0.
+pub fn takes_light(material: &PreparedPhong, mode: ShadingMode) -> bool {
     material.diffuse != 0.0 || has_highlight(material, mode)
 }
 
-fn has_highlight(material: &PhongValues, mode: ShadingMode) -> bool {
-    mode == ShadingMode::Phong && material.specular > 0.0
+fn has_highlight(material: &PreparedPhong, mode: ShadingMode) -> bool {
+    mode == ShadingMode::Full && material.specular > 0.0
 }
 
-/// `R.V`, where it is above 0.
+/// `R.V`, clamped to 0..1.
 #[inline(always)]
 fn highlight_cosine(sample: &LightSample, normal: DVec3, view: DVec3) -> f64 {
     let mirrored = 2.0 * sample.cosine * normal - sample.direction;
-    // Rounded, it may be above 1, and a sharp highlight would raise that to more light than there is.
+    // Rounding can give more than 1, which a large exponent would amplify.
     mirrored.dot(view).clamp(0.0, 1.0)
 }
 
-/// What shading many surfaces needs in passing.
+/// Temporary buffers of [`super::shade_all`].
 pub struct Scratch {
-    /// Powers of the cosines of the highlight.
-    power: [f64; LANES],
-    square: [f64; LANES],
+    /// `(R.V)^n`.
+    power: [f64; RAYS_PER_BATCH],
+    /// `R.V` and its repeated squares.
+    square: [f64; RAYS_PER_BATCH],
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        Scratch { power: [0.0; LANES], square: [0.0; LANES] }
+        Scratch { power: [0.0; RAYS_PER_BATCH], square: [0.0; RAYS_PER_BATCH] }
     }
 }
 
-/// The colours of those of `surfaces` in `range`, all of one material without a texture: [`shade`] for each.
+/// Computes the colours of the `surfaces` in `range`, all of one material without texture, with the bits of [`shade`].
 pub fn shade_all(
     world: &World,
-    material: &PhongValues,
+    material: &PreparedPhong,
     mode: ShadingMode,
-    (surfaces, range): (&Surfaces, Range<usize>),
-    lights: &[Box<LightLanes>],
-    (colours, scratch): (&mut Lanes, &mut Scratch),
+    (surfaces, range): (&InteractionSoa, Range<usize>),
+    lights: &[Box<LightSoa>],
+    (colours, scratch): (&mut Vec3Soa, &mut Scratch),
 ) {
     let pipeline = world.pipeline;
     if mode == ShadingMode::Flat {
@@ -92,35 +95,35 @@ pub fn shade_all(
             continue;
         }
         let range = range.clone();
-        widely(
+        simd_dispatch(
             #[inline(always)]
             || add_light(material, mode, (surfaces, range), light, (colours, scratch)),
         );
     }
-    // The numbers that a pipeline holds are told apart once, not for every surface.
+    // The pipeline is passed as a constant, so that the loop has no branch on it.
     match pipeline {
         ColourPipeline::U8 => mix(ColourPipeline::U8, material.colour, (surfaces, range), colours),
-        ColourPipeline::Display => widely(
+        ColourPipeline::Display => simd_dispatch(
             #[inline(always)]
             || mix(ColourPipeline::Display, material.colour, (surfaces, range), colours),
         ),
-        ColourPipeline::Linear => widely(
+        ColourPipeline::Linear => simd_dispatch(
             #[inline(always)]
             || mix(ColourPipeline::Linear, material.colour, (surfaces, range), colours),
         ),
     }
 }
 
-/// Adds what the surfaces return of a light to what `sums` holds.
+/// Adds the reflected light of one light to `sums`.
 #[inline(always)]
 fn add_light(
-    material: &PhongValues,
+    material: &PreparedPhong,
     mode: ShadingMode,
-    (surfaces, range): (&Surfaces, Range<usize>),
-    light: &LightLanes,
-    (sums, scratch): (&mut Lanes, &mut Scratch),
+    (surfaces, range): (&InteractionSoa, Range<usize>),
+    light: &LightSoa,
+    (sums, scratch): (&mut Vec3Soa, &mut Scratch),
 ) {
-    let range = range.start..range.end.min(LANES);
+    let range = range.start..range.end.min(RAYS_PER_BATCH);
     let highlight = has_highlight(material, mode);
     if highlight {
         for i in range.clone() {
@@ -141,24 +144,24 @@ fn add_light(
     }
 }
 
-/// The surfaces' own colours in the light that `colours` holds.
+/// Multiplies the light in `colours` by the base colours, and rounds as the pipeline does.
 #[inline(always)]
 fn mix(
     pipeline: ColourPipeline,
     own: DVec3,
-    (surfaces, range): (&Surfaces, Range<usize>),
-    colours: &mut Lanes,
+    (surfaces, range): (&InteractionSoa, Range<usize>),
+    colours: &mut Vec3Soa,
 ) {
-    for i in range.start..range.end.min(LANES) {
+    for i in range.start..range.end.min(RAYS_PER_BATCH) {
         colours.set(i, pipeline.mix_light(own * surfaces.tint.get(i), colours.get(i)));
     }
 }
 
-/// [`power`] of each of `scratch.square`.
+/// [`power`] of each value of `scratch.square`, into `scratch.power`.
 #[inline(always)]
 fn powers(scratch: &mut Scratch, range: Range<usize>, exponent: f64) {
     let Scratch { power: result, square } = scratch;
-    let Some(mut rest) = whole(exponent) else {
+    let Some(mut rest) = integer(exponent) else {
         range.for_each(|i| result[i] = square[i].powf(exponent));
         return;
     };
@@ -174,10 +177,10 @@ fn powers(scratch: &mut Scratch, range: Range<usize>, exponent: f64) {
     }
 }
 
-/// `base^exponent`; whole exponents by squaring, the same on every machine.
+/// `base^exponent`. Integer exponents are computed by repeated squaring, which gives the same bits on every machine.
 #[inline]
 fn power(base: f64, exponent: f64) -> f64 {
-    let Some(mut rest) = whole(exponent) else { return base.powf(exponent) };
+    let Some(mut rest) = integer(exponent) else { return base.powf(exponent) };
     let (mut result, mut square) = (1.0, base);
     while rest > 0 {
         if rest & 1 == 1 {
@@ -189,8 +192,8 @@ fn power(base: f64, exponent: f64) -> f64 {
     result
 }
 
-/// An exponent that is taken by squaring.
-fn whole(exponent: f64) -> Option<u32> {
+/// The exponent as an integer, if it is one.
+fn integer(exponent: f64) -> Option<u32> {
     (exponent.fract() == 0.0 && exponent <= f64::from(u32::MAX)).then_some(exponent as u32)
 }
 

@@ -1,41 +1,41 @@
-//! Looking pictures up, at full size or in their pyramids.
+//! Texture lookups: nearest, bilinear, trilinear and anisotropic.
 //!
-//! What a pixel sees of a picture is taken as an ellipse, the image of a circle as wide as the pixel. Where its longer axis
-//! is longer than a texel, a level of the pyramid is chosen whose texels are that long (Williams, Pyramidal Parametrics,
-//! SIGGRAPH 1983); anisotropic lookups take the mean of several along that axis in a level for the shorter one (McCormack,
-//! Perry, Farkas and Jouppi, Feline, SIGGRAPH 1999, section 3).
+//! The footprint of a pixel in the texture is an ellipse, the image of a circle of one pixel's diameter. Where its longer axis is
+//! longer than a texel, a level of the mip map is chosen whose texels are that long (Williams, Pyramidal Parametrics, SIGGRAPH
+//! 1983). Anisotropic lookups average several lookups along that axis, in a level for the shorter axis (McCormack, Perry, Farkas
+//! and Jouppi, Feline, SIGGRAPH 1999, section 3).
 
 use glam::{DVec2, DVec3};
 
 use crate::scene::{Filter, Lookup, Sampler, Wrap};
-use crate::world::{Image, Meaning, TexturePoint};
+use crate::world::{Image, TexelEncoding, TexturePoint};
 
-/// The most lookups along the longer axis; the most that graphics hardware does.
+/// The limit on lookups along the longer axis, as in graphics hardware.
 const MOST_LOOKUPS: f64 = 16.0;
 
-/// What a picture shows at a point, 0 to 1, without its pyramid where that was not made.
+/// The filtered value of a texture at a point, 0 to 1. A mip map that was not built is not used.
 pub fn look_up(
     image: &Image,
-    meaning: Meaning,
+    encoding: TexelEncoding,
     sampler: &Sampler,
     filter: &Filter,
     point: &TexturePoint,
 ) -> DVec3 {
-    let at_full_size = |lookup| look_at(image, meaning, sampler, 0, lookup, point.uv);
+    let at_full_size = |lookup| look_at(image, encoding, sampler, 0, lookup, point.uv);
     if !filter.needs_footprint() {
         return at_full_size(filter.magnify);
     }
     let ellipse = Ellipse::new(point.footprint, DVec2::new(image.width.into(), image.height.into()));
-    // What is not a number is not here: it sees all of the picture.
+    // A footprint of NaN fails this test and gets the last level, like an infinite one.
     if ellipse.longer <= 1.0 {
         return at_full_size(filter.magnify);
     }
-    let (Some(between), Some(pyramid)) = (filter.minify.between, image.pyramid(meaning)) else {
+    let (Some(between), Some(mip_map)) = (filter.minify.between, image.mip_map(encoding)) else {
         return at_full_size(filter.minify.within);
     };
-    let last = pyramid.levels().len();
+    let last = mip_map.levels().len();
     let in_level = |uv: DVec2, level: f64| {
-        let texel = |level: usize| look_at(image, meaning, sampler, level, filter.minify.within, uv);
+        let texel = |level: usize| look_at(image, encoding, sampler, level, filter.minify.within, uv);
         match between {
             Lookup::Nearest => texel((level + 0.5).floor() as usize),
             Lookup::Linear => {
@@ -58,17 +58,17 @@ pub fn look_up(
     sum / count
 }
 
-/// The level whose texels are `size` times as long as the picture's: 0 for the picture itself, `last` for all from there.
+/// The level whose texels are `size` times as long as the image's, 0 (the image) to `last`.
 fn level_of(size: f64, last: usize) -> f64 {
-    // What is not a number is beyond all levels.
+    // NaN gives `last`.
     let level = size.log2();
     if level < last as f64 { level.max(0.0) } else { last as f64 }
 }
 
-/// What a pixel sees of a picture.
+/// The footprint of a pixel in a texture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Ellipse {
-    /// Lengths of its axes, whole ones, in texels.
+    /// The full lengths of its axes in texels.
     longer: f64,
     shorter: f64,
     /// The longer axis in texture coordinates.
@@ -76,51 +76,51 @@ struct Ellipse {
 }
 
 impl Ellipse {
-    /// The image of a circle of one pixel's diameter under the map whose columns are `footprint`: its axes are the map's
-    /// singular values, in closed form from the product of the map and its transpose.
+    /// The image of a circle of one pixel's diameter under the matrix with columns `footprint`. The lengths of its axes are the
+    /// singular values, in closed form from the product of the matrix and its transpose.
     fn new(footprint: [DVec2; 2], size: DVec2) -> Self {
         let [a, b] = footprint.map(|change| change * size);
         let (xx, xy, yy) = (a.x * a.x + b.x * b.x, a.x * a.y + b.x * b.y, a.y * a.y + b.y * b.y);
         let (mean, half) = ((xx + yy) / 2.0, (xx - yy) / 2.0);
         let spread = (half * half + xy * xy).sqrt();
         let (longer, determinant) = ((mean + spread).sqrt(), (a.x * b.y - a.y * b.x).abs());
-        // Of the two forms of the eigenvector the one without cancellation.
+        // Of the two forms of the eigenvector, the one without cancellation.
         let axis = if half > 0.0 { DVec2::new(half + spread, xy) } else { DVec2::new(xy, spread - half) };
         let axis = axis.try_normalize().unwrap_or(DVec2::X) * longer / size;
         Ellipse { longer, shorter: determinant / longer, axis }
     }
 
-    /// How many lookups along the longer axis see no more than the shorter one is long.
+    /// The number of lookups along the longer axis whose distance is at most the length of the shorter axis.
     fn lookups(&self) -> f64 {
         let ratio = self.longer / self.shorter.max(1.0);
         if ratio < MOST_LOOKUPS { ratio.ceil().max(1.0) } else { MOST_LOOKUPS }
     }
 }
 
-/// What a level of a picture shows at `uv`; level 0 is the picture.
+/// The value of a level at `uv`; level 0 is the image.
 fn look_at(
     image: &Image,
-    meaning: Meaning,
+    encoding: TexelEncoding,
     sampler: &Sampler,
     level: usize,
     lookup: Lookup,
     uv: DVec2,
 ) -> DVec3 {
-    let level = level.checked_sub(1).and_then(|below| image.pyramid(meaning)?.levels().get(below));
+    let level = level.checked_sub(1).and_then(|below| image.mip_map(encoding)?.levels().get(below));
     let (width, height) = level.map_or((image.width, image.height), |level| (level.width, level.height));
     let (w, h) = (i64::from(width), i64::from(height));
     let column = |x: i64| wrap(x, w, sampler.wrap_u);
     let row = |y: i64| wrap(y, h, sampler.wrap_v) * w;
     let texel = |row: i64, column: i64| {
         let index = (row + column) as usize;
-        DVec3::from(level.map_or_else(|| image.texel(index, meaning), |level| level.texel(index)))
+        DVec3::from(level.map_or_else(|| image.texel(index, encoding), |level| level.texel(index)))
     };
     let place = uv * DVec2::new(w as f64, h as f64);
-    // Casts saturate where coordinates are absurd; wrapping then still gives a texel of the picture.
+    // Casts of coordinates beyond i64 saturate; wrapping then still gives a texel of the image.
     match lookup {
         Lookup::Nearest => texel(row(place.y.floor() as i64), column(place.x.floor() as i64)),
         Lookup::Linear => {
-            // Texels' centres lie at half-integers.
+            // Texel centres lie at half-integers.
             let place = place - 0.5;
             let (corner, share) = (place.floor(), place - place.floor());
             let (x, y) = (corner.x as i64, corner.y as i64);
@@ -134,7 +134,7 @@ fn look_at(
 }
 
 fn wrap(i: i64, size: i64, mode: Wrap) -> i64 {
-    // Most are inside; a division takes longer than all the rest.
+    // Most indices are inside, and the division would dominate the lookup.
     if (0..size).contains(&i) {
         return i;
     }
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_end_where_the_pyramid_does() {
+    fn levels_end_where_the_mip_map_does() {
         assert_eq!(level_of(4.0, 9), 2.0);
         assert_eq!(level_of(0.5, 9), 0.0);
         for endless in [1e300, f64::INFINITY, f64::NAN] {

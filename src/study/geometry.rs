@@ -81,7 +81,7 @@ fn find(world: &World, view: &View, width: u32, pixels: &[u32]) -> Vec<Option<Fo
     rays.chunks(BATCH).for_each(|rays| world.accelerator.closest_hits(rays, &mut hits, &mut traversal));
     let found = |(ray, hit): (&Ray, &Option<crate::geometry::Hit>)| {
         let hit = hit.as_ref()?;
-        Some(Found { t: hit.t, prim: hit.prim.0, normal: world.surface(ray, hit).geometric_normal })
+        Some(Found { t: hit.t, prim: hit.prim.0, normal: world.interaction(ray, hit).geometric_normal })
     };
     rays.iter().zip(&hits).map(found).collect()
 }

@@ -1,7 +1,7 @@
 //! A setting: everything that a study varies of how a scene is rendered.
 
 use crate::bvh::Layout;
-use crate::effects::Choices;
+use crate::effects::{Choices, EffectId, id};
 use crate::film::ColourPipeline;
 use crate::geometry::Numerics;
 use crate::scene::{Material, Sampling, Scene, TextureFilter};
@@ -22,7 +22,7 @@ pub struct Setting {
     /// The filter of all pictures; `None` for as the scene says.
     pub textures: Option<TextureFilter>,
     /// Effects to do without.
-    pub without: Vec<&'static str>,
+    pub without: Vec<EffectId>,
 }
 
 /// Settings that agree in this can share a prepared scene.
@@ -71,12 +71,12 @@ impl Setting {
     /// What is asked of effects, over what was asked before.
     pub fn choices(&self, asked: &Choices) -> Choices {
         let mut choices = Choices { sampling: self.sampling, ..asked.clone() };
-        for name in &self.without {
-            choices.with.retain(|typed| typed.split('=').next() != Some(name));
-            choices.without.push((*name).to_owned());
+        for effect in &self.without {
+            choices.with.retain(|typed| typed.split('=').next() != Some(effect.name()));
+            choices.without.push(effect.name().to_owned());
         }
         if let Some(filter) = self.textures {
-            choices.with.push(format!("textures={}", filter.name()));
+            choices.with.push(id::TEXTURES.with_value(filter.name()));
         }
         choices
     }
@@ -97,21 +97,22 @@ impl Setting {
             options.push(format!("--bvh {}", preset.name()));
         }
         options.extend(self.sampling_options(&base.sampling)?);
-        options.extend(self.textures.map(|filter| format!("--with textures={}", filter.name())));
+        options
+            .extend(self.textures.map(|filter| format!("--with {}", id::TEXTURES.with_value(filter.name()))));
         let mut without = self.without.clone();
         match self.bounces {
             None => {}
-            Some(0) => without.push("glaze"),
+            Some(0) => without.push(id::GLAZE),
             // Said once already, in a value of its own, it cannot be said again.
-            Some(_) if asked.scene.get("glaze").is_some() => return None,
-            Some(most) => options.push(format!("--with glaze={most}")),
+            Some(_) if asked.scene.get(id::GLAZE.name()).is_some() => return None,
+            Some(most) => options.push(format!("--with {}", id::GLAZE.with_value(most))),
         }
-        for name in without {
+        for effect in without {
             // Asked for and not: one of the two would have to go.
-            if asked.with.iter().any(|typed| typed.split('=').next() == Some(name)) {
+            if asked.with.iter().any(|typed| typed.split('=').next() == Some(effect.name())) {
                 return None;
             }
-            options.push(format!("--without {name}"));
+            options.push(format!("--without {effect}"));
         }
         Some(options.join(" "))
     }
@@ -135,7 +136,7 @@ impl Setting {
         }
         match own.noise {
             Some(noise) if own.noise != base.noise => options.push(format!("--noise {noise}")),
-            None if base.noise.is_some() => options.push("--without adaptive".into()),
+            None if base.noise.is_some() => options.push(format!("--without {}", id::ADAPTIVE)),
             _ => {}
         }
         // What was said is said: one sample then is not that of the pixel's centre.

@@ -4,7 +4,7 @@
 use super::data::Judge;
 use super::setting::Setting;
 use crate::bvh::{Layout, Preset};
-use crate::effects::{EFFECTS, Plan};
+use crate::effects::{EFFECTS, Effect, EffectId, Plan, id};
 use crate::film::{ColourPipeline, FilterShape};
 use crate::geometry::Numerics;
 use crate::scene::{Material, Sampling, Scene, TextureFilter};
@@ -38,13 +38,10 @@ pub type Absent = (&'static str, String);
 
 /// The names of all knobs.
 pub fn knobs() -> Vec<&'static str> {
-    let own = EFFECTS.iter().map(|effect| effect.name).filter(|name| !VARIED_ELSEWHERE.contains(name));
+    let own = EFFECTS.iter().filter(|effect| effect.is_study_switch).map(Effect::name);
     let first = ["numerics", "bvh", "colour", "glaze bounces"];
     first.into_iter().chain(own).chain(["picture filter", "samples", "filter", "noise", "together"]).collect()
 }
-
-/// Effects whose knobs have other names.
-const VARIED_ELSEWHERE: [&str; 4] = ["glaze", "textures", "antialiasing", "adaptive"];
 
 /// The settings to look at around `base`, which comes first, and the knobs that are left out. `plan` is that of the base.
 pub fn sweep(scene: &Scene, base: &Setting, plan: &Plan, most: u32) -> (Vec<Candidate>, Vec<Absent>) {
@@ -122,7 +119,7 @@ impl List<'_> {
     }
 
     fn glaze(&mut self, scene: &Scene, plan: &Plan) {
-        if let Some(why) = off(plan, "glaze") {
+        if let Some(why) = off(plan, id::GLAZE) {
             self.absent.push(("glaze bounces", why));
             return;
         }
@@ -137,19 +134,19 @@ impl List<'_> {
     }
 
     fn effects(&mut self, plan: &Plan) {
-        for effect in EFFECTS.iter().filter(|effect| !VARIED_ELSEWHERE.contains(&effect.name)) {
-            if let Some(why) = off(plan, effect.name) {
-                self.absent.push((effect.name, why));
+        for effect in EFFECTS.iter().filter(|effect| effect.is_study_switch) {
+            if let Some(why) = off(plan, effect.id) {
+                self.absent.push((effect.name(), why));
                 continue;
             }
-            let without = [self.base.without.as_slice(), &[effect.name]].concat();
-            self.add(effect.name, "off", Judge::Twin, Setting { without, ..self.base.clone() });
-            self.add(effect.name, "on", Judge::Twin, self.base.clone());
+            let without = [self.base.without.as_slice(), &[effect.id]].concat();
+            self.add(effect.name(), "off", Judge::Twin, Setting { without, ..self.base.clone() });
+            self.add(effect.name(), "on", Judge::Twin, self.base.clone());
         }
     }
 
     fn textures(&mut self, plan: &Plan) {
-        if let Some(why) = off(plan, "textures") {
+        if let Some(why) = off(plan, id::TEXTURES) {
             self.absent.push(("picture filter", why));
             return;
         }
@@ -188,7 +185,7 @@ impl List<'_> {
     /// Samples with what may be cheaper to give up, or dearer to have.
     fn together(&mut self, most: u32) {
         let has_glaze = self.found.iter().any(|candidate| candidate.knob == "glaze bounces");
-        let has_shadows = self.found.iter().any(|candidate| candidate.knob == "shadows");
+        let has_shadows = self.found.iter().any(|candidate| candidate.knob == id::SHADOWS.name());
         for samples in [4, 16].into_iter().filter(|&samples| samples <= most) {
             let sampled = self.sampled(samples);
             for numerics in Numerics::ALL.into_iter().filter(|&numerics| numerics != self.base.numerics) {
@@ -201,7 +198,7 @@ impl List<'_> {
             }
             if has_shadows {
                 let name = format!("no shadows, {}", samples_named(samples));
-                let without = [sampled.without.as_slice(), &["shadows"]].concat();
+                let without = [sampled.without.as_slice(), &[id::SHADOWS]].concat();
                 self.add("together", name, Judge::Limit, Setting { without, ..sampled });
             }
         }
@@ -230,7 +227,7 @@ fn bounces_named(bounces: u32) -> String {
 }
 
 /// Why an effect is not computed; `None` where it is.
-fn off(plan: &Plan, effect: &str) -> Option<String> {
+fn off(plan: &Plan, effect: EffectId) -> Option<String> {
     let decision = plan.decisions.iter().find(|decision| decision.effect == effect);
     decision.map_or(Some("this kiln was built without it".into()), |d| (!d.on).then(|| d.why.clone()))
 }

@@ -6,7 +6,7 @@
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
 use crate::render::RenderControl;
-use crate::render::aov::{self, Subject, Wanted};
+use crate::render::aov::{self, AovSelection, AovSource};
 use crate::study::metrics::{DECADES, Picture, error_map, heat_map};
 use crate::world::World;
 
@@ -118,12 +118,12 @@ const SWATCHES: usize = 12;
 /// # Errors
 /// [`Error::Usage`] for what takes pictures; [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough
 /// memory.
-pub fn false_colours(shown: Shown, subject: &Subject, watch: &RenderControl) -> Result<FalseColours> {
+pub fn false_colours(shown: Shown, subject: &AovSource, watch: &RenderControl) -> Result<FalseColours> {
     let Some(aov) = shown.aov() else {
         let what = format!("{}: shown by pictures, not by what is known of their pixels", shown.name());
         return Err(Error::usage(what, ""));
     };
-    let channels = aov::channels(subject, &Wanted::new(&[aov.to_owned()])?, watch)?;
+    let channels = aov::channels(subject, &AovSelection::new(&[aov.to_owned()])?, watch)?;
     Ok(of_channels(shown, subject.world, &channels))
 }
 
@@ -292,9 +292,9 @@ mod tests {
         let world = World::prepare(scene, Default::default(), Layout::default(), Numerics::default());
         let plan = Plan::new(&world, &Choices::default()).unwrap();
         let window = Window { x: 0, y: 0, width: size, height: size };
-        let subject = Subject {
+        let subject = AovSource {
             world: &world,
-            range: None,
+            recentering: None,
             view: &view,
             plan: &plan,
             window,

@@ -1,17 +1,17 @@
 //! Everything about one pixel: what it sees, the rays that it took, and its colour.
 //!
-//! All of it comes from the stages that make pictures: they are run on a tile of one pixel, and an [`Onlooker`] sees the rays.
+//! All of it comes from the stages that make pictures: they are run on a tile of one pixel, and an [`RayRecorder`] keeps the rays.
 //! The rays are those through the pixel's centre, whatever samples the picture takes; the colour is the picture's.
 
 use glam::{DVec2, DVec3};
 
 use crate::bvh::{Primitive, Tests, Traversal};
-use crate::effects::tile::{Cast, Context, Met, Onlooker, Tile};
-use crate::effects::{EFFECTS, Plan, RayKind};
+use crate::effects::tile::{RayRecorder, RecordedRay, RenderContext, Tile, TraceResult};
+use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
 use crate::film::Window;
 use crate::geometry::Hit;
 use crate::scene::Glaze;
-use crate::world::{LoweredMaterial, Range, Surface, View, World};
+use crate::world::{PreparedMaterial, Recentering, SurfaceInteraction, View, World};
 
 /// Everything about one pixel.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,10 +66,10 @@ pub struct Seen {
 /// A ray as a line, in the coordinates of the world and its [`View`]: [`View::project_segment`] draws it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
-    /// What it was cast for, as statistics call it: `primary`, `shadow`, `glaze`, …
-    pub kind: &'static str,
+    /// Its kind.
+    pub kind: RayKind,
     /// The effect that it is there for; `None` for the camera's.
-    pub effect: Option<&'static str>,
+    pub effect: Option<EffectId>,
     /// How many mirrors lie behind it.
     pub depth: usize,
     /// Of a ray towards a light, the light's name.
@@ -84,40 +84,45 @@ pub struct Line {
     pub object: Option<String>,
 }
 
-/// Looks at a pixel of the picture that `plan` makes of what `view` sees. `range` is how the scene was moved, `bounds` where it
+/// Looks at a pixel of the picture that `plan` makes of what `view` sees. `recentering` is how the scene was moved, `bounds` where it
 /// is now, so that rays can be drawn to where they leave it.
 pub fn inspect(
     world: &World,
     view: &View,
     plan: &Plan,
-    range: Option<&Range>,
+    recentering: Option<&Recentering>,
     bounds: Option<(DVec3, DVec3)>,
     [x, y]: [u32; 2],
 ) -> Inspection {
-    let context = Context { world, view };
+    let context = RenderContext { world, view };
     let window = Window { x, y, width: 1, height: 1 };
     let mut tile = Tile::default();
     let run = |plan: &Plan, tile: &mut Tile| {
         tile.start(window);
         plan.run(tile, &context, |_| {});
-        while tile.again {
+        while tile.needs_more_samples {
             plan.run(tile, &context, |_| {});
         }
     };
     run(plan, &mut tile);
     let colour = tile.pixels.first().copied().unwrap_or_default();
-    let samples = tile.taken.first().copied().unwrap_or(1);
+    let samples = tile.sample_counts.first().copied().unwrap_or(1);
 
     let mut tile = Tile::default();
-    tile.onlooker = Some(Box::new(Onlooker::default()));
+    tile.recorder = Some(Box::new(RayRecorder::default()));
     run(&one_ray(world, plan), &mut tile);
-    let casts = tile.onlooker.take().map_or(Vec::new(), |onlooker| onlooker.casts);
-    let surface =
-        tile.levels.first().and_then(|level| (!level.surfaces.is_empty()).then(|| level.surfaces.get(0)));
+    let casts = tile.recorder.take().map_or(Vec::new(), |recorder| recorder.rays);
+    let surface = tile
+        .generations
+        .first()
+        .and_then(|first| (!first.surfaces.is_empty()).then(|| first.surfaces.get(0)));
     let first = casts.first();
-    let hit = first.and_then(|cast| if let Met::Hit(hit) = cast.met { Some(hit) } else { None });
-    let seen =
-        surface.zip(hit).zip(first).map(|((surface, hit), cast)| seen(world, range, &surface, &hit, cast));
+    let hit =
+        first.and_then(|cast| if let TraceResult::Closest(hit) = cast.result { Some(hit) } else { None });
+    let seen = surface
+        .zip(hit)
+        .zip(first)
+        .map(|((surface, hit), cast)| seen(world, recentering, &surface, &hit, cast));
     let mut traversal = Traversal::default();
     if let Some(cast) = first {
         world.accelerator.closest_hit(&cast.ray, &mut traversal);
@@ -130,10 +135,16 @@ pub fn inspect(
 
 /// The plan with one ray a pixel.
 fn one_ray(world: &World, plan: &Plan) -> Plan {
-    plan.keeping(world, |i| !["antialiasing", "adaptive"].contains(&plan.decisions[i].effect))
+    plan.keeping(world, |i| !EFFECTS[i].decides_samples)
 }
 
-fn seen(world: &World, range: Option<&Range>, surface: &Surface, hit: &Hit, cast: &Cast) -> Seen {
+fn seen(
+    world: &World,
+    recentering: Option<&Recentering>,
+    surface: &SurfaceInteraction,
+    hit: &Hit,
+    cast: &RecordedRay,
+) -> Seen {
     let object = &world.objects[surface.object as usize];
     let position = surface.point.position;
     let [v, w] = hit.weights;
@@ -147,8 +158,8 @@ fn seen(world: &World, range: Option<&Range>, surface: &Surface, hit: &Hit, cast
         primitive: hit.prim.0,
         primitive_of_object: hit.prim.0 - object.first.0,
         kind,
-        distance: hit.t / range.map_or(1.0, |range| range.scale),
-        position: range.map_or(position, |range| range.point_back(position)),
+        distance: hit.t / recentering.map_or(1.0, |recentering| recentering.scale),
+        position: recentering.map_or(position, |recentering| recentering.point_back(position)),
         geometric_normal: surface.geometric_normal,
         shading_normal: surface.shading_normal,
         barycentric,
@@ -159,13 +170,13 @@ fn seen(world: &World, range: Option<&Range>, surface: &Surface, hit: &Hit, cast
 }
 
 /// What a material is made of.
-fn values_of(world: &World, material: &LoweredMaterial) -> Vec<(&'static str, String)> {
+fn values_of(world: &World, material: &PreparedMaterial) -> Vec<(&'static str, String)> {
     let colour = |c: DVec3| {
         let [r, g, b] = world.pipeline.encode(c.as_vec3().to_array());
         format!("#{r:02x}{g:02x}{b:02x}")
     };
     let mut values = match material {
-        LoweredMaterial::Phong(m) => {
+        PreparedMaterial::Phong(m) => {
             let mut values = vec![
                 ("colour", colour(m.colour)),
                 ("ambient", m.ambient.to_string()),
@@ -179,7 +190,7 @@ fn values_of(world: &World, material: &LoweredMaterial) -> Vec<(&'static str, St
             }));
             values
         }
-        LoweredMaterial::MetallicRoughness(m) => {
+        PreparedMaterial::MetallicRoughness(m) => {
             let mut values = vec![
                 ("base colour", colour(m.base_colour)),
                 ("metallic", m.metallic.to_string()),
@@ -204,25 +215,30 @@ fn values_of(world: &World, material: &LoweredMaterial) -> Vec<(&'static str, St
     values
 }
 
-fn line(world: &World, bounds: Option<(DVec3, DVec3)>, cast: &Cast, traversal: &mut Traversal) -> Line {
-    let Cast { kind, depth, light, ray, met, .. } = cast;
+fn line(
+    world: &World,
+    bounds: Option<(DVec3, DVec3)>,
+    cast: &RecordedRay,
+    traversal: &mut Traversal,
+) -> Line {
+    let RecordedRay { kind, depth, light, ray, result, .. } = cast;
     // Of a ray that is blocked nobody asked where; the nearest of what is in its way is drawn.
-    let hit = match met {
-        Met::Nothing => None,
-        Met::Hit(hit) => Some(*hit),
-        Met::Something => world.accelerator.closest_hit(ray, traversal),
+    let hit = match result {
+        TraceResult::Miss => None,
+        TraceResult::Closest(hit) => Some(*hit),
+        TraceResult::Occluded => world.accelerator.closest_hit(ray, traversal),
     };
     let end = hit.map_or(ray.t_max, |hit| hit.t);
     let end = if end.is_finite() { end } else { way_out(ray.origin, bounds) };
     let effect = EFFECTS.iter().find(|effect| *kind != RayKind::PRIMARY && effect.rays.contains(kind));
     Line {
-        kind: kind.0,
-        effect: effect.map(|effect| effect.name),
+        kind: *kind,
+        effect: effect.map(|effect| effect.id),
         depth: *depth,
         light: light.and_then(|light| Some(world.lights.get(light)?.name.clone())),
         from: ray.origin,
         to: ray.at(end),
-        hit: *met != Met::Nothing,
+        hit: *result != TraceResult::Miss,
         object: hit.map(|hit| world.objects[world.object_of(hit.prim) as usize].name.clone()),
     }
 }
@@ -241,14 +257,14 @@ mod tests {
     use crate::effects::Choices;
     use crate::error::Warnings;
     use crate::scene::{Camera, Numerics, Projection, Scene};
-    use crate::world::bring_into_range;
+    use crate::world::recenter;
 
     struct Ready {
         world: World,
         view: View,
         plan: Plan,
         bounds: Option<(DVec3, DVec3)>,
-        range: Option<Range>,
+        recentering: Option<Recentering>,
     }
 
     fn assignment() -> Scene {
@@ -258,20 +274,20 @@ mod tests {
 
     /// The scene in the tier `double`, in 100 x 100 pixels.
     fn ready(mut scene: Scene, camera: &Camera) -> Ready {
-        let range = bring_into_range(&mut scene);
-        let camera = range.map_or(camera.clone(), |range| range.moved(camera));
+        let recentering = recenter(&mut scene);
+        let camera = recentering.map_or(camera.clone(), |recentering| recentering.moved(camera));
         let view = View::new(&camera, camera.projection, [101, 101]).unwrap();
         let bounds = scene.bounds();
         let pipeline = scene.colour.unwrap_or_default();
         let choices = Choices { sampling: scene.sampling, ..Choices::default() };
         let world = World::prepare(scene, pipeline, Layout::default(), Numerics::Double);
         let plan = Plan::new(&world, &choices).unwrap();
-        Ready { world, view, plan, bounds, range }
+        Ready { world, view, plan, bounds, recentering }
     }
 
     impl Ready {
         fn look(&self, pixel: [u32; 2]) -> Inspection {
-            inspect(&self.world, &self.view, &self.plan, self.range.as_ref(), self.bounds, pixel)
+            inspect(&self.world, &self.view, &self.plan, self.recentering.as_ref(), self.bounds, pixel)
         }
     }
 
@@ -302,7 +318,7 @@ mod tests {
 
         // One light: a shadow ray from it, one from what is mirrored if anything is. Straight back lies nothing: the camera's
         // ray is mirrored into itself, and above the plane at -500 along -z is nothing.
-        let kinds: Vec<&str> = pixel.rays.iter().map(|ray| ray.kind).collect();
+        let kinds: Vec<&str> = pixel.rays.iter().map(|ray| ray.kind.name).collect();
         assert_eq!(kinds, ["primary", "shadow", "glaze"]);
         let [primary, shadow, glaze] = &pixel.rays[..] else { unreachable!() };
         assert_eq!(
@@ -312,12 +328,12 @@ mod tests {
         assert_eq!(primary.to, seen.position);
         // The lamp, at (-400, 100, 850).
         assert_eq!(
-            (shadow.effect, shadow.light.as_deref(), shadow.hit),
+            (shadow.effect.map(EffectId::name), shadow.light.as_deref(), shadow.hit),
             (Some("shadows"), Some("lamp"), false)
         );
         assert!((shadow.to - DVec3::new(-400.0, 100.0, 850.0)).length() < 1e-6);
         assert!((shadow.from - seen.position).length() < 1e-6);
-        assert_eq!((glaze.effect, glaze.depth, glaze.hit), (Some("glaze"), 1, false));
+        assert_eq!((glaze.effect.map(EffectId::name), glaze.depth, glaze.hit), (Some("glaze"), 1, false));
         assert!(((glaze.to - glaze.from).normalize() + DVec3::Z).length() < 1e-9);
         let (min, max) = ready.bounds.unwrap();
         assert!(glaze.to.cmplt(min).any() || glaze.to.cmpgt(max).any(), "it leaves the scene: {}", glaze.to);
@@ -340,7 +356,7 @@ mod tests {
             assert!((weight - expected).abs() < 1e-12, "{weight} {expected}");
         }
         // Mirrored about +y: at 45 degrees upwards along +z.
-        let glaze = pixel.rays.iter().find(|ray| ray.kind == "glaze").unwrap();
+        let glaze = pixel.rays.iter().find(|ray| ray.kind.name == "glaze").unwrap();
         let direction = (glaze.to - glaze.from).normalize();
         assert!((direction - DVec3::new(0.0, 1.0, 1.0).normalize()).length() < 1e-9, "{direction}");
         // In the middle is what the picture has there.
@@ -365,7 +381,7 @@ mod tests {
         let shaded = lamp + (middle - lamp) * (600.0 / 525.0);
         let ready = ready(assignment(), &towards(shaded + DVec3::new(-300.0, 200.0, 200.0), shaded));
         let pixel = ready.look([50, 50]);
-        let shadow = pixel.rays.iter().find(|ray| ray.kind == "shadow").unwrap();
+        let shadow = pixel.rays.iter().find(|ray| ray.kind.is_shadow).unwrap();
         assert!(shadow.hit);
         assert_eq!(shadow.object.as_deref(), Some("left sphere"));
         assert!(((shadow.to - middle).length() - 75.0).abs() < 1e-6, "on the sphere");
@@ -405,7 +421,7 @@ mod tests {
         let mut camera = towards(far + DVec3::Z * 10.0, far);
         camera.projection = Projection::Orthographic;
         let ready = ready(scene, &camera);
-        assert!(ready.range.is_some());
+        assert!(ready.recentering.is_some());
         let pixel = ready.look([50, 50]);
         let seen = pixel.seen.unwrap();
         assert!(

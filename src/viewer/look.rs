@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::bvh::Preset;
-use crate::effects::Choices;
+use crate::effects::{Choices, EffectId};
 use crate::film::ColourPipeline;
 use crate::job::{CameraChoice, RenderSettings};
 use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Scene};
@@ -33,29 +33,29 @@ pub struct Settings {
 
 impl Settings {
     /// Has an effect, or does without it, over what the scene says.
-    pub fn switch(&mut self, effect: &str, on: bool) {
+    pub fn switch(&mut self, effect: EffectId, on: bool) {
         self.say(effect, if on { Some(None) } else { None });
     }
 
     /// Has an effect with a value, or with its own where that is `None`.
-    pub fn set(&mut self, effect: &str, value: Option<&str>) {
+    pub fn set(&mut self, effect: EffectId, value: Option<&str>) {
         self.say(effect, Some(value));
     }
 
-    fn say(&mut self, effect: &str, on: Option<Option<&str>>) {
+    fn say(&mut self, effect: EffectId, on: Option<Option<&str>>) {
         let Choices { with, without, .. } = &mut self.choices;
-        with.retain(|typed| typed.split('=').next() != Some(effect));
-        without.retain(|name| name != effect);
+        with.retain(|typed| typed.split('=').next() != Some(effect.name()));
+        without.retain(|name| *name != effect.name());
         match on {
-            Some(Some(value)) => with.push(format!("{effect}={value}")),
-            Some(None) => with.push(effect.to_owned()),
-            None => without.push(effect.to_owned()),
+            Some(Some(value)) => with.push(effect.with_value(value)),
+            Some(None) => with.push(effect.name().to_owned()),
+            None => without.push(effect.name().to_owned()),
         }
     }
 
     /// The value that an effect was given by the user.
-    pub fn value(&self, effect: &str) -> Option<&str> {
-        self.choices.with.iter().rev().find_map(|typed| typed.strip_prefix(effect)?.strip_prefix('='))
+    pub fn value(&self, effect: EffectId) -> Option<&str> {
+        self.choices.with.iter().rev().find_map(|typed| typed.strip_prefix(effect.name())?.strip_prefix('='))
     }
 }
 
@@ -139,6 +139,7 @@ impl PartialEq for Order {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::id;
 
     #[test]
     fn the_last_word_on_an_effect_counts() {
@@ -147,17 +148,17 @@ mod tests {
             numerics: Numerics::default(),
             pipeline: ColourPipeline::default(),
         };
-        assert_eq!(settings.value("glaze"), Some("every-bounce"));
-        settings.switch("glaze", false);
+        assert_eq!(settings.value(id::GLAZE), Some("every-bounce"));
+        settings.switch(id::GLAZE, false);
         assert_eq!(
             (settings.choices.with.len(), settings.choices.without.as_slice()),
             (0, &["glaze".to_owned()][..])
         );
-        settings.set("glaze", Some("2"));
-        assert_eq!((settings.value("glaze"), settings.choices.without.len()), (Some("2"), 0));
-        settings.switch("glaze", true);
+        settings.set(id::GLAZE, Some("2"));
+        assert_eq!((settings.value(id::GLAZE), settings.choices.without.len()), (Some("2"), 0));
+        settings.switch(id::GLAZE, true);
         assert_eq!(
-            (settings.value("glaze"), settings.choices.with.as_slice()),
+            (settings.value(id::GLAZE), settings.choices.with.as_slice()),
             (None, &["glaze".to_owned()][..])
         );
     }

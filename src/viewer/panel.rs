@@ -9,7 +9,7 @@ use super::look::{From, Opened, Settings};
 use super::navigate;
 use super::painter::{Comparison, Painted};
 use super::trace::Trace;
-use crate::effects::{Decision, RayKind};
+use crate::effects::{Decision, RayKind, id};
 use crate::film::{ColourPipeline, FilterShape};
 use crate::render::grouped;
 use crate::scene::{Camera, Numerics, Projection};
@@ -223,14 +223,15 @@ fn effects(ui: &mut Ui, painted: &Painted, settings: &mut Settings, trace: &mut 
         ui.end_row();
         for (decision, can) in &painted.prepared.decisions {
             effect(ui, decision, *can, settings, trace);
-            let bill = statistics.bills.iter().find(|bill| bill.effect == decision.effect && decision.on);
-            ui.label(bill.filter(|bill| bill.rays > 0).map_or(String::new(), |bill| count(bill.rays)));
-            ui.label(bill.and_then(|bill| bill.time).map_or(String::new(), milliseconds));
+            let cost =
+                statistics.effect_costs.iter().find(|cost| cost.effect == decision.effect && decision.on);
+            ui.label(cost.filter(|cost| cost.rays > 0).map_or(String::new(), |cost| count(cost.rays)));
+            ui.label(cost.and_then(|cost| cost.time).map_or(String::new(), milliseconds));
             ui.end_row();
         }
     });
-    if painted.prepared.decisions.iter().any(|(decision, _)| decision.effect == "glaze" && decision.on) {
-        let most = settings.value("glaze").and_then(|value| value.parse::<u32>().ok());
+    if painted.prepared.decisions.iter().any(|(decision, _)| decision.effect == id::GLAZE && decision.on) {
+        let most = settings.value(id::GLAZE).and_then(|value| value.parse::<u32>().ok());
         let mut bounces = most.unwrap_or(0);
         ui.horizontal(|ui| {
             let drag =
@@ -240,7 +241,7 @@ fn effects(ui: &mut Ui, painted: &Painted, settings: &mut Settings, trace: &mut 
             place(ui, trace, "bounces", &drag);
             if drag.changed() {
                 let value = (bounces > 0).then(|| bounces.to_string());
-                settings.set("glaze", value.as_deref());
+                settings.set(id::GLAZE, value.as_deref());
             }
             ui.label("bounces at most");
         });
@@ -250,10 +251,11 @@ fn effects(ui: &mut Ui, painted: &Painted, settings: &mut Settings, trace: &mut 
 /// Whether an effect can be switched: where nothing calls for it, it could not change the picture.
 fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, trace: &mut Trace) {
     // What was said already and is not painted yet is shown as said.
-    let is_without = settings.choices.without.iter().any(|name| name == decision.effect);
-    let has = settings.choices.with.iter().any(|typed| typed.split('=').next() == Some(decision.effect));
+    let is_without = settings.choices.without.iter().any(|name| *name == decision.effect.name());
+    let has =
+        settings.choices.with.iter().any(|typed| typed.split('=').next() == Some(decision.effect.name()));
     let mut on = can && (has || decision.on && !is_without);
-    let check = ui.add_enabled(can, egui::Checkbox::new(&mut on, decision.effect));
+    let check = ui.add_enabled(can, egui::Checkbox::new(&mut on, decision.effect.name()));
     let check = check.on_hover_text(&decision.why).on_disabled_hover_text(&decision.why);
     place(ui, trace, &format!("effect {}", decision.effect), &check);
     if check.changed() {

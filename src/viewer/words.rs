@@ -235,7 +235,7 @@ mod tests {
             seen_from,
             projection: Projection::Perspective,
             size: said.size(seen_from),
-            shading: ShadingMode::Phong,
+            shading: ShadingMode::Full,
             with: &[],
             without: &[],
             numerics: said.numerics,

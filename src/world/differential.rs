@@ -1,28 +1,28 @@
-//! How a ray changes from one pixel to the next: Igehy, Tracing Ray Differentials (SIGGRAPH 1999). From it comes how much of
-//! a surface a pixel sees, without asking the pixels beside it.
+//! Ray differentials (Igehy, Tracing Ray Differentials, SIGGRAPH 1999), which give the footprint of a pixel in a texture without
+//! reading neighbouring pixels.
 
 use glam::{DVec2, DVec3};
 
 use super::World;
-use super::surface::{Surface, blend};
+use super::interaction::{SurfaceInteraction, blend};
 use crate::bvh::Primitive;
 use crate::geometry::{Hit, Ray};
 
-/// The change of a ray from one pixel to the next, to the right and down.
+/// A ray differential: the change of a ray from one pixel to the next, to the right and down.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Differential {
-    /// Of its origin.
+    /// The change of its origin.
     pub origin: [DVec3; 2],
-    /// Of its direction, which has length 1.
+    /// The change of its direction, which has length 1.
     pub direction: [DVec3; 2],
 }
 
-/// Where a surface is in its pictures, and how much of them a pixel sees there.
+/// Texture coordinates of a surface interaction, with the pixel's footprint.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TexturePoint {
     /// Texture coordinates.
     pub uv: DVec2,
-    /// Their change from one pixel to the next, to the right and down; zero where nobody asks.
+    /// Their change from one pixel to the next, to the right and down; zero where no filter needs it.
     pub footprint: [DVec2; 2],
 }
 
@@ -32,8 +32,8 @@ impl Differential {
         Differential { origin: self.origin.map(|d| d * width), direction: self.direction.map(|d| d * width) }
     }
 
-    /// The change of the point at which the ray meets a plane at distance `t` (Igehy, equations 10 to 12). Not finite where
-    /// the ray runs along the plane.
+    /// The change of the intersection at distance `t` with a plane (Igehy, equations 10 to 12). Not finite where the ray is
+    /// parallel to the plane.
     pub fn at(&self, ray: &Ray, t: f64, normal: DVec3) -> [DVec3; 2] {
         let along = ray.direction.dot(normal);
         [0, 1].map(|k| {
@@ -42,8 +42,8 @@ impl Differential {
         })
     }
 
-    /// The change of the ray that is mirrored where this one ends: `points` is the change of that point, `normals` that of
-    /// the normal there (Igehy, equations 13 to 17).
+    /// The differential of the mirrored ray: `points` is the change of the intersection, `normals` that of the normal (Igehy,
+    /// equations 13 to 17).
     pub fn mirrored(&self, ray: &Ray, points: [DVec3; 2], normal: DVec3, normals: [DVec3; 2]) -> Self {
         let direction = [0, 1].map(|k| {
             let along = ray.direction.dot(normal);
@@ -55,11 +55,11 @@ impl Differential {
 }
 
 impl World {
-    /// Where the surface at `hit` is in its pictures; `None` where it has no texture coordinates. `differential` is that of
-    /// the ray where footprints are wanted.
+    /// The texture point at `hit`; `None` without texture coordinates. `differential` is that of the ray; without it the footprint
+    /// is zero.
     pub fn texture_point(
         &self,
-        surface: &Surface,
+        surface: &SurfaceInteraction,
         hit: &Hit,
         ray: &Ray,
         differential: Option<&Differential>,
@@ -76,10 +76,11 @@ impl World {
         Some(point)
     }
 
-    /// The change of the barycentric weights of a triangle's second and third corner; `None` on a sphere.
+    /// The change of the barycentric weights of a triangle's second and third corner, from one pixel to the next; `None` on a
+    /// sphere.
     fn weights_change(
         &self,
-        surface: &Surface,
+        surface: &SurfaceInteraction,
         hit: &Hit,
         ray: &Ray,
         differential: &Differential,
@@ -94,10 +95,10 @@ impl World {
         Some(moved.map(|p| DVec2::new(p.cross(to_c).dot(scaled), to_b.cross(p).dot(scaled))))
     }
 
-    /// The change of the ray that is mirrored at `surface`. A normal map bends it without spreading it.
+    /// The differential of the ray mirrored at `surface`. The change of a normal map across the pixel is left out.
     pub fn mirrored_differential(
         &self,
-        surface: &Surface,
+        surface: &SurfaceInteraction,
         hit: &Hit,
         ray: &Ray,
         differential: &Differential,
@@ -106,7 +107,7 @@ impl World {
         let object = &self.objects[surface.object as usize];
         let mut normals = [DVec3::ZERO; 2];
         match self.accelerator.primitive(hit.slot) {
-            // Seen from inside its normal points to the centre, and changes the other way.
+            // Seen from inside, the normal points to the centre and changes in the opposite direction.
             Primitive::Sphere(sphere) => {
                 let outward = (surface.point.position - sphere.centre).dot(surface.geometric_normal).signum();
                 normals = points.map(|p| p * (outward / sphere.radius));

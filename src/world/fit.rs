@@ -1,4 +1,4 @@
-//! What a bare mesh is given: a camera that fits it, and a light.
+//! Fitted cameras, and the camera and light of scenes that have none.
 
 use glam::{DVec2, DVec3};
 
@@ -7,17 +7,20 @@ use crate::film::Colour;
 use crate::scene::extreme::{Measure, greatest};
 use crate::scene::{Camera, Light, LightKind, MaterialId, Mesh, Object, Projection, Scene, Shape};
 
-/// What is behind a bare mesh.
+/// The background of scenes that set none.
 pub const BACKGROUND: Colour = Colour::Display(DVec3::new(32.0 / 255.0, 34.0 / 255.0, 38.0 / 255.0));
 
+/// The vertical field of view of fitted cameras, in degrees.
 const FIELD_OF_VIEW: f64 = 40.0;
+
+/// The share of the picture that is left free on each of the tightest sides.
 const MARGIN: f64 = 0.05;
 
-/// Views that every scene has.
+/// The directions that a scene can be seen from by a fitted camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StandardView {
-    /// From 35 degrees to the right of the front and 20 degrees up: what a bare mesh is shown from.
+    /// From 35 degrees to the right of the front and 20 degrees up: the default.
     Auto,
     /// Along -z, from +z.
     Front,
@@ -31,7 +34,7 @@ pub enum StandardView {
     Top,
     /// From -y, with +z up in the picture.
     Bottom,
-    /// From 45 degrees to the right and 35.264 degrees up: all three axes alike.
+    /// From 45 degrees to the right and 35.264 degrees up: isometric.
     Iso,
 }
 
@@ -91,7 +94,7 @@ pub fn fitted_camera(
 ) -> Option<Camera> {
     let [u, v, w] = basis(view.backwards(), DVec3::ZERO, DVec3::Y)?;
     let (min, max) = scene.bounds()?;
-    // Work around the middle of the scene, so that a far-away scene keeps its digits.
+    // Relative to the centre of the scene, to avoid cancellation for scenes far from the origin.
     let middle = min / 2.0 + max / 2.0;
     let half_height = (FIELD_OF_VIEW.to_radians() / 2.0).tan();
     let k = (1.0 - 2.0 * MARGIN) * DVec2::new(half_height * aspect, half_height);
@@ -103,7 +106,7 @@ pub fn fitted_camera(
     let size = (max - min).length();
     let sideways = (extent.plus - extent.minus) / 2.0;
     let reach = (extent.plus + extent.minus) / 2.0;
-    // Never closer than this to the nearest point: a tip that points at the camera must not touch it.
+    // The least distance to the nearest point, for shapes that taper towards the camera.
     let clear = extent.nearest + CLEARANCE * size;
     let (distance, rectangle_at, view_height) = match projection {
         Projection::Perspective => {
@@ -130,12 +133,11 @@ pub fn fitted_camera(
     })
 }
 
-/// A camera that goes round the whole scene, about the vertical axis through its middle, and has all of it in the picture
-/// from every side; and the middle. It begins where [`fitted_camera`] would look from. `None` for a scene without extent.
+/// The camera of a turntable and the point it turns around: it sees the whole scene from every angle about the vertical axis
+/// through the scene's centre, and begins where [`fitted_camera`] would look from. `None` for a scene without extent.
 ///
-/// What is seen from all sides together is what turning sweeps out, which lies within a cylinder about the axis. A prism
-/// around that is fitted instead: no corner lies farther out, as seen from above, than the largest of 64 directions says,
-/// over the cosine of half the angle between them.
+/// The turning scene stays within a cylinder about the axis. A prism around that cylinder is fitted. Seen from above, no point lies
+/// farther out than its largest extent along 64 directions divided by the cosine of half the angle between them.
 pub fn turntable_camera(
     scene: &Scene,
     view: StandardView,
@@ -168,7 +170,7 @@ pub fn turntable_camera(
         })
         .collect();
     let reach = greatest(&scene.objects, &measures).into_iter().fold(0.0, f64::max);
-    // Twice: once for the corners between the directions, once for the sides of the prism between its edges.
+    // Squared: once for points between the directions, once for the prism's sides, which lie nearer than its edges.
     let radius = reach / half_angle.cos().powi(2);
     let backwards = view.backwards();
     let start = backwards.x.atan2(backwards.z);
@@ -184,29 +186,29 @@ pub fn turntable_camera(
     Some((fitted_camera(&prism, view, aspect, projection)?, middle))
 }
 
-/// The sides of the prism around what a turning scene sweeps out: less than a hundredth larger than a cylinder.
+/// The sides of the prism of [`turntable_camera`], which is less than 1 % larger than the cylinder.
 const SIDES: u32 = 64;
 
-/// How far from the nearest point a fitted camera stands at least, in sizes of the scene.
+/// The least distance of a fitted camera from the nearest point, in diagonals of the scene's bounds.
 const CLEARANCE: f64 = 0.1;
 
-/// How far a scene reaches in camera axes.
+/// The extent of a scene in camera axes.
 struct Extent {
-    /// The greatest of `x + slope.x * z` and of `y + slope.y * z`.
+    /// The maxima of `x + slope.x * z` and of `y + slope.y * z`.
     plus: DVec2,
-    /// The greatest of `-x + slope.x * z` and of `-y + slope.y * z`.
+    /// The maxima of `-x + slope.x * z` and of `-y + slope.y * z`.
     minus: DVec2,
-    /// The greatest z.
+    /// The maximum of z.
     nearest: f64,
 }
 
-/// Exact rather than by a bounding sphere: in camera axes a point (x, y, z) is within a pyramid of the given slopes with
-/// its tip at (ex, ey, ez) when `|x - ex| <= slope.x (ez - z)`, and likewise in y. So
-/// `ez >= (max(x + slope.x z) + max(-x + slope.x z)) / (2 slope.x)`, and `ex` is half the difference of the two maxima.
-/// A slope of 0 gives the plain extents, for parallel rays.
+/// The extent of a scene, for an exact fit. In camera axes, a point (x, y, z) lies within a pyramid of the given slopes with its apex at
+/// (ex, ey, ez) where `|x - ex| <= slope.x (ez - z)`, and likewise in y. So
+/// `ez >= (max(x + slope.x z) + max(-x + slope.x z)) / (2 slope.x)`, and `ex` is half the difference of the two maxima. A slope of 0
+/// gives the extents for parallel rays.
 fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> Extent {
     let length = DVec2::new(1.0f64.hypot(slope.x), 1.0f64.hypot(slope.y));
-    // Sideways, along one of the axes across or its opposite, plus the slope's share of the depth.
+    // The function `sign * across + slope * depth`, its value for a sphere, its gradient and its weights.
     let side = |sign: f64, across: DVec3, slope: f64, length: f64| {
         let value = move |p: DVec3, radius: f64| {
             let p = p - middle;
@@ -238,7 +240,7 @@ fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> 
     Extent { plus: DVec2::new(far[0], far[2]), minus: DVec2::new(far[1], far[3]), nearest: far[4] }
 }
 
-/// The light of scenes that have none: directional, from 20 degrees right of the view and 30 degrees above it.
+/// The light of scenes that have none: directional, from 20 degrees right of and 30 degrees above the view direction.
 pub fn headlight(camera: &Camera) -> Option<Light> {
     let [u, v, w] = basis(camera.position, camera.target, camera.up)?;
     let ((sr, cr), (sa, ca)) = (20f64.to_radians().sin_cos(), 30f64.to_radians().sin_cos());
@@ -281,7 +283,7 @@ mod tests {
 
     #[test]
     fn a_tip_does_not_touch_the_camera() {
-        // A pyramid narrower than the field of view, pointing at the camera: its tip alone would do for a fit.
+        // A pyramid narrower than the field of view, pointing at the camera: without clearance the fit would touch its tip.
         let corners = [(0.0, 0.0, 4.0), (1.0, 1.0, -4.0), (-1.0, 1.0, -4.0), (0.0, -1.0, -4.0)];
         let positions = corners.iter().map(|&(x, y, z)| DVec3::new(x, y, z)).collect();
         let triangles = vec![[0, 1, 2], [0, 2, 3], [0, 3, 1]];
@@ -291,7 +293,7 @@ mod tests {
         assert!(camera.position.z >= 4.84, "{}", camera.position);
     }
 
-    /// At every scale, place, view and shape of picture: all corners within the margin, and one of them on it.
+    /// For every scale, position, view and aspect ratio, all corners lie within the margin, and one lies on it.
     #[test]
     fn everything_is_in_the_picture_and_the_margin_is_used() {
         for scale in [1e-6, 1.0, 1e8] {

@@ -1,26 +1,26 @@
-//! Pictures that textures read.
+//! Images that textures read.
 
 use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
-use super::pyramid::Pyramid;
+use super::mip_map::MipMap;
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_decode;
 use crate::scene::TextureImage;
 
-/// What the 8-bit values of a picture stand for.
+/// How the 8-bit values of an image are decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Meaning {
-    /// Display values: colours in the numbers of the pipeline.
-    Colours,
-    /// Plain numbers from 0 to 1.
-    Numbers,
+pub enum TexelEncoding {
+    /// As colours in the numbers of the pipeline: through the sRGB transfer function in `linear`.
+    Colour,
+    /// As numbers, value / 255: roughness, metallic, normals.
+    Data,
 }
 
-/// A picture with what its 8-bit values mean as colours.
+/// An 8-bit RGB image with its mip maps.
 pub struct Image {
-    /// Where it came from.
+    /// The file or item it came from.
     pub name: String,
     /// Width in pixels.
     pub width: u32,
@@ -28,10 +28,10 @@ pub struct Image {
     pub height: u32,
     /// Pixels, row by row from the top.
     pub pixels: Arc<[[u8; 3]]>,
-    /// The pipeline's number for each 8-bit display value.
+    /// The decoded value of each 8-bit value of a colour.
     colours: [f32; 256],
-    /// One for each meaning; made when one is first asked for.
-    pyramids: [OnceLock<Pyramid>; 2],
+    /// One for each encoding, built by [`Image::make_mip_map`].
+    mip_maps: [OnceLock<MipMap>; 2],
 }
 
 impl Image {
@@ -46,34 +46,34 @@ impl Image {
             height: image.height,
             pixels: image.pixels,
             colours: std::array::from_fn(colour),
-            pyramids: Default::default(),
+            mip_maps: Default::default(),
         }
     }
 
-    /// The values of the pixel at `index`, 0 to 1.
+    /// The decoded texel at `index`, 0 to 1.
     #[inline]
-    pub fn texel(&self, index: usize, meaning: Meaning) -> [f64; 3] {
-        match meaning {
-            Meaning::Colours => self.pixels[index].map(|c| f64::from(self.colours[c as usize])),
-            Meaning::Numbers => self.pixels[index].map(|c| f64::from(c) / 255.0),
+    pub fn texel(&self, index: usize, encoding: TexelEncoding) -> [f64; 3] {
+        match encoding {
+            TexelEncoding::Colour => self.pixels[index].map(|c| f64::from(self.colours[c as usize])),
+            TexelEncoding::Data => self.pixels[index].map(|c| f64::from(c) / 255.0),
         }
     }
 
-    /// Makes the pyramid where there is none yet. Not from within a parallel loop that looks pictures up.
-    pub fn make_pyramid(&self, meaning: Meaning) -> &Pyramid {
-        self.pyramids[meaning as usize].get_or_init(|| {
-            Pyramid::new(self.width, self.height, |i| DVec3::from(self.texel(i, meaning)).as_vec3())
+    /// Builds the mip map if it does not exist, in parallel. Must not be called while other threads look textures up.
+    pub fn make_mip_map(&self, encoding: TexelEncoding) -> &MipMap {
+        self.mip_maps[encoding as usize].get_or_init(|| {
+            MipMap::new(self.width, self.height, |i| DVec3::from(self.texel(i, encoding)).as_vec3())
         })
     }
 
-    /// The pyramid, where one was asked for.
+    /// The mip map, if it was built.
     #[inline]
-    pub fn pyramid(&self, meaning: Meaning) -> Option<&Pyramid> {
-        self.pyramids[meaning as usize].get()
+    pub fn mip_map(&self, encoding: TexelEncoding) -> Option<&MipMap> {
+        self.mip_maps[encoding as usize].get()
     }
 
-    /// The size of its pyramids in bytes.
-    pub fn pyramid_bytes(&self) -> usize {
-        self.pyramids.iter().filter_map(OnceLock::get).map(Pyramid::bytes).sum()
+    /// Bytes of memory of the mip maps.
+    pub fn mip_map_bytes(&self) -> usize {
+        self.mip_maps.iter().filter_map(OnceLock::get).map(MipMap::bytes).sum()
     }
 }

@@ -1,29 +1,32 @@
-//! The prepared scene: *how* things are, ready to be rendered.
+//! The prepared scene.
 //!
-//! [`World::prepare`] turns a [`Scene`] into this once: every primitive in one acceleration structure, attributes
-//! flattened, colours lowered to the numbers of the colour pipeline, defaults decided. It is immutable and shared by all
-//! threads. It knows nothing of effects or of how rays are scheduled.
+//! [`World::prepare`] makes it once from a [`Scene`]: all primitives in one acceleration structure, attributes in flat arrays,
+//! colours in the numbers of the colour pipeline, defaults filled in. It is immutable and shared by all threads. Effects and
+//! scheduling belong to the modules above.
 
+mod attributes;
 mod differential;
 mod fit;
 mod image;
-mod lanes;
-mod lower;
-mod pyramid;
-mod range;
-mod surface;
-mod surfaces;
+mod interaction;
+mod interactions;
+mod materials;
+mod mip_map;
+mod recenter;
+mod soa;
 mod view;
 
 pub use differential::{Differential, TexturePoint};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
-pub use image::{Image, Meaning};
-pub use lanes::{LANES, Lanes, RayLanes, widely};
-pub use lower::{LoweredMaterial, LoweredNormalMap, LoweredTexture, MetallicRoughnessValues, PhongValues};
-pub use pyramid::{Level as PyramidLevel, Pyramid};
-pub use range::{Range, bring_into_range};
-pub use surface::{Surface, Texels};
-pub use surfaces::Surfaces;
+pub use image::{Image, TexelEncoding};
+pub use interaction::{SurfaceInteraction, Texels};
+pub use interactions::InteractionSoa;
+pub use materials::{
+    PreparedMaterial, PreparedMetallicRoughness, PreparedNormalMap, PreparedPhong, PreparedTexture,
+};
+pub use mip_map::{MipLevel, MipMap};
+pub use recenter::{Recentering, recenter};
+pub use soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
 pub use view::{View, basis};
 
 use std::collections::HashMap;
@@ -36,31 +39,31 @@ use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, PrimId, Sphere, Triangle};
 use crate::scene::{Light, LightKind, Mesh, Object, Scene, Shape};
 
-/// The ambient intensity where no input gives one.
+/// The intensity of the ambient light where no input sets it.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
 
-/// A scene that is ready to be rendered. A copy shares what is large.
+/// A scene prepared for rendering. Clones share the large parts.
 #[derive(Clone)]
 pub struct World {
-    /// What answers rays.
+    /// The acceleration structure.
     pub accelerator: Arc<dyn Accelerator>,
     /// The objects, in the order of the description.
     pub objects: Arc<[WorldObject]>,
     /// The materials.
-    pub materials: Vec<LoweredMaterial>,
-    /// Their names.
+    pub materials: Vec<PreparedMaterial>,
+    /// The names of the materials.
     pub material_names: Vec<String>,
-    /// The pictures that textures read.
+    /// The images of the textures.
     pub images: Arc<[Image]>,
-    /// The lights.
+    /// The lights with radiance above 0.
     pub lights: Vec<WorldLight>,
-    /// The numbers that light is added up in.
+    /// The colour pipeline.
     pub pipeline: ColourPipeline,
-    /// Intensity of the ambient light.
+    /// The intensity of the ambient light.
     pub ambient: f64,
-    /// What a ray that hits nothing sees.
+    /// The colour of rays that hit nothing, in the numbers of the pipeline.
     pub background: DVec3,
-    /// Spheres left out because their radius rounds to 0 in the tier's numbers.
+    /// The number of spheres left out because their radius rounds to 0 in the tier's precision.
     pub too_small: usize,
     primitive_count: usize,
 }
@@ -69,52 +72,52 @@ pub struct World {
 pub struct WorldObject {
     /// Its name.
     pub name: String,
-    /// Which of the inputs it came from.
+    /// The index of the input file it came from.
     pub input: usize,
-    /// Index of its material.
+    /// The index of its material.
     pub material: u32,
     /// The first of its primitives.
     pub first: PrimId,
-    /// What is interpolated across its triangles.
-    pub(crate) attributes: lower::Attributes,
+    /// Its vertex attributes.
+    pub(crate) attributes: attributes::Attributes,
 }
 
 impl WorldObject {
-    /// Whether it has tangents, for a normal map of its material.
+    /// Whether it has tangents for its material's normal map.
     pub fn has_tangents(&self) -> bool {
         self.attributes.has_tangents()
     }
 
-    /// Whether it has normals of its own to be shaded by.
+    /// Whether it has vertex normals.
     pub fn is_smooth(&self) -> bool {
         self.attributes.is_smooth()
     }
 }
 
-/// A light with its colour in the numbers of the pipeline.
+/// A prepared light.
 #[derive(Debug, Clone)]
 pub struct WorldLight {
     /// Its name.
     pub name: String,
-    /// Colour times intensity.
+    /// Colour times intensity, in the numbers of the pipeline.
     pub radiance: DVec3,
-    /// Where it shines from and how it spreads.
+    /// Position or direction, falloff and cone.
     pub kind: LightKind,
 }
 
 impl World {
-    /// Prepares a scene for rendering in `pipeline`, its geometry in the numbers of `numerics`.
+    /// Prepares a scene for rendering in `pipeline`, with the geometry in the precision of `numerics`.
     pub fn prepare(scene: Scene, pipeline: ColourPipeline, structure: Layout, numerics: Numerics) -> World {
         let images = scene.images.iter().map(|image| Image::new(image.clone(), pipeline)).collect();
         World::with_images(scene, images, pipeline, structure, numerics)
     }
 
-    /// [`World::prepare`] for a scene that has this world's pictures, which are shared.
+    /// [`World::prepare`] for a scene with the same images as this world, which are shared.
     pub fn prepare_another(&self, scene: Scene, structure: Layout) -> World {
         World::with_images(scene, self.images.clone(), self.pipeline, structure, self.numerics())
     }
 
-    /// This world under other lights.
+    /// This world with other lights.
     pub fn under(&self, lights: Vec<Light>) -> World {
         World { lights: world_lights(lights, self.pipeline), ..self.clone() }
     }
@@ -126,27 +129,27 @@ impl World {
         structure: Layout,
         numerics: Numerics,
     ) -> World {
-        let Parts { instances, shared, firsts } = instances(&scene.objects, structure, numerics);
+        let Partition { instances, shared, firsts } = instances(&scene.objects, structure, numerics);
         let mut kept = 0;
         let slots = slots(&scene.objects, &firsts, &shared, numerics).inspect(|_| kept += 1);
-        let of_instances: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();
+        let instanced: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();
         let accelerator = bvh::build_with_instances(slots, instances, structure, numerics);
         let primitive_count = scene.primitive_count();
-        let too_small = primitive_count - of_instances - kept;
-        let mut lowered = lower::Shared::default();
+        let too_small = primitive_count - instanced - kept;
+        let mut attributes = attributes::SharedAttributes::default();
         let objects = scene.objects.into_iter().zip(firsts).map(|(object, first)| WorldObject {
             name: object.name,
             input: object.input,
             material: object.material.0,
             first,
-            attributes: lowered
+            attributes: attributes
                 .attributes(object.shape, scene.materials[object.material.0 as usize].normal_map().is_some()),
         });
         let objects = objects.collect();
         World {
             accelerator: accelerator.into(),
             objects,
-            materials: scene.materials.iter().map(|m| lower::material(m, pipeline)).collect(),
+            materials: scene.materials.iter().map(|m| materials::material(m, pipeline)).collect(),
             material_names: scene.materials.iter().map(|m| m.name().to_owned()).collect(),
             images,
             lights: world_lights(scene.lights, pipeline),
@@ -158,13 +161,13 @@ impl World {
         }
     }
 
-    /// How exactly it is decided what a ray hits.
+    /// The tier of numerics.
     pub fn numerics(&self) -> Numerics {
         self.accelerator.numerics()
     }
 
-    /// The materials that objects are made of, with their names.
-    pub fn materials_in_use(&self) -> impl Iterator<Item = (&str, &LoweredMaterial)> {
+    /// The materials that objects use, with their names.
+    pub fn materials_in_use(&self) -> impl Iterator<Item = (&str, &PreparedMaterial)> {
         let mut used = vec![false; self.materials.len()];
         self.objects.iter().for_each(|object| used[object.material as usize] = true);
         let all = self.material_names.iter().zip(&self.materials).zip(used);
@@ -173,17 +176,17 @@ impl World {
 
     /// The index of the object that a primitive belongs to.
     pub fn object_of(&self, prim: PrimId) -> u32 {
-        // Of those that begin at the same number all but the last are empty.
+        // Of objects with the same first primitive all but the last are empty.
         (self.objects.partition_point(|object| object.first <= prim) - 1) as u32
     }
 
-    /// How many primitives there are.
+    /// The number of primitives in the scene.
     pub fn primitive_count(&self) -> usize {
         self.primitive_count
     }
 }
 
-/// Lights in the numbers of the pipeline. Those that give no light are none to anyone.
+/// Prepares the lights. Those without radiance are left out.
 fn world_lights(lights: Vec<Light>, pipeline: ColourPipeline) -> Vec<WorldLight> {
     let lights = lights.into_iter().map(|light| WorldLight {
         name: light.name,
@@ -193,19 +196,19 @@ fn world_lights(lights: Vec<Light>, pipeline: ColourPipeline) -> Vec<WorldLight>
     lights.filter(|light| light.radiance != DVec3::ZERO).collect()
 }
 
-/// Objects, and how they are kept.
-struct Parts {
-    /// Those that share their mesh.
+/// How the objects enter the acceleration structure.
+struct Partition {
+    /// The objects that are instances of a shared mesh.
     instances: Vec<Instance>,
-    /// For each object, whether it is among them.
+    /// For each object, whether it is an instance.
     shared: Vec<bool>,
-    /// The number of its first primitive.
+    /// For each object, its first primitive.
     firsts: Vec<PrimId>,
 }
 
-/// Finds the objects that share their mesh with others, where the structure has a place for them.
-fn instances(objects: &[Object], structure: Layout, numerics: Numerics) -> Parts {
-    let mut parts = Parts { instances: Vec::new(), shared: Vec::new(), firsts: Vec::new() };
+/// Finds the objects that can be instances of a shared mesh, where the structure supports instances.
+fn instances(objects: &[Object], structure: Layout, numerics: Numerics) -> Partition {
+    let mut parts = Partition { instances: Vec::new(), shared: Vec::new(), firsts: Vec::new() };
     let mut meshes: HashMap<*const Mesh, Option<MeshSpace>> = HashMap::new();
     let mut first = 0;
     for object in objects {
@@ -231,8 +234,8 @@ fn instances(objects: &[Object], structure: Layout, numerics: Numerics) -> Parts
     parts
 }
 
-/// The primitives of all objects but the shared ones, in the numbers of the tier. Spheres whose radius rounds to 0 have their number but
-/// no slot.
+/// The primitives of all objects that are not instances, in the precision of the tier. A sphere whose radius rounds to 0 keeps its
+/// number and gets no slot.
 fn slots(
     objects: &[Object],
     firsts: &[PrimId],

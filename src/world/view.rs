@@ -1,25 +1,25 @@
-//! A camera made ready: from a pixel to its ray.
+//! Prepared cameras: from pixels to rays, and from points to pixels.
 //!
-//! The assignment's report: `w = normalise(position - target)`, `u = normalise(up x w)`, `v = w x u`, right-handed; pixel
-//! (i, j), j counted from the bottom row, lies at `x = (i + 0.5) / I_w * V_w - V_w / 2` and `y` likewise.
+//! The assignment's report: `w = normalise(position - target)`, `u = normalise(up x w)`, `v = w x u`, right-handed. Pixel (i, j), j
+//! counted from the bottom row, lies at `x = (i + 0.5) / I_w * V_w - V_w / 2` of the viewing rectangle, and `y` likewise.
 
 use glam::{DVec2, DVec3};
 
 use super::differential::Differential;
-use super::lanes::{LANES, RayLanes, widely};
+use super::soa::{RAYS_PER_BATCH, RaySoa, simd_dispatch};
 use crate::error::{Error, Result};
 use crate::film::{TILE, Window};
 use crate::geometry::{Precision, Ray};
 use crate::scene::{Camera, Projection};
 
-/// Below this sine of the angle between up and the line of sight another up is taken. The basis loses as many digits
-/// as the sine has zeros, so this keeps ten of sixteen.
+/// The sine of the angle between up and the view direction below which another up is used. The basis loses as many decimal digits
+/// as the sine has leading zeros, so at least ten of sixteen remain.
 const SMALLEST_SINE: f64 = 1e-6;
 
-/// No ray starts farther out than this on any axis: f32 holds it, and what is added to it.
+/// The largest coordinate of a ray origin: f32 represents it, with a margin for sums.
 const FARTHEST: f64 = f32::MAX as f64 / 4.0;
 
-/// A camera made ready for a picture of a given size.
+/// A camera prepared for a picture of a given size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
     position: DVec3,
@@ -33,12 +33,11 @@ pub struct View {
 }
 
 impl View {
-    /// Makes `camera` ready for a picture of `width` by `height` pixels, whose pixels are square: where the picture has
-    /// another shape than the viewing rectangle, more is seen along one axis, never less. A camera that has no width of
-    /// its own keeps its height.
+    /// Prepares `camera` for a picture of `width` by `height` square pixels. Where the aspect ratio of the picture differs from that
+    /// of the viewing rectangle, the rectangle is enlarged along one axis. A camera without a width of its own keeps its height.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the camera has no direction, is not finite, or is beyond the numbers of rays.
+    /// [`Error::Usage`] where the camera has no direction, is not finite, or lies beyond the range of ray origins.
     pub fn new(camera: &Camera, projection: Projection, [width, height]: [u32; 2]) -> Result<Self> {
         let [u, v, w] = basis(camera.position, camera.target, camera.up).ok_or_else(|| {
             Error::usage(
@@ -50,7 +49,7 @@ impl View {
         let asked =
             DVec2::new(camera.view_width.unwrap_or(camera.view_height * size.x / size.y), camera.view_height);
         let pixel = (asked / size).max_element();
-        // The rectangle asked for, to the bit, where the shapes agree.
+        // Where the aspect ratios agree, exactly the rectangle asked for.
         let keep = |asked: f64, pixels: f64| if asked / pixels == pixel { asked } else { pixel * pixels };
         let rectangle = DVec2::new(keep(asked.x, size.x), keep(asked.y, size.y));
         let scale = match projection {
@@ -92,29 +91,31 @@ impl View {
         [self.size.x as u32, self.size.y as u32]
     }
 
-    /// The ray through the centre of the pixel in column `x`, row `y` from the top, in numbers of `precision`.
+    /// The ray through the centre of the pixel in column `x`, row `y` from the top, rounded to `precision`.
     #[inline]
     pub fn ray(&self, x: u32, y: u32, precision: Precision) -> Ray {
         self.ray_at(self.across(centre(x)), self.up(centre(y)), precision)
     }
 
-    /// How far right of the middle of the viewing rectangle a point is that lies `i` pixels right of the picture's left edge.
+    /// The horizontal position in the viewing rectangle, from its centre, of a film position `i` pixels right of the picture's left
+    /// edge.
     #[inline(always)]
     fn across(&self, i: f64) -> f64 {
         i / self.size.x * self.rectangle.x - self.rectangle.x / 2.0
     }
 
-    /// How far above the middle of the viewing rectangle a point is that lies `row` pixels below the picture's top edge.
+    /// The vertical position in the viewing rectangle, upwards from its centre, of a film position `row` pixels below the picture's
+    /// top edge.
     #[inline(always)]
     fn up(&self, row: f64) -> f64 {
         let j = self.size.y - row;
         j / self.size.y * self.rectangle.y - self.rectangle.y / 2.0
     }
 
-    /// The rays of the pixels of `window`, which is no larger than a tile, row by row from the top: into `rays`.
-    pub fn rays(&self, window: Window, precision: Precision, rays: &mut RayLanes) {
+    /// Computes the rays through the pixel centres of `window`, at most a tile, row by row from the top.
+    pub fn rays(&self, window: Window, precision: Precision, rays: &mut RaySoa) {
         let Window { x, y, width, height } = window;
-        let (mut across, mut up) = ([0.0; LANES], [0.0; LANES]);
+        let (mut across, mut up) = ([0.0; RAYS_PER_BATCH], [0.0; RAYS_PER_BATCH]);
         let columns: [f64; TILE as usize] = std::array::from_fn(|i| self.across(centre(x + i as u32)));
         for row in 0..height as usize {
             let part = row * width as usize..(row + 1) * width as usize;
@@ -124,37 +125,37 @@ impl View {
         self.fill_all(rays, window.area(), &across, &up, precision);
     }
 
-    /// The rays through points of the picture, at most [`LANES`] of them, `x` pixels right of and `y` pixels below its top left
-    /// corner: into `rays`. Points may lie outside the picture.
-    pub fn rays_through(&self, x: &[f64], y: &[f64], precision: Precision, rays: &mut RayLanes) {
-        let (mut across, mut up) = ([0.0; LANES], [0.0; LANES]);
+    /// Computes the rays through film positions, at most [`RAYS_PER_BATCH`], `x` pixels right of and `y` pixels below the picture's
+    /// top left corner. Positions may lie outside the picture.
+    pub fn rays_through(&self, x: &[f64], y: &[f64], precision: Precision, rays: &mut RaySoa) {
+        let (mut across, mut up) = ([0.0; RAYS_PER_BATCH], [0.0; RAYS_PER_BATCH]);
         across.iter_mut().zip(x).for_each(|(across, &x)| *across = self.across(x));
         up.iter_mut().zip(y).for_each(|(up, &y)| *up = self.up(y));
         self.fill_all(rays, x.len().min(y.len()), &across, &up, precision);
     }
 
-    /// The first `len` rays, through points of the viewing rectangle.
+    /// Computes the first `len` rays, through positions in the viewing rectangle.
     fn fill_all(
         &self,
-        rays: &mut RayLanes,
+        rays: &mut RaySoa,
         len: usize,
-        across: &[f64; LANES],
-        up: &[f64; LANES],
+        across: &[f64; RAYS_PER_BATCH],
+        up: &[f64; RAYS_PER_BATCH],
         precision: Precision,
     ) {
-        // Told apart once, not for every ray.
+        // Projection and precision are passed as constants, so that the loops have no branch on them.
         use Precision::{Double, Single};
         use Projection::{Orthographic, Perspective};
         let with = |projection| View { projection, ..self.clone() };
         match (self.projection, precision) {
             (Perspective, Single) => {
-                widely(
+                simd_dispatch(
                     #[inline(always)]
                     || fill(&with(Perspective), rays, len, across, up, Single),
                 );
             }
             (Perspective, Double) => {
-                widely(
+                simd_dispatch(
                     #[inline(always)]
                     || fill(&with(Perspective), rays, len, across, up, Double),
                 );
@@ -163,7 +164,7 @@ impl View {
         }
     }
 
-    /// The ray through a point of the viewing rectangle.
+    /// The ray through a position in the viewing rectangle.
     #[inline(always)]
     fn ray_at(&self, across: f64, up: f64, precision: Precision) -> Ray {
         let offset = across * self.u + up * self.v;
@@ -174,8 +175,7 @@ impl View {
         precision.ray(origin, direction, 0.0, f64::INFINITY)
     }
 
-    /// How a ray of this camera changes from one pixel to the next, from its `direction` alone: wherever in its pixel it
-    /// starts, it knows its pixel's size (Igehy, Tracing Ray Differentials, SIGGRAPH 1999, section 3.1).
+    /// The differential of a camera ray, from its `direction` (Igehy, Tracing Ray Differentials, SIGGRAPH 1999, section 3.1).
     pub fn differential(&self, direction: DVec3) -> Differential {
         let [right, down] =
             [self.u * (self.rectangle.x / self.size.x), -self.v * (self.rectangle.y / self.size.y)];
@@ -190,7 +190,7 @@ impl View {
         }
     }
 
-    /// Where a point appears, in pixels from the top left corner, and whether it lies before the camera.
+    /// The film position of a point, in pixels from the top left corner, and whether the point lies in front of the camera.
     pub fn project(&self, point: DVec3) -> (DVec2, bool) {
         let p = point - self.position;
         let (across, up, depth) = (p.dot(self.u), p.dot(self.v), -p.dot(self.w));
@@ -202,10 +202,10 @@ impl View {
         (DVec2::new(shares.x, 1.0 - shares.y) * self.size, depth > 0.0)
     }
 
-    /// Where the line between two points appears, in pixels as [`View::project`] has them: what of it lies before the camera
-    /// and within a picture's size around the picture. `None` where nothing does.
+    /// The film positions of the ends of a line segment, as in [`View::project`], clipped to the front of the camera and to the
+    /// picture with a border of one picture size on each side. `None` where nothing is left.
     pub fn project_segment(&self, from: DVec3, to: DVec3) -> Option<[DVec2; 2]> {
-        // Places as shares of the rectangle from its middle, before they are divided; linear along the line, as depths are.
+        // Homogeneous positions in units of the rectangle, from its centre: linear along the segment, like depths.
         let [a, b] = [from, to].map(|point| {
             let p = point - self.position;
             let depth = -p.dot(self.w);
@@ -215,7 +215,7 @@ impl View {
             };
             (DVec2::new(p.dot(self.u), p.dot(self.v)) / self.rectangle, divisor, depth)
         });
-        // Lines begin in the eye itself, and rounded beside it: there is no saying where that appears.
+        // Camera rays begin at the eye, where the projection is undefined, or beside it by rounding.
         let near = match self.projection {
             Projection::Perspective => a.2.max(b.2) / 4096.0,
             Projection::Orthographic => 0.0,
@@ -243,7 +243,7 @@ impl View {
     }
 }
 
-/// The middle of a row or column of pixels.
+/// The film coordinate of the centre of a pixel's row or column.
 #[inline(always)]
 fn centre(pixel: u32) -> f64 {
     f64::from(pixel) + 0.5
@@ -252,21 +252,21 @@ fn centre(pixel: u32) -> f64 {
 #[inline(always)]
 fn fill(
     view: &View,
-    rays: &mut RayLanes,
+    rays: &mut RaySoa,
     len: usize,
-    across: &[f64; LANES],
-    up: &[f64; LANES],
+    across: &[f64; RAYS_PER_BATCH],
+    up: &[f64; RAYS_PER_BATCH],
     precision: Precision,
 ) {
-    for i in 0..len.min(LANES) {
+    for i in 0..len.min(RAYS_PER_BATCH) {
         rays.set(i, &view.ray_at(across[i], up[i], precision));
     }
 }
 
 /// The camera's axes: u to the right, v up, w backwards. `None` where position and target give no direction.
 ///
-/// Straight up or down, where `up` is of no use, the axis taken instead is the one that a camera tilted there from
-/// looking along -z has: its picture does not turn on the way.
+/// For a view straight up or down, where `up` gives no direction, the axes are those of a camera tilted there from looking along -z,
+/// so that the picture does not turn as the camera tilts.
 pub fn basis(position: DVec3, target: DVec3, up: DVec3) -> Option<[DVec3; 3]> {
     let w = unit(position - target)?;
     let up = unit(up).unwrap_or(DVec3::Y);
@@ -280,14 +280,14 @@ pub fn basis(position: DVec3, target: DVec3, up: DVec3) -> Option<[DVec3; 3]> {
     Some([u, w.cross(u), w])
 }
 
-/// The power of two that brings a size near 1, so that squares of it neither overflow nor vanish. A perspective view
-/// scaled by it is the same to the bit.
+/// The power of two that scales a size to about 1, so that its square neither overflows nor underflows. It does not change the rays of a
+/// perspective view.
 fn scale_to_one(size: f64) -> f64 {
-    // Within what f64 holds together with its reciprocal.
+    // Clamped so that f64 represents the factor and its reciprocal.
     (-size.log2().round().clamp(-1000.0, 1000.0)).exp2()
 }
 
-/// The vector at length 1, scaled first so that nothing overflows or vanishes.
+/// The vector normalised without overflow or underflow; `None` for zero or non-finite vectors.
 fn unit(v: DVec3) -> Option<DVec3> {
     let largest = v.abs().max_element();
     if largest > 0.0 && largest.is_finite() { (v / largest).try_normalize() } else { None }
@@ -366,7 +366,7 @@ mod tests {
         assert_eq!(view.ray(3, 2, Precision::Single).origin, DVec3::new(1.5, -0.5, 10.0));
         assert_eq!(view.ray(3, 2, Precision::Single).direction, -DVec3::Z);
         // Two pixels left of the picture and at its bottom right corner.
-        let mut rays = RayLanes::default();
+        let mut rays = RaySoa::default();
         view.rays_through(&[-2.0, 4.0], &[2.0, 4.0], Precision::Single, &mut rays);
         assert_eq!(rays.get(0).origin, DVec3::new(-4.0, 0.0, 10.0));
         assert_eq!(rays.get(1).origin, DVec3::new(2.0, -2.0, 10.0));

@@ -11,7 +11,7 @@ use crate::common::places::{FAMILIES, Family};
 use crate::common::{Numbers, picture};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 use kiln::bvh::{Layout, Preset, Traversal};
-use kiln::effects::{Choices, RayKind};
+use kiln::effects::{Choices, RayKind, glaze, shadows};
 use kiln::film::ColourPipeline;
 use kiln::geometry::{Numerics, PrimId, Ray};
 use kiln::scene::{
@@ -162,7 +162,7 @@ fn same_surfaces(shared: &World, flat: &World, rays: &[Ray]) {
         }
         let surface = |(ray, hit): (&Ray, &Option<_>)| {
             hit.as_ref().map(|hit| {
-                let surface = world.surface(ray, hit);
+                let surface = world.interaction(ray, hit);
                 let smooth = world.smooth_point(&surface, hit);
                 (surface.prim, surface.object, format!("{surface:?} {smooth:?} {:?}", hit.weights))
             })
@@ -279,9 +279,11 @@ fn pictures_are_those_of_the_copies() {
         let [(shared, statistics), (copied, _)] = [shared, copied].map(|p| p.render(Choices::default()));
         assert!(bits(&shared, size) == bits(&copied, size), "{}", numerics.name());
         // Shadows, the shadow line and the mirror are in it, and pictures, which tilt normals, too.
-        let on = |effect: &str| statistics.bills.iter().any(|bill| bill.effect == effect && bill.stages > 0);
+        let on = |effect: &str| {
+            statistics.effect_costs.iter().any(|cost| cost.effect.name() == effect && cost.stages > 0)
+        };
         assert!(on("textures") && on("normal-maps"));
-        let hits = ["primary", "shadow", "glaze"].map(|kind| statistics.rays(RayKind(kind)).hit);
+        let hits = [RayKind::PRIMARY, shadows::RAYS, glaze::RAYS].map(|kind| statistics.rays(kind).hit);
         assert!(hits.iter().all(|&hits| hits > 0), "{:?}", statistics.rays);
         seen.push(bits(&shared, size));
     }

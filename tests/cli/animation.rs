@@ -12,7 +12,7 @@ use kiln::film::{ColourPipeline, Film, Window};
 use kiln::render::{RenderControl, render};
 use kiln::scene::animation::{Animation, Easing, Motion, Property, Target, Track};
 use kiln::scene::{Camera, Numerics, Placed, Placement, Projection, Scene, Shape};
-use kiln::world::{StandardView, View, World, bring_into_range, headlight};
+use kiln::world::{StandardView, View, World, headlight, recenter};
 
 use crate::common::repository;
 
@@ -111,7 +111,7 @@ fn same_as_from_nothing(scene: &Scene, camera: usize) {
     for time in [0.0, 0.3, 0.75] {
         let frame = animation.at(time).unwrap();
         let mut alone = scene.at(time).unwrap();
-        bring_into_range(&mut alone);
+        recenter(&mut alone);
         let seen_by = alone.cameras[camera].clone();
         if alone.lights.is_empty() {
             alone.lights.extend(headlight(&seen_by));

@@ -10,7 +10,7 @@ use kiln::film::{ColourPipeline, Film, Window};
 use kiln::geometry::{Hit, Ray};
 use kiln::render::{RenderControl, Statistics, render};
 use kiln::scene::{Falloff, LightKind, Numerics, Scene, Shape, Step};
-use kiln::world::{StandardView, View, World, bring_into_range, fitted_camera, headlight};
+use kiln::world::{StandardView, View, World, fitted_camera, headlight, recenter};
 
 /// A scene from a file.
 pub fn load(file: &Path) -> Scene {
@@ -46,7 +46,7 @@ pub fn equip(scene: &mut Scene) {
 }
 
 pub fn prepare(mut scene: Scene, size: [u32; 2], numerics: Numerics) -> Prepared {
-    bring_into_range(&mut scene);
+    recenter(&mut scene);
     let camera = scene.cameras[0].clone();
     let view = View::new(&camera, camera.projection, size).expect("a usable camera");
     let pipeline = scene.colour.unwrap_or(ColourPipeline::Linear);

@@ -129,7 +129,7 @@ fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
             let shape = Shape::Mesh(Mesh { positions, triangles: indices, ..Mesh::default() });
             let object = Object { name: "soup".into(), input: 0, material: MaterialId(0), shape };
             let mut scene = Scene { objects: vec![object], ..Scene::default() };
-            let range = kiln::world::bring_into_range(&mut scene);
+            let range = kiln::world::recenter(&mut scene);
             assert!(range.is_none_or(|range| range.middle == DVec3::ZERO));
             let scale = power(exponent) * range.map_or(1.0, |range| range.scale);
             let Shape::Mesh(moved) = &scene.objects[0].shape else { unreachable!() };

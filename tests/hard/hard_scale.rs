@@ -103,7 +103,7 @@ fn assert_same_mask(scene: &Scene, size: [u32; 2], scale: f64, offset: DVec3, wh
 
     let (_, single) = mask(&placed, Numerics::Watertight);
     let mut moved = placed.clone();
-    kiln::world::bring_into_range(&mut moved);
+    kiln::world::recenter(&mut moved);
     let (min, max) = moved.bounds().expect("a scene with bounds");
     let reach = min.abs().max(max.abs()).max(moved.cameras[0].position.abs()).length();
     let rays = fine.rays();

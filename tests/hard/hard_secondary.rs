@@ -9,7 +9,7 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::bvh::{Accelerator, Layout, Primitive, Slot, Traversal, build};
 use kiln::effects::glaze::mirrored_ray;
 use kiln::effects::shadows::shadow_ray;
-use kiln::effects::{Choices, RayKind};
+use kiln::effects::{Choices, terminator};
 use kiln::film::ColourPipeline;
 use kiln::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET, SurfacePoint};
 use kiln::geometry::{Numerics, PrimId, Ray, Triangle};
@@ -279,7 +279,7 @@ fn e5_mirrored_rays_at_grazing_angles_leave() {
         let prepared = prepare(scene.clone(), [8, 8], numerics);
         let ray = prepared.rays()[36];
         let hit = prepared.world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("the ball");
-        let mut surface = prepared.world.surface(&ray, &hit);
+        let mut surface = prepared.world.interaction(&ray, &hit);
         for height in [1e-4, 1e-6, 1e-7, 1e-8, 1e-10] {
             let mut inwards = 0;
             for _ in 0..100_000 {
@@ -360,7 +360,7 @@ fn k1_the_terminator_of_a_coarse_smooth_sphere() {
         let (mut lit, mut shadowed, mut shadowed_without) = (0, 0, 0);
         for ((ray, hit), at) in prepared.rays().iter().zip(prepared.hits()).zip(0u32..) {
             let Some(hit) = hit else { continue };
-            let surface = prepared.world.surface(ray, &hit);
+            let surface = prepared.world.interaction(ray, &hit);
             let to_lamp = (lamp - surface.point.position).normalize();
             let bright = |film: &kiln::film::Film| film.pixel(at % 160, at / 160)[0] > 0.0;
             if surface.shading_normal.dot(to_lamp) > 0.05 {
@@ -445,7 +445,7 @@ fn leaving(
         let Some(way) = (own.position - inside).try_normalize() else { continue };
         let ray = numerics.ray_precision().ray(inside, way, 0.0, f64::INFINITY);
         let hit = world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("a closed mesh");
-        let surface = world.surface(&ray, &hit);
+        let surface = world.interaction(&ray, &hit);
         let normal = surface.geometric_normal;
         // Exactly on the border, where that triangle cannot be folded.
         let [a, b, c] = corners;
@@ -629,7 +629,7 @@ fn e7_the_smooth_surface_of_a_wedge_stays_inside() {
                 let (film, statistics) = prepared.render(Choices::default());
                 let lit = (0..48 * 48u32).filter(|at| film.pixel(at % 48, at / 48)[0] > 0.0).count();
                 assert_eq!(lit, 0, "{degrees} degrees towards {target:?}, {}", numerics.name());
-                let lifted = statistics.rays(RayKind("terminator"));
+                let lifted = statistics.rays(terminator::RAYS);
                 assert!(lifted.cast > 100 && lifted.hit > 0, "{degrees} degrees: {lifted:?}");
             }
         }
@@ -671,7 +671,7 @@ fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
                 let way = DVec3::new(0.0, 0.0, height) - from;
                 let ray = numerics.ray_precision().ray(from, way.normalize(), 0.0, f64::INFINITY);
                 let hit = world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("the edge");
-                let surface = world.surface(&ray, &hit);
+                let surface = world.interaction(&ray, &hit);
                 let origin = surface.point.origin_towards(surface.geometric_normal, numerics);
                 let precision = numerics.ray_precision();
                 let ray = |origin, numbers: &mut Numbers| {
@@ -708,7 +708,7 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_wall() {
                 let ray = precision.ray(from, -DVec3::Z, 0.0, f64::INFINITY);
                 let hit =
                     world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("the far wall");
-                let surface = world.surface(&ray, &hit);
+                let surface = world.interaction(&ray, &hit);
                 assert_eq!(surface.point.position, DVec3::new(from.x, from.y, -2.0));
                 let origin = surface.point.origin_towards(DVec3::Z, numerics);
                 rays.extend((0..8).map(|_| precision.ray(origin, numbers.direction(), 0.0, f64::INFINITY)));
@@ -737,7 +737,7 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_turned_wall() {
             let to = wall[side].lerp(wall[(side + 1) % 3], numbers.fine_unit());
             let ray = precision.ray(from, (to - from).normalize(), 0.0, f64::INFINITY);
             let Some(hit) = world.accelerator.closest_hit(&ray, &mut Traversal::default()) else { continue };
-            let surface = world.surface(&ray, &hit);
+            let surface = world.interaction(&ray, &hit);
             let turned = surface.geometric_normal.dot(Triangle(wall).unit_normal().expect("an area")).abs();
             // Another wall, from inside.
             if turned > 0.5 || surface.geometric_normal.dot(surface.point.position) >= 0.0 {

@@ -297,7 +297,7 @@ fn every_effect_and_aov_has_a_row() {
         cells.any(|cell| cell.split(", ").any(|part| part == format!("`{name}`")))
     };
     for effect in kiln::effects::EFFECTS {
-        assert!(in_row(&effects, effect.name), "docs/effects.md has no row for {}", effect.name);
+        assert!(in_row(&effects, effect.name()), "docs/effects.md has no row for {}", effect.name());
     }
     for aov in kiln::render::aov::AOVS {
         assert!(in_row(&aovs, aov.name), "docs/aovs.md has no row for {}", aov.name);

@@ -10,7 +10,7 @@ use assert_cmd::Command;
 use kiln::effects::{Choices, Plan};
 use kiln::error::Error;
 use kiln::render::RenderControl;
-use kiln::render::aov::{self, AOVS, Subject, Wanted};
+use kiln::render::aov::{self, AOVS, AovSelection, AovSource};
 use kiln::scene::Numerics;
 use kiln::shading::{ShadingMode, shade};
 
@@ -83,7 +83,7 @@ fn values_are_those_of_the_rays() {
             assert_eq!((three("Normal", xyz), three("Albedo", rgb)), ([0.0; 3], [0.0; 3]));
             continue;
         };
-        let surface = prepared.world.surface(ray, &hit);
+        let surface = prepared.world.interaction(ray, &hit);
         assert_eq!(at("Depth.Z"), hit.t as f32);
         assert_eq!(three("Position", xyz), surface.point.position.as_vec3().to_array());
         assert_eq!(three("Normal", xyz), surface.shading_normal.as_vec3().to_array());
@@ -162,9 +162,9 @@ fn what_nobody_asks_for_is_not_worked_on() {
     let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
     let film = prepared.render(Choices::default()).0;
     let Prepared { world, view, .. } = &prepared;
-    let subject = Subject {
+    let subject = AovSource {
         world,
-        range: None,
+        recentering: None,
         view,
         plan: &plan,
         window: film.window(),
@@ -173,8 +173,9 @@ fn what_nobody_asks_for_is_not_worked_on() {
     };
     // Any work would see that it is to stop.
     let watch = RenderControl { cancel: &AtomicBool::new(true), progress: &|_, _| {}, time_stages: false };
-    let wanted =
-        |names: &[&str]| Wanted::new(&names.iter().map(|&n| n.into()).collect::<Vec<_>>()).expect("names");
+    let wanted = |names: &[&str]| {
+        AovSelection::new(&names.iter().map(|&n| n.into()).collect::<Vec<_>>()).expect("names")
+    };
     assert!(aov::channels(&subject, &wanted(&[]), &watch).is_ok_and(|channels| channels.is_empty()));
     for name in ["depth", "effects"] {
         assert_eq!(

@@ -5,9 +5,9 @@
 
 use crate::common::picture::{Prepared, bits, load, parse, prepare};
 use crate::common::repository;
-use kiln::effects::{Choices, EFFECTS, Effect, Plan, RayKind};
+use kiln::effects::{Choices, EFFECTS, Effect, Plan, RayKind, glaze, id, shadows};
 use kiln::film::{ColourPipeline, Film};
-use kiln::render::{Bill, Statistics};
+use kiln::render::{EffectCost, Statistics};
 use kiln::scene::Numerics;
 
 const SIZE: [u32; 2] = [80, 60];
@@ -18,12 +18,12 @@ fn scene(name: &str) -> Prepared {
     prepare(load(&file), SIZE, Numerics::Watertight)
 }
 
-fn bill<'a>(statistics: &'a Statistics, effect: &Effect) -> &'a Bill {
-    statistics.bills.iter().find(|bill| bill.effect == effect.name).expect("each effect has a bill")
+fn bill<'a>(statistics: &'a Statistics, effect: &Effect) -> &'a EffectCost {
+    statistics.effect_costs.iter().find(|cost| cost.effect == effect.id).expect("each effect has a bill")
 }
 
 fn with(effect: &Effect) -> Choices {
-    Choices { with: vec![effect.name.into()], even_idle: true, ..Choices::default() }
+    Choices { with: vec![effect.name().into()], even_idle: true, ..Choices::default() }
 }
 
 fn without(names: &[&str]) -> Choices {
@@ -33,15 +33,15 @@ fn without(names: &[&str]) -> Choices {
 #[test]
 fn the_scene_of_an_effect_calls_for_it() {
     for effect in EFFECTS {
-        let prepared = scene(effect.name);
+        let prepared = scene(effect.name());
         let (film, statistics) = prepared.render(Choices::default());
         let bill = bill(&statistics, effect);
-        let name = effect.name;
+        let name = effect.name();
         assert!(bill.stages > 0 && bill.bytes > 0, "{name}: {bill:?}");
         assert!(effect.rays.is_empty() || bill.rays > 0, "{name}: {bill:?}");
         let decisions =
             Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan").decisions;
-        let why = &decisions.iter().find(|d| d.effect == name).expect("one of each").why;
+        let why = &decisions.iter().find(|d| d.effect.name() == name).expect("one of each").why;
         assert!(why.contains('`'), "{name}: `{why}` names nothing that calls for it");
         let (other, statistics) = prepared.render(without(&[name]));
         assert_ne!(bits(&film, SIZE), bits(&other, SIZE), "{name} changes nothing in its own scene");
@@ -51,31 +51,31 @@ fn the_scene_of_an_effect_calls_for_it() {
 
 fn nothing_for(effect: &Effect, statistics: &Statistics) {
     let bill = bill(statistics, effect);
-    assert_eq!((bill.stages, bill.rays, bill.bytes), (0, 0, 0), "{}", effect.name);
-    assert!(bill.time.is_some_and(|time| time.is_zero()), "{}", effect.name);
+    assert_eq!((bill.stages, bill.rays, bill.bytes), (0, 0, 0), "{}", effect.name());
+    assert!(bill.time.is_some_and(|time| time.is_zero()), "{}", effect.name());
     for &kind in effect.rays {
-        assert_eq!(statistics.rays(kind).cast, 0, "{}", effect.name);
+        assert_eq!(statistics.rays(kind).cast, 0, "{}", effect.name());
     }
 }
 
 #[test]
 fn a_scene_that_does_not_call_for_an_effect_is_not_billed_for_it() {
     for effect in EFFECTS {
-        let prepared = scene(&format!("no-{}", effect.name));
+        let prepared = scene(&format!("no-{}", effect.name()));
         let (film, statistics) = prepared.render(Choices::default());
         nothing_for(effect, &statistics);
         // With its stages there all the same, it has nothing to do.
         let (forced, forced_statistics) = prepared.render(with(effect));
         let decisions =
             Plan::new(&prepared.world, &prepared.choices(with(effect))).expect("a plan").decisions;
-        assert!(decisions.iter().any(|d| d.effect == effect.name && d.on), "{} is not forced", effect.name);
+        assert!(decisions.iter().any(|d| d.effect == effect.id && d.on), "{} is not forced", effect.name());
         assert_eq!(
             bits(&film, SIZE),
             bits(&forced, SIZE),
             "{} changes a scene that it is not for",
-            effect.name
+            effect.name()
         );
-        assert_eq!(bill(&forced_statistics, effect).rays, 0, "{} casts rays for nothing", effect.name);
+        assert_eq!(bill(&forced_statistics, effect).rays, 0, "{} casts rays for nothing", effect.name());
         // What `--with` does, which lets an effect without work stay off.
         let asked = Choices { even_idle: false, ..with(effect) };
         let (asked, statistics) = prepared.render(asked);
@@ -86,9 +86,9 @@ fn a_scene_that_does_not_call_for_an_effect_is_not_billed_for_it() {
 
 #[test]
 fn bytes_and_rays_of_the_base_are_those_without_any_effect() {
-    let names: Vec<&str> = EFFECTS.iter().map(|effect| effect.name).collect();
+    let names: Vec<&str> = EFFECTS.iter().map(Effect::name).collect();
     for effect in EFFECTS {
-        let (_, statistics) = scene(effect.name).render(without(&names));
+        let (_, statistics) = scene(effect.name()).render(without(&names));
         assert_eq!(statistics.bytes(), statistics.base_bytes);
         let pixels = u64::from(SIZE[0] * SIZE[1]);
         let cast: Vec<u64> = statistics.rays.iter().map(|(_, count)| count.cast).collect();
@@ -110,7 +110,7 @@ fn floor(more: &str, material: &str) -> Prepared {
 }
 
 fn shadow_rays(prepared: &Prepared) -> u64 {
-    prepared.render(Choices::default()).1.rays(RayKind("shadow")).cast
+    prepared.render(Choices::default()).1.rays(shadows::RAYS).cast
 }
 
 #[test]
@@ -126,7 +126,7 @@ fn lights_that_cannot_reach_cast_no_shadow_rays() {
         assert_eq!(shadow_rays(&prepared), 0);
         let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
         assert!(plan.effects_on().next().is_none(), "{dark} calls for an effect");
-        assert!(!plan.steps().iter().any(|step| step.stage.name() == "lights"), "{dark} is looked at");
+        assert!(!plan.stages().iter().any(|stage| stage.stage.name() == "lights"), "{dark} is looked at");
     }
     // Two lights, one of them dark: as many as with one.
     let two = format!("{}{}", light(20.0, ""), light(10.0, "intensity = 0"));
@@ -148,11 +148,11 @@ fn only_the_glazed_material_sends_rays() {
     let glazed = floor(light, "glaze = { weight = 0.5 }");
     let on_floor = glazed.hits().iter().flatten().filter(|hit| hit.prim.0 == 0).count() as u64;
     let (_, statistics) = glazed.render(Choices::default());
-    assert_eq!(statistics.rays(RayKind("glaze")).cast, on_floor);
+    assert_eq!(statistics.rays(glaze::RAYS).cast, on_floor);
     // A glazed material that no object is of calls for nothing.
     let unused = floor("[material.other]\ncolour = '#808080'\nglaze = { weight = 0.5 }\n", "");
     let plan = Plan::new(&unused.world, &unused.choices(Choices::default())).expect("a plan");
-    assert!(!plan.effects_on().any(|name| name == "glaze"));
+    assert!(!plan.effects_on().any(|effect| effect == id::GLAZE));
 }
 
 /// Between two mirrors, a path goes on for as long as it may.
@@ -184,13 +184,13 @@ fn paths_stop_where_it_does_not_show() {
             let (whole, all) = prepared.render(glaze_value("every-bounce"));
             assert_eq!(bytes(&film, pipeline), bytes(&whole, pipeline), "{pipeline:?}, {weight}");
             // From within a closed ball every ray hits: a ray a pixel and level.
-            let cast = |s: &Statistics| s.rays(RayKind("glaze")).cast;
+            let cast = |s: &Statistics| s.rays(glaze::RAYS).cast;
             assert_eq!((cast(&statistics), cast(&all)), (24 * 24 * levels, 24 * 24 * 120));
         }
     }
     // Rounded to eight bits at every step, the least change can go on: nothing stops.
     let (_, statistics) = mirrors(0.5, 120, ColourPipeline::U8).render(Choices::default());
-    assert_eq!(statistics.rays(RayKind("glaze")).cast, 24 * 24 * 120);
+    assert_eq!(statistics.rays(glaze::RAYS).cast, 24 * 24 * 120);
 }
 
 #[test]
@@ -241,7 +241,8 @@ fn the_users_word_comes_before_the_scenes() {
         let with = with.iter().map(|&name| name.into()).collect();
         let choices = Choices { scene: prepared.scene_effects.clone(), with, ..Choices::default() };
         let decisions = Plan::new(&prepared.world, &choices).expect("a plan").decisions;
-        let of = |name: &str| decisions.iter().find(|d| d.effect == name).cloned().expect("one of each");
+        let of =
+            |name: &str| decisions.iter().find(|d| d.effect.name() == name).cloned().expect("one of each");
         [of("glaze"), of("shadows")].map(|d| (d.on, d.value))
     };
     assert_eq!(decide(&[]), [(true, Some("every-bounce".into())), (false, None)]);
@@ -253,8 +254,8 @@ fn the_users_word_comes_before_the_scenes() {
 fn the_page_shows_every_effect() {
     let page = std::fs::read_to_string(repository("scenes/effects/README.md")).expect("there is a page");
     for effect in EFFECTS {
-        let picture = format!("assets/docs/effect-{}.png", effect.name);
-        assert!(page.contains(&format!("## {}\n", effect.name)), "{} is not on the page", effect.name);
+        let picture = format!("assets/docs/effect-{}.png", effect.name());
+        assert!(page.contains(&format!("## {}\n", effect.name())), "{} is not on the page", effect.name());
         assert!(page.contains(&format!("](../../{picture})")), "{picture} is not on the page");
         let size = std::fs::metadata(repository(&picture)).map(|file| file.len()).unwrap_or(0);
         assert!((1..100_000).contains(&size), "{picture} has {size} bytes");

@@ -7,7 +7,7 @@ mod aov;
 mod closed_form;
 mod effects;
 mod golden;
-mod lanes;
 mod normal_maps;
 mod sampling;
+mod soa;
 mod textures;

@@ -249,5 +249,5 @@ fn off_is_off() {
     let without = Choices { without: vec!["normal-maps".into()], ..Choices::default() };
     let (film, _) = prepared.render(without);
     assert_eq!(f64::from(film.pixel(2, 2)[0]), middle(plain));
-    assert!(prepared.world.images[0].pyramid_bytes() == 0);
+    assert!(prepared.world.images[0].mip_map_bytes() == 0);
 }

@@ -3,10 +3,11 @@
 use crate::common::Numbers;
 use crate::common::picture::{Prepared, parse, prepare};
 use glam::DVec3;
-use kiln::effects::effort::{Adaptive, First, Groups, displayed_error, unseen};
+use kiln::effects::convergence::{Criterion, FirstSamples, SampleGroups, displayed_error, missed_variance};
 use kiln::effects::random::{Point, Purpose, Scramble};
-use kiln::effects::samples::{Field, Sum};
-use kiln::effects::tile::{Context, Tile};
+use kiln::effects::region::SampledRegion;
+use kiln::effects::samples::SampleSum;
+use kiln::effects::tile::{RenderContext, Tile};
 use kiln::effects::{Choices, Plan, RayKind};
 use kiln::film::{ColourPipeline, Film, Filter, FilterShape, Window};
 use kiln::render::{RenderControl, Statistics, render};
@@ -141,7 +142,7 @@ fn every_filter_finds_its_own_moments() {
     ] {
         let filter = Filter::new(shape, radius);
         let scramble = Scramble::new(1, 2, 3, Purpose::Pixel);
-        let mut sum = Sum::default();
+        let mut sum = SampleSum::default();
         for sample in 0..1 << 16 {
             let ([x, y], sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
             sum.add([x * x + x, y * y, x * y].map(|c| c as f32), sign);
@@ -158,7 +159,7 @@ fn equal_samples_have_their_own_colour_as_their_mean() {
         for count in 1..200 {
             let colour = [0.1f32, 1.0 / 3.0, 7e-9];
             let scramble = Scramble::new(count, 2, 3, Purpose::Pixel);
-            let (mut sum, mut groups) = (Sum::default(), Groups::default());
+            let (mut sum, mut groups) = (SampleSum::default(), SampleGroups::default());
             for sample in 0..count {
                 let (_, sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
                 sum.add(colour, sign);
@@ -181,7 +182,7 @@ struct Stopped {
 }
 
 /// Samples pixels as the effect does; by themselves alone where `by_neighbours` is false.
-fn stop(adaptive: Adaptive, most: u32, by_neighbours: bool) -> Stopped {
+fn stop(adaptive: Criterion, most: u32, by_neighbours: bool) -> Stopped {
     let filter = Filter::new(FilterShape::Box, 0.5);
     let mut numbers = Numbers::new(11);
     let (mut wrong, mut squares, mut taken) = (0, 0.0, 0);
@@ -190,37 +191,38 @@ fn stop(adaptive: Adaptive, most: u32, by_neighbours: bool) -> Stopped {
         let (value, exact) = edge(&mut numbers);
         let (left, top) = (3 * pixel, 1);
         // The samples `from` up to `to` of the pixel in this column and row of the three by three.
-        let take = |column: u32, row: u32, from: u32, to: u32, sum: &mut Sum, groups: &mut Groups| {
-            let scramble = Scramble::new(left + column, top + row, 0, Purpose::Pixel);
-            for sample in from..to {
-                let ([x, y], sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
-                let colour = [value(x + f64::from(column) - 1.0, y + f64::from(row) - 1.0) as f32; 3];
-                sum.add(colour, sign);
-                groups.add(colour, sign as f32);
-            }
-        };
+        let take =
+            |column: u32, row: u32, from: u32, to: u32, sum: &mut SampleSum, groups: &mut SampleGroups| {
+                let scramble = Scramble::new(left + column, top + row, 0, Purpose::Pixel);
+                for sample in from..to {
+                    let ([x, y], sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
+                    let colour = [value(x + f64::from(column) - 1.0, y + f64::from(row) - 1.0) as f32; 3];
+                    sum.add(colour, sign);
+                    groups.add(colour, sign as f32);
+                }
+            };
         let mut firsts = Vec::new();
         for (row, column) in (0..9).map(|i| (i / 3, i % 3)) {
-            let (mut sum, mut groups) = (Sum::default(), Groups::default());
-            take(column, row, 0, adaptive.floor, &mut sum, &mut groups);
-            firsts.push(First::new(&groups, sum.mean(), 1.0));
+            let (mut sum, mut groups) = (SampleSum::default(), SampleGroups::default());
+            take(column, row, 0, adaptive.min_samples, &mut sum, &mut groups);
+            firsts.push(FirstSamples::new(&groups, sum.mean(), 1.0));
         }
-        let around = firsts[4].spread(&firsts);
-        let (mut sum, mut groups) = (Sum::default(), Groups::default());
+        let around = firsts[4].deviation(&firsts);
+        let (mut sum, mut groups) = (SampleSum::default(), SampleGroups::default());
         let mut look = 0;
         loop {
-            let next = adaptive.next_look(look, most);
+            let next = adaptive.next_test(look, most);
             take(1, 1, look, next, &mut sum, &mut groups);
             look = next;
-            let hidden = if by_neighbours { unseen(around, look) } else { DVec3::ZERO };
+            let hidden = if by_neighbours { missed_variance(around, look) } else { DVec3::ZERO };
             let error = (groups.variance(sum.mean(), 1.0) + hidden).x.sqrt();
             let error = displayed_error(sum.mean(), DVec3::splat(error), ColourPipeline::Display);
-            if look == most || error <= adaptive.level {
+            if look == most || error <= adaptive.max_error {
                 break;
             }
         }
         let off = (sum.mean().x - exact).abs();
-        wrong += u32::from(off > 3.0 * adaptive.level);
+        wrong += u32::from(off > 3.0 * adaptive.max_error);
         squares += off * off;
         taken += look;
     }
@@ -235,7 +237,7 @@ fn few_pixels_are_stopped_too_early() {
     // all these pixels together may be off by somewhat more than the level, though not by half as much again.
     let level = 0.01;
     for (floor, share) in [(4, 0.02), (16, 0.02)] {
-        let adaptive = Adaptive { level, floor };
+        let adaptive = Criterion { max_error: level, min_samples: floor };
         let [alone, together] = [false, true].map(|by_neighbours| stop(adaptive, 1024, by_neighbours));
         for (name, Stopped { wrong, rms, samples }) in [("alone", &alone), ("with neighbours", &together)] {
             println!(
@@ -256,22 +258,22 @@ fn few_pixels_are_stopped_too_early() {
 #[test]
 fn first_samples_lie_apart_by_their_mean_squares() {
     let first = |colours: &[f32]| {
-        let (mut sum, mut groups) = (Sum::default(), Groups::default());
+        let (mut sum, mut groups) = (SampleSum::default(), SampleGroups::default());
         for &colour in colours {
             sum.add([colour, 0.0, 1.0], 1.0);
             groups.add([colour, 0.0, 1.0], 1.0);
         }
-        First::new(&groups, sum.mean(), 1.0)
+        FirstSamples::new(&groups, sum.mean(), 1.0)
     };
     // 0, 0, 1, 1 has a variance of 4 (1/2)^2 / 3 = 1/3 and lies 1/2 off 0: of itself and this, (0 + 1/3 + 1/4) / 2 = 7/24.
     let (black, half) = (first(&[0.0; 4]), first(&[0.0, 0.0, 1.0, 1.0]));
-    let spread = black.spread([&black, &half]);
+    let spread = black.deviation([&black, &half]);
     assert!((spread.x - 7.0 / 24.0).abs() < 1e-6 && spread.y == 0.0 && spread.z == 0.0, "{spread}");
     // What is no number is left out, and does not hide the others.
     let broken = first(&[f32::NAN; 4]);
-    assert_eq!(black.spread([&black, &broken, &half]), spread);
+    assert_eq!(black.deviation([&black, &broken, &half]), spread);
     // It counts for less and less: by the third power of the samples taken.
-    let [few, many] = [4, 8].map(|taken| unseen(spread, taken));
+    let [few, many] = [4, 8].map(|taken| missed_variance(spread, taken));
     assert!((few.x / many.x - 8.0).abs() < 1e-9 && few.y == 0.0);
 }
 
@@ -279,26 +281,26 @@ fn first_samples_lie_apart_by_their_mean_squares() {
 fn a_field_is_a_tile_and_what_is_around_it() {
     let tile = Window { x: 16, y: 0, width: 5, height: 3 };
     // No row above; a column on either side; a row below.
-    let field = Field::new(tile, 1, [48, 48]);
+    let field = SampledRegion::new(tile, 1, [48, 48]);
     assert_eq!(field.whole, Window { x: 15, y: 0, width: 7, height: 4 });
     let own: Vec<usize> = field.own().collect();
     assert_eq!(own, [1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 15, 16, 17, 18, 19]);
     assert_eq!((0..28).filter(|&pixel| field.is_own(pixel)).collect::<Vec<_>>(), own);
-    assert_eq!(field.near(8).collect::<Vec<_>>(), [0, 1, 2, 7, 8, 9, 14, 15, 16]);
-    assert_eq!(field.near(0).collect::<Vec<_>>(), [0, 1, 7, 8]);
-    assert_eq!(field.near(27).collect::<Vec<_>>(), [19, 20, 26, 27]);
+    assert_eq!(field.neighbourhood(8).collect::<Vec<_>>(), [0, 1, 2, 7, 8, 9, 14, 15, 16]);
+    assert_eq!(field.neighbourhood(0).collect::<Vec<_>>(), [0, 1, 7, 8]);
+    assert_eq!(field.neighbourhood(27).collect::<Vec<_>>(), [19, 20, 26, 27]);
     // Nothing beyond the picture.
-    assert_eq!(Field::new(tile, 1, [21, 3]).whole, Window { x: 15, y: 0, width: 6, height: 3 });
-    assert_eq!(Field::new(tile, 0, [48, 48]).whole, tile);
+    assert_eq!(SampledRegion::new(tile, 1, [21, 3]).whole, Window { x: 15, y: 0, width: 6, height: 3 });
+    assert_eq!(SampledRegion::new(tile, 0, [48, 48]).whole, tile);
 }
 
 #[test]
 fn pixels_are_looked_at_at_the_floor_and_at_growing_counts() {
     let looks = |floor: u32, most: u32| {
-        let adaptive = Adaptive { level: 0.1, floor };
+        let adaptive = Criterion { max_error: 0.1, min_samples: floor };
         let mut taken = 0;
         std::iter::from_fn(move || {
-            taken = (taken < most).then(|| adaptive.next_look(taken, most))?;
+            taken = (taken < most).then(|| adaptive.next_test(taken, most))?;
             Some(taken)
         })
         .collect::<Vec<_>>()
@@ -405,17 +407,17 @@ fn single_pixels_have_the_picture_s_bits() {
 fn samples_around_a_tile_are_counted_but_are_no_samples_of_its_pixels() {
     let prepared = scene("noise = 0.01\nmin_samples = 4", true);
     let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
-    let context = Context { world: &prepared.world, view: &prepared.view };
+    let context = RenderContext { world: &prepared.world, view: &prepared.view };
     // Black all around: four samples a pixel, of nine pixels, and in the picture's corner of four.
     for (x, y, cast) in [(3, 3, 36), (0, 0, 16)] {
         let window = Window { x, y, width: 1, height: 1 };
         let (_, statistics) = picture(&prepared, window, 1);
         assert_eq!(statistics.rays(RayKind::PRIMARY).cast, cast);
-        assert_eq!(plan.samples(&mut Tile::default(), &context, window), [4]);
+        assert_eq!(plan.sample_counts(&mut Tile::default(), &context, window), [4]);
     }
     // A whole tile in the middle of the picture: 18 squared less 16 squared pixels around it.
     let window = Window { x: 16, y: 16, width: 16, height: 16 };
-    let taken = plan.samples(&mut Tile::default(), &context, window);
+    let taken = plan.sample_counts(&mut Tile::default(), &context, window);
     assert!(taken.len() == 256 && taken.iter().any(|&n| n > 4));
     let (_, statistics) = picture(&prepared, window, 1);
     let own: u64 = taken.iter().map(|&n| u64::from(n)).sum();

@@ -1,11 +1,11 @@
-//! Textures: lookups, pyramids and footprints, against what can be derived by hand.
+//! Textures: lookups, mip maps and footprints, against what can be derived by hand.
 
 use crate::common;
 use crate::common::picture::{Prepared, bits, prepare};
 use crate::common::repository;
 use glam::{DMat4, DVec2, DVec3};
 use kiln::bvh::Traversal;
-use kiln::effects::{Choices, Plan};
+use kiln::effects::{Choices, Plan, id};
 use kiln::film::{ColourPipeline, Window};
 use kiln::geometry::Ray;
 use kiln::render::{RenderControl, render};
@@ -16,7 +16,7 @@ use kiln::scene::{
 };
 use kiln::shading::ShadingMode;
 use kiln::shading::texture::look_up;
-use kiln::world::{Meaning, TexturePoint};
+use kiln::world::{TexelEncoding, TexturePoint};
 
 fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 3]) -> TextureImage {
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| texel(x, y));
@@ -99,7 +99,7 @@ fn texels_at_centres_and_edges_under_every_wrap_mode() {
         let at = |filter, thirds: f64| {
             let point = TexturePoint { uv: DVec2::new(thirds / 3.0, 0.5), footprint: [DVec2::ZERO; 2] };
             let filter = sampler.filter(Some(filter));
-            look_up(image, Meaning::Numbers, &sampler, &filter, &point).x * 255.0
+            look_up(image, TexelEncoding::Data, &sampler, &filter, &point).x * 255.0
         };
         let close = |found: f64, expected: f64| {
             assert!((found - expected).abs() < 1e-12 * 255.0, "{wrap:?}: {found}, not {expected}");
@@ -239,7 +239,7 @@ fn mirrored_differentials_are_finite_differences() {
         // Where a ray is mirrored, and to where.
         let mut mirrored = |ray: &Ray| {
             let hit = world.accelerator.closest_hit(ray, &mut traversal).expect("it is hit");
-            let surface = world.surface(ray, &hit);
+            let surface = world.interaction(ray, &hit);
             let n = surface.shading_normal;
             (surface.point.position, ray.direction - 2.0 * ray.direction.dot(n) * n, hit, surface)
         };
@@ -347,22 +347,22 @@ fn pyramids_are_made_where_a_filter_asks() {
     let image = &prepared.world.images[0];
     for filter in [TextureFilter::Nearest, TextureFilter::Bilinear] {
         let (_, statistics) = prepared.render(flat(filter));
-        assert_eq!(image.pyramid_bytes(), 0);
+        assert_eq!(image.mip_map_bytes(), 0);
         assert!(statistics.bytes() > 0);
     }
     prepared.render(Choices { without: vec!["textures".into()], ..Choices::default() });
-    assert_eq!(image.pyramid_bytes(), 0);
+    assert_eq!(image.mip_map_bytes(), 0);
     prepared.render(flat(TextureFilter::Mipmap));
     // 32^2 + 16^2 + 8^2 + 4^2 + 2^2 + 1 = 1365 texels of three 16-bit numbers; none for plain numbers.
-    assert_eq!(image.pyramid_bytes(), 1365 * 6);
-    assert!(image.pyramid(Meaning::Numbers).is_none());
+    assert_eq!(image.mip_map_bytes(), 1365 * 6);
+    assert!(image.mip_map(TexelEncoding::Data).is_none());
     // A sampler of the file that wants none gets none.
     let mut scene = scene;
     let minify = Some(Minify { within: Lookup::Linear, between: None });
     scene.materials[0] = textured(Sampler { minify, ..Sampler::default() });
     let prepared = prepare(scene, [8, 8], Numerics::Watertight);
     prepared.render(Choices::default());
-    assert_eq!(prepared.world.images[0].pyramid_bytes(), 0);
+    assert_eq!(prepared.world.images[0].mip_map_bytes(), 0);
 }
 
 /// The effect is off where no material has a picture, and then the picture is the same; off by choice, only factors remain.
@@ -387,8 +387,8 @@ fn without_textures() {
     scene.materials[0] = Material::Phong(Phong::default());
     let plain = prepare(scene, [4, 4], Numerics::Watertight);
     let plan = Plan::new(&plain.world, &plain.choices(Choices::default())).expect("a plan");
-    assert!(plan.decisions.iter().all(|d| d.effect != "textures" || !d.on));
-    assert!(plan.steps().iter().all(|step| step.stage.name() != "texture coordinates"));
+    assert!(plan.decisions.iter().all(|d| d.effect != id::TEXTURES || !d.on));
+    assert!(plan.stages().iter().all(|stage| stage.stage.name() != "texture coordinates"));
 }
 
 /// Any thread count, any part: the same bits; with footprints that pass mirrors, in every tier.

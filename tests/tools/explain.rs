@@ -24,7 +24,11 @@ fn json(arguments: &str) -> Value {
 fn every_effect_is_there_with_its_reason() {
     let said = explain("scenes/assignment.toml --without glaze");
     for effect in EFFECTS {
-        assert!(said.lines().any(|line| line.starts_with(effect.name)), "{} is not in {said}", effect.name);
+        assert!(
+            said.lines().any(|line| line.starts_with(effect.name())),
+            "{} is not in {said}",
+            effect.name()
+        );
     }
     let line = |name: &str| said.lines().find(|line| line.starts_with(name)).unwrap_or_default().to_owned();
     assert!(line("shadows").contains(" on ") && line("shadows").ends_with("light `lamp`"), "{said}");
@@ -40,7 +44,7 @@ fn json_has_the_documented_fields() {
     let effects = report["effects"].as_array().expect("a list");
     assert_eq!(effects.len(), EFFECTS.len());
     for (said, effect) in effects.iter().zip(EFFECTS) {
-        assert_eq!((&said["name"], &said["summary"]), (&effect.name.into(), &effect.summary.into()));
+        assert_eq!((&said["name"], &said["summary"]), (&effect.name().into(), &effect.summary.into()));
         assert!(said["on"].is_boolean() && said["why"].is_string() && said["adds"].is_null(), "{said:#}");
         assert_eq!(said["stages"].as_u64() > Some(0), said["on"].as_bool().expect("on or off"));
     }

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use super::survey::Squares;
 use super::{Chosen, End, Metric, Wish};
+use crate::effects::id;
 use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Film, TILE, Window};
 use crate::job::RenderJob;
@@ -33,9 +34,11 @@ impl<'a> Taker<'a> {
         let squares = Squares::new(job.window.width, job.window.height);
         let start = Instant::now();
         job.set_sampling(asked.part(0, 1))?;
-        if !job.plan.effects_on().any(|effect| effect == "antialiasing") {
-            let what = "an error or a time is reached by samples, and there is no antialiasing";
-            return Err(Error::usage(what, "leave out --without antialiasing, or --accuracy and --budget"));
+        if !job.plan.takes_samples() {
+            let effect = id::ANTIALIASING;
+            let what = format!("an error or a time is reached by samples, and there is no {effect}");
+            let hint = format!("leave out --without {effect}, or --accuracy and --budget");
+            return Err(Error::usage(what, hint));
         }
         Ok(Taker { job, control, start, asked, values, squares, statistics: None })
     }

@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use crate::film::colour::srgb_decode;
-use crate::world::widely;
+use crate::world::simd_dispatch;
 
 /// Pixels a degree of the viewer's field of view: a display 0.7 m and 3840 pixels wide, seen from 0.7 m (section 5.1's
 /// formula: distance * pixels / width * pi / 180).
@@ -216,7 +216,7 @@ fn down(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
 
 /// Adds rows to `out`, each with its weight.
 fn weighted<'a>(out: &mut [f64], kernel: &[f64], row: impl Fn(usize) -> &'a [f64]) {
-    widely(
+    simd_dispatch(
         #[inline(always)]
         || {
             for (i, k) in kernel.iter().enumerate() {

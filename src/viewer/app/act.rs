@@ -116,17 +116,18 @@ impl App {
         let (Some(pixel), Some(opened)) = (done.clicked.or(done.focused), &self.opened) else { return };
         let Some(prepared) = self.canvas.prepared(done.side).cloned() else { return };
         let bounds = opened.scene.bounds();
-        let bounds = match (bounds, &prepared.job.range) {
-            (Some((min, max)), Some(range)) => {
-                Some(((min - range.middle) * range.scale, (max - range.middle) * range.scale))
-            }
+        let bounds = match (bounds, &prepared.job.recentering) {
+            (Some((min, max)), Some(recentering)) => Some((
+                (min - recentering.middle) * recentering.scale,
+                (max - recentering.middle) * recentering.scale,
+            )),
             (bounds, _) => bounds,
         };
         let found = inspect(
             &prepared.job.world,
             &prepared.job.view,
             &prepared.job.plan,
-            prepared.job.range.as_ref(),
+            prepared.job.recentering.as_ref(),
             bounds,
             pixel,
         );

@@ -25,7 +25,7 @@ pub fn to_json(found: &Inspection) -> Value {
     let rays: Vec<Value> = found
         .rays
         .iter()
-        .map(|ray| json!({ "kind": ray.kind, "hit": ray.hit, "object": ray.object }))
+        .map(|ray| json!({ "kind": ray.kind.name, "hit": ray.hit, "object": ray.object }))
         .collect();
     json!({ "pixel": found.pixel, "displayed": found.displayed, "seen": seen, "rays": rays })
 }
@@ -93,21 +93,17 @@ fn rays(ui: &mut Ui, rays: &[Line]) {
         };
         ui.horizontal(|ui| {
             ui.add_space(10.0 * ray.depth as f32);
-            ui.label(RichText::new(ray.kind).color(colour(ray)));
+            ui.label(RichText::new(ray.kind.name).color(colour(ray)));
             ui.label(target);
         });
     }
 }
 
-/// Each kind of ray has a colour; those that are blocked are darker.
+/// The colour of a ray's kind, darker for a shadow ray that is blocked.
 fn colour(ray: &Line) -> Color32 {
-    let own = match ray.kind {
-        "primary" => Color32::from_rgb(255, 220, 90),
-        "shadow" => Color32::from_rgb(120, 190, 255),
-        "glaze" => Color32::from_rgb(120, 230, 150),
-        _ => Color32::from_rgb(230, 150, 230),
-    };
-    if ray.kind == "shadow" && ray.hit { own.gamma_multiply(0.55) } else { own }
+    let [r, g, b] = ray.kind.colour;
+    let own = Color32::from_rgb(r, g, b);
+    if ray.kind.is_shadow && ray.hit { own.gamma_multiply(0.55) } else { own }
 }
 
 /// Draws the rays into the picture that is seen through `prepared`, in `rect`; `of` is what they were cast in.
@@ -118,7 +114,7 @@ pub fn draw(painter: &Painter, rect: Rect, prepared: &Prepared, of: &Prepared, f
         rect.min + share * rect.size()
     };
     // In another moment, or another tier, the scene may have been moved otherwise.
-    if prepared.job.range != of.job.range {
+    if prepared.job.recentering != of.job.recentering {
         return;
     }
     for ray in &found.rays {

@@ -12,7 +12,7 @@ use crate::scene::{Camera, Numerics, Sampling, Scene};
 use crate::viewer::false_colour::Shown;
 use crate::viewer::look::{From, Opened, Order, Settings};
 use crate::viewer::refine::Kind;
-use crate::world::{Range, StandardView, fitted_camera, headlight};
+use crate::world::{Recentering, StandardView, fitted_camera, headlight};
 
 /// Worlds that are kept: those of two sides and of what they are held against.
 const KEPT: usize = 3;
@@ -73,11 +73,13 @@ impl Studio {
         }
         let animation = self.animation(&order.opened, settings)?;
         let frame = self.frame(&animation, settings, order.time)?;
-        let range = frame.range;
+        let recentering = frame.recentering;
         let mut lens = match &order.from {
             From::Scene(index) => frame.cameras.get(*index).unwrap_or(&frame.camera).clone(),
             From::Fitted(view) => self.fit(order, *view, animation.range())?,
-            From::Free(camera) => range.map_or_else(|| camera.clone(), |range| range.moved(camera)),
+            From::Free(camera) => {
+                recentering.map_or_else(|| camera.clone(), |recentering| recentering.moved(camera))
+            }
         };
         lens.projection = order.projection.unwrap_or(lens.projection);
         let mut world = Arc::clone(&frame.world);
@@ -86,26 +88,21 @@ impl Studio {
         }
         let sampling = settings.choices.sampling;
         let whole = Plan::new(&world, &settings.choices)?;
-        let is_on = |name: &str| whole.effects_on().any(|effect| effect == name);
-        let kind = match (is_on("antialiasing"), is_on("adaptive")) {
+        let kind = match (whole.takes_samples(), whole.is_adaptive()) {
             (false, _) => Kind::Centres,
             (true, false) => Kind::Samples(sampling.most_samples()),
             (true, true) => Kind::Adaptive,
         };
-        let is_called_for = |name: &str| {
-            EFFECTS.iter().any(|effect| effect.name == name && (effect.called_for)(&world, &sampling).is_ok())
-        };
-        let decisions = whole.decisions.into_iter().map(|decision| {
-            let can = is_called_for(decision.effect);
-            (decision, can)
-        });
-        let decisions = decisions.collect();
+        let decisions = EFFECTS.iter().zip(whole.decisions);
+        let decisions = decisions
+            .map(|(effect, decision)| (decision, (effect.called_for)(&world, &sampling).is_ok()))
+            .collect();
         let camera = match &order.from {
             From::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },
-            _ => range.map_or_else(|| lens.clone(), |range| range.moved_back(&lens)),
+            _ => recentering.map_or_else(|| lens.clone(), |recentering| recentering.moved_back(&lens)),
         };
         let centres = Choices { sampling: Sampling::default(), ..settings.choices.clone() };
-        let job = RenderJob::new(world, range, lens, order.size, centres)?;
+        let job = RenderJob::new(world, recentering, lens, order.size, centres)?;
         Ok(Arc::new(Prepared { job, camera, decisions, kind }))
     }
 
@@ -145,15 +142,15 @@ impl Studio {
     }
 
     /// A camera that fits the scene at rest, in the world's coordinates: as commands find it.
-    fn fit(&mut self, order: &Order, view: StandardView, range: Option<Range>) -> Result<Camera> {
+    fn fit(&mut self, order: &Order, view: StandardView, recentering: Option<Recentering>) -> Result<Camera> {
         let aspect = f64::from(order.size[0]) / f64::from(order.size[1]);
         if let Some((.., camera)) = self.fitted.iter().find(|(known, at, _)| (*known, *at) == (view, aspect))
         {
             return Ok(camera.clone());
         }
-        if let (None, Some(range)) = (&self.moved, range) {
+        if let (None, Some(recentering)) = (&self.moved, recentering) {
             let mut scene = order.opened.scene.clone();
-            range.apply(&mut scene);
+            recentering.apply(&mut scene);
             self.moved = Some(Arc::new(scene));
         }
         let scene = self.moved.as_deref().unwrap_or(&order.opened.scene);

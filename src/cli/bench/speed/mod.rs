@@ -17,7 +17,7 @@ use crate::bench::{Absent, Mesh};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
-use crate::world::bring_into_range;
+use crate::world::recenter;
 
 #[derive(Args)]
 pub struct Arguments {
@@ -100,7 +100,7 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
     }
     let mut warnings = Warnings::default();
     let mut scene = import::load(&arguments.inputs, &mut warnings)?;
-    bring_into_range(&mut scene);
+    recenter(&mut scene);
     let triangles = speed::triangles(&scene);
     if triangles.spheres > 0 {
         warnings.note(format!("{} sphere(s) left out: triangles alone are compared", triangles.spheres));

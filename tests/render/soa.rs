@@ -11,8 +11,8 @@ use kiln::bvh::Traversal;
 use kiln::film::Window;
 use kiln::geometry::{Hit, Ray};
 use kiln::scene::{Numerics, Projection};
-use kiln::shading::{LightLanes, LightSample, Scratch, ShadingMode, shade, shade_all};
-use kiln::world::{LANES, Lanes, RayLanes, Surface, Surfaces};
+use kiln::shading::{LightSample, LightSoa, Scratch, ShadingMode, shade, shade_all};
+use kiln::world::{InteractionSoa, RAYS_PER_BATCH, RaySoa, SurfaceInteraction, Vec3Soa};
 
 const SIZE: [u32; 2] = [96, 72];
 
@@ -23,7 +23,7 @@ fn scenes() -> Vec<PathBuf> {
     files.extend(
         hard.map(|entry| entry.expect("a file").path()).filter(|p| p.extension() == Some("toml".as_ref())),
     );
-    if let Some(models) = common::models("lanes") {
+    if let Some(models) = common::models("soa") {
         files.extend(["CornellBox.glb", "Fox.glb", "spot.obj", "teapot.obj"].map(|name| models.join(name)));
     }
     files
@@ -46,7 +46,7 @@ fn bits(v: DVec3) -> [u64; 3] {
     v.to_array().map(f64::to_bits)
 }
 
-fn bits_of(surface: &Surface) -> Vec<u64> {
+fn bits_of(surface: &SurfaceInteraction) -> Vec<u64> {
     let vectors = [
         surface.point.position,
         surface.point.reach,
@@ -72,21 +72,24 @@ fn hits(prepared: &Prepared, window: Window) -> (Vec<Ray>, Vec<Option<Hit>>) {
 
 fn check(prepared: &Prepared, what: &str) -> usize {
     let world = &prepared.world;
-    let (mut lanes, mut surfaces) = (Box::<RayLanes>::default(), Box::<Surfaces>::default());
-    let (mut colours, mut scratch) = (Box::<Lanes>::default(), Box::<Scratch>::default());
-    let mut lights: Vec<Box<LightLanes>> = Vec::new();
+    let (mut soa, mut surfaces) = (Box::<RaySoa>::default(), Box::<InteractionSoa>::default());
+    let (mut colours, mut scratch) = (Box::<Vec3Soa>::default(), Box::<Scratch>::default());
+    let mut lights: Vec<Box<LightSoa>> = Vec::new();
     lights.resize_with(world.lights.len(), Box::default);
     let mut seen = 0;
     for window in tiles() {
         let (rays, hits) = hits(prepared, window);
-        prepared.view.rays(window, world.numerics().ray_precision(), &mut lanes);
+        prepared.view.rays(window, world.numerics().ray_precision(), &mut soa);
         let mut woven = Vec::new();
-        lanes.weave(rays.len(), &mut woven);
+        soa.to_rays(rays.len(), &mut woven);
         assert_eq!(woven, rays, "{what}");
 
-        world.surfaces(&lanes, &hits, &mut surfaces);
-        let expected: Vec<Surface> =
-            rays.iter().zip(&hits).filter_map(|(ray, hit)| Some(world.surface(ray, hit.as_ref()?))).collect();
+        world.interactions(&soa, &hits, &mut surfaces);
+        let expected: Vec<SurfaceInteraction> = rays
+            .iter()
+            .zip(&hits)
+            .filter_map(|(ray, hit)| Some(world.interaction(ray, hit.as_ref()?)))
+            .collect();
         assert_eq!(surfaces.len(), expected.len());
         let parts: usize = surfaces.by_material().iter().map(|(_, range)| range.len()).sum();
         assert_eq!(parts, expected.len());
@@ -97,15 +100,15 @@ fn check(prepared: &Prepared, what: &str) -> usize {
 
         for smooth in [false, true] {
             for (many, light) in lights.iter_mut().zip(&world.lights) {
-                many.look(light, &surfaces, smooth);
+                many.sample(light, &surfaces, smooth);
                 for (i, surface) in expected.iter().enumerate() {
                     let one = LightSample::new(light, surface, smooth);
                     assert_eq!(many.reaches[i].then(|| many.get(i)), one, "{what}, {window:?}, surface {i}");
                 }
             }
         }
-        for mode in [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Phong] {
-            let reaching: &[Box<LightLanes>] = if mode.uses_lights() { &lights } else { &[] };
+        for mode in [ShadingMode::Flat, ShadingMode::Ambient, ShadingMode::Diffuse, ShadingMode::Full] {
+            let reaching: &[Box<LightSoa>] = if mode.uses_lights() { &lights } else { &[] };
             shade_all(world, mode, &surfaces, reaching, &mut colours, &mut scratch);
             for (i, surface) in expected.iter().enumerate() {
                 let samples: Vec<LightSample> =
@@ -120,7 +123,7 @@ fn check(prepared: &Prepared, what: &str) -> usize {
 
 #[test]
 fn many_are_as_each_alone() {
-    assert_eq!(LANES, 256, "the tiles above are as large as the renderer's");
+    assert_eq!(RAYS_PER_BATCH, 256, "the tiles above are as large as the renderer's");
     for file in scenes() {
         let mut scene = load(&file);
         equip(&mut scene);

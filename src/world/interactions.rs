@@ -1,50 +1,52 @@
-//! The full account of a tile's hits. What [`World::surface`] computes for one hit is computed here for as many at once
-//! as lie side by side on one sphere or flat triangle, in the same operations.
+//! Surface interactions of a ray generation, as a structure of arrays.
+//!
+//! Runs of adjacent hits on one sphere or flat triangle are computed in one vectorised loop, with the operations of
+//! [`World::interaction`] and so with the same bits.
 
 use std::ops::Range;
 
 use glam::DVec3;
 
 use super::World;
-use super::lanes::{LANES, Lanes, RayLanes, widely};
-use super::surface::{Surface, Texels};
+use super::interaction::{SurfaceInteraction, Texels};
+use super::soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
 use crate::bvh::Primitive;
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Hit, PrimId, SlotId, Sphere, Triangle};
 
-/// Hits beside one another on one primitive are worth a loop of their own from this many on.
-const WORTH_A_LOOP: usize = 4;
+/// The shortest run of hits on one primitive that is computed in a loop of its own.
+const MIN_RUN: usize = 4;
 
-/// The points that the rays of a tile hit, in the order of the rays: [`Surface`]s, coordinate by coordinate.
-pub struct Surfaces {
+/// [`SurfaceInteraction`]s of the rays that hit, in the order of the rays, as a structure of arrays.
+pub struct InteractionSoa {
     len: usize,
-    /// Where they are.
-    pub position: Lanes,
-    /// The same moved away from the edges of their triangles, and the sizes that their errors are relative to: see [`SurfacePoint`].
-    start: Lanes,
-    reach: Lanes,
-    /// Unit vectors towards where the rays came from.
-    pub view: Lanes,
-    /// Unit normals of the geometry, on the side that the ray came from.
-    pub geometric_normal: Lanes,
-    /// Unit normals for shading, on the same side.
-    pub shading_normal: Lanes,
-    /// The objects' own tints.
-    pub tint: Lanes,
-    /// For each point, what its material's pictures say; empty where nobody looked.
+    /// The positions.
+    pub position: Vec3Soa,
+    /// The other fields of [`SurfacePoint`].
+    start: Vec3Soa,
+    reach: Vec3Soa,
+    /// Unit vectors towards the rays' origins.
+    pub view: Vec3Soa,
+    /// Unit normals of the primitives, on the side of `view`.
+    pub geometric_normal: Vec3Soa,
+    /// Unit normals for shading, on the side of the geometric normals.
+    pub shading_normal: Vec3Soa,
+    /// Interpolated vertex colours.
+    pub tint: Vec3Soa,
+    /// The values of the materials' textures; empty where textures are off.
     pub texels: Vec<Texels>,
-    /// Distance and barycentric coordinates.
-    t: [f64; LANES],
-    weights: [[f64; LANES]; 2],
-    prim: [u32; LANES],
-    object: [u32; LANES],
-    material: [u32; LANES],
-    ray_of: [u32; LANES],
+    /// Distances along the rays, and barycentric weights of the second and third corner.
+    t: [f64; RAYS_PER_BATCH],
+    weights: [[f64; RAYS_PER_BATCH]; 2],
+    prim: [u32; RAYS_PER_BATCH],
+    object: [u32; RAYS_PER_BATCH],
+    material: [u32; RAYS_PER_BATCH],
+    ray_of: [u32; RAYS_PER_BATCH],
     runs: Vec<Run>,
-    parts: Vec<(u32, Range<usize>)>,
+    material_ranges: Vec<(u32, Range<usize>)>,
 }
 
-/// The points from `start` on are all on one primitive.
+/// Consecutive interactions on one primitive. A run ends where the next begins.
 #[derive(Clone, Copy)]
 struct Run {
     start: usize,
@@ -52,76 +54,76 @@ struct Run {
     prim: PrimId,
 }
 
-impl Default for Surfaces {
+impl Default for InteractionSoa {
     fn default() -> Self {
-        Surfaces {
+        InteractionSoa {
             len: 0,
-            position: Lanes::default(),
-            start: Lanes::default(),
-            reach: Lanes::default(),
-            view: Lanes::default(),
-            geometric_normal: Lanes::default(),
-            shading_normal: Lanes::default(),
-            tint: Lanes::default(),
+            position: Vec3Soa::default(),
+            start: Vec3Soa::default(),
+            reach: Vec3Soa::default(),
+            view: Vec3Soa::default(),
+            geometric_normal: Vec3Soa::default(),
+            shading_normal: Vec3Soa::default(),
+            tint: Vec3Soa::default(),
             texels: Vec::new(),
-            t: [0.0; LANES],
-            weights: [[0.0; LANES]; 2],
-            prim: [0; LANES],
-            object: [0; LANES],
-            material: [0; LANES],
-            ray_of: [0; LANES],
+            t: [0.0; RAYS_PER_BATCH],
+            weights: [[0.0; RAYS_PER_BATCH]; 2],
+            prim: [0; RAYS_PER_BATCH],
+            object: [0; RAYS_PER_BATCH],
+            material: [0; RAYS_PER_BATCH],
+            ray_of: [0; RAYS_PER_BATCH],
             runs: Vec::new(),
-            parts: Vec::new(),
+            material_ranges: Vec::new(),
         }
     }
 }
 
-impl Surfaces {
-    /// How many points there are.
+impl InteractionSoa {
+    /// The number of interactions.
     #[inline(always)]
     pub fn len(&self) -> usize {
-        self.len.min(LANES)
+        self.len.min(RAYS_PER_BATCH)
     }
 
-    /// Whether nothing was hit.
+    /// Whether no ray hit.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }
 
-    /// For each point, its ray.
+    /// For each interaction, the index of its ray.
     pub fn ray_of(&self) -> &[u32] {
         &self.ray_of[..self.len()]
     }
 
-    /// For each point, the index of its object.
+    /// For each interaction, the index of its object.
     pub fn objects(&self) -> &[u32] {
         &self.object[..self.len()]
     }
 
-    /// For each point, the index of its material.
+    /// For each interaction, the index of its material.
     pub fn materials(&self) -> &[u32] {
         &self.material[..self.len()]
     }
 
-    /// The points in parts of one material each: its index, and where the part begins and ends.
+    /// Maximal ranges of interactions with one material, in order: the material's index and the range.
     pub fn by_material(&self) -> &[(u32, Range<usize>)] {
-        &self.parts
+        &self.material_ranges
     }
 
-    fn find_parts(&mut self) {
-        self.parts.clear();
+    fn find_material_ranges(&mut self) {
+        self.material_ranges.clear();
         for (index, run) in self.runs.iter().enumerate() {
             let end = self.runs.get(index + 1).map_or(self.len, |next| next.start);
-            // A run is on one primitive, and has one material.
+            // A run lies on one primitive, so it has one material.
             let material = self.material[run.start];
-            match self.parts.last_mut() {
+            match self.material_ranges.last_mut() {
                 Some((same, range)) if *same == material => range.end = end,
-                _ => self.parts.push((material, run.start..end)),
+                _ => self.material_ranges.push((material, run.start..end)),
             }
         }
     }
 
-    /// Where a point is, and where secondary rays leave it.
+    /// The surface point of the interaction at `i`.
     #[inline(always)]
     pub fn point(&self, i: usize) -> SurfacePoint {
         SurfacePoint { position: self.position.get(i), start: self.start.get(i), reach: self.reach.get(i) }
@@ -134,10 +136,10 @@ impl Surfaces {
         self.reach.set(i, point.reach);
     }
 
-    /// A point.
+    /// The interaction at `i`.
     #[inline(always)]
-    pub fn get(&self, i: usize) -> Surface {
-        Surface {
+    pub fn get(&self, i: usize) -> SurfaceInteraction {
+        SurfaceInteraction {
             point: self.point(i),
             view: self.view.get(i),
             geometric_normal: self.geometric_normal.get(i),
@@ -150,7 +152,7 @@ impl Surfaces {
         }
     }
 
-    fn set(&mut self, i: usize, surface: &Surface) {
+    fn set(&mut self, i: usize, surface: &SurfaceInteraction) {
         self.set_point(i, surface.point);
         self.view.set(i, surface.view);
         self.geometric_normal.set(i, surface.geometric_normal);
@@ -161,9 +163,9 @@ impl Surfaces {
         self.material[i] = surface.material;
     }
 
-    /// Takes the hits in, and notes which of them lie side by side on one primitive.
-    fn gather(&mut self, rays: &RayLanes, hits: &[Option<Hit>]) {
-        assert!(hits.len() <= LANES, "a tile has at most one ray a pixel and level");
+    /// Compacts the hits and finds their runs.
+    fn gather(&mut self, rays: &RaySoa, hits: &[Option<Hit>]) {
+        assert!(hits.len() <= RAYS_PER_BATCH, "at most one ray per pixel of a tile");
         self.runs.clear();
         self.texels.clear();
         let mut len = 0;
@@ -181,14 +183,14 @@ impl Surfaces {
             len += 1;
         }
         self.len = len;
-        // Of length 1 up to the rounding of the ray, 2^-24 and less.
+        // Of length 1 up to the rounding of the ray's direction, at most 2^-24.
         if len == hits.len() {
-            widely(
+            simd_dispatch(
                 #[inline(always)]
-                || (0..len.min(LANES)).for_each(|i| self.view.set(i, -rays.direction.get(i))),
+                || (0..len.min(RAYS_PER_BATCH)).for_each(|i| self.view.set(i, -rays.direction.get(i))),
             );
         } else {
-            for i in 0..len.min(LANES) {
+            for i in 0..len.min(RAYS_PER_BATCH) {
                 self.view.set(i, -rays.direction.get(self.ray_of[i] as usize));
             }
         }
@@ -196,44 +198,44 @@ impl Surfaces {
 }
 
 impl World {
-    /// Everything that is to be known of the closest hits of `rays`, at most [`LANES`] of them: into `surfaces`.
-    pub fn surfaces(&self, rays: &RayLanes, hits: &[Option<Hit>], surfaces: &mut Surfaces) {
+    /// Computes the surface interactions of the closest hits of `rays`, at most [`RAYS_PER_BATCH`].
+    pub fn interactions(&self, rays: &RaySoa, hits: &[Option<Hit>], surfaces: &mut InteractionSoa) {
         surfaces.gather(rays, hits);
         let mut end = surfaces.len();
         for index in (0..surfaces.runs.len()).rev() {
             let run = surfaces.runs[index];
-            self.surfaces_of_run(run, end, rays, hits, surfaces);
+            self.interactions_of_run(run, end, rays, hits, surfaces);
             end = run.start;
         }
-        surfaces.find_parts();
+        surfaces.find_material_ranges();
     }
 
-    /// Everything that is to be known of the hits of a run, which ends before `end`.
-    fn surfaces_of_run(
+    /// Computes the interactions of a run, which ends before `end`.
+    fn interactions_of_run(
         &self,
         run: Run,
         end: usize,
-        rays: &RayLanes,
+        rays: &RaySoa,
         hits: &[Option<Hit>],
-        surfaces: &mut Surfaces,
+        surfaces: &mut InteractionSoa,
     ) {
         let range = run.start..end;
-        if range.len() >= WORTH_A_LOOP && self.is_plain(run.prim) {
+        if range.len() >= MIN_RUN && self.is_plain(run.prim) {
             match self.accelerator.primitive(run.slot) {
                 Primitive::Sphere(sphere) => {
                     for i in range.clone() {
                         let point = rays.get(surfaces.ray_of[i] as usize).at(surfaces.t[i]);
                         surfaces.position.set(i, point);
                     }
-                    widely(
+                    simd_dispatch(
                         #[inline(always)]
                         || on_sphere(surfaces, range.clone(), &sphere),
                     );
-                    return self.name_run(run.prim, range, surfaces);
+                    return self.set_indices(run.prim, range, surfaces);
                 }
                 Primitive::Triangle(triangle) => {
                     if let Some(normal) = triangle.unit_normal() {
-                        widely(
+                        simd_dispatch(
                             #[inline(always)]
                             || on_triangle(surfaces, range.clone(), &triangle, normal),
                         );
@@ -243,7 +245,7 @@ impl World {
                                 self.with_visible_start(point, normal, surfaces.view.get(i), surfaces.t[i]);
                             surfaces.start.set(i, point.start);
                         }
-                        return self.name_run(run.prim, range, surfaces);
+                        return self.set_indices(run.prim, range, surfaces);
                     }
                 }
             }
@@ -251,18 +253,18 @@ impl World {
         for i in range {
             let ray = surfaces.ray_of[i] as usize;
             if let Some(hit) = &hits[ray] {
-                surfaces.set(i, &self.surface(&rays.get(ray), hit));
+                surfaces.set(i, &self.interaction(&rays.get(ray), hit));
             }
         }
     }
 
-    /// Whether nothing is interpolated across the object of a primitive.
+    /// Whether the object of a primitive has no vertex attributes.
     fn is_plain(&self, prim: PrimId) -> bool {
         self.objects[self.object_of(prim) as usize].attributes.are_none()
     }
 
-    /// Notes whose points those of a run are.
-    fn name_run(&self, prim: PrimId, range: Range<usize>, surfaces: &mut Surfaces) {
+    /// Writes primitive, object and material of a run.
+    fn set_indices(&self, prim: PrimId, range: Range<usize>, surfaces: &mut InteractionSoa) {
         let object = self.object_of(prim);
         surfaces.prim[range.clone()].fill(prim.0);
         surfaces.object[range.clone()].fill(object);
@@ -270,29 +272,29 @@ impl World {
     }
 }
 
-/// The points of a run on a flat triangle whose normal has length 1.
+/// Computes a run on a flat triangle; `normal` has length 1.
 #[inline(always)]
-fn on_triangle(surfaces: &mut Surfaces, range: Range<usize>, triangle: &Triangle, normal: DVec3) {
-    for i in range.start..range.end.min(LANES) {
+fn on_triangle(surfaces: &mut InteractionSoa, range: Range<usize>, triangle: &Triangle, normal: DVec3) {
+    for i in range.start..range.end.min(RAYS_PER_BATCH) {
         let (v, w) = (surfaces.weights[0][i], surfaces.weights[1][i]);
         let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
         finish(surfaces, i, point, normal);
     }
 }
 
-/// The points of a run on a sphere; they stand where the rays' distances put them.
+/// Computes a run on a sphere, from positions `ray.at(t)`.
 #[inline(always)]
-fn on_sphere(surfaces: &mut Surfaces, range: Range<usize>, sphere: &Sphere) {
-    for i in range.start..range.end.min(LANES) {
+fn on_sphere(surfaces: &mut InteractionSoa, range: Range<usize>, sphere: &Sphere) {
+    for i in range.start..range.end.min(RAYS_PER_BATCH) {
         let (_, normal) = sphere.surface(surfaces.position.get(i));
         finish(surfaces, i, SurfacePoint::on_sphere(sphere.centre, sphere.radius, normal), normal);
     }
 }
 
-/// A point of a plain surface, its normal turned to the side that the ray came from.
+/// Writes an interaction without vertex attributes; its normal is turned to the side of the view.
 #[inline(always)]
-fn finish(surfaces: &mut Surfaces, i: usize, point: SurfacePoint, normal: DVec3) {
-    // The view is the direction's negative to the bit, so this is the sign of their product turned.
+fn finish(surfaces: &mut InteractionSoa, i: usize, point: SurfacePoint, normal: DVec3) {
+    // `view` is exactly the negated direction, so this is exactly the test of the scalar code.
     let behind = normal.dot(surfaces.view.get(i)) < 0.0;
     let turn = |c: f64| if behind { -c } else { c };
     let facing = DVec3::new(turn(normal.x), turn(normal.y), turn(normal.z));

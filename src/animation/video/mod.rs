@@ -1,7 +1,7 @@
-//! Films: formats that hold many pictures in one file or stream.
+//! Videos: formats that hold many frames in one file or stream.
 //!
-//! A frame goes through two steps. [`Form::of`] turns its picture into what the format takes, in parallel with everything
-//! else; [`Recorder::add`] writes that, in order.
+//! [`VideoFormat::convert`] turns a rendered frame into the input of the encoder, in parallel; [`VideoWriter::add`] encodes and
+//! writes it, in order.
 
 #[cfg(feature = "video")]
 mod h264;
@@ -21,60 +21,60 @@ use crate::film::output::{WholeFile, describe};
 use crate::film::{ColourPipeline, Film};
 use yuv::Yuv420;
 
-/// How good a film is that loses something.
+/// The quality of lossy formats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quality {
-    /// Hardly told from the pictures.
+    /// Almost indistinguishable from the rendered frames.
     High,
-    /// A few times smaller.
+    /// Several times smaller.
     Low,
 }
 
-/// What a film is written as.
+/// A video format.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Form {
+pub enum VideoFormat {
     /// H.264 in MP4.
     Mp4(Quality),
-    /// 256 colours a frame.
+    /// GIF: 256 colours per frame.
     Gif,
     /// Animated PNG: lossless.
     Apng,
-    /// YUV4MPEG2, 4:4:4: for other programs to read from a pipe.
+    /// YUV4MPEG2, 4:4:4, for pipes.
     Y4m,
-    /// Red, green and blue of pixel after pixel: for other programs that are told the size.
+    /// Raw 8-bit RGB without header, for pipes.
     Rgb,
 }
 
-/// A picture in what a format takes of it.
-pub enum Prepared {
-    /// Subsampled planes.
+/// A frame as the input of an encoder.
+pub enum FrameData {
+    /// Planes with subsampled chroma.
     Yuv(Yuv420),
     /// A frame with its palette.
     #[cfg(feature = "video")]
     Gif(gif::Frame<'static>),
-    /// Bytes as they are written.
+    /// Bytes to write unchanged.
     Bytes(Vec<u8>),
 }
 
-impl Form {
-    /// What the ending of a file's name asks for; `None` for another.
+impl VideoFormat {
+    /// The format for the extension of a file name; `None` for an unknown one.
     pub fn from_path(file: &Path, quality: Quality) -> Option<Self> {
         let ending = file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
         match ending.as_str() {
-            "mp4" | "m4v" => Some(Form::Mp4(quality)),
-            "gif" => Some(Form::Gif),
-            "png" | "apng" => Some(Form::Apng),
-            "y4m" => Some(Form::Y4m),
+            "mp4" | "m4v" => Some(VideoFormat::Mp4(quality)),
+            "gif" => Some(VideoFormat::Gif),
+            "png" | "apng" => Some(VideoFormat::Apng),
+            "y4m" => Some(VideoFormat::Y4m),
             _ => None,
         }
     }
 
-    /// Whether pictures of this size, and so many a second, can be written so.
+    /// Checks whether the format supports frames of this size and rate.
     ///
     /// # Errors
-    /// [`Error::Usage`] where they cannot.
+    /// [`Error::Usage`] where it does not.
     pub fn check(self, [width, height]: [u32; 2], fps: f64) -> Result<()> {
-        let is_video = matches!(self, Form::Mp4(_) | Form::Gif);
+        let is_video = matches!(self, VideoFormat::Mp4(_) | VideoFormat::Gif);
         if is_video && cfg!(not(feature = "video")) {
             return Err(Error::usage(
                 "this kiln was built without films",
@@ -82,7 +82,7 @@ impl Form {
             ));
         }
         #[cfg(feature = "video")]
-        if matches!(self, Form::Mp4(_)) {
+        if matches!(self, VideoFormat::Mp4(_)) {
             let [long, short] = h264::LARGEST;
             let fits = width.max(height) <= long && width.min(height) <= short;
             if !fits || width.min(height) < h264::SMALLEST {
@@ -92,57 +92,57 @@ impl Form {
                 ));
             }
         }
-        if self == Form::Gif && width.max(height) > u32::from(u16::MAX) {
+        if self == VideoFormat::Gif && width.max(height) > u32::from(u16::MAX) {
             return Err(Error::usage("the picture is too large for .gif", "give a smaller --size"));
         }
-        // Players show what is to last a hundredth of a second for ten.
-        if self == Form::Gif && fps > 50.0 {
+        // Players show frames of 1/100 s for 1/10 s.
+        if self == VideoFormat::Gif && fps > 50.0 {
             let what = format!("{fps} frames a second are more than a .gif can show");
             return Err(Error::usage(what, "give --fps 50 or fewer, or write an .mp4 or an animated .png"));
         }
         Ok(())
     }
 
-    /// The picture in what the format takes of it.
-    pub fn of(self, film: &Film<[u8; 3]>) -> Prepared {
+    /// Converts a rendered frame to the encoder's input.
+    pub fn convert(self, film: &Film<[u8; 3]>) -> FrameData {
         match self {
-            Form::Mp4(_) => Prepared::Yuv(Yuv420::of(film)),
+            VideoFormat::Mp4(_) => FrameData::Yuv(Yuv420::of(film)),
             #[cfg(feature = "video")]
-            Form::Gif => {
+            VideoFormat::Gif => {
                 let crate::film::Window { width, height, .. } = film.window();
-                // 1 to 30, by what is lost: the share of pixels that the palette is made from. With less than all of them, small
-                // things change their colour from frame to frame.
+                // 1 to 30: the palette is made from every n-th pixel. With fewer than all of them, small objects change their colour
+                // from frame to frame.
                 const SPEED: i32 = 1;
                 let bytes = film.bytes();
-                Prepared::Gif(gif::Frame::from_rgb_speed(width as u16, height as u16, &bytes, SPEED))
+                FrameData::Gif(gif::Frame::from_rgb_speed(width as u16, height as u16, &bytes, SPEED))
             }
-            Form::Y4m => Prepared::Bytes(stream::y4m_frame(film)),
-            _ => Prepared::Bytes(film.bytes()),
+            VideoFormat::Y4m => FrameData::Bytes(stream::y4m_frame(film)),
+            _ => FrameData::Bytes(film.bytes()),
         }
     }
 }
 
-/// What there is to know of a film before its first frame.
+/// The properties of a video, fixed before its first frame.
 #[derive(Debug, Clone, Copy)]
-pub struct Outline {
+pub struct VideoSpec {
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
-    /// How many frames there are.
+    /// The number of frames.
     pub frames: usize,
-    /// What the pictures' values are.
+    /// The colour pipeline of the frames.
     pub pipeline: ColourPipeline,
 }
 
-/// Writes a film, frame after frame.
-pub struct Recorder {
-    writer: Writer,
-    /// The file that is being written, where it is one.
+/// Encodes and writes a video.
+pub struct VideoWriter {
+    encoder: Encoder,
+    /// The output file; `None` for a stream.
     file: Option<Sink>,
 }
 
-enum Writer {
+enum Encoder {
     #[cfg(feature = "video")]
     Mp4(Box<mp4::Mp4>, Box<h264::H264>),
     #[cfg(feature = "video")]
@@ -151,7 +151,7 @@ enum Writer {
     Plain(Box<dyn Write + Send>),
 }
 
-/// How long the frames of a GIF are shown, in hundredths of a second, such that what is rounded does not add up.
+/// The delays of GIF frames in 1/100 s, rounded so that errors do not accumulate.
 #[cfg(feature = "video")]
 struct Delays {
     fps: f64,
@@ -167,7 +167,7 @@ impl Delays {
     }
 }
 
-/// A file that an encoder writes to and that is ended when the encoder has gone.
+/// A file shared with the encoder, which is completed after the encoder was dropped.
 #[derive(Clone)]
 struct Sink(Arc<Mutex<WholeFile>>);
 
@@ -176,7 +176,7 @@ impl Sink {
         work(&mut *self.0.lock().map_err(|_| io::Error::other("a writer failed"))?)
     }
 
-    /// The file, once nobody else writes to it.
+    /// Completes the file. The encoder must have been dropped.
     fn end(self) -> Result<()> {
         match Arc::into_inner(self.0).and_then(|file| file.into_inner().ok()) {
             Some(file) => file.finish(),
@@ -195,66 +195,70 @@ impl Write for Sink {
     }
 }
 
-impl Recorder {
-    /// A film in a file, which is there once it is whole.
+impl VideoWriter {
+    /// A writer to a file, which appears under its name when the video is complete.
     ///
     /// # Errors
-    /// Those of the file and of the encoder.
-    pub fn to_file(file: &Path, form: Form, outline: Outline) -> Result<Self> {
+    /// [`Error::Output`] for those of the file and of the encoder.
+    pub fn to_file(file: &Path, format: VideoFormat, spec: VideoSpec) -> Result<Self> {
         let sink = Sink(Arc::new(Mutex::new(WholeFile::create(file)?)));
-        let writer = writer_for(file, form, &outline, sink.clone());
-        let writer = writer.map_err(|e| Error::output(file, describe(&e)))?;
-        Ok(Recorder { writer, file: Some(sink) })
+        let encoder = encoder_for(file, format, &spec, sink.clone());
+        let encoder = encoder.map_err(|e| Error::output(file, describe(&e)))?;
+        Ok(VideoWriter { encoder, file: Some(sink) })
     }
 
-    /// A film for a pipe: [`Form::Y4m`] or [`Form::Rgb`].
+    /// A writer to a stream: [`VideoFormat::Y4m`] or [`VideoFormat::Rgb`].
     ///
     /// # Errors
     /// Those of the stream.
-    pub fn to_stream(mut out: Box<dyn Write + Send>, form: Form, outline: Outline) -> io::Result<Self> {
-        if form == Form::Y4m {
-            stream::y4m_header(&outline, &mut out)?;
+    pub fn to_stream(
+        mut out: Box<dyn Write + Send>,
+        format: VideoFormat,
+        spec: VideoSpec,
+    ) -> io::Result<Self> {
+        if format == VideoFormat::Y4m {
+            stream::y4m_header(&spec, &mut out)?;
         }
-        Ok(Recorder { writer: Writer::Plain(out), file: None })
+        Ok(VideoWriter { encoder: Encoder::Plain(out), file: None })
     }
 
     /// Adds the next frame.
     ///
     /// # Errors
-    /// Those of the encoder and of what is written to.
-    pub fn add(&mut self, frame: Prepared) -> io::Result<()> {
-        match (&mut self.writer, frame) {
+    /// Those of the encoder and of the output.
+    pub fn add(&mut self, frame: FrameData) -> io::Result<()> {
+        match (&mut self.encoder, frame) {
             #[cfg(feature = "video")]
-            (Writer::Mp4(film, codec), Prepared::Yuv(planes)) => {
+            (Encoder::Mp4(film, codec), FrameData::Yuv(planes)) => {
                 film.add(&codec.encode(&planes).map_err(|e| refused(&e))?)
             }
             #[cfg(feature = "video")]
-            (Writer::Gif(encoder, delays), Prepared::Gif(mut frame)) => {
+            (Encoder::Gif(encoder, delays), FrameData::Gif(mut frame)) => {
                 frame.delay = delays.next();
                 encoder.write_frame(&frame).map_err(io::Error::other)
             }
-            (Writer::Apng(writer), Prepared::Bytes(bytes)) => Ok(writer.write_image_data(&bytes)?),
-            (Writer::Plain(out), Prepared::Bytes(bytes)) => out.write_all(&bytes),
+            (Encoder::Apng(writer), FrameData::Bytes(bytes)) => Ok(writer.write_image_data(&bytes)?),
+            (Encoder::Plain(out), FrameData::Bytes(bytes)) => out.write_all(&bytes),
             _ => Err(io::Error::other("a frame in another form")),
         }
     }
 
-    /// Ends the film. Only now is there a file.
+    /// Completes the video and its file.
     ///
     /// # Errors
-    /// Those of what is written to.
+    /// Those of the output.
     pub fn finish(self) -> Result<()> {
-        let Recorder { writer, file } = self;
-        let ended = match writer {
+        let VideoWriter { encoder, file } = self;
+        let ended = match encoder {
             #[cfg(feature = "video")]
-            Writer::Mp4(film, codec) => match file.clone() {
+            Encoder::Mp4(film, codec) => match file.clone() {
                 Some(mut file) => film.finish(&codec.parameter_sets, &mut file),
                 None => Ok(()),
             },
             #[cfg(feature = "video")]
-            Writer::Gif(encoder, _) => encoder.into_inner().map(drop).map_err(io::Error::other),
-            Writer::Apng(writer) => writer.finish().map_err(io::Error::from),
-            Writer::Plain(mut out) => out.flush(),
+            Encoder::Gif(encoder, _) => encoder.into_inner().map(drop).map_err(io::Error::other),
+            Encoder::Apng(writer) => writer.finish().map_err(io::Error::from),
+            Encoder::Plain(mut out) => out.flush(),
         };
         let name = file.as_ref().and_then(|file| file.with(|file| Ok(file.name().to_owned())).ok());
         ended.map_err(|e| Error::output(name.as_deref().unwrap_or(Path::new("-")), describe(&e)))?;
@@ -262,38 +266,38 @@ impl Recorder {
     }
 }
 
-/// What OpenH264 says, in a line.
+/// OpenH264's message, in one line.
 #[cfg(feature = "video")]
 fn refused(e: &openh264::Error) -> io::Error {
     let text = e.to_string();
     io::Error::other(format!("OpenH264: {}", text.lines().next().unwrap_or("failed")))
 }
 
-fn writer_for(file: &Path, form: Form, outline: &Outline, mut sink: Sink) -> io::Result<Writer> {
-    Ok(match form {
+fn encoder_for(file: &Path, format: VideoFormat, spec: &VideoSpec, mut sink: Sink) -> io::Result<Encoder> {
+    Ok(match format {
         #[cfg(feature = "video")]
-        Form::Mp4(quality) => {
-            let even = outline.size.map(|side| side.next_multiple_of(2) as u16);
-            let film = mp4::Mp4::new(folder_of(file), even, outline.fps)?;
-            let codec = h264::H264::new(outline.fps, quality).map_err(|e| refused(&e))?;
-            Writer::Mp4(Box::new(film), Box::new(codec))
+        VideoFormat::Mp4(quality) => {
+            let even = spec.size.map(|side| side.next_multiple_of(2) as u16);
+            let film = mp4::Mp4::new(folder_of(file), even, spec.fps)?;
+            let codec = h264::H264::new(spec.fps, quality).map_err(|e| refused(&e))?;
+            Encoder::Mp4(Box::new(film), Box::new(codec))
         }
         #[cfg(feature = "video")]
-        Form::Gif => {
-            let [width, height] = outline.size.map(|side| side as u16);
+        VideoFormat::Gif => {
+            let [width, height] = spec.size.map(|side| side as u16);
             let mut encoder = gif::Encoder::new(sink, width, height, &[]).map_err(io::Error::other)?;
             encoder.set_repeat(gif::Repeat::Infinite).map_err(io::Error::other)?;
-            Writer::Gif(Box::new(encoder), Delays { fps: outline.fps, frames: 0 })
+            Encoder::Gif(Box::new(encoder), Delays { fps: spec.fps, frames: 0 })
         }
         #[cfg(not(feature = "video"))]
-        Form::Mp4(_) | Form::Gif => {
+        VideoFormat::Mp4(_) | VideoFormat::Gif => {
             return Err(io::Error::other(format!("{}: this kiln was built without films", file.display())));
         }
-        Form::Apng => Writer::Apng(Box::new(stream::apng(sink, outline)?)),
-        Form::Y4m => {
-            stream::y4m_header(outline, &mut sink)?;
-            Writer::Plain(Box::new(sink))
+        VideoFormat::Apng => Encoder::Apng(Box::new(stream::apng(sink, spec)?)),
+        VideoFormat::Y4m => {
+            stream::y4m_header(spec, &mut sink)?;
+            Encoder::Plain(Box::new(sink))
         }
-        Form::Rgb => Writer::Plain(Box::new(sink)),
+        VideoFormat::Rgb => Encoder::Plain(Box::new(sink)),
     })
 }

@@ -1,31 +1,32 @@
-//! Scenes that f32 cannot hold well are moved and scaled before they are prepared.
+//! Recentering: moves and scales scenes into the range that f32 represents well.
 //!
-//! Geometry is kept in f32, which has 24 bits for a coordinate: a mesh a million times its own size away from the origin
-//! has 4 of them left for its shape. And boxes of a size near the ends of f32's range have areas beyond it, which the
-//! builder weighs. Both are cured in f64 beforehand: the scene's middle is moved to the origin, and everything is scaled
-//! by a power of two, which changes no digit.
+//! Geometry is stored in f32, with 24 bits per coordinate: a mesh at a distance of a million times its size from the origin has 4
+//! of them left for its shape. The surface areas of boxes near the ends of f32's range overflow or vanish in the builder. Both are
+//! avoided in f64 beforehand: the centre of the scene is moved to the origin, and the scene is scaled by a power of two, which
+//! does not round.
 
 use glam::DVec3;
 
 use crate::scene::{Camera, Falloff, LightKind, Scene, Shape, Step};
 
-/// How far from the origin, in sizes of its own, a scene may lie and keep 20 of 24 bits.
+/// The largest distance from the origin, in sizes of the scene, at which 20 of 24 bits are left for its shape.
 const FAR: f64 = 16.0;
 
-/// Sizes beyond these powers of two are scaled to 1: areas and their products then stay well within f32's range.
+/// Scenes whose size is beyond 2 to plus or minus this are scaled to about 1, so that areas and their products stay within
+/// f32's range.
 const LARGEST_EXPONENT: i32 = 40;
 
-/// What was done to a scene.
+/// The translation and scale that were applied to a scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Range {
-    /// The point that is now the origin.
+pub struct Recentering {
+    /// The point of the original scene that is the origin of the recentered one.
     pub middle: DVec3,
-    /// The factor that everything was then scaled by.
+    /// The scale after the translation, a power of two.
     pub scale: f64,
 }
 
-/// Moves and scales a scene into the range that f32 holds well. `None` where it is there already.
-pub fn bring_into_range(scene: &mut Scene) -> Option<Range> {
+/// Recenters a scene. `None` where it already lies in the range that f32 represents well.
+pub fn recenter(scene: &mut Scene) -> Option<Recentering> {
     let (min, max) = scene.bounds()?;
     let size = (max - min).max_element();
     let middle = min / 2.0 + max / 2.0;
@@ -35,16 +36,16 @@ pub fn bring_into_range(scene: &mut Scene) -> Option<Range> {
     if !far && !extreme {
         return None;
     }
-    let range = Range {
+    let recentering = Recentering {
         middle: if far { middle } else { DVec3::ZERO },
         scale: if extreme { f64::from(-exponent).exp2() } else { 1.0 },
     };
-    range.apply(scene);
-    Some(range)
+    recentering.apply(scene);
+    Some(recentering)
 }
 
-impl Range {
-    /// Moves and scales a scene.
+impl Recentering {
+    /// Applies the translation and scale to a scene.
     pub fn apply(&self, scene: &mut Scene) {
         let place = |p: &mut DVec3| *p = (*p - self.middle) * self.scale;
         for object in &mut scene.objects {
@@ -74,15 +75,15 @@ impl Range {
         }
     }
 
-    /// The camera in the moved scene.
+    /// The camera in the recentered scene.
     pub fn moved(&self, camera: &Camera) -> Camera {
         let mut moved = camera.clone();
         self.move_camera(&mut moved);
         moved
     }
 
-    /// The camera in the scene as it is described, of one in the moved scene. Rounded to what can be said there: what
-    /// [`Range::moved`] makes of it may lie beside the camera by the last digits of the scene's own coordinates.
+    /// The camera in original coordinates, from one in the recentered scene. [`Recentering::moved`] reverses this up to
+    /// rounding in the original coordinates.
     pub fn moved_back(&self, camera: &Camera) -> Camera {
         let mut own = camera.clone();
         own.position = self.point_back(camera.position);
@@ -93,7 +94,7 @@ impl Range {
         own
     }
 
-    /// A point of the moved scene, in the scene's own coordinates.
+    /// A point in original coordinates, from one in the recentered scene.
     pub fn point_back(&self, point: DVec3) -> DVec3 {
         point / self.scale + self.middle
     }
@@ -123,32 +124,32 @@ mod tests {
     #[test]
     fn ordinary_scenes_stay_as_they_are() {
         let mut scene = scene_of(vec![DVec3::ZERO, DVec3::new(1e5, 0.0, 0.0), DVec3::new(5e4, 3.0, 1e5)]);
-        assert_eq!(bring_into_range(&mut scene), None);
-        assert_eq!(bring_into_range(&mut Scene::default()), None);
+        assert_eq!(recenter(&mut scene), None);
+        assert_eq!(recenter(&mut Scene::default()), None);
     }
 
     #[test]
     fn far_scenes_keep_their_digits() {
-        // Corners a thousandth apart at a million: f32's step there is 1/16.
+        // Corners 0.001 apart at a distance of a million, where the spacing of f32 is 1/16.
         let far = DVec3::new(1e6, 0.0, -1e6);
         let corners = [DVec3::ZERO, DVec3::X * 1e-3, DVec3::Y * 1e-3];
         let mut scene = scene_of(corners.iter().map(|c| *c + far).collect());
-        let range = bring_into_range(&mut scene).unwrap();
-        assert_eq!(range.scale, 1.0);
+        let recentering = recenter(&mut scene).unwrap();
+        assert_eq!(recentering.scale, 1.0);
         let Shape::Mesh(mesh) = &scene.objects[0].shape else { unreachable!() };
         let edge = mesh.positions[1] - mesh.positions[0];
         assert!((edge.x - 1e-3).abs() < 1e-9 && edge.x as f32 > 0.0);
-        assert_eq!(mesh.positions[1], corners[1] + far - range.middle);
+        assert_eq!(mesh.positions[1], corners[1] + far - recentering.middle);
     }
 
     #[test]
     fn extreme_sizes_become_one_by_a_power_of_two() {
         for size in [1e-30, 1e17] {
             let mut scene = scene_of(vec![DVec3::ZERO, DVec3::X * size, DVec3::Y * size]);
-            let range = bring_into_range(&mut scene).unwrap();
-            assert_eq!(range.scale.to_bits() << 12, 0, "a power of two");
+            let recentering = recenter(&mut scene).unwrap();
+            assert_eq!(recentering.scale.to_bits() << 12, 0, "a power of two");
             let Shape::Mesh(mesh) = &scene.objects[0].shape else { unreachable!() };
-            assert_eq!(mesh.positions[1].x, size * range.scale);
+            assert_eq!(mesh.positions[1].x, size * recentering.scale);
             assert!((0.7..1.5).contains(&mesh.positions[1].x));
         }
     }

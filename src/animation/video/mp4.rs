@@ -1,4 +1,4 @@
-//! MP4: the boxes around encoded pictures, those that say where everything is before the pictures ("fast start").
+//! MP4: the boxes around encoded frames, with `moov` before `mdat` ("fast start").
 
 use std::fs::File;
 use std::io::{self, Seek, Write};
@@ -9,49 +9,49 @@ use mp4_atom::{
     Stsc, StscEntry, Stsd, Stss, Stsz, StszSamples, Stts, SttsEntry, Tkhd, Trak, Url, Visual, Vmhd,
 };
 
-use super::h264::Sample;
+use super::h264::EncodedFrame;
 
-/// Ticks a frame: frames a second may have three decimals.
+/// Ticks per frame: the frame rate may have three decimals.
 const TICKS: u32 = 1000;
 
-/// A film whose pictures wait in a file without a name until it is known where they will stand.
+/// An MP4 file in the making. Encoded frames are kept in an unnamed temporary file until the size of the boxes before them is known.
 pub struct Mp4 {
     size: [u16; 2],
     timescale: u32,
-    pictures: io::BufWriter<File>,
+    frames: io::BufWriter<File>,
     sizes: Vec<u32>,
-    /// Numbers of the key frames, from 1.
+    /// The numbers of the key frames, counted from 1.
     keys: Vec<u32>,
 }
 
 impl Mp4 {
-    /// A film of pictures of this size, so many a second. The pictures wait in `folder`.
+    /// Begins a file with frames of this size and rate. The temporary file is created in `folder`.
     ///
     /// # Errors
-    /// Where nothing can be written there.
+    /// Those of creating the temporary file.
     pub fn new(folder: &Path, size: [u16; 2], fps: f64) -> io::Result<Self> {
-        let pictures = io::BufWriter::new(tempfile::tempfile_in(folder)?);
+        let frames = io::BufWriter::new(tempfile::tempfile_in(folder)?);
         let timescale = (fps * f64::from(TICKS)).round().max(1.0) as u32;
-        Ok(Mp4 { size, timescale, pictures, sizes: Vec::new(), keys: Vec::new() })
+        Ok(Mp4 { size, timescale, frames, sizes: Vec::new(), keys: Vec::new() })
     }
 
-    /// Adds the next picture.
+    /// Adds the next frame.
     ///
     /// # Errors
-    /// Where it cannot be written.
-    pub fn add(&mut self, sample: &Sample) -> io::Result<()> {
-        self.pictures.write_all(&sample.bytes)?;
-        self.sizes.push(sample.bytes.len() as u32);
-        if sample.is_key {
+    /// Those of writing.
+    pub fn add(&mut self, frame: &EncodedFrame) -> io::Result<()> {
+        self.frames.write_all(&frame.bytes)?;
+        self.sizes.push(frame.bytes.len() as u32);
+        if frame.is_key {
             self.keys.push(self.sizes.len() as u32);
         }
         Ok(())
     }
 
-    /// Writes the film.
+    /// Writes the file.
     ///
     /// # Errors
-    /// Where it cannot be written.
+    /// Those of reading and writing.
     pub fn finish(self, parameter_sets: &[Vec<u8>; 2], out: &mut dyn Write) -> io::Result<()> {
         let ftyp = Ftyp {
             major_brand: b"isom".into(),
@@ -61,10 +61,10 @@ impl Mp4 {
         let mut head = Vec::new();
         ftyp.encode(&mut head).map_err(io::Error::other)?;
         let bytes: u64 = self.sizes.iter().map(|&size| u64::from(size)).sum();
-        // Its own length and its name, and the length again in eight bytes where four are not enough.
+        // The header of `mdat`: length and name, and the length in eight bytes where four are not enough.
         let is_long = bytes > u64::from(u32::MAX) - 16;
         let mdat = if is_long { 16 } else { 8 };
-        // How long the boxes are does not depend on what they say of the place.
+        // The length of the boxes does not depend on the offset that they contain.
         let mut boxes = Vec::new();
         self.boxes(parameter_sets, is_long, 0)?.encode(&mut boxes).map_err(io::Error::other)?;
         let place = (head.len() + boxes.len()) as u64 + mdat;
@@ -80,13 +80,13 @@ impl Mp4 {
             head.extend_from_slice(b"mdat");
         }
         out.write_all(&head)?;
-        let mut pictures = self.pictures.into_inner().map_err(io::IntoInnerError::into_error)?;
-        pictures.rewind()?;
-        io::copy(&mut pictures, out)?;
+        let mut frames = self.frames.into_inner().map_err(io::IntoInnerError::into_error)?;
+        frames.rewind()?;
+        io::copy(&mut frames, out)?;
         Ok(())
     }
 
-    /// What there is, of what kind, how long, and from which byte of the file on (ISO/IEC 14496-12, chapter 8).
+    /// The `moov` box, for frames that begin at byte `place` of the file (ISO/IEC 14496-12, chapter 8).
     fn boxes(&self, [sequence, picture]: &[Vec<u8>; 2], is_long: bool, place: u64) -> io::Result<Moov> {
         let count = self.sizes.len() as u32;
         let duration = u64::from(count) * u64::from(TICKS);

@@ -1,4 +1,4 @@
-//! H.264 by OpenH264: Constrained Baseline, which every player decodes.
+//! H.264 by OpenH264, in the Constrained Baseline profile, which every player decodes.
 
 use openh264::encoder::{
     BitRate, Complexity, Encoder, EncoderConfig, FrameRate, FrameType, IntraFramePeriod, Profile, QpRange,
@@ -10,37 +10,36 @@ use openh264::{OpenH264API, Timestamp};
 use super::Quality;
 use super::yuv::Yuv420;
 
-/// The largest picture that OpenH264 encodes: long and short side.
+/// The largest frame that OpenH264 encodes: long and short side in pixels.
 pub const LARGEST: [u32; 2] = [3840, 2160];
 
-/// The smallest side.
+/// The smallest side in pixels.
 pub const SMALLEST: u32 = 16;
 
-/// Encodes pictures one after the other. The same pictures give the same bytes.
+/// An encoder. Equal frames give equal bytes.
 pub struct H264 {
     encoder: Encoder,
     fps: f64,
     encoded: u64,
-    /// Sequence and picture parameter sets, once there are pictures.
+    /// Sequence and picture parameter sets, available after the first frame.
     pub parameter_sets: [Vec<u8>; 2],
 }
 
-/// An encoded picture, in the form of MP4: units, each after its length in four bytes (ISO/IEC 14496-15, 5.3).
-pub struct Sample {
+/// An encoded frame as stored in MP4: NAL units, each preceded by its length in four bytes (ISO/IEC 14496-15, 5.3).
+pub struct EncodedFrame {
     /// The bytes.
     pub bytes: Vec<u8>,
-    /// Whether decoding can begin with it.
+    /// Whether it is a key frame.
     pub is_key: bool,
 }
 
 impl H264 {
-    /// An encoder for so many frames a second.
+    /// An encoder for this number of frames per second.
     ///
     /// # Errors
-    /// What OpenH264 says.
+    /// Those of OpenH264.
     pub fn new(fps: f64, quality: Quality) -> Result<Self, openh264::Error> {
-        // The same quantiser for every block of every frame, so there is nothing that a rate control could get wrong. By the
-        // standard's scale 6 more are twice the step.
+        // A constant quantiser instead of rate control. 6 more double the quantisation step.
         let step = match quality {
             Quality::High => 16,
             Quality::Low => 34,
@@ -49,31 +48,31 @@ impl H264 {
             .profile(Profile::Baseline)
             .vui(VuiConfig::bt709())
             .usage_type(UsageType::CameraVideoRealTime)
-            // Without changes of scene, this mode keeps to the range of quantisers and to nothing else.
+            // Without scene change detection, this mode is limited by the range of quantisers alone.
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QpRange::new(step, step))
-            // Has to be said; the level is chosen by it.
+            // Required; the H.264 level is chosen by it.
             .bitrate(BitRate::from_bps(20_000_000))
             .max_frame_rate(FrameRate::from_hz(fps as f32))
-            // A key frame every two seconds, for players to jump to.
+            // A key frame every two seconds, for seeking.
             .intra_frame_period(IntraFramePeriod::from_num_frames((2.0 * fps).ceil().max(1.0) as u32))
             .complexity(Complexity::Low)
-            // Every frame is a frame, and rendered pictures have no noise that looking for it would find.
+            // No frame is dropped. Adaptation to camera noise has no use for rendered frames.
             .skip_frames(false)
             .scene_change_detect(false)
             .adaptive_quantization(false)
             .background_detection(false)
-            // Slices for threads would be other bytes for another number of them.
+            // With several threads the bytes would depend on their number.
             .num_threads(1);
         let encoder = Encoder::with_api_config(OpenH264API::from_source(), config)?;
         Ok(H264 { encoder, fps, encoded: 0, parameter_sets: Default::default() })
     }
 
-    /// Encodes the next picture.
+    /// Encodes the next frame.
     ///
     /// # Errors
-    /// What OpenH264 says.
-    pub fn encode(&mut self, picture: &Yuv420) -> Result<Sample, openh264::Error> {
+    /// Those of OpenH264.
+    pub fn encode(&mut self, picture: &Yuv420) -> Result<EncodedFrame, openh264::Error> {
         let [width, height] = picture.size;
         let planes = YUVSlices::new(
             (&picture.y, &picture.u, &picture.v),
@@ -87,10 +86,10 @@ impl H264 {
         let mut bytes = Vec::new();
         for layer in (0..stream.num_layers()).filter_map(|i| stream.layer(i)) {
             for unit in (0..layer.nal_count()).filter_map(|i| layer.nal_unit(i)) {
-                // Units come after zeros and a one (ITU-T H.264, annex B).
+                // A start code of zeros and a one precedes each unit (ITU-T H.264, annex B).
                 let start = 1 + unit.iter().position(|&byte| byte == 1).unwrap_or(0);
                 let unit = &unit[start..];
-                // The lower five bits are the type (table 7-1): 7 and 8 are parameter sets, which MP4 keeps apart.
+                // The lower five bits are the type (table 7-1): 7 and 8 are parameter sets, which MP4 stores separately.
                 match unit.first().map(|byte| byte & 31) {
                     Some(7) => self.parameter_sets[0] = unit.to_vec(),
                     Some(8) => self.parameter_sets[1] = unit.to_vec(),
@@ -102,6 +101,6 @@ impl H264 {
                 }
             }
         }
-        Ok(Sample { bytes, is_key })
+        Ok(EncodedFrame { bytes, is_key })
     }
 }

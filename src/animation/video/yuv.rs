@@ -1,43 +1,43 @@
-//! From a picture to what video codecs take: luma and colour differences, these at half the size.
+//! Conversion to Y'CbCr for video codecs.
 
 use rayon::prelude::*;
 
 use crate::film::Film;
 
-/// A picture as Y'CbCr, 4:2:0, 8 bits, in the numbers of television (16 to 235, 16 to 240), by the matrix of ITU-R BT.709.
+/// A frame as Y'CbCr 4:2:0, 8 bits, in limited range (16 to 235, 16 to 240), by the matrix of ITU-R BT.709.
 ///
-/// Chroma samples lie where H.264 has them when nothing is said (ITU-T H.264, figure E-1, type 0): on the left one of two columns,
-/// between two rows. So they are of three columns, weighted 1 2 1, and of two rows. All in integers: the same on every machine.
+/// Chroma samples lie at H.264's default location (ITU-T H.264, figure E-1, type 0): on the left one of two columns, between two rows.
+/// So they are filtered over three columns, weighted 1 2 1, and two rows. In integers, so the bits are the same on every machine.
 pub struct Yuv420 {
-    /// Width and height of the luma plane: even, one more than the picture's where that is odd.
+    /// Width and height of the luma plane: those of the frame, rounded up to even numbers.
     pub size: [usize; 2],
     /// Luma, row by row from the top.
     pub y: Vec<u8>,
-    /// Blue difference, half the size both ways.
+    /// Blue difference, at half the width and height.
     pub u: Vec<u8>,
-    /// Red difference, half the size both ways.
+    /// Red difference, at half the width and height.
     pub v: Vec<u8>,
 }
 
-/// Weights of red, green and blue in luma (ITU-R BT.709-6, item 3.2).
+/// The weights of red, green and blue in luma (ITU-R BT.709-6, item 3.2).
 const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// A weight as a number of 65536ths.
+/// A weight in units of 1/65536, rounded.
 const fn fixed(weight: f64) -> i32 {
     (weight * 65536.0 + if weight < 0.0 { -0.5 } else { 0.5 }) as i32
 }
 
-/// Of 8-bit values; 219 steps from black to white.
+/// Luma weights of 8-bit values, with 219 steps from black to white.
 const Y: [i32; 3] =
     [fixed(LUMA[0] * 219.0 / 255.0), fixed(LUMA[1] * 219.0 / 255.0), fixed(LUMA[2] * 219.0 / 255.0)];
 
-/// (B - Y') / 1.8556 in 224 steps; the green one makes the sum 0, so that greys have no colour.
+/// The weights of (B - Y') / 1.8556 in 224 steps. That of green makes the sum exactly 0, so that greys have no chroma.
 const U: [i32; 3] = {
     let [r, b] = [fixed(-LUMA[0] / 1.8556 * 224.0 / 255.0), fixed(0.5 * 224.0 / 255.0)];
     [r, -r - b, b]
 };
 
-/// (R - Y') / 1.5748 in 224 steps.
+/// The weights of (R - Y') / 1.5748 in 224 steps, likewise.
 const V: [i32; 3] = {
     let [r, b] = [fixed(0.5 * 224.0 / 255.0), fixed(-LUMA[2] / 1.5748 * 224.0 / 255.0)];
     [r, -r - b, b]
@@ -69,7 +69,7 @@ fn of_sum(sum: [i32; 3], shift: u32) -> [u8; 2] {
 }
 
 impl Yuv420 {
-    /// The picture, its last column and row repeated where there is an odd number of them.
+    /// Converts a frame. Where width or height is odd, the last column or row is repeated.
     pub fn of(film: &Film<[u8; 3]>) -> Self {
         let window = film.window();
         let [width, height] = [window.width, window.height].map(|n| n as usize);
@@ -109,10 +109,10 @@ impl Yuv420 {
     }
 }
 
-/// Pairs of rows that are converted by one thread at a time.
+/// The pairs of rows in one parallel task.
 const BAND: usize = 32;
 
-/// A row of the picture, its last pixel repeated up to a width.
+/// Reads a row, its last pixel repeated up to `width`.
 fn read_row(film: &Film<[u8; 3]>, row: usize, width: usize, pixels: &mut Vec<[u8; 3]>) {
     pixels.clear();
     film.row(row as u32).for_each(|part| pixels.extend_from_slice(part));
@@ -130,7 +130,7 @@ mod tests {
         Film::of_rows(Window { x: 0, y: 0, width, height }, pixels).unwrap()
     }
 
-    /// Of each colour the exact value (BT.709-6 items 3.2 to 3.5), rounded.
+    /// Against the formulas of BT.709-6, items 3.2 to 3.5, in floating point.
     #[test]
     fn colours_are_those_of_the_standard() {
         for r in (0..=255u8).step_by(15) {

@@ -1,46 +1,46 @@
-//! The full account of a hit, computed once, for the hit that counts.
+//! Surface interactions: everything that shading needs of a hit, computed once, for the closest hit.
 
 use glam::DVec3;
 
 use super::World;
-use super::lower::vertex_colour;
+use super::attributes::vertex_colour;
 use crate::bvh::{Primitive, Traversal};
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
 use crate::geometry::{Hit, Numerics, PrimId, Ray};
 
-/// A point of a surface, seen along a ray.
+/// A surface interaction: a point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]
-pub struct Surface {
-    /// Where it is, and the sizes that its error is relative to.
+pub struct SurfaceInteraction {
+    /// The position, with what ray origins are computed from.
     pub point: SurfacePoint,
-    /// Unit vector towards where the ray came from.
+    /// The unit vector towards the ray's origin.
     pub view: DVec3,
-    /// Unit normal of the geometry, on the side the ray came from.
+    /// The unit normal of the sphere or triangle, on the side of `view`.
     pub geometric_normal: DVec3,
-    /// Unit normal for shading, on the same side.
+    /// The unit normal for shading, on the side of the geometric normal.
     pub shading_normal: DVec3,
-    /// What the material's pictures say here.
+    /// The values of the material's textures.
     pub texels: Texels,
-    /// The object's own tint at this point; white where it has none.
+    /// The interpolated vertex colour; white without vertex colours.
     pub tint: DVec3,
-    /// Which primitive.
+    /// The primitive.
     pub prim: PrimId,
-    /// Index of its object.
+    /// The index of its object.
     pub object: u32,
-    /// Index of its material.
+    /// The index of its material.
     pub material: u32,
 }
 
-/// What a material's pictures say of a point: factors, 1 where there is no picture or nobody looked.
+/// The values of a material's textures at a point: factors, 1 without texture or where textures are off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Texels {
-    /// Of the colour.
+    /// Factor of the base colour.
     pub colour: DVec3,
-    /// Of the roughness.
+    /// Factor of the roughness.
     pub roughness: f64,
-    /// Of the metallic.
+    /// Factor of metallic.
     pub metallic: f64,
-    /// Of the emission.
+    /// Factor of the emission.
     pub emission: DVec3,
 }
 
@@ -51,14 +51,14 @@ impl Default for Texels {
 }
 
 impl World {
-    /// Everything that is to be known of `hit`, which must be a hit of `ray` with this world, but for pictures.
+    /// The surface interaction of `hit`, which must be a hit of `ray` with this world. Texels are left at 1.
     #[inline(always)]
-    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+    pub fn interaction(&self, ray: &Ray, hit: &Hit) -> SurfaceInteraction {
         let object_index = self.object_of(hit.prim);
         let object = &self.objects[object_index as usize];
-        // Of length 1 up to the rounding of the ray, 2^-24 and less.
+        // Of length 1 up to the rounding of the ray's direction, at most 2^-24.
         let view = -ray.direction;
-        let mut surface = Surface {
+        let mut surface = SurfaceInteraction {
             point: SurfacePoint { position: DVec3::ZERO, start: DVec3::ZERO, reach: DVec3::ZERO },
             view,
             geometric_normal: view,
@@ -88,7 +88,7 @@ impl World {
                 let local = hit.prim.0 - object.first.0;
                 if let Some(normals) = object.attributes.normals(local) {
                     let smooth = blend(normals, weights);
-                    // Where the corners' normals are missing or cancel, the triangle's own stands.
+                    // Where vertex normals are zero or cancel, the triangle's normal is kept.
                     if let Some(smooth) = smooth.try_normalize() {
                         surface.shading_normal = if smooth.dot(normal) < 0.0 { -smooth } else { smooth };
                     }
@@ -104,8 +104,8 @@ impl World {
 }
 
 impl World {
-    /// The point with its start where the ray that hit it comes from, if something lies between that ray and the start. The ray came from
-    /// the direction `view`, `distance` away; `normal` is on its side. See [`crate::geometry::spawn`].
+    /// The point, with its start moved before the hit if a face lies between the incoming ray and the start. That ray has length
+    /// `distance`; `view` is the unit direction towards its origin, `normal` is on the same side. See [`crate::geometry::spawn`].
     #[inline(always)]
     pub(super) fn with_visible_start(
         &self,
@@ -127,17 +127,17 @@ impl World {
         let before = point.before_hit(view, distance, normal);
         let [from, to] = [before, point].map(|point| point.origin_towards(normal, numerics));
         let Some(direction) = (to - from).try_normalize() else { return point };
-        // A ray along a wall may start behind it by its rounding: what is met within a few of those hides nothing.
+        // An incoming ray along a wall may lie behind it by rounding errors; hits within a few of these are ignored.
         let t_min = ORIGIN_OFFSET / 32.0 * point.reach.max_element();
         let ray = numerics.ray_precision().ray(from, direction, t_min, from.distance(to));
         let is_hidden = self.accelerator.is_occluded(&ray, &mut Traversal::default());
         if is_hidden { before } else { point }
     }
 
-    /// The tangent frame at `hit`, for a normal map: the mesh's own normal, which may point to the other side than
-    /// `surface`'s, and directions to where u grows and to where the picture goes up, at right angles and of length 1. `None`
-    /// where the mesh has no tangents, or one along its normal.
-    pub fn tangent_frame(&self, surface: &Surface, hit: &Hit) -> Option<[DVec3; 3]> {
+    /// The tangent frame at `hit` for a normal map: tangent, bitangent and normal, orthonormal (glTF 2.0, section 3.7.2.1). The
+    /// normal is the mesh's, which may point to the other side than that of `surface`. `None` where the mesh has no tangents, or
+    /// the tangent is parallel to the normal.
+    pub fn tangent_frame(&self, surface: &SurfaceInteraction, hit: &Hit) -> Option<[DVec3; 3]> {
         let object = &self.objects[surface.object as usize];
         let local = hit.prim.0 - object.first.0;
         let tangents = object.attributes.tangents(local)?;
@@ -152,9 +152,9 @@ impl World {
         Some([tangent, handedness * normal.cross(tangent), normal])
     }
 
-    /// The point of the smooth surface over `surface`, at `hit`: lifted above the tangent planes of the corners (Hanika,
-    /// Ray Tracing Gems II, chapter 4, 2021). The point itself where there is none.
-    pub fn smooth_point(&self, surface: &Surface, hit: &Hit) -> SurfacePoint {
+    /// The point at `hit` lifted above the tangent planes of the triangle's corners (Hanika, Hacking the Shadow Terminator, Ray
+    /// Tracing Gems II, chapter 4, 2021). The point itself where there are no vertex normals.
+    pub fn smooth_point(&self, surface: &SurfaceInteraction, hit: &Hit) -> SurfacePoint {
         let object = &self.objects[surface.object as usize];
         let Some(normals) = object.attributes.normals(hit.prim.0 - object.first.0) else {
             return surface.point;
@@ -164,7 +164,7 @@ impl World {
         };
         let [v, w] = hit.weights;
         let weights = [1.0 - v - w, v, w];
-        // On the side that the surface is seen from; a normal map may have tilted the shading normal.
+        // Vertex normals turned to the side of the geometric normal: a normal map may have changed the shading normal.
         let smooth = blend(normals, weights);
         let side = match smooth.try_normalize() {
             Some(smooth) if smooth.dot(surface.geometric_normal) < 0.0 => -1.0,
@@ -181,6 +181,7 @@ impl World {
     }
 }
 
+/// Barycentric interpolation.
 pub(super) fn blend([a, b, c]: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
     a * weights[0] + b * weights[1] + c * weights[2]
 }

@@ -1,27 +1,27 @@
-//! Films of plain pictures: animated PNG, and raw frames for pipes.
+//! Animated PNG, and uncompressed frames for pipes.
 
 use std::io::{self, Write};
 
-use super::{Outline, yuv};
+use super::{VideoSpec, yuv};
 use crate::film::{ColourPipeline, Film};
 
-/// An animated PNG that goes on for ever (APNG 1.0, which is in PNG's third edition).
-pub fn apng<W: Write>(out: W, outline: &Outline) -> io::Result<png::Writer<W>> {
-    let [width, height] = outline.size;
+/// An animated PNG that loops forever (PNG, third edition).
+pub fn apng<W: Write>(out: W, spec: &VideoSpec) -> io::Result<png::Writer<W>> {
+    let [width, height] = spec.size;
     let mut encoder = png::Encoder::new(out, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fast);
-    encoder.set_animated(outline.frames as u32, 0)?;
-    let (numerator, denominator) = delay(outline.fps);
+    encoder.set_animated(spec.frames as u32, 0)?;
+    let (numerator, denominator) = delay(spec.fps);
     encoder.set_frame_delay(numerator, denominator)?;
-    if outline.pipeline == ColourPipeline::Linear {
+    if spec.pipeline == ColourPipeline::Linear {
         encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     }
     Ok(encoder.write_header()?)
 }
 
-/// Seconds a frame as a fraction of two 16-bit numbers: exact for whole frames a second and for quotients by 1001.
+/// The seconds per frame as a fraction of two 16-bit numbers. Exact for integer frame rates and for multiples of 1/1001.
 fn delay(fps: f64) -> (u16, u16) {
     for numerator in [1u16, 1001, 1000, 100, 10] {
         let denominator = fps * f64::from(numerator);
@@ -35,14 +35,14 @@ fn delay(fps: f64) -> (u16, u16) {
     ((1000.0 / fps).round().clamp(1.0, 65535.0) as u16, 1000)
 }
 
-/// The first line of YUV4MPEG2.
-pub fn y4m_header(outline: &Outline, out: &mut dyn Write) -> io::Result<()> {
-    let [width, height] = outline.size;
-    let rate = (outline.fps * 1000.0).round() as u64;
+/// Writes the header line of YUV4MPEG2.
+pub fn y4m_header(spec: &VideoSpec, out: &mut dyn Write) -> io::Result<()> {
+    let [width, height] = spec.size;
+    let rate = (spec.fps * 1000.0).round() as u64;
     writeln!(out, "YUV4MPEG2 W{width} H{height} F{rate}:1000 Ip A1:1 C444 XCOLORRANGE=LIMITED")
 }
 
-/// A frame of YUV4MPEG2: three whole planes, by BT.709.
+/// A frame of YUV4MPEG2: three planes at full resolution, by ITU-R BT.709.
 pub fn y4m_frame(film: &Film<[u8; 3]>) -> Vec<u8> {
     const FRAME: &[u8] = b"FRAME\n";
     let pixels = film.bytes();

@@ -1,0 +1,40 @@
+//! The stage that writes the colours of surfaces to pixels.
+
+use super::Stage;
+use super::tile::{RenderContext, Tile};
+use crate::world::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
+
+/// Gives every pixel the colour of its surface, or the background's.
+pub struct WritePixels;
+
+impl Stage for WritePixels {
+    fn name(&self) -> &'static str {
+        "film"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        let Tile { generations, pixels, .. } = tile;
+        let generation = &generations[0];
+        let surfaces = &generation.surfaces;
+        pixels.resize(generation.rays.len(), context.world.background.as_vec3().to_array());
+        if surfaces.len() == pixels.len() {
+            // Every ray hit: surface i belongs to pixel i.
+            simd_dispatch(
+                #[inline(always)]
+                || write_all(&generation.colours, pixels),
+            );
+            return;
+        }
+        for (i, &ray) in surfaces.ray_of().iter().enumerate() {
+            pixels[generation.sources[ray as usize] as usize] =
+                generation.colours.get(i).as_vec3().to_array();
+        }
+    }
+}
+
+#[inline(always)]
+fn write_all(colours: &Vec3Soa, pixels: &mut [[f32; 3]]) {
+    for (i, pixel) in (0..RAYS_PER_BATCH).zip(pixels) {
+        *pixel = colours.get(i).as_vec3().to_array();
+    }
+}

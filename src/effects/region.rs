@@ -1,0 +1,58 @@
+//! The pixels that are sampled together with a tile.
+
+use crate::film::Window;
+
+/// A tile and its apron: the pixels around it, within the picture, that the convergence test of its own pixels reads. Pixels are
+/// numbered row by row from the top of `whole`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SampledRegion {
+    /// The tile with its apron.
+    pub whole: Window,
+    /// The tile.
+    pub tile: Window,
+}
+
+impl Default for SampledRegion {
+    fn default() -> Self {
+        let empty = Window { x: 0, y: 0, width: 0, height: 0 };
+        SampledRegion { whole: empty, tile: empty }
+    }
+}
+
+impl SampledRegion {
+    /// A tile with an apron of `apron` pixels, cut off at the borders of a picture of this width and height.
+    pub fn new(tile: Window, apron: u32, [width, height]: [u32; 2]) -> Self {
+        let (x, y) = (tile.x.saturating_sub(apron), tile.y.saturating_sub(apron));
+        let right = tile.x.saturating_add(tile.width).saturating_add(apron).min(width);
+        let bottom = tile.y.saturating_add(tile.height).saturating_add(apron).min(height);
+        SampledRegion { whole: Window { x, y, width: right - x, height: bottom - y }, tile }
+    }
+
+    /// Whether a pixel belongs to the tile.
+    #[inline(always)]
+    pub fn is_own(&self, pixel: usize) -> bool {
+        let SampledRegion { whole, tile } = self;
+        let (x, y) = (whole.x + pixel as u32 % whole.width, whole.y + pixel as u32 / whole.width);
+        // Left of and above the tile the differences wrap around to more than any width.
+        x.wrapping_sub(tile.x) < tile.width && y.wrapping_sub(tile.y) < tile.height
+    }
+
+    /// A pixel and the up to eight around it, row by row from the top.
+    #[inline(always)]
+    pub fn neighbourhood(&self, pixel: usize) -> impl Iterator<Item = usize> + use<> {
+        let Window { width, height, .. } = self.whole;
+        let (x, y) = (pixel as u32 % width, pixel as u32 / width);
+        let (left, right) = (x.saturating_sub(1), (x + 2).min(width));
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        rows.flat_map(move |row| (row * width + left) as usize..(row * width + right) as usize)
+    }
+
+    /// The pixels of the tile, row by row from the top.
+    pub fn own(&self) -> impl Iterator<Item = usize> + use<> {
+        let SampledRegion { whole, tile } = *self;
+        (tile.y - whole.y..tile.y - whole.y + tile.height).flat_map(move |row| {
+            let start = (row * whole.width + tile.x - whole.x) as usize;
+            start..start + tile.width as usize
+        })
+    }
+}

@@ -1,0 +1,196 @@
+//! Texture coordinates and footprints of surfaces, shared by the effects of textures and normal maps.
+//!
+//! Where a filter needs the footprint of a pixel, rays have differentials ([`crate::world::Differential`]): those of camera rays
+//! follow from the direction, those of mirrored rays from the ray and surface before. Surfaces without a texture are skipped.
+
+use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use super::{EffectContext, Hook, Stage, TextureUse};
+use crate::scene::Filter;
+use crate::world::{Differential, PreparedMaterial, PreparedTexture, TexelEncoding, TexturePoint, World};
+
+/// The texture points of a tile.
+#[derive(Default)]
+pub struct Buffers {
+    /// By depth. Entries beyond the current depth are stale.
+    generations: Vec<GenerationBuffers>,
+}
+
+#[derive(Default)]
+struct GenerationBuffers {
+    /// For each ray, its differential. Empty in generation 0 and where no footprints are needed.
+    differentials: Vec<Differential>,
+    /// See [`Buffers::points`].
+    points: Vec<Option<TexturePoint>>,
+}
+
+impl Buffers {
+    /// For each surface of a generation, its texture point; `None` for surfaces without texture, empty where all are.
+    pub fn points(&self, depth: usize) -> &[Option<TexturePoint>] {
+        &self.generations[depth].points
+    }
+
+    /// Bytes of memory.
+    pub fn bytes(&self) -> usize {
+        let own =
+            |buffers: &GenerationBuffers| vec_bytes(&buffers.differentials) + vec_bytes(&buffers.points);
+        let generations = self.generations.iter().map(own).sum::<usize>();
+        size_of::<Buffers>() + vec_bytes(&self.generations) + generations
+    }
+}
+
+impl TextureUse {
+    /// The textures of a material that are looked up, with the encoding of their texels.
+    fn of<'a>(
+        &self,
+        material: &'a PreparedMaterial,
+    ) -> impl Iterator<Item = (PreparedTexture, TexelEncoding)> + 'a {
+        let TextureUse { material_textures, normal_maps, .. } = *self;
+        let map = material.normal_map().filter(|_| normal_maps).map(|map| (map.texture, TexelEncoding::Data));
+        material.textures().filter(move |_| material_textures).chain(map)
+    }
+
+    /// The filter of a texture.
+    pub fn filter(&self, texture: &PreparedTexture) -> Filter {
+        texture.sampler.filter(self.filter)
+    }
+
+    /// Builds the mip maps that the filters need and that do not exist yet.
+    fn make_mip_maps(&self, world: &World) {
+        let textures = world.materials_in_use().flat_map(|(_, material)| self.of(material));
+        for (texture, encoding) in textures.filter(|(texture, _)| self.filter(texture).needs_mip_map()) {
+            world.images[texture.image as usize].make_mip_map(encoding);
+        }
+    }
+}
+
+/// The stages of an effect at a hook: before lighting, the texture points where the effect is the first that needs them, then
+/// `look_up`.
+pub fn stages(
+    context: &EffectContext,
+    hook: Hook,
+    is_first: bool,
+    look_up: impl Stage + 'static,
+) -> Vec<Box<dyn Stage>> {
+    let Hook::BeforeLighting(_) = hook else { return Vec::new() };
+    let mut stages: Vec<Box<dyn Stage>> = Vec::new();
+    if is_first {
+        stages.push(Box::new(FindTexturePoints::new(context)));
+    }
+    stages.push(Box::new(look_up));
+    stages
+}
+
+/// Computes the texture points of the surfaces of a generation.
+struct FindTexturePoints {
+    /// For each material, whether it has a texture that is looked up.
+    is_textured: Vec<bool>,
+    /// Whether footprints are needed.
+    footprints: bool,
+    /// The width of a sample in pixels.
+    sample_width: f64,
+}
+
+impl FindTexturePoints {
+    fn new(context: &EffectContext) -> Self {
+        let (world, texture_use) = (context.world, context.spec.texture_use);
+        texture_use.make_mip_maps(world);
+        let of = |material| texture_use.of(material);
+        FindTexturePoints {
+            is_textured: world.materials.iter().map(|material| of(material).next().is_some()).collect(),
+            footprints: world
+                .materials_in_use()
+                .flat_map(|(_, material)| of(material))
+                .any(|(texture, _)| texture_use.filter(&texture).needs_footprint()),
+            sample_width: sample_width(context.spec.samples),
+        }
+    }
+}
+
+/// The width of a sample in pixels for this many samples a pixel (Pharr, Jakob and Humphreys, Physically Based Rendering, 4th
+/// edition, 2023, section 10.1.3).
+fn sample_width(samples: u32) -> f64 {
+    1.0 / f64::from(samples.max(1)).sqrt()
+}
+
+impl Stage for FindTexturePoints {
+    fn name(&self) -> &'static str {
+        "texture coordinates"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        tile.with_buffers(|own: &mut Buffers, tile| self.find(own, tile, context));
+    }
+}
+
+impl FindTexturePoints {
+    fn find(&self, own: &mut Buffers, tile: &Tile, context: &RenderContext) {
+        let (depth, generation) = (tile.depth, &tile.generations[tile.depth]);
+        if own.generations.len() <= depth {
+            own.generations.resize_with(depth + 1, GenerationBuffers::default);
+        }
+        let (before, after) = own.generations.split_at_mut(depth);
+        let GenerationBuffers { differentials, points } = &mut after[0];
+        if self.footprints && depth > 0 {
+            let (from, before) = (&tile.generations[depth - 1], &before[depth - 1].differentials);
+            let differential = |ray: usize| self.differential(context, from, before, ray);
+            differentials.clear();
+            differentials.extend(mirrored(context.world, from, generation, differential));
+        }
+        points.clear();
+        let surfaces = &generation.surfaces;
+        for (_, range) in surfaces.by_material().iter().filter(|(m, _)| self.is_textured[*m as usize]) {
+            points.resize(surfaces.len(), None);
+            for i in range.clone() {
+                let ray = surfaces.ray_of()[i] as usize;
+                let Some(hit) = &generation.hits[ray] else { continue };
+                let differential =
+                    self.footprints.then(|| self.differential(context, generation, differentials, ray));
+                let surface = surfaces.get(i);
+                points[i] =
+                    context.world.texture_point(&surface, hit, &generation.rays[ray], differential.as_ref());
+            }
+        }
+    }
+
+    /// The differential of a ray: its entry in `secondary`, which is empty for generation 0, or that of a camera ray.
+    fn differential(
+        &self,
+        context: &RenderContext,
+        generation: &RayGeneration,
+        secondary: &[Differential],
+        ray: usize,
+    ) -> Differential {
+        match secondary.get(ray) {
+            Some(differential) => *differential,
+            None => context.view.differential(generation.rays[ray].direction).scaled(self.sample_width),
+        }
+    }
+}
+
+/// The differentials of the rays of generation `to`, mirrored by surfaces of generation `from`. `differential` gives those of the rays
+/// of `from`.
+fn mirrored<'a>(
+    world: &'a World,
+    from: &'a RayGeneration,
+    to: &'a RayGeneration,
+    differential: impl Fn(usize) -> Differential + 'a,
+) -> impl Iterator<Item = Differential> + 'a {
+    to.sources.iter().map(move |&source| {
+        let ray = from.surfaces.ray_of()[source as usize] as usize;
+        let surface = from.surfaces.get(source as usize);
+        from.hits[ray].map_or(Differential::default(), |hit| {
+            world.mirrored_differential(&surface, &hit, &from.rays[ray], &differential(ray))
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_share_a_pixel() {
+        assert_eq!([1, 4, 16].map(sample_width), [1.0, 0.5, 0.25]);
+        assert_eq!(sample_width(0), 1.0);
+    }
+}

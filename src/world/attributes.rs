@@ -1,0 +1,180 @@
+//! Vertex attributes: normals, texture coordinates, colours and tangents, interpolated across triangles.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3, DVec4, Vec2, Vec3, Vec4};
+
+use crate::film::{Colour, ColourPipeline};
+use crate::scene::{Attribute, Mesh, Placed, Shape};
+
+/// The vertex attributes of an object; none for a sphere. Triangles are numbered within the object.
+pub struct Attributes {
+    arrays: Arc<AttributeArrays>,
+    /// For an instance of a shared mesh, its placement. Normals and tangents are transformed when they are read.
+    placed: Option<Placed>,
+}
+
+/// The attributes in the precision they are stored in.
+#[derive(Default)]
+struct AttributeArrays {
+    normals: Option<Corners<Vec3>>,
+    uvs: Option<Corners<Vec2>>,
+    colours: Option<Corners<Vec3>>,
+    /// Only for materials with a normal map.
+    tangents: Option<Corners<Vec4>>,
+}
+
+/// An attribute with its own indices.
+struct Corners<T> {
+    values: Vec<T>,
+    triangles: Arc<[[u32; 3]]>,
+}
+
+impl<T: Copy> Corners<T> {
+    /// The values at the three corners of a triangle.
+    #[inline]
+    fn of(&self, triangle: u32) -> [T; 3] {
+        self.triangles[triangle as usize].map(|i| self.values[i as usize])
+    }
+}
+
+impl Attributes {
+    /// Whether there are vertex normals.
+    pub fn is_smooth(&self) -> bool {
+        match &self.placed {
+            None => self.arrays.normals.is_some(),
+            Some(placed) => placed.mesh.normals.is_some(),
+        }
+    }
+
+    /// Whether there are tangents.
+    pub fn has_tangents(&self) -> bool {
+        match &self.placed {
+            None => self.arrays.tangents.is_some(),
+            Some(placed) => placed.mesh.tangents.is_some(),
+        }
+    }
+
+    /// The normals at a triangle's corners, of length 1 or 0. `None` without vertex normals.
+    #[inline]
+    pub fn normals(&self, triangle: u32) -> Option<[DVec3; 3]> {
+        match &self.placed {
+            None => Some(self.arrays.normals.as_ref()?.of(triangle).map(|n| n.as_dvec3())),
+            Some(placed) => {
+                let normals = placed.mesh.normals.as_ref()?;
+                let triangles = normals.triangles.as_ref().unwrap_or(&placed.mesh.triangles);
+                let corners = triangles[triangle as usize];
+                Some(corners.map(|i| {
+                    let normal = placed.placement.normal(normals.values[i as usize]);
+                    // As in import, a normal that is not finite becomes zero.
+                    unit(if normal.is_finite() { normal } else { DVec3::ZERO }).as_dvec3()
+                }))
+            }
+        }
+    }
+
+    /// The texture coordinates at a triangle's corners.
+    #[inline]
+    pub fn uvs(&self, triangle: u32) -> Option<[Vec2; 3]> {
+        Some(self.arrays.uvs.as_ref()?.of(triangle))
+    }
+
+    /// The tangents at a triangle's corners, of length 1 or 0; see [`Mesh::tangents`].
+    #[inline]
+    pub fn tangents(&self, triangle: u32) -> Option<[DVec4; 3]> {
+        match &self.placed {
+            None => Some(self.arrays.tangents.as_ref()?.of(triangle).map(|t| t.as_dvec4())),
+            Some(placed) => {
+                let tangents = placed.mesh.tangents.as_ref()?;
+                let triangles = tangents.triangles.as_ref().unwrap_or(&placed.mesh.triangles);
+                let corners = triangles[triangle as usize];
+                Some(
+                    corners.map(|i| {
+                        unit_tangent(placed.placement.tangent(tangents.values[i as usize])).as_dvec4()
+                    }),
+                )
+            }
+        }
+    }
+
+    /// Whether there is nothing to interpolate.
+    pub fn are_none(&self) -> bool {
+        let AttributeArrays { normals, uvs, colours, .. } = &*self.arrays;
+        let placed = self.placed.as_ref().is_some_and(|placed| placed.mesh.normals.is_some());
+        normals.is_none() && uvs.is_none() && colours.is_none() && !placed
+    }
+
+    /// The colours at a triangle's corners.
+    #[inline]
+    pub fn colours(&self, triangle: u32) -> Option<[Vec3; 3]> {
+        Some(self.arrays.colours.as_ref()?.of(triangle))
+    }
+}
+
+/// The normalised vector in f32, for any finite length; zero stays zero.
+fn unit(n: DVec3) -> Vec3 {
+    (n / n.abs().max_element()).try_normalize().unwrap_or(DVec3::ZERO).as_vec3()
+}
+
+/// The tangent with its direction normalised, in f32, and its handedness w as 1 or -1. A direction that is not finite becomes
+/// zero.
+fn unit_tangent(t: DVec4) -> Vec4 {
+    let along = t.truncate();
+    unit(if along.is_finite() { along } else { DVec3::ZERO }).extend(if t.w < 0.0 { -1.0 } else { 1.0 })
+}
+
+/// The attributes of shared meshes, converted once per mesh.
+#[derive(Default)]
+pub struct SharedAttributes(HashMap<*const Mesh, Arc<AttributeArrays>>);
+
+impl SharedAttributes {
+    /// Converts the attributes of a shape. Tangents are dropped where the material has no normal map.
+    pub fn attributes(&mut self, shape: Shape, has_normal_map: bool) -> Attributes {
+        match shape {
+            Shape::Sphere { .. } => Attributes { arrays: Arc::default(), placed: None },
+            Shape::Mesh(mut mesh) => {
+                let (normals, tangents) = (mesh.normals.take(), mesh.tangents.take());
+                let own: Arc<[[u32; 3]]> = std::mem::take(&mut mesh.triangles).into();
+                let mut arrays = uvs_and_colours(mesh.uvs, mesh.colours, &own);
+                arrays.normals = normals.map(|a| corners(a, &own, unit));
+                arrays.tangents = tangents.filter(|_| has_normal_map).map(|a| corners(a, &own, unit_tangent));
+                Attributes { arrays: Arc::new(arrays), placed: None }
+            }
+            Shape::Placed(placed) => {
+                // `placed` keeps the mesh alive, so its address is not reused.
+                let arrays = self.0.entry(Arc::as_ptr(&placed.mesh)).or_insert_with(|| {
+                    let Mesh { uvs, colours, triangles, .. } = &*placed.mesh;
+                    let is_kept = uvs.is_some() || colours.is_some();
+                    let own: Arc<[[u32; 3]]> =
+                        if is_kept { triangles.clone().into() } else { Arc::default() };
+                    Arc::new(uvs_and_colours(uvs.clone(), colours.clone(), &own))
+                });
+                Attributes { arrays: arrays.clone(), placed: Some(placed) }
+            }
+        }
+    }
+}
+
+/// Converts an attribute; `own` are the mesh's triangles, for an attribute without indices.
+fn corners<A, B>(a: Attribute<A>, own: &Arc<[[u32; 3]]>, convert: impl Fn(A) -> B) -> Corners<B> {
+    let triangles = a.triangles.map_or_else(|| own.clone(), Arc::from);
+    Corners { values: a.values.into_iter().map(convert).collect(), triangles }
+}
+
+fn uvs_and_colours(
+    uvs: Option<Attribute<DVec2>>,
+    colours: Option<Attribute<DVec3>>,
+    own: &Arc<[[u32; 3]]>,
+) -> AttributeArrays {
+    AttributeArrays {
+        uvs: uvs.map(|a| corners(a, own, |uv| uv.as_vec2())),
+        colours: colours.map(|a| corners(a, own, |c| c.as_vec3())),
+        ..AttributeArrays::default()
+    }
+}
+
+/// A vertex colour in the numbers of `pipeline`. Vertex colours of glTF and OBJ are linear; the display pipelines encode them.
+pub fn vertex_colour(linear: DVec3, pipeline: ColourPipeline) -> DVec3 {
+    Colour::Linear(linear).lower(pipeline)
+}
