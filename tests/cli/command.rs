@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::common::{self, repository};
+use crate::common::repository;
 use serde_json::{Value, json};
 
 /// A folder to work in, with a small scene in it, that goes when the test ends.
@@ -567,7 +567,7 @@ fn what_is_seen_is_rendered_by_its_line() {
     use kiln::effects::Choices;
     use kiln::viewer::{navigate, words};
     let workshop = Workshop::new();
-    let mut scene = common::picture::load(&workshop.path("scene.toml"));
+    let mut scene = crate::common::picture::load(&workshop.path("scene.toml"));
     let said = words::Said::of(&scene);
     let mut camera = scene.cameras[0].clone();
     navigate::orbit(&mut camera, glam::DVec2::new(0.3, 0.2));
@@ -591,7 +591,7 @@ fn what_is_seen_is_rendered_by_its_line() {
     let output = workshop.command().args(&words[1..]).output().expect("the command starts");
     assert_eq!(output.status.code(), Some(0), "{words:?}: {}", text(&output.stderr));
     scene.cameras[0] = camera;
-    let prepared = common::picture::prepare(scene, [48, 32], Default::default());
+    let prepared = crate::common::picture::prepare(scene, [48, 32], Default::default());
     let film = prepared.render(Choices { without: vec!["shadows".into()], ..Choices::default() }).0;
     assert_eq!(workshop.pixels("seen.png").into_raw(), film.to_rgb8(kiln::film::ColourPipeline::Display));
 }
