@@ -71,15 +71,24 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// The point of a triangle with the given barycentric coordinates.
+    /// The point of a triangle with the given barycentric coordinates, moved away from the edges.
     #[inline(always)]
     pub fn on_triangle(corners: [DVec3; 3], weights: [f64; 3]) -> Self {
-        let [a, b, c] = corners;
-        let reach = a.abs().max(b.abs()).max(c.abs());
-        let at = |weights: [f64; 3]| a * weights[0] + b * weights[1] + c * weights[2];
-        let position = at(weights);
-        let start = interior_weights(corners, weights, EDGE_DISTANCE * reach.max_element());
-        SurfacePoint { position, start: start.map_or(position, at), reach }
+        let point = Self::in_triangle(corners, weights);
+        if EdgeTest::new(corners).is_near(weights) { point.moved_inwards(corners, weights) } else { point }
+    }
+
+    /// [`SurfacePoint::on_triangle`] for a point that is not near an edge ([`EdgeTest`]).
+    #[inline(always)]
+    pub fn in_triangle(corners: [DVec3; 3], weights: [f64; 3]) -> Self {
+        let position = point_at(corners, weights);
+        SurfacePoint { position, start: position, reach: reach_of(corners) }
+    }
+
+    #[cold]
+    fn moved_inwards(self, corners: [DVec3; 3], weights: [f64; 3]) -> Self {
+        let weights = interior_weights(corners, weights, EDGE_DISTANCE * self.reach.max_element());
+        SurfacePoint { start: point_at(corners, weights), ..self }
     }
 
     /// The same point with origins before the hit, on the side of the unit vector `normal`, for an incoming ray of
@@ -128,31 +137,56 @@ fn round_away(point: DVec3, normal: DVec3) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Barycentric coordinates of the point moved to `distance` from every edge, or to half the inradius if that is less.
-/// `None` if it is far enough from them already.
-#[inline(always)]
-fn interior_weights(corners: [DVec3; 3], weights: [f64; 3], distance: f64) -> Option<[f64; 3]> {
-    let triangle = Triangle(corners);
-    let [a, b, c] = weights;
-    let smallest = a.min(b).min(c);
-    // A weight is the distance to the opposite edge over the height above it, which is least above the longest edge.
-    let (longest_squared, area_squared) =
-        (triangle.longest_edge_squared(), triangle.normal().length_squared());
-    if smallest > 0.0 && smallest * smallest * area_squared >= distance * distance * longest_squared {
-        return None;
-    }
-    Some(moved_inwards(corners, weights, distance, area_squared.sqrt()))
+/// Tests whether points of a triangle may be nearer than [`EDGE_DISTANCE`] R to an edge.
+pub struct EdgeTest {
+    /// Four times the squared area.
+    area_squared: f64,
+    /// The square of that distance, times the squared length of the longest edge.
+    bound: f64,
 }
 
-/// See [`interior_weights`]; `area` is twice the triangle's.
+impl EdgeTest {
+    /// The test of a triangle's points.
+    #[inline(always)]
+    pub fn new(corners: [DVec3; 3]) -> Self {
+        let triangle = Triangle(corners);
+        let distance = EDGE_DISTANCE * reach_of(corners).max_element();
+        EdgeTest {
+            area_squared: triangle.normal().length_squared(),
+            bound: distance * distance * triangle.longest_edge_squared(),
+        }
+    }
+
+    /// Whether the point with these barycentric coordinates may be near an edge. `false` is certain.
+    #[inline(always)]
+    pub fn is_near(&self, [a, b, c]: [f64; 3]) -> bool {
+        // A weight is the distance to the opposite edge over the height above it, which is least above the longest edge.
+        let smallest = a.min(b).min(c);
+        !(smallest > 0.0 && smallest * smallest * self.area_squared >= self.bound)
+    }
+}
+
+/// The largest coordinate of the corners, per axis.
+#[inline(always)]
+fn reach_of([a, b, c]: [DVec3; 3]) -> DVec3 {
+    a.abs().max(b.abs()).max(c.abs())
+}
+
+/// The point of a triangle with the given barycentric coordinates.
+#[inline(always)]
+fn point_at([a, b, c]: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
+    a * weights[0] + b * weights[1] + c * weights[2]
+}
+
+/// Barycentric coordinates of the point moved to `distance` from every edge, or to half the inradius if that is less.
 ///
 /// Near one edge the point moves perpendicular to it. Near two, at their corner, it moves to where both distances
 /// are right.
-#[cold]
-fn moved_inwards(corners: [DVec3; 3], weights: [f64; 3], distance: f64, area: f64) -> [f64; 3] {
+fn interior_weights(corners: [DVec3; 3], weights: [f64; 3], distance: f64) -> [f64; 3] {
+    let area = Triangle(corners).normal().length();
     let sides = [(1, 2), (2, 0), (0, 1)];
     let lengths = sides.map(|(i, j)| (corners[i] - corners[j]).length());
-    // The inradius is `area` over the perimeter. Without an area the first quotient is infinite or NaN.
+    // `area` is twice the triangle's, so the inradius is `area` over the perimeter. Without an area the first quotient is infinite or NaN.
     let perimeter = lengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let per_length = (distance / area).min(0.5 / perimeter);
     let least = lengths.map(|length| length * per_length);

@@ -11,7 +11,7 @@ use super::World;
 use super::interaction::{SurfaceInteraction, Texels};
 use super::soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
 use crate::bvh::Primitive;
-use crate::geometry::spawn::SurfacePoint;
+use crate::geometry::spawn::{EdgeTest, SurfacePoint};
 use crate::geometry::{Hit, PrimId, SlotId, Sphere, Triangle};
 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
@@ -152,6 +152,13 @@ impl InteractionSoa {
         }
     }
 
+    /// The barycentric coordinates of a hit on a triangle.
+    #[inline(always)]
+    fn triangle_weights(&self, i: usize) -> [f64; 3] {
+        let (v, w) = (self.weights[0][i], self.weights[1][i]);
+        [1.0 - v - w, v, w]
+    }
+
     fn set(&mut self, i: usize, surface: &SurfaceInteraction) {
         self.set_point(i, surface.point);
         self.view.set(i, surface.view);
@@ -235,15 +242,13 @@ impl World {
                 }
                 Primitive::Triangle(triangle) => {
                     if let Some(normal) = triangle.unit_normal() {
-                        simd_dispatch(
+                        let edges = EdgeTest::new(triangle.0);
+                        let is_any_near = simd_dispatch(
                             #[inline(always)]
-                            || on_triangle(surfaces, range.clone(), &triangle, normal),
+                            || on_triangle(surfaces, range.clone(), &triangle, normal, &edges),
                         );
-                        for i in range.clone() {
-                            let (point, normal) = (surfaces.point(i), surfaces.geometric_normal.get(i));
-                            let point =
-                                self.with_visible_start(point, normal, surfaces.view.get(i), surfaces.t[i]);
-                            surfaces.start.set(i, point.start);
+                        if is_any_near {
+                            self.move_starts(surfaces, range.clone(), &triangle, &edges);
                         }
                         return self.set_indices(run.prim, range, surfaces);
                     }
@@ -254,6 +259,26 @@ impl World {
             let ray = surfaces.ray_of[i] as usize;
             if let Some(hit) = &hits[ray] {
                 surfaces.set(i, &self.interaction(&rays.get(ray), hit));
+            }
+        }
+    }
+
+    /// Moves the starts of secondary rays of a run on a flat triangle that are near edges.
+    #[cold]
+    fn move_starts(
+        &self,
+        surfaces: &mut InteractionSoa,
+        range: Range<usize>,
+        triangle: &Triangle,
+        edges: &EdgeTest,
+    ) {
+        for i in range {
+            let weights = surfaces.triangle_weights(i);
+            if edges.is_near(weights) {
+                let point = SurfacePoint::on_triangle(triangle.0, weights);
+                let (normal, view) = (surfaces.geometric_normal.get(i), surfaces.view.get(i));
+                let point = self.with_visible_start(point, normal, view, surfaces.t[i]);
+                surfaces.start.set(i, point.start);
             }
         }
     }
@@ -272,14 +297,23 @@ impl World {
     }
 }
 
-/// Computes a run on a flat triangle; `normal` has length 1.
+/// Computes a run on a flat triangle; `normal` has length 1. Returns whether any point may be near an edge: the starts of
+/// those are not moved.
 #[inline(always)]
-fn on_triangle(surfaces: &mut InteractionSoa, range: Range<usize>, triangle: &Triangle, normal: DVec3) {
+fn on_triangle(
+    surfaces: &mut InteractionSoa,
+    range: Range<usize>,
+    triangle: &Triangle,
+    normal: DVec3,
+    edges: &EdgeTest,
+) -> bool {
+    let mut is_any_near = false;
     for i in range.start..range.end.min(RAYS_PER_BATCH) {
-        let (v, w) = (surfaces.weights[0][i], surfaces.weights[1][i]);
-        let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
-        finish(surfaces, i, point, normal);
+        let weights = surfaces.triangle_weights(i);
+        is_any_near |= edges.is_near(weights);
+        finish(surfaces, i, SurfacePoint::in_triangle(triangle.0, weights), normal);
     }
+    is_any_near
 }
 
 /// Computes a run on a sphere, from positions `ray.at(t)`.
