@@ -59,10 +59,14 @@ impl WholeFile {
     /// Begins with nothing in it.
     ///
     /// # Errors
-    /// [`Error::Output`] when the folder cannot be written to.
+    /// [`Error::Output`] when the folder cannot be written to, or the name is that of a folder, a device or a pipe.
     pub fn create(name: &Path) -> Result<Self> {
         if name.is_dir() {
             return Err(Error::output(name, "is a folder; name a file in it"));
+        }
+        // Renaming would replace a device or a pipe.
+        if std::fs::metadata(name).is_ok_and(|about| !about.is_file()) {
+            return Err(Error::output(name, "is a device or a pipe; name a file"));
         }
         let make = || {
             tempfile::Builder::new()

@@ -8,8 +8,9 @@
 //! 2. along the geometric normal by [`ORIGIN_OFFSET`] R.
 //!
 //! A ray that meets an edge exactly may report the face that is hidden there behind the other one; then the point
-//! within that face is hidden, too. The points of the incoming ray before the hit are free. If a face lies between
-//! them and the moved point, the point EDGE_DISTANCE R before the hit is used ([`SurfacePoint::before_hit`]).
+//! within that face is hidden, too. The points of the incoming ray before the hit are free. If a face separates the
+//! one EDGE_DISTANCE R before the hit from the moved point, that one is used ([`SurfacePoint::before_hit`]). It must
+//! be 2^-45 R in front of that face, so that rounding errors decide nothing: R of both triangles, whichever is larger.
 //!
 //! R is the largest coordinate of the triangle's corners. Both distances are relative to the coordinates that the
 //! point was computed from, so they hold at every scale.
@@ -23,11 +24,12 @@
 //! test sees it.
 //!
 //! A face that shares an edge with the triangle at a dihedral angle a is EDGE_DISTANCE R tan a above the point; the
-//! origin is in front of that face, too, as long as that exceeds ORIGIN_OFFSET R plus the errors above: for every
-//! a > 2^-16.9, 0.0005 degrees. The same holds for a face that shares one corner only, with the angle between the two
-//! planes' directions at that corner. Before the hit, the origin is EDGE_DISTANCE R sin b in front of every face that
-//! the incoming ray met at an angle b: enough for every b > 2^-21.9, because hits within 2^-45 R of it count as
-//! rounding; or 2^-16.9 if the ray met the triangle itself at less than that.
+//! origin is in front of that face, too, as long as that exceeds ORIGIN_OFFSET R plus the errors above: for every a >
+//! 2^-16.9, 0.0005 degrees. The same holds for a face that shares one corner only, if it rises at the angle a from the
+//! triangle's plane in the direction from the corner to the moved point. Before the hit, the origin is EDGE_DISTANCE R
+//! sin b in front of every face that the incoming ray met at an angle b: more than 2^-45 R for every b > 2^-21.9. If
+//! the ray met the triangle itself at less than 2^-17, it is lower by ORIGIN_OFFSET R, which is enough for b > 2^-16.9.
+//! If the ray is shorter than 2 EDGE_DISTANCE R, half its length takes the place of EDGE_DISTANCE R.
 //!
 //! Then the origin lies inside the closed mesh that the test sees, whose edges have no gaps, and no ray leaves that
 //! mesh without a hit.
@@ -160,7 +162,7 @@ impl EdgeTest {
     /// Whether the point with these barycentric coordinates may be near an edge. `false` is certain.
     #[inline(always)]
     pub fn is_near(&self, [a, b, c]: [f64; 3]) -> bool {
-        // A weight is the distance to the opposite edge over the height above it, which is least above the longest edge.
+        // A weight is the distance to the opposite edge over the height above it; that is least above the longest edge.
         let smallest = a.min(b).min(c);
         !(smallest > 0.0 && smallest * smallest * self.area_squared >= self.bound)
     }
@@ -186,7 +188,8 @@ fn interior_weights(corners: [DVec3; 3], weights: [f64; 3], distance: f64) -> [f
     let area = Triangle(corners).normal().length();
     let sides = [(1, 2), (2, 0), (0, 1)];
     let lengths = sides.map(|(i, j)| (corners[i] - corners[j]).length());
-    // `area` is twice the triangle's, so the inradius is `area` over the perimeter. Without an area the first quotient is infinite or NaN.
+    // `area` is twice the triangle's, so the inradius is `area` over the perimeter. Without an area the first quotient
+    // is infinite or NaN.
     let perimeter = lengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let per_length = (distance / area).min(0.5 / perimeter);
     let least = lengths.map(|length| length * per_length);
@@ -276,7 +279,8 @@ mod tests {
             prop_assert!(point.position == hit);
             // 4: for the three roundings of each coordinate.
             let moved = point.start.distance(hit) - 4.0 * f64::EPSILON * r;
-            prop_assert!(moved <= EDGE_DISTANCE * r * most_moved(corners, hit, 2.0 * EDGE_DISTANCE * r), "{}", moved / r);
+            let most = most_moved(corners, hit, 2.0 * EDGE_DISTANCE * r);
+            prop_assert!(moved <= EDGE_DISTANCE * r * most, "{}", moved / r);
             for numerics in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
                 for side in [normal, -normal] {
                     let height = (point.origin_towards(side, numerics) - corners[0]).dot(side);

@@ -62,7 +62,7 @@ impl Excess {
     pub fn hint(&self) -> String {
         match &self.limit {
             _ if machine().is_some_and(|machine| self.needed > machine.all.saturating_mul(16)) => {
-                "no machine like this one holds as much: the file is damaged, or made to use up memory".into()
+                "more than 16 times the memory of this machine: the file is probably damaged".into()
             }
             Limit::Claim => format!("if the file is to be trusted, {}", self.remedy()),
             Limit::Process(_) => format!("make it smaller, or {}", self.remedy()),

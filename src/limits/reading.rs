@@ -1,6 +1,6 @@
 //! The reading of whole regular files and of standard input, within the limits.
 
-use std::io;
+use std::io::{self, Read};
 use std::path::Path;
 
 use super::process::{in_use, room};
@@ -25,7 +25,17 @@ pub fn read_file(file: &Path) -> io::Result<Vec<u8>> {
     check(about.len()).map_err(|excess| {
         io::Error::other(Refused { what: format!("reading it {excess}"), hint: excess.hint() })
     })?;
-    std::fs::read(file)
+    // Some files of the system state a length of 0 and have more.
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(about.len() as usize + 1)?;
+    std::fs::File::open(file)?.take(about.len() + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > about.len() {
+        return Err(io::Error::other(Refused {
+            what: format!("is longer than the {} bytes that the system states", about.len()),
+            hint: "copy it to a file first; if it is being written, wait for that".into(),
+        }));
+    }
+    Ok(bytes)
 }
 
 /// All of standard input, as long as memory reaches.
@@ -33,7 +43,6 @@ pub fn read_file(file: &Path) -> io::Result<Vec<u8>> {
 /// # Errors
 /// Those of the system, and [`Refused`] as the cause of [`io::ErrorKind::Other`].
 pub fn read_standard_input() -> io::Result<Vec<u8>> {
-    use io::Read;
     // What is read doubles its memory as it grows, and holds both for a moment.
     let room = room(&in_use());
     let most = room.as_ref().map_or(u64::MAX, |room| room.left / 3);

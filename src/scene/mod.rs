@@ -178,28 +178,45 @@ impl Scene {
         ImageId((self.images.len() - 1) as u32)
     }
 
-    /// Puts another scene beside this one. Where both have said something about the whole picture, this one's word
-    /// stands.
+    /// Adds another scene, except its `inputs`. Where both set a property of the whole picture, this one's is kept.
     pub fn append(&mut self, other: Scene) {
-        let (materials, images) = (self.materials.len() as u32, self.images.len() as u32);
-        self.size = self.size.or(other.size);
-        self.background = self.background.or(other.background);
-        self.colour = self.colour.or(other.colour);
-        self.sampling = self.sampling.or(other.sampling);
-        self.ambient = self.ambient.or(other.ambient);
-        self.cameras.extend(other.cameras);
-        self.lights.extend(other.lights);
-        self.effects = std::mem::take(&mut self.effects).or(other.effects);
-        self.animation = self.animation.take().or(other.animation);
-        self.images.extend(other.images);
-        self.materials.extend(other.materials.into_iter().map(|mut material| {
+        // All fields by name: the compiler reports a new one that is not merged.
+        let Scene {
+            size,
+            background,
+            colour,
+            numerics,
+            sampling,
+            ambient,
+            cameras,
+            lights,
+            materials,
+            images,
+            objects,
+            inputs: _,
+            effects,
+            animation,
+        } = other;
+        let (first_material, first_image) = (self.materials.len() as u32, self.images.len() as u32);
+        self.size = self.size.or(size);
+        self.background = self.background.or(background);
+        self.colour = self.colour.or(colour);
+        self.numerics = self.numerics.or(numerics);
+        self.sampling = self.sampling.or(sampling);
+        self.ambient = self.ambient.or(ambient);
+        self.cameras.extend(cameras);
+        self.lights.extend(lights);
+        self.effects = std::mem::take(&mut self.effects).or(effects);
+        self.animation = self.animation.take().or(animation);
+        self.images.extend(images);
+        self.materials.extend(materials.into_iter().map(|mut material| {
             for texture in material.textures_mut() {
-                texture.image.0 += images;
+                texture.image.0 += first_image;
             }
             material
         }));
-        self.objects.extend(other.objects.into_iter().map(|mut object| {
-            object.material.0 += materials;
+        self.objects.extend(objects.into_iter().map(|mut object| {
+            object.material.0 += first_material;
             object
         }));
     }

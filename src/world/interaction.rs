@@ -127,11 +127,19 @@ impl World {
         let before = point.before_hit(view, distance, normal);
         let [from, to] = [before, point].map(|point| point.origin_towards(normal, numerics));
         let Some(direction) = (to - from).try_normalize() else { return point };
-        // An incoming ray along a wall may lie behind it by rounding errors; hits within a few of these are ignored.
-        let t_min = ORIGIN_OFFSET / 32.0 * point.reach.max_element();
-        let ray = numerics.ray_precision().ray(from, direction, t_min, from.distance(to));
-        let is_hidden = self.accelerator.is_occluded(&ray, &mut Traversal::default());
-        if is_hidden { before } else { point }
+        let ray = numerics.ray_precision().ray(from, direction, 0.0, from.distance(to));
+        let (mut hits, mut traversal) = (Vec::new(), Traversal::default());
+        self.accelerator.all_hits(&ray, &mut hits, &mut traversal);
+        // A face along which the incoming ray ran hides nothing: it is crossed because of rounding errors.
+        let is_certain = |hit: &Hit| match self.accelerator.primitive(hit.slot) {
+            Primitive::Triangle(triangle) => triangle.unit_normal().is_some_and(|normal| {
+                let reach = triangle.0.iter().fold(point.reach, |reach, corner| reach.max(corner.abs()));
+                let distance = normal.dot(from - triangle.0[0]).abs();
+                distance > ORIGIN_OFFSET / 32.0 * reach.max_element()
+            }),
+            Primitive::Sphere(_) => true,
+        };
+        if hits.iter().any(is_certain) { before } else { point }
     }
 
     /// The tangent frame at `hit` for a normal map: tangent, bitangent and normal, orthonormal (glTF 2.0, section 3.7.2.1). The

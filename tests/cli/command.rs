@@ -940,6 +940,43 @@ fn only_regular_files_are_read() {
     assert!(said.starts_with("scene.toml:1: mesh pipe.obj: is a pipe"), "{said}");
 }
 
+/// Files of the system that state a length of 0 and have more are refused, whatever that is.
+#[cfg(target_os = "linux")]
+#[test]
+fn files_longer_than_they_say_are_not_read() {
+    let shop = Workshop::new();
+    std::os::unix::fs::symlink("/proc/self/status", shop.path("long.obj")).expect("a link");
+    let (said, _) = shop.fail("info long.obj", 3);
+    assert!(said.starts_with("long.obj: is longer than the 0 bytes"), "{said}");
+}
+
+/// Output is renamed over its target: a pipe or a device would be replaced.
+#[cfg(unix)]
+#[test]
+fn pipes_and_devices_are_not_replaced() {
+    use std::os::unix::fs::FileTypeExt;
+    let shop = Workshop::new();
+    shop.write("small.toml", "[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n");
+    assert!(Command::new("mkfifo").arg(shop.path("pipe.png")).status().is_ok_and(|made| made.success()));
+    let said = shop.fail("render small.toml -o pipe.png --size 8x8 --progress none", 4).0;
+    assert_eq!(said, "pipe.png: is a device or a pipe; name a file");
+    let kind = std::fs::metadata(shop.path("pipe.png")).expect("still there").file_type();
+    assert!(kind.is_fifo());
+}
+
+/// The tier that a scene file names is used; the option overrides it.
+#[test]
+fn a_scene_file_names_its_tier() {
+    let shop = Workshop::new();
+    shop.write("exact.toml", "[image]\nnumerics = 'exact'\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n");
+    for (option, expected) in [("", "exact"), ("--numerics fast", "fast")] {
+        let render = "render exact.toml -o a.png --size 8x8 --progress none --stats a.json";
+        shop.succeed(&format!("{render} {option}"));
+        let stats: Value = serde_json::from_slice(&shop.bytes("a.json")).expect("JSON");
+        assert_eq!(stats["numerics"], expected);
+    }
+}
+
 /// What memory does not hold is refused before it is rendered: 8,000 x 8,000 pixels with 24 channels more than three, each of four bytes, in the
 /// film, in the writer and in the file, and 36 bytes a pixel while the shares of effects are made.
 #[cfg(target_os = "linux")]

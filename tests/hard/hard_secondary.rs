@@ -752,6 +752,45 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_turned_wall() {
     }
 }
 
+/// E7: rays along a wall, by rounding on either side of it or up to 1e-9 above it, that meet another wall on the common edge, at
+/// dihedral angles up to nearly flat ones. The wall that they run along hides nothing.
+#[test]
+fn e7_nothing_escapes_from_a_flat_edge_that_is_seen_along_a_wall() {
+    let mut numbers = Numbers::new(39);
+    let turn = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(0.4);
+    for degrees in [90.0, 170.0, 179.0, 179.7, 179.95, 179.99] {
+        let angle = f64::to_radians(degrees);
+        let triangles: Vec<_> = wedge(angle).iter().map(|corners| corners.map(|p| turn * p)).collect();
+        for numerics in CLOSED {
+            let world = closed_world(&triangles, numerics, Layout::default(), false);
+            let precision = numerics.ray_precision();
+            let (mut rays, mut reached) = (Vec::new(), 0);
+            for _ in 0..times_factor(10_000) {
+                // The wall y = 0, the edge along z.
+                let above = [0.0, 1e-16, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9][numbers.below(8)];
+                let from = DVec3::new(0.1 + 0.8 * numbers.fine_unit(), above, numbers.fine_unit() - 0.5);
+                let to = DVec3::new(0.0, 0.0, numbers.fine_unit() - 0.5);
+                let [from, to] = [from, to].map(|p| turn * p);
+                let ray = precision.ray(from, (to - from).normalize(), 0.0, f64::INFINITY);
+                let Some(hit) = world.accelerator.closest_hit(&ray, &mut Traversal::default()) else {
+                    continue;
+                };
+                let surface = world.interaction(&ray, &hit);
+                let other = turn * DVec3::new(-angle.sin(), angle.cos(), 0.0);
+                // The other wall, from inside.
+                if surface.geometric_normal.dot(-other) < 1.0 - 1e-6 || surface.view.dot(-other) < 0.0 {
+                    continue;
+                }
+                reached += 1;
+                let origin = surface.point.origin_towards(surface.geometric_normal, numerics);
+                rays.extend((0..8).map(|_| precision.ray(origin, numbers.direction(), 0.0, f64::INFINITY)));
+            }
+            assert!(reached > 500, "{degrees}, {}: {reached}", numerics.name());
+            assert_eq!(escaped(&world, &rays), [0; 3], "{degrees}, {} of {reached}", numerics.name());
+        }
+    }
+}
+
 /// E7: from outside, a convex mesh is met by no ray that leaves its surface, also at convex edges and corners: the origin is moved away from
 /// edges within the triangle, not away from the mesh.
 #[test]
