@@ -31,14 +31,14 @@
 //! # Ok::<(), kiln::bvh::NotFinite>(())
 //! ```
 
+pub use kiln_bvh::{bvh, geometry};
+
 pub mod animation;
 pub mod bench;
-pub mod bvh;
 pub mod cli;
 pub mod effects;
 pub mod error;
 pub mod film;
-pub mod geometry;
 pub mod import;
 pub mod job;
 pub mod limits;

@@ -14,20 +14,15 @@ pub mod extreme;
 pub mod file;
 mod fingerprint;
 mod material;
-mod mesh;
-mod numerics;
-mod placed;
 mod sampler;
 mod sampling;
 
+pub use crate::geometry::{Attribute, Mesh, Numerics, Placed, Placement, Step, moved_tangent, normal_matrix};
 pub use animation::Animation;
 pub use camera::{Camera, Projection, usual_size};
 pub use camera_text::INLINE_NAME;
 pub use fingerprint::Fingerprint;
 pub use material::{Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture, TextureImage};
-pub use mesh::{Attribute, Mesh, moved_tangent, normal_matrix};
-pub use numerics::Numerics;
-pub use placed::{Placed, Placement, Step};
 pub use sampler::{Filter, Lookup, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MOST_SAMPLES, Sampling};
 
