@@ -33,19 +33,15 @@
 
 pub use kiln_bvh::{bvh, geometry};
 
-pub mod animation;
-pub mod bench;
-pub mod cli;
-pub mod effects;
-pub mod error;
-pub mod film;
-pub mod import;
-pub mod job;
-pub mod limits;
-pub mod render;
-pub mod scene;
-pub mod shading;
-pub mod study;
-#[cfg(feature = "viewer")]
-pub mod viewer;
-pub mod world;
+macro_rules! modules {
+    ($feature:literal: $($module:ident),*) => {
+        $(#[cfg(feature = $feature)] pub mod $module;)*
+    };
+}
+
+modules!("import": error, film, import, limits, scene);
+modules!("render": animation, effects, job, render, shading, world);
+modules!("bench": bench);
+modules!("study": study);
+modules!("cli": cli);
+modules!("viewer": viewer);
