@@ -12,7 +12,7 @@ use crate::import::{self, FileRead};
 use crate::job::RenderSettings;
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
 use crate::scene::Scene;
-use crate::viewer::{self, From, Opened, Settings, Start};
+use crate::viewer::{self, CameraSource, Opened, Settings, Start};
 
 #[derive(Args)]
 pub struct Command {
@@ -81,11 +81,11 @@ fn look(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<O
     let asked = arguments.settings()?;
     let viewpoint = Viewpoint::of(&asked.camera, &scene, None)?;
     let size = viewpoint.size(&asked, &scene);
-    let from = match viewpoint {
-        Viewpoint::Fitted(view) => From::Fitted(view),
+    let camera_source = match viewpoint {
+        Viewpoint::Fitted(view) => CameraSource::Fitted(view),
         Viewpoint::Camera(camera) => match scene.cameras.iter().position(|own| *own == *camera) {
-            Some(index) => From::Scene(index),
-            None => From::Free(camera.into_owned()),
+            Some(index) => CameraSource::Scene(index),
+            None => CameraSource::Free(camera.into_owned()),
         },
     };
     let RenderSettings { projection, preset, shading, sampling, with, without, .. } = asked;
@@ -101,5 +101,5 @@ fn look(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<O
         numerics: asked.numerics.or(scene.numerics).unwrap_or_default(),
         pipeline: asked.colour.or(scene.colour).unwrap_or_default(),
     };
-    Ok(Opened { scene, from, projection, size, settings, preset })
+    Ok(Opened { scene, camera_source, projection, size, settings, preset })
 }

@@ -10,7 +10,7 @@ use glam::DVec2;
 
 use super::controls::Controls;
 use super::navigate;
-use super::painter::{Painted, Prepared};
+use super::painter::{RenderedImage, Prepared};
 
 /// Radians that a drag across the whole height turns the camera by.
 const TURN: f64 = std::f64::consts::PI;
@@ -19,18 +19,18 @@ const TURN: f64 = std::f64::consts::PI;
 const WHEEL: f64 = 400.0;
 
 /// How near to the line between two sides the mouse takes hold of it, in points.
-const HOLD: f32 = 6.0;
+const GRAB_DISTANCE: f32 = 6.0;
 
 /// A picture on the graphics card.
-struct Shown {
+struct SideTexture {
     texture: TextureHandle,
-    painted: Box<Painted>,
+    rendered: Box<RenderedImage>,
 }
 
 /// The picture's place in the window.
 #[derive(Default)]
 pub struct Canvas {
-    sides: [Option<Shown>; 2],
+    sides: [Option<SideTexture>; 2],
     /// Its rectangle, in points.
     rect: Option<Rect>,
     /// Whether the line between the sides is being dragged.
@@ -39,7 +39,7 @@ pub struct Canvas {
 
 /// What was done with the mouse, beyond moving the camera.
 #[derive(Default)]
-pub struct Done {
+pub struct MouseResult {
     /// A pixel was clicked.
     pub clicked: Option<[u32; 2]>,
     /// One was clicked twice.
@@ -50,34 +50,34 @@ pub struct Done {
 
 impl Canvas {
     /// Takes a picture.
-    pub fn take(&mut self, context: &egui::Context, painted: Box<Painted>) {
-        let options = if painted.factor == 1 { TextureOptions::NEAREST } else { TextureOptions::LINEAR };
-        let image = Arc::clone(&painted.image);
-        let side = &mut self.sides[painted.side];
+    pub fn take(&mut self, context: &egui::Context, rendered: Box<RenderedImage>) {
+        let options = if rendered.factor == 1 { TextureOptions::NEAREST } else { TextureOptions::LINEAR };
+        let image = Arc::clone(&rendered.image);
+        let side = &mut self.sides[rendered.side];
         match side {
-            Some(shown) => {
-                shown.texture.set(image, options);
-                shown.painted = painted;
+            Some(side_texture) => {
+                side_texture.texture.set(image, options);
+                side_texture.rendered = rendered;
             }
             None => {
                 let texture = context.load_texture("picture", image, options);
-                *side = Some(Shown { texture, painted });
+                *side = Some(SideTexture { texture, rendered });
             }
         }
     }
 
     /// What was painted last of a side.
-    pub fn painted(&self, side: usize) -> Option<&Painted> {
-        self.sides[side].as_ref().map(|shown| &*shown.painted)
+    pub fn rendered(&self, side: usize) -> Option<&RenderedImage> {
+        self.sides[side].as_ref().map(|side_texture| &*side_texture.rendered)
     }
 
     /// What it was made with.
     pub fn prepared(&self, side: usize) -> Option<&Arc<Prepared>> {
-        self.painted(side).map(|painted| &painted.prepared)
+        self.rendered(side).map(|rendered| &rendered.prepared)
     }
 
     /// There is one side no more.
-    pub fn forget(&mut self, side: usize) {
+    pub fn clear_side(&mut self, side: usize) {
         self.sides[side] = None;
     }
 
@@ -94,12 +94,12 @@ impl Canvas {
 
     /// Shows the pictures in all the room there is, and moves the camera with the mouse. Returns the size of the picture for that
     /// room in pixels of the screen, and what else was done.
-    pub fn show(&mut self, ui: &mut Ui, controls: &mut Controls) -> ([u32; 2], Done) {
+    pub fn show(&mut self, ui: &mut Ui, controls: &mut Controls) -> ([u32; 2], MouseResult) {
         let scale = ui.ctx().pixels_per_point();
-        let room = ui.available_rect_before_wrap();
+        let available = ui.available_rect_before_wrap();
         // Whole pixels of the screen: what was rendered is what is seen.
-        let min = pos2((room.min.x * scale).ceil(), (room.min.y * scale).ceil());
-        let size = vec2((room.max.x * scale).floor() - min.x, (room.max.y * scale).floor() - min.y);
+        let min = pos2((available.min.x * scale).ceil(), (available.min.y * scale).ceil());
+        let size = vec2((available.max.x * scale).floor() - min.x, (available.max.y * scale).floor() - min.y);
         let size = size.max(vec2(1.0, 1.0));
         let rect = Rect::from_min_size(pos2(min.x / scale, min.y / scale), size / scale);
         self.rect = Some(rect);
@@ -113,14 +113,14 @@ impl Canvas {
         let painter = ui.painter_at(rect);
         let line = rect.left() + controls.split * rect.width();
         let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-        if let Some(shown) = &self.sides[0] {
-            painter.image(shown.texture.id(), rect, whole, Color32::WHITE);
+        if let Some(side_texture) = &self.sides[0] {
+            painter.image(side_texture.texture.id(), rect, whole, Color32::WHITE);
         }
         if controls.sides.len() > 1 {
-            if let Some(shown) = &self.sides[1] {
+            if let Some(side_texture) = &self.sides[1] {
                 let right = Rect::from_min_max(pos2(line, rect.top()), rect.max);
                 let part = Rect::from_min_max(pos2(controls.split, 0.0), pos2(1.0, 1.0));
-                painter.image(shown.texture.id(), right, part, Color32::WHITE);
+                painter.image(side_texture.texture.id(), right, part, Color32::WHITE);
             }
             painter.vline(line, rect.y_range(), (3.0, Color32::from_black_alpha(160)));
             painter.vline(line, rect.y_range(), (1.0, Color32::WHITE));
@@ -136,12 +136,12 @@ impl Canvas {
         inside.then(|| [(share.x * size[0] as f32) as u32, (share.y * size[1] as f32) as u32])
     }
 
-    fn mouse(&mut self, ui: &Ui, response: &Response, controls: &mut Controls) -> Done {
-        let Some(rect) = self.rect else { return Done::default() };
-        let seen = self.prepared(0).map(|prepared| prepared.camera.clone());
-        let seen = seen.as_ref();
+    fn mouse(&mut self, ui: &Ui, response: &Response, controls: &mut Controls) -> MouseResult {
+        let Some(rect) = self.rect else { return MouseResult::default() };
+        let camera_shown = self.prepared(0).map(|prepared| prepared.camera.clone());
+        let camera_shown = camera_shown.as_ref();
         let line = rect.left() + controls.split * rect.width();
-        let near = |place: Pos2| controls.sides.len() > 1 && (place.x - line).abs() <= HOLD;
+        let near = |place: Pos2| controls.sides.len() > 1 && (place.x - line).abs() <= GRAB_DISTANCE;
         let hovers_line = response.hover_pos().is_some_and(near);
         if response.drag_started() {
             let origin = ui.input(|input| input.pointer.press_origin());
@@ -161,7 +161,7 @@ impl Canvas {
             let up = DVec2::new(by.x, -by.y);
             let pans = modifiers.shift || !response.dragged_by(PointerButton::Primary);
             let aspect = f64::from(rect.aspect_ratio());
-            controls.navigate(seen, |camera| match (pans, modifiers.command) {
+            controls.navigate(camera_shown, |camera| match (pans, modifiers.command) {
                 (true, _) => navigate::pan(camera, up, aspect),
                 (false, true) => navigate::look_around(camera, up * TURN / 2.0),
                 (false, false) => navigate::orbit(camera, DVec2::new(-up.x, -up.y) * TURN),
@@ -175,11 +175,11 @@ impl Canvas {
                 let at = DVec2::new(f64::from(from_middle.x), f64::from(-from_middle.y))
                     / f64::from(rect.height());
                 let aspect = f64::from(rect.aspect_ratio());
-                controls.navigate(seen, |camera| navigate::zoom_at(camera, factor, at, aspect));
+                controls.navigate(camera_shown, |camera| navigate::zoom_at(camera, factor, at, aspect));
             }
         }
         let pixel = response.interact_pointer_pos().and_then(|place| self.pixel(place));
-        Done {
+        MouseResult {
             clicked: pixel.filter(|_| response.clicked()),
             focused: pixel.filter(|_| response.double_clicked()),
             side: response.interact_pointer_pos().map_or(0, |place| self.side_at(place, controls)),

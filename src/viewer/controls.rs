@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use glam::{DVec2, DVec3};
 
-use super::false_colour::Shown;
-use super::keys::Drive;
-use super::look::{From, Opened, Order, Settings};
+use super::false_colour::DisplayMode;
+use super::keys::CameraMotion;
+use super::request::{CameraSource, Opened, RenderRequest, Settings};
 use super::navigate;
 use crate::scene::animation::Timeline;
 use crate::scene::{Camera, Numerics, Projection};
@@ -26,7 +26,7 @@ const ZOOM: f64 = 0.125;
 /// Everything that can be chosen.
 pub struct Controls {
     /// Where it is seen from.
-    pub from: From,
+    pub camera_source: CameraSource,
     /// The projection, instead of the camera's own.
     pub projection: Option<Projection>,
     /// The moment of the animation, 0 being the beginning and 1 the end.
@@ -34,7 +34,7 @@ pub struct Controls {
     /// Since when it plays, and from where.
     pub playing: Option<(Instant, f64)>,
     /// What is shown.
-    pub shown: Shown,
+    pub display_mode: DisplayMode,
     /// How it is computed, in one or two ways.
     pub sides: Vec<Settings>,
     /// Which of them the panel changes.
@@ -44,33 +44,33 @@ pub struct Controls {
     /// The angle of view that perspective had last, in radians.
     angle: f64,
     /// What the files said when they were opened.
-    start: (From, Option<Projection>, Settings),
+    start: (CameraSource, Option<Projection>, Settings),
 }
 
 impl Controls {
     /// As files are first looked at.
     pub fn new(opened: &Opened) -> Self {
-        let Opened { from, projection, settings, .. } = opened;
+        let Opened { camera_source, projection, settings, .. } = opened;
         Controls {
-            from: from.clone(),
+            camera_source: camera_source.clone(),
             projection: *projection,
             time: 0.0,
             playing: None,
-            shown: Shown::default(),
+            display_mode: DisplayMode::default(),
             sides: vec![settings.clone()],
             side: 0,
             split: 0.5,
             angle: 40f64.to_radians(),
-            start: (from.clone(), *projection, settings.clone()),
+            start: (camera_source.clone(), *projection, settings.clone()),
         }
     }
 
     /// The files have changed: what the user chose stays, what was the files' own follows them.
     pub fn reopened(&mut self, opened: &Opened) {
-        let (from, projection, settings) = &self.start;
-        let gone = matches!(self.from, From::Scene(index) if index >= opened.scene.cameras.len());
-        if self.from == *from || gone {
-            self.from = opened.from.clone();
+        let (camera_source, projection, settings) = &self.start;
+        let gone = matches!(self.camera_source, CameraSource::Scene(index) if index >= opened.scene.cameras.len());
+        if self.camera_source == *camera_source || gone {
+            self.camera_source = opened.camera_source.clone();
         }
         if self.projection == *projection {
             self.projection = opened.projection;
@@ -78,15 +78,15 @@ impl Controls {
         for side in &mut self.sides {
             let new = &opened.settings;
             side.choices.scene = new.choices.scene.clone();
-            follow(&mut side.choices.shading, settings.choices.shading, new.choices.shading);
-            follow(&mut side.numerics, settings.numerics, new.numerics);
-            follow(&mut side.pipeline, settings.pipeline, new.pipeline);
-            follow(&mut side.choices.sampling, settings.choices.sampling, new.choices.sampling);
+            update_unchanged(&mut side.choices.shading, settings.choices.shading, new.choices.shading);
+            update_unchanged(&mut side.numerics, settings.numerics, new.numerics);
+            update_unchanged(&mut side.pipeline, settings.pipeline, new.pipeline);
+            update_unchanged(&mut side.choices.sampling, settings.choices.sampling, new.choices.sampling);
         }
         if opened.scene.animation.is_none() {
             (self.time, self.playing) = (0.0, None);
         }
-        self.start = (opened.from.clone(), opened.projection, opened.settings.clone());
+        self.start = (opened.camera_source.clone(), opened.projection, opened.settings.clone());
     }
 
     /// The settings that the panel changes.
@@ -95,24 +95,24 @@ impl Controls {
     }
 
     /// The order that follows.
-    pub fn order(&self, opened: &Arc<Opened>, size: [u32; 2]) -> Order {
-        Order {
+    pub fn request(&self, opened: &Arc<Opened>, size: [u32; 2]) -> RenderRequest {
+        RenderRequest {
             opened: Arc::clone(opened),
             size,
-            from: self.from.clone(),
+            camera_source: self.camera_source.clone(),
             projection: self.projection,
             time: self.time,
-            shown: self.shown,
-            plays: self.playing.is_some(),
+            display_mode: self.display_mode,
+            is_playing: self.playing.is_some(),
             sides: self.sides.clone(),
         }
     }
 
     /// Moves the camera, which was last seen as `seen`.
-    pub fn navigate(&mut self, seen: Option<&Camera>, how: impl FnOnce(&mut Camera)) {
-        let camera = match &self.from {
-            From::Free(camera) => Some(camera),
-            _ => seen,
+    pub fn navigate(&mut self, displayed: Option<&Camera>, how: impl FnOnce(&mut Camera)) {
+        let camera = match &self.camera_source {
+            CameraSource::Free(camera) => Some(camera),
+            _ => displayed,
         };
         if let Some(camera) = camera {
             let mut moved = camera.clone();
@@ -122,15 +122,15 @@ impl Controls {
             }
             how(&mut moved);
             self.projection = None;
-            self.from = From::Free(moved);
+            self.camera_source = CameraSource::Free(moved);
         }
     }
 
     /// Flies and turns by keys that were held for so many seconds, and zooms by those that were pressed.
-    pub fn drive(&mut self, seen: Option<&Camera>, drive: Drive, seconds: f64, fast: bool) {
+    pub fn drive(&mut self, displayed: Option<&Camera>, drive: CameraMotion, seconds: f64, fast: bool) {
         let speed = if fast { 4.0 * SPEED } else { SPEED };
-        let Drive { fly, orbit, zoom } = drive;
-        self.navigate(seen, |camera| {
+        let CameraMotion { fly, orbit, zoom } = drive;
+        self.navigate(displayed, |camera| {
             if fly != DVec3::ZERO {
                 navigate::fly(camera, fly * speed * seconds);
             }
@@ -144,11 +144,11 @@ impl Controls {
     }
 
     /// Has the projection that it is told; `seen` is the camera of the picture that is shown.
-    pub fn project(&mut self, projection: Projection, seen: Option<&Camera>) {
+    pub fn project(&mut self, projection: Projection, displayed: Option<&Camera>) {
         let angle = self.angle;
-        match &self.from {
-            From::Free(_) => {
-                self.navigate(seen, |camera| navigate::switch_projection(camera, projection, angle));
+        match &self.camera_source {
+            CameraSource::Free(_) => {
+                self.navigate(displayed, |camera| navigate::switch_projection(camera, projection, angle));
             }
             // Of the scene's own cameras the rectangle says all.
             _ => self.projection = Some(projection),
@@ -156,36 +156,36 @@ impl Controls {
     }
 
     /// The other projection than that which is seen.
-    pub fn switch_projection(&mut self, seen: Option<&Camera>) {
-        let own = match (&self.from, seen) {
-            (From::Free(camera), _) | (_, Some(camera)) => camera.projection,
+    pub fn switch_projection(&mut self, displayed: Option<&Camera>) {
+        let own = match (&self.camera_source, displayed) {
+            (CameraSource::Free(camera), _) | (_, Some(camera)) => camera.projection,
             _ => Projection::Perspective,
         };
         let other = match self.projection.unwrap_or(own) {
             Projection::Perspective => Projection::Orthographic,
             Projection::Orthographic => Projection::Perspective,
         };
-        self.project(other, seen);
+        self.project(other, displayed);
     }
 
     /// Back to where it was first seen from.
     pub fn reset_camera(&mut self) {
-        (self.from, self.projection) = (self.start.0.clone(), self.start.1);
+        (self.camera_source, self.projection) = (self.start.0.clone(), self.start.1);
     }
 
     /// Seen from a standard side, all of it.
-    pub fn stand(&mut self, view: StandardView) {
-        self.from = From::Fitted(view);
+    pub fn fit_standard_view(&mut self, view: StandardView) {
+        self.camera_source = CameraSource::Fitted(view);
     }
 
     /// The next camera of the scene.
     pub fn next_camera(&mut self, count: usize) {
         if count > 0 {
-            let next = match self.from {
-                From::Scene(index) => (index + 1) % count,
+            let next = match self.camera_source {
+                CameraSource::Scene(index) => (index + 1) % count,
                 _ => 0,
             };
-            (self.from, self.projection) = (From::Scene(next), None);
+            (self.camera_source, self.projection) = (CameraSource::Scene(next), None);
         }
     }
 
@@ -251,7 +251,7 @@ fn frame_of(timeline: &Timeline, time: f64) -> f64 {
 }
 
 /// What was as the files said goes on as they say now.
-fn follow<T: PartialEq + Copy>(value: &mut T, old: T, new: T) {
+fn update_unchanged<T: PartialEq + Copy>(value: &mut T, old: T, new: T) {
     if *value == old {
         *value = new;
     }

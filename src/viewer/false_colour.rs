@@ -12,7 +12,7 @@ use crate::world::World;
 
 /// What is shown of a scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
-pub enum Shown {
+pub enum DisplayMode {
     /// The picture itself.
     #[default]
     Picture,
@@ -34,46 +34,46 @@ pub enum Shown {
     ErrorAgainstExact,
 }
 
-impl Shown {
+impl DisplayMode {
     /// All there is to be shown.
-    pub const ALL: [Shown; 9] = [
-        Shown::Picture,
-        Shown::Normals,
-        Shown::GeometricNormals,
-        Shown::Depth,
-        Shown::Objects,
-        Shown::Materials,
-        Shown::Primitives,
-        Shown::NodeTests,
-        Shown::ErrorAgainstExact,
+    pub const ALL: [DisplayMode; 9] = [
+        DisplayMode::Picture,
+        DisplayMode::Normals,
+        DisplayMode::GeometricNormals,
+        DisplayMode::Depth,
+        DisplayMode::Objects,
+        DisplayMode::Materials,
+        DisplayMode::Primitives,
+        DisplayMode::NodeTests,
+        DisplayMode::ErrorAgainstExact,
     ];
 
     /// What it is called.
     pub fn name(self) -> &'static str {
         match self {
-            Shown::Picture => "picture",
-            Shown::Normals => "normals",
-            Shown::GeometricNormals => "geometric normals",
-            Shown::Depth => "depth",
-            Shown::Objects => "objects",
-            Shown::Materials => "materials",
-            Shown::Primitives => "primitives",
-            Shown::NodeTests => "node tests",
-            Shown::ErrorAgainstExact => "error against exact",
+            DisplayMode::Picture => "picture",
+            DisplayMode::Normals => "normals",
+            DisplayMode::GeometricNormals => "geometric normals",
+            DisplayMode::Depth => "depth",
+            DisplayMode::Objects => "objects",
+            DisplayMode::Materials => "materials",
+            DisplayMode::Primitives => "primitives",
+            DisplayMode::NodeTests => "node tests",
+            DisplayMode::ErrorAgainstExact => "error against exact",
         }
     }
 
     /// The AOV that says it; `None` for what takes pictures.
     pub fn aov(self) -> Option<&'static str> {
         match self {
-            Shown::Picture | Shown::ErrorAgainstExact => None,
-            Shown::Normals => Some("normal"),
-            Shown::GeometricNormals => Some("geometric-normal"),
-            Shown::Depth => Some("depth"),
-            Shown::Objects => Some("object"),
-            Shown::Materials => Some("material"),
-            Shown::Primitives => Some("primitive"),
-            Shown::NodeTests => Some("node-tests"),
+            DisplayMode::Picture | DisplayMode::ErrorAgainstExact => None,
+            DisplayMode::Normals => Some("normal"),
+            DisplayMode::GeometricNormals => Some("geometric-normal"),
+            DisplayMode::Depth => Some("depth"),
+            DisplayMode::Objects => Some("object"),
+            DisplayMode::Materials => Some("material"),
+            DisplayMode::Primitives => Some("primitive"),
+            DisplayMode::NodeTests => Some("node-tests"),
         }
     }
 }
@@ -118,31 +118,31 @@ const SWATCHES: usize = 12;
 /// # Errors
 /// [`Error::Usage`] for what takes pictures; [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough
 /// memory.
-pub fn false_colours(shown: Shown, subject: &AovSource, watch: &RenderControl) -> Result<FalseColours> {
-    let Some(aov) = shown.aov() else {
-        let what = format!("{}: shown by pictures, not by what is known of their pixels", shown.name());
+pub fn false_colours(mode: DisplayMode, subject: &AovSource, watch: &RenderControl) -> Result<FalseColours> {
+    let Some(aov) = mode.aov() else {
+        let what = format!("{}: shown by pictures, not by what is known of their pixels", mode.name());
         return Err(Error::usage(what, ""));
     };
     let channels = aov::channels(subject, &AovSelection::new(&[aov.to_owned()])?, watch)?;
-    Ok(of_channels(shown, subject.world, &channels))
+    Ok(of_channels(mode, subject.world, &channels))
 }
 
 /// The colours of the AOV of `shown`.
-pub fn of_channels(shown: Shown, world: &World, channels: &[Channel]) -> FalseColours {
+pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> FalseColours {
     let first: &[f32] = channels.first().map_or(&[], |channel| &channel.values);
-    match (shown, channels) {
-        (Shown::Normals | Shown::GeometricNormals, [x, y, z]) => {
-            normals(shown, &x.values, &y.values, &z.values)
+    match (mode, channels) {
+        (DisplayMode::Normals | DisplayMode::GeometricNormals, [x, y, z]) => {
+            normals(mode, &x.values, &y.values, &z.values)
         }
-        (Shown::Depth, _) => depths(first),
-        (Shown::Objects, _) => {
+        (DisplayMode::Depth, _) => depths(first),
+        (DisplayMode::Objects, _) => {
             let name = |id: usize| world.objects.get(id).map(|object| object.name.clone());
             ids("each object has a colour", first, name)
         }
-        (Shown::Materials, _) => {
+        (DisplayMode::Materials, _) => {
             ids("each material has a colour", first, |id| world.material_names.get(id).cloned())
         }
-        (Shown::Primitives, _) => ids("each triangle and sphere has a colour", first, |_| None),
+        (DisplayMode::Primitives, _) => ids("each triangle and sphere has a colour", first, |_| None),
         _ => counts("boxes that the camera ray is tested against", first),
     }
 }
@@ -166,7 +166,7 @@ pub fn error_against_exact(picture: &Picture, exact: &Picture) -> Result<FalseCo
     Ok(FalseColours { pixels: error_map(picture, exact), legend })
 }
 
-fn normals(shown: Shown, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
+fn normals(mode: DisplayMode, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
     let colour = |n: [f32; 3]| {
         if n == [0.0; 3] { NOTHING } else { n.map(|c| ((c / 2.0 + 0.5) * 255.0).round() as u8) }
     };
@@ -181,8 +181,8 @@ fn normals(shown: Shown, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
         axis("-z", [0.0, 0.0, -1.0]),
         (NOTHING, "nothing".into()),
     ];
-    let text = match shown {
-        Shown::Normals => "normals for shading, on the camera's side: n / 2 + 1/2",
+    let text = match mode {
+        DisplayMode::Normals => "normals for shading, on the camera's side: n / 2 + 1/2",
         _ => "normals of the triangles and spheres, on the camera's side: n / 2 + 1/2",
     };
     FalseColours { pixels, legend: Legend { text: text.into(), bar: Vec::new(), ends: None, swatches } }
@@ -284,7 +284,7 @@ mod tests {
     use crate::world::View;
 
     /// The assignment scene from view 2, in so many pixels.
-    fn shown(shown: Shown, size: u32) -> FalseColours {
+    fn false_colours_of_scene(mode: DisplayMode, size: u32) -> FalseColours {
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/assignment.toml");
         let scene = crate::import::load(&[file], &mut Warnings::default()).unwrap();
         let camera = scene.cameras[0].clone();
@@ -303,21 +303,21 @@ mod tests {
         };
         let watch =
             RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
-        false_colours(shown, &subject, &watch).unwrap()
+        false_colours(mode, &subject, &watch).unwrap()
     }
 
     #[test]
     fn the_plane_is_green_from_above_and_the_sky_is_nothing() {
-        let normals = shown(Shown::Normals, 32);
+        let normals = false_colours_of_scene(DisplayMode::Normals, 32);
         // The bottom row sees the plane, whose normal is (0, 1, 0); the top row sees above its horizon.
         assert_eq!(normals.pixels[31 * 32], [128, 255, 128]);
         assert_eq!(normals.pixels[0], NOTHING);
-        assert_eq!(shown(Shown::GeometricNormals, 32).pixels[31 * 32], [128, 255, 128]);
+        assert_eq!(false_colours_of_scene(DisplayMode::GeometricNormals, 32).pixels[31 * 32], [128, 255, 128]);
     }
 
     #[test]
     fn near_is_light() {
-        let depths = shown(Shown::Depth, 32);
+        let depths = false_colours_of_scene(DisplayMode::Depth, 32);
         let [bottom, higher] = [31, 24].map(|row| depths.pixels[row * 32][0]);
         assert!(bottom > higher, "{bottom} {higher}");
         assert_eq!(depths.pixels.iter().map(|p| p[0]).max(), Some(250));
@@ -330,7 +330,7 @@ mod tests {
 
     #[test]
     fn objects_are_named_and_have_their_colours() {
-        let objects = shown(Shown::Objects, 64);
+        let objects = false_colours_of_scene(DisplayMode::Objects, 64);
         let names: Vec<&str> = objects.legend.swatches.iter().map(|(_, name)| name.as_str()).collect();
         // The plane fills most of the picture.
         assert_eq!(names[0], "plane");
@@ -342,8 +342,8 @@ mod tests {
         }
         // 0 is the left sphere, 1 the right one, 2 the plane.
         assert_eq!(objects.legend.swatches[0].0, colour_of(2));
-        assert!(shown(Shown::Materials, 64).legend.swatches.iter().any(|(_, name)| name == "patriarch"));
-        assert_eq!(shown(Shown::Primitives, 64).legend.swatches.len(), 1);
+        assert!(false_colours_of_scene(DisplayMode::Materials, 64).legend.swatches.iter().any(|(_, name)| name == "patriarch"));
+        assert_eq!(false_colours_of_scene(DisplayMode::Primitives, 64).legend.swatches.len(), 1);
     }
 
     #[test]
@@ -351,7 +351,7 @@ mod tests {
         let counts = super::counts("boxes", &[0.0, 8.0, 16.0]);
         assert_eq!(counts.pixels, heat_map(&[0.0, 0.5, 1.0]));
         assert_eq!(counts.legend.ends, Some(["0".into(), "16".into()]));
-        assert!(shown(Shown::NodeTests, 16).pixels.iter().any(|p| *p == heat_map(&[1.0])[0]));
+        assert!(false_colours_of_scene(DisplayMode::NodeTests, 16).pixels.iter().any(|p| *p == heat_map(&[1.0])[0]));
     }
 
     #[test]

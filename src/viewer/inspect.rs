@@ -25,16 +25,16 @@ pub struct Inspection {
     /// Camera rays that the colour took.
     pub samples: u32,
     /// What the ray through its centre hits.
-    pub seen: Option<Seen>,
+    pub surface: Option<SurfaceInfo>,
     /// Every ray that follows from that one, in the order that they are cast in.
-    pub rays: Vec<Line>,
+    pub rays: Vec<RaySegment>,
     /// Boxes and primitives that the ray through the centre, cast by itself, is tested against.
     pub tests: Tests,
 }
 
 /// What a ray hits. Lengths and positions are those of the scene as it was described, wherever it was moved.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Seen {
+pub struct SurfaceInfo {
     /// The object's number, in the order of the description.
     pub object: u32,
     /// Its name.
@@ -65,7 +65,7 @@ pub struct Seen {
 
 /// A ray as a line, in the coordinates of the world and its [`View`]: [`View::project_segment`] draws it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Line {
+pub struct RaySegment {
     /// Its kind.
     pub kind: RayKind,
     /// The effect that it is there for; `None` for the camera's.
@@ -110,41 +110,41 @@ pub fn inspect(
 
     let mut tile = Tile::default();
     tile.recorder = Some(Box::new(RayRecorder::default()));
-    run(&one_ray(world, plan), &mut tile);
+    run(&one_ray_per_pixel(world, plan), &mut tile);
     let casts = tile.recorder.take().map_or(Vec::new(), |recorder| recorder.rays);
-    let surface = tile
+    let interaction = tile
         .generations
         .first()
         .and_then(|first| (!first.surfaces.is_empty()).then(|| first.surfaces.get(0)));
     let first = casts.first();
     let hit =
         first.and_then(|cast| if let TraceResult::Closest(hit) = cast.result { Some(hit) } else { None });
-    let seen = surface
+    let surface = interaction
         .zip(hit)
         .zip(first)
-        .map(|((surface, hit), cast)| seen(world, recentering, &surface, &hit, cast));
+        .map(|((interaction, hit), cast)| surface_info(world, recentering, &interaction, &hit, cast));
     let mut traversal = Traversal::default();
     if let Some(cast) = first {
         world.accelerator.closest_hit(&cast.ray, &mut traversal);
     }
     let tests = traversal.tests;
-    let rays = casts.iter().map(|cast| line(world, bounds, cast, &mut traversal)).collect();
+    let rays = casts.iter().map(|cast| ray_segment(world, bounds, cast, &mut traversal)).collect();
     let displayed = world.pipeline.encode(colour);
-    Inspection { pixel: [x, y], colour, displayed, samples, seen, rays, tests }
+    Inspection { pixel: [x, y], colour, displayed, samples, surface, rays, tests }
 }
 
 /// The plan with one ray a pixel.
-fn one_ray(world: &World, plan: &Plan) -> Plan {
+fn one_ray_per_pixel(world: &World, plan: &Plan) -> Plan {
     plan.keeping(world, |i| !EFFECTS[i].decides_samples)
 }
 
-fn seen(
+fn surface_info(
     world: &World,
     recentering: Option<&Recentering>,
     surface: &SurfaceInteraction,
     hit: &Hit,
     cast: &RecordedRay,
-) -> Seen {
+) -> SurfaceInfo {
     let object = &world.objects[surface.object as usize];
     let position = surface.point.position;
     let [v, w] = hit.weights;
@@ -152,7 +152,7 @@ fn seen(
         Primitive::Sphere(_) => ("sphere", None),
         Primitive::Triangle(_) => ("triangle", Some([1.0 - v - w, v, w])),
     };
-    Seen {
+    SurfaceInfo {
         object: surface.object,
         object_name: object.name.clone(),
         primitive: hit.prim.0,
@@ -165,12 +165,12 @@ fn seen(
         barycentric,
         uv: world.texture_point(surface, hit, &cast.ray, None).map(|point| point.uv),
         material: world.material_names[surface.material as usize].clone(),
-        material_values: values_of(world, &world.materials[surface.material as usize]),
+        material_values: material_values(world, &world.materials[surface.material as usize]),
     }
 }
 
 /// What a material is made of.
-fn values_of(world: &World, material: &PreparedMaterial) -> Vec<(&'static str, String)> {
+fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static str, String)> {
     let colour = |c: DVec3| {
         let [r, g, b] = world.pipeline.encode(c.as_vec3().to_array());
         format!("#{r:02x}{g:02x}{b:02x}")
@@ -215,12 +215,12 @@ fn values_of(world: &World, material: &PreparedMaterial) -> Vec<(&'static str, S
     values
 }
 
-fn line(
+fn ray_segment(
     world: &World,
     bounds: Option<(DVec3, DVec3)>,
     cast: &RecordedRay,
     traversal: &mut Traversal,
-) -> Line {
+) -> RaySegment {
     let RecordedRay { kind, depth, light, ray, result, .. } = cast;
     // Of a ray that is blocked nobody asked where; the nearest of what is in its way is drawn.
     let hit = match result {
@@ -231,7 +231,7 @@ fn line(
     let end = hit.map_or(ray.t_max, |hit| hit.t);
     let end = if end.is_finite() { end } else { way_out(ray.origin, bounds) };
     let effect = EFFECTS.iter().find(|effect| *kind != RayKind::PRIMARY && effect.rays.contains(kind));
-    Line {
+    RaySegment {
         kind: *kind,
         effect: effect.map(|effect| effect.id),
         depth: *depth,
@@ -286,7 +286,7 @@ mod tests {
     }
 
     impl Ready {
-        fn look(&self, pixel: [u32; 2]) -> Inspection {
+        fn inspect(&self, pixel: [u32; 2]) -> Inspection {
             inspect(&self.world, &self.view, &self.plan, self.recentering.as_ref(), self.bounds, pixel)
         }
     }
@@ -305,16 +305,16 @@ mod tests {
     #[test]
     fn the_pixel_in_the_middle_of_a_sphere() {
         let ready = ready(assignment(), &middle_of_the_right_sphere());
-        let pixel = ready.look([50, 50]);
-        let seen = pixel.seen.clone().unwrap();
-        assert_eq!((seen.object_name.as_str(), seen.primitive, seen.kind), ("right sphere", 1, "sphere"));
-        assert_eq!((seen.object, seen.primitive_of_object, seen.barycentric), (1, 0, None));
-        assert!((seen.distance - 900.0).abs() < 1e-9);
-        assert!((seen.position - DVec3::new(100.0, -400.0, 1250.0)).length() < 1e-9);
-        assert!((seen.geometric_normal + DVec3::Z).length() < 1e-9);
-        assert_eq!(seen.material, "midnight-blue");
-        assert!(seen.material_values.contains(&("colour", "#191970".into())), "{:?}", seen.material_values);
-        assert!(seen.material_values.contains(&("specular", "3".into())));
+        let pixel = ready.inspect([50, 50]);
+        let surface = pixel.surface.clone().unwrap();
+        assert_eq!((surface.object_name.as_str(), surface.primitive, surface.kind), ("right sphere", 1, "sphere"));
+        assert_eq!((surface.object, surface.primitive_of_object, surface.barycentric), (1, 0, None));
+        assert!((surface.distance - 900.0).abs() < 1e-9);
+        assert!((surface.position - DVec3::new(100.0, -400.0, 1250.0)).length() < 1e-9);
+        assert!((surface.geometric_normal + DVec3::Z).length() < 1e-9);
+        assert_eq!(surface.material, "midnight-blue");
+        assert!(surface.material_values.contains(&("colour", "#191970".into())), "{:?}", surface.material_values);
+        assert!(surface.material_values.contains(&("specular", "3".into())));
 
         // One light: a shadow ray from it, one from what is mirrored if anything is. Straight back lies nothing: the camera's
         // ray is mirrored into itself, and above the plane at -500 along -z is nothing.
@@ -325,14 +325,14 @@ mod tests {
             (primary.hit, primary.effect, primary.object.as_deref()),
             (true, None, Some("right sphere"))
         );
-        assert_eq!(primary.to, seen.position);
+        assert_eq!(primary.to, surface.position);
         // The lamp, at (-400, 100, 850).
         assert_eq!(
             (shadow.effect.map(EffectId::name), shadow.light.as_deref(), shadow.hit),
             (Some("shadows"), Some("lamp"), false)
         );
         assert!((shadow.to - DVec3::new(-400.0, 100.0, 850.0)).length() < 1e-6);
-        assert!((shadow.from - seen.position).length() < 1e-6);
+        assert!((shadow.from - surface.position).length() < 1e-6);
         assert_eq!((glaze.effect.map(EffectId::name), glaze.depth, glaze.hit), (Some("glaze"), 1, false));
         assert!(((glaze.to - glaze.from).normalize() + DVec3::Z).length() < 1e-9);
         let (min, max) = ready.bounds.unwrap();
@@ -346,13 +346,13 @@ mod tests {
             assignment(),
             &towards(DVec3::new(-600.0, -400.0, 900.0), DVec3::new(-600.0, -500.0, 1000.0)),
         );
-        let pixel = ready.look([50, 50]);
-        let seen = pixel.seen.clone().unwrap();
-        assert_eq!((seen.object_name.as_str(), seen.kind, seen.primitive), ("plane", "triangle", 2));
-        assert!((seen.distance - 100.0 * 2f64.sqrt()).abs() < 1e-9);
+        let pixel = ready.inspect([50, 50]);
+        let surface = pixel.surface.clone().unwrap();
+        assert_eq!((surface.object_name.as_str(), surface.kind, surface.primitive), ("plane", "triangle", 2));
+        assert!((surface.distance - 100.0 * 2f64.sqrt()).abs() < 1e-9);
         // Corners at (-10000, -10000), (-10000, 100000) and (10000, -10000) in x and z: of the way from the first, 11000 / 110000
         // are towards the second, 9400 / 20000 towards the third.
-        for (weight, expected) in seen.barycentric.unwrap().iter().zip([0.43, 0.1, 0.47]) {
+        for (weight, expected) in surface.barycentric.unwrap().iter().zip([0.43, 0.1, 0.47]) {
             assert!((weight - expected).abs() < 1e-12, "{weight} {expected}");
         }
         // Mirrored about +y: at 45 degrees upwards along +z.
@@ -366,7 +366,7 @@ mod tests {
             crate::render::render(&ready.world, &ready.view, &ready.plan, whole, |_, _| true, &control)
                 .unwrap();
         for [x, y] in [[50, 50], [0, 0], [100, 3], [17, 80]] {
-            let pixel = ready.look([x, y]);
+            let pixel = ready.inspect([x, y]);
             assert_eq!(pixel.colour, film.pixel(x, y), "{x} {y}");
             assert_eq!(pixel.displayed, ready.world.pipeline.encode(film.pixel(x, y)));
         }
@@ -380,7 +380,7 @@ mod tests {
         let (lamp, middle) = (DVec3::new(-400.0, 100.0, 850.0), DVec3::new(-300.0, -425.0, 1200.0));
         let shaded = lamp + (middle - lamp) * (600.0 / 525.0);
         let ready = ready(assignment(), &towards(shaded + DVec3::new(-300.0, 200.0, 200.0), shaded));
-        let pixel = ready.look([50, 50]);
+        let pixel = ready.inspect([50, 50]);
         let shadow = pixel.rays.iter().find(|ray| ray.kind.is_shadow).unwrap();
         assert!(shadow.hit);
         assert_eq!(shadow.object.as_deref(), Some("left sphere"));
@@ -391,8 +391,8 @@ mod tests {
     #[test]
     fn a_pixel_that_sees_nothing() {
         let ready = ready(assignment(), &towards(DVec3::new(0.0, 0.0, 0.0), DVec3::new(0.0, 1.0, -0.1)));
-        let pixel = ready.look([50, 50]);
-        assert_eq!((pixel.seen.as_ref(), pixel.displayed, pixel.rays.len()), (None, [0; 3], 1));
+        let pixel = ready.inspect([50, 50]);
+        assert_eq!((pixel.surface.as_ref(), pixel.displayed, pixel.rays.len()), (None, [0; 3], 1));
         assert!(!pixel.rays[0].hit);
     }
 
@@ -404,9 +404,9 @@ mod tests {
         let one = ready(scene.clone(), &camera);
         scene.sampling.samples = Some(9);
         let nine = ready(scene, &camera);
-        let (a, b) = (one.look([40, 60]), nine.look([40, 60]));
+        let (a, b) = (one.inspect([40, 60]), nine.inspect([40, 60]));
         assert_eq!((a.samples, b.samples), (1, 9));
-        assert_eq!((&a.rays, &a.seen), (&b.rays, &b.seen));
+        assert_eq!((&a.rays, &a.surface), (&b.rays, &b.surface));
     }
 
     /// Positions and distances are those of the file, also where the scene was moved: a sphere of radius 2 a million away.
@@ -422,10 +422,10 @@ mod tests {
         camera.projection = Projection::Orthographic;
         let ready = ready(scene, &camera);
         assert!(ready.recentering.is_some());
-        let pixel = ready.look([50, 50]);
-        let seen = pixel.seen.unwrap();
+        let pixel = ready.inspect([50, 50]);
+        let surface = pixel.surface.unwrap();
         assert!(
-            (seen.position - (far + DVec3::Z * 2.0)).length() < 1e-9 && (seen.distance - 8.0).abs() < 1e-9
+            (surface.position - (far + DVec3::Z * 2.0)).length() < 1e-9 && (surface.distance - 8.0).abs() < 1e-9
         );
         let [from, to] = ready.view.project_segment(pixel.rays[0].from, pixel.rays[0].to).unwrap();
         assert!((from - DVec2::splat(50.5)).length() < 1e-9 && (to - from).length() < 1e-9, "{from} {to}");

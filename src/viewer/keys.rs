@@ -199,11 +199,11 @@ pub fn actions(input: &mut InputState, focus: Focus) -> Vec<Action> {
 
 /// Keys that are held down to move, and were pressed without Ctrl or Alt: those mean something else.
 #[derive(Default)]
-pub struct Held(Vec<Key>);
+pub struct HeldKeys(Vec<Key>);
 
 /// What keys do to the camera.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Drive {
+pub struct CameraMotion {
     /// To the right, up and forward, while keys are held.
     pub fly: DVec3,
     /// Round the target, to the right and up, while keys are held.
@@ -213,9 +213,9 @@ pub struct Drive {
     pub zoom: f64,
 }
 
-impl Held {
+impl HeldKeys {
     /// Takes in what was pressed and let go. Arrows belong to a control that has the keyboard.
-    pub fn look(&mut self, input: &InputState, focus: Focus) {
+    pub fn update(&mut self, input: &InputState, focus: Focus) {
         if !input.focused {
             // Who lets go elsewhere is not heard here.
             self.0.clear();
@@ -235,7 +235,7 @@ impl Held {
     }
 
     /// What keys do now.
-    pub fn drive(&self, input: &InputState, focus: Focus) -> Drive {
+    pub fn motion(&self, input: &InputState, focus: Focus) -> CameraMotion {
         let axis = |minus: Key, plus: Key| {
             f64::from(i8::from(self.0.contains(&plus)) - i8::from(self.0.contains(&minus)))
         };
@@ -243,7 +243,7 @@ impl Held {
         let presses = |key: Key| input.num_presses(key) as f64;
         let is_plain = focus == Focus::Picture && !input.modifiers.command;
         let zoom = presses(Key::Plus) + presses(Key::Equals) - presses(Key::Minus);
-        Drive {
+        CameraMotion {
             fly: DVec3::new(axis(A, D), axis(Q, E), axis(S, W)),
             orbit: DVec2::new(axis(ArrowLeft, ArrowRight), axis(ArrowDown, ArrowUp)),
             zoom: if is_plain { zoom } else { 0.0 },
@@ -282,10 +282,10 @@ mod tests {
     #[test]
     fn keys_fly_while_they_are_held_and_not_with_control() {
         let fly = |key, modifiers, focus| {
-            let mut held = Held::default();
+            let mut held = HeldKeys::default();
             let input = pressed(key, modifiers);
-            held.look(&input, focus);
-            held.drive(&input, focus)
+            held.update(&input, focus);
+            held.motion(&input, focus)
         };
         assert_eq!(fly(Key::W, Modifiers::NONE, Focus::Picture).fly, DVec3::Z);
         assert_eq!(fly(Key::S, Modifiers::NONE, Focus::Control).fly, -DVec3::Z);
@@ -295,7 +295,7 @@ mod tests {
             (Key::W, Modifiers::NONE, Focus::Text),
             (Key::ArrowUp, Modifiers::NONE, Focus::Control),
         ] {
-            assert_eq!(fly(key, modifiers, focus), Drive::default(), "{key:?}");
+            assert_eq!(fly(key, modifiers, focus), CameraMotion::default(), "{key:?}");
         }
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use super::Open;
-use super::look::Opened;
+use super::request::Opened;
 use crate::error::{Result, Warnings};
 use crate::import::FileRead;
 

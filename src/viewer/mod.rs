@@ -12,7 +12,7 @@ pub mod false_colour;
 pub mod inspect;
 mod keys;
 mod loader;
-mod look;
+mod request;
 pub mod navigate;
 mod overlay;
 mod painter;
@@ -22,10 +22,10 @@ mod save;
 mod timeline;
 mod trace;
 pub mod watch;
-pub mod words;
+pub mod command_line;
 
 pub use app::run;
-pub use look::{From, Opened, Settings};
+pub use request::{CameraSource, Opened, Settings};
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -61,7 +61,7 @@ fn name_of(file: &Path) -> String {
 }
 
 /// What went wrong, and what to do about it.
-fn say(e: &crate::error::Error) -> String {
+fn message_with_hint(e: &crate::error::Error) -> String {
     match e.hint() {
         "" => e.to_string(),
         hint => format!("{e}\n{hint}"),

@@ -10,7 +10,7 @@ use super::false_colour::Legend;
 use super::keys::LIST;
 
 /// How long one reads a notice.
-const ENOUGH: Duration = Duration::from_secs(5);
+const NOTICE_TIME: Duration = Duration::from_secs(5);
 
 /// Something that is said over the picture until it no longer holds.
 pub struct Notice {
@@ -30,7 +30,7 @@ impl Notice {
 
     /// Whether it was there for long enough. What went wrong stays until it is put right or dismissed.
     pub fn is_over(&self, context: &Context) -> bool {
-        let left = ENOUGH.saturating_sub(self.since.elapsed());
+        let left = NOTICE_TIME.saturating_sub(self.since.elapsed());
         if !self.is_error {
             context.request_repaint_after(left);
         }

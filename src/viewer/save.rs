@@ -5,7 +5,7 @@ use std::sync::mpsc::Sender;
 
 use egui::ColorImage;
 
-use super::look::{Order, Settings};
+use super::request::{RenderRequest, Settings};
 use super::name_of;
 use super::painter::Prepared;
 use crate::error::{Result, Warnings};
@@ -54,16 +54,16 @@ pub fn beside(
 /// Those of rendering, and [`crate::error::Error::Output`] where it cannot be written.
 pub fn picture(
     prepared: &Prepared,
-    (order, side): (&Order, usize),
+    (request, side): (&RenderRequest, usize),
     command: String,
     file: &Path,
 ) -> Result<()> {
-    let Order { opened, time, sides, .. } = order;
+    let RenderRequest { opened, time, sides, .. } = request;
     let Settings { choices, .. } = &sides[side];
     let job = prepared.job.with_choices(choices.clone())?;
     let (film, _) = job.render(&RenderControl::default())?;
     let scene = Scene { effects: choices.scene.clone(), ..opened.scene.clone() };
-    let mut metadata = resolve(scene, &order.render_settings(side), &mut Warnings::default())?.metadata;
+    let mut metadata = resolve(scene, &request.render_settings(side), &mut Warnings::default())?.metadata;
     if *time != 0.0 {
         add_to_fingerprint(&mut metadata, "time", time);
     }

@@ -40,9 +40,9 @@ impl Trace {
     }
 
     /// Something happened now: `t` is the system's monotonic clock in seconds.
-    pub fn say(&mut self, event: &str, what: Value) {
+    pub fn event(&mut self, name: &str, what: Value) {
         let Some(file) = &mut self.file else { return };
-        let mut line = json!({ "t": now(), "event": event });
+        let mut line = json!({ "t": now(), "event": name });
         if let (Some(line), Value::Object(what)) = (line.as_object_mut(), what) {
             line.extend(what);
         }
@@ -63,7 +63,7 @@ impl Trace {
             Some((_, known)) => *known = place,
             None => self.rectangles.push((name.to_owned(), place)),
         }
-        self.say("place", json!({ "name": name, "rect": place }));
+        self.event("place", json!({ "name": name, "rect": place }));
     }
 }
 
@@ -102,7 +102,7 @@ impl Pauses {
         self.last = now;
         self.all.push(pause);
         if pause > LONG && self.all.len() > OPENING {
-            trace.say("pause", json!({ "ms": pause.as_secs_f64() * 1e3 }));
+            trace.event("pause", json!({ "ms": pause.as_secs_f64() * 1e3 }));
         }
         context.request_repaint_after(HEARTBEAT);
         (now - self.since >= self.wanted).then(|| self.report())

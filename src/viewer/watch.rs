@@ -13,19 +13,19 @@ use std::time::{Duration, Instant};
 use crate::import::{FileRead, Stamp};
 
 /// From one look to the next while nothing happens.
-const CALM: Duration = Duration::from_millis(200);
+const IDLE_INTERVAL: Duration = Duration::from_millis(200);
 /// From one look to the next once something has.
-const ALERT: Duration = Duration::from_millis(40);
+const SETTLING_INTERVAL: Duration = Duration::from_millis(40);
 /// How long files must have held still. Programs write without such pauses.
-const STILL: Duration = Duration::from_millis(150);
+const SETTLE_TIME: Duration = Duration::from_millis(150);
 /// How long where a file is gone that was there, or empty: it is about to be written, by a program that takes its time.
-const STILL_AND_LACKING: Duration = Duration::from_millis(1000);
+const SETTLE_TIME_MISSING: Duration = Duration::from_millis(1000);
 /// Looking takes at most this share of the time, however many files there are and however slow their disk is.
-const LOOKING: u32 = 50;
+const MAX_LOAD_DIVISOR: u32 = 50;
 
 /// Watches files, until it is dropped.
 pub struct Watcher {
-    orders: Sender<Vec<FileRead>>,
+    requests: Sender<Vec<FileRead>>,
 }
 
 impl Watcher {
@@ -35,25 +35,25 @@ impl Watcher {
     /// # Errors
     /// The system has no thread to give.
     pub fn new(files: Vec<FileRead>, on_change: impl Fn() + Send + 'static) -> std::io::Result<Self> {
-        let (orders, to_do) = channel();
+        let (requests, to_do) = channel();
         let thread = std::thread::Builder::new().name("watch".into());
         thread.spawn(move || watch(State::new(files), &to_do, &on_change))?;
-        Ok(Watcher { orders })
+        Ok(Watcher { requests })
     }
 
     /// Watches these files from now on, the list of the last reading. What changed since they were read is a change.
     pub fn set_files(&self, files: Vec<FileRead>) {
         // Nobody listens where `on_change` panicked.
-        let _ = self.orders.send(files);
+        let _ = self.requests.send(files);
     }
 }
 
 /// Looks until nobody gives orders any more.
-fn watch(mut state: State, orders: &Receiver<Vec<FileRead>>, on_change: &impl Fn()) {
+fn watch(mut state: State, requests: &Receiver<Vec<FileRead>>, on_change: &impl Fn()) {
     let start = Instant::now();
-    let mut pause = CALM;
+    let mut pause = IDLE_INTERVAL;
     loop {
-        match orders.recv_timeout(pause) {
+        match requests.recv_timeout(pause) {
             Ok(files) => state = State::new(files),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
@@ -61,22 +61,22 @@ fn watch(mut state: State, orders: &Receiver<Vec<FileRead>>, on_change: &impl Fn
         let before = start.elapsed();
         let stamps = state.files.iter().map(|read| Stamp::of(&read.file)).collect();
         let took = start.elapsed() - before;
-        let said = state.look(before, stamps);
-        if said == Said::Changed {
+        let said = state.update(before, stamps);
+        if said == CheckResult::Changed {
             on_change();
         }
-        let least = if said == Said::Restless { ALERT } else { CALM };
-        pause = least.max(took * LOOKING);
+        let least = if said == CheckResult::Settling { SETTLING_INTERVAL } else { IDLE_INTERVAL };
+        pause = least.max(took * MAX_LOAD_DIVISOR);
     }
 }
 
 /// What a look has shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Said {
+enum CheckResult {
     /// Everything is as it was read, or as was said before.
     Same,
     /// Something is different, and may become more so.
-    Restless,
+    Settling,
     /// Something is different, and stays so.
     Changed,
 }
@@ -95,29 +95,29 @@ impl State {
     }
 
     /// Takes in how the files are at the time `now`, one stamp for each.
-    fn look(&mut self, now: Duration, stamps: Vec<Option<Stamp>>) -> Said {
+    fn update(&mut self, now: Duration, stamps: Vec<Option<Stamp>>) -> CheckResult {
         let known = self.files.iter().map(|read| read.stamp);
         if known.eq(stamps.iter().copied()) {
             self.seen = None;
-            return Said::Same;
+            return CheckResult::Same;
         }
         let since = match &self.seen {
             Some((seen, since)) if *seen == stamps => *since,
             _ => now,
         };
-        let is_lacking = |(read, stamp): (&FileRead, &Option<Stamp>)| match (read.stamp, stamp) {
+        let is_now_missing = |(read, stamp): (&FileRead, &Option<Stamp>)| match (read.stamp, stamp) {
             (Some(_), None) => true,
             (known, Some(stamp)) => stamp.is_empty() && !known.is_some_and(|known| known.is_empty()),
             (None, None) => false,
         };
-        let lacks = self.files.iter().zip(&stamps).any(is_lacking);
-        if now - since < if lacks { STILL_AND_LACKING } else { STILL } {
+        let is_missing = self.files.iter().zip(&stamps).any(is_now_missing);
+        if now - since < if is_missing { SETTLE_TIME_MISSING } else { SETTLE_TIME } {
             self.seen = Some((stamps, since));
-            return Said::Restless;
+            return CheckResult::Settling;
         }
         self.files.iter_mut().zip(stamps).for_each(|(read, stamp)| read.stamp = stamp);
         self.seen = None;
-        Said::Changed
+        CheckResult::Changed
     }
 }
 
@@ -125,7 +125,7 @@ impl State {
 mod tests {
     use std::path::Path;
 
-    use super::Said::{Changed, Restless, Same};
+    use super::CheckResult::{Changed, Settling, Same};
     use super::*;
 
     /// Stamps of real files: `size` bytes, one of each number.
@@ -146,10 +146,10 @@ mod tests {
     }
 
     /// Looks at a single file at the times and in the states given, and holds what is said to what is expected.
-    fn expect(known: Option<Stamp>, looks: &[(u64, Option<Stamp>, Said)]) {
+    fn expect(known: Option<Stamp>, looks: &[(u64, Option<Stamp>, CheckResult)]) {
         let mut state = State::new(vec![read("a", known)]);
         for &(at, stamp, said) in looks {
-            assert_eq!(state.look(ms(at), vec![stamp]), said, "at {at} ms");
+            assert_eq!(state.update(ms(at), vec![stamp]), said, "at {at} ms");
         }
     }
 
@@ -158,18 +158,18 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let [one, two, three] = [1, 2, 3].map(|number| stamp(&folder, number, 5));
         expect(one, &[(0, one, Same), (200, one, Same)]);
-        expect(one, &[(0, two, Restless), (149, two, Restless), (150, two, Changed), (350, two, Same)]);
+        expect(one, &[(0, two, Settling), (149, two, Settling), (150, two, Changed), (350, two, Same)]);
         // While it is being written, nothing is said, for however long.
-        let writing = (0..100).map(|i| (100 * i, stamp(&folder, 9, 1 + i as usize), Restless));
+        let writing = (0..100).map(|i| (100 * i, stamp(&folder, 9, 1 + i as usize), Settling));
         let mut looks: Vec<_> = writing.collect();
-        looks.extend([(10_000, three, Restless), (10_149, three, Restless), (10_150, three, Changed)]);
+        looks.extend([(10_000, three, Settling), (10_149, three, Settling), (10_150, three, Changed)]);
         expect(one, &looks);
         // What comes back as it was, was never different.
-        expect(one, &[(0, two, Restless), (100, one, Same), (300, two, Restless), (449, two, Restless)]);
+        expect(one, &[(0, two, Settling), (100, one, Same), (300, two, Settling), (449, two, Settling)]);
         // Each change is one.
         expect(
             one,
-            &[(0, two, Restless), (200, two, Changed), (400, three, Restless), (600, three, Changed)],
+            &[(0, two, Settling), (200, two, Changed), (400, three, Settling), (600, three, Changed)],
         );
     }
 
@@ -179,18 +179,18 @@ mod tests {
         let [one, two] = [1, 2].map(|number| stamp(&folder, number, 5));
         let empty = stamp(&folder, 3, 0);
         // An editor that puts another in its place.
-        expect(one, &[(0, None, Restless), (200, None, Restless), (240, two, Restless), (390, two, Changed)]);
+        expect(one, &[(0, None, Settling), (200, None, Settling), (240, two, Settling), (390, two, Changed)]);
         // One that empties it first.
         expect(
             one,
-            &[(0, empty, Restless), (900, empty, Restless), (950, two, Restless), (1100, two, Changed)],
+            &[(0, empty, Settling), (900, empty, Settling), (950, two, Settling), (1100, two, Changed)],
         );
         // One that is deleted and stays so.
-        expect(one, &[(0, None, Restless), (999, None, Restless), (1000, None, Changed), (2000, None, Same)]);
+        expect(one, &[(0, None, Settling), (999, None, Settling), (1000, None, Changed), (2000, None, Same)]);
         // One that was looked for and comes at last, and one that is empty as it was.
-        expect(None, &[(0, None, Same), (200, two, Restless), (350, two, Changed)]);
+        expect(None, &[(0, None, Same), (200, two, Settling), (350, two, Changed)]);
         let also_empty = stamp(&folder, 4, 0);
-        expect(empty, &[(0, also_empty, Restless), (150, also_empty, Changed)]);
+        expect(empty, &[(0, also_empty, Settling), (150, also_empty, Changed)]);
     }
 
     #[test]
@@ -198,12 +198,12 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let [one, two, three] = [1, 2, 3].map(|number| stamp(&folder, number, 5));
         let mut state = State::new(vec![read("a", one), read("b", one)]);
-        assert_eq!(state.look(ms(0), vec![two, one]), Restless);
-        assert_eq!(state.look(ms(100), vec![two, three]), Restless);
-        assert_eq!(state.look(ms(249), vec![two, three]), Restless);
-        assert_eq!(state.look(ms(250), vec![two, three]), Changed);
-        assert_eq!(state.look(ms(260), vec![two, three]), Same);
-        assert_eq!(State::new(Vec::new()).look(ms(0), Vec::new()), Same);
+        assert_eq!(state.update(ms(0), vec![two, one]), Settling);
+        assert_eq!(state.update(ms(100), vec![two, three]), Settling);
+        assert_eq!(state.update(ms(249), vec![two, three]), Settling);
+        assert_eq!(state.update(ms(250), vec![two, three]), Changed);
+        assert_eq!(state.update(ms(260), vec![two, three]), Same);
+        assert_eq!(State::new(Vec::new()).update(ms(0), Vec::new()), Same);
     }
 
     /// A real disk and the real thread; it waits for what is said, and for nothing else.

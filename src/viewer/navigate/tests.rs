@@ -64,15 +64,15 @@ fn beside(camera: &Camera, x: f64, y: f64) -> DVec3 {
 }
 
 fn elevation(camera: &Camera) -> f64 {
-    let stand = Stand::of(camera).unwrap();
-    stand.w.dot(vertical(camera, &stand)).clamp(-1.0, 1.0).asin()
+    let pose = CameraPose::of(camera).unwrap();
+    pose.w.dot(vertical(camera, &pose)).clamp(-1.0, 1.0).asin()
 }
 
 proptest! {
     #[test]
     fn orbiting_keeps_distance_lens_and_level(mut camera in cameras(), steps in prop::collection::vec(angles(), 1..20)) {
         let before = camera.clone();
-        let axis = vertical(&camera, &Stand::of(&camera).unwrap());
+        let axis = vertical(&camera, &CameraPose::of(&camera).unwrap());
         for by in steps {
             orbit(&mut camera, by);
             let [u, v, _] = axes(&camera);
@@ -110,11 +110,11 @@ proptest! {
         // Position and target are rounded where they are moved to, which turns what is backwards by up to `turn`, and what is
         // right by as much more as up is near it. The way back is as long as the way there, along what has turned. Six steps round
         // two points by half an epsilon each, 6 of those; 16 leave room for what turns more, being nearer, between the zooms.
-        let stand = Stand::of(&level).unwrap();
-        let size = stand.distance.max(height_at_target(&level, &stand, 1.5));
+        let pose = CameraPose::of(&level).unwrap();
+        let size = pose.distance.max(height_at_target(&level, &pose, 1.5));
         let way = (by.length() + 0.5) * size;
-        let rounding = f64::EPSILON * (way + level.target.length() + stand.distance);
-        let turn = rounding / stand.distance / level.up.normalize().cross(stand.w).length();
+        let rounding = f64::EPSILON * (way + level.target.length() + pose.distance);
+        let turn = rounding / pose.distance / level.up.normalize().cross(pose.w).length();
         prop_assert!((moved.position - level.position).length() <= 16.0 * (rounding + turn * way));
         prop_assert!((field_of_view(&moved) - field_of_view(&level)).abs() < 1e-12 || moved.projection == Projection::Orthographic);
     }
@@ -122,7 +122,7 @@ proptest! {
     /// Over the pole and on is no further than the pole; from there the camera turns and comes back.
     #[test]
     fn poles_neither_flip_nor_hold(mut camera in cameras(), up in prop::sample::select(vec![1.0, -1.0]), turn in 0.1f64..3.0) {
-        let axis = vertical(&camera, &Stand::of(&camera).unwrap());
+        let axis = vertical(&camera, &CameraPose::of(&camera).unwrap());
         orbit(&mut camera, DVec2::new(0.3, 0.0));
         let right = axes(&camera)[0];
         (0..10).for_each(|_| orbit(&mut camera, DVec2::new(0.0, up * 0.7)));
@@ -172,14 +172,14 @@ proptest! {
         let half = DVec2::new(aspect, 1.0) / 2.0;
         let mouse = at / 4.0 * half;
         let mut zoomed = camera.clone();
-        let stand = Stand::of(&camera).unwrap();
-        let height = height_at_target(&camera, &stand, aspect);
-        let under = camera.target + (mouse.x * stand.u + mouse.y * stand.v) * height;
+        let pose = CameraPose::of(&camera).unwrap();
+        let height = height_at_target(&camera, &pose, aspect);
+        let under = camera.target + (mouse.x * pose.u + mouse.y * pose.v) * height;
         prop_assert!((seen(&camera, aspect, under) - mouse).length() < 1e-9);
         zoom_at(&mut zoomed, factor, mouse, aspect);
         prop_assert!((seen(&zoomed, aspect, under) - mouse).length() < 1e-7 * (1.0 + factor), "{}", seen(&zoomed, aspect, under));
         // At any depth before the camera.
-        let deep = camera.position - stand.distance * (0.3 * stand.w - 0.05 * at.x * stand.u - 0.05 * at.y * stand.v);
+        let deep = camera.position - pose.distance * (0.3 * pose.w - 0.05 * at.x * pose.u - 0.05 * at.y * pose.v);
         let mut zoomed = camera.clone();
         zoom_about(&mut zoomed, factor, deep);
         let (before, after) = (seen(&camera, aspect, deep), seen(&zoomed, aspect, deep));
@@ -208,17 +208,17 @@ proptest! {
 
     #[test]
     fn what_is_focused_is_in_the_middle(camera in cameras(), at in angles(), depth in -2.0f64..4.0) {
-        let stand = Stand::of(&camera).unwrap();
-        let point = beside(&camera, at.x, at.y) - (depth - 1.0) * stand.distance * stand.w;
+        let pose = CameraPose::of(&camera).unwrap();
+        let point = beside(&camera, at.x, at.y) - (depth - 1.0) * pose.distance * pose.w;
         let mut focused = camera.clone();
         focus(&mut focused, point);
         prop_assert_eq!(focused.target, point);
         let [u, v, w] = axes(&focused);
-        for (a, b) in [u, v, w].into_iter().zip([stand.u, stand.v, stand.w]) {
+        for (a, b) in [u, v, w].into_iter().zip([pose.u, pose.v, pose.w]) {
             // The direction of a camera that came a thousand times as near has so many digits less.
             prop_assert!((a - b).length() < 1e-9);
         }
-        prop_assert!(distance(&focused) <= stand.distance * (1.0 + 1e-12));
+        prop_assert!(distance(&focused) <= pose.distance * (1.0 + 1e-12));
         let kept = (field_of_view(&focused) - field_of_view(&camera)).abs() < 1e-9;
         prop_assert!(kept);
     }
@@ -263,7 +263,7 @@ proptest! {
         prop_assert!(forward.dot(u) * by.x >= 0.0, "{} {}", forward.dot(u), by.x);
         let mut raised = level.clone();
         look_around(&mut raised, DVec2::new(0.0, 0.001));
-        let axis = vertical(&level, &Stand::of(&level).unwrap());
+        let axis = vertical(&level, &CameraPose::of(&level).unwrap());
         prop_assert!((-axes(&raised)[2]).dot(axis) >= (-w).dot(axis));
         let mut flown = level.clone();
         fly(&mut flown, DVec3::new(way.x, 0.0, way.y));

@@ -7,19 +7,19 @@ use std::time::{Duration, Instant};
 use egui::{Color32, ColorImage};
 use rayon::prelude::*;
 
-use super::Painted;
-use super::studio::Prepared;
+use super::RenderedImage;
+use super::render_cache::Prepared;
 use crate::error::Result;
 use crate::film::{ColourPipeline, Film, Pixel};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 use crate::study::metrics;
-use crate::viewer::false_colour::{FalseColours, Legend, Shown, error_against_exact, false_colours};
-use crate::viewer::look::{Order, Settings};
-use crate::viewer::refine::{Kind, Pass, passes};
+use crate::viewer::false_colour::{FalseColours, Legend, DisplayMode, error_against_exact, false_colours};
+use crate::viewer::request::{RenderRequest, Settings};
+use crate::viewer::refine::{SamplingKind, Pass, passes};
 
 /// A picture in the numbers of its pipeline, row by row from the top.
-pub struct Picture {
+pub struct PipelineImage {
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// Its pixels.
@@ -30,20 +30,20 @@ pub struct Picture {
 
 /// A side of an order, and what there is of it.
 pub struct Side<'a> {
-    order: &'a Order,
+    request: &'a RenderRequest,
     settings: &'a Settings,
     prepared: Arc<Prepared>,
     /// The same in the tier `exact`, where the picture is held against it.
     exact: Option<Arc<Prepared>>,
     passes: Vec<Pass>,
-    kind: Kind,
+    kind: SamplingKind,
     /// Time and work of all passes of the full size.
     spent: Option<(Duration, Statistics)>,
-    picture: Option<Picture>,
+    picture: Option<PipelineImage>,
 }
 
 /// What a pass made.
-pub struct Made {
+pub struct PassOutput {
     image: ColorImage,
     factor: u32,
     samples: (u32, u32),
@@ -53,31 +53,31 @@ pub struct Made {
     legend: Option<Legend>,
     prepared: Arc<Prepared>,
     /// Seconds that a pixel took, where each was looked at once.
-    pub seconds_a_pixel: Option<f64>,
+    pub seconds_per_pixel: Option<f64>,
 }
 
-impl Made {
+impl PassOutput {
     /// With the order that it is of, and the side.
-    pub fn painted(self, order: u64, side: usize) -> Painted {
-        let Made { image, factor, samples, is_last, time, statistics, legend, prepared, .. } = self;
+    pub fn rendered(self, request: u64, side: usize) -> RenderedImage {
+        let PassOutput { image, factor, samples, is_last, time, statistics, legend, prepared, .. } = self;
         let image = Arc::new(image);
-        Painted { order, side, image, factor, samples, is_last, time, statistics, legend, prepared }
+        RenderedImage { request, side, image, factor, samples, is_last, time, statistics, legend, prepared }
     }
 }
 
 impl<'a> Side<'a> {
     /// Begins with passes of `factor`.
     pub fn new(
-        order: &'a Order,
+        request: &'a RenderRequest,
         prepared: Arc<Prepared>,
         exact: Option<Arc<Prepared>>,
         settings: &'a Settings,
         factor: u32,
     ) -> Self {
         // What is known of pixels is known of their centres.
-        let kind = if order.shown == Shown::Picture { prepared.kind } else { Kind::Centres };
+        let kind = if request.display_mode == DisplayMode::Picture { prepared.kind } else { SamplingKind::Centres };
         let passes = passes(factor, kind);
-        Side { order, settings, prepared, exact, passes, kind, spent: None, picture: None }
+        Side { request, settings, prepared, exact, passes, kind, spent: None, picture: None }
     }
 
     /// How many passes there are.
@@ -86,7 +86,7 @@ impl<'a> Side<'a> {
     }
 
     /// The finished picture.
-    pub fn into_picture(self) -> Option<Picture> {
+    pub fn into_picture(self) -> Option<PipelineImage> {
         self.picture
     }
 
@@ -94,7 +94,7 @@ impl<'a> Side<'a> {
     ///
     /// # Errors
     /// [`crate::error::Error::Interrupted`] when cancelled, and those of rendering.
-    pub fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<Made>> {
+    pub fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<PassOutput>> {
         let Some(&pass) = self.passes.get(index) else { return Ok(None) };
         let start = Instant::now();
         let watch = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
@@ -103,17 +103,17 @@ impl<'a> Side<'a> {
         let (factor, sampling) = match pass {
             Pass::Coarse(factor) => (factor, Sampling::default()),
             Pass::Samples(from, to) => (1, self.settings.choices.sampling.part(from, to)),
-            Pass::Whole if self.order.shown != Shown::Picture => (1, Sampling::default()),
+            Pass::Whole if self.request.display_mode != DisplayMode::Picture => (1, Sampling::default()),
             Pass::Whole => (1, self.settings.choices.sampling),
         };
-        let size = self.order.size.map(|side| side.div_ceil(factor));
+        let size = self.request.size.map(|side| side.div_ceil(factor));
         let (film, statistics) = self.render(&self.prepared, size, sampling, &watch)?;
         let mut pixels = rows(&film);
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
             mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
         }
-        let (image, legend) = match self.order.shown {
-            Shown::Picture => (image(&pixels, size, pipeline), None),
+        let (image, legend) = match self.request.display_mode {
+            DisplayMode::Picture => (image(&pixels, size, pipeline), None),
             _ => {
                 let FalseColours { pixels, legend } = self.false_colours(&film, size, &watch)?;
                 (ColorImage::from_rgb(size.map(|side| side as usize), pixels.as_flattened()), Some(legend))
@@ -121,12 +121,12 @@ impl<'a> Side<'a> {
         };
         let time = start.elapsed();
         let most = match self.kind {
-            Kind::Centres => 1,
-            Kind::Samples(samples) => samples,
-            Kind::Adaptive => self.settings.choices.sampling.most_samples(),
+            SamplingKind::Centres => 1,
+            SamplingKind::Samples(samples) => samples,
+            SamplingKind::Adaptive => self.settings.choices.sampling.most_samples(),
         };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
-        let seconds_a_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
+        let seconds_per_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
         let taken = match pass {
             Pass::Coarse(_) => 1,
             Pass::Samples(_, to) => to,
@@ -135,12 +135,12 @@ impl<'a> Side<'a> {
         let (time, statistics) = if let Pass::Coarse(_) = pass {
             (time, statistics)
         } else {
-            self.picture = Some(Picture { size, pixels, pipeline });
+            self.picture = Some(PipelineImage { size, pixels, pipeline });
             self.spend(time, statistics)
         };
         let prepared = Arc::clone(&self.prepared);
         let samples = (taken, most);
-        Ok(Some(Made {
+        Ok(Some(PassOutput {
             image,
             factor,
             samples,
@@ -149,7 +149,7 @@ impl<'a> Side<'a> {
             statistics,
             legend,
             prepared,
-            seconds_a_pixel,
+            seconds_per_pixel,
         }))
     }
 
@@ -174,7 +174,7 @@ impl<'a> Side<'a> {
             let [picture, exact] = [film, &exact].map(|film| metrics::Picture::of_film(film, job.pipeline()));
             return error_against_exact(&picture, &exact);
         }
-        false_colours(self.order.shown, &job.with_size(size)?.subject(None), control)
+        false_colours(self.request.display_mode, &job.with_size(size)?.subject(None), control)
     }
 
     fn render(

@@ -11,7 +11,7 @@ use crate::world::StandardView;
 
 /// Where the scene is seen from.
 #[derive(Debug, Clone, PartialEq)]
-pub enum From {
+pub enum CameraSource {
     /// A camera of the scene, by its index: moves as the animation says.
     Scene(usize),
     /// A camera that fits the scene.
@@ -34,15 +34,15 @@ pub struct Settings {
 impl Settings {
     /// Has an effect, or does without it, over what the scene says.
     pub fn switch(&mut self, effect: EffectId, on: bool) {
-        self.say(effect, if on { Some(None) } else { None });
+        self.set_switch(effect, if on { Some(None) } else { None });
     }
 
     /// Has an effect with a value, or with its own where that is `None`.
     pub fn set(&mut self, effect: EffectId, value: Option<&str>) {
-        self.say(effect, Some(value));
+        self.set_switch(effect, Some(value));
     }
 
-    fn say(&mut self, effect: EffectId, on: Option<Option<&str>>) {
+    fn set_switch(&mut self, effect: EffectId, on: Option<Option<&str>>) {
         let Choices { with, without, .. } = &mut self.choices;
         with.retain(|typed| typed.split('=').next() != Some(effect.name()));
         without.retain(|name| *name != effect.name());
@@ -65,7 +65,7 @@ pub struct Opened {
     /// What they hold.
     pub scene: Scene,
     /// Where they are first seen from.
-    pub from: From,
+    pub camera_source: CameraSource,
     /// The projection that the user wants instead of the camera's own.
     pub projection: Option<Projection>,
     /// Width and height of the picture that the scene calls for, in pixels.
@@ -78,34 +78,34 @@ pub struct Opened {
 
 /// A picture that is wanted.
 #[derive(Debug, Clone)]
-pub struct Order {
+pub struct RenderRequest {
     /// Which scene.
     pub opened: Arc<Opened>,
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// Where it is seen from.
-    pub from: From,
+    pub camera_source: CameraSource,
     /// The projection, instead of the camera's own.
     pub projection: Option<Projection>,
     /// The moment of its animation, 0 being the beginning and 1 the end.
     pub time: f64,
     /// What is shown of it.
-    pub shown: super::false_colour::Shown,
+    pub display_mode: super::false_colour::DisplayMode,
     /// Whether the next moment will follow at once: what is not there soon is not seen.
-    pub plays: bool,
+    pub is_playing: bool,
     /// How it is computed; a second time where two ways are compared.
     pub sides: Vec<Settings>,
 }
 
-impl Order {
+impl RenderRequest {
     /// The settings of `kiln render` for the picture of a side.
     pub fn render_settings(&self, side: usize) -> RenderSettings {
         let Settings { choices, numerics, pipeline } = &self.sides[side];
         RenderSettings {
-            camera: match &self.from {
-                From::Scene(index) => CameraChoice::Named(index.to_string()),
-                From::Fitted(view) => CameraChoice::Fitted(*view),
-                From::Free(camera) => {
+            camera: match &self.camera_source {
+                CameraSource::Scene(index) => CameraChoice::Named(index.to_string()),
+                CameraSource::Fitted(view) => CameraChoice::Fitted(*view),
+                CameraSource::Free(camera) => {
                     CameraChoice::Given(Camera { name: INLINE_NAME.to_owned(), ..camera.clone() })
                 }
             },
@@ -123,15 +123,15 @@ impl Order {
     }
 }
 
-impl PartialEq for Order {
+impl PartialEq for RenderRequest {
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.opened, &other.opened)
             && self.size == other.size
-            && self.from == other.from
+            && self.camera_source == other.camera_source
             && self.projection == other.projection
             && self.time == other.time
-            && self.shown == other.shown
-            && self.plays == other.plays
+            && self.display_mode == other.display_mode
+            && self.is_playing == other.is_playing
             && self.sides == other.sides
     }
 }
