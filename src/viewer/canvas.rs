@@ -1,4 +1,4 @@
-//! The picture in the window: what was painted last, and the mouse over it.
+//! The picture in the window: the last rendered images, and mouse input.
 
 use std::sync::Arc;
 
@@ -10,46 +10,46 @@ use glam::DVec2;
 
 use super::controls::Controls;
 use super::navigate;
-use super::painter::{RenderedImage, Prepared};
+use super::painter::{Prepared, RenderedImage};
 
-/// Radians that a drag across the whole height turns the camera by.
+/// Camera rotation in radians for a drag across the picture's height.
 const TURN: f64 = std::f64::consts::PI;
 
-/// Points of the wheel that zoom by a factor of e.
+/// Wheel movement in points for a zoom by a factor of e.
 const WHEEL: f64 = 400.0;
 
-/// How near to the line between two sides the mouse takes hold of it, in points.
+/// Distance in points within which the mouse grabs the line between two sides.
 const GRAB_DISTANCE: f32 = 6.0;
 
-/// A picture on the graphics card.
+/// Last image of a side, with its texture.
 struct SideTexture {
     texture: TextureHandle,
     rendered: Box<RenderedImage>,
 }
 
-/// The picture's place in the window.
+/// The picture's area in the window.
 #[derive(Default)]
 pub struct Canvas {
     sides: [Option<SideTexture>; 2],
-    /// Its rectangle, in points.
+    /// Rectangle in points.
     rect: Option<Rect>,
     /// Whether the line between the sides is being dragged.
     drags_line: bool,
 }
 
-/// What was done with the mouse, beyond moving the camera.
+/// Clicks of a frame.
 #[derive(Default)]
 pub struct MouseResult {
-    /// A pixel was clicked.
+    /// Pixel that was clicked.
     pub clicked: Option<[u32; 2]>,
-    /// One was clicked twice.
+    /// Pixel that was double-clicked.
     pub focused: Option<[u32; 2]>,
-    /// On which side.
+    /// Side under the mouse.
     pub side: usize,
 }
 
 impl Canvas {
-    /// Takes a picture.
+    /// Uploads an image.
     pub fn take(&mut self, context: &egui::Context, rendered: Box<RenderedImage>) {
         let options = if rendered.factor == 1 { TextureOptions::NEAREST } else { TextureOptions::LINEAR };
         let image = Arc::clone(&rendered.image);
@@ -66,17 +66,17 @@ impl Canvas {
         }
     }
 
-    /// What was painted last of a side.
+    /// The last image of a side.
     pub fn rendered(&self, side: usize) -> Option<&RenderedImage> {
         self.sides[side].as_ref().map(|side_texture| &*side_texture.rendered)
     }
 
-    /// What it was made with.
+    /// The prepared scene of the last image of a side.
     pub fn prepared(&self, side: usize) -> Option<&Arc<Prepared>> {
         self.rendered(side).map(|rendered| &rendered.prepared)
     }
 
-    /// There is one side no more.
+    /// Removes the image of a side.
     pub fn clear_side(&mut self, side: usize) {
         self.sides[side] = None;
     }
@@ -86,18 +86,18 @@ impl Canvas {
         self.rect
     }
 
-    /// The side whose picture is at a place.
+    /// The side at a position in the window.
     fn side_at(&self, place: Pos2, controls: &Controls) -> usize {
         let line = self.rect.map_or(0.0, |rect| rect.left() + controls.split * rect.width());
         usize::from(controls.sides.len() > 1 && place.x >= line)
     }
 
-    /// Shows the pictures in all the room there is, and moves the camera with the mouse. Returns the size of the picture for that
-    /// room in pixels of the screen, and what else was done.
+    /// Shows the images in the available area, and moves the camera with the mouse. Returns the size of the
+    /// picture for that room in pixels of the screen, and what else was done.
     pub fn show(&mut self, ui: &mut Ui, controls: &mut Controls) -> ([u32; 2], MouseResult) {
         let scale = ui.ctx().pixels_per_point();
         let available = ui.available_rect_before_wrap();
-        // Whole pixels of the screen: what was rendered is what is seen.
+        // Aligned to physical pixels, so that images are not resampled.
         let min = pos2((available.min.x * scale).ceil(), (available.min.y * scale).ceil());
         let size = vec2((available.max.x * scale).floor() - min.x, (available.max.y * scale).floor() - min.y);
         let size = size.max(vec2(1.0, 1.0));
@@ -127,7 +127,7 @@ impl Canvas {
         }
     }
 
-    /// The pixel of the picture at a place in the window.
+    /// The pixel of the picture at a position in the window.
     fn pixel(&self, place: Pos2) -> Option<[u32; 2]> {
         let rect = self.rect?;
         let size = self.prepared(0)?.job.view.size();

@@ -1,7 +1,7 @@
-//! The command that renders what is seen: what a window shows, as one line for a shell.
+//! The `kiln render` command that renders the displayed picture, as one line for a POSIX shell.
 //!
-//! Only what differs from what `kiln render INPUT…` does by itself is said. Numbers are the shortest that are read back as the
-//! same, so the picture is the same, to the bit.
+//! Options are written only where they differ from the defaults of `kiln render INPUT…`. Numbers are the shortest
+//! decimal texts that parse to the same value, so the rendered picture is identical to the bit.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, u
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
-/// What the inputs say of the picture themselves.
+/// Render settings that the inputs specify, which `kiln render` uses by default.
 #[derive(Debug, Clone, Default)]
 pub struct SceneDefaults {
     cameras: Vec<Camera>,
@@ -21,7 +21,7 @@ pub struct SceneDefaults {
 }
 
 impl SceneDefaults {
-    /// Of a scene as it was loaded: before it is brought into range, and before anything is added to it.
+    /// Settings of a scene as loaded: before recentering, and before lights or cameras are added.
     pub fn of(scene: &Scene) -> Self {
         SceneDefaults {
             cameras: scene.cameras.clone(),
@@ -32,64 +32,64 @@ impl SceneDefaults {
         }
     }
 
-    /// The size of the picture that is rendered where none is given.
+    /// Width and height in pixels that `kiln render` uses without `--size`.
     pub fn size(&self, viewpoint: CommandCamera) -> [u32; 2] {
         let camera = if let CommandCamera::Camera(camera) = viewpoint { Some(camera) } else { None };
         usual_size(self.size, camera)
     }
 }
 
-/// Where a picture is seen from.
+/// Camera of the command.
 #[derive(Debug, Clone, Copy)]
 pub enum CommandCamera<'a> {
-    /// A camera in the scene's own coordinates: one of the scene's, or any other.
+    /// Any camera in scene coordinates, of the scene or free.
     Camera(&'a Camera),
-    /// A standard view, as [`crate::world::fitted_camera`] makes it of the scene for the picture's shape and projection.
+    /// A standard view, fitted by [`crate::world::fitted_camera`] to the picture's aspect ratio and projection.
     Standard(StandardView),
 }
 
-/// What is seen.
+/// Settings of a `kiln render` command.
 #[derive(Debug, Clone, Copy)]
 pub struct RenderCommand<'a> {
-    /// The files of the scene, as they were named.
+    /// Input files as typed.
     pub inputs: &'a [PathBuf],
-    /// What they say themselves.
+    /// Settings that the inputs specify.
     pub defaults: &'a SceneDefaults,
-    /// From where; the camera's own projection does not count.
+    /// Camera. Its own projection is overridden by `projection`.
     pub viewpoint: CommandCamera<'a>,
-    /// In which projection.
+    /// Projection.
     pub projection: Projection,
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// How far shading goes.
+    /// Shading mode.
     pub shading: ShadingMode,
-    /// Effects that were asked for, as `NAME` or `NAME=VALUE`.
+    /// Enabled effects, as `NAME` or `NAME=VALUE`.
     pub with: &'a [String],
-    /// Effects that were turned off.
+    /// Disabled effects.
     pub without: &'a [String],
-    /// The tier.
+    /// Numerics tier.
     pub numerics: Numerics,
-    /// The colour pipeline.
+    /// Colour pipeline.
     pub colour: ColourPipeline,
-    /// What was chosen of sampling, over what the scene says.
+    /// Sampling settings that override the scene's; `None` fields are left to the scene.
     pub sampling: Sampling,
-    /// The file to write.
+    /// Output file.
     pub output: &'a Path,
 }
 
-/// The line, for any POSIX shell.
+/// The command as one line, quoted for any POSIX shell.
 pub fn command_line(command: &RenderCommand) -> String {
     let words: Vec<String> = arguments(command).iter().map(|word| quoted(word)).collect();
     words.join(" ")
 }
 
-/// The words of the command, unquoted.
+/// The arguments of the command including `kiln`, unquoted.
 pub fn arguments(command: &RenderCommand) -> Vec<String> {
     let mut words = vec!["kiln".to_owned(), "render".to_owned()];
     words.extend(command.inputs.iter().map(|input| as_operand(&input.to_string_lossy())));
     words.extend(["-o".to_owned(), as_operand(&command.output.to_string_lossy())]);
     let mut option = |name: &str, value: &str| {
-        // What begins with a hyphen would be taken for an option.
+        // A separate value that begins with a hyphen would be parsed as an option.
         if value.starts_with('-') {
             words.push(format!("{name}={value}"));
         } else {
@@ -115,7 +115,6 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     if command.colour != defaults.colour {
         option("--colour", command.colour.name());
     }
-    // Field by field: what is said of nothing but the scene's is left to the scene.
     let Sampling { samples, filter, filter_radius, noise, min_samples, seed, first: _ } = command.sampling;
     let scene = &defaults.sampling;
     let number = |n: Option<u32>, of_scene: Option<u32>| n.filter(|_| n != of_scene).map(|n| n.to_string());
@@ -134,7 +133,7 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     words
 }
 
-/// Says what the picture is seen from, and gives the projection that it is then in by itself.
+/// Adds the camera option, and returns the projection that the command has without `--projection`.
 fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -> Projection {
     let cameras = &command.defaults.cameras;
     match command.viewpoint {
@@ -180,19 +179,19 @@ fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -
     }
 }
 
-/// Whether `--camera` with its name finds this camera.
+/// Whether `--camera` with the camera's name selects this camera.
 fn is_found_by_name(cameras: &[Camera], camera: &Camera) -> bool {
     let first = cameras.iter().find(|other| other.name == camera.name);
     let means_another = camera.name == "auto" || camera.name.trim_start().starts_with('{');
     first == Some(camera) && !means_another
 }
 
-/// A file whose name is not taken for an option; `-` is standard input.
+/// A file name that is not parsed as an option; `-` stays, as it means standard input.
 fn as_operand(file: &str) -> String {
     if file.starts_with('-') && file != "-" { format!("./{file}") } else { file.to_owned() }
 }
 
-/// A word as a shell reads it back: POSIX.1-2017, Shell Command Language, section 2.2.2: between single quotes all is itself.
+/// An argument quoted for a shell: POSIX.1-2017, Shell Command Language, section 2.2.2, single quotes.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
@@ -209,7 +208,7 @@ mod tests {
     use super::*;
     use crate::film::FilterShape;
 
-    /// What a shell makes of the line, in words.
+    /// Arguments into which `sh` splits the line.
     fn read_by_sh(line: &str) -> Vec<String> {
         let script = format!("kiln() {{ printf '%s\\0' kiln \"$@\"; }}; {line}");
         let output = std::process::Command::new("sh").args(["-c", &script]).output().expect("a shell");
@@ -228,7 +227,11 @@ mod tests {
         SceneDefaults { cameras, size: Some([640, 480]), ..SceneDefaults::default() }
     }
 
-    fn plain<'a>(defaults: &'a SceneDefaults, inputs: &'a [PathBuf], viewpoint: CommandCamera<'a>) -> RenderCommand<'a> {
+    fn plain<'a>(
+        defaults: &'a SceneDefaults,
+        inputs: &'a [PathBuf],
+        viewpoint: CommandCamera<'a>,
+    ) -> RenderCommand<'a> {
         RenderCommand {
             inputs,
             defaults,
@@ -245,7 +248,7 @@ mod tests {
         }
     }
 
-    /// The line after its inputs and output, for one input without a surprise in its name.
+    /// The command line after input `a.toml` and output.
     #[track_caller]
     fn line(command: &RenderCommand) -> String {
         let line = command_line(command);
@@ -261,7 +264,7 @@ mod tests {
         assert_eq!(of(&defaults.cameras[0]), "");
         assert_eq!(of(&defaults.cameras[1]), r"--camera 'a'\''side'");
         assert_eq!(of(&defaults.cameras[2]), "--camera=-x");
-        // The name means something else.
+        // `auto` has another meaning.
         assert!(of(&defaults.cameras[3]).starts_with("--camera '{ position = [3, 0, 5], "));
         let parallel = RenderCommand {
             projection: Projection::Orthographic,
@@ -290,7 +293,7 @@ mod tests {
             "--camera '{ position = [0.1, 0, 5], look_at = [0, 0, 0], projection = \"orthographic\", "
         ));
         assert!(!text.contains("--projection"), "{text}");
-        // It is read back as the same camera, but for its name.
+        // It parses to the same camera, except for its name.
         let typed = arguments(&command).pop().unwrap();
         let read = crate::import::inline_camera(&typed).unwrap();
         assert_eq!(read, Camera { name: INLINE_NAME.into(), projection: Projection::Orthographic, ..moved });
@@ -329,7 +332,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Whatever files and cameras are called, a shell reads what was meant.
+        /// `sh` splits the line into the same arguments for any file and camera names.
         #[test]
         fn a_shell_reads_what_was_meant(file in "[^\0]{1,12}", name in "[^\0]{0,12}", spice in "['\"$`\\\\ \n!*~#-]{1,6}") {
             let mut defaults = defaults();

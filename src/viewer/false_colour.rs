@@ -1,7 +1,7 @@
-//! What is known of a picture beside its colours, as colours, with a legend that says what they mean.
+//! False colours with legends, for AOVs and errors.
 //!
-//! What is known is that of [`crate::render::aov`], of the ray through each pixel's centre; how far a picture is from another is
-//! that of the study. Only colours are made here.
+//! Values are the AOVs of [`crate::render::aov`] at pixel centres, and the error map of [`crate::study::metrics`]. This
+//! module only maps them to colours.
 
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
@@ -10,32 +10,32 @@ use crate::render::aov::{self, AovSelection, AovSource};
 use crate::study::metrics::{DECADES, Picture, error_map, heat_map};
 use crate::world::World;
 
-/// What is shown of a scene.
+/// Quantity that the window displays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub enum DisplayMode {
     /// The picture itself.
     #[default]
     Picture,
-    /// Normals for shading.
+    /// Shading normals.
     Normals,
-    /// Normals of the triangles and spheres themselves.
+    /// Geometric normals.
     GeometricNormals,
-    /// How far away what is seen is.
+    /// Depth: the distance from the camera.
     Depth,
-    /// Objects, each in a colour of its own.
+    /// Object numbers.
     Objects,
-    /// Materials.
+    /// Material numbers.
     Materials,
-    /// Triangles and spheres.
+    /// Primitive numbers.
     Primitives,
-    /// How many boxes a camera ray is tested against.
+    /// Number of box tests per camera ray.
     NodeTests,
-    /// How far the picture is from the one that is exact.
+    /// Error of the picture against the tier `exact`.
     ErrorAgainstExact,
 }
 
 impl DisplayMode {
-    /// All there is to be shown.
+    /// All modes, in the order of the interface.
     pub const ALL: [DisplayMode; 9] = [
         DisplayMode::Picture,
         DisplayMode::Normals,
@@ -48,7 +48,7 @@ impl DisplayMode {
         DisplayMode::ErrorAgainstExact,
     ];
 
-    /// What it is called.
+    /// Name in the interface.
     pub fn name(self) -> &'static str {
         match self {
             DisplayMode::Picture => "picture",
@@ -63,7 +63,7 @@ impl DisplayMode {
         }
     }
 
-    /// The AOV that says it; `None` for what takes pictures.
+    /// The displayed AOV; `None` for modes that display rendered pictures.
     pub fn aov(self) -> Option<&'static str> {
         match self {
             DisplayMode::Picture | DisplayMode::ErrorAgainstExact => None,
@@ -78,45 +78,45 @@ impl DisplayMode {
     }
 }
 
-/// A picture in false colours.
+/// An image in false colours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FalseColours {
-    /// Its pixels, row by row from the top, three display values each.
+    /// Pixels, row by row from the top, in display values.
     pub pixels: Vec<[u8; 3]>,
-    /// What the colours mean.
+    /// Legend.
     pub legend: Legend,
 }
 
-/// What colours mean.
+/// Legend of false colours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Legend {
-    /// In a few words.
+    /// Short description.
     pub text: String,
-    /// For colours along a scale, those colours, evenly from its beginning to its end.
+    /// Colours of a continuous scale at even distances; empty without a scale.
     pub bar: Vec<[u8; 3]>,
-    /// What the scale begins with and ends with.
+    /// Values at both ends of the scale.
     pub ends: Option<[String; 2]>,
-    /// For colours that stand for something each, what they stand for; of many those that most pixels show.
+    /// Single colours and their meanings; if there are many, those with the most pixels.
     pub swatches: Vec<([u8; 3], String)>,
 }
 
-/// Where there is nothing to be seen: a colour that none of the others comes near.
+/// Colour of pixels without a hit, distinct from all other colours.
 pub const NOTHING: [u8; 3] = [20, 24, 52];
 
-/// Depths are greys from this, the farthest, to [`NEAREST`].
+/// Depths are grey levels from this, the farthest, to [`NEAREST`].
 const FARTHEST: f32 = 40.0;
 const NEAREST: f32 = 250.0;
 
-/// Colours of a bar.
+/// Number of colours of a bar.
 const BAR: usize = 64;
 
-/// Things that a legend names at most.
+/// Maximum number of named colours of a legend.
 const SWATCHES: usize = 12;
 
-/// The colours of what is known of a picture.
+/// Computes an AOV and maps it to false colours.
 ///
 /// # Errors
-/// [`Error::Usage`] for what takes pictures; [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough
+/// [`Error::Usage`] for modes without an AOV, [`Error::Interrupted`] when cancelled, [`Error::Failed`] without enough
 /// memory.
 pub fn false_colours(mode: DisplayMode, subject: &AovSource, watch: &RenderControl) -> Result<FalseColours> {
     let Some(aov) = mode.aov() else {
@@ -127,7 +127,7 @@ pub fn false_colours(mode: DisplayMode, subject: &AovSource, watch: &RenderContr
     Ok(of_channels(mode, subject.world, &channels))
 }
 
-/// The colours of the AOV of `shown`.
+/// Maps the channels of a mode's AOV to false colours.
 pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> FalseColours {
     let first: &[f32] = channels.first().map_or(&[], |channel| &channel.values);
     match (mode, channels) {
@@ -147,10 +147,10 @@ pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> Fa
     }
 }
 
-/// How far a picture is from the exact one, both of one size.
+/// Error map of a picture against the exact one.
 ///
 /// # Errors
-/// [`Error::Usage`] where the sizes differ.
+/// [`Error::Usage`] if the sizes differ.
 pub fn error_against_exact(picture: &Picture, exact: &Picture) -> Result<FalseColours> {
     if (picture.width, picture.height) != (exact.width, exact.height) {
         return Err(Error::usage("pictures of two sizes", "compare pictures of one size"));
@@ -192,7 +192,7 @@ fn depths(depths: &[f32]) -> FalseColours {
     let seen = || depths.iter().copied().filter(|depth| depth.is_finite());
     let (nearest, farthest) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
     let grey = |share: f32| [(NEAREST + (FARTHEST - NEAREST) * share).round() as u8; 3];
-    // All at one depth are near.
+    // A single depth is drawn as the nearest.
     let share = |depth: f32| if farthest > nearest { (depth - nearest) / (farthest - nearest) } else { 0.0 };
     let colour = |depth: &f32| if depth.is_finite() { grey(share(*depth)) } else { NOTHING };
     let is_something = nearest.is_finite();
@@ -222,7 +222,7 @@ fn ids(text: &str, ids: &[f32], name: impl Fn(usize) -> Option<String>) -> False
     let mut pixels_of = std::collections::BTreeMap::<u32, usize>::new();
     ids.iter().filter(|&&id| id >= 0.0).for_each(|&id| *pixels_of.entry(id as u32).or_default() += 1);
     let mut most: Vec<(u32, usize)> = pixels_of.into_iter().collect();
-    // Of as many pixels the lower number first.
+    // Stable: equal counts stay in ascending order of numbers.
     most.sort_by_key(|&(_, pixels)| std::cmp::Reverse(pixels));
     let named = most.iter().filter_map(|&(id, _)| Some((colour_of(id), name(id as usize)?)));
     let mut swatches: Vec<([u8; 3], String)> = named.take(SWATCHES).collect();
@@ -234,11 +234,12 @@ fn ids(text: &str, ids: &[f32], name: impl Fn(usize) -> Option<String>) -> False
     }
 }
 
-/// A colour for a number: always the same, and far from those of the numbers beside it.
+/// The colour of a number, distinct from those of adjacent numbers.
 ///
-/// Hue and lightness are the points of a sequence that fills the square evenly however many are taken (Roberts, The
-/// Unreasonable Effectiveness of Quasirandom Sequences, 2018: powers of the inverse of the plastic number, the real root of
-/// x^3 = x + 1), in OKLab (Ottosson, A perceptual color space for image processing, 2020), where as far apart is as different.
+/// Hue and lightness are points of a low-discrepancy sequence: powers of the inverse of the plastic number, the real
+/// root of x^3 = x + 1 (Roberts, The Unreasonable Effectiveness of Quasirandom Sequences, 2018). The colour space is
+/// OKLab (Ottosson, A perceptual color space for image processing, 2020), where equal distances are perceived as equal
+/// differences.
 pub fn colour_of(id: u32) -> [u8; 3] {
     const PLASTIC: f64 = 1.324_717_957_244_746;
     let point = |power: i32| (0.5 + f64::from(id) * PLASTIC.powi(-power)).fract();
@@ -260,7 +261,7 @@ fn heat_bar() -> Vec<[u8; 3]> {
     heat_map(&shares)
 }
 
-/// A number in four digits.
+/// The number with four significant digits.
 fn short(x: f32) -> String {
     if x != 0.0 && !(1e-3..1e6).contains(&x.abs()) {
         return format!("{x:.3e}");
@@ -283,7 +284,7 @@ mod tests {
     use crate::study::metrics::Values;
     use crate::world::View;
 
-    /// The assignment scene from view 2, in so many pixels.
+    /// False colours of the assignment scene from view 2, at `size` x `size` pixels.
     fn false_colours_of_scene(mode: DisplayMode, size: u32) -> FalseColours {
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/assignment.toml");
         let scene = crate::import::load(&[file], &mut Warnings::default()).unwrap();
@@ -312,7 +313,10 @@ mod tests {
         // The bottom row sees the plane, whose normal is (0, 1, 0); the top row sees above its horizon.
         assert_eq!(normals.pixels[31 * 32], [128, 255, 128]);
         assert_eq!(normals.pixels[0], NOTHING);
-        assert_eq!(false_colours_of_scene(DisplayMode::GeometricNormals, 32).pixels[31 * 32], [128, 255, 128]);
+        assert_eq!(
+            false_colours_of_scene(DisplayMode::GeometricNormals, 32).pixels[31 * 32],
+            [128, 255, 128]
+        );
     }
 
     #[test]
@@ -332,7 +336,7 @@ mod tests {
     fn objects_are_named_and_have_their_colours() {
         let objects = false_colours_of_scene(DisplayMode::Objects, 64);
         let names: Vec<&str> = objects.legend.swatches.iter().map(|(_, name)| name.as_str()).collect();
-        // The plane fills most of the picture.
+        // The plane covers the most pixels.
         assert_eq!(names[0], "plane");
         for name in ["left sphere", "right sphere", "tetrahedron", "nothing"] {
             assert!(names.contains(&name), "{names:?}");
@@ -340,9 +344,15 @@ mod tests {
         for (colour, name) in &objects.legend.swatches {
             assert!(objects.pixels.contains(colour), "{name}");
         }
-        // 0 is the left sphere, 1 the right one, 2 the plane.
+        // Object 0 is the left sphere, 1 the right sphere, 2 the plane.
         assert_eq!(objects.legend.swatches[0].0, colour_of(2));
-        assert!(false_colours_of_scene(DisplayMode::Materials, 64).legend.swatches.iter().any(|(_, name)| name == "patriarch"));
+        assert!(
+            false_colours_of_scene(DisplayMode::Materials, 64)
+                .legend
+                .swatches
+                .iter()
+                .any(|(_, name)| name == "patriarch")
+        );
         assert_eq!(false_colours_of_scene(DisplayMode::Primitives, 64).legend.swatches.len(), 1);
     }
 
@@ -351,12 +361,17 @@ mod tests {
         let counts = super::counts("boxes", &[0.0, 8.0, 16.0]);
         assert_eq!(counts.pixels, heat_map(&[0.0, 0.5, 1.0]));
         assert_eq!(counts.legend.ends, Some(["0".into(), "16".into()]));
-        assert!(false_colours_of_scene(DisplayMode::NodeTests, 16).pixels.iter().any(|p| *p == heat_map(&[1.0])[0]));
+        assert!(
+            false_colours_of_scene(DisplayMode::NodeTests, 16)
+                .pixels
+                .iter()
+                .any(|p| *p == heat_map(&[1.0])[0])
+        );
     }
 
     #[test]
     fn numbers_have_colours_far_apart() {
-        // Any of 24 in a row, wherever they begin: 12 steps of 255 apart in some channel at least, and far from nothing.
+        // Any two of 24 consecutive numbers: some channel differs by 12 of 255 at least, and all are far from `NOTHING`.
         let apart = |a: [u8; 3], b: [u8; 3]| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();
         for start in [0, 1000, 123_456] {
             let colours: Vec<_> = (start..start + 24).map(colour_of).collect();

@@ -1,13 +1,13 @@
-//! The panel: where it is seen from, how it is computed, and what each effect takes.
+//! The side panel: camera, render settings, and the cost of each effect.
 
 use egui::{ComboBox, DragValue, Grid, RichText, Slider, Ui};
 
 use super::controls::Controls;
 use super::false_colour::DisplayMode;
 use super::keys::Action;
-use super::request::{CameraSource, Opened, Settings};
 use super::navigate;
 use super::painter::{Comparison, RenderedImage};
+use super::request::{CameraSource, Opened, Settings};
 use super::trace::Trace;
 use crate::effects::{Decision, RayKind, id};
 use crate::film::{ColourPipeline, FilterShape};
@@ -16,13 +16,13 @@ use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
-/// What the panel shows.
+/// Data that the panel displays.
 pub struct PanelContents<'a> {
-    /// The files.
+    /// Opened files.
     pub opened: &'a Opened,
-    /// What was painted last, of each side.
+    /// Last image of each side.
     pub rendered: [Option<&'a RenderedImage>; 2],
-    /// How far the sides are apart.
+    /// Errors between the two sides.
     pub comparison: Option<Comparison>,
 }
 
@@ -32,7 +32,7 @@ impl PanelContents<'_> {
     }
 }
 
-/// The whole panel.
+/// Shows the panel.
 pub fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
     ui.add_space(8.0);
     camera(ui, contents, controls, trace);
@@ -46,7 +46,7 @@ pub fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trac
     }
 }
 
-/// What can be done with what is seen. Returns what is asked for.
+/// Shows the buttons. Returns the action of a clicked button.
 pub fn buttons(ui: &mut Ui, trace: &mut Trace) -> Option<Action> {
     let all = [
         ("Save picture", "as a PNG in this folder (Ctrl + S)", Action::SavePicture),
@@ -78,7 +78,10 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace:
         };
         let list = ComboBox::from_id_salt("camera").selected_text(name).show_ui(ui, |ui| {
             for (index, camera) in cameras.iter().enumerate() {
-                if ui.selectable_label(controls.camera_source == CameraSource::Scene(index), &camera.name).clicked() {
+                if ui
+                    .selectable_label(controls.camera_source == CameraSource::Scene(index), &camera.name)
+                    .clicked()
+                {
                     (controls.camera_source, controls.projection) = (CameraSource::Scene(index), None);
                 }
             }
@@ -86,7 +89,10 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace:
                 ui.separator();
             }
             for view in StandardView::ALL {
-                if ui.selectable_label(controls.camera_source == CameraSource::Fitted(view), view.name()).clicked() {
+                if ui
+                    .selectable_label(controls.camera_source == CameraSource::Fitted(view), view.name())
+                    .clicked()
+                {
                     controls.fit_standard_view(view);
                 }
             }
@@ -112,7 +118,7 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace:
     let slider =
         ui.add(Slider::new(&mut degrees, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true));
     place(ui, trace, "field of view", &slider);
-    // A control that gets the keyboard reads its own digits back, which are fewer than the angle's.
+    // A slider that gets the focus parses its displayed text, which is rounded, and reports a change.
     let before = navigate::field_of_view(seen).to_degrees();
     if slider.changed() && (degrees - before).abs() > 1e-3 * before {
         controls.navigate(Some(seen), |camera| navigate::set_field_of_view(camera, degrees.to_radians()));
@@ -125,7 +131,7 @@ fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace:
     place(ui, trace, "shown", &shown.response);
 }
 
-/// Lets a script know where a control is.
+/// Writes the rectangle of a control to the trace, for scripts.
 fn place(ui: &Ui, trace: &mut Trace, name: &str, response: &egui::Response) {
     trace.place(name, response.rect, ui.ctx().pixels_per_point());
 }
@@ -248,9 +254,9 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut Settings, trace
     }
 }
 
-/// Whether an effect can be switched: where nothing calls for it, it could not change the picture.
+/// Shows an effect's checkbox. `can` is whether the scene uses the effect; otherwise the checkbox is disabled.
 fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, trace: &mut Trace) {
-    // What was said already and is not painted yet is shown as said.
+    // A change that is not rendered yet is already displayed.
     let is_without = settings.choices.without.iter().any(|name| *name == decision.effect.name());
     let has =
         settings.choices.with.iter().any(|typed| typed.split('=').next() == Some(decision.effect.name()));
@@ -263,7 +269,7 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, 
     }
 }
 
-/// Settings in words, each of which says one of them.
+/// Names of the settings, one entry each.
 pub fn setting_names(settings: &Settings) -> Vec<String> {
     let Settings { choices, numerics, pipeline } = settings;
     let sampling = choices.sampling;
@@ -282,7 +288,7 @@ pub fn setting_names(settings: &Settings) -> Vec<String> {
     words
 }
 
-/// What a picture took, in a line.
+/// Size, samples and render time of an image, in one line.
 pub fn progress_text(rendered: &RenderedImage) -> String {
     let [width, height] = rendered.image.size;
     let time = milliseconds(rendered.time);
@@ -296,7 +302,7 @@ fn milliseconds(time: std::time::Duration) -> String {
     format!("{:.1}", time.as_secs_f64() * 1e3)
 }
 
-/// A number with its thousands apart.
+/// The number with groups of thousands separated by spaces.
 fn count(number: u64) -> String {
     grouped(number, ' ')
 }

@@ -1,39 +1,37 @@
-//! Knowing when the files of a scene have changed.
+//! Detection of changed scene files by polling.
 //!
-//! A thread asks the system for size, time and identity of each file a few times a second, and says so once all of them have held
-//! still. Asking is cheap, a microsecond a file. Being told by the system is not what it seems: it does not speak of network shares,
-//! and a file that an editor replaces by renaming another is no longer the one that was watched.
-//!
-//! The loader's reading of a scene says which files there are ([`crate::import::load_and_list`]); this knows nothing of
-//! scenes, nor what is done about a change.
+//! A thread reads size, time and identity of each file a few times a second (about a microsecond per file) and reports
+//! a change once all files are unchanged for a while. Notifications of the system are not used: they do not cover
+//! network shares, and they follow the old file if an editor replaces it by renaming another.
+//! [`crate::import::load_and_list`] lists the files of a scene.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use crate::import::{FileRead, Stamp};
 
-/// From one look to the next while nothing happens.
+/// Poll interval while nothing changes.
 const IDLE_INTERVAL: Duration = Duration::from_millis(200);
-/// From one look to the next once something has.
+/// Poll interval after a change.
 const SETTLING_INTERVAL: Duration = Duration::from_millis(40);
-/// How long files must have held still. Programs write without such pauses.
+/// Time for which changed files must stay the same. Programs do not pause that long while writing.
 const SETTLE_TIME: Duration = Duration::from_millis(150);
-/// How long where a file is gone that was there, or empty: it is about to be written, by a program that takes its time.
+/// The same if a file has become missing or empty, which a slow program may be about to write.
 const SETTLE_TIME_MISSING: Duration = Duration::from_millis(1000);
-/// Looking takes at most this share of the time, however many files there are and however slow their disk is.
+/// Polling takes at most 1 / `MAX_LOAD_DIVISOR` of the time, for any number of files and any disk.
 const MAX_LOAD_DIVISOR: u32 = 50;
 
-/// Watches files, until it is dropped.
+/// Watches files until it is dropped.
 pub struct Watcher {
     requests: Sender<Vec<FileRead>>,
 }
 
 impl Watcher {
-    /// Watches `files`, and calls `on_change` from a thread of its own when one of them is no longer what was read, and all hold
-    /// still: once for each change.
+    /// Watches `files`, and calls `on_change` on a background thread, once per change, when a file differs from what
+    /// was read and all have settled.
     ///
     /// # Errors
-    /// The system has no thread to give.
+    /// The thread cannot be started.
     pub fn new(files: Vec<FileRead>, on_change: impl Fn() + Send + 'static) -> std::io::Result<Self> {
         let (requests, to_do) = channel();
         let thread = std::thread::Builder::new().name("watch".into());
@@ -41,14 +39,14 @@ impl Watcher {
         Ok(Watcher { requests })
     }
 
-    /// Watches these files from now on, the list of the last reading. What changed since they were read is a change.
+    /// Replaces the list of files. Changes since they were read are reported.
     pub fn set_files(&self, files: Vec<FileRead>) {
-        // Nobody listens where `on_change` panicked.
+        // The receiver is gone if `on_change` panicked.
         let _ = self.requests.send(files);
     }
 }
 
-/// Looks until nobody gives orders any more.
+/// Main loop of the thread; ends when the watcher is dropped.
 fn watch(mut state: State, requests: &Receiver<Vec<FileRead>>, on_change: &impl Fn()) {
     let start = Instant::now();
     let mut pause = IDLE_INTERVAL;
@@ -70,22 +68,22 @@ fn watch(mut state: State, requests: &Receiver<Vec<FileRead>>, on_change: &impl 
     }
 }
 
-/// What a look has shown.
+/// Result of a poll.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CheckResult {
-    /// Everything is as it was read, or as was said before.
+    /// No file differs from what was read or last reported.
     Same,
-    /// Something is different, and may become more so.
+    /// A file differs, and the settle time is not over.
     Settling,
-    /// Something is different, and stays so.
+    /// A file differs, and the settle time is over.
     Changed,
 }
 
-/// What is known of the files, and since when. Times are those since the start; nothing here waits or reads.
+/// State of the polling, without access to files or clocks. Times are relative to the start of the thread.
 struct State {
-    /// As they were read, or as they were when a change was last said.
+    /// Files as they were read or last reported.
     files: Vec<FileRead>,
-    /// As they were last seen, and since when.
+    /// Differing stamps of the last poll, and the time since which they are the same.
     seen: Option<(Vec<Option<Stamp>>, Duration)>,
 }
 
@@ -94,7 +92,7 @@ impl State {
         State { files, seen: None }
     }
 
-    /// Takes in how the files are at the time `now`, one stamp for each.
+    /// Evaluates a poll at the time `now`, with one stamp per file.
     fn update(&mut self, now: Duration, stamps: Vec<Option<Stamp>>) -> CheckResult {
         let known = self.files.iter().map(|read| read.stamp);
         if known.eq(stamps.iter().copied()) {
@@ -125,7 +123,7 @@ impl State {
 mod tests {
     use std::path::Path;
 
-    use super::CheckResult::{Changed, Settling, Same};
+    use super::CheckResult::{Changed, Same, Settling};
     use super::*;
 
     /// Stamps of real files: `size` bytes, one of each number.
@@ -145,7 +143,7 @@ mod tests {
         Duration::from_millis(n)
     }
 
-    /// Looks at a single file at the times and in the states given, and holds what is said to what is expected.
+    /// Polls a single file with the given times and stamps, and compares the results.
     fn expect(known: Option<Stamp>, looks: &[(u64, Option<Stamp>, CheckResult)]) {
         let mut state = State::new(vec![read("a", known)]);
         for &(at, stamp, said) in looks {
@@ -159,14 +157,14 @@ mod tests {
         let [one, two, three] = [1, 2, 3].map(|number| stamp(&folder, number, 5));
         expect(one, &[(0, one, Same), (200, one, Same)]);
         expect(one, &[(0, two, Settling), (149, two, Settling), (150, two, Changed), (350, two, Same)]);
-        // While it is being written, nothing is said, for however long.
+        // While the file is being written, nothing is reported.
         let writing = (0..100).map(|i| (100 * i, stamp(&folder, 9, 1 + i as usize), Settling));
         let mut looks: Vec<_> = writing.collect();
         looks.extend([(10_000, three, Settling), (10_149, three, Settling), (10_150, three, Changed)]);
         expect(one, &looks);
-        // What comes back as it was, was never different.
+        // A file that returns to its state before the settle time is not reported.
         expect(one, &[(0, two, Settling), (100, one, Same), (300, two, Settling), (449, two, Settling)]);
-        // Each change is one.
+        // Two changes are reported separately.
         expect(
             one,
             &[(0, two, Settling), (200, two, Changed), (400, three, Settling), (600, three, Changed)],
@@ -178,16 +176,16 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let [one, two] = [1, 2].map(|number| stamp(&folder, number, 5));
         let empty = stamp(&folder, 3, 0);
-        // An editor that puts another in its place.
+        // An editor that replaces the file.
         expect(one, &[(0, None, Settling), (200, None, Settling), (240, two, Settling), (390, two, Changed)]);
-        // One that empties it first.
+        // An editor that truncates it first.
         expect(
             one,
             &[(0, empty, Settling), (900, empty, Settling), (950, two, Settling), (1100, two, Changed)],
         );
-        // One that is deleted and stays so.
+        // A file that is deleted.
         expect(one, &[(0, None, Settling), (999, None, Settling), (1000, None, Changed), (2000, None, Same)]);
-        // One that was looked for and comes at last, and one that is empty as it was.
+        // A missing file that is created, and an empty file that stays empty.
         expect(None, &[(0, None, Same), (200, two, Settling), (350, two, Changed)]);
         let also_empty = stamp(&folder, 4, 0);
         expect(empty, &[(0, also_empty, Settling), (150, also_empty, Changed)]);
@@ -206,7 +204,7 @@ mod tests {
         assert_eq!(State::new(Vec::new()).update(ms(0), Vec::new()), Same);
     }
 
-    /// A real disk and the real thread; it waits for what is said, and for nothing else.
+    /// With files on disk and the real thread; waits for reports only, not for fixed times.
     #[test]
     fn files_on_disk_are_watched() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -218,7 +216,7 @@ mod tests {
 
         write("a", "as it was read");
         let files = vec![as_read(&path("a"))];
-        // Between reading and watching.
+        // Changed between reading and watching.
         write("a", "written to meanwhile");
         let watcher =
             Watcher::new(files, move || heard.send(()).expect("the test listens")).expect("a thread");
@@ -229,7 +227,7 @@ mod tests {
         std::fs::rename(path("a~"), path("a")).expect("files can be renamed");
         said.recv_timeout(long).expect("another file under its name is a change");
 
-        // One that was missing.
+        // A missing file that is created.
         watcher.set_files(vec![as_read(&path("a")), as_read(&path("b"))]);
         write("b", "at last");
         said.recv_timeout(long).expect("a file that comes is a change");

@@ -1,4 +1,4 @@
-//! What keys and clicks do.
+//! Actions of keys, buttons and clicks.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,18 +10,18 @@ use super::{App, timeline};
 use crate::error::Result;
 use crate::scene::Camera;
 use crate::viewer::canvas::MouseResult;
+use crate::viewer::command_line::{CommandCamera, RenderCommand, SceneDefaults, command_line};
 use crate::viewer::controls::next;
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::inspect::inspect;
 use crate::viewer::keys::{self, Action, CameraMotion, Focus};
-use crate::viewer::request::CameraSource;
 use crate::viewer::overlay::Notice;
-use crate::viewer::command_line::{RenderCommand, SceneDefaults, CommandCamera, command_line};
+use crate::viewer::request::CameraSource;
 use crate::viewer::{message_with_hint, navigate, save};
 use crate::world::StandardView;
 
 impl App {
-    /// Does what keys ask for.
+    /// Performs the actions of pressed keys, and moves the camera by held keys.
     pub(super) fn keys(&mut self, context: &Context) {
         let focus = Focus::of(context);
         let actions = context.input_mut(|input| keys::actions(input, focus));
@@ -37,18 +37,18 @@ impl App {
         let (seconds, fast) = context.input(|input| (f64::from(input.stable_dt), input.modifiers.shift));
         let camera = self.displayed_camera();
         if let Some(controls) = &mut self.controls {
-            // A frame that took long does not make a jump of it.
+            // A slow frame must not move the camera by a large step.
             controls.drive(camera.as_ref(), motion, seconds.min(0.1), fast);
         }
         context.request_repaint();
     }
 
-    /// The camera of the picture that is shown, in the scene's own coordinates.
+    /// The camera of the displayed picture, in scene coordinates.
     fn displayed_camera(&self) -> Option<Camera> {
         self.canvas.prepared(0).map(|prepared| prepared.camera.clone())
     }
 
-    /// Does one thing.
+    /// Performs an action.
     pub(super) fn act(&mut self, context: &Context, action: Action) {
         match action {
             Action::Panel => self.visible.panel = !self.visible.panel,
@@ -79,7 +79,7 @@ impl App {
         }
     }
 
-    /// Changes what is seen.
+    /// Performs an action that changes the render request.
     fn control(&mut self, action: Action) {
         let camera = self.displayed_camera();
         let (Some(controls), Some(opened)) = (&mut self.controls, &self.opened) else { return };
@@ -111,7 +111,7 @@ impl App {
         }
     }
 
-    /// Looks at a pixel that was clicked, and at what is in it where it was clicked twice.
+    /// Inspects a clicked pixel; a double click also makes its surface point the camera's target.
     pub(super) fn click(&mut self, mouse: &MouseResult) {
         let (Some(pixel), Some(opened)) = (mouse.clicked.or(mouse.focused), &self.opened) else { return };
         let Some(prepared) = self.canvas.prepared(mouse.side).cloned() else { return };
@@ -132,14 +132,15 @@ impl App {
             pixel,
         );
         self.trace.event("inspected", super::inspector::to_json(&found));
-        if let (Some(_), Some(surface), Some(controls)) = (mouse.focused, &found.surface, &mut self.controls) {
+        if let (Some(_), Some(surface), Some(controls)) = (mouse.focused, &found.surface, &mut self.controls)
+        {
             let point = surface.position;
             controls.navigate(Some(&prepared.camera), |camera| navigate::focus(camera, point));
         }
         self.inspection = Some((prepared, found));
     }
 
-    /// Where a picture would be saved.
+    /// File name for the next saved picture.
     fn output(&self) -> PathBuf {
         let stem = save::stem(&self.inputs);
         let timeline = self.opened.as_ref().and_then(|opened| timeline(opened));
@@ -150,7 +151,7 @@ impl App {
         save::free_name(&name, "png", &self.saving)
     }
 
-    /// The command line that renders what is seen.
+    /// The command line that renders the displayed picture.
     fn command(&self, output: &std::path::Path) -> Option<String> {
         let (controls, opened) = (self.controls.as_ref()?, self.opened.as_ref()?);
         let prepared = self.canvas.prepared(controls.side)?;
@@ -181,7 +182,7 @@ impl App {
         })
     }
 
-    /// Saves the picture, rendered as commands do; of other things that are shown, what is seen.
+    /// Saves the picture, rendered as by `kiln render`; for other display modes, the displayed image.
     fn save_picture(&mut self, context: &Context) {
         let Some(controls) = &self.controls else { return };
         let (side, shown) = (controls.side, controls.display_mode);
@@ -198,7 +199,9 @@ impl App {
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());
         let wake = move || context.request_repaint();
         save::beside(file, sender, wake, move |file| match shown {
-            DisplayMode::Picture => threads.install(|| save::picture(&prepared, (&request, side), command, file)),
+            DisplayMode::Picture => {
+                threads.install(|| save::picture(&prepared, (&request, side), command, file))
+            }
             _ => save::colours(&image, file),
         });
     }
@@ -211,7 +214,7 @@ impl App {
         self.show_save_result(saved, &file);
     }
 
-    /// Says what became of a file.
+    /// Shows whether a file was saved.
     pub(super) fn show_save_result(&mut self, result: Result<()>, file: &std::path::Path) {
         match result {
             Ok(()) => self.show_notice(format!("saved {}", file.display())),

@@ -1,4 +1,4 @@
-//! A frame of the window, part by part.
+//! Layout of an interface frame.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use crate::viewer::{overlay, timeline as bar};
 pub(super) const PANEL_WIDTH: f32 = 300.0;
 
 impl App {
-    /// Measures pauses, where that is what the window is for.
+    /// Measures frame times if requested, and closes the window when the measurement is complete.
     pub(super) fn measure(&mut self, context: &Context) {
         let App { pauses, trace, .. } = self;
         let Some(report) = pauses.as_mut().and_then(|pauses| pauses.frame(context, trace)) else { return };
@@ -25,7 +25,7 @@ impl App {
         context.send_viewport_cmd(ViewportCommand::Close);
     }
 
-    /// Goes on with an animation that plays, once the last frame of it was painted.
+    /// Advances a playing animation once its newest frame was rendered.
     pub(super) fn play(&mut self, context: &Context) {
         let (Some(controls), Some(opened)) = (&mut self.controls, &self.opened) else { return };
         let (Some(_), Some(timeline), Some(animation)) =
@@ -49,7 +49,12 @@ impl App {
             Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| {
                 ScrollArea::vertical().show(ui, |ui| {
                     let rendered = [canvas.rendered(0), canvas.rendered(1)];
-                    panel::show(ui, &PanelContents { opened, rendered, comparison: *comparison }, controls, trace);
+                    panel::show(
+                        ui,
+                        &PanelContents { opened, rendered, comparison: *comparison },
+                        controls,
+                        trace,
+                    );
                     clicked = panel::buttons(ui, trace);
                 });
             });
@@ -64,7 +69,7 @@ impl App {
         }
     }
 
-    /// The picture, and what lies over it.
+    /// The picture and its overlays.
     pub(super) fn picture(&mut self, ui: &mut Ui) {
         let context = ui.ctx().clone();
         let rect = ui.available_rect_before_wrap();
@@ -94,7 +99,7 @@ impl App {
         }
     }
 
-    /// What was painted last, and what there is to say of it and of the files.
+    /// The status bar: render progress, and warnings about the image and the files.
     fn status(&self, ui: &mut Ui) {
         ui.horizontal(|ui| {
             let rendered = self.canvas.rendered(0);
@@ -104,17 +109,20 @@ impl App {
                 (None, _) if self.loader.is_reading() || self.opened.is_some() => "loading".to_owned(),
                 (None, _) => "nothing to show yet".to_owned(),
             });
-            for what in rendered.map(image_warnings).into_iter().flatten().chain(self.warnings.iter().cloned()) {
+            for what in
+                rendered.map(image_warnings).into_iter().flatten().chain(self.warnings.iter().cloned())
+            {
                 ui.separator();
                 ui.label(RichText::new(what).weak());
             }
         });
     }
 
-    /// What the sides of a comparison differ in.
+    /// Labels of the two sides of a comparison: the settings in which they differ.
     fn side_names(&self) -> [String; 2] {
         let Some(controls) = &self.controls else { return Default::default() };
-        let [a, b] = [0, 1].map(|side| controls.sides.get(side).map(panel::setting_names).unwrap_or_default());
+        let [a, b] =
+            [0, 1].map(|side| controls.sides.get(side).map(panel::setting_names).unwrap_or_default());
         let only = |own: &[String], other: &[String]| {
             let mut own: Vec<String> = own.iter().filter(|word| !other.contains(word)).cloned().collect();
             let lacks = other.iter().filter_map(|word| word.strip_prefix("without "));
@@ -126,13 +134,14 @@ impl App {
     }
 }
 
-/// What is odd about a picture.
+/// Warnings about a rendered image.
 fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
     let mut image_warnings = Vec::new();
     let world = &rendered.prepared.job.world;
     if world.too_small > 0 {
         let tier = world.numerics().name();
-        image_warnings.push(format!("{} sphere(s) with a radius that is 0 in `{tier}`; left out", world.too_small));
+        image_warnings
+            .push(format!("{} sphere(s) with a radius that is 0 in `{tier}`; left out", world.too_small));
     }
     let (count, places) = &rendered.statistics.non_finite;
     if let (1.., Some((x, y))) = (*count, places.first()) {

@@ -1,4 +1,4 @@
-//! What is in a pixel: a window of its own, and the rays that it cast, drawn.
+//! Pixel inspector: its window, and the pixel's rays drawn over the picture.
 
 use egui::{Color32, Context, Grid, Painter, Pos2, Rect, RichText, Stroke, Ui, Window, vec2};
 use glam::DVec2;
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use crate::viewer::inspect::{Inspection, RaySegment};
 use crate::viewer::painter::Prepared;
 
-/// For scripts.
+/// The inspection as JSON, for the event trace.
 pub fn to_json(inspection: &Inspection) -> Value {
     let seen = inspection.surface.as_ref().map(|surface_info| {
         json!({
@@ -30,7 +30,7 @@ pub fn to_json(inspection: &Inspection) -> Value {
     json!({ "pixel": inspection.pixel, "displayed": inspection.displayed, "seen": seen, "rays": rays })
 }
 
-/// The window. Stays open while this is true.
+/// Shows the inspector window. Returns `false` when the user closed it.
 pub fn window(context: &Context, rect: Rect, inspection: &Inspection) -> bool {
     let mut open = true;
     let [x, y] = inspection.pixel;
@@ -63,7 +63,10 @@ fn surface(ui: &mut Ui, inspection: &Inspection) {
             ui.end_row();
         };
         row("object", surface_info.object_name.clone());
-        row(surface_info.kind, format!("{} ({} of the object)", surface_info.primitive, surface_info.primitive_of_object));
+        row(
+            surface_info.kind,
+            format!("{} ({} of the object)", surface_info.primitive, surface_info.primitive_of_object),
+        );
         row("t", format!("{:.9}", surface_info.distance));
         row("position", vector(surface_info.position));
         row("geometric normal", vector(surface_info.geometric_normal));
@@ -99,21 +102,21 @@ fn rays(ui: &mut Ui, rays: &[RaySegment]) {
     }
 }
 
-/// The colour of a ray's kind, darker for a shadow ray that is blocked.
+/// The colour of a ray's kind, darker for an occluded shadow ray.
 fn colour(ray: &RaySegment) -> Color32 {
     let [r, g, b] = ray.kind.colour;
     let own = Color32::from_rgb(r, g, b);
     if ray.kind.is_shadow && ray.hit { own.gamma_multiply(0.55) } else { own }
 }
 
-/// Draws the rays into the picture that is seen through `prepared`, in `rect`; `of` is what they were cast in.
+/// Draws the rays over the picture of `prepared` in `rect`; `of` is the prepared render in which they were traced.
 pub fn draw(painter: &Painter, rect: Rect, prepared: &Prepared, of: &Prepared, inspection: &Inspection) {
     let size = prepared.job.view.size();
     let place = |p: DVec2| -> Pos2 {
         let share = vec2((p.x / f64::from(size[0])) as f32, (p.y / f64::from(size[1])) as f32);
         rect.min + share * rect.size()
     };
-    // In another moment, or another tier, the scene may have been moved otherwise.
+    // At another time or in another tier the recentering may differ.
     if prepared.job.recentering != of.job.recentering {
         return;
     }

@@ -1,4 +1,4 @@
-//! What other threads have to say.
+//! Messages from the loader, painter, watcher and saving threads.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -17,7 +17,7 @@ use crate::viewer::watch::Watcher;
 use crate::viewer::{message_with_hint, name_of};
 
 impl App {
-    /// Takes in all there is.
+    /// Handles all pending messages.
     pub(super) fn handle_messages(&mut self, context: &Context) {
         if self.changed.swap(false, Ordering::Relaxed) {
             self.trace.event("changed", json!({}));
@@ -38,19 +38,19 @@ impl App {
         all.into_iter().for_each(|message| self.handle_message(context, message));
     }
 
-    /// Says that something went wrong, until it no longer holds or is dismissed.
+    /// Shows an error until its cause is gone or it is dismissed.
     pub(super) fn show_error(&mut self, text: String) {
         self.trace.event("error", json!({ "text": text }));
         self.notice = Some(Notice::new(text, true));
     }
 
-    /// Says something that was done.
+    /// Shows a notice about a completed action.
     pub(super) fn show_notice(&mut self, text: String) {
         self.trace.event("notice", json!({ "text": text }));
         self.notice = Some(Notice::new(text, false));
     }
 
-    /// Takes in files that were read.
+    /// Handles loaded files.
     fn handle_loaded(&mut self, context: &Context, loaded: Loaded) {
         let Loaded { inputs, result, files, warnings, .. } = loaded;
         let watched: Vec<String> = files.iter().map(|read| read.file.display().to_string()).collect();
@@ -60,9 +60,9 @@ impl App {
         }
         let opened = match result {
             Ok(opened) => Arc::new(opened),
-            // What was asked for cannot be: no other file will put it right.
+            // Options do not fit the inputs: a changed file cannot correct that.
             Err(e @ Error::Usage { .. }) if self.opened.is_none() => return self.give_up(context, e),
-            // The last good picture stays.
+            // The last valid scene stays.
             Err(e) => return self.show_error(message_with_hint(&e)),
         };
         match &mut self.controls {
@@ -88,7 +88,7 @@ impl App {
         context.send_viewport_cmd(ViewportCommand::Close);
     }
 
-    /// Watches the files of the scene, also where they could not be used.
+    /// Watches the files of the scene, including those that could not be loaded.
     fn watch(&mut self, context: &Context, files: Vec<FileRead>) {
         if let Some(watcher) = &self.watcher {
             return watcher.set_files(files);
@@ -101,7 +101,7 @@ impl App {
         self.watcher = Watcher::new(files, on_change).ok();
     }
 
-    /// Takes in what the painter has made.
+    /// Handles a message of the painter.
     pub(super) fn handle_message(&mut self, context: &Context, message: Message) {
         let newest = self.requested.as_ref().map_or(0, |(_, number)| *number);
         match message {
@@ -126,7 +126,7 @@ impl App {
 
     fn handle_image(&mut self, context: &Context, rendered: Box<RenderedImage>, newest: u64) {
         self.is_building = false;
-        // What could not be painted, can be again.
+        // A newer request succeeded, so an error of an earlier one is obsolete.
         if rendered.request == newest && self.failed_request.take_if(|failed| *failed < newest).is_some() {
             self.notice.take_if(|notice| notice.is_error);
         }
@@ -142,7 +142,7 @@ impl App {
         self.trace.event("picture", what);
         self.undisplayed.push(rendered.request);
         self.canvas.take(context, rendered);
-        // The frame after this one begins when this one is on the screen.
+        // The next frame starts after this one was presented; the trace then records the event `shown`.
         if self.trace.is_on() {
             context.request_repaint();
         }

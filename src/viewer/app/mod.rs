@@ -1,4 +1,4 @@
-//! The window itself: what happens in a frame of it, in order.
+//! The application: its state, and the steps of an interface frame.
 
 mod act;
 mod frame;
@@ -19,9 +19,9 @@ use super::controls::Controls;
 use super::inspect::Inspection;
 use super::keys::HeldKeys;
 use super::loader::Loader;
-use super::request::{Opened, RenderRequest};
 use super::overlay::{self, Notice};
 use super::painter::{Comparison, Message, Painter, Prepared};
+use super::request::{Opened, RenderRequest};
 use super::trace::{Pauses, Trace};
 use super::watch::Watcher;
 use super::{Start, display, name_of};
@@ -29,20 +29,20 @@ use crate::error::{Error, Result};
 use crate::scene::animation::Timeline;
 use frame::PANEL_WIDTH;
 
-/// Height of what is below the picture, in points, for the window's first size.
+/// Height of the status bar in points, for the initial window size.
 const FOOTER_HEIGHT: f32 = 30.0;
 
-/// How many frames the window has to take its first size.
+/// Maximum number of frames in which the window is resized to its initial size.
 const MAX_FIT_ATTEMPTS: u32 = 6;
 
-/// How long a frame waits for a picture that was ordered in it. With the time that painting the window takes, on a machine without
-/// graphics hardware about as much, this is a frame at 30 a second and more.
+/// Maximum time for which a frame waits for the first image of a request that it posted. Drawing the window takes about
+/// as long in software OpenGL; both together stay within a frame at 30 Hz.
 const FIRST_IMAGE_WAIT: Duration = Duration::from_millis(12);
 
 /// Opens the window, and returns when it is closed.
 ///
 /// # Errors
-/// [`crate::error::Error::Failed`] where there is no display or no OpenGL.
+/// [`crate::error::Error::Failed`] without a display or OpenGL.
 pub fn run(start: Start) -> Result<()> {
     let trace = Trace::new(start.trace.as_deref())?;
     let title = start.inputs.first().map_or("kiln".into(), |input| name_of(input));
@@ -79,7 +79,7 @@ pub fn run(start: Start) -> Result<()> {
     error.map_or(Ok(()), Err)
 }
 
-/// What is shown besides the picture. Remembered.
+/// Visible parts of the window besides the picture. Stored between runs.
 #[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
 struct VisibleParts {
     panel: bool,
@@ -90,62 +90,62 @@ struct App {
     threads: Arc<rayon::ThreadPool>,
     painter: Painter,
     loader: Loader,
-    /// Looks whether the files change.
+    /// Watches the input files for changes.
     watcher: Option<Watcher>,
-    /// Whether they have.
+    /// Set by the watcher when a file has changed.
     changed: Arc<AtomicBool>,
-    /// Files that were saved, or what went wrong.
+    /// Results of saving threads.
     saved: (Sender<Saved>, Receiver<Saved>),
-    /// Files that are being saved.
+    /// Files that are being written.
     saving: Vec<PathBuf>,
     inputs: Vec<PathBuf>,
     opened: Option<Arc<Opened>>,
     controls: Option<Controls>,
     canvas: Canvas,
-    /// Keys that are held down.
+    /// Movement keys that are held down.
     held: HeldKeys,
-    /// The order that was given last, and its number.
+    /// The newest request and its number.
     requested: Option<(RenderRequest, u64)>,
-    /// One that could not be carried out, which the notice is about.
+    /// Number of the failed request that the notice reports.
     failed_request: Option<u64>,
-    /// Orders of pictures that came since the last frame.
+    /// Request numbers of images that arrived since the last frame.
     undisplayed: Vec<u64>,
     comparison: Option<Comparison>,
-    /// What is in a pixel, and what it was looked at in.
+    /// Inspected pixel, and the prepared render that it belongs to.
     inspection: Option<(Arc<Prepared>, Inspection)>,
     notice: Option<Notice>,
-    /// What there is to say of the files.
+    /// Warnings and notes of the input files.
     warnings: Vec<String>,
     is_building: bool,
     visible: VisibleParts,
-    /// The size that the picture is to have at first, until the window has it.
+    /// Initial picture size that the window is still resized to.
     first_size: FirstSize,
-    /// How often that was tried.
+    /// Number of resize attempts.
     fit_attempts: u32,
     trace: Trace,
     pauses: Option<Pauses>,
     report: Report,
 }
 
-/// A file that was saved, or what went wrong.
+/// A saved file, or the error.
 type Saved = (PathBuf, Result<()>);
 
-/// Which size the picture has at first.
+/// Initial size of the picture.
 enum FirstSize {
-    /// The user's.
+    /// Given by the user.
     Given([u32; 2]),
-    /// The scene's.
+    /// Specified by the scene.
     Scene,
-    /// That of the window, which is remembered or was changed.
+    /// Determined by the window's stored or current size.
     Window,
 }
 
-/// What is said when the window is closed.
+/// Result of the window, for the command line.
 #[derive(Default)]
 struct Outcome {
-    /// What is printed.
+    /// Text for standard output.
     printed: Option<String>,
-    /// Why it was closed, where that was not the user's wish.
+    /// Error that closed the window.
     error: Option<Error>,
 }
 
@@ -200,8 +200,8 @@ impl App {
         app
     }
 
-    /// Makes the window so large that the picture has its first size. That takes a few frames: panels find their sizes, and not every
-    /// window may be as large. Whether it is still to change.
+    /// Resizes the window so that the picture has its initial size. This takes several frames, because panels change
+    /// their size, and may fail, because the display limits window sizes. Returns whether another resize was requested.
     fn fit_window(&mut self, context: &Context, size: [u32; 2]) -> bool {
         let wanted = match (&self.first_size, &self.opened) {
             (FirstSize::Given(size), _) => *size,
@@ -221,7 +221,7 @@ impl App {
         true
     }
 
-    /// Asks for the picture that the controls now mean, where that is another.
+    /// Posts a render request if the controls have changed.
     fn request(&mut self, context: &Context, size: [u32; 2]) {
         let (Some(controls), Some(opened)) = (&self.controls, &self.opened) else { return };
         let request = controls.request(opened, size);
@@ -238,8 +238,8 @@ impl App {
         self.wait_for_first_image(context, number);
     }
 
-    /// Waits a moment for the first picture of an order, so that this frame shows it already: what is drawn of a picture is looked
-    /// up when the frame ends.
+    /// Waits at most [`FIRST_IMAGE_WAIT`] for the first image of a request, so that the current frame shows it: texture
+    /// contents are read at the end of a frame.
     fn wait_for_first_image(&mut self, context: &Context, number: u64) {
         let until = Instant::now() + FIRST_IMAGE_WAIT;
         while let Some(message) = self.painter.wait(until) {
@@ -256,7 +256,7 @@ impl App {
     }
 }
 
-/// The frames of the scene's animation, where it has one.
+/// The frames of the scene's animation; `None` without one.
 fn timeline(opened: &Opened) -> Option<Timeline> {
     let animation = opened.scene.animation.as_ref()?;
     Timeline::new(animation.fps, animation.duration, animation.repeat).ok()

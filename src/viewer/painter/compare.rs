@@ -1,4 +1,4 @@
-//! How far the two sides of a comparison are apart.
+//! Errors between the two sides of a comparison.
 
 use std::sync::Arc;
 
@@ -7,19 +7,24 @@ use super::{Message, MessageSender};
 use crate::film::ColourPipeline;
 use crate::study::metrics::{self, Errors, Values};
 
-/// How far two pictures are apart, in what a display shows of them.
+/// Errors between two images, in display values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
-    /// Largest difference of any channel, 1 being white.
+    /// Largest difference of a channel; white is 1.
     pub max: f64,
-    /// Root of the mean square difference.
+    /// Root mean square difference.
     pub rmse: f64,
     /// Mean LDR-FLIP.
     pub flip: f64,
 }
 
-/// Compares the pictures beside the painter, which goes on to what is ordered next.
-pub fn compare_sides(request: u64, pictures: [PipelineImage; 2], threads: &Arc<rayon::ThreadPool>, sender: &MessageSender) {
+/// Compares both images on `threads`, in parallel to the painter's next request, and sends the result.
+pub fn compare_sides(
+    request: u64,
+    pictures: [PipelineImage; 2],
+    threads: &Arc<rayon::ThreadPool>,
+    sender: &MessageSender,
+) {
     let sender = sender.clone();
     threads.spawn(move || {
         let [a, b] = pictures.each_ref().map(displayed);

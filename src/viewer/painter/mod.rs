@@ -1,7 +1,7 @@
-//! The painter: a thread that renders what was asked for last, coarse to fine.
+//! The painter: a thread that renders the newest request from coarse to fine.
 //!
-//! A new order stops what is being rendered within a tile. Only the first, coarse pass is let finish while it is quick: a mouse that
-//! moves faster than that would otherwise never see a picture.
+//! A new request cancels the current pass within a tile. The first, coarse pass is completed if it is fast: otherwise a
+//! continuous mouse drag would cancel every pass, and no image would be shown.
 
 mod compare;
 mod pass;
@@ -17,58 +17,58 @@ use std::time::{Duration, Instant};
 
 use egui::ColorImage;
 
-use super::false_colour::{Legend, DisplayMode};
-use super::request::{RenderRequest, Settings};
+use super::false_colour::{DisplayMode, Legend};
 use super::refine::first_factor;
+use super::request::{RenderRequest, Settings};
 use crate::error::Error;
 use crate::render::Statistics;
 use crate::scene::Numerics;
 use pass::PipelineImage;
 use render_cache::RenderCache;
 
-/// How long a first pass may go on for an order that is no longer wanted.
+/// Duration after which the first pass of an outdated request is cancelled.
 const FIRST_PASS_LIMIT: Duration = Duration::from_millis(100);
 
-/// Nice value of the threads that render: the interface comes first.
+/// Nice value of the rendering threads, below the interface's priority.
 const NICENESS: i32 = 5;
 
-/// What the painter has to say.
+/// Message of the painter to the interface.
 pub enum Message {
-    /// A tree is being built for an order.
+    /// The tree of a request is being built.
     Building,
-    /// A picture.
+    /// The image of a pass.
     Image(Box<RenderedImage>),
-    /// How far the two sides of a comparison are apart.
+    /// Request number, and the errors between the two sides of a comparison.
     Compared(u64, Comparison),
-    /// An order cannot be carried out: what is wrong, and what to do.
+    /// Number of a request that failed, and the message with its hint.
     Failed(u64, String),
 }
 
-/// A picture of an order.
+/// Image of one pass of a request.
 pub struct RenderedImage {
-    /// Which order's.
+    /// Request number.
     pub request: u64,
-    /// Which of its sides.
+    /// Side of the comparison.
     pub side: usize,
-    /// The picture.
+    /// Pixels as displayed.
     pub image: Arc<ColorImage>,
-    /// It has a pixel for so many of the order's, on each axis.
+    /// Width and height of an image pixel, in pixels of the request.
     pub factor: u32,
-    /// Samples a pixel so far, and in the end; the most where that depends on the pixel.
+    /// Samples per pixel so far, and in total; the maximum if sampling is adaptive.
     pub samples: (u32, u32),
-    /// Whether it is what was asked for.
+    /// Whether this is the last pass.
     pub is_last: bool,
-    /// Time spent on pictures of the full size so far; of a coarse one, on itself.
+    /// Time of all passes of full size so far; for a coarse pass, its own time.
     pub time: Duration,
-    /// What was done for it.
+    /// Statistics of the same passes as `time`.
     pub statistics: Statistics,
-    /// What the colours mean, where they are not those of the picture.
+    /// Legend of false colours.
     pub legend: Option<Legend>,
-    /// What it was made with.
+    /// The prepared scene that was rendered.
     pub prepared: Arc<Prepared>,
 }
 
-/// The painter, seen from the interface.
+/// Handle of the painter thread.
 pub struct Painter {
     shared: Arc<Shared>,
     messages: Receiver<Message>,
@@ -80,13 +80,13 @@ struct Shared {
     wake: Condvar,
 }
 
-/// What interface and thread tell each other.
+/// State shared by the interface and the painter thread.
 #[derive(Default)]
 struct QueueState {
-    /// The order to be carried out next.
+    /// The request to render next, and its number.
     wanted: Option<(u64, RenderRequest)>,
     requests: u64,
-    /// What is being rendered.
+    /// The current pass.
     running: Option<Running>,
     quits: bool,
 }
@@ -99,13 +99,13 @@ struct Running {
 
 impl Shared {
     fn lock(&self) -> std::sync::MutexGuard<'_, QueueState> {
-        // Nothing is half done at a desk.
+        // Each critical section leaves the state consistent, also when it panics.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Painter {
-    /// Starts the thread, which works on `threads` and calls `wake` whenever it has news.
+    /// Starts the thread. It renders on `threads` and calls `wake` after each message.
     pub fn new(threads: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let shared = Arc::new(Shared { state: Mutex::default(), wake: Condvar::new() });
         let (sender, messages) = channel();
@@ -121,29 +121,34 @@ impl Painter {
         Painter { shared, messages, thread: thread.ok() }
     }
 
-    /// Asks for a picture, instead of all that was asked for before. Returns the order's number.
+    /// Posts a request, which replaces all earlier ones. Returns its number.
     pub fn request(&self, request: RenderRequest) -> u64 {
         let mut state = self.shared.lock();
         state.requests += 1;
         let number = state.requests;
         state.wanted = Some((number, request));
-        let must_cancel = |running: &&Running| !running.is_first || running.since.elapsed() > FIRST_PASS_LIMIT;
-        state.running.iter().filter(must_cancel).for_each(|running| running.cancel.store(true, Ordering::Relaxed));
+        let must_cancel =
+            |running: &&Running| !running.is_first || running.since.elapsed() > FIRST_PASS_LIMIT;
+        state
+            .running
+            .iter()
+            .filter(must_cancel)
+            .for_each(|running| running.cancel.store(true, Ordering::Relaxed));
         self.shared.wake.notify_one();
         number
     }
 
-    /// Whether the thread has ended, which it does by a fault alone while there is a window.
+    /// Whether the thread has ended. While the window is open, only a panic ends it.
     pub fn has_ended(&self) -> bool {
         self.thread.as_ref().is_none_or(std::thread::JoinHandle::is_finished)
     }
 
-    /// Waits for what there is to say next, for a moment at most.
+    /// Waits for the next message, until the given time.
     pub fn wait(&self, until: Instant) -> Option<Message> {
         self.messages.recv_timeout(until.saturating_duration_since(Instant::now())).ok()
     }
 
-    /// What there is to say since it was asked last, oldest first.
+    /// Pending messages, oldest first.
     pub fn messages(&self) -> impl Iterator<Item = Message> {
         self.messages.try_iter()
     }
@@ -156,19 +161,19 @@ impl Drop for Painter {
         state.running.iter().for_each(|running| running.cancel.store(true, Ordering::Relaxed));
         self.shared.wake.notify_one();
         drop(state);
-        // A tree that is being built cannot be stopped; the process ends without it.
+        // A tree build cannot be cancelled, so the thread is not joined.
         self.thread.take();
     }
 }
 
-/// Lets the interface's thread go first where both want to run.
+/// Gives the calling thread a lower priority than the interface's thread.
 fn lower_thread_priority() {
-    // Of the calling thread alone, on Linux; elsewhere of the process, which has a window to itself.
+    // On Linux `setpriority` applies to the calling thread; elsewhere it would apply to the whole process.
     #[cfg(target_os = "linux")]
     let _ = rustix::process::setpriority_process(None, NICENESS);
 }
 
-/// Tells the interface what there is.
+/// Sends messages to the interface and wakes it.
 #[derive(Clone)]
 struct MessageSender {
     sender: Sender<Message>,
@@ -177,13 +182,13 @@ struct MessageSender {
 
 impl MessageSender {
     fn send(&self, message: Message) {
-        // Nobody listens to a window that closes.
+        // The receiver is dropped when the window closes.
         let _ = self.sender.send(message);
         (self.wake)();
     }
 }
 
-/// Carries out orders until it is told to stop.
+/// Main loop of the painter thread: renders requests until the painter is dropped.
 fn work(shared: &Shared, threads: &Arc<rayon::ThreadPool>, sender: &MessageSender) {
     let mut cache = RenderCache::default();
     loop {
@@ -209,7 +214,7 @@ fn work(shared: &Shared, threads: &Arc<rayon::ThreadPool>, sender: &MessageSende
     }
 }
 
-/// An order that is being carried out.
+/// A request that is being rendered.
 struct RenderTask<'a> {
     shared: &'a Shared,
     sender: &'a MessageSender,
@@ -217,13 +222,18 @@ struct RenderTask<'a> {
 }
 
 impl RenderTask<'_> {
-    /// All passes of all sides, in turns. Returns the two pictures of a comparison.
-    fn paint(&self, request: &RenderRequest, cache: &mut RenderCache) -> crate::error::Result<Option<[PipelineImage; 2]>> {
+    /// Renders all passes, alternating between the sides. Returns both images of a comparison.
+    fn paint(
+        &self,
+        request: &RenderRequest,
+        cache: &mut RenderCache,
+    ) -> crate::error::Result<Option<[PipelineImage; 2]>> {
         if !cache.has_worlds(request) {
             self.sender.send(Message::Building);
         }
         let pixels = request.size[0] as usize * request.size[1] as usize;
-        let factor = first_factor(pixels * request.sides.len(), cache.seconds_per_pixel(request), request.is_playing);
+        let factor =
+            first_factor(pixels * request.sides.len(), cache.seconds_per_pixel(request), request.is_playing);
         let mut sides = Vec::new();
         for settings in &request.sides {
             if self.is_outdated() {
@@ -257,7 +267,7 @@ impl RenderTask<'_> {
         state.wanted.is_some() || state.quits
     }
 
-    /// Begins a pass, unless there is a newer order.
+    /// Registers a pass and returns its cancel flag. [`Error::Interrupted`] if there is a newer request.
     fn begin(&self, is_first: bool) -> crate::error::Result<Arc<AtomicBool>> {
         let mut state = self.shared.lock();
         if state.quits || state.wanted.is_some() {

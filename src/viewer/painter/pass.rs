@@ -1,4 +1,4 @@
-//! One side of an order, pass by pass.
+//! Progressive rendering of one side of a request.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -14,35 +14,35 @@ use crate::film::{ColourPipeline, Film, Pixel};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 use crate::study::metrics;
-use crate::viewer::false_colour::{FalseColours, Legend, DisplayMode, error_against_exact, false_colours};
+use crate::viewer::false_colour::{DisplayMode, FalseColours, Legend, error_against_exact, false_colours};
+use crate::viewer::refine::{Pass, SamplingKind, passes};
 use crate::viewer::request::{RenderRequest, Settings};
-use crate::viewer::refine::{SamplingKind, Pass, passes};
 
-/// A picture in the numbers of its pipeline, row by row from the top.
+/// An image in the values of its colour pipeline, row by row from the top.
 pub struct PipelineImage {
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Its pixels.
+    /// Pixels.
     pub pixels: Vec<[f32; 3]>,
-    /// What they are in.
+    /// Colour pipeline of the pixels.
     pub pipeline: ColourPipeline,
 }
 
-/// A side of an order, and what there is of it.
+/// One side of a request, with its progress.
 pub struct Side<'a> {
     request: &'a RenderRequest,
     settings: &'a Settings,
     prepared: Arc<Prepared>,
-    /// The same in the tier `exact`, where the picture is held against it.
+    /// The same scene in the tier `exact`, for [`DisplayMode::ErrorAgainstExact`].
     exact: Option<Arc<Prepared>>,
     passes: Vec<Pass>,
     kind: SamplingKind,
-    /// Time and work of all passes of the full size.
+    /// Sum of time and statistics of all passes of full size.
     spent: Option<(Duration, Statistics)>,
     picture: Option<PipelineImage>,
 }
 
-/// What a pass made.
+/// Result of a pass.
 pub struct PassOutput {
     image: ColorImage,
     factor: u32,
@@ -52,12 +52,12 @@ pub struct PassOutput {
     statistics: Statistics,
     legend: Option<Legend>,
     prepared: Arc<Prepared>,
-    /// Seconds that a pixel took, where each was looked at once.
+    /// Render time in seconds per pixel, if each had one sample.
     pub seconds_per_pixel: Option<f64>,
 }
 
 impl PassOutput {
-    /// With the order that it is of, and the side.
+    /// The result with its request number and side.
     pub fn rendered(self, request: u64, side: usize) -> RenderedImage {
         let PassOutput { image, factor, samples, is_last, time, statistics, legend, prepared, .. } = self;
         let image = Arc::new(image);
@@ -66,7 +66,7 @@ impl PassOutput {
 }
 
 impl<'a> Side<'a> {
-    /// Begins with passes of `factor`.
+    /// Plans the passes, the first of them with pixels of `factor` by `factor`.
     pub fn new(
         request: &'a RenderRequest,
         prepared: Arc<Prepared>,
@@ -74,26 +74,27 @@ impl<'a> Side<'a> {
         settings: &'a Settings,
         factor: u32,
     ) -> Self {
-        // What is known of pixels is known of their centres.
-        let kind = if request.display_mode == DisplayMode::Picture { prepared.kind } else { SamplingKind::Centres };
+        // AOVs are computed at pixel centres.
+        let kind =
+            if request.display_mode == DisplayMode::Picture { prepared.kind } else { SamplingKind::Centres };
         let passes = passes(factor, kind);
         Side { request, settings, prepared, exact, passes, kind, spent: None, picture: None }
     }
 
-    /// How many passes there are.
+    /// Number of passes.
     pub fn passes(&self) -> usize {
         self.passes.len()
     }
 
-    /// The finished picture.
+    /// The last image of full size.
     pub fn into_picture(self) -> Option<PipelineImage> {
         self.picture
     }
 
-    /// Does a pass; `None` where there is none of that number.
+    /// Renders a pass; `None` if the index is out of range.
     ///
     /// # Errors
-    /// [`crate::error::Error::Interrupted`] when cancelled, and those of rendering.
+    /// [`crate::error::Error::Interrupted`] when cancelled, and the errors of rendering.
     pub fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<PassOutput>> {
         let Some(&pass) = self.passes.get(index) else { return Ok(None) };
         let start = Instant::now();
@@ -153,7 +154,7 @@ impl<'a> Side<'a> {
         }))
     }
 
-    /// Adds up what passes of the full size took.
+    /// Adds the cost of a pass of full size. Returns the sum.
     fn spend(&mut self, time: Duration, statistics: Statistics) -> (Duration, Statistics) {
         let spent = match self.spent.take() {
             Some((before, mut sum)) => {
@@ -166,7 +167,7 @@ impl<'a> Side<'a> {
         spent
     }
 
-    /// What is shown instead of a picture.
+    /// False colours of the requested display mode.
     fn false_colours(&self, film: &Film, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
         let job = &self.prepared.job;
         if let Some(exact) = &self.exact {
@@ -208,7 +209,7 @@ fn rows(film: &Film) -> Vec<[f32; 3]> {
     pixels
 }
 
-/// Has `before` count in a mean by a share of 0 to 1.
+/// Weighted mean: `before` has weight `share` (0 to 1), `pixels` the rest.
 fn mix(pixels: &mut [[f32; 3]], before: &[[f32; 3]], share: f64) {
     let mean = |new: f32, old: f32| (f64::from(old) * share + f64::from(new) * (1.0 - share)) as f32;
     pixels.par_iter_mut().zip(before).for_each(|(new, old)| {
@@ -216,7 +217,7 @@ fn mix(pixels: &mut [[f32; 3]], before: &[[f32; 3]], share: f64) {
     });
 }
 
-/// What a display shows.
+/// The image as a display shows it.
 fn image(pixels: &[[f32; 3]], size: [u32; 2], pipeline: ColourPipeline) -> ColorImage {
     let width = size[0] as usize;
     let mut colours = vec![Color32::BLACK; pixels.len()];

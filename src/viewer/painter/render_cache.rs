@@ -1,4 +1,4 @@
-//! What the painter keeps from one picture to the next: worlds, and how long pixels take.
+//! Cache of the painter between requests: prepared worlds, fitted cameras, and render times per pixel.
 
 use std::sync::Arc;
 
@@ -10,63 +10,64 @@ use crate::film::ColourPipeline;
 use crate::job::RenderJob;
 use crate::scene::{Camera, Numerics, Sampling, Scene};
 use crate::viewer::false_colour::DisplayMode;
-use crate::viewer::request::{CameraSource, Opened, RenderRequest, Settings};
 use crate::viewer::refine::SamplingKind;
+use crate::viewer::request::{CameraSource, Opened, RenderRequest, Settings};
 use crate::world::{Recentering, StandardView, fitted_camera, headlight};
 
-/// Worlds that are kept: those of two sides and of what they are held against.
+/// Number of cached worlds: two sides of a comparison and the exact reference.
 const MAX_WORLDS: usize = 3;
 
-/// What a world depends on besides the scene.
+/// Settings that a world depends on besides the scene.
 type Key = (Numerics, ColourPipeline);
 
-/// A scene that is ready for its picture.
+/// A scene that is prepared for a request.
 pub struct Prepared {
-    /// The picture with one sample a pixel, at its centre.
+    /// Render job with one sample per pixel, at its centre.
     pub job: RenderJob,
-    /// The camera, in the scene's own coordinates.
+    /// The camera, in scene coordinates.
     pub camera: Camera,
-    /// What was decided of each effect, in the whole picture, and whether anything calls for it.
+    /// Decision about each effect with the request's sampling, and whether the scene or the sampling uses the effect.
     pub decisions: Vec<(Decision, bool)>,
-    /// How the picture's pixels are sampled in the end.
+    /// Sampling of the final image.
     pub kind: SamplingKind,
 }
 
-/// What is kept.
+/// Cached data of the opened files.
 #[derive(Default)]
 pub struct RenderCache {
     opened: Option<Arc<Opened>>,
     animations: Vec<(Key, Arc<PreparedAnimation>)>,
     frames: Vec<(Key, f64, Arc<FrameWorld>)>,
-    /// The scene moved as its worlds are, where it is.
+    /// The recentered scene, if the worlds are recentered.
     recentered_scene: Option<Arc<Scene>>,
-    /// Cameras that fit, and the width by height of their pictures.
+    /// Fitted cameras, each with its view and aspect ratio.
     fitted_cameras: Vec<(StandardView, f64, Camera)>,
-    /// Seconds that a pixel takes, looked at once.
+    /// Render time in seconds per pixel at one sample, by display mode.
     seconds: Vec<(DisplayMode, f64)>,
 }
 
 impl RenderCache {
-    /// Whether there is a tree for every picture of an order.
+    /// Whether the trees of all sides of a request are cached.
     pub fn has_worlds(&self, request: &RenderRequest) -> bool {
         let same = self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened));
         let has = |settings: &Settings| self.animations.iter().any(|(key, _)| *key == key_of(settings));
         same && request.sides.iter().all(has)
     }
 
-    /// Seconds that a pixel takes, looked at once, where that is known.
+    /// Render time in seconds per pixel at one sample; `None` before the first measurement.
     pub fn seconds_per_pixel(&self, request: &RenderRequest) -> Option<f64> {
         self.seconds.iter().find(|(shown, _)| *shown == request.display_mode).map(|(_, seconds)| *seconds)
     }
 
-    /// Learns how long a pixel takes. What else the machine does makes single times long: they count half.
+    /// Records a render time per pixel: the geometric mean with the previous value, which damps outliers caused by
+    /// other processes.
     pub fn record_seconds(&mut self, request: &RenderRequest, seconds: f64) {
         let seconds = self.seconds_per_pixel(request).map_or(seconds, |before| (before * seconds).sqrt());
         self.seconds.retain(|(shown, _)| *shown != request.display_mode);
         self.seconds.push((request.display_mode, seconds));
     }
 
-    /// Makes a scene ready for a picture.
+    /// Prepares the scene for a request with the settings of one side.
     pub fn prepare(&mut self, request: &RenderRequest, settings: &Settings) -> Result<Arc<Prepared>> {
         if !self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened)) {
             *self = RenderCache { opened: Some(Arc::clone(&request.opened)), ..RenderCache::default() };
@@ -141,10 +142,16 @@ impl RenderCache {
         Ok(frame)
     }
 
-    /// A camera that fits the scene at rest, in the world's coordinates: as commands find it.
-    fn fit(&mut self, request: &RenderRequest, view: StandardView, recentering: Option<Recentering>) -> Result<Camera> {
+    /// A camera fitted to the unanimated scene, in world coordinates: the same that `kiln render` uses.
+    fn fit(
+        &mut self,
+        request: &RenderRequest,
+        view: StandardView,
+        recentering: Option<Recentering>,
+    ) -> Result<Camera> {
         let aspect = f64::from(request.size[0]) / f64::from(request.size[1]);
-        if let Some((.., camera)) = self.fitted_cameras.iter().find(|(known, at, _)| (*known, *at) == (view, aspect))
+        if let Some((.., camera)) =
+            self.fitted_cameras.iter().find(|(known, at, _)| (*known, *at) == (view, aspect))
         {
             return Ok(camera.clone());
         }
@@ -169,7 +176,7 @@ fn key_of(settings: &Settings) -> Key {
     (settings.numerics, settings.pipeline)
 }
 
-/// A camera for stages of scenes that have none. Nothing is seen by it.
+/// A valid camera for [`PreparedAnimation::new`] if the scene has none. It is never rendered.
 fn placeholder_camera(scene: &Scene) -> Camera {
     let (target, up) = (scene.bounds().map_or(glam::DVec3::ZERO, |(min, _)| min), glam::DVec3::Y);
     let back = target + glam::DVec3::Z * target.abs().max_element().max(1.0);
