@@ -371,7 +371,7 @@ mod tests {
 
     #[test]
     fn numbers_have_colours_far_apart() {
-        // Any two of 24 consecutive numbers: some channel differs by 12 of 255 at least, and all are far from `NOTHING`.
+        // Any two of 24 consecutive numbers: a channel differs by at least 12 of 255; all are far from `NOTHING`.
         let apart = |a: [u8; 3], b: [u8; 3]| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();
         for start in [0, 1000, 123_456] {
             let colours: Vec<_> = (start..start + 24).map(colour_of).collect();
