@@ -134,7 +134,7 @@ impl Progress {
         match self.mode {
             Mode::None => {}
             Mode::Json => {
-                print_stderr(format_args!("{}", serde_json::json!({ "event": "done", "message": line })))
+                print_stderr(format_args!("{}", serde_json::json!({ "event": "done", "message": line })));
             }
             Mode::Openjd => print_stderr(format_args!("openjd_progress: 100\nopenjd_status: {line}")),
             _ => print_stderr(format_args!("kiln: {line}")),

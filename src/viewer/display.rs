@@ -166,37 +166,37 @@ mod tests {
     /// Messages recorded from the libraries with missing displays and hidden libraries.
     #[test]
     fn what_libraries_say_becomes_a_line() {
-        let said = |cause: &str| explain_window(cause).to_string();
+        let message = |cause: &str| explain_window(cause).to_string();
         let at = "os error at /registry/winit-0.30.13/src/platform_impl/linux/mod.rs:788: ";
         assert!(
-            said(&format!("{at}Failed to open connection to X server"))
+            message(&format!("{at}Failed to open connection to X server"))
                 .starts_with("no X server answers at DISPLAY")
         );
         assert!(
-            said("os error at /w/mod.rs:89: Could not find wayland compositor")
+            message("os error at /w/mod.rs:89: Could not find wayland compositor")
                 .starts_with("no Wayland compositor answers at WAYLAND_DISPLAY")
         );
         assert_eq!(
-            said(&format!("{at}Failed to load one of xlib's shared libraries")),
+            message(&format!("{at}Failed to load one of xlib's shared libraries")),
             "one of X's libraries is missing: libX11, libX11-xcb, libXcursor, libXi, libxcb"
         );
         assert_eq!(
-            said("Library libxkbcommon-x11.so could not be loaded."),
+            message("Library libxkbcommon-x11.so could not be loaded."),
             "a library that windows take is missing: libxkbcommon-x11.so"
         );
         assert_eq!(
-            said("called `Result::unwrap()` on an `Err` value: XKBNotFound"),
+            message("called `Result::unwrap()` on an `Err` value: XKBNotFound"),
             "a library that windows take is missing: libxkbcommon"
         );
         assert_eq!(
-            said("failed to request XRandR version: UnsupportedExtension"),
+            message("failed to request XRandR version: UnsupportedExtension"),
             "no window can be opened: failed to request XRandR version: UnsupportedExtension"
         );
         assert_eq!(
-            said("os error at /w/mod.rs:89: The wayland library could not be loaded"),
+            message("os error at /w/mod.rs:89: The wayland library could not be loaded"),
             "a library that windows take is missing: libwayland-client"
         );
-        assert_eq!(said(""), "no window can be opened: no reason was given");
+        assert_eq!(message(""), "no window can be opened: no reason was given");
         let gl = |cause: &str| no_opengl(cause).to_string();
         assert_eq!(gl("[a7] GLXBadFBConfig"), "the display has no OpenGL to draw with: GLXBadFBConfig");
         assert_eq!(gl("not found"), "the display has no OpenGL to draw with: not found");

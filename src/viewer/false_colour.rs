@@ -189,8 +189,8 @@ fn normals(mode: DisplayMode, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
 }
 
 fn depths(depths: &[f32]) -> FalseColours {
-    let seen = || depths.iter().copied().filter(|depth| depth.is_finite());
-    let (nearest, farthest) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
+    let finite = || depths.iter().copied().filter(|depth| depth.is_finite());
+    let (nearest, farthest) = (finite().fold(f32::INFINITY, f32::min), finite().fold(0.0, f32::max));
     let grey = |share: f32| [(NEAREST + (FARTHEST - NEAREST) * share).round() as u8; 3];
     // A single depth is drawn as the nearest.
     let share = |depth: f32| if farthest > nearest { (depth - nearest) / (farthest - nearest) } else { 0.0 };

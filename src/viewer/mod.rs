@@ -1,7 +1,7 @@
 //! The interactive viewer: camera navigation, and the result and cost of each effect.
 //!
 //! Two threads run beside the interface's thread. The *loader* reads files; the *painter* renders the newest
-//! [`request::RenderRequest`] from coarse to fine. The interface posts requests and shows the last result; it waits for
+//! `RenderRequest` from coarse to fine. The interface posts requests and shows the last result; it waits for
 //! a result only as long as a frame may take. A request is plain data; equal requests have equal pictures.
 
 mod app;

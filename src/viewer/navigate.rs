@@ -206,7 +206,7 @@ pub fn frame(camera: &mut Camera, (min, max): (DVec3, DVec3), aspect: f64) {
     const FREE: f64 = 0.9;
     change(camera, |camera, pose| {
         bring_rectangle_to_target(camera, pose);
-        let seen = height_at_target(camera, pose, aspect) * FREE;
+        let usable_height = height_at_target(camera, pose, aspect) * FREE;
         let middle = min / 2.0 + max / 2.0;
         // For each corner: horizontal and vertical distance from the centre, and how much nearer it is.
         let corners = (0..8).map(|i| {
@@ -216,8 +216,8 @@ pub fn frame(camera: &mut Camera, (min, max): (DVec3, DVec3), aspect: f64) {
         });
         let needed = |(across, nearer): (DVec2, f64)| match camera.projection {
             // A corner is visible if `across <= slope (distance - nearer)`.
-            Projection::Perspective => nearer + across.max_element() / (seen / 2.0 / pose.distance),
-            Projection::Orthographic => across.max_element() * 2.0 / seen,
+            Projection::Perspective => nearer + across.max_element() / (usable_height / 2.0 / pose.distance),
+            Projection::Orthographic => across.max_element() * 2.0 / usable_height,
         };
         let needed = corners.map(needed).fold(0.0, f64::max);
         if !(needed > 0.0 && needed.is_finite()) {

@@ -23,7 +23,7 @@ const MAX_LOAD_DIVISOR: u32 = 50;
 
 /// Watches files until it is dropped.
 pub struct Watcher {
-    requests: Sender<Vec<FileRead>>,
+    lists: Sender<Vec<FileRead>>,
 }
 
 impl Watcher {
@@ -33,25 +33,25 @@ impl Watcher {
     /// # Errors
     /// The thread cannot be started.
     pub fn new(files: Vec<FileRead>, on_change: impl Fn() + Send + 'static) -> std::io::Result<Self> {
-        let (requests, to_do) = channel();
+        let (lists, receiver) = channel();
         let thread = std::thread::Builder::new().name("watch".into());
-        thread.spawn(move || watch(State::new(files), &to_do, &on_change))?;
-        Ok(Watcher { requests })
+        thread.spawn(move || watch(State::new(files), &receiver, &on_change))?;
+        Ok(Watcher { lists })
     }
 
     /// Replaces the list of files. Changes since they were read are reported.
     pub fn set_files(&self, files: Vec<FileRead>) {
         // The receiver is gone if `on_change` panicked.
-        let _ = self.requests.send(files);
+        let _ = self.lists.send(files);
     }
 }
 
 /// Main loop of the thread; ends when the watcher is dropped.
-fn watch(mut state: State, requests: &Receiver<Vec<FileRead>>, on_change: &impl Fn()) {
+fn watch(mut state: State, lists: &Receiver<Vec<FileRead>>, on_change: &impl Fn()) {
     let start = Instant::now();
     let mut pause = IDLE_INTERVAL;
     loop {
-        match requests.recv_timeout(pause) {
+        match lists.recv_timeout(pause) {
             Ok(files) => state = State::new(files),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
@@ -59,11 +59,11 @@ fn watch(mut state: State, requests: &Receiver<Vec<FileRead>>, on_change: &impl 
         let before = start.elapsed();
         let stamps = state.files.iter().map(|read| Stamp::of(&read.file)).collect();
         let took = start.elapsed() - before;
-        let said = state.update(before, stamps);
-        if said == CheckResult::Changed {
+        let result = state.update(before, stamps);
+        if result == CheckResult::Changed {
             on_change();
         }
-        let least = if said == CheckResult::Settling { SETTLING_INTERVAL } else { IDLE_INTERVAL };
+        let least = if result == CheckResult::Settling { SETTLING_INTERVAL } else { IDLE_INTERVAL };
         pause = least.max(took * MAX_LOAD_DIVISOR);
     }
 }
@@ -84,23 +84,23 @@ struct State {
     /// Files as they were read or last reported.
     files: Vec<FileRead>,
     /// Differing stamps of the last poll, and the time since which they are the same.
-    seen: Option<(Vec<Option<Stamp>>, Duration)>,
+    pending: Option<(Vec<Option<Stamp>>, Duration)>,
 }
 
 impl State {
     fn new(files: Vec<FileRead>) -> Self {
-        State { files, seen: None }
+        State { files, pending: None }
     }
 
     /// Evaluates a poll at the time `now`, with one stamp per file.
     fn update(&mut self, now: Duration, stamps: Vec<Option<Stamp>>) -> CheckResult {
         let known = self.files.iter().map(|read| read.stamp);
         if known.eq(stamps.iter().copied()) {
-            self.seen = None;
+            self.pending = None;
             return CheckResult::Same;
         }
-        let since = match &self.seen {
-            Some((seen, since)) if *seen == stamps => *since,
+        let since = match &self.pending {
+            Some((pending, since)) if *pending == stamps => *since,
             _ => now,
         };
         let is_now_missing = |(read, stamp): (&FileRead, &Option<Stamp>)| match (read.stamp, stamp) {
@@ -110,11 +110,11 @@ impl State {
         };
         let is_missing = self.files.iter().zip(&stamps).any(is_now_missing);
         if now - since < if is_missing { SETTLE_TIME_MISSING } else { SETTLE_TIME } {
-            self.seen = Some((stamps, since));
+            self.pending = Some((stamps, since));
             return CheckResult::Settling;
         }
         self.files.iter_mut().zip(stamps).for_each(|(read, stamp)| read.stamp = stamp);
-        self.seen = None;
+        self.pending = None;
         CheckResult::Changed
     }
 }
@@ -144,10 +144,10 @@ mod tests {
     }
 
     /// Polls a single file with the given times and stamps, and compares the results.
-    fn expect(known: Option<Stamp>, looks: &[(u64, Option<Stamp>, CheckResult)]) {
+    fn expect(known: Option<Stamp>, polls: &[(u64, Option<Stamp>, CheckResult)]) {
         let mut state = State::new(vec![read("a", known)]);
-        for &(at, stamp, said) in looks {
-            assert_eq!(state.update(ms(at), vec![stamp]), said, "at {at} ms");
+        for &(at, stamp, expected) in polls {
+            assert_eq!(state.update(ms(at), vec![stamp]), expected, "at {at} ms");
         }
     }
 
@@ -159,9 +159,9 @@ mod tests {
         expect(one, &[(0, two, Settling), (149, two, Settling), (150, two, Changed), (350, two, Same)]);
         // While the file is being written, nothing is reported.
         let writing = (0..100).map(|i| (100 * i, stamp(&folder, 9, 1 + i as usize), Settling));
-        let mut looks: Vec<_> = writing.collect();
-        looks.extend([(10_000, three, Settling), (10_149, three, Settling), (10_150, three, Changed)]);
-        expect(one, &looks);
+        let mut polls: Vec<_> = writing.collect();
+        polls.extend([(10_000, three, Settling), (10_149, three, Settling), (10_150, three, Changed)]);
+        expect(one, &polls);
         // A file that returns to its state before the settle time is not reported.
         expect(one, &[(0, two, Settling), (100, one, Same), (300, two, Settling), (449, two, Settling)]);
         // Two changes are reported separately.
@@ -211,7 +211,7 @@ mod tests {
         let path = |name: &str| folder.path().join(name);
         let as_read = |file: &Path| FileRead { file: file.to_owned(), stamp: Stamp::of(file) };
         let write = |name: &str, text: &str| std::fs::write(path(name), text).expect("it can be written");
-        let (heard, said) = channel();
+        let (sender, reports) = channel();
         let long = Duration::from_secs(60);
 
         write("a", "as it was read");
@@ -219,21 +219,21 @@ mod tests {
         // Changed between reading and watching.
         write("a", "written to meanwhile");
         let watcher =
-            Watcher::new(files, move || heard.send(()).expect("the test listens")).expect("a thread");
-        said.recv_timeout(long).expect("a change before watching is a change");
+            Watcher::new(files, move || sender.send(()).expect("the test listens")).expect("a thread");
+        reports.recv_timeout(long).expect("a change before watching is a change");
 
         // Replaced by renaming, as many editors write.
         write("a~", "of another place on disk");
         std::fs::rename(path("a~"), path("a")).expect("files can be renamed");
-        said.recv_timeout(long).expect("another file under its name is a change");
+        reports.recv_timeout(long).expect("another file under its name is a change");
 
         // A missing file that is created.
         watcher.set_files(vec![as_read(&path("a")), as_read(&path("b"))]);
         write("b", "at last");
-        said.recv_timeout(long).expect("a file that comes is a change");
+        reports.recv_timeout(long).expect("a file that comes is a change");
 
         // Dropping it ends the thread, and with it the sender.
         drop(watcher);
-        assert_eq!(said.recv_timeout(long), Err(RecvTimeoutError::Disconnected));
+        assert_eq!(reports.recv_timeout(long), Err(RecvTimeoutError::Disconnected));
     }
 }

@@ -185,7 +185,7 @@ impl App {
     /// Saves the picture, rendered as by `kiln render`; for other display modes, the displayed image.
     fn save_picture(&mut self, context: &Context) {
         let Some(controls) = &self.controls else { return };
-        let (side, shown) = (controls.side, controls.display_mode);
+        let (side, mode) = (controls.side, controls.display_mode);
         let Some(opened) = &self.opened else { return };
         let file = self.output();
         let Some(rendered) = self.canvas.rendered(side) else { return };
@@ -198,7 +198,7 @@ impl App {
         self.saving.push(file.clone());
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());
         let wake = move || context.request_repaint();
-        save::beside(file, sender, wake, move |file| match shown {
+        save::beside(file, sender, wake, move |file| match mode {
             DisplayMode::Picture => {
                 threads.install(|| save::picture(&prepared, (&request, side), command, file))
             }

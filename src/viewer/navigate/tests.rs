@@ -42,7 +42,7 @@ fn view(camera: &Camera, aspect: f64) -> View {
 }
 
 /// The projected position relative to the picture's centre, in fractions of its height, with y up.
-fn seen(camera: &Camera, aspect: f64, point: DVec3) -> DVec2 {
+fn projected(camera: &Camera, aspect: f64, point: DVec3) -> DVec2 {
     let view = view(camera, aspect);
     let [width, height] = view.size().map(f64::from);
     let pixel = view.project(point).0;
@@ -143,7 +143,7 @@ proptest! {
         let point = beside(&camera, at.x, at.y);
         let mut moved = camera.clone();
         pan(&mut moved, by, aspect);
-        let [before, after] = [&camera, &moved].map(|camera| seen(camera, aspect, point));
+        let [before, after] = [&camera, &moved].map(|camera| projected(camera, aspect, point));
         // Far outside the picture, positions are large numbers.
         let size = 1.0 + before.abs().max_element() + by.abs().max_element();
         prop_assert!((after - before - by).length() < 1e-9 * size, "{before} {after} {by}");
@@ -155,19 +155,19 @@ proptest! {
         let aspect = (aspect * f64::from(PIXELS)).round() / f64::from(PIXELS);
         // A small offset: the point stays beside the target, at its distance, before and after.
         let point = beside(&camera, 1e-3 * at.x, 1e-3 * at.y);
-        let before = seen(&camera, aspect, point);
+        let before = projected(&camera, aspect, point);
         let mut zoomed = camera.clone();
         zoom(&mut zoomed, factor);
-        let after = seen(&zoomed, aspect, point);
+        let after = projected(&zoomed, aspect, point);
         prop_assert!((after - factor * before).length() <= 1e-9 * (1.0 + factor) * (1.0 + before.length()), "{before} {after}");
         // Also in the other projection.
         for projection in [Projection::Perspective, Projection::Orthographic] {
             let mut switched = zoomed.clone();
             switched.projection = projection;
-            prop_assert!((seen(&switched, aspect, point) - after).length() <= 1e-9 * (1.0 + after.length()));
+            prop_assert!((projected(&switched, aspect, point) - after).length() <= 1e-9 * (1.0 + after.length()));
             let mut switched = zoomed.clone();
             switch_projection(&mut switched, projection, 0.7);
-            prop_assert!((seen(&switched, aspect, point) - after).length() <= 1e-9 * (1.0 + after.length()));
+            prop_assert!((projected(&switched, aspect, point) - after).length() <= 1e-9 * (1.0 + after.length()));
         }
         // The point under the mouse keeps its position.
         let half = DVec2::new(aspect, 1.0) / 2.0;
@@ -176,14 +176,14 @@ proptest! {
         let pose = CameraPose::of(&camera).unwrap();
         let height = height_at_target(&camera, &pose, aspect);
         let under = camera.target + (mouse.x * pose.u + mouse.y * pose.v) * height;
-        prop_assert!((seen(&camera, aspect, under) - mouse).length() < 1e-9);
+        prop_assert!((projected(&camera, aspect, under) - mouse).length() < 1e-9);
         zoom_at(&mut zoomed, factor, mouse, aspect);
-        prop_assert!((seen(&zoomed, aspect, under) - mouse).length() < 1e-7 * (1.0 + factor), "{}", seen(&zoomed, aspect, under));
+        prop_assert!((projected(&zoomed, aspect, under) - mouse).length() < 1e-7 * (1.0 + factor), "{}", projected(&zoomed, aspect, under));
         // At any depth in front of the camera.
         let deep = camera.position - pose.distance * (0.3 * pose.w - 0.05 * at.x * pose.u - 0.05 * at.y * pose.v);
         let mut zoomed = camera.clone();
         zoom_about(&mut zoomed, factor, deep);
-        let (before, after) = (seen(&camera, aspect, deep), seen(&zoomed, aspect, deep));
+        let (before, after) = (projected(&camera, aspect, deep), projected(&zoomed, aspect, deep));
         prop_assert!((before - after).length() < 1e-7 * (1.0 + factor) * (1.0 + before.length()), "{before} {after}");
     }
 
@@ -196,12 +196,12 @@ proptest! {
         match camera.projection {
             Projection::Perspective => prop_assert_eq!(set.position, camera.position),
             Projection::Orthographic => {
-                prop_assert!((seen(&set, 1.0, point) - seen(&camera, 1.0, point)).length() < 1e-9);
+                prop_assert!((projected(&set, 1.0, point) - projected(&camera, 1.0, point)).length() < 1e-9);
             }
         }
         let mut set = camera.clone();
         set_lens(&mut set, angle);
-        let (before, after) = (seen(&camera, 1.0, point), seen(&set, 1.0, point));
+        let (before, after) = (projected(&camera, 1.0, point), projected(&set, 1.0, point));
         prop_assert!((field_of_view(&set) - angle).abs() < 1e-9);
         prop_assert!((before - after).length() < 1e-9 * (1.0 + before.length()));
         prop_assert_eq!(set.target, camera.target);
@@ -244,7 +244,7 @@ proptest! {
         let mut farthest = 0f64;
         for corner in corners {
             prop_assert!(view(&framed, aspect).project(corner).1, "before the camera");
-            farthest = farthest.max((seen(&framed, aspect, corner) / DVec2::new(aspect, 1.0)).abs().max_element());
+            farthest = farthest.max((projected(&framed, aspect, corner) / DVec2::new(aspect, 1.0)).abs().max_element());
         }
         prop_assert!((farthest - 0.45).abs() < 1e-6, "{farthest}");
     }
@@ -332,7 +332,7 @@ fn a_fitted_camera_turns_about_the_scenes_vertical() {
 fn a_box_is_in_the_picture() {
     let bounds = (DVec3::new(-1.0, -2.0, -3.0), DVec3::new(1.0, 2.0, 3.0));
     let camera = standard(bounds, StandardView::Front, 1.0, Projection::Orthographic).unwrap();
-    assert!((seen(&camera, 1.0, bounds.1).y - 0.45).abs() < 1e-9);
+    assert!((projected(&camera, 1.0, bounds.1).y - 0.45).abs() < 1e-9);
     assert!(standard((DVec3::ONE, DVec3::ONE), StandardView::Front, 1.0, Projection::Perspective).is_none());
 }
 

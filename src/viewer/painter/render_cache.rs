@@ -56,14 +56,14 @@ impl RenderCache {
 
     /// Render time in seconds per pixel at one sample; `None` before the first measurement.
     pub fn seconds_per_pixel(&self, request: &RenderRequest) -> Option<f64> {
-        self.seconds.iter().find(|(shown, _)| *shown == request.display_mode).map(|(_, seconds)| *seconds)
+        self.seconds.iter().find(|(mode, _)| *mode == request.display_mode).map(|(_, seconds)| *seconds)
     }
 
     /// Records a render time per pixel: the geometric mean with the previous value, which damps outliers caused by
     /// other processes.
     pub fn record_seconds(&mut self, request: &RenderRequest, seconds: f64) {
         let seconds = self.seconds_per_pixel(request).map_or(seconds, |before| (before * seconds).sqrt());
-        self.seconds.retain(|(shown, _)| *shown != request.display_mode);
+        self.seconds.retain(|(mode, _)| *mode != request.display_mode);
         self.seconds.push((request.display_mode, seconds));
     }
 
