@@ -5,23 +5,23 @@ use glam::{DMat4, DVec3};
 use super::{Loader, dvec3};
 use crate::error::{Place, Result};
 use crate::film::Colour;
-use crate::import::pictures::{self, Pictures};
+use crate::import::images::{self, ImageLoader};
 use crate::import::uri::{self, Resource};
 use crate::scene::{
-    Camera, Falloff, ImageId, Light, LightKind, Lookup, Material, MetallicRoughness, Minify, NormalMap,
-    Projection, Sampler, Scene, Texture, Wrap,
+    Camera, Falloff, ImageId, Interpolation, Light, LightKind, Material, MetallicRoughness, Minify,
+    NormalMap, Projection, Sampler, Scene, Texture, Wrap,
 };
 
 impl Loader<'_> {
     pub(super) fn load_images(&mut self, document: &gltf::Document) -> Result<Vec<Option<ImageId>>> {
-        let mut files = Pictures::new(self.source);
+        let mut files = ImageLoader::new(self.source);
         document.images().map(|image| self.load_image(&image, &mut files)).collect()
     }
 
     pub(super) fn load_image(
         &mut self,
         image: &gltf::Image,
-        files: &mut Pictures,
+        files: &mut ImageLoader,
     ) -> Result<Option<ImageId>> {
         let place = Place::item(&self.source.file, format!("image {}", image.index()));
         match image.source() {
@@ -32,12 +32,10 @@ impl Loader<'_> {
                     self.warnings.push(format!("{place}: texture left out: it lies outside its buffer"));
                     return Ok(None);
                 };
-                pictures::of_bytes(&mut self.scene, place, bytes, self.warnings)
+                images::of_bytes(&mut self.scene, place, bytes, self.warnings)
             }
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
-                Ok(Resource::Data(bytes)) => {
-                    pictures::of_bytes(&mut self.scene, place, &bytes, self.warnings)
-                }
+                Ok(Resource::Data(bytes)) => images::of_bytes(&mut self.scene, place, &bytes, self.warnings),
                 Ok(Resource::File(file)) => {
                     files.of_file(&mut self.scene, &self.source.sibling(file), self.warnings)
                 }
@@ -50,7 +48,7 @@ impl Loader<'_> {
     }
 
     pub(super) fn texture(&self, texture: &gltf::Texture) -> Option<Texture> {
-        use Lookup::{Linear, Nearest};
+        use Interpolation::{Linear, Nearest};
         use gltf::texture::{MagFilter, MinFilter, WrappingMode};
         let wrap = |mode| match mode {
             WrappingMode::ClampToEdge => Wrap::ClampToEdge,
