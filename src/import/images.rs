@@ -1,4 +1,4 @@
-//! ImageLoader for textures: decoded once each, and replaced by a plain colour where they cannot be.
+//! Texture images: each file is decoded once; materials do without images that cannot be decoded.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -128,7 +128,7 @@ fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLL
     }
 }
 
-/// ImageLoader are looked for beside the MTL file `name` that names them, then beside the OBJ: exporters write both.
+/// Searches images beside the MTL file `name`, then beside the OBJ, because exporters write paths relative to either.
 fn find_images(materials: &mut [tobj::Material], name: &Path, source: &Source) {
     let Some(folder) = name.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return };
     let images = materials.iter_mut().flat_map(|m| {

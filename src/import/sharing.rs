@@ -9,7 +9,7 @@ use crate::scene::{Mesh, Object, Scene, Shape};
 
 /// Minimum number of triangles saved for a mesh to be instanced. Below it, baking costs less than 80 MB of peak memory,
 /// at 305 bytes per triangle, and instances render slower. Measurements: docs/decisions.md.
-const LEAST_SAVED: usize = 1 << 18;
+const MIN_SAVED_TRIANGLES: usize = 1 << 18;
 
 /// Groups the placed objects by shared mesh: index of the first object to indices of all.
 pub fn shared(objects: &[Object]) -> BTreeMap<usize, Vec<usize>> {
@@ -29,7 +29,7 @@ pub fn bake_small(scene: &mut Scene) {
     let mut small: Vec<*const Mesh> = Vec::new();
     for (first, group) in shared(&scene.objects) {
         if let Shape::Placed(placed) = &scene.objects[first].shape
-            && (group.len() - 1) * placed.mesh.triangles.len() < LEAST_SAVED
+            && (group.len() - 1) * placed.mesh.triangles.len() < MIN_SAVED_TRIANGLES
         {
             small.push(Arc::as_ptr(&placed.mesh));
         }

@@ -80,7 +80,7 @@ impl Loader<'_> {
 
     pub(super) fn material(&self, m: &gltf::Material) -> Material {
         let pbr = m.pbr_metallic_roughness();
-        // Factors are held to the ranges that the format gives them.
+        // Factors are clamped to the ranges of the format.
         let colour = |factors: [f32; 3]| dvec3(factors).clamp(DVec3::ZERO, DVec3::ONE);
         let [r, g, b, _] = pbr.base_color_factor();
         let strength = f64::from(m.emissive_strength().unwrap_or(1.0).clamp(0.0, f32::MAX));
@@ -162,8 +162,8 @@ impl Loader<'_> {
                 outer_angle: f64::from(outer_cone_angle),
             },
         };
-        // KHR_lights_punctual gives candela or lux, of which a diffuse surface reflects 1/pi; intensity 1 here shows a
-        // surface in its own colour.
+        // KHR_lights_punctual uses candela or lux, of which a diffuse surface reflects 1/pi; a light of intensity 1
+        // shows a surface in its own colour.
         let intensity = f64::from(light.intensity()) / std::f64::consts::PI;
         if !(intensity.is_finite() && position.is_finite()) {
             self.warn(format!("light {name} is not finite; left out"));
@@ -178,15 +178,15 @@ impl Loader<'_> {
     }
 }
 
-/// The line of sight of a glTF camera has no end; it is given one beside the middle of the scene, so that a switch to
-/// the orthographic projection shows the scene at a like size.
+/// Places the camera targets. glTF cameras have a direction only; the target is the point of the view ray nearest to
+/// the centre of the scene, so that the orthographic projection shows the scene at a similar size.
 pub(super) fn place_targets(scene: &mut Scene) {
     let Some((min, max)) = scene.bounds() else { return };
     let middle = (min + max) / 2.0;
     for camera in &mut scene.cameras {
         let direction = camera.target - camera.position;
         let distance = (middle - camera.position).dot(direction);
-        // A vertex that is not a finite number will be left out; it must not take the cameras with it.
+        // A non-finite vertex, which is removed later, must not make cameras invalid.
         if distance > 0.0 && distance.is_finite() {
             let factor = distance / camera.viewpoint_distance;
             camera.target = camera.position + direction * distance;
