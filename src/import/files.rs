@@ -1,7 +1,6 @@
-//! Which files a scene is made of.
+//! The files that a scene depends on.
 //!
-//! Every file that an importer opens or looks for is opened and looked for here, so that whoever wants to know when a scene
-//! is out of date knows what to ask.
+//! Importers open and look up files only through [`Files`], which records them for detecting changes.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -12,17 +11,17 @@ use std::time::SystemTime;
 
 use crate::limits;
 
-/// A file that was opened or looked for.
+/// A file that was opened or looked up.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileRead {
-    /// Where it is, or would be.
+    /// Path, whether or not the file exists.
     pub file: PathBuf,
-    /// What was there just before it was opened; `None` where nothing was.
+    /// Stamp just before the file was opened; `None` if it did not exist.
     pub stamp: Option<Stamp>,
 }
 
-/// What the system says of a file without its being opened. Equal stamps: the same content, but for writers that go out of their
-/// way to hide what they did.
+/// File metadata that identifies its contents. Equal stamps mean equal contents, unless a writer restored the metadata
+/// deliberately.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stamp {
     length: u64,
@@ -30,66 +29,70 @@ pub struct Stamp {
     identity: Identity,
 }
 
-/// The place on disk, and when it last changed in any way: a file that takes another's name, also with the other's time and
-/// size, or one that may be read at last.
+/// Device, inode and change time. The change time detects files that were replaced by one of equal size and
+/// modification time, and changed permissions.
 #[cfg(unix)]
 type Identity = [i128; 4];
-/// When it was made.
+/// Creation time.
 #[cfg(not(unix))]
 type Identity = Option<SystemTime>;
 
 impl Stamp {
-    /// The stamp of what is at `file` now, or `None` where there is nothing.
+    /// Stamp of `file`, or `None` if it does not exist.
     pub fn of(file: &Path) -> Option<Self> {
-        let about = std::fs::metadata(file).ok()?;
-        Some(Stamp { length: about.len(), modified: about.modified().ok(), identity: identity(&about) })
+        let metadata = std::fs::metadata(file).ok()?;
+        Some(Stamp {
+            length: metadata.len(),
+            modified: metadata.modified().ok(),
+            identity: identity(&metadata),
+        })
     }
 
-    /// Whether there is nothing in it.
+    /// Whether the file is empty.
     pub fn is_empty(&self) -> bool {
         self.length == 0
     }
 }
 
 #[cfg(unix)]
-fn identity(about: &Metadata) -> Identity {
+fn identity(metadata: &Metadata) -> Identity {
     use std::os::unix::fs::MetadataExt;
-    [about.dev().into(), about.ino().into(), about.ctime().into(), about.ctime_nsec().into()]
+    [metadata.dev().into(), metadata.ino().into(), metadata.ctime().into(), metadata.ctime_nsec().into()]
 }
 
 #[cfg(not(unix))]
-fn identity(about: &Metadata) -> Identity {
-    about.created().ok()
+fn identity(metadata: &Metadata) -> Identity {
+    metadata.created().ok()
 }
 
-/// Opens files and keeps account of them. Copies share the account.
+/// Opens files and records them. Clones share the record.
 #[derive(Clone, Default)]
 pub(super) struct Files {
-    account: Rc<RefCell<BTreeMap<PathBuf, Option<Stamp>>>>,
+    record: Rc<RefCell<BTreeMap<PathBuf, Option<Stamp>>>>,
 }
 
 impl Files {
-    /// The content of a file.
+    /// Reads a file.
     pub(super) fn read(&self, file: &Path) -> std::io::Result<Vec<u8>> {
-        self.note(file);
+        self.add(file);
         limits::read_file(file)
     }
 
-    /// Whether there is such a file.
+    /// Whether the file exists.
     pub(super) fn has(&self, file: &Path) -> bool {
-        self.note(file);
+        self.add(file);
         file.is_file()
     }
 
-    /// Takes a file into the account, as it is the first time: what is read later may be newer, and is then read again.
-    fn note(&self, file: &Path) {
-        self.account.borrow_mut().entry(file.to_owned()).or_insert_with(|| Stamp::of(file));
+    /// Records the stamp of a file before its first use. If the file changes between stamp and read, it is read again.
+    fn add(&self, file: &Path) {
+        self.record.borrow_mut().entry(file.to_owned()).or_insert_with(|| Stamp::of(file));
     }
 
-    /// The account, by path.
+    /// The recorded files, ordered by path.
     pub(super) fn list(&self) -> Vec<FileRead> {
-        let account = self.account.borrow();
-        account.iter().map(|(file, &stamp)| FileRead { file: file.clone(), stamp }).collect()
+        let record = self.record.borrow();
+        record.iter().map(|(file, &stamp)| FileRead { file: file.clone(), stamp }).collect()
     }
 }
 
@@ -126,7 +129,7 @@ mod tests {
     #[test]
     fn a_scene_is_made_of_what_its_meshes_name() {
         let obj = format!("mtllib m/a.mtl\nmtllib lost.mtl\n{TRIANGLE}usemtl red\nf 1/1 2/1 3/1\n");
-        // Pictures are looked for beside the MTL file, and where they are not there, beside the OBJ.
+        // Images are searched beside the MTL file, then beside the OBJ file.
         let mtl = "newmtl red\nmap_Kd beside.png\nbump heights.png\n";
         let plain = format!("{TRIANGLE}f 1 2 3\n");
         let folder = folder(&[

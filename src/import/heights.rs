@@ -1,21 +1,22 @@
-//! Height maps (MTL's `bump`) made normal maps.
+//! Conversion of height maps (MTL's `bump`) to normal maps.
 
-/// A normal map, red, green and blue a texel, and what its x and y are to be multiplied by.
+/// A normal map and the factor of its x and y.
 pub struct NormalsOfHeights {
     /// Texels, row by row from the top.
     pub texels: Vec<[u8; 3]>,
-    /// The steepest slope in the picture, which 8 bits are spread over.
+    /// Steepest slope of the height map, which scales x and y: 8 bits encode slopes relative to it.
     pub steepest: f64,
 }
 
-/// The normal map of `heights` from 0 to 1, by their index row by row from the top, `width` by `height` texels that repeat. Slopes are central differences, in heights
-/// a texel: a step of the whole range from one texel to the next but one is a slope of 1/2.
+/// Computes the normal map of `heights`, values from 0 to 1 by texel index, row by row from the top; `width` by
+/// `height` texels that repeat. Slopes are central differences in heights per texel: a rise by 1 over two texels is a
+/// slope of 1/2.
 ///
-/// MTL does not say how high its heights are; by texels the tilt does not depend on the picture's size in the world, and
-/// programs that make normal maps of heights do the same.
+/// MTL does not specify a unit of height. Measuring in texels makes the tilt independent of the texture's size in world
+/// space, as tools that convert height maps do.
 pub fn normals_of_heights(heights: impl Fn(usize) -> f64, width: usize, height: usize) -> NormalsOfHeights {
     let at = |x: usize, y: usize| heights(y % height * width + x % width);
-    // Computed twice rather than kept, which would take 16 bytes a texel.
+    // Slopes are computed twice, because storing them would take 16 bytes per texel.
     let slopes = |i: usize| {
         let (x, y) = (i % width, i / width);
         let right = (at(x + 1, y) - at(x + width - 1, y)) / 2.0;
@@ -24,7 +25,7 @@ pub fn normals_of_heights(heights: impl Fn(usize) -> f64, width: usize, height: 
     };
     let count = width * height;
     let steepest = (0..count).flat_map(slopes).fold(0.0, |most: f64, slope| most.max(slope.abs()));
-    // Normals lean away from what rises. Spread over 8 bits as far as they go, with z as 1.
+    // Normals tilt away from rising heights. x and y are scaled to the full 8-bit range, with z = 1.
     let encode = |slope: f64| {
         let share = if steepest > 0.0 { -slope / steepest } else { 0.0 };
         ((share + 1.0) / 2.0 * 255.0 + 0.5).floor() as u8

@@ -1,15 +1,15 @@
-//! Files become a [`Scene`]: OBJ, glTF and scene files, alone or together.
+//! Importers: read OBJ, glTF, PLY, STL and scene files, alone or together, into a [`Scene`].
 //!
-//! Data from outside is checked here once. The scene that is returned is finite and consistent; anything else is an error with its
-//! place, or is left out with a warning. One file an importer; to add one, write it and give it a line in [`IMPORTERS`].
+//! Input is validated here once. The returned scene is finite and consistent; invalid data is an error with its place,
+//! or is omitted with a warning. To add a format, write an importer in its own file and list it in [`IMPORTERS`].
 
 mod files;
 mod gltf;
 mod heights;
+mod images;
 mod lines;
 mod obj;
 mod obj_text;
-mod pictures;
 mod ply;
 mod polygon;
 mod sanitise;
@@ -30,21 +30,21 @@ use crate::limits::{self, unreadable};
 use crate::scene::{Material, Mesh, Object, Phong, Scene, Shape};
 use files::Files;
 
-/// A kind of file that can be read.
+/// A supported file format.
 pub struct Importer {
-    /// What people call it.
+    /// Display name.
     pub name: &'static str,
-    /// Endings of its files, in lower case.
+    /// File name extensions, in lower case.
     pub endings: &'static [&'static str],
-    /// Whether it describes a whole picture (cameras, lights, settings) rather than a mesh.
+    /// Whether the format describes a whole scene (cameras, lights, settings) rather than a mesh.
     pub is_scene_file: bool,
-    /// First bytes of its files, by which it is known on standard input. Without any it is not read from there, but for scene files,
-    /// which are what nothing else matches.
+    /// Magic bytes that identify the format on standard input. A format without any cannot be read from there, except
+    /// scene files, which are the fallback.
     starts: &'static [&'static [u8]],
     read: fn(&Source, &mut Warnings) -> Result<Scene>,
 }
 
-/// Every kind of file that can be read.
+/// All supported file formats.
 pub const IMPORTERS: &[Importer] = &[
     Importer {
         name: "scene file",
@@ -54,7 +54,7 @@ pub const IMPORTERS: &[Importer] = &[
         read: scene_file::read,
     },
     Importer { name: "Wavefront OBJ", endings: &["obj"], is_scene_file: false, starts: &[], read: obj::read },
-    // A scene file cannot begin with a brace, JSON does.
+    // Scene files (TOML) cannot begin with a brace, so `{` identifies JSON.
     Importer {
         name: "glTF",
         endings: &["gltf", "glb"],
@@ -72,17 +72,17 @@ pub const IMPORTERS: &[Importer] = &[
     Importer { name: "STL", endings: &["stl"], is_scene_file: false, starts: &[], read: stl::read },
 ];
 
-/// The endings of all files that can be read: `.toml, .obj, ...`.
+/// The extensions of all supported formats: `.toml, .obj, ...`.
 pub fn all_endings() -> String {
     list(IMPORTERS.iter(), ", ")
 }
 
-/// The endings of meshes: `.obj, .gltf or .glb`.
+/// The extensions of mesh formats: `.obj, .gltf or .glb`.
 pub fn mesh_endings() -> String {
     list(IMPORTERS.iter().filter(|importer| !importer.is_scene_file), " or ")
 }
 
-/// What can be read from standard input: `scene file, glTF or ...`.
+/// The names of formats that can be read from standard input: `scene file, glTF or ...`.
 pub fn names_on_standard_input() -> String {
     let known = IMPORTERS.iter().filter(|importer| importer.is_scene_file || !importer.starts.is_empty());
     join(&known.map(|importer| importer.name.to_owned()).collect::<Vec<_>>(), " or ")
@@ -93,7 +93,7 @@ fn list<'a>(importers: impl Iterator<Item = &'a Importer>, last: &str) -> String
     join(&endings, last)
 }
 
-/// The names, separated by commas and, before the last, by `last`.
+/// Joins names by commas, and the last one by `last`.
 fn join(names: &[String], last: &str) -> String {
     match names {
         [rest @ .., end] if !rest.is_empty() => format!("{}{last}{end}", rest.join(", ")),
@@ -101,13 +101,13 @@ fn join(names: &[String], last: &str) -> String {
     }
 }
 
-/// The bytes of an input, and where files it names are looked for.
+/// An input file: its bytes, and access to the files that it references.
 pub(crate) struct Source {
-    /// As the user named it; `-` for standard input.
+    /// Path as given by the user; `-` for standard input.
     pub file: PathBuf,
     /// Its contents.
     pub bytes: Vec<u8>,
-    /// Opens what it names.
+    /// Opens referenced files.
     files: Files,
 }
 
@@ -118,7 +118,7 @@ impl Source {
         Ok(Source { file: file.to_owned(), bytes, files: files.clone() })
     }
 
-    /// The path of a file that this one names.
+    /// The path of a file referenced by this one.
     fn sibling(&self, name: impl AsRef<Path>) -> PathBuf {
         match self.file.parent() {
             Some(folder) if self.file != Path::new("-") => folder.join(name),
@@ -126,7 +126,7 @@ impl Source {
         }
     }
 
-    /// A scene of meshes in plain grey. Those without a name are called by the file's.
+    /// A scene of meshes with the default material. Unnamed meshes take the name of the file.
     fn scene_of(&self, meshes: Vec<(Option<String>, Mesh)>) -> Scene {
         let stem = self.file.file_stem().filter(|_| self.file != Path::new("-"));
         let file_name = stem.map_or_else(|| "mesh".into(), |stem| stem.to_string_lossy().into_owned());
@@ -142,23 +142,23 @@ impl Source {
         scene
     }
 
-    /// The text, with what is not UTF-8 replaced and without a byte order mark.
+    /// The contents as text without a byte order mark; invalid UTF-8 is replaced.
     fn text(&self) -> std::borrow::Cow<'_, str> {
         let bytes = self.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&self.bytes);
         String::from_utf8_lossy(bytes)
     }
 }
 
-/// Reads every input and puts them into one scene, in the order given.
+/// Reads all inputs into one scene, in the given order.
 ///
 /// # Errors
-/// [`Error::Input`] when a file cannot be used.
+/// [`Error::Input`] if a file cannot be used.
 pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
     load_by(inputs, &Files::default(), warnings)
 }
 
-/// Reads every input as [`load`] does, and lists the files that what came of it depends on, be it a scene or an error: the
-/// inputs, and what those name, also where it is missing. Standard input is no file.
+/// Reads all inputs as [`load`] does, and lists the files that the result depends on, whether a scene or an error: the
+/// inputs and the files that they reference, missing ones included. Standard input is not listed.
 pub fn load_and_list(inputs: &[PathBuf], warnings: &mut Warnings) -> (Result<Scene>, Vec<FileRead>) {
     let files = Files::default();
     let scene = load_by(inputs, &files, warnings);
@@ -171,7 +171,7 @@ fn load_by(inputs: &[PathBuf], files: &Files, warnings: &mut Warnings) -> Result
         let mut one = read_one(&Source::open(file, files)?, warnings)?;
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
-        warn_of_lost_pictures(&one, file, warnings);
+        warn_of_unused_textures(&one, file, warnings);
         if inputs.len() > 1 && one.objects.is_empty() && one.cameras.is_empty() && one.lights.is_empty() {
             warnings.push(format!("{}: {NO_TRIANGLES}", file.display()));
         }
@@ -179,7 +179,7 @@ fn load_by(inputs: &[PathBuf], files: &Files, warnings: &mut Warnings) -> Result
             object.input = index;
         }
         scene.append(one);
-        // Also those that have no area in a place: the acceleration structure has numbers for them.
+        // Degenerate triangles count, because the acceleration structure numbers them too.
         let count = |object: &Object| object.shape.mesh().map_or(1, |mesh| mesh.triangles.len() as u64);
         let count: u64 = scene.objects.iter().map(count).sum();
         if u32::try_from(count).is_err() {
@@ -188,20 +188,20 @@ fn load_by(inputs: &[PathBuf], files: &Files, warnings: &mut Warnings) -> Result
             return Err(Error::input(file.as_path(), what, hint));
         }
     }
-    // What a track cannot do, it cannot do at the beginning either.
+    // Applying the tracks at time 0 reports invalid tracks.
     if scene.animation.is_some() {
         scene.at(0.0)?;
     }
     Ok(scene)
 }
 
-/// Of a file without anything that can be drawn.
+/// Message for a file without triangles.
 const NO_TRIANGLES: &str = "has no triangles to draw";
 
-/// Checks that mesh files hold anything that can be drawn. A scene file may be of a background alone.
+/// Checks that at least one of several mesh files contains a triangle. Scene files may consist of a background alone.
 ///
 /// # Errors
-/// [`Error::Input`] for the first of them.
+/// [`Error::Input`] for the first file.
 pub fn check_drawable(scene: &Scene) -> Result<()> {
     let is_mesh = |file: &PathBuf| file != Path::new("-") && !is_scene_file(file);
     match scene.inputs.first() {
@@ -213,8 +213,8 @@ pub fn check_drawable(scene: &Scene) -> Result<()> {
     }
 }
 
-/// Warns of materials with pictures on meshes without texture coordinates.
-fn warn_of_lost_pictures(scene: &Scene, file: &Path, warnings: &mut Warnings) {
+/// Warns of textured materials on meshes without texture coordinates.
+fn warn_of_unused_textures(scene: &Scene, file: &Path, warnings: &mut Warnings) {
     for object in &scene.objects {
         let material = &scene.materials[object.material.0 as usize];
         if material.is_textured() && object.shape.mesh().is_none_or(|mesh| mesh.uvs.is_none()) {
@@ -228,12 +228,12 @@ fn warn_of_lost_pictures(scene: &Scene, file: &Path, warnings: &mut Warnings) {
     }
 }
 
-/// Reads an input, or a file that one names. What is in it is checked once everything stands where it belongs.
+/// Reads an input or a referenced file. The caller validates the result.
 fn read_one(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     (importer_for(source)?.read)(source, warnings)
 }
 
-/// Whether an input describes a whole picture rather than a mesh, going by its name.
+/// Whether an input is a scene file rather than a mesh, by its extension.
 pub fn is_scene_file(file: &Path) -> bool {
     IMPORTERS
         .iter()

@@ -1,7 +1,7 @@
-//! Wavefront OBJ, read by `tobj` in double precision.
+//! Wavefront OBJ importer, on `tobj` in double precision.
 //!
-//! MTL materials become Phong: own colour `Kd`, k_d = 1, k_s the largest of `Ks`, n = `Ns`, k_a = 1. Colours are
-//! display values. Where a material has `Pr` or `Pm` it becomes metallic-roughness. `norm` and `bump` become normal maps.
+//! MTL materials become Phong: colour `Kd`, k_d = 1, k_s = maximum of `Ks`, n = `Ns`, k_a = 1. Colours are display
+//! values. Materials with `Pr` or `Pm` become metallic-roughness. `norm` and `bump` become normal maps.
 
 use std::cell::RefCell;
 use std::collections::HashSet;
@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 
 use super::Source;
+use super::images::ImageLoader;
 use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault, is_point_or_line};
-use super::pictures::Pictures;
 use super::polygon::{Cuts, Triangulator};
 use super::tangents::make_tangents;
 use crate::error::{Error, Place, Result, Warnings, contain};
@@ -46,9 +46,9 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     warn_of_unknown_materials(&text, &materials, &source.file, warnings);
 
     let mut scene = Scene::default();
-    let mut pictures = Pictures::new(source);
+    let mut images = ImageLoader::new(source);
     for material in &materials {
-        let material = convert_material(material, source, &mut scene, &mut pictures, warnings)?;
+        let material = convert_material(material, source, &mut scene, &mut images, warnings)?;
         scene.add_material(material);
     }
     let mut plain = None;
@@ -70,13 +70,14 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Checks that there is memory for reading the text, from its counts of vertices and corners.
+/// Checks the memory needed for parsing, from the counts of vertices and corners.
 ///
 /// # Errors
-/// [`Error::Input`] with what it needs.
+/// [`Error::Input`] with the bytes needed.
 fn check_memory(source: &Source) -> Result<()> {
-    // The straightened copy has room for an eighth more. An attribute of a vertex: f64 in tobj's arrays (which double as they grow), in
-    // its model and in the mesh, and an entry of a map. A corner: 26 bytes of a face, doubled, and indices in the model and the mesh.
+    // The cleaned text reserves an eighth more than the file. Per attribute of a vertex: f64 in tobj's arrays (which
+    // double as they grow), in its model and in the mesh, and a map entry. Per corner: 26 bytes of a face, doubled, and
+    // indices in the model and the mesh.
     const ATTRIBUTE: u64 = 160;
     const CORNER: u64 = 80;
     let mut needed = source.bytes.len() as u64 * 9 / 8;
@@ -115,7 +116,7 @@ fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLL
                 Ok(Default::default())
             });
             read.map(|(mut materials, names)| {
-                find_pictures(&mut materials, &name, source);
+                find_images(&mut materials, &name, source);
                 (materials, names)
             })
         }
@@ -127,16 +128,16 @@ fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLL
     }
 }
 
-/// Pictures are looked for beside the MTL file `name` that names them, then beside the OBJ: exporters write both.
-fn find_pictures(materials: &mut [tobj::Material], name: &Path, source: &Source) {
+/// Searches images beside the MTL file `name`, then beside the OBJ, because exporters write paths relative to either.
+fn find_images(materials: &mut [tobj::Material], name: &Path, source: &Source) {
     let Some(folder) = name.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return };
-    let pictures = materials.iter_mut().flat_map(|m| {
+    let images = materials.iter_mut().flat_map(|m| {
         [m.diffuse_texture.as_mut(), m.normal_texture.as_mut(), m.unknown_param.get_mut("norm")]
     });
-    for picture in pictures.flatten() {
-        let beside = folder.join(&*picture);
+    for image in images.flatten() {
+        let beside = folder.join(&*image);
         if source.files.has(&source.sibling(&beside)) {
-            *picture = beside.to_string_lossy().into_owned();
+            *image = beside.to_string_lossy().into_owned();
         }
     }
 }
@@ -153,15 +154,15 @@ fn convert_material(
     m: &tobj::Material,
     source: &Source,
     scene: &mut Scene,
-    pictures: &mut Pictures,
+    images: &mut ImageLoader,
     warnings: &mut Warnings,
 ) -> Result<Material> {
     let image = match &m.diffuse_texture {
-        Some(name) => pictures.of_file(scene, &source.sibling(name), warnings)?,
+        Some(name) => images.of_file(scene, &source.sibling(name), warnings)?,
         None => None,
     };
     let texture = image.map(|image| Texture { image, sampler: Sampler::default() });
-    // MTL leaves Kd's default open; white under a picture shows the picture.
+    // MTL does not define a default of Kd; with a texture, white leaves it unchanged.
     let default = if texture.is_some() { [1.0; 3] } else { [0.8; 3] };
     let colour = Colour::Display(m.diffuse.unwrap_or(default).into());
     if m.dissolve.is_some_and(|d| d < 1.0) {
@@ -171,7 +172,7 @@ fn convert_material(
             m.name
         ));
     }
-    let normal_map = convert_normal_map(m, source, scene, pictures, warnings)?;
+    let normal_map = convert_normal_map(m, source, scene, images, warnings)?;
     let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
     let number = |value: &String| value.trim().parse().ok().filter(|number: &f64| number.is_finite());
     let parameter = |name: &str| m.unknown_param.get(name).and_then(number);
@@ -207,12 +208,12 @@ fn convert_material(
     }))
 }
 
-/// `norm` names a normal map, `map_Bump` or `bump` heights, which `-bm` multiplies.
+/// Normal map from `norm`, or from the heights of `map_Bump` or `bump`, scaled by `-bm`.
 fn convert_normal_map(
     m: &tobj::Material,
     source: &Source,
     scene: &mut Scene,
-    pictures: &mut Pictures,
+    images: &mut ImageLoader,
     warnings: &mut Warnings,
 ) -> Result<Option<NormalMap>> {
     let on = |image| Texture { image, sampler: Sampler::default() };
@@ -221,11 +222,11 @@ fn convert_normal_map(
             let (file, name) = (source.file.display(), &m.name);
             warnings.push(format!("{file}: material `{name}` has a normal map; drawn without its bump map"));
         }
-        let image = pictures.of_file(scene, &source.sibling(name), warnings)?;
+        let image = images.of_file(scene, &source.sibling(name), warnings)?;
         return Ok(image.map(|image| NormalMap { texture: on(image), scale: 1.0 }));
     }
     let Some(name) = &m.normal_texture else { return Ok(None) };
-    let bump = pictures.bump_of_file(scene, &source.sibling(name), warnings)?;
+    let bump = images.bump_of_file(scene, &source.sibling(name), warnings)?;
     let multiplier = m.unknown_param.get(BUMP_MULTIPLIER).and_then(|bm| bm.parse::<f64>().ok());
     Ok(bump.map(|(image, steepest)| NormalMap {
         texture: on(image),
@@ -233,7 +234,7 @@ fn convert_normal_map(
     }))
 }
 
-/// For each face of a straightened text, in order, whether all its corners name a normal.
+/// For each face of a cleaned text, in order, whether all its corners have a normal index.
 fn faces_with_normals(text: &str) -> Vec<bool> {
     let corners = |line: &str| line.split_whitespace().skip(1).count();
     text.lines()
@@ -245,8 +246,8 @@ fn faces_with_normals(text: &str) -> Vec<bool> {
         .collect()
 }
 
-/// The mesh of one tobj model. `has_normals` says of each face whether it names normals; where it does not, tobj repeats those of the
-/// face before. `cuts` counts how polygons were cut.
+/// Converts a tobj model. `has_normals` holds for each face whether it has normal indices; tobj repeats those of the
+/// previous face if not. `cuts` counts how polygons were triangulated.
 fn convert_mesh(
     m: &tobj::Mesh,
     has_normals: &mut impl Iterator<Item = bool>,
@@ -255,11 +256,11 @@ fn convert_mesh(
 ) -> Mesh {
     let positions = triples(&m.positions);
     let mut corners: Vec<[usize; 3]> = Vec::with_capacity(m.indices.len());
-    // For each triangle, whether its face names normals.
-    let mut bent: Vec<bool> = Vec::with_capacity(m.indices.len() / 3);
+    // For each triangle, whether its face has normal indices.
+    let mut smooth: Vec<bool> = Vec::with_capacity(m.indices.len() / 3);
     if m.face_arities.is_empty() {
         corners.extend((0..m.indices.len() / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]));
-        bent.extend(has_normals.by_ref().take(corners.len()));
+        smooth.extend(has_normals.by_ref().take(corners.len()));
     } else {
         let mut polygon = Vec::new();
         let mut start = 0;
@@ -268,23 +269,23 @@ fn convert_mesh(
             polygon.clear();
             polygon.extend(m.indices[start..end].iter().map(|&i| positions[i as usize]));
             cuts.count(triangulator.triangulate(&polygon, |t| corners.push(t.map(|i| start + i))));
-            bent.resize(corners.len(), has_normals.next().unwrap_or(true));
+            smooth.resize(corners.len(), has_normals.next().unwrap_or(true));
             start = end;
         }
     }
     let pick = |indices: &[u32]| corners.iter().map(|c| c.map(|i| indices[i])).collect::<Vec<_>>();
-    let normals = (!m.normals.is_empty() && bent.contains(&true)).then(|| {
+    let normals = (!m.normals.is_empty() && smooth.contains(&true)).then(|| {
         let mut values = triples(&m.normals);
         let mut triangles = pick(&m.normal_indices);
-        if bent.contains(&false) {
+        if smooth.contains(&false) {
             let own = values.len() as u32;
             values.push(DVec3::ZERO);
-            let flat = triangles.iter_mut().zip(&bent).filter(|(_, bent)| !**bent);
+            let flat = triangles.iter_mut().zip(&smooth).filter(|(_, smooth)| !**smooth);
             flat.for_each(|(triangle, _)| *triangle = [own; 3]);
         }
         Attribute { values, triangles: Some(triangles) }
     });
-    // OBJ counts v from the bottom of the picture.
+    // v points up in OBJ.
     let uvs = (!m.texcoords.is_empty()).then(|| Attribute {
         values: m.texcoords.chunks_exact(2).map(|c| DVec2::new(c[0], 1.0 - c[1])).collect(),
         triangles: Some(pick(&m.texcoord_indices)),

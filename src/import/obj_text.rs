@@ -1,12 +1,12 @@
-//! OBJ and MTL text made fit for `tobj`.
+//! Preprocessing of OBJ and MTL text for `tobj`.
 //!
-//! tobj 4.0.5 refuses a whole file for a byte order mark, a continued line, a comment after a face, a tab after
-//! `mtllib` or colours on only some vertices, panics on `Kd 0.5`, and gives no line in its errors. So its input is
-//! straightened first, line for line, and where it still fails the text is searched for the place.
+//! tobj 4.0.5 rejects files with a byte order mark, a continued line, a comment after a face, a tab after `mtllib` or
+//! colours on only some vertices, panics on `Kd 0.5`, and reports errors without line numbers. The text is therefore
+//! normalised first, keeping line numbers, and searched for the fault if parsing still fails.
 
 use crate::error::Warnings;
 
-/// Straightens the text of an OBJ file. Every line keeps its number.
+/// Normalises the text of an OBJ file. Line numbers are preserved.
 pub fn clean_obj(text: &str) -> String {
     let coloured = lines(text).any(|(_, line)| is_coloured_vertex(&line));
     let mut out = String::with_capacity(text.len() + text.len() / 8);
@@ -22,9 +22,10 @@ pub fn clean_obj(text: &str) -> String {
     out
 }
 
-/// Logical lines with the number of the first physical one: continued lines are joined, any line end is one.
+/// Logical lines with the number of their first physical line. Continued lines are joined; `\n`, `\r\n` and `\r` end a
+/// line.
 fn lines(text: &str) -> impl Iterator<Item = (usize, std::borrow::Cow<'_, str>)> {
-    // `\r\n` splits into a line and an empty one that belongs to the same number.
+    // `\r\n` is split in two; the second, `\n`, is skipped.
     let mut number = 0;
     let mut physical = text.split_inclusive(['\n', '\r']).filter_map(move |line| {
         if line == "\n" && text_before(text, line).ends_with('\r') {
@@ -53,12 +54,13 @@ fn text_before<'a>(text: &'a str, part: &str) -> &'a str {
     &text[..part.as_ptr() as usize - text.as_ptr() as usize]
 }
 
-/// Whether a line holds numbers rather than a name: only there `\` continues and `#` ends it.
+/// Whether a line holds numbers rather than a name. Only in such lines `\` continues the line and `#` starts a comment.
 fn has_numbers(line: &str) -> bool {
     matches!(line.split_whitespace().next(), Some("v" | "vn" | "vt" | "vp" | "f" | "l" | "p"))
 }
 
-/// Whether a line has points (`p`) or a line (`l`), which are not drawn. tobj makes triangles of lines through three points.
+/// Whether a line is a point (`p`) or line (`l`) element, which are not drawn; tobj makes triangles of polylines of
+/// three points.
 pub fn is_point_or_line(line: &str) -> bool {
     matches!(line.split_whitespace().next(), Some("l" | "p"))
 }
@@ -85,7 +87,7 @@ fn clean_obj_line(line: &str, coloured: bool, out: &mut String) {
             out.push_str(rest.trim());
         }
         if out.ends_with("usemtl") {
-            // Without a name it is as good as none.
+            // A `usemtl` without a name is dropped.
             out.truncate(out.len() - "usemtl".len());
         }
         return;
@@ -98,7 +100,7 @@ fn clean_obj_line(line: &str, coloured: bool, out: &mut String) {
         out.push_str(word);
         count += 1;
     }
-    // White where a vertex of a coloured file has no colour (a fourth number is a weight), 0 for a missing v.
+    // Vertices without colour in a coloured file become white (a fourth number is a weight); a missing v becomes 0.
     match line.as_bytes() {
         [b'v', b' ' | b'\t', ..] if coloured && (4..7).contains(&count) => {
             if count > 4 {
@@ -115,10 +117,10 @@ fn clean_obj_line(line: &str, coloured: bool, out: &mut String) {
     }
 }
 
-/// The first line that explains why a straightened OBJ text could not be read: its number and what is wrong.
+/// The first faulty line of a cleaned OBJ text: its number and the error.
 pub fn find_obj_fault(text: &str) -> Option<(usize, String)> {
     let [mut v, mut vt, mut vn] = [0i64; 3];
-    // Faces may refer to vertices that come later, so limits are those of the whole file.
+    // Faces may refer to later vertices, so indices are checked against the counts of the whole file.
     let count = |key: &str| text.lines().filter(|l| l.split_whitespace().next() == Some(key)).count() as i64;
     let totals = [count("v"), count("vt"), count("vn")];
     for (index, line) in text.lines().enumerate() {
@@ -156,7 +158,7 @@ pub fn find_obj_fault(text: &str) -> Option<(usize, String)> {
     None
 }
 
-/// What is wrong with one corner of a face, `v`, `v/vt`, `v//vn` or `v/vt/vn`.
+/// The error in a corner of a face, `v`, `v/vt`, `v//vn` or `v/vt/vn`.
 fn corner_fault(corner: &str, so_far: [i64; 3], totals: [i64; 3]) -> Option<String> {
     for (((part, so_far), total), what) in
         corner.split('/').zip(so_far).zip(totals).zip(["vertex", "texture coordinate", "normal"])
@@ -175,7 +177,7 @@ fn corner_fault(corner: &str, so_far: [i64; 3], totals: [i64; 3]) -> Option<Stri
     (corner.split('/').count() > 3).then(|| format!("`{corner}` is not a corner of a face"))
 }
 
-/// Straightens the text of an MTL file. Lines that cannot be used are dropped with a warning that names them.
+/// Normalises the text of an MTL file. Invalid lines are dropped with a warning.
 pub fn clean_mtl(text: &str, name: &str, warnings: &mut Warnings) -> String {
     let mut out = String::with_capacity(text.len());
     for (number, line) in lines(text) {
@@ -204,11 +206,11 @@ fn clean_mtl_value(key: &str, rest: &str) -> Result<String, ()> {
         numbers_of(rest).split_whitespace().map(|w| w.parse::<f64>().map_err(|_| ())).collect()
     };
     match key {
-        // The start of a material or the name of a picture that is not there would cost tobj the whole file.
+        // tobj fails on the whole file for `newmtl` or a map without a name.
         "" => Ok(String::new()),
         _ if rest.is_empty() => Err(()),
         "Ka" | "Kd" | "Ks" | "Ke" | "Tf" => match numbers()?.as_slice() {
-            // The format lets green and blue be left out; they are then as red.
+            // MTL allows omitting green and blue, which then equal red.
             [r] | [r, _] if is_colour(r) => Ok(format!("{r} {r} {r}")),
             [r, g, b, ..] if [r, g, b].into_iter().all(is_colour) => Ok(format!("{r} {g} {b}")),
             _ => Err(()),
@@ -226,25 +228,25 @@ fn clean_mtl_value(key: &str, rest: &str) -> Result<String, ()> {
     }
 }
 
-/// The key under which a straightened MTL text has the multiplier of its material's bump map.
+/// Key for the bump multiplier of a material in a cleaned MTL text.
 pub const BUMP_MULTIPLIER: &str = "kiln:bm";
 
 fn is_bump(key: &str) -> bool {
     matches!(key, "bump" | "map_Bump" | "map_bump")
 }
 
-/// The value of the option `-bm` before the name of a bump map.
+/// Value of the option `-bm` of a bump map.
 fn bump_multiplier(rest: &str) -> Option<f64> {
     let mut words = rest.split_whitespace().skip_while(|word| *word != "-bm");
     words.nth(1)?.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
-/// Whether a number of a material can be a colour. It may exceed 1, but not by so much that linear light is beyond f32.
+/// Whether a value is a valid colour component. It may exceed 1 within the range of f32.
 fn is_colour(c: &f64) -> bool {
     (0.0..=1e12).contains(c)
 }
 
-/// The file name of a texture map, without the options before it (`-s 1 1 1 wood.png`).
+/// File name of a texture map, without the options before it (`-s 1 1 1 wood.png`).
 fn file_of_map(rest: &str) -> String {
     let mut rest = rest;
     while let Some(option) = rest.strip_prefix('-') {
@@ -272,7 +274,7 @@ mod tests {
     fn lines_keep_their_numbers() {
         let text = "v 0 0 0 # first\r\nf 1 2 \\\r\n3\r\n# note\r\nv 1\t2  3\n\nusemtl\ta b\n";
         assert_eq!(clean_obj(text), "v 0 0 0\nf 1 2 3\n\n\nv 1 2 3\n\nusemtl a b\n");
-        // Old Mac line ends.
+        // Classic Mac OS line ends.
         assert_eq!(clean_obj("v 0 0 0\rv 1 1 1\r"), "v 0 0 0\nv 1 1 1\n");
     }
 

@@ -1,11 +1,12 @@
 //! PLY (Turk, "The PLY Polygon File Format", 1994): ASCII and binary in either byte order.
 //!
-//! Of each vertex the position, the normal (`nx ny nz`) and the colour (`red green blue`) are read, of each face its polygon
-//! (`vertex_indices` or `vertex_index`). All other elements and properties are skipped. Colours are display values, as those of OBJ
-//! files: integers are divided by 255 (16 bits by 65535) and decoded from sRGB.
+//! Read are the position, normal (`nx ny nz`) and colour (`red green blue`) of vertices and the polygon
+//! (`vertex_indices` or `vertex_index`) of faces. All other elements and properties are skipped. Colours are display
+//! values, as in OBJ files: integers are divided by 255 (16 bits by 65535) and decoded from sRGB.
 //!
-//! Own code: ply-rs-bw 3.0.3, the maintained crate, refuses a file for `nan`, `.5` or `1.` in a vertex, for a property name with a
-//! bracket (as CloudCompare writes) and for a header that is not UTF-8, and its errors give no byte of binary data.
+//! No crate is used: ply-rs-bw 3.0.3, the maintained one, rejects files with `nan`, `.5` or `1.` in a vertex, property
+//! names with a bracket (as CloudCompare writes) and headers that are not UTF-8, and its errors have no byte offset for
+//! binary data.
 
 mod header;
 
@@ -54,24 +55,24 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     Ok(source.scene_of(vec![(None, mesh)]))
 }
 
-/// What was met in the faces.
+/// Counts of unusual faces.
 #[derive(Default)]
 struct Faces {
     cuts: Cuts,
     too_small: usize,
 }
 
-/// The values after the header.
+/// Reader of the values after the header.
 struct Body<'a> {
     source: &'a Source,
     encoding: Encoding,
-    /// Of binary data: the byte that comes next.
+    /// Binary data: offset of the next byte.
     at: usize,
-    /// Of text: the lines to come, the number of the current one, and what is left of it.
+    /// ASCII data: the remaining lines, the number of the current line, and its remaining words.
     lines: Lines<'a>,
     line: usize,
     words: &'a [u8],
-    /// How many lines held more values than they should.
+    /// Number of lines with more values than declared.
     longer: usize,
 }
 
@@ -88,7 +89,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// An error at the line or byte that was read last.
+    /// An error at the current line or byte.
     fn fault(&self, what: impl Into<String>) -> Error {
         let place = match self.encoding {
             Encoding::Ascii => Place::line(&self.source.file, self.line),
@@ -97,10 +98,10 @@ impl<'a> Body<'a> {
         Error::input(place, what, "export the file again")
     }
 
-    /// Whether the rest of the file can hold the elements that the header claims.
+    /// Checks that the rest of the file can hold the declared elements.
     fn check_count(&self, element: &Element) -> Result<()> {
         let left = match self.encoding {
-            // The last line need not end.
+            // The last line may lack a terminator.
             Encoding::Ascii => self.lines.bytes_left() as u64 + 1,
             _ => (self.source.bytes.len() - self.at) as u64,
         };
@@ -116,7 +117,7 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
-    /// Checks the memory for `bytes` each of the elements, which are no more than the file has.
+    /// Checks the memory limit for `bytes` per element, after [`Body::check_count`].
     fn check_memory(&self, element: &Element, bytes: usize) -> Result<()> {
         limits::check(limits::product(&[element.count, bytes as u64])).map_err(|excess| {
             let name = shown(element.name.as_bytes());
@@ -125,13 +126,13 @@ impl<'a> Body<'a> {
         })
     }
 
-    /// Ends an element of text, whose line should hold nothing more.
+    /// Ends an element; in ASCII data, counts the line if it has values left.
     fn end(&mut self) {
         self.longer += usize::from(take_word(&mut self.words).is_some());
         self.words = &[];
     }
 
-    /// Goes to the next element: of text, the next line that is not empty.
+    /// Starts the next element; in ASCII data, moves to the next line that is not empty.
     fn begin(&mut self) -> Result<()> {
         if self.encoding != Encoding::Ascii {
             return Ok(());
@@ -168,7 +169,7 @@ impl<'a> Body<'a> {
         Ok(scalar.of_bits(bits))
     }
 
-    /// The length of a list.
+    /// Reads the length of a list.
     fn length(&mut self, scalar: Scalar) -> Result<u64> {
         let length = self.next(scalar)?;
         if length >= 0.0 && length.fract() == 0.0 {
@@ -232,7 +233,7 @@ impl<'a> Body<'a> {
         let (has_normals, has_colours) = (has([3, 4, 5]), has([6, 7, 8]));
         let each = 1 + usize::from(has_normals) + usize::from(has_colours);
         self.check_memory(element, each * size_of::<DVec3>())?;
-        // Within memory, and no less than the file has.
+        // The count was checked against the file size and the memory limit.
         let count = element.count as usize;
         let list = |is_there: bool| Vec::with_capacity(if is_there { count } else { 0 });
         let (mut positions, mut normals, mut colours) = (list(true), list(has_normals), list(has_colours));
@@ -296,7 +297,7 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
-    /// The index of a vertex, of which there are `count`.
+    /// Reads a vertex index, below `count`.
     fn vertex(&mut self, scalar: Scalar, count: usize) -> Result<u32> {
         let index = self.next(scalar)?;
         if index >= 0.0 && index < count as f64 && index.fract() == 0.0 && index <= f64::from(u32::MAX) {
@@ -310,7 +311,7 @@ impl<'a> Body<'a> {
     }
 }
 
-/// A number in few digits.
+/// A number for display, with an exponent if it is long.
 fn brief(number: f64) -> String {
     if number.abs() < 1e16 { number.to_string() } else { format!("{number:e}") }
 }

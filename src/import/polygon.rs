@@ -1,12 +1,12 @@
-//! Polygons become triangles.
+//! Triangulation of polygons.
 //!
-//! Convex quadrilaterals, by far the most common, are cut along a diagonal here; everything else goes to `earcut`
-//! (ear clipping with z-order hashing) in the plane of the polygon.
+//! Convex quadrilaterals, by far the most common polygons, are split along a diagonal; all others are triangulated by
+//! `earcut` (ear clipping with z-order hashing) in the plane of the polygon.
 //!
-//! Ear clipping takes time that grows a little faster than the number of corners, as long as there is an ear to clip. A polygon
-//! that crosses itself may have none; `earcut` then tries every diagonal against every edge, which is cubic, and its result does not
-//! cover the polygon. So a polygon of more than [`CHECKED_FROM`] corners is searched for crossings first, within a bound
-//! ([`MOST_PAIRS`]), and is cut into a fan where there are any.
+//! Ear clipping takes slightly more than linear time while there is an ear to clip. A self-intersecting polygon may
+//! have none; `earcut` then tests every diagonal against every edge, in cubic time, and its result does not cover the
+//! polygon. Polygons of more than [`MAX_UNCHECKED_CORNERS`] corners are therefore searched for crossings first, within
+//! a work limit ([`MAX_PAIRS_PER_EDGE`]), and are split into a fan if there are any.
 
 use std::collections::HashSet;
 use std::path::Path;
@@ -15,34 +15,34 @@ use glam::{DVec2, DVec3};
 
 use crate::error::Warnings;
 
-/// Polygons of more corners are searched for crossings. Up to this number the cubic search takes at most 64^3 steps.
-const CHECKED_FROM: usize = 64;
+/// Maximum number of corners of polygons that are not searched for crossings; cubic time is at most 64^3 steps.
+const MAX_UNCHECKED_CORNERS: usize = 64;
 
-/// The most pairs of edges that are compared, for each edge of a polygon. A sweep compares an edge with those beside it, at most with
-/// half of the others: so all polygons of up to 16,384 corners are decided, and larger ones unless thousands of edges lie beside each
-/// other throughout, along every axis of the sweep.
-const MOST_PAIRS: usize = 8192;
+/// Maximum number of edge pairs compared, per edge of a polygon. The sweep compares an edge with the active ones, at
+/// most half of the others: the limit decides all polygons of up to 16,384 corners, and larger ones unless thousands of
+/// edges overlap throughout along every sweep axis.
+const MAX_PAIRS_PER_EDGE: usize = 8192;
 
-/// More corners than this are not given to `earcut`, which addresses its nodes by 32 bits: 48 bytes each, and half as many again where
-/// it splits, are at most 2^32 bytes for 59 million corners.
-const MOST_CORNERS: usize = 1 << 25;
+/// Maximum number of corners for `earcut`, which addresses its nodes by 32 bits: 48 bytes each, and half as many again
+/// at splits, are at most 2^32 bytes for 59 million corners.
+const MAX_CORNERS: usize = 1 << 25;
 
-/// How deep edges cross to count as crossing, in sizes of the polygon. Shallower ones change its area by less than this; what is cut is
-/// held to its area within 1e-6.
+/// Minimum depth at which edges count as crossing, relative to the size of the polygon. Shallower crossings change its
+/// area by less than this; the result must match the area within 1e-6.
 const DEPTH: f64 = 1e-9;
 
-/// How a polygon was cut.
+/// Result of a triangulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Cut {
-    /// Into triangles that cover it.
+    /// Triangles that cover the polygon.
     Whole,
-    /// Into a fan, because it crosses itself or passes an edge twice.
+    /// A fan, because the polygon intersects itself or repeats an edge.
     Crossing,
-    /// Into a fan, because it is beyond [`MOST_PAIRS`] or [`MOST_CORNERS`].
+    /// A fan, because the polygon exceeds [`MAX_PAIRS_PER_EDGE`] or [`MAX_CORNERS`].
     Intricate,
 }
 
-/// How many of a file's polygons were cut into fans.
+/// Counts of polygons of a file that were split into fans.
 #[derive(Debug, Default)]
 pub struct Cuts {
     crossing: usize,
@@ -50,13 +50,13 @@ pub struct Cuts {
 }
 
 impl Cuts {
-    /// Takes one more polygon into account.
+    /// Counts a polygon.
     pub fn count(&mut self, cut: Cut) {
         self.crossing += usize::from(cut == Cut::Crossing);
         self.intricate += usize::from(cut == Cut::Intricate);
     }
 
-    /// Warns of those that `file` has.
+    /// Adds warnings for the polygons of `file` that were split into fans.
     pub fn warn(&self, file: &Path, warnings: &mut Warnings) {
         let (file, Cuts { crossing, intricate }) = (file.display(), self);
         if *crossing > 0 {
@@ -71,7 +71,7 @@ impl Cuts {
     }
 }
 
-/// Cuts polygons into triangles; keeps its buffers from one to the next.
+/// Triangulates polygons; reuses its buffers.
 pub struct Triangulator {
     earcut: earcut::Earcut<f64>,
     flat: Vec<[f64; 2]>,
@@ -84,8 +84,8 @@ impl Triangulator {
         Triangulator { earcut: earcut::Earcut::new(), flat: Vec::new(), out: Vec::new() }
     }
 
-    /// Calls `emit` with the corners (counted from 0) of each triangle of the polygon. Where they would not cover it, or cannot be
-    /// found within a bound, it is cut into a fan instead.
+    /// Calls `emit` with the corner indices of each triangle of the polygon. If a covering triangulation is not found
+    /// within the work limits, the polygon is split into a fan.
     pub fn triangulate(&mut self, corners: &[DVec3], mut emit: impl FnMut([usize; 3])) -> Cut {
         let n = corners.len();
         if n <= 3 {
@@ -104,8 +104,8 @@ impl Triangulator {
         self.flat.extend(corners.iter().map(|&p| project(p, normal).to_array()));
         self.out.clear();
         let found = match n {
-            _ if n > MOST_CORNERS => Cut::Intricate,
-            _ if n > CHECKED_FROM => find_crossing(&self.flat),
+            _ if n > MAX_CORNERS => Cut::Intricate,
+            _ if n > MAX_UNCHECKED_CORNERS => find_crossing(&self.flat),
             _ => Cut::Whole,
         };
         if found != Cut::Whole {
@@ -120,7 +120,7 @@ impl Triangulator {
         let whole: f64 = (1..n - 1).map(|i| area(0, i, i + 1)).sum::<f64>().abs();
         let cut: f64 =
             self.out.chunks_exact(3).map(|t| area(t[0] as usize, t[1] as usize, t[2] as usize).abs()).sum();
-        // Both are sums of n rounded areas; a self-crossing polygon differs in the first digits.
+        // Both areas are sums of n rounded terms; for a self-intersecting polygon they differ in the leading digits.
         let covers = self.out.len() >= 3 && (cut - whole).abs() <= whole * 1e-6;
         if covers {
             self.out.chunks_exact(3).for_each(|t| emit([t[0] as usize, t[1] as usize, t[2] as usize]));
@@ -131,25 +131,26 @@ impl Triangulator {
     }
 }
 
-/// Whether a polygon passes an edge twice in the same direction, or two of its edges cross deeper than [`DEPTH`]. Edges that touch,
-/// and those that are passed once in each direction (the bridges to holes), are none.
+/// Whether a polygon repeats an edge in the same direction, or two of its edges cross deeper than [`DEPTH`]. Touching
+/// edges, and edges passed once in each direction (bridges to holes), do not count.
 ///
-/// A sweep along the axis on which edges overlap least, of x, y and the one across the direction that edges have most: each edge is
-/// compared with those that began before it and have not ended.
+/// Plane sweep: each edge is compared with the active edges, which began before it and have not ended. The sweep axis
+/// is the one of x, y and the perpendicular of the dominant edge direction along which edges overlap least.
 fn find_crossing(corners: &[[f64; 2]]) -> Cut {
     let n = corners.len();
     let points = || corners.iter().map(|&p| DVec2::from(p));
     let (min, max) = points().fold((DVec2::MAX, DVec2::MIN), |(min, max), p| (min.min(p), max.max(p)));
     let size = (max - min).max_element();
     if !(size > 0.0 && size.is_finite()) {
-        // All corners in one place, or numbers that are none, are left to the test of areas.
+        // Coincident corners and non-finite sizes are handled without a search.
         return if size == 0.0 { Cut::Crossing } else { Cut::Intricate };
     }
     let depth = size * DEPTH;
     let cell = |p: DVec2| ((p - min) / depth).round().to_array().map(|c| c as i64);
     let edges = points().zip(points().cycle().skip(1));
     let mut passed = HashSet::with_capacity(n);
-    // Twice the angle of edges, by their lengths: half of the sum's is the direction that edges have most (as of principal axes).
+    // Edge directions with doubled angles, weighted by length: half the angle of the sum is the dominant direction (as
+    // of principal axes).
     let mut doubled = DVec2::ZERO;
     for (a, b) in edges.clone() {
         let (from, to) = (cell(a), cell(b));
@@ -163,7 +164,7 @@ fn find_crossing(corners: &[[f64; 2]]) -> Cut {
     }
     drop(passed);
     let across = DVec2::from_angle(doubled.to_angle() / 2.0).perp();
-    // Edges overlap along an axis as often as their lengths go into the polygon's.
+    // Mean number of edges over a point of the axis: sum of edge lengths over the polygon's extent.
     let overlaps = |axis: DVec2| {
         let (min, max) = points()
             .map(|p| axis.dot(p))
@@ -176,24 +177,24 @@ fn find_crossing(corners: &[[f64; 2]]) -> Cut {
     let swept = |p: DVec2| DVec2::new(axis.dot(p), axis.perp_dot(p));
     let mut edges: Vec<[DVec2; 2]> = edges.map(|(a, b)| [swept(a), swept(b)]).collect();
     edges.sort_unstable_by(|[a, b], [c, d]| a.x.min(b.x).total_cmp(&c.x.min(d.x)));
-    let mut beside: Vec<[DVec2; 2]> = Vec::new();
+    let mut active: Vec<[DVec2; 2]> = Vec::new();
     let mut pairs = 0;
     for edge in edges {
         let start = edge[0].x.min(edge[1].x);
-        beside.retain(|[a, b]| a.x.max(b.x) >= start);
-        pairs += beside.len();
-        if pairs > MOST_PAIRS * n {
+        active.retain(|[a, b]| a.x.max(b.x) >= start);
+        pairs += active.len();
+        if pairs > MAX_PAIRS_PER_EDGE * n {
             return Cut::Intricate;
         }
-        if beside.iter().any(|other| cross(edge, *other, depth)) {
+        if active.iter().any(|other| cross(edge, *other, depth)) {
             return Cut::Crossing;
         }
-        beside.push(edge);
+        active.push(edge);
     }
     Cut::Whole
 }
 
-/// Whether the ends of each edge lie on both sides of the other, farther from it than `depth`.
+/// Whether the end points of each edge lie on both sides of the other, farther than `depth` from it.
 fn cross([a, b]: [DVec2; 2], [c, d]: [DVec2; 2], depth: f64) -> bool {
     if a.y.max(b.y) < c.y.min(d.y) || c.y.max(d.y) < a.y.min(b.y) {
         return false;
@@ -206,7 +207,7 @@ fn cross([a, b]: [DVec2; 2], [c, d]: [DVec2; 2], depth: f64) -> bool {
     apart(a, b, c, d) && apart(c, d, a, b)
 }
 
-/// Twice the area vector of a polygon (Newell's method): its direction is the normal of the best plane.
+/// Twice the area vector of a polygon (Newell's method); its direction is the normal of the best-fitting plane.
 fn newell_normal(corners: &[DVec3]) -> DVec3 {
     let origin = corners[0];
     let next = corners.iter().cycle().skip(1);
@@ -221,7 +222,7 @@ fn is_convex(corners: &[DVec3], normal: DVec3) -> bool {
     })
 }
 
-/// Drops the axis that the normal is nearest to, keeping the orientation.
+/// Projects along the dominant axis of the normal, keeping the orientation.
 fn project(p: DVec3, normal: DVec3) -> DVec2 {
     let a = normal.abs();
     if a.x >= a.y && a.x >= a.z {
@@ -301,8 +302,8 @@ mod tests {
             assert!((area - expected).abs() < 1e-9 * expected, "{area} is not {expected}");
             assert_eq!((count, cut), (n - 2, Cut::Whole));
         }
-        // A comb of 10,001 teeth, 2 wide at the foot, on a back of height 1, at any angle: teeth of h and back are 2 + h for each tooth.
-        // Long ones at an angle all lie beside each other, seen along x as well as along y.
+        // A comb of 10,001 teeth, 2 wide at the foot, on a back of height 1, at any angle: a tooth of height h and its
+        // back have area 2 + h. Long teeth at an angle overlap along x as well as along y.
         let teeth = 10_001;
         for (height, angle) in [(9.0, 0.0), (9.0, 1.6), (1e5, 0.6)] {
             let mut comb: Vec<[f64; 2]> = (0..=2 * teeth)
@@ -317,8 +318,8 @@ mod tests {
         }
     }
 
-    /// A square of side 99 with 32 x 32 square holes of side 1, each reached by a bridge that is passed once in each direction: an edge
-    /// from the hole before, so that bridges follow each other along a row.
+    /// A square of side 99 with 32 x 32 square holes of side 1. Each is connected by a bridge from the previous hole,
+    /// passed once in each direction, so that bridges follow each other along a row.
     #[test]
     fn bridges_to_holes_are_no_crossings() {
         let mut corners = vec![[0.0, 0.0]];
@@ -340,7 +341,7 @@ mod tests {
 
     #[test]
     fn what_would_take_cubic_time_is_cut_into_a_fan_at_once() {
-        // Round one triangle 20,000 times; the same with corners that differ in their last digits; corners anywhere.
+        // Round one triangle 20,000 times; the same with corners that differ in their last digits; random corners.
         let triangle = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
         let mut state = 1u64;
         let mut next = || {

@@ -1,5 +1,5 @@
-//! Removes primitives that cannot be stored (coordinates that are not finite or beyond 1e18) or that no ray can hit (two equal
-//! corners), and counts them. Called once per input, after its importer.
+//! Removes and counts primitives with non-finite coordinates or coordinates beyond 1e18, and triangles with two equal
+//! corners, which no ray can hit. Called once per input, after its importer.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -10,7 +10,8 @@ use super::sharing::shared;
 use crate::error::Warnings;
 use crate::scene::{Attribute, Mesh, Object, Placed, Scene, Shape};
 
-/// Coordinates beyond this are left out. f32 boxes square it without overflow, and the builder is measured to hold.
+/// Largest coordinate that is kept. Its square, as in the area of f32 boxes, does not overflow; the builder is tested
+/// up to it.
 const LARGEST_COORDINATE: f64 = 1e18;
 
 #[derive(Default)]
@@ -22,10 +23,10 @@ struct Count {
     equal_corners: usize,
 }
 
-/// Leaves out what cannot be rendered and says how much of it there was.
+/// Removes invalid primitives and replaces invalid attributes; adds warnings with their counts.
 pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
     let mut count = Count::default();
-    warn_of_flat_objects(scene, file, warnings);
+    warn_of_degenerate_objects(scene, file, warnings);
     clean_placed(&mut scene.objects, &mut count);
     for object in &mut scene.objects {
         if let Shape::Mesh(mesh) = &mut object.shape {
@@ -55,9 +56,9 @@ pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
     }
 }
 
-fn warn_of_flat_objects(scene: &Scene, file: &Path, warnings: &mut Warnings) {
-    let flat = scene.objects.iter().filter(|object| is_without_area(&object.shape));
-    let names: Vec<&str> = flat.map(|object| object.name.as_str()).collect();
+fn warn_of_degenerate_objects(scene: &Scene, file: &Path, warnings: &mut Warnings) {
+    let degenerate = scene.objects.iter().filter(|object| is_degenerate(&object.shape));
+    let names: Vec<&str> = degenerate.map(|object| object.name.as_str()).collect();
     if let [first, others @ ..] = names.as_slice() {
         let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
         let what = "no triangle has an area, so nothing of it can be seen";
@@ -65,18 +66,18 @@ fn warn_of_flat_objects(scene: &Scene, file: &Path, warnings: &mut Warnings) {
     }
 }
 
-/// Whether every triangle has its corners on one line, as far as f64 can tell.
-fn is_without_area(shape: &Shape) -> bool {
-    let is_flat = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a) == DVec3::ZERO;
+/// Whether every triangle is degenerate (collinear corners) in f64.
+fn is_degenerate(shape: &Shape) -> bool {
+    let is_collinear = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a) == DVec3::ZERO;
     match shape {
         Shape::Sphere { .. } => false,
         Shape::Mesh(mesh) => {
             !mesh.triangles.is_empty()
-                && mesh.triangles.iter().all(|t| is_flat(t.map(|i| mesh.positions[i as usize])))
+                && mesh.triangles.iter().all(|t| is_collinear(t.map(|i| mesh.positions[i as usize])))
         }
         Shape::Placed(placed) => {
             placed.triangle_count() > 0
-                && (0..placed.triangle_count() as u32).all(|t| is_flat(placed.corners_of(t)))
+                && (0..placed.triangle_count() as u32).all(|t| is_collinear(placed.corners_of(t)))
         }
     }
 }
@@ -102,12 +103,12 @@ fn clean_mesh(mesh: &mut Mesh, count: &mut Count) {
     count.attributes += replace_unusable(mesh);
 }
 
-/// Does for meshes that are shared what [`clean_mesh`] does for others.
+/// Applies [`clean_mesh`] to shared meshes.
 fn clean_placed(objects: &mut [Object], count: &mut Count) {
     for group in shared(objects).into_values() {
         let mut placed: Vec<&mut Placed> = objects_at(objects, &group);
         let [first, others @ ..] = placed.as_mut_slice() else { continue };
-        // Only one is left that refers to it, so that it need not be copied.
+        // Leaves a single reference, so that the mesh is not copied.
         let nothing = Arc::default();
         others.iter_mut().for_each(|other| other.mesh = Arc::clone(&nothing));
         let mut mesh = Arc::unwrap_or_clone(std::mem::replace(&mut first.mesh, nothing));
@@ -121,7 +122,7 @@ fn clean_placed(objects: &mut [Object], count: &mut Count) {
         for placed in placed {
             placed.mesh = mesh.clone();
         }
-        // Beyond the numbers' range every triangle has to be looked at by itself.
+        // If a placement may exceed the range, the mesh is baked and its triangles are checked one by one.
         for &index in &group {
             let Shape::Placed(placed) = &objects[index].shape else { continue };
             let reach = placed.placement.reach(reach).max_element();
@@ -141,7 +142,7 @@ fn objects_at<'a>(objects: &'a mut [Object], group: &[usize]) -> Vec<&'a mut Pla
     placed.collect()
 }
 
-/// Leaves out of a mesh what no placement can mend: triangles with corners that are not finite, or equal.
+/// Removes triangles that are invalid in every placement: those with non-finite or equal corners.
 fn clean_shared(mesh: &mut Mesh, count: &mut Count) {
     let corners = |i: usize| mesh.triangles[i].map(|k| mesh.positions[k as usize]);
     let keep: Vec<bool> = (0..mesh.triangles.len())
@@ -157,8 +158,8 @@ fn clean_shared(mesh: &mut Mesh, count: &mut Count) {
     count.attributes += replace_unusable(mesh);
 }
 
-/// Attributes that are not numbers, or not ones that f32 holds, become neutral: no normal (the triangle's own is taken),
-/// texture origin, white. So do colours that would take light away. How many there were.
+/// Replaces attributes that are not finite in f32 by neutral values: no normal (the geometric normal is used), uv (0,
+/// 0), white. Negative colours are also replaced. Returns the number of replacements.
 fn replace_unusable(mesh: &mut Mesh) -> usize {
     fn replace<T: Copy>(
         attribute: &mut Option<Attribute<T>>,
@@ -174,8 +175,8 @@ fn replace_unusable(mesh: &mut Mesh) -> usize {
         + replace(&mut mesh.colours, |c| c.as_vec3().is_finite() && c.min_element() >= 0.0, DVec3::ONE)
 }
 
-/// Whether two corners coincide. Such a triangle has a single edge, so it closes no gap; triangles with three distinct collinear corners
-/// are kept.
+/// Whether two corners coincide. Such a triangle is a line segment and closes no gap; triangles with three distinct
+/// collinear corners may close a T-junction and are kept.
 fn has_equal_corners([a, b, c]: [DVec3; 3]) -> bool {
     a == b || b == c || c == a
 }
@@ -206,7 +207,7 @@ mod tests {
         let mut scene = scene_of(positions);
         let mut warnings = Warnings::default();
         sanitise(&mut scene, Path::new("a.obj"), &mut warnings);
-        // The good one and the collinear one, which may close a T-vertex.
+        // The valid and the collinear triangle, which may close a T-junction.
         assert_eq!(scene.primitive_count(), 2);
         assert_eq!(
             warnings.notes(),

@@ -1,18 +1,17 @@
-//! Which meshes that stand in several places are kept once.
+//! Selects the meshes that are instanced; others are baked.
 //!
-//! The picture is the same either way. A mesh of its own for every place is quicker to trace, one for all is smaller.
+//! The rendered picture is the same either way: baked copies trace faster, instances take less memory.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::scene::{Mesh, Object, Scene, Shape};
 
-/// A mesh is shared where this many triangles at least are saved. Nine copies of the bunny take 305 bytes for each triangle
-/// beyond the first copy's, at the peak; shared, they are built in a tenth of the time and rendered in 1.7 times of it. So
-/// what is traded for less than 80 MB is speed.
-const LEAST_SAVED: usize = 1 << 18;
+/// Minimum number of triangles saved for a mesh to be instanced. Below it, baking costs less than 80 MB of peak memory,
+/// at 305 bytes per triangle, and instances render slower. Measurements: docs/decisions.md.
+const MIN_SAVED_TRIANGLES: usize = 1 << 18;
 
-/// The objects of each mesh that is shared, by their index, in order of their first.
+/// Groups the placed objects by shared mesh: index of the first object to indices of all.
 pub fn shared(objects: &[Object]) -> BTreeMap<usize, Vec<usize>> {
     let mut first_of = std::collections::HashMap::new();
     let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
@@ -25,17 +24,17 @@ pub fn shared(objects: &[Object]) -> BTreeMap<usize, Vec<usize>> {
     groups
 }
 
-/// Gives each of its places a mesh of its own where sharing does not pay.
+/// Bakes the placed meshes that are too small to be instanced.
 pub fn bake_small(scene: &mut Scene) {
     let mut small: Vec<*const Mesh> = Vec::new();
     for (first, group) in shared(&scene.objects) {
         if let Shape::Placed(placed) = &scene.objects[first].shape
-            && (group.len() - 1) * placed.mesh.triangles.len() < LEAST_SAVED
+            && (group.len() - 1) * placed.mesh.triangles.len() < MIN_SAVED_TRIANGLES
         {
             small.push(Arc::as_ptr(&placed.mesh));
         }
     }
-    // The meshes live until the last of their places is baked, so none is mistaken for another.
+    // Pointers identify meshes, because each lives until its last placement is baked.
     let small: std::collections::HashSet<*const Mesh> = small.into_iter().collect();
     scene.bake(|placed| small.contains(&Arc::as_ptr(&placed.mesh)));
 }

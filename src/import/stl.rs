@@ -1,10 +1,12 @@
 //! STL (3D Systems, "StereoLithography Interface Specification", 1989): ASCII and binary.
 //!
-//! Corners at the same place become one vertex, so meshes are as closed as their corners are. Facet normals and the two attribute
-//! bytes of a facet are ignored: what a triangle faces does not depend on them, and colours in them follow no standard.
+//! Corners with equal coordinates are welded into one vertex, so that meshes are as closed as the file's corners are.
+//! Facet normals and the two attribute bytes per facet are ignored: surfaces are two-sided, and colours in the
+//! attribute bytes follow no standard.
 //!
-//! Own code: stl_io 0.11, the maintained crate, takes every file that begins with `solid ` as ASCII, stops after the first of several
-//! solids, refuses a file for one number that is not finite, keeps -0 and 0 apart, and its errors give no line.
+//! No crate is used: stl_io 0.11, the maintained one, reads every file that begins with `solid ` as ASCII, stops after
+//! the first of several solids, rejects files with a non-finite number, does not weld -0 and 0, and its errors have no
+//! line number.
 
 use std::collections::HashMap;
 
@@ -16,11 +18,12 @@ use crate::error::{Error, Place, Result, Warnings};
 use crate::limits;
 use crate::scene::{Mesh, Scene};
 
-/// Bytes of a binary file's header and count of facets, and of a facet: normal and corners in f32, and two attribute bytes.
+/// Sizes in bytes in binary files: header with the facet count; facet with normal and corners in f32 and two attribute
+/// bytes.
 const HEAD: usize = 84;
 const FACET: usize = 50;
 
-/// Reads an STL file: one mesh for each of its solids.
+/// Reads an STL file into one mesh per solid.
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let solids = if is_binary(&source.bytes) {
         vec![(None, read_binary(source, warnings)?)]
@@ -30,14 +33,14 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     Ok(source.scene_of(solids))
 }
 
-/// The facets that the head of a binary file claims.
+/// Facet count in the header of a binary file.
 fn claimed(bytes: &[u8]) -> Option<usize> {
     let count = bytes.get(HEAD - 4..HEAD)?.first_chunk()?;
     Some(u32::from_le_bytes(*count) as usize)
 }
 
-/// Whether a file is binary: its length is the one that its count of facets makes, whatever its header begins with; or it does not
-/// begin as text does.
+/// Whether a file is binary: its length matches its facet count, even if its header begins with `solid`, or it does not
+/// begin as ASCII files do.
 fn is_binary(bytes: &[u8]) -> bool {
     if claimed(bytes).is_some_and(|count| bytes.len() == HEAD + count * FACET) {
         return true;
@@ -49,7 +52,7 @@ fn is_binary(bytes: &[u8]) -> bool {
     !is_solid || has_control
 }
 
-/// Text without a byte order mark.
+/// Strips a byte order mark.
 fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes)
 }
@@ -72,7 +75,7 @@ fn read_binary(source: &Source, warnings: &mut Warnings) -> Result<Mesh> {
         warnings.push(format!("{}: left out {rest} byte(s) after the last triangle", source.file.display()));
     }
     let each = size_of::<[u32; 3]>() + 3 * size_of::<DVec3>();
-    // No more than the file has: what memory is for.
+    // The count was checked against the file size.
     if let Err(excess) = limits::check(limits::product(&[count as u64, each as u64])) {
         return fault(format!("{count} triangles: reading them {excess}"), &excess.hint());
     }
@@ -88,7 +91,7 @@ fn read_binary(source: &Source, warnings: &mut Warnings) -> Result<Mesh> {
     Ok(welder.mesh)
 }
 
-/// The solids of an ASCII file with their names.
+/// Reads the solids of an ASCII file and their names.
 fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Vec<(Option<String>, Mesh)>> {
     let mut solids = Vec::new();
     let mut name = None;
@@ -141,11 +144,11 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Vec<(Option<St
     Ok(solids)
 }
 
-/// A mesh whose corners at the same place are one vertex.
+/// Builds a mesh, welding corners with equal coordinates.
 #[derive(Default)]
 struct Welder {
     mesh: Mesh,
-    /// Vertices by the bits of their coordinates.
+    /// Vertex index by the bits of its coordinates.
     known: HashMap<[u64; 3], u32>,
 }
 
@@ -153,7 +156,7 @@ impl Welder {
     fn add(&mut self, corners: [DVec3; 3]) {
         let Welder { mesh, known } = self;
         mesh.triangles.push(corners.map(|corner| {
-            // -0 + 0 = 0: both are the same place.
+            // -0 + 0 = 0, so that -0 and 0 are welded.
             let place = corner + DVec3::ZERO;
             *known.entry(place.to_array().map(f64::to_bits)).or_insert_with(|| {
                 mesh.positions.push(place);
@@ -177,7 +180,7 @@ mod tests {
         Ok((scene.objects.into_iter().map(|object| (object.name, mesh(object.shape))).collect(), warnings))
     }
 
-    /// The corners of a tetrahedron's faces; one zero has another sign each time.
+    /// Corners of the faces of a tetrahedron, with varying signs of zero.
     fn tetrahedron() -> [[[f32; 3]; 3]; 4] {
         let [a, b, c, d] = [[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.0, 2.5, 0.0], [0.0, 0.0, -3.5]];
         [[a, b, c], [[-0.0, 0.0, 0.0], d, b], [[0.0, -0.0, 0.0], c, d], [b, d, c]]
@@ -188,7 +191,7 @@ mod tests {
         out.resize(80, b' ');
         out.extend(count.to_le_bytes());
         for facet in tetrahedron() {
-            // The normal is none, which does not matter.
+            // The normal is 0, because it is ignored.
             out.extend([0; 12]);
             out.extend(facet.as_flattened().iter().flat_map(|x| x.to_le_bytes()));
             out.extend([0xff; 2]);
@@ -260,11 +263,11 @@ mod tests {
         assert_eq!(warnings.messages(), ["a.stl: left out 50 byte(s) after the last triangle"]);
     }
 
-    /// Bytes that text is made of, and one that it is not.
+    /// Bytes that ASCII files consist of, and an invalid one.
     const TEXT: &[u8] = b"0123456789- .einf\n\r\xff";
 
     proptest! {
-        /// Whatever is in a file, it is read or refused, and what is read is consistent.
+        /// Any file is either rejected or read into a consistent scene.
         #[test]
         fn damaged_files_do_no_harm(
             is_text in any::<bool>(),

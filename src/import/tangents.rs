@@ -1,13 +1,13 @@
-//! Tangents for normal maps, where a file has none: by MikkTSpace (Mikkelsen, Simulation of Wrinkled Surfaces Revisited,
-//! 2008), as the programs do that normal maps are baked with.
+//! Tangents for normal maps by MikkTSpace (Mikkelsen, Simulation of Wrinkled Surfaces Revisited, 2008), for files
+//! without tangents. Normal map bakers use the same algorithm.
 
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use glam::{DVec3, DVec4};
 
 use crate::scene::{Attribute, Mesh};
 
-/// Gives a mesh that will have a normal map the tangents that it lacks. A mesh without texture coordinates gets none. One
-/// without normals gets those of its triangles, so that it is known which side of them the picture is on.
+/// Computes missing tangents of a mesh with a normal map; does nothing without texture coordinates. A mesh without
+/// normals gets those of its triangles, which define the side that the map applies to.
 pub fn make_tangents(mesh: &mut Mesh) {
     if mesh.uvs.is_none() || mesh.triangles.is_empty() {
         return;
@@ -21,7 +21,7 @@ pub fn make_tangents(mesh: &mut Mesh) {
     let mut corners =
         Corners { mesh, origin: mesh.positions[mesh.triangles[0][0] as usize], made: Vec::new() };
     corners.made.resize(mesh.triangles.len(), [DVec4::ZERO; 3]);
-    // It has no way to fail yet; should it, there are no tangents.
+    // `generate_tangents` has no failure today; if it fails, the mesh gets no tangents.
     if generate_tangents(&mut corners).is_ok() {
         let values = corners.made.into_flattened();
         let triangles = (0..mesh.triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
@@ -38,10 +38,10 @@ fn normals_of_triangles(mesh: &Mesh) -> Attribute<DVec3> {
     Attribute { values: mesh.triangles.iter().map(normal).collect(), triangles: Some(triangles) }
 }
 
-/// A mesh as MikkTSpace sees it.
+/// Adapter of a mesh to MikkTSpace.
 struct Corners<'a> {
     mesh: &'a Mesh,
-    /// Taken off all positions: far from the origin f32 would lose the triangles.
+    /// Subtracted from all positions, which may be too far from the origin for f32.
     origin: DVec3,
     made: Vec<[DVec4; 3]>,
 }
@@ -75,7 +75,7 @@ impl Geometry for Corners<'_> {
 
     fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
         let uv = self.of(&self.mesh.uvs, face, corner).unwrap_or_default();
-        // MikkTSpace's v grows up the picture, a mesh's down.
+        // v points up in MikkTSpace and down in glTF and in [`Mesh`].
         [uv.x as f32, (1.0 - uv.y) as f32]
     }
 

@@ -1,22 +1,22 @@
-//! URIs in glTF files: data, or the name of a file beside it.
+//! URIs in glTF files: embedded data or relative file names.
 
 use std::path::{Component, Path, PathBuf};
 
 use base64::Engine;
 
-/// What a URI stands for.
+/// A resolved URI.
 #[derive(Debug, PartialEq)]
 pub enum Resource {
-    /// The data itself.
+    /// Decoded data.
     Data(Vec<u8>),
-    /// A file, relative to the one that names it.
+    /// A file, relative to the referencing file.
     File(PathBuf),
 }
 
-/// Reads a URI: `data:` with base64, or a percent-encoded relative path that stays in the file's folder.
+/// Resolves a URI: `data:`, or a percent-encoded relative path inside the file's folder.
 ///
 /// # Errors
-/// What is wrong with it.
+/// A message about what is wrong.
 pub fn resolve(uri: &str) -> Result<Resource, String> {
     if let Some(rest) = strip_prefix_ignoring_case(uri, "data:") {
         let (kind, data) = rest.split_once(',').ok_or("a data URI without a comma")?;

@@ -8,7 +8,7 @@ use crate::effects::{Choices, id};
 use crate::error::{Error, Result};
 use crate::geometry::Precision;
 use crate::limits;
-use crate::scene::{Numerics, Object, Scene, Shape, TextureFilter, TextureImage};
+use crate::scene::{DecodedImage, Numerics, Object, Scene, Shape, TextureFilter};
 
 /// Checks that there is memory for the acceleration structure and the mip maps of a scene.
 ///
@@ -43,13 +43,13 @@ fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
     if choices.with.iter().any(|typed| without.contains(typed)) {
         return Ok(());
     }
-    let area = |image: &TextureImage| limits::product(&[image.width.into(), image.height.into()]);
+    let area = |image: &DecodedImage| limits::product(&[image.width.into(), image.height.into()]);
     let Some(largest) = scene.images.iter().max_by_key(|image| area(image)) else { return Ok(()) };
     // A third of the texels, of 6 bytes; while they are made, levels of a quarter and a sixteenth, of 12 bytes.
     let kept = scene.images.iter().map(|image| limits::product(&[area(image), 2]));
     let needed = kept.fold(limits::product(&[area(largest), 4]), u64::saturating_add);
     limits::check(needed).map_err(|excess| {
-        let TextureImage { name, width, height, .. } = largest;
+        let DecodedImage { name, width, height, .. } = largest;
         let what =
             format!("making mip maps of this texture of {width} x {height} pixels and all others {excess}");
         let hint = format!(

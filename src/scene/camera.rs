@@ -1,16 +1,16 @@
-//! Cameras as they are described: where they stand and what rectangle they see.
+//! Camera descriptions: position, orientation and viewing rectangle.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// How a camera's rays run.
+/// Projection of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Projection {
-    /// From the camera's position through the viewing rectangle.
+    /// Rays start at the camera's position and pass through the viewing rectangle.
     #[default]
     Perspective,
-    /// In parallel, from the viewing rectangle moved to the camera's position.
+    /// Rays are parallel and start on the viewing rectangle, moved to the camera's position.
     Orthographic,
 }
 
@@ -24,24 +24,24 @@ impl Projection {
     }
 }
 
-/// A camera. It looks from `position` towards `target` through a rectangle at distance `viewpoint_distance` that is
-/// centred on the line of sight; both projections see the same at that distance.
+/// A camera. It looks from `position` towards `target` through a rectangle at distance `viewpoint_distance`, centred on
+/// the line of sight; at that distance both projections cover the same area.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
-    /// Its name.
+    /// Name.
     pub name: String,
-    /// Where it stands.
+    /// Position.
     pub position: DVec3,
-    /// A point it looks at, other than `position`.
+    /// A point that the camera looks at, other than `position`.
     pub target: DVec3,
-    /// Roughly where up is; need not be perpendicular to the line of sight.
+    /// Up vector; need not be perpendicular to the line of sight.
     pub up: DVec3,
-    /// How its rays run, unless the user says otherwise.
+    /// Projection, unless overridden by the user.
     pub projection: Projection,
     /// Height of the viewing rectangle.
     pub view_height: f64,
-    /// Width of the viewing rectangle, or `None` to follow the picture's shape.
+    /// Width of the viewing rectangle, or `None` to follow the aspect ratio of the picture.
     pub view_width: Option<f64>,
     /// Distance from `position` to the viewing rectangle (the focal length).
     pub viewpoint_distance: f64,
@@ -71,17 +71,17 @@ impl Camera {
     }
 }
 
-/// Width and height of a picture where nothing says otherwise.
-const USUAL_SIZE: [u32; 2] = [1024, 1024];
+/// Default width and height of a picture.
+const DEFAULT_SIZE: [u32; 2] = [1024, 1024];
 
-/// The size of a picture for which nobody gives one, in pixels: the scene's, else one in the shape of the camera's viewing
-/// rectangle, where it has one.
+/// Default size of a picture in pixels: the scene's, else one with the aspect ratio of the camera's viewing rectangle,
+/// if it has a width.
 pub fn usual_size(of_scene: Option<[u32; 2]>, camera: Option<&Camera>) -> [u32; 2] {
     let shape = |camera: &Camera| {
         let aspect = camera.view_width? / camera.view_height;
-        let [width, height] = USUAL_SIZE.map(f64::from);
+        let [width, height] = DEFAULT_SIZE.map(f64::from);
         let shape = if aspect >= 1.0 { [width, width / aspect] } else { [height * aspect, height] };
         Some(shape.map(|pixels| pixels.round().max(1.0) as u32))
     };
-    of_scene.or_else(|| camera.and_then(shape)).unwrap_or(USUAL_SIZE)
+    of_scene.or_else(|| camera.and_then(shape)).unwrap_or(DEFAULT_SIZE)
 }

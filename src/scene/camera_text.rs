@@ -1,5 +1,5 @@
-//! A camera as text: a `[[camera]]` of a scene file, or in braces after `--camera`. What is read back is the same camera, to
-//! the bit (`import::scene_file::camera` reads it).
+//! Cameras as text: a `[[camera]]` section of a scene file, or an inline table after `--camera`. Parsing the text
+//! (`import::scene_file::camera`) restores the camera bit by bit.
 
 use std::fmt::Write;
 
@@ -7,53 +7,55 @@ use glam::DVec3;
 
 use super::{Camera, Projection};
 
-/// The name of cameras in braces that do not say theirs.
+/// Default name of cameras given as inline tables.
 pub const INLINE_NAME: &str = "inline";
 
 impl Camera {
-    /// A section of a scene file, with an end of line after each of its lines.
+    /// The `[[camera]]` section for a scene file, each line terminated by a newline.
     pub fn to_section(&self) -> String {
-        let lines = self.words(true).into_iter().map(|(key, value)| format!("{key} = {value}\n"));
+        let lines = self.entries(true).into_iter().map(|(key, value)| format!("{key} = {value}\n"));
         format!("[[camera]]\n{}", lines.collect::<String>())
     }
 
-    /// What `--camera` takes: the same in braces, on one line. Without a name where that is [`INLINE_NAME`].
+    /// The inline table for `--camera`, on one line. The name is omitted if it is [`INLINE_NAME`].
     pub fn to_inline(&self) -> String {
-        let words = self.words(self.name != INLINE_NAME);
-        let words: Vec<String> = words.into_iter().map(|(key, value)| format!("{key} = {value}")).collect();
-        format!("{{ {} }}", words.join(", "))
+        let entries = self.entries(self.name != INLINE_NAME);
+        let entries: Vec<String> =
+            entries.into_iter().map(|(key, value)| format!("{key} = {value}")).collect();
+        format!("{{ {} }}", entries.join(", "))
     }
 
-    /// What is to be said of it, each by its key.
-    fn words(&self, with_name: bool) -> Vec<(&'static str, String)> {
-        let mut words = Vec::new();
+    /// Keys and values of the camera, in the order of output.
+    fn entries(&self, with_name: bool) -> Vec<(&'static str, String)> {
+        let mut entries = Vec::new();
         if with_name {
-            words.push(("name", quoted(&self.name)));
+            entries.push(("name", quoted(&self.name)));
         }
-        words.push(("position", list(&self.position.to_array())));
-        words.push(("look_at", list(&self.target.to_array())));
+        entries.push(("position", list(&self.position.to_array())));
+        entries.push(("look_at", list(&self.target.to_array())));
         if self.up != DVec3::Y || self.up.to_array().iter().any(|c| c.is_sign_negative()) {
-            words.push(("up", list(&self.up.to_array())));
+            entries.push(("up", list(&self.up.to_array())));
         }
         if self.projection == Projection::Orthographic {
-            words.push(("projection", quoted(self.projection.name())));
+            entries.push(("projection", quoted(self.projection.name())));
         }
-        match (self.round_field_of_view(), self.view_width) {
-            (Some(degrees), _) => words.push(("vertical_fov", number(degrees))),
+        match (self.short_field_of_view(), self.view_width) {
+            (Some(degrees), _) => entries.push(("vertical_fov", number(degrees))),
             (None, Some(width)) => {
-                words.push(("viewing_rectangle", list(&[width, self.view_height])));
-                words.push(("viewpoint_distance", number(self.viewpoint_distance)));
+                entries.push(("viewing_rectangle", list(&[width, self.view_height])));
+                entries.push(("viewpoint_distance", number(self.viewpoint_distance)));
             }
             (None, None) => {
-                words.push(("viewing_height", number(self.view_height)));
-                words.push(("viewpoint_distance", number(self.viewpoint_distance)));
+                entries.push(("viewing_height", number(self.view_height)));
+                entries.push(("viewpoint_distance", number(self.viewpoint_distance)));
             }
         }
-        words
+        entries
     }
 
-    /// The vertical field of view in degrees where that says all there is to say of the lens, to the bit, and is a short number.
-    fn round_field_of_view(&self) -> Option<f64> {
+    /// Vertical field of view in degrees, if it determines the viewing rectangle and its distance bit by bit and has at
+    /// most six decimals.
+    fn short_field_of_view(&self) -> Option<f64> {
         let radians = 2.0 * (self.view_height / (2.0 * self.viewpoint_distance)).atan();
         let degrees = (radians.to_degrees() * 1e6).round() / 1e6;
         if !(degrees > 0.0 && degrees < 180.0) {
@@ -76,14 +78,14 @@ fn list(numbers: &[f64]) -> String {
     format!("[{}]", numbers.join(", "))
 }
 
-/// The shortest text that is read back as the same number. Whole ones without a point, as people write them; large ones
-/// with an exponent, for TOML's integers end at 2^63.
+/// Shortest text that parses to the same number. Integers have no decimal point; large ones have an exponent, because
+/// TOML integers end at 2^63.
 fn number(x: f64) -> String {
     let is_whole = x.fract() == 0.0 && x.abs() < 1e15 && !(x == 0.0 && x.is_sign_negative());
     if is_whole { format!("{x}") } else { format!("{x:?}") }
 }
 
-/// A string of TOML on one line.
+/// A TOML basic string on one line.
 fn quoted(text: &str) -> String {
     let mut quoted = String::from("\"");
     for c in text.chars() {

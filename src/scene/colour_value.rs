@@ -1,4 +1,4 @@
-//! A colour as scene files have it.
+//! Colours in scene files.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

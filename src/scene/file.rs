@@ -1,7 +1,6 @@
-//! The TOML form of a scene: what is typed. Turning it into what it means ([`super::Scene`]) is `import`'s work,
-//! because a scene file may name meshes.
+//! TOML form of a scene, as typed. `import` converts it to a [`super::Scene`], because scene files may name mesh files.
 //!
-//! Unknown keys are errors. The types here are also the JSON schema that editors complete from.
+//! Unknown keys are errors. The JSON schema for editors is generated from these types and their doc comments.
 
 use std::path::Path;
 
@@ -50,11 +49,11 @@ pub struct SceneFile {
     #[serde(default)]
     #[schemars(with = "Vec<MeshSection>")]
     pub mesh: Vec<Spanned<MeshSection>>,
-    /// Effects turned on or off against what the scene's contents imply.
+    /// Effects turned on or off explicitly, overriding what the scene's contents imply.
     #[serde(default)]
     #[schemars(with = "std::collections::BTreeMap<String, EffectValue>")]
     pub effects: std::collections::BTreeMap<String, Spanned<EffectValue>>,
-    /// What moves.
+    /// Animation tracks.
     #[schemars(with = "Option<AnimationSection>")]
     pub animation: Option<Spanned<AnimationSection>>,
 }
@@ -67,48 +66,49 @@ pub struct ImageSection {
     pub width: Option<u32>,
     /// Height in pixels.
     pub height: Option<u32>,
-    /// What a ray that hits nothing sees; black if not given.
+    /// Colour of rays that hit nothing; black if not given.
     pub background: Option<ColourValue>,
     /// The colour pipeline; `linear` if not given.
     pub colour: Option<ColourPipeline>,
-    /// How exactly it is decided what a ray hits; `watertight` if not given.
+    /// Arithmetic tier of the intersection tests; `watertight` if not given.
     pub numerics: Option<Numerics>,
-    /// Samples a pixel, 1 to 65536; 1, at the pixel's centre, if not given. With `noise` the most of them.
+    /// Samples per pixel, 1 to 65536; 1, at the pixel's centre, if not given. With `noise`, the maximum.
     #[schemars(with = "Option<u32>")]
     pub samples: Option<Spanned<i64>>,
-    /// The filter that pixels are seen through; `gaussian` if not given.
+    /// Reconstruction filter; `gaussian` if not given.
     pub filter: Option<FilterShape>,
-    /// How far the filter reaches from the pixel's centre, in pixels; its usual radius if not given.
+    /// Radius of the filter in pixels; the default of its shape if not given.
     #[schemars(with = "Option<f64>")]
     pub filter_radius: Option<Spanned<f64>>,
-    /// The standard error of a pixel's displayed value, 1 being white, below which it is sampled no further.
+    /// Adaptive sampling stops when the standard error of a pixel's displayed value (1 is white) is below this.
     #[schemars(with = "Option<f64>")]
     pub noise: Option<Spanned<f64>>,
-    /// Samples that every pixel takes before its error is looked at; 4 if not given.
+    /// Samples per pixel before adaptive sampling estimates the error; 4 if not given.
     #[schemars(with = "Option<u32>")]
     pub min_samples: Option<Spanned<i64>>,
-    /// What the random numbers depend on besides the pixel; 0 if not given.
+    /// Seed of the random numbers; 0 if not given.
     pub seed: Option<u32>,
 }
 
-/// A camera: either a viewing rectangle, or its height alone, at a distance, or a vertical field of view.
+/// A camera, defined by a viewing rectangle (or only its height) at a distance, or by a vertical field of view.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CameraSection {
-    /// What `--camera` calls it.
+    /// Name, as used by `--camera`.
     pub name: Option<String>,
-    /// Where it stands.
+    /// Position.
     pub position: [f64; 3],
-    /// A point it looks at.
+    /// A point that the camera looks at.
     pub look_at: [f64; 3],
-    /// Roughly where up is; (0, 1, 0) if not given.
+    /// Up vector, not necessarily perpendicular to the view direction; (0, 1, 0) if not given.
     pub up: Option<[f64; 3]>,
-    /// Perspective if not given.
+    /// Projection; perspective if not given.
     #[serde(default)]
     pub projection: Projection,
     /// Width and height of the viewing rectangle in world units.
     pub viewing_rectangle: Option<[f64; 2]>,
-    /// Height of the viewing rectangle in world units, instead of the whole of it: its width follows the picture's shape.
+    /// Height of the viewing rectangle in world units, instead of `viewing_rectangle`; the width follows the aspect
+    /// ratio of the picture.
     pub viewing_height: Option<f64>,
     /// Distance from the position to the viewing rectangle.
     pub viewpoint_distance: Option<f64>,
@@ -128,22 +128,22 @@ pub struct AmbientSection {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum LightType {
-    /// From `position` in all directions.
+    /// A point light at `position`.
     Point,
-    /// From infinitely far away along `direction`.
+    /// A light at infinite distance that shines along `direction`.
     Directional,
-    /// From `position` in a cone, along `direction` or towards `look_at`.
+    /// A point light at `position`, restricted to a cone along `direction` or towards `look_at`.
     Spot,
 }
 
-/// How a light weakens with distance.
+/// Falloff of a light's intensity with distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FalloffValue {
-    /// Not at all.
+    /// No falloff.
     #[default]
     None,
-    /// With the square of the distance.
+    /// Inverse square of the distance.
     InverseSquare,
 }
 
@@ -151,27 +151,28 @@ pub enum FalloffValue {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LightSection {
-    /// What messages call it.
+    /// Name, used in messages.
     pub name: Option<String>,
     /// The kind of light.
     #[serde(rename = "type")]
     pub kind: LightType,
-    /// Where a point light or a spot is.
+    /// Position of a point light or a spot.
     pub position: Option<[f64; 3]>,
-    /// The direction a directional light or a spot shines in.
+    /// Direction in which a directional light or a spot shines.
     pub direction: Option<[f64; 3]>,
     /// A point on the axis of a spot's cone, instead of a direction.
     pub look_at: Option<[f64; 3]>,
-    /// Degrees from a spot's axis within which it has its full intensity, up to the outer angle; 0 if not given. Between the angles
-    /// the intensity falls with the square of a linear ramp in the cosine (KHR_lights_punctual).
+    /// Half angle of a spot's inner cone in degrees, inside which the intensity is full, at most the outer angle; 0 if
+    /// not given. Between the cones the intensity falls with the square of a linear ramp in the cosine
+    /// (KHR_lights_punctual).
     pub inner_cone_angle: Option<f64>,
-    /// Degrees from a spot's axis beyond which it lights nothing, up to 90; 45 if not given.
+    /// Half angle of a spot's outer cone in degrees, outside which the intensity is zero, up to 90; 45 if not given.
     pub outer_cone_angle: Option<f64>,
-    /// Its intensity, I; 1 if not given.
+    /// Intensity, I; 1 if not given.
     pub intensity: Option<f64>,
-    /// Its colour; white if not given.
+    /// Colour; white if not given.
     pub colour: Option<ColourValue>,
-    /// How a point light or a spot weakens with distance; not at all if not given.
+    /// Falloff of a point light or a spot with distance; none if not given.
     #[serde(default)]
     pub falloff: FalloffValue,
 }
@@ -190,19 +191,19 @@ pub struct MaterialSection {
     pub specular: Option<f64>,
     /// Exponent of the highlight, n; 16 if not given.
     pub shininess: Option<f64>,
-    /// A faint mirror over the surface.
+    /// A faint mirror reflection over the surface.
     pub glaze: Option<GlazeSection>,
 }
 
-/// A faint mirror.
+/// A faint mirror reflection over a surface.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GlazeSection {
-    /// Weight of what is seen in the mirror, 0 to 1; 0.25 if not given.
+    /// Weight of the reflected colour, 0 to 1; 0.25 if not given.
     pub weight: Option<f64>,
     /// Weight of the object's own colour; `1 - weight` if not given.
     pub own_weight: Option<f64>,
-    /// How often a ray may be reflected; 1 if not given.
+    /// Maximum number of reflections of a ray; 1 if not given.
     pub bounces: Option<u32>,
 }
 
@@ -210,7 +211,7 @@ pub struct GlazeSection {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SphereSection {
-    /// What messages call it.
+    /// Name, used in messages.
     pub name: Option<String>,
     /// Its centre.
     pub centre: [f64; 3],
@@ -224,11 +225,11 @@ pub struct SphereSection {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrianglesSection {
-    /// What messages call it.
+    /// Name, used in messages.
     pub name: Option<String>,
     /// Vertex positions.
     pub vertices: Vec<[f64; 3]>,
-    /// Three vertices a triangle, counted from 0; the vertices in order, three by three, if not given.
+    /// Three vertex indices per triangle, from 0; if not given, consecutive vertices form triangles.
     pub indices: Option<Vec<[u32; 3]>>,
     /// The name of its material; a light grey if not given.
     pub material: Option<String>,
@@ -238,50 +239,50 @@ pub struct TrianglesSection {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshSection {
-    /// What tracks and messages call it; the file's own names if not given.
+    /// Name, used by animation tracks and messages; the file's own names if not given.
     pub name: Option<String>,
-    /// The file, beside the scene file unless absolute, of any format of meshes that `kiln render --help` lists.
+    /// Mesh file, relative to the scene file unless absolute, in any mesh format that `kiln render --help` lists.
     pub file: String,
-    /// Where its origin goes.
+    /// Translation.
     pub translate: Option<[f64; 3]>,
     /// Rotation about the x, then the y, then the z axis, in degrees.
     pub rotate: Option<[f64; 3]>,
-    /// One factor, or one for each axis.
+    /// Uniform scale factor, or one factor per axis.
     pub scale: Option<ScaleValue>,
-    /// The places where the mesh stands, instead of a single one. However many there are, its triangles are kept once.
+    /// Placements of the mesh, instead of a single one. Its triangles are stored once.
     #[schemars(with = "Option<Vec<PlacementValue>>")]
     pub placements: Option<Vec<Spanned<PlacementValue>>>,
-    /// The name of a material that replaces the file's own.
+    /// Name of a material that replaces those of the file.
     pub material: Option<String>,
 }
 
-/// A place of a mesh: scaled, then rotated, then translated.
+/// A placement of a mesh: scaled, then rotated, then translated.
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlacementValue {
-    /// Where its origin goes.
+    /// Translation.
     pub translate: Option<[f64; 3]>,
     /// Rotation about the x, then the y, then the z axis, in degrees.
     pub rotate: Option<[f64; 3]>,
-    /// One factor, or one for each axis.
+    /// Uniform scale factor, or one factor per axis.
     pub scale: Option<ScaleValue>,
 }
 
-/// One factor, or one for each axis.
+/// Uniform scale factor, or one factor per axis.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a number or [x, y, z]")]
 pub enum ScaleValue {
-    /// The same along every axis.
+    /// The same factor on every axis.
     Uniform(f64),
-    /// One for each axis.
+    /// One factor per axis.
     PerAxis([f64; 3]),
 }
 
 impl CameraSection {
-    /// Reads a camera that is typed as an inline table: `{ position = [0, 0, 5], look_at = [0, 0, 0] }`.
+    /// Parses a camera given as an inline table: `{ position = [0, 0, 5], look_at = [0, 0, 0] }`.
     ///
     /// # Errors
-    /// What is wrong, and a hint, which names the nearest known key for an unknown one.
+    /// A message and a hint; for an unknown key, the hint names the nearest known key.
     pub fn parse_inline(text: &str) -> std::result::Result<Self, (String, String)> {
         toml::de::ValueDeserializer::parse(text.trim())
             .and_then(CameraSection::deserialize)
@@ -290,10 +291,10 @@ impl CameraSection {
 }
 
 impl SceneFile {
-    /// Reads the text of a scene file; `file` is named in errors.
+    /// Parses the text of a scene file; errors name `file`.
     ///
     /// # Errors
-    /// [`Error::Input`] with the line, and for an unknown key the nearest known one.
+    /// [`Error::Input`] with the line; for an unknown key also the nearest known key.
     pub fn parse(text: &str, file: &Path) -> Result<Self> {
         toml::from_str(text).map_err(|e| {
             let line = line_of(text, e.span().map_or(0, |span| span.start));
@@ -308,12 +309,12 @@ impl SceneFile {
     }
 }
 
-/// The line, counted from 1, that holds the byte at `offset`.
+/// Line number, counted from 1, of the byte at `offset`.
 pub fn line_of(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|&b| b == b'\n').count()
 }
 
-/// The parser's message, and for an unknown key a hint that names the nearest known one.
+/// Splits a parser message into message and hint; for an unknown key the hint names the nearest known key.
 fn explain(message: &str) -> (String, String) {
     let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     let what = message.split(", expected").next().unwrap_or(message).lines().next().unwrap_or(message);
@@ -335,7 +336,7 @@ fn explain(message: &str) -> (String, String) {
     }
 }
 
-/// "did you mean `x`?" where a name comes close to `typed`, and all names otherwise.
+/// "did you mean `x`?" if a known name is similar to `typed`, else the list of all known names.
 pub fn nearest_name(typed: &str, known: &[&str]) -> String {
     let similarity = |name: &&&str| (strsim::jaro_winkler(typed, name) * 1e6) as u64;
     match known.iter().max_by_key(similarity) {

@@ -1,20 +1,19 @@
-//! A number for everything that decides a picture: equal pictures of equal scenes are known by it without rendering either.
+//! Fingerprint of everything that determines a picture: a BLAKE3 hash (O'Connor, Aumasson, Neves, Wilcox-O'Hearn 2020)
+//! of 256 bits. Equal scenes have equal fingerprints; accidental collisions are negligible.
 //!
-//! It is taken of the description, not of the files: where they lie, how they are called and in which order they were read
-//! makes no difference, every vertex and every texel does. BLAKE3 (O'Connor, Aumasson, Neves, Wilcox-O'Hearn 2020), 256 bits:
-//! what is equal by chance is not to be reckoned with.
+//! The hash covers the description, including every vertex and texel. Paths and names of files are not hashed.
 
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use super::{Attribute, Light, Material, Mesh, Object, Placed, Scene, Shape, TextureImage};
+use super::{Attribute, DecodedImage, Light, Material, Mesh, Object, Placed, Scene, Shape};
 
-/// A fingerprint that is being taken.
+/// An incremental hasher.
 #[derive(Clone)]
 pub struct Fingerprint(blake3::Hasher);
 
 impl Default for Fingerprint {
-    /// Of nothing but the program: another version may make another picture.
+    /// Starts with the version of the program, because versions may render differently.
     fn default() -> Self {
         let mut fingerprint = Fingerprint(blake3::Hasher::new());
         fingerprint.bytes("kiln", env!("CARGO_PKG_VERSION").as_bytes());
@@ -23,7 +22,7 @@ impl Default for Fingerprint {
 }
 
 impl Fingerprint {
-    /// Adds bytes under a name. Both are preceded by their lengths, so that nothing runs into what follows.
+    /// Adds named bytes. Name and bytes are each preceded by their length, so that concatenations are unambiguous.
     pub fn bytes(&mut self, name: &str, bytes: &[u8]) {
         for part in [name.as_bytes(), bytes] {
             self.0.update(&(part.len() as u64).to_le_bytes());
@@ -31,17 +30,17 @@ impl Fingerprint {
         }
     }
 
-    /// Adds a value as `Debug` shows it: of floating-point numbers every digit that tells them apart.
+    /// Adds a named value in its `Debug` form, which distinguishes all floating-point values.
     pub fn value(&mut self, name: &str, value: &impl Debug) {
         self.bytes(name, format!("{value:?}").as_bytes());
     }
 
-    /// The fingerprint, in 64 hexadecimal digits.
+    /// The fingerprint as 64 hexadecimal digits.
     pub fn finish(&self) -> String {
         self.0.finalize().to_hex().to_string()
     }
 
-    /// Adds everything that a scene describes. What a new field holds has to be added here: this does not compile without it.
+    /// Adds a scene. All fields are destructured, so that a new field fails to compile until it is hashed.
     pub fn scene(&mut self, scene: &Scene) {
         let Scene {
             size,
@@ -63,7 +62,7 @@ impl Fingerprint {
         self.value("cameras", cameras);
         lights.iter().for_each(|light: &Light| self.value("light", light));
         materials.iter().for_each(|material: &Material| self.value("material", material));
-        for TextureImage { name: _, width, height, pixels } in images {
+        for DecodedImage { name: _, width, height, pixels } in images {
             self.value("image", &(width, height));
             self.bytes("texels", pixels.as_flattened());
         }
@@ -76,7 +75,7 @@ impl Fingerprint {
                 Shape::Placed(placed) => self.placed(placed, &mut shared),
             }
         }
-        // Without the places in files that they come from.
+        // The places in files are not hashed.
         effects.iter().for_each(|(name, value, _)| self.value("effect", &(name, value)));
         if let Some(animation) = animation {
             let super::Animation { fps, duration, repeat, tracks } = animation;
@@ -87,12 +86,12 @@ impl Fingerprint {
         }
     }
 
-    /// A mesh that stands in many places is read once.
+    /// Adds an instance; a shared mesh is hashed once.
     fn placed<'a>(&mut self, placed: &'a Placed, shared: &mut Vec<&'a Arc<Mesh>>) {
         let Placed { mesh, placement } = placed;
-        let known = shared.iter().rposition(|other| Arc::ptr_eq(other, mesh));
-        self.value("placed", &(known.unwrap_or(shared.len()), placement));
-        if known.is_none() {
+        let index = shared.iter().rposition(|other| Arc::ptr_eq(other, mesh));
+        self.value("placed", &(index.unwrap_or(shared.len()), placement));
+        if index.is_none() {
             self.mesh(mesh);
             shared.push(mesh);
         }
@@ -132,7 +131,7 @@ mod tests {
     fn scene() -> Scene {
         let mut scene = Scene::default();
         let pixels: Arc<[[u8; 3]]> = vec![[1, 2, 3]; 4].into();
-        scene.add_image(TextureImage { name: "a.png".into(), width: 2, height: 2, pixels });
+        scene.add_image(DecodedImage { name: "a.png".into(), width: 2, height: 2, pixels });
         let texture = Texture { image: ImageId(0), sampler: Sampler::default() };
         scene.add_material(Material::Phong(Phong { texture: Some(texture), ..Phong::default() }));
         let mesh = Mesh {

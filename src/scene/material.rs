@@ -1,4 +1,4 @@
-//! What things are made of.
+//! Materials, textures and decoded images.
 
 use super::{ImageId, Sampler};
 use crate::film::Colour;
@@ -7,21 +7,21 @@ use std::sync::Arc;
 /// A material.
 #[derive(Debug, Clone)]
 pub enum Material {
-    /// The assignment's model, and OBJ's.
+    /// Phong model, of the assignment and of OBJ.
     Phong(Phong),
-    /// glTF's model.
+    /// Metallic-roughness model of glTF.
     MetallicRoughness(MetallicRoughness),
 }
 
-/// Ambient, diffuse and specular light on an object's own colour (the assignment's report): the highlight too has the
-/// object's colour.
+/// Phong material: ambient, diffuse and specular terms, all multiplied by the object's colour (the assignment's
+/// report).
 #[derive(Debug, Clone)]
 pub struct Phong {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// The object's own colour.
     pub colour: Colour,
-    /// A picture that multiplies the colour.
+    /// Texture that multiplies the colour.
     pub texture: Option<Texture>,
     /// Coefficient of ambient light, k_a.
     pub ambient: f64,
@@ -31,71 +31,71 @@ pub struct Phong {
     pub specular: f64,
     /// Exponent of the highlight, n.
     pub shininess: f64,
-    /// A faint mirror over the surface.
+    /// Mirror reflection blended over the surface.
     pub glaze: Option<Glaze>,
-    /// What tilts its normals.
+    /// Normal map.
     pub normal_map: Option<NormalMap>,
 }
 
-/// A faint mirror: where a reflected ray hits something, `colour = own_weight * colour + weight * reflected`.
+/// A faint mirror reflection: where a reflected ray hits, `colour = own_weight * colour + weight * reflected`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Glaze {
-    /// Weight of what is seen in the mirror, 0 to 1.
+    /// Weight of the reflected colour, 0 to 1.
     pub weight: f64,
     /// Weight of the object's own colour, 0 to `1 - weight`.
     pub own_weight: f64,
-    /// How often a ray may be reflected, starting with this surface.
+    /// Maximum number of reflections of a ray, including the one at this surface.
     pub bounces: u32,
 }
 
-/// glTF 2.0's material, section 3.9 of its specification. Factors are in linear light and multiply their textures.
+/// Material of glTF 2.0, section 3.9 of its specification. Factors are linear and multiply their textures.
 #[derive(Debug, Clone)]
 pub struct MetallicRoughness {
-    /// Its name.
+    /// Name.
     pub name: String,
     /// Base colour.
     pub base_colour: Colour,
-    /// Picture of the base colour (display values).
+    /// Texture of the base colour (display values).
     pub base_colour_texture: Option<Texture>,
     /// 0 for a dielectric, 1 for a metal.
     pub metallic: f64,
     /// 0 for a mirror, 1 for a fully rough surface.
     pub roughness: f64,
-    /// Picture with roughness in green and metallic in blue (plain numbers).
+    /// Texture with roughness in green and metallic in blue (linear values).
     pub metallic_roughness_texture: Option<Texture>,
-    /// Light the surface gives off; may exceed 1.
+    /// Emitted radiance; may exceed 1.
     pub emission: Colour,
-    /// Picture that multiplies the emission (display values).
+    /// Texture that multiplies the emission (display values).
     pub emission_texture: Option<Texture>,
-    /// No shading at all: the base colour is what is seen.
+    /// If true, the base colour is output without shading (KHR_materials_unlit).
     pub unlit: bool,
-    /// What tilts its normals.
+    /// Normal map.
     pub normal_map: Option<NormalMap>,
 }
 
-/// A picture and how to look it up.
+/// An image and its sampler.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Texture {
-    /// The picture.
+    /// The image.
     pub image: ImageId,
-    /// What happens outside 0..1.
+    /// Wrap modes and filters.
     pub sampler: Sampler,
 }
 
-/// A picture that tilts normals: red, green and blue stand for x (along u), y (against v) and z (along the normal), each
-/// from -1 at 0 to 1 at 255 (glTF 2.0, section 3.9.3).
+/// Tangent-space normal map: red, green and blue encode x (along u), y (against v) and z (along the normal), each from
+/// -1 at 0 to 1 at 255 (glTF 2.0, section 3.9.3).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalMap {
-    /// The picture.
+    /// The texture.
     pub texture: Texture,
-    /// What x and y are multiplied by.
+    /// Factor of x and y.
     pub scale: f64,
 }
 
-/// A decoded picture: 8-bit display values.
+/// A decoded image: 8-bit display values.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TextureImage {
-    /// Where it came from.
+pub struct DecodedImage {
+    /// File or item that it was read from.
     pub name: String,
     /// Width in pixels, at least 1.
     pub width: u32,
@@ -106,7 +106,7 @@ pub struct TextureImage {
 }
 
 impl Default for Phong {
-    /// A light grey, dull surface: what a mesh without materials is made of.
+    /// A light grey surface without highlight, for meshes without materials.
     fn default() -> Self {
         Phong {
             name: "default".into(),
@@ -141,14 +141,14 @@ impl Default for MetallicRoughness {
 }
 
 impl Default for Glaze {
-    /// The assignment's: 0.75 of the object's own colour, 0.25 of what it mirrors, one bounce.
+    /// Values of the assignment: 0.75 of the object's colour, 0.25 of the reflected colour, one bounce.
     fn default() -> Self {
         Glaze { weight: 0.25, own_weight: 0.75, bounces: 1 }
     }
 }
 
 impl Material {
-    /// Its name.
+    /// Name.
     pub fn name(&self) -> &str {
         match self {
             Material::Phong(m) => &m.name,
@@ -156,7 +156,7 @@ impl Material {
         }
     }
 
-    /// What tilts its normals.
+    /// Normal map.
     pub fn normal_map(&self) -> Option<&NormalMap> {
         match self {
             Material::Phong(m) => m.normal_map.as_ref(),
@@ -164,7 +164,7 @@ impl Material {
         }
     }
 
-    /// The textures it reads.
+    /// The textures that the material uses.
     pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut Texture> {
         let (textures, normal_map) = match self {
             Material::Phong(m) => ([m.texture.as_mut(), None, None], m.normal_map.as_mut()),
@@ -180,7 +180,7 @@ impl Material {
         textures.into_iter().flatten().chain(normal_map.map(|map| &mut map.texture))
     }
 
-    /// Whether it reads any texture.
+    /// Whether the material uses any texture.
     pub fn is_textured(&self) -> bool {
         match self {
             Material::Phong(m) => m.texture.is_some() || m.normal_map.is_some(),

@@ -1,32 +1,32 @@
-//! The description: *what* there is, as plain data in double precision.
+//! Scene description: plain data in double precision, without acceleration structures or render settings. Scene files,
+//! OBJ, glTF, PLY and STL files are all imported into a [`Scene`].
 //!
-//! A scene file, an OBJ and a glTF all become this. It has no acceleration and no cleverness, and knows nothing of how
-//! it will be rendered. Conventions: right-handed, +y up, no physical unit, column vectors; transforms are named
-//! `b_from_a`; angles are in radians here (degrees in files). Primitives are numbered in the order of the description:
-//! objects as written, triangles as listed.
+//! Conventions: right-handed, +y up, no physical unit, column vectors; transforms are named `b_from_a`; angles are in
+//! radians (degrees in files). Primitives are numbered in the order of the description: objects as written, triangles
+//! as listed.
 
 pub mod animation;
 mod camera;
 mod camera_text;
 mod colour_value;
 mod effects;
-pub mod extreme;
 pub mod file;
 mod fingerprint;
 mod material;
 mod sampler;
 mod sampling;
+pub mod support;
 
 pub use crate::geometry::{Attribute, Mesh, Numerics, Placed, Placement, Step, moved_tangent, normal_matrix};
 pub use animation::Animation;
 pub use camera::{Camera, Projection, usual_size};
 pub use camera_text::INLINE_NAME;
 pub use fingerprint::Fingerprint;
-pub use material::{Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture, TextureImage};
-pub use sampler::{Filter, Lookup, Minify, Sampler, TextureFilter, Wrap};
+pub use material::{DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture};
+pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MOST_SAMPLES, Sampling};
 
-use extreme::Measure;
+use support::AffineFunction;
 
 use crate::film::{Colour, ColourPipeline};
 use glam::DVec3;
@@ -35,23 +35,23 @@ use glam::DVec3;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct MaterialId(pub u32);
 
-/// Index of a picture in [`Scene::images`].
+/// Index of an image in [`Scene::images`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ImageId(pub u32);
 
-/// Everything there is to render. What is `None` was not said by any input and takes its default when the scene is
-/// prepared.
+/// Description of everything to render. A field that is `None` was not set by any input; it takes its default when the
+/// scene is prepared.
 #[derive(Debug, Clone, Default)]
 pub struct Scene {
-    /// Width and height of the picture in pixels.
+    /// Width and height of the rendered picture in pixels.
     pub size: Option<[u32; 2]>,
-    /// What a ray that hits nothing sees.
+    /// Colour of rays that hit nothing.
     pub background: Option<Colour>,
-    /// The numbers that light is added up in.
+    /// Encoding in which light is summed.
     pub colour: Option<ColourPipeline>,
-    /// How exactly it is decided what a ray hits.
+    /// Arithmetic tier of the intersection tests.
     pub numerics: Option<Numerics>,
-    /// How often and where pixels are sampled.
+    /// Sample count, reconstruction filter and seed.
     pub sampling: Sampling,
     /// Intensity of the ambient light, per unit of a material's ambient coefficient.
     pub ambient: Option<f64>,
@@ -61,34 +61,34 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Materials, referred to by [`MaterialId`].
     pub materials: Vec<Material>,
-    /// Pictures that textures read, referred to by [`ImageId`].
-    pub images: Vec<TextureImage>,
+    /// Images referenced by textures, by [`ImageId`].
+    pub images: Vec<DecodedImage>,
     /// Spheres and meshes.
     pub objects: Vec<Object>,
-    /// The files that it was read from, in order; [`Object::input`] is an index of them.
+    /// Input files in order; [`Object::input`] is an index into this list.
     pub inputs: Vec<std::path::PathBuf>,
-    /// Effects that the scene turns on or off against what its contents imply.
+    /// Effects that the scene turns on or off explicitly, overriding what its contents imply.
     pub effects: file::EffectsSection,
-    /// What moves.
+    /// Animation tracks, if any.
     pub animation: Option<Animation>,
 }
 
-/// A thing in the scene: a shape and what it is made of.
+/// An object of the scene: a shape and its material.
 #[derive(Debug, Clone)]
 pub struct Object {
-    /// The name its file gave it, or one made from its place there.
+    /// Name from the file, or one derived from its position there.
     pub name: String,
-    /// Which of the inputs it came from, counted from 0.
+    /// Index of the input file in [`Scene::inputs`].
     pub input: usize,
-    /// What it is made of.
+    /// Its material.
     pub material: MaterialId,
-    /// What it looks like.
+    /// Its geometry.
     pub shape: Shape,
 }
 
-/// The shapes kiln knows.
+/// The supported shapes.
 #[derive(Debug, Clone)]
-// Objects are few beside their triangles, so the unused bytes of small variants do not matter.
+// Objects are few compared with triangles, so the unused bytes of small variants do not matter.
 #[allow(clippy::large_enum_variant)]
 pub enum Shape {
     /// An analytic sphere.
@@ -100,82 +100,82 @@ pub enum Shape {
     },
     /// Triangles that share vertices.
     Mesh(Mesh),
-    /// One of the places of a mesh that stands in many.
+    /// An instance of a mesh shared by several placements.
     Placed(Placed),
 }
 
 /// A light.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Light {
-    /// The name its file gave it, or one made from its place there.
+    /// Name from the file, or one derived from its position there.
     pub name: String,
     /// Its colour, multiplied by the intensity.
     pub colour: Colour,
-    /// Its strength: a white, fully diffuse surface that faces a light of intensity 1 shows its own colour.
+    /// Intensity: a white, fully diffuse surface that faces a light of intensity 1 shows its own colour.
     pub intensity: f64,
-    /// Where it shines from and how it spreads.
+    /// Position or direction, and falloff.
     pub kind: LightKind,
 }
 
-/// Where a light shines from and how it spreads.
+/// The kinds of light.
 #[derive(Debug, Clone, PartialEq)]
 pub enum LightKind {
-    /// From a point, in all directions.
+    /// A point light, in all directions.
     Point {
-        /// Where it is.
+        /// Position.
         position: DVec3,
-        /// How it weakens with distance.
+        /// Falloff with distance.
         falloff: Falloff,
     },
-    /// From infinitely far away.
+    /// A light at infinite distance.
     Directional {
-        /// The direction the light travels in, of length 1.
+        /// Direction in which the light travels, of length 1.
         direction: DVec3,
     },
-    /// From a point, in a cone.
+    /// A point light restricted to a cone.
     Spot {
-        /// Where it is.
+        /// Position.
         position: DVec3,
-        /// The axis of the cone, of length 1.
+        /// Axis of the cone, of length 1.
         direction: DVec3,
-        /// How it weakens with distance.
+        /// Falloff with distance.
         falloff: Falloff,
-        /// Half the opening angle within which it is at full strength, in radians.
+        /// Half angle of the inner cone, inside which the intensity is full, in radians.
         inner_angle: f64,
-        /// Half the opening angle beyond which there is nothing, in radians.
+        /// Half angle of the outer cone, outside which the intensity is zero, in radians.
         outer_angle: f64,
     },
 }
 
-/// How a light weakens with distance.
+/// Falloff of a light's intensity with distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Falloff {
-    /// Not at all: the assignment's light.
+    /// None: the assignment's light.
     None,
-    /// With the square of the distance, and smoothly to nothing at `range` where there is one
-    /// (glTF, KHR_lights_punctual).
+    /// Inverse square; with a `range`, windowed smoothly to zero at it (glTF, KHR_lights_punctual).
     InverseSquare {
-        /// The distance at which it ends.
+        /// Distance at which the intensity reaches zero.
         range: Option<f64>,
     },
 }
 
 impl Scene {
-    /// Adds a material and returns what to call it by.
+    /// Adds a material and returns its index.
     pub fn add_material(&mut self, material: Material) -> MaterialId {
         self.materials.push(material);
         MaterialId((self.materials.len() - 1) as u32)
     }
 
-    /// Adds a picture and returns what to call it by.
-    pub fn add_image(&mut self, image: TextureImage) -> ImageId {
+    /// Adds an image and returns its index.
+    pub fn add_image(&mut self, image: DecodedImage) -> ImageId {
         self.images.push(image);
         ImageId((self.images.len() - 1) as u32)
     }
 
-    /// Adds another scene, except its `inputs`. Where both set a property of the whole picture, this one's is kept.
+    /// Appends another scene, except its `inputs`. Settings of the whole picture that both set keep the value of
+    /// `self`.
     pub fn append(&mut self, other: Scene) {
-        // All fields by name: the compiler reports a new one that is not merged.
+        // Every field is named, so that a new one that is not merged fails to compile.
         let Scene {
             size,
             background,
@@ -216,12 +216,12 @@ impl Scene {
         }));
     }
 
-    /// How many primitives the scene has: spheres and triangles.
+    /// Number of primitives: spheres and triangles.
     pub fn primitive_count(&self) -> usize {
         self.objects.iter().map(|object| object.shape.primitive_count()).sum()
     }
 
-    /// The smallest box that holds everything, or `None` for an empty scene.
+    /// Bounding box of all objects, or `None` for an empty scene.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         let value = |axis: usize, sign: f64| move |p: DVec3| sign * p[axis];
         let of_sphere =
@@ -232,9 +232,9 @@ impl Scene {
             (value(axis, sign), of_sphere(axis, sign), weight * sign, weight)
         });
         let functions: Vec<_> = functions.collect();
-        let measures: Vec<Measure> = functions
+        let functions: Vec<AffineFunction> = functions
             .iter()
-            .map(|(value, of_sphere, gradient, weight)| Measure {
+            .map(|(value, of_sphere, gradient, weight)| AffineFunction {
                 value,
                 of_sphere,
                 gradient: *gradient,
@@ -242,12 +242,12 @@ impl Scene {
                 offset: DVec3::ZERO,
             })
             .collect();
-        let far = extreme::greatest(&self.objects, &measures);
+        let far = support::maxima(&self.objects, &functions);
         let [max, min] = [0, 1].map(|k| DVec3::new(far[k], far[2 + k], far[4 + k]));
         (max.x > f64::NEG_INFINITY).then_some((-min, max))
     }
 
-    /// Gives every placed mesh for which `is_baked` says so triangles of its own.
+    /// Replaces every placed mesh for which `is_baked` holds by a mesh with its own transformed triangles.
     pub fn bake(&mut self, is_baked: impl Fn(&Placed) -> bool) {
         for object in &mut self.objects {
             if let Shape::Placed(placed) = &object.shape
@@ -260,7 +260,7 @@ impl Scene {
 }
 
 impl Shape {
-    /// How many primitives the shape has: one for a sphere, its triangles for a mesh.
+    /// Number of primitives: one for a sphere, the triangle count for a mesh.
     pub fn primitive_count(&self) -> usize {
         match self {
             Shape::Sphere { .. } => 1,
@@ -269,7 +269,7 @@ impl Shape {
         }
     }
 
-    /// Its mesh where it has one, not yet in its place where it is shared.
+    /// The mesh, if any; for an instance the shared mesh before its placement is applied.
     pub fn mesh(&self) -> Option<&Mesh> {
         match self {
             Shape::Sphere { .. } => None,

@@ -1,58 +1,58 @@
-//! How pictures are looked up.
+//! Texture samplers: wrapping and filtering of texture lookups.
 
-/// How a picture is looked up: outside 0..1, and where its texels are larger or smaller than pixels.
+/// Texture sampler: wrap modes and filters, as in glTF 2.0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Sampler {
-    /// Along u.
+    /// Wrap mode along u.
     pub wrap_u: Wrap,
-    /// Along v.
+    /// Wrap mode along v.
     pub wrap_v: Wrap,
-    /// Where texels are larger than pixels; `None` where the file leaves it open.
-    pub magnify: Option<Lookup>,
-    /// Where texels are smaller than pixels; `None` where the file leaves it open.
+    /// Magnification filter; `None` if the file does not specify it.
+    pub magnify: Option<Interpolation>,
+    /// Minification filter; `None` if the file does not specify it.
     pub minify: Option<Minify>,
 }
 
-/// What happens to a texture coordinate outside 0..1.
+/// Wrap mode of texture coordinates outside 0..1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Wrap {
-    /// The picture repeats.
+    /// The image repeats.
     #[default]
     Repeat,
-    /// Every other repetition is mirrored.
+    /// The image repeats, every other repetition mirrored.
     MirroredRepeat,
-    /// The picture's edge goes on for ever.
+    /// The coordinate is clamped to the edge.
     ClampToEdge,
 }
 
-/// How the value between texels, or between levels of a pyramid, is found.
+/// Interpolation between texels, or between mip levels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Lookup {
-    /// That of the nearest.
+pub enum Interpolation {
+    /// The nearest value.
     Nearest,
-    /// Interpolated linearly.
+    /// Linear interpolation.
     Linear,
 }
 
-/// How a picture is looked up where its texels are smaller than pixels.
+/// Minification filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Minify {
-    /// Between texels.
-    pub within: Lookup,
-    /// Between the levels of the picture's pyramid; `None` where it is looked up at full size.
-    pub between: Option<Lookup>,
+    /// Between the texels of a level.
+    pub within: Interpolation,
+    /// Between mip levels; `None` uses the full-size image only.
+    pub between: Option<Interpolation>,
 }
 
-/// A user's choice of filter for all pictures, over what their samplers say.
+/// The user's choice of filter for all textures, which overrides their samplers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TextureFilter {
     /// The nearest texel.
     Nearest,
-    /// Between four texels at full size.
+    /// Linear between four texels of the full-size image.
     Bilinear,
-    /// Between eight texels of the two levels whose texels are about as large as the pixel (trilinear).
+    /// Trilinear: between the eight texels of the two mip levels whose texel size is closest to the pixel footprint.
     Mipmap,
-    /// Several lookups as of `Mipmap` along the longer axis of what the pixel sees.
+    /// Several trilinear lookups along the longer axis of the pixel footprint.
     Anisotropic,
 }
 
@@ -72,33 +72,34 @@ impl TextureFilter {
     }
 }
 
-/// What is done for a lookup: a sampler with nothing left open.
+/// Resolved filters of a texture lookup: a sampler without unspecified parts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Filter {
-    /// Where texels are larger than pixels.
-    pub magnify: Lookup,
-    /// Where they are smaller.
+    /// Magnification filter.
+    pub magnify: Interpolation,
+    /// Minification filter.
     pub minify: Minify,
-    /// Whether pyramids are looked up several times along the longer axis of what the pixel sees.
+    /// Whether mip maps are sampled several times along the longer axis of the pixel footprint.
     pub anisotropic: bool,
 }
 
 impl Filter {
-    /// Whether the size of what a pixel sees matters.
+    /// Whether the lookup depends on the size of the pixel footprint.
     pub fn needs_footprint(&self) -> bool {
         self.minify != Minify { within: self.magnify, between: None }
     }
 
-    /// Whether pyramids are looked up.
+    /// Whether the lookup needs a mip map.
     pub fn needs_mip_map(&self) -> bool {
         self.minify.between.is_some()
     }
 }
 
 impl Sampler {
-    /// The filter: the user's where there is one, else the file's, else trilinear in a pyramid and linear above it.
+    /// Resolves the filter: the user's if given, else the file's; unspecified parts are trilinear for minification and
+    /// linear for magnification.
     pub fn filter(&self, wish: Option<TextureFilter>) -> Filter {
-        use Lookup::{Linear, Nearest};
+        use Interpolation::{Linear, Nearest};
         let full = |lookup| Filter {
             magnify: lookup,
             minify: Minify { within: lookup, between: None },
@@ -128,8 +129,8 @@ mod tests {
     #[test]
     fn the_user_comes_before_the_file_and_the_file_before_the_default() {
         let pixels = Sampler {
-            magnify: Some(Lookup::Nearest),
-            minify: Some(Minify { within: Lookup::Nearest, between: None }),
+            magnify: Some(Interpolation::Nearest),
+            minify: Some(Minify { within: Interpolation::Nearest, between: None }),
             ..Sampler::default()
         };
         assert!(!pixels.filter(None).needs_footprint());
@@ -143,7 +144,7 @@ mod tests {
             let mips = matches!(filter, TextureFilter::Mipmap | TextureFilter::Anisotropic);
             assert_eq!(Sampler::default().filter(Some(filter)).needs_mip_map(), mips, "{}", filter.name());
         }
-        // Linear above and nearest below differ only by what the pixel sees.
+        // Linear magnification and nearest minification without mip maps differ only in the pixel footprint.
         let mixed = Sampler { minify: pixels.minify, ..Sampler::default() }.filter(None);
         assert!(mixed.needs_footprint() && !mixed.needs_mip_map());
     }

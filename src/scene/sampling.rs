@@ -1,42 +1,43 @@
-//! How often and where in its pixels a picture is looked at.
+//! Sampling settings: sample count, reconstruction filter, adaptive sampling and seed.
 
 use crate::film::FilterShape;
 use crate::film::filter::RADII;
 
-/// The most samples a pixel can have: so many numbers its random sequence has.
+/// Maximum number of samples per pixel: the length of a pixel's random sequence.
 pub const MOST_SAMPLES: u32 = 1 << 16;
 
-/// Samples a pixel where a filter is asked for and no number of samples is.
-const USUAL_SAMPLES: u32 = 16;
+/// Default number of samples per pixel if a filter is given.
+const DEFAULT_SAMPLES: u32 = 16;
 
-/// The most samples a pixel where a level of noise is given and no number of samples is.
-const USUAL_MOST: u32 = 256;
+/// Default maximum number of samples per pixel if a noise threshold is given.
+const DEFAULT_MAX_SAMPLES: u32 = 256;
 
-/// The least error that can be asked for: what f32 makes of display values is not much better.
-const LEAST_NOISE: f64 = 1e-6;
+/// Smallest noise threshold; f32 display values are not much more accurate.
+const MIN_NOISE: f64 = 1e-6;
 
-/// What is said of samples; what is `None` was not said.
+/// Sampling settings; `None` means not given.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sampling {
-    /// Samples a pixel, 1 to 65536; the most of them where there is a `noise`.
+    /// Samples per pixel, 1 to 65536; with `noise`, the maximum.
     pub samples: Option<u32>,
-    /// The filter that a pixel is seen through.
+    /// Shape of the reconstruction filter.
     pub filter: Option<FilterShape>,
-    /// How far the filter reaches from the pixel's centre, in pixels.
+    /// Radius of the filter in pixels.
     pub filter_radius: Option<f64>,
-    /// The standard error of a pixel's displayed value, 1 being white, below which it is sampled no further.
+    /// Noise threshold of adaptive sampling: a pixel is sampled until the standard error of its displayed value (1 is
+    /// white) is below this.
     pub noise: Option<f64>,
-    /// Samples that every pixel takes before its error is looked at.
+    /// Samples per pixel before adaptive sampling estimates the error.
     pub min_samples: Option<u32>,
-    /// What the random numbers depend on besides pixel, sample and dimension.
+    /// Seed of the random numbers, besides pixel, sample and dimension.
     pub seed: Option<u32>,
-    /// The first sample that is taken, below `samples`; those before it are another picture's. Not with `noise`.
+    /// Index of the first sample, below `samples`, if another render takes those before it. Not with `noise`.
     pub first: Option<u32>,
 }
 
 impl Sampling {
-    /// These settings where they say something, the others' where not.
+    /// Merges two sets of settings; those of `self` take precedence.
     pub fn or(self, other: Self) -> Self {
         Sampling {
             samples: self.samples.or(other.samples),
@@ -49,25 +50,26 @@ impl Sampling {
         }
     }
 
-    /// Whether anything is asked for but one sample at each pixel's centre.
+    /// Whether the settings differ from one sample at each pixel's centre.
     pub fn is_wanted(&self) -> bool {
         let Sampling { samples, filter, filter_radius, noise, .. } = self;
         samples.is_some_and(|n| n > 1) || filter.is_some() || filter_radius.is_some() || noise.is_some()
     }
 
-    /// Samples a pixel; the most of them where there is a `noise`.
+    /// Samples per pixel; with `noise`, the maximum.
     pub fn most_samples(&self) -> u32 {
-        self.samples.unwrap_or(if self.noise.is_some() { USUAL_MOST } else { USUAL_SAMPLES })
+        self.samples.unwrap_or(if self.noise.is_some() { DEFAULT_MAX_SAMPLES } else { DEFAULT_SAMPLES })
     }
 
-    /// The filter's shape and its radius in pixels.
+    /// Shape and radius in pixels of the filter.
     pub fn shape_and_radius(&self) -> (FilterShape, f64) {
         let shape = self.filter.unwrap_or_default();
         (shape, self.filter_radius.unwrap_or(shape.usual_radius()))
     }
 
-    /// The same sampling, of the samples from one number up to another, the same for all pixels: of parts that follow on each
-    /// other, the mean, weighted by their numbers, is that of all. Also one sample is one of the filter's and not the pixel's centre.
+    /// Sampling of the samples `from..to` of these settings, the same for all pixels: the mean of consecutive parts,
+    /// weighted by their sample counts, is that of the whole. A single sample is also placed by the filter, not at the
+    /// pixel's centre.
     pub fn part(&self, from: u32, to: u32) -> Sampling {
         let (shape, radius) = self.shape_and_radius();
         Sampling {
@@ -81,7 +83,7 @@ impl Sampling {
         }
     }
 
-    /// What made a picture of more than its pixels' centres, for its metadata; nothing for others.
+    /// Sampling metadata of a picture; empty for one sample at each pixel's centre.
     pub fn settings(&self) -> Vec<(String, String)> {
         if !self.is_wanted() {
             return Vec::new();
@@ -97,10 +99,10 @@ impl Sampling {
         settings
     }
 
-    /// A number of samples a pixel; or which there may be.
+    /// Checks a number of samples per pixel.
     ///
     /// # Errors
-    /// What to give instead.
+    /// A message that states the valid range.
     pub fn check_samples(samples: i64) -> Result<u32, String> {
         match u32::try_from(samples) {
             Ok(samples @ 1..=MOST_SAMPLES) => Ok(samples),
@@ -108,10 +110,10 @@ impl Sampling {
         }
     }
 
-    /// A radius of a filter, in pixels; or which there may be.
+    /// Checks a filter radius in pixels.
     ///
     /// # Errors
-    /// What to give instead.
+    /// A message that states the valid range.
     pub fn check_radius(radius: f64) -> Result<f64, String> {
         if RADII.contains(&radius) {
             return Ok(radius);
@@ -119,12 +121,12 @@ impl Sampling {
         Err(format!("give a radius in pixels from {} to {}", RADII.start(), RADII.end()))
     }
 
-    /// A level of noise, 1 being white; or which there may be.
+    /// Checks a noise threshold; 1 is white.
     ///
     /// # Errors
-    /// What to give instead.
+    /// A message that states the valid range.
     pub fn check_noise(level: f64) -> Result<f64, String> {
-        if (LEAST_NOISE..=1.0).contains(&level) {
+        if (MIN_NOISE..=1.0).contains(&level) {
             return Ok(level);
         }
         Err("give a standard error from 0.000001 to 1, 1 being white; one step of 8 bits is 0.004".into())

@@ -7,7 +7,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::scene::{Filter, Lookup, Sampler, Wrap};
+use crate::scene::{Filter, Interpolation, Sampler, Wrap};
 use crate::world::{Image, TexelEncoding, TexturePoint};
 
 /// The limit on lookups along the longer axis, as in graphics hardware.
@@ -37,8 +37,8 @@ pub fn look_up(
     let in_level = |uv: DVec2, level: f64| {
         let texel = |level: usize| look_at(image, encoding, sampler, level, filter.minify.within, uv);
         match between {
-            Lookup::Nearest => texel((level + 0.5).floor() as usize),
-            Lookup::Linear => {
+            Interpolation::Nearest => texel((level + 0.5).floor() as usize),
+            Interpolation::Linear => {
                 let lower = level.floor();
                 let (near, share) = (texel(lower as usize), level - lower);
                 if share > 0.0 { near.lerp(texel((lower as usize + 1).min(last)), share) } else { near }
@@ -103,7 +103,7 @@ fn look_at(
     encoding: TexelEncoding,
     sampler: &Sampler,
     level: usize,
-    lookup: Lookup,
+    lookup: Interpolation,
     uv: DVec2,
 ) -> DVec3 {
     let level = level.checked_sub(1).and_then(|below| image.mip_map(encoding)?.levels().get(below));
@@ -118,8 +118,8 @@ fn look_at(
     let place = uv * DVec2::new(w as f64, h as f64);
     // Casts of coordinates beyond i64 saturate; wrapping then still gives a texel of the image.
     match lookup {
-        Lookup::Nearest => texel(row(place.y.floor() as i64), column(place.x.floor() as i64)),
-        Lookup::Linear => {
+        Interpolation::Nearest => texel(row(place.y.floor() as i64), column(place.x.floor() as i64)),
+        Interpolation::Linear => {
             // Texel centres lie at half-integers.
             let place = place - 0.5;
             let (corner, share) = (place.floor(), place - place.floor());

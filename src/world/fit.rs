@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::view::basis;
 use crate::film::Colour;
-use crate::scene::extreme::{Measure, greatest};
+use crate::scene::support::{AffineFunction, maxima};
 use crate::scene::{Camera, Light, LightKind, MaterialId, Mesh, Object, Projection, Scene, Shape};
 
 /// The background of scenes that set none.
@@ -158,10 +158,10 @@ pub fn turntable_camera(
         })
         .collect();
     let of_points: Vec<_> = functions.iter().map(|(value, _)| move |p: DVec3| value(p, 0.0)).collect();
-    let measures: Vec<Measure> = functions
+    let functions: Vec<AffineFunction> = functions
         .iter()
         .zip(&of_points)
-        .map(|((of_sphere, out), value)| Measure {
+        .map(|((of_sphere, out), value)| AffineFunction {
             value,
             of_sphere,
             gradient: *out,
@@ -169,7 +169,7 @@ pub fn turntable_camera(
             offset: middle.abs(),
         })
         .collect();
-    let reach = greatest(&scene.objects, &measures).into_iter().fold(0.0, f64::max);
+    let reach = maxima(&scene.objects, &functions).into_iter().fold(0.0, f64::max);
     // Squared: once for points between the directions, once for the prism's sides, which lie nearer than its edges.
     let radius = reach / half_angle.cos().powi(2);
     let backwards = view.backwards();
@@ -225,10 +225,10 @@ fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> 
         side(0.0, u, 1.0, 1.0),
     ];
     let of_points: Vec<_> = functions.iter().map(|(value, ..)| move |p: DVec3| value(p, 0.0)).collect();
-    let measures: Vec<Measure> = functions
+    let functions: Vec<AffineFunction> = functions
         .iter()
         .zip(&of_points)
-        .map(|((of_sphere, gradient, weight), value)| Measure {
+        .map(|((of_sphere, gradient, weight), value)| AffineFunction {
             value,
             of_sphere,
             gradient: *gradient,
@@ -236,7 +236,7 @@ fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> 
             offset: middle.abs(),
         })
         .collect();
-    let far = greatest(&scene.objects, &measures);
+    let far = maxima(&scene.objects, &functions);
     Extent { plus: DVec2::new(far[0], far[2]), minus: DVec2::new(far[1], far[3]), nearest: far[4] }
 }
 

@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::mip_map::MipMap;
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_decode;
-use crate::scene::TextureImage;
+use crate::scene::DecodedImage;
 
 /// How the 8-bit values of an image are decoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +35,7 @@ pub struct Image {
 }
 
 impl Image {
-    pub(super) fn new(image: TextureImage, pipeline: ColourPipeline) -> Self {
+    pub(super) fn new(image: DecodedImage, pipeline: ColourPipeline) -> Self {
         let colour = |value: usize| {
             let display = value as f64 / 255.0;
             if pipeline == ColourPipeline::Linear { srgb_decode(display) as f32 } else { display as f32 }

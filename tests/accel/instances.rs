@@ -15,8 +15,8 @@ use kiln::effects::{Choices, RayKind, glaze, shadows};
 use kiln::film::ColourPipeline;
 use kiln::geometry::{Numerics, PrimId, Ray};
 use kiln::scene::{
-    Attribute, Glaze, ImageId, Material, MaterialId, Mesh, NormalMap, Object, Phong, Placed, Placement,
-    Sampler, Scene, Shape, Step, Texture, TextureImage,
+    Attribute, DecodedImage, Glaze, ImageId, Material, MaterialId, Mesh, NormalMap, Object, Phong, Placed,
+    Placement, Sampler, Scene, Shape, Step, Texture,
 };
 use kiln::world::World;
 
@@ -53,7 +53,7 @@ fn object(shape: Shape) -> Object {
 
 fn scene_of(shapes: impl IntoIterator<Item = Shape>) -> Scene {
     let texel = |i: u32| [i * 37 % 256, i * 101 % 256, 128 + i % 128].map(|c| c as u8);
-    let image = TextureImage { name: "it".into(), width: 9, height: 6, pixels: (0..54).map(texel).collect() };
+    let image = DecodedImage { name: "it".into(), width: 9, height: 6, pixels: (0..54).map(texel).collect() };
     let texture = Texture { image: ImageId(0), sampler: Sampler::default() };
     let phong = Phong {
         specular: 0.5,

@@ -13,7 +13,9 @@ use kiln::error::{Error, Warnings};
 use kiln::film::{Colour, ColourPipeline, Window};
 use kiln::render::{RenderControl, render};
 use kiln::scene::Numerics;
-use kiln::scene::{Camera, Falloff, LightKind, Lookup, Material, Mesh, Minify, Projection, Scene, Shape};
+use kiln::scene::{
+    Camera, Falloff, Interpolation, LightKind, Material, Mesh, Minify, Projection, Scene, Shape,
+};
 use kiln::shading::ShadingMode;
 use kiln::world::{View, World};
 use serde_json::{Value, json};
@@ -703,7 +705,7 @@ fn gltf_without_its_picture_keeps_its_geometry() {
 /// its scale, and a mesh without tangents of its own gets some: on this triangle u grows to +x and the picture goes up to +y.
 #[test]
 fn gltf_samplers_and_normal_maps() {
-    use Lookup::{Linear, Nearest};
+    use Interpolation::{Linear, Nearest};
     let minify = |within, between| Some(Minify { within, between });
     for (filters, magnify, minify) in [
         (json!({}), None, None),

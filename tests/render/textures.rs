@@ -11,16 +11,16 @@ use kiln::geometry::Ray;
 use kiln::render::{RenderControl, render};
 use kiln::scene::file::EffectValue;
 use kiln::scene::{
-    Attribute, Camera, Glaze, Lookup, Material, MaterialId, Mesh, Minify, Numerics, Object, Phong,
-    Projection, Sampler, Scene, Shape, Texture, TextureFilter, TextureImage, Wrap,
+    Attribute, Camera, DecodedImage, Glaze, Interpolation, Material, MaterialId, Mesh, Minify, Numerics,
+    Object, Phong, Projection, Sampler, Scene, Shape, Texture, TextureFilter, Wrap,
 };
 use kiln::shading::ShadingMode;
 use kiln::shading::texture::look_up;
 use kiln::world::{TexelEncoding, TexturePoint};
 
-fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 3]) -> TextureImage {
+fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 3]) -> DecodedImage {
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| texel(x, y));
-    TextureImage { name: "picture".into(), width, height, pixels: pixels.collect() }
+    DecodedImage { name: "picture".into(), width, height, pixels: pixels.collect() }
 }
 
 /// A square of side 2 `size` about the origin that faces +z before it is placed, with `repeats` of a picture on it.
@@ -60,7 +60,7 @@ fn camera(half: f64, projection: Projection) -> Camera {
     }
 }
 
-fn scene(picture: TextureImage, mesh: Mesh, camera: Camera) -> Scene {
+fn scene(picture: DecodedImage, mesh: Mesh, camera: Camera) -> Scene {
     Scene {
         colour: Some(ColourPipeline::Display),
         cameras: vec![camera],
@@ -358,7 +358,7 @@ fn pyramids_are_made_where_a_filter_asks() {
     assert!(image.mip_map(TexelEncoding::Data).is_none());
     // A sampler of the file that wants none gets none.
     let mut scene = scene;
-    let minify = Some(Minify { within: Lookup::Linear, between: None });
+    let minify = Some(Minify { within: Interpolation::Linear, between: None });
     scene.materials[0] = textured(Sampler { minify, ..Sampler::default() });
     let prepared = prepare(scene, [8, 8], Numerics::Watertight);
     prepared.render(Choices::default());

@@ -1,4 +1,4 @@
-//! What can be wrong with a glTF document, found before anything is read from it.
+//! Validation of glTF documents before their data is read.
 
 use std::path::Path;
 
@@ -11,8 +11,8 @@ use crate::import::Source;
 use crate::import::uri::{self, Resource};
 use crate::limits;
 
-/// Reads a document that may require EXT_mesh_gpu_instancing, which the `gltf` crate does not know of. A panic of that crate is
-/// an error of the file.
+/// Parses a document, which may require EXT_mesh_gpu_instancing although the `gltf` crate does not support it. A panic
+/// of that crate is reported as an error of the file.
 pub(super) fn open(bytes: &[u8], file: &Path) -> Result<gltf::Gltf> {
     let failed = || Error::input(file, "not a usable glTF file", "export it again as glTF 2.0");
     let read = || gltf::Gltf::from_slice_without_validation(bytes);
@@ -24,8 +24,8 @@ pub(super) fn open(bytes: &[u8], file: &Path) -> Result<gltf::Gltf> {
     Ok(gltf::Gltf { document: document.map_err(|e| explain(file, e))?, blob })
 }
 
-/// The validation of gltf-json 1.4.1 looks at the accessor of a primitive's positions before it knows that there is one
-/// (`primitive_validate_hook` in its mesh.rs), and panics where there is none.
+/// Checks that primitives have positions. The validation of gltf-json 1.4.1 accesses them without a check
+/// (`primitive_validate_hook` in its mesh.rs) and panics.
 fn check_positions(json: &gltf::json::Root, file: &Path) -> Result<()> {
     use gltf::json::validation::Checked;
     let positions = Checked::Valid(gltf::Semantic::Positions);
@@ -42,17 +42,17 @@ fn check_positions(json: &gltf::json::Root, file: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Whether the meshes and places of a document are within the limits. Primitives may name the same accessor many times, and
-/// accessors without a buffer view have no bytes in the file at all, so that memory is not bounded by the size of the file.
+/// Checks the memory limit for meshes and placements. Primitives may share accessors, and accessors without a buffer
+/// view take no bytes in the file, so the file size does not bound memory.
 pub(super) fn check_memory(document: &gltf::Document, file: &Path) -> Result<()> {
-    // Positions, normals and colours are three f64, texture coordinates two, tangents four; an index is read as u32 and kept in a
-    // triangle; joints are 8 bytes, weights 16 and the matrices of a skin 128 a vertex.
+    // Bytes per vertex: positions, normals and colours are three f64, texture coordinates two, tangents four; joints
+    // are 8 bytes, weights 16, and skinning matrices 128. An index is read as u32 and stored in a triangle.
     let bytes_of = |semantic: &gltf::Semantic| match semantic {
         gltf::Semantic::Joints(_) => 8 + 128,
         gltf::Semantic::Weights(_) => 16,
         _ => 32,
     };
-    // A place is three vectors and a matrix while it is read, then an object with its name for each primitive.
+    // A placement is three vectors and a matrix while it is read, then an object with its name per primitive.
     const PLACE: u64 = 3 * 32 + 128;
     let object = size_of::<crate::scene::Object>() as u64 + 32;
     let of_primitive = |primitive: &gltf::Primitive| {
@@ -68,7 +68,7 @@ pub(super) fn check_memory(document: &gltf::Document, file: &Path) -> Result<()>
             .fold([0u64; 2], add)
     };
     let mut sums = [0u64; 2];
-    // A mesh is read once for all nodes that it stands in, and once for each of those that pose it by a skin.
+    // A mesh is read once for all nodes without a skin, and once for each skinned node.
     let mut times = vec![0u64; document.meshes().len()];
     for node in document.nodes() {
         let Some(mesh) = node.mesh() else { continue };
@@ -91,7 +91,7 @@ pub(super) fn check_memory(document: &gltf::Document, file: &Path) -> Result<()>
     checked.map_err(|excess| Error::input(file, format!("reading its meshes {excess}"), excess.hint()))
 }
 
-/// Adds bytes to those that are in the file, or to those that are only claimed.
+/// Adds bytes to those present in the file, or to those only declared.
 fn add([there, claimed]: [u64; 2], (bytes, is_claimed): (u64, bool)) -> [u64; 2] {
     if is_claimed { [there, claimed.saturating_add(bytes)] } else { [there.saturating_add(bytes), claimed] }
 }
@@ -105,7 +105,7 @@ fn explain(file: &Path, e: gltf::Error) -> Error {
         .iter()
         .filter(|(_, fault)| *fault == gltf::json::validation::Error::Unsupported)
         .filter_map(|(path, _)| {
-            // The path reads `extensionsRequired[0] = "NAME"`.
+            // The path has the form `extensionsRequired[0] = "NAME"`.
             let name = path.as_str().strip_prefix("extensionsRequired")?.split('"').nth(1)?;
             Some(name.to_owned())
         })
@@ -121,8 +121,8 @@ fn explain(file: &Path, e: gltf::Error) -> Error {
     Error::input(file, what, "export it again as glTF 2.0")
 }
 
-/// The `gltf` crate reads accessors without checking their numbers: none at all, or sums beyond 64 bits, make it panic
-/// or wrap round, and steps shorter than an element or other types than the format allows make it read garbage.
+/// Checks accessors, which the `gltf` crate does not: missing views or sums beyond 64 bits make it panic or wrap
+/// around, and strides shorter than an element or types that the format forbids make it read invalid data.
 pub(super) fn check_accessors(document: &gltf::Document, file: &Path) -> Result<()> {
     let fits = |view: Option<gltf::buffer::View>, offset: usize, count: usize, size: usize| {
         let Some(view) = view else { return count > 0 };
@@ -173,7 +173,7 @@ fn is_index(accessor: &gltf::Accessor) -> bool {
         && accessor.dimensions() == Dimensions::Scalar
 }
 
-/// Whether an attribute has a type that glTF 2.0 (section 3.7.2.1) gives its semantic.
+/// Whether the type of an attribute is one that glTF 2.0 (section 3.7.2.1) allows for its semantic.
 fn is_allowed(semantic: &gltf::Semantic, accessor: &gltf::Accessor) -> bool {
     use gltf::Semantic;
     let (kind, shape) = (accessor.data_type(), accessor.dimensions());
@@ -190,7 +190,7 @@ fn is_allowed(semantic: &gltf::Semantic, accessor: &gltf::Accessor) -> bool {
     }
 }
 
-/// The `gltf` crate takes for granted that a picture has an address, or a place in a buffer and a type.
+/// Checks that each image has a URI, or a buffer view and a MIME type, as the `gltf` crate assumes.
 pub(super) fn check_images(document: &gltf::Document, file: &Path) -> Result<()> {
     for (index, image) in document.as_json().images.iter().enumerate() {
         let fault = match (&image.uri, &image.buffer_view, &image.mime_type) {
@@ -238,10 +238,10 @@ pub(super) fn load_buffers(
     document.buffers().map(load).collect()
 }
 
-/// Each node's transform into the world, or `None` for nodes that are not in the scene.
+/// World transform of each node, or `None` for nodes that are not in the scene.
 ///
-/// Every node is visited once: a walk along every path would not end in a loop, and takes 2^n steps where n nodes in a
-/// row are each named twice.
+/// Every node is visited once: walking all paths would not end in a cycle, and takes 2^n steps if n successive nodes
+/// are each referenced twice.
 pub(super) fn world_transforms(
     document: &gltf::Document,
     file: &Path,
@@ -279,7 +279,7 @@ fn parent_from_node(node: &gltf::Node) -> DMat4 {
         gltf::scene::Transform::Matrix { matrix } => glam::Mat4::from_cols_array_2d(&matrix).as_dmat4(),
         gltf::scene::Transform::Decomposed { translation, rotation, scale } => {
             let rotation = DQuat::from_array(rotation.map(f64::from));
-            // An unnormalised rotation would scale.
+            // A quaternion that is not normalised would scale.
             let rotation =
                 if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
             DMat4::from_scale_rotation_translation(dvec3(scale), rotation, dvec3(translation))

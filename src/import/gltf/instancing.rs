@@ -1,5 +1,4 @@
-//! Meshes that stand in many places: nodes that name the same mesh, and the extension EXT_mesh_gpu_instancing, which gives a
-//! node many places at once.
+//! Mesh instancing: nodes that share a mesh, and EXT_mesh_gpu_instancing, which gives a node several placements.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -11,26 +10,27 @@ use super::{Loader, dvec3};
 use crate::error::{Error, Place, Result};
 use crate::scene::{Mesh, Placed, Placement, Shape};
 
-/// The extension.
+/// Name of the extension.
 pub const NAME: &str = "EXT_mesh_gpu_instancing";
 
-/// The meshes of a document that stand in several places.
+/// Cache of the meshes with several placements.
 #[derive(Default)]
 pub(super) struct SharedMeshes {
-    /// In how many, by their index.
+    /// Number of placements by mesh index.
     places: HashMap<usize, usize>,
-    /// What has been read of them, by the indices of mesh and primitive.
+    /// Meshes read so far, by mesh and primitive index.
     read: HashMap<(usize, usize), Option<Arc<Mesh>>>,
 }
 
 impl SharedMeshes {
-    /// Counts more places of a mesh.
+    /// Adds placements of a mesh.
     pub(super) fn count(&mut self, mesh: &gltf::Mesh, places: usize) {
         *self.places.entry(mesh.index()).or_default() += places;
     }
 }
 
-/// The accessor that says how many places the extension gives a node, where it gives any.
+/// The first accessor of the extension of a node, whose count is the number of placements; `None` without the
+/// extension.
 pub(super) fn first_accessor<'a>(
     node: &gltf::Node,
     document: &'a gltf::Document,
@@ -42,7 +42,7 @@ pub(super) fn first_accessor<'a>(
 }
 
 impl Loader<'_> {
-    /// The triangles of one primitive in every one of these places.
+    /// The shapes of a primitive in each of the given placements.
     pub(super) fn placed(
         &mut self,
         mesh: &gltf::Mesh,
@@ -70,7 +70,7 @@ impl Loader<'_> {
         Ok(places.iter().filter_map(place).collect())
     }
 
-    /// The places of a node's mesh: those that the extension gives it, or its own alone.
+    /// The placements of a node's mesh: those of the extension, or the node's own transform.
     pub(super) fn places_of(
         &self,
         node: &gltf::Node,
@@ -126,7 +126,7 @@ impl Loader<'_> {
         Some(self.elements::<[f32; 3]>(accessor)?.map(dvec3).collect())
     }
 
-    /// Quaternions of floating-point numbers, or of integers that stand for -1 to 1 (glTF 2.0, section 3.6.2.2).
+    /// Quaternions in floating point or in normalised integers (glTF 2.0, section 3.6.2.2).
     fn rotations(&self, accessor: gltf::Accessor) -> Option<Vec<DQuat>> {
         if accessor.dimensions() != Dimensions::Vec4 {
             return None;
@@ -141,7 +141,7 @@ impl Loader<'_> {
             }
             _ => return None,
         };
-        // One that is not of length 1 would scale.
+        // A quaternion that is not normalised would scale.
         let unit = |q: [f64; 4]| DVec4::from_array(q.map(|x| x.max(-1.0))).try_normalize();
         Some(numbers.into_iter().map(|q| unit(q).map_or(DQuat::IDENTITY, DQuat::from_vec4)).collect())
     }

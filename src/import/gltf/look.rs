@@ -5,23 +5,23 @@ use glam::{DMat4, DVec3};
 use super::{Loader, dvec3};
 use crate::error::{Place, Result};
 use crate::film::Colour;
-use crate::import::pictures::{self, Pictures};
+use crate::import::images::{self, ImageLoader};
 use crate::import::uri::{self, Resource};
 use crate::scene::{
-    Camera, Falloff, ImageId, Light, LightKind, Lookup, Material, MetallicRoughness, Minify, NormalMap,
-    Projection, Sampler, Scene, Texture, Wrap,
+    Camera, Falloff, ImageId, Interpolation, Light, LightKind, Material, MetallicRoughness, Minify,
+    NormalMap, Projection, Sampler, Scene, Texture, Wrap,
 };
 
 impl Loader<'_> {
     pub(super) fn load_images(&mut self, document: &gltf::Document) -> Result<Vec<Option<ImageId>>> {
-        let mut files = Pictures::new(self.source);
+        let mut files = ImageLoader::new(self.source);
         document.images().map(|image| self.load_image(&image, &mut files)).collect()
     }
 
     pub(super) fn load_image(
         &mut self,
         image: &gltf::Image,
-        files: &mut Pictures,
+        files: &mut ImageLoader,
     ) -> Result<Option<ImageId>> {
         let place = Place::item(&self.source.file, format!("image {}", image.index()));
         match image.source() {
@@ -32,12 +32,10 @@ impl Loader<'_> {
                     self.warnings.push(format!("{place}: texture left out: it lies outside its buffer"));
                     return Ok(None);
                 };
-                pictures::of_bytes(&mut self.scene, place, bytes, self.warnings)
+                images::of_bytes(&mut self.scene, place, bytes, self.warnings)
             }
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
-                Ok(Resource::Data(bytes)) => {
-                    pictures::of_bytes(&mut self.scene, place, &bytes, self.warnings)
-                }
+                Ok(Resource::Data(bytes)) => images::of_bytes(&mut self.scene, place, &bytes, self.warnings),
                 Ok(Resource::File(file)) => {
                     files.of_file(&mut self.scene, &self.source.sibling(file), self.warnings)
                 }
@@ -50,7 +48,7 @@ impl Loader<'_> {
     }
 
     pub(super) fn texture(&self, texture: &gltf::Texture) -> Option<Texture> {
-        use Lookup::{Linear, Nearest};
+        use Interpolation::{Linear, Nearest};
         use gltf::texture::{MagFilter, MinFilter, WrappingMode};
         let wrap = |mode| match mode {
             WrappingMode::ClampToEdge => Wrap::ClampToEdge,
@@ -82,7 +80,7 @@ impl Loader<'_> {
 
     pub(super) fn material(&self, m: &gltf::Material) -> Material {
         let pbr = m.pbr_metallic_roughness();
-        // Factors are held to the ranges that the format gives them.
+        // Factors are clamped to the ranges of the format.
         let colour = |factors: [f32; 3]| dvec3(factors).clamp(DVec3::ZERO, DVec3::ONE);
         let [r, g, b, _] = pbr.base_color_factor();
         let strength = f64::from(m.emissive_strength().unwrap_or(1.0).clamp(0.0, f32::MAX));
@@ -164,8 +162,8 @@ impl Loader<'_> {
                 outer_angle: f64::from(outer_cone_angle),
             },
         };
-        // KHR_lights_punctual gives candela or lux, of which a diffuse surface reflects 1/pi; intensity 1 here shows a
-        // surface in its own colour.
+        // KHR_lights_punctual uses candela or lux, of which a diffuse surface reflects 1/pi; a light of intensity 1
+        // shows a surface in its own colour.
         let intensity = f64::from(light.intensity()) / std::f64::consts::PI;
         if !(intensity.is_finite() && position.is_finite()) {
             self.warn(format!("light {name} is not finite; left out"));
@@ -180,15 +178,15 @@ impl Loader<'_> {
     }
 }
 
-/// The line of sight of a glTF camera has no end; it is given one beside the middle of the scene, so that a switch to
-/// the orthographic projection shows the scene at a like size.
+/// Places the camera targets. glTF cameras have a direction only; the target is the point of the view ray nearest to
+/// the centre of the scene, so that the orthographic projection shows the scene at a similar size.
 pub(super) fn place_targets(scene: &mut Scene) {
     let Some((min, max)) = scene.bounds() else { return };
     let middle = (min + max) / 2.0;
     for camera in &mut scene.cameras {
         let direction = camera.target - camera.position;
         let distance = (middle - camera.position).dot(direction);
-        // A vertex that is not a finite number will be left out; it must not take the cameras with it.
+        // A non-finite vertex, which is removed later, must not make cameras invalid.
         if distance > 0.0 && distance.is_finite() {
             let factor = distance / camera.viewpoint_distance;
             camera.target = camera.position + direction * distance;

@@ -1,9 +1,8 @@
-//! glTF 2.0, text and binary, read by the `gltf` crate.
+//! glTF 2.0 importer, .gltf and .glb, on the `gltf` crate.
 //!
-//! Buffers and pictures are opened here rather than by `gltf::import`, which loses the whole file for one missing
-//! picture. The node hierarchy is flattened into world space; skins are posed as their joints stand at rest. This file
-//! has the way through a document; `check` what can be wrong with it, `triangles` its meshes, `look` its materials,
-//! cameras and lights.
+//! Buffers and images are opened here, because `gltf::import` rejects the whole file for one missing image. The node
+//! hierarchy is flattened into world space; skins are evaluated in the rest pose of their joints. This file walks the
+//! document; `check` validates it, `triangles` reads meshes, `look` materials, cameras and lights.
 
 mod check;
 mod instancing;
@@ -113,7 +112,7 @@ impl Loader<'_> {
             self.light(&light, name.clone(), world_from_node);
         }
         let Some(mesh) = node.mesh() else { return Ok(()) };
-        // Place after place, all primitives in each, as if every place were a node.
+        // In order of placements, with all primitives of each, as if every placement were a node.
         let mut shapes: Vec<(usize, MaterialId, Shape)> = Vec::new();
         for primitive in mesh.primitives() {
             let pose = node.skin().and_then(|skin| self.pose(&skin, &primitive, world_from_nodes));

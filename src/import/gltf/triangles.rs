@@ -8,7 +8,7 @@ use crate::import::tangents::make_tangents;
 use crate::scene::{Attribute, Mesh, moved_tangent};
 
 impl Loader<'_> {
-    /// The triangles of one primitive in its mesh's own space; `None` for points and lines.
+    /// Reads a primitive in the local space of its mesh; `None` for points and lines.
     pub(super) fn primitive(&mut self, primitive: &gltf::Primitive, name: &str) -> Result<Option<Mesh>> {
         use gltf::mesh::Mode;
         if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
@@ -46,7 +46,7 @@ impl Loader<'_> {
         triangles.retain(|t| t.iter().all(|&i| (i as usize) < count));
         let out_of_range = before - triangles.len();
 
-        // An attribute that does not go with the positions is as good as none.
+        // Attributes whose count differs from that of the positions are ignored.
         let normals = reader.read_normals().map(|values| values.map(dvec3).collect::<Vec<_>>());
         let uvs = reader.read_tex_coords(uv_set).map(|uvs| {
             uvs.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect::<Vec<_>>()
@@ -54,7 +54,7 @@ impl Loader<'_> {
         let colours = reader.read_colors(0).map(|c| c.into_rgb_f32().map(dvec3).collect::<Vec<_>>());
         let tangents = primitive.material().normal_texture().and_then(|_| {
             let values = reader.read_tangents()?.map(|t| DVec4::from(t.map(f64::from))).collect::<Vec<_>>();
-            // Tangents without normals mean nothing (glTF 2.0, section 3.7.2.1).
+            // Tangents without normals are ignored (glTF 2.0, section 3.7.2.1).
             (values.len() == count && normals.is_some()).then(|| Attribute::per_position(values))
         });
         let mut mesh = Mesh {
@@ -77,7 +77,7 @@ impl Loader<'_> {
         Ok(Some(mesh))
     }
 
-    /// The set of texture coordinates that a material's pictures go by: kiln has one for all of them.
+    /// The texture coordinate set of a material; kiln supports one set for all textures of a material.
     fn uv_set(&mut self, material: &gltf::Material) -> u32 {
         let pbr = material.pbr_metallic_roughness();
         let sets = [
@@ -97,7 +97,7 @@ impl Loader<'_> {
         first
     }
 
-    /// One matrix a vertex, from the rest pose of a skin's joints (glTF 2.0, section 3.7.3).
+    /// Skinning matrix of each vertex, from the rest pose of a skin's joints (glTF 2.0, section 3.7.3).
     pub(super) fn pose(
         &mut self,
         skin: &gltf::Skin,
@@ -126,7 +126,7 @@ impl Loader<'_> {
             for (&joint, &weight) in joints.iter().zip(weights) {
                 sum += *world_from_mesh.get(joint as usize)? * f64::from(weight);
             }
-            // The last row of a blend is the sum of the weights.
+            // The w component of the blended matrix is the sum of the weights.
             (sum.w_axis.w > 0.0).then(|| sum * (1.0 / sum.w_axis.w))
         };
         let matrices: Option<Vec<DMat4>> = joints.iter().zip(&weights).map(blend).collect();
@@ -146,7 +146,7 @@ pub(super) fn deform(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
             *normal = crate::scene::normal_matrix(m) * *normal;
         }
     }
-    // Made of texture coordinates, they go with the corners of triangles; those of the file with the positions.
+    // Tangents computed from texture coordinates are indexed by corner, those of the file by vertex.
     if let Some(Attribute { values, triangles }) = &mut mesh.tangents {
         let mut moved = vec![false; values.len()];
         let corners = triangles.as_ref().unwrap_or(&mesh.triangles).as_flattened();

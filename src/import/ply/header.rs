@@ -4,7 +4,7 @@ use super::super::Source;
 use super::super::lines::shown;
 use crate::error::{Error, Place, Result};
 
-/// How the values after the header are written.
+/// Encoding of the values after the header.
 #[derive(Clone, Copy, PartialEq)]
 pub enum Encoding {
     Ascii,
@@ -26,7 +26,7 @@ pub enum Scalar {
 }
 
 impl Scalar {
-    /// By the name that it has in headers.
+    /// The type of this name in headers.
     fn named(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Scalar::I8,
@@ -41,7 +41,7 @@ impl Scalar {
         })
     }
 
-    /// Bytes of binary data.
+    /// Size in bytes in binary data.
     pub fn size(self) -> usize {
         match self {
             Scalar::I8 | Scalar::U8 => 1,
@@ -63,7 +63,7 @@ impl Scalar {
         }
     }
 
-    /// The value of a full colour channel.
+    /// Value of a colour channel that stands for white.
     pub fn white(self) -> f64 {
         match self {
             Scalar::F32 | Scalar::F64 => 1.0,
@@ -73,7 +73,7 @@ impl Scalar {
     }
 }
 
-/// A value, or a list of them, of an element.
+/// A property of an element: a value, or a list of values.
 pub struct Property {
     pub name: String,
     /// The type of a list's length; `None` for a single value.
@@ -86,12 +86,12 @@ pub struct Element {
     pub name: String,
     pub count: u64,
     pub properties: Vec<Property>,
-    /// The line of the header that names it.
+    /// Line number of its declaration.
     pub line: usize,
 }
 
 impl Element {
-    /// The fewest bytes that one takes. A value of text takes a digit and a separator.
+    /// Minimum size of one element in bytes. An ASCII value takes a digit and a separator.
     pub fn least_bytes(&self, encoding: Encoding) -> u64 {
         let of = |property: &Property| match encoding {
             Encoding::Ascii => 2,
@@ -101,26 +101,27 @@ impl Element {
     }
 }
 
-/// What a header says.
+/// A parsed header.
 pub struct Header {
-    /// How values are written.
+    /// Encoding of the values.
     pub encoding: Encoding,
     /// The elements in their order.
     pub elements: Vec<Element>,
-    /// Bytes of the header.
+    /// Length of the header in bytes.
     pub bytes: usize,
-    /// Lines of the header.
+    /// Length of the header in lines.
     pub lines: usize,
 }
 
 impl Header {
-    /// Reads the header of a file.
+    /// Parses the header of a file.
     pub fn parse(source: &Source) -> Result<Self> {
         let bytes = source.bytes.as_slice();
         let error = |line: usize, what: String, hint: &str| {
             Err(Error::input(Place::line(&source.file, line), what, hint))
         };
-        // The first line's end is that of all: after a lone `\r`, a `\n` may be the first byte of binary data.
+        // The terminator of the first line is that of all: after a lone `\r`, a `\n` may be the first byte of binary
+        // data.
         let first = bytes.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(bytes.len());
         let end: &[u8] = match bytes[first..] {
             [b'\r', b'\n', ..] => b"\r\n",
@@ -156,7 +157,10 @@ impl Header {
     }
 }
 
-/// Takes in the words of a line, or says what is wrong with them.
+/// Parses the words of a header line.
+///
+/// # Errors
+/// A message about what is wrong.
 fn take_line(
     words: &[&str],
     line: usize,

@@ -67,7 +67,8 @@ fn every_encoding_and_line_end_says_the_same() {
             assert!(warnings.is_empty(), "{warnings:?}");
         }
     }
-    // Wide channels are 16 bits, floating-point ones 0 to 1: 0.2 once more. Older names, and the older name of the list.
+    // 16-bit integer channels, and floating-point channels from 0 to 1: 0.2 again. Also alternative names of properties
+    // and of the list.
     for (scalar, value) in [("ushort", "13107"), ("float", "0.2")] {
         let text = format!(
             "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
@@ -84,7 +85,7 @@ fn every_encoding_and_line_end_says_the_same() {
 fn files_that_are_cut_off_are_errors_at_every_length() {
     for encoding in ["ascii", "binary_little_endian"] {
         let whole = file(encoding, "\n");
-        // Without its last line end, text is whole.
+        // ASCII data is complete without the last terminator.
         let end = whole.len() - usize::from(encoding == "ascii");
         for length in 0..end {
             assert!(read_bytes(whole[..length].to_vec()).is_err(), "{encoding}, {length} bytes");
@@ -92,11 +93,11 @@ fn files_that_are_cut_off_are_errors_at_every_length() {
     }
 }
 
-/// Bytes that text is made of, and one that it is not.
+/// Bytes that ASCII files consist of, and an invalid one.
 const TEXT: &[u8] = b"0123456789- .einf\n\r\xff";
 
 proptest! {
-    /// Whatever is in a file, it is read or refused, and what is read is consistent.
+    /// Any file is either rejected or read into a consistent scene.
     #[test]
     fn damaged_files_do_no_harm(
         encoding in prop::sample::select(vec!["ascii", "binary_little_endian", "binary_big_endian"]),

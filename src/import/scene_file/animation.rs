@@ -1,4 +1,4 @@
-//! The animation that a scene file describes.
+//! Conversion of the animation of a scene file.
 
 use glam::DVec3;
 

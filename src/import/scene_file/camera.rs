@@ -1,4 +1,4 @@
-//! Cameras, from what is typed to what it means: in scene files, and after `--camera`.
+//! Conversion of cameras of scene files and of `--camera`.
 
 use glam::DVec3;
 
@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::scene::file::CameraSection;
 use crate::scene::{Camera, INLINE_NAME};
 
-/// What is wrong with a camera, and what to do about it.
+/// An error in a camera and a hint.
 #[derive(Debug)]
 pub struct Fault {
     pub what: String,
@@ -19,7 +19,7 @@ impl Fault {
     }
 }
 
-/// The camera that a section describes; `name` is for one without a name of its own.
+/// Converts a camera section; `name` is the default name.
 pub fn camera(section: &CameraSection, name: &str) -> std::result::Result<Camera, Fault> {
     let s = section;
     let name = s.name.clone().unwrap_or_else(|| name.to_owned());
@@ -78,10 +78,10 @@ pub fn camera(section: &CameraSection, name: &str) -> std::result::Result<Camera
     }
 }
 
-/// The camera of an inline table, in the words of `[[camera]]`: `{ position = [0, 0, 5], look_at = [0, 0, 0] }`.
+/// Parses an inline camera with the keys of `[[camera]]`: `{ position = [0, 0, 5], look_at = [0, 0, 0] }`.
 ///
 /// # Errors
-/// [`Error::Usage`] where it is none.
+/// [`Error::Usage`] if it is invalid.
 pub fn inline_camera(text: &str) -> Result<Camera> {
     let section = CameraSection::parse_inline(text)
         .map_err(|(what, hint)| Error::usage(format!("no camera in braces: {what}"), hint))?;
@@ -110,12 +110,12 @@ mod tests {
         ]
     }
 
-    /// Tells 0 from -0, which are equal.
+    /// Distinguishes 0 from -0, which compare equal.
     fn bits(camera: &Camera) -> String {
         format!("{camera:?}")
     }
 
-    /// Numbers of every size, and those that people type.
+    /// Numbers of all magnitudes, and short decimal numbers.
     fn number() -> impl Strategy<Value = f64> {
         prop_oneof![
             3 => prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL | prop::num::f64::ZERO,

@@ -1,4 +1,4 @@
-//! Lights of scene files.
+//! Conversion of the lights of scene files.
 
 use glam::DVec3;
 use toml::Spanned;
@@ -9,15 +9,15 @@ use crate::film::Colour;
 use crate::scene::file::{FalloffValue, LightSection, LightType};
 use crate::scene::{Falloff, Light, LightKind};
 
-/// The farthest that a light may be placed. Beyond, its squared distance overflows before long; it is directional.
+/// Maximum coordinate of a light, because the square of its distance must not overflow.
 const FARTHEST_LIGHT: f64 = 1e100;
 
-/// Angles of a spot in degrees where none are given: those of KHR_lights_punctual.
+/// Default cone angles of a spot in degrees, from KHR_lights_punctual.
 const INNER_CONE_ANGLE: f64 = 0.0;
 const OUTER_CONE_ANGLE: f64 = 45.0;
 
 impl Builder<'_> {
-    /// The light of a section; without a name it is called by its `index`.
+    /// Converts a light section; unnamed lights are named by `index`.
     pub(super) fn light(&self, index: usize, section: &Spanned<LightSection>) -> Result<Light> {
         let (start, s) = (section.span().start, section.get_ref());
         let name = s.name.clone().unwrap_or_else(|| format!("light {index}"));
@@ -80,10 +80,10 @@ impl Builder<'_> {
         Ok(position.into())
     }
 
-    /// The unit vector along what `key` says.
+    /// The normalised value of `key`.
     fn light_direction(&self, start: usize, key: &str, direction: DVec3) -> Result<DVec3> {
         self.finite(start, key, &direction.to_array())?;
-        // Scaled first, so that squares neither overflow nor vanish.
+        // Scaling first prevents overflow and underflow of squares.
         let scaled = direction / direction.abs().max_element();
         scaled.try_normalize().ok_or_else(|| {
             let (what, hint) = match key {
@@ -94,7 +94,7 @@ impl Builder<'_> {
         })
     }
 
-    /// The inner and the outer angle of a cone in radians.
+    /// Inner and outer half angle of the cone in radians.
     fn cone(&self, start: usize, s: &LightSection) -> Result<[f64; 2]> {
         let inner = s.inner_cone_angle.unwrap_or(INNER_CONE_ANGLE);
         let outer = s.outer_cone_angle.unwrap_or(OUTER_CONE_ANGLE);

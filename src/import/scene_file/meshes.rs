@@ -1,4 +1,4 @@
-//! The meshes that a scene file names, read once each, wherever and however often they stand.
+//! Meshes referenced by a scene file. Each file is read once for all its placements.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -14,16 +14,16 @@ use crate::import::{self, Source};
 use crate::scene::file::{MeshSection, PlacementValue, ScaleValue, SceneFile, line_of};
 use crate::scene::{MaterialId, Object, Placed, Placement, Scene, Shape, Step};
 
-/// The files of meshes.
+/// Cache of mesh files.
 pub(super) struct Meshes {
-    /// How many places each has that are still to come.
+    /// Number of remaining placements of each file.
     places: HashMap<String, usize>,
-    /// What was in those that have some.
+    /// Objects of the files that have remaining placements.
     read: HashMap<String, Rc<Vec<Object>>>,
 }
 
 impl Meshes {
-    /// Counts the places of each mesh.
+    /// Counts the placements of each file.
     pub(super) fn of(file: &SceneFile) -> Self {
         let mut places = HashMap::new();
         for section in &file.mesh {
@@ -47,19 +47,19 @@ impl Builder<'_> {
             None => None,
         };
         let placements = self.placements(start, s)?;
-        // Read even where it stands nowhere: a name that is wrong is wrong there, too.
+        // A file without placements is read too, so that a wrong name is reported.
         let objects = match self.meshes.read.get(&s.file) {
             Some(objects) => objects.clone(),
             None => Rc::new(self.read_mesh(start, &s.file, warnings)?),
         };
-        let to_come = self.meshes.places.entry(s.file.clone()).or_default();
-        *to_come = to_come.saturating_sub(placements.len());
-        if *to_come > 0 {
+        let remaining = self.meshes.places.entry(s.file.clone()).or_default();
+        *remaining = remaining.saturating_sub(placements.len());
+        if *remaining > 0 {
             self.meshes.read.insert(s.file.clone(), objects.clone());
         } else {
             self.meshes.read.remove(&s.file);
         }
-        // The last place may take what is there; the others make copies, of everything but shared meshes.
+        // The last placement takes ownership of the objects; the others clone them, without copying shared meshes.
         let first = self.scene.objects.len();
         let mut objects = Some(objects);
         for (index, world_from_mesh) in placements.iter().enumerate() {
@@ -69,7 +69,7 @@ impl Builder<'_> {
                 objects.as_deref().cloned()
             };
             self.scene.objects.extend(own.into_iter().flatten().map(|mut object| {
-                place(&mut object.shape, world_from_mesh);
+                transform(&mut object.shape, world_from_mesh);
                 object
             }));
         }
@@ -86,8 +86,8 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// The objects of a file, not yet in their place, their materials and pictures already in the scene. The scene file
-    /// decides on cameras, lights and the picture; a mesh in it is only a mesh.
+    /// Reads the objects of a mesh file, untransformed, and adds its materials and images to the scene. Cameras, lights
+    /// and settings of the mesh file are ignored.
     fn read_mesh(&mut self, start: usize, file: &str, warnings: &mut Warnings) -> Result<Vec<Object>> {
         let path = self.source.sibling(file);
         let read =
@@ -116,7 +116,7 @@ impl Builder<'_> {
             .collect())
     }
 
-    /// The places of a mesh: those that are listed, or the one that its own keys say.
+    /// The placements of a mesh: the list `placements`, or the one given by its own keys.
     fn placements(&self, start: usize, s: &MeshSection) -> Result<Vec<DMat4>> {
         let own = PlacementValue { translate: s.translate, rotate: s.rotate, scale: s.scale };
         let Some(placements) = &s.placements else { return Ok(vec![self.placement(start, &own)?]) };
@@ -132,7 +132,7 @@ impl Builder<'_> {
         placements.iter().map(|place| self.placement(place.span().start, place.get_ref())).collect()
     }
 
-    /// Scale, then rotation about x, y and z, then translation.
+    /// The transform of a placement: scale, then rotation about x, y and z, then translation.
     fn placement(&self, start: usize, s: &PlacementValue) -> Result<DMat4> {
         let translate = s.translate.unwrap_or([0.0; 3]);
         let rotate = s.rotate.unwrap_or([0.0; 3]);
@@ -157,7 +157,7 @@ impl Builder<'_> {
     }
 }
 
-/// Makes a mesh one that may stand in many places, where it stands already.
+/// Converts a mesh to an instance with the identity placement.
 fn share(shape: Shape) -> Shape {
     match shape {
         Shape::Mesh(mesh) => Shape::Placed(Placed::new(Arc::new(mesh), Placement::default())),
@@ -165,8 +165,8 @@ fn share(shape: Shape) -> Shape {
     }
 }
 
-/// Moves a shape that a mesh file can hold.
-fn place(shape: &mut Shape, world_from_mesh: &DMat4) {
+/// Transforms a shape of a mesh file.
+fn transform(shape: &mut Shape, world_from_mesh: &DMat4) {
     match shape {
         Shape::Mesh(mesh) => mesh.transform(world_from_mesh),
         Shape::Placed(placed) => placed.placement.then(Step::Affine(*world_from_mesh)),

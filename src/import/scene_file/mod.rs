@@ -1,4 +1,4 @@
-//! Scene files: from what is typed ([`SceneFile`]) to what it means ([`Scene`]), with the meshes it names.
+//! Scene file importer: converts a [`SceneFile`] and the meshes that it references to a [`Scene`].
 
 use std::collections::HashMap;
 
@@ -22,17 +22,17 @@ use crate::scene::file::{
 use crate::scene::{Camera, Glaze, Material, MaterialId, Mesh, Object, Phong, Scene, Shape};
 use meshes::Meshes;
 
-/// The most pixels along a side; the same as for `--size`.
-const LARGEST_SIDE: u32 = 65_535;
+/// Maximum width and height in pixels, as for `--size`.
+const MAX_SIDE: u32 = 65_535;
 
-/// The most bounces of a glaze. Each holds a level of rays, a tenth of a megabyte a thread, where a path comes so deep; below
-/// a weight of 0.991 paths stop before (`effects::glaze`).
-const MOST_BOUNCES: u32 = 4096;
+/// Maximum number of glaze bounces. Each bounce that a path reaches needs buffers of about a tenth of a megabyte per
+/// thread; with a weight below 0.991 paths end earlier (`effects::glaze`).
+const MAX_BOUNCES: u32 = 4096;
 
-/// The most that a strength or a coefficient may be: products of a light's and a material's stay finite.
-const STRONGEST: f64 = 1e100;
+/// Maximum of intensities and coefficients, so that their products are finite.
+const MAX_INTENSITY: f64 = 1e100;
 
-/// Reads a scene file and the meshes it names.
+/// Reads a scene file and the meshes that it references.
 pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let text = source.text();
     let file = SceneFile::parse(&text, &source.file)?;
@@ -56,8 +56,8 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     Ok(builder.scene)
 }
 
-/// An entry that makes objects. They are made in the order of the file, whatever their kinds, because that order
-/// numbers the primitives.
+/// An entry that defines objects. Objects are created in file order, whatever their kinds, because that order numbers
+/// the primitives.
 enum Entry<'a> {
     Sphere(&'a Spanned<SphereSection>),
     Triangles(&'a Spanned<TrianglesSection>),
@@ -84,7 +84,7 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// An error in the section that starts at byte `start`.
+    /// An error in the section that starts at byte offset `start`.
     fn error(&self, start: usize, what: impl Into<String>, hint: &str) -> Error {
         Error::input(self.place(start), what, hint)
     }
@@ -101,7 +101,7 @@ impl Builder<'_> {
     }
 
     fn not_negative(&self, start: usize, key: &str, value: f64) -> Result<f64> {
-        if value > STRONGEST && value.is_finite() {
+        if value > MAX_INTENSITY && value.is_finite() {
             Err(self.error(start, format!("`{key}` is {value:e}"), "give at most 1e100"))
         } else if value >= 0.0 && value.is_finite() {
             Ok(value)
@@ -110,12 +110,12 @@ impl Builder<'_> {
         }
     }
 
-    /// The settings of the whole picture, the cameras and the lights.
+    /// Converts the settings of the whole picture, the cameras and the lights.
     fn picture(&mut self, file: &SceneFile) -> Result<()> {
         let start = file.image.as_ref().map_or(0, |section| section.span().start);
         let image = file.image.as_ref().map(|section| section.get_ref().clone()).unwrap_or_default();
         match (image.width, image.height) {
-            (Some(width), Some(height)) if width.max(height) > LARGEST_SIDE => {
+            (Some(width), Some(height)) if width.max(height) > MAX_SIDE => {
                 let what = format!("a picture of {width} x {height} pixels");
                 return Err(self.error(start, what, "give at most 65535 for each side"));
             }
@@ -135,9 +135,9 @@ impl Builder<'_> {
         {
             self.scene.ambient = Some(self.not_negative(section.span().start, "intensity", intensity)?);
         }
-        for (name, said) in &file.effects {
-            let place = self.place(said.span().start);
-            self.scene.effects.set(name, said.get_ref().clone(), Some(place));
+        for (name, value) in &file.effects {
+            let place = self.place(value.span().start);
+            self.scene.effects.set(name, value.get_ref().clone(), Some(place));
         }
         for (index, section) in file.camera.iter().enumerate() {
             let camera = self.camera(index, section)?;
@@ -176,7 +176,7 @@ impl Builder<'_> {
                     return Err(self.error(start, what, "let `weight` and `own_weight` sum to at most 1"));
                 }
                 let bounces = g.bounces.unwrap_or(Glaze::default().bounces);
-                if bounces > MOST_BOUNCES {
+                if bounces > MAX_BOUNCES {
                     let what = format!("the glaze of `{name}` asks for {bounces} bounces");
                     return Err(self.error(
                         start,

@@ -1,4 +1,4 @@
-//! What the `[image]` of a scene file says of samples.
+//! Sampling settings of the `[image]` section.
 
 use std::fmt::Display;
 
@@ -10,10 +10,10 @@ use crate::scene::Sampling;
 use crate::scene::file::ImageSection;
 
 impl Builder<'_> {
-    /// How the picture is sampled.
+    /// Converts and checks the sampling settings.
     pub(super) fn sampling(&self, image: &ImageSection) -> Result<Sampling> {
-        let samples = self.held(image.samples.as_ref(), "samples", Sampling::check_samples)?;
-        let min_samples = self.held(image.min_samples.as_ref(), "min_samples", Sampling::check_samples)?;
+        let samples = self.checked(image.samples.as_ref(), "samples", Sampling::check_samples)?;
+        let min_samples = self.checked(image.min_samples.as_ref(), "min_samples", Sampling::check_samples)?;
         if let (Some(least), Some(most)) = (min_samples, samples)
             && least > most
         {
@@ -24,20 +24,20 @@ impl Builder<'_> {
         Ok(Sampling {
             samples,
             filter: image.filter,
-            filter_radius: self.held(
+            filter_radius: self.checked(
                 image.filter_radius.as_ref(),
                 "filter_radius",
                 Sampling::check_radius,
             )?,
-            noise: self.held(image.noise.as_ref(), "noise", Sampling::check_noise)?,
+            noise: self.checked(image.noise.as_ref(), "noise", Sampling::check_noise)?,
             min_samples,
             first: None,
             seed: image.seed,
         })
     }
 
-    /// A value that a check has let through.
-    fn held<T: Copy + Display, U>(
+    /// Checks an optional value.
+    fn checked<T: Copy + Display, U>(
         &self,
         value: Option<&Spanned<T>>,
         key: &str,

@@ -1,10 +1,10 @@
-//! How a motion gathers and loses speed between two keys.
+//! Easing functions between two keyframes.
 
-/// The way from one value to the next.
+/// An easing function: time fraction to interpolation weight, both 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Easing {
-    /// At an even speed.
+    /// Constant speed: t.
     #[default]
     Linear,
     /// From rest: t^3.
@@ -13,12 +13,12 @@ pub enum Easing {
     EaseOut,
     /// From rest to rest: t^2 (3 - 2 t).
     EaseInOut,
-    /// Not at all until the end, then at once.
+    /// The previous value until t = 1, then the next.
     Hold,
 }
 
 impl Easing {
-    /// How much of the way is done after the share `t` of the time, 0 to 1. Begins at 0 and ends at 1, exactly.
+    /// The interpolation weight at time fraction `t`, 0 to 1; exactly 0 at 0 and 1 at 1.
     pub fn of(self, t: f64) -> f64 {
         match self {
             Easing::Linear => t,

@@ -1,7 +1,6 @@
-//! What moves: tracks as plain data, and what a scene is at a time.
+//! Animation tracks as plain data, and their evaluation at a time.
 //!
-//! A track is a function of time, in closed form: nothing is added up from frame to frame, so any frame can be asked for by
-//! itself and nothing drifts.
+//! A track is a closed-form function of time. Frames do not accumulate error and can be evaluated in any order.
 
 mod easing;
 pub mod file;
@@ -17,44 +16,44 @@ pub use timeline::Timeline;
 use super::Scene;
 use crate::error::{Error, Place, Result};
 
-/// What moves in a scene, and for how long.
+/// Animation of a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Animation {
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
-    /// Seconds.
+    /// Duration in seconds.
     pub duration: f64,
-    /// Whether the end is the beginning again, so that the last frame is left to the next round.
+    /// Whether the animation loops, so that the last frame, equal to the first, is omitted.
     pub repeat: bool,
-    /// What moves, in the order of the file: each takes what those before it left.
+    /// Tracks in the order of the file; each acts on the result of those before it.
     pub tracks: Vec<Track>,
 }
 
-/// A motion of something.
+/// A motion and its target.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
-    /// What moves.
+    /// The animated camera, object or light.
     pub target: Target,
-    /// How.
+    /// The motion.
     pub motion: Motion,
-    /// Where the file says so.
+    /// Place in the input file.
     pub place: Place,
 }
 
 impl Animation {
-    /// Whether anything but cameras and lights moves.
+    /// Whether any object moves; cameras and lights may move without this.
     pub fn moves_objects(&self) -> bool {
         self.tracks.iter().any(|track| matches!(track.target, Target::Object(_)))
     }
 
-    /// The same animation for a scene whose objects stand still and are not asked about: cameras look at points.
+    /// The same animation with look-at objects, which must not move, replaced by the points where they are.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is no such object.
+    /// [`Error::Input`] if a look-at object does not exist.
     pub fn without_objects(&self, scene: &Scene) -> Result<Animation> {
         let mut animation = self.clone();
         for track in &mut animation.tracks {
-            track.settle(scene)?;
+            track.resolve_goal(scene)?;
         }
         Ok(animation)
     }
@@ -67,11 +66,11 @@ impl Track {
 }
 
 impl Scene {
-    /// The scene at a time, 0 being the beginning and 1 the end of its animation: a function of the description and the time
-    /// alone.
+    /// The scene at a time, 0 at the beginning and 1 at the end of its animation; depends only on the description and
+    /// the time.
     ///
     /// # Errors
-    /// [`Error::Input`] where a track has nothing to move, or comes to what cannot be, such as a sphere of no size.
+    /// [`Error::Input`] if a track has no target, or results in an invalid value such as a radius of 0.
     pub fn at(&self, time: f64) -> Result<Scene> {
         let mut scene = self.clone();
         if let Some(animation) = &self.animation {

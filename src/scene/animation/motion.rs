@@ -1,98 +1,99 @@
-//! Motions: from a time to a value, and to what moves.
+//! Motions: evaluation at a time and application to the scene.
 
 use glam::{DMat4, DVec3};
 
-use super::target::{Property, Subject, Target, middle_of};
+use super::target::{Property, Subject, Target, centre_of};
 use super::{Easing, Track};
 use crate::error::Result;
 use crate::scene::Scene;
 
-/// How something moves.
+/// The kinds of motion.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Motion {
-    /// From one value to another over the whole animation: `a + (b - a) t`.
+    /// Interpolation over the whole animation: `a + (b - a) t`.
     Lerp {
-        /// What of the target.
+        /// Animated property of the target.
         property: Property,
-        /// The first value; what the scene says, or what earlier tracks made of it, if not given.
+        /// First value; if not given, the scene's after earlier tracks.
         from: Option<Value>,
-        /// The last value.
+        /// Last value.
         to: Value,
-        /// How it gathers speed.
+        /// Easing.
         easing: Easing,
     },
-    /// From key to key; the first key's value before it, the last one's after it.
+    /// Keyframes; the first key's value before it, the last key's value after it.
     Keys {
-        /// What of the target.
+        /// Animated property of the target.
         property: Property,
-        /// At least one, in the order of their times.
+        /// Keyframes in ascending order of time, at least one.
         keys: Vec<Key>,
     },
-    /// On a circle: turned by `2 pi turns t` about an axis. A mesh is turned as a whole; with a camera's position its up.
+    /// Rotation by `2 pi turns t` about an axis. A mesh is rotated as a whole; a camera's up vector rotates with its
+    /// position.
     Orbit {
-        /// Which point of the target.
+        /// Animated point of the target.
         property: Property,
-        /// A point of the axis.
+        /// A point on the axis.
         around: DVec3,
-        /// Its direction, of length 1; counter-clockwise seen from its tip.
+        /// Direction of the axis, of length 1; positive turns are counter-clockwise seen from its tip.
         axis: DVec3,
-        /// How many turns over the whole animation; below 0 the other way round.
+        /// Turns over the whole animation; negative values turn clockwise.
         turns: f64,
     },
-    /// A camera keeps looking at something.
+    /// A camera's look-at target.
     LookAt {
-        /// What it looks at.
+        /// Target.
         goal: Goal,
-        /// How far beside it.
+        /// Offset added to the target.
         offset: DVec3,
     },
 }
 
-/// A value at a time.
+/// A keyframe.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Key {
     /// Seconds from the beginning.
     pub time: f64,
     /// The value.
     pub value: Value,
-    /// The way that leads to it.
+    /// Easing from the previous key to this one.
     pub easing: Easing,
 }
 
-/// What a camera looks at.
+/// Look-at target of a camera.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Goal {
-    /// A point.
+    /// A point in world space.
     Point(DVec3),
-    /// The middle of an object, wherever it is by then.
+    /// Centre of an object's bounds at the time evaluated.
     Object(String),
 }
 
-/// Three numbers; where one is enough, three times the same.
+/// Value of a property; a scalar is repeated three times.
 pub type Value = DVec3;
 
-/// `a + (b - a) t`, which is `b` exactly for 1.
+/// `a + (b - a) t`, exactly `b` at 1.
 fn lerp(a: Value, b: Value, t: f64) -> Value {
     if t == 1.0 { b } else { a + (b - a) * t }
 }
 
-/// The angle of so many turns: 0 after every whole one, so that things come back to where they were, to the bit.
+/// Angle in radians of a number of turns, 0 after every whole turn, so that a loop closes bit by bit.
 fn angle(turns: f64) -> f64 {
     std::f64::consts::TAU * (turns - turns.floor())
 }
 
-/// The point turned about an axis (Rodrigues 1840), as what is added to it: what lies along the axis stays as it is, and
-/// without an angle everything does, to the bit.
-fn turned(point: DVec3, around: DVec3, axis: DVec3, angle: f64) -> DVec3 {
-    let from = point - around;
-    let out = from - from.dot(axis) * axis;
-    point + (angle.cos() - 1.0) * out + angle.sin() * axis.cross(out)
+/// Rotates a point about an axis (Rodrigues 1840). The rotation is computed as a displacement, so that points on the
+/// axis and rotations by 0 are exact.
+fn rotated(point: DVec3, around: DVec3, axis: DVec3, angle: f64) -> DVec3 {
+    let arm = point - around;
+    let radial = arm - arm.dot(axis) * axis;
+    point + (angle.cos() - 1.0) * radial + angle.sin() * axis.cross(radial)
 }
 
 impl Track {
-    /// Moves what there is to move to where it is at `time`, 0 to 1, `seconds` after the beginning.
+    /// Applies the track to its targets at `time`, 0 to 1, which is `seconds` after the beginning.
     pub(super) fn apply(&self, scene: &mut Scene, time: f64, seconds: f64) -> Result<()> {
-        let middle = match &self.motion {
+        let centre = match &self.motion {
             Motion::LookAt { goal, .. } => Some(self.goal(goal, scene)?),
             _ => None,
         };
@@ -112,19 +113,19 @@ impl Track {
                         Subject::Mesh { object, .. } => {
                             let about =
                                 DMat4::from_translation(*around) * DMat4::from_axis_angle(*axis, angle);
-                            Subject::place(object, &(about * DMat4::from_translation(-*around)));
+                            Subject::transform(object, &(about * DMat4::from_translation(-*around)));
                         }
                         other => {
                             let from = other.value(*property, self)?;
-                            other.set(*property, turned(from, *around, *axis, angle), self)?;
+                            other.set(*property, rotated(from, *around, *axis, angle), self)?;
                             if let (Subject::Camera(camera), Property::Position) = (other, *property) {
-                                camera.up = turned(camera.up, DVec3::ZERO, *axis, angle);
+                                camera.up = rotated(camera.up, DVec3::ZERO, *axis, angle);
                             }
                         }
                     }
                 }
                 Motion::LookAt { offset, .. } => {
-                    let goal = middle.unwrap_or_default() + *offset;
+                    let goal = centre.unwrap_or_default() + *offset;
                     subject.set(Property::LookAt, goal, self)?;
                 }
             }
@@ -136,13 +137,13 @@ impl Track {
         match goal {
             Goal::Point(point) => Ok(*point),
             Goal::Object(name) => {
-                middle_of(scene, name).ok_or_else(|| self.unknown(&Target::Object(name.clone()), scene))
+                centre_of(scene, name).ok_or_else(|| self.unknown(&Target::Object(name.clone()), scene))
             }
         }
     }
 
-    /// Looks at a point where it looked at an object that stands still.
-    pub(super) fn settle(&mut self, scene: &Scene) -> Result<()> {
+    /// Replaces a look-at object by its current centre.
+    pub(super) fn resolve_goal(&mut self, scene: &Scene) -> Result<()> {
         if let Motion::LookAt { goal, offset } = &self.motion {
             let point = Goal::Point(self.goal(goal, scene)?);
             self.motion = Motion::LookAt { goal: point, offset: *offset };
@@ -151,7 +152,7 @@ impl Track {
     }
 }
 
-/// The value between the keys around a time.
+/// Interpolated value of keyframes at a time.
 fn value_at(keys: &[Key], seconds: f64) -> Value {
     let next = keys.partition_point(|key| key.time <= seconds);
     match (next.checked_sub(1).and_then(|last| keys.get(last)), keys.get(next)) {

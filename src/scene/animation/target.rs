@@ -1,4 +1,4 @@
-//! What tracks move, by its name, and the numbers of it that they read and set.
+//! Targets of tracks, by name, and access to their animated properties.
 
 use glam::{DMat4, DQuat, DVec3, EulerRot};
 
@@ -7,37 +7,37 @@ use crate::error::{Error, Result};
 use crate::scene::file::nearest_name;
 use crate::scene::{Camera, Light, LightKind, Object, Scene, Shape, Step};
 
-/// What a track moves, by its name.
+/// Target of a track, by name.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Target {
     /// A camera.
     Camera(String),
-    /// A sphere, a triangle list or a mesh; also all objects of a mesh's file together.
+    /// A sphere, a triangle list or a mesh; the name of a mesh file stands for all its objects.
     Object(String),
     /// A light.
     Light(String),
 }
 
-/// What of it a track changes.
+/// Animated property of a target.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Property {
-    /// Where a camera, a sphere or a point light is.
+    /// Position of a camera, a sphere, a point light or a spot.
     #[default]
     Position,
-    /// The point that a camera looks at.
+    /// Look-at point of a camera.
     LookAt,
-    /// The radius of a sphere.
+    /// Radius of a sphere.
     Radius,
-    /// How strong a light is.
+    /// Intensity of a light.
     Intensity,
-    /// The direction in which a directional light or a spot shines.
+    /// Direction in which a directional light or a spot shines.
     Direction,
-    /// How far a mesh is moved from where it stands.
+    /// Translation of a mesh from its place in the scene.
     Translate,
-    /// How a mesh is turned about the middle of its bounds: about x, then y, then z, in degrees.
+    /// Rotation of a mesh about the centre of its bounds: about x, then y, then z, in degrees.
     Rotate,
-    /// How a mesh is scaled about the middle of its bounds: one factor, or one for each axis.
+    /// Scale of a mesh about the centre of its bounds: one factor, or one per axis.
     Scale,
 }
 
@@ -57,19 +57,19 @@ impl Property {
     }
 }
 
-/// A thing that a track moves.
+/// Mutable access to a target of a track.
 pub(super) enum Subject<'a> {
     Camera(&'a mut Camera),
     Light(&'a mut Light),
     Sphere { centre: &'a mut DVec3, radius: &'a mut f64 },
-    Mesh { object: &'a mut Object, middle: DVec3 },
+    Mesh { object: &'a mut Object, centre: DVec3 },
 }
 
 impl Track {
-    /// What the track moves: several things where a mesh's file has several objects.
+    /// The targets of the track: several if the objects of a mesh file share the name.
     pub(super) fn subjects<'a>(&self, scene: &'a mut Scene) -> Result<Vec<Subject<'a>>> {
-        let middle = match &self.target {
-            Target::Object(name) => middle_of(scene, name).unwrap_or_default(),
+        let centre = match &self.target {
+            Target::Object(name) => centre_of(scene, name).unwrap_or_default(),
             _ => DVec3::ZERO,
         };
         let unknown = self.unknown(&self.target, scene);
@@ -88,7 +88,7 @@ impl Track {
                         Shape::Sphere { centre, radius } => Subject::Sphere { centre, radius },
                         _ => unreachable!("looked at above"),
                     },
-                    _ => Subject::Mesh { object, middle },
+                    _ => Subject::Mesh { object, centre },
                 };
                 named.map(subject).collect()
             }
@@ -96,7 +96,7 @@ impl Track {
         if subjects.is_empty() { Err(unknown) } else { Ok(subjects) }
     }
 
-    /// An error for what the scene does not have.
+    /// The error for a target that does not exist.
     pub(super) fn unknown(&self, target: &Target, scene: &Scene) -> Error {
         let (kind, name, known): (_, _, Vec<&str>) = match target {
             Target::Camera(name) => ("camera", name, scene.cameras.iter().map(|c| c.name.as_str()).collect()),
@@ -111,21 +111,21 @@ impl Track {
     }
 }
 
-/// Whether an object has this name, or is of a mesh's file that has.
+/// Whether an object, or the mesh file that it comes from, has this name.
 fn is_named(object: &Object, name: &str) -> bool {
     object.name == name || object.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('/'))
 }
 
-/// The middle of the box around all objects of a name.
-pub(super) fn middle_of(scene: &Scene, name: &str) -> Option<DVec3> {
+/// Centre of the bounds of all objects of a name.
+pub(super) fn centre_of(scene: &Scene, name: &str) -> Option<DVec3> {
     let objects = scene.objects.iter().filter(|object| is_named(object, name)).cloned().collect();
     let (min, max) = Scene { objects, ..Scene::default() }.bounds()?;
     Some(min / 2.0 + max / 2.0)
 }
 
 impl Subject<'_> {
-    /// Moves a mesh.
-    pub(super) fn place(object: &mut Object, map: &DMat4) {
+    /// Transforms a mesh; does nothing for a sphere.
+    pub(super) fn transform(object: &mut Object, map: &DMat4) {
         match &mut object.shape {
             Shape::Mesh(mesh) => mesh.transform(map),
             Shape::Placed(placed) => placed.placement.then(Step::Affine(*map)),
@@ -133,7 +133,7 @@ impl Subject<'_> {
         }
     }
 
-    /// The number or numbers of a property.
+    /// Current value of a property.
     pub(super) fn value(&self, property: Property, track: &Track) -> Result<DVec3> {
         Ok(match (self, property) {
             (Subject::Camera(camera), Property::Position) => camera.position,
@@ -160,9 +160,12 @@ impl Subject<'_> {
         })
     }
 
-    /// Gives a property another value.
+    /// Sets a property.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the target lacks the property or the value is invalid.
     pub(super) fn set(&mut self, property: Property, value: DVec3, track: &Track) -> Result<()> {
-        // Also where it is not there to be set.
+        // Fails if the target lacks the property.
         self.value(property, track)?;
         let bad = |what: &str, hint: &str| Err(track.error(what, hint));
         match (self, property) {
@@ -203,7 +206,7 @@ impl Subject<'_> {
                     *direction = unit;
                 }
             }
-            (Subject::Mesh { object, middle }, _) => {
+            (Subject::Mesh { object, centre }, _) => {
                 let linear = match property {
                     Property::Rotate => {
                         let [x, y, z] = value.to_array().map(f64::to_radians);
@@ -218,13 +221,13 @@ impl Subject<'_> {
                     Property::Scale => DMat4::from_scale(value),
                     _ => {
                         return {
-                            Subject::place(object, &DMat4::from_translation(value));
+                            Subject::transform(object, &DMat4::from_translation(value));
                             Ok(())
                         };
                     }
                 };
-                let about = DMat4::from_translation(*middle) * linear * DMat4::from_translation(-*middle);
-                Subject::place(object, &about);
+                let about = DMat4::from_translation(*centre) * linear * DMat4::from_translation(-*centre);
+                Subject::transform(object, &about);
             }
             _ => {}
         }

@@ -1,4 +1,4 @@
-//! Pictures for textures: decoded once each, and replaced by a plain colour where they cannot be.
+//! Texture images: each file is decoded once; materials do without images that cannot be decoded.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -11,26 +11,27 @@ use super::heights::normals_of_heights;
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::read::{self, Unread};
 use crate::limits;
-use crate::scene::{ImageId, Scene, TextureImage};
+use crate::scene::{DecodedImage, ImageId, Scene};
 
-/// Decodes pictures into a scene, each file once.
-pub struct Pictures {
+/// Decodes image files into a scene, each once.
+pub struct ImageLoader {
     files: Files,
     known: HashMap<PathBuf, Option<ImageId>>,
-    /// Height maps as normal maps, with the steepest slope in each; `None` where it is a normal map already.
+    /// Normal maps converted from height maps, with the steepest slope of each; `None` for a file that is a normal map.
     heights: HashMap<PathBuf, Option<(ImageId, f64)>>,
 }
 
-impl Pictures {
-    /// The pictures that `source` names; none yet.
+impl ImageLoader {
+    /// A loader for the images referenced by `source`.
     pub fn new(source: &Source) -> Self {
-        Pictures { files: source.files.clone(), known: HashMap::new(), heights: HashMap::new() }
+        ImageLoader { files: source.files.clone(), known: HashMap::new(), heights: HashMap::new() }
     }
 
-    /// The picture in `file`, or `None` with a warning where it is missing or cannot be decoded.
+    /// Loads an image file; returns `None` with a warning if it is missing or cannot be decoded.
     ///
     /// # Errors
-    /// [`Error::Input`] where it is too large: what is drawn does not depend on the machine's memory.
+    /// [`Error::Input`] if it exceeds the memory limit, so that the rendered picture does not depend on the machine's
+    /// memory.
     pub fn of_file(
         &mut self,
         scene: &mut Scene,
@@ -41,17 +42,17 @@ impl Pictures {
             return Ok(known);
         }
         let name = file.display().to_string();
-        let decoded = open(&self.files, file, TEXTURE).map(|picture| into_texture(&name, &picture));
+        let decoded = open(&self.files, file, TEXTURE).map(|image| into_texture(&name, &image));
         let image = keep(scene, decoded, file, warnings)?;
         self.known.insert(file.to_owned(), image);
         Ok(image)
     }
 
-    /// The bump map in `file`, and what x and y of its normals are to be multiplied by. A grey picture holds heights; one in
-    /// colours is a normal map already, as exporters write under this name, too.
+    /// Loads a bump map; returns it as a normal map with the factor of its x and y. A grey image is a height map; a
+    /// coloured one is taken as a normal map, which some exporters also write under this key.
     ///
     /// # Errors
-    /// As those of [`Pictures::of_file`].
+    /// As those of [`ImageLoader::of_file`].
     pub fn bump_of_file(
         &mut self,
         scene: &mut Scene,
@@ -62,13 +63,13 @@ impl Pictures {
             Some(known) => *known,
             None => {
                 let grey = match open(&self.files, file, HEIGHTS) {
-                    Ok(picture) => Some(picture).filter(is_grey),
+                    Ok(image) => Some(image).filter(is_grey),
                     Err(Unread::TooLarge { what, hint }) => return Err(Error::input(file, what, hint)),
-                    // Warned of below.
+                    // `of_file` warns below.
                     Err(Unread::Damaged(_)) => None,
                 };
-                let made = grey.map(|picture| {
-                    let (image, steepest) = of_heights(&file.display().to_string(), picture);
+                let made = grey.map(|image| {
+                    let (image, steepest) = of_heights(&file.display().to_string(), image);
                     (scene.add_image(image), steepest)
                 });
                 self.heights.insert(file.to_owned(), made);
@@ -84,10 +85,10 @@ impl Pictures {
     }
 }
 
-/// Bytes a pixel of a texture, beside the decoded picture.
+/// Bytes per pixel of a texture, in addition to the decoded image.
 const TEXTURE: u64 = 3;
 
-/// The same of a height map: 16-bit heights, the normals made of them, and the texture.
+/// Bytes per pixel of a height map: 16-bit heights, their normals, and the texture.
 const HEIGHTS: u64 = 2 + 3 + TEXTURE;
 
 fn open(files: &Files, file: &Path, bytes_each: u64) -> std::result::Result<DynamicImage, Unread> {
@@ -95,20 +96,20 @@ fn open(files: &Files, file: &Path, bytes_each: u64) -> std::result::Result<Dyna
     read::decode(&bytes, bytes_each)
 }
 
-fn is_grey(picture: &DynamicImage) -> bool {
-    let mut pixels = picture.pixels().map(|(_, _, p)| p.0);
-    !picture.color().has_color() || pixels.all(|[r, g, b, _]| r == g && g == b)
+fn is_grey(image: &DynamicImage) -> bool {
+    let mut pixels = image.pixels().map(|(_, _, p)| p.0);
+    !image.color().has_color() || pixels.all(|[r, g, b, _]| r == g && g == b)
 }
 
-fn of_heights(name: &str, picture: DynamicImage) -> (TextureImage, f64) {
-    let grey = picture.into_luma16();
+fn of_heights(name: &str, image: DynamicImage) -> (DecodedImage, f64) {
+    let grey = image.into_luma16();
     let (width, height) = grey.dimensions();
     let heights = grey.into_raw();
     let made = normals_of_heights(|i| f64::from(heights[i]) / 65535.0, width as usize, height as usize);
-    (TextureImage { name: name.to_owned(), width, height, pixels: made.texels.into() }, made.steepest)
+    (DecodedImage { name: name.to_owned(), width, height, pixels: made.texels.into() }, made.steepest)
 }
 
-/// A picture from bytes in memory, or `None` with a warning where it cannot be decoded. `place` is where it is.
+/// Decodes an image in memory; returns `None` with a warning if that fails. `place` is named in messages.
 ///
 /// # Errors
 /// [`Error::Input`] where it is too large.
@@ -119,12 +120,12 @@ pub fn of_bytes(
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     let name = place.to_string();
-    keep(scene, read::decode(bytes, TEXTURE).map(|picture| into_texture(&name, &picture)), place, warnings)
+    keep(scene, read::decode(bytes, TEXTURE).map(|image| into_texture(&name, &image)), place, warnings)
 }
 
 fn keep(
     scene: &mut Scene,
-    decoded: std::result::Result<TextureImage, Unread>,
+    decoded: std::result::Result<DecodedImage, Unread>,
     place: impl Into<Place>,
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
@@ -138,16 +139,16 @@ fn keep(
     }
 }
 
-fn into_texture(name: &str, picture: &DynamicImage) -> TextureImage {
-    let (width, height) = picture.dimensions();
-    // The usual kinds go straight to their place, without a second picture between.
-    let pixels = match picture {
+fn into_texture(name: &str, image: &DynamicImage) -> DecodedImage {
+    let (width, height) = image.dimensions();
+    // Common formats are converted without an intermediate image.
+    let pixels = match image {
         DynamicImage::ImageLuma8(grey) => grey.as_raw().iter().map(|&l| [l; 3]).collect(),
         DynamicImage::ImageRgba8(rgba) => {
             rgba.as_raw().as_chunks().0.iter().map(|&[r, g, b, _]| [r, g, b]).collect()
         }
         DynamicImage::ImageRgb8(rgb) => rgb.as_raw().as_chunks().0.into(),
-        _ => picture.to_rgb8().as_raw().as_chunks().0.into(),
+        _ => image.to_rgb8().as_raw().as_chunks().0.into(),
     };
-    TextureImage { name: name.to_owned(), width, height, pixels }
+    DecodedImage { name: name.to_owned(), width, height, pixels }
 }

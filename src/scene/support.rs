@@ -1,7 +1,7 @@
-//! How far the objects of a scene reach, to the bit, without looking at every corner of every placed mesh.
+//! Maxima of affine functions over the vertices and spheres of a scene (support function values), such as its bounds.
 //!
-//! What is asked for is the greatest value that some affine function takes, as computed, on any corner. Boxes around
-//! parts of a mesh tell which placements, and which parts of them, may hold it; only their corners are looked at.
+//! The results equal those of an exhaustive search bit by bit. Bounding boxes of parts of each mesh give upper bounds,
+//! rounding included; only the vertices of parts that may contain the maximum are evaluated.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -10,46 +10,47 @@ use glam::DVec3;
 
 use super::{Mesh, Object, Placed, Shape};
 
-/// A function of points, affine up to rounding.
-pub struct Measure<'a> {
-    /// The function, with all its rounding.
+/// A function of points that is affine up to rounding.
+pub struct AffineFunction<'a> {
+    /// The function as computed, rounding included.
     pub value: &'a dyn Fn(DVec3) -> f64,
-    /// What it is for a sphere, given its centre and its radius.
+    /// Its maximum over a sphere, given centre and radius.
     pub of_sphere: &'a dyn Fn(DVec3, f64) -> f64,
     /// Its gradient.
     pub gradient: DVec3,
-    /// No less than the gradient on any axis, nor any factor that it is added up from.
+    /// Upper bound, on each axis, of the gradient and of every term that it is summed from.
     pub weight: DVec3,
-    /// No less, on any axis, than what is added to the coordinates of a point.
+    /// Upper bound, on each axis, of the absolute value added to a point's coordinates.
     pub offset: DVec3,
 }
 
-/// The share of the numbers that a value is computed from by which it may be off, generously: a few roundings of f64.
+/// Bound of the rounding error of a value, relative to the magnitudes that it is computed from: a few roundings in f64,
+/// with a margin.
 const ROUNDING: f64 = 1.0 / (1u64 << 44) as f64;
 
-/// The greatest value of each measure on any corner or sphere of `objects`; negative infinity where there is nothing.
-pub fn greatest(objects: &[Object], measures: &[Measure]) -> Vec<f64> {
-    let mut best = vec![f64::NEG_INFINITY; measures.len()];
+/// Maximum of each function over all vertices and spheres of `objects`; negative infinity if there are none.
+pub fn maxima(objects: &[Object], functions: &[AffineFunction]) -> Vec<f64> {
+    let mut best = vec![f64::NEG_INFINITY; functions.len()];
     let mut placed: Vec<&Placed> = Vec::new();
     let mut parts: HashMap<*const Mesh, Vec<Part>> = HashMap::new();
     for object in objects {
         match &object.shape {
             Shape::Sphere { centre, radius } => {
-                for (best, measure) in best.iter_mut().zip(measures) {
-                    *best = best.max((measure.of_sphere)(*centre, *radius));
+                for (best, function) in best.iter_mut().zip(functions) {
+                    *best = best.max((function.of_sphere)(*centre, *radius));
                 }
             }
-            Shape::Mesh(mesh) => mesh.corners().for_each(|p| include(&mut best, measures, p)),
+            Shape::Mesh(mesh) => mesh.corners().for_each(|p| include_point(&mut best, functions, p)),
             Shape::Placed(one) => {
                 parts.entry(Arc::as_ptr(&one.mesh)).or_insert_with(|| split(&one.mesh));
                 placed.push(one);
             }
         }
     }
-    for (best, measure) in best.iter_mut().zip(measures) {
+    for (best, function) in best.iter_mut().zip(functions) {
         let mut limits: Vec<(f64, &Placed)> = placed
             .iter()
-            .map(|&one| (measure.limit(one, Part::around(&parts[&Arc::as_ptr(&one.mesh)])), one))
+            .map(|&one| (function.upper_bound(one, Part::around(&parts[&Arc::as_ptr(&one.mesh)])), one))
             .collect();
         limits.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
         for (limit, one) in limits {
@@ -57,8 +58,8 @@ pub fn greatest(objects: &[Object], measures: &[Measure]) -> Vec<f64> {
                 break;
             }
             for part in &parts[&Arc::as_ptr(&one.mesh)] {
-                if measure.limit(one, (part.min, part.max)) > *best {
-                    let values = part.points.iter().map(|&p| (measure.value)(one.placement.point(p)));
+                if function.upper_bound(one, (part.min, part.max)) > *best {
+                    let values = part.points.iter().map(|&p| (function.value)(one.placement.point(p)));
                     *best = values.fold(*best, f64::max);
                 }
             }
@@ -67,39 +68,39 @@ pub fn greatest(objects: &[Object], measures: &[Measure]) -> Vec<f64> {
     best
 }
 
-fn include(best: &mut [f64], measures: &[Measure], p: DVec3) {
-    for (best, measure) in best.iter_mut().zip(measures) {
-        *best = best.max((measure.value)(p));
+fn include_point(best: &mut [f64], functions: &[AffineFunction], p: DVec3) {
+    for (best, function) in best.iter_mut().zip(functions) {
+        *best = best.max((function.value)(p));
     }
 }
 
-impl Measure<'_> {
-    /// No corner of this part of a mesh has a greater value.
-    fn limit(&self, placed: &Placed, (min, max): (DVec3, DVec3)) -> f64 {
+impl AffineFunction<'_> {
+    /// Upper bound of the function over the vertices of a mesh part with the given bounds.
+    fn upper_bound(&self, placed: &Placed, (min, max): (DVec3, DVec3)) -> f64 {
         let (centre, half) = (min / 2.0 + max / 2.0, max / 2.0 - min / 2.0);
         let (linear, offset) = placed.placement.as_one();
         let across = (linear.transpose() * self.gradient).abs().dot(half);
         let numbers = placed.placement.reach(min.abs().max(max.abs())) + self.offset;
         let limit = (self.value)(linear * centre + offset) + across + self.weight.dot(numbers) * ROUNDING;
-        // Where there is no telling, there is none.
+        // A bound that overflowed to NaN excludes nothing.
         if limit.is_nan() { f64::INFINITY } else { limit }
     }
 }
 
-/// Corners of a mesh that lie close together, and the box around them.
+/// Neighbouring vertices of a mesh and their bounding box.
 struct Part {
     min: DVec3,
     max: DVec3,
     points: Vec<DVec3>,
 }
 
-/// How many points a part has at most.
-const PART: usize = 64;
+/// Maximum number of vertices in a part.
+const MAX_PART_POINTS: usize = 64;
 
 impl Part {
     fn new(points: &[DVec3]) -> Self {
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        // In this order, what is not a number is passed over.
+        // In this argument order `min` and `max` ignore NaN.
         for p in points {
             (min, max) = (p.min(min), p.max(max));
         }
@@ -112,24 +113,25 @@ impl Part {
     }
 }
 
-/// The corners of a mesh, each once, in parts: halved across the longest side of their box until they are few.
+/// Splits the vertices used by a mesh at the median along the longest axis until each part has at most
+/// `MAX_MAX_PART_POINTS_POINTS`.
 fn split(mesh: &Mesh) -> Vec<Part> {
     let mut used = vec![false; mesh.positions.len()];
     mesh.triangles.iter().flatten().for_each(|&i| used[i as usize] = true);
     let mut points: Vec<DVec3> =
         mesh.positions.iter().zip(used).filter(|(_, used)| *used).map(|(&p, _)| p).collect();
     let mut parts = Vec::new();
-    let mut waiting = vec![points.as_mut_slice()];
-    while let Some(points) = waiting.pop() {
+    let mut stack = vec![points.as_mut_slice()];
+    while let Some(points) = stack.pop() {
         let part = Part::new(points);
-        if points.len() <= PART {
+        if points.len() <= MAX_PART_POINTS {
             parts.push(part);
             continue;
         }
         let axis = (part.max - part.min).max_position();
         let middle = points.len() / 2;
         points.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
-        waiting.extend(<[_; 2]>::from(points.split_at_mut(middle)));
+        stack.extend(<[_; 2]>::from(points.split_at_mut(middle)));
     }
     parts
 }
@@ -140,7 +142,7 @@ mod tests {
     use super::*;
     use glam::{DMat4, DQuat};
 
-    /// Points all over a ball, placed a hundred times: the box is that of the copies, to the bit.
+    /// Points on a sphere, instanced a hundred times: the bounds equal those of the baked copies, bit by bit.
     #[test]
     fn placed_meshes_reach_as_far_as_their_copies() {
         let turn = |i: u32| {
