@@ -7,7 +7,7 @@ use crate::error::{Error, Result, Warnings};
 use crate::film::check::{self, Found};
 use crate::film::output::describe;
 use crate::film::part::{self, part_name, write_part};
-use crate::film::write::{self, Format, Picture, encode, write_picture};
+use crate::film::write::{self, Format, OutputImage, encode, write_picture};
 use crate::film::{self, Film, Pixel, Share, Window};
 use crate::job::RenderJob;
 use crate::limits;
@@ -111,17 +111,17 @@ pub fn check_memory(job: &RenderJob, target: &Target, wanted: &AovSelection, has
         Target::Part(..) => 0,
         // The encoded file is kept whole; at worst it is a little longer than its pixels.
         Target::StandardOutput => 3,
-        Target::File(_, format) => write::bytes_a_pixel(*format, channels),
+        Target::File(_, format) => write::bytes_per_pixel(*format, channels),
     };
     let wish = if has_wish { choose::BYTES_A_PIXEL } else { 0 };
-    let each = bytes_a_pixel(target.kept(), wanted, channels).max(wish) + writing;
+    let each = bytes_per_pixel(target.kept(), wanted, channels).max(wish) + writing;
     check_memory_of(job.window, channels, each)
 }
 
 /// The most bytes for each pixel of a picture while it is rendered.
-pub fn bytes_a_pixel(format: Format, wanted: &AovSelection, channels: u64) -> u64 {
+pub fn bytes_per_pixel(format: Format, wanted: &AovSelection, channels: u64) -> u64 {
     match format {
-        Format::Exr => 4 * (3 + channels) + if channels > 0 { wanted.bytes_a_pixel() } else { 0 },
+        Format::Exr => 4 * (3 + channels) + if channels > 0 { wanted.bytes_per_pixel() } else { 0 },
         Format::Png | Format::Jpeg => 3,
     }
 }
@@ -148,14 +148,14 @@ pub fn render_plainly(
     format: Format,
     wanted: &AovSelection,
     control: &RenderControl,
-) -> Result<(Picture, Statistics)> {
+) -> Result<(OutputImage, Statistics)> {
     if format != Format::Exr {
         let (film, statistics) = job.render(control)?;
-        return Ok((Picture::Bytes(film, job.pipeline()), statistics));
+        return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
     }
     let (film, statistics) = job.render(control)?;
     let channels = aov::channels(&job.subject(Some(&film)), wanted, control)?;
-    Ok((Picture::Numbers(film, channels), statistics))
+    Ok((OutputImage::Float(film, channels), statistics))
 }
 
 /// Renders as many samples as the user's target takes, and says how many.
@@ -165,7 +165,7 @@ pub fn render_to_wish(
     format: Format,
     control: &RenderControl,
     warnings: &mut Warnings,
-) -> Result<(Picture, Statistics)> {
+) -> Result<(OutputImage, Statistics)> {
     // How many tiles there are to come is not known; progress would begin anew with each stretch.
     let control = RenderControl { progress: &|_, _| (), ..*control };
     let chosen = choose::render(job, wish, &control)?;
@@ -178,11 +178,11 @@ pub fn render_to_wish(
     job.metadata.extend(job.choices.sampling.settings());
     let (window, pipeline) = (job.window, job.pipeline());
     let picture = match format {
-        Format::Exr => Picture::Numbers(Film::of_rows(window, &chosen.pixels)?, Vec::new()),
+        Format::Exr => OutputImage::Float(Film::from_rows(window, &chosen.pixels)?, Vec::new()),
         _ => {
             let mut bytes = vec![[0; 3]; chosen.pixels.len()];
             Pixel::develop(&chosen.pixels, pipeline, &mut bytes);
-            Picture::Bytes(Film::of_rows(window, &bytes)?, pipeline)
+            OutputImage::Rgb8(Film::from_rows(window, &bytes)?, pipeline)
         }
     };
     Ok((picture, chosen.statistics))
@@ -241,10 +241,10 @@ pub fn warn_of_the_picture(
 }
 
 /// Writes the picture where it goes.
-pub fn write(picture: &Picture, job: &RenderJob, target: &Target) -> Result<()> {
+pub fn write(picture: &OutputImage, job: &RenderJob, target: &Target) -> Result<()> {
     let metadata = &job.metadata;
     match (target, picture) {
-        (Target::Part(file, _, share), Picture::Numbers(film, channels)) => {
+        (Target::Part(file, _, share), OutputImage::Float(film, channels)) => {
             write_part(film, channels, job.pipeline(), metadata, *share, file)
         }
         (Target::File(file, format) | Target::Part(file, format, _), _) => {

@@ -64,7 +64,7 @@ impl Sampling {
     /// Shape and radius in pixels of the filter.
     pub fn shape_and_radius(&self) -> (FilterShape, f64) {
         let shape = self.filter.unwrap_or_default();
-        (shape, self.filter_radius.unwrap_or(shape.usual_radius()))
+        (shape, self.filter_radius.unwrap_or(shape.default_radius()))
     }
 
     /// Sampling of the samples `from..to` of these settings, the same for all pixels: the mean of consecutive parts,
