@@ -154,7 +154,7 @@ pub fn render_plainly(
         return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
     }
     let (film, statistics) = job.render(control)?;
-    let channels = aov::channels(&job.subject(Some(&film)), wanted, control)?;
+    let channels = aov::channels(&job.aov_source(Some(&film)), wanted, control)?;
     Ok((OutputImage::Float(film, channels), statistics))
 }
 

@@ -38,7 +38,7 @@ impl Colour {
     }
 
     /// Converts the colour to the encoding of `pipeline`.
-    pub fn lower(self, pipeline: ColourPipeline) -> DVec3 {
+    pub fn to_pipeline(self, pipeline: ColourPipeline) -> DVec3 {
         match (self, pipeline) {
             (Colour::Display(c), ColourPipeline::Linear) => per_channel(c, srgb_decode),
             (Colour::Linear(c), ColourPipeline::Display | ColourPipeline::U8) => per_channel(c, srgb_encode),
@@ -61,7 +61,7 @@ impl ColourPipeline {
     /// `mix_light` in the report, without its rounding), finite f32 for `linear`, because irradiance near a light is
     /// unbounded.
     #[inline]
-    pub fn hold(self, c: DVec3) -> DVec3 {
+    pub fn clamp(self, c: DVec3) -> DVec3 {
         match self {
             ColourPipeline::U8 => per_channel(c, |x| f64::from(quantise(x)) / 255.0),
             ColourPipeline::Display => per_channel(c, |x| x.clamp(0.0, 1.0)),
@@ -73,13 +73,13 @@ impl ColourPipeline {
     #[inline]
     pub fn mix_light(self, colour: DVec3, light: DVec3) -> DVec3 {
         // Clamping the light keeps black at 0 under infinite light.
-        self.hold(colour * per_channel(light, |x| x.clamp(f64::MIN, f64::MAX)))
+        self.clamp(colour * per_channel(light, |x| x.clamp(f64::MIN, f64::MAX)))
     }
 
     /// The assignment's `weighted_combine`: `a * weight_a + b * weight_b`, per channel.
     #[inline]
     pub fn weighted_combine(self, a: DVec3, b: DVec3, weight_a: f64, weight_b: f64) -> DVec3 {
-        self.hold(a * weight_a + b * weight_b)
+        self.clamp(a * weight_a + b * weight_b)
     }
 
     /// Display value of one channel, 0 to 1, before quantisation.
@@ -180,9 +180,9 @@ mod tests {
     #[test]
     fn srgb_is_its_own_inverse_for_every_8_bit_value() {
         for value in 0..=255u8 {
-            let linear = Colour::from_u8([value; 3]).lower(ColourPipeline::Linear);
+            let linear = Colour::from_u8([value; 3]).to_pipeline(ColourPipeline::Linear);
             assert_eq!(ColourPipeline::Linear.encode([linear.x as f32; 3]), [value; 3]);
-            let display = Colour::Linear(linear).lower(ColourPipeline::Display);
+            let display = Colour::Linear(linear).to_pipeline(ColourPipeline::Display);
             assert_eq!(quantise(display.x), value);
         }
     }

@@ -223,8 +223,8 @@ mod tests {
 
     #[test]
     fn integrals_and_variances_are_the_closed_forms() {
-        // Box of radius r: r^2 / 3. Tent: r^2 / 6. Mitchell and Netravali with B + 2C = 1 reproduce straight lines, and the
-        // second moment of their kernel is B / 3 in steps of one pixel: 1/9 for the usual radius.
+        // Box of radius r: r^2 / 3. Tent: r^2 / 6. Mitchell and Netravali with B + 2C = 1 reproduce straight lines, and
+        // the second moment of their kernel is B / 3 in steps of one pixel: 1/9 for the default radius.
         let expected = [0.25 / 3.0, 1.0 / 6.0, f64::NAN, 1.0 / 9.0];
         for (filter, expected) in usual().iter().zip(expected) {
             let name = filter.shape().name();
@@ -270,8 +270,9 @@ mod tests {
 
     #[test]
     fn mitchells_lobes_weigh_what_they_should() {
-        // Of the kernel of integral one, a lobe is (2 - t)^2 (8 - 7 t) / 18 from 8/7 to 2; with y = 2 - t from 0 to a = 6/7 that is
-        // y^2 (7 y - 6) / 18, whose integral is (7 a^4 / 4 - 2 a^3) / 18. There are two; the absolute value's is 1 less twice them.
+        // With unit integral, a negative lobe is (2 - t)^2 (8 - 7 t) / 18 from 8/7 to 2; with y = 2 - t from 0 to a =
+        // 6/7 it is y^2 (7 y - 6) / 18, whose integral is (7 a^4 / 4 - 2 a^3) / 18. There are two lobes; the integral
+        // of the absolute value is 1 minus twice their sum.
         let a = 6.0f64 / 7.0;
         let negative = 2.0 * (7.0 / 4.0 * a.powi(4) - 2.0 * a.powi(3)) / 18.0;
         let mitchell = Filter::new(FilterShape::Mitchell, 2.0);

@@ -7,7 +7,7 @@ use super::{CameraChoice, RenderSettings};
 use crate::error::{Error, Result};
 use crate::film::Window;
 use crate::scene::file::nearest_name;
-use crate::scene::{Camera, Scene, usual_size};
+use crate::scene::{Camera, Scene, default_size};
 use crate::world::{Recentering, StandardView, fitted_camera};
 
 /// A camera, given or to be fitted.
@@ -59,7 +59,7 @@ impl Viewpoint<'_> {
     /// Size of the picture in pixels.
     pub fn size(&self, settings: &RenderSettings, scene: &Scene) -> [u32; 2] {
         let camera = if let Viewpoint::Camera(camera) = self { Some(&**camera) } else { None };
-        let size = settings.size.unwrap_or_else(|| usual_size(scene.size, camera));
+        let size = settings.size.unwrap_or_else(|| default_size(scene.size, camera));
         match settings.longest_side {
             Some(longest) if settings.size.is_none() && settings.crop.is_none() => {
                 no_longer_than(longest, size)

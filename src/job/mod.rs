@@ -147,7 +147,7 @@ impl RenderJob {
     }
 
     /// Source of the AOV layers of the picture.
-    pub fn subject<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
+    pub fn aov_source<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
         let RenderJob { world, recentering, view, plan, window, share, .. } = self;
         AovSource { world, recentering: *recentering, view, plan, window: *window, share: *share, film }
     }
@@ -219,7 +219,7 @@ pub fn resolve_for(
     settings: &RenderSettings,
 ) -> Result<ResolvedJob> {
     let sampling = settings.sampling.or(scene.sampling);
-    let most = sampling.most_samples();
+    let most = sampling.max_samples();
     if let Some(least) = sampling.min_samples.filter(|&least| sampling.noise.is_some() && least > most) {
         let what = format!("at least {least} samples a pixel were asked for, and at most {most}");
         return Err(Error::usage(what, "give a lower --min-samples or a higher --samples"));

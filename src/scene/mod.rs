@@ -21,7 +21,7 @@ mod sampling;
 pub mod support;
 
 pub use animation::Animation;
-pub use camera::{Camera, Projection, usual_size};
+pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
 pub use fingerprint::Fingerprint;
 pub use material::{DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture};
@@ -29,7 +29,7 @@ pub use mesh::{Attribute, Mesh, moved_tangent, normal_matrix};
 pub use numerics::Numerics;
 pub use placed::{Placed, Placement, Step};
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
-pub use sampling::{MOST_SAMPLES, Sampling};
+pub use sampling::{MAX_SAMPLES, Sampling};
 
 use support::AffineFunction;
 

@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::film::ColourPipeline;
-use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, usual_size};
+use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, default_size};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -35,7 +35,7 @@ impl Said {
     /// The size of the picture that is rendered where none is given.
     pub fn size(&self, seen_from: SeenFrom) -> [u32; 2] {
         let camera = if let SeenFrom::Camera(camera) = seen_from { Some(camera) } else { None };
-        usual_size(self.size, camera)
+        default_size(self.size, camera)
     }
 }
 

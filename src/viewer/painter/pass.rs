@@ -123,7 +123,7 @@ impl<'a> Side<'a> {
         let most = match self.kind {
             Kind::Centres => 1,
             Kind::Samples(samples) => samples,
-            Kind::Adaptive => self.settings.choices.sampling.most_samples(),
+            Kind::Adaptive => self.settings.choices.sampling.max_samples(),
         };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
         let seconds_a_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
@@ -174,7 +174,7 @@ impl<'a> Side<'a> {
             let [picture, exact] = [film, &exact].map(|film| metrics::Picture::of_film(film, job.pipeline()));
             return error_against_exact(&picture, &exact);
         }
-        false_colours(self.order.shown, &job.with_size(size)?.subject(None), control)
+        false_colours(self.order.shown, &job.with_size(size)?.aov_source(None), control)
     }
 
     fn render(

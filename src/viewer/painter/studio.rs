@@ -90,7 +90,7 @@ impl Studio {
         let whole = Plan::new(&world, &settings.choices)?;
         let kind = match (whole.takes_samples(), whole.is_adaptive()) {
             (false, _) => Kind::Centres,
-            (true, false) => Kind::Samples(sampling.most_samples()),
+            (true, false) => Kind::Samples(sampling.max_samples()),
             (true, true) => Kind::Adaptive,
         };
         let decisions = EFFECTS.iter().zip(whole.decisions);
