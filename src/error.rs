@@ -1,75 +1,75 @@
-//! What can go wrong, and what it means for the caller.
+//! Errors and warnings of the library.
 //!
-//! Every room returns these; only the command line prints them and turns them into exit codes. An error names the
-//! file and the place in it, what is wrong there, and what to do about it.
+//! Library code returns them; only the command line prints them and maps them to exit codes. An error states the file
+//! and the place in it, what is wrong, and how to fix it.
 
 use std::cell::Cell;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
-/// The result of anything in this crate that can fail.
+/// Result type of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// A failure, with enough in it to be mended by who reads it.
+/// An error that states what is wrong and how to fix it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Error {
-    /// An input that cannot be used as it is; trying again will not help.
+    /// An invalid input.
     #[error("{place}: {what}")]
     Input {
-        /// The file and, where known, the line or item in it.
+        /// File and, if known, line or item.
         place: Place,
-        /// What is wrong there.
+        /// What is wrong.
         what: String,
-        /// What to do about it; may be empty.
+        /// Hint for a fix; may be empty.
         hint: String,
     },
-    /// An output that cannot be written.
+    /// An output that could not be written.
     #[error("{}: {what}", file.display())]
     Output {
-        /// The file that was to be written.
+        /// The output file.
         file: PathBuf,
         /// What went wrong.
         what: String,
     },
-    /// A request that contradicts itself or the scene, such as a camera the scene does not have.
+    /// An invalid request, such as a camera that the scene does not have.
     #[error("{what}")]
     Usage {
         /// What is wrong with the request.
         what: String,
-        /// What to do about it; may be empty.
+        /// Hint for a fix; may be empty.
         hint: String,
     },
-    /// The work itself failed.
+    /// A failure of the operation itself.
     #[error("{what}")]
     Failed {
         /// What failed.
         what: String,
-        /// What to do about it; may be empty.
+        /// Hint for a fix; may be empty.
         hint: String,
     },
-    /// The caller asked for the work to stop.
+    /// The operation was cancelled by the caller.
     #[error("interrupted")]
     Interrupted,
 }
 
 impl Error {
-    /// An input error at `place`.
+    /// Creates [`Error::Input`] at `place`.
     pub fn input(place: impl Into<Place>, what: impl Into<String>, hint: impl Into<String>) -> Self {
         Error::Input { place: place.into(), what: what.into(), hint: hint.into() }
     }
 
-    /// A wrong request.
+    /// Creates [`Error::Usage`].
     pub fn usage(what: impl Into<String>, hint: impl Into<String>) -> Self {
         Error::Usage { what: what.into(), hint: hint.into() }
     }
 
-    /// An output error for `file`.
+    /// Creates [`Error::Output`] for `file`.
     pub fn output(file: &Path, what: impl fmt::Display) -> Self {
         Error::Output { file: file.to_owned(), what: what.to_string() }
     }
 
-    /// What to do about it; empty where there is nothing to say.
+    /// Hint for a fix; empty if there is none.
     pub fn hint(&self) -> &str {
         match self {
             Error::Input { hint, .. } | Error::Usage { hint, .. } | Error::Failed { hint, .. } => hint,
@@ -78,10 +78,10 @@ impl Error {
     }
 }
 
-/// A place in an input: the file, and a line or a named item in it.
+/// A place in an input file: a line or a named item.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Place {
-    /// The file as the user named it.
+    /// File name as given by the user.
     pub file: PathBuf,
     /// The line, counted from 1.
     pub line: Option<usize>,
@@ -120,9 +120,8 @@ impl fmt::Display for Place {
     }
 }
 
-/// What there is to say about an input or a picture that was made all the same, in the order it came up. The command
-/// line prints it. *Warnings* name what was left out or replaced, and `--strict` makes them fatal; *notes* name what was
-/// decided for the user.
+/// Warnings and notes about an operation that succeeded, in order of occurrence. *Warnings* report data that was
+/// omitted or replaced; `--strict` makes them fatal. *Notes* report automatic decisions.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Warnings {
     messages: Vec<String>,
@@ -130,12 +129,12 @@ pub struct Warnings {
 }
 
 impl Warnings {
-    /// Adds a warning, once.
+    /// Adds a warning, unless it was added before.
     pub fn push(&mut self, message: impl Into<String>) {
         push_once(&mut self.messages, message.into());
     }
 
-    /// Adds a note, once.
+    /// Adds a note, unless it was added before.
     pub fn note(&mut self, message: impl Into<String>) {
         push_once(&mut self.notes, message.into());
     }
@@ -150,7 +149,7 @@ impl Warnings {
         &self.notes
     }
 
-    /// Whether nothing was warned of.
+    /// Whether there are no warnings; notes are not counted.
     pub fn is_empty(&self) -> bool {
         self.messages.is_empty()
     }
@@ -160,16 +159,16 @@ thread_local! {
     static CONTAINED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// Calls a library's parser on data from outside. `None` where it panics: the data is then at fault as far as the user can tell.
+/// Calls a third-party parser on external data. Returns `None` if it panics, which is then reported as invalid data.
 pub fn contain<T>(parse: impl FnOnce() -> T) -> Option<T> {
     let before = CONTAINED.replace(true);
-    // What the parser was given is dropped by the caller, or not looked at again.
+    // Unwind safety: the caller drops the arguments of the parser or does not use them again.
     let result = catch_unwind(AssertUnwindSafe(parse));
     CONTAINED.set(before);
     result.ok()
 }
 
-/// Whether a panic of this thread will be caught by [`contain`], and is not to be reported by a panic hook.
+/// Whether panics of this thread are caught by [`contain`]; panic hooks should then not report them.
 pub fn is_contained() -> bool {
     CONTAINED.get()
 }

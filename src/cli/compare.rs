@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::{print, print_stderr};
 use crate::error::{Error, Result};
-use crate::film::write::{Format, Picture as Written, write_picture};
+use crate::film::write::{Format, OutputImage as Written, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::limits;
 use crate::study::metrics::{BYTES_A_PIXEL, Errors, Figures, Picture, Values, definitions, heat_map};
@@ -114,8 +114,8 @@ pub fn run(arguments: &Arguments) -> Result<u8> {
     match (&arguments.heat_map, map) {
         (Some(file), Some(map)) => {
             let window = Window { x: 0, y: 0, width: errors.width, height: errors.height };
-            let film = Film::of_rows(window, &heat_map(&map))?;
-            write_picture(&Written::Bytes(film, ColourPipeline::Display), &[], Format::Png, file)?;
+            let film = Film::from_rows(window, &heat_map(&map))?;
+            write_picture(&Written::Rgb8(film, ColourPipeline::Display), &[], Format::Png, file)?;
         }
         (Some(file), None) => print_stderr(format_args!(
             "kiln: warning: {}: no heat map of pictures that are not finite",

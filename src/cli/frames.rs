@@ -55,11 +55,11 @@ pub fn load_and_prepare(
 const MOST_BYTES: usize = 1 << 29;
 
 /// Renders every frame by `make`, several in parallel, and passes the results to `take` in order of frames. `channels`
-/// is the number of AOV channels of a picture, `bytes_a_pixel` its memory per pixel.
+/// is the number of AOV channels of a picture, `bytes_per_pixel` its memory per pixel.
 pub fn render_all<T: Send>(
     animation: &AnimationJob,
     pool: &rayon::ThreadPool,
-    (channels, bytes_a_pixel): (u64, u64),
+    (channels, bytes_per_pixel): (u64, u64),
     interrupted: &AtomicBool,
     progress: &Progress,
     make: &(dyn Fn(i32, &RenderJob, &RenderControl) -> Result<T> + Sync),
@@ -73,11 +73,11 @@ pub fn render_all<T: Send>(
         progress.steps(1 + done.fetch_add(1, Ordering::Relaxed), total, ("frames", tiles));
     };
     let control = RenderControl { cancel: interrupted, progress: &count, time_stages: false };
-    output::check_memory_of(window, channels, bytes_a_pixel)?;
+    output::check_memory_of(window, channels, bytes_per_pixel)?;
     // One more than the number of threads, so that no thread idles at the end of a frame; fewer if memory is limited.
-    let each = window.area().saturating_mul(bytes_a_pixel.max(12) as usize);
+    let each = window.area().saturating_mul(bytes_per_pixel.max(12) as usize);
     let most = (MOST_BYTES / each).clamp(2, 1 + pool.current_num_threads()).min(animation.frames.len());
-    let bytes = |count: usize| limits::product(&[window.area() as u64, bytes_a_pixel, count as u64]);
+    let bytes = |count: usize| limits::product(&[window.area() as u64, bytes_per_pixel, count as u64]);
     let in_flight = (2..=most).rev().find(|&count| limits::check(bytes(count)).is_ok()).unwrap_or(1);
     let make = |frame| make(frame, &animation.frame(frame)?, &control);
     in_order(pool, &animation.frames, in_flight, interrupted, &make, take)
@@ -176,8 +176,8 @@ pub fn write_frames(
     let checks = FrameChecks::default();
     let needs = |effects_on: usize| {
         let channels = pictures.wanted.channel_count(effects_on) as u64;
-        let bytes = output::bytes_a_pixel(pictures.format, &pictures.wanted, channels)
-            + write::bytes_a_pixel(pictures.format, channels);
+        let bytes = output::bytes_per_pixel(pictures.format, &pictures.wanted, channels)
+            + write::bytes_per_pixel(pictures.format, channels);
         (channels, bytes)
     };
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {

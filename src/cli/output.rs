@@ -7,7 +7,7 @@ use crate::error::{Error, Result, Warnings};
 use crate::film::check::{self, Found};
 use crate::film::output::describe;
 use crate::film::part::{self, part_name, write_part};
-use crate::film::write::{self, Format, Picture, encode, write_picture};
+use crate::film::write::{self, Format, OutputImage, encode, write_picture};
 use crate::film::{self, Film, Pixel, Share, Window};
 use crate::job::RenderJob;
 use crate::limits;
@@ -118,17 +118,17 @@ pub fn check_memory(
         OutputTarget::Part(..) => 0,
         // The encoded file is held in memory; at worst it is slightly larger than its pixels.
         OutputTarget::StandardOutput => 3,
-        OutputTarget::File(_, format) => write::bytes_a_pixel(*format, channels),
+        OutputTarget::File(_, format) => write::bytes_per_pixel(*format, channels),
     };
     let wish = if has_accuracy { choose::BYTES_A_PIXEL } else { 0 };
-    let each = bytes_a_pixel(target.film_format(), wanted, channels).max(wish) + writing;
+    let each = bytes_per_pixel(target.film_format(), wanted, channels).max(wish) + writing;
     check_memory_of(job.window, channels, each)
 }
 
 /// Maximum bytes per pixel of a picture during rendering.
-pub fn bytes_a_pixel(format: Format, wanted: &AovSelection, channels: u64) -> u64 {
+pub fn bytes_per_pixel(format: Format, wanted: &AovSelection, channels: u64) -> u64 {
     match format {
-        Format::Exr => 4 * (3 + channels) + if channels > 0 { wanted.bytes_a_pixel() } else { 0 },
+        Format::Exr => 4 * (3 + channels) + if channels > 0 { wanted.bytes_per_pixel() } else { 0 },
         Format::Png | Format::Jpeg => 3,
     }
 }
@@ -155,14 +155,14 @@ pub fn render_image(
     format: Format,
     wanted: &AovSelection,
     control: &RenderControl,
-) -> Result<(Picture, Statistics)> {
+) -> Result<(OutputImage, Statistics)> {
     if format != Format::Exr {
         let (film, statistics) = job.render(control)?;
-        return Ok((Picture::Bytes(film, job.pipeline()), statistics));
+        return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
     }
     let (film, statistics) = job.render(control)?;
-    let channels = aov::channels(&job.subject(Some(&film)), wanted, control)?;
-    Ok((Picture::Numbers(film, channels), statistics))
+    let channels = aov::channels(&job.aov_source(Some(&film)), wanted, control)?;
+    Ok((OutputImage::Float(film, channels), statistics))
 }
 
 /// Renders with the number of samples that the requested accuracy or budget needs, and reports it as a note or warning.
@@ -172,7 +172,7 @@ pub fn render_to_accuracy(
     format: Format,
     control: &RenderControl,
     warnings: &mut Warnings,
-) -> Result<(Picture, Statistics)> {
+) -> Result<(OutputImage, Statistics)> {
     // No progress: the total number of tiles is unknown, as samples are added in several renders.
     let control = RenderControl { progress: &|_, _| (), ..*control };
     let chosen = choose::render(job, wish, &control)?;
@@ -185,11 +185,11 @@ pub fn render_to_accuracy(
     job.metadata.extend(job.choices.sampling.settings());
     let (window, pipeline) = (job.window, job.pipeline());
     let picture = match format {
-        Format::Exr => Picture::Numbers(Film::of_rows(window, &chosen.pixels)?, Vec::new()),
+        Format::Exr => OutputImage::Float(Film::from_rows(window, &chosen.pixels)?, Vec::new()),
         _ => {
             let mut bytes = vec![[0; 3]; chosen.pixels.len()];
             Pixel::develop(&chosen.pixels, pipeline, &mut bytes);
-            Picture::Bytes(Film::of_rows(window, &bytes)?, pipeline)
+            OutputImage::Rgb8(Film::from_rows(window, &bytes)?, pipeline)
         }
     };
     Ok((picture, chosen.statistics))
@@ -248,10 +248,10 @@ pub fn warn_about_picture(
 }
 
 /// Writes the picture to its target.
-pub fn write(picture: &Picture, job: &RenderJob, target: &OutputTarget) -> Result<()> {
+pub fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarget) -> Result<()> {
     let metadata = &job.metadata;
     match (target, picture) {
-        (OutputTarget::Part(file, _, share), Picture::Numbers(film, channels)) => {
+        (OutputTarget::Part(file, _, share), OutputImage::Float(film, channels)) => {
             write_part(film, channels, job.pipeline(), metadata, *share, file)
         }
         (OutputTarget::File(file, format) | OutputTarget::Part(file, format, _), _) => {

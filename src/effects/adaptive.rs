@@ -24,7 +24,7 @@ pub const EFFECT: Effect = Effect {
         let Some(level) = sampling.noise else {
             return Err("no level of noise is given; --noise does".into());
         };
-        let (floor, most) = (Criterion::new(sampling).min_samples, sampling.most_samples());
+        let (floor, most) = (Criterion::new(sampling).min_samples, sampling.max_samples());
         if floor == most {
             return Err(format!("every pixel takes {most} sample(s) anyway"));
         }

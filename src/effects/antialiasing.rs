@@ -27,7 +27,7 @@ pub const EFFECT: Effect = Effect {
             return Err("one sample a pixel, through its centre; --samples asks for more".into());
         }
         let filter = sampling.shape_and_radius();
-        let (samples, name, radius) = (sampling.most_samples(), filter.0.name(), filter.1);
+        let (samples, name, radius) = (sampling.max_samples(), filter.0.name(), filter.1);
         let up_to = if sampling.noise.is_some() { "up to " } else { "" };
         Ok(format!("{up_to}{samples} sample(s) a pixel, filter `{name}` of radius {radius}"))
     },
@@ -35,7 +35,7 @@ pub const EFFECT: Effect = Effect {
         spec.own_camera_rays = true;
         let sampling = context.sampling;
         let least = if sampling.first.is_some() { SAMPLES_OF_PARTS } else { 1 };
-        spec.samples = sampling.most_samples().max(least);
+        spec.samples = sampling.max_samples().max(least);
     },
     stages: |context: &EffectContext, hook| match hook {
         Hook::Rays => vec![Box::new(SampleRays(Sampler::new(context)))],

@@ -38,7 +38,7 @@ pub struct Criterion {
 impl Criterion {
     /// The criterion of the settings, with defaults.
     pub fn new(sampling: &Sampling) -> Self {
-        let most = sampling.most_samples();
+        let most = sampling.max_samples();
         Criterion {
             // No error is below 0: without a noise level no pixel converges.
             max_error: sampling.noise.unwrap_or(-1.0),

@@ -7,7 +7,7 @@
 
 use sobol_burley::parts::{hash, owen_scramble_rev, sobol_rev, u32_to_f32_norm};
 
-use crate::scene::MOST_SAMPLES;
+use crate::scene::MAX_SAMPLES;
 
 /// What random numbers are used for. Each purpose has an independent sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,9 +25,9 @@ const BITS_OF_PURPOSES: u32 = 4;
 pub struct Point([u32; 2]);
 
 impl Point {
-    /// The point of a sample, 0 to below [`MOST_SAMPLES`].
+    /// The point of a sample, 0 to below [`MAX_SAMPLES`].
     pub fn new(sample: u32, purpose: Purpose) -> Self {
-        let index = (sample % MOST_SAMPLES).reverse_bits();
+        let index = (sample % MAX_SAMPLES).reverse_bits();
         // A shuffled order for each further purpose. Owen scrambling of the index maps aligned blocks of 2^k to such blocks.
         let shuffled = match purpose as u32 {
             0 => index,

@@ -40,7 +40,7 @@ impl Sampler {
         let sampling = context.sampling;
         let (shape, radius) = sampling.shape_and_radius();
         let centred = !sampling.is_wanted();
-        let samples = if centred { 1 } else { sampling.most_samples() };
+        let samples = if centred { 1 } else { sampling.max_samples() };
         let is_adaptive = context.spec.adaptive;
         let floor = if is_adaptive { Criterion::new(sampling).min_samples.min(samples) } else { samples };
         Sampler {
@@ -221,7 +221,7 @@ impl TileSamples {
     pub fn finish(&self, tile: &mut Tile, sampler: &Sampler, pipeline: ColourPipeline) {
         let value = |sum: &SampleSum| match pipeline {
             // This pipeline rounds every value to 8 bits.
-            ColourPipeline::U8 => pipeline.hold(sum.value(&sampler.filter)),
+            ColourPipeline::U8 => pipeline.clamp(sum.value(&sampler.filter)),
             _ => sum.value(&sampler.filter),
         };
         let own = || self.region.own().map(|pixel| &self.sums[pixel]);
@@ -239,7 +239,7 @@ impl TileSamples {
     }
 }
 
-/// The sum of a pixel's samples. In f64, in which the rounding of [`crate::scene::MOST_SAMPLES`] sums of f32 values does not
+/// The sum of a pixel's samples. In f64, in which the rounding of [`crate::scene::MAX_SAMPLES`] sums of f32 values does not
 /// show in f32, and equal samples add up exactly.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct SampleSum {

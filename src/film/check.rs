@@ -1,8 +1,8 @@
-//! Whether a picture on disk is whole, and what made it, going by what is written in it.
+//! Checks that image files are complete, and reads their metadata.
 //!
-//! JPEG is not asked: it has no checksum, and decoders fill up what is missing, so that whole ones cannot be told from others.
+//! JPEG is not supported: it has no checksum, and decoders fill in missing data, so that truncation cannot be detected.
 //!
-//! Pictures are decoded a row or a block at a time, so that memory does not grow with their height, and only rows and blocks are
+//! Images are decoded by rows or blocks, so that memory does not grow with their height; only rows and blocks are
 //! checked against [`limits`].
 
 use std::io::{BufReader, Cursor};
@@ -11,40 +11,40 @@ use std::path::Path;
 use exr::block::reader::ChunksReader;
 use exr::prelude::{AttributeValue, Text};
 
-use super::read::{Unread, exr_reader, most_of_a_block};
+use super::read::{ReadError, exr_reader, max_block_bytes};
 use super::write::{FINGERPRINT, FRAME, Format};
 use crate::error::contain;
 use crate::limits;
 
-/// What there is where a picture should be.
+/// State of an output file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Found {
-    /// No file.
+    /// The file does not exist.
     Missing,
-    /// A file that cannot be read, or not to its end; why.
+    /// The file is unreadable or incomplete; the reason.
     Broken(String),
-    /// A whole picture.
+    /// The file is complete; its metadata.
     Whole(Made),
 }
 
-/// What a picture says of how it was made.
+/// Metadata that identifies a picture.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Made {
-    /// The fingerprint of scene and settings, where it says one.
+    /// Fingerprint of scene and settings, if present.
     pub fingerprint: Option<String>,
-    /// The frame, where it is one.
+    /// Frame number, if present.
     pub frame: Option<i32>,
 }
 
 impl Found {
-    /// Whether it is the whole picture of this fingerprint and frame.
+    /// Whether it is the complete picture of this fingerprint and frame.
     pub fn is(&self, fingerprint: &str, frame: Option<i32>) -> bool {
         let wanted = Made { fingerprint: Some(fingerprint.to_owned()), frame };
         *self == Found::Whole(wanted)
     }
 }
 
-/// Reads a PNG to its end, with the checksums of all its parts, or an OpenEXR with all of its pixels.
+/// Checks all of a file: a PNG with the checksums of all its chunks, or an OpenEXR with all of its pixels.
 pub fn look(file: &Path, format: Format) -> Found {
     let bytes = match limits::read_file(file) {
         Ok(bytes) => bytes,
@@ -54,12 +54,12 @@ pub fn look(file: &Path, format: Format) -> Found {
     let texts = match format {
         Format::Png => contain(|| png_texts(&bytes)),
         Format::Exr => contain(|| exr_texts(&bytes)),
-        Format::Jpeg => Some(Err(Unread::Damaged("a JPEG does not say whether it is whole".into()))),
+        Format::Jpeg => Some(Err(ReadError::Damaged("a JPEG does not say whether it is whole".into()))),
     };
     match texts {
         None => Found::Broken("damaged: its decoder failed".into()),
-        Some(Err(Unread::Damaged(what))) => Found::Broken(what),
-        Some(Err(Unread::TooLarge { what, hint })) => Found::Broken(format!("{what}; {hint}")),
+        Some(Err(ReadError::Damaged(what))) => Found::Broken(what),
+        Some(Err(ReadError::TooLarge { what, hint })) => Found::Broken(format!("{what}; {hint}")),
         Some(Ok(texts)) => {
             let text = |name: &str| texts.iter().find(|(key, _)| key == name).map(|(_, value)| value);
             let frame = text(FRAME).and_then(|frame| frame.parse().ok());
@@ -68,25 +68,25 @@ pub fn look(file: &Path, format: Format) -> Found {
     }
 }
 
-type Texts = Result<Vec<(String, String)>, Unread>;
+type Texts = Result<Vec<(String, String)>, ReadError>;
 
-/// The most bytes of a text in a picture, once it is decompressed. kiln's are not compressed, and a few hundred bytes long.
-const MOST_TEXT: usize = 1 << 20;
+/// Maximum size of a decompressed text chunk. kiln's are uncompressed and a few hundred bytes long.
+const MAX_TEXT_BYTES: usize = 1 << 20;
 
 fn png_texts(bytes: &[u8]) -> Texts {
     let damaged = |e: png::DecodingError| match e {
-        png::DecodingError::IoError(_) => Unread::Damaged("ends too early".to_owned()),
-        other => Unread::Damaged(format!("damaged: {other}")),
+        png::DecodingError::IoError(_) => ReadError::Damaged("ends too early".to_owned()),
+        other => ReadError::Damaged(format!("damaged: {other}")),
     };
     let mut options = png::DecodeOptions::default();
     options.set_skip_ancillary_crc_failures(false);
     let mut decoder = png::Decoder::new_with_options(BufReader::new(Cursor::new(bytes)), options);
     let header = decoder.read_header_info().map_err(damaged)?;
     let (width, height) = (u64::from(header.width), u64::from(header.height));
-    // A row and the one before it, as they are in the file, and the row that is handed out.
+    // The current and the previous row as stored, and the output row.
     let rows = limits::product(&[header.raw_row_length() as u64, 3]);
-    limits::check_claim(rows).map_err(|excess| Unread::too_large(width, height, &excess))?;
-    // That is of rows; profiles and texts are no longer than the file.
+    limits::check_claim(rows).map_err(|excess| ReadError::too_large(width, height, &excess))?;
+    // In addition to rows; profiles and text are no longer than the file.
     let most = rows.saturating_add(64 << 20).saturating_add(bytes.len() as u64);
     decoder.set_limits(png::Limits { bytes: usize::try_from(most).unwrap_or(usize::MAX) });
     let mut reader = decoder.read_info().map_err(damaged)?;
@@ -94,22 +94,22 @@ fn png_texts(bytes: &[u8]) -> Texts {
     reader.finish().map_err(damaged)?;
     let text = |chunk: &png::text_metadata::ITXtChunk| {
         let mut chunk = chunk.clone();
-        chunk.decompress_text_with_limit(MOST_TEXT).ok()?;
+        chunk.decompress_text_with_limit(MAX_TEXT_BYTES).ok()?;
         Some((chunk.keyword.clone(), chunk.get_text().ok()?))
     };
     Ok(reader.info().utf8_text.iter().filter_map(text).collect())
 }
 
 fn exr_texts(bytes: &[u8]) -> Texts {
-    let damaged = |e: exr::error::Error| Unread::Damaged(format!("damaged: {e}"));
+    let damaged = |e: exr::error::Error| ReadError::Damaged(format!("damaged: {e}"));
     let reader = exr_reader(bytes)?;
     for header in reader.headers() {
         let [width, height] = [header.layer_size.width(), header.layer_size.height()].map(|side| side as u64);
-        limits::check_claim(most_of_a_block(header))
-            .map_err(|excess| Unread::too_large(width, height, &excess))?;
+        limits::check_claim(max_block_bytes(header))
+            .map_err(|excess| ReadError::too_large(width, height, &excess))?;
     }
     let Some(first) = reader.headers().first() else {
-        return Err(Unread::Damaged("damaged: without a layer".into()));
+        return Err(ReadError::Damaged("damaged: without a layer".into()));
     };
     let attributes = first.own_attributes.other.clone();
     let blocks = reader.all_chunks(true).map_err(damaged)?;
@@ -124,7 +124,7 @@ fn exr_texts(bytes: &[u8]) -> Texts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::write::{Picture, encode};
+    use crate::film::write::{OutputImage, encode};
     use crate::film::{ColourPipeline, Film, Window};
 
     fn picture(format: Format) -> Vec<u8> {
@@ -133,11 +133,11 @@ mod tests {
             Format::Exr => {
                 let rows: Vec<[f32; 3]> =
                     (0..19 * 17).map(|i| [i as f32, 0.25, 1.0 / (1.0 + i as f32)]).collect();
-                Picture::Numbers(Film::of_rows(window, &rows).unwrap(), Vec::new())
+                OutputImage::Float(Film::from_rows(window, &rows).unwrap(), Vec::new())
             }
             _ => {
                 let rows: Vec<[u8; 3]> = (0..19 * 17).map(|i| [i as u8, 7, (i * i) as u8]).collect();
-                Picture::Bytes(Film::of_rows(window, &rows).unwrap(), ColourPipeline::Linear)
+                OutputImage::Rgb8(Film::from_rows(window, &rows).unwrap(), ColourPipeline::Linear)
             }
         };
         let metadata = [(FINGERPRINT.to_owned(), "abc".to_owned()), (FRAME.to_owned(), "-7".to_owned())];

@@ -1,33 +1,31 @@
-//! The three colour pipelines: in which numbers light is added up, and how the sum becomes eight bits.
+//! The three colour pipelines: the encoding in which light is summed, and its conversion to 8 bits.
 //!
 //! | pipeline  | a colour of the scene becomes | sums | the film becomes |
 //! | --------- | ----------------------------- | ---- | ---------------- |
 //! | `display` | 8-bit / 255, no transfer function | floating point; each colour is clamped to 0..1 | round half up, once |
 //! | `u8`      | 8-bit / 255                       | rounded to 8 bits and clamped after every step | as it is |
 //! | `linear`  | decoded from sRGB                 | floating point | sRGB transfer function, clamp, round half up |
-//!
-//! Owned here because everything above has to agree on it; nothing here knows about rays.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-/// Which numbers light is added up in.
+/// Encoding in which light is summed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ColourPipeline {
-    /// Floating point on display values, clamped to 0..1 after every step; quantised once.
+    /// Floating-point display values, clamped to 0..1 after every operation; quantised once.
     Display,
-    /// Eight bits and a clamp after every step.
+    /// Display values, clamped and quantised to 8 bits after every operation.
     U8,
-    /// Linear light; sRGB in and out.
+    /// Linear light; converted from and to sRGB.
     #[default]
     Linear,
 }
 
-/// A colour as its source gave it. Three channels, red, green and blue, nominally 0 to 1.
+/// A colour in the encoding of its source. Three channels, red, green and blue, nominally 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Colour {
-    /// As a display shows it (sRGB-encoded): scene files, 8-bit pictures, MTL files.
+    /// Display values (sRGB-encoded): scene files, 8-bit images, MTL files.
     Display(DVec3),
     /// Linear light: glTF factors and vertex colours.
     Linear(DVec3),
@@ -39,8 +37,8 @@ impl Colour {
         Colour::Display(DVec3::from(rgb.map(|c| f64::from(c) / 255.0)))
     }
 
-    /// The colour in the numbers `pipeline` works in.
-    pub fn lower(self, pipeline: ColourPipeline) -> DVec3 {
+    /// Converts the colour to the encoding of `pipeline`.
+    pub fn to_pipeline(self, pipeline: ColourPipeline) -> DVec3 {
         match (self, pipeline) {
             (Colour::Display(c), ColourPipeline::Linear) => per_channel(c, srgb_decode),
             (Colour::Linear(c), ColourPipeline::Display | ColourPipeline::U8) => per_channel(c, srgb_encode),
@@ -59,10 +57,11 @@ impl ColourPipeline {
         }
     }
 
-    /// Holds a colour to the range of the pipeline: 8-bit values for `u8`, 0 to 1 for `display` (the range of the report's
-    /// `mix_light`, without its rounding), finite f32 for `linear`, where the irradiance beside a light has no bound.
+    /// Clamps a colour to the range of the pipeline: 8-bit values for `u8`, 0 to 1 for `display` (the range of
+    /// `mix_light` in the report, without its rounding), finite f32 for `linear`, because irradiance near a light is
+    /// unbounded.
     #[inline]
-    pub fn hold(self, c: DVec3) -> DVec3 {
+    pub fn clamp(self, c: DVec3) -> DVec3 {
         match self {
             ColourPipeline::U8 => per_channel(c, |x| f64::from(quantise(x)) / 255.0),
             ColourPipeline::Display => per_channel(c, |x| x.clamp(0.0, 1.0)),
@@ -73,17 +72,17 @@ impl ColourPipeline {
     /// The assignment's `mix_light`: colour times light, per channel.
     #[inline]
     pub fn mix_light(self, colour: DVec3, light: DVec3) -> DVec3 {
-        // However much light: black stays black.
-        self.hold(colour * per_channel(light, |x| x.clamp(f64::MIN, f64::MAX)))
+        // Clamping the light keeps black at 0 under infinite light.
+        self.clamp(colour * per_channel(light, |x| x.clamp(f64::MIN, f64::MAX)))
     }
 
     /// The assignment's `weighted_combine`: `a * weight_a + b * weight_b`, per channel.
     #[inline]
     pub fn weighted_combine(self, a: DVec3, b: DVec3, weight_a: f64, weight_b: f64) -> DVec3 {
-        self.hold(a * weight_a + b * weight_b)
+        self.clamp(a * weight_a + b * weight_b)
     }
 
-    /// What a display shows of one channel, from 0 to 1, before it is rounded to 8 bits.
+    /// Display value of one channel, 0 to 1, before quantisation.
     #[inline]
     pub fn displayed(self, c: f64) -> f64 {
         match self {
@@ -108,24 +107,26 @@ impl ColourPipeline {
     }
 }
 
-/// Clamps to 0..1 and rounds to eight bits, halves upwards. What is not a number becomes 0.
+/// Clamps to 0..1 and rounds to 8 bits, halves upwards. NaN becomes 0.
 #[inline(always)]
 pub fn quantise(x: f64) -> u8 {
     let y = x * 255.0 + 0.5;
-    // Held in this way the cast, which truncates, becomes one instruction for many numbers.
+    // With these comparisons the truncating cast vectorises to one instruction.
     let above = if y > 0.0 { y } else { 0.0 };
     let held = if above < 255.0 { above } else { 255.0 };
     held as i32 as u8
 }
 
-/// The sRGB transfer function, display value to linear light (IEC 61966-2-1). Odd in `x`, so that no value is lost.
+/// The sRGB transfer function, display value to linear light (IEC 61966-2-1), extended to negative `x` as an odd
+/// function.
 pub fn srgb_decode(x: f64) -> f64 {
     let a = x.abs();
     let y = if a <= 0.04045 { a / 12.92 } else { ((a + 0.055) / 1.055).powf(2.4) };
     y.copysign(x)
 }
 
-/// The sRGB transfer function, linear light to display value (IEC 61966-2-1). Odd in `x`.
+/// The sRGB transfer function, linear light to display value (IEC 61966-2-1), extended to negative `x` as an odd
+/// function.
 pub fn srgb_encode(x: f64) -> f64 {
     let a = x.abs();
     let y = if a <= 0.003_130_8 { a * 12.92 } else { 1.055 * a.powf(1.0 / 2.4) - 0.055 };
@@ -179,9 +180,9 @@ mod tests {
     #[test]
     fn srgb_is_its_own_inverse_for_every_8_bit_value() {
         for value in 0..=255u8 {
-            let linear = Colour::from_u8([value; 3]).lower(ColourPipeline::Linear);
+            let linear = Colour::from_u8([value; 3]).to_pipeline(ColourPipeline::Linear);
             assert_eq!(ColourPipeline::Linear.encode([linear.x as f32; 3]), [value; 3]);
-            let display = Colour::Linear(linear).lower(ColourPipeline::Display);
+            let display = Colour::Linear(linear).to_pipeline(ColourPipeline::Display);
             assert_eq!(quantise(display.x), value);
         }
     }

@@ -1,23 +1,23 @@
-//! Reconstruction filters: which part of the picture plane a pixel is the average of.
+//! Reconstruction filters.
 //!
-//! A pixel's value is the integral of the picture around its centre, weighted by a filter. Sample points are placed with a
-//! density proportional to the filter's absolute value ("filter importance sampling": Ernst, Stamminger and Greiner 2006;
-//! Pharr, Jakob and Humphreys, Physically Based Rendering, 4th edition, section 8.8), so that all samples count alike, up to
-//! their sign, and no pixel needs those of its neighbours.
+//! The value of a pixel is the integral of the picture around its centre, weighted by the filter. Sample positions are
+//! distributed with density proportional to the filter's absolute value ("filter importance sampling": Ernst,
+//! Stamminger and Greiner 2006; Pharr, Jakob and Humphreys, Physically Based Rendering, 4th edition, section 8.8). All
+//! samples then have equal weight up to sign, and pixels do not share samples.
 //!
-//! All filters are products of the same function of x and of y, symmetric, and of integral one.
+//! All filters are separable, with the same function of x and y, symmetric, and of unit integral.
 
 use serde::{Deserialize, Serialize};
 
-/// The shapes of filters.
+/// Filter shapes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum FilterShape {
-    /// Everything within the radius alike.
+    /// Constant within the radius.
     Box,
-    /// Falling linearly to nothing at the radius.
+    /// Falls linearly to 0 at the radius.
     Tent,
-    /// A normal distribution of standard deviation `radius / 3`, lowered so that it ends at 0 at the radius.
+    /// A normal distribution of standard deviation `radius / 3`, shifted down to reach 0 at the radius.
     #[default]
     Gaussian,
     /// Mitchell and Netravali, Reconstruction Filters in Computer Graphics (SIGGRAPH 1988), with B = C = 1/3: negative
@@ -40,9 +40,9 @@ impl FilterShape {
         }
     }
 
-    /// The usual radius, in pixels: the pixel itself, its bilinear neighbourhood, a standard deviation of half a pixel (as
-    /// in pbrt-v4), the paper's four pixels across.
-    pub fn usual_radius(self) -> f64 {
+    /// Default radius in pixels: the pixel itself, its bilinear neighbourhood, a standard deviation of half a pixel (as
+    /// in pbrt-v4), the paper's support of four pixels.
+    pub fn default_radius(self) -> f64 {
         match self {
             FilterShape::Box => 0.5,
             FilterShape::Tent => 1.0,
@@ -52,69 +52,76 @@ impl FilterShape {
     }
 }
 
-/// Radii that filters may have, in pixels: below, all samples would fall on one spot; above, the picture is mere blur.
+/// Range of filter radii in pixels. Smaller filters place all samples at one point; larger ones only blur.
 pub const RADII: std::ops::RangeInclusive<f64> = 0.01..=32.0;
 
-/// Steps in which the quantiles of a filter are kept.
+/// Number of intervals in the table of quantiles.
 const STEPS: usize = 2048;
 
-/// A filter made ready to place samples by.
+/// A filter with its tables for sampling.
 #[derive(Debug, Clone)]
 pub struct Filter {
     shape: FilterShape,
     radius: f64,
-    /// What half of the filter's absolute value lies within, in equal steps from 0 to 1, in pixels.
+    /// Quantiles of the filter's absolute value on one side of the centre, at equal steps from 0 to 1, in pixels.
     quantiles: Box<[f32; STEPS + 1]>,
-    /// The integral of [`profile`] along one axis, in pixels.
+    /// Integral of [`profile`] along one axis, in pixels.
     integral: f64,
-    /// The integral of the absolute value of the filter, along one axis.
+    /// Integral of the absolute value of the filter along one axis.
     absolute: f64,
-    /// From how far on it is negative, in pixels.
-    turns_at: f64,
+    /// Distance beyond which the filter is negative, in pixels.
+    sign_change: f64,
 }
 
 impl Filter {
-    /// A filter of a shape and a radius in pixels, within [`RADII`].
+    /// A filter of a shape and a radius in pixels, clamped to [`RADII`].
     pub fn new(shape: FilterShape, radius: f64) -> Self {
-        let radius = if radius.is_nan() { shape.usual_radius() } else { radius };
+        let radius = if radius.is_nan() { shape.default_radius() } else { radius };
         let radius = radius.clamp(*RADII.start(), *RADII.end());
         let (quantiles, half) = quantiles(shape);
         let quantiles = Box::new(std::array::from_fn(|step| (quantiles[step] * radius) as f32));
-        let turns_at = match shape {
-            FilterShape::Mitchell => ZERO_OF_MITCHELL * radius,
+        let sign_change = match shape {
+            FilterShape::Mitchell => MITCHELL_ZERO * radius,
             _ => f64::INFINITY,
         };
         let plain = half_integral(shape);
-        Filter { shape, radius, quantiles, integral: 2.0 * plain * radius, absolute: half / plain, turns_at }
+        Filter {
+            shape,
+            radius,
+            quantiles,
+            integral: 2.0 * plain * radius,
+            absolute: half / plain,
+            sign_change,
+        }
     }
 
-    /// Its shape.
+    /// Shape.
     pub fn shape(&self) -> FilterShape {
         self.shape
     }
 
-    /// How far it reaches, in pixels.
+    /// Radius in pixels.
     pub fn radius(&self) -> f64 {
         self.radius
     }
 
-    /// The filter at a distance from the centre along one axis, in pixels.
+    /// Value of the filter at a distance from the centre along one axis, in pixels.
     pub fn value(&self, x: f64) -> f64 {
         profile(self.shape, (x / self.radius).abs()) / self.integral
     }
 
-    /// Whether some of its weights are negative.
+    /// Whether the filter has negative lobes.
     pub fn is_signed(&self) -> bool {
         self.shape == FilterShape::Mitchell
     }
 
-    /// The mean of the signs of samples: the integral of the filter over that of its absolute value, over the plane.
+    /// Mean sign of samples: the integral of the filter over that of its absolute value, in the plane.
     pub fn mean_sign(&self) -> f64 {
         self.absolute.powi(-2)
     }
 
-    /// Where in the plane, from the pixel's centre and in pixels, a sample of two random numbers from 0 to below 1 lies, and
-    /// with which sign it counts. Monotone in both, so that numbers spread evenly give points spread evenly.
+    /// Maps two random numbers in [0, 1) to a sample position relative to the pixel's centre, in pixels, and the
+    /// sample's sign. Monotone in both numbers, so that stratification is preserved.
     #[inline(always)]
     pub fn place(&self, u: [f32; 2]) -> ([f64; 2], f64) {
         let [x, y] = u.map(|u| self.quantile(f64::from(u)));
@@ -123,7 +130,7 @@ impl Filter {
 
     #[inline(always)]
     fn sign(&self, x: f64) -> f64 {
-        if x.abs() > self.turns_at { -1.0 } else { 1.0 }
+        if x.abs() > self.sign_change { -1.0 } else { 1.0 }
     }
 
     #[inline(always)]
@@ -136,11 +143,11 @@ impl Filter {
     }
 }
 
-/// Where Mitchell and Netravali's filter of radius 1 changes its sign: beyond half of it, with B = C = 1/3, it is
+/// Zero of the filter of Mitchell and Netravali of radius 1: beyond half the radius, with B = C = 1/3, the filter is
 /// `(2 - t)^2 (8 - 7 t) / 18` at `t` = 2 x.
-const ZERO_OF_MITCHELL: f64 = 4.0 / 7.0;
+const MITCHELL_ZERO: f64 = 4.0 / 7.0;
 
-/// The filter of radius 1 at `x` >= 0, in a scale of its own.
+/// The filter of radius 1 at `x` >= 0, not normalised.
 fn profile(shape: FilterShape, x: f64) -> f64 {
     if x > 1.0 {
         return 0.0;
@@ -148,7 +155,7 @@ fn profile(shape: FilterShape, x: f64) -> f64 {
     match shape {
         FilterShape::Box => 1.0,
         FilterShape::Tent => 1.0 - x,
-        // Three standard deviations to the radius.
+        // The radius is three standard deviations.
         FilterShape::Gaussian => (-4.5 * x * x).exp() - (-4.5f64).exp(),
         FilterShape::Mitchell => {
             let t = 2.0 * x;
@@ -161,12 +168,12 @@ fn profile(shape: FilterShape, x: f64) -> f64 {
     }
 }
 
-/// The integral of [`profile`] from 0 to 1.
+/// Integral of [`profile`] from 0 to 1.
 fn half_integral(shape: FilterShape) -> f64 {
     (0..STEPS).map(|step| simpson(|x| profile(shape, x), step)).sum()
 }
 
-/// Where the integral of the absolute value of [`profile`] reaches each of [`STEPS`] equal shares, and all of it.
+/// Quantiles of the absolute value of [`profile`] at [`STEPS`] equal steps, and its integral.
 fn quantiles(shape: FilterShape) -> (Vec<f64>, f64) {
     let absolute = |x: f64| profile(shape, x).abs();
     let mut sums = vec![0.0];
@@ -180,7 +187,7 @@ fn quantiles(shape: FilterShape) -> (Vec<f64>, f64) {
         while step + 1 < STEPS && sums[step + 1] < wanted {
             step += 1;
         }
-        // Within a step the filter is as good as linear, from a to b: the positive root of (b - a) / 2 s^2 + a s = rest.
+        // Within a step the filter is taken as linear, from a to b: the positive root of (b - a) / 2 s^2 + a s = rest.
         let [a, b] = [step, step + 1].map(|i| absolute(i as f64 / STEPS as f64));
         let rest = (wanted - sums[step]) * STEPS as f64;
         let root = (a * a + 2.0 * (b - a) * rest).max(0.0).sqrt();
@@ -192,7 +199,7 @@ fn quantiles(shape: FilterShape) -> (Vec<f64>, f64) {
     (quantiles, all)
 }
 
-/// Simpson's rule over one of [`STEPS`] equal parts of 0 to 1.
+/// Simpson's rule over one of [`STEPS`] equal intervals of 0 to 1.
 fn simpson(f: impl Fn(f64) -> f64, step: usize) -> f64 {
     let h = 1.0 / STEPS as f64;
     let x = step as f64 * h;
@@ -204,7 +211,7 @@ mod tests {
     use super::*;
 
     fn usual() -> [Filter; 4] {
-        FilterShape::ALL.map(|shape| Filter::new(shape, shape.usual_radius()))
+        FilterShape::ALL.map(|shape| Filter::new(shape, shape.default_radius()))
     }
 
     /// The integral of `x^power` times the filter along one axis, by the midpoint rule.
@@ -216,8 +223,8 @@ mod tests {
 
     #[test]
     fn integrals_and_variances_are_the_closed_forms() {
-        // Box of radius r: r^2 / 3. Tent: r^2 / 6. Mitchell and Netravali with B + 2C = 1 reproduce straight lines, and the
-        // second moment of their kernel is B / 3 in steps of one pixel: 1/9 for the usual radius.
+        // Box of radius r: r^2 / 3. Tent: r^2 / 6. Mitchell and Netravali with B + 2C = 1 reproduce straight lines, and
+        // the second moment of their kernel is B / 3 in steps of one pixel: 1/9 for the default radius.
         let expected = [0.25 / 3.0, 1.0 / 6.0, f64::NAN, 1.0 / 9.0];
         for (filter, expected) in usual().iter().zip(expected) {
             let name = filter.shape().name();
@@ -263,8 +270,9 @@ mod tests {
 
     #[test]
     fn mitchells_lobes_weigh_what_they_should() {
-        // Of the kernel of integral one, a lobe is (2 - t)^2 (8 - 7 t) / 18 from 8/7 to 2; with y = 2 - t from 0 to a = 6/7 that is
-        // y^2 (7 y - 6) / 18, whose integral is (7 a^4 / 4 - 2 a^3) / 18. There are two; the absolute value's is 1 less twice them.
+        // With unit integral, a negative lobe is (2 - t)^2 (8 - 7 t) / 18 from 8/7 to 2; with y = 2 - t from 0 to a =
+        // 6/7 it is y^2 (7 y - 6) / 18, whose integral is (7 a^4 / 4 - 2 a^3) / 18. There are two lobes; the integral
+        // of the absolute value is 1 minus twice their sum.
         let a = 6.0f64 / 7.0;
         let negative = 2.0 * (7.0 / 4.0 * a.powi(4) - 2.0 * a.powi(3)) / 18.0;
         let mitchell = Filter::new(FilterShape::Mitchell, 2.0);

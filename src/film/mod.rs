@@ -1,6 +1,6 @@
-//! The film: pixels while they are made, colour, and pictures on disk.
+//! Films (pixel buffers filled tile by tile), colour pipelines, and image files.
 //!
-//! Render fills it, writers read it. It knows nothing of scenes or rays.
+//! Renderers fill films, writers read them. Independent of scenes and rays.
 
 pub mod check;
 pub mod colour;
@@ -38,19 +38,19 @@ pub struct Window {
 }
 
 impl Window {
-    /// How many pixels it has.
+    /// Number of pixels.
     pub fn area(&self) -> usize {
         self.width as usize * self.height as usize
     }
 }
 
-/// What a film keeps of a pixel.
+/// Pixel format of a film.
 pub trait Pixel: bytemuck::Pod + Send + Sync {
-    /// Makes `pixels` of as many colours in the numbers of `pipeline`.
+    /// Converts colours in the encoding of `pipeline` to pixels; both slices have the same length.
     fn develop(colours: &[[f32; 3]], pipeline: ColourPipeline, pixels: &mut [Self]);
 }
 
-/// The colour itself, in the numbers of its pipeline.
+/// The colour itself, in the encoding of its pipeline.
 impl Pixel for [f32; 3] {
     #[inline(always)]
     fn develop(colours: &[[f32; 3]], _: ColourPipeline, pixels: &mut [Self]) {
@@ -58,7 +58,7 @@ impl Pixel for [f32; 3] {
     }
 }
 
-/// What a display shows of it: all that 8-bit pictures need, in a quarter of the memory.
+/// 8-bit display values, in a quarter of the memory; sufficient for 8-bit image files.
 impl Pixel for [u8; 3] {
     #[inline(always)]
     fn develop(colours: &[[f32; 3]], pipeline: ColourPipeline, pixels: &mut [Self]) {
@@ -68,24 +68,24 @@ impl Pixel for [u8; 3] {
     }
 }
 
-/// A picture, three channels a pixel, kept tile by tile so that each tile can be filled by another thread without sharing.
+/// A picture of three channels per pixel, stored tile by tile, so that threads can fill tiles without sharing memory.
 #[derive(Debug, PartialEq)]
 pub struct Film<P: Pixel = [f32; 3]> {
     window: Window,
-    /// Tile after tile, rows of tiles from the top; within a tile, row after row. In one piece: thousands of small pieces
-    /// were measured to cost a tenth of a render in the system's allocator.
+    /// Tiles in rows from the top; within a tile, pixels in rows from the top. One allocation: thousands of small ones
+    /// cost a tenth of a render in the system allocator.
     pixels: Pages<P>,
 }
 
 /// One tile of a film: `window.width * window.height` pixels, row by row from the top.
 pub struct FilmTile<'a, P = [f32; 3]> {
-    /// The pixels of the picture that the tile covers.
+    /// The region of the picture that the tile covers.
     pub window: Window,
-    /// Their values.
+    /// Pixel values.
     pub pixels: &'a mut [P],
 }
 
-/// An error for a picture that the user asked for and memory does not hold.
+/// The error for a requested picture that exceeds the memory limit.
 pub fn too_large(picture: &str, excess: &Excess) -> Error {
     Error::Failed { what: format!("{picture} {excess}"), hint: format!("{SMALLER}, or {}", excess.remedy()) }
 }
@@ -93,10 +93,10 @@ pub fn too_large(picture: &str, excess: &Excess) -> Error {
 const SMALLER: &str = "give a smaller --size, render it in parts with --crop";
 
 impl<P: Pixel> Film<P> {
-    /// A black film for the part `window` of a picture.
+    /// A black film for the region `window` of a picture.
     ///
     /// # Errors
-    /// [`Error::Failed`] where there is not enough memory for it.
+    /// [`Error::Failed`] if there is not enough memory for it.
     pub fn new(window: Window) -> Result<Self> {
         let bytes = limits::product(&[window.width.into(), window.height.into(), size_of::<P>() as u64]);
         let size = format!("a picture of {} x {} pixels", window.width, window.height);
@@ -108,12 +108,12 @@ impl<P: Pixel> Film<P> {
         Ok(Film { window, pixels })
     }
 
-    /// The part of the picture this film holds.
+    /// The region of the picture that the film holds.
     pub fn window(&self) -> Window {
         self.window
     }
 
-    /// The parts of the picture that the tiles cover, in the order they are kept.
+    /// The regions of the picture that the tiles cover, in storage order.
     fn tile_windows(&self) -> impl Iterator<Item = Window> + use<P> {
         let whole = self.window;
         let starts = move |size: u32| (0..size).step_by(TILE as usize);
@@ -127,7 +127,7 @@ impl<P: Pixel> Film<P> {
         })
     }
 
-    /// The tiles, each with its own pixels.
+    /// Mutable tiles with disjoint pixels.
     pub fn tiles_mut(&mut self) -> Vec<FilmTile<'_, P>> {
         let windows = self.tile_windows();
         let mut rest = self.pixels.as_mut_slice();
@@ -139,19 +139,19 @@ impl<P: Pixel> Film<P> {
             .collect()
     }
 
-    /// Where the pixel at column `x`, row `y` of the film is kept.
+    /// Storage index of the pixel at column `x`, row `y` of the film.
     fn place(&self, x: u32, y: u32) -> usize {
         let Window { width, height, .. } = self.window;
         assert!(x < width && y < height, "pixel ({x}, {y}) is outside the film");
         let (left, top) = (x - x % TILE, y - y % TILE);
         let (tile_width, tile_height) = (TILE.min(width - left), TILE.min(height - top));
-        // What comes before: whole rows of tiles, whole tiles of this row, whole rows of this tile.
+        // Pixels stored before: whole rows of tiles, whole tiles of this row, whole rows of this tile.
         let before = [(top, width), (left, tile_height), (y - top, tile_width)];
         let index: usize = before.iter().map(|&(a, b)| a as usize * b as usize).sum();
         index + (x - left) as usize
     }
 
-    /// The pixel at column `x`, row `y` of the film, counted from its own top left corner.
+    /// The pixel at column `x`, row `y`, counted from the top left corner of the film.
     pub fn pixel(&self, x: u32, y: u32) -> P {
         self.pixels.as_slice()[self.place(x, y)]
     }
@@ -172,18 +172,18 @@ impl<P: Pixel> Film<P> {
 }
 
 impl Film {
-    /// The picture in 8-bit display values, three a pixel, row by row from the top.
+    /// The picture in 8-bit display values, three per pixel, row by row from the top.
     pub fn to_rgb8(&self, pipeline: ColourPipeline) -> Vec<u8> {
         self.rows().flat_map(|pixel| pipeline.encode(pixel)).collect()
     }
 }
 
 impl<P: Pixel> Film<P> {
-    /// A film of pixels that are given row by row from the top, `window.area()` of them.
+    /// Creates a film from pixels row by row from the top, `window.area()` of them.
     ///
     /// # Errors
     /// As those of [`Film::new`].
-    pub fn of_rows(window: Window, rows: &[P]) -> Result<Self> {
+    pub fn from_rows(window: Window, rows: &[P]) -> Result<Self> {
         assert_eq!(rows.len(), window.area(), "as many pixels as the window has");
         let mut film = Film::new(window)?;
         for tile in film.tiles_mut() {
@@ -199,7 +199,7 @@ impl<P: Pixel> Film<P> {
 }
 
 impl Film<[u8; 3]> {
-    /// The picture in 8-bit display values, three a pixel, row by row from the top.
+    /// The picture in 8-bit display values, three per pixel, row by row from the top.
     pub fn bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(self.window.area() * 3);
         for y in 0..self.window.height {
@@ -209,10 +209,10 @@ impl Film<[u8; 3]> {
     }
 }
 
-/// Which of the pixels of a tile are not a number or infinite: their columns and rows.
+/// Columns and rows of the pixels of a tile that are NaN or infinite.
 #[inline(always)]
 pub fn non_finite(window: Window, pixels: &[[f32; 3]]) -> Vec<(u32, u32)> {
-    // What is not finite has all bits of the exponent.
+    // Non-finite values have all exponent bits set.
     const EXPONENT: u32 = 0x7f80_0000;
     let finite = |all: bool, c: &f32| all & (c.to_bits() & EXPONENT != EXPONENT);
     if pixels.as_flattened().iter().fold(true, finite) {
@@ -269,7 +269,7 @@ mod tests {
     fn rows_come_back_as_they_were_given() {
         let window = Window { x: 5, y: 9, width: 37, height: 18 };
         let rows: Vec<[f32; 3]> = (0..37 * 18).map(|i| [i as f32; 3]).collect();
-        assert_eq!(Film::of_rows(window, &rows).unwrap().rows().collect::<Vec<_>>(), rows);
+        assert_eq!(Film::from_rows(window, &rows).unwrap().rows().collect::<Vec<_>>(), rows);
     }
 
     #[test]
@@ -277,7 +277,7 @@ mod tests {
         let window = Window { x: 100, y: 200, width: 4, height: 4 };
         let mut pixels = [[0.5; 3]; 16];
         assert_eq!(non_finite(window, &pixels), []);
-        // The tenth: third row, second column.
+        // The tenth pixel: third row, second column.
         pixels[9][2] = f32::NAN;
         assert_eq!(non_finite(window, &pixels), [(101, 202)]);
     }

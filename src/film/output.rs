@@ -1,4 +1,4 @@
-//! Whole files or none: output is written to a temporary file beside its target and renamed over it.
+//! Atomic writing of files: output goes to a temporary file beside its target, which is then renamed.
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -6,25 +6,25 @@ use std::sync::Mutex;
 
 use crate::error::{Error, Result};
 
-/// The temporary files that are being written, for a process that has to end at once.
+/// Temporary files in use, to be removed if the process is interrupted.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the temporary files that are being written. For the end of the process: no file can be begun or finished after it.
+/// Removes all temporary files. Only for the end of the process: afterwards no file can be created or finished.
 pub fn discard_unfinished() {
     if let Ok(mut unfinished) = UNFINISHED.lock() {
         for path in unfinished.drain(..) {
             let _ = std::fs::remove_file(path);
         }
-        // Other threads may be about to write; they wait at the lock.
+        // Keeps the lock, so that other threads do not create or finish files.
         std::mem::forget(unfinished);
     }
 }
 
-/// A temporary file that is known as unfinished as long as this lives.
+/// Registration of a temporary file in [`UNFINISHED`] for the lifetime of this value.
 struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// Makes the file and knows it, in one step.
+    /// Creates and registers the file while holding the lock.
     fn new(
         make: impl FnOnce() -> std::io::Result<tempfile::NamedTempFile>,
     ) -> std::io::Result<(tempfile::NamedTempFile, Self)> {
@@ -44,27 +44,27 @@ impl Drop for Unfinished {
     }
 }
 
-/// A file that is written under another name in the same folder, and takes its own name once it is whole and on the disk.
-/// Until then, and where it never comes to that, a file of that name that was there before stays as it was.
+/// A file that is written under a temporary name in the same folder and renamed once it is complete and synced to disk.
+/// Until then, or on failure, an existing file of that name is unchanged.
 pub struct WholeFile {
     name: PathBuf,
-    // In this order: what is given up is removed before it is forgotten.
+    // Field order: on drop, the temporary file is removed before it is unregistered.
     writer: BufWriter<tempfile::NamedTempFile>,
-    /// Why it could not be written to. Encoders pass on the words of an error and lose what it was.
+    /// Message of the first failed write. Encoders pass on only the text of an error.
     why: Option<String>,
     _unfinished: Unfinished,
 }
 
 impl WholeFile {
-    /// Begins with nothing in it.
+    /// Creates an empty temporary file for `name`.
     ///
     /// # Errors
-    /// [`Error::Output`] when the folder cannot be written to, or the name is that of a folder, a device or a pipe.
+    /// [`Error::Output`] if the folder cannot be written to, or the name is that of a folder, a device or a pipe.
     pub fn create(name: &Path) -> Result<Self> {
         if name.is_dir() {
             return Err(Error::output(name, "is a folder; name a file in it"));
         }
-        // Renaming would replace a device or a pipe.
+        // Renaming would replace the device or pipe itself.
         if std::fs::metadata(name).is_ok_and(|about| !about.is_file()) {
             return Err(Error::output(name, "is a device or a pipe; name a file"));
         }
@@ -80,15 +80,15 @@ impl WholeFile {
         Ok(WholeFile { name: name.to_owned(), writer, why: None, _unfinished: unfinished })
     }
 
-    /// The name that it will have.
+    /// The final name.
     pub fn name(&self) -> &Path {
         &self.name
     }
 
-    /// Gives it its name.
+    /// Syncs the file and renames it to its final name.
     ///
     /// # Errors
-    /// [`Error::Output`] when it cannot be written or renamed.
+    /// [`Error::Output`] if it cannot be written or renamed.
     pub fn finish(self) -> Result<()> {
         let WholeFile { name, writer, why: _, _unfinished } = self;
         let finish = || -> std::io::Result<()> {
@@ -111,7 +111,7 @@ impl Write for WholeFile {
     }
 }
 
-/// The folder that a file is or will be in.
+/// The folder of a file.
 pub fn folder_of(file: &Path) -> &Path {
     match file.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -119,17 +119,17 @@ pub fn folder_of(file: &Path) -> &Path {
     }
 }
 
-/// Writes `file` as a whole: what `fill` writes, or nothing ([`WholeFile`]).
+/// Writes `file` atomically with the contents that `fill` writes ([`WholeFile`]).
 ///
 /// # Errors
-/// [`Error::Output`] when the folder cannot be written to or `fill` fails.
+/// [`Error::Output`] if the folder cannot be written to or `fill` fails.
 pub fn write_whole(file: &Path, fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
     let mut whole = WholeFile::create(file)?;
     fill(&mut whole).map_err(|e| Error::output(file, whole.why.take().unwrap_or_else(|| describe(&e))))?;
     whole.finish()
 }
 
-/// Temporary files are private by default; the finished picture is a file like any other.
+/// Sets the permissions of ordinary new files, because temporary files are private by default.
 trait LikeAnyFile {
     fn permissions_like_any_file(&mut self) -> &mut Self;
 }
@@ -139,14 +139,14 @@ impl LikeAnyFile for tempfile::Builder<'_, '_> {
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
-            // The process's umask is applied to this, as for any new file.
+            // The umask of the process is applied, as for any new file.
             self.permissions(std::fs::Permissions::from_mode(0o666));
         }
         self
     }
 }
 
-/// What went wrong with writing, in words.
+/// Message for a write error.
 pub fn describe(e: &std::io::Error) -> String {
     match e.kind() {
         std::io::ErrorKind::NotFound => "cannot be written: its folder does not exist".into(),

@@ -1,7 +1,7 @@
-//! Memory for pixels, in large pages where the system has them.
+//! Memory for pixels, in huge pages where the system has them.
 //!
-//! A page is made, and cleared, when it is first written to: measured at 3 to 7 microseconds on a virtual machine, for each
-//! of the 768 pages of 4 KiB of a picture of 1024 x 1024. Of those of 2 MiB it needs two.
+//! Each page is mapped and cleared at its first write, which takes 3 to 7 microseconds on a virtual machine. A picture
+//! of 1024 x 1024 needs 768 pages of 4 KiB or two of 2 MiB.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -9,10 +9,10 @@ use std::marker::PhantomData;
 use bytemuck::Pod;
 use memmap2::{MmapMut, MmapOptions};
 
-/// The size of a large page on the machines that have the usual ones.
+/// Size of a huge page on machines with pages of 4 KiB.
 const LARGE_PAGE: usize = 2 << 20;
 
-/// Values in memory of their own, zero to begin with.
+/// An array of values, initially zero, in an anonymous mapping.
 pub struct Pages<P> {
     map: MmapMut,
     len: usize,
@@ -20,10 +20,10 @@ pub struct Pages<P> {
 }
 
 impl<P: Pod> Pages<P> {
-    /// Memory for `len` values, all of them zero.
+    /// Allocates `len` values, all zero.
     ///
     /// # Errors
-    /// Where the system has none.
+    /// If the system has not enough memory.
     pub fn new(len: usize) -> std::io::Result<Self> {
         let bytes = len.checked_mul(size_of::<P>()).ok_or(std::io::ErrorKind::OutOfMemory)?;
         let is_large = bytes >= LARGE_PAGE / 2;
@@ -32,7 +32,7 @@ impl<P: Pod> Pages<P> {
         let map = MmapOptions::new().len(whole).map_anon()?;
         #[cfg(target_os = "linux")]
         if is_large {
-            // Where that is refused, pages are small.
+            // If this fails, normal pages are used.
             let _ = map.advise(memmap2::Advice::HugePage);
         }
         Ok(Pages { map, len, kind: PhantomData })
@@ -43,7 +43,7 @@ impl<P: Pod> Pages<P> {
         bytemuck::cast_slice(&self.map[..self.len * size_of::<P>()])
     }
 
-    /// The values, to be changed.
+    /// The values, mutable.
     pub fn as_mut_slice(&mut self) -> &mut [P] {
         bytemuck::cast_slice_mut(&mut self.map[..self.len * size_of::<P>()])
     }

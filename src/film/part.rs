@@ -1,9 +1,9 @@
-//! Parts of a picture that several machines make: the film's own numbers of some of its tiles, and how they become one picture.
+//! Parts of a picture rendered on several machines: film values of some of its tiles, and joining them.
 //!
-//! A part is one file: the line `kiln part 1`; a line of JSON (what the picture is, which share of it this is, the names of the
-//! channels beside red, green and blue); for each tile of the share, in order, red, green and blue of pixel after pixel, then channel
-//! after channel, as little-endian 32-bit floating point; the BLAKE3 hash of all that, 32 bytes. Numbers are joined, not
-//! 8-bit values, so that the picture is quantised and encoded once, as that of one run is.
+//! A part is one file: the line `kiln part 1`; a line of JSON (picture, share, names of the further channels); for each
+//! tile of the share, in order, red, green and blue of each pixel, then each further channel, as little-endian f32; the
+//! BLAKE3 hash of all that, 32 bytes. Parts hold film values, not 8-bit values, so that the joined picture is quantised
+//! and encoded once, like that of a single run.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::check::{Found, Made};
 use super::output::write_whole;
-use super::write::{Channel, FINGERPRINT, Format, Metadata, Picture, encode};
+use super::write::{Channel, FINGERPRINT, Format, Metadata, OutputImage, encode};
 use super::{ColourPipeline, Film, Pixel, Share, TILE, Window};
 use crate::error::{Error, Result};
 use crate::limits;
@@ -20,9 +20,9 @@ use crate::limits;
 const FIRST_LINE: &[u8] = b"kiln part 1\n";
 const HASH: usize = blake3::OUT_LEN;
 
-/// What the parts of a picture have in common, and which part this is.
+/// Header of a part: properties of the whole picture, and the share.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-struct Head {
+struct Header {
     share: u32,
     of: u32,
     /// Left, top, width, height.
@@ -32,22 +32,22 @@ struct Head {
     metadata: Vec<(String, String)>,
 }
 
-impl Head {
+impl Header {
     fn fingerprint(&self) -> Option<&str> {
         self.metadata.iter().find(|(key, _)| key == FINGERPRINT).map(|(_, value)| value.as_str())
     }
 }
 
-/// The file that a share of the picture `output` goes to: `still.2of7.part` beside `still.png`.
+/// File name of a share of the picture `output`: `still.2of7.part` beside `still.png`.
 pub fn part_name(output: &Path, share: Share) -> PathBuf {
     output.with_extension(format!("{}of{}.part", share.index(), share.of()))
 }
 
-/// Writes a share of a picture, whole or not at all. The film and its channels are those of the whole picture; only the tiles
-/// of the share need be filled.
+/// Writes a share of a picture atomically. Film and channels are those of the whole picture; only the tiles of the
+/// share need be filled.
 ///
 /// # Errors
-/// [`Error::Output`] when the file cannot be written.
+/// [`Error::Output`] if the file cannot be written.
 pub fn write_part(
     film: &Film,
     channels: &[Channel],
@@ -57,7 +57,7 @@ pub fn write_part(
     file: &Path,
 ) -> Result<()> {
     let window = film.window();
-    let head = Head {
+    let head = Header {
         share: share.index(),
         of: share.of(),
         window: [window.x, window.y, window.width, window.height],
@@ -75,11 +75,11 @@ pub fn write_part(
         put(format!("{}\n", serde_json::to_string(&head)?).as_bytes())?;
         for (_, tile) in film.tile_windows().enumerate().filter(|(i, _)| share.has(*i)) {
             let mut bytes = Vec::with_capacity(tile.area() * 4 * (3 + channels.len()));
-            for (x, y) in places(window, tile) {
+            for (x, y) in pixels_of(window, tile) {
                 film.pixel(x, y).iter().for_each(|c| bytes.extend(c.to_le_bytes()));
             }
             for channel in channels {
-                for (x, y) in places(window, tile) {
+                for (x, y) in pixels_of(window, tile) {
                     bytes.extend(
                         channel.values[y as usize * window.width as usize + x as usize].to_le_bytes(),
                     );
@@ -92,14 +92,14 @@ pub fn write_part(
     })
 }
 
-/// Columns and rows of a tile's pixels, counted from the corner of the picture.
-fn places(window: Window, tile: Window) -> impl Iterator<Item = (u32, u32)> {
+/// Columns and rows of a tile's pixels, relative to the top left corner of the film.
+fn pixels_of(window: Window, tile: Window) -> impl Iterator<Item = (u32, u32)> {
     let (left, top) = (tile.x - window.x, tile.y - window.y);
     (0..tile.height).flat_map(move |y| (0..tile.width).map(move |x| (left + x, top + y)))
 }
 
-/// Reads a part as far as its numbers, which are the bytes that come back with it.
-fn open(bytes: &[u8]) -> std::result::Result<(Head, Share, &[u8]), String> {
+/// Checks a part and parses its header; returns the bytes of the values too.
+fn open(bytes: &[u8]) -> std::result::Result<(Header, Share, &[u8]), String> {
     let rest = bytes.strip_prefix(FIRST_LINE).ok_or("not a part of a picture")?;
     let end = bytes.len().checked_sub(HASH).filter(|&end| end >= FIRST_LINE.len());
     let (said, hash) = bytes.split_at(end.ok_or("the part ends too early")?);
@@ -107,21 +107,21 @@ fn open(bytes: &[u8]) -> std::result::Result<(Head, Share, &[u8]), String> {
         return Err("the part is not whole; make it again".into());
     }
     let line = rest.iter().position(|&b| b == b'\n').ok_or("the part has no head")?;
-    let head: Head =
+    let head: Header =
         serde_json::from_slice(&rest[..line]).map_err(|e| format!("not a part of this kiln: {e}"))?;
     let share = Share::new(head.share, head.of).ok_or("the part is of no share")?;
     let numbers = rest.get(line + 1..rest.len() - HASH).ok_or("the part ends too early")?;
     Ok((head, share, numbers))
 }
 
-/// The longest side of a picture that kiln makes: that of a JPEG, which PNG and OpenEXR exceed.
-const LONGEST_SIDE: u32 = 65_535;
+/// Maximum width and height: those of JPEG; PNG and OpenEXR allow more.
+const MAX_SIDE: u32 = 65_535;
 
-/// What is wrong with a head: sizes and names that kiln does not make, and what the format cannot be written with.
-fn check_head(head: &Head, format: Format) -> std::result::Result<(), String> {
+/// Checks that kiln can have written the header, and that `format` can store it.
+fn check_head(head: &Header, format: Format) -> std::result::Result<(), String> {
     let [x, y, width, height] = head.window;
     let ends = [(x, width), (y, height)].map(|(start, side)| start.checked_add(side));
-    if ends.iter().any(|end| end.is_none_or(|end| end > LONGEST_SIDE)) || width == 0 || height == 0 {
+    if ends.iter().any(|end| end.is_none_or(|end| end > MAX_SIDE)) || width == 0 || height == 0 {
         return Err(format!("is {width} x {height} pixels at ({x}, {y}), which kiln does not make"));
     }
     let shown = |name: &str| name.chars().take(40).collect::<String>().escape_default().to_string();
@@ -135,21 +135,21 @@ fn check_head(head: &Head, format: Format) -> std::result::Result<(), String> {
     if let Some(name) = head.channels.iter().find(|name| !is_name(name)) {
         return Err(format!("has a layer `{}`, which kiln does not write", shown(name)));
     }
-    // One pixel of it, written to nowhere: what an encoder refuses is a fault of the part, and not of the output.
+    // Encoding a single pixel detects metadata that the encoder rejects as a fault of the part, not of the output.
     let window = Window { x: 0, y: 0, width: 1, height: 1 };
     let film = |e: Error| e.to_string();
     let picture = if format == Format::Exr {
         let channel = |name: &String| Channel { name: name.clone(), values: vec![0.0] };
-        Picture::Numbers(Film::new(window).map_err(film)?, head.channels.iter().map(channel).collect())
+        OutputImage::Float(Film::new(window).map_err(film)?, head.channels.iter().map(channel).collect())
     } else {
-        Picture::Bytes(Film::new(window).map_err(film)?, ColourPipeline::Display)
+        OutputImage::Rgb8(Film::new(window).map_err(film)?, ColourPipeline::Display)
     };
     encode(&picture, &head.metadata, format, &mut std::io::sink())
         .map_err(|e| format!("has settings or layers that cannot be written: {e}"))
 }
 
-/// The bytes of numbers that a share of a picture has.
-fn numbers_of(window: Window, channels: usize, share: Share) -> u64 {
+/// Bytes of the values in a share of a picture.
+fn bytes_of_share(window: Window, channels: usize, share: Share) -> u64 {
     let columns = window.width.div_ceil(TILE) as usize;
     let tiles = columns * window.height.div_ceil(TILE) as usize;
     let side = |whole: u32, tile: usize| TILE.min(whole - tile as u32 * TILE) as usize;
@@ -160,7 +160,7 @@ fn numbers_of(window: Window, channels: usize, share: Share) -> u64 {
     limits::product(&[pixels as u64, 3 + channels as u64, size_of::<f32>() as u64])
 }
 
-/// What there is where a share of a picture should be.
+/// State of the file of a share.
 pub fn look(file: &Path, share: Share) -> Found {
     let bytes = match limits::read_file(file) {
         Ok(bytes) => bytes,
@@ -176,16 +176,16 @@ pub fn look(file: &Path, share: Share) -> Found {
     }
 }
 
-/// A picture that was put together, and the settings that made it.
-pub type Joined = (Picture, Vec<(String, String)>);
+/// A joined picture and its metadata.
+pub type Joined = (OutputImage, Vec<(String, String)>);
 
-/// Puts the parts of a picture together, in what `format` keeps of it.
+/// Joins the parts of a picture, in the pixel format of `format`.
 ///
 /// # Errors
-/// [`Error::Input`] where a part is missing, damaged, or of another picture; [`Error::Usage`] where the parts have channels and
-/// the format has none.
+/// [`Error::Input`] if a part is missing, damaged, or of another picture; [`Error::Usage`] if the parts have further
+/// channels and the format does not support them.
 pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
-    let mut canvas: Option<Canvas> = None;
+    let mut joiner: Option<Joiner> = None;
     let there = files.iter().filter_map(|file| std::fs::metadata(file).ok()).map(|about| about.len()).sum();
     for file in files {
         let wrong = |what: String| {
@@ -193,47 +193,51 @@ pub fn join(files: &[PathBuf], format: Format) -> Result<Joined> {
         };
         let bytes = limits::read_file(file).map_err(|e| limits::unreadable(file, &e))?;
         let (head, share, numbers) = open(&bytes).map_err(wrong)?;
-        let canvas = match &mut canvas {
-            Some(canvas) => canvas,
-            none => none.insert(Canvas::new((file, there), head.clone(), share, numbers, format)?),
+        let joiner = match &mut joiner {
+            Some(joiner) => joiner,
+            none => none.insert(Joiner::new((file, there), head.clone(), share, numbers, format)?),
         };
-        canvas.add(&head, share, numbers).map_err(wrong)?;
+        joiner.add(&head, share, numbers).map_err(wrong)?;
     }
-    let Some(canvas) = canvas else {
+    let Some(joiner) = joiner else {
         return Err(Error::usage("no part is given", "give the parts that `kiln render --shard` wrote"));
     };
-    canvas.finish(format)
+    joiner.finish(format)
 }
 
-/// How many missing parts are named.
-const MOST_NAMED: usize = 20;
+/// Maximum number of missing parts listed in a message.
+const MAX_NAMED: usize = 20;
 
-/// The most bytes for each pixel while parts are joined and the picture is written: the film and its channels, and for the writer
-/// as much again ([`super::write::bytes_a_pixel`]) or the pixels in rows and as bytes, twice.
-fn bytes_a_pixel(format: Format, channels: u64) -> u64 {
+/// Maximum bytes per pixel while parts are joined and the picture is encoded: film and channels, and the buffers of the
+/// encoder ([`super::write::bytes_per_pixel`]), or for 8-bit formats the rows in f32 and three buffers of bytes.
+fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
     let kept = 4 * (3 + channels);
-    kept + if format == Format::Exr { super::write::bytes_a_pixel(format, channels) } else { 12 + 3 + 3 + 3 }
+    kept + if format == Format::Exr {
+        super::write::bytes_per_pixel(format, channels)
+    } else {
+        12 + 3 + 3 + 3
+    }
 }
 
-/// A picture that is being put together.
-struct Canvas {
-    /// The first part's.
+/// A picture that is being joined.
+struct Joiner {
+    /// File of the first part.
     file: PathBuf,
-    head: Head,
+    head: Header,
     pipeline: ColourPipeline,
     window: Window,
     film: Film,
     channels: Vec<Channel>,
-    /// The shares that have been added.
+    /// Indices of the shares added.
     has: BTreeSet<u32>,
 }
 
-impl Canvas {
-    /// The canvas of the first part. Memory is allocated for the whole picture once the part's own numbers are as many as its
-    /// head says and the picture is within the limits. All parts together have `there` bytes.
+impl Joiner {
+    /// Starts with the first part. Memory for the whole picture is allocated after the size of the part's values and
+    /// the memory limit are checked. `there` is the total size of all parts.
     fn new(
         (file, there): (&Path, u64),
-        head: Head,
+        head: Header,
         share: Share,
         numbers: &[u8],
         format: Format,
@@ -246,15 +250,15 @@ impl Canvas {
         let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
         let pipeline = pipelines.into_iter().find(|p| p.name() == head.pipeline);
         let pipeline = pipeline.ok_or_else(|| wrong("of no known colours".into()))?;
-        let expected = numbers_of(window, head.channels.len(), share);
+        let expected = bytes_of_share(window, head.channels.len(), share);
         if expected != numbers.len() as u64 {
             let what = if expected > numbers.len() as u64 { "few" } else { "many" };
             return Err(wrong(format!("the part has too {what} pixels")));
         }
         let layers = head.channels.len() as u64;
         let times_area = |each: u64| limits::product(&[width.into(), height.into(), each]);
-        let needed = times_area(bytes_a_pixel(format, layers));
-        // As many bytes as the parts have are no claim of the first one's head alone.
+        let needed = times_area(bytes_per_pixel(format, layers));
+        // If the parts are as large as the picture, its size is not merely claimed by a header.
         let is_there = times_area(4 * (3 + layers)) <= there;
         let checked = if is_there { limits::check(needed) } else { limits::check_claim(needed) };
         checked.map_err(|excess| {
@@ -265,10 +269,10 @@ impl Canvas {
         let film = Film::new(window)?;
         let channel = |name: &String| Channel { name: name.clone(), values: vec![0.0; window.area()] };
         let channels = head.channels.iter().map(channel).collect();
-        Ok(Canvas { file: file.to_owned(), head, pipeline, window, film, channels, has: BTreeSet::new() })
+        Ok(Joiner { file: file.to_owned(), head, pipeline, window, film, channels, has: BTreeSet::new() })
     }
 
-    fn add(&mut self, head: &Head, share: Share, numbers: &[u8]) -> std::result::Result<(), String> {
+    fn add(&mut self, head: &Header, share: Share, numbers: &[u8]) -> std::result::Result<(), String> {
         let first = self.file.display();
         if head.fingerprint() != self.head.fingerprint() {
             return Err(format!("a part of another scene or of other settings than {first}"));
@@ -276,8 +280,8 @@ impl Canvas {
         if head.of != self.head.of {
             return Err(format!("one of {} parts, where {first} is one of {}", head.of, self.head.of));
         }
-        // The rest follows from the fingerprint, where nobody wrote it by hand.
-        if *head != (Head { share: head.share, ..self.head.clone() }) {
+        // Equal fingerprints imply equal headers, unless a file was edited.
+        if *head != (Header { share: head.share, ..self.head.clone() }) {
             return Err(format!("does not go with {first}"));
         }
         let window = self.window;
@@ -289,7 +293,7 @@ impl Canvas {
                 *channel = number()?;
             }
             for channel in &mut self.channels {
-                for (x, y) in places(window, tile.window) {
+                for (x, y) in pixels_of(window, tile.window) {
                     channel.values[y as usize * window.width as usize + x as usize] = number()?;
                 }
             }
@@ -303,8 +307,7 @@ impl Canvas {
 
     fn finish(self, format: Format) -> Result<Joined> {
         let missing = (1..=self.head.of).filter(|share| !self.has.contains(share));
-        let mut named: Vec<String> =
-            missing.clone().take(MOST_NAMED).map(|share| share.to_string()).collect();
+        let mut named: Vec<String> = missing.clone().take(MAX_NAMED).map(|share| share.to_string()).collect();
         if !named.is_empty() {
             let more = missing.count() - named.len();
             if more > 0 {
@@ -316,7 +319,7 @@ impl Canvas {
         }
         let metadata = self.head.metadata;
         if format == Format::Exr {
-            return Ok((Picture::Numbers(self.film, self.channels), metadata));
+            return Ok((OutputImage::Float(self.film, self.channels), metadata));
         }
         if !self.channels.is_empty() {
             return Err(Error::usage(
@@ -327,6 +330,6 @@ impl Canvas {
         let rows: Vec<[f32; 3]> = self.film.rows().collect();
         let mut bytes = vec![[0; 3]; rows.len()];
         Pixel::develop(&rows, self.pipeline, &mut bytes);
-        Ok((Picture::Bytes(Film::of_rows(self.window, &bytes)?, self.pipeline), metadata))
+        Ok((OutputImage::Rgb8(Film::from_rows(self.window, &bytes)?, self.pipeline), metadata))
     }
 }

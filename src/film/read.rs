@@ -1,7 +1,7 @@
-//! Reading pictures: to compare them, PNG and JPEG as a display shows them, OpenEXR as the numbers in it; for textures, PNG and
-//! JPEG as they are.
+//! Reading of image files: for comparisons, PNG and JPEG as display values and OpenEXR as stored; for textures, PNG and
+//! JPEG in the pixel format of the file.
 //!
-//! Sizes are checked against [`limits`] before a decoder allocates memory for them, and a decoder that panics is contained.
+//! Sizes are checked against [`limits`] before a decoder allocates memory, and panics of decoders are caught.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::ColourPipeline;
 use crate::error::{Error, Result, contain};
 use crate::limits::{self, Excess};
 
-/// The pixels of a picture file, and the numbers that they are in.
+/// Pixels of an image file and their encoding.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pixels {
     /// Width in pixels.
@@ -22,49 +22,49 @@ pub struct Pixels {
     pub height: u32,
     /// Red, green and blue, row by row from the top.
     pub values: Vec<[f32; 3]>,
-    /// `Linear` for linear light, any other for display values.
+    /// `Linear` for linear light; otherwise display values.
     pub pipeline: ColourPipeline,
 }
 
-/// Why a picture cannot be read.
+/// Reason why an image cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Unread {
-    /// Its bytes are not those of such a picture; what is wrong.
+pub enum ReadError {
+    /// The data is damaged or not of a supported format; a message.
     Damaged(String),
-    /// Its header gives a size that is beyond the limits.
+    /// The size in the header exceeds the memory limit.
     TooLarge {
-        /// How large it is, what it needs and what the limit is.
+        /// Size, memory needed and limit.
         what: String,
-        /// What to do about it.
+        /// Hint.
         hint: String,
     },
 }
 
-impl Unread {
-    /// A picture of `width` by `height` pixels that needs too much.
+impl ReadError {
+    /// The error for an image of `width` by `height` pixels.
     pub(super) fn too_large(width: u64, height: u64, excess: &Excess) -> Self {
-        Unread::TooLarge {
+        ReadError::TooLarge {
             what: format!("a picture of {width} x {height} pixels {excess}"),
             hint: excess.hint(),
         }
     }
 
-    /// As an error for `file`.
+    /// Converts to an error for `file`.
     pub fn into_error(self, file: &Path) -> Error {
         match self {
-            Unread::Damaged(what) => Error::input(file, what, "give a .png, .jpg or .exr picture"),
-            Unread::TooLarge { what, hint } => Error::input(file, what, hint),
+            ReadError::Damaged(what) => Error::input(file, what, "give a .png, .jpg or .exr picture"),
+            ReadError::TooLarge { what, hint } => Error::input(file, what, hint),
         }
     }
 }
 
-type Read<T> = std::result::Result<T, Unread>;
+type Read<T> = std::result::Result<T, ReadError>;
 
-/// Reads a picture. PNG and JPEG give display values from 0 to 1; an EXR gives its channels `R`, `G` and `B` as they are: linear
-/// light, but where kiln wrote it in another pipeline and says so in it. Transparency is left out.
+/// Reads an image file. PNG and JPEG give display values from 0 to 1. EXR gives its channels `R`, `G` and `B` as
+/// stored: linear light, unless kiln's metadata names another pipeline. Alpha is ignored.
 ///
 /// # Errors
-/// [`Error::Input`] where the file is missing, damaged, too large, or not such a picture.
+/// [`Error::Input`] if the file is missing, damaged, too large, or of another format.
 pub fn read_picture(file: &Path) -> Result<Pixels> {
     let bytes = limits::read_file(file).map_err(|e| limits::unreadable(file, &e))?;
     // The magic number of OpenEXR, Technical Introduction to OpenEXR, "File Layout".
@@ -74,70 +74,71 @@ pub fn read_picture(file: &Path) -> Result<Pixels> {
 }
 
 fn read_bytes(bytes: &[u8]) -> Read<Pixels> {
-    // 8 and 16 bits alike become fractions of their largest value.
+    // Values of 8 and 16 bits are divided by their maximum.
     let picture = decode(bytes, size_of::<[f32; 3]>() as u64)?.into_rgb32f();
     let (width, height) = picture.dimensions();
     let values = bytemuck::cast_vec(picture.into_raw());
     Ok(Pixels { width, height, values, pipeline: ColourPipeline::Display })
 }
 
-/// Decodes a PNG or JPEG picture, of which the caller makes another `bytes_each` a pixel.
+/// Decodes a PNG or JPEG image; the caller will allocate another `bytes_each` per pixel.
 ///
 /// # Errors
-/// [`Unread`].
+/// [`ReadError`].
 pub fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
-    let unsupported = || Unread::Damaged("not a PNG, JPEG or EXR picture".to_owned());
+    let unsupported = || ReadError::Damaged("not a PNG, JPEG or EXR picture".to_owned());
     let damaged = |e: image::ImageError| match e {
         image::ImageError::Unsupported(_) => unsupported(),
-        other => Unread::Damaged(format!("damaged picture: {other}")),
+        other => ReadError::Damaged(format!("damaged picture: {other}")),
     };
     let format = image::guess_format(bytes).map_err(|_| unsupported())?;
     if format == ImageFormat::Png
         && let Some((width, height)) = png_size(bytes)
     {
-        // The decoder allocates rows before it tells a size. At least a byte a pixel is decoded, and 4 for most.
+        // The decoder allocates rows before it reports a size. Decoding takes at least 1 byte per pixel, and 4 for most
+        // images.
         let needed = limits::product(&[width, height, 1 + bytes_each]);
-        limits::check_claim(needed).map_err(|excess| Unread::too_large(width, height, &excess))?;
+        limits::check_claim(needed).map_err(|excess| ReadError::too_large(width, height, &excess))?;
     }
     let parse = || -> Read<DynamicImage> {
         let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-        // Beside what is checked here, this limits colour profiles and text.
+        // This limits colour profiles and text; pixels are checked below.
         let mut most = image::Limits::no_limits();
-        most.max_alloc = Some(limits::MOST_CLAIMED);
+        most.max_alloc = Some(limits::MAX_CLAIM);
         reader.limits(most);
         let mut decoder = reader.into_decoder().map_err(damaged)?;
         let _ = decoder.set_limits(image::Limits::no_limits());
         let (width, height) = decoder.dimensions();
-        // A progressive JPEG is held as coefficients of 16 bits, for up to 4 channels, until it is whole.
+        // A progressive JPEG is stored as 16-bit coefficients, for up to 4 channels, until decoding ends.
         let while_decoding = if format == ImageFormat::Jpeg { 8 } else { 0 };
         let area = limits::product(&[width.into(), height.into()]);
         let needed =
             decoder.total_bytes().saturating_add(limits::product(&[area, bytes_each + while_decoding]));
         limits::check_claim(needed)
-            .map_err(|excess| Unread::too_large(width.into(), height.into(), &excess))?;
+            .map_err(|excess| ReadError::too_large(width.into(), height.into(), &excess))?;
         DynamicImage::from_decoder(decoder).map_err(damaged)
     };
     let picture = contain(parse)
-        .unwrap_or_else(|| Err(Unread::Damaged("damaged picture: its decoder failed".to_owned())))?;
+        .unwrap_or_else(|| Err(ReadError::Damaged("damaged picture: its decoder failed".to_owned())))?;
     match picture.dimensions() {
-        (0, _) | (_, 0) => Err(Unread::Damaged("a picture without pixels".to_owned())),
+        (0, _) | (_, 0) => Err(ReadError::Damaged("a picture without pixels".to_owned())),
         _ => Ok(picture),
     }
 }
 
-/// Width and height of a PNG. The header comes first, and its sizes first in it (PNG, third edition, 5.6 and 11.2.1).
+/// Width and height of a PNG, the first fields of its first chunk (PNG, third edition, 5.6 and 11.2.1).
 fn png_size(bytes: &[u8]) -> Option<(u64, u64)> {
     bytes.get(12..16).filter(|name| *name == b"IHDR")?;
     let number = |at: usize| Some(u64::from(u32::from_be_bytes(bytes.get(at..at + 4)?.try_into().ok()?)));
     Some((number(16)?, number(20)?))
 }
 
-/// The headers of an OpenEXR picture.
+/// Reads the headers of an OpenEXR image.
 ///
 /// # Errors
-/// What is wrong with it.
+/// [`ReadError::Damaged`].
 pub(super) fn exr_reader(bytes: &[u8]) -> Read<exr::block::reader::Reader<Cursor<&[u8]>>> {
-    let damaged = |e: &dyn std::fmt::Display| Unread::Damaged(format!("damaged: {e}"));
+    let damaged = |e: &dyn std::fmt::Display| ReadError::Damaged(format!("damaged: {e}"));
     match contain(|| exr::block::read(Cursor::new(bytes), false)) {
         Some(Ok(reader)) => Ok(reader),
         Some(Err(e)) => Err(damaged(&e)),
@@ -147,12 +148,12 @@ pub(super) fn exr_reader(bytes: &[u8]) -> Read<exr::block::reader::Reader<Cursor
 
 fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
     type Rows = (usize, Vec<[f32; 3]>);
-    // Whichever layer it is that has the channels.
+    // Any layer may be the one with the channels.
     for header in exr_reader(&bytes)?.headers() {
         let [width, height] = [header.layer_size.width(), header.layer_size.height()].map(|side| side as u64);
         let needed = limits::product(&[width, height, size_of::<[f32; 3]>() as u64]);
-        limits::check_claim(needed.saturating_add(most_of_a_block(header)))
-            .map_err(|excess| Unread::too_large(width, height, &excess))?;
+        limits::check_claim(needed.saturating_add(max_block_bytes(header)))
+            .map_err(|excess| ReadError::too_large(width, height, &excess))?;
     }
     let parse = || {
         read()
@@ -171,7 +172,7 @@ fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
     };
     let picture = contain(parse)
         .unwrap_or_else(|| Err("damaged: its decoder failed".to_owned()))
-        .map_err(Unread::Damaged)?;
+        .map_err(ReadError::Damaged)?;
     let layer = picture.layer_data;
     let said = layer.attributes.other.get(&Text::from("kiln:colour"));
     let display = matches!(said, Some(AttributeValue::Text(name)) if name.eq("display") || name.eq("u8"));
@@ -183,9 +184,8 @@ fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
     })
 }
 
-/// The most memory that decoding one block of a layer takes: as it is in the file, as it is in the picture, and one more while it
-/// is put in order.
-pub(super) fn most_of_a_block(header: &exr::meta::header::Header) -> u64 {
+/// Maximum memory for decoding one block of a layer: compressed, decompressed, and reordered.
+pub(super) fn max_block_bytes(header: &exr::meta::header::Header) -> u64 {
     let Vec2(width, height) = header.max_block_pixel_size();
     limits::product(&[width as u64, height as u64, header.channels.bytes_per_pixel as u64, 3])
 }

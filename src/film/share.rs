@@ -1,10 +1,10 @@
-//! A share of work that several machines divide among them: the frames of a list, or the tiles of a picture.
+//! Shares of work divided among machines: frames of a list, or tiles of a picture.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// The `index`-th of `of` shares, counted from 1. Things are dealt out in turn, so that what is next to each other, and takes
-/// about as long, goes to different shares; the same always goes to the same.
+/// The `index`-th of `of` shares, counted from 1. Items are assigned round-robin, so that neighbouring items, which
+/// take similar time, go to different shares. The assignment is deterministic.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct Share {
@@ -13,7 +13,7 @@ pub struct Share {
 }
 
 impl Share {
-    /// Everything.
+    /// The only share: all items.
     pub const ALL: Share = Share { index: 1, of: 1 };
 
     /// The `index`-th of `of` shares; `None` unless 1 <= index <= of <= a million.
@@ -21,17 +21,17 @@ impl Share {
         ((1..=of).contains(&index) && of <= 1_000_000).then_some(Share { index, of })
     }
 
-    /// Which of the shares it is, from 1.
+    /// Index of the share, counted from 1.
     pub fn index(self) -> u32 {
         self.index
     }
 
-    /// How many shares there are.
+    /// Number of shares.
     pub fn of(self) -> u32 {
         self.of
     }
 
-    /// Whether the thing at this place, from 0, belongs to it.
+    /// Whether the item at index `place`, from 0, belongs to the share.
     pub fn has(self, place: usize) -> bool {
         place % self.of as usize == self.index as usize - 1
     }
@@ -86,7 +86,7 @@ mod tests {
             for place in 0..30 {
                 assert_eq!(shares.iter().filter(|share| share.has(place)).count(), 1, "{place} of {of}");
             }
-            // None has more than one thing more than another.
+            // The sizes of shares differ by at most one item.
             let counts = shares.iter().map(|share| (0..30).filter(|&place| share.has(place)).count());
             let counts: Vec<usize> = counts.collect();
             assert!(counts.iter().max().unwrap() - counts.iter().min().unwrap() <= 1, "{counts:?}");

@@ -1,4 +1,4 @@
-//! Pictures: PNG, JPEG and OpenEXR, each with the settings that made it.
+//! Image file writers: PNG, JPEG and OpenEXR, with the render settings as metadata.
 
 use std::io::{Seek, Write};
 use std::path::Path;
@@ -11,22 +11,22 @@ use super::output::write_whole;
 use super::{ColourPipeline, Film};
 use crate::error::{Error, Result};
 
-/// The picture formats that can be written.
+/// The image formats that can be written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// 8 bits a channel, lossless, metadata in text chunks.
+    /// 8 bits per channel, lossless, metadata in text chunks.
     Png,
-    /// 8 bits a channel, quality 95.
+    /// 8 bits per channel, quality 95.
     Jpeg,
-    /// 32-bit floating point: the film's own numbers.
+    /// 32-bit floating point, in the encoding of the film.
     Exr,
 }
 
 impl Format {
-    /// The format that a file name's ending asks for.
+    /// The format for the extension of a file name.
     ///
     /// # Errors
-    /// [`Error::Usage`] when the ending is missing or not one that can be written.
+    /// [`Error::Usage`] if the extension is missing or not supported.
     pub fn from_path(file: &Path) -> Result<Self> {
         let ending = file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
         match ending.as_str() {
@@ -41,64 +41,64 @@ impl Format {
     }
 }
 
-/// In a picture's metadata: the fingerprint of everything that decides it, but the frame.
+/// Metadata key of the fingerprint: the hash of everything that determines the picture except the frame.
 pub const FINGERPRINT: &str = "kiln:fingerprint";
 
-/// In a picture's metadata: which frame of an animation it is.
+/// Metadata key of the frame number in an animation.
 pub const FRAME: &str = "kiln:frame";
 
-/// The settings that made a picture, as names and values, to be kept in its metadata.
+/// Metadata of a picture: names and values of the settings that made it.
 pub type Metadata = [(String, String)];
 
-/// A rendered picture, in what its format keeps of a pixel.
-pub enum Picture {
-    /// 8-bit display values, to be written as PNG or JPEG, with the pipeline that they come from.
-    Bytes(Film<[u8; 3]>, ColourPipeline),
-    /// The film's own numbers, to be written as OpenEXR, and channels beside them.
-    Numbers(Film, Vec<Channel>),
+/// A rendered picture in the pixel format of its file.
+pub enum OutputImage {
+    /// 8-bit display values for PNG or JPEG, and the pipeline that they come from.
+    Rgb8(Film<[u8; 3]>, ColourPipeline),
+    /// Floating-point values for OpenEXR, and further channels.
+    Float(Film, Vec<Channel>),
 }
 
-/// A channel beside the picture's own: a number for each pixel, row by row from the top.
+/// A further channel: one value per pixel, row by row from the top.
 pub struct Channel {
-    /// Its name: `LAYER.CHANNEL`, as OpenEXR has it.
+    /// Name, `LAYER.CHANNEL` as in OpenEXR.
     pub name: String,
-    /// Its values.
+    /// Values.
     pub values: Vec<f32>,
 }
 
-/// Writes a picture to `file`, whole or not at all.
+/// Writes a picture to `file` atomically.
 ///
 /// # Errors
-/// [`Error::Output`] when the file cannot be written.
-pub fn write_picture(picture: &Picture, metadata: &Metadata, format: Format, file: &Path) -> Result<()> {
+/// [`Error::Output`] if the file cannot be written.
+pub fn write_picture(picture: &OutputImage, metadata: &Metadata, format: Format, file: &Path) -> Result<()> {
     write_whole(file, |out| encode(picture, metadata, format, out))
 }
 
-/// Writes a picture to any stream: numbers as OpenEXR, bytes as JPEG where `format` says so and as PNG otherwise.
+/// Encodes a picture to a stream: floating point as OpenEXR, 8 bits as JPEG if `format` is JPEG, else as PNG.
 ///
 /// # Errors
-/// Those of the stream.
+/// Errors of the stream.
 pub fn encode(
-    picture: &Picture,
+    picture: &OutputImage,
     metadata: &Metadata,
     format: Format,
     out: &mut dyn Write,
 ) -> std::io::Result<()> {
     match picture {
-        Picture::Bytes(film, _) if format == Format::Jpeg => write_jpeg(film, out),
-        Picture::Bytes(film, pipeline) => write_png(film, *pipeline, metadata, out),
-        Picture::Numbers(film, more) => write_exr(film, more, metadata, out),
+        OutputImage::Rgb8(film, _) if format == Format::Jpeg => write_jpeg(film, out),
+        OutputImage::Rgb8(film, pipeline) => write_png(film, *pipeline, metadata, out),
+        OutputImage::Float(film, more) => write_exr(film, more, metadata, out),
     }
 }
 
-/// The most bytes for each pixel that writing takes beside the picture itself, which has `channels` beside its own.
-pub fn bytes_a_pixel(format: Format, channels: u64) -> u64 {
+/// Maximum bytes per pixel that encoding allocates in addition to the picture with `channels` further channels.
+pub fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
     match format {
-        // Row by row.
+        // PNG is encoded row by row.
         Format::Png => 0,
-        // The rows of the film in one piece.
+        // JPEG needs all rows in one buffer.
         Format::Jpeg => 3,
-        // Every channel in one piece, and the file, which compression does not make longer.
+        // OpenEXR needs a buffer per channel, and one for the file, which compression does not enlarge.
         Format::Exr => 2 * 4 * (3 + channels),
     }
 }
@@ -121,7 +121,7 @@ fn write_png(
         encoder.add_itxt_chunk(key.clone(), value.clone())?;
     }
     let mut writer = encoder.write_header()?;
-    // Row by row: the picture is not copied as a whole.
+    // Encoding row by row avoids a copy of the picture.
     let mut rows = writer.stream_writer()?;
     let mut row = Vec::with_capacity(window.width as usize * 3);
     for y in 0..window.height {
@@ -150,14 +150,14 @@ fn write_exr(film: &Film, more: &[Channel], metadata: &Metadata, out: &mut dyn W
     let channels = AnyChannels::sort(own.chain(more).collect());
     let mut attributes = LayerAttributes::named("kiln");
     for (key, value) in metadata {
-        // Text of other alphabets is kept as UTF-8; OpenEXR does not say what the bytes of a text mean.
+        // Non-ASCII text is stored as UTF-8; OpenEXR does not define an encoding of text.
         let text = Text::from_slice_unchecked(value.as_bytes());
         let value = exr::meta::attribute::AttributeValue::Text(text);
         attributes.other.insert(Text::from_slice_unchecked(key.as_bytes()), value);
     }
     let size = (window.width as usize, window.height as usize);
     let picture = Image::from_layer(Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels));
-    // The format wants to seek back to its offset table, a stream need not be able to.
+    // The writer seeks back to the offset table, which `out` may not support.
     let mut bytes = std::io::Cursor::new(Vec::new());
     picture.write().to_buffered(&mut bytes).map_err(std::io::Error::other)?;
     bytes.rewind()?;
@@ -166,9 +166,9 @@ fn write_exr(film: &Film, more: &[Channel], metadata: &Metadata, out: &mut dyn W
     out.write_all(&bytes)
 }
 
-/// Puts the attributes of an EXR file's one header in the order of their names, for equal bytes from equal pictures: the
-/// writer keeps them in a hash map. Nothing else moves. Technical Introduction to OpenEXR, "File Layout": magic
-/// number and version, four bytes each, then attributes (name, 0, type, 0, size in four bytes, value) and a 0.
+/// Sorts the attributes in the single header of an EXR file by name, because the writer's order, of a hash map, is not
+/// deterministic. Nothing else changes. Technical Introduction to OpenEXR, "File Layout": magic number and version,
+/// four bytes each, then attributes (name, 0, type, 0, size in four bytes, value) and a 0.
 fn sort_header(bytes: &mut [u8]) {
     const START: usize = 8;
     let mut attributes: Vec<&[u8]> = Vec::new();
@@ -202,7 +202,7 @@ mod tests {
         let mut mixed = file([&c, &a, &b]);
         sort_header(&mut mixed);
         assert_eq!(mixed, file([&a, &b, &c]));
-        // A header that ends too early stays as it is.
+        // A truncated header is unchanged.
         let mut broken = b"magicverc\0string\0\xff\0\0\0".to_vec();
         let before = broken.clone();
         sort_header(&mut broken);

@@ -113,7 +113,8 @@ mod tests {
         folder
     }
 
-    /// What reading `inputs` of a folder depends on: whether it went well, and the names, those of missing files after a `!`.
+    /// Whether reading `inputs` of a folder succeeds, and the names of the files it depends on, with `!` before missing
+    /// ones.
     fn listed(folder: &tempfile::TempDir, inputs: &[&str]) -> (bool, Vec<String>) {
         let inputs: Vec<PathBuf> = inputs.iter().map(|name| folder.path().join(name)).collect();
         let (scene, files) = load_and_list(&inputs, &mut Warnings::default());
@@ -178,7 +179,7 @@ mod tests {
             listed(&folder, &["a.gltf"]),
             (true, ["a.bin", "a.gltf", "skin.png", "!tex/lost one.png"].map(String::from).into())
         );
-        // Without its buffer it cannot be read, and nothing else was looked at.
+        // The missing buffer is an error, and no other file was opened.
         assert_eq!(
             listed(&folder, &["b.gltf", "a.gltf"]),
             (false, ["!b.bin", "b.gltf"].map(String::from).into())

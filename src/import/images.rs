@@ -9,7 +9,7 @@ use super::Source;
 use super::files::Files;
 use super::heights::normals_of_heights;
 use crate::error::{Error, Place, Result, Warnings};
-use crate::film::read::{self, Unread};
+use crate::film::read::{self, ReadError};
 use crate::limits;
 use crate::scene::{DecodedImage, ImageId, Scene};
 
@@ -64,9 +64,9 @@ impl ImageLoader {
             None => {
                 let grey = match open(&self.files, file, HEIGHTS) {
                     Ok(image) => Some(image).filter(is_grey),
-                    Err(Unread::TooLarge { what, hint }) => return Err(Error::input(file, what, hint)),
+                    Err(ReadError::TooLarge { what, hint }) => return Err(Error::input(file, what, hint)),
                     // `of_file` warns below.
-                    Err(Unread::Damaged(_)) => None,
+                    Err(ReadError::Damaged(_)) => None,
                 };
                 let made = grey.map(|image| {
                     let (image, steepest) = of_heights(&file.display().to_string(), image);
@@ -91,8 +91,8 @@ const TEXTURE: u64 = 3;
 /// Bytes per pixel of a height map: 16-bit heights, their normals, and the texture.
 const HEIGHTS: u64 = 2 + 3 + TEXTURE;
 
-fn open(files: &Files, file: &Path, bytes_each: u64) -> std::result::Result<DynamicImage, Unread> {
-    let bytes = files.read(file).map_err(|e| Unread::Damaged(limits::explain(&e).0))?;
+fn open(files: &Files, file: &Path, bytes_each: u64) -> std::result::Result<DynamicImage, ReadError> {
+    let bytes = files.read(file).map_err(|e| ReadError::Damaged(limits::explain(&e).0))?;
     read::decode(&bytes, bytes_each)
 }
 
@@ -125,14 +125,14 @@ pub fn of_bytes(
 
 fn keep(
     scene: &mut Scene,
-    decoded: std::result::Result<DecodedImage, Unread>,
+    decoded: std::result::Result<DecodedImage, ReadError>,
     place: impl Into<Place>,
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     match decoded {
         Ok(image) => Ok(Some(scene.add_image(image))),
-        Err(Unread::TooLarge { what, hint }) => Err(Error::input(place, what, hint)),
-        Err(Unread::Damaged(why)) => {
+        Err(ReadError::TooLarge { what, hint }) => Err(Error::input(place, what, hint)),
+        Err(ReadError::Damaged(why)) => {
             warnings.push(format!("{}: texture left out: {why}", place.into()));
             Ok(None)
         }

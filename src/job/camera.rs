@@ -1,4 +1,4 @@
-//! The camera and the size of a picture, from the settings and the scene.
+//! Camera and picture size from settings and scene.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -7,22 +7,23 @@ use super::{CameraChoice, RenderSettings};
 use crate::error::{Error, Result};
 use crate::film::Window;
 use crate::scene::file::nearest_name;
-use crate::scene::{Camera, Scene, usual_size};
+use crate::scene::{Camera, Scene, default_size};
 use crate::world::{Recentering, StandardView, fitted_camera};
 
-/// What a scene is seen by.
+/// A camera, given or to be fitted.
 pub enum Viewpoint<'a> {
-    /// A camera in the scene's coordinates as they are now.
+    /// A camera in the current coordinates of the scene.
     Camera(Cow<'a, Camera>),
-    /// A camera that is fitted to the scene, from this side.
+    /// A camera to be fitted to the scene, from this side.
     Fitted(StandardView),
 }
 
 impl Viewpoint<'_> {
-    /// The viewpoint that `choice` names. `recentering` is how the scene was moved; a given camera is moved likewise.
+    /// The viewpoint for `choice`. `recentering` is the transform that was applied to the scene; it is applied to a
+    /// given camera too.
     ///
     /// # Errors
-    /// [`Error::Usage`] where there is no such camera.
+    /// [`Error::Usage`] if there is no such camera.
     pub fn of<'a>(
         choice: &CameraChoice,
         scene: &'a Scene,
@@ -55,10 +56,10 @@ impl Viewpoint<'_> {
         }
     }
 
-    /// The size of the picture in pixels.
+    /// Size of the picture in pixels.
     pub fn size(&self, settings: &RenderSettings, scene: &Scene) -> [u32; 2] {
         let camera = if let Viewpoint::Camera(camera) = self { Some(&**camera) } else { None };
-        let size = settings.size.unwrap_or_else(|| usual_size(scene.size, camera));
+        let size = settings.size.unwrap_or_else(|| default_size(scene.size, camera));
         match settings.longest_side {
             Some(longest) if settings.size.is_none() && settings.crop.is_none() => {
                 no_longer_than(longest, size)
@@ -67,10 +68,10 @@ impl Viewpoint<'_> {
         }
     }
 
-    /// The camera of a picture of `size`.
+    /// Camera for a picture of `size`.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is nothing to fit a camera to.
+    /// [`Error::Input`] if the scene has no objects to fit a camera to.
     pub fn camera(self, settings: &RenderSettings, scene: &Scene, size: [u32; 2]) -> Result<Camera> {
         match self {
             Viewpoint::Camera(camera) => Ok(camera.into_owned()),
@@ -83,22 +84,22 @@ impl Viewpoint<'_> {
     }
 }
 
-/// The error for a scene without objects, of which no fitted camera can be made.
+/// The error for a scene without objects, to which no camera can be fitted.
 pub fn nothing_to_look_at(scene: &Scene) -> Error {
     let file = scene.inputs.first().map_or(Path::new("-"), PathBuf::as_path);
     Error::input(file, "there is nothing in it to look at", "`kiln info` says what the file holds")
 }
 
-/// The same shape with no side longer than so many pixels.
+/// Scales a size down so that no side exceeds `longest` pixels, keeping the aspect ratio.
 fn no_longer_than(longest: u32, [width, height]: [u32; 2]) -> [u32; 2] {
     let scale = f64::from(longest) / f64::from(width.max(height).max(longest));
     [width, height].map(|side| ((f64::from(side) * scale).round() as u32).max(1))
 }
 
-/// The part of the picture to render: `crop`, or all of it.
+/// The region to render: `crop`, or the whole picture.
 ///
 /// # Errors
-/// [`Error::Usage`] where the crop reaches outside the picture.
+/// [`Error::Usage`] if the crop extends outside the picture.
 pub fn window(crop: Option<Window>, [width, height]: [u32; 2]) -> Result<Window> {
     let Some(crop) = crop else { return Ok(Window { x: 0, y: 0, width, height }) };
     let inside = |start: u32, size: u32, limit: u32| start.checked_add(size).is_some_and(|end| end <= limit);

@@ -10,13 +10,14 @@ use crate::geometry::Precision;
 use crate::limits;
 use crate::scene::{DecodedImage, Numerics, Object, Scene, Shape, TextureFilter};
 
-/// Checks that there is memory for the acceleration structure and the mip maps of a scene.
+/// Checks the memory limit for the acceleration structure and the mip maps of a scene.
 ///
 /// # Errors
 /// [`Error::Input`] for the largest texture, [`Error::Failed`] for the acceleration structure.
 pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Result<()> {
     check_mip_maps(scene, choices)?;
-    // Measured on grids and on triangles at random, every preset: peak of the address space beyond the scene.
+    // Peak address space per primitive in bytes in addition to the scene, measured on grids and on random triangles
+    // with every preset.
     let each = if numerics.precision() == Precision::Single { 320 } else { 416 };
     let mut shared = HashSet::new();
     let of_object = |object: &Object| match &object.shape {
@@ -32,8 +33,7 @@ pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Res
     })
 }
 
-/// Checks that there is memory for the mip maps of a scene's textures, which all filters but `nearest` and `bilinear`
-/// use.
+/// Checks the memory limit for mip maps, which all filters but `nearest` and `bilinear` use.
 ///
 /// # Errors
 /// [`Error::Input`] for the largest texture.
@@ -45,7 +45,8 @@ fn check_mip_maps(scene: &Scene, choices: &Choices) -> Result<()> {
     }
     let area = |image: &DecodedImage| limits::product(&[image.width.into(), image.height.into()]);
     let Some(largest) = scene.images.iter().max_by_key(|image| area(image)) else { return Ok(()) };
-    // A third of the texels, of 6 bytes; while they are made, levels of a quarter and a sixteenth, of 12 bytes.
+    // Mip levels are a third of the texels, of 6 bytes; building the largest needs levels of a quarter and a sixteenth,
+    // of 12 bytes.
     let kept = scene.images.iter().map(|image| limits::product(&[area(image), 2]));
     let needed = kept.fold(limits::product(&[area(largest), 4]), u64::saturating_add);
     limits::check(needed).map_err(|excess| {

@@ -1,4 +1,4 @@
-//! The metadata of a picture: what made it, as names and values, and the fingerprint of all that decides its pixels.
+//! Metadata of a picture: the settings that made it, and the fingerprint of everything that determines its pixels.
 
 use crate::effects::Choices;
 use crate::film::write::FINGERPRINT;
@@ -6,26 +6,26 @@ use crate::film::{ColourPipeline, Window};
 use crate::scene::{Camera, Fingerprint, INLINE_NAME, Numerics, Scene};
 use crate::world::Recentering;
 
-/// Names and values that are written into image files. Nothing in them differs between two runs of the same.
+/// Names and values written into image files. Identical runs write identical metadata.
 pub type Metadata = Vec<(String, String)>;
 
-/// What a picture of a scene is made by, beside the scene itself.
+/// Settings that determine a picture of a scene.
 pub struct Origin<'a> {
-    /// How the scene was moved.
+    /// Transform applied to the scene, if any.
     pub recentering: Option<&'a Recentering>,
-    /// The camera, with the projection that is used.
+    /// Camera with the projection used.
     pub camera: &'a Camera,
     /// Width and height of the whole picture in pixels.
     pub size: [u32; 2],
-    /// The part of it that is rendered, and whether that was asked for.
+    /// Region of the picture that is rendered.
     pub window: Window,
-    /// How far shading goes, sampling and effects.
+    /// Shading mode, sampling and effect settings.
     pub choices: &'a Choices,
     /// The colour pipeline.
     pub pipeline: ColourPipeline,
-    /// The tier of numerics.
+    /// Arithmetic tier.
     pub numerics: Numerics,
-    /// Layers beside the picture.
+    /// Names of AOV layers.
     pub layers: &'a [String],
 }
 
@@ -33,7 +33,7 @@ pub struct Origin<'a> {
 pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     let &Origin { recentering, camera, size, window, choices, pipeline, numerics, layers } = origin;
     let Choices { shading, sampling, scene: _, with, without, even_idle: _ } = choices;
-    // Without their folders: the same scene is the same picture wherever it lies.
+    // Folders are omitted, so that metadata does not depend on where files lie.
     let name = |input: &std::path::PathBuf| {
         input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned()
     };
@@ -78,12 +78,12 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     metadata
 }
 
-/// The fingerprint among metadata; empty where there is none.
+/// The fingerprint in metadata; empty if there is none.
 pub fn fingerprint_of(metadata: &[(String, String)]) -> &str {
     metadata.iter().find(|(key, _)| key == FINGERPRINT).map_or("", |(_, value)| value)
 }
 
-/// Makes the fingerprint depend on something more.
+/// Mixes a further value into the fingerprint.
 pub fn add_to_fingerprint(metadata: &mut Metadata, name: &str, more: &impl std::fmt::Debug) {
     for (_, value) in metadata.iter_mut().filter(|(key, _)| key == FINGERPRINT) {
         let mut fingerprint = Fingerprint::default();

@@ -1,8 +1,8 @@
-//! From a scene and settings to a picture: the one way there, for commands, the window, the study and library users.
+//! Preparation of render jobs from a scene and settings, for commands, the window, studies and library users.
 //!
-//! [`prepare`] turns a [`Scene`] and [`RenderSettings`] into a [`RenderJob`], and [`RenderJob::render`] that into a film. Where the
-//! fingerprint of a picture is wanted before the acceleration structure is built, the two halves of `prepare` are [`resolve`] and
-//! [`ResolvedJob::build`]. Uses everything below; knows nothing of command lines, animations and windows.
+//! [`prepare`] turns a [`Scene`] and [`RenderSettings`] into a [`RenderJob`], and [`RenderJob::render`] renders it to a
+//! film. `prepare` consists of [`resolve`], which determines the fingerprint, and [`ResolvedJob::build`], which builds
+//! the acceleration structure. Independent of command lines, animations and windows.
 //!
 //! ```
 //! use kiln::error::Warnings;
@@ -41,33 +41,33 @@ use crate::scene::{Camera, Numerics, Sampling, Scene};
 use crate::world::{Recentering, View, World, headlight, recenter};
 use camera::Viewpoint;
 
-/// Everything that a picture takes, ready to be rendered.
+/// A picture that is ready to be rendered.
 pub struct RenderJob {
     /// The prepared scene.
     pub world: Arc<World>,
-    /// How the scene was moved before it was prepared.
+    /// Transform applied to the scene before preparation, if any.
     pub recentering: Option<Recentering>,
-    /// The camera in the world's coordinates, with the projection that is used.
+    /// Camera in world coordinates, with the projection used.
     pub camera: Camera,
-    /// The camera's rays for a picture of its size.
+    /// Camera ray generator for the picture size.
     pub view: View,
-    /// The part of the picture that is rendered.
+    /// Region of the picture that is rendered.
     pub window: Window,
-    /// The share of its tiles that is rendered.
+    /// Share of the tiles that is rendered.
     pub share: Share,
-    /// How far shading goes, sampling, and what is asked of effects.
+    /// Shading mode, sampling and effect settings.
     pub choices: Choices,
-    /// The stages that follow from the world and the choices.
+    /// Stages for the world and the choices.
     pub plan: Plan,
-    /// What makes the picture.
+    /// Metadata of the picture.
     pub metadata: Metadata,
 }
 
 impl RenderJob {
-    /// A whole picture of a world.
+    /// A job for the whole picture of a world.
     ///
     /// # Errors
-    /// Those of [`View::new`] and [`Plan::new`].
+    /// As [`View::new`] and [`Plan::new`].
     pub fn new(
         world: Arc<World>,
         recentering: Option<Recentering>,
@@ -82,10 +82,10 @@ impl RenderJob {
         Ok(RenderJob { world, recentering, camera, view, window, share, choices, plan, metadata })
     }
 
-    /// The same picture with other choices. The world is shared.
+    /// The same picture with other choices; the world is shared.
     ///
     /// # Errors
-    /// Those of [`Plan::new`].
+    /// As [`Plan::new`].
     pub fn with_choices(&self, choices: Choices) -> Result<Self> {
         let plan = Plan::new(&self.world, &choices)?;
         let RenderJob { world, recentering, camera, view, window, share, metadata, .. } = self;
@@ -102,19 +102,19 @@ impl RenderJob {
         })
     }
 
-    /// The same picture, whole, in another size. The world is shared.
+    /// The whole picture in another size; the world is shared.
     ///
     /// # Errors
-    /// Those of [`RenderJob::new`].
+    /// As [`RenderJob::new`].
     pub fn with_size(&self, size: [u32; 2]) -> Result<Self> {
         let RenderJob { world, recentering, camera, choices, .. } = self;
         RenderJob::new(Arc::clone(world), *recentering, camera.clone(), size, choices.clone())
     }
 
-    /// Replaces the sampling; the plan follows.
+    /// Replaces the sampling settings and updates the plan.
     ///
     /// # Errors
-    /// Those of [`Plan::new`].
+    /// As [`Plan::new`].
     pub fn set_sampling(&mut self, sampling: Sampling) -> Result<()> {
         self.choices.sampling = sampling;
         self.plan = Plan::new(&self.world, &self.choices)?;
@@ -129,15 +129,15 @@ impl RenderJob {
     /// Renders the picture, on the current rayon pool.
     ///
     /// # Errors
-    /// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory for the picture.
+    /// [`Error::Interrupted`] if cancelled, [`Error::Failed`] if there is not enough memory for the picture.
     pub fn render<P: Pixel>(&self, control: &RenderControl) -> Result<(Film<P>, Statistics)> {
         self.render_selected(|place, _| self.share.has(place), control)
     }
 
-    /// Renders the tiles that `is_selected` accepts, by their place in the order of tiles and by the pixels they cover.
+    /// Renders the tiles that `is_selected` accepts, by tile index and region.
     ///
     /// # Errors
-    /// Those of [`RenderJob::render`].
+    /// As [`RenderJob::render`].
     pub fn render_selected<P: Pixel>(
         &self,
         is_selected: impl Fn(usize, Window) -> bool,
@@ -146,51 +146,51 @@ impl RenderJob {
         render(&self.world, &self.view, &self.plan, self.window, is_selected, control)
     }
 
-    /// What the layers of the picture are made of.
-    pub fn subject<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
+    /// Source of the AOV layers of the picture.
+    pub fn aov_source<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
         let RenderJob { world, recentering, view, plan, window, share, .. } = self;
         AovSource { world, recentering: *recentering, view, plan, window: *window, share: *share, film }
     }
 }
 
-/// A scene and all that decides its picture, before the acceleration structure is built.
+/// A scene with all settings resolved, before the acceleration structure is built.
 pub struct ResolvedJob {
-    /// The scene, recentered and with a light.
+    /// The scene, recentered, with at least one light if shading uses lights.
     pub scene: Scene,
-    /// How it was moved.
+    /// Transform applied to the scene, if any.
     pub recentering: Option<Recentering>,
-    /// The camera, with the projection that is used.
+    /// Camera with the projection used.
     pub camera: Camera,
     /// Width and height of the whole picture in pixels.
     pub size: [u32; 2],
-    /// The part of it that is rendered.
+    /// Region of the picture that is rendered.
     pub window: Window,
-    /// The share of its tiles that is rendered.
+    /// Share of the tiles that is rendered.
     pub share: Share,
-    /// How far shading goes, sampling, and what is asked of effects.
+    /// Shading mode, sampling and effect settings.
     pub choices: Choices,
     /// The colour pipeline.
     pub pipeline: ColourPipeline,
-    /// The tier of numerics.
+    /// Arithmetic tier.
     pub numerics: Numerics,
-    /// The layout of the acceleration structure, and how it is built.
+    /// Layout and build preset of the acceleration structure.
     pub structure: Layout,
-    /// What makes the picture.
+    /// Metadata of the picture.
     pub metadata: Metadata,
 }
 
-/// Prepares a picture of a scene.
+/// Prepares a scene for rendering.
 ///
 /// # Errors
-/// [`Error::Usage`] for settings that cannot be met, [`Error::Input`] for a scene that cannot be rendered.
+/// [`Error::Usage`] for invalid settings, [`Error::Input`] for a scene that cannot be rendered.
 pub fn prepare(scene: Scene, settings: &RenderSettings, warnings: &mut Warnings) -> Result<RenderJob> {
     resolve(scene, settings, warnings)?.build(warnings)
 }
 
-/// Decides everything about a picture that can be decided without an acceleration structure.
+/// Resolves scene and settings as far as possible without an acceleration structure.
 ///
 /// # Errors
-/// Those of [`prepare`].
+/// As [`prepare`].
 pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warnings) -> Result<ResolvedJob> {
     check_names(&settings.with, &settings.without)?;
     check_scene(&scene.effects)?;
@@ -207,10 +207,10 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     resolve_for(scene, recentering, camera, size, settings)
 }
 
-/// [`resolve`] for a scene that is recentered and lit, seen by a camera of its own.
+/// [`resolve`] for a scene that is recentered and has lights, with a given camera.
 ///
 /// # Errors
-/// [`Error::Usage`] for settings that cannot be met.
+/// [`Error::Usage`] for invalid settings.
 pub fn resolve_for(
     mut scene: Scene,
     recentering: Option<Recentering>,
@@ -219,7 +219,7 @@ pub fn resolve_for(
     settings: &RenderSettings,
 ) -> Result<ResolvedJob> {
     let sampling = settings.sampling.or(scene.sampling);
-    let most = sampling.most_samples();
+    let most = sampling.max_samples();
     if let Some(least) = sampling.min_samples.filter(|&least| sampling.noise.is_some() && least > most) {
         let what = format!("at least {least} samples a pixel were asked for, and at most {most}");
         return Err(Error::usage(what, "give a lower --min-samples or a higher --samples"));
@@ -270,7 +270,7 @@ impl ResolvedJob {
     /// Builds the acceleration structure and the plan.
     ///
     /// # Errors
-    /// Those of [`check_memory`] and [`RenderJob::new`].
+    /// As [`check_memory`] and [`RenderJob::new`].
     pub fn build(self, warnings: &mut Warnings) -> Result<RenderJob> {
         let ResolvedJob { scene, recentering, camera, size, window, share, choices, metadata, .. } = self;
         check_memory(&scene, &choices, self.numerics)?;
@@ -282,10 +282,10 @@ impl ResolvedJob {
     }
 }
 
-/// The note where a scene has no light.
+/// Note for a scene without lights.
 pub const HEADLIGHT: &str = "no light in the scene; added a headlight";
 
-/// Notes how a scene was moved.
+/// Adds a note on the recentering of a scene.
 pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut Warnings) {
     if let Some(recentering) = recentering {
         warnings.note(match recentering.scale {
@@ -295,7 +295,7 @@ pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut War
     }
 }
 
-/// Warns of spheres that are left out and of effects that were asked for and change nothing.
+/// Warns of omitted spheres and of requested effects that change nothing.
 pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, plan, choices, .. } = job;
     if world.too_small > 0 {

@@ -1,4 +1,4 @@
-//! What a user can ask of a picture beyond the scene: plain data.
+//! Render settings that users give in addition to the scene, as plain data.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,37 +8,37 @@ use crate::scene::{Camera, Numerics, Projection, Sampling};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
-/// Everything that a user can ask of a picture. What is `None` or empty is left to the scene, then to kiln's defaults.
+/// Render settings. A field that is `None` or empty is taken from the scene, then from defaults.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderSettings {
-    /// What the scene is seen by.
+    /// Choice of the camera.
     pub camera: CameraChoice,
-    /// The projection, instead of the camera's own.
+    /// Projection, overriding the camera's.
     pub projection: Option<Projection>,
     /// Width and height of the picture in pixels.
     pub size: Option<[u32; 2]>,
-    /// The longest side in pixels of a picture for which neither `size` nor `crop` is given.
+    /// Maximum side length in pixels if neither `size` nor `crop` is given.
     pub longest_side: Option<u32>,
-    /// The part of the picture that is rendered.
+    /// Region of the picture that is rendered.
     pub crop: Option<Window>,
-    /// The share of the picture's tiles that is rendered.
+    /// Share of the tiles that is rendered.
     pub share: Share,
-    /// How often and where pixels are sampled.
+    /// Sample count, reconstruction filter and seed.
     pub sampling: Sampling,
-    /// The tier of numerics.
+    /// Arithmetic tier.
     pub numerics: Option<Numerics>,
-    /// How much work is spent on building the acceleration structure; the picture does not depend on it.
+    /// Build preset of the acceleration structure; does not affect the picture.
     pub preset: Preset,
-    /// How far shading goes.
+    /// Shading mode.
     pub shading: ShadingMode,
-    /// Effects to have, each as `NAME` or `NAME=VALUE`.
+    /// Effects to turn on, each as `NAME` or `NAME=VALUE`.
     pub with: Vec<String>,
-    /// Effects to do without.
+    /// Effects to turn off.
     pub without: Vec<String>,
     /// The colour pipeline.
     pub colour: Option<ColourPipeline>,
-    /// Names of layers beside the picture, as `kiln render --aov` takes them. They are part of its fingerprint.
+    /// Names of AOV layers, as for `kiln render --aov`. They are part of the fingerprint.
     pub layers: Vec<String>,
 }
 
@@ -46,10 +46,10 @@ pub struct RenderSettings {
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum CameraChoice {
-    /// The scene's first camera; one that fits the scene where it has none.
+    /// The first camera of the scene; one that fits the scene if it has none.
     #[default]
     Default,
-    /// The scene's camera of this name, or of this index counted from 0.
+    /// The camera of the scene with this name, or with this index, counted from 0.
     Named(String),
     /// A camera that fits the scene, from a standard side.
     Fitted(StandardView),

@@ -1,8 +1,8 @@
-//! Limits of memory, and the reading of whole files within them.
+//! Memory limits, and reading of whole files within them.
 //!
-//! A size in a file's header is a claim. Before memory is allocated for it, it goes through [`check_claim`]; the size of a picture
-//! to render, and of data that is in a file, goes through [`check`]. Both compare with one limit for the whole process,
-//! which [`set_memory_limit`] replaces. Called by readers, importers, films and the command line; depends on `error` alone.
+//! A size in the header of a file is a claim: it is checked by [`check_claim`] before memory is allocated. Sizes of
+//! pictures to render, and of data present in a file, are checked by [`check`]. Both use one limit per process, which
+//! [`set_memory_limit`] replaces. Depends on `error` only.
 
 mod process;
 mod reading;
@@ -10,55 +10,56 @@ mod reading;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use process::{ADDRESS_SPACE, Room, in_use, machine, room};
+use process::{ADDRESS_SPACE, Available, available, in_use, machine};
 pub use reading::{Refused, explain, read_file, read_standard_input, unreadable};
 
-/// The most bytes that are allocated for the sizes in a file, unless `--memory-limit` says otherwise: 16 bytes for each of
-/// 16,384 x 16,384 pixels, the largest texture that graphics processors take, in four channels of f32.
-pub const MOST_CLAIMED: u64 = 16 << 28;
+/// Maximum bytes allocated for sizes claimed in a file, unless `--memory-limit` is given: 16 bytes (four channels of
+/// f32) for each of 16,384 x 16,384 pixels, the largest texture that GPUs support.
+pub const MAX_CLAIM: u64 = 16 << 28;
 
-/// Bytes that every limit keeps free: thread stacks, tile buffers, encoders.
+/// Bytes kept free below every limit, for thread stacks, tile buffers and encoders.
 const RESERVE: u64 = 64 << 20;
 
-/// The least limit that can be given: as much again as is kept free.
-const LEAST_LIMIT: u64 = 2 * RESERVE;
+/// Minimum of `--memory-limit`.
+const MIN_LIMIT: u64 = 2 * RESERVE;
 
-/// Requests up to this size are not compared with what the process may use, which takes reading several files of `/proc`.
+/// Requests up to this size in bytes are not checked, because the check reads several files of `/proc`.
 const SMALL: u64 = 16 << 20;
 
 const GIB: u64 = 1 << 30;
 
-/// The limit of `--memory-limit` in bytes; 0 where none is given.
-static CHOSEN: AtomicU64 = AtomicU64::new(0);
+/// Value of `--memory-limit` in bytes; 0 if not given.
+static USER_LIMIT: AtomicU64 = AtomicU64::new(0);
 
-/// Replaces the limits, of claims and of the process, by `bytes`. A limit of the address space (`ulimit -v`) stays.
+/// Replaces the limits of claims and of the process by `bytes`. A limit of the address space (`ulimit -v`) still
+/// applies.
 pub fn set_memory_limit(bytes: u64) {
-    CHOSEN.store(bytes, Ordering::Relaxed);
+    USER_LIMIT.store(bytes, Ordering::Relaxed);
 }
 
-fn chosen() -> Option<u64> {
-    Some(CHOSEN.load(Ordering::Relaxed)).filter(|&bytes| bytes > 0)
+fn user_limit() -> Option<u64> {
+    Some(USER_LIMIT.load(Ordering::Relaxed)).filter(|&bytes| bytes > 0)
 }
 
-/// Memory that is not there, or not granted.
+/// A request that exceeds a memory limit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Excess {
     needed: u64,
-    /// Bytes in use already.
+    /// Bytes in use.
     used: u64,
     limit: Limit,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Limit {
-    /// [`MOST_CLAIMED`].
+    /// [`MAX_CLAIM`].
     Claim,
-    /// A limit of the process: bytes left, bytes in total, and what sets it.
-    Process(Room),
+    /// A limit of the process.
+    Process(Available),
 }
 
 impl Excess {
-    /// What to do about it, for a file.
+    /// Hint for a file.
     pub fn hint(&self) -> String {
         match &self.limit {
             _ if machine().is_some_and(|machine| self.needed > machine.all.saturating_mul(16)) => {
@@ -69,14 +70,14 @@ impl Excess {
         }
     }
 
-    /// How to raise the limit.
+    /// Advice on raising the limit.
     pub fn remedy(&self) -> String {
         let enough = self.needed.saturating_add(self.used).saturating_add(RESERVE).div_ceil(GIB) + 1;
         match &self.limit {
             _ if machine().is_some_and(|machine| enough > machine.all.div_ceil(GIB)) => {
                 "use a machine with more memory".into()
             }
-            Limit::Process(room) if room.set_by == ADDRESS_SPACE => {
+            Limit::Process(available) if available.set_by == ADDRESS_SPACE => {
                 "raise the limit of the shell: ulimit -v unlimited".into()
             }
             _ => format!("give --memory-limit {enough}G"),
@@ -84,20 +85,20 @@ impl Excess {
     }
 }
 
-/// Such as `needs 25.8 GiB of memory; the limit for sizes in a file is 4.0 GiB`: to stand after what needs it.
+/// For example `needs 25.8 GiB of memory; the limit for sizes in a file is 4.0 GiB`, to follow its subject.
 impl fmt::Display for Excess {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "needs {} of memory; ", Bytes(self.needed))?;
         match &self.limit {
-            Limit::Claim => write!(f, "the limit for sizes in a file is {}", Bytes(MOST_CLAIMED)),
-            Limit::Process(Room { left, of, set_by }) => {
+            Limit::Claim => write!(f, "the limit for sizes in a file is {}", Bytes(MAX_CLAIM)),
+            Limit::Process(Available { left, of, set_by }) => {
                 write!(f, "{} of {} are left ({set_by})", Bytes(*left), Bytes(*of))
             }
         }
     }
 }
 
-/// A number of bytes, written in MiB up to EiB.
+/// A number of bytes, displayed in MiB up to EiB.
 pub struct Bytes(pub u64);
 
 impl fmt::Display for Bytes {
@@ -115,43 +116,43 @@ impl fmt::Display for Bytes {
     }
 }
 
-/// Whether `bytes` may be allocated for a size that a file gives.
+/// Checks an allocation for a size claimed in a file.
 ///
 /// # Errors
-/// [`Excess`] where they are more than [`MOST_CLAIMED`], or than the process may use.
+/// [`Excess`] if `bytes` exceeds [`MAX_CLAIM`] or the limit of the process.
 pub fn check_claim(bytes: u64) -> Result<(), Excess> {
-    if chosen().is_none() && bytes > MOST_CLAIMED {
+    if user_limit().is_none() && bytes > MAX_CLAIM {
         return Err(Excess { needed: bytes, used: in_use().resident, limit: Limit::Claim });
     }
     check(bytes)
 }
 
-/// Whether the process may use `bytes` more.
+/// Checks an allocation of `bytes`.
 ///
 /// # Errors
-/// [`Excess`] where they are more than is left of the machine's memory, the control group's or the address space.
+/// [`Excess`] if `bytes` exceeds the memory left of the machine, the control group or the address space.
 pub fn check(bytes: u64) -> Result<(), Excess> {
     if bytes <= SMALL {
         return Ok(());
     }
     let used = in_use();
-    match room(&used) {
-        Some(room) if bytes > room.left => {
-            Err(Excess { needed: bytes, used: used.resident, limit: Limit::Process(room) })
+    match available(&used) {
+        Some(available) if bytes > available.left => {
+            Err(Excess { needed: bytes, used: used.resident, limit: Limit::Process(available) })
         }
         _ => Ok(()),
     }
 }
 
-/// The product of sizes, held at the largest number where it is beyond it.
+/// Saturating product of sizes.
 pub fn product(sizes: &[u64]) -> u64 {
     sizes.iter().fold(1, |product: u64, &size| product.saturating_mul(size))
 }
 
-/// A memory limit as users type it: a whole number of bytes, or of KiB, MiB, GiB or TiB by the letters K, M, G and T.
+/// Parses a memory limit: an integer in bytes, or in KiB, MiB, GiB or TiB with the suffix K, M, G or T.
 ///
 /// # Errors
-/// What to give instead.
+/// A message that states the valid form.
 pub fn parse_limit(text: &str) -> Result<u64, String> {
     let text = text.trim();
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
@@ -165,11 +166,11 @@ pub fn parse_limit(text: &str) -> Result<u64, String> {
     };
     let bytes = digits.trim().parse::<u64>().ok().and_then(|number| number.checked_mul(unit?));
     match bytes {
-        Some(bytes) if bytes >= LEAST_LIMIT => Ok(bytes),
+        Some(bytes) if bytes >= MIN_LIMIT => Ok(bytes),
         Some(_) => Err(format!(
             "{} of it are kept free, for threads and encoders; give at least {}M",
             Bytes(RESERVE),
-            LEAST_LIMIT >> 20
+            MIN_LIMIT >> 20
         )),
         None => Err("give a whole number with K, M, G or T, such as 1536M or 16G".into()),
     }
@@ -185,7 +186,7 @@ mod tests {
         let excess = check_claim(60_000 * 60_000 * 12).unwrap_err();
         // 43.2e9 / 2^30 = 40.2.
         assert_eq!(excess.to_string(), "needs 40.2 GiB of memory; the limit for sizes in a file is 4.0 GiB");
-        // Which machine can do it depends on this one.
+        // The hint depends on the memory of this machine.
         assert!(!excess.hint().is_empty());
         assert!(check_claim(product(&[u64::MAX, 12])).is_err());
         if cfg!(target_os = "linux") {

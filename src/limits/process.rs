@@ -1,13 +1,13 @@
-//! Memory that the process holds, and that its limits leave it: the machine's, its control group's, the address space's and
-//! the one that [`super::set_memory_limit`] sets. Where the system tells none of them, there is none.
+//! Memory used by the process and available to it under the limits of the machine, its control group, the address space
+//! and [`super::set_memory_limit`]. Limits that the system does not report do not apply.
 
 use std::path::Path;
 
-use super::{RESERVE, chosen};
+use super::{RESERVE, user_limit};
 
-/// Memory that the process may still allocate.
+/// Memory that the process may still allocate, in bytes, of a limit's total, and the origin of the limit.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Room {
+pub(super) struct Available {
     pub left: u64,
     pub of: u64,
     pub set_by: &'static str,
@@ -16,36 +16,36 @@ pub(super) struct Room {
 pub(super) const ADDRESS_SPACE: &str = "ulimit -v";
 const THE_MACHINE: &str = "the machine";
 
-/// The least that any limit of the process leaves. `None` where the system tells none.
-pub(super) fn room(used: &InUse) -> Option<Room> {
-    let room = |(of, set_by): (u64, &'static str), used: u64| Room {
+/// The available memory under the strictest limit; `None` if the system reports none.
+pub(super) fn available(used: &InUse) -> Option<Available> {
+    let available = |(of, set_by): (u64, &'static str), used: u64| Available {
         left: of.saturating_sub(used).saturating_sub(RESERVE),
         of,
         set_by,
     };
-    let address_space = address_space().map(|of| room((of, ADDRESS_SPACE), used.virtual_size));
-    let chosen = chosen().map(|of| room((of, "--memory-limit"), used.resident));
-    // A limit that the user gives replaces those of the machine and of the control group.
+    let address_space = address_space().map(|of| available((of, ADDRESS_SPACE), used.virtual_size));
+    let chosen = user_limit().map(|of| available((of, "--memory-limit"), used.resident));
+    // The user's limit replaces those of the machine and of the control group.
     let machine = machine();
     let found = if chosen.is_some() {
-        // Free memory may be exceeded by what can be swapped, all memory by nothing.
-        [chosen, machine.map(|machine| room((machine.all, THE_MACHINE), used.resident))]
+        // A user's limit may exceed the free memory, but not the total memory.
+        [chosen, machine.map(|machine| available((machine.all, THE_MACHINE), used.resident))]
     } else {
-        let group = control_group().map(|of| room((of, "the control group"), used.resident));
+        let group = control_group().map(|of| available((of, "the control group"), used.resident));
         let free = |machine: Machine| machine.free.saturating_sub(RESERVE);
         let machine =
-            machine.map(|machine| Room { left: free(machine), of: machine.all, set_by: THE_MACHINE });
+            machine.map(|machine| Available { left: free(machine), of: machine.all, set_by: THE_MACHINE });
         [group, machine]
     };
-    found.into_iter().chain([address_space]).flatten().min_by_key(|room| room.left)
+    found.into_iter().chain([address_space]).flatten().min_by_key(|available| available.left)
 }
 
-/// Bytes that the process holds; 0 where the system does not tell.
+/// Bytes used by the process; 0 if the system does not report them.
 #[derive(Default)]
 pub(super) struct InUse {
-    /// In memory.
+    /// Resident memory.
     pub resident: u64,
-    /// Of the address space.
+    /// Address space.
     pub virtual_size: u64,
 }
 
@@ -55,18 +55,19 @@ pub(super) fn in_use() -> InUse {
     InUse { resident: of("VmRSS:"), virtual_size: of("VmSize:") }
 }
 
-/// The bytes on the line of `text` that starts with `name`, given in kB (1024 bytes, proc_pid_status(5), proc_meminfo(5)).
+/// The value in bytes of the line of `text` that starts with `name`, given in kB (1024 bytes, proc_pid_status(5),
+/// proc_meminfo(5)).
 fn kib_after(text: &str, name: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix(name))?;
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib.saturating_mul(1024))
 }
 
-/// A file of the proc or cgroup file system; `None` where there is none.
+/// A file of the proc or cgroup file system, if it exists.
 fn proc_text(file: &str) -> Option<String> {
     std::fs::read_to_string(file).ok()
 }
 
-/// Bytes of memory and swap.
+/// Memory and swap of the machine, in bytes.
 #[derive(Clone, Copy)]
 pub(super) struct Machine {
     /// Free, or reclaimable.
@@ -82,7 +83,7 @@ pub(super) fn machine() -> Option<Machine> {
     Some(Machine { free: sum("MemAvailable:", "SwapFree:")?, all: sum("MemTotal:", "SwapTotal:")? })
 }
 
-/// The least limit of the control groups that the process is in (cgroups(7)), version 2 or 1.
+/// The strictest limit of the control groups of the process (cgroups(7)), version 2 or 1.
 fn control_group() -> Option<u64> {
     let groups = proc_text("/proc/self/cgroup")?;
     let limits = groups.lines().flat_map(|line| {
@@ -95,7 +96,7 @@ fn control_group() -> Option<u64> {
             }
             _ => return Vec::new(),
         };
-        // A group is held to the limits of all above it.
+        // The limits of all ancestors apply to a group.
         let above = Path::new(&path).ancestors().map(Path::to_owned).collect::<Vec<_>>();
         let file_of =
             |group: &Path| format!("{folder}{}/{file}", group.display().to_string().trim_end_matches('/'));

@@ -1,56 +1,60 @@
-//! The reading of whole regular files and of standard input, within the limits.
+//! Reading of whole regular files and of standard input within the memory limits.
 
 use std::io::{self, Read};
 use std::path::Path;
 
-use super::process::{in_use, room};
+use super::process::{available, in_use};
 use super::{Bytes, check};
 use crate::error::Error;
 
-/// The content of a regular file. Pipes, devices and sockets may be endless and are not opened.
+/// Reads a regular file. Pipes, devices and sockets may be endless and are rejected.
 ///
 /// # Errors
-/// Those of the system, and [`Refused`] as the cause of [`io::ErrorKind::Other`].
+/// Errors of the system; [`Refused`] as the cause of [`io::ErrorKind::Other`].
 pub fn read_file(file: &Path) -> io::Result<Vec<u8>> {
-    let about = std::fs::metadata(file)?;
-    if about.is_dir() {
+    let metadata = std::fs::metadata(file)?;
+    if metadata.is_dir() {
         return Err(io::ErrorKind::IsADirectory.into());
     }
-    if !about.is_file() {
+    if !metadata.is_file() {
         return Err(io::Error::other(Refused {
-            what: format!("is {}, not a regular file", kind_of(about.file_type())),
+            what: format!("is {}, not a regular file", kind_of(metadata.file_type())),
             hint: "write what it holds to a file first; `-` reads standard input".into(),
         }));
     }
-    check(about.len()).map_err(|excess| {
+    check(metadata.len()).map_err(|excess| {
         io::Error::other(Refused { what: format!("reading it {excess}"), hint: excess.hint() })
     })?;
-    // Some files of the system state a length of 0 and have more.
+    // Virtual files may report a length of 0 and contain data.
     let mut bytes = Vec::new();
-    bytes.try_reserve_exact(about.len() as usize + 1)?;
-    std::fs::File::open(file)?.take(about.len() + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > about.len() {
+    bytes.try_reserve_exact(metadata.len() as usize + 1)?;
+    std::fs::File::open(file)?.take(metadata.len() + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > metadata.len() {
         return Err(io::Error::other(Refused {
-            what: format!("is longer than the {} bytes that the system states", about.len()),
+            what: format!("is longer than the {} bytes that the system states", metadata.len()),
             hint: "copy it to a file first; if it is being written, wait for that".into(),
         }));
     }
     Ok(bytes)
 }
 
-/// All of standard input, as long as memory reaches.
+/// Reads all of standard input, up to a third of the available memory.
 ///
 /// # Errors
-/// Those of the system, and [`Refused`] as the cause of [`io::ErrorKind::Other`].
+/// Errors of the system; [`Refused`] as the cause of [`io::ErrorKind::Other`].
 pub fn read_standard_input() -> io::Result<Vec<u8>> {
-    // What is read doubles its memory as it grows, and holds both for a moment.
-    let room = room(&in_use());
-    let most = room.as_ref().map_or(u64::MAX, |room| room.left / 3);
+    // The buffer doubles as it grows, and old and new buffer exist at once while it is copied.
+    let available = available(&in_use());
+    let most = available.as_ref().map_or(u64::MAX, |available| available.left / 3);
     let mut bytes = Vec::new();
     io::stdin().lock().take(most).read_to_end(&mut bytes)?;
-    match room {
-        Some(room) if bytes.len() as u64 == most => Err(io::Error::other(Refused {
-            what: format!("is longer than {}, a third of the memory left ({})", Bytes(most), room.set_by),
+    match available {
+        Some(available) if bytes.len() as u64 == most => Err(io::Error::other(Refused {
+            what: format!(
+                "is longer than {}, a third of the memory left ({})",
+                Bytes(most),
+                available.set_by
+            ),
             hint: "write it to a file and name that, or raise the limit".into(),
         })),
         _ => Ok(bytes),
@@ -73,7 +77,7 @@ fn kind_of(_: std::fs::FileType) -> &'static str {
     "something else"
 }
 
-/// A file that is refused although the system would read it.
+/// A file that is rejected although the system could read it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{what}")]
 pub struct Refused {
@@ -81,7 +85,7 @@ pub struct Refused {
     hint: String,
 }
 
-/// Why a file cannot be read, and a hint.
+/// A message and a hint for a file that cannot be read.
 pub fn explain(e: &io::Error) -> (String, String) {
     if let Some(refused) = e.get_ref().and_then(|cause| cause.downcast_ref::<Refused>()) {
         return (refused.what.clone(), refused.hint.clone());

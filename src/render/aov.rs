@@ -168,7 +168,7 @@ impl AovSelection {
 
     /// The most bytes per pixel of temporary memory, beside the picture and the channels: a film of bytes for the tiles, or a film
     /// without an effect, its pixels in rows, and those of the film before.
-    pub fn bytes_a_pixel(&self) -> u64 {
+    pub fn bytes_per_pixel(&self) -> u64 {
         if self.effects { 3 * 12 } else { 3 }
     }
 

@@ -76,7 +76,7 @@ const DEFAULT_SIZE: [u32; 2] = [1024, 1024];
 
 /// Default size of a picture in pixels: the scene's, else one with the aspect ratio of the camera's viewing rectangle,
 /// if it has a width.
-pub fn usual_size(of_scene: Option<[u32; 2]>, camera: Option<&Camera>) -> [u32; 2] {
+pub fn default_size(of_scene: Option<[u32; 2]>, camera: Option<&Camera>) -> [u32; 2] {
     let shape = |camera: &Camera| {
         let aspect = camera.view_width? / camera.view_height;
         let [width, height] = DEFAULT_SIZE.map(f64::from);

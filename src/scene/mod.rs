@@ -19,12 +19,12 @@ pub mod support;
 
 pub use crate::geometry::{Attribute, Mesh, Numerics, Placed, Placement, Step, moved_tangent, normal_matrix};
 pub use animation::Animation;
-pub use camera::{Camera, Projection, usual_size};
+pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
 pub use fingerprint::Fingerprint;
 pub use material::{DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture};
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
-pub use sampling::{MOST_SAMPLES, Sampling};
+pub use sampling::{MAX_SAMPLES, Sampling};
 
 use support::AffineFunction;
 

@@ -4,7 +4,7 @@ use crate::film::FilterShape;
 use crate::film::filter::RADII;
 
 /// Maximum number of samples per pixel: the length of a pixel's random sequence.
-pub const MOST_SAMPLES: u32 = 1 << 16;
+pub const MAX_SAMPLES: u32 = 1 << 16;
 
 /// Default number of samples per pixel if a filter is given.
 const DEFAULT_SAMPLES: u32 = 16;
@@ -57,14 +57,14 @@ impl Sampling {
     }
 
     /// Samples per pixel; with `noise`, the maximum.
-    pub fn most_samples(&self) -> u32 {
+    pub fn max_samples(&self) -> u32 {
         self.samples.unwrap_or(if self.noise.is_some() { DEFAULT_MAX_SAMPLES } else { DEFAULT_SAMPLES })
     }
 
     /// Shape and radius in pixels of the filter.
     pub fn shape_and_radius(&self) -> (FilterShape, f64) {
         let shape = self.filter.unwrap_or_default();
-        (shape, self.filter_radius.unwrap_or(shape.usual_radius()))
+        (shape, self.filter_radius.unwrap_or(shape.default_radius()))
     }
 
     /// Sampling of the samples `from..to` of these settings, the same for all pixels: the mean of consecutive parts,
@@ -90,7 +90,7 @@ impl Sampling {
         }
         let (shape, radius) = self.shape_and_radius();
         let mut settings = vec![
-            ("kiln:samples".to_owned(), self.most_samples().to_string()),
+            ("kiln:samples".to_owned(), self.max_samples().to_string()),
             ("kiln:filter".into(), format!("{} {radius}", shape.name())),
             ("kiln:seed".into(), self.seed.unwrap_or(0).to_string()),
         ];
@@ -105,8 +105,8 @@ impl Sampling {
     /// A message that states the valid range.
     pub fn check_samples(samples: i64) -> Result<u32, String> {
         match u32::try_from(samples) {
-            Ok(samples @ 1..=MOST_SAMPLES) => Ok(samples),
-            _ => Err(format!("give a number of samples from 1 to {MOST_SAMPLES}")),
+            Ok(samples @ 1..=MAX_SAMPLES) => Ok(samples),
+            _ => Err(format!("give a number of samples from 1 to {MAX_SAMPLES}")),
         }
     }
 

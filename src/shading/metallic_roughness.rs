@@ -28,7 +28,7 @@ pub fn shade(
 ) -> DVec3 {
     let base = material.base_colour * surface.tint * surface.texels.colour;
     if mode == ShadingMode::Flat || material.unlit {
-        return world.pipeline.hold(base);
+        return world.pipeline.clamp(base);
     }
     let metallic = material.metallic * surface.texels.metallic;
     let roughness = material.roughness * surface.texels.roughness;
@@ -43,7 +43,7 @@ pub fn shade(
         }
         sum += returned * light.radiance * light.cosine;
     }
-    world.pipeline.hold(sum)
+    world.pipeline.clamp(sum)
 }
 
 /// pi times the product of the GGX distribution, Smith's height-correlated visibility (Heitz, Understanding the Masking-Shadowing

@@ -27,7 +27,7 @@ pub fn shade(
         colour *= surface.texels.colour;
     }
     if mode == ShadingMode::Flat {
-        return world.pipeline.hold(colour);
+        return world.pipeline.clamp(colour);
     }
     let mut light = DVec3::splat(material.ambient * world.ambient);
     for sample in lights {
@@ -84,7 +84,7 @@ pub fn shade_all(
     let pipeline = world.pipeline;
     if mode == ShadingMode::Flat {
         for i in range {
-            colours.set(i, pipeline.hold(material.colour * surfaces.tint.get(i)));
+            colours.set(i, pipeline.clamp(material.colour * surfaces.tint.get(i)));
         }
         return;
     }

@@ -66,7 +66,7 @@ pub fn sweep(scene: &Scene, base: &Setting, plan: &Plan, most: u32) -> (Vec<Cand
 
 /// How pixels are sampled, in words.
 fn described(sampling: &Sampling) -> String {
-    let samples = sampling.most_samples();
+    let samples = sampling.max_samples();
     match (sampling.is_wanted(), sampling.noise) {
         (false, _) => "1 sample".into(),
         (_, Some(noise)) => format!("noise {noise}"),

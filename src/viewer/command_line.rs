@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::film::ColourPipeline;
-use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, usual_size};
+use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, default_size};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -35,7 +35,7 @@ impl SceneDefaults {
     /// Width and height in pixels that `kiln render` uses without `--size`.
     pub fn size(&self, viewpoint: CommandCamera) -> [u32; 2] {
         let camera = if let CommandCamera::Camera(camera) = viewpoint { Some(camera) } else { None };
-        usual_size(self.size, camera)
+        default_size(self.size, camera)
     }
 }
 

@@ -180,9 +180,9 @@ fn render_settings(ui: &mut Ui, controls: &mut Controls, trace: &mut Trace) {
     let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
     choice(ui, trace, "colour", &mut settings.pipeline, &pipelines, ColourPipeline::name);
     let sampling = &mut settings.choices.sampling;
-    let mut samples = if sampling.is_wanted() { sampling.most_samples() } else { 1 };
+    let mut samples = if sampling.is_wanted() { sampling.max_samples() } else { 1 };
     ui.horizontal(|ui| {
-        let drag = ui.add(DragValue::new(&mut samples).range(1..=crate::scene::MOST_SAMPLES).speed(0.2));
+        let drag = ui.add(DragValue::new(&mut samples).range(1..=crate::scene::MAX_SAMPLES).speed(0.2));
         place(ui, trace, "samples", &drag);
         if drag.changed() {
             sampling.samples = Some(samples);
@@ -273,7 +273,7 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, 
 pub fn setting_names(settings: &Settings) -> Vec<String> {
     let Settings { choices, numerics, pipeline } = settings;
     let sampling = choices.sampling;
-    let samples = if sampling.is_wanted() { sampling.most_samples() } else { 1 };
+    let samples = if sampling.is_wanted() { sampling.max_samples() } else { 1 };
     let mut words = vec![
         choices.shading.name().to_owned(),
         numerics.name().into(),

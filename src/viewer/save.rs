@@ -10,7 +10,7 @@ use super::painter::Prepared;
 use super::request::{RenderRequest, Settings};
 use crate::error::{Result, Warnings};
 use crate::film::output::write_whole;
-use crate::film::write::{Format, Picture, write_picture};
+use crate::film::write::{Format, OutputImage, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::job::metadata::add_to_fingerprint;
 use crate::job::resolve;
@@ -68,7 +68,7 @@ pub fn picture(
         add_to_fingerprint(&mut metadata, "time", time);
     }
     metadata.push(("kiln:command".to_owned(), command));
-    write_picture(&Picture::Bytes(film, job.pipeline()), &metadata, Format::Png, file)
+    write_picture(&OutputImage::Rgb8(film, job.pipeline()), &metadata, Format::Png, file)
 }
 
 /// Writes a text file, such as a camera for a scene file.
@@ -88,7 +88,7 @@ pub fn colours(image: &ColorImage, file: &Path) -> Result<()> {
     let [width, height] = image.size.map(|side| side as u32);
     let pixels: Vec<[u8; 3]> =
         image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]).collect();
-    let film = Film::of_rows(Window { x: 0, y: 0, width, height }, &pixels)?;
+    let film = Film::from_rows(Window { x: 0, y: 0, width, height }, &pixels)?;
     let made_by = vec![("Software".to_owned(), format!("kiln {}", env!("CARGO_PKG_VERSION")))];
-    write_picture(&Picture::Bytes(film, ColourPipeline::Display), &made_by, Format::Png, file)
+    write_picture(&OutputImage::Rgb8(film, ColourPipeline::Display), &made_by, Format::Png, file)
 }

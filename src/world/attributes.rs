@@ -176,5 +176,5 @@ fn uvs_and_colours(
 
 /// A vertex colour in the numbers of `pipeline`. Vertex colours of glTF and OBJ are linear; the display pipelines encode them.
 pub fn vertex_colour(linear: DVec3, pipeline: ColourPipeline) -> DVec3 {
-    Colour::Linear(linear).lower(pipeline)
+    Colour::Linear(linear).to_pipeline(pipeline)
 }

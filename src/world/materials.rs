@@ -89,7 +89,7 @@ fn texture(texture: Option<Texture>) -> Option<PreparedTexture> {
 pub fn material(material: &Material, pipeline: ColourPipeline) -> PreparedMaterial {
     match material {
         Material::Phong(m) => PreparedMaterial::Phong(PreparedPhong {
-            colour: m.colour.lower(pipeline),
+            colour: m.colour.to_pipeline(pipeline),
             texture: texture(m.texture),
             ambient: m.ambient,
             diffuse: m.diffuse,
@@ -99,12 +99,12 @@ pub fn material(material: &Material, pipeline: ColourPipeline) -> PreparedMateri
             normal_map: normal_map(m.normal_map),
         }),
         Material::MetallicRoughness(m) => PreparedMaterial::MetallicRoughness(PreparedMetallicRoughness {
-            base_colour: m.base_colour.lower(pipeline),
+            base_colour: m.base_colour.to_pipeline(pipeline),
             base_colour_texture: texture(m.base_colour_texture),
             metallic: m.metallic,
             roughness: m.roughness,
             metallic_roughness_texture: texture(m.metallic_roughness_texture),
-            emission: m.emission.lower(pipeline),
+            emission: m.emission.to_pipeline(pipeline),
             emission_texture: texture(m.emission_texture),
             unlit: m.unlit,
             normal_map: normal_map(m.normal_map),

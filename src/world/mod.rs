@@ -155,7 +155,7 @@ impl World {
             lights: world_lights(scene.lights, pipeline),
             pipeline,
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
-            background: scene.background.unwrap_or(fit::BACKGROUND).lower(pipeline),
+            background: scene.background.unwrap_or(fit::BACKGROUND).to_pipeline(pipeline),
             too_small,
             primitive_count,
         }
@@ -190,7 +190,7 @@ impl World {
 fn world_lights(lights: Vec<Light>, pipeline: ColourPipeline) -> Vec<WorldLight> {
     let lights = lights.into_iter().map(|light| WorldLight {
         name: light.name,
-        radiance: light.colour.lower(pipeline) * light.intensity,
+        radiance: light.colour.to_pipeline(pipeline) * light.intensity,
         kind: light.kind,
     });
     lights.filter(|light| light.radiance != DVec3::ZERO).collect()

@@ -155,7 +155,7 @@ fn every_filter_finds_its_own_moments() {
 #[test]
 fn equal_samples_have_their_own_colour_as_their_mean() {
     for shape in FilterShape::ALL {
-        let filter = Filter::new(shape, shape.usual_radius());
+        let filter = Filter::new(shape, shape.default_radius());
         for count in 1..200 {
             let colour = [0.1f32, 1.0 / 3.0, 7e-9];
             let scramble = Scramble::new(count, 2, 3, Purpose::Pixel);

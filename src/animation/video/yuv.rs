@@ -127,7 +127,7 @@ mod tests {
     use crate::film::Window;
 
     fn film(width: u32, height: u32, pixels: &[[u8; 3]]) -> Film<[u8; 3]> {
-        Film::of_rows(Window { x: 0, y: 0, width, height }, pixels).unwrap()
+        Film::from_rows(Window { x: 0, y: 0, width, height }, pixels).unwrap()
     }
 
     /// Against the formulas of BT.709-6, items 3.2 to 3.5, in floating point.

@@ -12,7 +12,7 @@ fn read_bytes(bytes: Vec<u8>) -> Result<(Mesh, Warnings)> {
     Ok((mesh, warnings))
 }
 
-/// A value of an element: what it is in text, and its bytes, the most significant first.
+/// A value of an element: as text, and as bytes, most significant first.
 type Value = (String, Vec<u8>);
 
 /// A unit square and a triangle beside it, with properties and elements that are skipped, in any encoding and line end.

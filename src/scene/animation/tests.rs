@@ -133,7 +133,7 @@ fn cameras_look_where_things_are_by_then() {
     tracks.push(Track { target: Target::Camera("c".into()), motion: look, place });
     assert_eq!(scene.at(0.5).unwrap().cameras[0].target, DVec3::new(3.0, 4.0, 0.0));
     assert!(scene.animation.as_ref().unwrap().moves_objects());
-    // Of objects that stand still, the points are known without them.
+    // Look-at objects that do not move are replaced by points, so that the objects can be removed.
     let animation = scene.animation.as_mut().unwrap();
     animation.tracks.remove(0);
     let settled = scene.animation.as_ref().unwrap().without_objects(&scene).unwrap();

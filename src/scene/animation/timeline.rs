@@ -1,32 +1,32 @@
-//! Frames and times.
+//! Mapping of frame numbers to times.
 
-/// The most frames of an animation: nine hours at 30 a second.
-const MOST_FRAMES: f64 = 1e6;
+/// Maximum number of frames of an animation: nine hours at 30 per second.
+const MAX_FRAMES: f64 = 1e6;
 
-/// From frames to times: with F = fps * duration, frame i is at i / F.
+/// Frame times: with F = fps * duration, frame i is at time i / F.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Timeline {
     fps: f64,
-    /// F.
+    /// F, the number of frame intervals.
     steps: f64,
     repeat: bool,
 }
 
 impl Timeline {
-    /// The frames of `duration` seconds at `fps` a second.
+    /// A timeline of `duration` seconds at `fps` frames per second.
     ///
     /// # Errors
-    /// What to give instead, where there is no frame or more than a million.
+    /// A message if there is no frame or more than a million.
     pub fn new(fps: f64, duration: f64, repeat: bool) -> Result<Self, String> {
         let usable = |x: f64| x.is_finite() && x > 0.0;
         if !usable(fps) || !usable(duration) {
             return Err("give `fps` and `duration` above 0".into());
         }
         let steps = fps * duration;
-        // 0.7 * 30 is not 21 in binary; what comes so close is meant to be whole.
+        // 0.7 * 30 is not 21 in binary; values this close to an integer are rounded.
         let whole = steps.round();
         let steps = if (steps - whole).abs() <= 1e-9 * whole { whole } else { steps };
-        if steps > MOST_FRAMES {
+        if steps > MAX_FRAMES {
             return Err("give less; a million frames are the most".into());
         }
         if repeat && steps < 1.0 {
@@ -35,17 +35,17 @@ impl Timeline {
         Ok(Timeline { fps, steps, repeat })
     }
 
-    /// Frames a second.
+    /// Frames per second.
     pub fn fps(&self) -> f64 {
         self.fps
     }
 
-    /// The last frame; the first is 0. That at the very end belongs to it unless the animation repeats.
+    /// Number of the last frame, counted from 0. The frame at the very end is included unless the animation repeats.
     pub fn last(&self) -> i32 {
         if self.repeat { self.steps.ceil() as i32 - 1 } else { self.steps.floor() as i32 }
     }
 
-    /// The time of a frame: 0 at the beginning, 1 at the end.
+    /// Time of a frame: 0 at the beginning, 1 at the end.
     pub fn time(&self, frame: i32) -> f64 {
         f64::from(frame) / self.steps
     }

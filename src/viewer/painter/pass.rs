@@ -124,7 +124,7 @@ impl<'a> Side<'a> {
         let most = match self.kind {
             SamplingKind::Centres => 1,
             SamplingKind::Samples(samples) => samples,
-            SamplingKind::Adaptive => self.settings.choices.sampling.most_samples(),
+            SamplingKind::Adaptive => self.settings.choices.sampling.max_samples(),
         };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
         let seconds_per_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
@@ -175,7 +175,7 @@ impl<'a> Side<'a> {
             let [picture, exact] = [film, &exact].map(|film| metrics::Picture::of_film(film, job.pipeline()));
             return error_against_exact(&picture, &exact);
         }
-        false_colours(self.request.display_mode, &job.with_size(size)?.subject(None), control)
+        false_colours(self.request.display_mode, &job.with_size(size)?.aov_source(None), control)
     }
 
     fn render(

@@ -91,7 +91,7 @@ impl RenderCache {
         let whole = Plan::new(&world, &settings.choices)?;
         let kind = match (whole.takes_samples(), whole.is_adaptive()) {
             (false, _) => SamplingKind::Centres,
-            (true, false) => SamplingKind::Samples(sampling.most_samples()),
+            (true, false) => SamplingKind::Samples(sampling.max_samples()),
             (true, true) => SamplingKind::Adaptive,
         };
         let decisions = EFFECTS.iter().zip(whole.decisions);
