@@ -31,21 +31,17 @@
 //! # Ok::<(), kiln::bvh::NotFinite>(())
 //! ```
 
-pub mod animation;
-pub mod bench;
-pub mod bvh;
-pub mod cli;
-pub mod effects;
-pub mod error;
-pub mod film;
-pub mod geometry;
-pub mod import;
-pub mod job;
-pub mod limits;
-pub mod render;
-pub mod scene;
-pub mod shading;
-pub mod study;
-#[cfg(feature = "viewer")]
-pub mod viewer;
-pub mod world;
+pub use kiln_bvh::{bvh, geometry};
+
+macro_rules! modules {
+    ($feature:literal: $($module:ident),*) => {
+        $(#[cfg(feature = $feature)] pub mod $module;)*
+    };
+}
+
+modules!("import": error, film, import, limits, scene);
+modules!("render": animation, effects, job, render, shading, world);
+modules!("bench": bench);
+modules!("study": study);
+modules!("cli": cli);
+modules!("viewer": viewer);

@@ -1,4 +1,4 @@
-//! `kiln animate`: files to a film, or to numbered frames.
+//! `kiln animate`: renders files to a film or to numbered frames.
 
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::arguments::{self, Arguments};
-use super::frames::{self, LengthArguments, Noticed, Pictures, Report};
+use super::frames::{self, FrameChecks, FrameReporter, FrameSeries, LengthArguments};
 use super::output::check_folder;
 use super::prepare::timed;
 use super::progress::{Mode, Progress};
@@ -25,11 +25,11 @@ use crate::render::aov::AovSelection;
 #[derive(Args)]
 pub struct Command {
     #[command(flatten)]
-    what: Arguments,
+    arguments: Arguments,
     #[command(flatten)]
     length: LengthArguments,
-    /// The film to write: .mp4, .gif, .png (animated) or .y4m; frame_####.png, .jpg or .exr for a file a frame; `-` for frames
-    /// on standard output, for other programs
+    /// The film to write: .mp4, .gif, .png (animated) or .y4m; frame_####.png, .jpg or .exr for a file a frame; `-` for
+    /// frames on standard output, for other programs
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// How good an .mp4 is
@@ -70,13 +70,13 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 }
 
 fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    arguments::check(&command.what)?;
+    arguments::check(&command.arguments)?;
     let names = FileNames::parse(&command.output).map_err(|what| Error::usage(what, "give one ####"))?;
     if let Some(names) = names {
         let format = Format::from_path(&command.output)?;
         check_folder(&command.output)?;
         let wanted = AovSelection::new(&[])?;
-        let pictures = Pictures {
+        let pictures = FrameSeries {
             names,
             format,
             wanted,
@@ -86,8 +86,8 @@ fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
             progress: command.progress,
             strict: command.strict,
         };
-        let (what, length, list) = (&command.what, &command.length, command.frames.as_ref());
-        return frames::write_pictures(what, length, list, &pictures, interrupted);
+        let (arguments, length, list) = (&command.arguments, &command.length, command.frames.as_ref());
+        return frames::write_frames(arguments, length, list, &pictures, interrupted);
     }
     let quality = match command.quality {
         QualityName::High => Quality::High,
@@ -109,11 +109,11 @@ fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 }
 
 fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {
-    let pool = super::pool(command.what.threads)?;
-    let mut report = Report::new(command.progress);
+    let pool = super::pool(command.arguments.threads)?;
+    let mut reporter = FrameReporter::new(command.progress);
     let LengthArguments { fps, duration } = command.length;
     let request = FrameRequest::all(fps, duration, command.frames.as_ref());
-    let animation = report.load(&pool, &command.what, &command.what.settings()?, &request)?;
+    let animation = reporter.load(&pool, &command.arguments, &command.arguments.settings()?, &request)?;
     let window = animation.resolved.window;
     let size = [window.width, window.height];
     format.check(size, animation.timeline.fps())?;
@@ -130,22 +130,22 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     } else {
         VideoWriter::to_file(&command.output, format, spec)?
     };
-    let noticed = Noticed::default();
+    let checks = FrameChecks::default();
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {
         let (film, statistics) = job.render(control)?;
-        noticed.look(frame, &statistics);
+        checks.add(frame, &statistics);
         Ok(format.convert(&film))
     };
     let mut take = |_, frame: FrameData| recorder.add(frame).map_err(failed);
     let mut took = 0.0;
-    // A film of f32, and what the format takes of it.
+    // 12 bytes for a pixel of three `f32`, 4 for the converted frame.
     let needs = (0, 12 + 4);
     timed(&mut took, || {
-        frames::make_all(&animation, &pool, needs, interrupted, &report.progress, &make, &mut take)
+        frames::render_all(&animation, &pool, needs, interrupted, &reporter.progress, &make, &mut take)
     })?;
     recorder.finish()?;
-    report.end(&command.what, &noticed, command.strict)?;
-    report.progress.finish(&format!(
+    reporter.finish(&command.arguments, &checks, command.strict)?;
+    reporter.progress.finish(&format!(
         "wrote {} ({} x {}, {} frames, {:.2} s at {} frames a second) in {took:.2} s",
         command.output.display(),
         window.width,

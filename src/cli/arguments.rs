@@ -1,4 +1,4 @@
-//! What every command that makes pictures is told.
+//! Options shared by all commands that render.
 
 use std::path::{Path, PathBuf};
 
@@ -15,20 +15,20 @@ use crate::scene::{Numerics, Projection};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
-/// Help text of `INPUT`: their purpose and the formats that can be read.
+/// Help text of `INPUT`: purpose and readable formats.
 pub fn inputs_help(purpose: &str) -> String {
     let (endings, names) = (all_endings(), names_on_standard_input());
     format!("{purpose}: {endings}; `-` for a {names} on standard input")
 }
 
-/// What there is to see, and how: what every command that makes pictures is told.
+/// Inputs, camera and render settings: options of all commands that render.
 #[derive(Args, Clone)]
 pub struct Arguments {
     /// Files to put into one scene.
     #[arg(required = true, value_name = "INPUT", help = inputs_help("Files to put into one scene"))]
     pub inputs: Vec<PathBuf>,
-    /// A camera of the scene by name or by number, `auto` for one that fits, or one of your own in the words of scene files:
-    /// '{ position = [0, 1, 6], look_at = [0, 1, 0], vertical_fov = 40 }'
+    /// A camera of the scene by name or by number, `auto` for one that fits, or one of your own in the words of scene
+    /// files: '{ position = [0, 1, 6], look_at = [0, 1, 0], vertical_fov = 40 }'
     #[arg(long, value_name = "NAME|INDEX|auto|{...}")]
     pub camera: Option<String>,
     /// A camera that fits the scene, from a standard side
@@ -94,16 +94,16 @@ pub fn check(arguments: &Arguments) -> Result<()> {
     Ok(())
 }
 
-/// The value of this name; the parser accepts no other than those of `all`.
+/// The value whose name was typed. The parser accepts only names of `all`.
 fn named<T: Copy>(all: &[T], name: impl Fn(T) -> &'static str, typed: Option<&str>) -> Option<T> {
     all.iter().copied().find(|&value| Some(name(value)) == typed)
 }
 
 impl Arguments {
-    /// What was asked for.
+    /// The render settings.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a camera in braces that is none.
+    /// [`Error::Usage`] for an invalid inline camera.
     pub fn settings(&self) -> Result<RenderSettings> {
         let view = named(&StandardView::ALL, StandardView::name, self.view.as_deref());
         let camera = match (view, self.camera.as_deref()) {
@@ -124,7 +124,7 @@ impl Arguments {
             longest_side: None,
             crop: self.crop,
             share: Share::ALL,
-            sampling: self.sampling.said(),
+            sampling: self.sampling.settings(),
             numerics: named(&Numerics::ALL, Numerics::name, self.numerics.as_deref()),
             preset: Preset::named(&self.bvh).unwrap_or_default(),
             shading: named(&ShadingMode::ALL, ShadingMode::name, Some(&self.shading)).unwrap_or_default(),

@@ -1,4 +1,4 @@
-//! `kiln compare`: how far two pictures are apart.
+//! `kiln compare`: errors between two pictures.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Map, Value, json};
 
-use super::{print, say};
+use super::{print, print_stderr};
 use crate::error::{Error, Result};
 use crate::film::write::{Format, OutputImage as Written, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
@@ -31,8 +31,8 @@ pub struct Arguments {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Exit with 2 where max, rmse, relmse, flip or differing (share of pixels, 0 to 1) is above a limit; may be given several
-    /// times
+    /// Exit with 2 where max, rmse, relmse, flip or differing (share of pixels, 0 to 1) is above a limit; may be given
+    /// several times
     #[arg(long, value_name = "METRIC=VALUE", value_parser = parse_limit)]
     fail_above: Vec<(&'static str, f64)>,
     /// Write FLIP of each pixel as a picture: black is none, then purple, orange and light yellow
@@ -43,7 +43,7 @@ pub struct Arguments {
     display: bool,
 }
 
-/// What can be limited.
+/// Metrics that can be limited.
 const METRICS: [&str; 5] = ["max", "rmse", "relmse", "flip", "differing"];
 
 fn parse_limit(text: &str) -> std::result::Result<(&'static str, f64), String> {
@@ -66,7 +66,7 @@ fn figure(figures: &Figures, name: &str) -> f64 {
     }
 }
 
-/// Compares, and says by the exit code what came of it.
+/// Compares two pictures. Returns the exit code.
 pub fn run(arguments: &Arguments) -> Result<u8> {
     if let Some(file) = &arguments.heat_map
         && Format::from_path(file)? != Format::Png
@@ -109,7 +109,7 @@ pub fn run(arguments: &Arguments) -> Result<u8> {
     };
     print(&if arguments.json { as_json(arguments, &errors, code) } else { as_text(arguments, &errors) })?;
     for (name, value, limit) in beyond {
-        say(format_args!("kiln: {name} is {value:.6}, above the limit of {limit}"));
+        print_stderr(format_args!("kiln: {name} is {value:.6}, above the limit of {limit}"));
     }
     match (&arguments.heat_map, map) {
         (Some(file), Some(map)) => {
@@ -117,7 +117,7 @@ pub fn run(arguments: &Arguments) -> Result<u8> {
             let film = Film::from_rows(window, &heat_map(&map))?;
             write_picture(&Written::Rgb8(film, ColourPipeline::Display), &[], Format::Png, file)?;
         }
-        (Some(file), None) => say(format_args!(
+        (Some(file), None) => print_stderr(format_args!(
             "kiln: warning: {}: no heat map of pictures that are not finite",
             file.display()
         )),

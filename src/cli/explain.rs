@@ -1,4 +1,4 @@
-//! `kiln explain`: the effects that a picture takes, why, and what each of them costs.
+//! `kiln explain`: the effects of a picture, the reason for each, and its cost.
 
 use std::fmt::Write;
 use std::sync::atomic::AtomicBool;
@@ -9,24 +9,25 @@ use serde_json::{Value, json};
 use super::arguments::{self, Arguments};
 use super::prepare::load_and_resolve;
 use super::statistics::Seconds;
-use super::{Printer, print};
+use super::{WarningPrinter, print};
 use crate::bench::Spread;
 use crate::bench::effects::{Cost, Costs, Part, measure};
 use crate::effects::{Decision, EFFECTS};
 use crate::error::{Result, Warnings};
 use crate::job::RenderJob;
 
-/// The version of the JSON's schema; it goes up when a field changes its meaning or goes.
+/// Version of the JSON schema; increased when a field changes its meaning or is removed.
 const SCHEMA: u32 = 1;
 
 #[derive(Args)]
 pub struct Command {
     #[command(flatten)]
-    what: Arguments,
+    arguments: Arguments,
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Make the picture with and without each effect, and say what each costs; on one thread where --threads says nothing
+    /// Make the picture with and without each effect, and say what each costs; on one thread where --threads says
+    /// nothing
     #[arg(long)]
     measure: bool,
     /// How often everything is measured
@@ -36,14 +37,19 @@ pub struct Command {
 }
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    arguments::check(&command.what)?;
-    let threads = command.what.threads.or(command.measure.then_some(1));
+    arguments::check(&command.arguments)?;
+    let threads = command.arguments.threads.or(command.measure.then_some(1));
     let (job, costs) = super::pool(threads)?.install(|| {
-        let (mut warnings, mut printer) = (Warnings::default(), Printer::default());
-        let mut show = |_: &str, said: &Warnings| printer.print(said, true);
-        let settings = command.what.settings()?;
-        let resolved =
-            load_and_resolve(&command.what, &settings, &mut Seconds::default(), &mut warnings, &mut show)?;
+        let (mut warnings, mut printer) = (Warnings::default(), WarningPrinter::default());
+        let mut show = |_: &str, warnings: &Warnings| printer.print(warnings, true);
+        let settings = command.arguments.settings()?;
+        let resolved = load_and_resolve(
+            &command.arguments,
+            &settings,
+            &mut Seconds::default(),
+            &mut warnings,
+            &mut show,
+        )?;
         let job = resolved.build(&mut warnings)?;
         printer.print(&warnings, true);
         let rounds = command.rounds.into();
@@ -143,7 +149,7 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
     text
 }
 
-/// The width of all columns of numbers.
+/// Total width of the numeric columns.
 const WIDTH: usize = 12 + 11 + 9 + 12 + 12 + 2;
 
 fn row([rays, ms, share, bytes, alone]: [&str; 5]) -> String {

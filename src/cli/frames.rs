@@ -1,4 +1,4 @@
-//! The frames of an animation as pictures, from one load of the inputs.
+//! Rendering of animation frames to pictures, with one load of the inputs.
 
 use std::path::Path;
 use std::sync::Mutex;
@@ -10,7 +10,7 @@ use super::arguments::Arguments;
 use super::prepare::timed;
 use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
-use super::{Printer, output};
+use super::{WarningPrinter, output};
 use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order};
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
@@ -24,7 +24,7 @@ use crate::limits;
 use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
 
-/// How long an animation is, against what the scene says.
+/// Frame rate and duration that override the scene's.
 #[derive(Args, Default)]
 pub struct LengthArguments {
     /// Frames a second [default: the scene's, or 30]
@@ -35,7 +35,8 @@ pub struct LengthArguments {
     pub duration: Option<f64>,
 }
 
-/// Reads the inputs and prepares what all frames share. `show` is called with the name of each phase and the warnings so far.
+/// Loads the inputs and prepares the data shared by all frames. `show` is called with the name of each phase and the
+/// warnings so far.
 pub fn load_and_prepare(
     arguments: &Arguments,
     settings: &RenderSettings,
@@ -47,15 +48,15 @@ pub fn load_and_prepare(
     show("loading", warnings);
     let scene = timed(&mut seconds.load, || import::load(&arguments.inputs, warnings))?;
     show("preparing", warnings);
-    AnimationJob::prepare(scene, settings, request, warnings, |said| show("building", said))
+    AnimationJob::prepare(scene, settings, request, warnings, |warnings| show("building", warnings))
 }
 
-/// The most bytes that more than two pictures in flight may take together.
+/// Memory limit in bytes of the pictures in flight, if there are more than two.
 const MOST_BYTES: usize = 1 << 29;
 
-/// Makes a picture of every frame, several at once, and hands them over in order. `make` is given the frame's job, and the control
-/// of its tiles. A picture has so many channels beside its own, and takes so many bytes for each pixel.
-pub fn make_all<T: Send>(
+/// Renders every frame by `make`, several in parallel, and passes the results to `take` in order of frames. `channels`
+/// is the number of AOV channels of a picture, `bytes_per_pixel` its memory per pixel.
+pub fn render_all<T: Send>(
     animation: &AnimationJob,
     pool: &rayon::ThreadPool,
     (channels, bytes_per_pixel): (u64, u64),
@@ -73,7 +74,7 @@ pub fn make_all<T: Send>(
     };
     let control = RenderControl { cancel: interrupted, progress: &count, time_stages: false };
     output::check_memory_of(window, channels, bytes_per_pixel)?;
-    // One more than threads, so that none waits while a frame ends; fewer where memory holds fewer.
+    // One more than the number of threads, so that no thread idles at the end of a frame; fewer if memory is limited.
     let each = window.area().saturating_mul(bytes_per_pixel.max(12) as usize);
     let most = (MOST_BYTES / each).clamp(2, 1 + pool.current_num_threads()).min(animation.frames.len());
     let bytes = |count: usize| limits::product(&[window.area() as u64, bytes_per_pixel, count as u64]);
@@ -82,15 +83,15 @@ pub fn make_all<T: Send>(
     in_order(pool, &animation.frames, in_flight, interrupted, &make, take)
 }
 
-/// What is noticed of frames, for warnings at the end.
+/// Statistics of all frames for warnings at the end: primary ray hits, non-finite pixels, and the first frame with any.
 #[derive(Default)]
-pub struct Noticed(Mutex<(u64, usize, Option<i32>)>);
+pub struct FrameChecks(Mutex<(u64, usize, Option<i32>)>);
 
-impl Noticed {
-    /// Looks at a frame's statistics.
-    pub fn look(&self, frame: i32, statistics: &Statistics) {
-        let Ok(mut noticed) = self.0.lock() else { return };
-        let (hits, non_finite, first) = &mut *noticed;
+impl FrameChecks {
+    /// Adds a frame's statistics.
+    pub fn add(&self, frame: i32, statistics: &Statistics) {
+        let Ok(mut checks) = self.0.lock() else { return };
+        let (hits, non_finite, first) = &mut *checks;
         *hits += statistics.rays(RayKind::PRIMARY).hit;
         if statistics.non_finite.0 > 0 {
             *non_finite += statistics.non_finite.0;
@@ -98,10 +99,10 @@ impl Noticed {
         }
     }
 
-    /// Frames that show less than was asked for do not pass in silence.
+    /// Warns about non-finite pixels and empty frames.
     pub fn warn(&self, arguments: &Arguments, warnings: &mut Warnings) {
-        let Ok(noticed) = self.0.lock() else { return };
-        let (hits, non_finite, first) = *noticed;
+        let Ok(checks) = self.0.lock() else { return };
+        let (hits, non_finite, first) = *checks;
         if let Some(first) = first {
             warnings
                 .push(format!("{non_finite} pixel(s) are not finite numbers, the first in frame {first}"));
@@ -112,23 +113,23 @@ impl Noticed {
     }
 }
 
-/// Pictures of frames, one file each.
-pub struct Pictures {
+/// Output settings of a series of frames, one file each.
+pub struct FrameSeries {
     pub names: FileNames,
     pub format: Format,
-    /// What else is kept of each pixel.
+    /// AOVs of each pixel.
     pub wanted: AovSelection,
-    /// The names of what else is kept.
+    /// AOV names as typed.
     pub layers: Vec<String>,
-    /// The frames that are this process's.
+    /// Share of the frames that this process renders.
     pub share: Share,
-    /// Whether frames that are there, whole and of the same settings, are left as they are.
+    /// Whether complete existing files with the same settings are kept.
     pub skip_existing: bool,
     pub progress: Mode,
     pub strict: bool,
 }
 
-/// The names of the files that frames go to. One frame may have a name of its own.
+/// File names of the frames. A single frame may have a name without a number.
 pub fn file_names(output: &Path, list: &FrameList) -> Result<FileNames> {
     let names = FileNames::parse(output).map_err(|what| Error::usage(what, "give the name one ####"))?;
     match names {
@@ -141,16 +142,16 @@ pub fn file_names(output: &Path, list: &FrameList) -> Result<FileNames> {
     }
 }
 
-/// Renders frames, each into a file of its own.
-pub fn write_pictures(
+/// Renders frames to one file each.
+pub fn write_frames(
     arguments: &Arguments,
     length: &LengthArguments,
     list: Option<&FrameList>,
-    pictures: &Pictures,
+    pictures: &FrameSeries,
     interrupted: &AtomicBool,
 ) -> Result<()> {
     let pool = super::pool(arguments.threads)?;
-    let mut report = Report::new(pictures.progress);
+    let mut reporter = FrameReporter::new(pictures.progress);
     let is_there = |frame: i32, metadata: &Metadata| {
         let found = || look(&pictures.names.of(frame), pictures.format);
         pictures.skip_existing && found().is(fingerprint_of(metadata), Some(frame))
@@ -163,16 +164,16 @@ pub fn write_pictures(
         share: pictures.share,
         is_there: &is_there,
     };
-    let animation = report.load(&pool, arguments, &settings, &request)?;
+    let animation = reporter.load(&pool, arguments, &settings, &request)?;
     let skipped = match animation.skipped {
         0 => String::new(),
         n => format!("; {n} were there"),
     };
     if animation.frames.is_empty() {
-        report.progress.finish(&format!("no frame to render{skipped}"));
+        reporter.progress.finish(&format!("no frame to render{skipped}"));
         return Ok(());
     }
-    let noticed = Noticed::default();
+    let checks = FrameChecks::default();
     let needs = |effects_on: usize| {
         let channels = pictures.wanted.channel_count(effects_on) as u64;
         let bytes = output::bytes_per_pixel(pictures.format, &pictures.wanted, channels)
@@ -185,46 +186,46 @@ pub fn write_pictures(
             let (channels, bytes) = needs(effects_on);
             output::check_memory_of(job.window, channels, bytes)?;
         }
-        let (picture, statistics) = output::render_plainly(job, pictures.format, &pictures.wanted, control)?;
-        noticed.look(frame, &statistics);
+        let (picture, statistics) = output::render_image(job, pictures.format, &pictures.wanted, control)?;
+        checks.add(frame, &statistics);
         write_picture(&picture, &job.metadata, pictures.format, &pictures.names.of(frame))
     };
     let mut took = 0.0;
     let needs = needs(animation.effects_on);
     timed(&mut took, || {
-        make_all(&animation, &pool, needs, interrupted, &report.progress, &make, &mut |_, ()| Ok(()))
+        render_all(&animation, &pool, needs, interrupted, &reporter.progress, &make, &mut |_, ()| Ok(()))
     })?;
-    report.end(arguments, &noticed, pictures.strict)?;
+    reporter.finish(arguments, &checks, pictures.strict)?;
     let ends = [animation.frames.first(), animation.frames.last()].map(|frame| *frame.unwrap_or(&0));
     let [first, last] = ends.map(|frame| pictures.names.of(frame).display().to_string());
-    report.progress.finish(&format!(
+    reporter.progress.finish(&format!(
         "wrote {} frame(s), {first} to {last}, in {took:.2} s{skipped}",
         animation.frames.len()
     ));
     Ok(())
 }
 
-/// What is said of an animation while it is made.
-pub struct Report {
+/// Progress, times and warnings of an animation.
+pub struct FrameReporter {
     pub progress: Progress,
     pub seconds: Seconds,
     pub warnings: Warnings,
-    printer: Printer,
+    printer: WarningPrinter,
     with_notes: bool,
 }
 
-impl Report {
+impl FrameReporter {
     pub fn new(mode: Mode) -> Self {
-        Report {
+        FrameReporter {
             progress: Progress::new(mode),
             seconds: Seconds::default(),
             warnings: Warnings::default(),
-            printer: Printer::default(),
+            printer: WarningPrinter::default(),
             with_notes: mode != Mode::None,
         }
     }
 
-    /// Makes frames ready and says what there is to say of that.
+    /// Loads and prepares the animation, with progress and warnings.
     pub fn load(
         &mut self,
         pool: &rayon::ThreadPool,
@@ -232,18 +233,18 @@ impl Report {
         settings: &RenderSettings,
         request: &FrameRequest,
     ) -> Result<AnimationJob> {
-        let Report { progress, seconds, warnings, printer, with_notes } = self;
-        let mut show = |phase: &str, said: &Warnings| {
-            progress.pause(|| printer.print(said, *with_notes));
+        let FrameReporter { progress, seconds, warnings, printer, with_notes } = self;
+        let mut show = |phase: &str, warnings: &Warnings| {
+            progress.pause(|| printer.print(warnings, *with_notes));
             progress.phase(phase);
         };
-        // Building is work for the pool, too; what is shown stays on this thread.
+        // Trees are built on the pool, so the callback needs a lock.
         let animation = {
             let show = Mutex::new(&mut show);
             pool.install(|| {
-                load_and_prepare(arguments, settings, request, seconds, warnings, &mut |phase, said| {
+                load_and_prepare(arguments, settings, request, seconds, warnings, &mut |phase, warnings| {
                     if let Ok(mut show) = show.lock() {
-                        show(phase, said);
+                        show(phase, warnings);
                     }
                 })
             })?
@@ -253,9 +254,9 @@ impl Report {
         Ok(animation)
     }
 
-    /// Says what was noticed of the frames. With `strict`, warnings are an error.
-    pub fn end(&mut self, arguments: &Arguments, noticed: &Noticed, strict: bool) -> Result<()> {
-        noticed.warn(arguments, &mut self.warnings);
+    /// Prints the warnings about the frames. With `strict`, warnings are an error.
+    pub fn finish(&mut self, arguments: &Arguments, checks: &FrameChecks, strict: bool) -> Result<()> {
+        checks.warn(arguments, &mut self.warnings);
         self.progress.clear();
         self.printer.print(&self.warnings, self.with_notes);
         if strict && !self.warnings.is_empty() {

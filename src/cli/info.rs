@@ -1,4 +1,4 @@
-//! `kiln info`: what files hold, how large it is, and what is odd about it.
+//! `kiln info`: contents, sizes and warnings of files.
 
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -72,7 +72,7 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
         "inputs": inputs.iter().map(|i| i.display().to_string()).collect::<Vec<_>>(),
         "primitives": scene.primitive_count(),
         "triangles": triangles(scene),
-        "triangles_without_area": without_area(scene),
+        "triangles_without_area": degenerate_triangles(scene),
         "spheres": scene.primitive_count() - triangles(scene),
         "bounds": scene.bounds().map(|(min, max)| json!({ "min": point(min), "max": point(max) })),
         "objects": objects,
@@ -92,8 +92,8 @@ fn triangles(scene: &Scene) -> usize {
     scene.objects.iter().filter(|o| o.shape.mesh().is_some()).map(|o| o.shape.primitive_count()).sum()
 }
 
-/// How many triangles have their corners on one line. They are kept: where they close a T-vertex, rays hit them.
-fn without_area(scene: &Scene) -> usize {
+/// Number of triangles with collinear vertices. They are kept, because those that close a T-vertex can be hit.
+fn degenerate_triangles(scene: &Scene) -> usize {
     let of_shape = |shape: &Shape| match shape {
         Shape::Sphere { .. } => 0,
         Shape::Mesh(mesh) => {
@@ -108,8 +108,8 @@ fn without_area(scene: &Scene) -> usize {
     scene.objects.iter().map(|object| of_shape(&object.shape)).sum()
 }
 
-/// The meshes that stand in many places: in how many, and how many triangles each has.
-fn shared(scene: &Scene) -> HashMap<*const Mesh, (usize, usize)> {
+/// Meshes with placed instances: number of instances, and triangles per instance.
+fn instanced_meshes(scene: &Scene) -> HashMap<*const Mesh, (usize, usize)> {
     let mut shared = HashMap::new();
     for object in &scene.objects {
         if let Shape::Placed(placed) = &object.shape {
@@ -144,13 +144,13 @@ fn as_text(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> String {
     let spheres = scene.primitive_count() - triangles(scene);
     line("input", names.join(" "));
     line("objects", format!("{} ({} triangles, {spheres} spheres)", scene.objects.len(), triangles(scene)));
-    let shared = shared(scene);
+    let shared = instanced_meshes(scene);
     if !shared.is_empty() {
         let (places, kept) = shared.values().fold((0, 0), |(p, k), (places, mesh)| (p + places, k + mesh));
         let meshes = shared.len();
         line("shared", format!("{places} objects are places of {meshes} mesh(es) of {kept} triangles"));
     }
-    if let flat @ 1.. = without_area(scene) {
+    if let flat @ 1.. = degenerate_triangles(scene) {
         line("no area", format!("{flat} triangle(s), kept because they may close T-vertices"));
     }
     match scene.bounds() {
@@ -179,7 +179,7 @@ fn short(v: DVec3) -> String {
     format!("({}, {}, {})", v.x as f32, v.y as f32, v.z as f32)
 }
 
-/// The first few of many.
+/// The first names of a list, and the number of the others.
 fn list(names: impl ExactSizeIterator<Item = String>) -> String {
     const MOST: usize = 8;
     let count = names.len();

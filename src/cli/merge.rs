@@ -1,4 +1,4 @@
-//! `kiln merge`: the parts of a picture to the picture.
+//! `kiln merge`: combines the parts of a picture.
 
 use std::path::PathBuf;
 
@@ -31,6 +31,6 @@ pub fn run(command: &Command) -> Result<()> {
     }
     let (picture, metadata) = join(parts, format)?;
     write_picture(&picture, &metadata, format, output)?;
-    super::say(format_args!("kiln: wrote {} from {} part(s)", output.display(), parts.len()));
+    super::print_stderr(format_args!("kiln: wrote {} from {} part(s)", output.display(), parts.len()));
     Ok(())
 }

@@ -1,8 +1,10 @@
-//! The command line: parse, call, print. One file a command; nothing here is worth testing but the contract itself.
+//! The command line: parsing, calls into the library, and printing. One file per command. Tests cover output and exit
+//! codes.
 //!
-//! Standard output carries only results; everything else goes to standard error. Exit codes: 0 done, 1 failed, 2 wrong
-//! usage, 3 an input cannot be used, 4 output cannot be written, 130 and 143 interrupted. `compare` alone answers by it, too: 0
-//! same, 1 within limits, 2 beyond; `verify` says 0 where every frame is as it should be and 1 where one is not.
+//! Standard output contains only results; everything else is written to standard error. Exit codes: 0 success, 1
+//! failure, 2 wrong usage, 3 unusable input, 4 output cannot be written, 128 + signal number if interrupted. `compare`
+//! returns 0 for equal pictures, 1 within the limits and 2 beyond them; `verify` returns 0 if all frames are valid,
+//! else 1.
 
 mod animate;
 mod arguments;
@@ -46,7 +48,8 @@ use crate::limits;
 struct Arguments {
     #[command(subcommand)]
     command: Command,
-    /// The most memory to use, at least 128M, such as 16G [default: what the process may use, and 4G for the sizes that one file gives]
+    /// The most memory to use, at least 128M, such as 16G [default: what the process may use, and 4G for the sizes that
+    /// one file gives]
     #[arg(long, global = true, value_name = "SIZE", value_parser = limits::parse_limit)]
     memory_limit: Option<u64>,
 }
@@ -90,11 +93,11 @@ enum Command {
     },
 }
 
-/// The whole command, from its arguments to its exit code.
+/// Parses the arguments, runs the command and returns its exit code.
 pub fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
-        Err(e) => return usage(&e),
+        Err(e) => return report_usage_error(&e),
     };
     if let Some(bytes) = arguments.memory_limit {
         limits::set_memory_limit(bytes);
@@ -104,7 +107,7 @@ pub fn main() -> ExitCode {
             return;
         }
         let place = panic.location().map(|l| format!(" ({}:{})", l.file(), l.line())).unwrap_or_default();
-        say(format_args!(
+        print_stderr(format_args!(
             "kiln: error: a fault in kiln itself{place}\nhint: please report it with the command and the input"
         ));
     }));
@@ -138,13 +141,13 @@ pub fn main() -> ExitCode {
     });
     match result {
         Ok(Ok(code)) => ExitCode::from(code),
-        // Whatever fails while the process is being ended fails because of that.
+        // Errors after an interrupt are consequences of it.
         Ok(Err(_)) if interrupted.load(Ordering::Relaxed) => ExitCode::from(interrupt::exit_code()),
         Ok(Err(Error::Interrupted)) => ExitCode::from(interrupt::exit_code()),
         Ok(Err(e)) => {
-            say(format_args!("kiln: error: {e}"));
+            print_stderr(format_args!("kiln: error: {e}"));
             if !e.hint().is_empty() {
-                say(format_args!("hint: {}", e.hint()));
+                print_stderr(format_args!("hint: {}", e.hint()));
             }
             ExitCode::from(exit_code(&e))
         }
@@ -162,14 +165,14 @@ fn exit_code(e: &Error) -> u8 {
     }
 }
 
-/// Help and version go to standard output; anything else is wrong usage, in one line and a hint.
-fn usage(e: &clap::Error) -> ExitCode {
+/// Prints help and version to standard output; other parse errors to standard error, as one line and a hint.
+fn report_usage_error(e: &clap::Error) -> ExitCode {
     use clap::error::ErrorKind;
     if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
         return if e.print().is_ok() { ExitCode::SUCCESS } else { ExitCode::from(4) };
     }
     if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        say(format_args!("kiln: error: no command given\nhint: `kiln --help` lists them"));
+        print_stderr(format_args!("kiln: error: no command given\nhint: `kiln --help` lists them"));
         return ExitCode::from(2);
     }
     let text = e.render().to_string();
@@ -177,7 +180,7 @@ fn usage(e: &clap::Error) -> ExitCode {
     let mut first = lines.next().unwrap_or("wrong usage").trim_start_matches("error: ").to_owned();
     let mut hint = "`kiln help` and `kiln help COMMAND` list what there is".to_owned();
     for line in lines {
-        // What is no option is not meant as a file either.
+        // An unknown option is not meant as a file name, as clap's tip suggests.
         if let Some(tip) = line.strip_prefix("tip: ").filter(|tip| !tip.starts_with("to pass ")) {
             hint = tip.to_owned();
             break;
@@ -188,22 +191,21 @@ fn usage(e: &clap::Error) -> ExitCode {
             hint = line.trim_matches(['[', ']']).to_owned();
         }
     }
-    say(format_args!("kiln: error: {first}\nhint: {hint}"));
+    print_stderr(format_args!("kiln: error: {first}\nhint: {hint}"));
     ExitCode::from(2)
 }
 
 fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // A reader that has seen enough, such as `head`, is no failure.
+        // A reader such as `head` may close the pipe early.
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         other => other.map_err(|e| Error::output(std::path::Path::new("-"), e)),
     }
 }
 
-/// Threads to work on. Where no number is given, as many as the process may use at once: its affinity and its share of processor
-/// time (cgroup quota) are heeded by [`std::thread::available_parallelism`], which rayon asks, and Slurm's allocation is
-/// here, for clusters that do not enforce it.
+/// Creates the thread pool. The default number of threads is [`std::thread::available_parallelism`], which respects
+/// affinity and cgroup quota, limited by Slurm's allocation, for clusters that do not enforce it.
 fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
     let allocated =
         std::env::var("SLURM_CPUS_PER_TASK").ok().and_then(|n| n.parse::<usize>().ok()).filter(|&n| n > 0);
@@ -220,27 +222,27 @@ fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
         .map_err(|e| Error::Failed { what: format!("threads cannot be started: {e}"), hint: String::new() })
 }
 
-/// Writes a line to standard error. Whoever reads there may be gone or its disk full; that must not end the work, as
-/// `eprintln!` would with a panic.
-fn say(line: std::fmt::Arguments) {
+/// Writes a line to standard error and ignores errors, unlike `eprintln!`, which panics on a closed pipe or a full
+/// disk.
+fn print_stderr(line: std::fmt::Arguments) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// Prints warnings and notes as they come, each once.
+/// Prints new warnings and notes, each once. The fields count those already printed.
 #[derive(Default)]
-struct Printer {
+struct WarningPrinter {
     warnings: usize,
     notes: usize,
 }
 
-impl Printer {
-    fn print(&mut self, said: &Warnings, with_notes: bool) {
-        for message in &said.messages()[self.warnings..] {
-            say(format_args!("kiln: warning: {message}"));
+impl WarningPrinter {
+    fn print(&mut self, warnings: &Warnings, with_notes: bool) {
+        for message in &warnings.messages()[self.warnings..] {
+            print_stderr(format_args!("kiln: warning: {message}"));
         }
-        for message in said.notes()[self.notes..].iter().filter(|_| with_notes) {
-            say(format_args!("kiln: note: {message}"));
+        for message in warnings.notes()[self.notes..].iter().filter(|_| with_notes) {
+            print_stderr(format_args!("kiln: note: {message}"));
         }
-        (self.warnings, self.notes) = (said.messages().len(), said.notes().len());
+        (self.warnings, self.notes) = (warnings.messages().len(), warnings.notes().len());
     }
 }

@@ -1,10 +1,10 @@
-//! Numbers as they are typed, and what is said of those that are none: which there may be, not what a parser stumbled over.
+//! Parsing of numeric options, with error messages that name the valid values.
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
-/// A whole number within a range.
+/// Parser for an integer in a range.
 pub fn whole<N>(
     range: RangeInclusive<N>,
 ) -> impl Fn(&str) -> Result<N, String> + Clone + Send + Sync + 'static
@@ -17,12 +17,12 @@ where
     }
 }
 
-/// A number of any size, for `check` to judge; `wanted` says what it should be.
+/// Parses a number without a range check. `wanted` describes it in the error message.
 pub fn number<N: FromStr>(text: &str, wanted: &str) -> Result<N, String> {
     text.trim().parse().map_err(|_| format!("give {wanted}"))
 }
 
-/// A number and what it counts.
+/// A count with its noun in singular or plural.
 pub fn counted(count: usize, one: &str, many: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { many })
 }

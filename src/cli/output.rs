@@ -1,4 +1,4 @@
-//! Renders a job and writes its picture to a file or to standard output.
+//! Rendering of a job, and output of its picture to a file or standard output.
 
 use std::path::{Path, PathBuf};
 
@@ -16,19 +16,19 @@ use crate::render::{RenderControl, Statistics};
 use crate::study::choose::{self, End, Wish};
 use crate::world::World;
 
-/// Where the picture goes.
-pub enum Target {
+/// Destination of the picture.
+pub enum OutputTarget {
     File(PathBuf, Format),
-    /// A share of a picture of that format.
+    /// File for one share of the tiles of a picture of that format.
     Part(PathBuf, Format, Share),
     StandardOutput,
 }
 
-impl Target {
-    /// Looks at the name, and whether its folder is there, before any work is done.
+impl OutputTarget {
+    /// Checks the name and the existence of its folder, before any work is done.
     pub fn new(output: &Path) -> Result<Self> {
         if output == Path::new("-") {
-            return Ok(Target::StandardOutput);
+            return Ok(OutputTarget::StandardOutput);
         }
         let format = Format::from_path(output)?;
         let name = output.to_string_lossy();
@@ -38,13 +38,15 @@ impl Target {
             return Err(Error::usage(what, hint));
         }
         check_folder(output)?;
-        Ok(Target::File(output.to_owned(), format))
+        Ok(OutputTarget::File(output.to_owned(), format))
     }
 
-    /// The file for a share of the picture.
+    /// The target for one share of the picture's tiles.
     pub fn part(self, share: Share) -> Result<Self> {
         match self {
-            Target::File(file, format) => Ok(Target::Part(part_name(&file, share), format, share)),
+            OutputTarget::File(file, format) => {
+                Ok(OutputTarget::Part(part_name(&file, share), format, share))
+            }
             _ => {
                 Err(Error::usage("a part of a picture is a file", "give --output a name, such as still.png"))
             }
@@ -54,35 +56,35 @@ impl Target {
     /// The picture's format.
     pub fn format(&self) -> Format {
         match self {
-            Target::File(_, format) | Target::Part(_, format, _) => *format,
-            Target::StandardOutput => Format::Png,
+            OutputTarget::File(_, format) | OutputTarget::Part(_, format, _) => *format,
+            OutputTarget::StandardOutput => Format::Png,
         }
     }
 
-    /// The format that decides what is kept of the picture: of parts the film's own numbers.
-    pub fn kept(&self) -> Format {
-        if let Target::Part(..) = self { Format::Exr } else { self.format() }
+    /// The format that determines the film's pixel type: parts store the pixels as `f32`, like EXR.
+    pub fn film_format(&self) -> Format {
+        if let OutputTarget::Part(..) = self { Format::Exr } else { self.format() }
     }
 
-    /// The file.
+    /// The file name; `-` for standard output.
     pub fn file(&self) -> &Path {
         match self {
-            Target::File(file, _) | Target::Part(file, ..) => file,
-            Target::StandardOutput => Path::new("-"),
+            OutputTarget::File(file, _) | OutputTarget::Part(file, ..) => file,
+            OutputTarget::StandardOutput => Path::new("-"),
         }
     }
 
-    /// What is there already.
-    pub fn look(&self) -> Found {
+    /// State of the existing file.
+    pub fn existing(&self) -> Found {
         match self {
-            Target::File(file, format) => check::look(file, *format),
-            Target::Part(file, _, share) => part::look(file, *share),
-            Target::StandardOutput => Found::Missing,
+            OutputTarget::File(file, format) => check::look(file, *format),
+            OutputTarget::Part(file, _, share) => part::look(file, *share),
+            OutputTarget::StandardOutput => Found::Missing,
         }
     }
 }
 
-/// Whether two names, of files that need not exist, name one file.
+/// Whether two names denote the same file, which need not exist.
 pub fn same_file(a: &Path, b: &Path) -> bool {
     let place = |file: &Path| {
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -91,7 +93,7 @@ pub fn same_file(a: &Path, b: &Path) -> bool {
     a == b || (a != Path::new("-") && b != Path::new("-") && place(a) == place(b))
 }
 
-/// Whether there is a folder to write the file to.
+/// Checks that the folder of an output file exists.
 pub fn check_folder(output: &Path) -> Result<()> {
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());
     if folder.is_some_and(|folder| !folder.is_dir()) {
@@ -100,25 +102,30 @@ pub fn check_folder(output: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Checks that there is memory for a picture, before any time is spent on it.
+/// Checks that the memory limit suffices for a picture, before it is rendered.
 ///
 /// # Errors
-/// [`Error::Failed`] with what it needs.
-pub fn check_memory(job: &RenderJob, target: &Target, wanted: &AovSelection, has_wish: bool) -> Result<()> {
+/// [`Error::Failed`] with the required size.
+pub fn check_memory(
+    job: &RenderJob,
+    target: &OutputTarget,
+    wanted: &AovSelection,
+    has_accuracy: bool,
+) -> Result<()> {
     let channels = wanted.channel_count(job.plan.effects_on().count()) as u64;
     let writing = match target {
         // Written tile by tile.
-        Target::Part(..) => 0,
-        // The encoded file is kept whole; at worst it is a little longer than its pixels.
-        Target::StandardOutput => 3,
-        Target::File(_, format) => write::bytes_per_pixel(*format, channels),
+        OutputTarget::Part(..) => 0,
+        // The encoded file is held in memory; at worst it is slightly larger than its pixels.
+        OutputTarget::StandardOutput => 3,
+        OutputTarget::File(_, format) => write::bytes_per_pixel(*format, channels),
     };
-    let wish = if has_wish { choose::BYTES_A_PIXEL } else { 0 };
-    let each = bytes_per_pixel(target.kept(), wanted, channels).max(wish) + writing;
+    let wish = if has_accuracy { choose::BYTES_A_PIXEL } else { 0 };
+    let each = bytes_per_pixel(target.film_format(), wanted, channels).max(wish) + writing;
     check_memory_of(job.window, channels, each)
 }
 
-/// The most bytes for each pixel of a picture while it is rendered.
+/// Maximum bytes per pixel of a picture during rendering.
 pub fn bytes_per_pixel(format: Format, wanted: &AovSelection, channels: u64) -> u64 {
     match format {
         Format::Exr => 4 * (3 + channels) + if channels > 0 { wanted.bytes_per_pixel() } else { 0 },
@@ -126,10 +133,10 @@ pub fn bytes_per_pixel(format: Format, wanted: &AovSelection, channels: u64) -> 
     }
 }
 
-/// Checks that there is memory for a picture of `bytes_each` a pixel; `channels` are named in the error.
+/// Checks that the memory limit suffices for a picture of `bytes_each` per pixel. `channels` is named in the error.
 ///
 /// # Errors
-/// [`Error::Failed`] with what it needs.
+/// [`Error::Failed`] with the required size.
 pub fn check_memory_of(window: Window, channels: u64, bytes_each: u64) -> Result<()> {
     let Window { width, height, .. } = window;
     let bytes = limits::product(&[width.into(), height.into(), bytes_each]);
@@ -142,8 +149,8 @@ pub fn check_memory_of(window: Window, channels: u64, bytes_each: u64) -> Result
     })
 }
 
-/// Renders the picture, in what its format keeps of it.
-pub fn render_plainly(
+/// Renders the picture in the pixel type of its format, with the AOV channels of an EXR.
+pub fn render_image(
     job: &RenderJob,
     format: Format,
     wanted: &AovSelection,
@@ -158,15 +165,15 @@ pub fn render_plainly(
     Ok((OutputImage::Float(film, channels), statistics))
 }
 
-/// Renders as many samples as the user's target takes, and says how many.
-pub fn render_to_wish(
+/// Renders with the number of samples that the requested accuracy or budget needs, and reports it as a note or warning.
+pub fn render_to_accuracy(
     job: &mut RenderJob,
     wish: &Wish,
     format: Format,
     control: &RenderControl,
     warnings: &mut Warnings,
 ) -> Result<(OutputImage, Statistics)> {
-    // How many tiles there are to come is not known; progress would begin anew with each stretch.
+    // No progress: the total number of tiles is unknown, as samples are added in several renders.
     let control = RenderControl { progress: &|_, _| (), ..*control };
     let chosen = choose::render(job, wish, &control)?;
     match chosen.end {
@@ -188,8 +195,8 @@ pub fn render_to_wish(
     Ok((picture, chosen.statistics))
 }
 
-/// Warns of pixels that are not finite, of an empty picture, of blocked lights and of inputs that are not visible.
-pub fn warn_of_the_picture(
+/// Warns about non-finite pixels, an empty picture, lights that are fully occluded, and inputs that are not visible.
+pub fn warn_about_picture(
     inputs: &[PathBuf],
     world: &World,
     statistics: &Statistics,
@@ -203,7 +210,7 @@ pub fn warn_of_the_picture(
             .push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
     }
     let primary = statistics.rays(RayKind::PRIMARY);
-    // A part of a picture may well be of nothing.
+    // A part of a picture may be empty.
     if is_part {
         return;
     }
@@ -240,17 +247,17 @@ pub fn warn_of_the_picture(
     }
 }
 
-/// Writes the picture where it goes.
-pub fn write(picture: &OutputImage, job: &RenderJob, target: &Target) -> Result<()> {
+/// Writes the picture to its target.
+pub fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarget) -> Result<()> {
     let metadata = &job.metadata;
     match (target, picture) {
-        (Target::Part(file, _, share), OutputImage::Float(film, channels)) => {
+        (OutputTarget::Part(file, _, share), OutputImage::Float(film, channels)) => {
             write_part(film, channels, job.pipeline(), metadata, *share, file)
         }
-        (Target::File(file, format) | Target::Part(file, format, _), _) => {
+        (OutputTarget::File(file, format) | OutputTarget::Part(file, format, _), _) => {
             write_picture(picture, metadata, *format, file)
         }
-        (Target::StandardOutput, _) => {
+        (OutputTarget::StandardOutput, _) => {
             let mut bytes = Vec::new();
             let fail = |e| Error::output(Path::new("-"), describe(&e));
             encode(picture, metadata, Format::Png, &mut bytes).map_err(fail)?;

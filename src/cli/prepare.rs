@@ -1,4 +1,4 @@
-//! Inputs to a resolved job, with the time that takes and what there is to show meanwhile.
+//! Loading of inputs into a resolved job, with timing and progress.
 
 use std::time::Instant;
 
@@ -8,7 +8,8 @@ use crate::error::{Result, Warnings};
 use crate::import;
 use crate::job::{RenderSettings, ResolvedJob, resolve};
 
-/// Reads the inputs and resolves the picture that is asked for. `show` is called with the name of each phase and the warnings so far.
+/// Loads the inputs and resolves the render settings. `show` is called with the name of each phase and the warnings so
+/// far.
 pub fn load_and_resolve(
     arguments: &Arguments,
     settings: &RenderSettings,
@@ -22,7 +23,7 @@ pub fn load_and_resolve(
     resolve(scene, settings, warnings)
 }
 
-/// Calls `work` and stores the seconds it took.
+/// Calls `work` and stores its time in seconds.
 pub fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = work();

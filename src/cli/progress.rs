@@ -1,4 +1,4 @@
-//! Progress: a bar on a terminal, plain or JSON lines elsewhere, on standard error.
+//! Progress on standard error: a bar, plain lines or JSON lines.
 
 use std::io::IsTerminal;
 use std::sync::{Mutex, OnceLock};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::say;
+use super::print_stderr;
 use crate::error::Error;
 
 /// How progress is shown.
@@ -26,21 +26,21 @@ pub enum Mode {
     None,
 }
 
-/// Lines come no closer than this.
+/// Minimum interval between lines.
 const INTERVAL: Duration = Duration::from_secs(1);
 
-/// Shows how far the work is.
+/// Progress display.
 pub struct Progress {
     mode: Mode,
     bar: Option<ProgressBar>,
-    /// When the first tile was done.
+    /// Time of the first completed tile.
     first_tile: OnceLock<Instant>,
-    /// When the last line was printed, and what it said was done.
+    /// Time of the last line, and its number of completed steps.
     last: Mutex<(Instant, usize)>,
 }
 
 impl Progress {
-    /// Starts with nothing to show.
+    /// Creates a progress display without a phase.
     pub fn new(mode: Mode) -> Self {
         let mode = match mode {
             Mode::Auto if std::io::stderr().is_terminal() => Mode::Bar,
@@ -56,19 +56,19 @@ impl Progress {
         Progress { mode, bar, first_tile: OnceLock::new(), last: Mutex::new((now, 0)) }
     }
 
-    /// What is being done, where that cannot be measured.
+    /// Shows the name of a phase without measurable progress.
     pub fn phase(&self, what: &str) {
         if let Some(bar) = &self.bar {
             bar.set_message(what.to_owned());
         }
     }
 
-    /// Tiles done of all tiles.
+    /// Shows the number of completed tiles.
     pub fn tiles(&self, done: usize, total: usize) {
         self.steps(done, total, ("tiles", 1));
     }
 
-    /// Steps done of all steps; what they are called where they are counted in lines, and how many go into one of that.
+    /// Shows the number of completed steps. Lines count in `unit`, each of `steps` steps.
     pub fn steps(&self, done: usize, total: usize, (unit, steps): (&str, usize)) {
         if let Some(bar) = &self.bar {
             if bar.length() != Some(total as u64) {
@@ -91,29 +91,29 @@ impl Progress {
             return;
         }
         *last = (Instant::now(), done);
-        // The clock of the tiles starts with the first of them: loading says nothing about rendering.
+        // The estimate starts at the first tile, so that it excludes loading.
         let elapsed = self.first_tile.get_or_init(Instant::now).elapsed().as_secs_f64();
         let left = elapsed * (total - done) as f64 / done as f64;
         let percent = done * 100 / total;
         let (done, total) = (done / steps, total / steps);
         match self.mode {
-            Mode::Json => say(format_args!(
+            Mode::Json => print_stderr(format_args!(
                 "{{\"event\":\"progress\",\"done\":{done},\"total\":{total},\"unit\":\"{unit}\",\"elapsed\":{elapsed:.1},\"eta\":{left:.1}}}"
             )),
             // Open Job Description, How Jobs Are Run, Stdout/Stderr Messages.
-            Mode::Openjd => say(format_args!("openjd_progress: {percent}")),
-            _ => say(format_args!("kiln: {percent} % ({done} of {total} {unit}), {left:.0} s left")),
+            Mode::Openjd => print_stderr(format_args!("openjd_progress: {percent}")),
+            _ => print_stderr(format_args!("kiln: {percent} % ({done} of {total} {unit}), {left:.0} s left")),
         }
     }
 
-    /// What failed, for who reads lines instead of exit codes.
+    /// Reports an error in the mode [`Mode::Openjd`], whose reader parses lines.
     pub fn fail(mode: Mode, e: &Error) {
         if mode == Mode::Openjd && *e != Error::Interrupted {
-            say(format_args!("openjd_fail: {e}"));
+            print_stderr(format_args!("openjd_fail: {e}"));
         }
     }
 
-    /// Lets `print` print lines, with the bar out of the way.
+    /// Calls `print` while the bar is hidden.
     pub fn pause(&self, print: impl FnOnce()) {
         match &self.bar {
             Some(bar) => bar.suspend(print),
@@ -121,21 +121,23 @@ impl Progress {
         }
     }
 
-    /// Takes the bar away for good, so that other lines can be printed.
+    /// Removes the bar, so that other lines can be printed.
     pub fn clear(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
 
-    /// A closing line.
+    /// Removes the bar and prints a final line.
     pub fn finish(&self, line: &str) {
         self.clear();
         match self.mode {
             Mode::None => {}
-            Mode::Json => say(format_args!("{}", serde_json::json!({ "event": "done", "message": line }))),
-            Mode::Openjd => say(format_args!("openjd_progress: 100\nopenjd_status: {line}")),
-            _ => say(format_args!("kiln: {line}")),
+            Mode::Json => {
+                print_stderr(format_args!("{}", serde_json::json!({ "event": "done", "message": line })));
+            }
+            Mode::Openjd => print_stderr(format_args!("openjd_progress: 100\nopenjd_status: {line}")),
+            _ => print_stderr(format_args!("kiln: {line}")),
         }
     }
 }

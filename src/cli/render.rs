@@ -1,17 +1,17 @@
-//! `kiln render`: files to a picture.
+//! `kiln render`: renders files to a picture.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
-use super::Printer;
+use super::WarningPrinter;
 use super::arguments::{self, Arguments};
-use super::frames::{self, LengthArguments, Pictures, file_names};
-use super::output::{self, Target, check_folder, render_plainly, render_to_wish, same_file};
+use super::frames::{self, FrameSeries, LengthArguments, file_names};
+use super::output::{self, OutputTarget, check_folder, render_image, render_to_accuracy, same_file};
 use super::prepare::{self, timed};
 use super::progress::{Mode, Progress};
-use super::sampling::TargetArguments;
+use super::sampling::AccuracyArguments;
 use super::statistics::{self, Seconds};
 use crate::animation::FrameList;
 use crate::error::{Error, Result, Warnings};
@@ -25,15 +25,15 @@ use crate::render::aov::{AovSelection, LARGEST_NUMBER};
 #[derive(Args)]
 pub struct Command {
     #[command(flatten)]
-    what: Arguments,
+    arguments: Arguments,
     #[command(flatten)]
-    target: TargetArguments,
-    /// The frames of an animation to render, such as 1-10, 1-10:2 or 3,7,9-12, into files like frame_####.png; a scene in
-    /// which nothing moves is gone round once
+    accuracy: AccuracyArguments,
+    /// The frames of an animation to render, such as 1-10, 1-10:2 or 3,7,9-12, into files like frame_####.png; a scene
+    /// in which nothing moves is gone round once
     #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["accuracy", "budget"])]
     frames: Option<FrameList>,
-    /// Render only the I-th of N shares, from 1: of --frames every N-th; of one picture every N-th tile, into OUT with the ending
-    /// .IofN.part, for `kiln merge`
+    /// Render only the I-th of N shares, from 1: of --frames every N-th; of one picture every N-th tile, into OUT with
+    /// the ending .IofN.part, for `kiln merge`
     #[arg(long, allow_hyphen_values = true, value_name = "I/N", conflicts_with_all = ["accuracy", "budget"])]
     shard: Option<Share>,
     /// Leave what is there, whole, and made of the same scene with the same settings; .png and .exr say so themselves
@@ -45,8 +45,8 @@ pub struct Command {
     /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output; with --frames a name with #### or %04d
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// What else to keep of each pixel, as layers of an .exr: depth, position, normal, geometric-normal, albedo, object,
-    /// material, primitive, samples, node-tests, effects (what each of them adds), or all
+    /// What else to keep of each pixel, as layers of an .exr: depth, position, normal, geometric-normal, albedo,
+    /// object, material, primitive, samples, node-tests, effects (what each of them adds), or all
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     aov: Vec<String>,
     /// How to show progress, on standard error
@@ -65,11 +65,11 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 }
 
 fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    arguments::check(&command.what)?;
+    arguments::check(&command.arguments)?;
     if let Some(list) = &command.frames {
         return render_frames(command, list, interrupted);
     }
-    let mut target = Target::new(&command.output)?;
+    let mut target = OutputTarget::new(&command.output)?;
     check_skipping(command, target.format())?;
     if let Some(share) = command.shard {
         target = target.part(share)?;
@@ -86,7 +86,7 @@ fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         }
         check_folder(file)?;
     }
-    let pool = super::pool(command.what.threads)?;
+    let pool = super::pool(command.arguments.threads)?;
     pool.install(|| render_to(command, &target, &wanted, interrupted))
 }
 
@@ -110,7 +110,7 @@ fn check_layers(command: &Command, format: Format) -> Result<()> {
     Ok(())
 }
 
-/// Frames of an animation, each to a file of its own.
+/// Renders frames of an animation to one file each.
 fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) -> Result<()> {
     if command.stats.is_some() {
         return Err(Error::usage("--stats is of one picture, and these are frames", "leave one of them out"));
@@ -125,7 +125,7 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
         let text: String = mine.map(|(_, &frame)| format!("{}\n", names.of(frame).display())).collect();
         return super::print(&text);
     }
-    let pictures = Pictures {
+    let pictures = FrameSeries {
         names,
         format,
         wanted: AovSelection::new(&command.aov)?,
@@ -137,48 +137,48 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
     };
     check_folder(&command.output)?;
     let length = LengthArguments::default();
-    frames::write_pictures(&command.what, &length, Some(list), &pictures, interrupted)
+    frames::write_frames(&command.arguments, &length, Some(list), &pictures, interrupted)
 }
 
 fn render_to(
     command: &Command,
-    target: &Target,
+    target: &OutputTarget,
     wanted: &AovSelection,
     interrupted: &AtomicBool,
 ) -> Result<()> {
     let progress = Progress::new(command.progress);
     let mut warnings = Warnings::default();
-    let mut printer = Printer::default();
+    let mut printer = WarningPrinter::default();
     let with_notes = command.progress != Mode::None;
     let mut seconds = Seconds::default();
 
-    let mut settings = command.what.settings()?;
+    let mut settings = command.arguments.settings()?;
     settings.share = command.shard.unwrap_or_default();
     settings.layers = command.aov.clone();
     let mut resolved = prepare::load_and_resolve(
-        &command.what,
+        &command.arguments,
         &settings,
         &mut seconds,
         &mut warnings,
-        &mut |phase, said| {
-            progress.pause(|| printer.print(said, with_notes));
+        &mut |phase, warnings| {
+            progress.pause(|| printer.print(warnings, with_notes));
             progress.phase(phase);
         },
     )?;
-    if let Some(wish) = command.target.wish() {
+    if let Some(wish) = command.accuracy.wish() {
         metadata::add_to_fingerprint(&mut resolved.metadata, "wish", &wish);
     }
-    if command.skip_existing && target.look().is(metadata::fingerprint_of(&resolved.metadata), None) {
+    if command.skip_existing && target.existing().is(metadata::fingerprint_of(&resolved.metadata), None) {
         progress.pause(|| printer.print(&warnings, with_notes));
         progress.finish(&format!("{} is there", target.file().display()));
         return Ok(());
     }
     progress.phase("building");
     let mut job = timed(&mut seconds.build, || resolved.build(&mut warnings))?;
-    let has_target = command.target.wish().is_some();
+    let has_target = command.accuracy.wish().is_some();
     output::check_memory(&job, target, wanted, has_target)?;
-    let without = &command.what.without;
-    command.what.sampling.warn_of_idle(&job.choices.sampling, without, has_target, &mut warnings);
+    let without = &command.arguments.without;
+    command.arguments.sampling.warn_of_unused(&job.choices.sampling, without, has_target, &mut warnings);
     progress.pause(|| printer.print(&warnings, with_notes));
 
     progress.phase("rendering");
@@ -187,16 +187,16 @@ fn render_to(
         progress: &|done, total| progress.tiles(done, total),
         time_stages: command.stats.is_some(),
     };
-    let (picture, statistics) = timed(&mut seconds.render, || match command.target.wish() {
-        Some(wish) => render_to_wish(&mut job, &wish, target.format(), &control, &mut warnings),
-        None => render_plainly(&job, target.kept(), wanted, &control),
+    let (picture, statistics) = timed(&mut seconds.render, || match command.accuracy.wish() {
+        Some(wish) => render_to_accuracy(&mut job, &wish, target.format(), &control, &mut warnings),
+        None => render_image(&job, target.film_format(), wanted, &control),
     })?;
     let (world, window) = (&job.world, job.window);
     if wanted.has_primitives() && world.primitive_count() > LARGEST_NUMBER {
         warnings.push(format!("--aov primitive: numbers above {LARGEST_NUMBER} are rounded"));
     }
-    let is_part = command.what.crop.is_some() || job.share != Share::ALL;
-    output::warn_of_the_picture(&command.what.inputs, world, &statistics, is_part, &mut warnings);
+    let is_part = command.arguments.crop.is_some() || job.share != Share::ALL;
+    output::warn_about_picture(&command.arguments.inputs, world, &statistics, is_part, &mut warnings);
     progress.clear();
     printer.print(&warnings, with_notes);
 

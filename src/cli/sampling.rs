@@ -1,4 +1,4 @@
-//! The options of `kiln render` that say how pixels are sampled.
+//! Sampling options of `kiln render`.
 
 use clap::Args;
 
@@ -31,11 +31,11 @@ pub struct SamplingArguments {
     seed: Option<u32>,
 }
 
-/// The options of `kiln render` that leave the number of samples to kiln.
+/// Options of `kiln render` with which the number of samples is chosen automatically.
 #[derive(Args)]
-pub struct TargetArguments {
-    /// As many samples as it takes for FLIP, RMSE or MAX (of displayed values, 1 is white) to the truth to be below a value: the
-    /// truth is the antialiased picture, that of ever more samples
+pub struct AccuracyArguments {
+    /// As many samples as it takes for FLIP, RMSE or MAX (of displayed values, 1 is white) to the truth to be below a
+    /// value: the truth is the antialiased picture, that of ever more samples
     #[arg(long, allow_hyphen_values = true, value_name = "METRIC=VALUE", value_parser = parse_accuracy, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
     accuracy: Option<(Metric, f64)>,
     /// As many samples as fit into so many seconds of rendering; with --accuracy no more than it needs
@@ -43,8 +43,8 @@ pub struct TargetArguments {
     budget: Option<f64>,
 }
 
-impl TargetArguments {
-    /// What was typed.
+impl AccuracyArguments {
+    /// The requested accuracy or budget.
     pub fn wish(&self) -> Option<Wish> {
         let is_wish = self.accuracy.is_some() || self.budget.is_some();
         is_wish.then_some(Wish { accuracy: self.accuracy, seconds: self.budget })
@@ -70,13 +70,13 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 }
 
 fn parse_samples(text: &str) -> Result<u32, String> {
-    // What is no whole number is none that there may be.
+    // 0 is rejected with the message for values out of range.
     Sampling::check_samples(text.trim().parse().unwrap_or(0))
 }
 
 impl SamplingArguments {
-    /// What was typed.
-    pub fn said(&self) -> Sampling {
+    /// The sampling settings as typed.
+    pub fn settings(&self) -> Sampling {
         let shape = |name: &String| FilterShape::ALL.into_iter().find(|shape| shape.name() == name);
         Sampling {
             samples: self.samples,
@@ -89,17 +89,17 @@ impl SamplingArguments {
         }
     }
 
-    /// Warns of what was typed and changes nothing, the picture being sampled as `sampling` says. With a target, kiln chooses the
-    /// samples, and random numbers are drawn.
-    pub fn warn_of_idle(
+    /// Warns about typed options that do not affect a picture with the settings `sampling`. With `has_target`, the
+    /// number of samples is chosen automatically, so `--seed` has an effect.
+    pub fn warn_of_unused(
         &self,
         sampling: &Sampling,
         without: &[String],
         has_target: bool,
         warnings: &mut Warnings,
     ) {
-        let lacks = |effect: EffectId| without.iter().any(|name| *name == effect.name());
-        if lacks(id::ANTIALIASING) {
+        let is_without = |effect: EffectId| without.iter().any(|name| *name == effect.name());
+        if is_without(id::ANTIALIASING) {
             let typed = [
                 ("--samples", self.samples.is_some_and(|samples| samples > 1)),
                 ("--filter", self.filter.is_some()),
@@ -113,7 +113,7 @@ impl SamplingArguments {
             }
             return;
         }
-        if self.noise.is_some() && lacks(id::ADAPTIVE) {
+        if self.noise.is_some() && is_without(id::ADAPTIVE) {
             warnings.push("--noise changes nothing: every pixel takes all samples without adaptive");
         }
         if self.min_samples.is_some() && sampling.noise.is_none() {

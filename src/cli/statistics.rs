@@ -1,4 +1,4 @@
-//! `--stats`: what a render did, as JSON. The schema's version goes up when a field changes its meaning or goes.
+//! `--stats`: statistics of a render as JSON.
 
 use serde_json::{Map, Value, json};
 
@@ -8,10 +8,10 @@ use crate::error::Warnings;
 use crate::render::{EffectCost, Statistics};
 use crate::world::{Image, World};
 
-/// The version of the schema.
+/// Version of the JSON schema; increased when a field changes its meaning or is removed.
 const SCHEMA: u32 = 1;
 
-/// Seconds spent in each part.
+/// Time of each phase in seconds.
 #[derive(Default)]
 pub struct Seconds {
     pub load: f64,
@@ -20,7 +20,7 @@ pub struct Seconds {
     pub write: f64,
 }
 
-/// Everything `--stats` says.
+/// The JSON object of `--stats`.
 pub fn to_json(
     settings: &[(String, String)],
     seconds: &Seconds,
@@ -83,7 +83,7 @@ pub fn to_json(
     })
 }
 
-/// What was decided of an effect, and what it took.
+/// Decision about an effect, and its cost.
 fn effect(decision: &Decision, cost: &EffectCost) -> Value {
     json!({
         "on": decision.on,

@@ -1,4 +1,4 @@
-//! `kiln study`: what accuracy costs, as a page, a table and JSON.
+//! `kiln study`: error against render time in many settings, as a page, a table and JSON.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use super::arguments::{self, Arguments};
 use super::prepare::load_and_resolve;
 use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
-use super::{Printer, print};
+use super::{WarningPrinter, print};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
@@ -18,13 +18,13 @@ use crate::job::{RenderSettings, ResolvedJob};
 use crate::render::RenderControl;
 use crate::study::{Options, Pools, Setting, Study, Subject, error_against_time, facts, page, study, to_csv};
 
-/// The longer side of the picture where no size is given, in pixels.
+/// Default length of the picture's longer side in pixels.
 const LONGEST: u32 = 256;
 
 #[derive(Args)]
 pub struct Command {
     #[command(flatten)]
-    what: Arguments,
+    arguments: Arguments,
     /// The folder to write index.html, study.csv, study.json and study.svg to; made where there is none
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -43,20 +43,20 @@ pub struct Command {
 }
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    arguments::check(&command.what)?;
+    arguments::check(&command.arguments)?;
     let knobs = knobs(&command.knob)?;
     let _folder = Folder::new(&command.output)?;
-    let arguments = &command.what;
+    let arguments = &command.arguments;
     let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
     let progress = Progress::new(command.progress);
-    let (mut warnings, mut printer) = (Warnings::default(), Printer::default());
+    let (mut warnings, mut printer) = (Warnings::default(), WarningPrinter::default());
     let with_notes = command.progress != Mode::None;
 
     let longest = (!command.full).then_some(LONGEST);
     let settings = RenderSettings { longest_side: longest, ..arguments.settings()? };
     let resolved = wide.install(|| {
-        let show = &mut |phase: &str, said: &Warnings| {
-            progress.pause(|| printer.print(said, with_notes));
+        let show = &mut |phase: &str, warnings: &Warnings| {
+            progress.pause(|| printer.print(warnings, with_notes));
             progress.phase(phase);
         };
         load_and_resolve(arguments, &settings, &mut Seconds::default(), &mut warnings, show)
@@ -88,10 +88,10 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     Ok(())
 }
 
-/// The folder that is written to. Made before any work, so that nobody waits for what cannot be kept; what of it was made and is
-/// still empty at the end goes again.
+/// The output folder. It is created before the study, so that errors occur early. Created folders that are empty at the
+/// end are removed.
 struct Folder {
-    /// What was made, from the inside out.
+    /// Created folders, innermost first.
     made: Vec<PathBuf>,
 }
 
@@ -107,12 +107,12 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // Those that hold something stay.
+        // Folders that are not empty cannot be removed by `remove_dir`.
         self.made.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
     }
 }
 
-/// The knobs that were named, which have to be some of those there are.
+/// The knobs named by `typed`. [`Error::Usage`] for an unknown one.
 fn knobs(typed: &[String]) -> Result<Vec<&'static str>> {
     let known = crate::study::knobs();
     let named = typed.iter().map(|typed| {
@@ -162,7 +162,7 @@ fn subject(arguments: &Arguments, job: ResolvedJob) -> Subject {
     Subject { name: inputs.join(" "), command: typed(), scene, camera, size, window, choices, base, metadata }
 }
 
-/// The command as it was typed, quoted where a shell wants it.
+/// The typed command, quoted for a shell.
 fn typed() -> String {
     let word = |word: String| match word.chars().all(|c| c.is_ascii_alphanumeric() || "-_./=,:".contains(c)) {
         true => word,
@@ -172,7 +172,7 @@ fn typed() -> String {
     std::iter::once("kiln".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")
 }
 
-/// The advice, and what else there is to say in a line.
+/// The study's advice and notes as text.
 fn text(study: &Study) -> String {
     let mut text = String::new();
     for advice in &study.advice {

@@ -1,4 +1,4 @@
-//! `kiln verify`: which frames are missing, broken, or of other settings.
+//! `kiln verify`: lists frames that are missing, broken, or rendered with other settings.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ use crate::render::aov::AovSelection;
 )]
 pub struct Command {
     #[command(flatten)]
-    what: Arguments,
+    arguments: Arguments,
     #[command(flatten)]
     length: LengthArguments,
     /// The pictures: .png or .exr, with #### or %04d for the number of a frame
@@ -47,7 +47,7 @@ pub struct Command {
     json: bool,
 }
 
-/// A picture that is not as it should be.
+/// A missing, broken or different picture.
 struct Fault {
     frame: Option<i32>,
     file: PathBuf,
@@ -57,7 +57,7 @@ struct Fault {
 
 pub fn run(command: &Command) -> Result<u8> {
     let Some(output) = &command.output else {
-        let [name] = command.what.inputs.as_slice() else {
+        let [name] = command.arguments.inputs.as_slice() else {
             return Err(Error::usage(
                 "several names of pictures",
                 "give one, or the pictures' name with --output",
@@ -66,25 +66,26 @@ pub fn run(command: &Command) -> Result<u8> {
         let files = files(name, command.frames.as_ref())?;
         return report(command, &files, &check(&files, Format::from_path(name)?, None));
     };
-    arguments::check(&command.what)?;
+    arguments::check(&command.arguments)?;
     AovSelection::new(&command.aov)?;
     let format = Format::from_path(output)?;
-    let (fingerprint, list) = super::pool(command.what.threads)?.install(|| expected(command, output))?;
+    let (fingerprint, list) =
+        super::pool(command.arguments.threads)?.install(|| expected(command, output))?;
     let files = files(output, list.as_ref())?;
     report(command, &files, &check(&files, format, Some(&fingerprint)))
 }
 
-/// The fingerprint that the pictures should have, and which frames there should be.
+/// The expected fingerprint and frames.
 fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameList>)> {
     let (mut seconds, mut warnings) = (Seconds::default(), Warnings::default());
-    let settings = RenderSettings { layers: command.aov.clone(), ..command.what.settings()? };
+    let settings = RenderSettings { layers: command.aov.clone(), ..command.arguments.settings()? };
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
         let show = &mut |_: &str, _: &Warnings| ();
-        let resolved = load_and_resolve(&command.what, &settings, &mut seconds, &mut warnings, show)?;
+        let resolved = load_and_resolve(&command.arguments, &settings, &mut seconds, &mut warnings, show)?;
         return Ok((fingerprint_of(&resolved.metadata).to_owned(), None));
     }
-    // As if all frames were there: nothing is built.
+    // All frames are reported as existing, so that no tree is built.
     let request = FrameRequest {
         fps: command.length.fps,
         duration: command.length.duration,
@@ -93,12 +94,13 @@ fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameLis
         is_there: &|_, _| true,
     };
     let show = &mut |_: &str, _: &Warnings| ();
-    let animation = load_and_prepare(&command.what, &settings, &request, &mut seconds, &mut warnings, show)?;
+    let animation =
+        load_and_prepare(&command.arguments, &settings, &request, &mut seconds, &mut warnings, show)?;
     let list = command.frames.clone().unwrap_or_else(|| FrameList::range(0, animation.timeline.last()));
     Ok((fingerprint_of(&animation.resolved.metadata).to_owned(), Some(list)))
 }
 
-/// The files that there should be, each with its frame.
+/// The expected files with their frames.
 fn files(name: &Path, list: Option<&FrameList>) -> Result<Vec<(Option<i32>, PathBuf)>> {
     if Format::from_path(name)? == Format::Jpeg {
         let what = format!("{}: a JPEG does not say what made it, nor that it is whole", name.display());
@@ -117,7 +119,7 @@ fn files(name: &Path, list: Option<&FrameList>) -> Result<Vec<(Option<i32>, Path
     }
 }
 
-/// What is wrong with the files. Where no fingerprint is given, it is that of most of them.
+/// Faults of the files. Without a given fingerprint, the most frequent one is expected.
 fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&str>) -> Vec<Fault> {
     let found: Vec<Found> = files.par_iter().map(|(_, file)| look(file, format)).collect();
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
@@ -136,7 +138,7 @@ fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&
             Found::Whole(made) if made.fingerprint.as_deref() != wanted => {
                 ("other", "made of another scene, with other settings or by another kiln".into())
             }
-            // A single file held to nothing may be a frame of anything.
+            // A single file without an expected fingerprint may be any frame.
             Found::Whole(made) if made.frame != *frame && (frame.is_some() || fingerprint.is_some()) => {
                 ("other", made.frame.map_or("not a frame".into(), |frame| format!("is frame {frame}")))
             }
@@ -147,7 +149,7 @@ fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&
     files.iter().zip(&found).filter_map(|(file, found)| fault(file, found)).collect()
 }
 
-/// Prints what is wrong, and gives the exit code.
+/// Prints the faults. Returns the exit code.
 fn report(command: &Command, files: &[(Option<i32>, PathBuf)], faults: &[Fault]) -> Result<u8> {
     let count = |kind: &str| faults.iter().filter(|fault| fault.kind == kind).count();
     let again: Vec<String> = faults.iter().filter_map(|fault| fault.frame).map(|f| f.to_string()).collect();

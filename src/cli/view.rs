@@ -1,4 +1,4 @@
-//! `kiln view`: the window.
+//! `kiln view`: opens the viewer.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -12,12 +12,12 @@ use crate::import::{self, FileRead};
 use crate::job::RenderSettings;
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
 use crate::scene::Scene;
-use crate::viewer::{self, From, Opened, Settings, Start};
+use crate::viewer::{self, CameraSource, Opened, Settings, Start};
 
 #[derive(Args)]
 pub struct Command {
     #[command(flatten)]
-    what: Arguments,
+    arguments: Arguments,
     /// Write what happens in the window, and when, to a file: a line of JSON each
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
@@ -27,27 +27,27 @@ pub struct Command {
 }
 
 pub fn run(command: &Command) -> Result<()> {
-    let Command { what, trace, pauses } = command;
-    arguments::check(what)?;
+    let Command { arguments, trace, pauses } = command;
+    arguments::check(arguments)?;
     viewer::display::check()?;
-    if what.crop.is_some() {
+    if arguments.crop.is_some() {
         return Err(Error::usage("--crop has no meaning in a window", "leave it out"));
     }
-    if what.inputs.iter().any(|input| input == Path::new("-")) {
+    if arguments.inputs.iter().any(|input| input == Path::new("-")) {
         return Err(Error::usage(
             "a window cannot show standard input",
             "give a file, which it can read again",
         ));
     }
-    if let Some(missing) = what.inputs.iter().find(|input| !input.exists()) {
+    if let Some(missing) = arguments.inputs.iter().find(|input| !input.exists()) {
         return Err(Error::input(missing.as_path(), "no such file", "check the name and the folder"));
     }
-    let threads = super::pool(what.threads)?;
-    let own = what.clone();
+    let threads = super::pool(arguments.threads)?;
+    let own = arguments.clone();
     viewer::run(Start {
-        inputs: what.inputs.clone(),
+        inputs: arguments.inputs.clone(),
         open: Box::new(move |inputs, warnings| open(&own, inputs, warnings)),
-        size: what.size,
+        size: arguments.size,
         threads,
         trace: trace.clone(),
         pauses: pauses.map(|seconds| Duration::from_secs(seconds.into())),
@@ -55,21 +55,22 @@ pub fn run(command: &Command) -> Result<()> {
     })
 }
 
-/// Reads files, and finds out how they are first looked at: as `kiln render` would show them.
+/// Loads files, with the initial camera and settings that `kiln render` would use. Returns also all files read or
+/// looked for.
 fn open(
     arguments: &Arguments,
     inputs: &[PathBuf],
     warnings: &mut Warnings,
 ) -> (Result<Opened>, Vec<FileRead>) {
     let (scene, files) = import::load_and_list(inputs, warnings);
-    (scene.and_then(|scene| look(arguments, inputs, scene)), files)
+    (scene.and_then(|scene| initial_view(arguments, inputs, scene)), files)
 }
 
-/// How a scene is first looked at.
-fn look(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<Opened> {
+/// Initial camera and settings of a scene.
+fn initial_view(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<Opened> {
     let mut arguments = arguments.clone();
     if arguments.inputs != inputs {
-        // Files that were dropped onto the window have other cameras.
+        // Camera options do not apply to files that were dropped onto the window.
         (arguments.camera, arguments.view) = (None, None);
         arguments.inputs = inputs.to_vec();
     }
@@ -78,17 +79,17 @@ fn look(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<O
     if scene.bounds().is_none() {
         return Err(nothing_to_look_at(&scene));
     }
-    let asked = arguments.settings()?;
-    let viewpoint = Viewpoint::of(&asked.camera, &scene, None)?;
-    let size = viewpoint.size(&asked, &scene);
-    let from = match viewpoint {
-        Viewpoint::Fitted(view) => From::Fitted(view),
+    let requested = arguments.settings()?;
+    let viewpoint = Viewpoint::of(&requested.camera, &scene, None)?;
+    let size = viewpoint.size(&requested, &scene);
+    let camera_source = match viewpoint {
+        Viewpoint::Fitted(view) => CameraSource::Fitted(view),
         Viewpoint::Camera(camera) => match scene.cameras.iter().position(|own| *own == *camera) {
-            Some(index) => From::Scene(index),
-            None => From::Free(camera.into_owned()),
+            Some(index) => CameraSource::Scene(index),
+            None => CameraSource::Free(camera.into_owned()),
         },
     };
-    let RenderSettings { projection, preset, shading, sampling, with, without, .. } = asked;
+    let RenderSettings { projection, preset, shading, sampling, with, without, .. } = requested;
     let settings = Settings {
         choices: Choices {
             shading,
@@ -98,8 +99,8 @@ fn look(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<O
             without,
             even_idle: false,
         },
-        numerics: asked.numerics.or(scene.numerics).unwrap_or_default(),
-        pipeline: asked.colour.or(scene.colour).unwrap_or_default(),
+        numerics: requested.numerics.or(scene.numerics).unwrap_or_default(),
+        pipeline: requested.colour.or(scene.colour).unwrap_or_default(),
     };
-    Ok(Opened { scene, from, projection, size, settings, preset })
+    Ok(Opened { scene, camera_source, projection, size, settings, preset })
 }

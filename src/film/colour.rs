@@ -92,9 +92,9 @@ impl ColourPipeline {
     }
 
     /// The 8-bit display values of a film value.
-    #[inline]
-    pub fn encode(self, rgb: [f32; 3]) -> [u8; 3] {
-        rgb.map(|c| self.encode_channel(c))
+    #[inline(always)]
+    pub fn encode(self, [r, g, b]: [f32; 3]) -> [u8; 3] {
+        [self.encode_channel(r), self.encode_channel(g), self.encode_channel(b)]
     }
 
     /// The 8-bit display value of one channel of a film value.
@@ -133,7 +133,7 @@ pub fn srgb_encode(x: f64) -> f64 {
     y.copysign(x)
 }
 
-#[inline]
+#[inline(always)]
 fn per_channel(c: DVec3, f: impl Fn(f64) -> f64) -> DVec3 {
     DVec3::new(f(c.x), f(c.y), f(c.z))
 }

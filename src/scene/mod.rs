@@ -13,21 +13,16 @@ mod effects;
 pub mod file;
 mod fingerprint;
 mod material;
-mod mesh;
-mod numerics;
-mod placed;
 mod sampler;
 mod sampling;
 pub mod support;
 
+pub use crate::geometry::{Attribute, Mesh, Numerics, Placed, Placement, Step, moved_tangent, normal_matrix};
 pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
 pub use fingerprint::Fingerprint;
 pub use material::{DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture};
-pub use mesh::{Attribute, Mesh, moved_tangent, normal_matrix};
-pub use numerics::Numerics;
-pub use placed::{Placed, Placement, Step};
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, Sampling};
 

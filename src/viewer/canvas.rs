@@ -1,4 +1,4 @@
-//! The picture in the window: what was painted last, and the mouse over it.
+//! The picture in the window: the last rendered images, and mouse input.
 
 use std::sync::Arc;
 
@@ -10,74 +10,74 @@ use glam::DVec2;
 
 use super::controls::Controls;
 use super::navigate;
-use super::painter::{Painted, Prepared};
+use super::painter::{Prepared, RenderedImage};
 
-/// Radians that a drag across the whole height turns the camera by.
+/// Camera rotation in radians for a drag across the picture's height.
 const TURN: f64 = std::f64::consts::PI;
 
-/// Points of the wheel that zoom by a factor of e.
+/// Wheel movement in points for a zoom by a factor of e.
 const WHEEL: f64 = 400.0;
 
-/// How near to the line between two sides the mouse takes hold of it, in points.
-const HOLD: f32 = 6.0;
+/// Distance in points within which the mouse grabs the line between two sides.
+const GRAB_DISTANCE: f32 = 6.0;
 
-/// A picture on the graphics card.
-struct Shown {
+/// Last image of a side, with its texture.
+struct SideTexture {
     texture: TextureHandle,
-    painted: Box<Painted>,
+    rendered: Box<RenderedImage>,
 }
 
-/// The picture's place in the window.
+/// The picture's area in the window.
 #[derive(Default)]
 pub struct Canvas {
-    sides: [Option<Shown>; 2],
-    /// Its rectangle, in points.
+    sides: [Option<SideTexture>; 2],
+    /// Rectangle in points.
     rect: Option<Rect>,
     /// Whether the line between the sides is being dragged.
     drags_line: bool,
 }
 
-/// What was done with the mouse, beyond moving the camera.
+/// Clicks of a frame.
 #[derive(Default)]
-pub struct Done {
-    /// A pixel was clicked.
+pub struct MouseResult {
+    /// Pixel that was clicked.
     pub clicked: Option<[u32; 2]>,
-    /// One was clicked twice.
+    /// Pixel that was double-clicked.
     pub focused: Option<[u32; 2]>,
-    /// On which side.
+    /// Side under the mouse.
     pub side: usize,
 }
 
 impl Canvas {
-    /// Takes a picture.
-    pub fn take(&mut self, context: &egui::Context, painted: Box<Painted>) {
-        let options = if painted.factor == 1 { TextureOptions::NEAREST } else { TextureOptions::LINEAR };
-        let image = Arc::clone(&painted.image);
-        let side = &mut self.sides[painted.side];
+    /// Uploads an image.
+    pub fn take(&mut self, context: &egui::Context, rendered: Box<RenderedImage>) {
+        let options = if rendered.factor == 1 { TextureOptions::NEAREST } else { TextureOptions::LINEAR };
+        let image = Arc::clone(&rendered.image);
+        let side = &mut self.sides[rendered.side];
         match side {
-            Some(shown) => {
-                shown.texture.set(image, options);
-                shown.painted = painted;
+            Some(side_texture) => {
+                side_texture.texture.set(image, options);
+                side_texture.rendered = rendered;
             }
             None => {
                 let texture = context.load_texture("picture", image, options);
-                *side = Some(Shown { texture, painted });
+                *side = Some(SideTexture { texture, rendered });
             }
         }
     }
 
-    /// What was painted last of a side.
-    pub fn painted(&self, side: usize) -> Option<&Painted> {
-        self.sides[side].as_ref().map(|shown| &*shown.painted)
+    /// The last image of a side.
+    pub fn rendered(&self, side: usize) -> Option<&RenderedImage> {
+        self.sides[side].as_ref().map(|side_texture| &*side_texture.rendered)
     }
 
-    /// What it was made with.
+    /// The prepared scene of the last image of a side.
     pub fn prepared(&self, side: usize) -> Option<&Arc<Prepared>> {
-        self.painted(side).map(|painted| &painted.prepared)
+        self.rendered(side).map(|rendered| &rendered.prepared)
     }
 
-    /// There is one side no more.
-    pub fn forget(&mut self, side: usize) {
+    /// Removes the image of a side.
+    pub fn clear_side(&mut self, side: usize) {
         self.sides[side] = None;
     }
 
@@ -86,20 +86,20 @@ impl Canvas {
         self.rect
     }
 
-    /// The side whose picture is at a place.
+    /// The side at a position in the window.
     fn side_at(&self, place: Pos2, controls: &Controls) -> usize {
         let line = self.rect.map_or(0.0, |rect| rect.left() + controls.split * rect.width());
         usize::from(controls.sides.len() > 1 && place.x >= line)
     }
 
-    /// Shows the pictures in all the room there is, and moves the camera with the mouse. Returns the size of the picture for that
-    /// room in pixels of the screen, and what else was done.
-    pub fn show(&mut self, ui: &mut Ui, controls: &mut Controls) -> ([u32; 2], Done) {
+    /// Shows the images in the available area, and moves the camera with the mouse. Returns the size of the
+    /// picture for that room in pixels of the screen, and what else was done.
+    pub fn show(&mut self, ui: &mut Ui, controls: &mut Controls) -> ([u32; 2], MouseResult) {
         let scale = ui.ctx().pixels_per_point();
-        let room = ui.available_rect_before_wrap();
-        // Whole pixels of the screen: what was rendered is what is seen.
-        let min = pos2((room.min.x * scale).ceil(), (room.min.y * scale).ceil());
-        let size = vec2((room.max.x * scale).floor() - min.x, (room.max.y * scale).floor() - min.y);
+        let available = ui.available_rect_before_wrap();
+        // Aligned to physical pixels, so that images are not resampled.
+        let min = pos2((available.min.x * scale).ceil(), (available.min.y * scale).ceil());
+        let size = vec2((available.max.x * scale).floor() - min.x, (available.max.y * scale).floor() - min.y);
         let size = size.max(vec2(1.0, 1.0));
         let rect = Rect::from_min_size(pos2(min.x / scale, min.y / scale), size / scale);
         self.rect = Some(rect);
@@ -113,21 +113,21 @@ impl Canvas {
         let painter = ui.painter_at(rect);
         let line = rect.left() + controls.split * rect.width();
         let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-        if let Some(shown) = &self.sides[0] {
-            painter.image(shown.texture.id(), rect, whole, Color32::WHITE);
+        if let Some(side_texture) = &self.sides[0] {
+            painter.image(side_texture.texture.id(), rect, whole, Color32::WHITE);
         }
         if controls.sides.len() > 1 {
-            if let Some(shown) = &self.sides[1] {
+            if let Some(side_texture) = &self.sides[1] {
                 let right = Rect::from_min_max(pos2(line, rect.top()), rect.max);
                 let part = Rect::from_min_max(pos2(controls.split, 0.0), pos2(1.0, 1.0));
-                painter.image(shown.texture.id(), right, part, Color32::WHITE);
+                painter.image(side_texture.texture.id(), right, part, Color32::WHITE);
             }
             painter.vline(line, rect.y_range(), (3.0, Color32::from_black_alpha(160)));
             painter.vline(line, rect.y_range(), (1.0, Color32::WHITE));
         }
     }
 
-    /// The pixel of the picture at a place in the window.
+    /// The pixel of the picture at a position in the window.
     fn pixel(&self, place: Pos2) -> Option<[u32; 2]> {
         let rect = self.rect?;
         let size = self.prepared(0)?.job.view.size();
@@ -136,12 +136,12 @@ impl Canvas {
         inside.then(|| [(share.x * size[0] as f32) as u32, (share.y * size[1] as f32) as u32])
     }
 
-    fn mouse(&mut self, ui: &Ui, response: &Response, controls: &mut Controls) -> Done {
-        let Some(rect) = self.rect else { return Done::default() };
-        let seen = self.prepared(0).map(|prepared| prepared.camera.clone());
-        let seen = seen.as_ref();
+    fn mouse(&mut self, ui: &Ui, response: &Response, controls: &mut Controls) -> MouseResult {
+        let Some(rect) = self.rect else { return MouseResult::default() };
+        let camera_shown = self.prepared(0).map(|prepared| prepared.camera.clone());
+        let camera_shown = camera_shown.as_ref();
         let line = rect.left() + controls.split * rect.width();
-        let near = |place: Pos2| controls.sides.len() > 1 && (place.x - line).abs() <= HOLD;
+        let near = |place: Pos2| controls.sides.len() > 1 && (place.x - line).abs() <= GRAB_DISTANCE;
         let hovers_line = response.hover_pos().is_some_and(near);
         if response.drag_started() {
             let origin = ui.input(|input| input.pointer.press_origin());
@@ -161,7 +161,7 @@ impl Canvas {
             let up = DVec2::new(by.x, -by.y);
             let pans = modifiers.shift || !response.dragged_by(PointerButton::Primary);
             let aspect = f64::from(rect.aspect_ratio());
-            controls.navigate(seen, |camera| match (pans, modifiers.command) {
+            controls.navigate(camera_shown, |camera| match (pans, modifiers.command) {
                 (true, _) => navigate::pan(camera, up, aspect),
                 (false, true) => navigate::look_around(camera, up * TURN / 2.0),
                 (false, false) => navigate::orbit(camera, DVec2::new(-up.x, -up.y) * TURN),
@@ -175,11 +175,11 @@ impl Canvas {
                 let at = DVec2::new(f64::from(from_middle.x), f64::from(-from_middle.y))
                     / f64::from(rect.height());
                 let aspect = f64::from(rect.aspect_ratio());
-                controls.navigate(seen, |camera| navigate::zoom_at(camera, factor, at, aspect));
+                controls.navigate(camera_shown, |camera| navigate::zoom_at(camera, factor, at, aspect));
             }
         }
         let pixel = response.interact_pointer_pos().and_then(|place| self.pixel(place));
-        Done {
+        MouseResult {
             clicked: pixel.filter(|_| response.clicked()),
             focused: pixel.filter(|_| response.double_clicked()),
             side: response.interact_pointer_pos().map_or(0, |place| self.side_at(place, controls)),

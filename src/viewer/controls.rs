@@ -1,76 +1,78 @@
-//! What the user has chosen to see: the interface changes this, and an order follows from it.
+//! State of the user's controls, from which render requests are made.
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use glam::{DVec2, DVec3};
 
-use super::false_colour::Shown;
-use super::keys::Drive;
-use super::look::{From, Opened, Order, Settings};
+use super::false_colour::DisplayMode;
+use super::keys::CameraMotion;
 use super::navigate;
+use super::request::{CameraSource, Opened, RenderRequest, Settings};
 use crate::scene::animation::Timeline;
 use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
-/// Lengths of the distance to the target that are flown in a second.
+/// Flight speed, in distances to the target per second.
 const SPEED: f64 = 0.5;
 
-/// Radians that keys orbit in a second.
+/// Orbit speed of keys, in radians per second.
 const TURN: f64 = 1.2;
 
-/// Powers of two that a press of + zooms by.
+/// Binary logarithm of the zoom factor of a key press.
 const ZOOM: f64 = 0.125;
 
-/// Everything that can be chosen.
+/// State of the controls.
 pub struct Controls {
-    /// Where it is seen from.
-    pub from: From,
-    /// The projection, instead of the camera's own.
+    /// Camera.
+    pub camera_source: CameraSource,
+    /// Projection that overrides the camera's.
     pub projection: Option<Projection>,
-    /// The moment of the animation, 0 being the beginning and 1 the end.
+    /// Animation time: 0 is the start and 1 the end.
     pub time: f64,
-    /// Since when it plays, and from where.
+    /// Start of playback: clock time and animation time. `None` if paused.
     pub playing: Option<(Instant, f64)>,
-    /// What is shown.
-    pub shown: Shown,
-    /// How it is computed, in one or two ways.
+    /// Displayed quantity.
+    pub display_mode: DisplayMode,
+    /// Render settings: one entry, or two for a comparison.
     pub sides: Vec<Settings>,
-    /// Which of them the panel changes.
+    /// Index of the side that the panel edits.
     pub side: usize,
-    /// Where the line between two sides is: the share of the width left of it.
+    /// Position of the line between two sides, as a fraction of the width.
     pub split: f32,
-    /// The angle of view that perspective had last, in radians.
+    /// Vertical field of view of the last perspective camera, in radians.
     angle: f64,
-    /// What the files said when they were opened.
-    start: (From, Option<Projection>, Settings),
+    /// Initial camera, projection and settings of the opened files.
+    start: (CameraSource, Option<Projection>, Settings),
 }
 
 impl Controls {
-    /// As files are first looked at.
+    /// Initial state for opened files.
     pub fn new(opened: &Opened) -> Self {
-        let Opened { from, projection, settings, .. } = opened;
+        let Opened { camera_source, projection, settings, .. } = opened;
         Controls {
-            from: from.clone(),
+            camera_source: camera_source.clone(),
             projection: *projection,
             time: 0.0,
             playing: None,
-            shown: Shown::default(),
+            display_mode: DisplayMode::default(),
             sides: vec![settings.clone()],
             side: 0,
             split: 0.5,
             angle: 40f64.to_radians(),
-            start: (from.clone(), *projection, settings.clone()),
+            start: (camera_source.clone(), *projection, settings.clone()),
         }
     }
 
-    /// The files have changed: what the user chose stays, what was the files' own follows them.
+    /// Updates the state after the files were reloaded: values that the user has not changed take the files' new
+    /// values.
     pub fn reopened(&mut self, opened: &Opened) {
-        let (from, projection, settings) = &self.start;
-        let gone = matches!(self.from, From::Scene(index) if index >= opened.scene.cameras.len());
-        if self.from == *from || gone {
-            self.from = opened.from.clone();
+        let (camera_source, projection, settings) = &self.start;
+        let gone =
+            matches!(self.camera_source, CameraSource::Scene(index) if index >= opened.scene.cameras.len());
+        if self.camera_source == *camera_source || gone {
+            self.camera_source = opened.camera_source.clone();
         }
         if self.projection == *projection {
             self.projection = opened.projection;
@@ -78,41 +80,41 @@ impl Controls {
         for side in &mut self.sides {
             let new = &opened.settings;
             side.choices.scene = new.choices.scene.clone();
-            follow(&mut side.choices.shading, settings.choices.shading, new.choices.shading);
-            follow(&mut side.numerics, settings.numerics, new.numerics);
-            follow(&mut side.pipeline, settings.pipeline, new.pipeline);
-            follow(&mut side.choices.sampling, settings.choices.sampling, new.choices.sampling);
+            update_unchanged(&mut side.choices.shading, settings.choices.shading, new.choices.shading);
+            update_unchanged(&mut side.numerics, settings.numerics, new.numerics);
+            update_unchanged(&mut side.pipeline, settings.pipeline, new.pipeline);
+            update_unchanged(&mut side.choices.sampling, settings.choices.sampling, new.choices.sampling);
         }
         if opened.scene.animation.is_none() {
             (self.time, self.playing) = (0.0, None);
         }
-        self.start = (opened.from.clone(), opened.projection, opened.settings.clone());
+        self.start = (opened.camera_source.clone(), opened.projection, opened.settings.clone());
     }
 
-    /// The settings that the panel changes.
+    /// The settings of the side that the panel edits.
     pub fn settings(&mut self) -> &mut Settings {
         &mut self.sides[self.side]
     }
 
-    /// The order that follows.
-    pub fn order(&self, opened: &Arc<Opened>, size: [u32; 2]) -> Order {
-        Order {
+    /// The render request for this state.
+    pub fn request(&self, opened: &Arc<Opened>, size: [u32; 2]) -> RenderRequest {
+        RenderRequest {
             opened: Arc::clone(opened),
             size,
-            from: self.from.clone(),
+            camera_source: self.camera_source.clone(),
             projection: self.projection,
             time: self.time,
-            shown: self.shown,
-            plays: self.playing.is_some(),
+            display_mode: self.display_mode,
+            is_playing: self.playing.is_some(),
             sides: self.sides.clone(),
         }
     }
 
-    /// Moves the camera, which was last seen as `seen`.
-    pub fn navigate(&mut self, seen: Option<&Camera>, how: impl FnOnce(&mut Camera)) {
-        let camera = match &self.from {
-            From::Free(camera) => Some(camera),
-            _ => seen,
+    /// Changes the camera by `how`. `displayed` is the camera of the displayed picture.
+    pub fn navigate(&mut self, displayed: Option<&Camera>, how: impl FnOnce(&mut Camera)) {
+        let camera = match &self.camera_source {
+            CameraSource::Free(camera) => Some(camera),
+            _ => displayed,
         };
         if let Some(camera) = camera {
             let mut moved = camera.clone();
@@ -122,15 +124,15 @@ impl Controls {
             }
             how(&mut moved);
             self.projection = None;
-            self.from = From::Free(moved);
+            self.camera_source = CameraSource::Free(moved);
         }
     }
 
-    /// Flies and turns by keys that were held for so many seconds, and zooms by those that were pressed.
-    pub fn drive(&mut self, seen: Option<&Camera>, drive: Drive, seconds: f64, fast: bool) {
+    /// Flies and orbits for `seconds` of held keys, and zooms by pressed keys.
+    pub fn drive(&mut self, displayed: Option<&Camera>, drive: CameraMotion, seconds: f64, fast: bool) {
         let speed = if fast { 4.0 * SPEED } else { SPEED };
-        let Drive { fly, orbit, zoom } = drive;
-        self.navigate(seen, |camera| {
+        let CameraMotion { fly, orbit, zoom } = drive;
+        self.navigate(displayed, |camera| {
             if fly != DVec3::ZERO {
                 navigate::fly(camera, fly * speed * seconds);
             }
@@ -143,65 +145,65 @@ impl Controls {
         });
     }
 
-    /// Has the projection that it is told; `seen` is the camera of the picture that is shown.
-    pub fn project(&mut self, projection: Projection, seen: Option<&Camera>) {
+    /// Sets the projection. `displayed` is the camera of the displayed picture.
+    pub fn project(&mut self, projection: Projection, displayed: Option<&Camera>) {
         let angle = self.angle;
-        match &self.from {
-            From::Free(_) => {
-                self.navigate(seen, |camera| navigate::switch_projection(camera, projection, angle));
+        match &self.camera_source {
+            CameraSource::Free(_) => {
+                self.navigate(displayed, |camera| navigate::switch_projection(camera, projection, angle));
             }
-            // Of the scene's own cameras the rectangle says all.
+            // A scene camera's viewing rectangle is valid for both projections.
             _ => self.projection = Some(projection),
         }
     }
 
-    /// The other projection than that which is seen.
-    pub fn switch_projection(&mut self, seen: Option<&Camera>) {
-        let own = match (&self.from, seen) {
-            (From::Free(camera), _) | (_, Some(camera)) => camera.projection,
+    /// Switches between the two projections.
+    pub fn switch_projection(&mut self, displayed: Option<&Camera>) {
+        let own = match (&self.camera_source, displayed) {
+            (CameraSource::Free(camera), _) | (_, Some(camera)) => camera.projection,
             _ => Projection::Perspective,
         };
         let other = match self.projection.unwrap_or(own) {
             Projection::Perspective => Projection::Orthographic,
             Projection::Orthographic => Projection::Perspective,
         };
-        self.project(other, seen);
+        self.project(other, displayed);
     }
 
-    /// Back to where it was first seen from.
+    /// Restores the initial camera and projection.
     pub fn reset_camera(&mut self) {
-        (self.from, self.projection) = (self.start.0.clone(), self.start.1);
+        (self.camera_source, self.projection) = (self.start.0.clone(), self.start.1);
     }
 
-    /// Seen from a standard side, all of it.
-    pub fn stand(&mut self, view: StandardView) {
-        self.from = From::Fitted(view);
+    /// Selects a standard view that is fitted to the scene.
+    pub fn fit_standard_view(&mut self, view: StandardView) {
+        self.camera_source = CameraSource::Fitted(view);
     }
 
-    /// The next camera of the scene.
+    /// Selects the next camera of the scene.
     pub fn next_camera(&mut self, count: usize) {
         if count > 0 {
-            let next = match self.from {
-                From::Scene(index) => (index + 1) % count,
+            let next = match self.camera_source {
+                CameraSource::Scene(index) => (index + 1) % count,
                 _ => 0,
             };
-            (self.from, self.projection) = (From::Scene(next), None);
+            (self.camera_source, self.projection) = (CameraSource::Scene(next), None);
         }
     }
 
-    /// The next shading mode.
+    /// Selects the next shading mode.
     pub fn next_shading(&mut self) {
         let shading = &mut self.settings().choices.shading;
         *shading = next(&ShadingMode::ALL, *shading);
     }
 
-    /// The next tier.
+    /// Selects the next numerics tier.
     pub fn next_tier(&mut self) {
         let numerics = &mut self.settings().numerics;
         *numerics = next(&Numerics::ALL, *numerics);
     }
 
-    /// Beside a second setting, or alone.
+    /// Starts or ends a comparison.
     pub fn switch_comparison(&mut self) {
         match self.sides.len() {
             1 => {
@@ -215,7 +217,7 @@ impl Controls {
         }
     }
 
-    /// Goes on or stops.
+    /// Starts or pauses playback.
     pub fn play(&mut self) {
         self.playing = match self.playing {
             Some(_) => None,
@@ -223,7 +225,7 @@ impl Controls {
         };
     }
 
-    /// Goes to a frame, which is brought into the animation.
+    /// Shows a frame, modulo the number of frames.
     pub fn go_to(&mut self, timeline: &Timeline, frame: i32) {
         self.time = timeline.time(frame.rem_euclid(timeline.last() + 1));
         if self.playing.is_some() {
@@ -231,7 +233,7 @@ impl Controls {
         }
     }
 
-    /// Brings the time of what plays up to now, to a whole frame; from the end on it begins again.
+    /// Advances playback to the current whole frame, in a loop. `duration` is in seconds.
     pub fn advance(&mut self, timeline: &Timeline, duration: f64) {
         let Some((since, from)) = self.playing else { return };
         let passed = since.elapsed().as_secs_f64() / duration;
@@ -240,7 +242,7 @@ impl Controls {
         self.time = timeline.time(at as i32);
     }
 
-    /// The frame that is shown.
+    /// The current frame.
     pub fn frame(&self, timeline: &Timeline) -> i32 {
         frame_of(timeline, self.time).round() as i32
     }
@@ -250,14 +252,14 @@ fn frame_of(timeline: &Timeline, time: f64) -> f64 {
     time / timeline.time(1)
 }
 
-/// What was as the files said goes on as they say now.
-fn follow<T: PartialEq + Copy>(value: &mut T, old: T, new: T) {
+/// Replaces a value that equals the old default by the new default.
+fn update_unchanged<T: PartialEq + Copy>(value: &mut T, old: T, new: T) {
     if *value == old {
         *value = new;
     }
 }
 
-/// The one after `value`, in turns.
+/// The element after `value`, cyclically.
 pub fn next<T: PartialEq + Copy>(all: &[T], value: T) -> T {
     let at = all.iter().position(|other| *other == value).map_or(0, |at| at + 1);
     all[at % all.len()]

@@ -1,8 +1,8 @@
-//! Whether there is a display to open a window on, and what is said where there is none.
+//! Detection of a display, and error messages for windows that cannot be opened.
 //!
-//! The libraries below say it with the lines of their own sources and the names of their own types, and some of it in panics: winit's
-//! where libxkbcommon-x11 or an extension of the X server is missing. Here it becomes a line for people. What a machine lacks is a failure
-//! (exit code 1), not a wrong input.
+//! The messages of the windowing libraries contain source lines and type names. Some errors are panics: winit panics if
+//! libxkbcommon-x11 or an extension of the X server is missing. This module translates them. A missing display or
+//! library is a failure (exit code 1), not a wrong input.
 
 use std::any::Any;
 use std::ffi::OsString;
@@ -12,22 +12,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::error::{Error, Result};
 
-/// What to do where no window can be opened.
+/// Hint if no window can be opened.
 const WITHOUT: &str =
     "`kiln render` makes pictures without a window; `xvfb-run kiln view` opens one on no display";
-/// What to do where nobody answers.
+/// Hint if the display server does not answer.
 const SERVER: &str = "start it and let this user in (xauth); `kiln render` makes pictures without a window";
-/// What to do where a library is missing.
+/// Hint if a library is missing.
 const LIBRARIES: &str = "install them (Debian: libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0, on Wayland libwayland-client0 \
                          libwayland-egl1 libxkbcommon0); `kiln render` makes pictures without a window";
-/// What to do where there is a display, but no OpenGL on it.
+/// Hint if the display has no OpenGL.
 const OPENGL: &str = "install Mesa, which has one in software (Debian: libgl1 libegl1 libgl1-mesa-dri); \
                       `kiln render` makes pictures without a window";
 
-/// Fails where there is certainly no display, before anything is loaded or opened.
+/// Checks for a display before files are loaded.
 ///
 /// # Errors
-/// [`Error::Failed`], where the environment names no display and displays are named there.
+/// [`Error::Failed`] on Unix systems other than macOS if no environment variable names a display.
 pub fn check() -> Result<()> {
     if cfg!(all(unix, not(target_os = "macos"))) {
         check_names(&["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"].map(std::env::var_os))
@@ -37,7 +37,7 @@ pub fn check() -> Result<()> {
 }
 
 fn check_names(names: &[Option<OsString>]) -> Result<()> {
-    // winit takes an empty name for none, too.
+    // winit also treats an empty value as unset.
     if names.iter().flatten().any(|name| !name.is_empty()) {
         return Ok(());
     }
@@ -47,11 +47,11 @@ fn check_names(names: &[Option<OsString>]) -> Result<()> {
     ))
 }
 
-/// Opens a window by `run`, and returns when it was closed; `run` sets the flag as soon as the window is open. What goes wrong before
-/// that, be it an error or a panic, is a failure with a line for people. A panic later is a fault of kiln's and goes on.
+/// Opens a window by `run`, and returns when it was closed; `run` sets the flag when the window is open. An error or a
+/// panic before that is returned as an error with a translated message. A later panic is a bug of kiln and is resumed.
 ///
 /// # Errors
-/// [`Error::Failed`], where the window cannot be opened.
+/// [`Error::Failed`] if the window cannot be opened.
 pub fn open(run: impl FnOnce(Arc<AtomicBool>) -> eframe::Result) -> Result<()> {
     let is_open = Arc::new(AtomicBool::new(false));
     let before = Arc::new(take_hook());
@@ -70,7 +70,7 @@ pub fn open(run: impl FnOnce(Arc<AtomicBool>) -> eframe::Result) -> Result<()> {
     }
 }
 
-/// What it means that a window could not be opened.
+/// Translates an error of opening a window.
 pub fn explain(e: &eframe::Error) -> Error {
     match e {
         eframe::Error::AppCreation(e) => failed(&format!("the window cannot be set up: {e}"), ""),
@@ -89,13 +89,13 @@ fn explain_panic(panic: &(dyn Any + Send)) -> Error {
 }
 
 fn no_opengl(cause: &str) -> Error {
-    // A number in brackets is glutin's code.
+    // A prefix in brackets is glutin's error code.
     let cause =
         cause.strip_prefix('[').and_then(|rest| rest.split_once("] ")).map_or(cause, |(_, cause)| cause);
     failed(&format!("the display has no OpenGL to draw with: {}", line(cause)), OPENGL)
 }
 
-/// Goes by what the libraries say (winit 0.30, xkbcommon-dl 0.4, wayland-client 0.31); what they may say besides is passed on.
+/// Recognises messages of winit 0.30, xkbcommon-dl 0.4 and wayland-client 0.31; other messages are passed on.
 fn explain_window(cause: &str) -> Error {
     let says = |sign: &str| cause.contains(sign);
     if says("Failed to open connection to X server") {
@@ -124,7 +124,7 @@ fn explain_window(cause: &str) -> Error {
     failed(&format!("no window can be opened: {}", line(cause)), WITHOUT)
 }
 
-/// The display's name, as the first of these variables has it.
+/// `VARIABLE=value` of the first of these variables that is set.
 fn named(variables: &[&str]) -> String {
     let named = |variable: &&str| {
         let value = std::env::var(variable).ok().filter(|value| !value.is_empty())?;
@@ -133,7 +133,7 @@ fn named(variables: &[&str]) -> String {
     variables.iter().find_map(named).unwrap_or_else(|| variables[0].to_owned())
 }
 
-/// A cause as libraries give it, in one line, without the place in their sources.
+/// The first line of a library's message, without its source location.
 fn line(cause: &str) -> &str {
     let cause = match cause.strip_prefix("os error at ") {
         Some(rest) => rest.split_once(": ").map_or(rest, |(_, cause)| cause),
@@ -163,46 +163,46 @@ mod tests {
         assert!(e.hint().contains("kiln render"));
     }
 
-    /// What the libraries were seen to say, with displays that were not there and libraries that were hidden.
+    /// Messages recorded from the libraries with missing displays and hidden libraries.
     #[test]
     fn what_libraries_say_becomes_a_line() {
-        let said = |cause: &str| explain_window(cause).to_string();
+        let message = |cause: &str| explain_window(cause).to_string();
         let at = "os error at /registry/winit-0.30.13/src/platform_impl/linux/mod.rs:788: ";
         assert!(
-            said(&format!("{at}Failed to open connection to X server"))
+            message(&format!("{at}Failed to open connection to X server"))
                 .starts_with("no X server answers at DISPLAY")
         );
         assert!(
-            said("os error at /w/mod.rs:89: Could not find wayland compositor")
+            message("os error at /w/mod.rs:89: Could not find wayland compositor")
                 .starts_with("no Wayland compositor answers at WAYLAND_DISPLAY")
         );
         assert_eq!(
-            said(&format!("{at}Failed to load one of xlib's shared libraries")),
+            message(&format!("{at}Failed to load one of xlib's shared libraries")),
             "one of X's libraries is missing: libX11, libX11-xcb, libXcursor, libXi, libxcb"
         );
         assert_eq!(
-            said("Library libxkbcommon-x11.so could not be loaded."),
+            message("Library libxkbcommon-x11.so could not be loaded."),
             "a library that windows take is missing: libxkbcommon-x11.so"
         );
         assert_eq!(
-            said("called `Result::unwrap()` on an `Err` value: XKBNotFound"),
+            message("called `Result::unwrap()` on an `Err` value: XKBNotFound"),
             "a library that windows take is missing: libxkbcommon"
         );
         assert_eq!(
-            said("failed to request XRandR version: UnsupportedExtension"),
+            message("failed to request XRandR version: UnsupportedExtension"),
             "no window can be opened: failed to request XRandR version: UnsupportedExtension"
         );
         assert_eq!(
-            said("os error at /w/mod.rs:89: The wayland library could not be loaded"),
+            message("os error at /w/mod.rs:89: The wayland library could not be loaded"),
             "a library that windows take is missing: libwayland-client"
         );
-        assert_eq!(said(""), "no window can be opened: no reason was given");
+        assert_eq!(message(""), "no window can be opened: no reason was given");
         let gl = |cause: &str| no_opengl(cause).to_string();
         assert_eq!(gl("[a7] GLXBadFBConfig"), "the display has no OpenGL to draw with: GLXBadFBConfig");
         assert_eq!(gl("not found"), "the display has no OpenGL to draw with: not found");
     }
 
-    /// The only test that changes the process's hook, which other threads' panics go through meanwhile.
+    /// The only test that changes the process's panic hook. The hook forwards panics of other threads.
     #[test]
     fn a_panic_is_explained_until_the_window_is_open() {
         let e =

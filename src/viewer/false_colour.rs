@@ -1,7 +1,7 @@
-//! What is known of a picture beside its colours, as colours, with a legend that says what they mean.
+//! False colours with legends, for AOVs and errors.
 //!
-//! What is known is that of [`crate::render::aov`], of the ray through each pixel's centre; how far a picture is from another is
-//! that of the study. Only colours are made here.
+//! Values are the AOVs of [`crate::render::aov`] at pixel centres, and the error map of [`crate::study::metrics`]. This
+//! module only maps them to colours.
 
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
@@ -10,147 +10,147 @@ use crate::render::aov::{self, AovSelection, AovSource};
 use crate::study::metrics::{DECADES, Picture, error_map, heat_map};
 use crate::world::World;
 
-/// What is shown of a scene.
+/// Quantity that the window displays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
-pub enum Shown {
+pub enum DisplayMode {
     /// The picture itself.
     #[default]
     Picture,
-    /// Normals for shading.
+    /// Shading normals.
     Normals,
-    /// Normals of the triangles and spheres themselves.
+    /// Geometric normals.
     GeometricNormals,
-    /// How far away what is seen is.
+    /// Depth: the distance from the camera.
     Depth,
-    /// Objects, each in a colour of its own.
+    /// Object numbers.
     Objects,
-    /// Materials.
+    /// Material numbers.
     Materials,
-    /// Triangles and spheres.
+    /// Primitive numbers.
     Primitives,
-    /// How many boxes a camera ray is tested against.
+    /// Number of box tests per camera ray.
     NodeTests,
-    /// How far the picture is from the one that is exact.
+    /// Error of the picture against the tier `exact`.
     ErrorAgainstExact,
 }
 
-impl Shown {
-    /// All there is to be shown.
-    pub const ALL: [Shown; 9] = [
-        Shown::Picture,
-        Shown::Normals,
-        Shown::GeometricNormals,
-        Shown::Depth,
-        Shown::Objects,
-        Shown::Materials,
-        Shown::Primitives,
-        Shown::NodeTests,
-        Shown::ErrorAgainstExact,
+impl DisplayMode {
+    /// All modes, in the order of the interface.
+    pub const ALL: [DisplayMode; 9] = [
+        DisplayMode::Picture,
+        DisplayMode::Normals,
+        DisplayMode::GeometricNormals,
+        DisplayMode::Depth,
+        DisplayMode::Objects,
+        DisplayMode::Materials,
+        DisplayMode::Primitives,
+        DisplayMode::NodeTests,
+        DisplayMode::ErrorAgainstExact,
     ];
 
-    /// What it is called.
+    /// Name in the interface.
     pub fn name(self) -> &'static str {
         match self {
-            Shown::Picture => "picture",
-            Shown::Normals => "normals",
-            Shown::GeometricNormals => "geometric normals",
-            Shown::Depth => "depth",
-            Shown::Objects => "objects",
-            Shown::Materials => "materials",
-            Shown::Primitives => "primitives",
-            Shown::NodeTests => "node tests",
-            Shown::ErrorAgainstExact => "error against exact",
+            DisplayMode::Picture => "picture",
+            DisplayMode::Normals => "normals",
+            DisplayMode::GeometricNormals => "geometric normals",
+            DisplayMode::Depth => "depth",
+            DisplayMode::Objects => "objects",
+            DisplayMode::Materials => "materials",
+            DisplayMode::Primitives => "primitives",
+            DisplayMode::NodeTests => "node tests",
+            DisplayMode::ErrorAgainstExact => "error against exact",
         }
     }
 
-    /// The AOV that says it; `None` for what takes pictures.
+    /// The displayed AOV; `None` for modes that display rendered pictures.
     pub fn aov(self) -> Option<&'static str> {
         match self {
-            Shown::Picture | Shown::ErrorAgainstExact => None,
-            Shown::Normals => Some("normal"),
-            Shown::GeometricNormals => Some("geometric-normal"),
-            Shown::Depth => Some("depth"),
-            Shown::Objects => Some("object"),
-            Shown::Materials => Some("material"),
-            Shown::Primitives => Some("primitive"),
-            Shown::NodeTests => Some("node-tests"),
+            DisplayMode::Picture | DisplayMode::ErrorAgainstExact => None,
+            DisplayMode::Normals => Some("normal"),
+            DisplayMode::GeometricNormals => Some("geometric-normal"),
+            DisplayMode::Depth => Some("depth"),
+            DisplayMode::Objects => Some("object"),
+            DisplayMode::Materials => Some("material"),
+            DisplayMode::Primitives => Some("primitive"),
+            DisplayMode::NodeTests => Some("node-tests"),
         }
     }
 }
 
-/// A picture in false colours.
+/// An image in false colours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FalseColours {
-    /// Its pixels, row by row from the top, three display values each.
+    /// Pixels, row by row from the top, in display values.
     pub pixels: Vec<[u8; 3]>,
-    /// What the colours mean.
+    /// Legend.
     pub legend: Legend,
 }
 
-/// What colours mean.
+/// Legend of false colours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Legend {
-    /// In a few words.
+    /// Short description.
     pub text: String,
-    /// For colours along a scale, those colours, evenly from its beginning to its end.
+    /// Colours of a continuous scale at even distances; empty without a scale.
     pub bar: Vec<[u8; 3]>,
-    /// What the scale begins with and ends with.
+    /// Values at both ends of the scale.
     pub ends: Option<[String; 2]>,
-    /// For colours that stand for something each, what they stand for; of many those that most pixels show.
+    /// Single colours and their meanings; if there are many, those with the most pixels.
     pub swatches: Vec<([u8; 3], String)>,
 }
 
-/// Where there is nothing to be seen: a colour that none of the others comes near.
+/// Colour of pixels without a hit, distinct from all other colours.
 pub const NOTHING: [u8; 3] = [20, 24, 52];
 
-/// Depths are greys from this, the farthest, to [`NEAREST`].
+/// Depths are grey levels from this, the farthest, to [`NEAREST`].
 const FARTHEST: f32 = 40.0;
 const NEAREST: f32 = 250.0;
 
-/// Colours of a bar.
+/// Number of colours of a bar.
 const BAR: usize = 64;
 
-/// Things that a legend names at most.
+/// Maximum number of named colours of a legend.
 const SWATCHES: usize = 12;
 
-/// The colours of what is known of a picture.
+/// Computes an AOV and maps it to false colours.
 ///
 /// # Errors
-/// [`Error::Usage`] for what takes pictures; [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough
+/// [`Error::Usage`] for modes without an AOV, [`Error::Interrupted`] when cancelled, [`Error::Failed`] without enough
 /// memory.
-pub fn false_colours(shown: Shown, subject: &AovSource, watch: &RenderControl) -> Result<FalseColours> {
-    let Some(aov) = shown.aov() else {
-        let what = format!("{}: shown by pictures, not by what is known of their pixels", shown.name());
+pub fn false_colours(mode: DisplayMode, subject: &AovSource, watch: &RenderControl) -> Result<FalseColours> {
+    let Some(aov) = mode.aov() else {
+        let what = format!("{}: shown by pictures, not by what is known of their pixels", mode.name());
         return Err(Error::usage(what, ""));
     };
     let channels = aov::channels(subject, &AovSelection::new(&[aov.to_owned()])?, watch)?;
-    Ok(of_channels(shown, subject.world, &channels))
+    Ok(of_channels(mode, subject.world, &channels))
 }
 
-/// The colours of the AOV of `shown`.
-pub fn of_channels(shown: Shown, world: &World, channels: &[Channel]) -> FalseColours {
+/// Maps the channels of a mode's AOV to false colours.
+pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> FalseColours {
     let first: &[f32] = channels.first().map_or(&[], |channel| &channel.values);
-    match (shown, channels) {
-        (Shown::Normals | Shown::GeometricNormals, [x, y, z]) => {
-            normals(shown, &x.values, &y.values, &z.values)
+    match (mode, channels) {
+        (DisplayMode::Normals | DisplayMode::GeometricNormals, [x, y, z]) => {
+            normals(mode, &x.values, &y.values, &z.values)
         }
-        (Shown::Depth, _) => depths(first),
-        (Shown::Objects, _) => {
+        (DisplayMode::Depth, _) => depths(first),
+        (DisplayMode::Objects, _) => {
             let name = |id: usize| world.objects.get(id).map(|object| object.name.clone());
             ids("each object has a colour", first, name)
         }
-        (Shown::Materials, _) => {
+        (DisplayMode::Materials, _) => {
             ids("each material has a colour", first, |id| world.material_names.get(id).cloned())
         }
-        (Shown::Primitives, _) => ids("each triangle and sphere has a colour", first, |_| None),
+        (DisplayMode::Primitives, _) => ids("each triangle and sphere has a colour", first, |_| None),
         _ => counts("boxes that the camera ray is tested against", first),
     }
 }
 
-/// How far a picture is from the exact one, both of one size.
+/// Error map of a picture against the exact one.
 ///
 /// # Errors
-/// [`Error::Usage`] where the sizes differ.
+/// [`Error::Usage`] if the sizes differ.
 pub fn error_against_exact(picture: &Picture, exact: &Picture) -> Result<FalseColours> {
     if (picture.width, picture.height) != (exact.width, exact.height) {
         return Err(Error::usage("pictures of two sizes", "compare pictures of one size"));
@@ -166,7 +166,7 @@ pub fn error_against_exact(picture: &Picture, exact: &Picture) -> Result<FalseCo
     Ok(FalseColours { pixels: error_map(picture, exact), legend })
 }
 
-fn normals(shown: Shown, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
+fn normals(mode: DisplayMode, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
     let colour = |n: [f32; 3]| {
         if n == [0.0; 3] { NOTHING } else { n.map(|c| ((c / 2.0 + 0.5) * 255.0).round() as u8) }
     };
@@ -181,18 +181,18 @@ fn normals(shown: Shown, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
         axis("-z", [0.0, 0.0, -1.0]),
         (NOTHING, "nothing".into()),
     ];
-    let text = match shown {
-        Shown::Normals => "normals for shading, on the camera's side: n / 2 + 1/2",
+    let text = match mode {
+        DisplayMode::Normals => "normals for shading, on the camera's side: n / 2 + 1/2",
         _ => "normals of the triangles and spheres, on the camera's side: n / 2 + 1/2",
     };
     FalseColours { pixels, legend: Legend { text: text.into(), bar: Vec::new(), ends: None, swatches } }
 }
 
 fn depths(depths: &[f32]) -> FalseColours {
-    let seen = || depths.iter().copied().filter(|depth| depth.is_finite());
-    let (nearest, farthest) = (seen().fold(f32::INFINITY, f32::min), seen().fold(0.0, f32::max));
+    let finite = || depths.iter().copied().filter(|depth| depth.is_finite());
+    let (nearest, farthest) = (finite().fold(f32::INFINITY, f32::min), finite().fold(0.0, f32::max));
     let grey = |share: f32| [(NEAREST + (FARTHEST - NEAREST) * share).round() as u8; 3];
-    // All at one depth are near.
+    // A single depth is drawn as the nearest.
     let share = |depth: f32| if farthest > nearest { (depth - nearest) / (farthest - nearest) } else { 0.0 };
     let colour = |depth: &f32| if depth.is_finite() { grey(share(*depth)) } else { NOTHING };
     let is_something = nearest.is_finite();
@@ -222,7 +222,7 @@ fn ids(text: &str, ids: &[f32], name: impl Fn(usize) -> Option<String>) -> False
     let mut pixels_of = std::collections::BTreeMap::<u32, usize>::new();
     ids.iter().filter(|&&id| id >= 0.0).for_each(|&id| *pixels_of.entry(id as u32).or_default() += 1);
     let mut most: Vec<(u32, usize)> = pixels_of.into_iter().collect();
-    // Of as many pixels the lower number first.
+    // Stable: equal counts stay in ascending order of numbers.
     most.sort_by_key(|&(_, pixels)| std::cmp::Reverse(pixels));
     let named = most.iter().filter_map(|&(id, _)| Some((colour_of(id), name(id as usize)?)));
     let mut swatches: Vec<([u8; 3], String)> = named.take(SWATCHES).collect();
@@ -234,11 +234,12 @@ fn ids(text: &str, ids: &[f32], name: impl Fn(usize) -> Option<String>) -> False
     }
 }
 
-/// A colour for a number: always the same, and far from those of the numbers beside it.
+/// The colour of a number, distinct from those of adjacent numbers.
 ///
-/// Hue and lightness are the points of a sequence that fills the square evenly however many are taken (Roberts, The
-/// Unreasonable Effectiveness of Quasirandom Sequences, 2018: powers of the inverse of the plastic number, the real root of
-/// x^3 = x + 1), in OKLab (Ottosson, A perceptual color space for image processing, 2020), where as far apart is as different.
+/// Hue and lightness are points of a low-discrepancy sequence: powers of the inverse of the plastic number, the real
+/// root of x^3 = x + 1 (Roberts, The Unreasonable Effectiveness of Quasirandom Sequences, 2018). The colour space is
+/// OKLab (Ottosson, A perceptual color space for image processing, 2020), where equal distances are perceived as equal
+/// differences.
 pub fn colour_of(id: u32) -> [u8; 3] {
     const PLASTIC: f64 = 1.324_717_957_244_746;
     let point = |power: i32| (0.5 + f64::from(id) * PLASTIC.powi(-power)).fract();
@@ -260,7 +261,7 @@ fn heat_bar() -> Vec<[u8; 3]> {
     heat_map(&shares)
 }
 
-/// A number in four digits.
+/// The number with four significant digits.
 fn short(x: f32) -> String {
     if x != 0.0 && !(1e-3..1e6).contains(&x.abs()) {
         return format!("{x:.3e}");
@@ -283,8 +284,8 @@ mod tests {
     use crate::study::metrics::Values;
     use crate::world::View;
 
-    /// The assignment scene from view 2, in so many pixels.
-    fn shown(shown: Shown, size: u32) -> FalseColours {
+    /// False colours of the assignment scene from view 2, at `size` x `size` pixels.
+    fn false_colours_of_scene(mode: DisplayMode, size: u32) -> FalseColours {
         let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/assignment.toml");
         let scene = crate::import::load(&[file], &mut Warnings::default()).unwrap();
         let camera = scene.cameras[0].clone();
@@ -303,21 +304,24 @@ mod tests {
         };
         let watch =
             RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
-        false_colours(shown, &subject, &watch).unwrap()
+        false_colours(mode, &subject, &watch).unwrap()
     }
 
     #[test]
     fn the_plane_is_green_from_above_and_the_sky_is_nothing() {
-        let normals = shown(Shown::Normals, 32);
+        let normals = false_colours_of_scene(DisplayMode::Normals, 32);
         // The bottom row sees the plane, whose normal is (0, 1, 0); the top row sees above its horizon.
         assert_eq!(normals.pixels[31 * 32], [128, 255, 128]);
         assert_eq!(normals.pixels[0], NOTHING);
-        assert_eq!(shown(Shown::GeometricNormals, 32).pixels[31 * 32], [128, 255, 128]);
+        assert_eq!(
+            false_colours_of_scene(DisplayMode::GeometricNormals, 32).pixels[31 * 32],
+            [128, 255, 128]
+        );
     }
 
     #[test]
     fn near_is_light() {
-        let depths = shown(Shown::Depth, 32);
+        let depths = false_colours_of_scene(DisplayMode::Depth, 32);
         let [bottom, higher] = [31, 24].map(|row| depths.pixels[row * 32][0]);
         assert!(bottom > higher, "{bottom} {higher}");
         assert_eq!(depths.pixels.iter().map(|p| p[0]).max(), Some(250));
@@ -330,9 +334,9 @@ mod tests {
 
     #[test]
     fn objects_are_named_and_have_their_colours() {
-        let objects = shown(Shown::Objects, 64);
+        let objects = false_colours_of_scene(DisplayMode::Objects, 64);
         let names: Vec<&str> = objects.legend.swatches.iter().map(|(_, name)| name.as_str()).collect();
-        // The plane fills most of the picture.
+        // The plane covers the most pixels.
         assert_eq!(names[0], "plane");
         for name in ["left sphere", "right sphere", "tetrahedron", "nothing"] {
             assert!(names.contains(&name), "{names:?}");
@@ -340,10 +344,16 @@ mod tests {
         for (colour, name) in &objects.legend.swatches {
             assert!(objects.pixels.contains(colour), "{name}");
         }
-        // 0 is the left sphere, 1 the right one, 2 the plane.
+        // Object 0 is the left sphere, 1 the right sphere, 2 the plane.
         assert_eq!(objects.legend.swatches[0].0, colour_of(2));
-        assert!(shown(Shown::Materials, 64).legend.swatches.iter().any(|(_, name)| name == "patriarch"));
-        assert_eq!(shown(Shown::Primitives, 64).legend.swatches.len(), 1);
+        assert!(
+            false_colours_of_scene(DisplayMode::Materials, 64)
+                .legend
+                .swatches
+                .iter()
+                .any(|(_, name)| name == "patriarch")
+        );
+        assert_eq!(false_colours_of_scene(DisplayMode::Primitives, 64).legend.swatches.len(), 1);
     }
 
     #[test]
@@ -351,12 +361,17 @@ mod tests {
         let counts = super::counts("boxes", &[0.0, 8.0, 16.0]);
         assert_eq!(counts.pixels, heat_map(&[0.0, 0.5, 1.0]));
         assert_eq!(counts.legend.ends, Some(["0".into(), "16".into()]));
-        assert!(shown(Shown::NodeTests, 16).pixels.iter().any(|p| *p == heat_map(&[1.0])[0]));
+        assert!(
+            false_colours_of_scene(DisplayMode::NodeTests, 16)
+                .pixels
+                .iter()
+                .any(|p| *p == heat_map(&[1.0])[0])
+        );
     }
 
     #[test]
     fn numbers_have_colours_far_apart() {
-        // Any of 24 in a row, wherever they begin: 12 steps of 255 apart in some channel at least, and far from nothing.
+        // Any two of 24 consecutive numbers: a channel differs by at least 12 of 255; all are far from `NOTHING`.
         let apart = |a: [u8; 3], b: [u8; 3]| (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap();
         for start in [0, 1000, 123_456] {
             let colours: Vec<_> = (start..start + 24).map(colour_of).collect();

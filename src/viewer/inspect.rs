@@ -1,7 +1,7 @@
-//! Everything about one pixel: what it sees, the rays that it took, and its colour.
+//! Inspection of one pixel: its surface, its rays and its colour.
 //!
-//! All of it comes from the stages that make pictures: they are run on a tile of one pixel, and an [`RayRecorder`] keeps the rays.
-//! The rays are those through the pixel's centre, whatever samples the picture takes; the colour is the picture's.
+//! The render plan is executed on a tile of one pixel, with a [`RayRecorder`]. The colour is that of the picture with
+//! all its samples. The surface and the rays are those of one camera ray through the pixel's centre.
 
 use glam::{DVec2, DVec3};
 
@@ -13,79 +13,79 @@ use crate::geometry::Hit;
 use crate::scene::Glaze;
 use crate::world::{PreparedMaterial, Recentering, SurfaceInteraction, View, World};
 
-/// Everything about one pixel.
+/// Result of inspecting a pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inspection {
     /// Column and row, from the top left.
     pub pixel: [u32; 2],
-    /// Its colour in the numbers of the pipeline, rendered with the plan.
+    /// Colour in the values of the colour pipeline.
     pub colour: [f32; 3],
-    /// What a display shows of that.
+    /// Display colour.
     pub displayed: [u8; 3],
-    /// Camera rays that the colour took.
+    /// Number of camera rays of the colour.
     pub samples: u32,
-    /// What the ray through its centre hits.
-    pub seen: Option<Seen>,
-    /// Every ray that follows from that one, in the order that they are cast in.
-    pub rays: Vec<Line>,
-    /// Boxes and primitives that the ray through the centre, cast by itself, is tested against.
+    /// Surface hit by the camera ray through the pixel's centre.
+    pub surface: Option<SurfaceInfo>,
+    /// That camera ray and all its secondary and shadow rays, in the order of tracing.
+    pub rays: Vec<RaySegment>,
+    /// Numbers of box and primitive tests of the camera ray, traced as a single ray.
     pub tests: Tests,
 }
 
-/// What a ray hits. Lengths and positions are those of the scene as it was described, wherever it was moved.
+/// Surface at a hit. Lengths and positions are in scene coordinates, before recentering.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Seen {
-    /// The object's number, in the order of the description.
+pub struct SurfaceInfo {
+    /// Object index, in the order of the description.
     pub object: u32,
-    /// Its name.
+    /// Object name.
     pub object_name: String,
-    /// The primitive's number.
+    /// Primitive number.
     pub primitive: u32,
-    /// Its number within its object.
+    /// Primitive number within its object.
     pub primitive_of_object: u32,
-    /// What it is: a `sphere` or a `triangle`.
+    /// `sphere` or `triangle`.
     pub kind: &'static str,
-    /// How far along the ray.
+    /// Distance along the ray.
     pub distance: f64,
-    /// Where.
+    /// Hit position.
     pub position: DVec3,
-    /// Unit normal of the sphere or triangle, on the side that it is seen from.
+    /// Unit geometric normal, on the side of the ray origin.
     pub geometric_normal: DVec3,
-    /// Unit normal for shading, bent by smooth meshes and normal maps.
+    /// Unit shading normal: interpolated vertex normals and normal maps applied.
     pub shading_normal: DVec3,
-    /// On a triangle, the weights of its corners.
+    /// Barycentric weights of the vertices, on a triangle.
     pub barycentric: Option<[f64; 3]>,
-    /// Where that is in the material's pictures, where the object says so.
+    /// Texture coordinates, if the object has any.
     pub uv: Option<DVec2>,
-    /// The material's name.
+    /// Material name.
     pub material: String,
-    /// What it is made of: name and value of each, in the numbers of the colour pipeline.
+    /// Name and value of each material parameter, in the values of the colour pipeline.
     pub material_values: Vec<(&'static str, String)>,
 }
 
-/// A ray as a line, in the coordinates of the world and its [`View`]: [`View::project_segment`] draws it.
+/// A recorded ray as a line segment, in world coordinates for [`View::project_segment`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct Line {
-    /// Its kind.
+pub struct RaySegment {
+    /// Ray kind.
     pub kind: RayKind,
-    /// The effect that it is there for; `None` for the camera's.
+    /// The effect that traces the ray; `None` for the camera ray.
     pub effect: Option<EffectId>,
-    /// How many mirrors lie behind it.
+    /// Number of bounces before the ray.
     pub depth: usize,
-    /// Of a ray towards a light, the light's name.
+    /// Name of the light, for a shadow ray.
     pub light: Option<String>,
-    /// Where it starts.
+    /// Origin.
     pub from: DVec3,
-    /// Where it ends: at what it hits, at its light, or on its way out, outside the scene.
+    /// End point: the hit, the light, or a point outside the scene.
     pub to: DVec3,
-    /// Whether it hits anything.
+    /// Whether the ray hits anything.
     pub hit: bool,
-    /// The name of the object that it hits.
+    /// Name of the object that is hit.
     pub object: Option<String>,
 }
 
-/// Looks at a pixel of the picture that `plan` makes of what `view` sees. `recentering` is how the scene was moved, `bounds` where it
-/// is now, so that rays can be drawn to where they leave it.
+/// Inspects a pixel of the picture that `plan` renders with `view`. `recentering` is that of `world`; `bounds` is the
+/// bounding box of the recentered scene, outside which rays that miss end.
 pub fn inspect(
     world: &World,
     view: &View,
@@ -110,41 +110,41 @@ pub fn inspect(
 
     let mut tile = Tile::default();
     tile.recorder = Some(Box::new(RayRecorder::default()));
-    run(&one_ray(world, plan), &mut tile);
+    run(&one_ray_per_pixel(world, plan), &mut tile);
     let casts = tile.recorder.take().map_or(Vec::new(), |recorder| recorder.rays);
-    let surface = tile
+    let interaction = tile
         .generations
         .first()
         .and_then(|first| (!first.surfaces.is_empty()).then(|| first.surfaces.get(0)));
     let first = casts.first();
     let hit =
         first.and_then(|cast| if let TraceResult::Closest(hit) = cast.result { Some(hit) } else { None });
-    let seen = surface
+    let surface = interaction
         .zip(hit)
         .zip(first)
-        .map(|((surface, hit), cast)| seen(world, recentering, &surface, &hit, cast));
+        .map(|((interaction, hit), cast)| surface_info(world, recentering, &interaction, &hit, cast));
     let mut traversal = Traversal::default();
     if let Some(cast) = first {
         world.accelerator.closest_hit(&cast.ray, &mut traversal);
     }
     let tests = traversal.tests;
-    let rays = casts.iter().map(|cast| line(world, bounds, cast, &mut traversal)).collect();
+    let rays = casts.iter().map(|cast| ray_segment(world, bounds, cast, &mut traversal)).collect();
     let displayed = world.pipeline.encode(colour);
-    Inspection { pixel: [x, y], colour, displayed, samples, seen, rays, tests }
+    Inspection { pixel: [x, y], colour, displayed, samples, surface, rays, tests }
 }
 
-/// The plan with one ray a pixel.
-fn one_ray(world: &World, plan: &Plan) -> Plan {
+/// The plan without effects that decide sample positions: one camera ray through each pixel's centre.
+fn one_ray_per_pixel(world: &World, plan: &Plan) -> Plan {
     plan.keeping(world, |i| !EFFECTS[i].decides_samples)
 }
 
-fn seen(
+fn surface_info(
     world: &World,
     recentering: Option<&Recentering>,
     surface: &SurfaceInteraction,
     hit: &Hit,
     cast: &RecordedRay,
-) -> Seen {
+) -> SurfaceInfo {
     let object = &world.objects[surface.object as usize];
     let position = surface.point.position;
     let [v, w] = hit.weights;
@@ -152,7 +152,7 @@ fn seen(
         Primitive::Sphere(_) => ("sphere", None),
         Primitive::Triangle(_) => ("triangle", Some([1.0 - v - w, v, w])),
     };
-    Seen {
+    SurfaceInfo {
         object: surface.object,
         object_name: object.name.clone(),
         primitive: hit.prim.0,
@@ -165,12 +165,12 @@ fn seen(
         barycentric,
         uv: world.texture_point(surface, hit, &cast.ray, None).map(|point| point.uv),
         material: world.material_names[surface.material as usize].clone(),
-        material_values: values_of(world, &world.materials[surface.material as usize]),
+        material_values: material_values(world, &world.materials[surface.material as usize]),
     }
 }
 
-/// What a material is made of.
-fn values_of(world: &World, material: &PreparedMaterial) -> Vec<(&'static str, String)> {
+/// Names and values of a material's parameters and textures.
+fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static str, String)> {
     let colour = |c: DVec3| {
         let [r, g, b] = world.pipeline.encode(c.as_vec3().to_array());
         format!("#{r:02x}{g:02x}{b:02x}")
@@ -215,14 +215,14 @@ fn values_of(world: &World, material: &PreparedMaterial) -> Vec<(&'static str, S
     values
 }
 
-fn line(
+fn ray_segment(
     world: &World,
     bounds: Option<(DVec3, DVec3)>,
     cast: &RecordedRay,
     traversal: &mut Traversal,
-) -> Line {
+) -> RaySegment {
     let RecordedRay { kind, depth, light, ray, result, .. } = cast;
-    // Of a ray that is blocked nobody asked where; the nearest of what is in its way is drawn.
+    // An any-hit test returns no hit point, so the closest hit is traced.
     let hit = match result {
         TraceResult::Miss => None,
         TraceResult::Closest(hit) => Some(*hit),
@@ -231,7 +231,7 @@ fn line(
     let end = hit.map_or(ray.t_max, |hit| hit.t);
     let end = if end.is_finite() { end } else { way_out(ray.origin, bounds) };
     let effect = EFFECTS.iter().find(|effect| *kind != RayKind::PRIMARY && effect.rays.contains(kind));
-    Line {
+    RaySegment {
         kind: *kind,
         effect: effect.map(|effect| effect.id),
         depth: *depth,
@@ -243,7 +243,8 @@ fn line(
     }
 }
 
-/// How far a ray from `origin` goes to be outside the scene, wherever it goes: a quarter of the scene beyond it.
+/// A distance at which a ray from `origin` in any direction is outside the bounding sphere, by at least a quarter of
+/// its radius.
 fn way_out(origin: DVec3, bounds: Option<(DVec3, DVec3)>) -> f64 {
     let (min, max) = bounds.unwrap_or((-DVec3::ONE, DVec3::ONE));
     let (middle, radius) = (min / 2.0 + max / 2.0, (max / 2.0 - min / 2.0).length());
@@ -272,7 +273,7 @@ mod tests {
         crate::import::load(&[file], &mut Warnings::default()).unwrap()
     }
 
-    /// The scene in the tier `double`, in 100 x 100 pixels.
+    /// The scene in the tier `double`, at 101 x 101 pixels.
     fn ready(mut scene: Scene, camera: &Camera) -> Ready {
         let recentering = recenter(&mut scene);
         let camera = recentering.map_or(camera.clone(), |recentering| recentering.moved(camera));
@@ -286,18 +287,18 @@ mod tests {
     }
 
     impl Ready {
-        fn look(&self, pixel: [u32; 2]) -> Inspection {
+        fn inspect(&self, pixel: [u32; 2]) -> Inspection {
             inspect(&self.world, &self.view, &self.plan, self.recentering.as_ref(), self.bounds, pixel)
         }
     }
 
-    /// Looks at a point, with the middle of the middle pixel on it.
+    /// A camera whose middle pixel has its centre at `target`.
     fn towards(position: DVec3, target: DVec3) -> Camera {
         Camera::from_field_of_view("c".into(), position, target, DVec3::Y, 0.2)
     }
 
-    /// From (100, -400, 350) towards the middle of the right sphere, (100, -400, 1350) of radius 100: along +z, hit at 1250 in a
-    /// distance of 900, where the normal is -z.
+    /// From (100, -400, 350) towards the middle of the right sphere, (100, -400, 1350) of radius 100: along +z, hit at
+    /// 1250 in a distance of 900, where the normal is -z.
     fn middle_of_the_right_sphere() -> Camera {
         towards(DVec3::new(100.0, -400.0, 350.0), DVec3::new(100.0, -400.0, 1350.0))
     }
@@ -305,19 +306,26 @@ mod tests {
     #[test]
     fn the_pixel_in_the_middle_of_a_sphere() {
         let ready = ready(assignment(), &middle_of_the_right_sphere());
-        let pixel = ready.look([50, 50]);
-        let seen = pixel.seen.clone().unwrap();
-        assert_eq!((seen.object_name.as_str(), seen.primitive, seen.kind), ("right sphere", 1, "sphere"));
-        assert_eq!((seen.object, seen.primitive_of_object, seen.barycentric), (1, 0, None));
-        assert!((seen.distance - 900.0).abs() < 1e-9);
-        assert!((seen.position - DVec3::new(100.0, -400.0, 1250.0)).length() < 1e-9);
-        assert!((seen.geometric_normal + DVec3::Z).length() < 1e-9);
-        assert_eq!(seen.material, "midnight-blue");
-        assert!(seen.material_values.contains(&("colour", "#191970".into())), "{:?}", seen.material_values);
-        assert!(seen.material_values.contains(&("specular", "3".into())));
+        let pixel = ready.inspect([50, 50]);
+        let surface = pixel.surface.clone().unwrap();
+        assert_eq!(
+            (surface.object_name.as_str(), surface.primitive, surface.kind),
+            ("right sphere", 1, "sphere")
+        );
+        assert_eq!((surface.object, surface.primitive_of_object, surface.barycentric), (1, 0, None));
+        assert!((surface.distance - 900.0).abs() < 1e-9);
+        assert!((surface.position - DVec3::new(100.0, -400.0, 1250.0)).length() < 1e-9);
+        assert!((surface.geometric_normal + DVec3::Z).length() < 1e-9);
+        assert_eq!(surface.material, "midnight-blue");
+        assert!(
+            surface.material_values.contains(&("colour", "#191970".into())),
+            "{:?}",
+            surface.material_values
+        );
+        assert!(surface.material_values.contains(&("specular", "3".into())));
 
-        // One light: a shadow ray from it, one from what is mirrored if anything is. Straight back lies nothing: the camera's
-        // ray is mirrored into itself, and above the plane at -500 along -z is nothing.
+        // One light: one shadow ray. The camera ray is reflected into itself, along -z above the plane at -500, and
+        // misses, so the reflection has no shadow ray.
         let kinds: Vec<&str> = pixel.rays.iter().map(|ray| ray.kind.name).collect();
         assert_eq!(kinds, ["primary", "shadow", "glaze"]);
         let [primary, shadow, glaze] = &pixel.rays[..] else { unreachable!() };
@@ -325,14 +333,14 @@ mod tests {
             (primary.hit, primary.effect, primary.object.as_deref()),
             (true, None, Some("right sphere"))
         );
-        assert_eq!(primary.to, seen.position);
+        assert_eq!(primary.to, surface.position);
         // The lamp, at (-400, 100, 850).
         assert_eq!(
             (shadow.effect.map(EffectId::name), shadow.light.as_deref(), shadow.hit),
             (Some("shadows"), Some("lamp"), false)
         );
         assert!((shadow.to - DVec3::new(-400.0, 100.0, 850.0)).length() < 1e-6);
-        assert!((shadow.from - seen.position).length() < 1e-6);
+        assert!((shadow.from - surface.position).length() < 1e-6);
         assert_eq!((glaze.effect.map(EffectId::name), glaze.depth, glaze.hit), (Some("glaze"), 1, false));
         assert!(((glaze.to - glaze.from).normalize() + DVec3::Z).length() < 1e-9);
         let (min, max) = ready.bounds.unwrap();
@@ -346,41 +354,41 @@ mod tests {
             assignment(),
             &towards(DVec3::new(-600.0, -400.0, 900.0), DVec3::new(-600.0, -500.0, 1000.0)),
         );
-        let pixel = ready.look([50, 50]);
-        let seen = pixel.seen.clone().unwrap();
-        assert_eq!((seen.object_name.as_str(), seen.kind, seen.primitive), ("plane", "triangle", 2));
-        assert!((seen.distance - 100.0 * 2f64.sqrt()).abs() < 1e-9);
-        // Corners at (-10000, -10000), (-10000, 100000) and (10000, -10000) in x and z: of the way from the first, 11000 / 110000
-        // are towards the second, 9400 / 20000 towards the third.
-        for (weight, expected) in seen.barycentric.unwrap().iter().zip([0.43, 0.1, 0.47]) {
+        let pixel = ready.inspect([50, 50]);
+        let surface = pixel.surface.clone().unwrap();
+        assert_eq!((surface.object_name.as_str(), surface.kind, surface.primitive), ("plane", "triangle", 2));
+        assert!((surface.distance - 100.0 * 2f64.sqrt()).abs() < 1e-9);
+        // Corners at (-10000, -10000), (-10000, 100000) and (10000, -10000) in x and z: of the way from the first,
+        // 11000 / 110000 are towards the second, 9400 / 20000 towards the third.
+        for (weight, expected) in surface.barycentric.unwrap().iter().zip([0.43, 0.1, 0.47]) {
             assert!((weight - expected).abs() < 1e-12, "{weight} {expected}");
         }
         // Mirrored about +y: at 45 degrees upwards along +z.
         let glaze = pixel.rays.iter().find(|ray| ray.kind.name == "glaze").unwrap();
         let direction = (glaze.to - glaze.from).normalize();
         assert!((direction - DVec3::new(0.0, 1.0, 1.0).normalize()).length() < 1e-9, "{direction}");
-        // In the middle is what the picture has there.
+        // The inspected colour is that of the rendered picture.
         let whole = Window { x: 0, y: 0, width: 101, height: 101 };
         let control = crate::render::RenderControl::default();
         let (film, _): (crate::film::Film, _) =
             crate::render::render(&ready.world, &ready.view, &ready.plan, whole, |_, _| true, &control)
                 .unwrap();
         for [x, y] in [[50, 50], [0, 0], [100, 3], [17, 80]] {
-            let pixel = ready.look([x, y]);
+            let pixel = ready.inspect([x, y]);
             assert_eq!(pixel.colour, film.pixel(x, y), "{x} {y}");
             assert_eq!(pixel.displayed, ready.world.pipeline.encode(film.pixel(x, y)));
         }
     }
 
-    /// What is blocked is drawn to what blocks it.
+    /// An occluded shadow ray ends at its occluder.
     #[test]
     fn a_shadow_ray_ends_at_what_is_in_its_way() {
-        // Where the line from the lamp (-400, 100, 850) through the middle of the left sphere (-300, -425, 1200) meets the plane,
-        // at y = -500: 600 / 525 of the way.
+        // Where the line from the lamp (-400, 100, 850) through the middle of the left sphere (-300, -425, 1200) meets
+        // the plane, at y = -500: 600 / 525 of the way.
         let (lamp, middle) = (DVec3::new(-400.0, 100.0, 850.0), DVec3::new(-300.0, -425.0, 1200.0));
         let shaded = lamp + (middle - lamp) * (600.0 / 525.0);
         let ready = ready(assignment(), &towards(shaded + DVec3::new(-300.0, 200.0, 200.0), shaded));
-        let pixel = ready.look([50, 50]);
+        let pixel = ready.inspect([50, 50]);
         let shadow = pixel.rays.iter().find(|ray| ray.kind.is_shadow).unwrap();
         assert!(shadow.hit);
         assert_eq!(shadow.object.as_deref(), Some("left sphere"));
@@ -391,12 +399,12 @@ mod tests {
     #[test]
     fn a_pixel_that_sees_nothing() {
         let ready = ready(assignment(), &towards(DVec3::new(0.0, 0.0, 0.0), DVec3::new(0.0, 1.0, -0.1)));
-        let pixel = ready.look([50, 50]);
-        assert_eq!((pixel.seen.as_ref(), pixel.displayed, pixel.rays.len()), (None, [0; 3], 1));
+        let pixel = ready.inspect([50, 50]);
+        assert_eq!((pixel.surface.as_ref(), pixel.displayed, pixel.rays.len()), (None, [0; 3], 1));
         assert!(!pixel.rays[0].hit);
     }
 
-    /// However many samples the picture takes, the rays are those through the centre, and the colour the picture's.
+    /// The rays do not depend on the number of samples of the picture.
     #[test]
     fn samples_make_the_colour_and_the_centre_the_rays() {
         let mut scene = assignment();
@@ -404,12 +412,13 @@ mod tests {
         let one = ready(scene.clone(), &camera);
         scene.sampling.samples = Some(9);
         let nine = ready(scene, &camera);
-        let (a, b) = (one.look([40, 60]), nine.look([40, 60]));
+        let (a, b) = (one.inspect([40, 60]), nine.inspect([40, 60]));
         assert_eq!((a.samples, b.samples), (1, 9));
-        assert_eq!((&a.rays, &a.seen), (&b.rays, &b.seen));
+        assert_eq!((&a.rays, &a.surface), (&b.rays, &b.surface));
     }
 
-    /// Positions and distances are those of the file, also where the scene was moved: a sphere of radius 2 a million away.
+    /// Positions and distances are in scene coordinates, also if the scene was recentered: a sphere of radius 2 at a
+    /// distance of 1e6.
     #[test]
     fn a_moved_scene_speaks_of_its_own_places() {
         let text = "[[sphere]]\ncentre = [1e6, 0, 1e6]\nradius = 2\n";
@@ -422,10 +431,11 @@ mod tests {
         camera.projection = Projection::Orthographic;
         let ready = ready(scene, &camera);
         assert!(ready.recentering.is_some());
-        let pixel = ready.look([50, 50]);
-        let seen = pixel.seen.unwrap();
+        let pixel = ready.inspect([50, 50]);
+        let surface = pixel.surface.unwrap();
         assert!(
-            (seen.position - (far + DVec3::Z * 2.0)).length() < 1e-9 && (seen.distance - 8.0).abs() < 1e-9
+            (surface.position - (far + DVec3::Z * 2.0)).length() < 1e-9
+                && (surface.distance - 8.0).abs() < 1e-9
         );
         let [from, to] = ready.view.project_segment(pixel.rays[0].from, pixel.rays[0].to).unwrap();
         assert!((from - DVec2::splat(50.5)).length() < 1e-9 && (to - from).length() < 1e-9, "{from} {to}");

@@ -1,36 +1,36 @@
-//! The keys: what they do, and how `?` lists them.
+//! Key bindings and the text of the key list.
 
 use egui::{Context, Event, InputState, Key, Modifiers};
 use glam::{DVec2, DVec3};
 
-/// What a key does at once.
+/// Action of a key or button.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Action {
-    /// The other projection.
+    /// Switches the projection.
     Projection,
-    /// Where it was first seen from.
+    /// Restores the initial camera.
     Reset,
-    /// All of the scene in the picture, seen from where it is.
+    /// Fits the scene, in the view [`StandardView::Auto`](crate::world::StandardView::Auto).
     Fit,
-    /// A standard view.
+    /// Selects a standard view.
     Standard(crate::world::StandardView),
-    /// The next camera of the scene.
+    /// Selects the next camera of the scene.
     NextCamera,
-    /// The next thing to be shown of the picture.
+    /// Selects the next display mode.
     NextShown,
-    /// Beside a second setting, or alone.
+    /// Starts or ends a comparison.
     Compare,
-    /// The next tier of numerics.
+    /// Selects the next numerics tier.
     NextTier,
-    /// The next shading mode.
+    /// Selects the next shading mode.
     NextShading,
-    /// An effect on or off, by its place in the panel from 0.
+    /// Toggles an effect, by its index in the panel.
     Effect(usize),
-    /// The animation goes on or stops.
+    /// Starts or pauses the animation.
     Play,
-    /// So many frames forwards.
+    /// Moves by a number of frames.
     Step(i32),
-    /// The animation's first frame.
+    /// Shows the animation's first frame.
     Rewind,
     /// Saves the picture.
     SavePicture,
@@ -42,19 +42,19 @@ pub enum Action {
     Reload,
     /// Shows or hides the panel.
     Panel,
-    /// The whole screen or a window.
+    /// Toggles full screen.
     FullScreen,
-    /// Dark or light.
+    /// Switches between the dark and the light theme.
     Theme,
-    /// The list of keys.
+    /// Shows or hides the list of keys.
     Help,
-    /// Closes what is open.
+    /// Closes the key list, the notice and the inspector.
     Close,
 }
 
 use crate::world::StandardView::{Back, Bottom, Front, Iso, Left, Right, Top};
 
-/// A key with its modifiers, and what it does.
+/// A key with its modifiers, and its action.
 pub struct Binding {
     modifiers: Modifiers,
     key: Key,
@@ -73,7 +73,7 @@ const fn control(key: Key, action: Action) -> Binding {
     Binding { modifiers: Modifiers::COMMAND, key, action }
 }
 
-/// Those with modifiers first: a key alone takes them, too.
+/// Bindings with modifiers come first, because a binding without modifiers also matches a key with modifiers.
 const BINDINGS: &[Binding] = &[
     control(Key::S, Action::SavePicture),
     control(Key::K, Action::SaveCamera),
@@ -116,7 +116,7 @@ const BINDINGS: &[Binding] = &[
     plain(Key::Escape, Action::Close),
 ];
 
-/// What `?` lists: keys, and what they do.
+/// Text of the key list: keys and actions.
 pub const LIST: &[(&str, &str)] = &[
     ("Drag", "orbit"),
     ("Shift + drag, right or middle button", "pan"),
@@ -150,19 +150,19 @@ pub const LIST: &[(&str, &str)] = &[
     ("? or F1", "these keys"),
 ];
 
-/// Who has the keyboard.
+/// Keyboard focus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Focus {
     /// The picture.
     Picture,
-    /// A control, which gets Enter, Space and arrows.
+    /// A control, which handles Enter, Space and arrows.
     Control,
-    /// A control whose number or text is being typed: it gets all that can be typed.
+    /// A control in text entry, which handles all keys that type text.
     Text,
 }
 
 impl Focus {
-    /// Of this frame.
+    /// The focus of this frame.
     pub fn of(context: &Context) -> Focus {
         match (context.text_edit_focused(), context.egui_wants_keyboard_input()) {
             (true, _) => Focus::Text,
@@ -171,7 +171,7 @@ impl Focus {
         }
     }
 
-    /// Whether a key is the control's.
+    /// Whether the focused control handles a key.
     fn takes(self, modifiers: Modifiers, key: Key) -> bool {
         let is_of_controls = matches!(key, Key::Enter | Key::Space | Key::Escape);
         let is_typed = !modifiers.command && !(Key::F1..=Key::F12).contains(&key);
@@ -183,7 +183,7 @@ impl Focus {
     }
 }
 
-/// What the keys that were pressed do.
+/// Actions of the pressed keys. The key events are removed from `input`.
 pub fn actions(input: &mut InputState, focus: Focus) -> Vec<Action> {
     let mut actions = Vec::new();
     for Binding { modifiers, key, action } in BINDINGS {
@@ -197,27 +197,27 @@ pub fn actions(input: &mut InputState, focus: Focus) -> Vec<Action> {
     actions
 }
 
-/// Keys that are held down to move, and were pressed without Ctrl or Alt: those mean something else.
+/// Movement keys that are held down. Keys pressed with Ctrl or Alt are ignored, since those are shortcuts.
 #[derive(Default)]
-pub struct Held(Vec<Key>);
+pub struct HeldKeys(Vec<Key>);
 
-/// What keys do to the camera.
+/// Camera motion by keys.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Drive {
-    /// To the right, up and forward, while keys are held.
+pub struct CameraMotion {
+    /// Flight to the right, up and forward, each -1, 0 or 1.
     pub fly: DVec3,
-    /// Round the target, to the right and up, while keys are held.
+    /// Orbit to the right and up, each -1, 0 or 1.
     pub orbit: DVec2,
-    /// Presses that zoom in less those that zoom out; a key that is held presses as often as it repeats. Not what is down: + takes Shift
-    /// on many keyboards, and where that is let go of first, the key that comes up is another one, and + would be down for ever.
+    /// Key presses that zoom in minus those that zoom out, with key repeats. Presses are counted instead of held keys,
+    /// because `+` needs Shift on many keyboards: if Shift is released first, the release event is that of another key.
     pub zoom: f64,
 }
 
-impl Held {
-    /// Takes in what was pressed and let go. Arrows belong to a control that has the keyboard.
-    pub fn look(&mut self, input: &InputState, focus: Focus) {
+impl HeldKeys {
+    /// Updates the held keys. Arrows are ignored while a control has the focus.
+    pub fn update(&mut self, input: &InputState, focus: Focus) {
         if !input.focused {
-            // Who lets go elsewhere is not heard here.
+            // Releases are not reported to a window without focus.
             self.0.clear();
         }
         for event in &input.events {
@@ -234,8 +234,8 @@ impl Held {
         }
     }
 
-    /// What keys do now.
-    pub fn drive(&self, input: &InputState, focus: Focus) -> Drive {
+    /// The camera motion of this frame.
+    pub fn motion(&self, input: &InputState, focus: Focus) -> CameraMotion {
         let axis = |minus: Key, plus: Key| {
             f64::from(i8::from(self.0.contains(&plus)) - i8::from(self.0.contains(&minus)))
         };
@@ -243,7 +243,7 @@ impl Held {
         let presses = |key: Key| input.num_presses(key) as f64;
         let is_plain = focus == Focus::Picture && !input.modifiers.command;
         let zoom = presses(Key::Plus) + presses(Key::Equals) - presses(Key::Minus);
-        Drive {
+        CameraMotion {
             fly: DVec3::new(axis(A, D), axis(Q, E), axis(S, W)),
             orbit: DVec2::new(axis(ArrowLeft, ArrowRight), axis(ArrowDown, ArrowUp)),
             zoom: if is_plain { zoom } else { 0.0 },
@@ -273,7 +273,7 @@ mod tests {
         for (key, modifiers) in [(Key::F5, plain), (Key::S, Modifiers::COMMAND)] {
             assert_eq!(actions(&mut pressed(key, modifiers), Focus::Text).len(), 1, "{key:?}");
         }
-        // A control by itself gets what it is worked with.
+        // A focused control handles its own keys only.
         for (key, count) in [(Key::Space, 0), (Key::Enter, 0), (Key::C, 1)] {
             assert_eq!(actions(&mut pressed(key, plain), Focus::Control).len(), count, "{key:?}");
         }
@@ -282,10 +282,10 @@ mod tests {
     #[test]
     fn keys_fly_while_they_are_held_and_not_with_control() {
         let fly = |key, modifiers, focus| {
-            let mut held = Held::default();
+            let mut held = HeldKeys::default();
             let input = pressed(key, modifiers);
-            held.look(&input, focus);
-            held.drive(&input, focus)
+            held.update(&input, focus);
+            held.motion(&input, focus)
         };
         assert_eq!(fly(Key::W, Modifiers::NONE, Focus::Picture).fly, DVec3::Z);
         assert_eq!(fly(Key::S, Modifiers::NONE, Focus::Control).fly, -DVec3::Z);
@@ -295,7 +295,7 @@ mod tests {
             (Key::W, Modifiers::NONE, Focus::Text),
             (Key::ArrowUp, Modifiers::NONE, Focus::Control),
         ] {
-            assert_eq!(fly(key, modifiers, focus), Drive::default(), "{key:?}");
+            assert_eq!(fly(key, modifiers, focus), CameraMotion::default(), "{key:?}");
         }
     }
 }

@@ -1,48 +1,48 @@
-//! Reading files beside the interface.
+//! Loading of files on background threads.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use super::Open;
-use super::look::Opened;
+use super::request::Opened;
 use crate::error::{Result, Warnings};
 use crate::import::FileRead;
 
-/// Files that were read, or could not be.
+/// Result of a load request.
 pub struct Loaded {
-    /// Which request this answers.
+    /// Number of the load request.
     pub number: u64,
-    /// The files that were asked for.
+    /// Requested files.
     pub inputs: Vec<PathBuf>,
-    /// What they hold.
+    /// Scene, or the error.
     pub result: Result<Opened>,
     /// Every file that was read or looked for.
     pub files: Vec<FileRead>,
-    /// What there is to say of them.
+    /// Warnings and notes.
     pub warnings: Warnings,
 }
 
-/// Reads files on threads of its own.
+/// Loads files on background threads.
 pub struct Loader {
     open: Arc<Open>,
     threads: Arc<rayon::ThreadPool>,
     wake: Arc<dyn Fn() + Send + Sync>,
     number: u64,
-    /// The last request that was answered.
+    /// Number of the last completed request.
     answered: u64,
     sender: Sender<Loaded>,
     loaded: Receiver<Loaded>,
 }
 
 impl Loader {
-    /// Has files opened by `open` on `threads`, and calls `wake` when some are.
+    /// Creates a loader that calls `open` on `threads`, and `wake` after each result.
     pub fn new(open: Open, threads: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let (sender, loaded) = channel();
         Loader { open: Arc::new(open), threads, wake: Arc::new(wake), number: 0, answered: 0, sender, loaded }
     }
 
-    /// Reads files; what was asked for before is no longer wanted.
+    /// Starts loading files. Results of earlier requests are discarded.
     pub fn load(&mut self, inputs: Vec<PathBuf>) {
         self.number += 1;
         let number = self.number;
@@ -51,20 +51,20 @@ impl Loader {
         std::thread::spawn(move || {
             let mut warnings = Warnings::default();
             let (result, files) = threads.install(|| open(&inputs, &mut warnings));
-            // Nobody listens to a window that closes.
+            // The receiver is dropped when the window closes.
             let _ = sender.send(Loaded { number, inputs, result, files, warnings });
             wake();
         });
     }
 
-    /// What was asked for last, once it is there.
+    /// The result of the newest request, once, when it is available.
     pub fn loaded(&mut self) -> Option<Loaded> {
         let loaded = self.loaded.try_iter().filter(|loaded| loaded.number == self.number).last()?;
         self.answered = loaded.number;
         Some(loaded)
     }
 
-    /// Whether files are being read.
+    /// Whether a request is pending.
     pub fn is_reading(&self) -> bool {
         self.answered < self.number
     }

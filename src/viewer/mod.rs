@@ -1,31 +1,31 @@
-//! The window: a scene that one can walk around in, and see what each effect does and costs.
+//! The interactive viewer: camera navigation, and the result and cost of each effect.
 //!
-//! Two threads beside the interface's own. The *loader* reads files; the *painter* renders, coarse to fine, what it was asked for
-//! last (`painter`). The interface never waits for either: it says what it wants to see (`look::Order`), and shows what it was
-//! given last. What a picture follows from is plain data (`look`); two orders that are equal have equal pictures.
+//! Two threads run beside the interface's thread. The *loader* reads files; the *painter* renders the newest
+//! `RenderRequest` from coarse to fine. The interface posts requests and shows the last result; it waits for
+//! a result only as long as a frame may take. A request is plain data; equal requests have equal pictures.
 
 mod app;
 mod canvas;
+pub mod command_line;
 mod controls;
 pub mod display;
 pub mod false_colour;
 pub mod inspect;
 mod keys;
 mod loader;
-mod look;
 pub mod navigate;
 mod overlay;
 mod painter;
 mod panel;
 mod refine;
+mod request;
 mod save;
 mod timeline;
 mod trace;
 pub mod watch;
-pub mod words;
 
 pub use app::run;
-pub use look::{From, Opened, Settings};
+pub use request::{CameraSource, Opened, Settings};
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -33,35 +33,35 @@ use std::time::Duration;
 use crate::error::{Result, Warnings};
 use crate::import::FileRead;
 
-/// Reads files and finds out how they are first looked at, and lists all that were read or looked for. The second is told what there
-/// is to say of them.
+/// Reads input files. Returns the scene with its initial camera and settings, and every file that was read or looked
+/// for. Warnings are added to the second argument.
 pub type Open = Box<dyn Fn(&[PathBuf], &mut Warnings) -> (Result<Opened>, Vec<FileRead>) + Send + Sync>;
 
-/// What a window is started with.
+/// Start parameters of the viewer.
 pub struct Start {
     /// The files to open.
     pub inputs: Vec<PathBuf>,
-    /// Opens them, and others that are dropped onto the window.
+    /// Opens the inputs, and files that are dropped onto the window.
     pub open: Open,
-    /// Width and height of the picture at first, in pixels; as the scene says where it is not given.
+    /// Initial width and height of the picture in pixels; `None` for the scene's size.
     pub size: Option<[u32; 2]>,
-    /// Threads that render.
+    /// Rendering threads.
     pub threads: rayon::ThreadPool,
-    /// A file for what happens in the window, and when: a line of JSON each.
+    /// File for the event trace: one JSON object per line, with time stamps.
     pub trace: Option<PathBuf>,
-    /// How long to measure the pauses of the interface before the window closes.
+    /// Duration for which frame times of the interface are measured before the window closes.
     pub pauses: Option<Duration>,
-    /// Whether size and settings of the window are remembered.
+    /// Whether the window's size and settings are stored between runs.
     pub remembers: bool,
 }
 
-/// The file's own name, for titles.
+/// The file name without its folder, for window titles.
 fn name_of(file: &Path) -> String {
     file.file_name().unwrap_or(file.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// What went wrong, and what to do about it.
-fn say(e: &crate::error::Error) -> String {
+/// The error's message, followed by its hint on a line of its own.
+fn message_with_hint(e: &crate::error::Error) -> String {
     match e.hint() {
         "" => e.to_string(),
         hint => format!("{e}\n{hint}"),

@@ -1,14 +1,14 @@
-//! Moving a camera by hand: pure functions of a [`Camera`], called by what mouse and keys ask for.
+//! Interactive camera navigation: pure functions of a [`Camera`].
 //!
-//! Nothing here has a size of its own: whatever a scene measures, what a step does is a share of the distance to the target or
-//! of the picture. Whatever is asked, the camera stays one that [`View::new`] takes: a step that would lead elsewhere is not made.
+//! All amounts are relative to the distance to the target or to the picture's height, so they do not depend on the
+//! scene's scale. A change after which [`View::new`] would reject the camera is discarded.
 //!
-//! Turning is that of a turntable, as in f3d and Blender: the camera goes round the target about the scene's vertical axis and
-//! over it up to the poles, where it stops and from where it can go anywhere. The picture is level at every step, because
-//! each begins with the axis itself; nothing is added up.
+//! Rotation is turntable rotation, as in f3d and Blender: azimuth about the scene's vertical axis, and elevation,
+//! clamped at the poles. Each step starts from the axis itself, so the picture stays level without accumulated error.
 //!
-//! The viewing rectangle is brought to the target's distance by what changes its size ([`zoom`] and the lens), so that the
-//! projection can be switched at any time and shows the target as large. Turning and moving leave the lens as it is.
+//! Functions that change the size of the viewing rectangle ([`zoom`] and the field of view) first move it to the
+//! target's distance. The projection can then be switched without a change of the target's size in the picture.
+//! Rotation and translation keep the field of view.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -17,101 +17,106 @@ use glam::{DVec2, DVec3};
 use crate::scene::{Camera, MaterialId, Mesh, Object, Projection, Scene, Shape};
 use crate::world::{StandardView, View, basis, fitted_camera};
 
-/// How close to a pole the camera comes, in radians: a hundredth of a pixel beside it, and far enough for the axis to say which
-/// way is up: eleven of sixteen digits remain.
+/// Minimum angle between camera and pole in radians: a hundredth of a pixel, and large enough that the direction of up
+/// keeps eleven of sixteen digits.
 const POLE: f64 = 1e-5;
 
-/// Sines below this are rounding: is a camera level, is its up at right angles to its direction.
+/// Sines below this are rounding errors, in the tests whether a camera is level and whether its up is perpendicular to
+/// its direction.
 const LEVEL: f64 = 1e-9;
 
-/// How near the target the camera comes, relative to the target's coordinates: twenty of the 53 bits of f64 remain for its direction.
+/// Minimum distance to the target, relative to the target's coordinates: the view direction keeps 20 of the 53 bits of
+/// `f64`.
 const NEAREST: f64 = 1.0 / (1u64 << 32) as f64;
 
-/// Angles of view that can be set, in radians.
+/// Range of the vertical field of view that can be set, in radians.
 const ANGLES: [f64; 2] = [1e-4, 2.9];
 
-/// The camera's place in the scene: its axes, to the right, up and backwards, and its distance from the target.
-struct Stand {
+/// The camera's axes (right, up, backwards) and its distance from the target.
+struct CameraPose {
     u: DVec3,
     v: DVec3,
     w: DVec3,
     distance: f64,
 }
 
-impl Stand {
-    /// `None` for a camera that cannot be used.
+impl CameraPose {
+    /// `None` for an invalid camera.
     fn of(camera: &Camera) -> Option<Self> {
         let [u, v, w] = basis(camera.position, camera.target, camera.up)?;
         let distance = length(camera.position - camera.target);
-        (distance > 0.0 && distance.is_finite()).then_some(Stand { u, v, w, distance })
+        (distance > 0.0 && distance.is_finite()).then_some(CameraPose { u, v, w, distance })
     }
 }
 
-/// Goes round the target: by angles in radians, `x` to the right of the camera and `y` up. Stops at the poles.
+/// Orbits around the target by angles in radians, `x` to the right of the camera and `y` up. Clamped at the poles.
 pub fn orbit(camera: &mut Camera, by: DVec2) {
-    change(camera, |camera, stand| {
-        let (axis, w) = turned(camera, stand, by);
+    change(camera, |camera, pose| {
+        let (axis, w) = turned(camera, pose, by);
         camera.up = axis;
-        camera.position = camera.target + stand.distance * w;
+        camera.position = camera.target + pose.distance * w;
     });
 }
 
-/// Turns on the spot: by angles in radians, `x` to the right and `y` up. Stops at the poles.
+/// Rotates about the eye by angles in radians, `x` to the right and `y` up. Clamped at the poles.
 pub fn look_around(camera: &mut Camera, by: DVec2) {
-    change(camera, |camera, stand| {
-        // To look to the right is to stand to the left of what is looked at.
-        let (axis, w) = turned(camera, stand, -by);
+    change(camera, |camera, pose| {
+        // Looking to the right moves the camera to the left as seen from the target, hence the sign.
+        let (axis, w) = turned(camera, pose, -by);
         camera.up = axis;
-        camera.target = camera.position - stand.distance * w;
+        camera.target = camera.position - pose.distance * w;
     });
 }
 
-/// Moves the picture: what lies at the target's distance moves by `by`, `x` to the right and `y` up, in shares of the picture's
-/// height, so that it stays under the mouse that drags it. `aspect` is the picture's width divided by its height.
+/// Translates the camera so that points at the target's distance move by `by` in the picture, `x` to the right and `y`
+/// up, in fractions of the picture's height: a dragged point stays under the mouse. `aspect` is the picture's width
+/// divided by its height.
 pub fn pan(camera: &mut Camera, by: DVec2, aspect: f64) {
-    change(camera, |camera, stand| {
-        let by = by * height_at_target(camera, stand, aspect);
-        let step = -(by.x * stand.u + by.y * stand.v);
+    change(camera, |camera, pose| {
+        let by = by * height_at_target(camera, pose, aspect);
+        let step = -(by.x * pose.u + by.y * pose.v);
         camera.position += step;
         camera.target += step;
     });
 }
 
-/// Shows the target `factor` times as large: nearer in perspective, by a smaller rectangle where rays are parallel.
+/// Magnifies the target by `factor`: by a smaller distance in perspective, by a smaller viewing rectangle in
+/// orthographic projection.
 pub fn zoom(camera: &mut Camera, factor: f64) {
     zoom_about(camera, factor, camera.target);
 }
 
-/// [`zoom`] that leaves under the mouse what is there at the target's distance. `at` is the mouse's place from the picture's
-/// middle, `x` to the right and `y` up, in shares of the picture's height; `aspect` its width divided by its height.
+/// [`zoom`] that keeps the point under the mouse, at the target's distance, in place. `at` is the mouse position
+/// relative to the picture's centre, `x` to the right and `y` up, in fractions of the picture's height; `aspect` is its
+/// width divided by its height.
 pub fn zoom_at(camera: &mut Camera, factor: f64, at: DVec2, aspect: f64) {
-    let Some(stand) = Stand::of(camera) else { return };
-    let at = at * height_at_target(camera, &stand, aspect);
-    zoom_about(camera, factor, camera.target + at.x * stand.u + at.y * stand.v);
+    let Some(pose) = CameraPose::of(camera) else { return };
+    let at = at * height_at_target(camera, &pose, aspect);
+    zoom_about(camera, factor, camera.target + at.x * pose.u + at.y * pose.v);
 }
 
-/// [`zoom`] that leaves a point of the scene where it is in the picture, such as the one that the mouse points at.
+/// [`zoom`] that keeps the position of a scene point in the picture.
 pub fn zoom_about(camera: &mut Camera, factor: f64, point: DVec3) {
     if !(factor > 0.0 && factor.is_finite()) {
         return;
     }
-    change(camera, |camera, stand| {
-        bring_rectangle_to_target(camera, stand);
+    change(camera, |camera, pose| {
+        bring_rectangle_to_target(camera, pose);
         let share = 1.0 - 1.0 / factor;
         let towards = point - camera.target;
         match camera.projection {
             Projection::Perspective => {
-                let distance = stand.distance / factor;
+                let distance = pose.distance / factor;
                 let target = camera.target + share * towards;
                 if distance < NEAREST * target.abs().max_element() && factor > 1.0 {
                     return;
                 }
                 camera.target = target;
-                camera.position = target + distance * stand.w;
+                camera.position = target + distance * pose.w;
                 scale_lens(camera, 1.0 / factor);
             }
             Projection::Orthographic => {
-                let across = share * (towards - towards.dot(stand.w) * stand.w);
+                let across = share * (towards - towards.dot(pose.w) * pose.w);
                 camera.target += across;
                 camera.position += across;
                 scale_rectangle(camera, 1.0 / factor);
@@ -120,73 +125,74 @@ pub fn zoom_about(camera: &mut Camera, factor: f64, point: DVec3) {
     });
 }
 
-/// Flies: to the right, up and forward by `by`, in distances to the target, which goes along.
+/// Moves camera and target to the right, up and forward by `by`, in units of the distance to the target.
 pub fn fly(camera: &mut Camera, by: DVec3) {
-    change(camera, |camera, stand| {
-        let step = (by.x * stand.u + by.y * stand.v - by.z * stand.w) * stand.distance;
+    change(camera, |camera, pose| {
+        let step = (by.x * pose.u + by.y * pose.v - by.z * pose.w) * pose.distance;
         camera.position += step;
         camera.target += step;
     });
 }
 
-/// Makes a point the target and brings it to the middle of the picture, looking the same way. In perspective the camera comes
-/// no farther from it than it was from its target, and no nearer than it is, but for what lies beside or behind it; so do the sizes
-/// of things that are as far as the target was.
+/// Makes a point the target and moves it to the picture's centre, without rotation. In perspective, the new distance is
+/// the point's depth, at most the old distance to the target and at least 1/1024 of it; for points beside or behind the
+/// camera it is the old distance.
 pub fn focus(camera: &mut Camera, point: DVec3) {
-    change(camera, |camera, stand| {
-        let depth = (camera.position - point).dot(stand.w);
-        let nearest = stand.distance / 1024.0;
+    change(camera, |camera, pose| {
+        let depth = (camera.position - point).dot(pose.w);
+        let nearest = pose.distance / 1024.0;
         let distance = match camera.projection {
             Projection::Perspective if depth > 0.0 => {
-                bring_rectangle_to_target(camera, stand);
-                depth.clamp(nearest, stand.distance)
+                bring_rectangle_to_target(camera, pose);
+                depth.clamp(nearest, pose.distance)
             }
-            _ => stand.distance,
+            _ => pose.distance,
         };
         camera.target = point;
-        camera.position = point + distance * stand.w;
-        scale_lens(camera, distance / stand.distance);
+        camera.position = point + distance * pose.w;
+        scale_lens(camera, distance / pose.distance);
     });
 }
 
-/// The angle of view from the bottom to the top of the viewing rectangle, in radians, as perspective has it.
+/// The vertical field of view in radians, of the perspective projection.
 pub fn field_of_view(camera: &Camera) -> f64 {
     2.0 * (camera.view_height / camera.viewpoint_distance / 2.0).atan()
 }
 
-/// Sets the vertical angle of view, in radians. In perspective the eye stays; where rays are parallel the picture does, and the
-/// angle is that of the perspective that shows the target as large ([`set_lens`]).
+/// Sets the vertical field of view in radians. In perspective the eye keeps its position. In orthographic projection
+/// the picture does not change; the value applies to the perspective projection that shows the target at the same size
+/// ([`set_lens`]).
 pub fn set_field_of_view(camera: &mut Camera, angle: f64) {
     if camera.projection == Projection::Orthographic {
         return set_lens(camera, angle);
     }
     let Some(height) = height_at_one(angle) else { return };
-    change(camera, |camera, stand| {
-        bring_rectangle_to_target(camera, stand);
-        scale_rectangle(camera, height * stand.distance / camera.view_height);
+    change(camera, |camera, pose| {
+        bring_rectangle_to_target(camera, pose);
+        scale_rectangle(camera, height * pose.distance / camera.view_height);
     });
 }
 
-/// Sets the vertical angle of view, in radians, and moves the eye so that the target is as large as before ("dolly zoom").
+/// Sets the vertical field of view in radians, and moves the eye so that the target keeps its size ("dolly zoom").
 pub fn set_lens(camera: &mut Camera, angle: f64) {
     let Some(height) = height_at_one(angle) else { return };
-    change(camera, |camera, stand| {
-        bring_rectangle_to_target(camera, stand);
+    change(camera, |camera, pose| {
+        bring_rectangle_to_target(camera, pose);
         let distance = camera.view_height / height;
-        camera.position = camera.target + distance * stand.w;
+        camera.position = camera.target + distance * pose.w;
         camera.viewpoint_distance = distance;
     });
 }
 
-/// Switches the projection; the target stays as large. Coming back to perspective the angle of view becomes `angle`, that of the
-/// last perspective: what was zoomed in between would else have made a telescope or a fish-eye of it.
+/// Switches the projection; the target keeps its size. Perspective gets the vertical field of view `angle`, that of the
+/// last perspective: otherwise orthographic zooming in between would change it.
 pub fn switch_projection(camera: &mut Camera, projection: Projection, angle: f64) {
     if camera.projection == projection {
         return;
     }
     let before = camera.clone();
-    change(camera, |camera, stand| {
-        bring_rectangle_to_target(camera, stand);
+    change(camera, |camera, pose| {
+        bring_rectangle_to_target(camera, pose);
         camera.projection = projection;
     });
     if projection == Projection::Perspective && *camera != before {
@@ -194,24 +200,24 @@ pub fn switch_projection(camera: &mut Camera, projection: Projection, angle: f64
     }
 }
 
-/// Shows all of a box, looking the same way through the same lens, with a twentieth of the picture free on the tightest sides.
-/// `aspect` is the picture's width divided by its height.
+/// Fits a box into the picture, without rotation or change of the field of view, with a margin of a twentieth of the
+/// picture on the tightest sides. `aspect` is the picture's width divided by its height.
 pub fn frame(camera: &mut Camera, (min, max): (DVec3, DVec3), aspect: f64) {
     const FREE: f64 = 0.9;
-    change(camera, |camera, stand| {
-        bring_rectangle_to_target(camera, stand);
-        let seen = height_at_target(camera, stand, aspect) * FREE;
+    change(camera, |camera, pose| {
+        bring_rectangle_to_target(camera, pose);
+        let usable_height = height_at_target(camera, pose, aspect) * FREE;
         let middle = min / 2.0 + max / 2.0;
-        // Of each corner, how far right of and above the middle, and how much nearer.
+        // For each corner: horizontal and vertical distance from the centre, and how much nearer it is.
         let corners = (0..8).map(|i| {
             let pick = |axis: usize| if i >> axis & 1 == 1 { max[axis] } else { min[axis] };
             let p = DVec3::new(pick(0), pick(1), pick(2)) - middle;
-            (DVec2::new(p.dot(stand.u), p.dot(stand.v)).abs() / DVec2::new(aspect, 1.0), p.dot(stand.w))
+            (DVec2::new(p.dot(pose.u), p.dot(pose.v)).abs() / DVec2::new(aspect, 1.0), p.dot(pose.w))
         });
         let needed = |(across, nearer): (DVec2, f64)| match camera.projection {
-            // A corner is within when `across <= slope (distance - nearer)`.
-            Projection::Perspective => nearer + across.max_element() / (seen / 2.0 / stand.distance),
-            Projection::Orthographic => across.max_element() * 2.0 / seen,
+            // A corner is visible if `across <= slope (distance - nearer)`.
+            Projection::Perspective => nearer + across.max_element() / (usable_height / 2.0 / pose.distance),
+            Projection::Orthographic => across.max_element() * 2.0 / usable_height,
         };
         let needed = corners.map(needed).fold(0.0, f64::max);
         if !(needed > 0.0 && needed.is_finite()) {
@@ -219,24 +225,24 @@ pub fn frame(camera: &mut Camera, (min, max): (DVec3, DVec3), aspect: f64) {
         }
         let distance = match camera.projection {
             Projection::Perspective => {
-                scale_lens(camera, needed / stand.distance);
+                scale_lens(camera, needed / pose.distance);
                 needed
             }
             Projection::Orthographic => {
                 scale_rectangle(camera, needed);
-                // In front of everything: what is behind the camera is not seen in parallel either.
-                let distance = stand.distance.max((max - min).length());
+                // In front of the whole box: points behind the camera are not visible in orthographic projection
+                // either.
+                let distance = pose.distance.max((max - min).length());
                 camera.viewpoint_distance = distance;
                 distance
             }
         };
         camera.target = middle;
-        camera.position = middle + distance * stand.w;
+        camera.position = middle + distance * pose.w;
     });
 }
 
-/// A camera that looks at all of a box from a standard side, as [`fitted_camera`] does at a scene, where only the scene's
-/// bounds are at hand. `None` where the box has no extent.
+/// A standard view fitted to a box, as [`fitted_camera`] fits it to a scene. `None` if the box has no extent.
 pub fn standard(
     (min, max): (DVec3, DVec3),
     view: StandardView,
@@ -254,62 +260,64 @@ pub fn standard(
     fitted_camera(&Scene { objects: vec![object], ..Scene::default() }, view, aspect, projection)
 }
 
-/// Makes a step, unless it leads to where no camera can be.
-fn change(camera: &mut Camera, step: impl FnOnce(&mut Camera, &Stand)) {
-    let Some(stand) = Stand::of(camera) else { return };
+/// Applies a change, unless the resulting camera is invalid in either projection.
+fn change(camera: &mut Camera, step: impl FnOnce(&mut Camera, &CameraPose)) {
+    let Some(pose) = CameraPose::of(camera) else { return };
     let mut next = camera.clone();
-    step(&mut next, &stand);
-    // In pictures of any shape.
+    step(&mut next, &pose);
+    // At any aspect ratio.
     let usable = |projection, size| View::new(&next, projection, size).is_ok();
     let both = [Projection::Perspective, Projection::Orthographic];
     let sizes = [[65_535, 1], [1, 65_535]];
-    if Stand::of(&next).is_some() && both.iter().all(|&p| sizes.iter().all(|&size| usable(p, size))) {
+    if CameraPose::of(&next).is_some() && both.iter().all(|&p| sizes.iter().all(|&size| usable(p, size))) {
         *camera = next;
     }
 }
 
-/// The vertical axis, and the direction backwards of a camera that is turned about it to the right by `by.x` and up by `by.y`.
-fn turned(camera: &Camera, stand: &Stand, by: DVec2) -> (DVec3, DVec3) {
-    let axis = vertical(camera, stand);
-    // Backwards, level. To the right is at right angles to the axis also where backwards is nearly along it.
-    let level = stand.u.cross(axis).normalize_or(stand.v);
-    let elevation = stand.w.dot(axis).atan2(stand.w.dot(level)) + by.y;
+/// The vertical axis, and the backward direction after a rotation about it by `by.x` to the right and an elevation by
+/// `by.y`.
+fn turned(camera: &Camera, pose: &CameraPose, by: DVec2) -> (DVec3, DVec3) {
+    let axis = vertical(camera, pose);
+    // The horizontal backward direction, from `u`, which is perpendicular to the axis also near the poles.
+    let level = pose.u.cross(axis).normalize_or(pose.v);
+    let elevation = pose.w.dot(axis).atan2(pose.w.dot(level)) + by.y;
     let limit = FRAC_PI_2 - POLE;
     let ((sin, cos), (rise, reach)) = (by.x.sin_cos(), elevation.clamp(-limit, limit).sin_cos());
     let level = level * cos + axis.cross(level) * sin;
     (axis, (level * reach + axis * rise).normalize())
 }
 
-/// The axis that the camera is turned about. Its own up, where that says more than the picture's: it is the scene's +y where the
-/// camera was fitted, or came as a matrix, and is level.
-fn vertical(camera: &Camera, stand: &Stand) -> DVec3 {
+/// The axis of rotation. An up vector that is not perpendicular to the view direction is the axis itself. A
+/// perpendicular one may come from a matrix or a fitted camera: then the axis is the scene's y axis if the camera is
+/// level, else the up vector.
+fn vertical(camera: &Camera, pose: &CameraPose) -> DVec3 {
     let up = camera.up / camera.up.abs().max_element();
     let up = up.normalize_or(DVec3::Y);
-    let says_more = up.dot(stand.w).abs() > LEVEL;
-    let is_level = stand.u.y.abs() <= LEVEL;
+    let says_more = up.dot(pose.w).abs() > LEVEL;
+    let is_level = pose.u.y.abs() <= LEVEL;
     match (says_more, is_level) {
-        (false, true) if stand.v.y < -LEVEL => -DVec3::Y,
+        (false, true) if pose.v.y < -LEVEL => -DVec3::Y,
         (false, true) => DVec3::Y,
         _ => up,
     }
 }
 
-/// How much of the scene the picture shows from its bottom to its top, at the target's distance.
-fn height_at_target(camera: &Camera, stand: &Stand, aspect: f64) -> f64 {
-    // As `View` has it: more is seen along one axis, never less.
+/// Height of the visible area at the target's distance.
+fn height_at_target(camera: &Camera, pose: &CameraPose, aspect: f64) -> f64 {
+    // As in `View`: the viewing rectangle is extended along one axis, never cropped.
     let height = camera.view_width.map_or(camera.view_height, |width| camera.view_height.max(width / aspect));
     match camera.projection {
-        Projection::Perspective => height * (stand.distance / camera.viewpoint_distance),
+        Projection::Perspective => height * (pose.distance / camera.viewpoint_distance),
         Projection::Orthographic => height,
     }
 }
 
-/// Moves the viewing rectangle to the target; what is seen stays.
-fn bring_rectangle_to_target(camera: &mut Camera, stand: &Stand) {
+/// Moves the viewing rectangle to the target's distance, without a change of the picture.
+fn bring_rectangle_to_target(camera: &mut Camera, pose: &CameraPose) {
     if camera.projection == Projection::Perspective {
-        scale_rectangle(camera, stand.distance / camera.viewpoint_distance);
+        scale_rectangle(camera, pose.distance / camera.viewpoint_distance);
     }
-    camera.viewpoint_distance = stand.distance;
+    camera.viewpoint_distance = pose.distance;
 }
 
 fn scale_rectangle(camera: &mut Camera, factor: f64) {
@@ -327,7 +335,7 @@ fn height_at_one(angle: f64) -> Option<f64> {
     angle.is_finite().then(|| 2.0 * (angle.clamp(ANGLES[0], ANGLES[1]) / 2.0).tan())
 }
 
-/// The length of a vector whose square may be beyond f64.
+/// The length of a vector, without overflow of its square.
 fn length(v: DVec3) -> f64 {
     let largest = v.abs().max_element();
     if largest > 0.0 && largest.is_finite() { (v / largest).length() * largest } else { largest }

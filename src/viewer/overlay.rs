@@ -1,4 +1,4 @@
-//! What lies over the picture: notices, the list of keys, legends.
+//! Overlays of the picture: notices, the list of keys, legends and side labels.
 
 use std::time::{Duration, Instant};
 
@@ -9,28 +9,27 @@ use egui::{
 use super::false_colour::Legend;
 use super::keys::LIST;
 
-/// How long one reads a notice.
-const ENOUGH: Duration = Duration::from_secs(5);
+/// Display time of a notice that is not an error.
+const NOTICE_TIME: Duration = Duration::from_secs(5);
 
-/// Something that is said over the picture until it no longer holds.
+/// A message over the picture.
 pub struct Notice {
-    /// What.
+    /// Message; further lines are the hint.
     pub text: String,
-    /// Whether something went wrong.
+    /// Whether the message is an error.
     pub is_error: bool,
-    /// Since when.
+    /// Time of creation.
     pub since: Instant,
 }
 
 impl Notice {
-    /// Of now.
     pub fn new(text: String, is_error: bool) -> Self {
         Notice { text, is_error, since: Instant::now() }
     }
 
-    /// Whether it was there for long enough. What went wrong stays until it is put right or dismissed.
+    /// Whether the display time is over. Errors have no time limit.
     pub fn is_over(&self, context: &Context) -> bool {
-        let left = ENOUGH.saturating_sub(self.since.elapsed());
+        let left = NOTICE_TIME.saturating_sub(self.since.elapsed());
         if !self.is_error {
             context.request_repaint_after(left);
         }
@@ -38,7 +37,7 @@ impl Notice {
     }
 }
 
-/// A notice at the top of the picture. Returns whether it was dismissed.
+/// Shows a notice at the top of the picture. Returns whether it was dismissed.
 pub fn notice(context: &Context, rect: Rect, notice: &Notice) -> bool {
     let mut dismissed = false;
     let area = Area::new(Id::unique("notice")).fixed_pos(rect.min + vec2(12.0, 12.0)).constrain_to(rect);
@@ -62,7 +61,7 @@ pub fn notice(context: &Context, rect: Rect, notice: &Notice) -> bool {
     dismissed
 }
 
-/// The list of keys.
+/// Shows the list of keys.
 pub fn keys(context: &Context, open: &mut bool) {
     Window::new("Keys").open(open).resizable(false).collapsible(false).default_pos(pos2(40.0, 40.0)).show(
         context,
@@ -78,7 +77,7 @@ pub fn keys(context: &Context, open: &mut bool) {
     );
 }
 
-/// What false colours mean, at the bottom of the picture.
+/// Shows the legend of false colours at the bottom of the picture.
 pub fn legend(context: &Context, rect: Rect, legend: &Legend) {
     let area = Area::new(Id::unique("legend"))
         .pivot(Align2::LEFT_BOTTOM)
@@ -110,7 +109,7 @@ pub fn legend(context: &Context, rect: Rect, legend: &Legend) {
     });
 }
 
-/// Names the two sides of a comparison at the top of the picture, on either side of the line.
+/// Shows the labels of the two sides of a comparison at the top of the picture.
 pub fn sides(context: &Context, rect: Rect, split: f32, names: &[String; 2]) {
     let line = rect.left() + split * rect.width();
     let places: [(Align2, Pos2); 2] = [

@@ -1,13 +1,13 @@
-//! The panel: where it is seen from, how it is computed, and what each effect takes.
+//! The side panel: camera, render settings, and the cost of each effect.
 
 use egui::{ComboBox, DragValue, Grid, RichText, Slider, Ui};
 
 use super::controls::Controls;
-use super::false_colour::Shown;
+use super::false_colour::DisplayMode;
 use super::keys::Action;
-use super::look::{From, Opened, Settings};
 use super::navigate;
-use super::painter::{Comparison, Painted};
+use super::painter::{Comparison, RenderedImage};
+use super::request::{CameraSource, Opened, Settings};
 use super::trace::Trace;
 use crate::effects::{Decision, RayKind, id};
 use crate::film::{ColourPipeline, FilterShape};
@@ -16,37 +16,37 @@ use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
-/// What the panel shows.
-pub struct Shows<'a> {
-    /// The files.
+/// Data that the panel displays.
+pub struct PanelContents<'a> {
+    /// Opened files.
     pub opened: &'a Opened,
-    /// What was painted last, of each side.
-    pub painted: [Option<&'a Painted>; 2],
-    /// How far the sides are apart.
+    /// Last image of each side.
+    pub rendered: [Option<&'a RenderedImage>; 2],
+    /// Errors between the two sides.
     pub comparison: Option<Comparison>,
 }
 
-impl Shows<'_> {
-    fn seen(&self) -> Option<&Camera> {
-        self.painted[0].map(|painted| &painted.prepared.camera)
+impl PanelContents<'_> {
+    fn displayed_camera(&self) -> Option<&Camera> {
+        self.rendered[0].map(|rendered| &rendered.prepared.camera)
     }
 }
 
-/// The whole panel.
-pub fn show(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace) {
+/// Shows the panel.
+pub fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
     ui.add_space(8.0);
-    camera(ui, shows, controls, trace);
+    camera(ui, contents, controls, trace);
     ui.separator();
-    comparison(ui, shows, controls, trace);
-    let painted = shows.painted[controls.side];
-    how(ui, controls, trace);
+    comparison(ui, contents, controls, trace);
+    let rendered = contents.rendered[controls.side];
+    render_settings(ui, controls, trace);
     ui.separator();
-    if let Some(painted) = painted {
-        effects(ui, painted, controls.settings(), trace);
+    if let Some(rendered) = rendered {
+        effects(ui, rendered, controls.settings(), trace);
     }
 }
 
-/// What can be done with what is seen. Returns what is asked for.
+/// Shows the buttons. Returns the action of a clicked button.
 pub fn buttons(ui: &mut Ui, trace: &mut Trace) -> Option<Action> {
     let all = [
         ("Save picture", "as a PNG in this folder (Ctrl + S)", Action::SavePicture),
@@ -54,40 +54,46 @@ pub fn buttons(ui: &mut Ui, trace: &mut Trace) -> Option<Action> {
         ("Copy command", "the command line that renders this (Ctrl + L)", Action::CopyCommand),
         ("Keys", "what keys and mouse do (?)", Action::Help),
     ];
-    let mut asked = None;
+    let mut clicked = None;
     ui.separator();
     ui.horizontal_wrapped(|ui| {
         for (name, meaning, action) in all {
             let button = ui.button(name).on_hover_text(meaning);
             place(ui, trace, name, &button);
             if button.clicked() {
-                asked = Some(action);
+                clicked = Some(action);
             }
         }
     });
-    asked
+    clicked
 }
 
-fn camera(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace) {
-    let cameras = &shows.opened.scene.cameras;
+fn camera(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
+    let cameras = &contents.opened.scene.cameras;
     ui.horizontal(|ui| {
-        let name = match &controls.from {
-            From::Scene(index) => cameras.get(*index).map_or("", |camera| &camera.name).to_owned(),
-            From::Fitted(view) => view.name().to_owned(),
-            From::Free(_) => "free".to_owned(),
+        let name = match &controls.camera_source {
+            CameraSource::Scene(index) => cameras.get(*index).map_or("", |camera| &camera.name).to_owned(),
+            CameraSource::Fitted(view) => view.name().to_owned(),
+            CameraSource::Free(_) => "free".to_owned(),
         };
         let list = ComboBox::from_id_salt("camera").selected_text(name).show_ui(ui, |ui| {
             for (index, camera) in cameras.iter().enumerate() {
-                if ui.selectable_label(controls.from == From::Scene(index), &camera.name).clicked() {
-                    (controls.from, controls.projection) = (From::Scene(index), None);
+                if ui
+                    .selectable_label(controls.camera_source == CameraSource::Scene(index), &camera.name)
+                    .clicked()
+                {
+                    (controls.camera_source, controls.projection) = (CameraSource::Scene(index), None);
                 }
             }
             if !cameras.is_empty() {
                 ui.separator();
             }
             for view in StandardView::ALL {
-                if ui.selectable_label(controls.from == From::Fitted(view), view.name()).clicked() {
-                    controls.stand(view);
+                if ui
+                    .selectable_label(controls.camera_source == CameraSource::Fitted(view), view.name())
+                    .clicked()
+                {
+                    controls.fit_standard_view(view);
                 }
             }
         });
@@ -98,7 +104,7 @@ fn camera(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace
             controls.reset_camera();
         }
     });
-    let Some(seen) = shows.seen() else { return };
+    let Some(seen) = contents.displayed_camera() else { return };
     ui.horizontal(|ui| {
         for projection in [Projection::Perspective, Projection::Orthographic] {
             let button = ui.selectable_label(seen.projection == projection, projection.name());
@@ -112,25 +118,25 @@ fn camera(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace
     let slider =
         ui.add(Slider::new(&mut degrees, 1.0..=150.0).text("field of view").suffix("°").logarithmic(true));
     place(ui, trace, "field of view", &slider);
-    // A control that gets the keyboard reads its own digits back, which are fewer than the angle's.
+    // A slider that gets the focus parses its displayed text, which is rounded, and reports a change.
     let before = navigate::field_of_view(seen).to_degrees();
     if slider.changed() && (degrees - before).abs() > 1e-3 * before {
         controls.navigate(Some(seen), |camera| navigate::set_field_of_view(camera, degrees.to_radians()));
     }
-    let shown = ComboBox::from_label("shown").selected_text(controls.shown.name()).show_ui(ui, |ui| {
-        for shown in Shown::ALL {
-            ui.selectable_value(&mut controls.shown, shown, shown.name());
+    let shown = ComboBox::from_label("shown").selected_text(controls.display_mode.name()).show_ui(ui, |ui| {
+        for shown in DisplayMode::ALL {
+            ui.selectable_value(&mut controls.display_mode, shown, shown.name());
         }
     });
     place(ui, trace, "shown", &shown.response);
 }
 
-/// Lets a script know where a control is.
+/// Writes the rectangle of a control to the trace, for scripts.
 fn place(ui: &Ui, trace: &mut Trace, name: &str, response: &egui::Response) {
     trace.place(name, response.rect, ui.ctx().pixels_per_point());
 }
 
-fn comparison(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut Trace) {
+fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
     ui.horizontal(|ui| {
         let mut compares = controls.sides.len() > 1;
         let check =
@@ -152,12 +158,12 @@ fn comparison(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut T
     if controls.sides.len() < 2 {
         return;
     }
-    for (painted, name) in shows.painted.iter().zip(["left", "right"]) {
-        if let Some(painted) = painted {
-            ui.label(format!("{name}: {}", work(painted)));
+    for (rendered, name) in contents.rendered.iter().zip(["left", "right"]) {
+        if let Some(rendered) = rendered {
+            ui.label(format!("{name}: {}", progress_text(rendered)));
         }
     }
-    match shows.comparison {
+    match contents.comparison {
         Some(Comparison { max, rmse, flip }) => {
             ui.label(format!("apart: FLIP {flip:.4}, RMSE {rmse:.2e}, max {max:.2e}"));
         }
@@ -167,7 +173,7 @@ fn comparison(ui: &mut Ui, shows: &Shows, controls: &mut Controls, trace: &mut T
     }
 }
 
-fn how(ui: &mut Ui, controls: &mut Controls, trace: &mut Trace) {
+fn render_settings(ui: &mut Ui, controls: &mut Controls, trace: &mut Trace) {
     let settings = controls.settings();
     choice(ui, trace, "shading", &mut settings.choices.shading, &ShadingMode::ALL, ShadingMode::name);
     choice(ui, trace, "numerics", &mut settings.numerics, &Numerics::ALL, Numerics::name);
@@ -209,8 +215,8 @@ fn choice<T: PartialEq + Copy>(
     place(ui, trace, label, &list.response);
 }
 
-fn effects(ui: &mut Ui, painted: &Painted, settings: &mut Settings, trace: &mut Trace) {
-    let statistics = &painted.statistics;
+fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut Settings, trace: &mut Trace) {
+    let statistics = &rendered.statistics;
     Grid::new("effects").num_columns(3).spacing([14.0, 4.0]).striped(true).show(ui, |ui| {
         ui.label(RichText::new("effect").weak());
         ui.label(RichText::new("rays").weak());
@@ -221,7 +227,7 @@ fn effects(ui: &mut Ui, painted: &Painted, settings: &mut Settings, trace: &mut 
         let base = statistics.stages.iter().filter(|stage| stage.effect.is_none()).map(|stage| stage.time);
         ui.label(milliseconds(base.sum()));
         ui.end_row();
-        for (decision, can) in &painted.prepared.decisions {
+        for (decision, can) in &rendered.prepared.decisions {
             effect(ui, decision, *can, settings, trace);
             let cost =
                 statistics.effect_costs.iter().find(|cost| cost.effect == decision.effect && decision.on);
@@ -230,7 +236,7 @@ fn effects(ui: &mut Ui, painted: &Painted, settings: &mut Settings, trace: &mut 
             ui.end_row();
         }
     });
-    if painted.prepared.decisions.iter().any(|(decision, _)| decision.effect == id::GLAZE && decision.on) {
+    if rendered.prepared.decisions.iter().any(|(decision, _)| decision.effect == id::GLAZE && decision.on) {
         let most = settings.value(id::GLAZE).and_then(|value| value.parse::<u32>().ok());
         let mut bounces = most.unwrap_or(0);
         ui.horizontal(|ui| {
@@ -248,9 +254,9 @@ fn effects(ui: &mut Ui, painted: &Painted, settings: &mut Settings, trace: &mut 
     }
 }
 
-/// Whether an effect can be switched: where nothing calls for it, it could not change the picture.
+/// Shows an effect's checkbox. `can` is whether the scene uses the effect; otherwise the checkbox is disabled.
 fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, trace: &mut Trace) {
-    // What was said already and is not painted yet is shown as said.
+    // A change that is not rendered yet is already displayed.
     let is_without = settings.choices.without.iter().any(|name| *name == decision.effect.name());
     let has =
         settings.choices.with.iter().any(|typed| typed.split('=').next() == Some(decision.effect.name()));
@@ -263,8 +269,8 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, 
     }
 }
 
-/// Settings in words, each of which says one of them.
-pub fn in_words(settings: &Settings) -> Vec<String> {
+/// Names of the settings, one entry each.
+pub fn setting_names(settings: &Settings) -> Vec<String> {
     let Settings { choices, numerics, pipeline } = settings;
     let sampling = choices.sampling;
     let samples = if sampling.is_wanted() { sampling.max_samples() } else { 1 };
@@ -282,11 +288,11 @@ pub fn in_words(settings: &Settings) -> Vec<String> {
     words
 }
 
-/// What a picture took, in a line.
-pub fn work(painted: &Painted) -> String {
-    let [width, height] = painted.image.size;
-    let time = milliseconds(painted.time);
-    match (painted.samples, painted.factor) {
+/// Size, samples and render time of an image, in one line.
+pub fn progress_text(rendered: &RenderedImage) -> String {
+    let [width, height] = rendered.image.size;
+    let time = milliseconds(rendered.time);
+    match (rendered.samples, rendered.factor) {
         ((taken, most), 1) if most > 1 => format!("{width} x {height}, {taken} of {most} samples, {time} ms"),
         _ => format!("{width} x {height}, {time} ms"),
     }
@@ -296,7 +302,7 @@ fn milliseconds(time: std::time::Duration) -> String {
     format!("{:.1}", time.as_secs_f64() * 1e3)
 }
 
-/// A number with its thousands apart.
+/// The number with groups of thousands separated by spaces.
 fn count(number: u64) -> String {
     grouped(number, ' ')
 }

@@ -1,52 +1,53 @@
-//! From coarse to fine: which passes a picture takes, one after the other.
+//! Progressive refinement: the sequence of passes of a picture.
 //!
-//! The first is as coarse as it takes to be there at once; the last is what was asked for. Passes before the full size have a pixel for
-//! every so many of the picture's, on each axis; a step of four costs a fifteenth of the full size before it begins.
+//! The resolution of the first pass is chosen so that it meets a time limit; the last pass has full size and all
+//! samples. Coarse passes render pixels of `factor` by `factor` pixels of the picture. With factors that decrease by 4,
+//! all passes but the first cost a fifteenth of a pass of full size.
 
-/// Seconds that the first pass of a picture should take at most: the interface waits for it about as long.
-const AT_ONCE: f64 = 0.008;
+/// Time limit of the first pass in seconds; the interface waits for it about as long.
+const FIRST_PASS_SECONDS: f64 = 0.008;
 
-/// The same of a frame of an animation that plays: it is not refined, and a film has 24 and more a second.
-const IN_A_FRAME: f64 = 0.03;
+/// Time limit of the first pass in seconds during playback, where frames are not refined: 30 frames per second.
+const PLAYBACK_PASS_SECONDS: f64 = 0.03;
 
-/// The coarsest pass has a pixel for so many of the picture's, on each axis.
-const COARSEST: u32 = 32;
+/// Maximum factor of a coarse pass.
+const MAX_FACTOR: u32 = 32;
 
-/// How coarse a picture is begun of which nothing is known.
-const UNKNOWN: u32 = 8;
+/// Factor of the first pass before any render time was measured.
+const DEFAULT_FACTOR: u32 = 8;
 
 /// A pass over a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pass {
-    /// Through the centres of pixels that are so many times as wide and high as the picture's.
+    /// One sample at the centre of each pixel, at a resolution reduced by this factor on each axis.
     Coarse(u32),
-    /// Samples of every pixel, from one number up to another.
+    /// A range of sample numbers of every pixel, the end excluded.
     Samples(u32, u32),
-    /// The whole of it at once.
+    /// Full size with all samples.
     Whole,
 }
 
-/// How a picture's pixels are sampled, for the order of passes.
+/// Sampling of a picture, which determines its passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// Once, at their centres.
+pub enum SamplingKind {
+    /// One sample at the pixel centre.
     Centres,
-    /// So many times each.
+    /// A fixed number of samples per pixel.
     Samples(u32),
-    /// As often as it takes.
+    /// Adaptive sampling.
     Adaptive,
 }
 
-/// How coarse a picture of so many pixels is begun, at so many seconds a pixel.
-pub fn first_factor(pixels: usize, seconds_a_pixel: Option<f64>, plays: bool) -> u32 {
-    let limit = if plays { IN_A_FRAME } else { AT_ONCE };
-    let Some(seconds) = seconds_a_pixel else { return UNKNOWN };
+/// Factor of the first pass of a picture, from the render time per pixel.
+pub fn first_factor(pixels: usize, seconds_per_pixel: Option<f64>, is_playing: bool) -> u32 {
+    let limit = if is_playing { PLAYBACK_PASS_SECONDS } else { FIRST_PASS_SECONDS };
+    let Some(seconds) = seconds_per_pixel else { return DEFAULT_FACTOR };
     let factor = (seconds * pixels as f64 / limit).sqrt().ceil();
-    (factor as u32).clamp(1, COARSEST)
+    (factor as u32).clamp(1, MAX_FACTOR)
 }
 
-/// The passes of a picture that is begun so coarsely.
-pub fn passes(first: u32, kind: Kind) -> Vec<Pass> {
+/// The passes of a picture, the first of them with factor `first`.
+pub fn passes(first: u32, kind: SamplingKind) -> Vec<Pass> {
     let mut passes = Vec::new();
     let mut factor = first;
     while factor > 1 {
@@ -54,9 +55,9 @@ pub fn passes(first: u32, kind: Kind) -> Vec<Pass> {
         factor = if factor > 4 { factor / 4 } else { 1 };
     }
     match kind {
-        Kind::Centres => passes.push(Pass::Whole),
-        Kind::Adaptive => passes.extend([Pass::Coarse(1), Pass::Whole]),
-        Kind::Samples(samples) => {
+        SamplingKind::Centres => passes.push(Pass::Whole),
+        SamplingKind::Adaptive => passes.extend([Pass::Coarse(1), Pass::Whole]),
+        SamplingKind::Samples(samples) => {
             let (mut from, mut to) = (0, 1);
             while from < samples {
                 passes.push(Pass::Samples(from, to.min(samples)));
@@ -78,21 +79,24 @@ mod tests {
         // At 100 ns a tenth: a quarter of the pixels take 0.026 s, a sixteenth 0.0066.
         assert_eq!(first_factor(1 << 20, Some(100e-9), false), 4);
         assert_eq!(first_factor(1 << 20, Some(100e-9), true), 2);
-        assert_eq!(first_factor(1 << 20, Some(1.0), false), COARSEST);
-        assert_eq!(first_factor(1 << 20, None, false), UNKNOWN);
+        assert_eq!(first_factor(1 << 20, Some(1.0), false), MAX_FACTOR);
+        assert_eq!(first_factor(1 << 20, None, false), DEFAULT_FACTOR);
     }
 
     #[test]
     fn passes_end_with_what_was_asked_for() {
         use Pass::{Coarse, Samples, Whole};
-        assert_eq!(passes(8, Kind::Centres), [Coarse(8), Coarse(2), Whole]);
-        assert_eq!(passes(16, Kind::Centres), [Coarse(16), Coarse(4), Whole]);
-        assert_eq!(passes(1, Kind::Centres), [Whole]);
-        assert_eq!(passes(1, Kind::Samples(6)), [Samples(0, 1), Samples(1, 2), Samples(2, 4), Samples(4, 6)]);
-        assert_eq!(passes(2, Kind::Adaptive), [Coarse(2), Coarse(1), Whole]);
+        assert_eq!(passes(8, SamplingKind::Centres), [Coarse(8), Coarse(2), Whole]);
+        assert_eq!(passes(16, SamplingKind::Centres), [Coarse(16), Coarse(4), Whole]);
+        assert_eq!(passes(1, SamplingKind::Centres), [Whole]);
+        assert_eq!(
+            passes(1, SamplingKind::Samples(6)),
+            [Samples(0, 1), Samples(1, 2), Samples(2, 4), Samples(4, 6)]
+        );
+        assert_eq!(passes(2, SamplingKind::Adaptive), [Coarse(2), Coarse(1), Whole]);
         for samples in [1, 2, 3, 64, 100, 65_536] {
             let mut next = 0;
-            for pass in passes(1, Kind::Samples(samples)) {
+            for pass in passes(1, SamplingKind::Samples(samples)) {
                 let Samples(from, to) = pass else { panic!("{pass:?}") };
                 assert!(from == next && to > from);
                 next = to;

@@ -1,13 +1,13 @@
-//! Saving what is seen.
+//! Saving of pictures and cameras.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::Sender;
 
 use egui::ColorImage;
 
-use super::look::{Order, Settings};
 use super::name_of;
 use super::painter::Prepared;
+use super::request::{RenderRequest, Settings};
 use crate::error::{Result, Warnings};
 use crate::film::output::write_whole;
 use crate::film::write::{Format, OutputImage, write_picture};
@@ -17,7 +17,7 @@ use crate::job::resolve;
 use crate::render::RenderControl;
 use crate::scene::Scene;
 
-/// The first name that no file has yet, nor one that is being saved: `NAME.ENDING`, `NAME-2.ENDING`, ...
+/// The first of `STEM.ENDING`, `STEM-2.ENDING`, ... that neither exists nor is being saved.
 pub fn free_name(stem: &str, ending: &str, saving: &[PathBuf]) -> PathBuf {
     let plain = PathBuf::from(format!("{stem}.{ending}"));
     let numbered = (2..).map(|number| PathBuf::from(format!("{stem}-{number}.{ending}")));
@@ -27,13 +27,13 @@ pub fn free_name(stem: &str, ending: &str, saving: &[PathBuf]) -> PathBuf {
         .unwrap_or_default()
 }
 
-/// What saved files are called after: the first input, without its ending.
+/// Stem of the names of saved files: the first input without its ending.
 pub fn stem(inputs: &[PathBuf]) -> String {
     let name = inputs.first().map_or("kiln".into(), |input| name_of(input));
     Path::new(&name).file_stem().map_or(name.clone(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// Writes a file by `work` beside the interface, which is told what became of it.
+/// Writes a file by `work` on a thread, and sends the result.
 pub fn beside(
     file: PathBuf,
     tell: Sender<(PathBuf, Result<()>)>,
@@ -42,28 +42,28 @@ pub fn beside(
 ) {
     std::thread::spawn(move || {
         let done = work(&file);
-        // Nobody listens to a window that closes.
+        // The receiver is dropped when the window closes.
         let _ = tell.send((file, done));
         wake();
     });
 }
 
-/// Renders the picture of a side as `kiln render` does, and writes it.
+/// Renders the picture of a side as `kiln render` does, and writes it as a PNG.
 ///
 /// # Errors
-/// Those of rendering, and [`crate::error::Error::Output`] where it cannot be written.
+/// The errors of rendering, and [`crate::error::Error::Output`] if the file cannot be written.
 pub fn picture(
     prepared: &Prepared,
-    (order, side): (&Order, usize),
+    (request, side): (&RenderRequest, usize),
     command: String,
     file: &Path,
 ) -> Result<()> {
-    let Order { opened, time, sides, .. } = order;
+    let RenderRequest { opened, time, sides, .. } = request;
     let Settings { choices, .. } = &sides[side];
     let job = prepared.job.with_choices(choices.clone())?;
     let (film, _) = job.render(&RenderControl::default())?;
     let scene = Scene { effects: choices.scene.clone(), ..opened.scene.clone() };
-    let mut metadata = resolve(scene, &order.render_settings(side), &mut Warnings::default())?.metadata;
+    let mut metadata = resolve(scene, &request.render_settings(side), &mut Warnings::default())?.metadata;
     if *time != 0.0 {
         add_to_fingerprint(&mut metadata, "time", time);
     }
@@ -71,18 +71,19 @@ pub fn picture(
     write_picture(&OutputImage::Rgb8(film, job.pipeline()), &metadata, Format::Png, file)
 }
 
-/// Writes a text, such as a camera for a scene file.
+/// Writes a text file, such as a camera for a scene file.
 ///
 /// # Errors
-/// [`crate::error::Error::Output`] where it cannot be written.
+/// [`crate::error::Error::Output`] if the file cannot be written.
 pub fn text(file: &Path, text: &str) -> Result<()> {
     write_whole(file, |out| out.write_all(text.as_bytes()))
 }
 
-/// Writes colours as they are seen.
+/// Writes displayed colours as a PNG.
 ///
 /// # Errors
-/// [`crate::error::Error::Output`] where they cannot be written, [`crate::error::Error::Failed`] where there is not enough memory.
+/// [`crate::error::Error::Output`] if the file cannot be written, [`crate::error::Error::Failed`] without enough
+/// memory.
 pub fn colours(image: &ColorImage, file: &Path) -> Result<()> {
     let [width, height] = image.size.map(|side| side as u32);
     let pixels: Vec<[u8; 3]> =

@@ -1,4 +1,4 @@
-//! The animation's bar: play, pause, and any frame of it.
+//! The animation's control bar: play, pause and frame slider.
 
 use egui::{Key, Slider, Ui};
 
@@ -6,7 +6,7 @@ use super::controls::Controls;
 use super::trace::Trace;
 use crate::scene::animation::Timeline;
 
-/// The bar.
+/// Shows the bar. `duration` is in seconds.
 pub fn show(ui: &mut Ui, timeline: &Timeline, duration: f64, controls: &mut Controls, trace: &mut Trace) {
     let scale = ui.ctx().pixels_per_point();
     ui.horizontal(|ui| {
@@ -20,7 +20,7 @@ pub fn show(ui: &mut Ui, timeline: &Timeline, duration: f64, controls: &mut Cont
         ui.spacing_mut().slider_width = (ui.available_width() - 190.0).max(100.0);
         let slider = ui.add(Slider::new(&mut frame, 0..=timeline.last()).text("frame"));
         trace.place("scrub", slider.rect, scale);
-        // A slider that has the keyboard moves by arrows; Space plays all the same.
+        // A focused slider handles arrows; Space still starts playback.
         let is_typed = ui.ctx().text_edit_focused();
         if slider.has_focus() && !is_typed && ui.input(|input| input.key_pressed(Key::Space)) {
             controls.play();

@@ -1,4 +1,4 @@
-//! What happens in the window, and when: a line of JSON each, for scripts that drive it; and its longest pause.
+//! Event trace of the window as JSON lines, for scripts, and measurement of frame times.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -9,48 +9,48 @@ use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
 
-/// How often the interface is asked for a frame while its pauses are measured.
+/// Interval of the frames that are requested during a measurement.
 const HEARTBEAT: Duration = Duration::from_millis(8);
 
-/// Frames from the start until the first of them is on the screen: until then there is no interface that could pause.
+/// Number of frames until the first one is presented. They are excluded from the pauses.
 const OPENING: usize = 2;
 
-/// A pause that is worth a line.
+/// Shortest pause that is written to the trace.
 const LONG: Duration = Duration::from_millis(20);
 
-/// Writes what happens.
+/// Event trace.
 pub struct Trace {
     file: Option<BufWriter<File>>,
     rectangles: Vec<(String, [i64; 4])>,
 }
 
 impl Trace {
-    /// To a file, where one is named.
+    /// Opens the trace; without a file, events are discarded.
     ///
     /// # Errors
-    /// [`Error::Output`] where it cannot be written.
+    /// [`Error::Output`] if the file cannot be written.
     pub fn new(file: Option<&Path>) -> Result<Self> {
         let open = |file| File::create(file).map(BufWriter::new).map_err(|e| Error::output(file, e));
         Ok(Trace { file: file.map(open).transpose()?, rectangles: Vec::new() })
     }
 
-    /// Whether anybody reads along.
+    /// Whether events are written.
     pub fn is_on(&self) -> bool {
         self.file.is_some()
     }
 
-    /// Something happened now: `t` is the system's monotonic clock in seconds.
-    pub fn say(&mut self, event: &str, what: Value) {
+    /// Writes an event with the fields of `what` and the time `t`, the system's monotonic clock in seconds.
+    pub fn event(&mut self, name: &str, what: Value) {
         let Some(file) = &mut self.file else { return };
-        let mut line = json!({ "t": now(), "event": event });
+        let mut line = json!({ "t": now(), "event": name });
         if let (Some(line), Value::Object(what)) = (line.as_object_mut(), what) {
             line.extend(what);
         }
-        // Who drives the window reads along; a full disk is no reason to close it.
+        // Flushed because scripts read the file while the window is open. A full disk must not close the window.
         let _ = writeln!(file, "{line}").and_then(|()| file.flush());
     }
 
-    /// Something can be clicked on: where, in pixels of the window, when that has changed.
+    /// Writes the rectangle of a control in physical pixels, if it has changed.
     pub fn place(&mut self, name: &str, rect: egui::Rect, pixels_per_point: f32) {
         if self.file.is_none() {
             return;
@@ -63,11 +63,11 @@ impl Trace {
             Some((_, known)) => *known = place,
             None => self.rectangles.push((name.to_owned(), place)),
         }
-        self.say("place", json!({ "name": name, "rect": place }));
+        self.event("place", json!({ "name": name, "rect": place }));
     }
 }
 
-/// The system's monotonic clock in seconds: the same for every process.
+/// The system's monotonic clock in seconds, which all processes share on Unix.
 fn now() -> f64 {
     #[cfg(unix)]
     {
@@ -81,7 +81,7 @@ fn now() -> f64 {
     }
 }
 
-/// Measures how long the interface makes one wait.
+/// Measures the times between frames of the interface.
 pub struct Pauses {
     since: Instant,
     wanted: Duration,
@@ -90,19 +90,19 @@ pub struct Pauses {
 }
 
 impl Pauses {
-    /// From now on, for so long.
+    /// Starts a measurement of the given duration.
     pub fn new(wanted: Duration) -> Self {
         Pauses { since: Instant::now(), wanted, last: Instant::now(), all: Vec::new() }
     }
 
-    /// A frame begins. Returns what to print when it is enough.
+    /// Records the start of a frame. Returns the report at the end of the measurement.
     pub fn frame(&mut self, context: &egui::Context, trace: &mut Trace) -> Option<String> {
         let now = Instant::now();
         let pause = now - self.last;
         self.last = now;
         self.all.push(pause);
         if pause > LONG && self.all.len() > OPENING {
-            trace.say("pause", json!({ "ms": pause.as_secs_f64() * 1e3 }));
+            trace.event("pause", json!({ "ms": pause.as_secs_f64() * 1e3 }));
         }
         context.request_repaint_after(HEARTBEAT);
         (now - self.since >= self.wanted).then(|| self.report())

@@ -1,59 +1,57 @@
-//! Knowing when the files of a scene have changed.
+//! Detection of changed scene files by polling.
 //!
-//! A thread asks the system for size, time and identity of each file a few times a second, and says so once all of them have held
-//! still. Asking is cheap, a microsecond a file. Being told by the system is not what it seems: it does not speak of network shares,
-//! and a file that an editor replaces by renaming another is no longer the one that was watched.
-//!
-//! The loader's reading of a scene says which files there are ([`crate::import::load_and_list`]); this knows nothing of
-//! scenes, nor what is done about a change.
+//! A thread reads size, time and identity of each file a few times a second (about a microsecond per file) and reports
+//! a change once all files are unchanged for a while. Notifications of the system are not used: they do not cover
+//! network shares, and they follow the old file if an editor replaces it by renaming another.
+//! [`crate::import::load_and_list`] lists the files of a scene.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
 use crate::import::{FileRead, Stamp};
 
-/// From one look to the next while nothing happens.
-const CALM: Duration = Duration::from_millis(200);
-/// From one look to the next once something has.
-const ALERT: Duration = Duration::from_millis(40);
-/// How long files must have held still. Programs write without such pauses.
-const STILL: Duration = Duration::from_millis(150);
-/// How long where a file is gone that was there, or empty: it is about to be written, by a program that takes its time.
-const STILL_AND_LACKING: Duration = Duration::from_millis(1000);
-/// Looking takes at most this share of the time, however many files there are and however slow their disk is.
-const LOOKING: u32 = 50;
+/// Poll interval while nothing changes.
+const IDLE_INTERVAL: Duration = Duration::from_millis(200);
+/// Poll interval after a change.
+const SETTLING_INTERVAL: Duration = Duration::from_millis(40);
+/// Time for which changed files must stay the same. Programs do not pause that long while writing.
+const SETTLE_TIME: Duration = Duration::from_millis(150);
+/// The same if a file has become missing or empty, which a slow program may be about to write.
+const SETTLE_TIME_MISSING: Duration = Duration::from_millis(1000);
+/// Polling takes at most 1 / `MAX_LOAD_DIVISOR` of the time, for any number of files and any disk.
+const MAX_LOAD_DIVISOR: u32 = 50;
 
-/// Watches files, until it is dropped.
+/// Watches files until it is dropped.
 pub struct Watcher {
-    orders: Sender<Vec<FileRead>>,
+    lists: Sender<Vec<FileRead>>,
 }
 
 impl Watcher {
-    /// Watches `files`, and calls `on_change` from a thread of its own when one of them is no longer what was read, and all hold
-    /// still: once for each change.
+    /// Watches `files`, and calls `on_change` on a background thread, once per change, when a file differs from what
+    /// was read and all have settled.
     ///
     /// # Errors
-    /// The system has no thread to give.
+    /// The thread cannot be started.
     pub fn new(files: Vec<FileRead>, on_change: impl Fn() + Send + 'static) -> std::io::Result<Self> {
-        let (orders, to_do) = channel();
+        let (lists, receiver) = channel();
         let thread = std::thread::Builder::new().name("watch".into());
-        thread.spawn(move || watch(State::new(files), &to_do, &on_change))?;
-        Ok(Watcher { orders })
+        thread.spawn(move || watch(State::new(files), &receiver, &on_change))?;
+        Ok(Watcher { lists })
     }
 
-    /// Watches these files from now on, the list of the last reading. What changed since they were read is a change.
+    /// Replaces the list of files. Changes since they were read are reported.
     pub fn set_files(&self, files: Vec<FileRead>) {
-        // Nobody listens where `on_change` panicked.
-        let _ = self.orders.send(files);
+        // The receiver is gone if `on_change` panicked.
+        let _ = self.lists.send(files);
     }
 }
 
-/// Looks until nobody gives orders any more.
-fn watch(mut state: State, orders: &Receiver<Vec<FileRead>>, on_change: &impl Fn()) {
+/// Main loop of the thread; ends when the watcher is dropped.
+fn watch(mut state: State, lists: &Receiver<Vec<FileRead>>, on_change: &impl Fn()) {
     let start = Instant::now();
-    let mut pause = CALM;
+    let mut pause = IDLE_INTERVAL;
     loop {
-        match orders.recv_timeout(pause) {
+        match lists.recv_timeout(pause) {
             Ok(files) => state = State::new(files),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => return,
@@ -61,63 +59,63 @@ fn watch(mut state: State, orders: &Receiver<Vec<FileRead>>, on_change: &impl Fn
         let before = start.elapsed();
         let stamps = state.files.iter().map(|read| Stamp::of(&read.file)).collect();
         let took = start.elapsed() - before;
-        let said = state.look(before, stamps);
-        if said == Said::Changed {
+        let result = state.update(before, stamps);
+        if result == CheckResult::Changed {
             on_change();
         }
-        let least = if said == Said::Restless { ALERT } else { CALM };
-        pause = least.max(took * LOOKING);
+        let least = if result == CheckResult::Settling { SETTLING_INTERVAL } else { IDLE_INTERVAL };
+        pause = least.max(took * MAX_LOAD_DIVISOR);
     }
 }
 
-/// What a look has shown.
+/// Result of a poll.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Said {
-    /// Everything is as it was read, or as was said before.
+enum CheckResult {
+    /// No file differs from what was read or last reported.
     Same,
-    /// Something is different, and may become more so.
-    Restless,
-    /// Something is different, and stays so.
+    /// A file differs, and the settle time is not over.
+    Settling,
+    /// A file differs, and the settle time is over.
     Changed,
 }
 
-/// What is known of the files, and since when. Times are those since the start; nothing here waits or reads.
+/// State of the polling, without access to files or clocks. Times are relative to the start of the thread.
 struct State {
-    /// As they were read, or as they were when a change was last said.
+    /// Files as they were read or last reported.
     files: Vec<FileRead>,
-    /// As they were last seen, and since when.
-    seen: Option<(Vec<Option<Stamp>>, Duration)>,
+    /// Differing stamps of the last poll, and the time since which they are the same.
+    pending: Option<(Vec<Option<Stamp>>, Duration)>,
 }
 
 impl State {
     fn new(files: Vec<FileRead>) -> Self {
-        State { files, seen: None }
+        State { files, pending: None }
     }
 
-    /// Takes in how the files are at the time `now`, one stamp for each.
-    fn look(&mut self, now: Duration, stamps: Vec<Option<Stamp>>) -> Said {
+    /// Evaluates a poll at the time `now`, with one stamp per file.
+    fn update(&mut self, now: Duration, stamps: Vec<Option<Stamp>>) -> CheckResult {
         let known = self.files.iter().map(|read| read.stamp);
         if known.eq(stamps.iter().copied()) {
-            self.seen = None;
-            return Said::Same;
+            self.pending = None;
+            return CheckResult::Same;
         }
-        let since = match &self.seen {
-            Some((seen, since)) if *seen == stamps => *since,
+        let since = match &self.pending {
+            Some((pending, since)) if *pending == stamps => *since,
             _ => now,
         };
-        let is_lacking = |(read, stamp): (&FileRead, &Option<Stamp>)| match (read.stamp, stamp) {
+        let is_now_missing = |(read, stamp): (&FileRead, &Option<Stamp>)| match (read.stamp, stamp) {
             (Some(_), None) => true,
             (known, Some(stamp)) => stamp.is_empty() && !known.is_some_and(|known| known.is_empty()),
             (None, None) => false,
         };
-        let lacks = self.files.iter().zip(&stamps).any(is_lacking);
-        if now - since < if lacks { STILL_AND_LACKING } else { STILL } {
-            self.seen = Some((stamps, since));
-            return Said::Restless;
+        let is_missing = self.files.iter().zip(&stamps).any(is_now_missing);
+        if now - since < if is_missing { SETTLE_TIME_MISSING } else { SETTLE_TIME } {
+            self.pending = Some((stamps, since));
+            return CheckResult::Settling;
         }
         self.files.iter_mut().zip(stamps).for_each(|(read, stamp)| read.stamp = stamp);
-        self.seen = None;
-        Said::Changed
+        self.pending = None;
+        CheckResult::Changed
     }
 }
 
@@ -125,7 +123,7 @@ impl State {
 mod tests {
     use std::path::Path;
 
-    use super::Said::{Changed, Restless, Same};
+    use super::CheckResult::{Changed, Same, Settling};
     use super::*;
 
     /// Stamps of real files: `size` bytes, one of each number.
@@ -145,11 +143,11 @@ mod tests {
         Duration::from_millis(n)
     }
 
-    /// Looks at a single file at the times and in the states given, and holds what is said to what is expected.
-    fn expect(known: Option<Stamp>, looks: &[(u64, Option<Stamp>, Said)]) {
+    /// Polls a single file with the given times and stamps, and compares the results.
+    fn expect(known: Option<Stamp>, polls: &[(u64, Option<Stamp>, CheckResult)]) {
         let mut state = State::new(vec![read("a", known)]);
-        for &(at, stamp, said) in looks {
-            assert_eq!(state.look(ms(at), vec![stamp]), said, "at {at} ms");
+        for &(at, stamp, expected) in polls {
+            assert_eq!(state.update(ms(at), vec![stamp]), expected, "at {at} ms");
         }
     }
 
@@ -158,18 +156,18 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let [one, two, three] = [1, 2, 3].map(|number| stamp(&folder, number, 5));
         expect(one, &[(0, one, Same), (200, one, Same)]);
-        expect(one, &[(0, two, Restless), (149, two, Restless), (150, two, Changed), (350, two, Same)]);
-        // While it is being written, nothing is said, for however long.
-        let writing = (0..100).map(|i| (100 * i, stamp(&folder, 9, 1 + i as usize), Restless));
-        let mut looks: Vec<_> = writing.collect();
-        looks.extend([(10_000, three, Restless), (10_149, three, Restless), (10_150, three, Changed)]);
-        expect(one, &looks);
-        // What comes back as it was, was never different.
-        expect(one, &[(0, two, Restless), (100, one, Same), (300, two, Restless), (449, two, Restless)]);
-        // Each change is one.
+        expect(one, &[(0, two, Settling), (149, two, Settling), (150, two, Changed), (350, two, Same)]);
+        // While the file is being written, nothing is reported.
+        let writing = (0..100).map(|i| (100 * i, stamp(&folder, 9, 1 + i as usize), Settling));
+        let mut polls: Vec<_> = writing.collect();
+        polls.extend([(10_000, three, Settling), (10_149, three, Settling), (10_150, three, Changed)]);
+        expect(one, &polls);
+        // A file that returns to its state before the settle time is not reported.
+        expect(one, &[(0, two, Settling), (100, one, Same), (300, two, Settling), (449, two, Settling)]);
+        // Two changes are reported separately.
         expect(
             one,
-            &[(0, two, Restless), (200, two, Changed), (400, three, Restless), (600, three, Changed)],
+            &[(0, two, Settling), (200, two, Changed), (400, three, Settling), (600, three, Changed)],
         );
     }
 
@@ -178,19 +176,19 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let [one, two] = [1, 2].map(|number| stamp(&folder, number, 5));
         let empty = stamp(&folder, 3, 0);
-        // An editor that puts another in its place.
-        expect(one, &[(0, None, Restless), (200, None, Restless), (240, two, Restless), (390, two, Changed)]);
-        // One that empties it first.
+        // An editor that replaces the file.
+        expect(one, &[(0, None, Settling), (200, None, Settling), (240, two, Settling), (390, two, Changed)]);
+        // An editor that truncates it first.
         expect(
             one,
-            &[(0, empty, Restless), (900, empty, Restless), (950, two, Restless), (1100, two, Changed)],
+            &[(0, empty, Settling), (900, empty, Settling), (950, two, Settling), (1100, two, Changed)],
         );
-        // One that is deleted and stays so.
-        expect(one, &[(0, None, Restless), (999, None, Restless), (1000, None, Changed), (2000, None, Same)]);
-        // One that was looked for and comes at last, and one that is empty as it was.
-        expect(None, &[(0, None, Same), (200, two, Restless), (350, two, Changed)]);
+        // A file that is deleted.
+        expect(one, &[(0, None, Settling), (999, None, Settling), (1000, None, Changed), (2000, None, Same)]);
+        // A missing file that is created, and an empty file that stays empty.
+        expect(None, &[(0, None, Same), (200, two, Settling), (350, two, Changed)]);
         let also_empty = stamp(&folder, 4, 0);
-        expect(empty, &[(0, also_empty, Restless), (150, also_empty, Changed)]);
+        expect(empty, &[(0, also_empty, Settling), (150, also_empty, Changed)]);
     }
 
     #[test]
@@ -198,44 +196,44 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let [one, two, three] = [1, 2, 3].map(|number| stamp(&folder, number, 5));
         let mut state = State::new(vec![read("a", one), read("b", one)]);
-        assert_eq!(state.look(ms(0), vec![two, one]), Restless);
-        assert_eq!(state.look(ms(100), vec![two, three]), Restless);
-        assert_eq!(state.look(ms(249), vec![two, three]), Restless);
-        assert_eq!(state.look(ms(250), vec![two, three]), Changed);
-        assert_eq!(state.look(ms(260), vec![two, three]), Same);
-        assert_eq!(State::new(Vec::new()).look(ms(0), Vec::new()), Same);
+        assert_eq!(state.update(ms(0), vec![two, one]), Settling);
+        assert_eq!(state.update(ms(100), vec![two, three]), Settling);
+        assert_eq!(state.update(ms(249), vec![two, three]), Settling);
+        assert_eq!(state.update(ms(250), vec![two, three]), Changed);
+        assert_eq!(state.update(ms(260), vec![two, three]), Same);
+        assert_eq!(State::new(Vec::new()).update(ms(0), Vec::new()), Same);
     }
 
-    /// A real disk and the real thread; it waits for what is said, and for nothing else.
+    /// With files on disk and the real thread; waits for reports only, not for fixed times.
     #[test]
     fn files_on_disk_are_watched() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = |name: &str| folder.path().join(name);
         let as_read = |file: &Path| FileRead { file: file.to_owned(), stamp: Stamp::of(file) };
         let write = |name: &str, text: &str| std::fs::write(path(name), text).expect("it can be written");
-        let (heard, said) = channel();
+        let (sender, reports) = channel();
         let long = Duration::from_secs(60);
 
         write("a", "as it was read");
         let files = vec![as_read(&path("a"))];
-        // Between reading and watching.
+        // Changed between reading and watching.
         write("a", "written to meanwhile");
         let watcher =
-            Watcher::new(files, move || heard.send(()).expect("the test listens")).expect("a thread");
-        said.recv_timeout(long).expect("a change before watching is a change");
+            Watcher::new(files, move || sender.send(()).expect("the test listens")).expect("a thread");
+        reports.recv_timeout(long).expect("a change before watching is a change");
 
         // Replaced by renaming, as many editors write.
         write("a~", "of another place on disk");
         std::fs::rename(path("a~"), path("a")).expect("files can be renamed");
-        said.recv_timeout(long).expect("another file under its name is a change");
+        reports.recv_timeout(long).expect("another file under its name is a change");
 
-        // One that was missing.
+        // A missing file that is created.
         watcher.set_files(vec![as_read(&path("a")), as_read(&path("b"))]);
         write("b", "at last");
-        said.recv_timeout(long).expect("a file that comes is a change");
+        reports.recv_timeout(long).expect("a file that comes is a change");
 
         // Dropping it ends the thread, and with it the sender.
         drop(watcher);
-        assert_eq!(said.recv_timeout(long), Err(RecvTimeoutError::Disconnected));
+        assert_eq!(reports.recv_timeout(long), Err(RecvTimeoutError::Disconnected));
     }
 }

@@ -565,18 +565,18 @@ fn a_camera_in_braces_is_the_scenes_own() {
 #[test]
 fn what_is_seen_is_rendered_by_its_line() {
     use kiln::effects::Choices;
-    use kiln::viewer::{navigate, words};
+    use kiln::viewer::{command_line, navigate};
     let workshop = Workshop::new();
     let mut scene = crate::common::picture::load(&workshop.path("scene.toml"));
-    let said = words::Said::of(&scene);
+    let defaults = command_line::SceneDefaults::of(&scene);
     let mut camera = scene.cameras[0].clone();
     navigate::orbit(&mut camera, glam::DVec2::new(0.3, 0.2));
     navigate::zoom(&mut camera, 1.3);
     navigate::pan(&mut camera, glam::DVec2::new(0.1, -0.05), 1.5);
-    let picture = words::Picture {
+    let command = command_line::RenderCommand {
         inputs: &[PathBuf::from("scene.toml")],
-        said: &said,
-        seen_from: words::SeenFrom::Camera(&camera),
+        defaults: &defaults,
+        viewpoint: command_line::CommandCamera::Camera(&camera),
         projection: camera.projection,
         size: [48, 32],
         shading: Default::default(),
@@ -587,7 +587,7 @@ fn what_is_seen_is_rendered_by_its_line() {
         sampling: Default::default(),
         output: Path::new("seen.png"),
     };
-    let words = words::words(&picture);
+    let words = command_line::arguments(&command);
     let output = workshop.command().args(&words[1..]).output().expect("the command starts");
     assert_eq!(output.status.code(), Some(0), "{words:?}: {}", text(&output.stderr));
     scene.cameras[0] = camera;

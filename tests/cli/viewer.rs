@@ -40,12 +40,12 @@ fn windowing(crates: &[String]) -> Vec<&str> {
 
 #[test]
 fn without_the_feature_no_windowing_crate_is_built() {
-    let plain = crates(&[]);
+    let plain = crates(&["--features", "cli"]);
     assert!(plain.iter().any(|name| name == "obvhs"), "{plain:?}");
     assert_eq!(windowing(&plain), [""; 0]);
     // Only what this build has is sure to be on the machine.
     if cfg!(feature = "video") {
-        assert_eq!(windowing(&crates(&["--features", "video"])), [""; 0]);
+        assert_eq!(windowing(&crates(&["--features", "cli,video"])), [""; 0]);
     }
     // The names are those that there would be.
     if cfg!(feature = "viewer") {
@@ -54,6 +54,16 @@ fn without_the_feature_no_windowing_crate_is_built() {
             assert!(windowing(&with).contains(&name), "{name}");
         }
     }
+}
+
+/// Ray queries alone, without any feature.
+#[test]
+fn ray_queries_need_few_crates() {
+    let mut plain = crates(&[]);
+    plain.retain(|name| !name.is_empty());
+    plain.sort_unstable();
+    plain.dedup();
+    assert!(plain.len() <= 30, "{}: {plain:?}", plain.len());
 }
 
 /// A machine without a display, and one whose display does not answer: a failure, one line and a hint.

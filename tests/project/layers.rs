@@ -1,19 +1,19 @@
-//! The house: a room may use what stands below it, never what stands above.
+//! Layers: a module of `src` and `bvh/src` uses modules below it only.
 
 use std::path::Path;
 
 use crate::common;
 use kiln::effects::{EFFECTS, RayKind};
 
-/// The rooms, from the bottom up.
-const ROOMS: &[&str] = &[
+/// The modules, from the bottom up.
+const MODULES: &[&str] = &[
+    "geometry",
+    "bvh",
     "error",
     "limits",
     "film",
     "scene",
     "import",
-    "geometry",
-    "bvh",
     "world",
     "shading",
     "effects",
@@ -26,9 +26,12 @@ const ROOMS: &[&str] = &[
     "cli",
 ];
 
-fn room_of(file: &Path) -> String {
-    let source = common::repository("src");
-    let inside = file.strip_prefix(source).expect("a file of src");
+/// The folders with the sources of both packages.
+const SOURCES: [&str; 2] = ["bvh/src", "src"];
+
+fn module_of(file: &Path) -> String {
+    let inside = SOURCES.iter().find_map(|source| file.strip_prefix(common::repository(source)).ok());
+    let inside = inside.expect("a source file");
     let first = inside.components().next().expect("a name").as_os_str().to_string_lossy().into_owned();
     first.trim_end_matches(".rs").to_owned()
 }
@@ -44,8 +47,8 @@ fn files(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
     }
 }
 
-/// The rooms that a file's text refers to by `crate::ROOM`.
-fn rooms_used(text: &str) -> Vec<&str> {
+/// The modules that a file's text refers to by `crate::MODULE`.
+fn modules_used(text: &str) -> Vec<&str> {
     let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
     let paths = code.flat_map(|line| line.split("crate::").skip(1));
     paths.map(|path| path.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or("")).collect()
@@ -54,44 +57,44 @@ fn rooms_used(text: &str) -> Vec<&str> {
 #[test]
 fn dependencies_point_down() {
     let mut all = Vec::new();
-    files(&common::repository("src"), &mut all);
-    let level = |room: &str| ROOMS.iter().position(|r| *r == room);
+    SOURCES.iter().for_each(|source| files(&common::repository(source), &mut all));
+    let level = |module: &str| MODULES.iter().position(|r| *r == module);
     let mut faults = Vec::new();
     for file in all {
-        let room = room_of(&file);
-        if room == "lib" || room == "main" {
+        let module = module_of(&file);
+        if module == "lib" || module == "main" {
             continue;
         }
-        let own = level(&room).unwrap_or_else(|| panic!("{room} is not in the list of rooms"));
+        let own = level(&module).unwrap_or_else(|| panic!("{module} is not in the list of modules"));
         let text = std::fs::read_to_string(&file).expect("a source file");
-        for used in rooms_used(&text) {
+        for used in modules_used(&text) {
             match level(used) {
                 Some(other) if other <= own => {}
-                Some(_) => faults.push(format!("{} uses {used}, which stands above {room}", file.display())),
-                None => faults.push(format!("{} uses {used}, which is not a room", file.display())),
+                Some(_) => faults.push(format!("{} uses {used}, which is above {module}", file.display())),
+                None => faults.push(format!("{} uses {used}, which is not a module", file.display())),
             }
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
-/// The table of modules in ARCHITECTURE.md has every room, from the top down.
+/// The table of modules in ARCHITECTURE.md has every module, from the top down.
 #[test]
-fn the_map_lists_every_room() {
-    let page = std::fs::read_to_string(common::repository("ARCHITECTURE.md")).expect("there is a map");
+fn the_map_lists_every_module() {
+    let page = std::fs::read_to_string(common::repository("ARCHITECTURE.md")).expect("the map");
     let section = page.split("\n## Modules").nth(1).and_then(|rest| rest.split("\n## ").next());
     let rows = section.expect("a section on modules").lines();
     let mut listed: Vec<&str> =
         rows.filter_map(|row| row.strip_prefix("| `")?.split_once('`')).map(|row| row.0).collect();
     listed.reverse();
-    assert_eq!(listed, ROOMS);
+    assert_eq!(listed, MODULES);
 }
 
 #[test]
 fn uses_are_found() {
     let text =
         "use crate::film::Film;\n// crate::cli is not used here\nlet x = crate::error::Error::Interrupted;";
-    assert_eq!(rooms_used(text), ["film", "error"]);
+    assert_eq!(modules_used(text), ["film", "error"]);
 }
 
 /// Strings that equal an effect's name outside its own file: file, string. They name something else.

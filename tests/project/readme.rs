@@ -403,7 +403,7 @@ fn names_no_file(span: &str, sources: &[String]) -> bool {
     if path.contains(['*', '…', '#', '%', '<', ':']) || path.contains("NAME") {
         return false;
     }
-    let in_folder = ["tests/", "benches/", "assets/", "scenes/", "docs/", "src/", ".ci/"];
+    let in_folder = ["tests/", "benches/", "assets/", "scenes/", "docs/", "src/", "bvh/src/", ".ci/"];
     if in_folder.iter().any(|folder| path.starts_with(folder)) {
         return !repository(path).exists();
     }
@@ -428,7 +428,7 @@ fn missing_tests(command: &str) -> Vec<String> {
 #[test]
 fn paths_exist() {
     let mut sources = Vec::new();
-    files_below(&repository("src"), &mut sources);
+    ["src", "bvh/src"].iter().for_each(|folder| files_below(&repository(folder), &mut sources));
     let mut faults = Vec::new();
     for paper in papers() {
         for span in code_spans(&paper.text).into_iter().chain(shell_lines(&paper.text)) {

@@ -1,4 +1,4 @@
-//! `kiln bench leaks`: how many rays slip through a closed mesh, in kiln's structures and in those of other libraries.
+//! `kiln bench leaks`: number of rays that leak through a closed mesh, in kiln and in other libraries.
 
 use std::fmt::Write;
 use std::sync::atomic::AtomicBool;
@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::super::print;
-use super::{aligned, grouped, watched};
+use super::{aligned, grouped, with_progress};
 use crate::bench::leaks::{Counts, Row, measure};
 use crate::bench::{Absent, NAMES, PLACEMENTS, engines};
 use crate::error::{Error, Result};
@@ -32,15 +32,15 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let (mut engines, mut absent) = engines();
     if !arguments.engine.is_empty() {
-        let asked = |name: &str| arguments.engine.iter().any(|engine| engine == name);
-        engines.retain(|engine| asked(engine.name()));
-        absent.retain(|absent| asked(absent.name));
+        let typed = |name: &str| arguments.engine.iter().any(|engine| engine == name);
+        engines.retain(|engine| typed(engine.name()));
+        absent.retain(|absent| typed(absent.name));
         if let Some(Absent { name, reason, remedy }) = absent.first() {
             let what = format!("{name}: {reason}");
             return Err(Error::Failed { what, hint: (*remedy).into() });
         }
     }
-    let rows = watched(arguments.threads, "casting rays", interrupted, |watch| {
+    let rows = with_progress(arguments.threads, "casting rays", interrupted, |watch| {
         measure(&engines, arguments.rays, watch)
     })?;
     if arguments.json {
@@ -115,11 +115,11 @@ fn as_text(rows: &[Row], absent: &[Absent], rays: u64) -> String {
     text
 }
 
-/// One line for each layout and tier, one column for each placement. `cell` is given leaks and rays.
+/// A table with a line per layout and tier and a column per placement. `cell` formats leaks and rays.
 fn table(rows: &[Row], cell: impl Fn(u64, u64) -> String) -> String {
     let titles = ["engine", "layout", "tier", "triangles"].into_iter().chain(PLACEMENTS.map(|p| p.name));
     let mut lines: Vec<Vec<String>> = vec![titles.map(str::to_owned).collect()];
-    // A row for each placement follows the next.
+    // Consecutive rows differ in their placement.
     for rows in rows.chunks(PLACEMENTS.len()) {
         let Some(row) = rows.first() else { continue };
         let names = [row.engine, row.layout, row.tier.unwrap_or("-")].map(str::to_owned);

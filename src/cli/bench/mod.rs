@@ -1,4 +1,4 @@
-//! `kiln bench`: kiln's acceleration structures beside those of other libraries, and its tiers beside each other.
+//! `kiln bench`: comparison of kiln's acceleration structures with other libraries, and of its numerics tiers.
 
 mod leaks;
 mod numerics;
@@ -42,8 +42,8 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     }
 }
 
-/// Works on so many threads, with a bar where there is a terminal to show it.
-fn watched<T: Send>(
+/// Runs `work` on a thread pool, with a progress bar on a terminal.
+fn with_progress<T: Send>(
     threads: Option<u16>,
     phase: &str,
     interrupted: &AtomicBool,
@@ -62,7 +62,7 @@ fn watched<T: Send>(
     result
 }
 
-/// Lines of cells with columns aligned: the first `left` to the left, the others to the right.
+/// A table with aligned columns: the first `left` columns to the left, the others to the right.
 fn aligned(lines: &[Vec<String>], left: usize) -> String {
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
     let width =
@@ -79,13 +79,13 @@ fn aligned(lines: &[Vec<String>], left: usize) -> String {
     text
 }
 
-/// With a comma before every three digits.
+/// The number with groups of three digits separated by commas.
 fn grouped(number: u64) -> String {
     crate::render::grouped(number, ',')
 }
 
-/// With three digits.
-fn few(x: f64) -> String {
+/// The number with three significant digits.
+fn three_digits(x: f64) -> String {
     match x {
         _ if x >= 99.95 => grouped(x.round() as u64),
         _ if x >= 9.995 => format!("{x:.1}"),

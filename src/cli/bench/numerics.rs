@@ -1,4 +1,4 @@
-//! `kiln bench numerics`: what each tier costs, and what it gets wrong.
+//! `kiln bench numerics`: cost and errors of each numerics tier.
 
 use std::sync::atomic::AtomicBool;
 
@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::super::print;
-use super::{aligned, grouped, watched};
+use super::{aligned, grouped, with_progress};
 use crate::bench::tiers::{TierRow, tiers};
 use crate::error::Result;
 
@@ -28,7 +28,7 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
-    let rows = watched(arguments.threads, "casting rays", interrupted, |watch| {
+    let rows = with_progress(arguments.threads, "casting rays", interrupted, |watch| {
         tiers(arguments.rays, arguments.runs, watch)
     })?;
     if arguments.json {
@@ -61,14 +61,22 @@ fn as_text(rows: &[TierRow], arguments: &Arguments) -> String {
     let mut lines = vec![titles.map(str::to_owned).to_vec()];
     for row in rows {
         let time = |[lower, median, upper]: [f64; 3]| format!("{median:.2} ({lower:.2}-{upper:.2})");
-        let few = |x: f64| if x == 0.0 || x >= 10.0 { grouped(x.round() as u64) } else { format!("{x:.3}") };
+        let three_digits =
+            |x: f64| if x == 0.0 || x >= 10.0 { grouped(x.round() as u64) } else { format!("{x:.3}") };
         let worst = match row.worst {
             0.0 => "0".into(),
             small if small < 0.01 => format!("{small:.0e}"),
             worst => format!("{worst:.2}"),
         };
         let name = row.numerics.name().to_owned();
-        lines.push(vec![name, time(row.picture), time(row.aimed), few(row.leaks), few(row.wrong), worst]);
+        lines.push(vec![
+            name,
+            time(row.picture),
+            time(row.aimed),
+            three_digits(row.leaks),
+            three_digits(row.wrong),
+            worst,
+        ]);
     }
     format!(
         "Times of a ray on one thread, relative to `fast`: medians and quartiles of {} runs, over an icosphere of 81,920 triangles.\n\

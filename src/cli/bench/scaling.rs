@@ -1,4 +1,4 @@
-//! `kiln bench scaling`: building, memory and speed against the number of triangles.
+//! `kiln bench scaling`: build time, memory and ray throughput against the number of triangles.
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::super::{pool, print};
 use super::speed::{Report, chosen, json};
-use super::{aligned, few, grouped, watched};
+use super::{aligned, grouped, three_digits, with_progress};
 use crate::bench::Clock;
 use crate::bench::speed::{self, Kind, Settings, Step, scaling, sizes};
 use crate::error::Result;
@@ -44,10 +44,10 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let threads = usize::from(arguments.threads);
     let contenders = match arguments.engine.as_slice() {
         [] => speed::defaults(threads),
-        asked => chosen(asked, threads)?.0,
+        typed => chosen(typed, threads)?.0,
     };
     let timed = pool(Some(arguments.threads))?;
-    let steps = watched(None, "timing", interrupted, |watch| {
+    let steps = with_progress(None, "timing", interrupted, |watch| {
         let settings = Settings { runs: arguments.runs, pool: &timed, check: false };
         scaling(&contenders, &sizes(arguments.largest as usize), arguments.size, &settings, watch)
     })?;
@@ -85,11 +85,11 @@ fn as_text(steps: &[Step], arguments: &Arguments) -> String {
             let mut line =
                 [step.family.name(), row.label.engine, row.label.layout].map(str::to_owned).to_vec();
             line.push(grouped(row.triangles as u64));
-            line.push(few(row.build_ms.median));
-            line.push(few(row.build_ms.median * 1e6 / row.triangles as f64));
-            line.push(row.bytes_per_triangle().map_or_else(dash, few));
+            line.push(three_digits(row.build_ms.median));
+            line.push(three_digits(row.build_ms.median * 1e6 / row.triangles as f64));
+            line.push(row.bytes_per_triangle().map_or_else(dash, three_digits));
             line.push(row.build_peak_bytes.map_or_else(dash, mebibytes));
-            let speed = |kind| row.mrays_per_s(kind).map_or_else(dash, |spread| few(spread.median));
+            let speed = |kind| row.mrays_per_s(kind).map_or_else(dash, |spread| three_digits(spread.median));
             line.extend(Kind::ALL.map(speed));
             lines.push(line);
         }

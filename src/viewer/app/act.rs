@@ -1,4 +1,4 @@
-//! What keys and clicks do.
+//! Actions of keys, buttons and clicks.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,50 +9,50 @@ use serde_json::json;
 use super::{App, timeline};
 use crate::error::Result;
 use crate::scene::Camera;
-use crate::viewer::canvas::Done;
+use crate::viewer::canvas::MouseResult;
+use crate::viewer::command_line::{CommandCamera, RenderCommand, SceneDefaults, command_line};
 use crate::viewer::controls::next;
-use crate::viewer::false_colour::Shown;
+use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::inspect::inspect;
-use crate::viewer::keys::{self, Action, Drive, Focus};
-use crate::viewer::look::From;
+use crate::viewer::keys::{self, Action, CameraMotion, Focus};
 use crate::viewer::overlay::Notice;
-use crate::viewer::words::{Picture, Said, SeenFrom, command_line};
-use crate::viewer::{navigate, save, say};
+use crate::viewer::request::CameraSource;
+use crate::viewer::{message_with_hint, navigate, save};
 use crate::world::StandardView;
 
 impl App {
-    /// Does what keys ask for.
+    /// Performs the actions of pressed keys, and moves the camera by held keys.
     pub(super) fn keys(&mut self, context: &Context) {
         let focus = Focus::of(context);
         let actions = context.input_mut(|input| keys::actions(input, focus));
         for action in actions {
-            self.trace.say("key", json!({ "action": format!("{action:?}") }));
+            self.trace.event("key", json!({ "action": format!("{action:?}") }));
             self.act(context, action);
         }
-        context.input(|input| self.held.look(input, focus));
-        let drive = context.input(|input| self.held.drive(input, focus));
-        if drive == Drive::default() {
+        context.input(|input| self.held.update(input, focus));
+        let motion = context.input(|input| self.held.motion(input, focus));
+        if motion == CameraMotion::default() {
             return;
         }
         let (seconds, fast) = context.input(|input| (f64::from(input.stable_dt), input.modifiers.shift));
-        let seen = self.seen();
+        let camera = self.displayed_camera();
         if let Some(controls) = &mut self.controls {
-            // A frame that took long does not make a jump of it.
-            controls.drive(seen.as_ref(), drive, seconds.min(0.1), fast);
+            // A slow frame must not move the camera by a large step.
+            controls.drive(camera.as_ref(), motion, seconds.min(0.1), fast);
         }
         context.request_repaint();
     }
 
-    /// The camera of the picture that is shown, in the scene's own coordinates.
-    fn seen(&self) -> Option<Camera> {
+    /// The camera of the displayed picture, in scene coordinates.
+    fn displayed_camera(&self) -> Option<Camera> {
         self.canvas.prepared(0).map(|prepared| prepared.camera.clone())
     }
 
-    /// Does one thing.
+    /// Performs an action.
     pub(super) fn act(&mut self, context: &Context, action: Action) {
         match action {
-            Action::Panel => self.shows.panel = !self.shows.panel,
-            Action::Help => self.shows.keys = !self.shows.keys,
+            Action::Panel => self.visible.panel = !self.visible.panel,
+            Action::Help => self.visible.keys = !self.visible.keys,
             Action::Reload => self.loader.load(self.inputs.clone()),
             Action::FullScreen => {
                 let is_full = context.input(|input| input.viewport().fullscreen.unwrap_or(false));
@@ -63,34 +63,34 @@ impl App {
                 Theme::Light => Theme::Dark,
             }),
             Action::Close => {
-                self.shows.keys = false;
+                self.visible.keys = false;
                 (self.notice, self.inspection) = (None, None);
             }
             Action::SavePicture => self.save_picture(context),
             Action::SaveCamera => self.save_camera(),
             Action::CopyCommand => {
                 if let Some(command) = self.command(&self.output()) {
-                    self.trace.say("command", json!({ "text": command }));
+                    self.trace.event("command", json!({ "text": command }));
                     context.copy_text(command);
-                    self.tell("copied the command line that renders this".into());
+                    self.show_notice("copied the command line that renders this".into());
                 }
             }
             _ => self.control(action),
         }
     }
 
-    /// Changes what is seen.
+    /// Performs an action that changes the render request.
     fn control(&mut self, action: Action) {
-        let seen = self.seen();
+        let camera = self.displayed_camera();
         let (Some(controls), Some(opened)) = (&mut self.controls, &self.opened) else { return };
         let timeline = timeline(opened);
         match (action, timeline) {
-            (Action::Projection, _) => controls.switch_projection(seen.as_ref()),
+            (Action::Projection, _) => controls.switch_projection(camera.as_ref()),
             (Action::Reset, _) => controls.reset_camera(),
-            (Action::Fit, _) => controls.stand(StandardView::Auto),
-            (Action::Standard(view), _) => controls.stand(view),
+            (Action::Fit, _) => controls.fit_standard_view(StandardView::Auto),
+            (Action::Standard(view), _) => controls.fit_standard_view(view),
             (Action::NextCamera, _) => controls.next_camera(opened.scene.cameras.len()),
-            (Action::NextShown, _) => controls.shown = next(&Shown::ALL, controls.shown),
+            (Action::NextShown, _) => controls.display_mode = next(&DisplayMode::ALL, controls.display_mode),
             (Action::Compare, _) => controls.switch_comparison(),
             (Action::NextTier, _) => controls.next_tier(),
             (Action::NextShading, _) => controls.next_shading(),
@@ -111,10 +111,10 @@ impl App {
         }
     }
 
-    /// Looks at a pixel that was clicked, and at what is in it where it was clicked twice.
-    pub(super) fn click(&mut self, done: &Done) {
-        let (Some(pixel), Some(opened)) = (done.clicked.or(done.focused), &self.opened) else { return };
-        let Some(prepared) = self.canvas.prepared(done.side).cloned() else { return };
+    /// Inspects a clicked pixel; a double click also makes its surface point the camera's target.
+    pub(super) fn click(&mut self, mouse: &MouseResult) {
+        let (Some(pixel), Some(opened)) = (mouse.clicked.or(mouse.focused), &self.opened) else { return };
+        let Some(prepared) = self.canvas.prepared(mouse.side).cloned() else { return };
         let bounds = opened.scene.bounds();
         let bounds = match (bounds, &prepared.job.recentering) {
             (Some((min, max)), Some(recentering)) => Some((
@@ -131,15 +131,16 @@ impl App {
             bounds,
             pixel,
         );
-        self.trace.say("inspected", super::inspector::to_json(&found));
-        if let (Some(_), Some(seen), Some(controls)) = (done.focused, &found.seen, &mut self.controls) {
-            let point = seen.position;
+        self.trace.event("inspected", super::inspector::to_json(&found));
+        if let (Some(_), Some(surface), Some(controls)) = (mouse.focused, &found.surface, &mut self.controls)
+        {
+            let point = surface.position;
             controls.navigate(Some(&prepared.camera), |camera| navigate::focus(camera, point));
         }
         self.inspection = Some((prepared, found));
     }
 
-    /// Where a picture would be saved.
+    /// File name for the next saved picture.
     fn output(&self) -> PathBuf {
         let stem = save::stem(&self.inputs);
         let timeline = self.opened.as_ref().and_then(|opened| timeline(opened));
@@ -150,19 +151,19 @@ impl App {
         save::free_name(&name, "png", &self.saving)
     }
 
-    /// The command line that renders what is seen.
+    /// The command line that renders the displayed picture.
     fn command(&self, output: &std::path::Path) -> Option<String> {
         let (controls, opened) = (self.controls.as_ref()?, self.opened.as_ref()?);
         let prepared = self.canvas.prepared(controls.side)?;
         let settings = &controls.sides[controls.side];
-        let said = Said::of(&opened.scene);
-        let command = command_line(&Picture {
+        let defaults = SceneDefaults::of(&opened.scene);
+        let command = command_line(&RenderCommand {
             inputs: &self.inputs,
-            said: &said,
-            seen_from: match &controls.from {
-                From::Fitted(view) => SeenFrom::Standard(*view),
-                From::Scene(index) => SeenFrom::Camera(opened.scene.cameras.get(*index)?),
-                From::Free(camera) => SeenFrom::Camera(camera),
+            defaults: &defaults,
+            viewpoint: match &controls.camera_source {
+                CameraSource::Fitted(view) => CommandCamera::Standard(*view),
+                CameraSource::Scene(index) => CommandCamera::Camera(opened.scene.cameras.get(*index)?),
+                CameraSource::Free(camera) => CommandCamera::Camera(camera),
             },
             projection: prepared.job.camera.projection,
             size: prepared.job.view.size(),
@@ -181,41 +182,43 @@ impl App {
         })
     }
 
-    /// Saves the picture, rendered as commands do; of other things that are shown, what is seen.
+    /// Saves the picture, rendered as by `kiln render`; for other display modes, the displayed image.
     fn save_picture(&mut self, context: &Context) {
         let Some(controls) = &self.controls else { return };
-        let (side, shown) = (controls.side, controls.shown);
+        let (side, mode) = (controls.side, controls.display_mode);
         let Some(opened) = &self.opened else { return };
         let file = self.output();
-        let Some(painted) = self.canvas.painted(side) else { return };
-        let (image, prepared) = (Arc::clone(&painted.image), Arc::clone(&painted.prepared));
-        let order = controls.order(opened, prepared.job.view.size());
+        let Some(rendered) = self.canvas.rendered(side) else { return };
+        let (image, prepared) = (Arc::clone(&rendered.image), Arc::clone(&rendered.prepared));
+        let request = controls.request(opened, prepared.job.view.size());
         let command = self.command(&file).unwrap_or_default();
         let text = format!("saving {}", file.display());
-        self.trace.say("saving", json!({ "text": text }));
+        self.trace.event("saving", json!({ "text": text }));
         self.notice = Some(Notice::new(text, false));
         self.saving.push(file.clone());
         let (threads, sender, context) = (Arc::clone(&self.threads), self.saved.0.clone(), context.clone());
         let wake = move || context.request_repaint();
-        save::beside(file, sender, wake, move |file| match shown {
-            Shown::Picture => threads.install(|| save::picture(&prepared, (&order, side), command, file)),
+        save::beside(file, sender, wake, move |file| match mode {
+            DisplayMode::Picture => {
+                threads.install(|| save::picture(&prepared, (&request, side), command, file))
+            }
             _ => save::colours(&image, file),
         });
     }
 
     /// Saves the camera as a section of a scene file.
     fn save_camera(&mut self) {
-        let Some(camera) = self.seen() else { return };
+        let Some(camera) = self.displayed_camera() else { return };
         let file = save::free_name(&format!("{}-camera", save::stem(&self.inputs)), "toml", &[]);
-        let done = save::text(&file, &camera.to_section());
-        self.said(done, &file);
+        let saved = save::text(&file, &camera.to_section());
+        self.show_save_result(saved, &file);
     }
 
-    /// Says what became of a file.
-    pub(super) fn said(&mut self, done: Result<()>, file: &std::path::Path) {
-        match done {
-            Ok(()) => self.tell(format!("saved {}", file.display())),
-            Err(e) => self.fail(say(&e)),
+    /// Shows whether a file was saved.
+    pub(super) fn show_save_result(&mut self, result: Result<()>, file: &std::path::Path) {
+        match result {
+            Ok(()) => self.show_notice(format!("saved {}", file.display())),
+            Err(e) => self.show_error(message_with_hint(&e)),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A frame of the window, part by part.
+//! Layout of an interface frame.
 
 use std::time::Duration;
 
@@ -6,15 +6,15 @@ use egui::{Context, Panel, RichText, ScrollArea, Ui, ViewportCommand};
 
 use super::{App, inspector, timeline};
 use crate::effects::RayKind;
-use crate::viewer::painter::Painted;
-use crate::viewer::panel::{self, Shows};
+use crate::viewer::painter::RenderedImage;
+use crate::viewer::panel::{self, PanelContents};
 use crate::viewer::{overlay, timeline as bar};
 
 /// Width of the panel, in points.
-pub(super) const PANEL: f32 = 300.0;
+pub(super) const PANEL_WIDTH: f32 = 300.0;
 
 impl App {
-    /// Measures pauses, where that is what the window is for.
+    /// Measures frame times if requested, and closes the window when the measurement is complete.
     pub(super) fn measure(&mut self, context: &Context) {
         let App { pauses, trace, .. } = self;
         let Some(report) = pauses.as_mut().and_then(|pauses| pauses.frame(context, trace)) else { return };
@@ -25,7 +25,7 @@ impl App {
         context.send_viewport_cmd(ViewportCommand::Close);
     }
 
-    /// Goes on with an animation that plays, once the last frame of it was painted.
+    /// Advances a playing animation once its newest frame was rendered.
     pub(super) fn play(&mut self, context: &Context) {
         let (Some(controls), Some(opened)) = (&mut self.controls, &self.opened) else { return };
         let (Some(_), Some(timeline), Some(animation)) =
@@ -33,8 +33,8 @@ impl App {
         else {
             return;
         };
-        let newest = self.ordered.as_ref().map_or(0, |(_, number)| *number);
-        if self.canvas.painted(0).is_some_and(|painted| painted.order == newest) {
+        let newest = self.requested.as_ref().map_or(0, |(_, number)| *number);
+        if self.canvas.rendered(0).is_some_and(|rendered| rendered.request == newest) {
             controls.advance(&timeline, animation.duration);
         }
         context.request_repaint_after(Duration::from_millis(5));
@@ -42,15 +42,20 @@ impl App {
 
     pub(super) fn panels(&mut self, ui: &mut Ui) {
         Panel::bottom("status").show(ui, |ui| self.status(ui));
-        let App { controls, opened, canvas, comparison, trace, shows, .. } = self;
+        let App { controls, opened, canvas, comparison, trace, visible, .. } = self;
         let (Some(controls), Some(opened)) = (controls, opened) else { return };
-        let mut asked = None;
-        if shows.panel {
-            Panel::right("panel").exact_size(PANEL).show(ui, |ui| {
+        let mut clicked = None;
+        if visible.panel {
+            Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| {
                 ScrollArea::vertical().show(ui, |ui| {
-                    let painted = [canvas.painted(0), canvas.painted(1)];
-                    panel::show(ui, &Shows { opened, painted, comparison: *comparison }, controls, trace);
-                    asked = panel::buttons(ui, trace);
+                    let rendered = [canvas.rendered(0), canvas.rendered(1)];
+                    panel::show(
+                        ui,
+                        &PanelContents { opened, rendered, comparison: *comparison },
+                        controls,
+                        trace,
+                    );
+                    clicked = panel::buttons(ui, trace);
                 });
             });
         }
@@ -59,26 +64,26 @@ impl App {
                 bar::show(ui, &timeline, animation.duration, controls, trace);
             });
         }
-        if let Some(action) = asked {
+        if let Some(action) = clicked {
             self.act(&ui.ctx().clone(), action);
         }
     }
 
-    /// The picture, and what lies over it.
+    /// The picture and its overlays.
     pub(super) fn picture(&mut self, ui: &mut Ui) {
         let context = ui.ctx().clone();
         let rect = ui.available_rect_before_wrap();
         self.notice.take_if(|notice| notice.is_over(&context) || overlay::notice(&context, rect, notice));
         let Some(controls) = &mut self.controls else { return };
-        let (size, done) = self.canvas.show(ui, controls);
+        let (size, mouse) = self.canvas.show(ui, controls);
         let (split, compares) = (controls.split, controls.sides.len() > 1);
         let rect = self.canvas.rect().unwrap_or(rect);
         self.trace.place("canvas", rect, context.pixels_per_point());
-        self.click(&done);
+        self.click(&mouse);
         if compares {
             overlay::sides(&context, rect, split, &self.side_names());
         }
-        if let Some(legend) = self.canvas.painted(0).and_then(|painted| painted.legend.as_ref()) {
+        if let Some(legend) = self.canvas.rendered(0).and_then(|rendered| rendered.legend.as_ref()) {
             overlay::legend(&context, rect, legend);
         }
         if let Some((of, found)) = &self.inspection {
@@ -90,31 +95,34 @@ impl App {
             }
         }
         if !self.fit_window(&context, size) {
-            self.order(&context, size);
+            self.request(&context, size);
         }
     }
 
-    /// What was painted last, and what there is to say of it and of the files.
+    /// The status bar: render progress, and warnings about the image and the files.
     fn status(&self, ui: &mut Ui) {
         ui.horizontal(|ui| {
-            let painted = self.canvas.painted(0);
-            ui.label(match (painted, self.is_building) {
+            let rendered = self.canvas.rendered(0);
+            ui.label(match (rendered, self.is_building) {
                 (_, true) => "building".to_owned(),
-                (Some(painted), _) => panel::work(painted),
+                (Some(rendered), _) => panel::progress_text(rendered),
                 (None, _) if self.loader.is_reading() || self.opened.is_some() => "loading".to_owned(),
                 (None, _) => "nothing to show yet".to_owned(),
             });
-            for what in painted.map(odd).into_iter().flatten().chain(self.warnings.iter().cloned()) {
+            for what in
+                rendered.map(image_warnings).into_iter().flatten().chain(self.warnings.iter().cloned())
+            {
                 ui.separator();
                 ui.label(RichText::new(what).weak());
             }
         });
     }
 
-    /// What the sides of a comparison differ in.
+    /// Labels of the two sides of a comparison: the settings in which they differ.
     fn side_names(&self) -> [String; 2] {
         let Some(controls) = &self.controls else { return Default::default() };
-        let [a, b] = [0, 1].map(|side| controls.sides.get(side).map(panel::in_words).unwrap_or_default());
+        let [a, b] =
+            [0, 1].map(|side| controls.sides.get(side).map(panel::setting_names).unwrap_or_default());
         let only = |own: &[String], other: &[String]| {
             let mut own: Vec<String> = own.iter().filter(|word| !other.contains(word)).cloned().collect();
             let lacks = other.iter().filter_map(|word| word.strip_prefix("without "));
@@ -126,20 +134,21 @@ impl App {
     }
 }
 
-/// What is odd about a picture.
-fn odd(painted: &Painted) -> Vec<String> {
-    let mut odd = Vec::new();
-    let world = &painted.prepared.job.world;
+/// Warnings about a rendered image.
+fn image_warnings(rendered: &RenderedImage) -> Vec<String> {
+    let mut image_warnings = Vec::new();
+    let world = &rendered.prepared.job.world;
     if world.too_small > 0 {
         let tier = world.numerics().name();
-        odd.push(format!("{} sphere(s) with a radius that is 0 in `{tier}`; left out", world.too_small));
+        image_warnings
+            .push(format!("{} sphere(s) with a radius that is 0 in `{tier}`; left out", world.too_small));
     }
-    let (count, places) = &painted.statistics.non_finite;
+    let (count, places) = &rendered.statistics.non_finite;
     if let (1.., Some((x, y))) = (*count, places.first()) {
-        odd.push(format!("{count} pixel(s) are not finite numbers, the first at ({x}, {y})"));
+        image_warnings.push(format!("{count} pixel(s) are not finite numbers, the first at ({x}, {y})"));
     }
-    if painted.is_last && painted.statistics.rays(RayKind::PRIMARY).hit == 0 {
-        odd.push("nothing is in the picture; F shows all of the scene".into());
+    if rendered.is_last && rendered.statistics.rays(RayKind::PRIMARY).hit == 0 {
+        image_warnings.push("nothing is in the picture; F shows all of the scene".into());
     }
-    odd
+    image_warnings
 }

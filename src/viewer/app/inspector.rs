@@ -1,57 +1,57 @@
-//! What is in a pixel: a window of its own, and the rays that it cast, drawn.
+//! Pixel inspector: its window, and the pixel's rays drawn over the picture.
 
 use egui::{Color32, Context, Grid, Painter, Pos2, Rect, RichText, Stroke, Ui, Window, vec2};
 use glam::DVec2;
 use serde_json::{Value, json};
 
-use crate::viewer::inspect::{Inspection, Line};
+use crate::viewer::inspect::{Inspection, RaySegment};
 use crate::viewer::painter::Prepared;
 
-/// For scripts.
-pub fn to_json(found: &Inspection) -> Value {
-    let seen = found.seen.as_ref().map(|seen| {
+/// The inspection as JSON, for the event trace.
+pub fn to_json(inspection: &Inspection) -> Value {
+    let seen = inspection.surface.as_ref().map(|surface_info| {
         json!({
-            "object": seen.object_name,
-            "primitive": seen.primitive,
-            "kind": seen.kind,
-            "t": seen.distance,
-            "position": seen.position.to_array(),
-            "geometric_normal": seen.geometric_normal.to_array(),
-            "shading_normal": seen.shading_normal.to_array(),
-            "barycentric": seen.barycentric,
-            "material": seen.material,
+            "object": surface_info.object_name,
+            "primitive": surface_info.primitive,
+            "kind": surface_info.kind,
+            "t": surface_info.distance,
+            "position": surface_info.position.to_array(),
+            "geometric_normal": surface_info.geometric_normal.to_array(),
+            "shading_normal": surface_info.shading_normal.to_array(),
+            "barycentric": surface_info.barycentric,
+            "material": surface_info.material,
         })
     });
-    let rays: Vec<Value> = found
+    let rays: Vec<Value> = inspection
         .rays
         .iter()
         .map(|ray| json!({ "kind": ray.kind.name, "hit": ray.hit, "object": ray.object }))
         .collect();
-    json!({ "pixel": found.pixel, "displayed": found.displayed, "seen": seen, "rays": rays })
+    json!({ "pixel": inspection.pixel, "displayed": inspection.displayed, "seen": seen, "rays": rays })
 }
 
-/// The window. Stays open while this is true.
-pub fn window(context: &Context, rect: Rect, found: &Inspection) -> bool {
+/// Shows the inspector window. Returns `false` when the user closed it.
+pub fn window(context: &Context, rect: Rect, inspection: &Inspection) -> bool {
     let mut open = true;
-    let [x, y] = found.pixel;
+    let [x, y] = inspection.pixel;
     let window =
         Window::new(format!("Pixel {x}, {y}")).id(egui::Id::unique("pixel")).open(&mut open).resizable(false);
     window.default_pos(rect.left_top() + vec2(12.0, 60.0)).constrain_to(rect).show(context, |ui| {
-        let [r, g, b] = found.displayed;
+        let [r, g, b] = inspection.displayed;
         ui.horizontal(|ui| {
             let (swatch, _) = ui.allocate_exact_size(vec2(28.0, 14.0), egui::Sense::hover());
             ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(r, g, b));
             ui.label(format!("{r} {g} {b}  (#{r:02x}{g:02x}{b:02x})"));
         });
-        surface(ui, found);
+        surface(ui, inspection);
         ui.separator();
-        rays(ui, &found.rays);
+        rays(ui, &inspection.rays);
     });
     open
 }
 
-fn surface(ui: &mut Ui, found: &Inspection) {
-    let Some(seen) = &found.seen else {
+fn surface(ui: &mut Ui, inspection: &Inspection) {
+    let Some(surface_info) = &inspection.surface else {
         ui.label("the background");
         return;
     };
@@ -62,29 +62,32 @@ fn surface(ui: &mut Ui, found: &Inspection) {
             ui.label(RichText::new(value).monospace());
             ui.end_row();
         };
-        row("object", seen.object_name.clone());
-        row(seen.kind, format!("{} ({} of the object)", seen.primitive, seen.primitive_of_object));
-        row("t", format!("{:.9}", seen.distance));
-        row("position", vector(seen.position));
-        row("geometric normal", vector(seen.geometric_normal));
-        row("shading normal", vector(seen.shading_normal));
-        if let Some([u, v, w]) = seen.barycentric {
+        row("object", surface_info.object_name.clone());
+        row(
+            surface_info.kind,
+            format!("{} ({} of the object)", surface_info.primitive, surface_info.primitive_of_object),
+        );
+        row("t", format!("{:.9}", surface_info.distance));
+        row("position", vector(surface_info.position));
+        row("geometric normal", vector(surface_info.geometric_normal));
+        row("shading normal", vector(surface_info.shading_normal));
+        if let Some([u, v, w]) = surface_info.barycentric {
             row("barycentric", format!("{u:.6} {v:.6} {w:.6}"));
         }
-        if let Some(uv) = seen.uv {
+        if let Some(uv) = surface_info.uv {
             row("texture", format!("{:.6} {:.6}", uv.x, uv.y));
         }
-        row("material", seen.material.clone());
-        for (name, value) in &seen.material_values {
+        row("material", surface_info.material.clone());
+        for (name, value) in &surface_info.material_values {
             row(name, value.clone());
         }
-        row("tests", format!("{} boxes, {} primitives", found.tests.nodes, found.tests.primitives));
+        row("tests", format!("{} boxes, {} primitives", inspection.tests.nodes, inspection.tests.primitives));
     });
 }
 
-fn rays(ui: &mut Ui, rays: &[Line]) {
+fn rays(ui: &mut Ui, rays: &[RaySegment]) {
     for ray in rays {
-        let target = match (&ray.object, &ray.light) {
+        let result = match (&ray.object, &ray.light) {
             (Some(object), Some(light)) => format!("towards `{light}`, blocked by `{object}`"),
             (None, Some(light)) => format!("reaches `{light}`"),
             (Some(object), None) => format!("hits `{object}`"),
@@ -94,30 +97,30 @@ fn rays(ui: &mut Ui, rays: &[Line]) {
         ui.horizontal(|ui| {
             ui.add_space(10.0 * ray.depth as f32);
             ui.label(RichText::new(ray.kind.name).color(colour(ray)));
-            ui.label(target);
+            ui.label(result);
         });
     }
 }
 
-/// The colour of a ray's kind, darker for a shadow ray that is blocked.
-fn colour(ray: &Line) -> Color32 {
+/// The colour of a ray's kind, darker for an occluded shadow ray.
+fn colour(ray: &RaySegment) -> Color32 {
     let [r, g, b] = ray.kind.colour;
     let own = Color32::from_rgb(r, g, b);
     if ray.kind.is_shadow && ray.hit { own.gamma_multiply(0.55) } else { own }
 }
 
-/// Draws the rays into the picture that is seen through `prepared`, in `rect`; `of` is what they were cast in.
-pub fn draw(painter: &Painter, rect: Rect, prepared: &Prepared, of: &Prepared, found: &Inspection) {
+/// Draws the rays over the picture of `prepared` in `rect`; `of` is the prepared render in which they were traced.
+pub fn draw(painter: &Painter, rect: Rect, prepared: &Prepared, of: &Prepared, inspection: &Inspection) {
     let size = prepared.job.view.size();
     let place = |p: DVec2| -> Pos2 {
         let share = vec2((p.x / f64::from(size[0])) as f32, (p.y / f64::from(size[1])) as f32);
         rect.min + share * rect.size()
     };
-    // In another moment, or another tier, the scene may have been moved otherwise.
+    // At another time or in another tier the recentering may differ.
     if prepared.job.recentering != of.job.recentering {
         return;
     }
-    for ray in &found.rays {
+    for ray in &inspection.rays {
         let Some([from, to]) = prepared.job.view.project_segment(ray.from, ray.to) else { continue };
         let ends = [place(from), place(to)];
         painter.line_segment(ends, Stroke::new(3.0, Color32::from_black_alpha(140)));

@@ -1,9 +1,9 @@
-//! The window itself: what happens in a frame of it, in order.
+//! The application: its state, and the steps of an interface frame.
 
 mod act;
 mod frame;
 mod inspector;
-mod news;
+mod messages;
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,32 +17,32 @@ use serde_json::json;
 use super::canvas::Canvas;
 use super::controls::Controls;
 use super::inspect::Inspection;
-use super::keys::Held;
+use super::keys::HeldKeys;
 use super::loader::Loader;
-use super::look::{Opened, Order};
 use super::overlay::{self, Notice};
-use super::painter::{Comparison, News, Painter, Prepared};
+use super::painter::{Comparison, Message, Painter, Prepared};
+use super::request::{Opened, RenderRequest};
 use super::trace::{Pauses, Trace};
 use super::watch::Watcher;
 use super::{Start, display, name_of};
 use crate::error::{Error, Result};
 use crate::scene::animation::Timeline;
-use frame::PANEL;
+use frame::PANEL_WIDTH;
 
-/// Height of what is below the picture, in points, for the window's first size.
-const BELOW: f32 = 30.0;
+/// Height of the status bar in points, for the initial window size.
+const FOOTER_HEIGHT: f32 = 30.0;
 
-/// How many frames the window has to take its first size.
-const FITTINGS: u32 = 6;
+/// Maximum number of frames in which the window is resized to its initial size.
+const MAX_FIT_ATTEMPTS: u32 = 6;
 
-/// How long a frame waits for a picture that was ordered in it. With the time that painting the window takes, on a machine without
-/// graphics hardware about as much, this is a frame at 30 a second and more.
-const AT_ONCE: Duration = Duration::from_millis(12);
+/// Maximum time for which a frame waits for the first image of a request that it posted. Drawing the window takes about
+/// as long in software OpenGL; both together stay within a frame at 30 Hz.
+const FIRST_IMAGE_WAIT: Duration = Duration::from_millis(12);
 
 /// Opens the window, and returns when it is closed.
 ///
 /// # Errors
-/// [`crate::error::Error::Failed`] where there is no display or no OpenGL.
+/// [`crate::error::Error::Failed`] without a display or OpenGL.
 pub fn run(start: Start) -> Result<()> {
     let trace = Trace::new(start.trace.as_deref())?;
     let title = start.inputs.first().map_or("kiln".into(), |input| name_of(input));
@@ -51,7 +51,7 @@ pub fn run(start: Start) -> Result<()> {
         .with_app_id("kiln")
         .with_drag_and_drop(true);
     if let Some([width, height]) = start.size {
-        viewport = viewport.with_inner_size([width as f32 + PANEL, height as f32 + BELOW]);
+        viewport = viewport.with_inner_size([width as f32 + PANEL_WIDTH, height as f32 + FOOTER_HEIGHT]);
     }
     let options = eframe::NativeOptions {
         viewport,
@@ -79,9 +79,9 @@ pub fn run(start: Start) -> Result<()> {
     error.map_or(Ok(()), Err)
 }
 
-/// What is shown besides the picture. Remembered.
+/// Visible parts of the window besides the picture. Stored between runs.
 #[derive(Debug, Clone, Copy, serde::Serialize, serde::Deserialize)]
-struct Parts {
+struct VisibleParts {
     panel: bool,
     keys: bool,
 }
@@ -90,62 +90,62 @@ struct App {
     threads: Arc<rayon::ThreadPool>,
     painter: Painter,
     loader: Loader,
-    /// Looks whether the files change.
+    /// Watches the input files for changes.
     watcher: Option<Watcher>,
-    /// Whether they have.
+    /// Set by the watcher when a file has changed.
     changed: Arc<AtomicBool>,
-    /// Files that were saved, or what went wrong.
+    /// Results of saving threads.
     saved: (Sender<Saved>, Receiver<Saved>),
-    /// Files that are being saved.
+    /// Files that are being written.
     saving: Vec<PathBuf>,
     inputs: Vec<PathBuf>,
     opened: Option<Arc<Opened>>,
     controls: Option<Controls>,
     canvas: Canvas,
-    /// Keys that are held down.
-    held: Held,
-    /// The order that was given last, and its number.
-    ordered: Option<(Order, u64)>,
-    /// One that could not be carried out, which the notice is about.
-    failed_order: Option<u64>,
-    /// Orders of pictures that came since the last frame.
-    unseen: Vec<u64>,
+    /// Movement keys that are held down.
+    held: HeldKeys,
+    /// The newest request and its number.
+    requested: Option<(RenderRequest, u64)>,
+    /// Number of the failed request that the notice reports.
+    failed_request: Option<u64>,
+    /// Request numbers of images that arrived since the last frame.
+    undisplayed: Vec<u64>,
     comparison: Option<Comparison>,
-    /// What is in a pixel, and what it was looked at in.
+    /// Inspected pixel, and the prepared render that it belongs to.
     inspection: Option<(Arc<Prepared>, Inspection)>,
     notice: Option<Notice>,
-    /// What there is to say of the files.
+    /// Warnings and notes of the input files.
     warnings: Vec<String>,
     is_building: bool,
-    shows: Parts,
-    /// The size that the picture is to have at first, until the window has it.
+    visible: VisibleParts,
+    /// Initial picture size that the window is still resized to.
     first_size: FirstSize,
-    /// How often that was tried.
-    fittings: u32,
+    /// Number of resize attempts.
+    fit_attempts: u32,
     trace: Trace,
     pauses: Option<Pauses>,
     report: Report,
 }
 
-/// A file that was saved, or what went wrong.
+/// A saved file, or the error.
 type Saved = (PathBuf, Result<()>);
 
-/// Which size the picture has at first.
+/// Initial size of the picture.
 enum FirstSize {
-    /// The user's.
+    /// Given by the user.
     Given([u32; 2]),
-    /// The scene's.
-    Scenes,
-    /// That of the window, which is remembered or was changed.
-    Windows,
+    /// Specified by the scene.
+    Scene,
+    /// Determined by the window's stored or current size.
+    Window,
 }
 
-/// What is said when the window is closed.
+/// Result of the window, for the command line.
 #[derive(Default)]
 struct Outcome {
-    /// What is printed.
+    /// Text for standard output.
     printed: Option<String>,
-    /// Why it was closed, where that was not the user's wish.
+    /// Error that closed the window.
     error: Option<Error>,
 }
 
@@ -161,12 +161,12 @@ impl App {
         let painter = Painter::new(Arc::clone(&threads), wake(&creation.egui_ctx));
         let mut loader = Loader::new(start.open, Arc::clone(&threads), wake(&creation.egui_ctx));
         loader.load(start.inputs.clone());
-        let remembered: Option<Parts> =
+        let remembered: Option<VisibleParts> =
             creation.storage.and_then(|storage| eframe::get_value(storage, eframe::APP_KEY));
         let first_size = match (start.size, remembered.is_some() && start.remembers) {
             (Some(size), _) => FirstSize::Given(size),
-            (None, false) => FirstSize::Scenes,
-            (None, true) => FirstSize::Windows,
+            (None, false) => FirstSize::Scene,
+            (None, true) => FirstSize::Window,
         };
         let mut app = App {
             threads,
@@ -180,37 +180,37 @@ impl App {
             opened: None,
             controls: None,
             canvas: Canvas::default(),
-            held: Held::default(),
-            ordered: None,
-            failed_order: None,
-            unseen: Vec::new(),
+            held: HeldKeys::default(),
+            requested: None,
+            failed_request: None,
+            undisplayed: Vec::new(),
             comparison: None,
             inspection: None,
             notice: None,
             warnings: Vec::new(),
             is_building: false,
-            shows: remembered.unwrap_or(Parts { panel: true, keys: false }),
+            visible: remembered.unwrap_or(VisibleParts { panel: true, keys: false }),
             first_size,
-            fittings: 0,
+            fit_attempts: 0,
             trace,
             pauses: start.pauses.map(Pauses::new),
             report,
         };
-        app.trace.say("started", json!({}));
+        app.trace.event("started", json!({}));
         app
     }
 
-    /// Makes the window so large that the picture has its first size. That takes a few frames: panels find their sizes, and not every
-    /// window may be as large. Whether it is still to change.
+    /// Resizes the window so that the picture has its initial size. This takes several frames, because panels change
+    /// their size, and may fail, because the display limits window sizes. Returns whether another resize was requested.
     fn fit_window(&mut self, context: &Context, size: [u32; 2]) -> bool {
         let wanted = match (&self.first_size, &self.opened) {
             (FirstSize::Given(size), _) => *size,
-            (FirstSize::Scenes, Some(opened)) => opened.size,
+            (FirstSize::Scene, Some(opened)) => opened.size,
             _ => return false,
         };
-        self.fittings += 1;
-        if wanted == size || self.fittings > FITTINGS {
-            self.first_size = FirstSize::Windows;
+        self.fit_attempts += 1;
+        if wanted == size || self.fit_attempts > MAX_FIT_ATTEMPTS {
+            self.first_size = FirstSize::Window;
             return false;
         }
         let scale = context.pixels_per_point();
@@ -221,34 +221,34 @@ impl App {
         true
     }
 
-    /// Asks for the picture that the controls now mean, where that is another.
-    fn order(&mut self, context: &Context, size: [u32; 2]) {
+    /// Posts a render request if the controls have changed.
+    fn request(&mut self, context: &Context, size: [u32; 2]) {
         let (Some(controls), Some(opened)) = (&self.controls, &self.opened) else { return };
-        let order = controls.order(opened, size);
-        if self.ordered.as_ref().is_some_and(|(last, _)| *last == order) {
+        let request = controls.request(opened, size);
+        if self.requested.as_ref().is_some_and(|(last, _)| *last == request) {
             return;
         }
-        let number = self.painter.order(order.clone());
-        self.trace.say("order", json!({ "order": number, "size": size, "time": order.time }));
-        if order.sides.len() < 2 {
-            self.canvas.forget(1);
+        let number = self.painter.request(request.clone());
+        self.trace.event("order", json!({ "order": number, "size": size, "time": request.time }));
+        if request.sides.len() < 2 {
+            self.canvas.clear_side(1);
         }
         self.comparison = None;
-        self.ordered = Some((order, number));
-        self.wait_for_the_first(context, number);
+        self.requested = Some((request, number));
+        self.wait_for_first_image(context, number);
     }
 
-    /// Waits a moment for the first picture of an order, so that this frame shows it already: what is drawn of a picture is looked
-    /// up when the frame ends.
-    fn wait_for_the_first(&mut self, context: &Context, number: u64) {
-        let until = Instant::now() + AT_ONCE;
-        while let Some(news) = self.painter.wait(until) {
-            let is_it = match &news {
-                News::Painted(painted) => painted.order == number,
-                News::Building | News::Failed(..) => true,
-                News::Compared(..) => false,
+    /// Waits at most [`FIRST_IMAGE_WAIT`] for the first image of a request, so that the current frame shows it: texture
+    /// contents are read at the end of a frame.
+    fn wait_for_first_image(&mut self, context: &Context, number: u64) {
+        let until = Instant::now() + FIRST_IMAGE_WAIT;
+        while let Some(message) = self.painter.wait(until) {
+            let is_it = match &message {
+                Message::Image(rendered) => rendered.request == number,
+                Message::Building | Message::Failed(..) => true,
+                Message::Compared(..) => false,
             };
-            self.take_news(context, news);
+            self.handle_message(context, message);
             if is_it {
                 return;
             }
@@ -256,7 +256,7 @@ impl App {
     }
 }
 
-/// The frames of the scene's animation, where it has one.
+/// The frames of the scene's animation; `None` without one.
 fn timeline(opened: &Opened) -> Option<Timeline> {
     let animation = opened.scene.animation.as_ref()?;
     Timeline::new(animation.fps, animation.duration, animation.repeat).ok()
@@ -265,11 +265,11 @@ fn timeline(opened: &Opened) -> Option<Timeline> {
 impl eframe::App for App {
     fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
         let context = ui.ctx().clone();
-        for order in self.unseen.drain(..) {
-            self.trace.say("shown", json!({ "order": order }));
+        for request in self.undisplayed.drain(..) {
+            self.trace.event("shown", json!({ "order": request }));
         }
         self.measure(&context);
-        self.take_all(&context);
+        self.handle_messages(&context);
         self.keys(&context);
         let dropped = context.input(|input| input.raw.dropped_files.clone());
         if !dropped.is_empty() {
@@ -278,12 +278,12 @@ impl eframe::App for App {
         self.play(&context);
         self.panels(ui);
         CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.picture(ui));
-        let mut open = self.shows.keys;
+        let mut open = self.visible.keys;
         overlay::keys(&context, &mut open);
-        self.shows.keys = open;
+        self.visible.keys = open;
     }
 
     fn save(&mut self, storage: &mut dyn eframe::Storage) {
-        eframe::set_value(storage, eframe::APP_KEY, &self.shows);
+        eframe::set_value(storage, eframe::APP_KEY, &self.visible);
     }
 }

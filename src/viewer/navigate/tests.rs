@@ -1,10 +1,10 @@
-//! What each way of moving promises, asked of the pictures that cameras make ([`View::project`]), at every scale.
+//! Properties of each navigation function, tested by projected points ([`View::project`]), at all scales.
 
 use proptest::prelude::*;
 
 use super::*;
 
-/// The height of the pictures.
+/// Picture height in pixels.
 const PIXELS: u32 = 1000;
 
 fn cameras() -> impl Strategy<Value = Camera> {
@@ -17,7 +17,7 @@ fn cameras() -> impl Strategy<Value = Camera> {
             let scale = 10f64.powi(exponent);
             let way = position - target;
             let apart = way.length() > 0.1 && up.length() > 0.1;
-            // Nearly along up, what way is up is not well said.
+            // View directions almost parallel to up are ill-conditioned.
             (apart && up.normalize().cross(way.normalize()).length() > 0.01).then(|| Camera {
                 name: "c".into(),
                 position: position * scale,
@@ -41,8 +41,8 @@ fn view(camera: &Camera, aspect: f64) -> View {
     View::new(camera, camera.projection, [width, PIXELS]).expect("a usable camera")
 }
 
-/// Where a point is seen: from the middle, in shares of the picture's height, up being positive.
-fn seen(camera: &Camera, aspect: f64, point: DVec3) -> DVec2 {
+/// The projected position relative to the picture's centre, in fractions of its height, with y up.
+fn projected(camera: &Camera, aspect: f64, point: DVec3) -> DVec2 {
     let view = view(camera, aspect);
     let [width, height] = view.size().map(f64::from);
     let pixel = view.project(point).0;
@@ -64,15 +64,15 @@ fn beside(camera: &Camera, x: f64, y: f64) -> DVec3 {
 }
 
 fn elevation(camera: &Camera) -> f64 {
-    let stand = Stand::of(camera).unwrap();
-    stand.w.dot(vertical(camera, &stand)).clamp(-1.0, 1.0).asin()
+    let pose = CameraPose::of(camera).unwrap();
+    pose.w.dot(vertical(camera, &pose)).clamp(-1.0, 1.0).asin()
 }
 
 proptest! {
     #[test]
     fn orbiting_keeps_distance_lens_and_level(mut camera in cameras(), steps in prop::collection::vec(angles(), 1..20)) {
         let before = camera.clone();
-        let axis = vertical(&camera, &Stand::of(&camera).unwrap());
+        let axis = vertical(&camera, &CameraPose::of(&camera).unwrap());
         for by in steps {
             orbit(&mut camera, by);
             let [u, v, _] = axes(&camera);
@@ -88,13 +88,13 @@ proptest! {
     #[test]
     fn there_and_back(camera in cameras(), by in angles(), first in angles()) {
         let mut level = camera.clone();
-        // A camera that rolls is level after its first step.
+        // A camera with roll is level after its first step.
         orbit(&mut level, first);
         let by = DVec2::new(by.x, by.y.clamp(-1.5 - elevation(&level), 1.5 - elevation(&level)));
         let mut moved = level.clone();
         orbit(&mut moved, by);
         orbit(&mut moved, -by);
-        // Nearest a pole eleven digits remain of where right is.
+        // At the minimum angle to a pole, the right axis keeps eleven digits.
         prop_assert!((moved.position - level.position).length() < 1e-9 * distance(&level));
         let mut moved = level.clone();
         look_around(&mut moved, DVec2::new(by.x, -by.y));
@@ -107,22 +107,23 @@ proptest! {
         fly(&mut moved, -by.extend(0.5));
         zoom(&mut moved, 3.0);
         zoom(&mut moved, 1.0 / 3.0);
-        // Position and target are rounded where they are moved to, which turns what is backwards by up to `turn`, and what is
-        // right by as much more as up is near it. The way back is as long as the way there, along what has turned. Six steps round
-        // two points by half an epsilon each, 6 of those; 16 leave room for what turns more, being nearer, between the zooms.
-        let stand = Stand::of(&level).unwrap();
-        let size = stand.distance.max(height_at_target(&level, &stand, 1.5));
+        // Rounding of the new position and target rotates the backward axis by up to `turn`, and the right axis by
+        // more, the nearer up is to the view direction. The way back has the same length, along the rotated axes. Six
+        // steps round two points by half an epsilon each: a factor of 6; 16 allows for the larger rotation at the
+        // smaller distance between the zooms.
+        let pose = CameraPose::of(&level).unwrap();
+        let size = pose.distance.max(height_at_target(&level, &pose, 1.5));
         let way = (by.length() + 0.5) * size;
-        let rounding = f64::EPSILON * (way + level.target.length() + stand.distance);
-        let turn = rounding / stand.distance / level.up.normalize().cross(stand.w).length();
+        let rounding = f64::EPSILON * (way + level.target.length() + pose.distance);
+        let turn = rounding / pose.distance / level.up.normalize().cross(pose.w).length();
         prop_assert!((moved.position - level.position).length() <= 16.0 * (rounding + turn * way));
         prop_assert!((field_of_view(&moved) - field_of_view(&level)).abs() < 1e-12 || moved.projection == Projection::Orthographic);
     }
 
-    /// Over the pole and on is no further than the pole; from there the camera turns and comes back.
+    /// Elevation is clamped at the pole; from there the camera can be rotated in any direction.
     #[test]
     fn poles_neither_flip_nor_hold(mut camera in cameras(), up in prop::sample::select(vec![1.0, -1.0]), turn in 0.1f64..3.0) {
-        let axis = vertical(&camera, &Stand::of(&camera).unwrap());
+        let axis = vertical(&camera, &CameraPose::of(&camera).unwrap());
         orbit(&mut camera, DVec2::new(0.3, 0.0));
         let right = axes(&camera)[0];
         (0..10).for_each(|_| orbit(&mut camera, DVec2::new(0.0, up * 0.7)));
@@ -142,8 +143,8 @@ proptest! {
         let point = beside(&camera, at.x, at.y);
         let mut moved = camera.clone();
         pan(&mut moved, by, aspect);
-        let [before, after] = [&camera, &moved].map(|camera| seen(camera, aspect, point));
-        // Far outside the picture places are large numbers.
+        let [before, after] = [&camera, &moved].map(|camera| projected(camera, aspect, point));
+        // Far outside the picture, positions are large numbers.
         let size = 1.0 + before.abs().max_element() + by.abs().max_element();
         prop_assert!((after - before - by).length() < 1e-9 * size, "{before} {after} {by}");
         prop_assert!((distance(&moved) / distance(&camera) - 1.0).abs() < 1e-9 * size);
@@ -152,37 +153,37 @@ proptest! {
     #[test]
     fn zooming_enlarges_the_target(camera in cameras(), factor in 0.01f64..100.0, at in angles(), aspect in 0.3f64..3.0) {
         let aspect = (aspect * f64::from(PIXELS)).round() / f64::from(PIXELS);
-        // A short way: beside the target, at its distance, both before and after.
+        // A small offset: the point stays beside the target, at its distance, before and after.
         let point = beside(&camera, 1e-3 * at.x, 1e-3 * at.y);
-        let before = seen(&camera, aspect, point);
+        let before = projected(&camera, aspect, point);
         let mut zoomed = camera.clone();
         zoom(&mut zoomed, factor);
-        let after = seen(&zoomed, aspect, point);
+        let after = projected(&zoomed, aspect, point);
         prop_assert!((after - factor * before).length() <= 1e-9 * (1.0 + factor) * (1.0 + before.length()), "{before} {after}");
-        // In the other projection, too.
+        // Also in the other projection.
         for projection in [Projection::Perspective, Projection::Orthographic] {
             let mut switched = zoomed.clone();
             switched.projection = projection;
-            prop_assert!((seen(&switched, aspect, point) - after).length() <= 1e-9 * (1.0 + after.length()));
+            prop_assert!((projected(&switched, aspect, point) - after).length() <= 1e-9 * (1.0 + after.length()));
             let mut switched = zoomed.clone();
             switch_projection(&mut switched, projection, 0.7);
-            prop_assert!((seen(&switched, aspect, point) - after).length() <= 1e-9 * (1.0 + after.length()));
+            prop_assert!((projected(&switched, aspect, point) - after).length() <= 1e-9 * (1.0 + after.length()));
         }
-        // What is under the mouse stays there.
+        // The point under the mouse keeps its position.
         let half = DVec2::new(aspect, 1.0) / 2.0;
         let mouse = at / 4.0 * half;
         let mut zoomed = camera.clone();
-        let stand = Stand::of(&camera).unwrap();
-        let height = height_at_target(&camera, &stand, aspect);
-        let under = camera.target + (mouse.x * stand.u + mouse.y * stand.v) * height;
-        prop_assert!((seen(&camera, aspect, under) - mouse).length() < 1e-9);
+        let pose = CameraPose::of(&camera).unwrap();
+        let height = height_at_target(&camera, &pose, aspect);
+        let under = camera.target + (mouse.x * pose.u + mouse.y * pose.v) * height;
+        prop_assert!((projected(&camera, aspect, under) - mouse).length() < 1e-9);
         zoom_at(&mut zoomed, factor, mouse, aspect);
-        prop_assert!((seen(&zoomed, aspect, under) - mouse).length() < 1e-7 * (1.0 + factor), "{}", seen(&zoomed, aspect, under));
-        // At any depth before the camera.
-        let deep = camera.position - stand.distance * (0.3 * stand.w - 0.05 * at.x * stand.u - 0.05 * at.y * stand.v);
+        prop_assert!((projected(&zoomed, aspect, under) - mouse).length() < 1e-7 * (1.0 + factor), "{}", projected(&zoomed, aspect, under));
+        // At any depth in front of the camera.
+        let deep = camera.position - pose.distance * (0.3 * pose.w - 0.05 * at.x * pose.u - 0.05 * at.y * pose.v);
         let mut zoomed = camera.clone();
         zoom_about(&mut zoomed, factor, deep);
-        let (before, after) = (seen(&camera, aspect, deep), seen(&zoomed, aspect, deep));
+        let (before, after) = (projected(&camera, aspect, deep), projected(&zoomed, aspect, deep));
         prop_assert!((before - after).length() < 1e-7 * (1.0 + factor) * (1.0 + before.length()), "{before} {after}");
     }
 
@@ -195,12 +196,12 @@ proptest! {
         match camera.projection {
             Projection::Perspective => prop_assert_eq!(set.position, camera.position),
             Projection::Orthographic => {
-                prop_assert!((seen(&set, 1.0, point) - seen(&camera, 1.0, point)).length() < 1e-9);
+                prop_assert!((projected(&set, 1.0, point) - projected(&camera, 1.0, point)).length() < 1e-9);
             }
         }
         let mut set = camera.clone();
         set_lens(&mut set, angle);
-        let (before, after) = (seen(&camera, 1.0, point), seen(&set, 1.0, point));
+        let (before, after) = (projected(&camera, 1.0, point), projected(&set, 1.0, point));
         prop_assert!((field_of_view(&set) - angle).abs() < 1e-9);
         prop_assert!((before - after).length() < 1e-9 * (1.0 + before.length()));
         prop_assert_eq!(set.target, camera.target);
@@ -208,17 +209,17 @@ proptest! {
 
     #[test]
     fn what_is_focused_is_in_the_middle(camera in cameras(), at in angles(), depth in -2.0f64..4.0) {
-        let stand = Stand::of(&camera).unwrap();
-        let point = beside(&camera, at.x, at.y) - (depth - 1.0) * stand.distance * stand.w;
+        let pose = CameraPose::of(&camera).unwrap();
+        let point = beside(&camera, at.x, at.y) - (depth - 1.0) * pose.distance * pose.w;
         let mut focused = camera.clone();
         focus(&mut focused, point);
         prop_assert_eq!(focused.target, point);
         let [u, v, w] = axes(&focused);
-        for (a, b) in [u, v, w].into_iter().zip([stand.u, stand.v, stand.w]) {
-            // The direction of a camera that came a thousand times as near has so many digits less.
+        for (a, b) in [u, v, w].into_iter().zip([pose.u, pose.v, pose.w]) {
+            // The view direction of a camera a thousand times nearer has three digits less.
             prop_assert!((a - b).length() < 1e-9);
         }
-        prop_assert!(distance(&focused) <= stand.distance * (1.0 + 1e-12));
+        prop_assert!(distance(&focused) <= pose.distance * (1.0 + 1e-12));
         let kept = (field_of_view(&focused) - field_of_view(&camera)).abs() < 1e-9;
         prop_assert!(kept);
     }
@@ -243,7 +244,7 @@ proptest! {
         let mut farthest = 0f64;
         for corner in corners {
             prop_assert!(view(&framed, aspect).project(corner).1, "before the camera");
-            farthest = farthest.max((seen(&framed, aspect, corner) / DVec2::new(aspect, 1.0)).abs().max_element());
+            farthest = farthest.max((projected(&framed, aspect, corner) / DVec2::new(aspect, 1.0)).abs().max_element());
         }
         prop_assert!((farthest - 0.45).abs() < 1e-6, "{farthest}");
     }
@@ -257,13 +258,13 @@ proptest! {
         look_around(&mut looked, DVec2::new(by.x * 0.1, 0.0));
         prop_assert_eq!(looked.position, camera.position);
         prop_assert!((distance(&looked) / distance(&camera) - 1.0).abs() < 1e-12);
-        // What is on the right comes to the middle by looking to the right.
+        // Looking to the right moves a point on the right to the centre.
         let [u, _, w] = axes(&level);
         let forward = -axes(&looked)[2];
         prop_assert!(forward.dot(u) * by.x >= 0.0, "{} {}", forward.dot(u), by.x);
         let mut raised = level.clone();
         look_around(&mut raised, DVec2::new(0.0, 0.001));
-        let axis = vertical(&level, &Stand::of(&level).unwrap());
+        let axis = vertical(&level, &CameraPose::of(&level).unwrap());
         prop_assert!((-axes(&raised)[2]).dot(axis) >= (-w).dot(axis));
         let mut flown = level.clone();
         fly(&mut flown, DVec3::new(way.x, 0.0, way.y));
@@ -272,7 +273,7 @@ proptest! {
         prop_assert!((flown.target - level.target - (flown.position - level.position)).length() < 1e-9 * distance(&level));
     }
 
-    /// Whatever is asked of whatever camera: it stays one that pictures can be made with, or as it was.
+    /// Any change of any camera gives a valid camera, or leaves it unchanged.
     #[test]
     fn nothing_leads_out_of_the_numbers(
         camera in cameras(),
@@ -316,7 +317,7 @@ fn a_fitted_camera_turns_about_the_scenes_vertical() {
         for projection in [Projection::Perspective, Projection::Orthographic] {
             let mut camera = standard(bounds, view, 1.0, projection).unwrap();
             let before = axes(&camera);
-            // By nothing: the picture stays, but for a pole's hundredth of a pixel.
+            // By zero angles: the picture stays the same, except for the clamping at the poles, a hundredth of a pixel.
             orbit(&mut camera, DVec2::ZERO);
             assert_eq!(camera.up, DVec3::Y, "{view:?}");
             for (a, b) in axes(&camera).into_iter().zip(before) {
@@ -326,12 +327,12 @@ fn a_fitted_camera_turns_about_the_scenes_vertical() {
     }
 }
 
-/// A box is fitted as a scene of its corners is: front, with a margin of 5 %.
+/// A box is fitted like a scene of its corners: front view with a margin of 5 %.
 #[test]
 fn a_box_is_in_the_picture() {
     let bounds = (DVec3::new(-1.0, -2.0, -3.0), DVec3::new(1.0, 2.0, 3.0));
     let camera = standard(bounds, StandardView::Front, 1.0, Projection::Orthographic).unwrap();
-    assert!((seen(&camera, 1.0, bounds.1).y - 0.45).abs() < 1e-9);
+    assert!((projected(&camera, 1.0, bounds.1).y - 0.45).abs() < 1e-9);
     assert!(standard((DVec3::ONE, DVec3::ONE), StandardView::Front, 1.0, Projection::Perspective).is_none());
 }
 

@@ -1,37 +1,42 @@
-//! How far the two sides of a comparison are apart.
+//! Errors between the two sides of a comparison.
 
 use std::sync::Arc;
 
-use super::pass::Picture;
-use super::{News, Teller};
+use super::pass::PipelineImage;
+use super::{Message, MessageSender};
 use crate::film::ColourPipeline;
 use crate::study::metrics::{self, Errors, Values};
 
-/// How far two pictures are apart, in what a display shows of them.
+/// Errors between two images, in display values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Comparison {
-    /// Largest difference of any channel, 1 being white.
+    /// Largest difference of a channel; white is 1.
     pub max: f64,
-    /// Root of the mean square difference.
+    /// Root mean square difference.
     pub rmse: f64,
     /// Mean LDR-FLIP.
     pub flip: f64,
 }
 
-/// Compares the pictures beside the painter, which goes on to what is ordered next.
-pub fn tell(order: u64, pictures: [Picture; 2], threads: &Arc<rayon::ThreadPool>, teller: &Teller) {
-    let teller = teller.clone();
+/// Compares both images on `threads`, in parallel to the painter's next request, and sends the result.
+pub fn compare_sides(
+    request: u64,
+    pictures: [PipelineImage; 2],
+    threads: &Arc<rayon::ThreadPool>,
+    sender: &MessageSender,
+) {
+    let sender = sender.clone();
     threads.spawn(move || {
         let [a, b] = pictures.each_ref().map(displayed);
         let figures = Errors::between(&a, &b).ok().and_then(|errors| errors.figures);
         if let Some(figures) = figures {
             let comparison = Comparison { max: figures.max, rmse: figures.rmse, flip: figures.flip };
-            teller.tell(News::Compared(order, comparison));
+            sender.send(Message::Compared(request, comparison));
         }
     });
 }
 
-fn displayed(picture: &Picture) -> metrics::Picture {
+fn displayed(picture: &PipelineImage) -> metrics::Picture {
     let [width, height] = picture.size;
     let values = match picture.pipeline {
         ColourPipeline::Linear => Values::Linear,

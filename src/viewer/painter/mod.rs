@@ -1,14 +1,14 @@
-//! The painter: a thread that renders what was asked for last, coarse to fine.
+//! The painter: a thread that renders the newest request from coarse to fine.
 //!
-//! A new order stops what is being rendered within a tile. Only the first, coarse pass is let finish while it is quick: a mouse that
-//! moves faster than that would otherwise never see a picture.
+//! A new request cancels the current pass within a tile. The first, coarse pass is completed if it is fast: otherwise a
+//! continuous mouse drag would cancel every pass, and no image would be shown.
 
 mod compare;
 mod pass;
-mod studio;
+mod render_cache;
 
 pub use compare::Comparison;
-pub use studio::Prepared;
+pub use render_cache::Prepared;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -17,76 +17,76 @@ use std::time::{Duration, Instant};
 
 use egui::ColorImage;
 
-use super::false_colour::{Legend, Shown};
-use super::look::{Order, Settings};
+use super::false_colour::{DisplayMode, Legend};
 use super::refine::first_factor;
+use super::request::{RenderRequest, Settings};
 use crate::error::Error;
 use crate::render::Statistics;
 use crate::scene::Numerics;
-use pass::Picture;
-use studio::Studio;
+use pass::PipelineImage;
+use render_cache::RenderCache;
 
-/// How long a first pass may go on for an order that is no longer wanted.
-const PATIENCE: Duration = Duration::from_millis(100);
+/// Duration after which the first pass of an outdated request is cancelled.
+const FIRST_PASS_LIMIT: Duration = Duration::from_millis(100);
 
-/// Nice value of the threads that render: the interface comes first.
+/// Nice value of the rendering threads, below the interface's priority.
 const NICENESS: i32 = 5;
 
-/// What the painter has to say.
-pub enum News {
-    /// A tree is being built for an order.
+/// Message of the painter to the interface.
+pub enum Message {
+    /// The tree of a request is being built.
     Building,
-    /// A picture.
-    Painted(Box<Painted>),
-    /// How far the two sides of a comparison are apart.
+    /// The image of a pass.
+    Image(Box<RenderedImage>),
+    /// Request number, and the errors between the two sides of a comparison.
     Compared(u64, Comparison),
-    /// An order cannot be carried out: what is wrong, and what to do.
+    /// Number of a request that failed, and the message with its hint.
     Failed(u64, String),
 }
 
-/// A picture of an order.
-pub struct Painted {
-    /// Which order's.
-    pub order: u64,
-    /// Which of its sides.
+/// Image of one pass of a request.
+pub struct RenderedImage {
+    /// Request number.
+    pub request: u64,
+    /// Side of the comparison.
     pub side: usize,
-    /// The picture.
+    /// Pixels as displayed.
     pub image: Arc<ColorImage>,
-    /// It has a pixel for so many of the order's, on each axis.
+    /// Width and height of an image pixel, in pixels of the request.
     pub factor: u32,
-    /// Samples a pixel so far, and in the end; the most where that depends on the pixel.
+    /// Samples per pixel so far, and in total; the maximum if sampling is adaptive.
     pub samples: (u32, u32),
-    /// Whether it is what was asked for.
+    /// Whether this is the last pass.
     pub is_last: bool,
-    /// Time spent on pictures of the full size so far; of a coarse one, on itself.
+    /// Time of all passes of full size so far; for a coarse pass, its own time.
     pub time: Duration,
-    /// What was done for it.
+    /// Statistics of the same passes as `time`.
     pub statistics: Statistics,
-    /// What the colours mean, where they are not those of the picture.
+    /// Legend of false colours.
     pub legend: Option<Legend>,
-    /// What it was made with.
+    /// The prepared scene that was rendered.
     pub prepared: Arc<Prepared>,
 }
 
-/// The painter, seen from the interface.
+/// Handle of the painter thread.
 pub struct Painter {
     shared: Arc<Shared>,
-    news: Receiver<News>,
+    messages: Receiver<Message>,
     thread: Option<std::thread::JoinHandle<()>>,
 }
 
 struct Shared {
-    desk: Mutex<Desk>,
+    state: Mutex<QueueState>,
     wake: Condvar,
 }
 
-/// What interface and thread tell each other.
+/// State shared by the interface and the painter thread.
 #[derive(Default)]
-struct Desk {
-    /// The order to be carried out next.
-    wanted: Option<(u64, Order)>,
-    orders: u64,
-    /// What is being rendered.
+struct QueueState {
+    /// The request to render next, and its number.
+    wanted: Option<(u64, RenderRequest)>,
+    requests: u64,
+    /// The current pass.
     running: Option<Running>,
     quits: bool,
 }
@@ -98,173 +98,183 @@ struct Running {
 }
 
 impl Shared {
-    fn desk(&self) -> std::sync::MutexGuard<'_, Desk> {
-        // Nothing is half done at a desk.
-        self.desk.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> std::sync::MutexGuard<'_, QueueState> {
+        // Each critical section leaves the state consistent, also when it panics.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Painter {
-    /// Starts the thread, which works on `threads` and calls `wake` whenever it has news.
+    /// Starts the thread. It renders on `threads` and calls `wake` after each message.
     pub fn new(threads: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + Sync + 'static) -> Self {
-        let shared = Arc::new(Shared { desk: Mutex::default(), wake: Condvar::new() });
-        let (sender, news) = channel();
-        threads.broadcast(|_| yield_to_the_interface());
+        let shared = Arc::new(Shared { state: Mutex::default(), wake: Condvar::new() });
+        let (sender, messages) = channel();
+        threads.broadcast(|_| lower_thread_priority());
         let thread = {
             let shared = Arc::clone(&shared);
-            let teller = Teller { sender, wake: Arc::new(wake) };
+            let sender = MessageSender { sender, wake: Arc::new(wake) };
             std::thread::Builder::new().name("painter".into()).spawn(move || {
-                yield_to_the_interface();
-                work(&shared, &threads, &teller);
+                lower_thread_priority();
+                work(&shared, &threads, &sender);
             })
         };
-        Painter { shared, news, thread: thread.ok() }
+        Painter { shared, messages, thread: thread.ok() }
     }
 
-    /// Asks for a picture, instead of all that was asked for before. Returns the order's number.
-    pub fn order(&self, order: Order) -> u64 {
-        let mut desk = self.shared.desk();
-        desk.orders += 1;
-        let number = desk.orders;
-        desk.wanted = Some((number, order));
-        let stops = |running: &&Running| !running.is_first || running.since.elapsed() > PATIENCE;
-        desk.running.iter().filter(stops).for_each(|running| running.cancel.store(true, Ordering::Relaxed));
+    /// Posts a request, which replaces all earlier ones. Returns its number.
+    pub fn request(&self, request: RenderRequest) -> u64 {
+        let mut state = self.shared.lock();
+        state.requests += 1;
+        let number = state.requests;
+        state.wanted = Some((number, request));
+        let must_cancel =
+            |running: &&Running| !running.is_first || running.since.elapsed() > FIRST_PASS_LIMIT;
+        state
+            .running
+            .iter()
+            .filter(must_cancel)
+            .for_each(|running| running.cancel.store(true, Ordering::Relaxed));
         self.shared.wake.notify_one();
         number
     }
 
-    /// Whether the thread has ended, which it does by a fault alone while there is a window.
-    pub fn is_gone(&self) -> bool {
+    /// Whether the thread has ended. While the window is open, only a panic ends it.
+    pub fn has_ended(&self) -> bool {
         self.thread.as_ref().is_none_or(std::thread::JoinHandle::is_finished)
     }
 
-    /// Waits for what there is to say next, for a moment at most.
-    pub fn wait(&self, until: Instant) -> Option<News> {
-        self.news.recv_timeout(until.saturating_duration_since(Instant::now())).ok()
+    /// Waits for the next message, until the given time.
+    pub fn wait(&self, until: Instant) -> Option<Message> {
+        self.messages.recv_timeout(until.saturating_duration_since(Instant::now())).ok()
     }
 
-    /// What there is to say since it was asked last, oldest first.
-    pub fn news(&self) -> impl Iterator<Item = News> {
-        self.news.try_iter()
+    /// Pending messages, oldest first.
+    pub fn messages(&self) -> impl Iterator<Item = Message> {
+        self.messages.try_iter()
     }
 }
 
 impl Drop for Painter {
     fn drop(&mut self) {
-        let mut desk = self.shared.desk();
-        desk.quits = true;
-        desk.running.iter().for_each(|running| running.cancel.store(true, Ordering::Relaxed));
+        let mut state = self.shared.lock();
+        state.quits = true;
+        state.running.iter().for_each(|running| running.cancel.store(true, Ordering::Relaxed));
         self.shared.wake.notify_one();
-        drop(desk);
-        // A tree that is being built cannot be stopped; the process ends without it.
+        drop(state);
+        // A tree build cannot be cancelled, so the thread is not joined.
         self.thread.take();
     }
 }
 
-/// Lets the interface's thread go first where both want to run.
-fn yield_to_the_interface() {
-    // Of the calling thread alone, on Linux; elsewhere of the process, which has a window to itself.
+/// Gives the calling thread a lower priority than the interface's thread.
+fn lower_thread_priority() {
+    // On Linux `setpriority` applies to the calling thread; elsewhere it would apply to the whole process.
     #[cfg(target_os = "linux")]
     let _ = rustix::process::setpriority_process(None, NICENESS);
 }
 
-/// Tells the interface what there is.
+/// Sends messages to the interface and wakes it.
 #[derive(Clone)]
-struct Teller {
-    sender: Sender<News>,
+struct MessageSender {
+    sender: Sender<Message>,
     wake: Arc<dyn Fn() + Send + Sync>,
 }
 
-impl Teller {
-    fn tell(&self, news: News) {
-        // Nobody listens to a window that closes.
-        let _ = self.sender.send(news);
+impl MessageSender {
+    fn send(&self, message: Message) {
+        // The receiver is dropped when the window closes.
+        let _ = self.sender.send(message);
         (self.wake)();
     }
 }
 
-/// Carries out orders until it is told to stop.
-fn work(shared: &Shared, threads: &Arc<rayon::ThreadPool>, teller: &Teller) {
-    let mut studio = Studio::default();
+/// Main loop of the painter thread: renders requests until the painter is dropped.
+fn work(shared: &Shared, threads: &Arc<rayon::ThreadPool>, sender: &MessageSender) {
+    let mut cache = RenderCache::default();
     loop {
-        let mut desk = shared.desk();
-        desk.running = None;
-        let (number, order) = loop {
-            if desk.quits {
+        let mut state = shared.lock();
+        state.running = None;
+        let (number, request) = loop {
+            if state.quits {
                 return;
             }
-            match desk.wanted.take() {
+            match state.wanted.take() {
                 Some(wanted) => break wanted,
-                None => desk = shared.wake.wait(desk).unwrap_or_else(PoisonError::into_inner),
+                None => state = shared.wake.wait(state).unwrap_or_else(PoisonError::into_inner),
             }
         };
-        drop(desk);
-        let painting = Painting { shared, teller, number };
-        let done = threads.install(|| painting.paint(&order, &mut studio));
+        drop(state);
+        let task = RenderTask { shared, sender, number };
+        let done = threads.install(|| task.paint(&request, &mut cache));
         match done {
-            Ok(Some([a, b])) => compare::tell(number, [a, b], threads, teller),
+            Ok(Some([a, b])) => compare::compare_sides(number, [a, b], threads, sender),
             Ok(None) | Err(Error::Interrupted) => {}
-            Err(e) => teller.tell(News::Failed(number, super::say(&e))),
+            Err(e) => sender.send(Message::Failed(number, super::message_with_hint(&e))),
         }
     }
 }
 
-/// An order that is being carried out.
-struct Painting<'a> {
+/// A request that is being rendered.
+struct RenderTask<'a> {
     shared: &'a Shared,
-    teller: &'a Teller,
+    sender: &'a MessageSender,
     number: u64,
 }
 
-impl Painting<'_> {
-    /// All passes of all sides, in turns. Returns the two pictures of a comparison.
-    fn paint(&self, order: &Order, studio: &mut Studio) -> crate::error::Result<Option<[Picture; 2]>> {
-        if !studio.has_all(order) {
-            self.teller.tell(News::Building);
+impl RenderTask<'_> {
+    /// Renders all passes, alternating between the sides. Returns both images of a comparison.
+    fn paint(
+        &self,
+        request: &RenderRequest,
+        cache: &mut RenderCache,
+    ) -> crate::error::Result<Option<[PipelineImage; 2]>> {
+        if !cache.has_worlds(request) {
+            self.sender.send(Message::Building);
         }
-        let pixels = order.size[0] as usize * order.size[1] as usize;
-        let factor = first_factor(pixels * order.sides.len(), studio.seconds_a_pixel(order), order.plays);
+        let pixels = request.size[0] as usize * request.size[1] as usize;
+        let factor =
+            first_factor(pixels * request.sides.len(), cache.seconds_per_pixel(request), request.is_playing);
         let mut sides = Vec::new();
-        for settings in &order.sides {
+        for settings in &request.sides {
             if self.is_outdated() {
                 return Err(Error::Interrupted);
             }
             let exact = Settings { numerics: Numerics::Exact, ..settings.clone() };
-            let exact = match order.shown {
-                Shown::ErrorAgainstExact => Some(studio.prepare(order, &exact)?),
+            let exact = match request.display_mode {
+                DisplayMode::ErrorAgainstExact => Some(cache.prepare(request, &exact)?),
                 _ => None,
             };
-            sides.push(pass::Side::new(order, studio.prepare(order, settings)?, exact, settings, factor));
+            sides.push(pass::Side::new(request, cache.prepare(request, settings)?, exact, settings, factor));
         }
         let passes = sides.iter().map(pass::Side::passes).max().unwrap_or(0);
         for index in 0..passes {
-            for (side, painted) in sides.iter_mut().enumerate() {
+            for (side, rendered) in sides.iter_mut().enumerate() {
                 let is_first = index == 0;
                 let cancel = self.begin(is_first)?;
-                let Some(made) = painted.pass(index, &cancel)? else { continue };
-                if let Some(seconds) = made.seconds_a_pixel {
-                    studio.learn(order, seconds);
+                let Some(made) = rendered.pass(index, &cancel)? else { continue };
+                if let Some(seconds) = made.seconds_per_pixel {
+                    cache.record_seconds(request, seconds);
                 }
-                self.teller.tell(News::Painted(Box::new(made.painted(self.number, side))));
+                self.sender.send(Message::Image(Box::new(made.rendered(self.number, side))));
             }
         }
-        let pictures: Vec<Picture> = sides.into_iter().filter_map(pass::Side::into_picture).collect();
+        let pictures: Vec<PipelineImage> = sides.into_iter().filter_map(pass::Side::into_picture).collect();
         Ok(pictures.try_into().ok())
     }
 
     fn is_outdated(&self) -> bool {
-        let desk = self.shared.desk();
-        desk.wanted.is_some() || desk.quits
+        let state = self.shared.lock();
+        state.wanted.is_some() || state.quits
     }
 
-    /// Begins a pass, unless there is a newer order.
+    /// Registers a pass and returns its cancel flag. [`Error::Interrupted`] if there is a newer request.
     fn begin(&self, is_first: bool) -> crate::error::Result<Arc<AtomicBool>> {
-        let mut desk = self.shared.desk();
-        if desk.quits || desk.wanted.is_some() {
+        let mut state = self.shared.lock();
+        if state.quits || state.wanted.is_some() {
             return Err(Error::Interrupted);
         }
         let cancel = Arc::new(AtomicBool::new(false));
-        desk.running = Some(Running { cancel: Arc::clone(&cancel), is_first, since: Instant::now() });
+        state.running = Some(Running { cancel: Arc::clone(&cancel), is_first, since: Instant::now() });
         Ok(cancel)
     }
 }

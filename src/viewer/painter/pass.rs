@@ -1,4 +1,4 @@
-//! One side of an order, pass by pass.
+//! Progressive rendering of one side of a request.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -7,43 +7,43 @@ use std::time::{Duration, Instant};
 use egui::{Color32, ColorImage};
 use rayon::prelude::*;
 
-use super::Painted;
-use super::studio::Prepared;
+use super::RenderedImage;
+use super::render_cache::Prepared;
 use crate::error::Result;
 use crate::film::{ColourPipeline, Film, Pixel};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 use crate::study::metrics;
-use crate::viewer::false_colour::{FalseColours, Legend, Shown, error_against_exact, false_colours};
-use crate::viewer::look::{Order, Settings};
-use crate::viewer::refine::{Kind, Pass, passes};
+use crate::viewer::false_colour::{DisplayMode, FalseColours, Legend, error_against_exact, false_colours};
+use crate::viewer::refine::{Pass, SamplingKind, passes};
+use crate::viewer::request::{RenderRequest, Settings};
 
-/// A picture in the numbers of its pipeline, row by row from the top.
-pub struct Picture {
+/// An image in the values of its colour pipeline, row by row from the top.
+pub struct PipelineImage {
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Its pixels.
+    /// Pixels.
     pub pixels: Vec<[f32; 3]>,
-    /// What they are in.
+    /// Colour pipeline of the pixels.
     pub pipeline: ColourPipeline,
 }
 
-/// A side of an order, and what there is of it.
+/// One side of a request, with its progress.
 pub struct Side<'a> {
-    order: &'a Order,
+    request: &'a RenderRequest,
     settings: &'a Settings,
     prepared: Arc<Prepared>,
-    /// The same in the tier `exact`, where the picture is held against it.
+    /// The same scene in the tier `exact`, for [`DisplayMode::ErrorAgainstExact`].
     exact: Option<Arc<Prepared>>,
     passes: Vec<Pass>,
-    kind: Kind,
-    /// Time and work of all passes of the full size.
+    kind: SamplingKind,
+    /// Sum of time and statistics of all passes of full size.
     spent: Option<(Duration, Statistics)>,
-    picture: Option<Picture>,
+    picture: Option<PipelineImage>,
 }
 
-/// What a pass made.
-pub struct Made {
+/// Result of a pass.
+pub struct PassOutput {
     image: ColorImage,
     factor: u32,
     samples: (u32, u32),
@@ -52,49 +52,50 @@ pub struct Made {
     statistics: Statistics,
     legend: Option<Legend>,
     prepared: Arc<Prepared>,
-    /// Seconds that a pixel took, where each was looked at once.
-    pub seconds_a_pixel: Option<f64>,
+    /// Render time in seconds per pixel, if each had one sample.
+    pub seconds_per_pixel: Option<f64>,
 }
 
-impl Made {
-    /// With the order that it is of, and the side.
-    pub fn painted(self, order: u64, side: usize) -> Painted {
-        let Made { image, factor, samples, is_last, time, statistics, legend, prepared, .. } = self;
+impl PassOutput {
+    /// The result with its request number and side.
+    pub fn rendered(self, request: u64, side: usize) -> RenderedImage {
+        let PassOutput { image, factor, samples, is_last, time, statistics, legend, prepared, .. } = self;
         let image = Arc::new(image);
-        Painted { order, side, image, factor, samples, is_last, time, statistics, legend, prepared }
+        RenderedImage { request, side, image, factor, samples, is_last, time, statistics, legend, prepared }
     }
 }
 
 impl<'a> Side<'a> {
-    /// Begins with passes of `factor`.
+    /// Plans the passes, the first of them with pixels of `factor` by `factor`.
     pub fn new(
-        order: &'a Order,
+        request: &'a RenderRequest,
         prepared: Arc<Prepared>,
         exact: Option<Arc<Prepared>>,
         settings: &'a Settings,
         factor: u32,
     ) -> Self {
-        // What is known of pixels is known of their centres.
-        let kind = if order.shown == Shown::Picture { prepared.kind } else { Kind::Centres };
+        // AOVs are computed at pixel centres.
+        let kind =
+            if request.display_mode == DisplayMode::Picture { prepared.kind } else { SamplingKind::Centres };
         let passes = passes(factor, kind);
-        Side { order, settings, prepared, exact, passes, kind, spent: None, picture: None }
+        Side { request, settings, prepared, exact, passes, kind, spent: None, picture: None }
     }
 
-    /// How many passes there are.
+    /// Number of passes.
     pub fn passes(&self) -> usize {
         self.passes.len()
     }
 
-    /// The finished picture.
-    pub fn into_picture(self) -> Option<Picture> {
+    /// The last image of full size.
+    pub fn into_picture(self) -> Option<PipelineImage> {
         self.picture
     }
 
-    /// Does a pass; `None` where there is none of that number.
+    /// Renders a pass; `None` if the index is out of range.
     ///
     /// # Errors
-    /// [`crate::error::Error::Interrupted`] when cancelled, and those of rendering.
-    pub fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<Made>> {
+    /// [`crate::error::Error::Interrupted`] when cancelled, and the errors of rendering.
+    pub fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<PassOutput>> {
         let Some(&pass) = self.passes.get(index) else { return Ok(None) };
         let start = Instant::now();
         let watch = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
@@ -103,17 +104,17 @@ impl<'a> Side<'a> {
         let (factor, sampling) = match pass {
             Pass::Coarse(factor) => (factor, Sampling::default()),
             Pass::Samples(from, to) => (1, self.settings.choices.sampling.part(from, to)),
-            Pass::Whole if self.order.shown != Shown::Picture => (1, Sampling::default()),
+            Pass::Whole if self.request.display_mode != DisplayMode::Picture => (1, Sampling::default()),
             Pass::Whole => (1, self.settings.choices.sampling),
         };
-        let size = self.order.size.map(|side| side.div_ceil(factor));
+        let size = self.request.size.map(|side| side.div_ceil(factor));
         let (film, statistics) = self.render(&self.prepared, size, sampling, &watch)?;
         let mut pixels = rows(&film);
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
             mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
         }
-        let (image, legend) = match self.order.shown {
-            Shown::Picture => (image(&pixels, size, pipeline), None),
+        let (image, legend) = match self.request.display_mode {
+            DisplayMode::Picture => (image(&pixels, size, pipeline), None),
             _ => {
                 let FalseColours { pixels, legend } = self.false_colours(&film, size, &watch)?;
                 (ColorImage::from_rgb(size.map(|side| side as usize), pixels.as_flattened()), Some(legend))
@@ -121,12 +122,12 @@ impl<'a> Side<'a> {
         };
         let time = start.elapsed();
         let most = match self.kind {
-            Kind::Centres => 1,
-            Kind::Samples(samples) => samples,
-            Kind::Adaptive => self.settings.choices.sampling.max_samples(),
+            SamplingKind::Centres => 1,
+            SamplingKind::Samples(samples) => samples,
+            SamplingKind::Adaptive => self.settings.choices.sampling.max_samples(),
         };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
-        let seconds_a_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
+        let seconds_per_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));
         let taken = match pass {
             Pass::Coarse(_) => 1,
             Pass::Samples(_, to) => to,
@@ -135,12 +136,12 @@ impl<'a> Side<'a> {
         let (time, statistics) = if let Pass::Coarse(_) = pass {
             (time, statistics)
         } else {
-            self.picture = Some(Picture { size, pixels, pipeline });
+            self.picture = Some(PipelineImage { size, pixels, pipeline });
             self.spend(time, statistics)
         };
         let prepared = Arc::clone(&self.prepared);
         let samples = (taken, most);
-        Ok(Some(Made {
+        Ok(Some(PassOutput {
             image,
             factor,
             samples,
@@ -149,11 +150,11 @@ impl<'a> Side<'a> {
             statistics,
             legend,
             prepared,
-            seconds_a_pixel,
+            seconds_per_pixel,
         }))
     }
 
-    /// Adds up what passes of the full size took.
+    /// Adds the cost of a pass of full size. Returns the sum.
     fn spend(&mut self, time: Duration, statistics: Statistics) -> (Duration, Statistics) {
         let spent = match self.spent.take() {
             Some((before, mut sum)) => {
@@ -166,7 +167,7 @@ impl<'a> Side<'a> {
         spent
     }
 
-    /// What is shown instead of a picture.
+    /// False colours of the requested display mode.
     fn false_colours(&self, film: &Film, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
         let job = &self.prepared.job;
         if let Some(exact) = &self.exact {
@@ -174,7 +175,7 @@ impl<'a> Side<'a> {
             let [picture, exact] = [film, &exact].map(|film| metrics::Picture::of_film(film, job.pipeline()));
             return error_against_exact(&picture, &exact);
         }
-        false_colours(self.order.shown, &job.with_size(size)?.aov_source(None), control)
+        false_colours(self.request.display_mode, &job.with_size(size)?.aov_source(None), control)
     }
 
     fn render(
@@ -208,7 +209,7 @@ fn rows(film: &Film) -> Vec<[f32; 3]> {
     pixels
 }
 
-/// Has `before` count in a mean by a share of 0 to 1.
+/// Weighted mean: `before` has weight `share` (0 to 1), `pixels` the rest.
 fn mix(pixels: &mut [[f32; 3]], before: &[[f32; 3]], share: f64) {
     let mean = |new: f32, old: f32| (f64::from(old) * share + f64::from(new) * (1.0 - share)) as f32;
     pixels.par_iter_mut().zip(before).for_each(|(new, old)| {
@@ -216,7 +217,7 @@ fn mix(pixels: &mut [[f32; 3]], before: &[[f32; 3]], share: f64) {
     });
 }
 
-/// What a display shows.
+/// The image as a display shows it.
 fn image(pixels: &[[f32; 3]], size: [u32; 2], pipeline: ColourPipeline) -> ColorImage {
     let width = size[0] as usize;
     let mut colours = vec![Color32::BLACK; pixels.len()];

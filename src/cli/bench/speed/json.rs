@@ -1,4 +1,4 @@
-//! Rows as JSON. Other programs read them: names and units stay.
+//! Results as JSON. Keys and units are stable, as other programs read them.
 
 use serde_json::{Map, Value, json};
 
@@ -6,7 +6,7 @@ use super::Report;
 use crate::bench::speed::{Kind, Row};
 use crate::bench::{Absent, Clock, Spread};
 
-/// A row for each contender, and one with a reason for each library that is not there.
+/// One row per contender, and one with a reason per unavailable library.
 pub fn rows(report: &Report) -> Value {
     let measured = report.rows.iter().map(|row| measured(row, report));
     measured.chain(report.absent.iter().map(skipped)).collect()

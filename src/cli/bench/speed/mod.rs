@@ -1,4 +1,4 @@
-//! `kiln bench`: how fast kiln and other libraries answer rays, and how many of their answers are wrong.
+//! `kiln bench`: ray throughput and number of wrong results of kiln and other libraries.
 
 pub mod json;
 mod text;
@@ -9,8 +9,8 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 
 use super::super::arguments::inputs_help;
-use super::super::{Printer, pool, print};
-use super::watched;
+use super::super::{WarningPrinter, pool, print};
+use super::with_progress;
 use crate::bench::generate::Family;
 use crate::bench::speed::{self, Eye, Questions, Row, Settings, Viewpoint, contenders, measure, page};
 use crate::bench::{Absent, Mesh};
@@ -51,13 +51,13 @@ pub struct Arguments {
     page: Option<PathBuf>,
 }
 
-/// What was measured, for those who write it down.
+/// Results of a benchmark, for its output formats.
 pub struct Report<'a> {
     pub rows: &'a [Row],
     pub absent: &'a [Absent],
-    /// What was measured over.
+    /// Name of the measured mesh.
     pub subject: &'a str,
-    /// In how many rounds.
+    /// Number of measured rounds.
     pub runs: u32,
 }
 
@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let (contenders, absent) = chosen(&arguments.engine, usize::from(arguments.threads))?;
     let (mesh, eye) = subject(arguments)?;
     let timed = pool(Some(arguments.threads))?;
-    let rows = watched(None, "timing", interrupted, |watch| {
+    let rows = with_progress(None, "timing", interrupted, |watch| {
         let questions = Questions::new(&mesh, &eye);
         let settings = Settings { runs: arguments.runs, pool: &timed, check: true };
         measure(&contenders, &mesh, &questions, &settings, watch)
@@ -79,7 +79,7 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     print(&if arguments.json { format!("{:#}\n", json::rows(&report)) } else { text::tables(&report) })
 }
 
-/// What to call the triangles.
+/// Name of the mesh and viewpoint.
 fn name(arguments: &Arguments) -> String {
     let files: Vec<String> = arguments
         .inputs
@@ -90,7 +90,7 @@ fn name(arguments: &Arguments) -> String {
     if files.is_empty() { format!("a bumpy sphere{place}") } else { format!("{}{place}", files.join(" ")) }
 }
 
-/// The triangles, and where they are seen from.
+/// The mesh and the viewpoint.
 fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
     let from = Viewpoint::named(&arguments.from).unwrap_or_default();
     if arguments.inputs.is_empty() {
@@ -105,7 +105,7 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
     if triangles.spheres > 0 {
         warnings.note(format!("{} sphere(s) left out: triangles alone are compared", triangles.spheres));
     }
-    Printer::default().print(&warnings, true);
+    WarningPrinter::default().print(&warnings, true);
     if triangles.mesh.triangles.is_empty() {
         let hint = "`kiln info` says what the files hold; without INPUT a mesh is made";
         let what = "there is no triangle in it to cast rays at";
@@ -117,13 +117,13 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
 
 pub type Chosen = (Vec<Box<dyn speed::Contender>>, Vec<Absent>);
 
-/// The contenders that are asked for: `kiln`, or `kiln/bvh2/exact` for those of that layout and tier.
-pub fn chosen(asked: &[String], threads: usize) -> Result<Chosen> {
+/// Contenders selected by name: `kiln`, or `kiln/bvh2/exact` for a layout and tier; all without a name.
+pub fn chosen(typed: &[String], threads: usize) -> Result<Chosen> {
     let (mut present, mut absent) = contenders(threads);
-    if asked.is_empty() {
+    if typed.is_empty() {
         return Ok((present, absent));
     }
-    for name in asked {
+    for name in typed {
         let engine = name.split('/').next().unwrap_or(name);
         if let Some(Absent { name, reason, remedy }) = absent.iter().find(|absent| absent.name == engine) {
             return Err(Error::Failed { what: format!("{name}: {reason}"), hint: (*remedy).into() });
@@ -133,7 +133,7 @@ pub fn chosen(asked: &[String], threads: usize) -> Result<Chosen> {
             return Err(Error::usage(format!("no engine is called `{name}`"), hint));
         }
     }
-    present.retain(|contender| asked.iter().any(|name| is_meant(&contender.label(), name)));
+    present.retain(|contender| typed.iter().any(|name| is_meant(&contender.label(), name)));
     absent.clear();
     Ok((present, absent))
 }

@@ -1,13 +1,13 @@
-//! Rows as tables on the terminal.
+//! Results as text tables.
 
 use std::fmt::Write;
 
-use super::super::{aligned, few, grouped};
+use super::super::{aligned, grouped, three_digits};
 use super::Report;
 use crate::bench::speed::{Kind, Row, best};
 use crate::bench::{Absent, Clock, Spread};
 
-/// How fast, what is behind it, and how the fastest compare.
+/// Tables of throughput, of build and memory, and of the fastest contenders.
 pub fn tables(report: &Report) -> String {
     let mut text = String::new();
     if let Some(row) = report.rows.first() {
@@ -39,7 +39,7 @@ fn name(row: &Row) -> Vec<String> {
         .to_vec()
 }
 
-/// The columns that say which row it is.
+/// Columns that identify a row.
 const NAMES: [&str; 4] = ["engine", "layout", "tier", "preset"];
 
 fn table(titles: impl IntoIterator<Item = &'static str>, lines: impl Iterator<Item = Vec<String>>) -> String {
@@ -65,10 +65,12 @@ fn structures(rows: &[Row]) -> String {
         line.push(row.label.isa.to_owned());
         line.push(or_dash(facts.nodes, grouped));
         line.push(or_dash(facts.depth, |depth| depth.to_string()));
-        line.push(or_dash(facts.sah_cost, few));
-        line.push(or_dash(row.bytes_per_triangle(), few));
+        line.push(or_dash(facts.sah_cost, three_digits));
+        line.push(or_dash(row.bytes_per_triangle(), three_digits));
         line.extend([Kind::Primary, Kind::Diffuse].map(|kind| {
-            or_dash(row.tests_per_ray(kind), |[nodes, prims]| format!("{} + {}", few(nodes), few(prims)))
+            or_dash(row.tests_per_ray(kind), |[nodes, prims]| {
+                format!("{} + {}", three_digits(nodes), three_digits(prims))
+            })
         }));
         line
     };
@@ -79,7 +81,7 @@ fn structures(rows: &[Row]) -> String {
     text
 }
 
-/// kiln in its default tier beside the fastest row of each other library, kind by kind.
+/// Comparison of kiln in its default tier with the fastest row of each other library, per kind of ray.
 fn comparison(rows: &[Row]) -> String {
     let mut engines: Vec<&str> =
         rows.iter().map(|row| row.label.engine).filter(|name| *name != "kiln").collect();
@@ -119,5 +121,5 @@ fn or_dash<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
 
 fn with_spread(spread: &Spread) -> String {
     let half = (spread.upper - spread.lower) / 2.0 / spread.median * 100.0;
-    format!("{} ±{half:.0}%", few(spread.median))
+    format!("{} ±{half:.0}%", three_digits(spread.median))
 }

@@ -10,7 +10,7 @@ use super::four::Hit4;
 use super::simd::Simd;
 use super::woop::WoopTest;
 use super::{Ray, Sphere, Tier, Triangle4, TriangleHit};
-use crate::scene::Numerics;
+use crate::geometry::Numerics;
 
 /// f64 geometry, decided in f64.
 pub struct Double;

@@ -116,6 +116,7 @@ impl Sphere {
     }
 
     /// The point of the surface nearest to `point`, and the outward unit normal there.
+    #[inline(always)]
     pub fn surface(&self, point: DVec3) -> (DVec3, DVec3) {
         let normal = (point - self.centre).try_normalize().unwrap_or(DVec3::Y);
         (self.centre + normal * self.radius, normal)

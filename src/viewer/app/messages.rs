@@ -1,4 +1,4 @@
-//! What other threads have to say.
+//! Messages from the loader, painter, watcher and saving threads.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -12,46 +12,46 @@ use crate::import::FileRead;
 use crate::viewer::controls::Controls;
 use crate::viewer::loader::Loaded;
 use crate::viewer::overlay::Notice;
-use crate::viewer::painter::{News, Painted};
+use crate::viewer::painter::{Message, RenderedImage};
 use crate::viewer::watch::Watcher;
-use crate::viewer::{name_of, say};
+use crate::viewer::{message_with_hint, name_of};
 
 impl App {
-    /// Takes in all there is.
-    pub(super) fn take_all(&mut self, context: &Context) {
+    /// Handles all pending messages.
+    pub(super) fn handle_messages(&mut self, context: &Context) {
         if self.changed.swap(false, Ordering::Relaxed) {
-            self.trace.say("changed", json!({}));
+            self.trace.event("changed", json!({}));
             self.loader.load(self.inputs.clone());
         }
         if let Some(loaded) = self.loader.loaded() {
-            self.take(context, loaded);
+            self.handle_loaded(context, loaded);
         }
         while let Ok((file, done)) = self.saved.1.try_recv() {
             self.saving.retain(|other| *other != file);
-            self.said(done, &file);
+            self.show_save_result(done, &file);
         }
-        if self.painter.is_gone() && self.notice.is_none() {
+        if self.painter.has_ended() && self.notice.is_none() {
             let hint = "please report it with the input; what you see stays as it is";
-            self.fail(format!("a fault in kiln itself: nothing is rendered any more\n{hint}"));
+            self.show_error(format!("a fault in kiln itself: nothing is rendered any more\n{hint}"));
         }
-        let all: Vec<News> = self.painter.news().collect();
-        all.into_iter().for_each(|news| self.take_news(context, news));
+        let all: Vec<Message> = self.painter.messages().collect();
+        all.into_iter().for_each(|message| self.handle_message(context, message));
     }
 
-    /// Says that something went wrong, until it no longer holds or is dismissed.
-    pub(super) fn fail(&mut self, text: String) {
-        self.trace.say("error", json!({ "text": text }));
+    /// Shows an error until its cause is gone or it is dismissed.
+    pub(super) fn show_error(&mut self, text: String) {
+        self.trace.event("error", json!({ "text": text }));
         self.notice = Some(Notice::new(text, true));
     }
 
-    /// Says something that was done.
-    pub(super) fn tell(&mut self, text: String) {
-        self.trace.say("notice", json!({ "text": text }));
+    /// Shows a notice about a completed action.
+    pub(super) fn show_notice(&mut self, text: String) {
+        self.trace.event("notice", json!({ "text": text }));
         self.notice = Some(Notice::new(text, false));
     }
 
-    /// Takes in files that were read.
-    fn take(&mut self, context: &Context, loaded: Loaded) {
+    /// Handles loaded files.
+    fn handle_loaded(&mut self, context: &Context, loaded: Loaded) {
         let Loaded { inputs, result, files, warnings, .. } = loaded;
         let watched: Vec<String> = files.iter().map(|read| read.file.display().to_string()).collect();
         let is_same = inputs == self.inputs;
@@ -60,10 +60,10 @@ impl App {
         }
         let opened = match result {
             Ok(opened) => Arc::new(opened),
-            // What was asked for cannot be: no other file will put it right.
+            // Options do not fit the inputs: a changed file cannot correct that.
             Err(e @ Error::Usage { .. }) if self.opened.is_none() => return self.give_up(context, e),
-            // The last good picture stays.
-            Err(e) => return self.fail(say(&e)),
+            // The last valid scene stays.
+            Err(e) => return self.show_error(message_with_hint(&e)),
         };
         match &mut self.controls {
             Some(controls) if is_same => controls.reopened(&opened),
@@ -76,7 +76,7 @@ impl App {
         }
         self.warnings = warnings.messages().iter().chain(warnings.notes()).cloned().collect();
         self.notice.take_if(|notice| notice.is_error);
-        self.trace.say("opened", json!({ "files": watched }));
+        self.trace.event("opened", json!({ "files": watched }));
         self.opened = Some(opened);
     }
 
@@ -88,7 +88,7 @@ impl App {
         context.send_viewport_cmd(ViewportCommand::Close);
     }
 
-    /// Watches the files of the scene, also where they could not be used.
+    /// Watches the files of the scene, including those that could not be loaded.
     fn watch(&mut self, context: &Context, files: Vec<FileRead>) {
         if let Some(watcher) = &self.watcher {
             return watcher.set_files(files);
@@ -101,48 +101,48 @@ impl App {
         self.watcher = Watcher::new(files, on_change).ok();
     }
 
-    /// Takes in what the painter has made.
-    pub(super) fn take_news(&mut self, context: &Context, news: News) {
-        let newest = self.ordered.as_ref().map_or(0, |(_, number)| *number);
-        match news {
-            News::Building => self.is_building = true,
-            News::Painted(painted) => self.take_picture(context, painted, newest),
-            News::Compared(order, comparison) if order == newest => {
+    /// Handles a message of the painter.
+    pub(super) fn handle_message(&mut self, context: &Context, message: Message) {
+        let newest = self.requested.as_ref().map_or(0, |(_, number)| *number);
+        match message {
+            Message::Building => self.is_building = true,
+            Message::Image(rendered) => self.handle_image(context, rendered, newest),
+            Message::Compared(request, comparison) if request == newest => {
                 let (max, rmse, flip) = (comparison.max, comparison.rmse, comparison.flip);
-                let what = json!({ "order": order, "max": max, "rmse": rmse, "flip": flip });
-                self.trace.say("compared", what);
+                let what = json!({ "order": request, "max": max, "rmse": rmse, "flip": flip });
+                self.trace.event("compared", what);
                 self.comparison = Some(comparison);
             }
-            News::Compared(..) => {}
-            News::Failed(order, text) => {
+            Message::Compared(..) => {}
+            Message::Failed(request, text) => {
                 self.is_building = false;
-                if order == newest {
-                    self.failed_order = Some(order);
-                    self.fail(text);
+                if request == newest {
+                    self.failed_request = Some(request);
+                    self.show_error(text);
                 }
             }
         }
     }
 
-    fn take_picture(&mut self, context: &Context, painted: Box<Painted>, newest: u64) {
+    fn handle_image(&mut self, context: &Context, rendered: Box<RenderedImage>, newest: u64) {
         self.is_building = false;
-        // What could not be painted, can be again.
-        if painted.order == newest && self.failed_order.take_if(|failed| *failed < newest).is_some() {
+        // A newer request succeeded, so an error of an earlier one is obsolete.
+        if rendered.request == newest && self.failed_request.take_if(|failed| *failed < newest).is_some() {
             self.notice.take_if(|notice| notice.is_error);
         }
         let what = json!({
-            "order": painted.order,
-            "side": painted.side,
-            "factor": painted.factor,
-            "samples": painted.samples.0,
-            "last": painted.is_last,
-            "ms": painted.time.as_secs_f64() * 1e3,
-            "newest": painted.order == newest,
+            "order": rendered.request,
+            "side": rendered.side,
+            "factor": rendered.factor,
+            "samples": rendered.samples.0,
+            "last": rendered.is_last,
+            "ms": rendered.time.as_secs_f64() * 1e3,
+            "newest": rendered.request == newest,
         });
-        self.trace.say("picture", what);
-        self.unseen.push(painted.order);
-        self.canvas.take(context, painted);
-        // The frame after this one begins when this one is on the screen.
+        self.trace.event("picture", what);
+        self.undisplayed.push(rendered.request);
+        self.canvas.take(context, rendered);
+        // The next frame starts after this one was presented; the trace then records the event `shown`.
         if self.trace.is_on() {
             context.request_repaint();
         }

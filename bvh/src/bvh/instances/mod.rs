@@ -23,7 +23,7 @@ use super::{Accelerator, Description, Next, Primitive, Quality, Slot, Traversal}
 use crate::geometry::{
     Bounds, BoxTest, Corner, Hit, Numerics, PrimId, Ray, SlotId, Stored, Tier, Triangle, prune_distance,
 };
-use crate::scene::{Mesh, Placed};
+use crate::geometry::{Mesh, Placed};
 use mesh_bvh::MeshBvh;
 pub use transform::MeshSpace;
 use transform::Transform;

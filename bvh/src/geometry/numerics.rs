@@ -7,7 +7,7 @@ use super::four::{Hit4, LANES4, Ray4, Triangle4};
 use super::simd::Simd;
 use super::woop4::PreparedRay4;
 use super::{Bounds, Hit, Ray, Sphere, TriangleHit};
-use crate::scene::Numerics;
+use crate::geometry::Numerics;
 
 /// The floating-point format of rays or corners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,6 +59,7 @@ impl Precision {
     }
 
     /// The distance from 1 to the next larger number.
+    #[inline]
     pub fn epsilon(self) -> f64 {
         match self {
             Precision::Single => f64::from(f32::EPSILON),
@@ -69,6 +70,7 @@ impl Precision {
 
 impl Numerics {
     /// The precision of triangle corners.
+    #[inline]
     pub fn precision(self) -> Precision {
         match self {
             Numerics::Fast | Numerics::Watertight => Precision::Single,
@@ -77,6 +79,7 @@ impl Numerics {
     }
 
     /// The precision of ray origins and directions: f64 wherever hits are decided in f64.
+    #[inline]
     pub fn ray_precision(self) -> Precision {
         match self {
             Numerics::Fast => Precision::Single,

@@ -59,6 +59,7 @@ impl Placement {
     }
 
     /// The normal in the world, of any length; see [`normal_matrix`].
+    #[inline]
     pub fn normal(&self, mut n: DVec3) -> DVec3 {
         for step in &self.steps {
             if let Step::Affine(map) = step {
@@ -69,6 +70,7 @@ impl Placement {
     }
 
     /// The tangent in the world, of any length; see [`moved_tangent`].
+    #[inline]
     pub fn tangent(&self, mut tangent: DVec4) -> DVec4 {
         for step in &self.steps {
             if let Step::Affine(map) = step {

@@ -11,7 +11,7 @@ use glam::{Vec3, Vec3A};
 
 use super::bounds::{BoxTest, SingleBoxTest, round_up};
 use super::{Corner, Ray, Sphere, Tier, TriangleHit};
-use crate::scene::Numerics;
+use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f32.
 pub struct Fast;

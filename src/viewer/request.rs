@@ -1,4 +1,4 @@
-//! What a picture in the window follows from: plain data. Two that are equal have equal pictures.
+//! Render requests of the viewer, as plain data: equal requests have equal pictures.
 
 use std::sync::Arc;
 
@@ -9,40 +9,40 @@ use crate::job::{CameraChoice, RenderSettings};
 use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Scene};
 use crate::world::StandardView;
 
-/// Where the scene is seen from.
+/// Camera of the viewer.
 #[derive(Debug, Clone, PartialEq)]
-pub enum From {
-    /// A camera of the scene, by its index: moves as the animation says.
+pub enum CameraSource {
+    /// A camera of the scene by its index, animated if the scene animates it.
     Scene(usize),
-    /// A camera that fits the scene.
+    /// A standard view that is fitted to the scene.
     Fitted(StandardView),
-    /// Wherever the user went, in the scene's own coordinates.
+    /// A camera moved by the user, in scene coordinates.
     Free(Camera),
 }
 
-/// How a picture is computed: what the two sides of a comparison may differ in.
+/// Render settings that the two sides of a comparison may differ in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// How far shading goes, how pixels are sampled, and which effects are on.
+    /// Shading mode, sampling and effects.
     pub choices: Choices,
-    /// How exactly it is decided what a ray hits.
+    /// Numerics tier of intersection.
     pub numerics: Numerics,
-    /// The numbers that light is added up in.
+    /// Colour pipeline: number format of radiance.
     pub pipeline: ColourPipeline,
 }
 
 impl Settings {
-    /// Has an effect, or does without it, over what the scene says.
+    /// Enables or disables an effect, overriding the scene.
     pub fn switch(&mut self, effect: EffectId, on: bool) {
-        self.say(effect, if on { Some(None) } else { None });
+        self.set_switch(effect, if on { Some(None) } else { None });
     }
 
-    /// Has an effect with a value, or with its own where that is `None`.
+    /// Enables an effect with a value; `None` for its default value.
     pub fn set(&mut self, effect: EffectId, value: Option<&str>) {
-        self.say(effect, Some(value));
+        self.set_switch(effect, Some(value));
     }
 
-    fn say(&mut self, effect: EffectId, on: Option<Option<&str>>) {
+    fn set_switch(&mut self, effect: EffectId, on: Option<Option<&str>>) {
         let Choices { with, without, .. } = &mut self.choices;
         with.retain(|typed| typed.split('=').next() != Some(effect.name()));
         without.retain(|name| *name != effect.name());
@@ -53,59 +53,59 @@ impl Settings {
         }
     }
 
-    /// The value that an effect was given by the user.
+    /// The value that the user set for an effect.
     pub fn value(&self, effect: EffectId) -> Option<&str> {
         self.choices.with.iter().rev().find_map(|typed| typed.strip_prefix(effect.name())?.strip_prefix('='))
     }
 }
 
-/// Files that were opened.
+/// Opened input files.
 #[derive(Debug)]
 pub struct Opened {
-    /// What they hold.
+    /// Scene of all files.
     pub scene: Scene,
-    /// Where they are first seen from.
-    pub from: From,
-    /// The projection that the user wants instead of the camera's own.
+    /// Initial camera.
+    pub camera_source: CameraSource,
+    /// Projection that overrides the camera's.
     pub projection: Option<Projection>,
-    /// Width and height of the picture that the scene calls for, in pixels.
+    /// Width and height in pixels that the scene specifies.
     pub size: [u32; 2],
-    /// How the picture is computed at first.
+    /// Initial render settings.
     pub settings: Settings,
-    /// How much work is spent on building.
+    /// Preset of the tree build.
     pub preset: Preset,
 }
 
-/// A picture that is wanted.
+/// Request for a picture.
 #[derive(Debug, Clone)]
-pub struct Order {
-    /// Which scene.
+pub struct RenderRequest {
+    /// Scene and files.
     pub opened: Arc<Opened>,
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Where it is seen from.
-    pub from: From,
-    /// The projection, instead of the camera's own.
+    /// Camera.
+    pub camera_source: CameraSource,
+    /// Projection that overrides the camera's.
     pub projection: Option<Projection>,
-    /// The moment of its animation, 0 being the beginning and 1 the end.
+    /// Animation time: 0 is the start and 1 the end.
     pub time: f64,
-    /// What is shown of it.
-    pub shown: super::false_colour::Shown,
-    /// Whether the next moment will follow at once: what is not there soon is not seen.
-    pub plays: bool,
-    /// How it is computed; a second time where two ways are compared.
+    /// Displayed quantity: the picture or false colours.
+    pub display_mode: super::false_colour::DisplayMode,
+    /// Whether the animation plays, so that this picture has the time of one frame.
+    pub is_playing: bool,
+    /// Render settings: one entry, or two for a comparison.
     pub sides: Vec<Settings>,
 }
 
-impl Order {
-    /// The settings of `kiln render` for the picture of a side.
+impl RenderRequest {
+    /// The settings of `kiln render` for the picture of `sides[side]`.
     pub fn render_settings(&self, side: usize) -> RenderSettings {
         let Settings { choices, numerics, pipeline } = &self.sides[side];
         RenderSettings {
-            camera: match &self.from {
-                From::Scene(index) => CameraChoice::Named(index.to_string()),
-                From::Fitted(view) => CameraChoice::Fitted(*view),
-                From::Free(camera) => {
+            camera: match &self.camera_source {
+                CameraSource::Scene(index) => CameraChoice::Named(index.to_string()),
+                CameraSource::Fitted(view) => CameraChoice::Fitted(*view),
+                CameraSource::Free(camera) => {
                     CameraChoice::Given(Camera { name: INLINE_NAME.to_owned(), ..camera.clone() })
                 }
             },
@@ -123,15 +123,15 @@ impl Order {
     }
 }
 
-impl PartialEq for Order {
+impl PartialEq for RenderRequest {
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.opened, &other.opened)
             && self.size == other.size
-            && self.from == other.from
+            && self.camera_source == other.camera_source
             && self.projection == other.projection
             && self.time == other.time
-            && self.shown == other.shown
-            && self.plays == other.plays
+            && self.display_mode == other.display_mode
+            && self.is_playing == other.is_playing
             && self.sides == other.sides
     }
 }

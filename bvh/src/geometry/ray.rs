@@ -41,6 +41,7 @@ pub struct Hit {
 
 impl Ray {
     /// The point at `t`.
+    #[inline]
     pub fn at(&self, t: f64) -> DVec3 {
         self.origin + t * self.direction
     }

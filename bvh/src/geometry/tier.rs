@@ -1,11 +1,9 @@
-//! The tiers of numerics by name; [`crate::geometry`] has what they mean.
-
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+//! The tiers of numerics by name; [`super::Tier`] has what they do.
 
 /// How exactly it is decided what a ray hits, from the least to the most.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
+#[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
 pub enum Numerics {
     /// f32 throughout. Rays may slip between triangles.
     Fast,

@@ -17,7 +17,7 @@ use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
 use super::woop::{Sheared, WoopTest};
 use super::{Hit, Ray, Sphere, Stored, Tier, TriangleHit};
-use crate::scene::Numerics;
+use crate::geometry::Numerics;
 
 /// f64 geometry, decided exactly.
 pub struct Exact;

@@ -8,8 +8,8 @@ use obvhs::bvh2::node::Bvh2Node;
 use super::transform::{MeshSpace, Transform};
 use crate::bvh::Preset;
 use crate::bvh::build::build_nodes;
+use crate::geometry::Mesh;
 use crate::geometry::{Bounds, Corner};
-use crate::scene::Mesh;
 
 /// A mesh and the binary tree over it, in [`MeshSpace`].
 pub struct MeshBvh {

@@ -16,8 +16,8 @@
 
 use glam::{DMat3, DVec3};
 
+use crate::geometry::{Mesh, Placed};
 use crate::geometry::{Numerics, Ray, WidenedBoxTest};
-use crate::scene::{Mesh, Placed};
 
 /// The space of a mesh's tree: that of the mesh, centred and scaled to coordinates of at most 1.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,7 +1,7 @@
-//! The command that renders what is seen: what a window shows, as one line for a shell.
+//! The `kiln render` command that renders the displayed picture, as one line for a POSIX shell.
 //!
-//! Only what differs from what `kiln render INPUT…` does by itself is said. Numbers are the shortest that are read back as the
-//! same, so the picture is the same, to the bit.
+//! Options are written only where they differ from the defaults of `kiln render INPUT…`. Numbers are the shortest
+//! decimal texts that parse to the same value, so the rendered picture is identical to the bit.
 
 use std::path::{Path, PathBuf};
 
@@ -10,9 +10,9 @@ use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, d
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
-/// What the inputs say of the picture themselves.
+/// Render settings that the inputs specify, which `kiln render` uses by default.
 #[derive(Debug, Clone, Default)]
-pub struct Said {
+pub struct SceneDefaults {
     cameras: Vec<Camera>,
     size: Option<[u32; 2]>,
     numerics: Numerics,
@@ -20,10 +20,10 @@ pub struct Said {
     sampling: Sampling,
 }
 
-impl Said {
-    /// Of a scene as it was loaded: before it is brought into range, and before anything is added to it.
+impl SceneDefaults {
+    /// Settings of a scene as loaded: before recentering, and before lights or cameras are added.
     pub fn of(scene: &Scene) -> Self {
-        Said {
+        SceneDefaults {
             cameras: scene.cameras.clone(),
             size: scene.size,
             numerics: scene.numerics.unwrap_or_default(),
@@ -32,92 +32,91 @@ impl Said {
         }
     }
 
-    /// The size of the picture that is rendered where none is given.
-    pub fn size(&self, seen_from: SeenFrom) -> [u32; 2] {
-        let camera = if let SeenFrom::Camera(camera) = seen_from { Some(camera) } else { None };
+    /// Width and height in pixels that `kiln render` uses without `--size`.
+    pub fn size(&self, viewpoint: CommandCamera) -> [u32; 2] {
+        let camera = if let CommandCamera::Camera(camera) = viewpoint { Some(camera) } else { None };
         default_size(self.size, camera)
     }
 }
 
-/// Where a picture is seen from.
+/// Camera of the command.
 #[derive(Debug, Clone, Copy)]
-pub enum SeenFrom<'a> {
-    /// A camera in the scene's own coordinates: one of the scene's, or any other.
+pub enum CommandCamera<'a> {
+    /// Any camera in scene coordinates, of the scene or free.
     Camera(&'a Camera),
-    /// A standard view, as [`crate::world::fitted_camera`] makes it of the scene for the picture's shape and projection.
+    /// A standard view, fitted by [`crate::world::fitted_camera`] to the picture's aspect ratio and projection.
     Standard(StandardView),
 }
 
-/// What is seen.
+/// Settings of a `kiln render` command.
 #[derive(Debug, Clone, Copy)]
-pub struct Picture<'a> {
-    /// The files of the scene, as they were named.
+pub struct RenderCommand<'a> {
+    /// Input files as typed.
     pub inputs: &'a [PathBuf],
-    /// What they say themselves.
-    pub said: &'a Said,
-    /// From where; the camera's own projection does not count.
-    pub seen_from: SeenFrom<'a>,
-    /// In which projection.
+    /// Settings that the inputs specify.
+    pub defaults: &'a SceneDefaults,
+    /// Camera. Its own projection is overridden by `projection`.
+    pub viewpoint: CommandCamera<'a>,
+    /// Projection.
     pub projection: Projection,
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// How far shading goes.
+    /// Shading mode.
     pub shading: ShadingMode,
-    /// Effects that were asked for, as `NAME` or `NAME=VALUE`.
+    /// Enabled effects, as `NAME` or `NAME=VALUE`.
     pub with: &'a [String],
-    /// Effects that were turned off.
+    /// Disabled effects.
     pub without: &'a [String],
-    /// The tier.
+    /// Numerics tier.
     pub numerics: Numerics,
-    /// The colour pipeline.
+    /// Colour pipeline.
     pub colour: ColourPipeline,
-    /// What was chosen of sampling, over what the scene says.
+    /// Sampling settings that override the scene's; `None` fields are left to the scene.
     pub sampling: Sampling,
-    /// The file to write.
+    /// Output file.
     pub output: &'a Path,
 }
 
-/// The line, for any POSIX shell.
-pub fn command_line(picture: &Picture) -> String {
-    let words: Vec<String> = words(picture).iter().map(|word| quoted(word)).collect();
+/// The command as one line, quoted for any POSIX shell.
+pub fn command_line(command: &RenderCommand) -> String {
+    let words: Vec<String> = arguments(command).iter().map(|word| quoted(word)).collect();
     words.join(" ")
 }
 
-/// The words of the command, unquoted.
-pub fn words(picture: &Picture) -> Vec<String> {
+/// The arguments of the command including `kiln`, unquoted.
+pub fn arguments(command: &RenderCommand) -> Vec<String> {
     let mut words = vec!["kiln".to_owned(), "render".to_owned()];
-    words.extend(picture.inputs.iter().map(|input| no_option(&input.to_string_lossy())));
-    words.extend(["-o".to_owned(), no_option(&picture.output.to_string_lossy())]);
+    words.extend(command.inputs.iter().map(|input| as_operand(&input.to_string_lossy())));
+    words.extend(["-o".to_owned(), as_operand(&command.output.to_string_lossy())]);
     let mut option = |name: &str, value: &str| {
-        // What begins with a hyphen would be taken for an option.
+        // A separate value that begins with a hyphen would be parsed as an option.
         if value.starts_with('-') {
             words.push(format!("{name}={value}"));
         } else {
             words.extend([name.to_owned(), value.to_owned()]);
         }
     };
-    let said = picture.said;
-    let projection = seen_from(picture, &mut option);
-    if picture.projection != projection {
-        option("--projection", picture.projection.name());
+    let defaults = command.defaults;
+    let projection = camera_option(command, &mut option);
+    if command.projection != projection {
+        option("--projection", command.projection.name());
     }
-    if picture.size != said.size(picture.seen_from) {
-        option("--size", &format!("{}x{}", picture.size[0], picture.size[1]));
+    if command.size != defaults.size(command.viewpoint) {
+        option("--size", &format!("{}x{}", command.size[0], command.size[1]));
     }
-    if picture.shading != ShadingMode::default() {
-        option("--shading", picture.shading.name());
+    if command.shading != ShadingMode::default() {
+        option("--shading", command.shading.name());
     }
-    picture.with.iter().for_each(|effect| option("--with", effect));
-    picture.without.iter().for_each(|effect| option("--without", effect));
-    if picture.numerics != said.numerics {
-        option("--numerics", picture.numerics.name());
+    command.with.iter().for_each(|effect| option("--with", effect));
+    command.without.iter().for_each(|effect| option("--without", effect));
+    if command.numerics != defaults.numerics {
+        option("--numerics", command.numerics.name());
     }
-    if picture.colour != said.colour {
-        option("--colour", picture.colour.name());
+    if command.colour != defaults.colour {
+        option("--colour", command.colour.name());
     }
-    // Field by field: what is said of nothing but the scene's is left to the scene.
-    let Sampling { samples, filter, filter_radius, noise, min_samples, seed, first: _ } = picture.sampling;
-    let scene = &said.sampling;
+    let Sampling { samples, filter, filter_radius, noise, min_samples, seed, first: _ } = command.sampling;
+    let scene = &defaults.sampling;
     let number = |n: Option<u32>, of_scene: Option<u32>| n.filter(|_| n != of_scene).map(|n| n.to_string());
     let real = |x: Option<f64>, of_scene: Option<f64>| x.filter(|_| x != of_scene).map(|x| x.to_string());
     let shape = filter.filter(|_| filter != scene.filter).map(|shape| shape.name().to_owned());
@@ -134,20 +133,20 @@ pub fn words(picture: &Picture) -> Vec<String> {
     words
 }
 
-/// Says what the picture is seen from, and gives the projection that it is then in by itself.
-fn seen_from(picture: &Picture, option: &mut impl FnMut(&str, &str)) -> Projection {
-    let cameras = &picture.said.cameras;
-    match picture.seen_from {
-        SeenFrom::Standard(StandardView::Auto) if cameras.is_empty() => Projection::default(),
-        SeenFrom::Standard(StandardView::Auto) => {
+/// Adds the camera option, and returns the projection that the command has without `--projection`.
+fn camera_option(command: &RenderCommand, option: &mut impl FnMut(&str, &str)) -> Projection {
+    let cameras = &command.defaults.cameras;
+    match command.viewpoint {
+        CommandCamera::Standard(StandardView::Auto) if cameras.is_empty() => Projection::default(),
+        CommandCamera::Standard(StandardView::Auto) => {
             option("--camera", "auto");
             Projection::default()
         }
-        SeenFrom::Standard(view) => {
+        CommandCamera::Standard(view) => {
             option("--view", view.name());
             Projection::default()
         }
-        SeenFrom::Camera(camera) => {
+        CommandCamera::Camera(camera) => {
             let same = |known: &&Camera| {
                 let Camera {
                     name: _,
@@ -165,34 +164,34 @@ fn seen_from(picture: &Picture, option: &mut impl FnMut(&str, &str)) -> Projecti
             };
             match cameras.iter().find(same) {
                 Some(known) if *known == cameras[0] => known.projection,
-                Some(known) if is_found_by(cameras, known) => {
+                Some(known) if is_found_by_name(cameras, known) => {
                     option("--camera", &known.name);
                     known.projection
                 }
                 _ => {
                     let own =
-                        Camera { name: INLINE_NAME.into(), projection: picture.projection, ..camera.clone() };
+                        Camera { name: INLINE_NAME.into(), projection: command.projection, ..camera.clone() };
                     option("--camera", &own.to_inline());
-                    picture.projection
+                    command.projection
                 }
             }
         }
     }
 }
 
-/// Whether `--camera` with its name finds this camera.
-fn is_found_by(cameras: &[Camera], camera: &Camera) -> bool {
+/// Whether `--camera` with the camera's name selects this camera.
+fn is_found_by_name(cameras: &[Camera], camera: &Camera) -> bool {
     let first = cameras.iter().find(|other| other.name == camera.name);
     let means_another = camera.name == "auto" || camera.name.trim_start().starts_with('{');
     first == Some(camera) && !means_another
 }
 
-/// A file whose name is not taken for an option; `-` is standard input.
-fn no_option(file: &str) -> String {
+/// A file name that is not parsed as an option; `-` stays, as it means standard input.
+fn as_operand(file: &str) -> String {
     if file.starts_with('-') && file != "-" { format!("./{file}") } else { file.to_owned() }
 }
 
-/// A word as a shell reads it back: POSIX.1-2017, Shell Command Language, section 2.2.2: between single quotes all is itself.
+/// An argument quoted for a shell: POSIX.1-2017, Shell Command Language, section 2.2.2, single quotes.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {
@@ -209,7 +208,7 @@ mod tests {
     use super::*;
     use crate::film::FilterShape;
 
-    /// What a shell makes of the line, in words.
+    /// Arguments into which `sh` splits the line.
     fn read_by_sh(line: &str) -> Vec<String> {
         let script = format!("kiln() {{ printf '%s\\0' kiln \"$@\"; }}; {line}");
         let output = std::process::Command::new("sh").args(["-c", &script]).output().expect("a shell");
@@ -222,87 +221,91 @@ mod tests {
         Camera::from_field_of_view(name.into(), DVec3::new(x, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 0.7)
     }
 
-    fn said() -> Said {
+    fn defaults() -> SceneDefaults {
         let cameras =
             vec![camera("front", 0.0), camera("a'side", 1.0), camera("-x", 2.0), camera("auto", 3.0)];
-        Said { cameras, size: Some([640, 480]), ..Said::default() }
+        SceneDefaults { cameras, size: Some([640, 480]), ..SceneDefaults::default() }
     }
 
-    fn plain<'a>(said: &'a Said, inputs: &'a [PathBuf], seen_from: SeenFrom<'a>) -> Picture<'a> {
-        Picture {
+    fn plain<'a>(
+        defaults: &'a SceneDefaults,
+        inputs: &'a [PathBuf],
+        viewpoint: CommandCamera<'a>,
+    ) -> RenderCommand<'a> {
+        RenderCommand {
             inputs,
-            said,
-            seen_from,
+            defaults,
+            viewpoint,
             projection: Projection::Perspective,
-            size: said.size(seen_from),
+            size: defaults.size(viewpoint),
             shading: ShadingMode::Full,
             with: &[],
             without: &[],
-            numerics: said.numerics,
-            colour: said.colour,
+            numerics: defaults.numerics,
+            colour: defaults.colour,
             sampling: Sampling::default(),
             output: Path::new("picture.png"),
         }
     }
 
-    /// The line after its inputs and output, for one input without a surprise in its name.
+    /// The command line after input `a.toml` and output.
     #[track_caller]
-    fn line(picture: &Picture) -> String {
-        let line = command_line(picture);
-        assert_eq!(read_by_sh(&line), words(picture), "{line}");
+    fn line(command: &RenderCommand) -> String {
+        let line = command_line(command);
+        assert_eq!(read_by_sh(&line), arguments(command), "{line}");
         let rest = line.strip_prefix("kiln render a.toml -o picture.png").unwrap_or_else(|| panic!("{line}"));
         rest.trim_start().to_owned()
     }
 
     #[test]
     fn what_kiln_does_by_itself_is_not_said() {
-        let (said, inputs) = (said(), [PathBuf::from("a.toml")]);
-        let of = |camera: &Camera| line(&plain(&said, &inputs, SeenFrom::Camera(camera)));
-        assert_eq!(of(&said.cameras[0]), "");
-        assert_eq!(of(&said.cameras[1]), r"--camera 'a'\''side'");
-        assert_eq!(of(&said.cameras[2]), "--camera=-x");
-        // The name means something else.
-        assert!(of(&said.cameras[3]).starts_with("--camera '{ position = [3, 0, 5], "));
-        let parallel = Picture {
+        let (defaults, inputs) = (defaults(), [PathBuf::from("a.toml")]);
+        let of = |camera: &Camera| line(&plain(&defaults, &inputs, CommandCamera::Camera(camera)));
+        assert_eq!(of(&defaults.cameras[0]), "");
+        assert_eq!(of(&defaults.cameras[1]), r"--camera 'a'\''side'");
+        assert_eq!(of(&defaults.cameras[2]), "--camera=-x");
+        // `auto` has another meaning.
+        assert!(of(&defaults.cameras[3]).starts_with("--camera '{ position = [3, 0, 5], "));
+        let parallel = RenderCommand {
             projection: Projection::Orthographic,
-            ..plain(&said, &inputs, SeenFrom::Camera(&said.cameras[1]))
+            ..plain(&defaults, &inputs, CommandCamera::Camera(&defaults.cameras[1]))
         };
         assert_eq!(line(&parallel), r"--camera 'a'\''side' --projection orthographic");
-        let of = |view| line(&plain(&said, &inputs, SeenFrom::Standard(view)));
+        let of = |view| line(&plain(&defaults, &inputs, CommandCamera::Standard(view)));
         assert_eq!(
             (of(StandardView::Iso), of(StandardView::Auto)),
             ("--view iso".into(), "--camera auto".into())
         );
-        let bare = Said::default();
-        assert_eq!(line(&plain(&bare, &inputs, SeenFrom::Standard(StandardView::Auto))), "");
+        let bare = SceneDefaults::default();
+        assert_eq!(line(&plain(&bare, &inputs, CommandCamera::Standard(StandardView::Auto))), "");
     }
 
     #[test]
     fn a_moved_camera_is_in_braces_with_its_projection() {
-        let (said, inputs) = (said(), [PathBuf::from("a.toml")]);
+        let (defaults, inputs) = (defaults(), [PathBuf::from("a.toml")]);
         let moved = camera("front", 0.1);
-        let picture = Picture {
+        let command = RenderCommand {
             projection: Projection::Orthographic,
-            ..plain(&said, &inputs, SeenFrom::Camera(&moved))
+            ..plain(&defaults, &inputs, CommandCamera::Camera(&moved))
         };
-        let text = line(&picture);
+        let text = line(&command);
         assert!(text.starts_with(
             "--camera '{ position = [0.1, 0, 5], look_at = [0, 0, 0], projection = \"orthographic\", "
         ));
         assert!(!text.contains("--projection"), "{text}");
-        // It is read back as the same camera, but for its name.
-        let typed = words(&picture).pop().unwrap();
+        // It parses to the same camera, except for its name.
+        let typed = arguments(&command).pop().unwrap();
         let read = crate::import::inline_camera(&typed).unwrap();
         assert_eq!(read, Camera { name: INLINE_NAME.into(), projection: Projection::Orthographic, ..moved });
     }
 
     #[test]
     fn everything_else_is_said_where_it_differs() {
-        let (mut said, inputs) = (said(), [PathBuf::from("a.toml")]);
-        said.sampling = Sampling { samples: Some(4), noise: Some(0.01), ..Sampling::default() };
-        said.numerics = Numerics::Exact;
-        let plain = plain(&said, &inputs, SeenFrom::Camera(&said.cameras[0]));
-        let picture = Picture {
+        let (mut defaults, inputs) = (defaults(), [PathBuf::from("a.toml")]);
+        defaults.sampling = Sampling { samples: Some(4), noise: Some(0.01), ..Sampling::default() };
+        defaults.numerics = Numerics::Exact;
+        let plain = plain(&defaults, &inputs, CommandCamera::Camera(&defaults.cameras[0]));
+        let command = RenderCommand {
             size: [320, 200],
             shading: ShadingMode::Ambient,
             with: &["glaze=every-bounce".into()],
@@ -321,7 +324,7 @@ mod tests {
             ..plain
         };
         assert_eq!(
-            line(&picture),
+            line(&command),
             "--size 320x200 --shading ambient --with glaze=every-bounce --without shadows --without textures --numerics \
              watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295"
         );
@@ -329,14 +332,14 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Whatever files and cameras are called, a shell reads what was meant.
+        /// `sh` splits the line into the same arguments for any file and camera names.
         #[test]
         fn a_shell_reads_what_was_meant(file in "[^\0]{1,12}", name in "[^\0]{0,12}", spice in "['\"$`\\\\ \n!*~#-]{1,6}") {
-            let mut said = said();
-            said.cameras[1].name = format!("{name}{spice}");
+            let mut defaults = defaults();
+            defaults.cameras[1].name = format!("{name}{spice}");
             let inputs = [PathBuf::from(format!("{spice}{file}")), PathBuf::from("-")];
-            let picture = plain(&said, &inputs, SeenFrom::Camera(&said.cameras[1]));
-            prop_assert_eq!(read_by_sh(&command_line(&picture)), words(&picture));
+            let command = plain(&defaults, &inputs, CommandCamera::Camera(&defaults.cameras[1]));
+            prop_assert_eq!(read_by_sh(&command_line(&command)), arguments(&command));
         }
     }
 }

@@ -25,17 +25,29 @@ pub enum Update {
 }
 
 /// A number that is not finite or exceeds f32: bounds are f32 in every tier.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NotFinite {
     /// In a primitive.
-    #[error("primitive {0} has a coordinate or a radius that is not finite, or too large for f32")]
     Primitive(usize),
     /// In a ray, or its direction is zero.
-    #[error(
-        "a ray needs an origin of finite f32 numbers and a direction of finite numbers, not all of them 0"
-    )]
     Ray,
 }
+
+impl std::fmt::Display for NotFinite {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            NotFinite::Primitive(index) => write!(
+                f,
+                "primitive {index} has a coordinate or a radius that is not finite, or too large for f32"
+            ),
+            NotFinite::Ray => f.write_str(
+                "a ray needs an origin of finite f32 numbers and a direction of finite numbers, not all of them 0",
+            ),
+        }
+    }
+}
+
+impl std::error::Error for NotFinite {}
 
 /// The cost relative to that at build above which a refitted tree is rebuilt. Measurements: docs/decisions.md.
 const MAX_RELATIVE_COST: f64 = 1.2;

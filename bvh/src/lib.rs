@@ -1,0 +1,7 @@
+//! Ray queries: intersection tests of four tiers of numerics ([`geometry`]), and bounding volume hierarchies over triangles and
+//! spheres together ([`bvh`]).
+//!
+//! The crate `kiln` exports both modules under the same names.
+
+pub mod bvh;
+pub mod geometry;
