@@ -2,7 +2,7 @@
 //!
 //! | pipeline  | a colour of the scene becomes | sums | the film becomes |
 //! | --------- | ----------------------------- | ---- | ---------------- |
-//! | `display` | 8-bit / 255, no transfer function | floating point; each colour is clamped to 0..1 | round half up, once |
+//! | `display` | 8-bit / 255, no transfer function | f64, clamped to 0..1 | round half up, once |
 //! | `u8`      | 8-bit / 255                       | rounded to 8 bits and clamped after every step | as it is |
 //! | `linear`  | decoded from sRGB                 | floating point | sRGB transfer function, clamp, round half up |
 
