@@ -23,7 +23,7 @@ use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, EffectValue, Hook, RayClass, RayKind, SecondaryRays, Stage, id, named};
 use crate::film::ColourPipeline;
 use crate::geometry::{Precision, Ray};
-use crate::scene::Glaze;
+use crate::scene::{Glaze, Material};
 use crate::world::{
     InteractionSoa, PreparedMaterial, RAYS_PER_BATCH, RaySoa, SurfaceInteraction, Vec3Soa, World,
     simd_dispatch,
@@ -51,8 +51,8 @@ pub const EFFECT: Effect = Effect {
         },
     }),
     called_for: |world: &World, _| {
-        let glazed = world.materials_in_use().filter(|(_, material)| mirror(material).is_some());
-        let names: Vec<&str> = glazed.map(|(name, _)| name).collect();
+        let glazed = world.materials_in_use().filter(|material| mirror(material).is_some());
+        let names: Vec<&str> = glazed.map(Material::name).collect();
         named("material", &names).ok_or_else(|| "no object is of a glazed material".into())
     },
     specify: |context, spec| {
@@ -85,7 +85,7 @@ const MIN_WEIGHT: f64 = f64::EPSILON / 2.0;
 /// The throughput below which paths end; 0 where none can end early.
 fn min_weight(context: &EffectContext) -> f64 {
     let world = context.world;
-    let weights = world.materials_in_use().filter_map(|(_, material)| Some(mirror(material)?.weight));
+    let weights = world.materials_in_use().filter_map(|material| Some(mirror(material)?.weight));
     // The throughput bound of a path to the last surface that can cast a ray.
     let least = weights.fold(0.0, f64::max).powf(f64::from(most_bounces(context).saturating_sub(1)));
     let never = context.value.as_deref() == Some(EVERY_BOUNCE)
@@ -101,7 +101,7 @@ fn mirror(material: &PreparedMaterial) -> Option<&Glaze> {
 
 /// The maximum of the materials' bounces, limited by the effect's value.
 fn most_bounces(context: &EffectContext) -> u32 {
-    let mirrors = context.world.materials_in_use().filter_map(|(_, material)| mirror(material));
+    let mirrors = context.world.materials_in_use().filter_map(|material| mirror(material));
     let limit = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(u32::MAX);
     mirrors.map(|glaze| glaze.bounces).max().unwrap_or(0).min(limit)
 }

@@ -10,7 +10,8 @@ use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, Stage, TextureUse, id, named};
 use crate::shading::normal_map::{decode, limit_tilt};
 use crate::shading::texture::look_up;
-use crate::world::{TexelEncoding, World};
+use crate::scene::TexelEncoding;
+use crate::world::World;
 
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
@@ -85,7 +86,7 @@ impl NormalMaps {
             let (material, range) = surfaces.by_material()[part].clone();
             let Some(map) = world.materials[material as usize].normal_map() else { continue };
             let texture = &map.texture;
-            let image = &world.images[texture.image as usize];
+            let image = &world.images[texture.image.0 as usize];
             let filter = self.texture_use.filter(texture);
             for i in range {
                 let (Some(point), Some(hit)) = (&points[i], &hits[surfaces.ray_of()[i] as usize]) else {

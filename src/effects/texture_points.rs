@@ -5,8 +5,8 @@
 
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{EffectContext, Hook, Stage, TextureUse};
-use crate::scene::Filter;
-use crate::world::{Differential, PreparedMaterial, PreparedTexture, TexelEncoding, TexturePoint, World};
+use crate::scene::{Filter, TexelEncoding, Texture};
+use crate::world::{Differential, PreparedMaterial, TexturePoint, World};
 
 /// The texture points of a tile.
 #[derive(Default)]
@@ -43,22 +43,22 @@ impl TextureUse {
     fn of<'a>(
         &self,
         material: &'a PreparedMaterial,
-    ) -> impl Iterator<Item = (PreparedTexture, TexelEncoding)> + 'a {
+    ) -> impl Iterator<Item = (Texture, TexelEncoding)> + 'a {
         let TextureUse { material_textures, normal_maps, .. } = *self;
         let map = material.normal_map().filter(|_| normal_maps).map(|map| (map.texture, TexelEncoding::Data));
         material.textures().filter(move |_| material_textures).chain(map)
     }
 
     /// The filter of a texture.
-    pub fn filter(&self, texture: &PreparedTexture) -> Filter {
+    pub fn filter(&self, texture: &Texture) -> Filter {
         texture.sampler.filter(self.filter)
     }
 
     /// Builds the mip maps that the filters need and that do not exist yet.
     fn make_mip_maps(&self, world: &World) {
-        let textures = world.materials_in_use().flat_map(|(_, material)| self.of(material));
+        let textures = world.materials_in_use().flat_map(|material| self.of(material));
         for (texture, encoding) in textures.filter(|(texture, _)| self.filter(texture).needs_mip_map()) {
-            world.images[texture.image as usize].make_mip_map(encoding);
+            world.images[texture.image.0 as usize].make_mip_map(encoding);
         }
     }
 }
@@ -99,7 +99,7 @@ impl FindTexturePoints {
             is_textured: world.materials.iter().map(|material| of(material).next().is_some()).collect(),
             footprints: world
                 .materials_in_use()
-                .flat_map(|(_, material)| of(material))
+                .flat_map(|material| of(material))
                 .any(|(texture, _)| texture_use.filter(&texture).needs_footprint()),
             sample_width: sample_width(context.spec.samples),
         }

@@ -3,9 +3,9 @@
 use super::texture_points::{self, Buffers};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, EffectValue, Hook, Stage, TextureUse, id, named};
-use crate::scene::TextureFilter;
+use crate::scene::{Material, TexelEncoding, Texture, TextureFilter};
 use crate::shading::texture::look_up;
-use crate::world::{PreparedMaterial, PreparedTexture, TexelEncoding, Texels, World};
+use crate::world::{PreparedMaterial, Texels, World};
 
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
@@ -25,8 +25,8 @@ pub const EFFECT: Effect = Effect {
         },
     }),
     called_for: |world: &World, _| {
-        let textured = world.materials_in_use().filter(|(_, material)| material.textures().next().is_some());
-        let names: Vec<&str> = textured.map(|(name, _)| name).collect();
+        let textured = world.materials_in_use().filter(|material| material.textures().next().is_some());
+        let names: Vec<&str> = textured.map(Material::name).collect();
         named("material", &names).ok_or_else(|| "no object is of a material with a picture".into())
     },
     specify: |context, spec| {
@@ -73,7 +73,7 @@ impl Stage for Textures {
             for (material, range) in surfaces.by_material() {
                 let material = &context.world.materials[*material as usize];
                 for (texture, encoding, store) in slots(material) {
-                    let image = &context.world.images[texture.image as usize];
+                    let image = &context.world.images[texture.image.0 as usize];
                     let filter = self.texture_use.filter(&texture);
                     for (texels, point) in texels[range.clone()].iter_mut().zip(&points[range.clone()]) {
                         if let Some(point) = point {
@@ -88,7 +88,7 @@ impl Stage for Textures {
 }
 
 /// The textures of a material, the encoding of their texels, and where their values are stored.
-fn slots(material: &PreparedMaterial) -> impl Iterator<Item = (PreparedTexture, TexelEncoding, Store)> {
+fn slots(material: &PreparedMaterial) -> impl Iterator<Item = (Texture, TexelEncoding, Store)> {
     let stores: [Store; 3] = [
         |texels, c| texels.colour = c,
         |texels, c| (texels.roughness, texels.metallic) = (c.y, c.z),

@@ -4,23 +4,23 @@ use super::{ImageId, Sampler};
 use crate::film::Colour;
 use std::sync::Arc;
 
-/// A material.
+/// A material. `C` is [`Colour`] in a scene, and a colour in the numbers of the colour pipeline in a prepared world.
 #[derive(Debug, Clone)]
-pub enum Material {
+pub enum Material<C = Colour> {
     /// Phong model, of the assignment and of OBJ.
-    Phong(Phong),
+    Phong(Phong<C>),
     /// Metallic-roughness model of glTF.
-    MetallicRoughness(MetallicRoughness),
+    MetallicRoughness(MetallicRoughness<C>),
 }
 
 /// Phong material: ambient, diffuse and specular terms, all multiplied by the object's colour (the assignment's
 /// report).
 #[derive(Debug, Clone)]
-pub struct Phong {
+pub struct Phong<C = Colour> {
     /// Name.
     pub name: String,
     /// The object's own colour.
-    pub colour: Colour,
+    pub colour: C,
     /// Texture that multiplies the colour.
     pub texture: Option<Texture>,
     /// Coefficient of ambient light, k_a.
@@ -50,11 +50,11 @@ pub struct Glaze {
 
 /// Material of glTF 2.0, section 3.9 of its specification. Factors are linear and multiply their textures.
 #[derive(Debug, Clone)]
-pub struct MetallicRoughness {
+pub struct MetallicRoughness<C = Colour> {
     /// Name.
     pub name: String,
     /// Base colour.
-    pub base_colour: Colour,
+    pub base_colour: C,
     /// Texture of the base colour (display values).
     pub base_colour_texture: Option<Texture>,
     /// 0 for a dielectric, 1 for a metal.
@@ -64,7 +64,7 @@ pub struct MetallicRoughness {
     /// Texture with roughness in green and metallic in blue (linear values).
     pub metallic_roughness_texture: Option<Texture>,
     /// Emitted radiance; may exceed 1.
-    pub emission: Colour,
+    pub emission: C,
     /// Texture that multiplies the emission (display values).
     pub emission_texture: Option<Texture>,
     /// If true, the base colour is output without shading (KHR_materials_unlit).
@@ -147,12 +147,58 @@ impl Default for Glaze {
     }
 }
 
-impl Material {
+/// How the 8-bit values of a texture are decoded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TexelEncoding {
+    /// As colours in the numbers of the pipeline: through the sRGB transfer function in `linear`.
+    Colour,
+    /// As numbers, value / 255: roughness, metallic, normals.
+    Data,
+}
+
+impl<C> Material<C> {
+    /// The material with every colour converted by `convert`.
+    pub fn map_colours<D>(self, convert: impl Fn(C) -> D) -> Material<D> {
+        match self {
+            Material::Phong(m) => Material::Phong(Phong {
+                name: m.name,
+                colour: convert(m.colour),
+                texture: m.texture,
+                ambient: m.ambient,
+                diffuse: m.diffuse,
+                specular: m.specular,
+                shininess: m.shininess,
+                glaze: m.glaze,
+                normal_map: m.normal_map,
+            }),
+            Material::MetallicRoughness(m) => Material::MetallicRoughness(MetallicRoughness {
+                name: m.name,
+                base_colour: convert(m.base_colour),
+                base_colour_texture: m.base_colour_texture,
+                metallic: m.metallic,
+                roughness: m.roughness,
+                metallic_roughness_texture: m.metallic_roughness_texture,
+                emission: convert(m.emission),
+                emission_texture: m.emission_texture,
+                unlit: m.unlit,
+                normal_map: m.normal_map,
+            }),
+        }
+    }
+
     /// Name.
     pub fn name(&self) -> &str {
         match self {
             Material::Phong(m) => &m.name,
             Material::MetallicRoughness(m) => &m.name,
+        }
+    }
+
+    /// Mirror reflection blended over the surface.
+    pub fn glaze(&self) -> Option<&Glaze> {
+        match self {
+            Material::Phong(m) => m.glaze.as_ref(),
+            Material::MetallicRoughness(_) => None,
         }
     }
 
@@ -164,7 +210,25 @@ impl Material {
         }
     }
 
-    /// The textures that the material uses.
+    /// The textures of colour, of roughness and metallic, and of emission, with the encoding of their texels.
+    pub fn slots(&self) -> [(Option<Texture>, TexelEncoding); 3] {
+        use TexelEncoding::{Colour, Data};
+        match self {
+            Material::Phong(m) => [(m.texture, Colour), (None, Data), (None, Colour)],
+            Material::MetallicRoughness(m) => [
+                (m.base_colour_texture, Colour),
+                (m.metallic_roughness_texture, Data),
+                (m.emission_texture, Colour),
+            ],
+        }
+    }
+
+    /// The textures among [`Material::slots`].
+    pub fn textures(&self) -> impl Iterator<Item = (Texture, TexelEncoding)> + use<C> {
+        self.slots().into_iter().filter_map(|(texture, encoding)| Some((texture?, encoding)))
+    }
+
+    /// The textures that the material uses, with that of the normal map.
     pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut Texture> {
         let (textures, normal_map) = match self {
             Material::Phong(m) => ([m.texture.as_mut(), None, None], m.normal_map.as_mut()),
@@ -182,12 +246,6 @@ impl Material {
 
     /// Whether the material uses any texture.
     pub fn is_textured(&self) -> bool {
-        match self {
-            Material::Phong(m) => m.texture.is_some() || m.normal_map.is_some(),
-            Material::MetallicRoughness(m) => {
-                let textures = [m.base_colour_texture, m.metallic_roughness_texture, m.emission_texture];
-                textures.iter().any(Option::is_some) || m.normal_map.is_some()
-            }
-        }
+        self.textures().next().is_some() || self.normal_map().is_some()
     }
 }

@@ -22,7 +22,7 @@ pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
 pub use fingerprint::Fingerprint;
-pub use material::{DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Phong, Texture};
+pub use material::{DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Phong, TexelEncoding, Texture};
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, Sampling};
 

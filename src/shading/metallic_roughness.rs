@@ -9,7 +9,8 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::{LightSample, ShadingMode};
-use crate::world::{PreparedMetallicRoughness, SurfaceInteraction, World};
+use crate::scene::MetallicRoughness;
+use crate::world::{SurfaceInteraction, World};
 
 /// The reflectance at normal incidence of a dielectric with index of refraction 1.5.
 const DIELECTRIC: f64 = 0.04;
@@ -21,7 +22,7 @@ const MIN_ROUGHNESS: f64 = 0.045;
 /// The colour of a surface under the given lights.
 pub fn shade(
     world: &World,
-    material: &PreparedMetallicRoughness,
+    material: &MetallicRoughness<DVec3>,
     mode: ShadingMode,
     surface: &SurfaceInteraction,
     lights: &[LightSample],

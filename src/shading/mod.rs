@@ -12,6 +12,7 @@ pub use phong::Scratch;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::scene::Material;
 use crate::world::{InteractionSoa, PreparedMaterial, SurfaceInteraction, Vec3Soa, World};
 
 /// Which terms of the shading model are computed, in ascending order.
@@ -54,8 +55,8 @@ impl ShadingMode {
 /// Whether lights can change the colour of a material.
 pub fn takes_light(material: &PreparedMaterial, mode: ShadingMode) -> bool {
     match material {
-        PreparedMaterial::Phong(material) => phong::takes_light(material, mode),
-        PreparedMaterial::MetallicRoughness(material) => !material.unlit,
+        Material::Phong(material) => phong::takes_light(material, mode),
+        Material::MetallicRoughness(material) => !material.unlit,
     }
 }
 
@@ -67,8 +68,8 @@ pub fn shade(
     lights: &[LightSample],
 ) -> DVec3 {
     match &world.materials[surface.material as usize] {
-        PreparedMaterial::Phong(material) => phong::shade(world, material, mode, surface, lights),
-        PreparedMaterial::MetallicRoughness(material) => {
+        Material::Phong(material) => phong::shade(world, material, mode, surface, lights),
+        Material::MetallicRoughness(material) => {
             metallic_roughness::shade(world, material, mode, surface, lights)
         }
     }
@@ -86,7 +87,7 @@ pub fn shade_all(
     let mut samples = Vec::new();
     for (index, range) in surfaces.by_material() {
         let range = range.clone();
-        if let PreparedMaterial::Phong(material) = &world.materials[*index as usize]
+        if let Material::Phong(material) = &world.materials[*index as usize]
             && material.texture.is_none()
         {
             phong::shade_all(world, material, mode, (surfaces, range), lights, (colours, scratch));

@@ -9,15 +9,16 @@ use glam::DVec3;
 
 use super::{LightSample, LightSoa, ShadingMode};
 use crate::film::ColourPipeline;
+use crate::scene::Phong;
 use crate::world::{
-    InteractionSoa, PreparedPhong, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd_dispatch,
+    InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd_dispatch,
 };
 
 /// The colour of a surface under the given lights.
 #[inline]
 pub fn shade(
     world: &World,
-    material: &PreparedPhong,
+    material: &Phong<DVec3>,
     mode: ShadingMode,
     surface: &SurfaceInteraction,
     lights: &[LightSample],
@@ -42,11 +43,11 @@ pub fn shade(
 }
 
 /// Whether a light can add more than 0.
-pub fn takes_light(material: &PreparedPhong, mode: ShadingMode) -> bool {
+pub fn takes_light(material: &Phong<DVec3>, mode: ShadingMode) -> bool {
     material.diffuse != 0.0 || has_highlight(material, mode)
 }
 
-fn has_highlight(material: &PreparedPhong, mode: ShadingMode) -> bool {
+fn has_highlight(material: &Phong<DVec3>, mode: ShadingMode) -> bool {
     mode == ShadingMode::Full && material.specular > 0.0
 }
 
@@ -75,7 +76,7 @@ impl Default for Scratch {
 /// Computes the colours of the `surfaces` in `range`, all of one material without texture, with the bits of [`shade`].
 pub fn shade_all(
     world: &World,
-    material: &PreparedPhong,
+    material: &Phong<DVec3>,
     mode: ShadingMode,
     (surfaces, range): (&InteractionSoa, Range<usize>),
     lights: &[Box<LightSoa>],
@@ -117,7 +118,7 @@ pub fn shade_all(
 /// Adds the reflected light of one light to `sums`.
 #[inline(always)]
 fn add_light(
-    material: &PreparedPhong,
+    material: &Phong<DVec3>,
     mode: ShadingMode,
     (surfaces, range): (&InteractionSoa, Range<usize>),
     light: &LightSoa,

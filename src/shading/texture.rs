@@ -7,8 +7,8 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::scene::{Filter, Interpolation, Sampler, Wrap};
-use crate::world::{Image, TexelEncoding, TexturePoint};
+use crate::scene::{Filter, Interpolation, Sampler, TexelEncoding, Wrap};
+use crate::world::{Image, TexturePoint};
 
 /// The limit on lookups along the longer axis, as in graphics hardware.
 const MOST_LOOKUPS: f64 = 16.0;

@@ -140,7 +140,7 @@ pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> Fa
             ids("each object has a colour", first, name)
         }
         (DisplayMode::Materials, _) => {
-            ids("each material has a colour", first, |id| world.material_names.get(id).cloned())
+            ids("each material has a colour", first, |id| world.materials.get(id).map(|material| material.name().to_owned()))
         }
         (DisplayMode::Primitives, _) => ids("each triangle and sphere has a colour", first, |_| None),
         _ => counts("boxes that the camera ray is tested against", first),

@@ -10,7 +10,7 @@ use crate::effects::tile::{RayRecorder, RecordedRay, RenderContext, Tile, TraceR
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
 use crate::film::Window;
 use crate::geometry::Hit;
-use crate::scene::Glaze;
+use crate::scene::{Glaze, Material};
 use crate::world::{PreparedMaterial, Recentering, SurfaceInteraction, View, World};
 
 /// Result of inspecting a pixel.
@@ -164,7 +164,7 @@ fn surface_info(
         shading_normal: surface.shading_normal,
         barycentric,
         uv: world.texture_point(surface, hit, &cast.ray, None).map(|point| point.uv),
-        material: world.material_names[surface.material as usize].clone(),
+        material: world.materials[surface.material as usize].name().to_owned(),
         material_values: material_values(world, &world.materials[surface.material as usize]),
     }
 }
@@ -176,7 +176,7 @@ fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static 
         format!("#{r:02x}{g:02x}{b:02x}")
     };
     let mut values = match material {
-        PreparedMaterial::Phong(m) => {
+        Material::Phong(m) => {
             let mut values = vec![
                 ("colour", colour(m.colour)),
                 ("ambient", m.ambient.to_string()),
@@ -190,7 +190,7 @@ fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static 
             }));
             values
         }
-        PreparedMaterial::MetallicRoughness(m) => {
+        Material::MetallicRoughness(m) => {
             let mut values = vec![
                 ("base colour", colour(m.base_colour)),
                 ("metallic", m.metallic.to_string()),
@@ -209,7 +209,7 @@ fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static 
     let slots = material.slots().into_iter().map(|(texture, _)| texture).zip(names);
     let map = (material.normal_map().map(|map| map.texture), "normal map");
     values.extend(slots.chain([map]).filter_map(|(texture, name)| {
-        let image = world.images.get(texture?.image as usize)?;
+        let image = world.images.get(texture?.image.0 as usize)?;
         Some((name, format!("{} ({} x {})", image.name, image.width, image.height)))
     }));
     values

@@ -7,16 +7,7 @@ use glam::DVec3;
 use super::mip_map::MipMap;
 use crate::film::ColourPipeline;
 use crate::film::colour::srgb_decode;
-use crate::scene::DecodedImage;
-
-/// How the 8-bit values of an image are decoded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum TexelEncoding {
-    /// As colours in the numbers of the pipeline: through the sRGB transfer function in `linear`.
-    Colour,
-    /// As numbers, value / 255: roughness, metallic, normals.
-    Data,
-}
+use crate::scene::{DecodedImage, TexelEncoding};
 
 /// An 8-bit RGB image with its mip maps.
 pub struct Image {

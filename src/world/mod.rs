@@ -10,7 +10,6 @@ mod fit;
 mod image;
 mod interaction;
 mod interactions;
-mod materials;
 mod mip_map;
 mod recenter;
 mod soa;
@@ -18,12 +17,9 @@ mod view;
 
 pub use differential::{Differential, TexturePoint};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
-pub use image::{Image, TexelEncoding};
+pub use image::Image;
 pub use interaction::{SurfaceInteraction, Texels};
 pub use interactions::InteractionSoa;
-pub use materials::{
-    PreparedMaterial, PreparedMetallicRoughness, PreparedNormalMap, PreparedPhong, PreparedTexture,
-};
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
 pub use soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
@@ -37,10 +33,13 @@ use glam::DVec3;
 use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Primitive, Slot};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, PrimId, Sphere, Triangle};
-use crate::scene::{Light, LightKind, Mesh, Object, Scene, Shape};
+use crate::scene::{Light, LightKind, Material, Mesh, Object, Scene, Shape};
 
 /// The intensity of the ambient light where no input sets it.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
+
+/// A material whose colours are in the numbers of the colour pipeline.
+pub type PreparedMaterial = Material<DVec3>;
 
 /// A scene prepared for rendering. Clones share the large parts.
 #[derive(Clone)]
@@ -51,8 +50,6 @@ pub struct World {
     pub objects: Arc<[WorldObject]>,
     /// The materials.
     pub materials: Vec<PreparedMaterial>,
-    /// The names of the materials.
-    pub material_names: Vec<String>,
     /// The images of the textures.
     pub images: Arc<[Image]>,
     /// The lights with radiance above 0.
@@ -146,11 +143,11 @@ impl World {
                 .attributes(object.shape, scene.materials[object.material.0 as usize].normal_map().is_some()),
         });
         let objects = objects.collect();
+        let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         World {
             accelerator: accelerator.into(),
             objects,
-            materials: scene.materials.iter().map(|m| materials::material(m, pipeline)).collect(),
-            material_names: scene.materials.iter().map(|m| m.name().to_owned()).collect(),
+            materials: scene.materials.into_iter().map(to_pipeline).collect(),
             images,
             lights: world_lights(scene.lights, pipeline),
             pipeline,
@@ -166,12 +163,11 @@ impl World {
         self.accelerator.numerics()
     }
 
-    /// The materials that objects use, with their names.
-    pub fn materials_in_use(&self) -> impl Iterator<Item = (&str, &PreparedMaterial)> {
+    /// The materials that objects use.
+    pub fn materials_in_use(&self) -> impl Iterator<Item = &PreparedMaterial> {
         let mut used = vec![false; self.materials.len()];
         self.objects.iter().for_each(|object| used[object.material as usize] = true);
-        let all = self.material_names.iter().zip(&self.materials).zip(used);
-        all.filter(|(_, used)| *used).map(|((name, material), _)| (name.as_str(), material))
+        self.materials.iter().zip(used).filter(|(_, used)| *used).map(|(material, _)| material)
     }
 
     /// The index of the object that a primitive belongs to.

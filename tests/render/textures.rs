@@ -12,11 +12,11 @@ use kiln::render::{RenderControl, render};
 use kiln::scene::file::EffectValue;
 use kiln::scene::{
     Attribute, Camera, DecodedImage, Glaze, Interpolation, Material, MaterialId, Mesh, Minify, Numerics,
-    Object, Phong, Projection, Sampler, Scene, Shape, Texture, TextureFilter, Wrap,
+    Object, Phong, Projection, Sampler, Scene, Shape, TexelEncoding, Texture, TextureFilter, Wrap,
 };
 use kiln::shading::ShadingMode;
 use kiln::shading::texture::look_up;
-use kiln::world::{TexelEncoding, TexturePoint};
+use kiln::world::TexturePoint;
 
 fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 3]) -> DecodedImage {
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| texel(x, y));
