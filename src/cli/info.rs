@@ -13,7 +13,7 @@ use super::arguments::inputs_help;
 use super::print;
 use crate::effects::check_scene;
 use crate::error::{Result, Warnings};
-use crate::geometry::Triangle;
+use crate::geometry::{Intersector, Triangle};
 use crate::import;
 use crate::scene::{LightKind, Material, Mesh, Scene, Shape};
 
@@ -41,20 +41,21 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 
 fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
     let point = |p: DVec3| json!(p.to_array());
+    let attributes = |mesh: &Mesh| {
+        json!({
+            "normals": mesh.normals.is_some(),
+            "texture_coordinates": mesh.uvs.is_some(),
+            "colours": mesh.colours.is_some(),
+        })
+    };
     let objects: Vec<Value> = scene
         .objects
         .iter()
         .map(|object| {
-            let (kind, attributes) = match object.shape.mesh() {
-                None => ("sphere", json!({})),
-                Some(m) => (
-                    "mesh",
-                    json!({
-                        "normals": m.normals.is_some(),
-                        "texture_coordinates": m.uvs.is_some(),
-                        "colours": m.colours.is_some(),
-                    }),
-                ),
+            let (kind, attributes) = match &object.shape {
+                Shape::Analytic(shape) => (shape.name(), json!({})),
+                Shape::Mesh(mesh) => ("mesh", attributes(mesh)),
+                Shape::Placed(placed) => ("mesh", attributes(&placed.mesh)),
             };
             json!({
                 "name": object.name,
@@ -95,7 +96,7 @@ fn triangles(scene: &Scene) -> usize {
 /// Number of triangles with collinear vertices. They are kept, because those that close a T-vertex can be hit.
 fn degenerate_triangles(scene: &Scene) -> usize {
     let of_shape = |shape: &Shape| match shape {
-        Shape::Sphere { .. } => 0,
+        Shape::Analytic(_) => 0,
         Shape::Mesh(mesh) => {
             let corners = |t: &[u32; 3]| Triangle(t.map(|i| mesh.positions[i as usize]));
             mesh.triangles.iter().filter(|t| corners(t).is_degenerate()).count()

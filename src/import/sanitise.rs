@@ -8,6 +8,7 @@ use glam::{DVec2, DVec3, DVec4};
 
 use super::sharing::shared;
 use crate::error::Warnings;
+use crate::geometry::Intersector;
 use crate::scene::{Attribute, Mesh, Object, Placed, Scene, Shape};
 
 /// Largest coordinate that is kept. Its square, as in the area of f32 boxes, does not overflow; the builder is tested
@@ -34,8 +35,9 @@ pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
         }
     }
     scene.objects.retain(|object| match &object.shape {
-        Shape::Sphere { centre, radius } => {
-            let fits = (centre.abs() + *radius).max_element() <= LARGEST_COORDINATE;
+        Shape::Analytic(shape) => {
+            let (centre, radius) = shape.bounding_sphere();
+            let fits = (centre.abs() + radius).max_element() <= LARGEST_COORDINATE;
             count.too_large += usize::from(!fits);
             fits
         }
@@ -70,7 +72,7 @@ fn warn_of_degenerate_objects(scene: &Scene, file: &Path, warnings: &mut Warning
 fn is_degenerate(shape: &Shape) -> bool {
     let is_collinear = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a) == DVec3::ZERO;
     match shape {
-        Shape::Sphere { .. } => false,
+        Shape::Analytic(_) => false,
         Shape::Mesh(mesh) => {
             !mesh.triangles.is_empty()
                 && mesh.triangles.iter().all(|t| is_collinear(t.map(|i| mesh.positions[i as usize])))

@@ -21,7 +21,7 @@ pub fn check_memory(scene: &Scene, choices: &Choices, numerics: Numerics) -> Res
     let each = if numerics.precision() == Precision::Single { 320 } else { 416 };
     let mut shared = HashSet::new();
     let of_object = |object: &Object| match &object.shape {
-        Shape::Sphere { .. } => 1,
+        Shape::Analytic(_) => 1,
         Shape::Mesh(mesh) => mesh.triangles.len(),
         Shape::Placed(placed) if shared.insert(Arc::as_ptr(&placed.mesh)) => 1 + placed.mesh.triangles.len(),
         Shape::Placed(_) => 1,

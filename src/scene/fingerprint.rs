@@ -70,7 +70,7 @@ impl Fingerprint {
         for Object { name, input, material, shape } in objects {
             self.value("object", &(name, input, material));
             match shape {
-                Shape::Sphere { centre, radius } => self.value("sphere", &(centre, radius)),
+                Shape::Analytic(shape) => self.value("shape", shape),
                 Shape::Mesh(mesh) => self.mesh(mesh),
                 Shape::Placed(placed) => self.placed(placed, &mut shared),
             }
@@ -119,7 +119,7 @@ impl Fingerprint {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{ImageId, MaterialId, Phong, Placement, Sampler, Texture};
+    use crate::scene::{ImageId, MaterialId, Phong, Placement, Sampler, Sphere, Texture};
     use glam::{DMat4, DVec2, DVec3};
 
     fn of(scene: &Scene) -> String {
@@ -146,7 +146,7 @@ mod tests {
             object(Shape::Mesh(mesh)),
             object(Shape::Placed(place.clone())),
             object(Shape::Placed(place)),
-            object(Shape::Sphere { centre: DVec3::ZERO, radius: 1.0 }),
+            object(Shape::Analytic(Sphere { centre: DVec3::ZERO, radius: 1.0 }.into())),
         ];
         scene
     }

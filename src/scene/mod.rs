@@ -17,7 +17,7 @@ mod sampler;
 mod sampling;
 pub mod support;
 
-pub use crate::geometry::{Attribute, Mesh, Numerics, Placed, Placement, Step, moved_tangent, normal_matrix};
+pub use crate::geometry::{AnalyticShape, Sphere, Attribute, Mesh, Numerics, Placed, Placement, Step, moved_tangent, normal_matrix};
 pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
@@ -91,13 +91,8 @@ pub struct Object {
 // Objects are few compared with triangles, so the unused bytes of small variants do not matter.
 #[allow(clippy::large_enum_variant)]
 pub enum Shape {
-    /// An analytic sphere.
-    Sphere {
-        /// Its centre.
-        centre: DVec3,
-        /// Its radius, positive.
-        radius: f64,
-    },
+    /// An analytic shape, such as a sphere.
+    Analytic(AnalyticShape),
     /// Triangles that share vertices.
     Mesh(Mesh),
     /// An instance of a mesh shared by several placements.
@@ -216,7 +211,7 @@ impl Scene {
         }));
     }
 
-    /// Number of primitives: spheres and triangles.
+    /// Number of primitives: triangles and analytic shapes.
     pub fn primitive_count(&self) -> usize {
         self.objects.iter().map(|object| object.shape.primitive_count()).sum()
     }
@@ -260,10 +255,10 @@ impl Scene {
 }
 
 impl Shape {
-    /// Number of primitives: one for a sphere, the triangle count for a mesh.
+    /// Number of primitives: one for an analytic shape, the triangle count for a mesh.
     pub fn primitive_count(&self) -> usize {
         match self {
-            Shape::Sphere { .. } => 1,
+            Shape::Analytic(_) => 1,
             Shape::Mesh(mesh) => mesh.triangles.len(),
             Shape::Placed(placed) => placed.triangle_count(),
         }
@@ -272,7 +267,7 @@ impl Shape {
     /// The mesh, if any; for an instance the shared mesh before its placement is applied.
     pub fn mesh(&self) -> Option<&Mesh> {
         match self {
-            Shape::Sphere { .. } => None,
+            Shape::Analytic(_) => None,
             Shape::Mesh(mesh) => Some(mesh),
             Shape::Placed(placed) => Some(&placed.mesh),
         }

@@ -1,4 +1,4 @@
-//! Maxima of affine functions over the vertices and spheres of a scene (support function values), such as its bounds.
+//! Maxima of affine functions over the vertices and bounding spheres of a scene (support function values), such as its bounds.
 //!
 //! The results equal those of an exhaustive search bit by bit. Bounding boxes of parts of each mesh give upper bounds,
 //! rounding included; only the vertices of parts that may contain the maximum are evaluated.
@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
+use crate::geometry::Intersector;
 use super::{Mesh, Object, Placed, Shape};
 
 /// A function of points that is affine up to rounding.
@@ -28,16 +29,17 @@ pub struct AffineFunction<'a> {
 /// with a margin.
 const ROUNDING: f64 = 1.0 / (1u64 << 44) as f64;
 
-/// Maximum of each function over all vertices and spheres of `objects`; negative infinity if there are none.
+/// Maximum of each function over all vertices and bounding spheres of `objects`; negative infinity if there are none.
 pub fn maxima(objects: &[Object], functions: &[AffineFunction]) -> Vec<f64> {
     let mut best = vec![f64::NEG_INFINITY; functions.len()];
     let mut placed: Vec<&Placed> = Vec::new();
     let mut parts: HashMap<*const Mesh, Vec<Part>> = HashMap::new();
     for object in objects {
         match &object.shape {
-            Shape::Sphere { centre, radius } => {
+            Shape::Analytic(shape) => {
+                let (centre, radius) = shape.bounding_sphere();
                 for (best, function) in best.iter_mut().zip(functions) {
-                    *best = best.max((function.of_sphere)(*centre, *radius));
+                    *best = best.max((function.of_sphere)(centre, radius));
                 }
             }
             Shape::Mesh(mesh) => mesh.corners().for_each(|p| include_point(&mut best, functions, p)),

@@ -9,7 +9,7 @@ use crate::bvh::{Primitive, Tests, Traversal};
 use crate::effects::tile::{RayRecorder, RecordedRay, RenderContext, Tile, TraceResult};
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
 use crate::film::Window;
-use crate::geometry::Hit;
+use crate::geometry::{Hit, Intersector};
 use crate::scene::{Glaze, Material};
 use crate::world::{PreparedMaterial, Recentering, SurfaceInteraction, View, World};
 
@@ -149,7 +149,7 @@ fn surface_info(
     let position = surface.point.position;
     let [v, w] = hit.weights;
     let (kind, barycentric) = match world.accelerator.primitive(hit.slot) {
-        Primitive::Sphere(_) => ("sphere", None),
+        Primitive::Analytic(shape) => (shape.name(), None),
         Primitive::Triangle(_) => ("triangle", Some([1.0 - v - w, v, w])),
     };
     SurfaceInfo {

@@ -132,7 +132,7 @@ impl SharedAttributes {
     /// Converts the attributes of a shape. Tangents are dropped where the material has no normal map.
     pub fn attributes(&mut self, shape: Shape, has_normal_map: bool) -> Attributes {
         match shape {
-            Shape::Sphere { .. } => Attributes { arrays: Arc::default(), placed: None },
+            Shape::Analytic(_) => Attributes { arrays: Arc::default(), placed: None },
             Shape::Mesh(mut mesh) => {
                 let (normals, tangents) = (mesh.normals.take(), mesh.tangents.take());
                 let own: Arc<[[u32; 3]]> = std::mem::take(&mut mesh.triangles).into();

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use super::World;
 use super::interaction::{SurfaceInteraction, blend};
 use crate::bvh::Primitive;
-use crate::geometry::{Hit, Ray};
+use crate::geometry::{Hit, Intersector, Ray};
 
 /// A ray differential: the change of a ray from one pixel to the next, to the right and down.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -107,10 +107,12 @@ impl World {
         let object = &self.objects[surface.object as usize];
         let mut normals = [DVec3::ZERO; 2];
         match self.accelerator.primitive(hit.slot) {
-            // Seen from inside, the normal points to the centre and changes in the opposite direction.
-            Primitive::Sphere(sphere) => {
-                let outward = (surface.point.position - sphere.centre).dot(surface.geometric_normal).signum();
-                normals = points.map(|p| p * (outward / sphere.radius));
+            // Seen from inside, the normal points inwards and changes in the opposite direction.
+            Primitive::Analytic(shape) => {
+                let position = surface.point.position;
+                let (_, outward) = shape.surface(position);
+                let side = outward.dot(surface.geometric_normal).signum();
+                normals = points.map(|step| side * shape.normal_derivative(position, step));
             }
             Primitive::Triangle(_) => {
                 if let Some(corners) = object.attributes.normals(hit.prim.0 - object.first.0)

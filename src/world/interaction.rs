@@ -6,7 +6,7 @@ use super::World;
 use super::attributes::vertex_colour;
 use crate::bvh::{Primitive, Traversal};
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
-use crate::geometry::{Hit, Numerics, PrimId, Ray};
+use crate::geometry::{Hit, Intersector, Numerics, PrimId, Ray};
 
 /// A surface interaction: a point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]
@@ -71,9 +71,9 @@ impl World {
         };
         let facing = |n: DVec3| if n.dot(ray.direction) > 0.0 { -n } else { n };
         match self.accelerator.primitive(hit.slot) {
-            Primitive::Sphere(sphere) => {
-                let (_, normal) = sphere.surface(ray.at(hit.t));
-                surface.point = SurfacePoint::on_sphere(sphere.centre, sphere.radius, normal);
+            Primitive::Analytic(shape) => {
+                let (point, normal) = shape.surface(ray.at(hit.t));
+                surface.point = point;
                 surface.geometric_normal = facing(normal);
                 surface.shading_normal = surface.geometric_normal;
             }
@@ -137,7 +137,7 @@ impl World {
                 let distance = normal.dot(from - triangle.0[0]).abs();
                 distance > ORIGIN_OFFSET / 32.0 * reach.max_element()
             }),
-            Primitive::Sphere(_) => true,
+            Primitive::Analytic(_) => true,
         };
         if hits.iter().any(is_certain) { before } else { point }
     }

@@ -12,7 +12,7 @@ use super::interaction::{SurfaceInteraction, Texels};
 use super::soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
 use crate::bvh::Primitive;
 use crate::geometry::spawn::{EdgeTest, SurfacePoint};
-use crate::geometry::{Hit, PrimId, SlotId, Sphere, Triangle};
+use crate::geometry::{AnalyticShape, Hit, Intersector, PrimId, SlotId, Triangle};
 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
 const MIN_RUN: usize = 4;
@@ -229,14 +229,14 @@ impl World {
         let range = run.start..end;
         if range.len() >= MIN_RUN && self.is_plain(run.prim) {
             match self.accelerator.primitive(run.slot) {
-                Primitive::Sphere(sphere) => {
+                Primitive::Analytic(shape) => {
                     for i in range.clone() {
                         let point = rays.get(surfaces.ray_of[i] as usize).at(surfaces.t[i]);
                         surfaces.position.set(i, point);
                     }
                     simd_dispatch(
                         #[inline(always)]
-                        || on_sphere(surfaces, range.clone(), &sphere),
+                        || on_analytic(surfaces, range.clone(), &shape),
                     );
                     return self.set_indices(run.prim, range, surfaces);
                 }
@@ -316,12 +316,12 @@ fn on_triangle(
     is_any_near
 }
 
-/// Computes a run on a sphere, from positions `ray.at(t)`.
+/// Computes a run on an analytic shape, from positions `ray.at(t)`.
 #[inline(always)]
-fn on_sphere(surfaces: &mut InteractionSoa, range: Range<usize>, sphere: &Sphere) {
+fn on_analytic(surfaces: &mut InteractionSoa, range: Range<usize>, shape: &AnalyticShape) {
     for i in range.start..range.end.min(RAYS_PER_BATCH) {
-        let (_, normal) = sphere.surface(surfaces.position.get(i));
-        finish(surfaces, i, SurfacePoint::on_sphere(sphere.centre, sphere.radius, normal), normal);
+        let (point, normal) = shape.surface(surfaces.position.get(i));
+        finish(surfaces, i, point, normal);
     }
 }
 

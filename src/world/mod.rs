@@ -32,7 +32,7 @@ use glam::DVec3;
 
 use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Primitive, Slot};
 use crate::film::ColourPipeline;
-use crate::geometry::{Numerics, PrimId, Sphere, Triangle};
+use crate::geometry::{Numerics, PrimId, Triangle};
 use crate::scene::{Light, LightKind, Material, Mesh, Object, Scene, Shape};
 
 /// The intensity of the ambient light where no input sets it.
@@ -60,7 +60,7 @@ pub struct World {
     pub ambient: f64,
     /// The colour of rays that hit nothing, in the numbers of the pipeline.
     pub background: DVec3,
-    /// The number of spheres left out because their radius rounds to 0 in the tier's precision.
+    /// The number of analytic shapes left out because they are empty in the tier's precision.
     pub too_small: usize,
     primitive_count: usize,
 }
@@ -230,8 +230,8 @@ fn instances(objects: &[Object], structure: Layout, numerics: Numerics) -> Parti
     parts
 }
 
-/// The primitives of all objects that are not instances, in the precision of the tier. A sphere whose radius rounds to 0 keeps its
-/// number and gets no slot.
+/// The primitives of all objects that are not instances, in the precision of the tier. A shape that is empty in that
+/// precision keeps its number and gets no slot.
 fn slots(
     objects: &[Object],
     firsts: &[PrimId],
@@ -248,9 +248,7 @@ fn slots(
             Shape::Placed(placed) => {
                 Box::new((0..placed.triangle_count() as u32).map(move |t| triangle(placed.corners_of(t))))
             }
-            Shape::Sphere { centre, radius } => {
-                Box::new(std::iter::once(Primitive::Sphere(Sphere { centre: *centre, radius: *radius })))
-            }
+            Shape::Analytic(shape) => Box::new(std::iter::once(Primitive::Analytic(*shape))),
         };
         let precision = numerics.precision();
         (first.0..).zip(primitives).filter_map(move |(id, primitive)| {

@@ -7,6 +7,7 @@
 
 use glam::DVec3;
 
+use crate::geometry::Intersector;
 use crate::scene::{Camera, Falloff, LightKind, Scene, Shape, Step};
 
 /// The largest distance from the origin, in sizes of the scene, at which 20 of 24 bits are left for its shape.
@@ -50,10 +51,7 @@ impl Recentering {
         let place = |p: &mut DVec3| *p = (*p - self.middle) * self.scale;
         for object in &mut scene.objects {
             match &mut object.shape {
-                Shape::Sphere { centre, radius } => {
-                    place(centre);
-                    *radius *= self.scale;
-                }
+                Shape::Analytic(shape) => *shape = shape.recentred(self.middle, self.scale),
                 Shape::Mesh(mesh) => mesh.positions.iter_mut().for_each(place),
                 Shape::Placed(placed) => {
                     placed.placement.then(Step::Shift { middle: self.middle, scale: self.scale });

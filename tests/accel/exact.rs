@@ -158,7 +158,7 @@ fn the_ends_of_rays_are_compared_exactly() {
             let exact = exactly(&slots, Layout::BruteForce);
             let distances: Vec<Distance> = match primitive {
                 Primitive::Triangle(_) => oracle::line_triangle(&ray, &corners).into_iter().collect(),
-                Primitive::Sphere(_) => {
+                Primitive::Analytic(_) => {
                     oracle::line_sphere(&ray, centre, radius).into_iter().flatten().collect()
                 }
             };

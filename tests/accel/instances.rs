@@ -13,7 +13,7 @@ use glam::{DMat4, DVec2, DVec3, DVec4};
 use kiln::bvh::{Layout, Preset, Traversal};
 use kiln::effects::{Choices, RayKind, glaze, shadows};
 use kiln::film::ColourPipeline;
-use kiln::geometry::{Numerics, PrimId, Ray};
+use kiln::geometry::{Numerics, PrimId, Ray, Sphere};
 use kiln::scene::{
     Attribute, DecodedImage, Glaze, ImageId, Material, MaterialId, Mesh, NormalMap, Object, Phong, Placed,
     Placement, Sampler, Scene, Shape, Step, Texture,
@@ -72,7 +72,7 @@ fn scene_of(shapes: impl IntoIterator<Item = Shape>) -> Scene {
 
 /// A mesh in all of these places, between a sphere and a mesh that is not shared.
 fn scene_with(mesh: Mesh, places: &[Placement]) -> Scene {
-    let sphere = Shape::Sphere { centre: DVec3::new(0.0, 0.5, -2.0), radius: 0.5 };
+    let sphere = Shape::Analytic(Sphere { centre: DVec3::new(0.0, 0.5, -2.0), radius: 0.5 }.into());
     let ground = [[-9.0, -1.5, -9.0], [9.0, -1.5, -9.0], [0.0, -1.5, 9.0]].map(DVec3::from);
     let ground = Shape::Mesh(mesh_of(&[ground]));
     let mesh = Arc::new(mesh);

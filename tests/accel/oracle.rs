@@ -4,7 +4,7 @@
 use crate::common::{self, Numbers, origin_on_border};
 use glam::DVec3;
 use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
-use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
+use kiln::geometry::{AnalyticShape, Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
 
 /// How many rays are asked about at once.
 const BATCH: usize = 64;
@@ -80,7 +80,7 @@ fn mixed(scale: f64, offset: DVec3) -> Vec<Slot> {
         let centre = numbers.vector() * 4.0 + 4.0;
         primitives.insert(
             numbers.below(primitives.len()),
-            Primitive::Sphere(Sphere { centre, radius: 0.1 + numbers.unit() }),
+            Primitive::from(Sphere { centre, radius: 0.1 + numbers.unit() }),
         );
     }
     let giant = [DVec3::new(-1e3, -1e3, -1.0), DVec3::new(-1e3, 1e4, -1.0), DVec3::new(1e4, -1e3, -1.0)];
@@ -92,7 +92,7 @@ fn mixed(scale: f64, offset: DVec3) -> Vec<Slot> {
             Primitive::Triangle(Triangle(corners)) => {
                 corners.iter_mut().for_each(|c| *c = place(*c));
             }
-            Primitive::Sphere(sphere) => {
+            Primitive::Analytic(AnalyticShape::Sphere(sphere)) => {
                 *sphere = Sphere { centre: place(sphere.centre), radius: sphere.radius * scale };
             }
         }
@@ -113,7 +113,7 @@ fn targets(slots: &[Slot], count: usize, numbers: &mut Numbers) -> Vec<DVec3> {
                     _ => a.lerp(b, numbers.unit()).lerp(c, numbers.unit()),
                 }
             }
-            Primitive::Sphere(sphere) => {
+            Primitive::Analytic(AnalyticShape::Sphere(sphere)) => {
                 let towards = numbers.vector().normalize();
                 sphere.centre + sphere.radius * if i % 2 == 0 { towards } else { DVec3::X }
             }

@@ -3,7 +3,7 @@
 use crate::common::Numbers;
 use glam::DVec3;
 use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
-use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
+use kiln::geometry::{AnalyticShape, Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
 
 /// As many rays as a tile has.
 const TILE: usize = 256;
@@ -37,7 +37,7 @@ fn slots(scale: f64, offset: DVec3) -> Vec<Slot> {
         triangles.into_iter().map(|t| Primitive::Triangle(Triangle(t.map(single)))).collect();
     for i in 0..6 {
         let centre = single(numbers.vector() * 4.0 + 4.0);
-        primitives.push(Primitive::Sphere(Sphere {
+        primitives.push(Primitive::from(Sphere {
             centre,
             radius: f64::from((0.2 * scale * f64::from(i + 1)) as f32),
         }));
@@ -55,7 +55,9 @@ fn target(slots: &[Slot], numbers: &mut Numbers) -> DVec3 {
             1 => a.lerp(*b, numbers.unit()),
             _ => a.lerp(*b, numbers.unit()).lerp(*c, numbers.unit()),
         },
-        Primitive::Sphere(sphere) => sphere.centre + sphere.radius * numbers.vector().normalize(),
+        Primitive::Analytic(AnalyticShape::Sphere(sphere)) => {
+            sphere.centre + sphere.radius * numbers.vector().normalize()
+        }
     }
 }
 

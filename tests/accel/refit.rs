@@ -3,14 +3,14 @@
 use crate::common::Numbers;
 use glam::DVec3;
 use kiln::bvh::{Bvh, Layout, NotFinite, Preset, Primitive, Slot, Traversal, Update, build};
-use kiln::geometry::{Hit, Numerics, PrimId, Ray, Sphere, Triangle};
+use kiln::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray, Sphere, Triangle};
 
 /// Triangles with corners within 0.1 of a point of the cube, and a ball for every tenth.
 fn crowd(count: usize, numbers: &mut Numbers) -> Vec<Primitive> {
     let mut primitive = |index: usize| {
         let middle = numbers.vector();
         if index % 10 == 9 {
-            return Primitive::Sphere(Sphere { centre: middle, radius: 0.05 });
+            return Primitive::from(Sphere { centre: middle, radius: 0.05 });
         }
         Primitive::Triangle(Triangle([0; 3].map(|_| middle + numbers.vector() * 0.1)))
     };
@@ -27,9 +27,9 @@ fn moved(primitives: &[Primitive], numbers: &mut Numbers) -> Vec<Primitive> {
                 5 => [a, b, a],
                 _ => [a + step, b + step, c + step * 1.5],
             })),
-            Primitive::Sphere(Sphere { centre, radius }) => {
+            Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
                 let radius = if index % 20 == 9 { 0.0 } else { radius * 2.0 };
-                Primitive::Sphere(Sphere { centre: centre + step, radius })
+                Primitive::from(Sphere { centre: centre + step, radius })
             }
         }
     };
@@ -48,7 +48,7 @@ fn rays(primitives: &[Primitive], numerics: Numerics, numbers: &mut Numbers) -> 
         let origin = numbers.vector() * 4.0;
         let target = match primitives[index % primitives.len()] {
             Primitive::Triangle(Triangle(corners)) if index.is_multiple_of(2) => corners[index % 3],
-            Primitive::Sphere(sphere) => sphere.centre,
+            Primitive::Analytic(AnalyticShape::Sphere(sphere)) => sphere.centre,
             Primitive::Triangle(_) => numbers.vector(),
         };
         let direction = (target - origin).try_normalize().unwrap_or(DVec3::Z);
@@ -112,7 +112,7 @@ fn all_degenerate_at_once_is_nothing_to_hit() {
     let mut structure = build(slots(&first, Numerics::Exact), Layout::default(), Numerics::Exact);
     let nothing = |id: PrimId| match first[id.0 as usize] {
         Primitive::Triangle(_) => Primitive::Triangle(Triangle([DVec3::ZERO; 3])),
-        Primitive::Sphere(_) => Primitive::from(([0.0; 3], 0.0)),
+        Primitive::Analytic(_) => Primitive::from(([0.0; 3], 0.0)),
     };
     structure.refit(&nothing).expect("a structure that can");
     for ray in rays(&first, Numerics::Exact, &mut numbers) {
@@ -175,7 +175,9 @@ fn an_update_refits_what_it_can_and_builds_what_it_must() {
         Primitive::Triangle(Triangle(corners)) => {
             Primitive::Triangle(Triangle(corners.map(|c| c + DVec3::X)))
         }
-        Primitive::Sphere(s) => Primitive::Sphere(Sphere { centre: s.centre + DVec3::X, ..s }),
+        Primitive::Analytic(AnalyticShape::Sphere(s)) => {
+            Primitive::from(Sphere { centre: s.centre + DVec3::X, ..s })
+        }
     };
     let aside: Vec<Primitive> = first.iter().map(step).collect();
     held_to_fresh(&mut bvh, &aside, true);
@@ -191,7 +193,7 @@ fn an_update_refits_what_it_can_and_builds_what_it_must() {
     flat[0] = Primitive::from([[0.0; 3]; 3]);
     held_to_fresh(&mut bvh, &flat, true);
     held_to_fresh(&mut bvh, &first, true);
-    let ball = first.iter().position(|p| matches!(p, Primitive::Sphere(_))).expect("a sphere");
+    let ball = first.iter().position(|p| matches!(p, Primitive::Analytic(_))).expect("a sphere");
     flat[ball] = Primitive::from(([0.0; 3], 0.0));
     held_to_fresh(&mut bvh, &flat, true);
     held_to_fresh(&mut bvh, &first, true);

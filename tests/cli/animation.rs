@@ -11,7 +11,7 @@ use kiln::error::{Place, Warnings};
 use kiln::film::{ColourPipeline, Film, Window};
 use kiln::render::{RenderControl, render};
 use kiln::scene::animation::{Animation, Easing, Motion, Property, Target, Track};
-use kiln::scene::{Camera, Numerics, Placed, Placement, Projection, Scene, Shape};
+use kiln::scene::{AnalyticShape, Camera, Numerics, Placed, Placement, Projection, Scene, Shape, Sphere};
 use kiln::world::{StandardView, View, World, headlight, recenter};
 
 use crate::common::repository;
@@ -26,7 +26,9 @@ fn assignment() -> Scene {
 
 fn sphere(scene: &Scene, name: &str) -> DVec3 {
     let object = scene.objects.iter().find(|object| object.name == name).expect("a sphere of the name");
-    let Shape::Sphere { centre, .. } = object.shape else { panic!("{name} is a sphere") };
+    let Shape::Analytic(AnalyticShape::Sphere(Sphere { centre, .. })) = object.shape else {
+        panic!("{name} is a sphere")
+    };
     centre
 }
 

@@ -46,7 +46,7 @@ pub fn triangles(triangles: impl IntoIterator<Item = Corners>) -> Vec<Slot> {
 
 /// A sphere, as a primitive.
 pub fn ball(centre: DVec3, radius: f64) -> Primitive {
-    Primitive::Sphere(Sphere { centre, radius })
+    Primitive::from(Sphere { centre, radius })
 }
 
 /// Primitives, numbered as they come.
@@ -60,7 +60,7 @@ pub fn corners_of(slots: &[Slot]) -> Vec<Corners> {
         .iter()
         .filter_map(|slot| match slot.primitive {
             Primitive::Triangle(Triangle(corners)) => Some(corners),
-            Primitive::Sphere(_) => None,
+            Primitive::Analytic(_) => None,
         })
         .collect()
 }

@@ -9,7 +9,7 @@ use kiln::error::Warnings;
 use kiln::film::{ColourPipeline, Film, Window};
 use kiln::geometry::{Hit, Ray};
 use kiln::render::{RenderControl, Statistics, render};
-use kiln::scene::{Falloff, LightKind, Numerics, Scene, Shape, Step};
+use kiln::scene::{AnalyticShape, Falloff, LightKind, Numerics, Scene, Shape, Sphere, Step};
 use kiln::world::{StandardView, View, World, fitted_camera, headlight, recenter};
 
 /// A scene from a file.
@@ -103,7 +103,7 @@ pub fn placed(mut scene: Scene, scale: f64, offset: DVec3) -> Scene {
     let place = |p: &mut DVec3| *p = *p * scale + offset;
     for object in &mut scene.objects {
         match &mut object.shape {
-            Shape::Sphere { centre, radius } => {
+            Shape::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
                 place(centre);
                 *radius *= scale;
             }

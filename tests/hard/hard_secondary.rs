@@ -860,7 +860,7 @@ fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
     {
         let centre = DVec3::new(1.0, -0.3, 0.6) * far;
         let sphere = kiln::geometry::Sphere { centre, radius };
-        let slot = Slot { primitive: Primitive::Sphere(sphere), id: PrimId(0) };
+        let slot = Slot { primitive: Primitive::from(sphere), id: PrimId(0) };
         for numerics in CLOSED {
             let accelerator = build([slot], Layout::default(), numerics);
             let mut traversal = Traversal::default();
@@ -870,7 +870,7 @@ fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
                 if direction.dot(outwards) < 1e-3 {
                     continue;
                 }
-                let point = SurfacePoint::on_sphere(centre, radius, outwards);
+                let point = SurfacePoint::new(centre + outwards * radius, centre.abs() + radius);
                 let ray = |normal: DVec3, direction: DVec3| {
                     let origin = point.origin_towards(normal, numerics);
                     numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY)

@@ -73,7 +73,7 @@ fn mesh(scene: &Scene, object: usize) -> &Mesh {
     match &scene.objects[object].shape {
         Shape::Mesh(mesh) => mesh,
         Shape::Placed(placed) => &placed.mesh,
-        Shape::Sphere { .. } => panic!("object {object} is a sphere"),
+        Shape::Analytic(_) => panic!("object {object} is a sphere"),
     }
 }
 

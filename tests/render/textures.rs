@@ -7,7 +7,7 @@ use glam::{DMat4, DVec2, DVec3};
 use kiln::bvh::Traversal;
 use kiln::effects::{Choices, Plan, id};
 use kiln::film::{ColourPipeline, Window};
-use kiln::geometry::Ray;
+use kiln::geometry::{Ray, Sphere};
 use kiln::render::{RenderControl, render};
 use kiln::scene::file::EffectValue;
 use kiln::scene::{
@@ -225,8 +225,8 @@ fn mirrored_differentials_are_finite_differences() {
     let bulge = |p: &DVec3| (*p - DVec3::new(-0.8, 0.1, -7.0)).normalize() * 3.0;
     smooth.normals = Some(Attribute::per_position(smooth.positions.iter().map(bulge).collect()));
     let shapes = [
-        Shape::Sphere { centre: DVec3::new(0.3, 0.2, -5.0), radius: 1.5 },
-        Shape::Sphere { centre: DVec3::new(0.3, 0.2, 1.0), radius: 4.0 },
+        Shape::Analytic(Sphere { centre: DVec3::new(0.3, 0.2, -5.0), radius: 1.5 }.into()),
+        Shape::Analytic(Sphere { centre: DVec3::new(0.3, 0.2, 1.0), radius: 4.0 }.into()),
         Shape::Mesh(smooth),
     ];
     for shape in shapes {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{Accelerator, Layout, Preset, Primitive, Slot, Traversal, build};
-use crate::geometry::{Hit, Numerics, PrimId, Ray, Sphere, Triangle};
+use crate::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray, Sphere, Triangle};
 
 /// A bounding volume hierarchy over triangles and spheres. A primitive's id is its index in the list that it was
 /// built from. The [crate documentation](crate) has an example.
@@ -136,8 +136,8 @@ impl Bvh {
         let is_same = self.has_slot.len() == now.len()
             && self.has_slot.iter().zip(&now).all(|(has_slot, p)| *has_slot || p.is_none());
         if is_same {
-            // Only spheres of radius 0 are without a slot.
-            let nothing = Primitive::Sphere(Sphere { centre: DVec3::ZERO, radius: 0.0 });
+            // Only empty shapes are without a slot.
+            let nothing = Primitive::Analytic(AnalyticShape::EMPTY);
             let relative_cost = self.accelerator.refit(&|id| now[id.0 as usize].unwrap_or(nothing));
             if let Some(relative_cost) = relative_cost.filter(|cost| is_worth_keeping(*cost)) {
                 return Ok(Update::Refitted(relative_cost));
@@ -167,7 +167,8 @@ fn checked(
     let is_finite = |primitive: &Primitive| {
         let is_finite = match primitive {
             Primitive::Triangle(Triangle(corners)) => corners.iter().all(|corner| corner.is_finite()),
-            Primitive::Sphere(sphere) => sphere.centre.is_finite() && sphere.radius.is_finite(),
+            // Its bounds are not finite if its numbers are not.
+            Primitive::Analytic(_) => true,
         };
         // Bounds are f32 in every tier.
         let b = primitive.bounds();
@@ -197,6 +198,13 @@ impl From<[[f32; 3]; 3]> for Primitive {
 /// A sphere of a centre and radius.
 impl From<([f64; 3], f64)> for Primitive {
     fn from((centre, radius): ([f64; 3], f64)) -> Self {
-        Primitive::Sphere(Sphere { centre: centre.into(), radius })
+        Sphere { centre: centre.into(), radius }.into()
+    }
+}
+
+/// A shape that is not a triangle.
+impl<S: Into<AnalyticShape>> From<S> for Primitive {
+    fn from(shape: S) -> Self {
+        Primitive::Analytic(shape.into())
     }
 }

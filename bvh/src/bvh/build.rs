@@ -167,7 +167,7 @@ fn split_large_triangles<T: Tier>(slots: &[StoredSlot<T>], whole: &[Bounds]) -> 
     let mut triangles = Vec::with_capacity(slots.len());
     // The slot of each triangle in obvhs's list.
     let mut of_triangle = Vec::with_capacity(slots.len());
-    let mut spheres = Vec::new();
+    let mut others = Vec::new();
     for (index, slot) in (0..).zip(slots) {
         match slot.primitive() {
             Primitive::Triangle(triangle) => {
@@ -175,7 +175,7 @@ fn split_large_triangles<T: Tier>(slots: &[StoredSlot<T>], whole: &[Bounds]) -> 
                 triangles.push(obvhs::triangle::Triangle { v0, v1, v2 });
                 of_triangle.push(index);
             }
-            Primitive::Sphere(_) => spheres.push(index),
+            Primitive::Analytic(_) => others.push(index),
         }
     }
     let mut parts: Vec<Aabb> = of_triangle.iter().map(|&i: &u32| to_obvhs(whole[i as usize])).collect();
@@ -193,7 +193,7 @@ fn split_large_triangles<T: Tier>(slots: &[StoredSlot<T>], whole: &[Bounds]) -> 
         Bounds { min: part.min.into(), max: part.max.into() }.grown(gap, gap)
     };
     let mut boxes: Vec<Bounds> = parts.iter().zip(&of_slot).map(closed).collect();
-    boxes.extend(spheres.iter().map(|&i| whole[i as usize]));
-    of_slot.extend(spheres);
+    boxes.extend(others.iter().map(|&i| whole[i as usize]));
+    of_slot.extend(others);
     Boxes { boxes, of_slot }
 }

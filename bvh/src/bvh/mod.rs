@@ -1,4 +1,4 @@
-//! Acceleration structures over triangles and spheres, behind [`Accelerator`].
+//! Acceleration structures over triangles and analytic shapes, behind [`Accelerator`].
 //!
 //! [`build`] makes one in any [`Layout`] and tier of numerics. obvhs builds the trees (`build`); the traversals are
 //! kiln's: `bvh2` over the binary tree, `wide` over nodes of eight children, `instances` over meshes that are placed
@@ -31,8 +31,8 @@ use stored_slot::StoredSlot;
 use glam::{DVec3, Vec3};
 
 use crate::geometry::{
-    Bounds, Double, Exact, Fast, Hit, Numerics, Precision, PrimId, Ray, SlotId, Sphere, Tier, Triangle,
-    Watertight,
+    AnalyticShape, Bounds, Double, Exact, Fast, Hit, Intersector, Numerics, Precision, PrimId, Ray, SlotId,
+    Tier, Triangle, Watertight,
 };
 
 /// The geometry of one primitive.
@@ -40,8 +40,8 @@ use crate::geometry::{
 pub enum Primitive {
     /// A triangle.
     Triangle(Triangle),
-    /// An analytic sphere.
-    Sphere(Sphere),
+    /// Any other shape.
+    Analytic(AnalyticShape),
 }
 
 impl Primitive {
@@ -49,21 +49,18 @@ impl Primitive {
     pub fn bounds(&self) -> Bounds {
         match self {
             Primitive::Triangle(triangle) => triangle.bounds(),
-            Primitive::Sphere(sphere) => sphere.bounds(),
+            Primitive::Analytic(shape) => shape.bounds(),
         }
     }
 
-    /// The primitive rounded to `precision`; `None` for a sphere whose radius rounds to 0. Triangles without area
+    /// The primitive rounded to `precision`; `None` for an analytic shape that is then empty. Triangles without area
     /// stay: where one closes a gap at a T-vertex, rays hit it.
     pub fn rounded(&self, precision: Precision) -> Option<Self> {
         match *self {
             Primitive::Triangle(Triangle(corners)) => {
                 Some(Primitive::Triangle(Triangle(corners.map(|corner| corner.map(|c| precision.round(c))))))
             }
-            Primitive::Sphere(Sphere { centre, radius }) => {
-                let sphere = Sphere { centre: centre.map(|c| Precision::Double.round(c)), radius };
-                (precision.round(radius) > 0.0).then_some(Primitive::Sphere(sphere))
-            }
+            Primitive::Analytic(shape) => shape.rounded(precision).map(Primitive::Analytic),
         }
     }
 }

@@ -1,7 +1,9 @@
 //! [`StoredSlot`]: a primitive in the precision of a tier, as builds, brute force and the binary tree store it.
 
 use super::{Primitive, Slot};
-use crate::geometry::{Bounds, Corner, Hit, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit};
+use crate::geometry::{
+    Bounds, Corner, Hit, Intersector, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit,
+};
 
 /// A primitive in the precision of a tier, and its id.
 pub struct StoredSlot<T: Tier> {
@@ -22,7 +24,7 @@ impl<T: Tier> StoredSlot<T> {
     pub fn new(slot: Slot) -> Self {
         let primitive = match slot.primitive {
             Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::from_dvec3)),
-            Primitive::Sphere(sphere) => Stored::Sphere(sphere),
+            Primitive::Analytic(shape) => Stored::Analytic(shape),
         };
         StoredSlot { primitive, id: slot.id }
     }
@@ -31,7 +33,7 @@ impl<T: Tier> StoredSlot<T> {
     pub fn primitive(&self) -> Primitive {
         match self.primitive {
             Stored::Triangle(corners) => Primitive::Triangle(Triangle(corners.map(Corner::to_dvec3))),
-            Stored::Sphere(sphere) => Primitive::Sphere(sphere),
+            Stored::Analytic(shape) => Primitive::Analytic(shape),
         }
     }
 
@@ -39,7 +41,7 @@ impl<T: Tier> StoredSlot<T> {
     pub fn bounds(&self) -> Bounds {
         match &self.primitive {
             Stored::Triangle(corners) => T::Corner::bounds(corners),
-            Stored::Sphere(sphere) => sphere.bounds(),
+            Stored::Analytic(shape) => shape.bounds(),
         }
     }
 }
@@ -65,7 +67,9 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
                 let prepared = self.triangles.get_or_insert_with(|| T::prepare(self.ray));
                 T::hit_triangle(prepared, self.ray, corners)?
             }
-            Stored::Sphere(sphere) => TriangleHit { t: T::hit_sphere(self.ray, sphere)?, weights: [0.0; 2] },
+            Stored::Analytic(shape) => {
+                TriangleHit { t: T::hit_analytic(self.ray, shape)?, weights: [0.0; 2] }
+            }
         };
         Some(Hit { t, prim: slot.id, slot: SlotId(index), weights })
     }

@@ -2,7 +2,7 @@
 //!
 //! Every f64 is an integer times a power of two. Scaling all coordinates by one power of two makes them integers and
 //! leaves t, a ratio of lengths, unchanged. So t is a fraction of integers for a triangle, and a root of a quadratic
-//! with integer coefficients for a sphere.
+//! with integer coefficients for a quadric such as a sphere.
 
 use std::cmp::Ordering;
 
@@ -10,7 +10,7 @@ use glam::DVec3;
 use num_bigint::{BigInt, Sign};
 use num_traits::{Signed, ToPrimitive};
 
-use super::{Ray, Sphere};
+use super::Ray;
 
 /// The number `(b - √d) / a`, or `(b + √d) / a` if `far`, with `a > 0` and `d >= 0`.
 #[derive(Debug, Clone)]
@@ -30,7 +30,7 @@ pub struct Crossing {
 }
 
 /// Three integers.
-type Vector = [BigInt; 3];
+pub type Vector = [BigInt; 3];
 
 impl Distance {
     /// A finite number as a distance.
@@ -61,15 +61,8 @@ impl Distance {
         Some(Crossing { distance, weights })
     }
 
-    /// The near and far intersection with a sphere, the roots of `a t^2 - 2 b t + c = 0`. `None` if the line misses it.
-    pub fn to_sphere(ray: &Ray, sphere: &Sphere) -> Option<[Self; 2]> {
-        let [o, d, m] = [ray.origin, ray.direction, sphere.centre];
-        let numbers = integers([o.x, o.y, o.z, d.x, d.y, d.z, m.x, m.y, m.z, sphere.radius]);
-        let vector = |i: usize| -> Vector { [0, 1, 2].map(|k| numbers[3 * i + k].clone()) };
-        let (direction, to_centre) = (vector(1), minus(&vector(2), &vector(0)));
-        let a = dot(&direction, &direction);
-        let b = dot(&to_centre, &direction);
-        let c = dot(&to_centre, &to_centre) - &numbers[9] * &numbers[9];
+    /// The near and far root of `a t^2 - 2 b t + c = 0` with `a > 0`. `None` if they are not real.
+    pub fn roots(a: BigInt, b: BigInt, c: &BigInt) -> Option<[Self; 2]> {
         let d = &b * &b - &a * c;
         if d.is_negative() {
             return None;
@@ -161,7 +154,7 @@ fn sign_of_sum(whole: &BigInt, (s, p): (i32, BigInt), (t, q): (i32, BigInt)) -> 
 }
 
 /// Finite numbers as integers, all scaled by the same power of two.
-fn integers<const N: usize>(numbers: [f64; N]) -> [BigInt; N] {
+pub fn integers<const N: usize>(numbers: [f64; N]) -> [BigInt; N] {
     let parts = numbers.map(|x| {
         let bits = x.to_bits();
         let exponent = (bits >> 52 & 0x7ff) as i32;
@@ -192,11 +185,11 @@ fn ratio(numerator: &BigInt, denominator: &BigInt) -> f64 {
     quotient.to_f64().unwrap_or(f64::NAN) * 2f64.powi(-half) * 2f64.powi(half - shift as i32)
 }
 
-fn minus(a: &Vector, b: &Vector) -> Vector {
+pub fn minus(a: &Vector, b: &Vector) -> Vector {
     [0, 1, 2].map(|k| &a[k] - &b[k])
 }
 
-fn dot(a: &Vector, b: &Vector) -> BigInt {
+pub fn dot(a: &Vector, b: &Vector) -> BigInt {
     &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
 }
 
@@ -267,16 +260,5 @@ mod tests {
         assert!(!crossing.distance.is_within(&Ray { t_max: 0.5, ..ray }));
         assert!(!crossing.distance.is_within(&Ray { t_min: 0.5, ..ray }));
         assert!(Distance::to_triangle(&ray, &[DVec3::ZERO, DVec3::Z, DVec3::Y]).is_none());
-    }
-
-    #[test]
-    fn a_ray_through_a_sphere_by_hand() {
-        let ray =
-            Ray { origin: DVec3::new(3.0, 0.0, -9.0), direction: DVec3::Z, t_min: 0.0, t_max: f64::INFINITY };
-        let sphere = |radius| Sphere { centre: DVec3::ZERO, radius };
-        let roots = |radius| Distance::to_sphere(&ray, &sphere(radius)).map(|r| r.map(|r| r.to_f64()));
-        assert_eq!(roots(5.0), Some([5.0, 13.0]));
-        assert_eq!(roots(3.0), Some([9.0, 9.0]));
-        assert_eq!(roots(3.0f64.next_down()), None);
     }
 }

@@ -9,7 +9,7 @@ use super::bounds::DoubleBoxTest;
 use super::four::Hit4;
 use super::simd::Simd;
 use super::woop::WoopTest;
-use super::{Ray, Sphere, Tier, Triangle4, TriangleHit};
+use super::{AnalyticShape, Intersector, Ray, Tier, Triangle4, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f64 geometry, decided in f64.
@@ -38,7 +38,7 @@ impl Tier for Double {
     }
 
     #[inline(always)]
-    fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64> {
-        sphere.hit(ray)
+    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
+        shape.hit(ray)
     }
 }

@@ -16,7 +16,7 @@ use super::bounds::DoubleBoxTest;
 use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
 use super::woop::{Sheared, WoopTest};
-use super::{Hit, Ray, Sphere, Stored, Tier, TriangleHit};
+use super::{AnalyticShape, Hit, Intersector, Ray, Stored, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f64 geometry, decided exactly.
@@ -60,45 +60,8 @@ impl Tier for Exact {
     }
 
     #[inline(always)]
-    fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64> {
-        // As `Sphere::hit`, with error bounds.
-        let (d, f) = (ray.direction, ray.origin - sphere.centre);
-        let (a, ff, rr) = (d.dot(d), f.dot(f), sphere.radius * sphere.radius);
-        let b = -f.dot(d);
-        let nearest = f + d * (b / a);
-        let nn = nearest.dot(nearest);
-        let discriminant = rr - nn;
-        // b is off by 5u √(ff a), so the nearest point by 13u √ff on each axis, its square by 2 √3 times that of its
-        // length, and more where it is short; each of the squares by 4u of itself.
-        let error = f64::EPSILON * (32.0 * (nn * ff).sqrt() + 4.0 * (nn + rr) + 1024.0 * f64::EPSILON * ff);
-        if discriminant < -error {
-            return None;
-        }
-        let c = ff - rr;
-        let (b_error, c_error) = (4.0 * f64::EPSILON * (ff * a).sqrt(), 4.0 * f64::EPSILON * (ff + rr));
-        if c > c_error && b < -b_error {
-            // The ray starts outside and points away.
-            return None;
-        }
-        if discriminant <= error {
-            return exact_sphere(ray, sphere).map(|distance| distance.to_f64());
-        }
-        let root = (a * discriminant).sqrt();
-        let q = b + root.copysign(b);
-        let q_error = b_error + (a * error) / root + 4.0 * f64::EPSILON * root;
-        let sure = q_error <= q.abs() * (TOLERANCE / 4.0) && c_error <= c.abs() * (TOLERANCE / 4.0);
-        if !sure {
-            return exact_sphere(ray, sphere).map(|distance| distance.to_f64());
-        }
-        let (t0, t1) = (c / q, q / a);
-        for t in [t0.min(t1), t0.max(t1)] {
-            match is_within(ray, t) {
-                Some(true) => return Some(t),
-                Some(false) => {}
-                None => return exact_sphere(ray, sphere).map(|distance| distance.to_f64()),
-            }
-        }
-        None
+    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
+        shape.hit_exact(ray)
     }
 
     #[inline(always)]
@@ -245,21 +208,14 @@ fn settle_exactly(ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {
 }
 
 /// Whether origin and direction are finite and the direction is not zero. Other rays hit nothing.
-fn is_ray(ray: &Ray) -> bool {
+pub(super) fn is_ray(ray: &Ray) -> bool {
     ray.origin.is_finite() && ray.direction.is_finite() && ray.direction != DVec3::ZERO
-}
-
-/// The first of a sphere's two distances that lies between `t_min` and `t_max`.
-#[cold]
-fn exact_sphere(ray: &Ray, sphere: &Sphere) -> Option<Distance> {
-    is_ray(ray).then_some(())?;
-    Distance::to_sphere(ray, sphere)?.into_iter().find(|distance| distance.is_within(ray))
 }
 
 /// Whether a distance, good to the tolerance, lies between `t_min` and `t_max`; `None` if it is too near one of them
 /// to decide.
 #[inline(always)]
-fn is_within(ray: &Ray, t: f64) -> Option<bool> {
+pub(super) fn is_within(ray: &Ray, t: f64) -> Option<bool> {
     let slack = 2.0 * TOLERANCE * t.abs();
     if t - slack > ray.t_min && t + slack < ray.t_max {
         return Some(true);
@@ -271,7 +227,7 @@ fn is_within(ray: &Ray, t: f64) -> Option<bool> {
 fn is_exactly_before(ray: &Ray, hits: [(&Hit, &Stored<DVec3>); 2]) -> bool {
     let distance = |primitive: &Stored<DVec3>| match primitive {
         Stored::Triangle(corners) => Distance::to_triangle(ray, corners).map(|crossing| crossing.distance),
-        Stored::Sphere(sphere) => exact_sphere(ray, sphere),
+        Stored::Analytic(shape) => shape.exact_distance(ray),
     };
     let [a, b] = hits.map(|(_, primitive)| distance(primitive));
     let order = match (a, b) {

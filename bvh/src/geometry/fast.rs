@@ -10,7 +10,7 @@
 use glam::{Vec3, Vec3A};
 
 use super::bounds::{BoxTest, SingleBoxTest, round_up};
-use super::{Corner, Ray, Sphere, Tier, TriangleHit};
+use super::{AnalyticShape, Corner, Intersector, Ray, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f32.
@@ -19,9 +19,9 @@ pub struct Fast;
 /// A ray in f32.
 #[derive(Clone, Copy)]
 pub struct FastTest {
-    origin: Vec3,
-    direction: Vec3,
-    boxes: SingleBoxTest,
+    pub(super) origin: Vec3,
+    pub(super) direction: Vec3,
+    pub(super) boxes: SingleBoxTest,
 }
 
 impl Tier for Fast {
@@ -62,32 +62,16 @@ impl Tier for Fast {
         Some(TriangleHit { t, weights: [f64::from(v), f64::from(w)] })
     }
 
-    /// Haines, Günther and Akenine-Möller's form (see [`super::sphere`]) in f32.
     #[inline(always)]
-    fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64> {
-        let test = Self::prepare(ray);
-        let (d, f) = (test.direction, test.origin - sphere.centre.as_vec3());
-        let radius = sphere.radius as f32;
-        let a = d.dot(d);
-        let b = -f.dot(d);
-        let nearest = f + d * (b / a);
-        let discriminant = radius * radius - nearest.dot(nearest);
-        if discriminant < 0.0 || discriminant.is_nan() {
-            return None;
-        }
-        let q = b + (a * discriminant).sqrt().copysign(b);
-        let c = f.dot(f) - radius * radius;
-        let (t0, t1) = (c / q, q / a);
-        let b = sphere.bounds();
-        let within = |t: f32| within(&test.boxes, ray, t, [b.min.into(), b.max.into()]);
-        within(t0.min(t1)).or_else(|| within(t0.max(t1)))
+    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
+        shape.hit_fast(ray)
     }
 }
 
 /// A distance clamped to the interval in which the ray is inside a primitive's bounds; `None` if there is none, or if
 /// the result is not between `t_min` and `t_max`.
 #[inline(always)]
-fn within(test: &SingleBoxTest, ray: &Ray, t: f32, [min, max]: [Vec3A; 2]) -> Option<f64> {
+pub(super) fn within(test: &SingleBoxTest, ray: &Ray, t: f32, [min, max]: [Vec3A; 2]) -> Option<f64> {
     let [enter, leave] = test.span(min, max, round_up(ray.t_max));
     if enter > leave || t.is_nan() {
         return None;

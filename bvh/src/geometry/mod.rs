@@ -1,4 +1,4 @@
-//! Rays, boxes, triangles and spheres, and the intersection tests of every numeric tier with their error bounds.
+//! Rays, boxes, triangles and analytic shapes, and the intersection tests of every numeric tier with their error bounds.
 //!
 //! Used by `bvh`, which traverses, and by `world`, which makes surface interactions. There are four tiers
 //! ([`Numerics`]), one type and one file each behind the trait [`Tier`]:
@@ -19,6 +19,7 @@
 //!
 //! No absolute constant decides a hit: every bound is relative to the numbers it applies to.
 
+mod analytic;
 mod beam;
 mod bounds;
 mod distance;
@@ -33,7 +34,7 @@ mod placed;
 mod ray;
 pub mod simd;
 pub mod spawn;
-pub mod sphere;
+mod sphere;
 mod tier;
 mod triangle;
 mod watertight;
@@ -41,6 +42,7 @@ mod widened;
 mod woop;
 pub mod woop4;
 
+pub use analytic::{AnalyticShape, Intersector};
 pub use beam::Beam;
 pub use bounds::{Bounds, BoxTest, DoubleBoxTest, PRUNE_MARGIN, SingleBoxTest, round_down, round_up};
 pub use double::Double;

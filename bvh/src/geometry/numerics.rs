@@ -6,7 +6,7 @@ use super::bounds::BoxTest;
 use super::four::{Hit4, LANES4, Ray4, Triangle4};
 use super::simd::Simd;
 use super::woop4::PreparedRay4;
-use super::{Bounds, Hit, Ray, Sphere, TriangleHit};
+use super::{AnalyticShape, Bounds, Hit, Intersector, Ray, TriangleHit};
 use crate::geometry::Numerics;
 
 /// The floating-point format of rays or corners.
@@ -192,11 +192,11 @@ impl Corner for DVec3 {
 pub enum Stored<C> {
     /// The corners of a triangle.
     Triangle([C; 3]),
-    /// A sphere, in f64 in every tier.
-    Sphere(Sphere),
+    /// Any other shape, in f64 in every tier.
+    Analytic(AnalyticShape),
 }
 
-/// A numeric tier: the tests of rays against boxes, triangles and spheres, and the order of hits.
+/// A numeric tier: the tests of rays against boxes, triangles and analytic shapes, and the order of hits.
 ///
 /// Every tier must keep a hit's distance within the interval in which its box test finds the ray inside the
 /// primitive's own bounds, up to the margin of that test. Then no acceleration structure changes the image.
@@ -214,7 +214,7 @@ pub trait Tier: Send + Sync + 'static {
     /// A ray prepared for triangles.
     type Prepared: Copy;
 
-    /// Whether the tier decides hits by the test of Woop, Benthin and Wald and the f64 sphere test, of which there
+    /// Whether the tier decides hits by the test of Woop, Benthin and Wald and the f64 tests of analytic shapes, of which there
     /// are versions for four rays. Else those return [`Hit4::UNDECIDED`].
     const HAS_RAY4: bool = false;
 
@@ -249,13 +249,13 @@ pub trait Tier: Send + Sync + 'static {
         Hit4::UNDECIDED
     }
 
-    /// The least distance with `t_min < t < t_max` at which the ray meets a sphere, from outside or inside.
-    fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64>;
+    /// The test of [`Intersector`] that belongs to the tier.
+    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64>;
 
-    /// [`Tier::hit_sphere`] for four rays.
+    /// [`Tier::hit_analytic`] for four rays.
     #[inline(always)]
-    fn hit_sphere_ray4<S: Simd>(rays: &Ray4<S>, sphere: &Sphere) -> Hit4 {
-        if Self::HAS_RAY4 { sphere.hit_ray4(rays) } else { Hit4::UNDECIDED }
+    fn hit_analytic_ray4<S: Simd>(rays: &Ray4<S>, shape: &AnalyticShape) -> Hit4 {
+        if Self::HAS_RAY4 { shape.hit_ray4(rays) } else { Hit4::UNDECIDED }
     }
 
     /// Whether the first of two hits is nearer, or equally near with the lower primitive id.

@@ -83,8 +83,7 @@ impl SurfacePoint {
     /// [`SurfacePoint::on_triangle`] for a point that is not near an edge ([`EdgeTest`]).
     #[inline(always)]
     pub fn in_triangle(corners: [DVec3; 3], weights: [f64; 3]) -> Self {
-        let position = point_at(corners, weights);
-        SurfacePoint { position, start: position, reach: reach_of(corners) }
+        Self::new(point_at(corners, weights), reach_of(corners))
     }
 
     #[cold]
@@ -103,11 +102,10 @@ impl SurfacePoint {
         SurfacePoint { start: self.position + (view * shift - normal * height), ..self }
     }
 
-    /// The point of a sphere in direction `normal` from its centre.
+    /// A point of a surface without edges, computed from coordinates of at most `reach` on each axis.
     #[inline(always)]
-    pub fn on_sphere(centre: DVec3, radius: f64, normal: DVec3) -> Self {
-        let position = centre + normal * radius;
-        SurfacePoint { position, start: position, reach: centre.abs() + radius }
+    pub fn new(position: DVec3, reach: DVec3) -> Self {
+        SurfacePoint { position, start: position, reach }
     }
 
     /// The point moved by `offset`.

@@ -10,7 +10,7 @@ use super::bounds::DoubleBoxTest;
 use super::four::Hit4;
 use super::simd::Simd;
 use super::woop::WoopTest;
-use super::{Ray, Sphere, Tier, Triangle4, TriangleHit};
+use super::{AnalyticShape, Intersector, Ray, Tier, Triangle4, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f64.
@@ -39,7 +39,7 @@ impl Tier for Watertight {
     }
 
     #[inline(always)]
-    fn hit_sphere(ray: &Ray, sphere: &Sphere) -> Option<f64> {
-        sphere.hit(ray)
+    fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
+        shape.hit(ray)
     }
 }

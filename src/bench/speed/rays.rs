@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::super::{Mesh, Numbers, kiln};
 use crate::bvh::{Accelerator, Layout, Primitive, Traversal};
 use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{Hit, Numerics, Precision, Ray};
+use crate::geometry::{Hit, Intersector, Numerics, Precision, Ray};
 use crate::world::View;
 
 /// What rays are cast for.
@@ -125,10 +125,7 @@ impl Point {
                 let surface = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
                 (surface, triangle.normal().try_normalize().unwrap_or(-ray.direction))
             }
-            Primitive::Sphere(sphere) => {
-                let (_, normal) = sphere.surface(ray.at(hit.t));
-                (SurfacePoint::on_sphere(sphere.centre, sphere.radius, normal), normal)
-            }
+            Primitive::Analytic(shape) => shape.surface(ray.at(hit.t)),
         };
         let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
         Point { surface, normal, origin: surface.origin_towards(normal, Numerics::Fast) }

@@ -170,6 +170,6 @@ fn transform(shape: &mut Shape, world_from_mesh: &DMat4) {
     match shape {
         Shape::Mesh(mesh) => mesh.transform(world_from_mesh),
         Shape::Placed(placed) => placed.placement.then(Step::Affine(*world_from_mesh)),
-        Shape::Sphere { .. } => {}
+        Shape::Analytic(_) => {}
     }
 }

@@ -19,7 +19,7 @@ use crate::scene::file::{
     CameraSection, MaterialSection, MeshSection, SceneFile, SphereSection, TrianglesSection, line_of,
     nearest_name,
 };
-use crate::scene::{Camera, Glaze, Material, MaterialId, Mesh, Object, Phong, Scene, Shape};
+use crate::scene::{Camera, Glaze, Material, MaterialId, Mesh, Object, Phong, Scene, Shape, Sphere};
 use meshes::Meshes;
 
 /// Maximum width and height in pixels, as for `--size`.
@@ -247,8 +247,8 @@ impl Builder<'_> {
             ));
         }
         let material = self.material_named(start, s.material.as_deref())?;
-        let shape = Shape::Sphere { centre: s.centre.into(), radius: s.radius };
-        self.push(s.name.as_ref(), "sphere", material, shape);
+        let sphere = Sphere { centre: s.centre.into(), radius: s.radius };
+        self.push(s.name.as_ref(), "sphere", material, Shape::Analytic(sphere.into()));
         Ok(())
     }
 

@@ -5,7 +5,7 @@ use glam::{DMat4, DQuat, DVec3, EulerRot};
 use super::Track;
 use crate::error::{Error, Result};
 use crate::scene::file::nearest_name;
-use crate::scene::{Camera, Light, LightKind, Object, Scene, Shape, Step};
+use crate::scene::{AnalyticShape, Camera, Light, LightKind, Object, Scene, Shape, Sphere, Step};
 
 /// Target of a track, by name.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -61,7 +61,7 @@ impl Property {
 pub(super) enum Subject<'a> {
     Camera(&'a mut Camera),
     Light(&'a mut Light),
-    Sphere { centre: &'a mut DVec3, radius: &'a mut f64 },
+    Sphere(&'a mut Sphere),
     Mesh { object: &'a mut Object, centre: DVec3 },
 }
 
@@ -84,10 +84,7 @@ impl Track {
             Target::Object(name) => {
                 let named = scene.objects.iter_mut().filter(|object| is_named(object, name));
                 let subject = |object: &'a mut Object| match object.shape {
-                    Shape::Sphere { .. } => match &mut object.shape {
-                        Shape::Sphere { centre, radius } => Subject::Sphere { centre, radius },
-                        _ => unreachable!("looked at above"),
-                    },
+                    Shape::Analytic(AnalyticShape::Sphere(ref mut sphere)) => Subject::Sphere(sphere),
                     _ => Subject::Mesh { object, centre },
                 };
                 named.map(subject).collect()
@@ -124,12 +121,12 @@ pub(super) fn centre_of(scene: &Scene, name: &str) -> Option<DVec3> {
 }
 
 impl Subject<'_> {
-    /// Transforms a mesh; does nothing for a sphere.
+    /// Transforms a mesh; does nothing for an analytic shape.
     pub(super) fn transform(object: &mut Object, map: &DMat4) {
         match &mut object.shape {
             Shape::Mesh(mesh) => mesh.transform(map),
             Shape::Placed(placed) => placed.placement.then(Step::Affine(*map)),
-            Shape::Sphere { .. } => {}
+            Shape::Analytic(_) => {}
         }
     }
 
@@ -138,8 +135,8 @@ impl Subject<'_> {
         Ok(match (self, property) {
             (Subject::Camera(camera), Property::Position) => camera.position,
             (Subject::Camera(camera), Property::LookAt) => camera.target,
-            (Subject::Sphere { centre, .. }, Property::Position) => **centre,
-            (Subject::Sphere { radius, .. }, Property::Radius) => DVec3::splat(**radius),
+            (Subject::Sphere(sphere), Property::Position) => sphere.centre,
+            (Subject::Sphere(sphere), Property::Radius) => DVec3::splat(sphere.radius),
             (Subject::Light(light), Property::Intensity) => DVec3::splat(light.intensity),
             (Subject::Light(light), Property::Position | Property::Direction) => {
                 match (&light.kind, property) {
@@ -171,12 +168,12 @@ impl Subject<'_> {
         match (self, property) {
             (Subject::Camera(camera), Property::Position) => camera.position = value,
             (Subject::Camera(camera), Property::LookAt) => camera.target = value,
-            (Subject::Sphere { centre, .. }, Property::Position) => **centre = value,
-            (Subject::Sphere { radius, .. }, Property::Radius) => {
+            (Subject::Sphere(sphere), Property::Position) => sphere.centre = value,
+            (Subject::Sphere(sphere), Property::Radius) => {
                 if value.x <= 0.0 {
                     return bad(&format!("comes to a radius of {}", value.x), "keep radii above 0");
                 }
-                **radius = value.x;
+                sphere.radius = value.x;
             }
             (Subject::Light(light), Property::Intensity) => {
                 if value.x < 0.0 {
@@ -242,7 +239,7 @@ impl Subject<'_> {
                 LightKind::Directional { .. } => ("a directional light", "direction or intensity"),
                 LightKind::Spot { .. } => ("a spot", "position, direction or intensity"),
             },
-            Subject::Sphere { .. } => ("a sphere", "position or radius"),
+            Subject::Sphere(_) => ("a sphere", "position or radius"),
             Subject::Mesh { .. } => ("a mesh", "translate, rotate or scale, or `orbit`"),
         };
         track.error(format!("{what} has no `{}`", property.name()), format!("animate its {has}"))

@@ -3,7 +3,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::*;
-use crate::scene::{Camera, Light, LightKind, MaterialId, Mesh, Object, Placed, Placement, Shape};
+use crate::scene::{AnalyticShape, Camera, Light, LightKind, MaterialId, Mesh, Object, Placed, Placement, Shape, Sphere};
 
 fn scene(motion: Motion, target: Target) -> Scene {
     let object = |name: &str, shape| Object { name: name.into(), input: 0, material: MaterialId(0), shape };
@@ -19,7 +19,7 @@ fn scene(motion: Motion, target: Target) -> Scene {
             kind: LightKind::Directional { direction: DVec3::NEG_Y },
         }],
         objects: vec![
-            object("ball", Shape::Sphere { centre: DVec3::new(3.0, 1.0, 0.0), radius: 1.0 }),
+            object("ball", Shape::Analytic(Sphere { centre: DVec3::new(3.0, 1.0, 0.0), radius: 1.0 }.into())),
             object("m/a", Shape::Mesh(mesh)),
             object("m/b", Shape::Placed(placed)),
         ],
@@ -37,9 +37,13 @@ fn ball() -> Target {
     Target::Object("ball".into())
 }
 
+fn first_sphere(scene: &Scene) -> Sphere {
+    let Shape::Analytic(AnalyticShape::Sphere(sphere)) = scene.objects[0].shape else { panic!("a sphere") };
+    sphere
+}
+
 fn centre(scene: &Scene) -> DVec3 {
-    let Shape::Sphere { centre, .. } = scene.objects[0].shape else { panic!("a sphere") };
-    centre
+    first_sphere(scene).centre
 }
 
 #[test]
@@ -58,10 +62,7 @@ fn keys_hold_before_the_first_and_after_the_last() {
     let keys =
         vec![key(1.0, 2.0, Easing::Linear), key(2.0, 4.0, Easing::EaseIn), key(3.0, 1.0, Easing::Hold)];
     let scene = scene(Motion::Keys { property: Property::Radius, keys }, ball());
-    let radius = |seconds: f64| match scene.at(seconds / 4.0).unwrap().objects[0].shape {
-        Shape::Sphere { radius, .. } => radius,
-        _ => panic!("a sphere"),
-    };
+    let radius = |seconds: f64| first_sphere(&scene.at(seconds / 4.0).unwrap()).radius;
     // Half of the way to 4 by the cube of a half: an eighth of 2.
     assert_eq!([0.0, 1.0, 1.5, 2.0, 2.9, 3.0, 4.0].map(radius), [2.0, 2.0, 2.25, 4.0, 4.0, 1.0, 1.0]);
 }

@@ -12,7 +12,7 @@
 use std::collections::BTreeMap;
 
 use kiln::bvh::{Layout, Preset, Primitive, Slot, Traversal, build};
-use kiln::geometry::{Numerics, PrimId, Ray, Sphere, Triangle};
+use kiln::geometry::{AnalyticShape, Numerics, PrimId, Ray, Sphere, Triangle};
 
 use super::answer::{Answer, Faults, answers_alike};
 use super::single;
@@ -174,7 +174,9 @@ fn judge_rounded(
 fn off_by(ray: &Ray, primitive: &Primitive, t: f64, exact: f64) -> f64 {
     let off = (t - exact).abs();
     match primitive {
-        Primitive::Sphere(Sphere { centre, radius }) if !is_clear(ray, primitive) => {
+        Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius }))
+            if !is_clear(ray, primitive) =>
+        {
             let ends = oracle::line_sphere(ray, *centre, *radius).into_iter().flatten();
             ends.map(|end| (t - end.to_f64()).abs()).fold(off, f64::min)
         }
@@ -186,7 +188,9 @@ fn off_by(ray: &Ray, primitive: &Primitive, t: f64, exact: f64) -> f64 {
 pub fn exact_hits(slots: &[Slot], ray: &Ray) -> Vec<(Distance, PrimId)> {
     let hit = |slot: &Slot| match &slot.primitive {
         Primitive::Triangle(Triangle(corners)) => oracle::triangle(ray, corners),
-        Primitive::Sphere(Sphere { centre, radius }) => oracle::sphere(ray, *centre, *radius),
+        Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
+            oracle::sphere(ray, *centre, *radius)
+        }
     };
     let mut hits: Vec<_> = slots.iter().filter_map(|slot| Some((hit(slot)?, slot.id))).collect();
     hits.sort_unstable();
@@ -196,14 +200,18 @@ pub fn exact_hits(slots: &[Slot], ray: &Ray) -> Vec<(Distance, PrimId)> {
 fn is_clear(ray: &Ray, primitive: &Primitive) -> bool {
     match primitive {
         Primitive::Triangle(Triangle(corners)) => oracle::is_clear(ray, corners),
-        Primitive::Sphere(Sphere { centre, radius }) => oracle::is_clear_of_sphere(ray, *centre, *radius),
+        Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
+            oracle::is_clear_of_sphere(ray, *centre, *radius)
+        }
     }
 }
 
 fn distance_error(ray: &Ray, primitive: &Primitive) -> f64 {
     match primitive {
         Primitive::Triangle(Triangle(corners)) => oracle::distance_error(ray, corners),
-        Primitive::Sphere(Sphere { centre, radius }) => oracle::sphere_distance_error(ray, *centre, *radius),
+        Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
+            oracle::sphere_distance_error(ray, *centre, *radius)
+        }
     }
 }
 
@@ -214,7 +222,7 @@ fn rounds(tier: Numerics) -> bool {
 fn is_single(slot: &Slot) -> bool {
     match &slot.primitive {
         Primitive::Triangle(Triangle(corners)) => corners.iter().all(|p| *p == single(*p)),
-        Primitive::Sphere(Sphere { centre, radius }) => {
+        Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
             *centre == single(*centre) && *radius == f64::from(*radius as f32)
         }
     }
@@ -267,7 +275,9 @@ pub fn scaled_ray(ray: &Ray, scale: f64) -> Ray {
 pub fn scaled(slot: &Slot, scale: f64) -> Slot {
     let primitive = match slot.primitive {
         Primitive::Triangle(Triangle(corners)) => Primitive::Triangle(Triangle(corners.map(|p| p * scale))),
-        Primitive::Sphere(Sphere { centre, radius }) => super::ball(centre * scale, radius * scale),
+        Primitive::Analytic(AnalyticShape::Sphere(Sphere { centre, radius })) => {
+            super::ball(centre * scale, radius * scale)
+        }
     };
     Slot { primitive, ..*slot }
 }

@@ -187,7 +187,7 @@ impl<T: Tier> Instances<T> {
     fn closest(&self, ray: &Ray, flat: Option<Hit>, traversal: &mut Traversal) -> Option<Hit> {
         let stored = |hit: Hit| match self.flat.primitive(hit.slot) {
             Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::from_dvec3)),
-            Primitive::Sphere(sphere) => Stored::Sphere(sphere),
+            Primitive::Analytic(shape) => Stored::Analytic(shape),
         };
         let mut best: Option<(Hit, Stored<T::Corner>)> = flat.map(|hit| (hit, stored(hit)));
         let t_max = best.map_or(ray.t_max, |(hit, _)| hit.t);

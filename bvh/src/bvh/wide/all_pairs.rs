@@ -2,19 +2,19 @@
 //! more than it saves.
 
 use super::layout::{NO_PRIMITIVE, Wide};
-use super::single::leaf::{hit_sphere, hit_sphere_ray4, hit_triangle};
+use super::single::leaf::{hit_analytic, hit_analytic_ray4, hit_triangle};
 use crate::bvh::{Next, Tests};
 use crate::geometry::four::{Hit4, LANES4, Ray4};
 use crate::geometry::simd::Simd;
 use crate::geometry::woop4::PreparedRay4;
 use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
 
-/// The most triangle leaves, and the most spheres, that all rays are tested against.
+/// The most triangle leaves, and the most analytic shapes, that all rays are tested against.
 const MAX_LEAVES: usize = 4;
 
 /// Whether the scene is small enough.
 pub fn applies<T: Tier>(wide: &Wide<T>) -> bool {
-    T::HAS_RAY4 && wide.triangles.len() <= MAX_LEAVES && wide.spheres.len() <= MAX_LEAVES
+    T::HAS_RAY4 && wide.triangles.len() <= MAX_LEAVES && wide.analytic.len() <= MAX_LEAVES
 }
 
 /// Calls `found` with the index of a ray and each of its hits, until it returns [`Next::Stop`] for that ray.
@@ -53,17 +53,17 @@ pub fn test<T: Tier, S: Simd>(
             );
         }
         let ray4 = Ray4::<S>::new(four, 0);
-        for (index, (sphere, prim)) in (0..).zip(&wide.spheres) {
+        for (index, (shape, prim)) in (0..).zip(&wide.analytic) {
             tests.primitives += u64::from(u32::count_ones(active));
-            let hits = hit_sphere_ray4::<T, S>(&ray4, sphere);
+            let hits = hit_analytic_ray4::<T, S>(&ray4, shape);
             active = each_hit(
                 active,
                 &hits,
                 #[inline(always)]
                 |place| {
-                    let mut hit = hits.at(place, *prim, wide.slot_of_sphere(index));
+                    let mut hit = hits.at(place, *prim, wide.slot_of_analytic(index));
                     if hits.undecided >> place & 1 != 0 {
-                        hit.t = hit_sphere::<T>(&four[place % four.len()], sphere)?;
+                        hit.t = hit_analytic::<T>(&four[place % four.len()], shape)?;
                     }
                     Some(hit)
                 },

@@ -94,7 +94,7 @@ impl<T: Tier> Accelerator for Wide<T> {
     fn primitive(&self, slot: SlotId) -> Primitive {
         match self.stored(slot) {
             Stored::Triangle(corners) => Primitive::Triangle(Triangle(corners.map(Corner::to_dvec3))),
-            Stored::Sphere(sphere) => Primitive::Sphere(sphere),
+            Stored::Analytic(shape) => Primitive::Analytic(shape),
         }
     }
 

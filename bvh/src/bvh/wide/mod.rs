@@ -1,4 +1,4 @@
-//! BVH8: inner nodes of eight children, leaves of up to four triangles or spheres, and four traversals over them.
+//! BVH8: inner nodes of eight children, leaves of up to four triangles or analytic shapes, and four traversals over them.
 //!
 //! A ray passes these files:
 //! 1. [`dispatch`] implements [`Accelerator`](super::Accelerator): it chooses the traversal by the rays of the batch,

@@ -25,7 +25,7 @@ pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], s
     let mut wide = Wide {
         nodes: Vec::new(),
         triangles: Vec::new(),
-        spheres: Vec::new(),
+        analytic: Vec::new(),
         depth: 0,
         simd,
         cost_at_build: None,
@@ -35,9 +35,9 @@ pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], s
     }
     let slot_of = |place: u32| of_slot[tree.primitive_indices[place as usize] as usize];
     // A list of its own, because slots are large and are accessed in random order.
-    let spheres: Vec<bool> = slots.iter().map(|slot| matches!(slot.primitive, Stored::Sphere(_))).collect();
-    let Preorder { entries, primitives: mut members } = if spheres.contains(&true) {
-        Preorder::new(tree, |place| spheres[slot_of(place) as usize])
+    let shapes: Vec<bool> = slots.iter().map(|slot| matches!(slot.primitive, Stored::Analytic(_))).collect();
+    let Preorder { entries, primitives: mut members } = if shapes.contains(&true) {
+        Preorder::new(tree, |place| shapes[slot_of(place) as usize])
     } else {
         Preorder::new(tree, |_| false)
     };
@@ -59,7 +59,7 @@ pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], s
     wide
 }
 
-/// Writes the nodes and spheres, and returns the slots of the triangle leaves. `members` are the slots of
+/// Writes the nodes and analytic shapes, and returns the slots of the triangle leaves. `members` are the slots of
 /// [`Preorder::primitives`].
 fn write_nodes<T: Tier>(
     wide: &mut Wide<T>,
@@ -90,12 +90,12 @@ fn write_nodes<T: Tier>(
                     leaves.push(first..first + count);
                     Child::leaf(leaves.len() - 1, 1, false)
                 }
-                EntryContent::Spheres(first, count) => {
+                EntryContent::Analytic(first, count) => {
                     let (lanes, count) = in_order(members, first..first + count);
-                    let first = wide.spheres.len();
-                    wide.spheres.extend(lanes[..count].iter().filter_map(|&slot| {
+                    let first = wide.analytic.len();
+                    wide.analytic.extend(lanes[..count].iter().filter_map(|&slot| {
                         match slots[slot as usize].primitive {
-                            Stored::Sphere(sphere) => Some((sphere, slots[slot as usize].id)),
+                            Stored::Analytic(shape) => Some((shape, slots[slot as usize].id)),
                             Stored::Triangle(_) => None,
                         }
                     }));

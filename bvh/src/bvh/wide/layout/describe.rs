@@ -2,7 +2,7 @@
 
 use super::{Content, NO_PRIMITIVE, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::{Description, Quality, VisitedNode, compiled_isa, quality};
-use crate::geometry::{Bounds, PrimId, Sphere, Tier};
+use crate::geometry::{AnalyticShape, Bounds, PrimId, Tier};
 
 impl<T: Tier> Wide<T> {
     /// See [`Accelerator::quality`](crate::bvh::Accelerator::quality).
@@ -25,7 +25,7 @@ impl<T: Tier> Wide<T> {
             }
             let (node, place) = (&self.nodes[(index - nodes) / WIDTH], (index - nodes) % WIDTH);
             let primitives = match node.children[place].content() {
-                Content::Triangles(range) | Content::Spheres(range) => range.len(),
+                Content::Triangles(range) | Content::Analytic(range) => range.len(),
                 Content::Node(_) => 0,
             };
             VisitedNode { area: f64::from(node.bounds(place).half_area()), primitives }
@@ -36,10 +36,10 @@ impl<T: Tier> Wide<T> {
     /// See [`Accelerator::describe`](crate::bvh::Accelerator::describe).
     pub fn description(&self) -> Description {
         let ids = self.triangles.iter().flat_map(|leaf| leaf.ids);
-        let slots = ids.filter(|&id| id != NO_PRIMITIVE).count() + self.spheres.len();
+        let slots = ids.filter(|&id| id != NO_PRIMITIVE).count() + self.analytic.len();
         let bytes = self.nodes.len() * size_of::<Node>()
             + self.triangles.len() * size_of::<TriangleLeaf<T::Corner>>()
-            + self.spheres.len() * size_of::<(Sphere, PrimId)>();
+            + self.analytic.len() * size_of::<(AnalyticShape, PrimId)>();
         let isa = if self.simd { "avx2" } else { compiled_isa() };
         Description { layout: "bvh8", isa, nodes: self.nodes.len(), slots, bytes }
     }

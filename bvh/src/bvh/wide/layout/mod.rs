@@ -15,7 +15,7 @@ pub use convert::convert;
 pub use node::{Child, Content, Node, WIDTH};
 
 use crate::geometry::four::LANES4;
-use crate::geometry::{Corner, Hit, PrimId, Ray, SlotId, Sphere, Stored, Tier, Triangle4};
+use crate::geometry::{AnalyticShape, Corner, Hit, PrimId, Ray, SlotId, Stored, Tier, Triangle4};
 
 /// A bounding volume hierarchy of eight children per node.
 pub struct Wide<T: Tier> {
@@ -23,8 +23,8 @@ pub struct Wide<T: Tier> {
     pub nodes: Vec<Node>,
     /// The leaves of triangles. Slot `LANES4 * i + lane` is a lane of leaf i.
     pub triangles: Vec<TriangleLeaf<T::Corner>>,
-    /// The spheres of all leaves. Their slots follow those of triangles.
-    pub spheres: Vec<(Sphere, PrimId)>,
+    /// The analytic shapes of all leaves. Their slots follow those of triangles.
+    pub analytic: Vec<(AnalyticShape, PrimId)>,
     /// The number of nodes on the longest path from the root.
     pub depth: usize,
     /// Whether AVX2 is used.
@@ -45,9 +45,9 @@ pub struct TriangleLeaf<C: Corner> {
 pub const NO_PRIMITIVE: u32 = u32::MAX;
 
 impl<T: Tier> Wide<T> {
-    /// The slot of a sphere.
+    /// The slot of an analytic shape.
     #[inline(always)]
-    pub fn slot_of_sphere(&self, index: u32) -> SlotId {
+    pub fn slot_of_analytic(&self, index: u32) -> SlotId {
         SlotId((self.triangles.len() * LANES4) as u32 + index)
     }
 
@@ -57,7 +57,7 @@ impl<T: Tier> Wide<T> {
         let slot = slot.0 as usize;
         match self.triangles.get(slot / LANES4) {
             Some(leaf) => Stored::Triangle(leaf.corners.triangle(slot % LANES4)),
-            None => Stored::Sphere(self.spheres[slot - self.triangles.len() * LANES4].0),
+            None => Stored::Analytic(self.analytic[slot - self.triangles.len() * LANES4].0),
         }
     }
 

@@ -35,17 +35,17 @@ pub enum Content {
     Node(u32),
     /// A leaf: a range of [`TriangleLeaf`](super::TriangleLeaf)s.
     Triangles(Range<u32>),
-    /// A leaf: a range of spheres.
-    Spheres(Range<u32>),
+    /// A leaf: a range of analytic shapes.
+    Analytic(Range<u32>),
 }
 
 impl Child {
-    /// The most triangle leaves or spheres that a reference can span.
+    /// The most triangle leaves or analytic shapes that a reference can span.
     pub const MAX_COUNT: usize = 4;
-    /// The limit of indices of nodes, triangle leaves and spheres.
+    /// The limit of indices of nodes, triangle leaves and analytic shapes.
     pub const MAX_INDICES: usize = 1 << 28;
 
-    const SPHERES: u32 = 1 << 31;
+    const ANALYTIC: u32 = 1 << 31;
     const LEAF: u32 = 1 << 30;
     const COUNT_SHIFT: u32 = 28;
     const INDEX: u32 = (1 << Self::COUNT_SHIFT) - 1;
@@ -56,16 +56,16 @@ impl Child {
         Child(index as u32)
     }
 
-    /// A reference to a leaf of spheres, or of triangles.
-    pub fn leaf(first: usize, count: usize, spheres: bool) -> Self {
+    /// A reference to a leaf of analytic shapes, or of triangles.
+    pub fn leaf(first: usize, count: usize, shapes: bool) -> Self {
         assert!(first + count <= Self::MAX_INDICES, "more primitives than a structure can number");
         debug_assert!((1..=Self::MAX_COUNT).contains(&count));
-        let kind = if spheres { Self::SPHERES } else { 0 };
+        let kind = if shapes { Self::ANALYTIC } else { 0 };
         Child(Self::LEAF | kind | (count as u32 - 1) << Self::COUNT_SHIFT | first as u32)
     }
 
     /// A reference to nothing: the sentinel at the bottom of a stream's stacks.
-    pub const NOTHING: Child = Child(Self::SPHERES);
+    pub const NOTHING: Child = Child(Self::ANALYTIC);
 
     /// The number of values of [`Child::kind`].
     pub const KINDS: usize = 4;
@@ -75,8 +75,8 @@ impl Child {
     pub const KIND_TRIANGLES: usize = 1;
     /// The kind of [`Child::NOTHING`].
     pub const KIND_NOTHING: usize = 2;
-    /// The kind of a leaf of spheres.
-    pub const KIND_SPHERES: usize = 3;
+    /// The kind of a leaf of analytic shapes.
+    pub const KIND_ANALYTIC: usize = 3;
 
     /// The kind of the reference, below [`Child::KINDS`].
     #[inline(always)]
@@ -90,7 +90,7 @@ impl Child {
         self.0 & Self::LEAF != 0
     }
 
-    /// The index of the node, or of the first triangle leaf or sphere.
+    /// The index of the node, or of the first triangle leaf or analytic shape.
     #[inline(always)]
     pub fn index(self) -> usize {
         (self.0 & Self::INDEX) as usize
@@ -119,10 +119,10 @@ impl Child {
     pub fn content(self) -> Content {
         let first = self.0 & Self::INDEX;
         let end = first + 1 + (self.0 >> Self::COUNT_SHIFT & (Self::MAX_COUNT as u32 - 1));
-        match (self.0 & Self::LEAF != 0, self.0 & Self::SPHERES != 0) {
+        match (self.0 & Self::LEAF != 0, self.0 & Self::ANALYTIC != 0) {
             (false, _) => Content::Node(first),
             (true, false) => Content::Triangles(first..end),
-            (true, true) => Content::Spheres(first..end),
+            (true, true) => Content::Analytic(first..end),
         }
     }
 }

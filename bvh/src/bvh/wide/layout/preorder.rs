@@ -33,13 +33,13 @@ pub enum EntryContent {
     Inner(u32),
     /// A leaf of triangles: the first of [`Preorder::primitives`] and their number, at most four.
     Triangles(u32, u32),
-    /// A leaf of spheres, likewise.
-    Spheres(u32, u32),
+    /// A leaf of analytic shapes, likewise.
+    Analytic(u32, u32),
 }
 
 impl EntryContent {
-    fn leaf(spheres: bool, first: u32, count: u32) -> Self {
-        if spheres { EntryContent::Spheres(first, count) } else { EntryContent::Triangles(first, count) }
+    fn leaf(shapes: bool, first: u32, count: u32) -> Self {
+        if shapes { EntryContent::Analytic(first, count) } else { EntryContent::Triangles(first, count) }
     }
 }
 
@@ -61,9 +61,9 @@ struct Ancestor {
 }
 
 impl Preorder {
-    /// The preorder of a tree with one primitive per leaf. `is_sphere` gets indices into the tree's list of
+    /// The preorder of a tree with one primitive per leaf. `is_analytic` gets indices into the tree's list of
     /// primitives. Not recursive: the tree may be of any depth.
-    pub fn new(tree: &Bvh2, is_sphere: impl Fn(u32) -> bool) -> Self {
+    pub fn new(tree: &Bvh2, is_analytic: impl Fn(u32) -> bool) -> Self {
         // The usual size of meshes; the list grows if necessary.
         let entries = Vec::with_capacity(tree.nodes.len() / 3);
         let mut preorder = Preorder { entries, primitives: Vec::with_capacity(tree.primitive_indices.len()) };
@@ -88,7 +88,7 @@ impl Preorder {
             }
             debug_assert_eq!(node.prim_count, 1);
             entries
-                .push(Entry { bounds, content: EntryContent::leaf(is_sphere(node.first_index), first, 1) });
+                .push(Entry { bounds, content: EntryContent::leaf(is_analytic(node.first_index), first, 1) });
             primitives.push(node.first_index);
             // Up to the nearest ancestor whose second child was not read.
             next = loop {
@@ -106,7 +106,7 @@ impl Preorder {
 }
 
 /// Turns a node into a leaf if its at most four primitives, counting parts of split ones, are all triangles or all
-/// spheres.
+/// analytic shapes.
 fn try_leaf(entries: &mut Vec<Entry>, node: &Ancestor, primitives: u32) {
     let (count, EntryContent::Inner(second)) = (primitives - node.first, entries[node.entry].content) else {
         return;
@@ -114,13 +114,13 @@ fn try_leaf(entries: &mut Vec<Entry>, node: &Ancestor, primitives: u32) {
     if count > LANES4 as u32 {
         return;
     }
-    let spheres = match (entries[node.entry + 1].content, entries[second as usize].content) {
+    let shapes = match (entries[node.entry + 1].content, entries[second as usize].content) {
         (EntryContent::Triangles(..), EntryContent::Triangles(..)) => false,
-        (EntryContent::Spheres(..), EntryContent::Spheres(..)) => true,
+        (EntryContent::Analytic(..), EntryContent::Analytic(..)) => true,
         _ => return,
     };
     entries.truncate(node.entry + 1);
-    entries[node.entry].content = EntryContent::leaf(spheres, node.first, count);
+    entries[node.entry].content = EntryContent::leaf(shapes, node.first, count);
 }
 
 #[cfg(test)]
@@ -131,7 +131,7 @@ mod tests {
 
     /// The tree ((8 7) (6 5)) ((4 3) (2 (1 0))) of primitive indices, level by level. The bounds of node i have
     /// length i.
-    fn preorder(is_sphere: impl Fn(u32) -> bool) -> Preorder {
+    fn preorder(is_analytic: impl Fn(u32) -> bool) -> Preorder {
         let inner = |first: u32| Bvh2Node { first_index: first, ..Bvh2Node::default() };
         let leaf = |index: u32| Bvh2Node { prim_count: 1, first_index: index, ..Bvh2Node::default() };
         let nodes = vec![
@@ -156,7 +156,7 @@ mod tests {
         let boxed = |(number, node): (u8, Bvh2Node)| Bvh2Node { max: Vec3::splat(number.into()), ..node };
         let nodes = (0..).zip(nodes).map(boxed).collect();
         let tree = Bvh2 { nodes, primitive_indices: (0..9).collect(), ..Bvh2::default() };
-        Preorder::new(&tree, is_sphere)
+        Preorder::new(&tree, is_analytic)
     }
 
     fn contents(preorder: &Preorder) -> Vec<EntryContent> {
@@ -179,22 +179,22 @@ mod tests {
     }
 
     #[test]
-    fn triangles_and_spheres_do_not_mix() {
-        // The first two primitives are spheres, and the last but one.
+    fn triangles_and_shapes_do_not_mix() {
+        // The first two primitives are analytic shapes, and the last but one.
         let preorder = preorder(|place| [8, 7, 1].contains(&place));
-        let (inner, triangles, spheres) =
-            (EntryContent::Inner, EntryContent::Triangles, EntryContent::Spheres);
+        let (inner, triangles, shapes) =
+            (EntryContent::Inner, EntryContent::Triangles, EntryContent::Analytic);
         let expected = [
             inner(4),
             inner(3),
-            spheres(0, 2),
+            shapes(0, 2),
             triangles(2, 2),
             inner(6),
             triangles(4, 2),
             inner(8),
             triangles(6, 1),
             inner(10),
-            spheres(7, 1),
+            shapes(7, 1),
             triangles(8, 1),
         ];
         assert_eq!(contents(&preorder), expected);

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::{Content, NO_PRIMITIVE, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::Primitive;
 use crate::bvh::build::MIN_PARALLEL;
-use crate::geometry::{Bounds, Corner, PrimId, Tier, Triangle};
+use crate::geometry::{AnalyticShape, Bounds, Corner, Intersector, PrimId, Tier, Triangle};
 
 /// Inverted bounds: those of nothing.
 const NOTHING: Bounds = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
@@ -18,9 +18,9 @@ const NOTHING: Bounds = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 struct Moved {
     /// The bounds of triangle leaves.
     triangles: Vec<Bounds>,
-    /// The bounds of spheres.
-    spheres: Vec<Bounds>,
-    /// Whether a triangle became a sphere, or a sphere a triangle.
+    /// The bounds of analytic shapes.
+    shapes: Vec<Bounds>,
+    /// Whether a triangle became an analytic shape, or an analytic shape a triangle.
     is_other_kind: bool,
 }
 
@@ -29,7 +29,7 @@ impl<T: Tier> Wide<T> {
     pub fn refit_to(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
         let before = self.cost_at_build.unwrap_or_else(|| self.cost());
         self.cost_at_build = Some(before);
-        let Moved { triangles, spheres, is_other_kind } = self.move_primitives(primitive);
+        let Moved { triangles, shapes, is_other_kind } = self.move_primitives(primitive);
         // Every node stands before its descendants.
         for index in (0..self.nodes.len()).rev() {
             for place in 0..WIDTH {
@@ -44,7 +44,7 @@ impl<T: Tier> Wide<T> {
                         None => continue,
                     },
                     Content::Triangles(range) => union(&triangles, range),
-                    Content::Spheres(range) => union(&spheres, range),
+                    Content::Analytic(range) => union(&shapes, range),
                 };
                 self.nodes[index].set(place, b, child);
                 if b.min.x > b.max.x {
@@ -78,24 +78,24 @@ impl<T: Tier> Wide<T> {
                         whole = whole.union(T::Corner::bounds(&corners));
                         leaf.corners.set(lane, Some(&corners));
                     }
-                    Some(Primitive::Sphere(_)) | None => is_other_kind.store(true, Ordering::Relaxed),
+                    Some(Primitive::Analytic(_)) | None => is_other_kind.store(true, Ordering::Relaxed),
                 }
             }
             whole
         };
         let triangles = self.triangles.par_iter_mut().with_min_len(MIN_PARALLEL).map(of_leaf).collect();
-        let mut spheres = vec![NOTHING; self.spheres.len()];
-        for ((sphere, id), bounds) in self.spheres.iter_mut().zip(&mut spheres) {
+        let mut shapes = vec![NOTHING; self.analytic.len()];
+        for ((shape, id), bounds) in self.analytic.iter_mut().zip(&mut shapes) {
             match now(*id) {
-                Some(Primitive::Sphere(moved)) => {
+                Some(Primitive::Analytic(moved)) => {
                     *bounds = moved.bounds();
-                    *sphere = moved;
+                    *shape = moved;
                 }
-                None => sphere.radius = 0.0,
+                None => *shape = AnalyticShape::EMPTY,
                 Some(Primitive::Triangle(_)) => is_other_kind.store(true, Ordering::Relaxed),
             }
         }
-        Moved { triangles, spheres, is_other_kind: is_other_kind.into_inner() }
+        Moved { triangles, shapes, is_other_kind: is_other_kind.into_inner() }
     }
 
     /// The expected number of nodes and leaves entered by a random line through the root (the surface area heuristic,

@@ -1,10 +1,12 @@
-//! [`ProjectedSphere`]: a conservative f32 test of a packet's rays against a sphere.
+//! [`ProjectedSphere`]: a conservative f32 test of a packet's rays against the bounding sphere of an analytic shape.
+
+use glam::DVec3;
 
 use super::frustum::Frustum;
 use super::projected_triangles::UNDERFLOW;
 use super::rays::BLOCK;
+use crate::geometry::round_up;
 use crate::geometry::simd::Simd;
-use crate::geometry::{Sphere, round_up};
 
 /// A sphere relative to the apex of a frustum, in f32.
 ///
@@ -42,14 +44,14 @@ const LARGEST: f64 = 1e18;
 
 impl<S: Simd> ProjectedSphere<S> {
     #[inline(always)]
-    pub fn new(sphere: &Sphere, frustum: &Frustum) -> Self {
-        let mut centre = [0.0; 3];
-        for (place, coordinate) in centre.iter_mut().enumerate() {
+    pub fn new((centre, radius): (DVec3, f64), frustum: &Frustum) -> Self {
+        let mut relative = [0.0; 3];
+        for (place, coordinate) in relative.iter_mut().enumerate() {
             let axis = frustum.axes[place];
-            let from_apex = sphere.centre[axis] - frustum.apex[axis];
+            let from_apex = centre[axis] - frustum.apex[axis];
             *coordinate = if place == 2 && frustum.flipped { -from_apex } else { from_apex };
         }
-        let [x, y, depth] = centre;
+        let [x, y, depth] = relative;
         let (across, factor, steepest) = match frustum.shear {
             None => {
                 let [[low_u, high_u], [low_v, high_v]] = frustum.intervals;
@@ -61,7 +63,7 @@ impl<S: Simd> ProjectedSphere<S> {
         let length = 1.0 + steepest;
         let size = (x.abs() + y.abs() + depth.abs()) * length + frustum.reach;
         let tiny = UNDERFLOW * (1.0 + depth.abs()) * length;
-        let radius = sphere.radius + 2.0 * frustum.spread + size * length * RADIUS_SLACK + tiny;
+        let radius = radius + 2.0 * frustum.spread + size * length * RADIUS_SLACK + tiny;
         let largest = (size + radius) * length;
         let mut shear = None;
         if let Some([u, v]) = frustum.shear {

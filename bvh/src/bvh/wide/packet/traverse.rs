@@ -8,10 +8,10 @@ use super::rays::BLOCKS;
 use super::resolve::{CertainHit, hit_in_slot};
 use crate::bvh::Tests;
 use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH, Wide};
-use crate::bvh::wide::single::leaf::{hit_sphere, hit_sphere_ray4};
+use crate::bvh::wide::single::leaf::{hit_analytic, hit_analytic_ray4};
 use crate::geometry::four::{LANES4, Ray4};
 use crate::geometry::simd::Simd;
-use crate::geometry::{PrimId, SlotId, Tier};
+use crate::geometry::{Intersector, PrimId, SlotId, Tier};
 
 /// The work per ray above which a packet is abandoned: 1 for each triangle leaf visited, 2 for each of its triangles
 /// that overlaps the frustum. Measurements: docs/decisions.md.
@@ -51,9 +51,9 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                             return false;
                         }
                     }
-                    Content::Spheres(spheres) => {
-                        for index in spheres {
-                            self.visit_sphere::<S>(wide, index, tests);
+                    Content::Analytic(shapes) => {
+                        for index in shapes {
+                            self.visit_analytic::<S>(wide, index, tests);
                         }
                     }
                 }
@@ -142,11 +142,11 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
             )
     }
 
-    /// Tests all rays against a sphere.
+    /// Tests all rays against an analytic shape.
     #[inline(always)]
-    fn visit_sphere<S: Simd>(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) {
-        let (sphere, prim) = &wide.spheres[index as usize];
-        let projected = ProjectedSphere::<S>::new(sphere, &self.frustum);
+    fn visit_analytic<S: Simd>(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) {
+        let (shape, prim) = &wide.analytic[index as usize];
+        let projected = ProjectedSphere::<S>::new(shape.bounding_sphere(), &self.frustum);
         let mut changed = 0u32;
         for block in 0..self.scratch.rays.blocks % (BLOCKS + 1) {
             let [u, v, _] = &self.scratch.rays.projected;
@@ -160,12 +160,12 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                 block,
                 possible,
                 #[inline(always)]
-                |packet, first| hit_sphere_ray4::<T, S>(&Ray4::new(packet.rays, first), sphere),
+                |packet, first| hit_analytic_ray4::<T, S>(&Ray4::new(packet.rays, first), shape),
                 #[inline(always)]
                 |packet, ray, four, lane| {
-                    let mut hit = four.at(lane, *prim, wide.slot_of_sphere(index));
+                    let mut hit = four.at(lane, *prim, wide.slot_of_analytic(index));
                     if four.undecided >> lane & 1 != 0 {
-                        hit.t = hit_sphere::<T>(&packet.rays[ray], sphere)?;
+                        hit.t = hit_analytic::<T>(&packet.rays[ray], shape)?;
                     }
                     Some(hit)
                 },

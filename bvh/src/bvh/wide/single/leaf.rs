@@ -4,7 +4,7 @@ use crate::bvh::wide::layout::{Child, Content, TriangleLeaf, Wide};
 use crate::bvh::{Next, Tests};
 use crate::geometry::four::{Hit4, LANES4, Ray4};
 use crate::geometry::simd::Simd;
-use crate::geometry::{Hit, PrimId, Ray, SlotId, Sphere, Tier};
+use crate::geometry::{AnalyticShape, Hit, Intersector, PrimId, Ray, SlotId, Tier};
 
 /// Calls `found` with every hit in a leaf until it returns [`Next::Stop`]. Returns what the traversal does next.
 #[inline(always)]
@@ -45,12 +45,12 @@ pub fn hits_in_leaf<T: Tier, S: Simd>(
                 }
             }
         }
-        Content::Spheres(spheres) => {
-            tests.primitives += spheres.len() as u64;
-            for index in spheres {
-                let (sphere, prim) = &wide.spheres[index as usize];
-                let Some(t) = hit_sphere::<T>(ray, sphere) else { continue };
-                match found(Hit { t, prim: *prim, slot: wide.slot_of_sphere(index), weights: [0.0; 2] }) {
+        Content::Analytic(shapes) => {
+            tests.primitives += shapes.len() as u64;
+            for index in shapes {
+                let (shape, prim) = &wide.analytic[index as usize];
+                let Some(t) = hit_analytic::<T>(ray, shape) else { continue };
+                match found(Hit { t, prim: *prim, slot: wide.slot_of_analytic(index), weights: [0.0; 2] }) {
                     Next::Stop => return Next::Stop,
                     Next::Shorten(t) => next = Next::Shorten(t),
                     Next::Continue => {}
@@ -74,14 +74,14 @@ pub fn hit_triangle<T: Tier>(
     Some(Hit { t: hit.t, prim: PrimId(leaf.ids[lane]), slot, weights: hit.weights })
 }
 
-/// The distance of a sphere. A sphere of radius 0, left by a refit, is missed.
+/// The distance of an analytic shape. A analytic shape of radius 0, left by a refit, is missed.
 #[inline(never)]
-pub fn hit_sphere<T: Tier>(ray: &Ray, sphere: &Sphere) -> Option<f64> {
-    if sphere.radius > 0.0 { T::hit_sphere(ray, sphere) } else { None }
+pub fn hit_analytic<T: Tier>(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
+    if shape.is_empty() { None } else { T::hit_analytic(ray, shape) }
 }
 
-/// [`hit_sphere`] for four rays.
+/// [`hit_analytic`] for four rays.
 #[inline(always)]
-pub fn hit_sphere_ray4<T: Tier, S: Simd>(rays: &Ray4<S>, sphere: &Sphere) -> Hit4 {
-    if sphere.radius > 0.0 { T::hit_sphere_ray4(rays, sphere) } else { Hit4::NONE }
+pub fn hit_analytic_ray4<T: Tier, S: Simd>(rays: &Ray4<S>, shape: &AnalyticShape) -> Hit4 {
+    if shape.is_empty() { Hit4::NONE } else { T::hit_analytic_ray4(rays, shape) }
 }

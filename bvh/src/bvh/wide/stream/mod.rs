@@ -66,7 +66,7 @@ pub fn traverse<T: Tier, S: Simd>(
             queues.push(index, state.child);
         }
         // 2. Leaves.
-        for kind in [Child::KIND_TRIANGLES, Child::KIND_SPHERES] {
+        for kind in [Child::KIND_TRIANGLES, Child::KIND_ANALYTIC] {
             let (ready, len) = queues.take(kind);
             for &index in &ready[..len] {
                 let index = usize::from(index) % STREAM_WIDTH;

@@ -1,15 +1,22 @@
-//! Analytic spheres and their intersection test in f64, for one ray and for four.
+//! Analytic spheres and their intersection tests: in f64 for one ray and for four here, in f32 in `fast`, exactly in
+//! `exact`.
 //!
 //! The textbook discriminant `(d.e)^2 - (d.d)(e.e - r^2)` cancels for small or distant spheres. Haines, Günther and
 //! Akenine-Möller (Ray Tracing Gems, chapter 7, 2019) use the distance from the centre to the ray's nearest point
 //! instead, and compute the root that cancels from the product of both.
 
+mod exact;
+mod fast;
+
 use glam::DVec3;
 
+use super::analytic::Intersector;
 use super::bounds::{DOUBLE_MARGIN, clamp_to_bounds};
+use super::distance::Distance;
 use super::four::{Hit4, MASK4, Ray4};
 use super::simd::Simd;
-use super::{Bounds, Ray};
+use super::spawn::SurfacePoint;
+use super::{Bounds, Precision, Ray};
 
 /// A sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,22 +28,60 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// The smallest f32 box that holds the sphere.
-    pub fn bounds(&self) -> Bounds {
-        let [min, max] = self.bounds_f64();
-        Bounds::rounded_out(min, max)
-    }
-
     /// Bounds of the sphere in f64, widened by the rounding of the sums.
     #[inline(always)]
     fn bounds_f64(&self) -> [DVec3; 2] {
         let reach = DVec3::splat(self.radius) + f64::EPSILON * (self.centre.abs() + self.radius);
         [self.centre - reach, self.centre + reach]
     }
+}
 
-    /// The least distance with `t_min < t < t_max` at which `ray` meets the surface, from outside or inside.
+impl Intersector for Sphere {
+    fn name(&self) -> &'static str {
+        "sphere"
+    }
+
+    fn bounds(&self) -> Bounds {
+        let [min, max] = self.bounds_f64();
+        Bounds::rounded_out(min, max)
+    }
+
     #[inline(always)]
-    pub fn hit(&self, ray: &Ray) -> Option<f64> {
+    fn bounding_sphere(&self) -> (DVec3, f64) {
+        (self.centre, self.radius)
+    }
+
+    #[inline(always)]
+    fn is_empty(&self) -> bool {
+        self.radius <= 0.0
+    }
+
+    /// The radius is stored in f64 in every tier, but a sphere whose radius rounds to 0 is left out.
+    fn rounded(&self, precision: Precision) -> Option<Self> {
+        let centre = self.centre.map(|c| Precision::Double.round(c));
+        (precision.round(self.radius) > 0.0).then_some(Sphere { centre, radius: self.radius })
+    }
+
+    fn recentred(&self, origin: DVec3, scale: f64) -> Self {
+        Sphere { centre: (self.centre - origin) * scale, radius: self.radius * scale }
+    }
+
+    #[inline(always)]
+    fn hit_fast(&self, ray: &Ray) -> Option<f64> {
+        fast::hit(ray, self)
+    }
+
+    #[inline(always)]
+    fn hit_exact(&self, ray: &Ray) -> Option<f64> {
+        exact::hit(ray, self)
+    }
+
+    fn exact_distance(&self, ray: &Ray) -> Option<Distance> {
+        exact::distance(ray, self)
+    }
+
+    #[inline(always)]
+    fn hit(&self, ray: &Ray) -> Option<f64> {
         let (d, f) = (ray.direction, ray.origin - self.centre);
         let a = d.dot(d);
         let b = -f.dot(d);
@@ -53,9 +98,9 @@ impl Sphere {
         within(t0.min(t1)).or_else(|| within(t0.max(t1)))
     }
 
-    /// [`Sphere::hit`] for four rays, by the same operations in the same order.
+    /// The same operations in the same order as [`Sphere::hit`].
     #[inline(always)]
-    pub fn hit_ray4<S: Simd>(&self, rays: &Ray4<S>) -> Hit4 {
+    fn hit_ray4<S: Simd>(&self, rays: &Ray4<S>) -> Hit4 {
         let (d, centre) = (rays.direction, self.centre.to_array());
         let mut f = rays.origin;
         for (f, centre) in f.iter_mut().zip(centre) {
@@ -115,11 +160,14 @@ impl Sphere {
         hits
     }
 
-    /// The point of the surface nearest to `point`, and the outward unit normal there.
     #[inline(always)]
-    pub fn surface(&self, point: DVec3) -> (DVec3, DVec3) {
+    fn surface(&self, point: DVec3) -> (SurfacePoint, DVec3) {
         let normal = (point - self.centre).try_normalize().unwrap_or(DVec3::Y);
-        (self.centre + normal * self.radius, normal)
+        (SurfacePoint::new(self.centre + normal * self.radius, self.centre.abs() + self.radius), normal)
+    }
+
+    fn normal_derivative(&self, _: DVec3, step: DVec3) -> DVec3 {
+        step * (1.0 / self.radius)
     }
 }
 

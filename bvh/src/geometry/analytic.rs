@@ -1,0 +1,124 @@
+//! Primitives that are not triangles (Embree's user geometry): the interface [`Intersector`], and the closed set
+//! [`AnalyticShape`] that acceleration structures store.
+
+use glam::DVec3;
+
+use super::distance::Distance;
+use super::four::{Hit4, Ray4};
+use super::simd::Simd;
+use super::spawn::SurfacePoint;
+use super::{Bounds, Precision, Ray, Sphere};
+
+/// The geometry and intersection tests of a primitive that is not a triangle.
+///
+/// Every test returns the least distance with `t_min < t < t_max` at which the ray meets the surface, from either
+/// side, within the interval in which the ray is inside the primitive's own bounds.
+pub trait Intersector: Copy {
+    /// The name of the kind of shape, such as `sphere`.
+    fn name(&self) -> &'static str;
+
+    /// The smallest f32 box that holds it; not finite if its numbers are not.
+    fn bounds(&self) -> Bounds;
+
+    /// Centre and radius of a sphere that holds it. Packets cull their rays by it.
+    fn bounding_sphere(&self) -> (DVec3, f64);
+
+    /// Whether it has no points, so that every ray misses it.
+    fn is_empty(&self) -> bool;
+
+    /// The shape rounded to the precision of a tier; `None` if that is empty.
+    fn rounded(&self, precision: Precision) -> Option<Self>;
+
+    /// The shape translated by `-origin`, then scaled by `scale`.
+    fn recentred(&self, origin: DVec3, scale: f64) -> Self;
+
+    /// The test in f64.
+    fn hit(&self, ray: &Ray) -> Option<f64>;
+
+    /// The test in f32, of the tier `fast`.
+    fn hit_fast(&self, ray: &Ray) -> Option<f64>;
+
+    /// The test decided exactly, of the tier `exact`; the distance is good to [`super::exact::TOLERANCE`].
+    fn hit_exact(&self, ray: &Ray) -> Option<f64>;
+
+    /// The exact distance.
+    fn exact_distance(&self, ray: &Ray) -> Option<Distance>;
+
+    /// [`Intersector::hit`] for four rays. Undecided lanes are tested by `hit`.
+    #[inline(always)]
+    fn hit_ray4<S: Simd>(&self, _rays: &Ray4<S>) -> Hit4 {
+        Hit4::UNDECIDED
+    }
+
+    /// The point of the surface nearest to `point`, and the outward unit normal there.
+    fn surface(&self, point: DVec3) -> (SurfacePoint, DVec3);
+
+    /// The derivative of the outward unit normal at a point of the surface in the direction `step` of its tangent
+    /// plane.
+    fn normal_derivative(&self, point: DVec3, step: DVec3) -> DVec3;
+}
+
+/// A primitive that is not a triangle. Another kind of shape is another variant, and an arm of `each!`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum AnalyticShape {
+    /// A sphere.
+    Sphere(Sphere),
+}
+
+/// Evaluates an expression for the shape of any kind.
+macro_rules! each {
+    ($self:expr, $shape:ident => $value:expr) => {
+        match $self {
+            AnalyticShape::Sphere($shape) => $value,
+        }
+    };
+}
+
+/// Methods that call those of the shape.
+macro_rules! delegate {
+    ($(fn $name:ident($($argument:ident: $type:ty),*) -> $result:ty;)*) => {
+        $(#[inline(always)]
+        fn $name(&self, $($argument: $type),*) -> $result {
+            each!(self, shape => shape.$name($($argument),*))
+        })*
+    };
+}
+
+impl AnalyticShape {
+    /// A shape without points.
+    pub const EMPTY: AnalyticShape = AnalyticShape::Sphere(Sphere { centre: DVec3::ZERO, radius: 0.0 });
+}
+
+impl Intersector for AnalyticShape {
+    delegate! {
+        fn name() -> &'static str;
+        fn bounds() -> Bounds;
+        fn bounding_sphere() -> (DVec3, f64);
+        fn is_empty() -> bool;
+        fn hit(ray: &Ray) -> Option<f64>;
+        fn hit_fast(ray: &Ray) -> Option<f64>;
+        fn hit_exact(ray: &Ray) -> Option<f64>;
+        fn exact_distance(ray: &Ray) -> Option<Distance>;
+        fn surface(point: DVec3) -> (SurfacePoint, DVec3);
+        fn normal_derivative(point: DVec3, step: DVec3) -> DVec3;
+    }
+
+    fn rounded(&self, precision: Precision) -> Option<Self> {
+        each!(self, shape => shape.rounded(precision).map(Self::from))
+    }
+
+    fn recentred(&self, origin: DVec3, scale: f64) -> Self {
+        each!(self, shape => shape.recentred(origin, scale).into())
+    }
+
+    #[inline(always)]
+    fn hit_ray4<S: Simd>(&self, rays: &Ray4<S>) -> Hit4 {
+        each!(self, shape => shape.hit_ray4(rays))
+    }
+}
+
+impl From<Sphere> for AnalyticShape {
+    fn from(sphere: Sphere) -> Self {
+        AnalyticShape::Sphere(sphere)
+    }
+}
