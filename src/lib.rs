@@ -33,15 +33,25 @@
 
 pub use kiln_bvh::{bvh, geometry};
 
-macro_rules! modules {
+/// The interface of the library.
+macro_rules! public {
     ($feature:literal: $($module:ident),*) => {
         $(#[cfg(feature = $feature)] pub mod $module;)*
     };
 }
 
-modules!("import": error, film, import, limits, scene);
-modules!("render": animation, effects, job, render, shading, world);
-modules!("bench": bench);
-modules!("study": study);
-modules!("cli": cli);
-modules!("viewer": viewer);
+/// Modules that the library's interface is made of. They are visible to the tests and change without notice.
+macro_rules! internal {
+    ($feature:literal: $($module:ident),*) => {
+        $(#[cfg(feature = $feature)] #[doc(hidden)] pub mod $module;)*
+    };
+}
+
+public!("import": error, film, import, scene);
+public!("render": job);
+internal!("import": limits);
+internal!("render": animation, effects, render, shading, world);
+internal!("bench": bench);
+internal!("study": study);
+internal!("cli": cli);
+internal!("viewer": viewer);

@@ -1,6 +1,18 @@
 //! Films (pixel buffers filled tile by tile), colour pipelines, and image files.
 //!
 //! Renderers fill films, writers read them. Independent of scenes and rays.
+//!
+//! ```
+//! use kiln::film::{ColourPipeline, Film, Window};
+//!
+//! let mut film: Film = Film::new(Window { x: 0, y: 0, width: 40, height: 20 })?;
+//! for mut tile in film.tiles_mut() {
+//!     tile.pixels.fill([0.5, 0.25, 1.0]);
+//! }
+//! assert_eq!(film.pixel(39, 19), [0.5, 0.25, 1.0]);
+//! assert_eq!(film.to_rgb8(ColourPipeline::Display)[..3], [128, 64, 255]);
+//! # Ok::<(), kiln::error::Error>(())
+//! ```
 
 pub mod check;
 pub mod colour;

@@ -2,6 +2,16 @@
 //!
 //! Input is validated here once. The returned scene is finite and consistent; invalid data is an error with its place,
 //! or is omitted with a warning. To add a format, write an importer in its own file and list it in [`IMPORTERS`].
+//!
+//! ```
+//! use kiln::error::Warnings;
+//!
+//! let mut warnings = Warnings::default();
+//! let scene = kiln::import::load(&["assets/import/tetrahedron.stl".into()], &mut warnings)?;
+//! assert_eq!(scene.primitive_count(), 4);
+//! warnings.messages().iter().for_each(|warning| eprintln!("{warning}"));
+//! # Ok::<(), kiln::error::Error>(())
+//! ```
 
 mod files;
 mod gltf;

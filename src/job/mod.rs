@@ -6,16 +6,18 @@
 //!
 //! ```
 //! use kiln::error::Warnings;
-//! use kiln::film::Film;
-//! use kiln::job::{RenderSettings, prepare};
-//! use kiln::render::RenderControl;
+//! use kiln::film::write::{Format, OutputImage, write_picture};
+//! use kiln::job::{RenderControl, RenderSettings, prepare};
 //!
 //! let mut warnings = Warnings::default();
 //! let scene = kiln::import::load(&["scenes/assignment.toml".into()], &mut warnings)?;
 //! let settings = RenderSettings { size: Some([64, 64]), ..RenderSettings::default() };
 //! let job = prepare(scene, &settings, &mut warnings)?;
-//! let (film, statistics): (Film, _) = job.render(&RenderControl::default())?;
-//! assert_eq!((film.window().width, statistics.non_finite.0), (64, 0));
+//! let (film, statistics) = job.render(&RenderControl::default())?;
+//! assert_eq!(statistics.non_finite.0, 0);
+//! let file = std::env::temp_dir().join("kiln-library-example.png");
+//! write_picture(&OutputImage::Rgb8(film, job.pipeline()), &job.metadata, Format::from_path(&file)?, &file)?;
+//! # std::fs::remove_file(&file).unwrap();
 //! # Ok::<(), kiln::error::Error>(())
 //! ```
 
@@ -24,6 +26,9 @@ mod memory;
 pub mod metadata;
 mod settings;
 
+pub use crate::effects::Choices;
+pub use crate::render::{RenderControl, Statistics};
+pub use crate::shading::ShadingMode;
 pub use memory::check_memory;
 pub use metadata::Metadata;
 pub use settings::{CameraChoice, RenderSettings};
@@ -31,12 +36,12 @@ pub use settings::{CameraChoice, RenderSettings};
 use std::sync::Arc;
 
 use crate::bvh::Layout;
-use crate::effects::{Choices, Plan, check_names, check_scene};
+use crate::effects::{Plan, check_names, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::film::{ColourPipeline, Film, Pixel, Share, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
-use crate::render::{RenderControl, Statistics, render};
+use crate::render::render;
 use crate::scene::{Camera, Numerics, Sampling, Scene};
 use crate::world::{Recentering, View, World, headlight, recenter};
 use camera::Viewpoint;

@@ -4,6 +4,24 @@
 //! Conventions: right-handed, +y up, no physical unit, column vectors; transforms are named `b_from_a`; angles are in
 //! radians (degrees in files). Primitives are numbered in the order of the description: objects as written, triangles
 //! as listed.
+//!
+//! ```
+//! use kiln::scene::{Camera, Material, Mesh, Object, Phong, Scene, Shape, Sphere};
+//!
+//! let mut scene = Scene::default();
+//! let grey = scene.add_material(Material::Phong(Phong::default()));
+//! let floor = Mesh {
+//!     positions: [[-9.0, 0.0, -9.0], [9.0, 0.0, -9.0], [0.0, 0.0, 9.0]].map(Into::into).into(),
+//!     triangles: vec![[0, 1, 2]],
+//!     ..Mesh::default()
+//! };
+//! let ball = Sphere { centre: [0.0, 1.0, 0.0].into(), radius: 1.0 };
+//! for (name, shape) in [("floor", Shape::Mesh(floor)), ("ball", Shape::Analytic(ball.into()))] {
+//!     scene.objects.push(Object { name: name.into(), input: 0, material: grey, shape });
+//! }
+//! assert_eq!(scene.primitive_count(), 2);
+//! assert_eq!(scene.bounds().map(|(min, max)| (min.y, max.y)), Some((0.0, 2.0)));
+//! ```
 
 pub mod animation;
 mod camera;
