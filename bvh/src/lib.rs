@@ -3,5 +3,7 @@
 //!
 //! The crate `kiln` exports both modules under the same names.
 
+#![warn(unreachable_pub)]
+
 pub mod bvh;
 pub mod geometry;

@@ -13,7 +13,7 @@ use super::arguments::inputs_help;
 use super::print;
 use crate::effects::check_scene;
 use crate::error::{Result, Warnings};
-use crate::geometry::{Intersector, Triangle};
+use crate::geometry::Triangle;
 use crate::import;
 use crate::scene::{LightKind, Material, Mesh, Scene, Shape};
 

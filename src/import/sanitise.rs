@@ -8,7 +8,6 @@ use glam::{DVec2, DVec3, DVec4};
 
 use super::sharing::shared;
 use crate::error::Warnings;
-use crate::geometry::Intersector;
 use crate::scene::{Attribute, Mesh, Object, Placed, Scene, Shape};
 
 /// Largest coordinate that is kept. Its square, as in the area of f32 boxes, does not overflow; the builder is tested

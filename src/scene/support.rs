@@ -8,7 +8,6 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::geometry::Intersector;
 use super::{Mesh, Object, Placed, Shape};
 
 /// A function of points that is affine up to rounding.

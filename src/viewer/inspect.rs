@@ -9,7 +9,7 @@ use crate::bvh::{Primitive, Tests, Traversal};
 use crate::effects::tile::{RayRecorder, RecordedRay, RenderContext, Tile, TraceResult};
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
 use crate::film::Window;
-use crate::geometry::{Hit, Intersector};
+use crate::geometry::Hit;
 use crate::scene::{Glaze, Material};
 use crate::world::{PreparedMaterial, Recentering, SurfaceInteraction, View, World};
 

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use super::World;
 use super::interaction::{SurfaceInteraction, blend};
 use crate::bvh::Primitive;
-use crate::geometry::{Hit, Intersector, Ray};
+use crate::geometry::{Hit, Ray};
 
 /// A ray differential: the change of a ray from one pixel to the next, to the right and down.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -6,7 +6,7 @@ use super::World;
 use super::attributes::vertex_colour;
 use crate::bvh::{Primitive, Traversal};
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
-use crate::geometry::{Hit, Intersector, Numerics, PrimId, Ray};
+use crate::geometry::{Hit, Numerics, PrimId, Ray};
 
 /// A surface interaction: a point of a surface, seen along a ray.
 #[derive(Debug, Clone, Copy)]

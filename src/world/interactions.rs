@@ -12,7 +12,7 @@ use super::interaction::{SurfaceInteraction, Texels};
 use super::soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
 use crate::bvh::Primitive;
 use crate::geometry::spawn::{EdgeTest, SurfacePoint};
-use crate::geometry::{AnalyticShape, Hit, Intersector, PrimId, SlotId, Triangle};
+use crate::geometry::{AnalyticShape, Hit, PrimId, SlotId, Triangle};
 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
 const MIN_RUN: usize = 4;

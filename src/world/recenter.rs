@@ -7,7 +7,6 @@
 
 use glam::DVec3;
 
-use crate::geometry::Intersector;
 use crate::scene::{Camera, Falloff, LightKind, Scene, Shape, Step};
 
 /// The largest distance from the origin, in sizes of the scene, at which 20 of 24 bits are left for its shape.

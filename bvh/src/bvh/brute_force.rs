@@ -5,13 +5,13 @@ use super::{Accelerator, Description, Primitive, Quality, Traversal};
 use crate::geometry::{Hit, Numerics, Ray, SlotId, Tier};
 
 /// A list of primitives.
-pub struct BruteForce<T: Tier> {
+pub(crate) struct BruteForce<T: Tier> {
     slots: Vec<StoredSlot<T>>,
 }
 
 impl<T: Tier> BruteForce<T> {
     /// A list of the given primitives, in any order.
-    pub fn new(slots: Vec<StoredSlot<T>>) -> Self {
+    pub(crate) fn new(slots: Vec<StoredSlot<T>>) -> Self {
         BruteForce { slots }
     }
 }

@@ -31,7 +31,7 @@ const MAX_JITTER: (u32, f32) = (16, 1.0 / 128.0);
 const JITTER_BITS: u32 = 21;
 
 /// Builds a binary tree over `slots`.
-pub fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Bvh2<T> {
+pub(crate) fn build<T: Tier>(slots: &[StoredSlot<T>], preset: Preset) -> Bvh2<T> {
     if slots.is_empty() {
         return Bvh2::new(Vec::new(), Vec::new());
     }
@@ -59,7 +59,7 @@ fn with_leaves(mut tree: obvhs::bvh2::Bvh2, parameters: BvhBuildParams) -> (Vec<
 }
 
 /// Builds a tree of eight children per node, whose leaves [`convert`] chooses.
-pub fn build_wide<T: Tier>(slots: &[StoredSlot<T>], preset: Preset, simd: bool) -> Wide<T> {
+pub(crate) fn build_wide<T: Tier>(slots: &[StoredSlot<T>], preset: Preset, simd: bool) -> Wide<T> {
     if slots.is_empty() {
         return convert(&obvhs::bvh2::Bvh2::default(), &[], slots, simd);
     }

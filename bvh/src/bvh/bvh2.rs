@@ -12,7 +12,7 @@ use super::{Accelerator, Description, Next, Primitive, Quality, Tests, Traversal
 use crate::geometry::{Beam, BoxTest, Hit, Numerics, PRUNE_MARGIN, Ray, SlotId, Tier, round_up};
 
 /// A binary bounding volume hierarchy.
-pub struct Bvh2<T: Tier> {
+pub(crate) struct Bvh2<T: Tier> {
     nodes: Vec<Bvh2Node>,
     slots: Vec<StoredSlot<T>>,
 }

@@ -31,8 +31,8 @@ use stored_slot::StoredSlot;
 use glam::{DVec3, Vec3};
 
 use crate::geometry::{
-    AnalyticShape, Bounds, Double, Exact, Fast, Hit, Intersector, Numerics, Precision, PrimId, Ray, SlotId,
-    Tier, Triangle, Watertight,
+    AnalyticShape, Bounds, Double, Exact, Fast, Hit, Numerics, Precision, PrimId, Ray, SlotId, Tier,
+    Triangle, Watertight,
 };
 
 /// The geometry of one primitive.

@@ -1,12 +1,10 @@
 //! [`StoredSlot`]: a primitive in the precision of a tier, as builds, brute force and the binary tree store it.
 
 use super::{Primitive, Slot};
-use crate::geometry::{
-    Bounds, Corner, Hit, Intersector, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit,
-};
+use crate::geometry::{Bounds, Corner, Hit, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit};
 
 /// A primitive in the precision of a tier, and its id.
-pub struct StoredSlot<T: Tier> {
+pub(crate) struct StoredSlot<T: Tier> {
     pub(super) primitive: Stored<T::Corner>,
     pub(super) id: PrimId,
 }
@@ -21,7 +19,7 @@ impl<T: Tier> Copy for StoredSlot<T> {}
 
 impl<T: Tier> StoredSlot<T> {
     /// Rounds a primitive to the precision of the tier.
-    pub fn new(slot: Slot) -> Self {
+    pub(crate) fn new(slot: Slot) -> Self {
         let primitive = match slot.primitive {
             Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::from_dvec3)),
             Primitive::Analytic(shape) => Stored::Analytic(shape),
@@ -30,7 +28,7 @@ impl<T: Tier> StoredSlot<T> {
     }
 
     /// The primitive in f64, without further rounding.
-    pub fn primitive(&self) -> Primitive {
+    pub(crate) fn primitive(&self) -> Primitive {
         match self.primitive {
             Stored::Triangle(corners) => Primitive::Triangle(Triangle(corners.map(Corner::to_dvec3))),
             Stored::Analytic(shape) => Primitive::Analytic(shape),
@@ -38,7 +36,7 @@ impl<T: Tier> StoredSlot<T> {
     }
 
     /// The smallest f32 box around it.
-    pub fn bounds(&self) -> Bounds {
+    pub(crate) fn bounds(&self) -> Bounds {
         match &self.primitive {
             Stored::Triangle(corners) => T::Corner::bounds(corners),
             Stored::Analytic(shape) => shape.bounds(),
@@ -48,20 +46,20 @@ impl<T: Tier> StoredSlot<T> {
 
 /// A ray to be tested against stored primitives. It is prepared for triangles at the first one, as many rays reach
 /// none.
-pub struct PrimitiveTest<'a, T: Tier> {
+pub(crate) struct PrimitiveTest<'a, T: Tier> {
     ray: &'a Ray,
     triangles: Option<T::Prepared>,
 }
 
 impl<'a, T: Tier> PrimitiveTest<'a, T> {
     #[inline]
-    pub fn new(ray: &'a Ray) -> Self {
+    pub(crate) fn new(ray: &'a Ray) -> Self {
         PrimitiveTest { ray, triangles: None }
     }
 
     /// The hit of the ray on the primitive in slot `index`.
     #[inline(always)]
-    pub fn hit(&mut self, slot: &StoredSlot<T>, index: u32) -> Option<Hit> {
+    pub(crate) fn hit(&mut self, slot: &StoredSlot<T>, index: u32) -> Option<Hit> {
         let TriangleHit { t, weights } = match &slot.primitive {
             Stored::Triangle(corners) => {
                 let prepared = self.triangles.get_or_insert_with(|| T::prepare(self.ray));
@@ -76,7 +74,7 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
 
     /// Whether `hit` comes before the best hit so far; both are on primitives of `slots`.
     #[inline(always)]
-    pub fn is_better(&self, hit: &Hit, best: Option<&Hit>, slots: &[StoredSlot<T>]) -> bool {
+    pub(crate) fn is_better(&self, hit: &Hit, best: Option<&Hit>, slots: &[StoredSlot<T>]) -> bool {
         let primitive = |hit: &Hit| &slots[hit.slot.0 as usize].primitive;
         // A split triangle is in several slots.
         best.is_none_or(|best| {

@@ -13,7 +13,7 @@ use super::{Bounds, Precision, Ray, Sphere};
 ///
 /// Every test returns the least distance with `t_min < t < t_max` at which the ray meets the surface, from either
 /// side, within the interval in which the ray is inside the primitive's own bounds.
-pub trait Intersector: Copy {
+pub(crate) trait Intersector: Copy {
     /// The name of the kind of shape, such as `sphere`.
     fn name(&self) -> &'static str;
 
@@ -58,7 +58,7 @@ pub trait Intersector: Copy {
     fn normal_derivative(&self, point: DVec3, step: DVec3) -> DVec3;
 }
 
-/// A primitive that is not a triangle. Another kind of shape is another variant, and an arm of `each!`.
+/// A primitive that is not a triangle; the methods are those of [`Intersector`]. Another kind of shape is another variant, and an arm of `each!`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AnalyticShape {
     /// A sphere.
@@ -76,9 +76,10 @@ macro_rules! each {
 
 /// Methods that call those of the shape.
 macro_rules! delegate {
-    ($(fn $name:ident($($argument:ident: $type:ty),*) -> $result:ty;)*) => {
-        $(#[inline(always)]
-        fn $name(&self, $($argument: $type),*) -> $result {
+    ($($(#[$doc:meta])* $visibility:vis fn $name:ident($($argument:ident: $type:ty),*) -> $result:ty;)*) => {
+        $($(#[$doc])*
+        #[inline(always)]
+        $visibility fn $name(&self, $($argument: $type),*) -> $result {
             each!(self, shape => shape.$name($($argument),*))
         })*
     };
@@ -86,34 +87,40 @@ macro_rules! delegate {
 
 impl AnalyticShape {
     /// A shape without points.
-    pub const EMPTY: AnalyticShape = AnalyticShape::Sphere(Sphere { centre: DVec3::ZERO, radius: 0.0 });
-}
+    pub(crate) const EMPTY: AnalyticShape =
+        AnalyticShape::Sphere(Sphere { centre: DVec3::ZERO, radius: 0.0 });
 
-impl Intersector for AnalyticShape {
     delegate! {
-        fn name() -> &'static str;
-        fn bounds() -> Bounds;
-        fn bounding_sphere() -> (DVec3, f64);
-        fn is_empty() -> bool;
-        fn hit(ray: &Ray) -> Option<f64>;
-        fn hit_fast(ray: &Ray) -> Option<f64>;
-        fn hit_exact(ray: &Ray) -> Option<f64>;
-        fn exact_distance(ray: &Ray) -> Option<Distance>;
-        fn surface(point: DVec3) -> (SurfacePoint, DVec3);
-        fn normal_derivative(point: DVec3, step: DVec3) -> DVec3;
-    }
-
-    fn rounded(&self, precision: Precision) -> Option<Self> {
-        each!(self, shape => shape.rounded(precision).map(Self::from))
-    }
-
-    fn recentred(&self, origin: DVec3, scale: f64) -> Self {
-        each!(self, shape => shape.recentred(origin, scale).into())
+        /// The name of the kind of shape, such as `sphere`.
+        pub fn name() -> &'static str;
+        /// The smallest f32 box that holds it; not finite if its numbers are not.
+        pub fn bounds() -> Bounds;
+        /// Centre and radius of a sphere that holds it.
+        pub fn bounding_sphere() -> (DVec3, f64);
+        /// The point of the surface nearest to `point`, and the outward unit normal there.
+        pub fn surface(point: DVec3) -> (SurfacePoint, DVec3);
+        /// The derivative of the outward unit normal at a point of the surface in the direction `step` of its tangent
+        /// plane.
+        pub fn normal_derivative(point: DVec3, step: DVec3) -> DVec3;
+        pub(crate) fn is_empty() -> bool;
+        pub(crate) fn hit(ray: &Ray) -> Option<f64>;
+        pub(crate) fn hit_fast(ray: &Ray) -> Option<f64>;
+        pub(crate) fn hit_exact(ray: &Ray) -> Option<f64>;
+        pub(crate) fn exact_distance(ray: &Ray) -> Option<Distance>;
     }
 
     #[inline(always)]
-    fn hit_ray4<S: Simd>(&self, rays: &Ray4<S>) -> Hit4 {
+    pub(crate) fn hit_ray4<S: Simd>(&self, rays: &Ray4<S>) -> Hit4 {
         each!(self, shape => shape.hit_ray4(rays))
+    }
+
+    pub(crate) fn rounded(&self, precision: Precision) -> Option<Self> {
+        each!(self, shape => shape.rounded(precision).map(Self::from))
+    }
+
+    /// The shape translated by `-origin`, then scaled by `scale`.
+    pub fn recentred(&self, origin: DVec3, scale: f64) -> Self {
+        each!(self, shape => shape.recentred(origin, scale).into())
     }
 }
 

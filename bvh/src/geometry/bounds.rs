@@ -49,7 +49,7 @@ impl Bounds {
 /// 2 ulp even where the primitive test cancels. A node that contains this box then contains the hit, whatever the
 /// error of `t`; and on an axis-aligned triangle the result is the distance of the plane.
 #[inline(always)]
-pub fn clamp_to_bounds(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> Option<f64> {
+pub(crate) fn clamp_to_bounds(min: DVec3, max: DVec3, ray: &Ray, t: f64) -> Option<f64> {
     let inverse = ray.direction.recip();
     let downwards = inverse.cmplt(DVec3::ZERO);
     let near = (DVec3::select(downwards, max, min) - ray.origin) * inverse;
@@ -71,7 +71,7 @@ fn per_axis(v: DVec3, f: impl Fn(f64) -> f32) -> Vec3 {
 ///
 /// Without branches on the numbers, which would be mispredicted.
 #[inline(always)]
-pub fn round_towards(x: f64, side: f64) -> f32 {
+pub(crate) fn round_towards(x: f64, side: f64) -> f32 {
     let y = x as f32;
     if y == 0.0 {
         return if side > 0.0 { round_up(x) } else { round_down(x) };
@@ -84,7 +84,7 @@ pub fn round_towards(x: f64, side: f64) -> f32 {
 
 /// The largest f32 that is not above `x`.
 #[inline(always)]
-pub fn round_down(x: f64) -> f32 {
+pub(crate) fn round_down(x: f64) -> f32 {
     -round_up(-x)
 }
 
@@ -104,14 +104,14 @@ pub fn round_up(x: f64) -> f32 {
 /// A computed distance to a plane is the true one times at most three factors of 1 ± u (subtract, reciprocal,
 /// multiply), so either end of the overlap may be off by γ3, and one end that is moved by 2 γ3 absorbs both; the last
 /// factor is for the rounding of that move itself.
-pub const PRUNE_MARGIN: f32 = 1.0 + 4.0 * f32::EPSILON;
+pub(crate) const PRUNE_MARGIN: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 /// The margin of the f64 box test. Ize's derivation requires 1 + 3.5 ε. The rest is for primitive tests that see
 /// corners moved by up to 2^-50 of their distance to the ray's origin (see [`super::woop`]): it covers hits from
 /// 2^-24 of that distance on, and secondary rays start farther from edges than that
 /// ([`super::spawn::EDGE_DISTANCE`]). [`PRUNE_MARGIN`] is wider than f32 requires by 2^-24, so a box entered with
 /// this margin is entered in f32, too.
-pub const DOUBLE_MARGIN: f64 = 1.0 + 1.0 / (1u32 << 26) as f64;
+pub(crate) const DOUBLE_MARGIN: f64 = 1.0 + 1.0 / (1u32 << 26) as f64;
 
 /// A ray prepared for boxes with f32 planes.
 pub trait BoxTest {

@@ -14,7 +14,7 @@ use super::Ray;
 
 /// The number `(b - √d) / a`, or `(b + √d) / a` if `far`, with `a > 0` and `d >= 0`.
 #[derive(Debug, Clone)]
-pub struct Distance {
+pub(crate) struct Distance {
     b: BigInt,
     a: BigInt,
     d: BigInt,
@@ -22,7 +22,7 @@ pub struct Distance {
 }
 
 /// A ray's exact intersection with the plane of a triangle.
-pub struct Crossing {
+pub(crate) struct Crossing {
     /// The distance along the ray.
     pub distance: Distance,
     /// The barycentric coordinates of the corners, rounded to f64.
@@ -30,18 +30,18 @@ pub struct Crossing {
 }
 
 /// Three integers.
-pub type Vector = [BigInt; 3];
+pub(crate) type Vector = [BigInt; 3];
 
 impl Distance {
     /// A finite number as a distance.
-    pub fn of(t: f64) -> Self {
+    pub(crate) fn of(t: f64) -> Self {
         let [b, a] = integers([t, 1.0]);
         Distance { b, a, d: BigInt::ZERO, far: false }
     }
 
     /// The intersection with the plane of a triangle of normal n, at `n.(corner - origin) / n.direction`. `None` if
     /// the ray is parallel to the plane or the triangle has no area.
-    pub fn to_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
+    pub(crate) fn to_triangle(ray: &Ray, corners: &[DVec3; 3]) -> Option<Crossing> {
         let [o, d] = [ray.origin, ray.direction];
         let [a, b, c] = *corners;
         let numbers = integers([o.x, o.y, o.z, d.x, d.y, d.z, a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z]);
@@ -62,7 +62,7 @@ impl Distance {
     }
 
     /// The near and far root of `a t^2 - 2 b t + c = 0` with `a > 0`. `None` if they are not real.
-    pub fn roots(a: BigInt, b: BigInt, c: &BigInt) -> Option<[Self; 2]> {
+    pub(crate) fn roots(a: BigInt, b: BigInt, c: &BigInt) -> Option<[Self; 2]> {
         let d = &b * &b - &a * c;
         if d.is_negative() {
             return None;
@@ -71,7 +71,7 @@ impl Distance {
     }
 
     /// Whether it lies strictly between `t_min` and `t_max` of the ray.
-    pub fn is_within(&self, ray: &Ray) -> bool {
+    pub(crate) fn is_within(&self, ray: &Ray) -> bool {
         let before = |t: f64| match t {
             f64::INFINITY => true,
             f64::NEG_INFINITY => false,
@@ -86,7 +86,7 @@ impl Distance {
     }
 
     /// The order of two distances.
-    pub fn cmp(&self, other: &Self) -> Ordering {
+    pub(crate) fn cmp(&self, other: &Self) -> Ordering {
         // The difference times both denominators: an integer and two square roots, the second subtracted.
         let whole = &self.b * &other.a - &other.b * &self.a;
         let root = |x: &Self, by: &BigInt, plus: bool| {
@@ -105,7 +105,7 @@ impl Distance {
     }
 
     /// The nearest f64, up to 1 ulp.
-    pub fn to_f64(&self) -> f64 {
+    pub(crate) fn to_f64(&self) -> f64 {
         // Fractional bits of the root.
         const PLACES: u32 = 64;
         let root = (&self.d << (2 * PLACES)).sqrt();
@@ -154,7 +154,7 @@ fn sign_of_sum(whole: &BigInt, (s, p): (i32, BigInt), (t, q): (i32, BigInt)) -> 
 }
 
 /// Finite numbers as integers, all scaled by the same power of two.
-pub fn integers<const N: usize>(numbers: [f64; N]) -> [BigInt; N] {
+pub(crate) fn integers<const N: usize>(numbers: [f64; N]) -> [BigInt; N] {
     let parts = numbers.map(|x| {
         let bits = x.to_bits();
         let exponent = (bits >> 52 & 0x7ff) as i32;
@@ -185,11 +185,11 @@ fn ratio(numerator: &BigInt, denominator: &BigInt) -> f64 {
     quotient.to_f64().unwrap_or(f64::NAN) * 2f64.powi(-half) * 2f64.powi(half - shift as i32)
 }
 
-pub fn minus(a: &Vector, b: &Vector) -> Vector {
+pub(crate) fn minus(a: &Vector, b: &Vector) -> Vector {
     [0, 1, 2].map(|k| &a[k] - &b[k])
 }
 
-pub fn dot(a: &Vector, b: &Vector) -> BigInt {
+pub(crate) fn dot(a: &Vector, b: &Vector) -> BigInt {
     &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
 }
 

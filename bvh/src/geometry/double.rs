@@ -9,11 +9,11 @@ use super::bounds::DoubleBoxTest;
 use super::four::Hit4;
 use super::simd::Simd;
 use super::woop::WoopTest;
-use super::{AnalyticShape, Intersector, Ray, Tier, Triangle4, TriangleHit};
+use super::{AnalyticShape, Ray, Tier, Triangle4, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f64 geometry, decided in f64.
-pub struct Double;
+pub(crate) struct Double;
 
 impl Tier for Double {
     const NUMERICS: Numerics = Numerics::Double;

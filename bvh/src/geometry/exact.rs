@@ -16,15 +16,15 @@ use super::bounds::DoubleBoxTest;
 use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
 use super::woop::{Sheared, WoopTest};
-use super::{AnalyticShape, Hit, Intersector, Ray, Stored, Tier, TriangleHit};
+use super::{AnalyticShape, Hit, Ray, Stored, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f64 geometry, decided exactly.
-pub struct Exact;
+pub(crate) struct Exact;
 
 /// The relative error of a distance. Two distances further apart than four times this differ; the margin of the box
 /// tests ([`super::PRUNE_MARGIN`]) is far wider.
-pub const TOLERANCE: f64 = f64::from_bits((1023 - 40) << 52);
+pub(crate) const TOLERANCE: f64 = f64::from_bits((1023 - 40) << 52);
 
 /// The relative error of weights, as a share of their sum, above which they are computed exactly.
 const WEIGHT_TOLERANCE: f64 = f64::from_bits((1023 - 26) << 52);

@@ -9,11 +9,11 @@ use std::ops::{Add, Mul, Neg, Sub};
 
 /// An exact number.
 #[derive(Debug, Clone, Default)]
-pub struct Expansion(Vec<f64>);
+pub(crate) struct Expansion(Vec<f64>);
 
 impl Expansion {
     /// `a - b`.
-    pub fn difference(a: f64, b: f64) -> Self {
+    pub(crate) fn difference(a: f64, b: f64) -> Self {
         Self::of(two_sum(a, -b))
     }
 
@@ -22,17 +22,17 @@ impl Expansion {
     }
 
     /// 1, 0 or -1.
-    pub fn sign(&self) -> i32 {
+    pub(crate) fn sign(&self) -> i32 {
         self.0.last().map_or(0, |&x| if x > 0.0 { 1 } else { -1 })
     }
 
     /// The nearest f64, up to 1 ulp.
-    pub fn estimate(&self) -> f64 {
+    pub(crate) fn estimate(&self) -> f64 {
         self.0.iter().sum()
     }
 
     /// The product with an f64 (Shewchuk's Scale-Expansion).
-    pub fn scaled(&self, by: f64) -> Self {
+    pub(crate) fn scaled(&self, by: f64) -> Self {
         let mut terms = Vec::with_capacity(2 * self.0.len());
         let mut keep = |x: f64| {
             if x != 0.0 {
@@ -103,7 +103,7 @@ impl Mul for Expansion {
 }
 
 /// The rounded sum and its rounding error (Knuth).
-pub fn two_sum(a: f64, b: f64) -> (f64, f64) {
+pub(crate) fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let (virtual_b, virtual_a) = (sum - a, sum - (sum - a));
     (sum, (a - virtual_a) + (b - virtual_b))
@@ -116,7 +116,7 @@ fn fast_two_sum(a: f64, b: f64) -> (f64, f64) {
 }
 
 /// The rounded product and its rounding error (Dekker, Veltkamp), without FMA, which not every machine has.
-pub fn two_product(a: f64, b: f64) -> (f64, f64) {
+pub(crate) fn two_product(a: f64, b: f64) -> (f64, f64) {
     const SPLITTER: f64 = 134_217_729.0; // 2^27 + 1
     let split = |x: f64| {
         let c = SPLITTER * x;

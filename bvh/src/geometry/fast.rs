@@ -10,15 +10,15 @@
 use glam::{Vec3, Vec3A};
 
 use super::bounds::{BoxTest, SingleBoxTest, round_up};
-use super::{AnalyticShape, Corner, Intersector, Ray, Tier, TriangleHit};
+use super::{AnalyticShape, Corner, Ray, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f32.
-pub struct Fast;
+pub(crate) struct Fast;
 
 /// A ray in f32.
 #[derive(Clone, Copy)]
-pub struct FastTest {
+pub(crate) struct FastTest {
     pub(super) origin: Vec3,
     pub(super) direction: Vec3,
     pub(super) boxes: SingleBoxTest,

@@ -8,13 +8,13 @@ use super::simd::Simd;
 use super::{Corner, Hit, PrimId, Ray, SlotId};
 
 /// Lanes of [`Ray4`], [`Triangle4`] and [`Hit4`].
-pub const LANES4: usize = 4;
+pub(crate) const LANES4: usize = 4;
 
 /// All four lanes, as bits.
-pub const MASK4: u32 = (1 << LANES4) - 1;
+pub(crate) const MASK4: u32 = (1 << LANES4) - 1;
 
 /// Four rays.
-pub struct Ray4<S: Simd> {
+pub(crate) struct Ray4<S: Simd> {
     /// See [`Ray::origin`].
     pub origin: [S::D4; 3],
     /// See [`Ray::direction`].
@@ -31,7 +31,7 @@ impl<S: Simd> Ray4<S> {
     /// # Panics
     /// If `rays` is empty.
     #[inline(always)]
-    pub fn new(rays: &[Ray], first: usize) -> Self {
+    pub(crate) fn new(rays: &[Ray], first: usize) -> Self {
         let last = rays.len() - 1;
         let halves = |lane: usize| {
             let [low, high]: [[f64; 4]; 2] = bytemuck::cast(rays[(first + lane).min(last)]);
@@ -47,18 +47,18 @@ impl<S: Simd> Ray4<S> {
 /// Up to four triangles: `corners[k][axis][lane]`. Coordinates of empty lanes are NaN, which no ray hits.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
-pub struct Triangle4<C: Corner> {
+pub(crate) struct Triangle4<C: Corner> {
     /// First, second and third corners.
     pub corners: [[[C::Scalar; LANES4]; 3]; 3],
 }
 
 impl<C: Corner> Triangle4<C> {
     /// Four empty lanes.
-    pub const EMPTY: Self = Triangle4 { corners: [[[C::NAN; LANES4]; 3]; 3] };
+    pub(crate) const EMPTY: Self = Triangle4 { corners: [[[C::NAN; LANES4]; 3]; 3] };
 
     /// Writes a triangle to a lane, or empties the lane.
     #[inline(always)]
-    pub fn set(&mut self, lane: usize, triangle: Option<&[C; 3]>) {
+    pub(crate) fn set(&mut self, lane: usize, triangle: Option<&[C; 3]>) {
         for k in 0..3 {
             let [x, y, z] = triangle.map_or([C::NAN; 3], |corners| corners[k].to_array());
             let corner = &mut self.corners[k];
@@ -68,13 +68,13 @@ impl<C: Corner> Triangle4<C> {
 
     /// The triangle in a lane.
     #[inline(always)]
-    pub fn triangle(&self, lane: usize) -> [C; 3] {
+    pub(crate) fn triangle(&self, lane: usize) -> [C; 3] {
         [self.corner(0, lane), self.corner(1, lane), self.corner(2, lane)]
     }
 
     /// The corners in a lane, converted to f64.
     #[inline(always)]
-    pub fn corners_f64(&self, lane: usize) -> [[f64; 3]; 3] {
+    pub(crate) fn corners_f64(&self, lane: usize) -> [[f64; 3]; 3] {
         let [a, b, c] = self.triangle(lane);
         [a.to_dvec3().to_array(), b.to_dvec3().to_array(), c.to_dvec3().to_array()]
     }
@@ -89,7 +89,7 @@ impl<C: Corner> Triangle4<C> {
 
 /// The hits of four ray-primitive pairs. Masks have one bit per lane.
 #[derive(Clone, Copy)]
-pub struct Hit4 {
+pub(crate) struct Hit4 {
     /// Lanes that hit.
     pub hit: u32,
     /// Lanes that must be tested again by the tier's test for one ray.
@@ -102,13 +102,14 @@ pub struct Hit4 {
 
 impl Hit4 {
     /// Four misses.
-    pub const NONE: Hit4 = Hit4 { hit: 0, undecided: 0, t: [0.0; LANES4], weights: [[0.0; LANES4]; 2] };
+    pub(crate) const NONE: Hit4 =
+        Hit4 { hit: 0, undecided: 0, t: [0.0; LANES4], weights: [[0.0; LANES4]; 2] };
     /// Four undecided lanes: the result of tiers without a four-wide test.
-    pub const UNDECIDED: Hit4 = Hit4 { undecided: MASK4, ..Hit4::NONE };
+    pub(crate) const UNDECIDED: Hit4 = Hit4 { undecided: MASK4, ..Hit4::NONE };
 
     /// The hit in a lane, on primitive `prim` in `slot`.
     #[inline(always)]
-    pub fn at(&self, lane: usize, prim: PrimId, slot: SlotId) -> Hit {
+    pub(crate) fn at(&self, lane: usize, prim: PrimId, slot: SlotId) -> Hit {
         Hit { t: self.t[lane], prim, slot, weights: [self.weights[0][lane], self.weights[1][lane]] }
     }
 }

@@ -6,7 +6,7 @@ use super::bounds::BoxTest;
 use super::four::{Hit4, LANES4, Ray4, Triangle4};
 use super::simd::Simd;
 use super::woop4::PreparedRay4;
-use super::{AnalyticShape, Bounds, Hit, Intersector, Ray, TriangleHit};
+use super::{AnalyticShape, Bounds, Hit, Ray, TriangleHit};
 use crate::geometry::Numerics;
 
 /// The floating-point format of rays or corners.
@@ -89,7 +89,7 @@ impl Numerics {
 }
 
 /// A triangle corner in the precision of a tier: [`Vec3`] or [`DVec3`].
-pub trait Corner: Copy + Send + Sync + 'static {
+pub(crate) trait Corner: Copy + Send + Sync + 'static {
     /// The type of a coordinate.
     type Scalar: Copy + Send + Sync + 'static;
     /// NaN.
@@ -189,7 +189,7 @@ impl Corner for DVec3 {
 
 /// A primitive in the precision of a tier.
 #[derive(Debug, Clone, Copy)]
-pub enum Stored<C> {
+pub(crate) enum Stored<C> {
     /// The corners of a triangle.
     Triangle([C; 3]),
     /// Any other shape, in f64 in every tier.
@@ -200,7 +200,7 @@ pub enum Stored<C> {
 ///
 /// Every tier must keep a hit's distance within the interval in which its box test finds the ray inside the
 /// primitive's own bounds, up to the margin of that test. Then no acceleration structure changes the image.
-pub trait Tier: Send + Sync + 'static {
+pub(crate) trait Tier: Send + Sync + 'static {
     /// Its name.
     const NUMERICS: Numerics;
     /// Whether a hit lies on its triangle up to a few units in the last place. Then boxes around parts of a triangle

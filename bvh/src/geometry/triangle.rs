@@ -12,7 +12,7 @@ pub struct Triangle(pub [DVec3; 3]);
 
 /// A ray's intersection with a triangle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TriangleHit {
+pub(crate) struct TriangleHit {
     /// Distance along the ray.
     pub t: f64,
     /// Barycentric coordinates of the second and third corner; that of the first is 1 minus both.

@@ -10,11 +10,11 @@ use super::bounds::DoubleBoxTest;
 use super::four::Hit4;
 use super::simd::Simd;
 use super::woop::WoopTest;
-use super::{AnalyticShape, Intersector, Ray, Tier, Triangle4, TriangleHit};
+use super::{AnalyticShape, Ray, Tier, Triangle4, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f64.
-pub struct Watertight;
+pub(crate) struct Watertight;
 
 impl Tier for Watertight {
     const NUMERICS: Numerics = Numerics::Watertight;

@@ -9,7 +9,7 @@ use super::bounds::{greater, lesser, round_down, round_up};
 ///
 /// The lower plane of each axis is tested with an origin moved up, the upper plane with an origin moved down. For
 /// either sign of the direction this enlarges the box by that distance.
-pub struct WidenedBoxTest {
+pub(crate) struct WidenedBoxTest {
     /// The origin, moved up on every axis.
     above: Vec3A,
     /// The origin, moved down on every axis.
@@ -26,7 +26,7 @@ impl WidenedBoxTest {
     /// u of the origin, that is by u (1 + error + 2 |origin|) with u = 2^-24; moving the origin rounds by u of both
     /// again. 2^-21 of each is above that.
     #[inline]
-    pub fn new(origin: DVec3, direction: DVec3, error: DVec3) -> Self {
+    pub(crate) fn new(origin: DVec3, direction: DVec3, error: DVec3) -> Self {
         const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
         let error = error + (origin.abs() + error + 1.0) * ROUNDING;
         WidenedBoxTest {
@@ -39,7 +39,7 @@ impl WidenedBoxTest {
     /// The distance at which the ray enters the box from `min` to `max`; `None` if it misses the box, enters it
     /// beyond `t_max` or has it behind its origin.
     #[inline(always)]
-    pub fn enters(&self, min: Vec3A, max: Vec3A, t_max: f32) -> Option<f32> {
+    pub(crate) fn enters(&self, min: Vec3A, max: Vec3A, t_max: f32) -> Option<f32> {
         let to_min = (min - self.above) * self.inverse;
         let to_max = (max - self.below) * self.inverse;
         // NaN falls through, as in [`super::SingleBoxTest`].
@@ -53,7 +53,7 @@ impl WidenedBoxTest {
 
 /// An f32 distance beyond which no box around a hit at `t` is entered; `t` may be negative.
 #[inline]
-pub fn prune_distance(t: f64) -> f32 {
+pub(crate) fn prune_distance(t: f64) -> f32 {
     let t = round_up(t);
     if t > 0.0 { t * PRUNE_MARGIN } else { round_down(f64::from(t)) }
 }

@@ -24,7 +24,7 @@ use super::{Corner, Ray, Triangle, TriangleHit};
 
 /// A ray prepared for triangles.
 #[derive(Clone, Copy)]
-pub struct WoopTest {
+pub(crate) struct WoopTest {
     /// Axes permuted so that the major axis is the third.
     origin: DVec3,
     major: MajorAxis,
@@ -41,7 +41,7 @@ pub struct WoopTest {
 
 /// The axis of a ray's largest direction component; the first of equal ones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MajorAxis {
+pub(crate) enum MajorAxis {
     /// x.
     X,
     /// y.
@@ -53,7 +53,7 @@ pub enum MajorAxis {
 impl MajorAxis {
     /// The major axis of a ray. Without branches, which would be mispredicted.
     #[inline(always)]
-    pub fn of(ray: &Ray) -> Self {
+    pub(crate) fn of(ray: &Ray) -> Self {
         let length = ray.direction.abs();
         let x_first = length.x >= length.y && length.x >= length.z;
         [[MajorAxis::Z, MajorAxis::Y], [MajorAxis::X; 2]][usize::from(x_first)]
@@ -62,13 +62,13 @@ impl MajorAxis {
 
     /// The even permutation of the axes with this one last.
     #[inline(always)]
-    pub fn axes(self) -> [usize; 3] {
+    pub(crate) fn axes(self) -> [usize; 3] {
         [[1, 2, 0], [2, 0, 1], [0, 1, 2]][self as usize]
     }
 
     /// A vector with its axes permuted by [`MajorAxis::axes`]; written out, so that it stays in registers.
     #[inline(always)]
-    pub fn permuted(self, v: DVec3) -> DVec3 {
+    pub(crate) fn permuted(self, v: DVec3) -> DVec3 {
         match self {
             MajorAxis::X => DVec3::new(v.y, v.z, v.x),
             MajorAxis::Y => DVec3::new(v.z, v.x, v.y),
@@ -78,13 +78,13 @@ impl MajorAxis {
 
     /// The inverse of [`MajorAxis::axes`]: the place of each axis.
     #[inline(always)]
-    pub fn places(self) -> [usize; 3] {
+    pub(crate) fn places(self) -> [usize; 3] {
         [[2, 0, 1], [1, 2, 0], [0, 1, 2]][self as usize]
     }
 }
 
 /// A triangle relative to a ray's origin, axes permuted so that the ray's major axis is the third.
-pub struct Sheared {
+pub(crate) struct Sheared {
     /// The corners, not sheared.
     pub corners: [DVec3; 3],
     /// x and y of the sheared corners: the ray is at (0, 0).
@@ -94,7 +94,7 @@ pub struct Sheared {
 impl WoopTest {
     /// Prepares `ray`.
     #[inline(always)]
-    pub fn new(ray: &Ray) -> Self {
+    pub(crate) fn new(ray: &Ray) -> Self {
         let (d, major) = (ray.direction, MajorAxis::of(ray));
         let permuted = major.permuted(d);
         let inverse = permuted.recip();
@@ -111,7 +111,7 @@ impl WoopTest {
 
     /// The triangle relative to the ray.
     #[inline(always)]
-    pub fn sheared<C: Corner>(&self, [a, b, c]: &[C; 3]) -> Sheared {
+    pub(crate) fn sheared<C: Corner>(&self, [a, b, c]: &[C; 3]) -> Sheared {
         let from_origin = |corner: &C| self.major.permuted(corner.to_dvec3()) - self.origin;
         let corners = [from_origin(a), from_origin(b), from_origin(c)];
         let sheared_xy = |v: DVec3| [v.x - self.shear[0] * v.z, v.y - self.shear[1] * v.z];
@@ -120,7 +120,7 @@ impl WoopTest {
 
     /// The hits on four triangles, with the bits of [`WoopTest::hit`].
     #[inline(always)]
-    pub fn hit_triangle4<S: Simd, C: Corner>(&self, triangles: &Triangle4<C>) -> Hit4 {
+    pub(crate) fn hit_triangle4<S: Simd, C: Corner>(&self, triangles: &Triangle4<C>) -> Hit4 {
         hit_four::<S>(&self.relative::<S, C>(triangles), &self.splat::<S>(), self.zero_direction_mask, false)
     }
 
@@ -154,7 +154,7 @@ impl WoopTest {
 
     /// The hit of `ray`, for which this was prepared, on a triangle, with `t_min < t < t_max`.
     #[inline(always)]
-    pub fn hit<C: Corner>(&self, ray: &Ray, corners: &[C; 3]) -> Option<TriangleHit> {
+    pub(crate) fn hit<C: Corner>(&self, ray: &Ray, corners: &[C; 3]) -> Option<TriangleHit> {
         let sheared = self.sheared(corners);
         // A rounded sign is right or zero, so opposite signs are a certain miss. Most triangles are missed.
         let weights = sheared.weights();
@@ -189,7 +189,7 @@ impl WoopTest {
 impl Sheared {
     /// The edge functions, each proportional to the weight of the corner opposite.
     #[inline(always)]
-    pub fn weights(&self) -> [f64; 3] {
+    pub(crate) fn weights(&self) -> [f64; 3] {
         let [[ax, ay], [bx, by], [cx, cy]] = self.sheared_xy;
         [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax]
     }
@@ -263,11 +263,11 @@ fn inside([a, b, c]: [f64; 3]) -> bool {
 
 /// The share of a triangle's largest coordinate, relative to the origin, below which a rounded depth does not decide
 /// whether the hit lies ahead.
-pub const NEAR: f64 = 1.0 / 64.0;
+pub(crate) const NEAR: f64 = 1.0 / 64.0;
 
 /// The share of its products below which an edge function is recomputed with their rounding errors. Above it, at
 /// least 33 bits remain, with the error of two roundings.
-pub const CANCELLED: f64 = 1.0 / (1u32 << 20) as f64;
+pub(crate) const CANCELLED: f64 = 1.0 / (1u32 << 20) as f64;
 
 /// `p.x * q.y - p.y * q.x` with its exact sign, for products that nearly cancel: their difference is then exact
 /// (Sterbenz), and so are their rounding errors.

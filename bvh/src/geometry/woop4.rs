@@ -12,7 +12,7 @@ use super::{Corner, Ray};
 /// Four rays prepared for triangles, axes permuted so that the major axis of the first ray is the third.
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
-pub struct PreparedRay4 {
+pub(crate) struct PreparedRay4 {
     origin: [[f64; LANES4]; 3],
     shear: [[f64; LANES4]; 2],
     inverse: [[f64; LANES4]; 3],
@@ -46,7 +46,7 @@ impl PreparedRay4 {
     /// # Panics
     /// If `rays` is empty.
     #[inline(always)]
-    pub fn fill<S: Simd>(&mut self, rays: &[Ray]) {
+    pub(crate) fn fill<S: Simd>(&mut self, rays: &[Ray]) {
         let major = MajorAxis::of(&rays[0]);
         let four = Ray4::<S>::new(rays, 0);
         self.axes = major.axes();
@@ -78,7 +78,7 @@ impl PreparedRay4 {
     /// The hits of the four rays on one triangle. `ahead`: the caller knows that no hit lies behind a ray's origin,
     /// and the test for that is left out.
     #[inline(always)]
-    pub fn hit<S: Simd>(&self, corners: &[[f64; 3]; 3], ahead: bool) -> Hit4 {
+    pub(crate) fn hit<S: Simd>(&self, corners: &[[f64; 3]; 3], ahead: bool) -> Hit4 {
         let origin = load::<S>(&self.origin);
         let mut from_origin = [[origin[0]; 3]; 3];
         for (corner, from_origin) in corners.iter().zip(&mut from_origin) {
@@ -92,7 +92,7 @@ impl PreparedRay4 {
 
     /// The hits of each ray on a triangle of its own, given as a lane of a [`Triangle4`] and known to lie ahead.
     #[inline(always)]
-    pub fn hit_each<S: Simd, C: Corner>(&self, triangles: &[(&Triangle4<C>, usize); LANES4]) -> Hit4 {
+    pub(crate) fn hit_each<S: Simd, C: Corner>(&self, triangles: &[(&Triangle4<C>, usize); LANES4]) -> Hit4 {
         let origin = load::<S>(&self.origin);
         let mut from_origin = [[origin[0]; 3]; 3];
         for (k, from_origin) in from_origin.iter_mut().enumerate() {
@@ -128,7 +128,7 @@ impl PreparedRay4 {
 }
 
 /// The parameters of four rays apart from their origins, from which corners are given.
-pub struct Sheared4<S: Simd> {
+pub(crate) struct Sheared4<S: Simd> {
     /// The two shears, and the reciprocal of the direction along the third axis.
     pub shear: [S::D4; 3],
     /// Reciprocals of the direction.
@@ -145,7 +145,7 @@ pub struct Sheared4<S: Simd> {
 ///
 /// Longer than other functions: its parts share the registers of the corners.
 #[inline(always)]
-pub fn hit_four<S: Simd>(
+pub(crate) fn hit_four<S: Simd>(
     corners: &[[S::D4; 3]; 3],
     rays: &Sheared4<S>,
     zero_direction_mask: u32,

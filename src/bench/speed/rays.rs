@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::super::{Mesh, Numbers, kiln};
 use crate::bvh::{Accelerator, Layout, Primitive, Traversal};
 use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{Hit, Intersector, Numerics, Precision, Ray};
+use crate::geometry::{Hit, Numerics, Precision, Ray};
 use crate::world::View;
 
 /// What rays are cast for.

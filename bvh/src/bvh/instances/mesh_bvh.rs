@@ -12,7 +12,7 @@ use crate::geometry::Mesh;
 use crate::geometry::{Bounds, Corner};
 
 /// A mesh and the binary tree over it, in [`MeshSpace`].
-pub struct MeshBvh {
+pub(crate) struct MeshBvh {
     /// The mesh.
     pub mesh: Arc<Mesh>,
     /// The nodes of the tree.
@@ -26,7 +26,7 @@ const BOUNDING_NODES: usize = 64;
 
 impl MeshBvh {
     /// Builds the tree. Boxes are enlarged by `spread` times their half sizes; see [`Transform::spread`].
-    pub fn new(mesh: Arc<Mesh>, space: &MeshSpace, spread: &DMat3, preset: Preset) -> Self {
+    pub(crate) fn new(mesh: Arc<Mesh>, space: &MeshSpace, spread: &DMat3, preset: Preset) -> Self {
         let bounds = |triangle: &[u32; 3]| {
             let [min, max] = DVec3::span(&triangle.map(|i| space.point(mesh.positions[i as usize])));
             let more = *spread * ((max - min) / 2.0);
@@ -39,7 +39,7 @@ impl MeshBvh {
     }
 
     /// Bounds of the instance in world space, for corners rounded or not.
-    pub fn in_world(&self, transform: &Transform) -> Bounds {
+    pub(crate) fn in_world(&self, transform: &Transform) -> Bounds {
         let mut open = vec![0];
         let mut next = 0;
         while next < open.len() && open.len() < BOUNDING_NODES {
@@ -62,7 +62,7 @@ impl MeshBvh {
     }
 
     /// Its size in bytes, with the vertex positions of the mesh.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.nodes.as_slice())
             + size_of_val(self.triangles.as_slice())
             + size_of_val(self.mesh.positions.as_slice())

@@ -59,7 +59,7 @@ pub fn can_be_instance(placed: &Placed, space: &MeshSpace, numerics: Numerics) -
 
 /// The traversal stacks of the two levels.
 #[derive(Debug, Default)]
-pub struct Stacks {
+pub(crate) struct Stacks {
     top: Vec<(u32, f32)>,
     bottom: Vec<(u32, f32)>,
 }
@@ -75,7 +75,7 @@ struct PreparedInstance {
 }
 
 /// A structure over single primitives, and a two-level tree over instances.
-pub struct Instances<T: Tier> {
+pub(crate) struct Instances<T: Tier> {
     /// The structure over primitives that are not instanced.
     flat: Box<dyn Accelerator>,
     instances: Vec<PreparedInstance>,
@@ -89,7 +89,7 @@ pub struct Instances<T: Tier> {
 
 impl<T: Tier> Instances<T> {
     /// Builds the two-level tree. Every instance must satisfy [`can_be_instance`].
-    pub fn new(flat: Box<dyn Accelerator>, instances: Vec<Instance>, preset: Preset) -> Self {
+    pub(crate) fn new(flat: Box<dyn Accelerator>, instances: Vec<Instance>, preset: Preset) -> Self {
         // The highest slots: those of `flat` begin at 0.
         let triangles: usize = instances.iter().map(|i| i.placed.mesh.triangles.len()).sum();
         let triangles = u32::try_from(triangles).expect("primitives are numbered with 32 bits");

@@ -49,7 +49,7 @@ impl MeshSpace {
 
 /// The transform between world space and the [`MeshSpace`] of an instance.
 #[derive(Debug, Clone, Copy)]
-pub struct Transform {
+pub(crate) struct Transform {
     world_from_box: DMat3,
     /// The centre of the mesh in world space.
     origin: DVec3,
@@ -85,7 +85,7 @@ const LARGEST_SCALE: f64 = (1u128 << 60) as f64;
 
 impl Transform {
     /// The transform of a placed mesh; `None` if the placement is singular, or its error exceeds [`MAX_BOX_ERROR`].
-    pub fn new(placed: &Placed, space: &MeshSpace, numerics: Numerics) -> Option<Self> {
+    pub(crate) fn new(placed: &Placed, space: &MeshSpace, numerics: Numerics) -> Option<Self> {
         let (linear, offset) = placed.placement.as_one();
         let world_from_box = linear * space.scale.recip();
         let origin = linear * space.middle + offset;
@@ -123,12 +123,12 @@ impl Transform {
 
     /// How far the world-space box of a triangle extends beyond its mesh-space box, per half size of the latter: 0 if
     /// the placement maps axes to axes.
-    pub fn spread(&self) -> DMat3 {
+    pub(crate) fn spread(&self) -> DMat3 {
         spread(&self.box_from_world.abs(), &self.world_from_box.abs())
     }
 
     /// Bounds in world space of all corners in a box of the mesh's tree, not yet rounded to f32.
-    pub fn in_world(&self, min: DVec3, max: DVec3) -> [DVec3; 2] {
+    pub(crate) fn in_world(&self, min: DVec3, max: DVec3) -> [DVec3; 2] {
         let (centre, half) = (min / 2.0 + max / 2.0, max / 2.0 - min / 2.0);
         let centre = self.world_from_box * centre + self.origin;
         let out = self.world_from_box.abs();
@@ -142,7 +142,7 @@ impl Transform {
     ///
     /// Starting there keeps f32 coordinates small.
     #[inline]
-    pub fn local(&self, ray: &Ray, enter: f32) -> (WidenedBoxTest, f64) {
+    pub(crate) fn local(&self, ray: &Ray, enter: f32) -> (WidenedBoxTest, f64) {
         let from = ray.origin - self.origin;
         let direction = self.box_from_world * ray.direction;
         // The error of any tier's box test is half of this.

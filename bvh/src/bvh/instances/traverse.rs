@@ -10,7 +10,7 @@ use crate::bvh::Next;
 /// Calls `visit` with the range of each leaf whose box `enters` enters, and the entry distance; nearest boxes first.
 /// Adds the number of boxes tested to `count`. Returns [`Next::Stop`] if `visit` did.
 #[inline(always)]
-pub fn traverse(
+pub(crate) fn traverse(
     nodes: &[Bvh2Node],
     mut t_max: f32,
     stack: &mut Vec<(u32, f32)>,

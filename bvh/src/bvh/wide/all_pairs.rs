@@ -13,13 +13,13 @@ use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
 const MAX_LEAVES: usize = 4;
 
 /// Whether the scene is small enough.
-pub fn applies<T: Tier>(wide: &Wide<T>) -> bool {
+pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
     T::HAS_RAY4 && wide.triangles.len() <= MAX_LEAVES && wide.analytic.len() <= MAX_LEAVES
 }
 
 /// Calls `found` with the index of a ray and each of its hits, until it returns [`Next::Stop`] for that ray.
 #[inline(always)]
-pub fn test<T: Tier, S: Simd>(
+pub(crate) fn test<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: &[Ray],
     prepared: &mut PreparedRay4,

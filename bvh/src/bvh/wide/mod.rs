@@ -22,15 +22,15 @@ mod packet;
 mod single;
 mod stream;
 
-pub use layout::{Child, Wide, convert};
-pub use packet::Scratch;
-pub use stream::Stacks;
+pub(crate) use layout::{Child, Wide, convert};
+pub(crate) use packet::Scratch;
+pub(crate) use stream::Stacks;
 
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::Avx2;
 
 /// Whether this machine has the instructions of [`Avx2`].
-pub fn is_accelerated() -> bool {
+pub(crate) fn is_accelerated() -> bool {
     #[cfg(target_arch = "x86_64")]
     return Avx2::is_supported();
     #[cfg(not(target_arch = "x86_64"))]

@@ -9,7 +9,7 @@ mod portable;
 #[allow(unsafe_code)]
 mod x86;
 
-pub use portable::Portable;
+pub(crate) use portable::Portable;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86::Avx2;
 
@@ -24,26 +24,26 @@ pub(crate) fn prefetch<T>(items: &[T], index: usize) {
 
 /// The first or second of two arrays of eight f32, as a byte offset: selecting takes one addition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Side(usize);
+pub(crate) struct Side(usize);
 
 impl Side {
     const BYTES: usize = size_of::<[f32; 8]>();
 
     /// The second array if `second`, else the first.
     #[inline(always)]
-    pub fn new(second: bool) -> Self {
+    pub(crate) fn new(second: bool) -> Self {
         Side(usize::from(second) * Self::BYTES)
     }
 
     /// The other array.
     #[inline(always)]
-    pub fn other(self) -> Self {
+    pub(crate) fn other(self) -> Self {
         Side(self.0 ^ Self::BYTES)
     }
 }
 
 /// An instruction set and its vectors. Masks have one bit per lane, the lowest for the first lane.
-pub trait Simd: Copy + Send + Sync + 'static {
+pub(crate) trait Simd: Copy + Send + Sync + 'static {
     /// Eight f32 numbers.
     type F8: Copy;
     /// Four f64 numbers.

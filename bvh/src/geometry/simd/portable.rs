@@ -4,7 +4,7 @@ use super::{Side, Simd};
 
 /// Portable Rust, left to the compiler's vectorisation.
 #[derive(Clone, Copy)]
-pub struct Portable;
+pub(crate) struct Portable;
 
 #[inline(always)]
 fn each<T: Copy, R, const N: usize>(a: [T; N], b: [T; N], f: impl Fn(T, T) -> R) -> [R; N] {

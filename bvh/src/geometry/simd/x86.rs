@@ -8,11 +8,11 @@ use super::{Side, Simd};
 /// AVX2 and FMA. To be used only if [`Avx2::is_supported`]: the safety of the intrinsics in this file depends on it,
 /// so the type is private to the crate.
 #[derive(Clone, Copy)]
-pub struct Avx2;
+pub(crate) struct Avx2;
 
 impl Avx2 {
     /// Whether this machine supports AVX2, FMA and the bit instructions that the compiler may use with them.
-    pub fn is_supported() -> bool {
+    pub(crate) fn is_supported() -> bool {
         use std::arch::is_x86_feature_detected as has;
         let counts_bits = has!("popcnt") && has!("bmi1") && has!("bmi2") && has!("lzcnt");
         counts_bits && has!("avx2") && has!("fma")
@@ -21,7 +21,7 @@ impl Avx2 {
 
 /// See [`super::prefetch`].
 #[inline(always)]
-pub fn prefetch<T>(items: &[T], index: usize) {
+pub(crate) fn prefetch<T>(items: &[T], index: usize) {
     let at = items.as_ptr().wrapping_add(index).cast::<i8>();
     // SAFETY: the instruction is one of SSE, which every x86-64 has, and a prefetch does not access memory.
     unsafe { _mm_prefetch::<_MM_HINT_T0>(at) };

@@ -7,7 +7,7 @@ use crate::geometry::exact::{TOLERANCE, is_ray, is_within};
 
 /// The least distance within `t_min < t < t_max` at which the ray meets the sphere.
 #[inline(always)]
-pub fn hit(ray: &Ray, sphere: &Sphere) -> Option<f64> {
+pub(crate) fn hit(ray: &Ray, sphere: &Sphere) -> Option<f64> {
     // As `Sphere::hit`, with error bounds.
     let (d, f) = (ray.direction, ray.origin - sphere.centre);
     let (a, ff, rr) = (d.dot(d), f.dot(f), sphere.radius * sphere.radius);
@@ -50,7 +50,7 @@ pub fn hit(ray: &Ray, sphere: &Sphere) -> Option<f64> {
 
 /// The first of a sphere's two distances that lies between `t_min` and `t_max`.
 #[cold]
-pub fn distance(ray: &Ray, sphere: &Sphere) -> Option<Distance> {
+pub(crate) fn distance(ray: &Ray, sphere: &Sphere) -> Option<Distance> {
     is_ray(ray).then_some(())?;
     roots(ray, sphere)?.into_iter().find(|distance| distance.is_within(ray))
 }

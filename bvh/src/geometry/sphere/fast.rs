@@ -6,7 +6,7 @@ use crate::geometry::{Fast, Intersector, Ray, Tier};
 
 /// The least distance within `t_min < t < t_max` at which the ray meets the sphere.
 #[inline(always)]
-pub fn hit(ray: &Ray, sphere: &Sphere) -> Option<f64> {
+pub(crate) fn hit(ray: &Ray, sphere: &Sphere) -> Option<f64> {
     let test = Fast::prepare(ray);
     let (d, f) = (test.direction, test.origin - sphere.centre.as_vec3());
     let radius = sphere.radius as f32;

@@ -20,11 +20,11 @@ type Split = [u8; WIDTH];
 const LARGEST: f32 = 1e28;
 
 /// The choices for every node.
-pub struct Collapse(Vec<Split>);
+pub(crate) struct Collapse(Vec<Split>);
 
 impl Collapse {
     /// The choices for a tree in preorder.
-    pub fn new(entries: &[Entry]) -> Self {
+    pub(crate) fn new(entries: &[Entry]) -> Self {
         let mut splits = vec![[0; WIDTH]; entries.len()];
         // Backwards: at an inner node the costs of its children are the last two, the first child's last.
         let mut costs: Vec<Costs> = Vec::new();
@@ -47,7 +47,7 @@ impl Collapse {
     }
 
     /// The entries that become children of the wide node at `root`, and their number.
-    pub fn children(&self, entries: &[Entry], root: u32) -> ([u32; WIDTH], usize) {
+    pub(crate) fn children(&self, entries: &[Entry], root: u32) -> ([u32; WIDTH], usize) {
         let (mut children, mut len) = ([root; WIDTH], 0);
         // The stack never exceeds the number of places.
         let (mut stack, mut top) = ([(root, WIDTH, self.0[root as usize][0]); WIDTH], 1);

@@ -21,7 +21,7 @@ type Members = Range<u32>;
 /// Converts a binary tree with one primitive per leaf. A leaf refers to `slots[of_slot[tree.primitive_indices[i]]]`.
 ///
 /// Nodes are written by one thread, triangles in parallel. The result does not depend on the number of threads.
-pub fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], simd: bool) -> Wide<T> {
+pub(crate) fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], simd: bool) -> Wide<T> {
     let mut wide = Wide {
         nodes: Vec::new(),
         triangles: Vec::new(),

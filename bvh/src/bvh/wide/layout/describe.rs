@@ -6,7 +6,7 @@ use crate::geometry::{AnalyticShape, Bounds, PrimId, Tier};
 
 impl<T: Tier> Wide<T> {
     /// See [`Accelerator::quality`](crate::bvh::Accelerator::quality).
-    pub fn measure(&self) -> Option<Quality> {
+    pub(crate) fn measure(&self) -> Option<Quality> {
         // Nodes are numbered by their index, leaves by the number of nodes plus their node's index and place.
         let nodes = self.nodes.len();
         let area = |index: usize| -> f64 {
@@ -34,7 +34,7 @@ impl<T: Tier> Wide<T> {
     }
 
     /// See [`Accelerator::describe`](crate::bvh::Accelerator::describe).
-    pub fn description(&self) -> Description {
+    pub(crate) fn description(&self) -> Description {
         let ids = self.triangles.iter().flat_map(|leaf| leaf.ids);
         let slots = ids.filter(|&id| id != NO_PRIMITIVE).count() + self.analytic.len();
         let bytes = self.nodes.len() * size_of::<Node>()

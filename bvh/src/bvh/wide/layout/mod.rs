@@ -11,14 +11,14 @@ mod node;
 mod preorder;
 mod refit;
 
-pub use convert::convert;
-pub use node::{Child, Content, Node, WIDTH};
+pub(crate) use convert::convert;
+pub(crate) use node::{Child, Content, Node, WIDTH};
 
 use crate::geometry::four::LANES4;
 use crate::geometry::{AnalyticShape, Corner, Hit, PrimId, Ray, SlotId, Stored, Tier, Triangle4};
 
 /// A bounding volume hierarchy of eight children per node.
-pub struct Wide<T: Tier> {
+pub(crate) struct Wide<T: Tier> {
     /// The nodes, every node before its descendants; the root is the first. Empty without primitives.
     pub nodes: Vec<Node>,
     /// The leaves of triangles. Slot `LANES4 * i + lane` is a lane of leaf i.
@@ -35,25 +35,25 @@ pub struct Wide<T: Tier> {
 
 /// Up to four triangles and their primitive ids.
 #[derive(Clone, Copy)]
-pub struct TriangleLeaf<C: Corner> {
+pub(crate) struct TriangleLeaf<C: Corner> {
     pub corners: Triangle4<C>,
     /// Primitive ids; [`NO_PRIMITIVE`] in empty lanes.
     pub ids: [u32; LANES4],
 }
 
 /// The primitive id of an empty lane.
-pub const NO_PRIMITIVE: u32 = u32::MAX;
+pub(crate) const NO_PRIMITIVE: u32 = u32::MAX;
 
 impl<T: Tier> Wide<T> {
     /// The slot of an analytic shape.
     #[inline(always)]
-    pub fn slot_of_analytic(&self, index: u32) -> SlotId {
+    pub(crate) fn slot_of_analytic(&self, index: u32) -> SlotId {
         SlotId((self.triangles.len() * LANES4) as u32 + index)
     }
 
     /// The primitive in a slot, in the precision of the tier.
     #[inline(always)]
-    pub fn stored(&self, slot: SlotId) -> Stored<T::Corner> {
+    pub(crate) fn stored(&self, slot: SlotId) -> Stored<T::Corner> {
         let slot = slot.0 as usize;
         match self.triangles.get(slot / LANES4) {
             Some(leaf) => Stored::Triangle(leaf.corners.triangle(slot % LANES4)),
@@ -63,7 +63,7 @@ impl<T: Tier> Wide<T> {
 
     /// Whether `hit` comes before the best hit so far.
     #[inline(always)]
-    pub fn is_better(&self, ray: &Ray, hit: &Hit, best: Option<&Hit>) -> bool {
+    pub(crate) fn is_better(&self, ray: &Ray, hit: &Hit, best: Option<&Hit>) -> bool {
         best.is_none_or(|best| {
             // A split triangle is in several slots.
             hit.prim != best.prim

@@ -8,12 +8,12 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 /// Children per node.
-pub const WIDTH: usize = 8;
+pub(crate) const WIDTH: usize = 8;
 
 /// The bounds of eight children, and references to them.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-pub struct Node {
+pub(crate) struct Node {
     /// `planes[axis][0]` are the lower, `planes[axis][1]` the upper coordinates. Bounds of empty places are inverted,
     /// and no ray enters them.
     pub planes: [[[f32; WIDTH]; 2]; 3],
@@ -26,11 +26,11 @@ pub struct Node {
 /// A reference to a node or leaf, packed in 32 bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
-pub struct Child(u32);
+pub(crate) struct Child(u32);
 
 /// An unpacked [`Child`].
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Content {
+pub(crate) enum Content {
     /// The inner node of that index.
     Node(u32),
     /// A leaf: a range of [`TriangleLeaf`](super::TriangleLeaf)s.
@@ -41,9 +41,9 @@ pub enum Content {
 
 impl Child {
     /// The most triangle leaves or analytic shapes that a reference can span.
-    pub const MAX_COUNT: usize = 4;
+    pub(crate) const MAX_COUNT: usize = 4;
     /// The limit of indices of nodes, triangle leaves and analytic shapes.
-    pub const MAX_INDICES: usize = 1 << 28;
+    pub(crate) const MAX_INDICES: usize = 1 << 28;
 
     const ANALYTIC: u32 = 1 << 31;
     const LEAF: u32 = 1 << 30;
@@ -51,13 +51,13 @@ impl Child {
     const INDEX: u32 = (1 << Self::COUNT_SHIFT) - 1;
 
     /// A reference to an inner node.
-    pub fn node(index: usize) -> Self {
+    pub(crate) fn node(index: usize) -> Self {
         assert!(index < Self::MAX_INDICES, "more nodes than a structure can number");
         Child(index as u32)
     }
 
     /// A reference to a leaf of analytic shapes, or of triangles.
-    pub fn leaf(first: usize, count: usize, shapes: bool) -> Self {
+    pub(crate) fn leaf(first: usize, count: usize, shapes: bool) -> Self {
         assert!(first + count <= Self::MAX_INDICES, "more primitives than a structure can number");
         debug_assert!((1..=Self::MAX_COUNT).contains(&count));
         let kind = if shapes { Self::ANALYTIC } else { 0 };
@@ -65,58 +65,58 @@ impl Child {
     }
 
     /// A reference to nothing: the sentinel at the bottom of a stream's stacks.
-    pub const NOTHING: Child = Child(Self::ANALYTIC);
+    pub(crate) const NOTHING: Child = Child(Self::ANALYTIC);
 
     /// The number of values of [`Child::kind`].
-    pub const KINDS: usize = 4;
+    pub(crate) const KINDS: usize = 4;
     /// The kind of an inner node.
-    pub const KIND_NODE: usize = 0;
+    pub(crate) const KIND_NODE: usize = 0;
     /// The kind of a leaf of triangles.
-    pub const KIND_TRIANGLES: usize = 1;
+    pub(crate) const KIND_TRIANGLES: usize = 1;
     /// The kind of [`Child::NOTHING`].
-    pub const KIND_NOTHING: usize = 2;
+    pub(crate) const KIND_NOTHING: usize = 2;
     /// The kind of a leaf of analytic shapes.
-    pub const KIND_ANALYTIC: usize = 3;
+    pub(crate) const KIND_ANALYTIC: usize = 3;
 
     /// The kind of the reference, below [`Child::KINDS`].
     #[inline(always)]
-    pub fn kind(self) -> usize {
+    pub(crate) fn kind(self) -> usize {
         (self.0 >> Self::LEAF.trailing_zeros()) as usize
     }
 
     /// Whether it refers to a leaf.
     #[inline(always)]
-    pub fn is_leaf(self) -> bool {
+    pub(crate) fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
     }
 
     /// The index of the node, or of the first triangle leaf or analytic shape.
     #[inline(always)]
-    pub fn index(self) -> usize {
+    pub(crate) fn index(self) -> usize {
         (self.0 & Self::INDEX) as usize
     }
 
     /// The bits of the reference.
     #[inline(always)]
-    pub fn as_bits(self) -> u32 {
+    pub(crate) fn as_bits(self) -> u32 {
         self.0
     }
 
     /// The bits of eight references.
     #[inline(always)]
-    pub fn bits(children: &[Child; WIDTH]) -> &[u32; WIDTH] {
+    pub(crate) fn bits(children: &[Child; WIDTH]) -> &[u32; WIDTH] {
         bytemuck::cast_ref(children)
     }
 
     /// The reference of given bits.
     #[inline(always)]
-    pub fn of_bits(bits: u32) -> Child {
+    pub(crate) fn of_bits(bits: u32) -> Child {
         Child(bits)
     }
 
     /// The reference, unpacked.
     #[inline(always)]
-    pub fn content(self) -> Content {
+    pub(crate) fn content(self) -> Content {
         let first = self.0 & Self::INDEX;
         let end = first + 1 + (self.0 >> Self::COUNT_SHIFT & (Self::MAX_COUNT as u32 - 1));
         match (self.0 & Self::LEAF != 0, self.0 & Self::ANALYTIC != 0) {
@@ -129,14 +129,14 @@ impl Child {
 
 impl Node {
     /// A node without children.
-    pub const EMPTY: Node = Node {
+    pub(crate) const EMPTY: Node = Node {
         planes: [[[f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]]; 3],
         children: [Child(Child::INDEX); WIDTH],
         present: 0,
     };
 
     /// Writes a child and its bounds to a place.
-    pub fn set(&mut self, place: usize, b: Bounds, child: Child) {
+    pub(crate) fn set(&mut self, place: usize, b: Bounds, child: Child) {
         for axis in 0..3 {
             self.planes[axis][0][place] = b.min[axis];
             self.planes[axis][1][place] = b.max[axis];
@@ -146,14 +146,14 @@ impl Node {
     }
 
     /// The bounds of a child.
-    pub fn bounds(&self, place: usize) -> Bounds {
+    pub(crate) fn bounds(&self, place: usize) -> Bounds {
         let side =
             |side: usize| Vec3::from_array([0, 1, 2].map(|axis: usize| self.planes[axis][side][place]));
         Bounds { min: side(0), max: side(1) }
     }
 
     /// The occupied places.
-    pub fn places(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn places(&self) -> impl Iterator<Item = usize> {
         let present = self.present;
         (0..WIDTH).filter(move |place| present >> place & 1 != 0)
     }

@@ -10,7 +10,7 @@ use crate::geometry::four::LANES4;
 use crate::geometry::simd::prefetch;
 
 /// The nodes in preorder, and the primitives of the leaves.
-pub struct Preorder {
+pub(crate) struct Preorder {
     /// The nodes. The root is the first.
     pub entries: Vec<Entry>,
     /// The primitives of the leaves, as indices into the tree's list of primitives.
@@ -19,7 +19,7 @@ pub struct Preorder {
 
 /// A node. Its first child is the next entry.
 #[derive(Clone, Copy)]
-pub struct Entry {
+pub(crate) struct Entry {
     /// Its bounds.
     pub bounds: Bounds,
     /// Its children or primitives.
@@ -28,7 +28,7 @@ pub struct Entry {
 
 /// The children or primitives of an [`Entry`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EntryContent {
+pub(crate) enum EntryContent {
     /// Two children; this is the index of the second.
     Inner(u32),
     /// A leaf of triangles: the first of [`Preorder::primitives`] and their number, at most four.
@@ -46,7 +46,7 @@ impl EntryContent {
 impl Entry {
     /// Whether it is a leaf.
     #[inline(always)]
-    pub fn is_leaf(&self) -> bool {
+    pub(crate) fn is_leaf(&self) -> bool {
         !matches!(self.content, EntryContent::Inner(_))
     }
 }
@@ -63,7 +63,7 @@ struct Ancestor {
 impl Preorder {
     /// The preorder of a tree with one primitive per leaf. `is_analytic` gets indices into the tree's list of
     /// primitives. Not recursive: the tree may be of any depth.
-    pub fn new(tree: &Bvh2, is_analytic: impl Fn(u32) -> bool) -> Self {
+    pub(crate) fn new(tree: &Bvh2, is_analytic: impl Fn(u32) -> bool) -> Self {
         // The usual size of meshes; the list grows if necessary.
         let entries = Vec::with_capacity(tree.nodes.len() / 3);
         let mut preorder = Preorder { entries, primitives: Vec::with_capacity(tree.primitive_indices.len()) };

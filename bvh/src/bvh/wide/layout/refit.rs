@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::{Content, NO_PRIMITIVE, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::Primitive;
 use crate::bvh::build::MIN_PARALLEL;
-use crate::geometry::{AnalyticShape, Bounds, Corner, Intersector, PrimId, Tier, Triangle};
+use crate::geometry::{AnalyticShape, Bounds, Corner, PrimId, Tier, Triangle};
 
 /// Inverted bounds: those of nothing.
 const NOTHING: Bounds = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
@@ -26,7 +26,7 @@ struct Moved {
 
 impl<T: Tier> Wide<T> {
     /// See [`Accelerator::refit`](crate::bvh::Accelerator::refit).
-    pub fn refit_to(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
+    pub(crate) fn refit_to(&mut self, primitive: &(dyn Fn(PrimId) -> Primitive + Sync)) -> Option<f64> {
         let before = self.cost_at_build.unwrap_or_else(|| self.cost());
         self.cost_at_build = Some(before);
         let Moved { triangles, shapes, is_other_kind } = self.move_primitives(primitive);

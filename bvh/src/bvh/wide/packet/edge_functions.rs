@@ -25,7 +25,7 @@ use crate::geometry::simd::Simd;
 /// the apex at depth 0 by up to `spread` (1 + |u| + |v|) on each axis meet a plane whose V differs by that times its
 /// slopes across, a and b in sum. They may end beyond the apex by `spread`, at negative depths: V of planes met there
 /// is at most `spread` times twice those slopes and c in sum; for these the sign of V is unknown.
-pub struct EdgeFunctions {
+pub(crate) struct EdgeFunctions {
     edges: [EdgeFunction4; 3],
     /// Bounds of V; 0 and infinity if depths are unknown.
     volumes: [[f32; LANES4]; 2],
@@ -46,7 +46,7 @@ struct EdgeFunction4 {
 }
 
 /// The rays of a block against one triangle, as bits.
-pub struct Overlap<S: Simd> {
+pub(crate) struct Overlap<S: Simd> {
     /// The rays that may hit.
     pub possible: u32,
     /// The rays whose line certainly passes through the triangle.
@@ -63,7 +63,7 @@ const QUOTIENT_MARGINS: [f64; 2] = [1.0 - 4.0 * f32::EPSILON as f64, 1.0 + 4.0 *
 
 impl EdgeFunctions {
     #[inline(always)]
-    pub fn new<S: Simd>(projected: &ProjectedTriangles<S>, frustum: &Frustum) -> Self {
+    pub(crate) fn new<S: Simd>(projected: &ProjectedTriangles<S>, frustum: &Frustum) -> Self {
         let reach = frustum.intervals.map(|[low, high]| f64::from(low.abs().max(high.abs())));
         let slopes = 1.0 + reach[0] + reach[1];
         let reach = [S::d4_splat(reach[0]), S::d4_splat(reach[1])];
@@ -115,7 +115,7 @@ impl EdgeFunctions {
 
     /// The rays of a block against the triangle in a lane.
     #[inline(always)]
-    pub fn overlap<S: Simd>(&self, lane: usize, u: [f32; BLOCK], v: [f32; BLOCK]) -> Overlap<S> {
+    pub(crate) fn overlap<S: Simd>(&self, lane: usize, u: [f32; BLOCK], v: [f32; BLOCK]) -> Overlap<S> {
         let (u, v) = (S::f8(u), S::f8(v));
         let zero = S::f8_splat(0.0);
         let (mut values, mut bounds) = ([zero; 3], [zero; 3]);
@@ -139,7 +139,7 @@ impl EdgeFunctions {
 
     /// Bounds of the depths at which the certain rays of a block hit the triangle in a lane.
     #[inline(always)]
-    pub fn depths<S: Simd>(&self, lane: usize, overlap: &Overlap<S>) -> [S::F8; 2] {
+    pub(crate) fn depths<S: Simd>(&self, lane: usize, overlap: &Overlap<S>) -> [S::F8; 2] {
         let zero = S::f8_splat(0.0);
         let bound = S::f8_splat(self.bounds[lane]);
         // A sum within its error bound may be 0.

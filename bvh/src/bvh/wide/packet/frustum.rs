@@ -22,13 +22,13 @@ use crate::geometry::{Ray, round_down, round_up};
 /// The relative amount by which bounds of intervals are moved outwards. A slope is off by 5 u (two components, a
 /// reciprocal, a product and its rounding to f32), a difference by u, its product with the slope by u more, and the
 /// other difference by u: 8 u; and hits are clamped to their bounds up to 2^-26. This is 16 u, with u = 2^-24.
-pub const SLACK: f64 = 8.0 * f32::EPSILON as f64;
+pub(crate) const SLACK: f64 = 8.0 * f32::EPSILON as f64;
 
 /// The largest distance of a ray from the common end, relative to the shortest ray. Wider frusta cull too little.
-pub const MAX_SPREAD: f64 = 1.0 / 65536.0;
+pub(crate) const MAX_SPREAD: f64 = 1.0 / 65536.0;
 
 /// A frustum around rays with a common origin, end (`to_end`) or direction. The apex is the common origin or end.
-pub struct Frustum {
+pub(crate) struct Frustum {
     /// The axes of u, v and depth.
     pub axes: [usize; 3],
     /// Whether depth grows towards negative coordinates.
@@ -58,7 +58,7 @@ impl Frustum {
     /// The frustum of rays with a common end (`to_end`) or origin, or of parallel rays, and their projection in
     /// `packet`. `None` if the rays have nothing in common or diverge too far.
     #[inline(always)]
-    pub fn new<S: Simd>(rays: &[Ray], to_end: bool, packet: &mut PacketRays) -> Option<Self> {
+    pub(crate) fn new<S: Simd>(rays: &[Ray], to_end: bool, packet: &mut PacketRays) -> Option<Self> {
         let first = rays.first()?;
         if rays[rays.len() / 2].direction == first.direction
             && rays[rays.len() - 1].direction == first.direction
@@ -148,7 +148,7 @@ impl Frustum {
 
     /// The places of `node` whose boxes may be entered by a ray, as bits, and lower bounds of the entry depths.
     #[inline(always)]
-    pub fn enter<S: Simd>(&self, node: &Node) -> (u32, [f32; WIDTH]) {
+    pub(crate) fn enter<S: Simd>(&self, node: &Node) -> (u32, [f32; WIDTH]) {
         let [u, v, depth] = self.axes;
         let apex = self.apex_bounds[depth];
         let [least, greatest] = [S::f8(node.planes[depth][0]), S::f8(node.planes[depth][1])];

@@ -11,7 +11,7 @@ use crate::geometry::simd::Simd;
 use crate::geometry::{Hit, PrimId, SlotId};
 
 /// The closest hits so far.
-pub struct BestHits {
+pub(crate) struct BestHits {
     /// Lower bounds of the depths of the best hits; not bounds for parallel rays.
     near: [[f32; BLOCK]; BLOCKS],
     /// Upper bounds of the depths of the best hits.
@@ -29,7 +29,7 @@ const NONE: u32 = u32::MAX;
 
 /// The best hit of a ray.
 #[derive(Clone, Copy)]
-pub enum BestHit {
+pub(crate) enum BestHit {
     /// No hit so far.
     None,
     /// A triangle that the ray certainly hits; not yet tested by the tier.
@@ -53,7 +53,7 @@ impl Default for BestHits {
 impl BestHits {
     /// Removes all hits. Depths are bounded by the rays' `t_max`, off by up to `spread`.
     #[inline(always)]
-    pub fn reset<S: Simd>(&mut self, rays: &PacketRays, spread: f32) {
+    pub(crate) fn reset<S: Simd>(&mut self, rays: &PacketRays, spread: f32) {
         let spread = S::f8_splat(spread);
         for block in 0..rays.blocks {
             let [near, far] = rays.depths::<S>(block);
@@ -66,13 +66,19 @@ impl BestHits {
     /// The rays of a block for which a triangle between two depths is certainly nearer than the best hit, and those
     /// for which it is certainly farther.
     #[inline(always)]
-    pub fn compare<S: Simd>(&self, block: usize, [near, far]: [S::F8; 2]) -> [u32; 2] {
+    pub(crate) fn compare<S: Simd>(&self, block: usize, [near, far]: [S::F8; 2]) -> [u32; 2] {
         [S::f8_le(far, S::f8(self.near[block])), S::f8_le(S::f8(self.far[block]), near)]
     }
 
     /// Makes the triangle in `slot` the unresolved best hit of some rays of a block.
     #[inline(always)]
-    pub fn set_unresolved<S: Simd>(&mut self, block: usize, rays: u32, slot: u32, [near, far]: [S::F8; 2]) {
+    pub(crate) fn set_unresolved<S: Simd>(
+        &mut self,
+        block: usize,
+        rays: u32,
+        slot: u32,
+        [near, far]: [S::F8; 2],
+    ) {
         self.near[block] = S::f8_array(S::f8_select(rays, near, S::f8(self.near[block])));
         self.far[block] = S::f8_array(S::f8_select(rays, far, S::f8(self.far[block])));
         S::masked_store(rays, slot, &mut self.slots[block]);
@@ -80,14 +86,14 @@ impl BestHits {
 
     /// Makes every further hit of some rays of a block too far.
     #[inline(always)]
-    pub fn retire<S: Simd>(&mut self, block: usize, rays: u32) {
+    pub(crate) fn retire<S: Simd>(&mut self, block: usize, rays: u32) {
         let nowhere = S::f8_splat(f32::NEG_INFINITY);
         self.far[block] = S::f8_array(S::f8_select(rays, nowhere, S::f8(self.far[block])));
     }
 
     /// Makes a hit found by the tier the best of its ray, with bounds of its depth.
     #[inline(always)]
-    pub fn set_resolved(&mut self, ray: usize, hit: &Hit, [near, far]: [f32; 2]) {
+    pub(crate) fn set_resolved(&mut self, ray: usize, hit: &Hit, [near, far]: [f32; 2]) {
         let (block, lane) = (ray / BLOCK % BLOCKS, ray % BLOCK);
         (self.near[block][lane], self.far[block][lane]) = (near, far);
         self.resolve(ray, hit);
@@ -95,14 +101,14 @@ impl BestHits {
 
     /// Replaces the unresolved best hit of a ray by the tier's hit on the same triangle.
     #[inline(always)]
-    pub fn resolve(&mut self, ray: usize, hit: &Hit) {
+    pub(crate) fn resolve(&mut self, ray: usize, hit: &Hit) {
         self.slots[ray / BLOCK % BLOCKS][ray % BLOCK] = RESOLVED;
         self.hits[ray] = *hit;
     }
 
     /// The slots of four rays from `first` on, a multiple of 4; see [`BestHits::is_unresolved`].
     #[inline(always)]
-    pub fn slots4(&self, first: usize) -> [u32; LANES4] {
+    pub(crate) fn slots4(&self, first: usize) -> [u32; LANES4] {
         let [low, high] = self.slots[first / BLOCK % BLOCKS].as_chunks().0 else {
             unreachable!("two halves")
         };
@@ -111,13 +117,13 @@ impl BestHits {
 
     /// Whether it is the slot of an unresolved triangle.
     #[inline(always)]
-    pub fn is_unresolved(slot: u32) -> bool {
+    pub(crate) fn is_unresolved(slot: u32) -> bool {
         slot < RESOLVED
     }
 
     /// The best hit of a ray.
     #[inline(always)]
-    pub fn get(&self, ray: usize) -> BestHit {
+    pub(crate) fn get(&self, ray: usize) -> BestHit {
         match self.slots[ray / BLOCK % BLOCKS][ray % BLOCK] {
             NONE => BestHit::None,
             RESOLVED => BestHit::Resolved(self.hits[ray]),

@@ -25,7 +25,7 @@ mod rays;
 mod resolve;
 mod traverse;
 
-pub use rays::PACKET;
+pub(crate) use rays::PACKET;
 
 use std::marker::PhantomData;
 
@@ -42,7 +42,7 @@ use rays::{BLOCK, BLOCKS, PacketRays};
 
 /// Appends the closest hits of the rays. `false`, with nothing appended, if they must be traced otherwise.
 #[inline(always)]
-pub fn closest<T: Tier, S: Simd>(
+pub(crate) fn closest<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: &[Ray],
     hits: &mut Vec<Option<Hit>>,
@@ -61,7 +61,7 @@ pub fn closest<T: Tier, S: Simd>(
 
 /// Appends whether each ray hits anything. `false`, with nothing appended, if they must be traced otherwise.
 #[inline(always)]
-pub fn occluded<T: Tier, S: Simd>(
+pub(crate) fn occluded<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: &[Ray],
     occluded: &mut Vec<bool>,
@@ -84,7 +84,7 @@ pub fn occluded<T: Tier, S: Simd>(
 }
 
 /// The arrays of a packet, kept from one packet to the next.
-pub struct Scratch {
+pub(crate) struct Scratch {
     rays: PacketRays,
     best: BestHits,
     /// Least and greatest u and v of every block.
@@ -115,7 +115,7 @@ impl Default for Scratch {
 
 impl Scratch {
     /// Memory for four prepared rays, outside of packets.
-    pub fn any_prepared(&mut self) -> &mut PreparedRay4 {
+    pub(crate) fn any_prepared(&mut self) -> &mut PreparedRay4 {
         &mut self.prepared[0]
     }
 }

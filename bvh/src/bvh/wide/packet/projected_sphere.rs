@@ -21,7 +21,7 @@ use crate::geometry::simd::Simd;
 /// includes the error of the tier's test (a few roundings of f64 of the distance to the centre) and that a ray passes
 /// the apex by up to `spread` on each axis, which is more than the deviation of rays with a common end. The squares
 /// and their sums are off by 20 u of themselves; 64 u are added.
-pub struct ProjectedSphere<S: Simd> {
+pub(crate) struct ProjectedSphere<S: Simd> {
     /// The centre across, and the factor of u and v: its depth, or 1 for parallel rays.
     across: [S::F8; 2],
     depth: S::F8,
@@ -44,7 +44,7 @@ const LARGEST: f64 = 1e18;
 
 impl<S: Simd> ProjectedSphere<S> {
     #[inline(always)]
-    pub fn new((centre, radius): (DVec3, f64), frustum: &Frustum) -> Self {
+    pub(crate) fn new((centre, radius): (DVec3, f64), frustum: &Frustum) -> Self {
         let mut relative = [0.0; 3];
         for (place, coordinate) in relative.iter_mut().enumerate() {
             let axis = frustum.axes[place];
@@ -80,7 +80,7 @@ impl<S: Simd> ProjectedSphere<S> {
 
     /// The rays of a block that may meet the sphere, as bits.
     #[inline(always)]
-    pub fn possible(&self, u: [f32; BLOCK], v: [f32; BLOCK]) -> u32 {
+    pub(crate) fn possible(&self, u: [f32; BLOCK], v: [f32; BLOCK]) -> u32 {
         if self.overflows {
             return u32::MAX >> (u32::BITS as usize - BLOCK);
         }

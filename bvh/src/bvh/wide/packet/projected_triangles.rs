@@ -8,10 +8,10 @@ use crate::geometry::simd::Simd;
 use crate::geometry::{Corner, Tier, Triangle4};
 
 /// Least and greatest u, least and greatest v of every block of rays.
-pub type BlockBounds = [[[f32; BLOCKS]; 2]; 2];
+pub(crate) type BlockBounds = [[[f32; BLOCKS]; 2]; 2];
 
 /// Four triangles relative to the apex of a frustum.
-pub struct ProjectedTriangles<S: Simd> {
+pub(crate) struct ProjectedTriangles<S: Simd> {
     /// Corners relative to the apex, each as coordinates on the axes of u, v and depth.
     pub corners: [[S::D4; 3]; 3],
     /// Projected corners, each as (u, v).
@@ -26,7 +26,7 @@ pub struct ProjectedTriangles<S: Simd> {
 
 impl<S: Simd> ProjectedTriangles<S> {
     #[inline(always)]
-    pub fn new<T: Tier>(triangles: &Triangle4<T::Corner>, frustum: &Frustum) -> Self {
+    pub(crate) fn new<T: Tier>(triangles: &Triangle4<T::Corner>, frustum: &Frustum) -> Self {
         let zero = S::d4_splat(0.0);
         let mut corners = [[zero; 3]; 3];
         let (mut least, mut most) = ([zero; 2], [zero; 2]);
@@ -89,7 +89,7 @@ impl<S: Simd> ProjectedTriangles<S> {
 
     /// The blocks of rays that a triangle's bounds overlap, as bits.
     #[inline(always)]
-    pub fn blocks(&self, lane: usize, block_bounds: &BlockBounds) -> u32 {
+    pub(crate) fn blocks(&self, lane: usize, block_bounds: &BlockBounds) -> u32 {
         let mut blocks = 0;
         for first in (0..BLOCKS).step_by(BLOCK) {
             let mut mask = u32::MAX;
@@ -134,10 +134,10 @@ fn parallel<S: Simd>(corner: &[S::D4; 3], shear: [f64; 2], reach: f64) -> ([S::D
 const SLOPE_SLACK: f64 = 4.0 * f32::EPSILON as f64;
 
 /// 32 roundings of f64.
-pub const PRODUCT_SLACK: f64 = 16.0 * f64::EPSILON;
+pub(crate) const PRODUCT_SLACK: f64 = 16.0 * f64::EPSILON;
 
 /// A bound on underflow to f32: its least normal number.
-pub const UNDERFLOW: f64 = f32::MIN_POSITIVE as f64;
+pub(crate) const UNDERFLOW: f64 = f32::MIN_POSITIVE as f64;
 
 #[inline(always)]
 fn eight<S: Simd>(list: &[f32; BLOCKS], first: usize) -> S::F8 {
@@ -154,25 +154,25 @@ fn splat<S: Simd>(x: f32) -> S::D4 {
 
 /// a b - c d
 #[inline(always)]
-pub fn difference_of_products<S: Simd>(a: S::D4, b: S::D4, c: S::D4, d: S::D4) -> S::D4 {
+pub(crate) fn difference_of_products<S: Simd>(a: S::D4, b: S::D4, c: S::D4, d: S::D4) -> S::D4 {
     S::d4_sub(S::d4_mul(a, b), S::d4_mul(c, d))
 }
 
 /// |x| + |y| + |z|
 #[inline(always)]
-pub fn norm1<S: Simd>(v: &[S::D4; 3]) -> S::D4 {
+pub(crate) fn norm1<S: Simd>(v: &[S::D4; 3]) -> S::D4 {
     S::d4_add(S::d4_add(S::d4_abs(v[0]), S::d4_abs(v[1])), S::d4_abs(v[2]))
 }
 
 /// Numbers that, rounded to f32, are not above `x`: rounding is off by u of `x`, or by underflow.
 #[inline(always)]
-pub fn below<S: Simd>(x: S::D4) -> S::D4 {
+pub(crate) fn below<S: Simd>(x: S::D4) -> S::D4 {
     S::d4_sub(x, rounding::<S>(x))
 }
 
 /// Numbers that, rounded to f32, are not below `x`.
 #[inline(always)]
-pub fn above<S: Simd>(x: S::D4) -> S::D4 {
+pub(crate) fn above<S: Simd>(x: S::D4) -> S::D4 {
     S::d4_add(x, rounding::<S>(x))
 }
 
@@ -183,7 +183,7 @@ fn rounding<S: Simd>(x: S::D4) -> S::D4 {
 
 /// Rounded to f32.
 #[inline(always)]
-pub fn to_f32<S: Simd>(x: S::D4) -> [f32; LANES4] {
+pub(crate) fn to_f32<S: Simd>(x: S::D4) -> [f32; LANES4] {
     let [a, b, c, d, ..] = S::f8_array(S::f8_from_d4(x, x));
     [a, b, c, d]
 }

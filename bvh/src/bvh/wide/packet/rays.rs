@@ -8,16 +8,16 @@ use crate::geometry::four::{LANES4, Ray4};
 use crate::geometry::simd::Simd;
 
 /// Rays per block: the lanes of [`Simd::F8`].
-pub const BLOCK: usize = WIDTH;
+pub(crate) const BLOCK: usize = WIDTH;
 
 /// Blocks per packet.
-pub const BLOCKS: usize = 32;
+pub(crate) const BLOCKS: usize = 32;
 
 /// Rays per packet: those of a tile.
-pub const PACKET: usize = BLOCK * BLOCKS;
+pub(crate) const PACKET: usize = BLOCK * BLOCKS;
 
 /// Rays in blocks of [`BLOCK`], one array per quantity. Lanes beyond the last ray repeat it.
-pub struct PacketRays {
+pub(crate) struct PacketRays {
     /// u, v and depth per unit of t of every ray; before [`PacketRays::project`], the components of its direction.
     pub projected: [[[f32; BLOCK]; BLOCKS]; 3],
     /// An upper bound of the depth of every ray's origin.
@@ -63,7 +63,7 @@ impl<S: Simd> Extent<S> {
 }
 
 /// What the rays of a packet have in common.
-pub struct Common {
+pub(crate) struct Common {
     /// The common origin.
     pub origin: Option<[f64; 3]>,
     /// The centre of the points at `t_max`, and the largest distance on any axis at which a ray passes it; `None` if
@@ -78,7 +78,7 @@ pub struct Common {
 impl PacketRays {
     /// Loads directions and ends of at least one ray. Looks for a common end if `to_end`, else for a common origin.
     #[inline(always)]
-    pub fn fill<S: Simd>(&mut self, rays: &[Ray], to_end: bool) -> Common {
+    pub(crate) fn fill<S: Simd>(&mut self, rays: &[Ray], to_end: bool) -> Common {
         self.blocks = rays.len().div_ceil(BLOCK);
         let (mut starts, mut ends) = (Extent::<S>::empty(), Extent::<S>::empty());
         let (mut reach, mut nearest) = (S::d4_splat(0.0), S::d4_splat(f64::INFINITY));
@@ -131,7 +131,7 @@ impl PacketRays {
     /// Turns the directions, with `u_axis` the first of the axes (u, v, depth), into u, v and depth per unit of t.
     /// Returns the intervals of u and v. `to_end`: the directions point to the apex.
     #[inline(always)]
-    pub fn project<S: Simd>(&mut self, u_axis: usize, to_end: bool) -> [[S::F8; 2]; 2] {
+    pub(crate) fn project<S: Simd>(&mut self, u_axis: usize, to_end: bool) -> [[S::F8; 2]; 2] {
         self.projected.rotate_left(u_axis);
         let sign = S::f8_splat(if to_end { -1.0 } else { 1.0 });
         let one = S::f8_splat(1.0);
@@ -153,7 +153,7 @@ impl PacketRays {
     /// Depths before and beyond `t_max` of the rays of a block; without `t_max`, infinite. Where rays are parallel,
     /// the first is no bound.
     #[inline(always)]
-    pub fn depths<S: Simd>(&self, block: usize) -> [S::F8; 2] {
+    pub(crate) fn depths<S: Simd>(&self, block: usize) -> [S::F8; 2] {
         // Both factors, their product and the sum are rounded; underflow is below the least normal number.
         let length = S::f8_mul(S::f8(self.projected[2][block]), S::f8(self.ends[block]));
         let start = S::f8(self.starts[block]);
@@ -166,7 +166,7 @@ impl PacketRays {
 
     /// Depths before and beyond `t` on one ray.
     #[inline(always)]
-    pub fn depths_at(&self, ray: usize, t: f64) -> [f32; 2] {
+    pub(crate) fn depths_at(&self, ray: usize, t: f64) -> [f32; 2] {
         let (block, lane) = (ray / BLOCK % BLOCKS, ray % BLOCK);
         let (start, length) = (self.starts[block][lane], self.projected[2][block][lane] * t as f32);
         let (near, far) = (start + length * (1.0 / MARGIN), start + length * MARGIN);

@@ -11,7 +11,7 @@ use crate::geometry::simd::Simd;
 use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
 
 /// A triangle that rays certainly hit.
-pub struct CertainHit<'a> {
+pub(crate) struct CertainHit<'a> {
     pub slot: SlotId,
     pub corners: &'a [[f64; 3]; 3],
     /// See [`TrianglePlane::new`].
@@ -209,7 +209,7 @@ impl<T: Tier> Packet<'_, T, false> {
 }
 
 /// The tier's hit of a ray on the triangle in a slot.
-pub fn hit_in_slot<T: Tier>(wide: &Wide<T>, ray: &Ray, slot: SlotId) -> Option<Hit> {
+pub(crate) fn hit_in_slot<T: Tier>(wide: &Wide<T>, ray: &Ray, slot: SlotId) -> Option<Hit> {
     hit_triangle::<T>(&T::prepare(ray), ray, &wide.triangles[slot.0 as usize / LANES4], slot)
 }
 

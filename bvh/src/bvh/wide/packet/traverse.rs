@@ -11,7 +11,7 @@ use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::wide::single::leaf::{hit_analytic, hit_analytic_ray4};
 use crate::geometry::four::{LANES4, Ray4};
 use crate::geometry::simd::Simd;
-use crate::geometry::{Intersector, PrimId, SlotId, Tier};
+use crate::geometry::{PrimId, SlotId, Tier};
 
 /// The work per ray above which a packet is abandoned: 1 for each triangle leaf visited, 2 for each of its triangles
 /// that overlaps the frustum. Measurements: docs/decisions.md.

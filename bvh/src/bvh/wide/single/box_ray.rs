@@ -15,18 +15,18 @@ use glam::Vec3;
 
 /// The factor by which the distance at which a ray leaves a box is enlarged: [`PRUNE_MARGIN`], within which the tier
 /// `fast` clamps hits to their own bounds, and 8 u for the different arithmetic here.
-pub const MARGIN: f32 = PRUNE_MARGIN + 4.0 * f32::EPSILON;
+pub(crate) const MARGIN: f32 = PRUNE_MARGIN + 4.0 * f32::EPSILON;
 
 /// The share of itself by which an offset is moved. It is off by up to 2 u (an f64 origin is rounded, then
 /// multiplied); this is 4 u. Underflow is covered by adding the least normal number.
 const WIDENING: f32 = 2.0 * f32::EPSILON;
 
 /// Largest direction components for which distances to planes stay far from the limits of f32.
-pub const LENGTHS: std::ops::RangeInclusive<f64> = 1.0 / 1024.0..=1024.0;
+pub(crate) const LENGTHS: std::ops::RangeInclusive<f64> = 1.0 / 1024.0..=1024.0;
 
 /// A ray prepared for the boxes of nodes.
 #[derive(Clone, Copy)]
-pub struct BoxRay {
+pub(crate) struct BoxRay {
     /// Reciprocals of the direction; infinite where it is 0.
     inverse: [f32; 3],
     /// The nearer of each axis's planes.
@@ -48,7 +48,7 @@ fn power_of_two_below(x: f64) -> f64 {
 impl BoxRay {
     /// Prepares a ray. `fused` requires a direction without zeros.
     #[inline(always)]
-    pub fn new(ray: &Ray, fused: bool) -> Self {
+    pub(crate) fn new(ray: &Ray, fused: bool) -> Self {
         let longest = ray.direction.abs().max_element();
         // Directions that are far from length 1 are scaled by a power of two, which is exact.
         let (scale, direction) = if LENGTHS.contains(&longest) {
@@ -86,7 +86,7 @@ impl BoxRay {
     /// The distance beyond which no box around a hit at `t` is entered. Computed entry distances are at most 4 u too
     /// far, and rounding `t` takes u.
     #[inline(always)]
-    pub fn prune_distance(&self, t: f64) -> f32 {
+    pub(crate) fn prune_distance(&self, t: f64) -> f32 {
         ((t * self.scale) as f32).max(f32::MIN_POSITIVE) * MARGIN
     }
 
@@ -94,7 +94,7 @@ impl BoxRay {
     /// second with its margin. A box may be entered if the first is not larger. Conservative: every box that contains
     /// a point of the exact ray between `t_min` and `t_max` is entered.
     #[inline(always)]
-    pub fn span<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (S::F8, S::F8) {
+    pub(crate) fn span<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (S::F8, S::F8) {
         let mut enter = S::f8_splat(self.t_min);
         let mut leave = S::f8_splat(t_max);
         for axis in 0..3 {
@@ -112,7 +112,7 @@ impl BoxRay {
 
     /// The places of `node` whose boxes the ray enters, as bits, and the entry distances.
     #[inline(always)]
-    pub fn enter<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (u32, [f32; WIDTH]) {
+    pub(crate) fn enter<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (u32, [f32; WIDTH]) {
         let (enter, leave) = self.span::<S, FUSED>(node, t_max);
         (S::f8_le(enter, leave) & node.present, S::f8_array(enter))
     }

@@ -4,11 +4,11 @@ use crate::bvh::wide::layout::{Child, Content, TriangleLeaf, Wide};
 use crate::bvh::{Next, Tests};
 use crate::geometry::four::{Hit4, LANES4, Ray4};
 use crate::geometry::simd::Simd;
-use crate::geometry::{AnalyticShape, Hit, Intersector, PrimId, Ray, SlotId, Tier};
+use crate::geometry::{AnalyticShape, Hit, PrimId, Ray, SlotId, Tier};
 
 /// Calls `found` with every hit in a leaf until it returns [`Next::Stop`]. Returns what the traversal does next.
 #[inline(always)]
-pub fn hits_in_leaf<T: Tier, S: Simd>(
+pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
     wide: &Wide<T>,
     ray: &Ray,
     prepared: &T::Prepared,
@@ -63,7 +63,7 @@ pub fn hits_in_leaf<T: Tier, S: Simd>(
 
 /// The hit on the triangle in a slot of `leaf`, by the test for one ray. Rarely called: for undecided lanes.
 #[inline(never)]
-pub fn hit_triangle<T: Tier>(
+pub(crate) fn hit_triangle<T: Tier>(
     prepared: &T::Prepared,
     ray: &Ray,
     leaf: &TriangleLeaf<T::Corner>,
@@ -76,12 +76,12 @@ pub fn hit_triangle<T: Tier>(
 
 /// The distance of an analytic shape. A analytic shape of radius 0, left by a refit, is missed.
 #[inline(never)]
-pub fn hit_analytic<T: Tier>(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
+pub(crate) fn hit_analytic<T: Tier>(ray: &Ray, shape: &AnalyticShape) -> Option<f64> {
     if shape.is_empty() { None } else { T::hit_analytic(ray, shape) }
 }
 
 /// [`hit_analytic`] for four rays.
 #[inline(always)]
-pub fn hit_analytic_ray4<T: Tier, S: Simd>(rays: &Ray4<S>, shape: &AnalyticShape) -> Hit4 {
+pub(crate) fn hit_analytic_ray4<T: Tier, S: Simd>(rays: &Ray4<S>, shape: &AnalyticShape) -> Hit4 {
     if shape.is_empty() { Hit4::NONE } else { T::hit_analytic_ray4(rays, shape) }
 }

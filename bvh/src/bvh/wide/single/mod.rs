@@ -2,8 +2,8 @@
 //!
 //! [`box_ray`] tests the ray against the eight boxes of a node, [`leaf`] against the primitives of a leaf.
 
-pub mod box_ray;
-pub mod leaf;
+pub(crate) mod box_ray;
+pub(crate) mod leaf;
 
 use super::layout::{Child, Content, Node, WIDTH, Wide};
 use crate::bvh::{Next, Tests};
@@ -14,7 +14,7 @@ use leaf::hits_in_leaf;
 
 /// The closest hit. `FUSED` requires a direction without zeros.
 #[inline(always)]
-pub fn closest<T: Tier, S: Simd, const FUSED: bool>(
+pub(crate) fn closest<T: Tier, S: Simd, const FUSED: bool>(
     wide: &Wide<T>,
     ray: &Ray,
     stack: &mut Vec<(Child, f32)>,
@@ -45,7 +45,7 @@ pub fn closest<T: Tier, S: Simd, const FUSED: bool>(
 
 /// Whether the ray hits anything. `FUSED` requires a direction without zeros.
 #[inline(always)]
-pub fn occluded<T: Tier, S: Simd, const FUSED: bool>(
+pub(crate) fn occluded<T: Tier, S: Simd, const FUSED: bool>(
     wide: &Wide<T>,
     ray: &Ray,
     stack: &mut Vec<(Child, f32)>,
@@ -73,7 +73,7 @@ pub fn occluded<T: Tier, S: Simd, const FUSED: bool>(
 
 /// Appends every hit, in no order; split triangles several times. `FUSED` requires a direction without zeros.
 #[inline(always)]
-pub fn all<T: Tier, S: Simd, const FUSED: bool>(
+pub(crate) fn all<T: Tier, S: Simd, const FUSED: bool>(
     wide: &Wide<T>,
     ray: &Ray,
     hits: &mut Vec<Hit>,

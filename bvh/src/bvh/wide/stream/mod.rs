@@ -12,11 +12,11 @@ use super::single::leaf::hits_in_leaf;
 use crate::bvh::{Next, Tests};
 use crate::geometry::simd::Simd;
 use crate::geometry::{Hit, Ray, Tier};
-pub use state::Stacks;
+pub(crate) use state::Stacks;
 use state::{Queues, ROOM, STREAM_WIDTH, StreamRay};
 
 /// Whether the stacks have room for this tree.
-pub fn applies<T: Tier>(wide: &Wide<T>) -> bool {
+pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
     !wide.nodes.is_empty() && (wide.depth + 2) * WIDTH <= ROOM
 }
 
@@ -25,7 +25,7 @@ pub fn applies<T: Tier>(wide: &Wide<T>) -> bool {
 ///
 /// One function, because `queues` and `next` must stay in registers between the steps.
 #[inline(always)]
-pub fn traverse<T: Tier, S: Simd>(
+pub(crate) fn traverse<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: &[Ray],
     Stacks(stacks): &mut Stacks,

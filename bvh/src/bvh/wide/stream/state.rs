@@ -5,14 +5,14 @@ use crate::bvh::wide::single::box_ray::BoxRay;
 use crate::geometry::{Ray, Tier};
 
 /// Rays in flight.
-pub const STREAM_WIDTH: usize = 32;
+pub(crate) const STREAM_WIDTH: usize = 32;
 
 /// Elements per stack. Every node on a path leaves at most seven children; deeper trees are traversed by single rays.
-pub const ROOM: usize = 256;
+pub(crate) const ROOM: usize = 256;
 
 /// One traversal stack per ray in flight. An element has a [`Child`] in its lower half and the bits of its entry
 /// distance in its upper half; positive f32 are ordered as their bits. The bottom element is [`Child::NOTHING`].
-pub struct Stacks(pub Box<[Stack; STREAM_WIDTH]>);
+pub(crate) struct Stacks(pub Box<[Stack; STREAM_WIDTH]>);
 
 /// With room for a whole vector above any top.
 type Items = [u64; ROOM + WIDTH];
@@ -20,7 +20,7 @@ type Items = [u64; ROOM + WIDTH];
 /// The stack of one ray.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-pub struct Stack {
+pub(crate) struct Stack {
     /// The padding also puts the bottoms of the stacks, nearly all that is used, into different cache sets.
     pub items: Items,
 }
@@ -34,7 +34,7 @@ impl Default for Stacks {
 
 /// A ray in flight.
 #[derive(Clone, Copy)]
-pub struct StreamRay<P: Copy> {
+pub(crate) struct StreamRay<P: Copy> {
     pub boxes: BoxRay,
     pub prepared: P,
     /// The index of the ray.
@@ -50,7 +50,7 @@ pub struct StreamRay<P: Copy> {
 impl<P: Copy> StreamRay<P> {
     /// A ray at the root.
     #[inline(always)]
-    pub fn new<T: Tier<Prepared = P>>(rays: &[Ray], index: usize, stack: &mut Items) -> Self {
+    pub(crate) fn new<T: Tier<Prepared = P>>(rays: &[Ray], index: usize, stack: &mut Items) -> Self {
         let ray = &rays[index];
         let boxes = BoxRay::new(ray, true);
         stack[0] = u64::from(Child::NOTHING.as_bits());
@@ -66,7 +66,7 @@ impl<P: Copy> StreamRay<P> {
 
     /// Pops the next child that is entered before `t_max`.
     #[inline(always)]
-    pub fn pop(&mut self, stack: &Items) {
+    pub(crate) fn pop(&mut self, stack: &Items) {
         let mut top = self.top - 1;
         let mut item = stack[top % ROOM];
         while (item >> 32) as u32 > self.t_max.to_bits() {
@@ -79,7 +79,7 @@ impl<P: Copy> StreamRay<P> {
 
 /// One queue of rays for each kind of [`Child`].
 #[derive(Default)]
-pub struct Queues {
+pub(crate) struct Queues {
     rays: [[u8; STREAM_WIDTH]; Child::KINDS],
     /// The lengths, 16 bits for each kind, in one register: in memory, every push would wait for the one before,
     /// because the processor cannot predict which length is written.
@@ -91,13 +91,13 @@ impl Queues {
 
     /// Whether no ray waits.
     #[inline(always)]
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.lengths == 0
     }
 
     /// Appends a ray to the queue of its next child. Without a branch, which would be mispredicted.
     #[inline(always)]
-    pub fn push(&mut self, ray: usize, child: Child) {
+    pub(crate) fn push(&mut self, ray: usize, child: Child) {
         let kind = child.kind();
         self.rays[kind][self.len(kind) % STREAM_WIDTH] = ray as u8;
         self.lengths += 1 << (kind * Self::BITS);
@@ -110,7 +110,7 @@ impl Queues {
 
     /// Empties a queue and returns its rays and their number.
     #[inline(always)]
-    pub fn take(&mut self, kind: usize) -> ([u8; STREAM_WIDTH], usize) {
+    pub(crate) fn take(&mut self, kind: usize) -> ([u8; STREAM_WIDTH], usize) {
         let len = self.len(kind);
         self.lengths -= (len as u64) << (kind * Self::BITS);
         (self.rays[kind], len)
