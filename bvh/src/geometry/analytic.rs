@@ -53,6 +53,16 @@ pub(crate) trait Intersector: Copy {
     /// The point of the surface nearest to `point`, and the outward unit normal there.
     fn surface(&self, point: DVec3) -> (SurfacePoint, DVec3);
 
+    /// The area of the surface.
+    fn area(&self) -> f64;
+
+    /// The solid angle that it subtends at `from`, in steradians.
+    fn solid_angle(&self, from: DVec3) -> f64;
+
+    /// A unit direction from `from` towards the shape, uniform in its solid angle, and the distance to the surface.
+    /// `numbers` are in [0, 1).
+    fn sample_solid_angle(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)>;
+
     /// The derivative of the outward unit normal at a point of the surface in the direction `step` of its tangent
     /// plane.
     fn normal_derivative(&self, point: DVec3, step: DVec3) -> DVec3;
@@ -102,6 +112,13 @@ impl AnalyticShape {
         /// The derivative of the outward unit normal at a point of the surface in the direction `step` of its tangent
         /// plane.
         pub fn normal_derivative(point: DVec3, step: DVec3) -> DVec3;
+        /// The area of the surface.
+        pub fn area() -> f64;
+        /// The solid angle that it subtends at `from`, in steradians.
+        pub fn solid_angle(from: DVec3) -> f64;
+        /// A unit direction from `from` towards the shape, uniform in its solid angle, and the distance to the surface.
+        /// `numbers` are in [0, 1).
+        pub fn sample_solid_angle(from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)>;
         pub(crate) fn is_empty() -> bool;
         pub(crate) fn hit(ray: &Ray) -> Option<f64>;
         pub(crate) fn hit_fast(ray: &Ray) -> Option<f64>;

@@ -7,6 +7,7 @@
 
 mod exact;
 mod fast;
+mod sampling;
 
 use glam::DVec3;
 
@@ -164,6 +165,18 @@ impl Intersector for Sphere {
     fn surface(&self, point: DVec3) -> (SurfacePoint, DVec3) {
         let normal = (point - self.centre).try_normalize().unwrap_or(DVec3::Y);
         (SurfacePoint::new(self.centre + normal * self.radius, self.centre.abs() + self.radius), normal)
+    }
+
+    fn area(&self) -> f64 {
+        4.0 * std::f64::consts::PI * self.radius * self.radius
+    }
+
+    fn solid_angle(&self, from: DVec3) -> f64 {
+        sampling::solid_angle(self, from)
+    }
+
+    fn sample_solid_angle(&self, from: DVec3, numbers: [f64; 2]) -> Option<(DVec3, f64)> {
+        sampling::sample(self, from, numbers)
     }
 
     fn normal_derivative(&self, _: DVec3, step: DVec3) -> DVec3 {

@@ -1,0 +1,71 @@
+//! Directions towards a sphere, uniform in its solid angle (Shirley, Wang and Zimmerman, Monte Carlo Techniques for
+//! Direct Lighting Calculations, 1996; pbrt, 4th edition, section 6.2.4).
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::Sphere;
+
+/// The solid angle of a sphere seen from `from`, in steradians: 4 pi from inside.
+pub(crate) fn solid_angle(sphere: &Sphere, from: DVec3) -> f64 {
+    2.0 * PI * one_minus_cos(sphere, from)
+}
+
+/// 1 minus the cosine of the half angle of the cone that holds a sphere; 2 from inside. Without cancellation for small
+/// angles: sin^2 / (1 + cos).
+fn one_minus_cos(sphere: &Sphere, from: DVec3) -> f64 {
+    let sin2 = sphere.radius * sphere.radius / from.distance_squared(sphere.centre);
+    if sin2 < 1.0 { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 }
+}
+
+/// A direction uniform in the solid angle, and the distance to the sphere along it. `None` where `from` is on the sphere
+/// and the direction leaves it.
+pub(crate) fn sample(sphere: &Sphere, from: DVec3, [x, y]: [f64; 2]) -> Option<(DVec3, f64)> {
+    let span = one_minus_cos(sphere, from);
+    let to_centre = sphere.centre - from;
+    let distance = to_centre.length();
+    let axis = to_centre.try_normalize().unwrap_or(DVec3::Z);
+    let cos = 1.0 - span * x;
+    let sin = (span * x * (2.0 - span * x)).max(0.0).sqrt();
+    let (tangent, bitangent) = axis.any_orthonormal_pair();
+    let (sin_angle, cos_angle) = (2.0 * PI * y).sin_cos();
+    let direction = (axis * cos + (tangent * cos_angle + bitangent * sin_angle) * sin).normalize();
+    // The nearer root from outside, the farther from inside. On the silhouette the half chord is 0 up to rounding.
+    let half_chord = (sphere.radius * sphere.radius - distance * distance * sin * sin).max(0.0).sqrt();
+    let t = distance * cos + if span < 2.0 { -half_chord } else { half_chord };
+    (t > 0.0).then_some((direction, t))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sphere of radius 1 at distance 2: sin = 1/2, cos = sqrt(3)/2.
+    #[test]
+    fn solid_angles_by_hand() {
+        let sphere = Sphere { centre: DVec3::Z * 2.0, radius: 1.0 };
+        let expected = 2.0 * PI * (1.0 - 0.75f64.sqrt());
+        assert!((solid_angle(&sphere, DVec3::ZERO) - expected).abs() < 1e-14);
+        assert_eq!(solid_angle(&sphere, sphere.centre), 4.0 * PI);
+        // Far away: pi r^2 / d^2, to the square of r / d.
+        let far = Sphere { centre: DVec3::Z * 1e9, radius: 1.0 };
+        assert!((solid_angle(&far, DVec3::ZERO) / (PI * 1e-18) - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn sampled_points_are_on_the_sphere_and_on_the_near_side() {
+        for from in [DVec3::ZERO, DVec3::new(0.3, -0.2, 2.1), DVec3::new(40.0, 3.0, -9.0)] {
+            let sphere = Sphere { centre: DVec3::Z * 2.0, radius: 1.0 };
+            for i in 0..256 {
+                let numbers = [f64::from(i % 16) / 16.0, f64::from(i / 16) / 16.0];
+                let Some((direction, t)) = sample(&sphere, from, numbers) else { panic!("{from} {numbers:?}") };
+                let point = from + direction * t;
+                assert!((point.distance(sphere.centre) - 1.0).abs() < 1e-6, "{from} {numbers:?}");
+                let inside = from.distance(sphere.centre) < 1.0;
+                let outward = (point - sphere.centre).dot(direction);
+                assert!(if inside { outward > 0.0 } else { outward < 1e-6 }, "{from} {numbers:?} {outward}");
+            }
+        }
+    }
+}

@@ -1,0 +1,124 @@
+//! The lights of a world as one distribution for next event estimation: the punctual lights, the emissive surfaces and the
+//! environment, chosen with equal probability.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::scatter::power_heuristic;
+use crate::geometry::{Hit, Numerics, Ray};
+use crate::shading::punctual;
+use crate::world::{Emitters, SurfaceInteraction, World, sampled_emission};
+
+/// The lights of a world.
+pub(super) struct Lights<'a> {
+    world: &'a World,
+    emitters: &'a Emitters,
+    /// Punctual lights, then the emitters if there are any, then the environment if there is one.
+    count: usize,
+}
+
+/// A sampled light as seen from a point.
+pub(super) struct LightConnection {
+    /// The unit vector towards the sampled point.
+    pub(super) direction: DVec3,
+    /// The incident radiance divided by the probability of choosing the light; not yet divided by `pdf`.
+    pub(super) radiance: DVec3,
+    /// The density per solid angle, with the probability of choosing the light; `None` for punctual lights, which no BSDF sample
+    /// reaches.
+    pub(super) pdf: Option<f64>,
+    /// Where the shadow ray ends.
+    pub(super) target: Target,
+}
+
+/// The end of a shadow ray.
+pub(super) enum Target {
+    /// At an infinite distance.
+    Direction,
+    /// At a point, which is in front of the light's surface.
+    Point(DVec3),
+}
+
+impl Target {
+    /// The shadow ray from `origin`; `None` where both ends coincide.
+    pub(super) fn ray(&self, origin: DVec3, direction: DVec3, numerics: Numerics) -> Option<Ray> {
+        let precision = numerics.ray_precision();
+        match self {
+            Target::Direction => Some(precision.ray(origin, direction, 0.0, f64::INFINITY)),
+            Target::Point(end) => {
+                let distance = end.distance(origin);
+                let direction = (*end - origin).try_normalize()?;
+                Some(precision.ray(origin, direction, 0.0, distance))
+            }
+        }
+    }
+}
+
+impl<'a> Lights<'a> {
+    pub(super) fn new(world: &'a World) -> Self {
+        let emitters = &*world.emitters;
+        let count =
+            world.lights.len() + usize::from(!emitters.is_empty()) + usize::from(world.environment.is_some());
+        Lights { world, emitters, count }
+    }
+
+    /// Samples a light from a point; `None` where the sample gives no light there.
+    pub(super) fn sample(&self, from: DVec3, choice: [f64; 2], numbers: [f64; 2]) -> Option<LightConnection> {
+        if self.count == 0 {
+            return None;
+        }
+        let probability = 1.0 / self.count as f64;
+        let index = ((choice[0] * self.count as f64) as usize).min(self.count - 1);
+        if let Some(light) = self.world.lights.get(index) {
+            let sample = punctual::sample(light, from)?;
+            let target = if sample.distance.is_finite() {
+                Target::Point(from + sample.direction * sample.distance)
+            } else {
+                Target::Direction
+            };
+            // An intensity of 1 gives a facing diffuse surface the radiance of its base colour, pi times that of the BSDF.
+            let radiance = PI * sample.radiance / probability;
+            return Some(LightConnection { direction: sample.direction, radiance, pdf: None, target });
+        }
+        if index == self.world.lights.len() && !self.emitters.is_empty() {
+            let sample = self.emitters.sample(&self.world.materials, from, choice[1], numbers)?;
+            let end = sample.point.origin_towards(sample.normal, self.world.numerics());
+            return Some(LightConnection {
+                direction: (sample.point.position - from).try_normalize()?,
+                radiance: sample.radiance,
+                pdf: Some(sample.pdf * probability),
+                target: Target::Point(end),
+            });
+        }
+        let environment = self.world.environment.as_ref()?;
+        let sample = environment.sample(numbers);
+        let pdf = sample.pdf * probability;
+        (pdf > 0.0).then_some(LightConnection {
+            direction: sample.direction,
+            radiance: sample.radiance,
+            pdf: Some(pdf),
+            target: Target::Direction,
+        })
+    }
+
+    /// The radiance of the environment for a BSDF sample of density `pdf`, weighted against light samples.
+    pub(super) fn environment_seen(&self, direction: DVec3, pdf: f64) -> DVec3 {
+        match &self.world.environment {
+            None => DVec3::ZERO,
+            Some(environment) => {
+                let light_pdf = environment.pdf(direction) / self.count as f64;
+                environment.eval(direction) * power_heuristic(pdf, light_pdf)
+            }
+        }
+    }
+
+    /// The weight of the emission found by a ray of density `pdf` against light samples.
+    pub(super) fn weight_of_emitter(&self, surface: &SurfaceInteraction, ray: &Ray, hit: &Hit, pdf: f64) -> f64 {
+        let material = &self.world.materials[surface.material as usize];
+        let Some(emission) = sampled_emission(material).filter(|_| pdf.is_finite()) else { return 1.0 };
+        let primitive = self.world.accelerator.primitive(hit.slot);
+        let position = surface.point.position;
+        let light_pdf = self.emitters.pdf(&primitive, emission, ray.origin, position, surface.geometric_normal);
+        power_heuristic(pdf, light_pdf / self.count as f64)
+    }
+}

@@ -1,0 +1,203 @@
+//! Path tracing: light that surfaces scatter onto each other (Kajiya, The Rendering Equation, 1986), with next event
+//! estimation, multiple importance sampling and Russian roulette (pbrt, 4th edition, chapter 13).
+//!
+//! A path of a pixel sample is one ray a generation. At each surface ([`scatter`]) it adds the emitted radiance, the radiance
+//! of one sampled light ([`lights`]), and continues in a direction sampled by the BSDF. Rays of a generation are traced
+//! together, and so are its shadow rays. Random numbers depend on pixel, sample, generation and seed.
+
+mod lights;
+mod scatter;
+
+use glam::DVec3;
+
+use super::samples::TileSamples;
+use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, SecondaryRays, Stage, id};
+use crate::geometry::Ray;
+use crate::world::World;
+
+/// Rays in directions sampled by BSDFs.
+pub const RAYS: RayKind = RayKind { name: "path", is_shadow: false, colour: [120, 230, 150] };
+
+/// Shadow rays to sampled lights.
+pub const LIGHT_RAYS: RayKind = RayKind { name: "light", is_shadow: true, colour: [120, 190, 255] };
+
+/// The bounces of a path where none are asked for.
+pub const DEFAULT_DEPTH: u32 = 8;
+
+/// The registry's entry.
+pub const EFFECT: Effect = Effect {
+    id: id::PATH,
+    summary: "path tracing: indirect light, soft shadows of emissive surfaces and environments",
+    builds_on: None,
+    needs_lights: false,
+    is_shading: true,
+    decides_samples: false,
+    is_study_switch: false,
+    whitted_only: false,
+    rays: &[RAYS, LIGHT_RAYS],
+    value: Some(EffectValue {
+        meaning: "number of bounces",
+        check: |value| match value.parse::<u32>() {
+            Ok(0..=MAX_DEPTH) => Ok(()),
+            _ => Err(format!("give a number from 0 to {MAX_DEPTH}")),
+        },
+    }),
+    called_for: |world: &World, choices: &Choices| world.calls_for_path(choices.transport),
+    specify: |_, spec| {
+        spec.is_path = true;
+        spec.lit = false;
+        spec.secondary = Some(SecondaryRays { kind: RAYS, hits: "path hits", effect: id::PATH });
+    },
+    stages: |context: &EffectContext, hook| match hook {
+        Hook::AfterShading(_) => vec![Box::new(Scatter { depth: depth(context) })],
+        Hook::Film => vec![Box::new(WriteRadiance)],
+        _ => Vec::new(),
+    },
+    bytes: |tile| {
+        let generations: usize = tile.generations.iter().skip(1).map(RayGeneration::bytes).sum();
+        generations + tile.buffers::<Buffers>().map_or(0, Buffers::bytes)
+    },
+};
+
+/// The limit of bounces that can be asked for.
+const MAX_DEPTH: u32 = 1000;
+
+fn depth(context: &EffectContext) -> u32 {
+    context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH)
+}
+
+/// The state of a path.
+#[derive(Debug, Clone, Copy)]
+struct Path {
+    /// Its camera ray, as an index into generation 0.
+    camera_ray: u32,
+    /// The product of the BSDF weights and roulette factors so far.
+    throughput: DVec3,
+    /// The density per solid angle with which the BSDF sampled the current ray; infinite for camera rays and for
+    /// directions that no light sample can reach.
+    pdf: f64,
+}
+
+/// Where a camera ray belongs: the seed of its path's random numbers.
+#[derive(Debug, Clone, Copy)]
+struct SampleIndex {
+    x: u32,
+    y: u32,
+    sample: u32,
+}
+
+/// A shadow ray's path and the radiance that it adds if unoccluded.
+#[derive(Debug, Clone, Copy)]
+struct LightPath {
+    camera_ray: u32,
+    radiance: DVec3,
+}
+
+/// The buffers of the effect.
+#[derive(Default)]
+struct Buffers {
+    /// For each camera ray, the radiance of its path so far.
+    radiance: Vec<DVec3>,
+    /// For each camera ray, its pixel and sample.
+    samples: Vec<SampleIndex>,
+    /// For each ray of the current generation, its path.
+    paths: Vec<Path>,
+    /// The same for the next generation.
+    next: Vec<Path>,
+    shadow_rays: Vec<Ray>,
+    /// For each shadow ray, what it adds.
+    light_paths: Vec<LightPath>,
+    occluded: Vec<bool>,
+}
+
+impl Buffers {
+    fn bytes(&self) -> usize {
+        let Buffers { radiance, samples, paths, next, shadow_rays, light_paths, occluded } = self;
+        size_of::<Buffers>()
+            + vec_bytes(radiance)
+            + vec_bytes(samples)
+            + vec_bytes(paths)
+            + vec_bytes(next)
+            + vec_bytes(shadow_rays)
+            + vec_bytes(light_paths)
+            + vec_bytes(occluded)
+    }
+
+    /// Begins the paths of the camera rays.
+    fn start(&mut self, tile: &Tile) {
+        let count = tile.generations[0].rays.len();
+        let camera = |camera_ray| Path { camera_ray, throughput: DVec3::ONE, pdf: f64::INFINITY };
+        self.radiance.clear();
+        self.radiance.resize(count, DVec3::ZERO);
+        self.paths.clear();
+        self.paths.extend((0..count as u32).map(camera));
+        self.samples.clear();
+        match (tile.buffers::<TileSamples>(), tile.window) {
+            (Some(samples), _) => {
+                self.samples.extend(samples.rays().map(|(x, y, sample)| SampleIndex { x, y, sample }));
+            }
+            (None, Some(window)) => self.samples.extend((0..count as u32).map(|i| {
+                SampleIndex { x: window.x + i % window.width, y: window.y + i / window.width, sample: 0 }
+            })),
+            (None, None) => {}
+        }
+    }
+}
+
+/// Adds radiance at the surfaces of a generation and fills the next one with the continuing rays.
+struct Scatter {
+    /// The most bounces.
+    depth: u32,
+}
+
+impl Stage for Scatter {
+    fn name(&self) -> &'static str {
+        "path"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        tile.with_buffers(|own: &mut Buffers, tile| {
+            if tile.depth == 0 {
+                own.start(tile);
+            }
+            own.scatter(tile, context, self.depth);
+            own.trace_shadow_rays(tile, context.world);
+        });
+    }
+}
+
+impl Buffers {
+    /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
+    fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World) {
+        let Buffers { shadow_rays, light_paths, occluded, radiance, .. } = self;
+        occluded.clear();
+        world.accelerator.are_occluded(shadow_rays, occluded, &mut tile.traversal);
+        for (path, _) in light_paths.iter().zip(&*occluded).filter(|(_, occluded)| !**occluded) {
+            radiance[path.camera_ray as usize] += path.radiance;
+        }
+        if let Some(recorder) = &mut tile.recorder {
+            let sources: Vec<u32> = light_paths.iter().map(|path| path.camera_ray).collect();
+            recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, &sources, shadow_rays, occluded);
+        }
+        tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
+    }
+}
+
+/// Writes the radiance of the paths to the pixels.
+struct WriteRadiance;
+
+impl Stage for WriteRadiance {
+    fn name(&self) -> &'static str {
+        "film"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        let pipeline = context.world.pipeline;
+        tile.with_buffers(|own: &mut Buffers, tile| {
+            tile.pixels.clear();
+            let pixel = |&radiance: &DVec3| pipeline.clamp(radiance).as_vec3().to_array();
+            tile.pixels.extend(own.radiance.iter().map(pixel));
+        });
+    }
+}

@@ -1,0 +1,267 @@
+//! A surface interaction of a path: emission, one light sample, and the direction in which the path continues.
+
+use glam::DVec3;
+
+use super::lights::{Lights, LightConnection};
+use super::{Buffers, LightPath, Path, SampleIndex};
+use crate::effects::random;
+use crate::effects::tile::{RayGeneration, RenderContext, Tile};
+use crate::geometry::{Hit, Ray};
+use crate::scene::Material;
+use crate::shading::bsdf::{Bsdf, BsdfParameters};
+use crate::world::{PreparedMaterial, SurfaceInteraction, World};
+
+/// Bounces before Russian roulette starts.
+const ROULETTE_FROM: usize = 3;
+
+/// The highest probability with which roulette lets a path continue.
+const MAX_SURVIVAL: f64 = 0.95;
+
+/// The two-dimensional random numbers of a path vertex.
+#[derive(Clone, Copy)]
+#[repr(u32)]
+enum Dimension {
+    Direction,
+    LobeAndRoulette,
+    LightPoint,
+    LightChoice,
+}
+
+/// Dimensions a vertex.
+const DIMENSIONS: u32 = 4;
+
+/// The random numbers of a path vertex.
+struct Numbers {
+    sample: SampleIndex,
+    seed: u32,
+    depth: u32,
+}
+
+impl Numbers {
+    fn of(&self, dimension: Dimension) -> [f64; 2] {
+        let SampleIndex { x, y, sample } = self.sample;
+        let dimension = 1 + self.depth * DIMENSIONS + dimension as u32;
+        random::pair([x, y], self.seed, sample, dimension).map(f64::from)
+    }
+}
+
+impl Buffers {
+    /// Adds emitted radiance, lists shadow rays and fills the next generation.
+    pub(super) fn scatter(&mut self, tile: &mut Tile, context: &RenderContext, max_depth: u32) {
+        let depth = tile.depth;
+        let (generation, next) = tile.this_and_next();
+        next.rays.clear();
+        next.sources.clear();
+        self.next.clear();
+        self.shadow_rays.clear();
+        self.light_paths.clear();
+        let lights = Lights::new(context.world);
+        self.add_missed(generation, context, &lights, depth);
+        for index in 0..generation.surfaces.len() {
+            let ray = generation.surfaces.ray_of()[index] as usize;
+            let Some(hit) = generation.hits[ray] else { continue };
+            let path = self.paths[ray];
+            let sample = self.samples[path.camera_ray as usize];
+            let numbers = Numbers { sample, seed: context.seed, depth: depth as u32 };
+            let surface = generation.surfaces.get(index);
+            let vertex = Vertex::new(context.world, &lights, surface, &generation.rays[ray], &hit, path);
+            self.radiance[path.camera_ray as usize] += vertex.emitted;
+            let Some(bsdf) = vertex.bsdf.filter(|_| (depth as u32) < max_depth) else { continue };
+            if let Some((shadow_ray, radiance)) = vertex.sample_light(&bsdf, &lights, &numbers) {
+                self.shadow_rays.push(shadow_ray);
+                self.light_paths.push(LightPath { camera_ray: path.camera_ray, radiance });
+            }
+            if let Some((ray, path)) = vertex.continue_path(&bsdf, &numbers) {
+                next.soa.set(next.rays.len(), &ray);
+                next.rays.push(ray);
+                next.sources.push(index as u32);
+                self.next.push(path);
+            }
+        }
+        std::mem::swap(&mut self.paths, &mut self.next);
+    }
+
+    /// Adds the radiance of the environment to the paths whose ray missed. Camera rays see the background where the scene has no
+    /// environment or hides it.
+    fn add_missed(
+        &mut self,
+        generation: &RayGeneration,
+        context: &RenderContext,
+        lights: &Lights,
+        depth: usize,
+    ) {
+        if generation.surfaces.len() == generation.rays.len() {
+            return;
+        }
+        let missed = generation.hits.iter().enumerate().filter(|(_, hit)| hit.is_none());
+        for (ray, _) in missed {
+            let path = &self.paths[ray];
+            let direction = generation.rays[ray].direction;
+            let radiance = if depth == 0 {
+                context.world.background_towards(direction)
+            } else {
+                lights.environment_seen(direction, path.pdf)
+            };
+            self.radiance[path.camera_ray as usize] += path.throughput * radiance;
+        }
+    }
+}
+
+/// A surface interaction of a path.
+struct Vertex<'a> {
+    world: &'a World,
+    surface: SurfaceInteraction,
+    path: Path,
+    /// Tangent, bitangent and shading normal.
+    frame: [DVec3; 3],
+    /// The radiance that the surface emits towards the ray's origin, weighted for the path.
+    emitted: DVec3,
+    /// `None` where the surface scatters nothing.
+    bsdf: Option<Bsdf>,
+}
+
+impl<'a> Vertex<'a> {
+    fn new(
+        world: &'a World,
+        lights: &Lights,
+        surface: SurfaceInteraction,
+        ray: &Ray,
+        hit: &Hit,
+        path: Path,
+    ) -> Self {
+        let material = &world.materials[surface.material as usize];
+        // A bent normal that is turned away from the view has no local frame.
+        let cosine = surface.shading_normal.dot(surface.view);
+        let normal = if cosine > 1e-3 { surface.shading_normal } else { surface.geometric_normal };
+        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        let frame = [tangent, bitangent, normal];
+        let (parameters, mut throughput) = parameters(world, material, &surface, hit);
+        throughput *= path.throughput;
+        let path = Path { throughput, ..path };
+        let view = to_local(&frame, surface.view);
+        let bsdf = parameters.filter(|_| view.z > 0.0).map(|parameters| Bsdf::new(&parameters, view));
+        let emission = emission(material, &surface);
+        let emitted = if emission == DVec3::ZERO {
+            DVec3::ZERO
+        } else {
+            throughput * emission * lights.weight_of_emitter(&surface, ray, hit, path.pdf)
+        };
+        Vertex { world, surface, path, frame, emitted, bsdf }
+    }
+
+    /// The value of the BSDF times the cosine, and its density, for a world direction. 0 where shading and geometric normal
+    /// disagree on the side.
+    fn eval(&self, bsdf: &Bsdf, direction: DVec3) -> (DVec3, f64) {
+        let local = to_local(&self.frame, direction);
+        if (local.z > 0.0) != (direction.dot(self.surface.geometric_normal) > 0.0) {
+            return (DVec3::ZERO, 0.0);
+        }
+        (bsdf.eval(local), bsdf.pdf(local))
+    }
+
+    /// The origin of a ray that leaves the surface in a direction.
+    fn origin(&self, direction: DVec3) -> DVec3 {
+        let normal = self.surface.geometric_normal;
+        let side = if direction.dot(normal) > 0.0 { normal } else { -normal };
+        self.surface.point.origin_towards(side, self.world.numerics())
+    }
+
+    /// The shadow ray to a sampled light, and the radiance that the path gains if it is not occluded.
+    fn sample_light(&self, bsdf: &Bsdf, lights: &Lights, numbers: &Numbers) -> Option<(Ray, DVec3)> {
+        if bsdf.is_delta() {
+            return None;
+        }
+        let position = self.surface.point.position;
+        let choice = numbers.of(Dimension::LightChoice);
+        let LightConnection { direction, radiance, pdf, target } =
+            lights.sample(position, choice, numbers.of(Dimension::LightPoint))?;
+        let (value, bsdf_pdf) = self.eval(bsdf, direction);
+        let weight = pdf.map_or(1.0, |pdf| power_heuristic(pdf, bsdf_pdf) / pdf);
+        let radiance = self.path.throughput * value * radiance * weight;
+        if radiance == DVec3::ZERO || !radiance.is_finite() {
+            return None;
+        }
+        Some((target.ray(self.origin(direction), direction, self.world.numerics())?, radiance))
+    }
+
+    /// The ray and state with which the path continues; `None` where it ends.
+    fn continue_path(&self, bsdf: &Bsdf, numbers: &Numbers) -> Option<(Ray, Path)> {
+        let [x, y] = numbers.of(Dimension::Direction);
+        let [lobe, roulette] = numbers.of(Dimension::LobeAndRoulette);
+        let sample = bsdf.sample([x, y, lobe])?;
+        let [tangent, bitangent, normal] = self.frame;
+        let local = sample.direction;
+        let direction = (tangent * local.x + bitangent * local.y + normal * local.z).normalize();
+        if (local.z > 0.0) != (direction.dot(self.surface.geometric_normal) > 0.0) {
+            return None;
+        }
+        let mut throughput = self.path.throughput * sample.weight;
+        if numbers.depth as usize >= ROULETTE_FROM {
+            let survival = throughput.max_element().min(MAX_SURVIVAL);
+            if roulette >= survival {
+                return None;
+            }
+            throughput /= survival;
+        }
+        if !throughput.is_finite() || throughput.max_element() <= 0.0 {
+            return None;
+        }
+        let pdf = if sample.is_delta { f64::INFINITY } else { sample.pdf };
+        let precision = self.world.numerics().ray_precision();
+        let ray = precision.ray(self.origin(direction), direction, 0.0, f64::INFINITY);
+        Some((ray, Path { throughput, pdf, ..self.path }))
+    }
+}
+
+/// The power heuristic with exponent 2 (Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997, section
+/// 9.2.4): the weight of a sample of density `own` beside a technique of density `other`.
+pub(super) fn power_heuristic(own: f64, other: f64) -> f64 {
+    if own.is_infinite() {
+        return 1.0;
+    }
+    // Scaled, so that no square overflows or underflows.
+    let ratio = other / own;
+    1.0 / (1.0 + ratio * ratio)
+}
+
+fn to_local([tangent, bitangent, normal]: &[DVec3; 3], v: DVec3) -> DVec3 {
+    DVec3::new(v.dot(*tangent), v.dot(*bitangent), v.dot(*normal))
+}
+
+/// The radiance that a surface emits.
+fn emission(material: &PreparedMaterial, surface: &SurfaceInteraction) -> DVec3 {
+    match material {
+        Material::Phong(_) => DVec3::ZERO,
+        Material::MetallicRoughness(m) if m.unlit => m.base_colour * surface.tint * surface.texels.colour,
+        Material::MetallicRoughness(m) => m.emission * surface.texels.emission,
+    }
+}
+
+/// The parameters of the BSDF, `None` where nothing is scattered, and the transmittance of the medium that the ray came through.
+fn parameters(
+    _world: &World,
+    material: &PreparedMaterial,
+    surface: &SurfaceInteraction,
+    _hit: &Hit,
+) -> (Option<BsdfParameters>, DVec3) {
+    let unit = |colour: DVec3| colour.clamp(DVec3::ZERO, DVec3::ONE);
+    let parameters = match material {
+        Material::MetallicRoughness(m) if m.unlit => return (None, DVec3::ONE),
+        Material::MetallicRoughness(m) => BsdfParameters {
+            base_colour: unit(m.base_colour * surface.tint * surface.texels.colour),
+            metallic: (m.metallic * surface.texels.metallic).clamp(0.0, 1.0),
+            roughness: (m.roughness * surface.texels.roughness).clamp(0.0, 1.0),
+            ..BsdfParameters::default()
+        },
+        // Blinn's exponent as a width of GGX (Walter and others, Microfacet Models for Refraction, 2007, section 5.2): alpha^2 =
+        // 2 / (n + 2). Without a highlight there is no specular layer.
+        Material::Phong(m) => BsdfParameters {
+            base_colour: unit(m.colour * surface.tint * surface.texels.colour * m.diffuse),
+            metallic: 0.0,
+            roughness: (2.0 / (m.shininess + 2.0)).powf(0.25).clamp(0.0, 1.0),
+            specular: m.specular.clamp(0.0, 1.0),
+            ..BsdfParameters::default()
+        },
+    };
+    (Some(parameters), DVec3::ONE)
+}
