@@ -1,8 +1,9 @@
-//! Casts rays of one kind at a generated mesh, and nothing else: `instructions KIND ROUNDS`, for `benches/instructions/count-instructions`.
+//! Casts rays of one kind at a generated mesh, and nothing else: `instructions KIND ROUNDS`, for
+//! `benches/instructions/count-instructions`.
 //!
-//! Everything is prepared first, the same whatever ROUNDS is: a mesh of 80,000 triangles, its tree, and 65,536 rays of the
-//! kind. Then all of them are cast ROUNDS times, a tile's worth at once, on one thread. Two runs of different ROUNDS differ by the
-//! instructions of traversal alone.
+//! Everything is prepared first, the same whatever ROUNDS is: a mesh of 80,000 triangles, its tree, and 65,536 rays of
+//! the kind. Then all of them are cast ROUNDS times, a tile's worth at once, on one thread. Two runs of different
+//! ROUNDS differ by the instructions of traversal alone.
 
 use std::f64::consts::{PI, TAU};
 

@@ -251,7 +251,8 @@ fn ulps_are_counted() {
     assert_eq!(f32_ulps(1.5, &Distance::exactly(1.5)), 0.0);
 }
 
-/// The filter's formula (signs of triple products) is not the oracle's (a point within a plane), so each checks the other.
+/// The filter's formula (signs of triple products) is not the oracle's (a point within a plane), so each checks the
+/// other.
 #[test]
 fn what_the_filter_is_certain_of_is_so() {
     let mut numbers = Numbers::new(1);

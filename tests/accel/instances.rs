@@ -1,5 +1,5 @@
-//! A mesh that stands in many places is seen as its copies are: the same hits and the same pictures, to the bit, in every
-//! tier, however the places are turned, squeezed, mirrored and moved.
+//! A mesh that stands in many places is seen as its copies are: the same hits and the same pictures, to the bit, in
+//! every tier, however the places are turned, squeezed, mirrored and moved.
 
 use std::sync::Arc;
 
@@ -321,8 +321,8 @@ fn far_and_extreme_scenes_are_brought_into_range_alike() {
 
 #[test]
 fn places_cost_no_triangles() {
-    // 20,480 triangles at 16 bytes, 10,242 corners at 24, nodes of 32 bytes of which there are less than two a triangle; and
-    // for each of 10,000 places at most 1 KiB. As copies, 204,800,000 triangles of 36 bytes are 7 GB.
+    // 20,480 triangles at 16 bytes, 10,242 corners at 24, nodes of 32 bytes of which there are less than two a
+    // triangle; and for each of 10,000 places at most 1 KiB. As copies, 204,800,000 triangles of 36 bytes are 7 GB.
     let mesh = Arc::new(mesh_of(&meshes::icosphere(5, DVec3::ZERO, 1.0)));
     let place = |i: u32| {
         let at = DVec3::new(f64::from(i % 100), 0.0, f64::from(i / 100)) * 3.0;

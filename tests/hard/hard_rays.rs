@@ -3,8 +3,8 @@
 //! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
 //! which tier.
 //!
-//! Not tested here: A8's count of rejected rays. A ray's maker says so at once when a direction is not one (debug assertion);
-//! what is tested is that such a ray does no harm where it gets through.
+//! Not tested here: A8's count of rejected rays. A ray's maker says so at once when a direction is not one (debug
+//! assertion); what is tested is that such a ray does no harm where it gets through.
 
 use crate::common::Numbers;
 use crate::common::hard::aim::{At, axes_with_signed_zeros, from_around, targets};
@@ -25,8 +25,8 @@ fn mostly_hits(summary: Summary) {
     assert!(summary.hit * 2 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: all four patterns of signs of the two zeros of an axis-aligned direction, at a sphere of triangles; one by one and
-/// in batches. The zeros of a ray are positive, whatever it is made from.
+/// Set-up: all four patterns of signs of the two zeros of an axis-aligned direction, at a sphere of triangles; one by
+/// one and in batches. The zeros of a ray are positive, whatever it is made from.
 #[test]
 fn a1_signed_zeros_make_no_difference() {
     let slots = triangles(single_mesh(&meshes::icosphere(4, DVec3::ZERO, 1.0)));
@@ -58,8 +58,8 @@ fn a1_signed_zeros_make_no_difference() {
     }
 }
 
-/// Set-up: a wall of two triangles from 10 to a million units away, seen along its normal at random places, along its edges
-/// and its diagonal. Every ray hits: a component of 0 leaves the ray within the wall at any distance.
+/// Set-up: a wall of two triangles from 10 to a million units away, seen along its normal at random places, along its
+/// edges and its diagonal. Every ray hits: a component of 0 leaves the ray within the wall at any distance.
 #[test]
 fn a2_a_wall_is_not_missed_from_far_away() {
     let wall: [Corners; 2] = [
@@ -109,7 +109,8 @@ fn a4_tiny_components_lose_nothing() {
                     let mut direction = DVec3::ZERO;
                     direction[axis] = numbers.one_of(&[-1.0, 1.0]);
                     direction[(axis + 1) % 3] = component;
-                    // What the direction is rounded to is followed back, so the aim is as good as the origin's rounding.
+                    // What the direction is rounded to is followed back, so the aim is as good as the origin's
+                    // rounding.
                     let direction = single(direction);
                     ray(single(target - direction * distance), direction)
                 })
@@ -136,8 +137,8 @@ fn a5_the_length_of_a_direction_makes_no_difference() {
             let accelerator = build(slots.iter().copied(), structure, tier);
             let answers = Answer::to_all(&*accelerator, &rays);
             for exponent in [-100, -60, -20, -1, 1, 20, 60, 100] {
-                // The fast tier multiplies the squared length with the discriminant of a sphere, which may be 2^-48 of its
-                // squared radius where the ray grazes: at 2^-60, f32 has no such product.
+                // The fast tier multiplies the squared length with the discriminant of a sphere, which may be 2^-48 of
+                // its squared radius where the ray grazes: at 2^-60, f32 has no such product.
                 if tier == Numerics::Fast && i32::abs(exponent) > 20 {
                     continue;
                 }

@@ -1,7 +1,7 @@
 //! Hard cases, chapter C, first part: how long building takes (C1 to C3, C6).
 //!
-//! Bounds are the catalogue's, for a machine that is not busy: the best of five tries counts, and no two tests of this file
-//! run at once. Presets that it gives no bound for are held against as many triangles at random.
+//! Bounds are the catalogue's, for a machine that is not busy: the best of five tries counts, and no two tests of this
+//! file run at once. Presets that it gives no bound for are held against as many triangles at random.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -37,7 +37,8 @@ fn build_time(slots: &[Slot], preset: Preset, enough: Duration) -> Duration {
 /// A builder that merges one pair a round is hundreds of times slower on these than on triangles at random.
 const MOST_TIMES_SLOWER: u32 = 30;
 
-/// Builds a tree of every preset, the default one within the limit, none much slower than for as many triangles at random.
+/// Builds a tree of every preset, the default one within the limit, none much slower than for as many triangles at
+/// random.
 fn builds_in_good_time(limit: Duration, what: &str, slots: &[Slot]) {
     let random = triangles(meshes::soup(slots.len(), 0.02, 1));
     for preset in Preset::ALL {
@@ -51,8 +52,8 @@ fn builds_in_good_time(limit: Duration, what: &str, slots: &[Slot]) {
     }
 }
 
-/// Set-up: 10^5 times the same triangle, built within a second in a thread with little stack; a ray at its centroid finds
-/// the first.
+/// Set-up: 10^5 times the same triangle, built within a second in a thread with little stack; a ray at its centroid
+/// finds the first.
 #[test]
 fn c1_coincident_triangles_build_in_good_time() {
     let _alone = alone();
@@ -138,8 +139,8 @@ fn c3_fans_build_in_good_time() {
 
 /// Set-up: a double cone of 50 000 triangles.
 ///
-/// What this has found: boxes grown by a few units in the last place are still joined one pair a round where they all reach
-/// from a tip to a rim and overlap. Every preset took four times as long for twice as many triangles.
+/// What this has found: boxes grown by a few units in the last place are still joined one pair a round where they all
+/// reach from a tip to a rim and overlap. Every preset took four times as long for twice as many triangles.
 #[test]
 fn c3_cones_build_in_good_time() {
     let _alone = alone();

@@ -55,7 +55,8 @@ fn a_forgotten_triangle_is_noticed_in_every_contender() {
     }
 }
 
-/// Adapters give the right numbers to the right rays: hardly any answer is wrong, and none of kiln's tiers that promise it.
+/// Adapters give the right numbers to the right rays: hardly any answer is wrong, and none of kiln's tiers that promise
+/// it.
 #[test]
 fn contenders_answer_as_the_oracle_does() {
     for family in Family::ALL {

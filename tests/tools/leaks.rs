@@ -32,8 +32,8 @@ fn no_ray_slips_through_kilns_structures() {
     }
 }
 
-/// The rays are hard enough to find the gaps of a test that has some. Möller and Trumbore's, which loses about a tenth of
-/// the rays that meet an edge from behind, is one.
+/// The rays are hard enough to find the gaps of a test that has some. Möller and Trumbore's, which loses about a tenth
+/// of the rays that meet an edge from behind, is one.
 #[test]
 fn rays_slip_through_where_there_are_gaps() {
     for row in rows("obvhs") {

@@ -61,8 +61,8 @@ impl Answer {
     }
 }
 
-/// Asks a structure about every ray, one by one and in batches, which share their way down a tree; all answers must be the
-/// expected ones, bit for bit.
+/// Asks a structure about every ray, one by one and in batches, which share their way down a tree; all answers must be
+/// the expected ones, bit for bit.
 pub fn answers_alike(
     what: &str,
     accelerator: &dyn Accelerator,

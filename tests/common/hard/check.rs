@@ -170,7 +170,8 @@ fn judge_rounded(
     }
 }
 
-/// How far a distance is off. Where the ray starts on a sphere, up to rounding, either end of its chord may be the first.
+/// How far a distance is off. Where the ray starts on a sphere, up to rounding, either end of its chord may be the
+/// first.
 fn off_by(ray: &Ray, primitive: &Primitive, t: f64, exact: f64) -> f64 {
     let off = (t - exact).abs();
     match primitive {
