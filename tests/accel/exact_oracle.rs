@@ -1,4 +1,4 @@
-//! The oracle that other tests trust, on cases that can be worked out by hand.
+//! Tests of the exact-arithmetic oracle against cases derived by hand.
 
 use std::cmp::Ordering::{Equal, Greater, Less};
 

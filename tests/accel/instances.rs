@@ -1,5 +1,5 @@
-//! A mesh that stands in many places is seen as its copies are: the same hits and the same pictures, to the bit, in
-//! every tier, however the places are turned, squeezed, mirrored and moved.
+//! Instanced meshes give the same hits and pictures, bit for bit, as copies of the mesh with transformed vertices, in
+//! every tier and for all kinds of transforms.
 
 use std::sync::Arc;
 

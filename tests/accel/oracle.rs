@@ -1,5 +1,5 @@
-//! The acceleration structure never changes the picture: it answers as brute force does, bit for bit, for every obvhs
-//! preset, on the rays that are hardest for it.
+//! Every acceleration structure returns the same hits as brute force, bit for bit, for every obvhs preset, on
+//! numerically hard rays.
 
 use crate::common::{self, Numbers, origin_on_border};
 use glam::DVec3;

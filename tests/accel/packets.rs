@@ -1,5 +1,4 @@
-//! Rays that share their start, their end or their direction are walked together; each answers as if it were alone, bit
-//! for bit.
+//! Packets of rays with a common origin, end or direction return the same hits as single rays, bit for bit.
 
 use crate::common::Numbers;
 use glam::DVec3;

@@ -1,4 +1,4 @@
-//! New positions for the same primitives: a structure that takes them answers as a fresh one does, bit for bit.
+//! A refitted structure returns the same hits as a newly built one, bit for bit.
 
 use crate::common::Numbers;
 use glam::DVec3;

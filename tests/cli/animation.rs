@@ -1,5 +1,4 @@
-//! Animations: what the assignment asks of its own, that a frame is the same alone and among others, and the films they
-//! become.
+//! Animations: the requirements of the assignment, frames rendered alone and in sequence, and video files.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The command end to end, held to its contract: exit codes, what goes to which stream, and what is left on disk.
+//! End-to-end tests of the command: exit codes, output streams and files.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};

@@ -1,5 +1,5 @@
-//! What farms rely on: pictures that say what made them, work that is divided and put together again to the same bytes,
-//! frames that are made again only where they have to be, and a process that ends when it is told to.
+//! Features for render farms: metadata of pictures, division of a picture into shares and merging to the same bytes,
+//! skipping of frames that are up to date, and termination by signals.
 
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};

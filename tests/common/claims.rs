@@ -1,4 +1,4 @@
-//! Pictures of a few hundred bytes whose headers claim to be large.
+//! Image files of a few hundred bytes whose headers state a large size.
 
 /// A PNG with 16 bits in four channels whose header is whole and gives this size; nothing is in it.
 pub fn png(width: u32, height: u32) -> Vec<u8> {

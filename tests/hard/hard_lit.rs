@@ -1,4 +1,5 @@
-//! Light and shadow against the closed form (E1, H2, H3): no acne, no leaks, at any scale and place.
+//! Lighting and shadows against the closed form (E1, H2, H3), at all scales and positions: no shadow acne, no light
+//! leaks.
 
 use crate::common::picture::{parse, placed, prepare};
 use glam::DVec3;

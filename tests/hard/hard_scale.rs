@@ -1,4 +1,4 @@
-//! Scale and place (H1-H3): pictures that do not change when everything grows, shrinks or moves.
+//! Pictures are invariant to scaling and translation of the scene (H1-H3).
 
 use crate::common;
 use crate::common::picture::{Prepared, bits, equip, load, picture, placed, prepare};

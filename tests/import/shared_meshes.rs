@@ -1,5 +1,5 @@
-//! Files in which a mesh stands in many places: it is kept once, and everything is as if each place had a mesh of its
-//! own.
+//! Files with several instances of a mesh: the mesh is stored once, and the scene is the same as with a copy per
+//! instance.
 
 use std::fmt::Write;
 

@@ -1,4 +1,4 @@
-//! What else is kept of a pixel: `--aov`, as layers of one EXR.
+//! Layers that `--aov` adds to the EXR file.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Pictures that can be worked out by hand, and the assignment worked out a second time straight from its formulas.
+//! Pictures with values derived by hand, and a second implementation of the assignment's formulas.
 
 use crate::common;
 use glam::DVec3;

@@ -1,4 +1,4 @@
-//! Samples: how fast their mean comes near the exact integral, and that a pixel depends on nothing but its own.
+//! Sampling: convergence of the mean to the exact integral, and independence of pixels.
 
 use crate::common::Numbers;
 use crate::common::picture::{Prepared, parse, prepare};

@@ -1,4 +1,4 @@
-//! `kiln bench`: wrong answers are noticed, counts do not depend on threads, and the command keeps its contract.
+//! `kiln bench`: detection of wrong hits, counts that are independent of the thread count, exit codes and output.
 
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;

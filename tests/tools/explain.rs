@@ -1,4 +1,4 @@
-//! `kiln explain`: what is on, why, and that what it costs adds up.
+//! `kiln explain`: the effects that are on, the reasons, and the sum of their costs.
 
 use crate::common::repository;
 use assert_cmd::Command;

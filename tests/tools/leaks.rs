@@ -1,4 +1,4 @@
-//! No ray slips through a closed mesh, at any size or place, and the test that says so notices rays that do.
+//! Closed meshes have no leaks at any size or position, and the test detects rays that leak.
 
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;

@@ -1,4 +1,4 @@
-//! `kiln study`: what must hold of any study, on a tiny one, and the files that it writes.
+//! `kiln study`: properties of every study, on a small one, and the files that it writes.
 
 use std::path::Path;
 use std::process::{Command, Output};

@@ -1,17 +1,17 @@
-//! What a structure says of a ray, how two of them differ, and how often.
+//! The hits that an acceleration structure returns for a ray, and their comparison.
 
 use kiln::bvh::{Accelerator, Traversal};
 use kiln::geometry::{Hit, PrimId, Ray};
 
-/// How many rays are asked about at once.
+/// Rays per batch.
 const BATCH: usize = 64;
 
-/// Everything that a structure says of a ray.
+/// Results of all queries of a structure for a ray; distances as bits.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Answer {
     pub closest: Option<(PrimId, u64)>,
     pub occluded: bool,
-    /// In the order of their numbers.
+    /// All hits, sorted by primitive.
     pub all: Vec<(PrimId, u64)>,
 }
 
@@ -29,13 +29,13 @@ impl Answer {
         Answer { closest, occluded: accelerator.is_occluded(ray, traversal), all }
     }
 
-    /// The answers to many rays.
+    /// The results for each ray.
     pub fn to_all(accelerator: &dyn Accelerator, rays: &[Ray]) -> Vec<Self> {
         let mut traversal = Traversal::default();
         rays.iter().map(|ray| Answer::of(accelerator, ray, &mut traversal)).collect()
     }
 
-    /// The same answer, all distances times a power of two.
+    /// These results with all distances multiplied by a power of two.
     pub fn times(&self, factor: f64) -> Self {
         let times = |(id, t): &(PrimId, u64)| (*id, (f64::from_bits(*t) * factor).to_bits());
         Answer {
@@ -45,7 +45,7 @@ impl Answer {
         }
     }
 
-    /// How this answer differs from the one that was expected, in few words.
+    /// Describes the difference from the expected results.
     pub fn unlike(&self, expected: &Answer) -> String {
         let only = |a: &Answer, b: &Answer| {
             let hits = a.all.iter().filter(|hit| !b.all.contains(hit));
@@ -61,8 +61,7 @@ impl Answer {
     }
 }
 
-/// Asks a structure about every ray, one by one and in batches, which share their way down a tree; all answers must be
-/// the expected ones, bit for bit.
+/// Checks that a structure returns the expected results, bit for bit, for single rays and for batches.
 pub fn answers_alike(
     what: &str,
     accelerator: &dyn Accelerator,
@@ -86,7 +85,7 @@ pub fn answers_alike(
     }
 }
 
-/// What differed: how often, and the first of it.
+/// Counts failed checks and keeps the message of the first.
 pub struct Faults {
     what: String,
     checked: usize,
@@ -107,7 +106,7 @@ impl Faults {
         }
     }
 
-    /// Panics if anything differed.
+    /// Panics if a check failed.
     pub fn none(&self) {
         let Faults { what, checked, count, first } = self;
         assert!(

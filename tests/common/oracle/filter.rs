@@ -1,4 +1,4 @@
-//! What f64 can tell for certain, so that exact arithmetic is left with the doubtful cases.
+//! Floating-point filter: decides clear cases in f64, so that only doubtful ones need exact arithmetic.
 
 use glam::DVec3;
 use kiln::geometry::Ray;
