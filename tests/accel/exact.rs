@@ -5,9 +5,9 @@
 
 use crate::common;
 use crate::common::Numbers;
-use crate::common::hard::answer::Faults;
 use crate::common::hard::cases::{Kind, aimed_ray, is_in_domain, nudged, point, touching_ball, triangle};
 use crate::common::hard::check::{exact_hits, judge_in};
+use crate::common::hard::results::Faults;
 use crate::common::hard::{Corners, ball, corners_of, numbered, placed, times_factor, triangles};
 use crate::common::oracle::{self, Distance};
 use glam::DVec3;

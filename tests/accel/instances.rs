@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use crate::common::hard::aim::{At, targets};
-use crate::common::hard::answer::Answer;
+use crate::common::hard::rays::{At, targets};
+use crate::common::hard::results::RayResults;
 use crate::common::hard::{Corners, meshes, times_factor};
 use crate::common::picture::{bits, prepare};
 use crate::common::places::{FAMILIES, Family};
@@ -130,14 +130,14 @@ fn same_answers(what: &str, scene: &Scene, rays: usize, tiers: &[Numerics]) {
     for &numerics in tiers {
         let rays = self::rays(scene, rays, numerics, &mut Numbers::new(29));
         let flat = world(scene, Layout::BruteForce, numerics);
-        let expected = Answer::to_all(&*flat.accelerator, &rays);
+        let expected = RayResults::to_all(&*flat.accelerator, &rays);
         let hits: usize = expected.iter().map(|answer| answer.all.len()).sum();
         assert!(hits > rays.len() / 8, "{what}: {hits} hits");
         for preset in Preset::ALL {
             let shared = world(scene, Layout::Bvh2(preset), numerics);
             assert_eq!(shared.accelerator.describe().layout, "instances", "{what}");
             assert_eq!(shared.too_small, flat.too_small, "{what}");
-            let found = Answer::to_all(&*shared.accelerator, &rays);
+            let found = RayResults::to_all(&*shared.accelerator, &rays);
             for ((found, expected), ray) in found.iter().zip(&expected).zip(&rays) {
                 assert!(
                     found == expected,
@@ -258,7 +258,7 @@ fn what_cannot_be_brought_back_is_copied() {
         let [shared, flat] = [Layout::default(), Layout::BruteForce].map(|s| world(&scene, s, numerics));
         assert_ne!(shared.accelerator.describe().layout, "instances");
         let rays = rays(&scene, 400, numerics, &mut Numbers::new(8));
-        let answers = |world: &World| Answer::to_all(&*world.accelerator, &rays);
+        let answers = |world: &World| RayResults::to_all(&*world.accelerator, &rays);
         assert!(answers(&shared) == answers(&flat));
     }
 }

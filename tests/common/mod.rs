@@ -5,7 +5,7 @@ pub mod hard;
 pub mod oracle;
 
 pub mod borders;
-pub mod claims;
+pub mod oversized_images;
 pub mod picture;
 pub mod places;
 

@@ -7,11 +7,11 @@
 use std::cmp::Ordering;
 
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, exactly_through, from_around, lattice, lattice_directions, targets};
-use crate::common::hard::answer::Faults;
 use crate::common::hard::check::{
     STRUCTURES, Summary, WATERTIGHT, all_structures, judge, judge_in, none_gets_out,
 };
+use crate::common::hard::rays::{At, exactly_through, from_around, lattice, lattice_directions, targets};
+use crate::common::hard::results::Faults;
 use crate::common::hard::{meshes, placed, ray, ray_towards, single, times_factor, triangles};
 use crate::common::oracle::line_box;
 use glam::DVec3;

@@ -12,13 +12,13 @@
 
 use crate::common;
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, from_around, targets};
-use crate::common::hard::answer::{Answer, Faults, answers_alike};
 use crate::common::hard::check::{
     DEFAULT_TREE, all_structures, judge, judge_in, scaled_ray, scales_to_the_bit,
 };
+use crate::common::hard::rays::{At, from_around, targets};
+use crate::common::hard::results::{Faults, RayResults, check_results};
 use crate::common::hard::{
-    Corners, ball, meshes, numbered, piles, placed, ray, ray_towards, single, times_factor, triangles,
+    Corners, ball, meshes, numbered, placed, ray, ray_towards, single, times_factor, tree_inputs, triangles,
 };
 use glam::DVec3;
 use kiln::bvh::{Layout, Preset, Slot, build};
@@ -34,9 +34,9 @@ use kiln::geometry::{Numerics, Ray};
 fn c4_geometric_progressions_are_built_and_traced() {
     let mut numbers = Numbers::new(4);
     for (what, mesh) in [
-        ("1.01^k", piles::nested(1500, 1.01, 1e-3)),
-        ("2^k", piles::nested(80, 2.0, f64::from(-40).exp2())),
-        ("octaves", piles::octaves(800, -40, 40, 4)),
+        ("1.01^k", tree_inputs::nested(1500, 1.01, 1e-3)),
+        ("2^k", tree_inputs::nested(80, 2.0, f64::from(-40).exp2())),
+        ("octaves", tree_inputs::octaves(800, -40, 40, 4)),
     ] {
         let slots = triangles(mesh.clone());
         let mut rays = vec![ray(DVec3::ZERO, DVec3::Z), ray(DVec3::ZERO, -DVec3::Z)];
@@ -76,7 +76,7 @@ fn c4_mixed_scales_are_traced() {
 #[test]
 fn c5_deep_stacks_lose_nothing() {
     for clusters in [100, 500] {
-        let mesh = piles::nested_clusters(clusters);
+        let mesh = tree_inputs::nested_clusters(clusters);
         let slots = triangles(mesh.clone());
         let mut numbers = Numbers::new(5);
         let aimed = targets(&mesh[..1], &At::ALL, times_factor(50), &mut numbers);
@@ -122,7 +122,7 @@ fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
     let aimed = targets(&mesh, &At::ALL, times_factor(100), &mut numbers);
     let rays = from_around(DVec3::ZERO, 2.0, &aimed, &mut numbers);
     for tier in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
-        let answers = Answer::to_all(&*build(triangles(mesh.clone()), DEFAULT_TREE, tier), &rays);
+        let answers = RayResults::to_all(&*build(triangles(mesh.clone()), DEFAULT_TREE, tier), &rays);
         for exponent in (-199..=59).step_by(3) {
             let power = |exponent: i32| f64::from(exponent).exp2();
             let positions = mesh.iter().flatten().map(|p| *p * power(exponent)).collect();
@@ -137,9 +137,9 @@ fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
             let corners = moved.triangles.iter().map(|t| t.map(|i| moved.positions[i as usize]));
             let there = build(triangles(corners), DEFAULT_TREE, tier);
             let mut faults = Faults::new(format!("{}, 2^{exponent}", tier.name()));
-            let expected: Vec<Answer> = answers.iter().map(|answer| answer.times(scale)).collect();
+            let expected: Vec<RayResults> = answers.iter().map(|answer| answer.times(scale)).collect();
             let moved: Vec<Ray> = rays.iter().map(|ray| scaled_ray(ray, scale)).collect();
-            answers_alike("in range", &*there, &moved, &expected, &mut faults);
+            check_results("in range", &*there, &moved, &expected, &mut faults);
             faults.none();
         }
     }
@@ -149,7 +149,7 @@ fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
 /// they round down; rays along and at their faces, edges and corners.
 #[test]
 fn c7_boxes_that_eight_bits_would_cut_lose_nothing() {
-    let mesh = piles::extents_of_255(60, 1);
+    let mesh = tree_inputs::extents_of_255(60, 1);
     let slots = triangles(mesh.clone());
     let mut numbers = Numbers::new(7);
     let mut rays = Vec::new();
@@ -170,7 +170,7 @@ fn c7_boxes_that_eight_bits_would_cut_lose_nothing() {
 /// and along lines across an axis, as cuts are. Every preset finds every piece.
 #[test]
 fn c8_triangles_cut_to_pieces_are_whole() {
-    let mesh = piles::to_be_split(40, 2000, 8);
+    let mesh = tree_inputs::to_be_split(40, 2000, 8);
     let slots = triangles(mesh.clone());
     let large: Vec<Corners> = mesh.into_iter().filter(|[a, b, _]| a.distance(*b) > 10.0).collect();
     assert!(large.len() > 30);

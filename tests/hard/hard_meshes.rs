@@ -4,10 +4,10 @@
 //! which tier.
 
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, from_around, lattice_directions, targets};
 use crate::common::hard::check::{
     DEFAULT_TREE, STRUCTURES, WATERTIGHT, all_structures, judge, judge_in, none_gets_out, scales_to_the_bit,
 };
+use crate::common::hard::rays::{At, from_around, lattice_directions, targets};
 use crate::common::hard::{
     Corners, fine_ray_towards, meshes, ray, ray_towards, single, single_mesh, times_factor, triangles,
 };

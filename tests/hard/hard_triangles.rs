@@ -10,13 +10,13 @@
 
 use crate::common;
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, from_around, targets};
-use crate::common::hard::answer::{Answer, Faults};
 use crate::common::hard::check::{
     DEFAULT_TREE, STRUCTURES, Summary, WATERTIGHT, all_structures, judge, judge_in,
 };
+use crate::common::hard::rays::{At, from_around, targets};
+use crate::common::hard::results::{Faults, RayResults};
 use crate::common::hard::{
-    Corners, meshes, piles, placed, ray, ray_towards, single, single_mesh, times_factor, triangles,
+    Corners, meshes, placed, ray, ray_towards, single, single_mesh, times_factor, tree_inputs, triangles,
 };
 use glam::DVec3;
 use kiln::bvh::{Layout, Traversal, build};
@@ -113,8 +113,8 @@ fn b5_triangles_without_area_change_nothing_for_others() {
         let dirty = build(triangles(mixed.clone()), structure, Numerics::Exact);
         let mut faults = Faults::new(format!("{structure:?}"));
         for ray in &rays {
-            let expected = Answer::of(&*clean, ray, &mut traversal);
-            let mut found = Answer::of(&*dirty, ray, &mut traversal);
+            let expected = RayResults::of(&*clean, ray, &mut traversal);
+            let mut found = RayResults::of(&*dirty, ray, &mut traversal);
             for hit in found.all.iter_mut().chain(&mut found.closest) {
                 // The field's triangles have even numbers.
                 hit.0 = if hit.0.0 % 2 == 0 { PrimId(hit.0.0 / 2) } else { PrimId(u32::MAX) };
@@ -144,8 +144,8 @@ fn b6_of_equal_triangles_the_lowest_number_wins() {
             let out_of_order = build(shuffled.iter().copied(), structure, tier);
             let mut faults = Faults::new(format!("{}, {structure:?}", tier.name()));
             for ray in &rays {
-                let answer = Answer::of(&*in_order, ray, &mut traversal);
-                faults.check(answer == Answer::of(&*out_of_order, ray, &mut traversal), || {
+                let answer = RayResults::of(&*in_order, ray, &mut traversal);
+                faults.check(answer == RayResults::of(&*out_of_order, ray, &mut traversal), || {
                     format!("{ray:?}: order")
                 });
                 let lowest = answer.closest.is_some_and(|(id, _)| (id.0 as usize) < once);
@@ -316,7 +316,7 @@ fn b_everything_at_once_is_exact() {
     mesh.extend(meshes::slivers(50, 1e-4, DVec3::ZERO, 13));
     mesh.extend(meshes::sheets(10, 1, 14));
     mesh.extend(meshes::mixed_scales(100, 15));
-    mesh.extend(piles::coincident(5));
+    mesh.extend(tree_inputs::coincident(5));
     mesh.extend(meshes::doubled_tiles(3));
     let slots = triangles(mesh.clone());
     let mut numbers = Numbers::new(16);

@@ -588,7 +588,8 @@ fn gltf_sizes_are_checked_before_memory_is_allocated() {
         let e = message(&shared.fails());
         assert!(e.starts_with("a.gltf: reading its meshes needs 768.0 GiB of memory; "), "{e}");
     }
-    let data = base64::engine::general_purpose::STANDARD.encode(common::claims::png(60_000, 60_000));
+    let data =
+        base64::engine::general_purpose::STANDARD.encode(common::oversized_images::png(60_000, 60_000));
     let picture =
         Model::triangle().with("images", json!([{ "uri": format!("data:image/png;base64,{data}") }]));
     let e = picture.fails();

@@ -7,9 +7,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, from_around, targets};
 use crate::common::hard::check::{DEFAULT_TREE, all_structures, judge_in, scaled};
-use crate::common::hard::{meshes, piles, ray, ray_towards, single, times_factor, triangles};
+use crate::common::hard::rays::{At, from_around, targets};
+use crate::common::hard::{meshes, ray, ray_towards, single, times_factor, tree_inputs, triangles};
 use glam::DVec3;
 use kiln::bvh::{Layout, Preset, Slot, Traversal, build};
 use kiln::geometry::{Numerics, PrimId};
@@ -57,7 +57,7 @@ fn builds_in_good_time(limit: Duration, what: &str, slots: &[Slot]) {
 #[test]
 fn c1_coincident_triangles_build_in_good_time() {
     let _alone = alone();
-    let slots = triangles(piles::coincident(100_000));
+    let slots = triangles(tree_inputs::coincident(100_000));
     let body = move || {
         builds_in_good_time(Duration::from_secs(1), "coincident", &slots);
         let mut traversal = Traversal::default();
@@ -85,9 +85,9 @@ fn c1_coincident_triangles_build_in_good_time() {
 #[test]
 fn c1_all_of_coincident_triangles_are_hit() {
     let _alone = alone();
-    let slots = triangles(piles::coincident(2000));
+    let slots = triangles(tree_inputs::coincident(2000));
     let mut numbers = Numbers::new(1);
-    let aimed = targets(&piles::coincident(1), &[At::Inside, At::Centroid], 20, &mut numbers);
+    let aimed = targets(&tree_inputs::coincident(1), &[At::Inside, At::Centroid], 20, &mut numbers);
     let summary = judge_in(
         "coincident",
         &slots,
@@ -105,10 +105,10 @@ fn c2_rows_stacks_and_fences_build_in_good_time() {
     let limit = Duration::from_millis(500);
     let mut numbers = Numbers::new(2);
     for (what, mesh) in [
-        ("row", piles::row(50_000, DVec3::X)),
-        ("diagonal row", piles::row(50_000, DVec3::ONE)),
-        ("stack", piles::row(8000, DVec3::Z)),
-        ("fence", piles::fence(224)),
+        ("row", tree_inputs::row(50_000, DVec3::X)),
+        ("diagonal row", tree_inputs::row(50_000, DVec3::ONE)),
+        ("stack", tree_inputs::row(8000, DVec3::Z)),
+        ("fence", tree_inputs::fence(224)),
     ] {
         let mut rays = Vec::new();
         for target in targets(&mesh, &At::ALL, times_factor(12), &mut numbers) {
