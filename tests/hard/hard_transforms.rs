@@ -1,9 +1,8 @@
-//! Transforms where they are hardest, and scenes of sizes and in places where they are: mirrored, singular, uneven and
-//! tiny transforms, tiles side by side, from 1e-30 to 1e17, and a million away.
+//! Numerically hard transforms (mirrored, singular, non-uniform, tiny), and scenes of sizes from 1e-30 to 1e17 or far
+//! from the origin.
 //!
-//! Not tested here: instances, which kiln does not have; transforms of `[[mesh]]` and of glTF nodes are carried out on
-//! the vertices, in f64, so no ray is ever in an object's own space (J1, J3). Nor seams between tiles whose transforms
-//! round their common corners apart (J3): those are gaps in the data, and kiln does not weld.
+//! Instances (J1, J3) are tested in `tests/accel/instances.rs`. Not tested: seams between tiles whose transforms round
+//! common corners differently (J3). Those are gaps in the data, and kiln does not weld vertices.
 
 use crate::common::Numbers;
 use crate::common::borders::{CUBE, Folder, Model, TIGHT, camera, films, scene, sound, tiers};

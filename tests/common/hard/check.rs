@@ -40,7 +40,7 @@ pub fn all_structures() -> Vec<Layout> {
     [Layout::BruteForce].into_iter().chain(Layout::trees()).collect()
 }
 
-/// What was seen; for tests to be sure that something was.
+/// Counts that let tests assert that the rays cover the intended cases.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
 pub struct Summary {
     pub rays: usize,
@@ -55,7 +55,7 @@ pub struct Summary {
     pub ulps: [f64; 2],
 }
 
-/// Judges all tiers and some structures by the oracle. The data must be f32 numbers.
+/// Checks all tiers and some structures against the oracle. The data must be f32 numbers.
 pub fn judge(what: &str, slots: &[Slot], rays: &[Ray]) -> Summary {
     judge_in(what, slots, rays, &Numerics::ALL, &STRUCTURES)
 }
