@@ -64,7 +64,7 @@ fn leaving(tree: &dyn Accelerator, direction: impl Fn(u64, DVec3, DVec3) -> (DVe
     (0..).zip(points.iter().cycle()).take(rays.len()).map(leave).collect()
 }
 
-/// Origins of secondary rays at the hits, and the normals there.
+/// Origin of the secondary ray at a hit, and the normal there.
 fn origin(tree: &dyn Accelerator, ray: &Ray, hit: &Hit) -> (DVec3, DVec3) {
     let Primitive::Triangle(triangle) = tree.primitive(hit.slot) else { unreachable!("a mesh of triangles") };
     let normal = triangle.normal().normalize();
