@@ -1,4 +1,4 @@
-//! `kiln bench`: wrong answers are noticed, counts do not depend on threads, and the command keeps its contract.
+//! `kiln bench`: detection of wrong hits, counts that are independent of the thread count, exit codes and output.
 
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
@@ -55,7 +55,8 @@ fn a_forgotten_triangle_is_noticed_in_every_contender() {
     }
 }
 
-/// Adapters give the right numbers to the right rays: hardly any answer is wrong, and none of kiln's tiers that promise it.
+/// Adapters give the right numbers to the right rays: hardly any answer is wrong, and none of kiln's tiers that promise
+/// it.
 #[test]
 fn contenders_answer_as_the_oracle_does() {
     for family in Family::ALL {

@@ -1,4 +1,4 @@
-//! No ray slips through a closed mesh, at any size or place, and the test that says so notices rays that do.
+//! Closed meshes have no leaks at any size or position, and the test detects rays that leak.
 
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
@@ -32,8 +32,8 @@ fn no_ray_slips_through_kilns_structures() {
     }
 }
 
-/// The rays are hard enough to find the gaps of a test that has some. Möller and Trumbore's, which loses about a tenth of
-/// the rays that meet an edge from behind, is one.
+/// The rays are hard enough to find the gaps of a test that has some. Möller and Trumbore's, which loses about a tenth
+/// of the rays that meet an edge from behind, is one.
 #[test]
 fn rays_slip_through_where_there_are_gaps() {
     for row in rows("obvhs") {

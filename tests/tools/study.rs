@@ -1,4 +1,4 @@
-//! `kiln study`: what must hold of any study, on a tiny one, and the files that it writes.
+//! `kiln study`: properties of every study, on a small one, and the files that it writes.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -72,7 +72,8 @@ fn more_samples_are_closer_to_the_limit() {
     for (row, samples) in rows.iter().zip([1.0, 2.0, 4.0, 8.0, 16.0, 32.0]) {
         assert_eq!(row.samples_per_pixel, samples);
     }
-    // Variance of stratified samples falls between n^-1 and n^-2 (Mitchell 1996): 16 times as many, at least 4 times as close.
+    // Variance of stratified samples falls between n^-1 and n^-2 (Mitchell 1996): 16 times as many, at least 4 times as
+    // close.
     assert!(errors[1] / errors[5] > 4.0, "{errors:?}");
     // The limit's own error is that of 1024 samples, 32 times as many: far below.
     assert!(study.floors[0].rmse * 5.0 < errors[5], "{} {errors:?}", study.floors[0].rmse);
@@ -128,7 +129,8 @@ fn the_tables_hold_the_same_and_can_be_read_back() {
     let csv = std::fs::read_to_string(folder.join("study.csv")).expect("CSV");
     let mut rows = from_csv(&csv).expect("rows");
     assert!(to_csv(&rows) == csv, "another table came back");
-    // The JSON has the same rows, to the last digit. Held against each other as text: what reads JSON here may be off by the last bit.
+    // The JSON has the same rows, to the last digit. Held against each other as text: what reads JSON here may be off
+    // by the last bit.
     let dense = |text: &str| text.split_whitespace().collect::<String>();
     let json = dense(&std::fs::read_to_string(folder.join("study.json")).expect("JSON"));
     assert_eq!(read(folder).rows.len(), rows.len());
@@ -206,7 +208,8 @@ fn a_folder_that_cannot_be_made_is_said_before_any_work() {
     assert!(old.exists());
 }
 
-/// Of the options before and those of a row, those that make the row's picture: one of the same name takes the place of another.
+/// Of the options before and those of a row, those that make the row's picture: one of the same name takes the place of
+/// another.
 fn together(given: &[&str], options: &str) -> Vec<String> {
     let own: Vec<&str> = options.split_whitespace().collect();
     let adds = |name: &str| name == "--with" || name == "--without";
