@@ -1,11 +1,11 @@
-//! How far one picture is from another: what a study keeps of the figures of [`super::metrics`].
+//! How far one picture is from another: what a study keeps of the figures of [`crate::metrics`].
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Errors, Figures, Picture};
+use crate::metrics::{Errors, Figures, ComparedImage};
 use crate::error::Result;
 
-/// How far a picture is from another, [`super::metrics::Figures`] without places.
+/// How far a picture is from another, [`crate::metrics::Figures`] without places.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PictureErrors {
     /// Largest difference of any channel, in the film's numbers.
@@ -33,7 +33,7 @@ impl PictureErrors {
     ///
     /// # Errors
     /// Those of [`Errors::between`].
-    pub fn between(reference: &Picture, test: &Picture) -> Result<Option<Self>> {
+    pub fn between(reference: &ComparedImage, test: &ComparedImage) -> Result<Option<Self>> {
         Ok(Errors::between(reference, test)?.figures.as_ref().map(PictureErrors::of))
     }
 

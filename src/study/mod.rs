@@ -19,7 +19,6 @@ mod leaks;
 mod machine;
 mod measure;
 mod meter;
-pub mod metrics;
 mod pareto;
 mod pictures;
 mod plot;

@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::data::Judge;
 use super::errors::PictureErrors;
-use super::metrics::{Errors, Picture as Compared, error_map};
+use crate::metrics::{Errors, ComparedImage, error_map};
 use crate::error::{Error, Result};
 
 /// Places that are shown enlarged.
@@ -34,7 +34,7 @@ impl Against {
     ///
     /// # Errors
     /// Those of the comparison, and where a PNG cannot be made.
-    pub fn new(reference: &Compared, test: &Compared) -> Result<Option<Self>> {
+    pub fn new(reference: &ComparedImage, test: &ComparedImage) -> Result<Option<Self>> {
         let Some(figures) = Errors::between(reference, test)?.figures else { return Ok(None) };
         let errors = PictureErrors::of(&figures);
         let worst = figures.worst.iter().take(WORST).map(|worst| [worst.x, worst.y]).collect();
@@ -44,7 +44,7 @@ impl Against {
 }
 
 /// Where they differ, as colours.
-fn heat(a: &Compared, b: &Compared) -> Result<Vec<u8>> {
+fn heat(a: &ComparedImage, b: &ComparedImage) -> Result<Vec<u8>> {
     encode(a.width, a.height, error_map(a, b).as_flattened())
 }
 
@@ -52,7 +52,7 @@ fn heat(a: &Compared, b: &Compared) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// [`Error::Failed`] where it cannot be made.
-pub fn png(picture: &Compared) -> Result<Vec<u8>> {
+pub fn png(picture: &ComparedImage) -> Result<Vec<u8>> {
     let byte = |c: &f32| crate::film::colour::quantise((*c).into());
     let bytes: Vec<u8> = picture.displayed().iter().flatten().map(byte).collect();
     encode(picture.width, picture.height, &bytes)
@@ -156,12 +156,12 @@ impl Files {
 
 #[cfg(test)]
 mod tests {
-    use super::super::metrics::Values;
+    use crate::metrics::Values;
     use super::*;
 
     #[test]
     fn equal_files_are_kept_once_and_equal_pictures_have_no_heat() {
-        let even = |value: f32| Compared {
+        let even = |value: f32| ComparedImage {
             width: 4,
             height: 4,
             values: Values::Display,

@@ -6,7 +6,7 @@
 
 use super::data::{Floor, Told};
 use super::errors::PictureErrors;
-use super::metrics::Picture;
+use crate::metrics::ComparedImage;
 use super::setting::Setting;
 use crate::error::Result;
 use crate::film::FilterShape;
@@ -21,7 +21,7 @@ pub struct Limit {
     /// Through which filter, and its radius.
     pub filter: (FilterShape, f64),
     /// The picture.
-    pub picture: Picture,
+    pub picture: ComparedImage,
     /// How far off it is.
     pub floor: Floor,
 }
@@ -43,12 +43,12 @@ impl Limit {
     ///
     /// # Errors
     /// Those of the metrics.
-    pub fn new(filter: (FilterShape, f64), samples: u32, [a, b]: &[Picture; 2]) -> Result<Option<Self>> {
+    pub fn new(filter: (FilterShape, f64), samples: u32, [a, b]: &[ComparedImage; 2]) -> Result<Option<Self>> {
         let Some(errors) = PictureErrors::between(a, b)? else { return Ok(None) };
         let mean = |(a, b): (&[f32; 3], &[f32; 3])| {
             std::array::from_fn(|c| ((f64::from(a[c]) + f64::from(b[c])) / 2.0) as f32)
         };
-        let picture = Picture { pixels: a.pixels.iter().zip(&b.pixels).map(mean).collect(), ..a.clone() };
+        let picture = ComparedImage { pixels: a.pixels.iter().zip(&b.pixels).map(mean).collect(), ..a.clone() };
         let floor = Floor { filter: filter.0.name().into(), samples: 2 * samples, rmse: errors.rmse / 2.0 };
         Ok(Some(Limit { filter, picture, floor }))
     }
@@ -61,11 +61,11 @@ impl Limit {
 
 #[cfg(test)]
 mod tests {
-    use super::super::metrics::Values;
+    use crate::metrics::Values;
     use super::*;
 
-    fn even(value: f32) -> Picture {
-        Picture { width: 2, height: 1, values: Values::Display, pixels: vec![[value; 3]; 2] }
+    fn even(value: f32) -> ComparedImage {
+        ComparedImage { width: 2, height: 1, values: Values::Display, pixels: vec![[value; 3]; 2] }
     }
 
     #[test]

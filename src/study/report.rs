@@ -184,7 +184,7 @@ fn methods(study: &Study) -> String {
         );
     }
     html += "</ul>\n<p>";
-    for (name, meaning) in super::metrics::definitions() {
+    for (name, meaning) in crate::metrics::definitions() {
         let _ = write!(html, "<b>{}</b>: {}. ", escaped(name), escaped(meaning.trim_end_matches('.')));
     }
     html + "</p>\n"

@@ -7,7 +7,7 @@ use super::data::{Geometry, Quartiles, Told};
 use super::errors::PictureErrors;
 use super::measure::{Options, Subject};
 use super::meter::{Meter, effort};
-use super::metrics::Picture;
+use crate::metrics::ComparedImage;
 use super::pictures::{Against, Shown, png};
 use super::reference::{Limit, halves};
 use super::setting::{Setting, WorldKey};
@@ -153,7 +153,7 @@ impl Work<'_> {
             let samples = self.options.samples_of_limit(index);
             let [a, b] = halves(&self.subject.base, filter, samples).map(|half| {
                 let (film, _) = self.made::<[f32; 3]>(&prepare(self.subject, &half)?, &half)?;
-                Ok::<_, Error>(Picture::of_film(&film, half.pipeline))
+                Ok::<_, Error>(ComparedImage::of_film(&film, half.pipeline))
             });
             limits.extend(Limit::new(filter, samples, &[a?, b?])?);
         }
@@ -161,8 +161,8 @@ impl Work<'_> {
     }
 
     /// Every twin once.
-    pub fn twins(&self, cells: &[Cell]) -> Result<Vec<(Setting, Picture)>> {
-        let mut twins: Vec<(Setting, Picture)> = Vec::new();
+    pub fn twins(&self, cells: &[Cell]) -> Result<Vec<(Setting, ComparedImage)>> {
+        let mut twins: Vec<(Setting, ComparedImage)> = Vec::new();
         let mut job: Option<RenderJob> = None;
         for cell in cells {
             let twin = cell.setting.twin(&self.subject.base);
@@ -175,26 +175,26 @@ impl Work<'_> {
                 none => none.insert(prepare(self.subject, &twin)?),
             };
             let (film, _) = self.picture::<[f32; 3]>(job, &twin)?;
-            let picture = Picture::of_film(&film, twin.pipeline);
+            let picture = ComparedImage::of_film(&film, twin.pipeline);
             twins.push((twin, picture));
         }
         Ok(twins)
     }
 
     /// Makes every picture once, and holds it against its limit and its twin.
-    pub fn look(&self, cells: &mut [Cell], limits: &[Limit], twins: &[(Setting, Picture)]) -> Result<()> {
+    pub fn look(&self, cells: &mut [Cell], limits: &[Limit], twins: &[(Setting, ComparedImage)]) -> Result<()> {
         for group in groups(cells) {
             let job = prepare(self.subject, &cells[group[0]].setting)?;
             let description = job.world.accelerator.describe();
             for index in group {
                 let setting = cells[index].setting.clone();
                 let (film, statistics) = self.picture::<[f32; 3]>(&job, &setting)?;
-                let picture = Picture::of_film(&film, setting.pipeline);
+                let picture = ComparedImage::of_film(&film, setting.pipeline);
                 let filter = setting.sampling.shape_and_radius();
                 let limit = limits.iter().find(|limit| limit.filter == filter);
                 let twin = setting.twin(&self.subject.base);
                 let twin = twins.iter().find(|(setting, _)| *setting == twin).map(|(_, picture)| picture);
-                let against = |reference: Option<&Picture>| -> Result<Option<Against>> {
+                let against = |reference: Option<&ComparedImage>| -> Result<Option<Against>> {
                     Ok(reference.map(|r| Against::new(r, &picture)).transpose()?.flatten())
                 };
                 let (to_limit, to_twin) = (against(limit.map(|limit| &limit.picture))?, against(twin)?);
@@ -268,7 +268,7 @@ fn groups(cells: &[Cell]) -> Vec<Vec<usize>> {
 }
 
 /// A hash of a picture's bits, the same in every run.
-fn fingerprint(picture: &Picture) -> String {
+fn fingerprint(picture: &ComparedImage) -> String {
     let mut hasher = DefaultHasher::new();
     picture.pixels.iter().flatten().for_each(|channel| channel.to_bits().hash(&mut hasher));
     format!("{:016x}", hasher.finish())

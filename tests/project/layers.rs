@@ -15,6 +15,7 @@ const MODULES: &[&str] = &[
     "scene",
     "import",
     "world",
+    "metrics",
     "shading",
     "effects",
     "render",

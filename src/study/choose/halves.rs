@@ -2,7 +2,7 @@
 
 use super::Metric;
 use super::survey::{Draws, Squares, Sum};
-use crate::study::metrics::{Values, displayed, mean_over};
+use crate::metrics::{Values, displayed, mean_over};
 
 /// The range of r, see [`super`].
 pub const RATIOS: (f64, f64) = (0.353_553_390_593_273_8, 0.5);

@@ -11,7 +11,7 @@ use super::halves::{Level, Range, about_displayed, fall_of_variance, joined, sum
 use super::survey::{Draws, Sum};
 use super::taker::Taker;
 use crate::error::{Error, Result};
-use crate::study::metrics::displayed;
+use crate::metrics::displayed;
 
 /// Samples of the squares.
 const PROBED: u32 = 4;

@@ -20,7 +20,7 @@ mod taker;
 use crate::error::Result;
 use crate::job::RenderJob;
 use crate::render::{RenderControl, Statistics};
-use crate::study::metrics::mean_flip;
+use crate::metrics::mean_flip;
 use halves::{Level, Range};
 use look::{Look, Probe};
 use survey::Squares;

@@ -10,7 +10,7 @@ use crate::film::{ColourPipeline, Film, TILE, Window};
 use crate::job::RenderJob;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
-use crate::study::metrics::Values;
+use crate::metrics::Values;
 
 /// Renders parts of the picture's samples, and adds up what they took.
 pub struct Taker<'a> {
