@@ -40,7 +40,7 @@ macro_rules! modules {
 }
 
 modules!("import": error, film, import, limits, scene);
-modules!("render": animation, effects, job, metrics, render, shading, world);
+modules!("render": animation, effects, job, metrics, render, sample_count, shading, world);
 modules!("bench": bench);
 modules!("study": study);
 modules!("cli": cli);

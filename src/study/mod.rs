@@ -10,7 +10,6 @@
 //! `geometry` asks before any picture what the tiers decide otherwise than `exact` does. [`page`] makes a page of it.
 
 mod advice;
-pub mod choose;
 mod data;
 mod errors;
 mod geometry;

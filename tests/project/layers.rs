@@ -20,6 +20,7 @@ const MODULES: &[&str] = &[
     "effects",
     "render",
     "job",
+    "sample_count",
     "animation",
     "bench",
     "study",
