@@ -68,8 +68,8 @@ impl ComparedImage {
         }
     }
 
-    /// Display values, 0 to 1, not rounded to 8 bits. Linear values are encoded by sRGB (IEC 61966-2-1) and clamped, without
-    /// exposure or tone mapping. NaN stays NaN.
+    /// Display values, 0 to 1, not rounded to 8 bits. Linear values are encoded by sRGB (IEC 61966-2-1) and clamped,
+    /// without exposure or tone mapping. NaN stays NaN.
     pub fn displayed(&self) -> Vec<[f32; 3]> {
         displayed(&self.pixels, self.values)
     }

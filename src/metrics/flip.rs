@@ -103,7 +103,11 @@ fn xyz_of_ycxcz([y, cx, cz]: [f64; 3]) -> [f64; 3] {
 fn lab(xyz: [f64; 3]) -> [f64; 3] {
     const DELTA: f64 = 6.0 / 29.0;
     let f = |t: f64| {
-        if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
+        if t > DELTA * DELTA * DELTA {
+            t.cbrt()
+        } else {
+            t / (3.0 * DELTA * DELTA) + 4.0 / 29.0
+        }
     };
     let [x, y, z] = [0, 1, 2].map(|c| f(xyz[c] / WHITE[c]));
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
@@ -156,8 +160,8 @@ fn blur(plane: &[f64], width: usize, gaussians: [(f64, f64); 2], pixels_per_degr
     sum
 }
 
-/// Edge and point strengths: first and second Gaussian derivatives of the luminance, whose positive and negative weights
-/// are normalised to 1 and -1 (section 4.2).
+/// Edge and point strengths: first and second Gaussian derivatives of the luminance, whose positive and negative
+/// weights are normalised to 1 and -1 (section 4.2).
 fn features(luminance: &[f64], width: usize, pixels_per_degree: f64) -> (Plane, Plane) {
     let sigma = 0.5 * FEATURE_WIDTH * pixels_per_degree;
     let radius = (3.0 * sigma).ceil() as i64;

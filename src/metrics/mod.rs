@@ -1,26 +1,26 @@
 //! Error metrics between two images of the same size: figures, the worst pixels, and error maps.
 //!
-//! Non-finite pixels are counted; if there are any, there are no figures, as NaN spreads to means and is lost in maxima.
-//! [`definitions`] defines the figures.
+//! Non-finite pixels are counted; if there are any, there are no figures, as NaN spreads to means and is lost in
+//! maxima. [`definitions`] defines the figures.
 
+mod compared_image;
 mod flip;
 mod heat;
-mod compared_image;
 
-pub use heat::{DECADES, error_map, heat_map};
-pub use compared_image::{ComparedImage, Values, displayed};
+pub use compared_image::{displayed, ComparedImage, Values};
+pub use heat::{error_map, heat_map, DECADES};
 
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// Added to the squared reference in relMSE, so that the divisor is not 0 for black (Rousselle, Knaus and Zwicker, "Adaptive
-/// sampling and reconstruction using greedy error minimization", 2011, section 6).
+/// Added to the squared reference in relMSE, so that the divisor is not 0 for black (Rousselle, Knaus and Zwicker,
+/// "Adaptive sampling and reconstruction using greedy error minimization", 2011, section 6).
 pub const REL_MSE_EPSILON: f64 = 0.01;
 
-/// Upper bound of the memory for a comparison, in bytes per pixel, in addition to the two images: their display values and
-/// planes of f64 for FLIP. Measured by peak memory: 163.
+/// Upper bound of the memory for a comparison, in bytes per pixel, in addition to the two images: their display values
+/// and planes of f64 for FLIP. Measured by peak memory: 163.
 pub const BYTES_PER_PIXEL: u64 = 176;
 
 /// Maximum number of worst pixels listed, each from a different square of [`SQUARE`] pixels.

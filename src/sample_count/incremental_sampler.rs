@@ -3,14 +3,14 @@
 use std::time::Instant;
 
 use super::tile_error::ErrorTiles;
-use super::{SampledImage, StopReason, Metric, ErrorTarget};
+use super::{ErrorTarget, Metric, SampledImage, StopReason};
 use crate::effects::id;
 use crate::error::{Error, Result};
-use crate::film::{ColourPipeline, Film, TILE, Window};
+use crate::film::{ColourPipeline, Film, Window, TILE};
 use crate::job::RenderJob;
+use crate::metrics::Values;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
-use crate::metrics::Values;
 
 /// Renders ranges of the picture's samples, and accumulates their statistics.
 pub struct IncrementalSampler<'a> {

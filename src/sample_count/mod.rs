@@ -1,18 +1,19 @@
-//! Sample counts for targets: rendering with as many samples as an error or a time limit requires, with an estimate of the
-//! remaining error.
+//! Sample counts for targets: rendering with as many samples as an error or a time limit requires, with an estimate of
+//! the remaining error.
 //!
-//! The reference ("truth") is the antialiased picture: the limit of the same filter, effects, bounces and numerics for ever
-//! more samples. First the pixel centres are rendered and a few error tiles are sampled, which is sufficient for many targets
-//! (`pilot`). Then the number of samples of the whole picture is doubled until the target is reached. Each doubling
-//! renders the next range of the sample sequence; the means of both halves are kept, and the error is estimated from their
-//! difference without further rays (`split_error`), on error tiles selected by importance sampling (`tile_error`).
+//! The reference ("truth") is the antialiased picture: the limit of the same filter, effects, bounces and numerics for
+//! ever more samples. First the pixel centres are rendered and a few error tiles are sampled, which is sufficient for
+//! many targets (`pilot`). Then the number of samples of the whole picture is doubled until the target is reached. Each
+//! doubling renders the next range of the sample sequence; the means of both halves are kept, and the error is
+//! estimated from their difference without further rays (`split_error`), on error tiles selected by importance sampling
+//! (`tile_error`).
 //!
-//! Let v(n) be the variance of the mean of n samples, r = v(2n) / v(n), and A and B the means of the halves of 2n samples.
-//! From v(2n) = (v(n) + cov) / 2 and E|A - B|^2 = 2 (v(n) - cov) follows v(2n) = E|A - B|^2 * r / (4 (1 - r)). Independent
-//! samples have r = 1/2; samples stratified over edges have r = 2^(-3/2) (Mitchell, Consequences of Stratified Sampling in
-//! Graphics, SIGGRAPH 1996, section 3). r is measured as the ratio of E|A - B|^2 of successive doublings, and clamped to these
-//! bounds. Other metrics than the mean square are evaluated between the picture and the picture plus
-//! sqrt(r / (4 (1 - r))) (A - B).
+//! Let v(n) be the variance of the mean of n samples, r = v(2n) / v(n), and A and B the means of the halves of 2n
+//! samples. From v(2n) = (v(n) + cov) / 2 and E|A - B|^2 = 2 (v(n) - cov) follows v(2n) = E|A - B|^2 * r / (4 (1 - r)).
+//! Independent samples have r = 1/2; samples stratified over edges have r = 2^(-3/2) (Mitchell, Consequences of
+//! Stratified Sampling in Graphics, SIGGRAPH 1996, section 3). r is measured as the ratio of E|A - B|^2 of successive
+//! doublings, and clamped to these bounds. Other metrics than the mean square are evaluated between the picture and the
+//! picture plus sqrt(r / (4 (1 - r))) (A - B).
 
 mod incremental_sampler;
 mod pilot;
@@ -21,8 +22,8 @@ mod tile_error;
 
 use crate::error::Result;
 use crate::job::RenderJob;
-use crate::render::{RenderControl, Statistics};
 use crate::metrics::mean_flip;
+use crate::render::{RenderControl, Statistics};
 use incremental_sampler::IncrementalSampler;
 use pilot::{Pilot, PilotResult};
 use split_error::{ErrorRange, SplitImage};
@@ -41,8 +42,8 @@ const MARGIN_OF_MAX: f64 = 1.5;
 /// sample counts other than powers of two are stratified less evenly.
 const HALF_MORE_FACTOR: f64 = 0.87;
 
-/// Factor between the smallest probable and the extrapolated error. If even the former exceeds the bound, the error is not
-/// measured.
+/// Factor between the smallest probable and the extrapolated error. If even the former exceeds the bound, the error is
+/// not measured.
 const MEASURE_FACTOR: f64 = 0.8;
 
 /// Like [`MEASURE_FACTOR`], for an error predicted by the pilot.
@@ -97,11 +98,19 @@ impl Metric {
     #[inline(always)]
     fn weight(self, difference: f32) -> f32 {
         let root = difference.abs().sqrt();
-        if self == Metric::Flip { root * root.sqrt() } else { difference * difference }
+        if self == Metric::Flip {
+            root * root.sqrt()
+        } else {
+            difference * difference
+        }
     }
 
     fn margin(self) -> f64 {
-        if self == Metric::Max { MARGIN_OF_MAX } else { MARGIN }
+        if self == Metric::Max {
+            MARGIN_OF_MAX
+        } else {
+            MARGIN
+        }
     }
 }
 
@@ -235,9 +244,14 @@ pub fn render(job: &mut RenderJob, target: &ErrorTarget, control: &RenderControl
     }
 }
 
-/// Adds samples to `image` until the target is reached. `last` is the last measured or predicted error and the RMS error
-/// estimate of the image that it belongs to.
-fn refine(mut sampler: IncrementalSampler, target: &ErrorTarget, mut image: SplitImage, mut last: Option<(f64, f64)>) -> Result<SampledImage> {
+/// Adds samples to `image` until the target is reached. `last` is the last measured or predicted error and the RMS
+/// error estimate of the image that it belongs to.
+fn refine(
+    mut sampler: IncrementalSampler,
+    target: &ErrorTarget,
+    mut image: SplitImage,
+    mut last: Option<(f64, f64)>,
+) -> Result<SampledImage> {
     let metric = target.accuracy.map_or(Metric::Flip, |(metric, _)| metric);
     let bound = target.accuracy.map(|(metric, value)| ErrorBound { metric, value });
     let is_met = |error: &ErrorRange| bound.is_some_and(|bound| bound.is_met(error));
@@ -245,7 +259,8 @@ fn refine(mut sampler: IncrementalSampler, target: &ErrorTarget, mut image: Spli
     // Whether 50 % more samples suffice must be decided, too.
     let is_decided = |range: &ErrorRange| {
         bound.is_none_or(|bound| {
-            bound.is_met(range) || bound.is_decided(range) && bound.is_decided(&range.scaled(HALF_MORE_FACTOR))
+            bound.is_met(range)
+                || bound.is_decided(range) && bound.is_decided(&range.scaled(HALF_MORE_FACTOR))
         })
     };
     let measure = |image: &SplitImage| image.error((metric, values), &tiles, is_decided);
@@ -255,11 +270,13 @@ fn refine(mut sampler: IncrementalSampler, target: &ErrorTarget, mut image: Spli
             break (f64::NAN, StopReason::NotFinite);
         }
 
-        // Measuring costs as much as some samples, so the error is measured only if the bound may be met, provided that it falls
-        // like the RMS error; perceived errors fall more slowly, or hardly faster.
-        let extrapolated = |(error, rms): (f64, f64)| ErrorRange::exact(error * image.rms_error() / rms * HALF_MORE_FACTOR);
-        let is_near =
-            |last: Option<(f64, f64)>| last.is_none_or(|last| is_met(&extrapolated(last).scaled(MEASURE_FACTOR)));
+        // Measuring costs as much as some samples, so the error is measured only if the bound may be met, provided that
+        // it falls like the RMS error; perceived errors fall more slowly, or hardly faster.
+        let extrapolated =
+            |(error, rms): (f64, f64)| ErrorRange::exact(error * image.rms_error() / rms * HALF_MORE_FACTOR);
+        let is_near = |last: Option<(f64, f64)>| {
+            last.is_none_or(|last| is_met(&extrapolated(last).scaled(MEASURE_FACTOR)))
+        };
         let measured = (bound.is_some() && is_near(last)).then(|| measure(&image));
         if let Some(error) = measured {
             last = Some((error.estimate, image.rms_error()));

@@ -1,15 +1,17 @@
 //! Pilot: the picture of pixel centres, and its error estimated from a few error tiles with four samples per pixel.
 //!
-//! Pixel centres suffice for loose targets. They cost the least and are closer to the reference than one or two samples of
-//! the filter: at a straight edge at distance d, where the reference is F(d), their mean square error is (1 - F(|d|))^2, that
-//! of one sample F (1 - F). For a Gaussian filter the ratio of both, integrated over d, is 0.41.
+//! Pixel centres suffice for loose targets. They cost the least and are closer to the reference than one or two samples
+//! of the filter: at a straight edge at distance d, where the reference is F(d), their mean square error is (1 -
+//! F(|d|))^2, that of one sample F (1 - F). For a Gaussian filter the ratio of both, integrated over d, is 0.41.
 //!
 //! The samples of the tiles are part of the pictures that are rendered afterwards.
 
-use super::ErrorBound;
-use super::split_error::{SplitImage, ErrorRange, approximate_display, variance_ratio, weighted_mean, sum_pairs};
-use super::tile_error::{TileDistribution, Estimate};
 use super::incremental_sampler::IncrementalSampler;
+use super::split_error::{
+    approximate_display, sum_pairs, variance_ratio, weighted_mean, ErrorRange, SplitImage,
+};
+use super::tile_error::{Estimate, TileDistribution};
+use super::ErrorBound;
 use crate::error::{Error, Result};
 use crate::metrics::displayed;
 
@@ -63,7 +65,8 @@ impl Pilot {
         let (tiles, values) = (sampler.tiles, sampler.values);
         let black = || vec![[0.0; 3]; centres.len()];
         let parts = [black(), black(), black()];
-        let mut pilot = Pilot { centres, parts, sampled: vec![false; tiles.count()], sums: DifferenceSums::default() };
+        let mut pilot =
+            Pilot { centres, parts, sampled: vec![false; tiles.count()], sums: DifferenceSums::default() };
         // Pixel centres are wrong at edges, so tiles are weighted by contrast.
         let grey: Vec<f32> = pilot
             .centres
@@ -87,8 +90,9 @@ impl Pilot {
             pilot.sample_tiles(sampler, selected)?;
             Ok::<_, Error>(pilot.measure_centres(sampler, bound, selected))
         };
-        let range =
-            |sum: &Estimate| ErrorRange::of(sum, |total| MARGIN_OF_CENTRES * bound.metric.from_total(total, &tiles));
+        let range = |sum: &Estimate| {
+            ErrorRange::of(sum, |total| MARGIN_OF_CENTRES * bound.metric.from_total(total, &tiles))
+        };
         let is_decided = |[sum]: &[Estimate; 1]| bound.is_decided(&range(sum));
         let [sum] = distribution.estimate(measure, is_decided)?;
         let result = pilot_result(range(&sum), &pilot.sums, bound);
@@ -106,7 +110,12 @@ impl Pilot {
     }
 
     /// Error contributions of the centres of the selected tiles.
-    fn measure_centres(&mut self, sampler: &IncrementalSampler, bound: ErrorBound, selected: &[usize]) -> Vec<[f64; 1]> {
+    fn measure_centres(
+        &mut self,
+        sampler: &IncrementalSampler,
+        bound: ErrorBound,
+        selected: &[usize],
+    ) -> Vec<[f64; 1]> {
         let cut = |tile: usize| {
             let of = |pixels: &[[f32; 3]]| sampler.tiles.extract(tile, pixels);
             let [first, second, more] = [&self.parts[0], &self.parts[1], &self.parts[2]].map(|part| of(part));
@@ -155,9 +164,9 @@ impl Pilot {
     }
 }
 
-/// Estimate of the reference: an interpolation between the centres and the mean of four samples. The weight of the latter
-/// falls with their noise, estimated from their halves in a window around each pixel: on a uniform surface the samples have
-/// noise and the centres have none, at an edge the centres are wrong.
+/// Estimate of the reference: an interpolation between the centres and the mean of four samples. The weight of the
+/// latter falls with their noise, estimated from their halves in a window around each pixel: on a uniform surface the
+/// samples have noise and the centres have none, at an edge the centres are wrong.
 fn estimate_truth(
     centre: &[[f32; 3]],
     all: &[[f32; 3]],
@@ -227,9 +236,9 @@ mod tests {
 
     #[test]
     fn the_fewest_samples_that_are_enough_are_chosen() {
-        // Independent samples of variance 1: the mean square difference of single samples is 2, of pairs 1; the mean of four has
-        // the variance 1/4. Centres with the mean square error 1 differ from it by 1 + 1/4. So two samples have 0.71 of the error
-        // of the centres, three 0.63, four 0.5.
+        // Independent samples of variance 1: the mean square difference of single samples is 2, of pairs 1; the mean of
+        // four has the variance 1/4. Centres with the mean square error 1 differ from it by 1 + 1/4. So two samples
+        // have 0.71 of the error of the centres, three 0.63, four 0.5.
         let sums = DifferenceSums { single: 2.0, pair: 1.0, centre: 1.25 };
         assert_eq!(enough(0.1, &sums, 0.12), Some(0));
         assert_eq!(enough(0.1, &sums, 0.08), Some(2));
@@ -239,11 +248,12 @@ mod tests {
 
     #[test]
     fn noise_of_samples_is_not_an_error_of_the_centres() {
-        // Four independent samples with the mean 0.4 and halves 0.2 and 0.6 have the standard error 0.2 (1/4 of the squared
-        // difference). Centres at 0.5 are within it; centres at 0.9 are not: 0.5^2 - 0.2^2 = 0.21 of 0.25.
+        // Four independent samples with the mean 0.4 and halves 0.2 and 0.6 have the standard error 0.2 (1/4 of the
+        // squared difference). Centres at 0.5 are within it; centres at 0.9 are not: 0.5^2 - 0.2^2 = 0.21 of 0.25.
         let uniform = |value: f32| vec![[value; 3]; 12];
-        let truth =
-            |centre| estimate_truth(&uniform(centre), &uniform(0.4), [&uniform(0.2), &uniform(0.6)], (4, 0.25))[5][1];
+        let truth = |centre| {
+            estimate_truth(&uniform(centre), &uniform(0.4), [&uniform(0.2), &uniform(0.6)], (4, 0.25))[5][1]
+        };
         assert_eq!(truth(0.5), 0.5);
         assert!((truth(0.9) - (0.9 - 0.5 * 0.84f32.sqrt())).abs() < 1e-6, "{}", truth(0.9));
     }

@@ -1,8 +1,8 @@
 //! Error estimate from the difference of the two halves of a picture's samples; derivation: [`super`].
 
+use super::tile_error::{ErrorTiles, Estimate, TileDistribution};
 use super::Metric;
-use super::tile_error::{TileDistribution, ErrorTiles, Estimate};
-use crate::metrics::{Values, displayed, mean_over};
+use crate::metrics::{displayed, mean_over, Values};
 
 /// Bounds of r, see [`super`].
 pub const VARIANCE_RATIOS: (f64, f64) = (0.353_553_390_593_273_8, 0.5);
@@ -25,7 +25,14 @@ pub struct SplitImage {
 impl SplitImage {
     /// A picture of one sample.
     pub fn of_one(pixels: Vec<[f32; 3]>) -> Self {
-        SplitImage { samples: 1, pixels, halves: Default::default(), difference: None, error_ratio: 0.0, variance_ratio: VARIANCE_RATIOS.1 }
+        SplitImage {
+            samples: 1,
+            pixels,
+            halves: Default::default(),
+            difference: None,
+            error_ratio: 0.0,
+            variance_ratio: VARIANCE_RATIOS.1,
+        }
     }
 
     /// A picture of two samples; `variance_ratio` is r from two to four samples.
@@ -38,7 +45,11 @@ impl SplitImage {
         let pixels = weighted_mean(&self.pixels, self.samples, &more, self.samples);
         let clamped = |c: f64| c.clamp(0.0, 1.0);
         let difference = mean_over(&self.pixels, &more, |a, b| (clamped(a) - clamped(b)).powi(2));
-        let ratio = if self.difference.is_some() { variance_ratio(self.difference, difference) } else { self.variance_ratio };
+        let ratio = if self.difference.is_some() {
+            variance_ratio(self.difference, difference)
+        } else {
+            self.variance_ratio
+        };
         let error_ratio = error_ratio(ratio);
         SplitImage {
             variance_ratio: ratio,
@@ -72,11 +83,15 @@ impl SplitImage {
         if metric == Metric::Max {
             // A maximum cannot be estimated from a few tiles.
             let displaced = self.displaced([&self.pixels, a, b].map(|pixels| displayed(pixels, values)));
-            return ErrorRange::exact(metric.from_total(metric.contribution(&displaced[0], &displaced[1], tiles.width()), tiles));
+            return ErrorRange::exact(
+                metric.from_total(metric.contribution(&displaced[0], &displaced[1], tiles.width()), tiles),
+            );
         }
         let weights = tiles.weights(|row| {
             let (a, b) = (a[row.clone()].as_flattened(), b[row].as_flattened());
-            sum_pairs(a, b, |a, b| metric.weight(approximate_display(a, values) - approximate_display(b, values)))
+            sum_pairs(a, b, |a, b| {
+                metric.weight(approximate_display(a, values) - approximate_display(b, values))
+            })
         });
         let measure = |selected: &[usize]| {
             let one = |&tile: &usize| {
@@ -87,7 +102,9 @@ impl SplitImage {
             Ok::<_, std::convert::Infallible>(selected.iter().map(one).collect())
         };
         let range = |sum: &Estimate| ErrorRange::of(sum, |total| metric.from_total(total, tiles));
-        match TileDistribution::new(&weights).estimate(measure, |[sum]: &[Estimate; 1]| is_decided(&range(sum))) {
+        match TileDistribution::new(&weights)
+            .estimate(measure, |[sum]: &[Estimate; 1]| is_decided(&range(sum)))
+        {
             Ok([sum]) => range(&sum),
         }
     }
@@ -114,7 +131,11 @@ impl ErrorRange {
 
     /// Applies a monotonic function to an estimated sum.
     pub fn of(sum: &Estimate, error: impl Fn(f64) -> f64) -> Self {
-        ErrorRange { low: error(sum.lower_bound()), estimate: error(sum.value), high: error(sum.upper_bound()) }
+        ErrorRange {
+            low: error(sum.lower_bound()),
+            estimate: error(sum.value),
+            high: error(sum.upper_bound()),
+        }
     }
 
     pub fn scaled(self, factor: f64) -> Self {
@@ -133,7 +154,11 @@ pub fn weighted_mean(a: &[[f32; 3]], of_a: u32, b: &[[f32; 3]], of_b: u32) -> Ve
 #[inline(always)]
 pub fn approximate_display(c: f32, values: Values) -> f32 {
     let c = c.clamp(0.0, 1.0);
-    if values == Values::Linear { c.sqrt() } else { c }
+    if values == Values::Linear {
+        c.sqrt()
+    } else {
+        c
+    }
 }
 
 /// Sum of `f` over pairs, with eight accumulators for vectorisation.

@@ -1,11 +1,11 @@
-//! Importance sampling of error tiles: estimates the error of a picture from a few of its tiles, as measuring all of them
-//! costs as much as rendering.
+//! Importance sampling of error tiles: estimates the error of a picture from a few of its tiles, as measuring all of
+//! them costs as much as rendering.
 //!
-//! Tiles are drawn with probabilities p proportional to an approximation of their contributions. The mean of `value / p` is
-//! an unbiased estimate of the sum (Hansen and Hurwitz, On the Theory of Sampling from Finite Populations, 1943); its
-//! variance falls with the error of the approximation. The sample points are the additive recurrence of the golden ratio,
-//! which is more even than random points; the standard error given is that of random points, which is an upper bound in
-//! practice.
+//! Tiles are drawn with probabilities p proportional to an approximation of their contributions. The mean of `value /
+//! p` is an unbiased estimate of the sum (Hansen and Hurwitz, On the Theory of Sampling from Finite Populations, 1943);
+//! its variance falls with the error of the approximation. The sample points are the additive recurrence of the golden
+//! ratio, which is more even than random points; the standard error given is that of random points, which is an upper
+//! bound in practice.
 
 use std::collections::HashMap;
 
@@ -116,8 +116,8 @@ impl TileDistribution {
         self.cumulative.partition_point(|&cumulative| cumulative <= at).min(self.probabilities.len() - 1)
     }
 
-    /// Estimates the sums of `N` values over all tiles. Draws batches of tiles until `is_decided` returns `true` for the
-    /// estimates. `measure` returns the values of tiles that were not measured before, in ascending order.
+    /// Estimates the sums of `N` values over all tiles. Draws batches of tiles until `is_decided` returns `true` for
+    /// the estimates. `measure` returns the values of tiles that were not measured before, in ascending order.
     ///
     /// # Errors
     /// Those of `measure`.
@@ -135,8 +135,7 @@ impl TileDistribution {
                 true => (0..self.probabilities.len()).collect(),
                 false => (drawn.len()..drawn.len() + BATCH).map(|index| self.sample(index)).collect(),
             };
-            let mut new: Vec<usize> =
-                next.iter().copied().filter(|tile| !known.contains_key(tile)).collect();
+            let mut new: Vec<usize> = next.iter().copied().filter(|tile| !known.contains_key(tile)).collect();
             new.sort_unstable();
             new.dedup();
             let values = measure(&new)?;
@@ -206,11 +205,11 @@ mod tests {
 
     #[test]
     fn proportional_weights_have_no_variance() {
-        // Probabilities proportional to the values: each draw gives the sum. The minimum weight is added to the values, too.
+        // Probabilities proportional to the values: each draw gives the sum. The minimum weight is added to the values,
+        // too.
         let values: Vec<f64> = (0..200).map(f64::from).collect();
         let least = MIN_WEIGHT * values.iter().sum::<f64>() / 200.0;
-        let measured =
-            |tiles: &[usize]| Ok::<_, ()>(tiles.iter().map(|&s| [values[s] + least]).collect());
+        let measured = |tiles: &[usize]| Ok::<_, ()>(tiles.iter().map(|&s| [values[s] + least]).collect());
         let [sum] = TileDistribution::new(&values).estimate(measured, |_| true).unwrap();
         let expected = values.iter().sum::<f64>() + 200.0 * least;
         assert!((sum.value / expected - 1.0).abs() < 1e-12 && sum.deviation < 1e-9 * expected, "{sum:?}");

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::metrics::{Errors, Figures, ComparedImage};
 use crate::error::Result;
+use crate::metrics::{ComparedImage, Errors, Figures};
 
 /// How far a picture is from another, [`crate::metrics::Figures`] without places.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -2,7 +2,7 @@
 
 use std::fs::read_to_string;
 
-use crate::bvh::{Accelerator, compiled_isa};
+use crate::bvh::{compiled_isa, Accelerator};
 
 /// What is known of the machine, as names and values. What the system does not tell is left out.
 pub fn machine(accelerator: &dyn Accelerator) -> Vec<[String; 2]> {

@@ -2,12 +2,12 @@
 
 use rayon::ThreadPool;
 
-use super::data::{Judge, Quartiles, Row, SCHEMA, Study};
+use super::data::{Judge, Quartiles, Row, Study, SCHEMA};
 use super::meter::Meter;
-use super::pictures::{Pictures, png};
+use super::pictures::{png, Pictures};
 use super::setting::Setting;
-use super::sweep::{Candidate, sweep};
-use super::work::{Cell, Work, filters, prepare};
+use super::sweep::{sweep, Candidate};
+use super::work::{filters, prepare, Cell, Work};
 use super::{advice, machine, steps};
 use crate::bench::Clock;
 use crate::effects::{Choices, RayKind};
@@ -60,7 +60,11 @@ impl Options {
     /// Samples a pixel of each half of a limit. The first is the base's; those of other filters are held against half of the most
     /// samples at most, so half are enough.
     pub(super) fn samples_of_limit(&self, index: usize) -> u32 {
-        if index == 0 { self.reference_samples } else { self.reference_samples.div_ceil(2) }
+        if index == 0 {
+            self.reference_samples
+        } else {
+            self.reference_samples.div_ceil(2)
+        }
     }
 }
 

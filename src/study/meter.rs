@@ -8,7 +8,11 @@ use crate::render::RenderControl;
 /// About how much work a tile of a picture is, in samples a pixel.
 pub fn effort(setting: &Setting) -> usize {
     let sampling = &setting.sampling;
-    if sampling.is_wanted() { sampling.max_samples() as usize } else { 1 }
+    if sampling.is_wanted() {
+        sampling.max_samples() as usize
+    } else {
+        1
+    }
 }
 
 /// How far the whole work is, in tiles times samples.

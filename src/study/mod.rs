@@ -28,14 +28,14 @@ mod sweep;
 mod table;
 mod work;
 
-pub use advice::{Advice, Step, advice, steps};
+pub use advice::{advice, steps, Advice, Step};
 pub use data::{Floor, Geometry, Judge, Quartiles, Row, Study, Told};
 pub use errors::PictureErrors;
-pub use measure::{Options, Pools, Subject, study};
+pub use measure::{study, Options, Pools, Subject};
 pub use pareto::front;
 pub use pictures::{Picture, Pictures};
 pub use plot::error_against_time;
 pub use report::{facts, page};
 pub use setting::Setting;
-pub use sweep::{Absent, Candidate, knobs, sweep};
+pub use sweep::{knobs, sweep, Absent, Candidate};
 pub use table::{from_csv, to_csv};

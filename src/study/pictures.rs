@@ -2,14 +2,14 @@
 
 use std::collections::HashMap;
 
-use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use base64::Engine;
 use serde::Serialize;
 
 use super::data::Judge;
 use super::errors::PictureErrors;
-use crate::metrics::{Errors, ComparedImage, error_map};
 use crate::error::{Error, Result};
+use crate::metrics::{error_map, ComparedImage, Errors};
 
 /// Places that are shown enlarged.
 const WORST: usize = 3;
@@ -156,8 +156,8 @@ impl Files {
 
 #[cfg(test)]
 mod tests {
-    use crate::metrics::Values;
     use super::*;
+    use crate::metrics::Values;
 
     #[test]
     fn equal_files_are_kept_once_and_equal_pictures_have_no_heat() {

@@ -6,7 +6,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::advice::{comparable, points};
 use super::data::Row;
 use super::pareto::front;
-use crate::bench::plot::{Drawn, GRID, INK, PALETTE, decades, failed, text};
+use crate::bench::plot::{decades, failed, text, Drawn, GRID, INK, PALETTE};
 use crate::error::Result;
 
 /// A setting in a plot.
@@ -123,7 +123,11 @@ fn colour(group: usize) -> RGBColor {
 fn round_time(time: f64) -> String {
     let digit = time / 10f64.powf((time.log10() + 1e-9).floor());
     let is_round = [1.0, 2.0, 5.0].iter().any(|round| (digit - round).abs() < 1e-6);
-    if is_round { format!("{}", (time * 1e4).round() / 1e4) } else { String::new() }
+    if is_round {
+        format!("{}", (time * 1e4).round() / 1e4)
+    } else {
+        String::new()
+    }
 }
 
 fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {

@@ -6,11 +6,11 @@
 
 use super::data::{Floor, Told};
 use super::errors::PictureErrors;
-use crate::metrics::ComparedImage;
 use super::setting::Setting;
 use crate::error::Result;
 use crate::film::FilterShape;
 use crate::geometry::Numerics;
+use crate::metrics::ComparedImage;
 
 /// An error is told from the reference's own where it is so many times that: then it is off by half a per cent at most,
 /// the two adding up by squares.
@@ -43,26 +43,35 @@ impl Limit {
     ///
     /// # Errors
     /// Those of the metrics.
-    pub fn new(filter: (FilterShape, f64), samples: u32, [a, b]: &[ComparedImage; 2]) -> Result<Option<Self>> {
+    pub fn new(
+        filter: (FilterShape, f64),
+        samples: u32,
+        [a, b]: &[ComparedImage; 2],
+    ) -> Result<Option<Self>> {
         let Some(errors) = PictureErrors::between(a, b)? else { return Ok(None) };
         let mean = |(a, b): (&[f32; 3], &[f32; 3])| {
             std::array::from_fn(|c| ((f64::from(a[c]) + f64::from(b[c])) / 2.0) as f32)
         };
-        let picture = ComparedImage { pixels: a.pixels.iter().zip(&b.pixels).map(mean).collect(), ..a.clone() };
+        let picture =
+            ComparedImage { pixels: a.pixels.iter().zip(&b.pixels).map(mean).collect(), ..a.clone() };
         let floor = Floor { filter: filter.0.name().into(), samples: 2 * samples, rmse: errors.rmse / 2.0 };
         Ok(Some(Limit { filter, picture, floor }))
     }
 
     /// Whether an error against this can be told from its own.
     pub fn told(&self, errors: &PictureErrors) -> Told {
-        if errors.rmse >= APART * self.floor.rmse { Told::Apart } else { Told::Within }
+        if errors.rmse >= APART * self.floor.rmse {
+            Told::Apart
+        } else {
+            Told::Within
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use crate::metrics::Values;
     use super::*;
+    use crate::metrics::Values;
 
     fn even(value: f32) -> ComparedImage {
         ComparedImage { width: 2, height: 1, values: Values::Display, pixels: vec![[value; 3]; 2] }

@@ -1,7 +1,7 @@
 //! A setting: everything that a study varies of how a scene is rendered.
 
 use crate::bvh::Layout;
-use crate::effects::{Choices, EffectId, id};
+use crate::effects::{id, Choices, EffectId};
 use crate::film::ColourPipeline;
 use crate::geometry::Numerics;
 use crate::scene::{Material, Sampling, Scene, TextureFilter};

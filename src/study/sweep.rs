@@ -4,7 +4,7 @@
 use super::data::Judge;
 use super::setting::Setting;
 use crate::bvh::{Layout, Preset};
-use crate::effects::{EFFECTS, Effect, EffectId, Plan, id};
+use crate::effects::{id, Effect, EffectId, Plan, EFFECTS};
 use crate::film::{ColourPipeline, FilterShape};
 use crate::geometry::Numerics;
 use crate::scene::{Material, Sampling, Scene, TextureFilter};
@@ -219,11 +219,19 @@ fn counts(most: u32) -> impl Iterator<Item = u32> {
 }
 
 fn samples_named(samples: u32) -> String {
-    if samples == 1 { "1 sample".into() } else { format!("{samples} samples") }
+    if samples == 1 {
+        "1 sample".into()
+    } else {
+        format!("{samples} samples")
+    }
 }
 
 fn bounces_named(bounces: u32) -> String {
-    if bounces == 1 { "1 bounce".into() } else { format!("{bounces} bounces") }
+    if bounces == 1 {
+        "1 bounce".into()
+    } else {
+        format!("{bounces} bounces")
+    }
 }
 
 /// Why an effect is not computed; `None` where it is.

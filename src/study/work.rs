@@ -6,17 +6,17 @@ use std::sync::Arc;
 use super::data::{Geometry, Quartiles, Told};
 use super::errors::PictureErrors;
 use super::measure::{Options, Subject};
-use super::meter::{Meter, effort};
-use crate::metrics::ComparedImage;
-use super::pictures::{Against, Shown, png};
-use super::reference::{Limit, halves};
+use super::meter::{effort, Meter};
+use super::pictures::{png, Against, Shown};
+use super::reference::{halves, Limit};
 use super::setting::{Setting, WorldKey};
 use super::{geometry, leaks};
 use crate::bench::Clock;
 use crate::error::{Error, Result};
-use crate::film::{Film, FilterShape, Pixel, TILE, Window};
+use crate::film::{Film, FilterShape, Pixel, Window, TILE};
 use crate::geometry::Numerics;
 use crate::job::RenderJob;
+use crate::metrics::ComparedImage;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Scene;
 use crate::world::{View, World};
@@ -182,7 +182,12 @@ impl Work<'_> {
     }
 
     /// Makes every picture once, and holds it against its limit and its twin.
-    pub fn look(&self, cells: &mut [Cell], limits: &[Limit], twins: &[(Setting, ComparedImage)]) -> Result<()> {
+    pub fn look(
+        &self,
+        cells: &mut [Cell],
+        limits: &[Limit],
+        twins: &[(Setting, ComparedImage)],
+    ) -> Result<()> {
         for group in groups(cells) {
             let job = prepare(self.subject, &cells[group[0]].setting)?;
             let description = job.world.accelerator.describe();
