@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::film::write::{Format, OutputImage as Written, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::limits;
-use crate::metrics::{BYTES_PER_PIXEL, Errors, Figures, ComparedImage, Values, definitions, heat_map};
+use crate::metrics::{BYTES_PER_PIXEL, ComparedImage, Errors, Figures, Values, definitions, heat_map};
 
 #[derive(Args)]
 #[command(

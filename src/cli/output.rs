@@ -7,7 +7,7 @@ use crate::error::{Error, Result, Warnings};
 use crate::film::check::{self, Found};
 use crate::film::output::describe;
 use crate::film::part::{self, part_name, write_part};
-use crate::film::write::{self, encode, write_picture, Format, OutputImage};
+use crate::film::write::{self, Format, OutputImage, encode, write_picture};
 use crate::film::{self, Film, Pixel, Share, Window};
 use crate::job::RenderJob;
 use crate::limits;
@@ -63,11 +63,7 @@ impl OutputTarget {
 
     /// The format that determines the film's pixel type: parts store the pixels as `f32`, like EXR.
     pub fn film_format(&self) -> Format {
-        if let OutputTarget::Part(..) = self {
-            Format::Exr
-        } else {
-            self.format()
-        }
+        if let OutputTarget::Part(..) = self { Format::Exr } else { self.format() }
     }
 
     /// The file name; `-` for standard output.

@@ -5,22 +5,22 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
+use super::WarningPrinter;
 use super::arguments::{self, Arguments};
-use super::frames::{self, file_names, FrameSeries, LengthArguments};
-use super::output::{self, check_folder, render_image, render_to_accuracy, same_file, OutputTarget};
+use super::frames::{self, FrameSeries, LengthArguments, file_names};
+use super::output::{self, OutputTarget, check_folder, render_image, render_to_accuracy, same_file};
 use super::prepare::{self, timed};
 use super::progress::{Mode, Progress};
 use super::sampling::AccuracyArguments;
 use super::statistics::{self, Seconds};
-use super::WarningPrinter;
 use crate::animation::FrameList;
 use crate::error::{Error, Result, Warnings};
+use crate::film::Share;
 use crate::film::output::write_whole;
 use crate::film::write::Format;
-use crate::film::Share;
 use crate::job::metadata;
-use crate::render::aov::{AovSelection, LARGEST_NUMBER};
 use crate::render::RenderControl;
+use crate::render::aov::{AovSelection, LARGEST_NUMBER};
 
 #[derive(Args)]
 pub struct Command {

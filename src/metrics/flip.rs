@@ -103,11 +103,7 @@ fn xyz_of_ycxcz([y, cx, cz]: [f64; 3]) -> [f64; 3] {
 fn lab(xyz: [f64; 3]) -> [f64; 3] {
     const DELTA: f64 = 6.0 / 29.0;
     let f = |t: f64| {
-        if t > DELTA * DELTA * DELTA {
-            t.cbrt()
-        } else {
-            t / (3.0 * DELTA * DELTA) + 4.0 / 29.0
-        }
+        if t > DELTA * DELTA * DELTA { t.cbrt() } else { t / (3.0 * DELTA * DELTA) + 4.0 / 29.0 }
     };
     let [x, y, z] = [0, 1, 2].map(|c| f(xyz[c] / WHITE[c]));
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]

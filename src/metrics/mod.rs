@@ -7,8 +7,8 @@ mod compared_image;
 mod flip;
 mod heat;
 
-pub use compared_image::{displayed, ComparedImage, Values};
-pub use heat::{error_map, heat_map, DECADES};
+pub use compared_image::{ComparedImage, Values, displayed};
+pub use heat::{DECADES, error_map, heat_map};
 
 use rayon::prelude::*;
 use serde::Serialize;

@@ -6,7 +6,7 @@ use super::tile_error::ErrorTiles;
 use super::{ErrorTarget, Metric, SampledImage, StopReason};
 use crate::effects::id;
 use crate::error::{Error, Result};
-use crate::film::{ColourPipeline, Film, Window, TILE};
+use crate::film::{ColourPipeline, Film, TILE, Window};
 use crate::job::RenderJob;
 use crate::metrics::Values;
 use crate::render::{RenderControl, Statistics};

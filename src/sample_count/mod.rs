@@ -98,19 +98,11 @@ impl Metric {
     #[inline(always)]
     fn weight(self, difference: f32) -> f32 {
         let root = difference.abs().sqrt();
-        if self == Metric::Flip {
-            root * root.sqrt()
-        } else {
-            difference * difference
-        }
+        if self == Metric::Flip { root * root.sqrt() } else { difference * difference }
     }
 
     fn margin(self) -> f64 {
-        if self == Metric::Max {
-            MARGIN_OF_MAX
-        } else {
-            MARGIN
-        }
+        if self == Metric::Max { MARGIN_OF_MAX } else { MARGIN }
     }
 }
 

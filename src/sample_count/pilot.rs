@@ -6,12 +6,12 @@
 //!
 //! The samples of the tiles are part of the pictures that are rendered afterwards.
 
+use super::ErrorBound;
 use super::incremental_sampler::IncrementalSampler;
 use super::split_error::{
-    approximate_display, sum_pairs, variance_ratio, weighted_mean, ErrorRange, SplitImage,
+    ErrorRange, SplitImage, approximate_display, sum_pairs, variance_ratio, weighted_mean,
 };
 use super::tile_error::{Estimate, TileDistribution};
-use super::ErrorBound;
 use crate::error::{Error, Result};
 use crate::metrics::displayed;
 

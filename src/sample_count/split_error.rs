@@ -1,8 +1,8 @@
 //! Error estimate from the difference of the two halves of a picture's samples; derivation: [`super`].
 
-use super::tile_error::{ErrorTiles, Estimate, TileDistribution};
 use super::Metric;
-use crate::metrics::{displayed, mean_over, Values};
+use super::tile_error::{ErrorTiles, Estimate, TileDistribution};
+use crate::metrics::{Values, displayed, mean_over};
 
 /// Bounds of r, see [`super`].
 pub const VARIANCE_RATIOS: (f64, f64) = (0.353_553_390_593_273_8, 0.5);
@@ -154,11 +154,7 @@ pub fn weighted_mean(a: &[[f32; 3]], of_a: u32, b: &[[f32; 3]], of_b: u32) -> Ve
 #[inline(always)]
 pub fn approximate_display(c: f32, values: Values) -> f32 {
     let c = c.clamp(0.0, 1.0);
-    if values == Values::Linear {
-        c.sqrt()
-    } else {
-        c
-    }
+    if values == Values::Linear { c.sqrt() } else { c }
 }
 
 /// Sum of `f` over pairs, with eight accumulators for vectorisation.

@@ -5,9 +5,9 @@
 
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
-use crate::metrics::{error_map, heat_map, ComparedImage, DECADES};
-use crate::render::aov::{self, AovSelection, AovSource};
+use crate::metrics::{ComparedImage, DECADES, error_map, heat_map};
 use crate::render::RenderControl;
+use crate::render::aov::{self, AovSelection, AovSource};
 use crate::world::World;
 
 /// Quantity that the window displays.
@@ -168,11 +168,7 @@ pub fn error_against_exact(picture: &ComparedImage, exact: &ComparedImage) -> Re
 
 fn normals(mode: DisplayMode, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
     let colour = |n: [f32; 3]| {
-        if n == [0.0; 3] {
-            NOTHING
-        } else {
-            n.map(|c| ((c / 2.0 + 0.5) * 255.0).round() as u8)
-        }
+        if n == [0.0; 3] { NOTHING } else { n.map(|c| ((c / 2.0 + 0.5) * 255.0).round() as u8) }
     };
     let pixels = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| colour([x, y, z])).collect();
     let axis = |name: &str, n| (colour(n), name.to_owned());
@@ -272,11 +268,7 @@ fn short(x: f32) -> String {
     }
     let digits = 3 - x.abs().max(1.0).log10().floor() as i32;
     let text = format!("{x:.*}", digits.max(0) as usize);
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').to_owned()
-    } else {
-        text
-    }
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
 #[cfg(test)]
@@ -354,11 +346,13 @@ mod tests {
         }
         // Object 0 is the left sphere, 1 the right sphere, 2 the plane.
         assert_eq!(objects.legend.swatches[0].0, colour_of(2));
-        assert!(false_colours_of_scene(DisplayMode::Materials, 64)
-            .legend
-            .swatches
-            .iter()
-            .any(|(_, name)| name == "patriarch"));
+        assert!(
+            false_colours_of_scene(DisplayMode::Materials, 64)
+                .legend
+                .swatches
+                .iter()
+                .any(|(_, name)| name == "patriarch")
+        );
         assert_eq!(false_colours_of_scene(DisplayMode::Primitives, 64).legend.swatches.len(), 1);
     }
 
@@ -367,10 +361,12 @@ mod tests {
         let counts = super::counts("boxes", &[0.0, 8.0, 16.0]);
         assert_eq!(counts.pixels, heat_map(&[0.0, 0.5, 1.0]));
         assert_eq!(counts.legend.ends, Some(["0".into(), "16".into()]));
-        assert!(false_colours_of_scene(DisplayMode::NodeTests, 16)
-            .pixels
-            .iter()
-            .any(|p| *p == heat_map(&[1.0])[0]));
+        assert!(
+            false_colours_of_scene(DisplayMode::NodeTests, 16)
+                .pixels
+                .iter()
+                .any(|p| *p == heat_map(&[1.0])[0])
+        );
     }
 
     #[test]
@@ -397,11 +393,9 @@ mod tests {
         // 1e-4 is half-way from 1e-8 to 1.
         let map = error_against_exact(&even(1e-4, 2), &even(0.0, 2)).unwrap();
         assert_eq!(map.pixels, [heat_map(&[0.5])[0]; 2]);
-        assert!(error_against_exact(&even(0.5, 2), &even(0.5, 2))
-            .unwrap()
-            .legend
-            .text
-            .contains("there is none"));
+        assert!(
+            error_against_exact(&even(0.5, 2), &even(0.5, 2)).unwrap().legend.text.contains("there is none")
+        );
         assert!(error_against_exact(&even(0.5, 2), &even(0.5, 3)).is_err());
     }
 

@@ -1,21 +1,21 @@
 //! Progressive rendering of one side of a request.
 
-use std::sync::atomic::AtomicBool;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use egui::{Color32, ColorImage};
 use rayon::prelude::*;
 
-use super::render_cache::Prepared;
 use super::RenderedImage;
+use super::render_cache::Prepared;
 use crate::error::Result;
 use crate::film::{ColourPipeline, Film, Pixel};
 use crate::metrics;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
-use crate::viewer::false_colour::{error_against_exact, false_colours, DisplayMode, FalseColours, Legend};
-use crate::viewer::refine::{passes, Pass, SamplingKind};
+use crate::viewer::false_colour::{DisplayMode, FalseColours, Legend, error_against_exact, false_colours};
+use crate::viewer::refine::{Pass, SamplingKind, passes};
 use crate::viewer::request::{RenderRequest, Settings};
 
 /// An image in the values of its colour pipeline, row by row from the top.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::animation::{FrameWorld, PreparedAnimation};
 use crate::bvh::Layout;
-use crate::effects::{Choices, Decision, Plan, EFFECTS};
+use crate::effects::{Choices, Decision, EFFECTS, Plan};
 use crate::error::{Error, Result};
 use crate::film::ColourPipeline;
 use crate::job::RenderJob;
@@ -12,7 +12,7 @@ use crate::scene::{Camera, Numerics, Sampling, Scene};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest, Settings};
-use crate::world::{fitted_camera, headlight, Recentering, StandardView};
+use crate::world::{Recentering, StandardView, fitted_camera, headlight};
 
 /// Number of cached worlds: two sides of a comparison and the exact reference.
 const MAX_WORLDS: usize = 3;
