@@ -7,7 +7,7 @@ use bvh::ray::Ray as BvhRay;
 use nalgebra::{Point3, Vector3};
 
 use super::Mesh;
-use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
+use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
 use crate::bvh::{Quality, VisitedNode, quality};
 use crate::error::Result;
 use crate::geometry::Ray;
@@ -25,7 +25,7 @@ impl Contender for Binary {
         Label { engine: "bvh", layout: "bvh2", tier: None, preset: None, isa: crate::bvh::compiled_isa() }
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         let triangle = |id: u32| {
             let corners = mesh.corners(id).map(|corner| Point3::from(corner.to_array()));
             Triangle { corners, id, node: 0 }
@@ -127,7 +127,7 @@ impl BuiltBinary {
     }
 }
 
-impl Ready for BuiltBinary {
+impl BuiltContender for BuiltBinary {
     fn facts(&self) -> Facts {
         let Quality { depth, sah_cost } = self.quality();
         Facts {
@@ -138,7 +138,7 @@ impl Ready for BuiltBinary {
         }
     }
 
-    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a> {
         let own = |ray: &Ray| {
             let [origin, direction] = [ray.origin, ray.direction].map(|v| v.as_vec3().to_array());
             (BvhRay::new(Point3::from(origin), Vector3::from(direction)), ray.t_max as f32)

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::speed::{self, Contender, Facts, Label, Queue, Ready};
+use super::speed::{self, BuiltContender, Contender, Facts, Label, RayQueue};
 use super::{Built, Engine, Mesh};
 use crate::bvh::{self, Accelerator, Layout, Preset, Primitive, Slot, Tests, Traversal};
 use crate::error::Result;
@@ -125,12 +125,12 @@ impl Contender for Kiln {
         }
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         Ok(Box::new(BuiltKiln(accelerator(mesh, self.structure, self.numerics))))
     }
 }
 
-impl Ready for BuiltKiln {
+impl BuiltContender for BuiltKiln {
     fn facts(&self) -> Facts {
         let (description, quality) = (self.0.describe(), self.0.quality());
         Facts {
@@ -141,7 +141,7 @@ impl Ready for BuiltKiln {
         }
     }
 
-    fn queue<'a>(&'a self, kind: speed::Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {
+    fn queue<'a>(&'a self, kind: speed::Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a> {
         let accelerator = &*self.0;
         if kind.is_any_hit() {
             let occluded = touched(rays.len(), true);
@@ -168,14 +168,14 @@ struct Closest<'a> {
     traversal: Traversal,
 }
 
-impl Queue for Closest<'_> {
+impl RayQueue for Closest<'_> {
     fn run(&mut self) {
         for batch in self.rays.chunks(speed::BATCH) {
             self.accelerator.closest_hits(batch, &mut self.hits, &mut self.traversal);
         }
     }
 
-    fn answers(&self) -> Vec<Option<u32>> {
+    fn hits(&self) -> Vec<Option<u32>> {
         self.hits.iter().map(|hit| hit.map(|hit| hit.prim.0)).collect()
     }
 
@@ -192,14 +192,14 @@ struct Shadows<'a> {
     traversal: Traversal,
 }
 
-impl Queue for Shadows<'_> {
+impl RayQueue for Shadows<'_> {
     fn run(&mut self) {
         for batch in self.rays.chunks(speed::BATCH) {
             self.accelerator.are_occluded(batch, &mut self.occluded, &mut self.traversal);
         }
     }
 
-    fn answers(&self) -> Vec<Option<u32>> {
+    fn hits(&self) -> Vec<Option<u32>> {
         self.occluded.iter().map(|&occluded| occluded.then_some(0)).collect()
     }
 

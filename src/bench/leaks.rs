@@ -3,14 +3,14 @@
 //! A ray that starts inside has to leave, so it crosses a triangle from behind; a ray from outside that is aimed at the
 //! mesh has to enter and to leave, so it crosses one from the front and one from behind. A ray that does not is a leak:
 //! it passed between two triangles, or past a box that holds one. The rays are aimed at vertices and edges, where that
-//! can happen, or leave the surface there ([`Kind`]). Crossings are looked at by side and not counted: on an edge both its triangles are crossed.
+//! can happen, or leave the surface there ([`LeakRayKind`]). Crossings are looked at by side and not counted: on an edge both its triangles are crossed.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
 use super::tetrahedron::Tetrahedron;
-use super::{Built, Engine, Icosphere, Kind, LEVEL, Mesh, PLACEMENTS, kiln, ray};
+use super::{Built, Engine, Icosphere, LEVEL, LeakRayKind, Mesh, PLACEMENTS, kiln, ray};
 use crate::bvh::Layout;
 use crate::error::{Error, Result};
 use crate::geometry::Numerics;
@@ -27,7 +27,7 @@ const CHUNK: u64 = 4096;
 
 /// How one engine did at one placement.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct LeakRow {
     /// The library.
     pub engine: &'static str,
     /// Its layout or mode.
@@ -46,7 +46,7 @@ pub struct Row {
     pub leaks: Counts,
 }
 
-/// A number of rays of each [`Kind`].
+/// A number of rays of each [`LeakRayKind`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// From inside, aimed.
@@ -82,11 +82,11 @@ impl Counts {
         self.primary() + self.secondary
     }
 
-    pub(super) fn of(&mut self, kind: Kind) -> &mut u64 {
+    pub(super) fn of(&mut self, kind: LeakRayKind) -> &mut u64 {
         match kind {
-            Kind::Inside => &mut self.aimed,
-            Kind::AxisAligned => &mut self.axis_aligned,
-            Kind::Outside => &mut self.outside,
+            LeakRayKind::Inside => &mut self.aimed,
+            LeakRayKind::AxisAligned => &mut self.axis_aligned,
+            LeakRayKind::Outside => &mut self.outside,
         }
     }
 }
@@ -96,7 +96,7 @@ impl Counts {
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where an engine cannot build its structure.
-pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &RenderControl) -> Result<Vec<Row>> {
+pub fn measure(engines: &[Box<dyn Engine>], rays: u64, control: &RenderControl) -> Result<Vec<LeakRow>> {
     let rays = Counts::of_rays(rays);
     let spheres = PLACEMENTS.map(|placement| Icosphere::new(LEVEL, placement));
     let coarse = PLACEMENTS.map(|placement| Icosphere::new(EXHAUSTIVE_LEVEL, placement));
@@ -104,7 +104,7 @@ pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &RenderControl) ->
     let done = AtomicU64::new(0);
     let step = |count: u64| {
         let done = count + done.fetch_add(count, Ordering::Relaxed);
-        (watch.progress)(done as usize, steps as usize);
+        (control.progress)(done as usize, steps as usize);
     };
     let tetrahedra =
         TETRAHEDRON_LEVELS.map(|level| PLACEMENTS.map(|placement| Tetrahedron::new(level, placement)));
@@ -114,17 +114,17 @@ pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &RenderControl) ->
         let (spheres, tetrahedra) =
             if engine.is_exhaustive() { (&coarse, coarse_tetrahedra) } else { (&spheres, fine_tetrahedra) };
         for (sphere, tetrahedron) in spheres.iter().zip(tetrahedra) {
-            let followed_through = engine.sees_beyond_the_first();
+            let followed_through = engine.finds_all_crossings();
             let built = engine.build(&sphere.mesh)?;
-            let mut leaks = primary_leaks(&*built, sphere, rays, followed_through, watch, &step)?;
+            let mut leaks = primary_leaks(&*built, sphere, rays, followed_through, control, &step)?;
             let built = engine.build(&tetrahedron.mesh)?;
             let origins = engine.origins();
-            leaks.secondary = count(rays.secondary, watch, &step, |index, found| {
+            leaks.secondary = count(rays.secondary, control, &step, |index, found| {
                 let (origin, direction) = tetrahedron.secondary_ray(index, origins);
                 built.crossings(origin, direction, found);
                 !Crossings::new(&tetrahedron.mesh, direction, found).leaving
             })?;
-            rows.push(Row {
+            rows.push(LeakRow {
                 engine: engine.name(),
                 layout: engine.layout(),
                 tier: engine.tier(),
@@ -147,10 +147,10 @@ pub(super) fn measure_through(
     numerics: Numerics,
     sphere: &Icosphere,
     rays: Counts,
-    watch: &RenderControl,
+    control: &RenderControl,
 ) -> Result<Counts> {
     let built = kiln::built(&sphere.mesh, Layout::default(), numerics);
-    primary_leaks(&*built, sphere, rays, true, watch, &|_| {})
+    primary_leaks(&*built, sphere, rays, true, control, &|_| {})
 }
 
 fn primary_leaks(
@@ -158,18 +158,18 @@ fn primary_leaks(
     sphere: &Icosphere,
     rays: Counts,
     followed_through: bool,
-    watch: &RenderControl,
+    control: &RenderControl,
     step: &(dyn Fn(u64) + Sync),
 ) -> Result<Counts> {
     let mut leaks = Counts::default();
-    for kind in Kind::ALL {
-        *leaks.of(kind) = count(*{ rays }.of(kind), watch, step, |index, found| {
+    for kind in LeakRayKind::ALL {
+        *leaks.of(kind) = count(*{ rays }.of(kind), control, step, |index, found| {
             let (origin, direction) = ray(sphere, kind, index);
             built.crossings(origin, direction, found);
             let crossings = Crossings::new(&sphere.mesh, direction, found);
             !match kind {
-                Kind::Inside | Kind::AxisAligned => crossings.leaving,
-                Kind::Outside => crossings.entering && (crossings.leaving || !followed_through),
+                LeakRayKind::Inside | LeakRayKind::AxisAligned => crossings.leaving,
+                LeakRayKind::Outside => crossings.entering && (crossings.leaving || !followed_through),
             }
         })?;
     }
@@ -179,12 +179,12 @@ fn primary_leaks(
 /// For how many of the numbers up to `rays` `is_leak` is true. It is given an empty list to work with.
 fn count(
     rays: u64,
-    watch: &RenderControl,
+    control: &RenderControl,
     step: &(dyn Fn(u64) + Sync),
     is_leak: impl Fn(u64, &mut Vec<u32>) -> bool + Sync,
 ) -> Result<u64> {
     let leaks = (0..rays.div_ceil(CHUNK)).into_par_iter().map(|chunk| {
-        if watch.cancel.load(Ordering::Relaxed) {
+        if control.cancel.load(Ordering::Relaxed) {
             return 0;
         }
         let indices = chunk * CHUNK..rays.min((chunk + 1) * CHUNK);
@@ -198,7 +198,7 @@ fn count(
         leaks
     });
     let leaks = leaks.sum();
-    if watch.cancel.load(Ordering::Relaxed) {
+    if control.cancel.load(Ordering::Relaxed) {
         return Err(Error::Interrupted);
     }
     Ok(leaks)
@@ -234,8 +234,8 @@ mod tests {
     /// How many rays slip through `built`, which may lack something of `sphere`.
     fn through(built: &dyn Built, sphere: &Icosphere, rays: u64) -> Counts {
         let cancel = AtomicBool::new(false);
-        let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
-        primary_leaks(built, sphere, Counts::of_rays(rays), true, &watch, &|_| {})
+        let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
+        primary_leaks(built, sphere, Counts::of_rays(rays), true, &control, &|_| {})
             .expect("nothing cancels it")
     }
 
@@ -284,8 +284,8 @@ mod tests {
     #[test]
     fn it_can_be_cancelled() {
         let cancel = AtomicBool::new(true);
-        let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
-        let outcome = measure(&kiln::engines(), 1_000_000, &watch);
+        let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
+        let outcome = measure(&kiln::engines(), 1_000_000, &control);
         assert!(matches!(outcome, Err(Error::Interrupted)));
     }
 }

@@ -37,7 +37,7 @@ mod tinybvh;
 pub use clock::Clock;
 pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
 pub use numbers::Numbers;
-pub use rays::{Kind, ray};
+pub use rays::{LeakRayKind, ray};
 pub use spread::Spread;
 
 use glam::DVec3;
@@ -67,7 +67,7 @@ pub trait Engine: Sync {
     }
 
     /// Whether [`Built::crossings`] gives the crossings behind the first one, too.
-    fn sees_beyond_the_first(&self) -> bool {
+    fn finds_all_crossings(&self) -> bool {
         true
     }
 
@@ -94,7 +94,7 @@ pub trait Built: Sync {
 
 /// An engine that is not there.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Absent {
+pub struct Unavailable {
     /// The library.
     pub name: &'static str,
     /// Why it is not there.
@@ -107,7 +107,7 @@ pub struct Absent {
 pub const NAMES: [&str; 4] = ["kiln", "obvhs", "embree", "tinybvh"];
 
 /// Every engine that is there, in the order of [`NAMES`], and those that are not.
-pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Absent>) {
+pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Unavailable>) {
     let mut present = kiln::engines();
     let mut absent = Vec::new();
     present.extend(obvhs::engines());
@@ -123,8 +123,8 @@ pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Absent>) {
 }
 
 #[cfg(not(all(feature = "tinybvh", target_feature = "avx2")))]
-fn no_tinybvh() -> Absent {
-    Absent {
+fn no_tinybvh() -> Unavailable {
+    Unavailable {
         name: "tinybvh",
         reason: "kiln was built without it".into(),
         remedy: "build with RUSTFLAGS=\"-C target-feature=+avx2\" and --features tinybvh",
@@ -135,8 +135,8 @@ fn no_tinybvh() -> Absent {
 ///
 /// Of several triangles that meet where the ray passes, each is right: their distances differ by less than 2^-20 of
 /// themselves.
-fn is_nearest(prim: u32, truth: &[Hit]) -> bool {
-    let nearest = truth.iter().map(|hit| hit.t).fold(f64::INFINITY, f64::min);
+fn is_nearest(prim: u32, reference: &[Hit]) -> bool {
+    let nearest = reference.iter().map(|hit| hit.t).fold(f64::INFINITY, f64::min);
     let within = nearest * (1.0 + 8.0 * f64::from(f32::EPSILON));
-    truth.iter().any(|hit| hit.prim.0 == prim && hit.t <= within)
+    reference.iter().any(|hit| hit.prim.0 == prim && hit.t <= within)
 }

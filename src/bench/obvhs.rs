@@ -12,7 +12,7 @@ use obvhs::ray::{INVALID_ID, Ray, RayHit};
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
-use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
+use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
 use super::{Built, Engine, Mesh};
 use crate::bvh::{VisitedNode, quality};
 use crate::error::Result;
@@ -130,12 +130,12 @@ impl Contender for Layout {
         Label { engine: "obvhs", layout, tier: None, preset: Some("medium-build"), isa }
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         Ok(Box::new(BuiltObvhs::new(self, mesh)))
     }
 }
 
-impl Ready for BuiltObvhs {
+impl BuiltContender for BuiltObvhs {
     fn facts(&self) -> Facts {
         let (nodes, node_bytes, quality) = match &self.tree {
             Tree::Bvh2(tree) => {
@@ -162,7 +162,7 @@ impl Ready for BuiltObvhs {
         }
     }
 
-    fn queue<'a>(&'a self, kind: Kind, rays: &'a [geometry::Ray]) -> Box<dyn Queue + 'a> {
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [geometry::Ray]) -> Box<dyn RayQueue + 'a> {
         let own = |ray: &geometry::Ray| {
             let [near, far] = [ray.t_min, ray.t_max].map(|t| t as f32);
             Ray::new(ray.origin.as_vec3a(), ray.direction.as_vec3a(), near, far)

@@ -6,7 +6,7 @@ use super::{Icosphere, Numbers};
 
 /// Where a ray comes from and what it is aimed at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum LeakRayKind {
     /// From inside; one third each at vertices, at midpoints of edges, at other points on edges.
     Inside,
     /// From inside along an axis, with zeros of either sign: half of them through random points, half through vertices.
@@ -15,9 +15,9 @@ pub enum Kind {
     Outside,
 }
 
-impl Kind {
+impl LeakRayKind {
     /// Every kind.
-    pub const ALL: [Kind; 3] = [Kind::Inside, Kind::AxisAligned, Kind::Outside];
+    pub const ALL: [LeakRayKind; 3] = [LeakRayKind::Inside, LeakRayKind::AxisAligned, LeakRayKind::Outside];
 }
 
 /// Rays from inside start no farther from the centre than this, as a share of the radius.
@@ -31,15 +31,15 @@ const LEAST_COSINE: f64 = 0.1;
 
 /// The ray of `kind` with the number `index`: its origin, of f32 numbers, so that every engine aims from
 /// the same place, and its direction in f64, which engines round to their numbers.
-pub fn ray(sphere: &Icosphere, kind: Kind, index: u64) -> (DVec3, DVec3) {
+pub fn ray(sphere: &Icosphere, kind: LeakRayKind, index: u64) -> (DVec3, DVec3) {
     let mut numbers = Numbers::new(kind as u64, index);
     match kind {
-        Kind::Inside => {
+        LeakRayKind::Inside => {
             let target = target(sphere, index, &mut numbers);
             aimed(inner_point(sphere, &mut numbers), target)
         }
-        Kind::AxisAligned => axis_aligned(sphere, index, &mut numbers),
-        Kind::Outside => from_outside(sphere, index, &mut numbers),
+        LeakRayKind::AxisAligned => axis_aligned(sphere, index, &mut numbers),
+        LeakRayKind::Outside => from_outside(sphere, index, &mut numbers),
     }
 }
 
@@ -113,10 +113,10 @@ mod tests {
     use super::super::PLACEMENTS;
     use super::*;
 
-    fn each_ray(mut check: impl FnMut(&Icosphere, Kind, DVec3, DVec3)) {
+    fn each_ray(mut check: impl FnMut(&Icosphere, LeakRayKind, DVec3, DVec3)) {
         for placement in PLACEMENTS {
             let sphere = Icosphere::new(2, placement);
-            for kind in Kind::ALL {
+            for kind in LeakRayKind::ALL {
                 for index in 0..3000 {
                     let (origin, direction) = ray(&sphere, kind, index);
                     check(&sphere, kind, origin, direction);
@@ -139,9 +139,9 @@ mod tests {
             // The facets of 320 triangles come no nearer to the centre than 0.95 of the radius. Rounding an origin at
             // 2000 to f32 moves it by up to 1.1e-4.
             let right = match kind {
-                Kind::Inside => distance < 0.3002,
-                Kind::AxisAligned => distance < 0.9,
-                Kind::Outside => (1.9998..4.0002).contains(&distance),
+                LeakRayKind::Inside => distance < 0.3002,
+                LeakRayKind::AxisAligned => distance < 0.9,
+                LeakRayKind::Outside => (1.9998..4.0002).contains(&distance),
             };
             assert!(right, "{}, {kind:?}: {distance}", sphere.placement.name);
         });
@@ -151,7 +151,7 @@ mod tests {
     fn axis_aligned_rays_have_every_pattern_of_signs() {
         let mut patterns = HashSet::new();
         each_ray(|_, kind, _, direction| {
-            if kind == Kind::AxisAligned {
+            if kind == LeakRayKind::AxisAligned {
                 assert_eq!(direction.abs().element_sum(), 1.0);
                 patterns.insert(direction.to_array().map(f64::to_bits));
             }
@@ -164,7 +164,7 @@ mod tests {
     fn rays_from_outside_meet_no_triangle_at_a_grazing_angle() {
         let sphere = Icosphere::new(2, PLACEMENTS[0]);
         for index in 0..3000 {
-            let (origin, direction) = ray(&sphere, Kind::Outside, index);
+            let (origin, direction) = ray(&sphere, LeakRayKind::Outside, index);
             let met = (0..sphere.mesh.triangles.len() as u32).filter(|&triangle| {
                 // Those whose corners are all within an edge's length of the ray's first meeting with the unit sphere.
                 let b = origin.dot(direction);

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::leaks::{Counts, measure_through};
-use super::{Icosphere, Kind, LEVEL, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, ray};
+use super::{Icosphere, LEVEL, LeakRayKind, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, ray};
 use crate::bvh::{Accelerator, Layout, Traversal};
 use crate::error::Result;
 use crate::geometry::{Hit, Numerics, Precision, Ray};
@@ -43,7 +43,7 @@ const BATCH: usize = 256;
 ///
 /// # Errors
 /// [`crate::error::Error::Interrupted`] when cancelled.
-pub fn tiers(rays: u64, runs: u32, watch: &RenderControl) -> Result<Vec<TierRow>> {
+pub fn tiers(rays: u64, runs: u32, control: &RenderControl) -> Result<Vec<TierRow>> {
     let spheres = PLACEMENTS.map(|placement| Icosphere::new(LEVEL, placement));
     let mut rows = Vec::new();
     let mut done = 0;
@@ -51,28 +51,28 @@ pub fn tiers(rays: u64, runs: u32, watch: &RenderControl) -> Result<Vec<TierRow>
         let (mut leaks, mut cast, mut wrong, mut compared, mut worst) = (0, 0, 0, 0, 0.0f64);
         for sphere in &spheres {
             let counts = Counts::of_rays(rays);
-            leaks += measure_through(numerics, sphere, counts, watch)?.primary();
+            leaks += measure_through(numerics, sphere, counts, control)?.primary();
             cast += counts.primary();
-            let questions = Kind::ALL.map(|kind| aimed(sphere, kind, rays));
-            let answers = compare(&sphere.mesh, numerics, &questions.concat());
-            (wrong, compared) = (wrong + answers.wrong, compared + answers.compared);
-            worst = worst.max(answers.worst);
+            let ray_sets = LeakRayKind::ALL.map(|kind| aimed(sphere, kind, rays));
+            let hits = compare(&sphere.mesh, numerics, &ray_sets.concat());
+            (wrong, compared) = (wrong + hits.wrong, compared + hits.compared);
+            worst = worst.max(hits.worst);
             done += 1;
-            (watch.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
+            (control.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
         }
         // The giant plane at grazing angles, where distances are hardest.
         let plane = giant_plane();
-        let answers = compare(&plane, numerics, &grazing(rays));
-        (wrong, compared) = (wrong + answers.wrong, compared + answers.compared);
+        let hits = compare(&plane, numerics, &grazing(rays));
+        (wrong, compared) = (wrong + hits.wrong, compared + hits.compared);
         done += 1;
-        (watch.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
+        (control.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
         rows.push(TierRow {
             numerics,
             picture: [1.0; 3],
             aimed: [1.0; 3],
             leaks: leaks as f64 * 1e6 / cast as f64,
             wrong: wrong as f64 * 1e6 / compared as f64,
-            worst: worst.max(answers.worst),
+            worst: worst.max(hits.worst),
         });
     }
     let (picture, aimed) = times(&spheres[0], runs);
@@ -83,7 +83,7 @@ pub fn tiers(rays: u64, runs: u32, watch: &RenderControl) -> Result<Vec<TierRow>
 }
 
 /// The rays of one kind, as f32 numbers.
-fn aimed(sphere: &Icosphere, kind: Kind, rays: u64) -> Vec<Ray> {
+fn aimed(sphere: &Icosphere, kind: LeakRayKind, rays: u64) -> Vec<Ray> {
     let count = *{ Counts::of_rays(rays) }.of(kind);
     let single = |(origin, direction)| Precision::Single.ray(origin, direction, 0.0, f64::INFINITY);
     (0..count).into_par_iter().map(|index| single(ray(sphere, kind, index))).collect()
@@ -122,24 +122,24 @@ fn grazing(rays: u64) -> Vec<Ray> {
 
 /// What became of the answers to some questions.
 #[derive(Default)]
-struct Answers {
+struct HitErrors {
     wrong: u64,
     compared: u64,
     worst: f64,
 }
 
-fn compare(mesh: &Mesh, numerics: Numerics, rays: &[Ray]) -> Answers {
+fn compare(mesh: &Mesh, numerics: Numerics, rays: &[Ray]) -> HitErrors {
     let tier = kiln::accelerator(mesh, Layout::default(), numerics);
     let exact = kiln::accelerator(mesh, Layout::default(), Numerics::Exact);
     let one = |ray: &Ray| {
         let mut traversal = Traversal::default();
         let found = tier.closest_hit(ray, &mut traversal);
-        let mut truth = Vec::new();
-        exact.all_hits(ray, &mut truth, &mut traversal);
-        let (wrong, error) = judge(found, &truth);
-        Answers { wrong: u64::from(wrong), compared: 1, worst: error }
+        let mut reference = Vec::new();
+        exact.all_hits(ray, &mut reference, &mut traversal);
+        let (wrong, error) = check_hit(found, &reference);
+        HitErrors { wrong: u64::from(wrong), compared: 1, worst: error }
     };
-    rays.par_iter().map(one).reduce(Answers::default, |a, b| Answers {
+    rays.par_iter().map(one).reduce(HitErrors::default, |a, b| HitErrors {
         wrong: a.wrong + b.wrong,
         compared: a.compared + b.compared,
         worst: a.worst.max(b.worst),
@@ -150,14 +150,14 @@ fn compare(mesh: &Mesh, numerics: Numerics, rays: &[Ray]) -> Answers {
 ///
 /// Right is a nearest triangle ([`is_nearest`]). Its distance, however wrong, is right if it belongs to the right triangle:
 /// that is what the error is for.
-fn judge(found: Option<Hit>, truth: &[Hit]) -> (bool, f64) {
-    let Some(hit) = found else { return (!truth.is_empty(), 0.0) };
-    let error = truth.iter().find(|t| t.prim == hit.prim).map_or(0.0, |true_hit| {
+fn check_hit(found: Option<Hit>, reference: &[Hit]) -> (bool, f64) {
+    let Some(hit) = found else { return (!reference.is_empty(), 0.0) };
+    let error = reference.iter().find(|t| t.prim == hit.prim).map_or(0.0, |true_hit| {
         let single = true_hit.t as f32;
         let ulp = f64::from(single.next_up()) - f64::from(single);
         (hit.t - true_hit.t).abs() / ulp
     });
-    (!is_nearest(hit.prim.0, truth), error)
+    (!is_nearest(hit.prim.0, reference), error)
 }
 
 /// Times of all tiers relative to the first, in alternating runs on this thread: quartiles, for rays of a picture and for
@@ -165,7 +165,7 @@ fn judge(found: Option<Hit>, truth: &[Hit]) -> (bool, f64) {
 fn times(sphere: &Icosphere, runs: u32) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
     let accelerators =
         Numerics::ALL.map(|numerics| kiln::accelerator(&sphere.mesh, Layout::default(), numerics));
-    let aimed: Vec<_> = (0..TIMED).map(|index| ray(sphere, Kind::Inside, index)).collect();
+    let aimed: Vec<_> = (0..TIMED).map(|index| ray(sphere, LeakRayKind::Inside, index)).collect();
     let picture = picture(sphere);
     let of_tier = |rays: &[(DVec3, DVec3)], accelerator: &dyn Accelerator| -> Vec<Ray> {
         let precision = accelerator.numerics().ray_precision();
@@ -233,13 +233,13 @@ mod tests {
 
     #[test]
     fn answers_are_judged_by_the_nearest_true_hit() {
-        let truth = [hit(2.0, 7), hit(1.0, 3), hit(1.0, 4)];
-        assert_eq!(judge(Some(hit(1.0, 3)), &truth), (false, 0.0));
-        assert_eq!(judge(Some(hit(1.0 + 3.0 * f64::from(f32::EPSILON), 4)), &truth), (false, 3.0));
-        assert!(judge(Some(hit(2.0, 7)), &truth).0, "slipped through the front");
-        assert!(judge(Some(hit(1.0, 9)), &truth).0, "not hit at all");
-        assert!(judge(None, &truth).0 && judge(Some(hit(1.0, 3)), &[]).0);
-        assert_eq!(judge(None, &[]), (false, 0.0));
+        let reference = [hit(2.0, 7), hit(1.0, 3), hit(1.0, 4)];
+        assert_eq!(check_hit(Some(hit(1.0, 3)), &reference), (false, 0.0));
+        assert_eq!(check_hit(Some(hit(1.0 + 3.0 * f64::from(f32::EPSILON), 4)), &reference), (false, 3.0));
+        assert!(check_hit(Some(hit(2.0, 7)), &reference).0, "slipped through the front");
+        assert!(check_hit(Some(hit(1.0, 9)), &reference).0, "not hit at all");
+        assert!(check_hit(None, &reference).0 && check_hit(Some(hit(1.0, 3)), &[]).0);
+        assert_eq!(check_hit(None, &[]), (false, 0.0));
     }
 
     #[test]

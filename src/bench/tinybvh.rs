@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3, Vec4};
 use tinybvh_rs::{Intersection, Intersector, Ray, bvh, bvh8_cpu, mbvh};
 
-use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
+use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
 use super::{Built, Engine, Mesh};
 use crate::error::{Error, Result};
 use crate::geometry;
@@ -26,7 +26,7 @@ impl Engine for Bvh8Cpu {
     }
 
     /// Its rays have no near end, so that they cannot go on behind a crossing.
-    fn sees_beyond_the_first(&self) -> bool {
+    fn finds_all_crossings(&self) -> bool {
         false
     }
 
@@ -102,7 +102,7 @@ impl Contender for Bvh8Cpu {
         Label { engine: "tinybvh", layout: "bvh8-cpu", tier: None, preset: None, isa: "avx2" }
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         Ok(Box::new(BuiltTinybvh::new(mesh)?))
     }
 }
@@ -110,13 +110,13 @@ impl Contender for Bvh8Cpu {
 // SAFETY: the tree belongs to no thread; see above.
 unsafe impl Send for BuiltTinybvh {}
 
-impl Ready for BuiltTinybvh {
+impl BuiltContender for BuiltTinybvh {
     fn facts(&self) -> Facts {
         Facts::default()
     }
 
     /// The wrapper has no call for occlusion: a hit before the far end is one.
-    fn queue<'a>(&'a self, _: Kind, rays: &'a [geometry::Ray]) -> Box<dyn Queue + 'a> {
+    fn queue<'a>(&'a self, _: Kind, rays: &'a [geometry::Ray]) -> Box<dyn RayQueue + 'a> {
         let own = |ray: &geometry::Ray| {
             let t_max = (ray.t_max as f32).min(tinybvh_rs::INFINITE);
             (Aligned::new(ray.origin.as_vec3(), ray.direction.as_vec3(), t_max), t_max)

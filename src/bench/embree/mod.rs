@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicIsize, Ordering};
 use bytemuck::Pod;
 use libloading::Library;
 
-use super::{Absent, Mesh};
+use super::{Mesh, Unavailable};
 use crate::error::{Error, Result};
 use records::{Arguments, RayHit, RayHits, RayOnly, Rays};
 
@@ -126,8 +126,8 @@ unsafe impl Sync for Device {}
 
 impl Device {
     /// The device of the library that [`VARIABLE`] names. `configuration` is Embree's own, such as `threads=1`.
-    fn find(configuration: &str) -> std::result::Result<&'static Self, Absent> {
-        let absent = |reason| Absent { name: "embree", reason, remedy: REMEDY };
+    fn find(configuration: &str) -> std::result::Result<&'static Self, Unavailable> {
+        let absent = |reason| Unavailable { name: "embree", reason, remedy: REMEDY };
         let file = std::env::var_os(VARIABLE).filter(|file| !file.is_empty());
         let file = file.ok_or_else(|| absent(format!("{VARIABLE} names no library")))?;
         Device::load(Path::new(&file), configuration).map_err(absent)

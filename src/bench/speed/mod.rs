@@ -9,20 +9,20 @@
 mod measure;
 mod page;
 mod rays;
+mod reference;
 mod scaling;
 mod setting;
 mod singly;
-mod truth;
 
-pub use measure::{Row, Settings, best, measure};
+pub use measure::{Settings, SpeedRow, best, measure};
 pub use page::page;
-pub use rays::{BATCH, Eye, Kind, Questions};
-pub use scaling::{Step, plot as scaling_plot, scaling, sizes};
+pub use rays::{BATCH, Kind, RaySets, ViewSetup};
+pub use reference::ReferenceHits;
+pub use scaling::{ScalingStep, plot as scaling_plot, scaling, sizes};
 pub use setting::{Triangles, Viewpoint, eye, scene, triangles};
 pub(super) use singly::singly;
-pub use truth::Truth;
 
-use super::{Absent, Mesh, embree, kiln, obvhs};
+use super::{Mesh, Unavailable, embree, kiln, obvhs};
 use crate::bvh::Tests;
 use crate::error::Result;
 use crate::geometry::Ray;
@@ -54,7 +54,7 @@ pub trait Contender: Sync {
     ///
     /// # Errors
     /// [`Error::Failed`](crate::error::Error::Failed) where the library could not.
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>>;
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>>;
 }
 
 /// What is known of a structure without casting a ray. `None` where the library does not tell.
@@ -71,22 +71,22 @@ pub struct Facts {
 }
 
 /// A structure that is built.
-pub trait Ready: Send + Sync {
+pub trait BuiltContender: Send + Sync {
     /// What is known of it.
     fn facts(&self) -> Facts;
 
     /// Puts rays of a kind into the engine's own form, with room for the answers.
-    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a>;
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a>;
 }
 
 /// Rays that wait for their answers.
-pub trait Queue: Send {
+pub trait RayQueue: Send {
     /// Finds all answers. Called once; this is what is timed.
     fn run(&mut self);
 
     /// What each ray found, in their order: the primitive that it hits first, or any number where the question is
     /// whether it hits anything.
-    fn answers(&self) -> Vec<Option<u32>>;
+    fn hits(&self) -> Vec<Option<u32>>;
 
     /// The work that was done, where it is counted.
     fn tests(&self) -> Option<Tests> {
@@ -96,7 +96,7 @@ pub trait Queue: Send {
 
 /// Every contender that is there, built and asked on so many threads, in the order of [`NAMES`], and the libraries that
 /// are not.
-pub fn contenders(threads: usize) -> (Vec<Box<dyn Contender>>, Vec<Absent>) {
+pub fn contenders(threads: usize) -> (Vec<Box<dyn Contender>>, Vec<Unavailable>) {
     let (mut present, mut absent) = (kiln::contenders(), Vec::new());
     present.extend(obvhs::contenders());
     #[cfg(feature = "peers")]
@@ -105,7 +105,7 @@ pub fn contenders(threads: usize) -> (Vec<Box<dyn Contender>>, Vec<Absent>) {
         present.extend(super::parry::contenders());
     }
     #[cfg(not(feature = "peers"))]
-    absent.extend(["bvh", "parry3d"].map(|name| Absent {
+    absent.extend(["bvh", "parry3d"].map(|name| Unavailable {
         name,
         reason: "kiln was built without it".into(),
         remedy: "build with --features peers",

@@ -55,7 +55,7 @@ pub const BATCH: usize = (TILE * TILE) as usize;
 
 /// Where the picture is seen from and lit from.
 #[derive(Debug, Clone)]
-pub struct Eye {
+pub struct ViewSetup {
     /// The camera.
     pub view: View,
     /// Pixels along each side of the picture.
@@ -66,13 +66,13 @@ pub struct Eye {
 
 /// Rays of every kind. All their numbers are f32 numbers.
 #[derive(Debug, Clone, Default)]
-pub struct Questions {
+pub struct RaySets {
     rays: [Vec<Ray>; 4],
 }
 
-impl Questions {
+impl RaySets {
     /// As `eye` sees the mesh.
-    pub fn new(mesh: &Mesh, eye: &Eye) -> Self {
+    pub fn new(mesh: &Mesh, eye: &ViewSetup) -> Self {
         let accelerator = kiln::accelerator(mesh, Layout::default(), Numerics::Watertight);
         let primary = primary(eye);
         let hits = closest_hits(&*accelerator, &primary);
@@ -83,7 +83,7 @@ impl Questions {
         let shadow = points.iter().filter_map(|(_, point)| shadow(point, eye.light)).collect();
         let diffuse = points.iter().filter_map(|(index, point)| diffuse(point, *index)).collect();
         let random = random(mesh, primary.len() as u64);
-        Questions { rays: [primary, shadow, diffuse, random] }
+        RaySets { rays: [primary, shadow, diffuse, random] }
     }
 
     /// The rays of a kind.
@@ -93,7 +93,7 @@ impl Questions {
 }
 
 /// Tiles row by row, pixels row by row within each; tiles at the right and lower sides may be smaller.
-fn primary(eye: &Eye) -> Vec<Ray> {
+fn primary(eye: &ViewSetup) -> Vec<Ray> {
     let starts = || (0..eye.size).step_by(TILE as usize);
     let side = |start: u32| start..(start + TILE).min(eye.size);
     let tiles = starts().flat_map(|y| starts().map(move |x| (x, y)));
@@ -181,16 +181,16 @@ mod tests {
     use super::super::{Viewpoint, eye, scene};
     use super::*;
 
-    fn questions(mesh: &Mesh, size: u32) -> (Eye, Questions) {
+    fn ray_sets(mesh: &Mesh, size: u32) -> (ViewSetup, RaySets) {
         let eye = eye(&scene(mesh), Viewpoint::Outside, size).expect("an eye");
-        let questions = Questions::new(mesh, &eye);
-        (eye, questions)
+        let ray_sets = RaySets::new(mesh, &eye);
+        (eye, ray_sets)
     }
 
     #[test]
     fn primary_rays_come_tile_by_tile() {
-        let (eye, questions) = questions(&Family::Sphere.mesh(1000), 40);
-        let primary = questions.of(Kind::Primary);
+        let (eye, ray_sets) = ray_sets(&Family::Sphere.mesh(1000), 40);
+        let primary = ray_sets.of(Kind::Primary);
         let at = |x, y| eye.view.ray(x, y, Precision::Single);
         assert_eq!(primary.len(), 1600);
         // The second ray of the first tile, the first of its second row, and the first of the second tile.
@@ -201,10 +201,10 @@ mod tests {
 
     #[test]
     fn all_numbers_are_f32_numbers() {
-        let (_, questions) = questions(&Family::Soup.mesh(1000), 64);
+        let (_, ray_sets) = ray_sets(&Family::Soup.mesh(1000), 64);
         for kind in Kind::ALL {
-            assert!(!questions.of(kind).is_empty(), "{kind:?}");
-            for ray in questions.of(kind) {
+            assert!(!ray_sets.of(kind).is_empty(), "{kind:?}");
+            for ray in ray_sets.of(kind) {
                 for number in
                     [ray.origin.to_array(), ray.direction.to_array(), [ray.t_min, ray.t_max, 0.0]].concat()
                 {

@@ -5,17 +5,17 @@ use std::sync::atomic::Ordering;
 use super::super::generate::Family;
 use super::super::plot::{Line, Panel, panels};
 use super::super::{Spread, memory};
-use super::{Contender, Kind, Questions, Row, Settings, Viewpoint, eye, measure, scene};
+use super::{Contender, Kind, RaySets, Settings, SpeedRow, Viewpoint, eye, measure, scene};
 use crate::error::{Error, Result};
 use crate::render::RenderControl;
 
 /// What was measured over the meshes of one kind and about one size.
 #[derive(Debug, Clone)]
-pub struct Step {
+pub struct ScalingStep {
     /// The kind of mesh.
     pub family: Family,
     /// A row for each contender.
-    pub rows: Vec<Row>,
+    pub rows: Vec<SpeedRow>,
     /// The most memory that the process held meanwhile, with all contenders' structures, rays and the mesh.
     pub peak_bytes: Option<u64>,
 }
@@ -36,8 +36,8 @@ pub fn scaling(
     sizes: &[usize],
     pixels: u32,
     settings: &Settings,
-    watch: &RenderControl,
-) -> Result<Vec<Step>> {
+    control: &RenderControl,
+) -> Result<Vec<ScalingStep>> {
     let mut steps = Vec::new();
     let total = Family::ALL.len() * sizes.len();
     for family in Family::ALL {
@@ -45,12 +45,12 @@ pub fn scaling(
             memory::forget_peak();
             let mesh = family.mesh(size);
             let eye = eye(&scene(&mesh), Viewpoint::Outside, pixels)?;
-            let questions = Questions::new(&mesh, &eye);
-            let inner = RenderControl { cancel: watch.cancel, progress: &|_, _| {}, time_stages: false };
-            let rows = measure(contenders, &mesh, &questions, settings, &inner)?;
-            steps.push(Step { family, rows, peak_bytes: memory::peak() });
-            (watch.progress)(steps.len(), total);
-            if watch.cancel.load(Ordering::Relaxed) {
+            let ray_sets = RaySets::new(&mesh, &eye);
+            let inner = RenderControl { cancel: control.cancel, progress: &|_, _| {}, time_stages: false };
+            let rows = measure(contenders, &mesh, &ray_sets, settings, &inner)?;
+            steps.push(ScalingStep { family, rows, peak_bytes: memory::peak() });
+            (control.progress)(steps.len(), total);
+            if control.cancel.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
             }
         }
@@ -65,9 +65,9 @@ const BYTES: &str = "bytes a triangle";
 ///
 /// # Errors
 /// [`Error::Failed`] where it cannot be drawn.
-pub fn plot(steps: &[Step]) -> Result<String> {
+pub fn plot(steps: &[ScalingStep]) -> Result<String> {
     let median = |spread: Option<Spread>| spread.map(|spread| spread.median);
-    let panel = |title: &str, unit, value: &dyn Fn(&Row) -> Option<f64>| Panel {
+    let panel = |title: &str, unit, value: &dyn Fn(&SpeedRow) -> Option<f64>| Panel {
         title: title.to_owned(),
         unit,
         linear: unit == BYTES,
@@ -75,14 +75,14 @@ pub fn plot(steps: &[Step]) -> Result<String> {
     };
     let drawn = [
         panel("Building", "milliseconds", &|row| Some(row.build_ms.median)),
-        panel("Memory", BYTES, &Row::bytes_per_triangle),
+        panel("Memory", BYTES, &SpeedRow::bytes_per_triangle),
         panel("Primary rays", "million a second", &|row| median(row.mrays_per_s(Kind::Primary))),
         panel("Diffuse rays", "million a second", &|row| median(row.mrays_per_s(Kind::Diffuse))),
     ];
     panels("triangles", &drawn)
 }
 
-fn lines(steps: &[Step], value: &dyn Fn(&Row) -> Option<f64>) -> Vec<Line> {
+fn lines(steps: &[ScalingStep], value: &dyn Fn(&SpeedRow) -> Option<f64>) -> Vec<Line> {
     let mut lines = Vec::new();
     for (family, colour) in Family::ALL.into_iter().zip([0, 5, 2]) {
         let steps = || steps.iter().filter(|step| step.family == family);

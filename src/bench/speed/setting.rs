@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::super::Mesh;
-use super::Eye;
+use super::ViewSetup;
 use crate::error::{Error, Result};
 use crate::scene::{self, Camera, LightKind, MaterialId, Object, Projection, Scene, Shape};
 use crate::world::{StandardView, View, fitted_camera};
@@ -78,7 +78,7 @@ pub fn scene(mesh: &Mesh) -> Scene {
 ///
 /// # Errors
 /// [`Error::Usage`] where there is nothing to look at, or the scene's camera cannot be used.
-pub fn eye(scene: &Scene, from: Viewpoint, size: u32) -> Result<Eye> {
+pub fn eye(scene: &Scene, from: Viewpoint, size: u32) -> Result<ViewSetup> {
     let nothing =
         || Error::usage("there is nothing in it to look at", "`kiln info` says what the file holds");
     let bounds = scene.bounds().ok_or_else(nothing)?;
@@ -97,7 +97,7 @@ pub fn eye(scene: &Scene, from: Viewpoint, size: u32) -> Result<Eye> {
         Viewpoint::Inside => light_inside(bounds),
         Viewpoint::Scene | Viewpoint::Outside => light_outside(&camera, bounds),
     });
-    Ok(Eye { view: View::new(&camera, camera.projection, [size; 2])?, size, light })
+    Ok(ViewSetup { view: View::new(&camera, camera.projection, [size; 2])?, size, light })
 }
 
 fn inside((min, max): (DVec3, DVec3)) -> Camera {
