@@ -1,4 +1,4 @@
-//! The crate `bvh`, by its iterators, with Möller and Trumbore's test: its own sees triangles from one side only.
+//! The crate `bvh`, by its iterators, with the Möller-Trumbore test, as its own test culls back faces.
 
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::{BHShape, BoundingHierarchy};
@@ -12,10 +12,10 @@ use crate::bvh::{Quality, VisitedNode, quality};
 use crate::error::Result;
 use crate::geometry::Ray;
 
-/// Its binary tree.
+/// Binary tree.
 struct Binary;
 
-/// The one there is.
+/// The only contender.
 pub fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Binary)]
 }
@@ -81,7 +81,8 @@ struct BuiltBinary {
 }
 
 impl BuiltBinary {
-    /// The triangles come in the order of their boxes; the first box beyond the best hit ends the search.
+    /// The iterator returns triangles in ascending order of box distance; the first box behind the closest hit ends the
+    /// search.
     fn closest(&self, ray: &BvhRay<f32, 3>) -> Option<u32> {
         let mut best: Option<(f32, u32)> = None;
         for triangle in self.tree.nearest_traverse_iterator(ray, &self.triangles) {
@@ -106,7 +107,7 @@ impl BuiltBinary {
 
     fn quality(&self) -> Quality {
         let nodes = &self.tree.nodes;
-        // The box of a node is in the one above it.
+        // The box of a node is stored in its parent.
         let mut areas = vec![0.0; nodes.len()];
         let area = |aabb: &Aabb<f32, 3>| f64::from(aabb.surface_area());
         for node in nodes {

@@ -1,4 +1,4 @@
-//! obvhs as it is shipped: its own builds, traversals and triangle test.
+//! obvhs with its own builders, traversals and triangle test.
 
 use std::time::Duration;
 
@@ -18,13 +18,13 @@ use crate::bvh::{VisitedNode, quality};
 use crate::error::Result;
 use crate::geometry;
 
-/// One of its layouts.
+/// Layout of obvhs.
 enum Layout {
     Bvh2,
     CwBvh,
 }
 
-/// Every layout.
+/// Engines of all layouts.
 pub fn engines() -> Vec<Box<dyn Engine>> {
     vec![Box::new(Layout::Bvh2), Box::new(Layout::CwBvh)]
 }
@@ -53,7 +53,7 @@ enum Tree {
 
 struct BuiltObvhs {
     tree: Tree,
-    /// In the order of the leaves, as obvhs advises.
+    /// In leaf order, as obvhs recommends.
     triangles: Vec<RtTriangle>,
 }
 
@@ -95,7 +95,7 @@ impl BuiltObvhs {
 }
 
 impl Tree {
-    /// The triangle in each place of the leaves.
+    /// Triangle indices in leaf order.
     fn order(&self) -> &[u32] {
         match self {
             Tree::Bvh2(tree) => &tree.primitive_indices,
@@ -119,7 +119,7 @@ impl Built for BuiltObvhs {
     }
 }
 
-/// Every layout.
+/// Contenders of all layouts.
 pub fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Layout::Bvh2), Box::new(Layout::CwBvh)]
 }

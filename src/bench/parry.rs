@@ -1,4 +1,4 @@
-//! parry3d's triangle mesh, by the calls that its users have.
+//! Triangle meshes of parry3d, by its public ray queries.
 
 use parry3d::math::Vector;
 use parry3d::partitioning::{BvhNode, TraversalAction};
@@ -10,10 +10,10 @@ use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, sing
 use crate::error::{Error, Result};
 use crate::geometry::Ray;
 
-/// Its binary tree.
+/// Binary tree.
 struct Parry;
 
-/// The one there is.
+/// The only contender.
 pub fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Parry)]
 }
@@ -38,7 +38,7 @@ impl BuiltContender for BuiltParry {
     fn facts(&self) -> Facts {
         let tree = self.0.bvh();
         let area = |node: &BvhNode| f64::from(node.aabb().half_area_or_perimeter());
-        // The root's own box is in no node.
+        // The box of the root is not stored.
         let whole = f64::from(tree.root_aabb().half_area_or_perimeter());
         let mut cost = 1.0;
         tree.traverse(|node| {

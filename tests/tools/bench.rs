@@ -6,15 +6,15 @@ use std::sync::atomic::AtomicBool;
 use kiln::bench::Mesh;
 use kiln::bench::generate::Family;
 use kiln::bench::speed::{
-    BuiltContender, Contender, Kind, Label, NAMES, RaySets, Settings, SpeedRow, Viewpoint, contenders, eye,
-    measure, scene,
+    BuiltContender, Contender, Kind, Label, NAMES, RaySets, Settings, SpeedRow, Viewpoint, contenders,
+    measure, scene, view_setup,
 };
 use kiln::error::Result;
 use kiln::render::RenderControl;
 use serde_json::Value;
 
 fn measured(contenders: &[Box<dyn Contender>], mesh: &Mesh, threads: usize) -> Vec<SpeedRow> {
-    let eye = eye(&scene(mesh), Viewpoint::Outside, 64).expect("an eye");
+    let eye = view_setup(&scene(mesh), Viewpoint::Outside, 64).expect("an eye");
     let ray_sets = RaySets::new(mesh, &eye);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let cancel = AtomicBool::new(false);

@@ -1,4 +1,4 @@
-//! Embree as it is asked for leaks: every crossing of a ray, one after the other.
+//! Embree in the leak test: all crossings of a ray, one after the other.
 
 use std::ptr;
 
@@ -9,16 +9,16 @@ use super::records::{NOTHING, RayHit};
 use super::{Device, Quality, Scene};
 use crate::error::Result;
 
-/// Embree finds one crossing at a time; a ray that seems to cross more than this is left at that.
+/// Maximum number of crossings of a ray.
 const MAX_CROSSINGS: usize = 64;
 
-/// Both modes, where the library is there.
+/// Both modes, if the library is available.
 pub fn engines() -> std::result::Result<Vec<Box<dyn Engine>>, Unavailable> {
     let device = Device::find("")?;
     Ok(vec![Box::new(Embree { device, robust: false }), Box::new(Embree { device, robust: true })])
 }
 
-/// Embree with its own choice of layout, in either of its modes.
+/// Embree with its default layout, in one of its modes.
 struct Embree {
     device: &'static Device,
     robust: bool,
@@ -43,8 +43,8 @@ impl Built for Scene {
         let mut t_near = 0.0f32;
         for _ in 0..MAX_CROSSINGS {
             let mut query = RayHit::new(origin.as_vec3(), direction.as_vec3(), t_near, f32::INFINITY);
-            // SAFETY: `handle` is a scene that is built, and `query` has the form and alignment that Embree expects; null
-            // arguments ask for the defaults.
+            // SAFETY: `handle` is a committed scene, and `query` has the layout and alignment of `RTCRayHit`; null
+            // arguments are the defaults.
             unsafe { (self.device.functions.intersect)(self.handle, &raw mut query, ptr::null_mut()) };
             if query.geometry == NOTHING {
                 return;

@@ -1,4 +1,4 @@
-//! Embree as it is timed: ray by ray and in packets, with its build qualities and its robust mode.
+//! Embree in the speed test: single rays and packets, build qualities, robust mode.
 
 use super::super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue};
 use super::super::{Mesh, Unavailable};
@@ -7,7 +7,7 @@ use super::{Device, NATIVE_RAY8, NATIVE_RAY16, Quality, Scene};
 use crate::error::Result;
 use crate::geometry::Ray;
 
-/// How rays are handed over.
+/// Query functions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Calls {
     Single,
@@ -15,17 +15,17 @@ enum Calls {
     Sixteen,
 }
 
-/// One way to use Embree.
+/// A contender of Embree.
 struct Embree {
     device: &'static Device,
     quality: Quality,
     robust: bool,
     calls: Calls,
-    /// Whether it is told of coherent rays that they are.
+    /// Whether coherent rays are flagged as coherent.
     coherent: bool,
 }
 
-/// Every way, where the library is there, with so many threads to build on.
+/// All contenders, if the library is available. `threads` is the number of build threads.
 pub fn contenders(threads: usize) -> std::result::Result<Vec<Box<dyn Contender>>, Unavailable> {
     let device = Device::find(&format!("threads={threads}"))?;
     let single = |quality, robust| Embree { device, quality, robust, calls: Calls::Single, coherent: false };
@@ -131,16 +131,16 @@ impl BuiltContender for BuiltEmbree {
     }
 }
 
-/// A record that Embree answers into.
+/// A ray record of Embree's queries.
 trait Record: Send {
-    /// How many rays it has room for.
+    /// Number of rays.
     const WIDTH: usize;
 
-    /// Asks about the first `count` of its rays.
+    /// Traces the first `count` rays.
     fn trace(&mut self, scene: &Scene, count: usize, arguments: &mut Arguments);
 
-    /// What became of one of its rays.
-    fn answer(&self, lane: usize) -> Option<u32>;
+    /// Hit primitive of a ray.
+    fn hit(&self, lane: usize) -> Option<u32>;
 }
 
 struct QueuedRays<'a, R> {
@@ -161,12 +161,12 @@ impl<R: Record> RayQueue for QueuedRays<'_, R> {
     }
 
     fn hits(&self) -> Vec<Option<u32>> {
-        let answer = |index: usize| self.records[index / R::WIDTH].answer(index % R::WIDTH);
+        let answer = |index: usize| self.records[index / R::WIDTH].hit(index % R::WIDTH);
         (0..self.count).map(answer).collect()
     }
 }
 
-// In all calls below the scene is built, and records and arguments have the form and the alignment that Embree expects.
+// In all calls below the scene is committed, and records and arguments have the layout and alignment of Embree's types.
 
 impl Record for RayHit {
     const WIDTH: usize = 1;
@@ -177,7 +177,7 @@ impl Record for RayHit {
         unsafe { (scene.device.functions.intersect)(scene.handle, self, arguments) }
     }
 
-    fn answer(&self, _: usize) -> Option<u32> {
+    fn hit(&self, _: usize) -> Option<u32> {
         (self.geometry != NOTHING).then_some(self.primitive)
     }
 }
@@ -191,12 +191,12 @@ impl Record for RayOnly {
         unsafe { (scene.device.functions.occluded)(scene.handle, self, arguments) }
     }
 
-    fn answer(&self, _: usize) -> Option<u32> {
+    fn hit(&self, _: usize) -> Option<u32> {
         is_occluded(self.t_far)
     }
 }
 
-/// Embree says so by a far end of minus infinity.
+/// Embree sets `tfar` to minus infinity for an occluded ray.
 fn is_occluded(t_far: f32) -> Option<u32> {
     (t_far == f32::NEG_INFINITY).then_some(0)
 }
@@ -215,7 +215,7 @@ macro_rules! packets {
                 }
             }
 
-            fn answer(&self, lane: usize) -> Option<u32> {
+            fn hit(&self, lane: usize) -> Option<u32> {
                 (self.geometry[lane] != NOTHING).then_some(self.primitive[lane])
             }
         }
@@ -230,7 +230,7 @@ macro_rules! packets {
                 unsafe { (scene.device.functions.$occluded)(valid.0.as_ptr(), scene.handle, self, arguments) }
             }
 
-            fn answer(&self, lane: usize) -> Option<u32> {
+            fn hit(&self, lane: usize) -> Option<u32> {
                 is_occluded(self.t_far[lane])
             }
         }

@@ -1,4 +1,4 @@
-//! Rounds in which all contenders take turns.
+//! Timing rounds with all contenders interleaved.
 
 use std::sync::atomic::Ordering;
 
@@ -11,16 +11,16 @@ use crate::error::{Error, Result};
 use crate::geometry::{Numerics, Ray};
 use crate::render::RenderControl;
 
-/// Rays that one thread takes at a time: whole batches, few enough to share, enough that it costs nothing.
+/// Rays per parallel task, a multiple of the batch size.
 const PORTION: usize = 64 * rays::BATCH;
 
-/// How to measure.
+/// Settings of a measurement.
 pub struct Settings<'a> {
-    /// Rounds that count, after one to warm up; at least 1.
+    /// Timed rounds, after one to warm up; 1 or more.
     pub runs: u32,
-    /// The threads to build and to ask on.
+    /// Threads for building and tracing.
     pub pool: &'a rayon::ThreadPool,
-    /// Whether answers are compared with the right ones.
+    /// Whether hits are compared with the reference.
     pub check: bool,
 }
 
@@ -30,62 +30,62 @@ impl Settings<'_> {
     }
 }
 
-/// What was measured of a contender.
+/// Results of a contender.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpeedRow {
-    /// Which.
+    /// The contender.
     pub label: Label,
-    /// Threads that built and asked.
+    /// Number of threads.
     pub threads: usize,
-    /// Milliseconds from triangles in memory to ready.
+    /// Build time in ms.
     pub build_ms: Spread,
-    /// What the structure is like.
+    /// Properties of the structure.
     pub facts: Facts,
-    /// Triangles of the mesh.
+    /// Number of triangles of the mesh.
     pub triangles: usize,
-    /// Rays of each kind of [`Kind::ALL`].
+    /// Number of rays of each kind of [`Kind::ALL`].
     pub rays: [usize; 4],
-    /// Million rays a second, of each kind, in every round; empty where there are no rays.
+    /// Million rays per second of each kind in every round; empty if there are no rays.
     pub rates: [Vec<f64>; 4],
-    /// Tests that all rays of a kind took, where they are counted.
+    /// Intersection tests of all rays of a kind, if counted.
     pub tests: [Option<Tests>; 4],
-    /// Answers that are wrong, of each kind; `None` where they were not compared.
+    /// Wrong hits of each kind; `None` if not compared.
     pub wrong: Option<[u64; 4]>,
-    /// The most memory that building took at once, with the structure itself, where the system tells.
+    /// Peak memory of building in bytes, including the structure, where the system provides it.
     pub build_peak_bytes: Option<u64>,
 }
 
 impl SpeedRow {
-    /// Answers that are wrong, of all kinds.
+    /// Wrong hits of all kinds.
     pub fn all_wrong(&self) -> Option<u64> {
         self.wrong.map(|wrong| wrong.iter().sum())
     }
 
-    /// Million rays a second; `None` where there are no rays of the kind.
+    /// Million rays per second; `None` if there are no rays of the kind.
     pub fn mrays_per_s(&self, kind: Kind) -> Option<Spread> {
         Spread::of(&self.rates[kind as usize])
     }
 
-    /// How many times as fast it is as another, round by round.
+    /// Throughput relative to another row, round by round.
     pub fn ratio(&self, other: &SpeedRow, kind: Kind) -> Option<Spread> {
         let rounds = self.rates[kind as usize].iter().zip(&other.rates[kind as usize]);
         Spread::of(&rounds.map(|(own, other)| own / other).collect::<Vec<_>>())
     }
 
-    /// Boxes and primitives tested by a ray of a kind, on average.
+    /// Average number of box and primitive tests per ray of a kind.
     pub fn tests_per_ray(&self, kind: Kind) -> Option<[f64; 2]> {
         let Tests { nodes, primitives } = self.tests[kind as usize]?;
         let rays = self.rays[kind as usize];
         (rays > 0).then(|| [nodes, primitives].map(|count| count as f64 / rays as f64))
     }
 
-    /// Bytes of the structure for each triangle of the mesh, and those with it.
+    /// Bytes of the structure per triangle of the mesh, including the triangles.
     pub fn bytes_per_triangle(&self) -> Option<f64> {
         Some(self.facts.bytes? as f64 / self.triangles as f64)
     }
 }
 
-/// The fastest row of a library for a kind of rays; of kiln's those in its default tier, which others are held against.
+/// The fastest row of a library for a kind of rays; for kiln, among those in the default tier.
 pub fn best<'a>(rows: &'a [SpeedRow], engine: &str, kind: Kind) -> Option<&'a SpeedRow> {
     let median = |row: &SpeedRow| row.mrays_per_s(kind).map_or(0.0, |spread| spread.median);
     let default = Some(Numerics::default().name());
@@ -95,7 +95,7 @@ pub fn best<'a>(rows: &'a [SpeedRow], engine: &str, kind: Kind) -> Option<&'a Sp
     of_engine.max_by(|a, b| median(a).total_cmp(&median(b)))
 }
 
-/// What is being measured of a contender.
+/// Measurements of a contender.
 struct Measurement<'a> {
     contender: &'a dyn Contender,
     ready: Box<dyn BuiltContender>,
@@ -109,7 +109,7 @@ struct Measurement<'a> {
 /// Measures every contender.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when cancelled; [`Error::Failed`] where a library could not build.
+/// [`Error::Interrupted`] when cancelled; [`Error::Failed`] if a library cannot build.
 pub fn measure(
     contenders: &[Box<dyn Contender>],
     mesh: &Mesh,
@@ -166,9 +166,9 @@ fn build(
 }
 
 impl<'a> Measurement<'a> {
-    /// The build that warms up is not timed, but its memory is looked at.
+    /// Builds once to warm up, untimed, and measures the peak memory.
     fn start(contender: &'a dyn Contender, mesh: &Mesh, settings: &Settings) -> Result<Self> {
-        memory::forget_peak();
+        memory::reset_peak();
         let before = memory::resident();
         let (ready, _) = build(contender, mesh, settings)?;
         let peak = memory::peak().zip(before).map(|(peak, before)| peak.saturating_sub(before));
@@ -183,7 +183,7 @@ impl<'a> Measurement<'a> {
         Ok(())
     }
 
-    /// The rays in the engine's own form, answered, and how long that took.
+    /// Traces rays; returns the finished queues and the time in seconds.
     fn trace<'q>(
         &'q self,
         rays: &'q [Ray],
@@ -204,7 +204,7 @@ impl<'a> Measurement<'a> {
         self.seconds[kind as usize].push(seconds);
     }
 
-    /// The round that is not timed: what was answered, and how much work it was, is the same in all.
+    /// The untimed round. Hits and numbers of tests are taken from it, as they are the same in all rounds.
     fn warm_up(&mut self, kind: Kind, rays: &[Ray], reference: Option<&ReferenceHits>, settings: &Settings) {
         let (queues, _) = self.trace(rays, kind, settings);
         let counted: Option<Vec<Tests>> = queues.iter().map(|queue| queue.tests()).collect();

@@ -1,4 +1,4 @@
-//! Rows as a page with plots, which needs no network and no other file.
+//! Results as an HTML page with plots, self-contained in one file.
 
 use std::fmt::Write;
 
@@ -13,10 +13,10 @@ table{border-collapse:collapse;font-size:13px;width:100%}th,td{padding:.25em .5e
 th:nth-child(-n+4),td:nth-child(-n+4){text-align:left}.wrong{color:#b00;font-weight:600}.scroll{overflow-x:auto}\
 code{background:#f2f2f2;padding:.1em .3em}p.note{color:#555}";
 
-/// The page over what was measured of `subject` in so many rounds.
+/// The HTML page of the results for `subject` from `runs` rounds.
 ///
 /// # Errors
-/// [`Error::Failed`](crate::error::Error::Failed) where a plot cannot be drawn.
+/// [`Error::Failed`](crate::error::Error::Failed) if a plot cannot be drawn.
 pub fn page(rows: &[SpeedRow], absent: &[Unavailable], subject: &str, runs: u32) -> Result<String> {
     let title = format!("kiln bench: {}", escaped(subject));
     let mut html = format!(
@@ -151,7 +151,7 @@ fn table(rows: &[SpeedRow]) -> String {
     html + "</table></div>\n"
 }
 
-/// What the system calls the processor.
+/// Name of the processor.
 fn processor() -> String {
     let file = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = file.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));

@@ -1,4 +1,4 @@
-//! The right answers: those of kiln's tier `exact`.
+//! Reference hits from kiln's tier `exact`.
 
 use rayon::prelude::*;
 
@@ -7,7 +7,7 @@ use super::{Kind, RaySets};
 use crate::bvh::{Accelerator, Layout, Preset, Traversal};
 use crate::geometry::{Numerics, Ray};
 
-/// What every ray should find.
+/// All hits of every ray.
 pub struct ReferenceHits<'a> {
     accelerator: Box<dyn Accelerator>,
     ray_sets: &'a RaySets,
@@ -28,8 +28,7 @@ impl<'a> ReferenceHits<'a> {
         ReferenceHits { accelerator, ray_sets, hits }
     }
 
-    /// How many answers are wrong: a hit that there is not, a miss where there is a hit, or a triangle that is not one
-    /// of those that are truly hit nearest.
+    /// Number of wrong hits: false hits, false misses and wrong triangles.
     pub fn wrong(&self, kind: Kind, hits: &[Option<u32>]) -> u64 {
         let reference = &self.hits[kind as usize];
         assert_eq!(hits.len(), reference.len(), "an answer for every ray");

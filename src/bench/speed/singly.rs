@@ -1,14 +1,14 @@
-//! Rays that are asked about one by one.
+//! Queues of single rays.
 
 use super::RayQueue;
 
-/// A queue over rays in an engine's own form; `ask` is called with each of them.
+/// A queue that traces rays in an engine's format one by one.
 pub fn singly<'a, R: Send + 'a>(
     rays: impl Iterator<Item = R>,
     ask: impl FnMut(&R) -> Option<u32> + Send + 'a,
 ) -> Box<dyn RayQueue + 'a> {
     let rays: Vec<R> = rays.collect();
-    // Written to, so that its memory is really there.
+    // Written to, so that its memory pages are mapped.
     let mut hits = vec![Some(1); rays.len()];
     hits.clear();
     Box::new(Singly { rays, hits, ask })

@@ -97,7 +97,7 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, ViewSetup)> {
     let from = Viewpoint::named(&arguments.from).unwrap_or_default();
     if arguments.inputs.is_empty() {
         let mesh = Family::Sphere.mesh(arguments.triangles as usize);
-        let eye = speed::eye(&speed::scene(&mesh), from, arguments.size)?;
+        let eye = speed::view_setup(&speed::scene(&mesh), from, arguments.size)?;
         return Ok((mesh, eye));
     }
     let mut warnings = Warnings::default();
@@ -113,7 +113,7 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, ViewSetup)> {
         let what = "there is no triangle in it to cast rays at";
         return Err(Error::input(arguments.inputs[0].as_path(), what, hint));
     }
-    let eye = speed::eye(&scene, from, arguments.size)?;
+    let eye = speed::view_setup(&scene, from, arguments.size)?;
     Ok((triangles.mesh, eye))
 }
 
