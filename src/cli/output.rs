@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
-use crate::film::check::{self, Found};
+use crate::film::check::{self, FileState};
 use crate::film::output::describe;
 use crate::film::part::{self, part_name, write_part};
 use crate::film::write::{self, Format, OutputImage, encode, write_picture};
@@ -75,11 +75,11 @@ impl OutputTarget {
     }
 
     /// State of the existing file.
-    pub fn existing(&self) -> Found {
+    pub fn existing(&self) -> FileState {
         match self {
             OutputTarget::File(file, format) => check::look(file, *format),
             OutputTarget::Part(file, _, share) => part::look(file, *share),
-            OutputTarget::StandardOutput => Found::Missing,
+            OutputTarget::StandardOutput => FileState::Missing,
         }
     }
 }

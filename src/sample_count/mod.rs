@@ -73,7 +73,7 @@ impl Metric {
         }
     }
 
-    /// Contribution of a part of the picture to the error, see [`Metric::from_total`].
+    /// Contribution of a part of the picture to the error, see [`Metric::error_of_total`].
     fn contribution(self, a: &[[f32; 3]], b: &[[f32; 3]], width: u32) -> f64 {
         match self {
             Metric::Flip => mean_flip(a, b, width) * a.len() as f64,
@@ -86,7 +86,7 @@ impl Metric {
     }
 
     /// Error from the sum of the contributions of all parts, or from their maximum for [`Metric::Max`].
-    fn from_total(self, total: f64, tiles: &ErrorTiles) -> f64 {
+    fn error_of_total(self, total: f64, tiles: &ErrorTiles) -> f64 {
         match self {
             Metric::Flip => total / tiles.pixels(),
             Metric::Rmse => (total / (3.0 * tiles.pixels())).sqrt(),

@@ -91,7 +91,7 @@ impl Pilot {
             Ok::<_, Error>(pilot.measure_centres(sampler, bound, selected))
         };
         let range = |sum: &Estimate| {
-            ErrorRange::of(sum, |total| MARGIN_OF_CENTRES * bound.metric.from_total(total, &tiles))
+            ErrorRange::of(sum, |total| MARGIN_OF_CENTRES * bound.metric.error_of_total(total, &tiles))
         };
         let is_decided = |[sum]: &[Estimate; 1]| bound.is_decided(&range(sum));
         let [sum] = distribution.estimate(measure, is_decided)?;

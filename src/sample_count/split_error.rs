@@ -84,7 +84,8 @@ impl SplitImage {
             // A maximum cannot be estimated from a few tiles.
             let displaced = self.displaced([&self.pixels, a, b].map(|pixels| displayed(pixels, values)));
             return ErrorRange::exact(
-                metric.from_total(metric.contribution(&displaced[0], &displaced[1], tiles.width()), tiles),
+                metric
+                    .error_of_total(metric.contribution(&displaced[0], &displaced[1], tiles.width()), tiles),
             );
         }
         let weights = tiles.weights(|row| {
@@ -101,7 +102,7 @@ impl SplitImage {
             };
             Ok::<_, std::convert::Infallible>(selected.iter().map(one).collect())
         };
-        let range = |sum: &Estimate| ErrorRange::of(sum, |total| metric.from_total(total, tiles));
+        let range = |sum: &Estimate| ErrorRange::of(sum, |total| metric.error_of_total(total, tiles));
         match TileDistribution::new(&weights)
             .estimate(measure, |[sum]: &[Estimate; 1]| is_decided(&range(sum)))
         {

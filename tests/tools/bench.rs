@@ -14,8 +14,8 @@ use kiln::render::RenderControl;
 use serde_json::Value;
 
 fn measured(contenders: &[Box<dyn Contender>], mesh: &Mesh, threads: usize) -> Vec<SpeedRow> {
-    let eye = view_setup(&scene(mesh), Viewpoint::Outside, 64).expect("an eye");
-    let ray_sets = RaySets::new(mesh, &eye);
+    let setup = view_setup(&scene(mesh), Viewpoint::Outside, 64).expect("a view");
+    let ray_sets = RaySets::new(mesh, &setup);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let cancel = AtomicBool::new(false);
     let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };

@@ -72,15 +72,15 @@ pub struct RaySets {
 
 impl RaySets {
     /// Rays for a picture of the mesh.
-    pub fn new(mesh: &Mesh, eye: &ViewSetup) -> Self {
+    pub fn new(mesh: &Mesh, setup: &ViewSetup) -> Self {
         let accelerator = kiln::accelerator(mesh, Layout::default(), Numerics::Watertight);
-        let primary = primary(eye);
+        let primary = primary(setup);
         let hits = closest_hits(&*accelerator, &primary);
         let points: Vec<(u64, Point)> = (0..)
             .zip(primary.iter().zip(&hits))
             .filter_map(|(index, (ray, hit))| Some((index, Point::new(&*accelerator, ray, hit.as_ref()?))))
             .collect();
-        let shadow = points.iter().filter_map(|(_, point)| shadow(point, eye.light)).collect();
+        let shadow = points.iter().filter_map(|(_, point)| shadow(point, setup.light)).collect();
         let diffuse = points.iter().filter_map(|(index, point)| diffuse(point, *index)).collect();
         let random = random(mesh, primary.len() as u64);
         RaySets { rays: [primary, shadow, diffuse, random] }
@@ -93,12 +93,12 @@ impl RaySets {
 }
 
 /// Tiles in row-major order, with pixels in row-major order; tiles at the right and lower edges may be smaller.
-fn primary(eye: &ViewSetup) -> Vec<Ray> {
-    let starts = || (0..eye.size).step_by(TILE as usize);
-    let side = |start: u32| start..(start + TILE).min(eye.size);
+fn primary(setup: &ViewSetup) -> Vec<Ray> {
+    let starts = || (0..setup.size).step_by(TILE as usize);
+    let side = |start: u32| start..(start + TILE).min(setup.size);
     let tiles = starts().flat_map(|y| starts().map(move |x| (x, y)));
     let pixels = tiles.flat_map(|(x, y)| side(y).flat_map(move |y| side(x).map(move |x| (x, y))));
-    pixels.map(|(x, y)| eye.view.ray(x, y, Precision::Single)).collect()
+    pixels.map(|(x, y)| setup.view.ray(x, y, Precision::Single)).collect()
 }
 
 fn closest_hits(accelerator: &dyn Accelerator, rays: &[Ray]) -> Vec<Option<Hit>> {
@@ -182,16 +182,16 @@ mod tests {
     use super::*;
 
     fn ray_sets(mesh: &Mesh, size: u32) -> (ViewSetup, RaySets) {
-        let eye = view_setup(&scene(mesh), Viewpoint::Outside, size).expect("an eye");
-        let ray_sets = RaySets::new(mesh, &eye);
-        (eye, ray_sets)
+        let setup = view_setup(&scene(mesh), Viewpoint::Outside, size).expect("a view");
+        let ray_sets = RaySets::new(mesh, &setup);
+        (setup, ray_sets)
     }
 
     #[test]
     fn primary_rays_are_in_tile_order() {
-        let (eye, ray_sets) = ray_sets(&Family::Sphere.mesh(1000), 40);
+        let (setup, ray_sets) = ray_sets(&Family::Sphere.mesh(1000), 40);
         let primary = ray_sets.of(Kind::Primary);
-        let at = |x, y| eye.view.ray(x, y, Precision::Single);
+        let at = |x, y| setup.view.ray(x, y, Precision::Single);
         assert_eq!(primary.len(), 1600);
         // The second ray of the first tile, the first of its second row, and the first of the second tile.
         assert_eq!((primary[1], primary[16], primary[256]), (at(1, 0), at(0, 1), at(16, 0)));

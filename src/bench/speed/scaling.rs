@@ -44,8 +44,8 @@ pub fn scaling(
         for &size in sizes {
             memory::reset_peak();
             let mesh = family.mesh(size);
-            let eye = view_setup(&scene(&mesh), Viewpoint::Outside, pixels)?;
-            let ray_sets = RaySets::new(&mesh, &eye);
+            let setup = view_setup(&scene(&mesh), Viewpoint::Outside, pixels)?;
+            let ray_sets = RaySets::new(&mesh, &setup);
             let inner = RenderControl { cancel: control.cancel, progress: &|_, _| {}, time_stages: false };
             let rows = measure(contenders, &mesh, &ray_sets, settings, &inner)?;
             steps.push(ScalingStep { family, rows, peak_bytes: memory::peak() });

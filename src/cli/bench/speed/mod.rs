@@ -65,10 +65,10 @@ pub struct Report<'a> {
 
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let (contenders, absent) = chosen(&arguments.engine, usize::from(arguments.threads))?;
-    let (mesh, eye) = subject(arguments)?;
+    let (mesh, setup) = subject(arguments)?;
     let timed = pool(Some(arguments.threads))?;
     let rows = with_progress(None, "timing", interrupted, |control| {
-        let ray_sets = RaySets::new(&mesh, &eye);
+        let ray_sets = RaySets::new(&mesh, &setup);
         let settings = Settings { runs: arguments.runs, pool: &timed, check: true };
         measure(&contenders, &mesh, &ray_sets, &settings, control)
     })?;
@@ -97,8 +97,8 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, ViewSetup)> {
     let from = Viewpoint::named(&arguments.from).unwrap_or_default();
     if arguments.inputs.is_empty() {
         let mesh = Family::Sphere.mesh(arguments.triangles as usize);
-        let eye = speed::view_setup(&speed::scene(&mesh), from, arguments.size)?;
-        return Ok((mesh, eye));
+        let setup = speed::view_setup(&speed::scene(&mesh), from, arguments.size)?;
+        return Ok((mesh, setup));
     }
     let mut warnings = Warnings::default();
     let mut scene = import::load(&arguments.inputs, &mut warnings)?;
@@ -113,8 +113,8 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, ViewSetup)> {
         let what = "there is no triangle in it to cast rays at";
         return Err(Error::input(arguments.inputs[0].as_path(), what, hint));
     }
-    let eye = speed::view_setup(&scene, from, arguments.size)?;
-    Ok((triangles.mesh, eye))
+    let setup = speed::view_setup(&scene, from, arguments.size)?;
+    Ok((triangles.mesh, setup))
 }
 
 pub type Chosen = (Vec<Box<dyn speed::Contender>>, Vec<Unavailable>);
