@@ -328,7 +328,8 @@ mod tests {
     #[test]
     fn polygons_with_non_finite_corners_are_not_reported_as_crossing() {
         for n in [4, 5, 100] {
-            let mut corners: Vec<DVec3> = (0..n).map(|i| DVec3::new(f64::from(i), f64::from(i * i), 0.0)).collect();
+            let mut corners: Vec<DVec3> =
+                (0..n).map(|i| DVec3::new(f64::from(i), f64::from(i * i), 0.0)).collect();
             corners[2].x = f64::NAN;
             let mut count = 0;
             assert_eq!(Triangulator::new().triangulate(&corners, |_| count += 1), Cut::Whole);

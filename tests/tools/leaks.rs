@@ -3,20 +3,20 @@
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
-use kiln::bench::leaks::{Row, measure};
+use kiln::bench::leaks::{LeakRow, measure};
 use kiln::bench::{NAMES, PLACEMENTS, engines};
 use kiln::render::RenderControl;
 use serde_json::Value;
 
 const RAYS: u64 = 20_000;
 
-fn rows(engine: &str) -> Vec<Row> {
+fn rows(engine: &str) -> Vec<LeakRow> {
     assert!(NAMES.contains(&engine));
     let mut engines = engines().0;
     engines.retain(|e| e.name() == engine);
     let cancel = AtomicBool::new(false);
-    let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
-    let rows = measure(&engines, RAYS, &watch).expect("every structure can be built");
+    let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
+    let rows = measure(&engines, RAYS, &control).expect("every structure can be built");
     assert!(!rows.is_empty() && rows.len() == engines.len() * PLACEMENTS.len());
     rows
 }

@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use crate::common::repository;
-use kiln::study::{Judge, Study, from_csv, to_csv};
+use kiln::study::{ReferenceKind, Study, from_csv, to_csv};
 
 /// A study of the assignment scene, small and quick, in a folder that goes when the tests end.
 fn made(inputs: &[&str], more: &[&str]) -> (tempfile::TempDir, Output) {
@@ -34,7 +34,7 @@ fn tiny() -> &'static (tempfile::TempDir, Output) {
 #[test]
 fn the_acceleration_structure_makes_no_error() {
     let study = read(tiny().0.path());
-    let rows: Vec<_> = study.rows.iter().filter(|row| row.knob == "bvh").collect();
+    let rows: Vec<_> = study.rows.iter().filter(|row| row.parameter == "bvh").collect();
     // Three presets, two other layouts, and brute force over so small a scene.
     assert_eq!(rows.len(), 6);
     let base = study.rows.iter().find(|row| row.base).expect("the picture as asked for");
@@ -49,7 +49,7 @@ fn the_acceleration_structure_makes_no_error() {
 fn exact_is_its_own_measure() {
     let study = read(tiny().0.path());
     let exact = study.rows.iter().find(|row| row.name() == "numerics: exact").expect("a row");
-    assert_eq!(exact.judge, Judge::Twin);
+    assert_eq!(exact.reference, ReferenceKind::Twin);
     assert!(exact.twin.expect("finite").are_none());
     let exact = study.geometry.iter().find(|tier| tier.numerics == "exact").expect("a tier");
     assert_eq!((exact.false_hits, exact.false_misses, exact.wrong_primitives), (0, 0, 0));
@@ -64,7 +64,7 @@ fn exact_is_its_own_measure() {
 #[test]
 fn more_samples_are_closer_to_the_limit() {
     let study = read(tiny().0.path());
-    let rows: Vec<_> = study.rows.iter().filter(|row| row.knob == "samples").collect();
+    let rows: Vec<_> = study.rows.iter().filter(|row| row.parameter == "samples").collect();
     // 1, 2, 4, … 32.
     assert_eq!(rows.len(), 6);
     let errors: Vec<f64> = rows.iter().map(|row| row.limit.expect("finite").rmse).collect();
@@ -80,14 +80,16 @@ fn more_samples_are_closer_to_the_limit() {
 }
 
 #[test]
-fn knobs_without_anything_to_do_are_left_out_with_a_reason() {
+fn parameters_without_anything_to_do_are_left_out_with_a_reason() {
     let study = read(tiny().0.path());
-    let why = |knob: &str| study.left_out.iter().find(|[name, _]| name == knob).map(|[_, why]| why.clone());
+    let why = |parameter: &str| {
+        study.left_out.iter().find(|[name, _]| name == parameter).map(|[_, why]| why.clone())
+    };
     // The assignment has spheres and flat triangles, glaze and a light, but no pictures.
     assert!(why("picture filter").is_some_and(|why| !why.is_empty()), "{:?}", study.left_out);
     assert!(why("glaze bounces").is_none() && why("shadows").is_none());
-    for [knob, _] in &study.left_out {
-        assert!(study.rows.iter().all(|row| row.knob != *knob), "{knob}");
+    for [parameter, _] in &study.left_out {
+        assert!(study.rows.iter().all(|row| row.parameter != *parameter), "{parameter}");
     }
 }
 
@@ -181,7 +183,7 @@ fn a_mesh_alone_can_be_studied() {
     let (folder, output) = made(&["assets/import/l.obj"], &["--size", "24x24"]);
     let study = read(folder.path());
     // A headlight casts shadows; nothing is glazed, and the picture adds up light linearly.
-    let left_out: Vec<&str> = study.left_out.iter().map(|[knob, _]| knob.as_str()).collect();
+    let left_out: Vec<&str> = study.left_out.iter().map(|[parameter, _]| parameter.as_str()).collect();
     assert!(left_out.contains(&"glaze bounces") && left_out.contains(&"colour"), "{left_out:?}");
     assert!(String::from_utf8_lossy(&output.stdout).contains("left out: glaze bounces: "));
 }
@@ -261,7 +263,7 @@ fn the_options_of_a_row_make_its_picture() {
 }
 
 #[test]
-fn one_knob_alone_can_be_varied() {
+fn one_parameter_alone_can_be_varied() {
     let (folder, _) = made(&["scenes/assignment.toml"], &["--size", "20x12", "--knob", "numerics"]);
     let study = read(folder.path());
     // What was asked for, and the four tiers; nothing is held against a picture of many samples.
