@@ -1,4 +1,4 @@
-//! Building and tracing, on the assignment scene and on a mesh: `cargo bench --bench trace`.
+//! Benchmarks of building and tracing, on the assignment scene and a mesh: `cargo bench --bench trace`.
 //!
 //! The mesh is the Stanford bunny where KILN_MODELS names the folder it is in, and a generated one otherwise. Rays are
 //! counted, so criterion's throughput is rays a second on one thread. Compare within one run only.
@@ -23,7 +23,7 @@ use kiln::world::{StandardView, SurfaceInteraction, View, World, fitted_camera, 
 
 const SIZE: [u32; 2] = [512, 512];
 
-/// How many rays are asked about at once: those of a tile.
+/// Rays per batch: those of a tile.
 const BATCH: usize = (TILE * TILE) as usize;
 
 /// A displaced sphere of about 80,000 triangles.
@@ -61,7 +61,7 @@ fn scenes() -> Vec<(&'static str, Scene)> {
     vec![("assignment", assignment), mesh]
 }
 
-/// Every kind of ray of one picture.
+/// Rays of each kind for one picture.
 struct Rays {
     primary: Vec<Ray>,
     shadow: Vec<Ray>,
@@ -69,7 +69,7 @@ struct Rays {
 }
 
 fn rays(world: &World, view: &View) -> Rays {
-    // Tile by tile, as the renderer asks.
+    // In tiles, as in the renderer.
     let tiles = (0..SIZE[1] / TILE).flat_map(|y| (0..SIZE[0] / TILE).map(move |x| (x * TILE, y * TILE)));
     let pixels = tiles.flat_map(|(x, y)| (0..TILE * TILE).map(move |i| (x + i % TILE, y + i / TILE)));
     let primary: Vec<Ray> = pixels.map(|(x, y)| view.ray(x, y, Precision::Double)).collect();

@@ -33,25 +33,52 @@
 
 pub use kiln_bvh::{bvh, geometry};
 
-/// The interface of the library.
-macro_rules! public {
-    ($feature:literal: $($module:ident),*) => {
-        $(#[cfg(feature = $feature)] pub mod $module;)*
-    };
-}
+// The interface of the library.
+#[cfg(feature = "import")]
+pub mod error;
+#[cfg(feature = "import")]
+pub mod film;
+#[cfg(feature = "import")]
+pub mod import;
+#[cfg(feature = "render")]
+pub mod job;
+#[cfg(feature = "import")]
+pub mod scene;
 
-/// Modules that the library's interface is made of. They are visible to the tests and change without notice.
-macro_rules! internal {
-    ($feature:literal: $($module:ident),*) => {
-        $(#[cfg(feature = $feature)] #[doc(hidden)] pub mod $module;)*
-    };
-}
-
-public!("import": error, film, import, scene);
-public!("render": job);
-internal!("import": limits);
-internal!("render": animation, effects, render, shading, world);
-internal!("bench": bench);
-internal!("study": study);
-internal!("cli": cli);
-internal!("viewer": viewer);
+// Modules that the interface is made of, visible to the tests; they change without notice.
+#[cfg(feature = "render")]
+#[doc(hidden)]
+pub mod animation;
+#[cfg(feature = "bench")]
+#[doc(hidden)]
+pub mod bench;
+#[cfg(feature = "cli")]
+#[doc(hidden)]
+pub mod cli;
+#[cfg(feature = "render")]
+#[doc(hidden)]
+pub mod effects;
+#[cfg(feature = "import")]
+#[doc(hidden)]
+pub mod limits;
+#[cfg(feature = "render")]
+#[doc(hidden)]
+pub mod metrics;
+#[cfg(feature = "render")]
+#[doc(hidden)]
+pub mod render;
+#[cfg(feature = "render")]
+#[doc(hidden)]
+pub mod sample_count;
+#[cfg(feature = "render")]
+#[doc(hidden)]
+pub mod shading;
+#[cfg(feature = "study")]
+#[doc(hidden)]
+pub mod study;
+#[cfg(feature = "viewer")]
+#[doc(hidden)]
+pub mod viewer;
+#[cfg(feature = "render")]
+#[doc(hidden)]
+pub mod world;

@@ -1,8 +1,9 @@
-//! Casts rays of one kind at a generated mesh, and nothing else: `instructions KIND ROUNDS`, for `benches/instructions/count-instructions`.
+//! Traces rays of one kind against a generated mesh: `instructions KIND ROUNDS`, for
+//! `benches/instructions/count-instructions`.
 //!
-//! Everything is prepared first, the same whatever ROUNDS is: a mesh of 80,000 triangles, its tree, and 65,536 rays of the
-//! kind. Then all of them are cast ROUNDS times, a tile's worth at once, on one thread. Two runs of different ROUNDS differ by the
-//! instructions of traversal alone.
+//! The preparation does not depend on ROUNDS: a mesh of 80,000 triangles, its tree, and 65,536 rays of
+//! the kind. Then all of them are cast ROUNDS times, a tile's worth at once, on one thread. Two runs of different
+//! ROUNDS differ by the instructions of traversal alone.
 
 use std::f64::consts::{PI, TAU};
 
@@ -13,10 +14,10 @@ use kiln::film::TILE;
 use kiln::geometry::spawn::SurfacePoint;
 use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Triangle};
 
-/// Pixels along a side of the picture that the rays are of.
+/// Width and height in pixels of the picture whose rays are traced.
 const SIDE: u32 = 256;
 
-/// Rays that are asked about at once.
+/// Rays per batch.
 const BATCH: usize = (TILE * TILE) as usize;
 
 const LIGHT: DVec3 = DVec3::new(2.0, 3.0, 4.0);
@@ -35,7 +36,7 @@ fn triangles() -> impl Iterator<Item = [DVec3; 3]> {
         let [a, b, c, d] = [point(i, j), point(i, j + 1), point(i + 1, j + 1), point(i + 1, j)];
         [[a, b, c], [a, c, d]]
     });
-    // At the poles a corner of two falls together.
+    // At the poles two corners coincide.
     halves.filter(|corners| !Triangle(*corners).is_degenerate())
 }
 
@@ -49,7 +50,7 @@ fn primary() -> Vec<Ray> {
     pixels.map(|pixel| Precision::Double.ray(eye, ray(pixel), 0.0, f64::INFINITY)).collect()
 }
 
-/// Rays that leave the points that the primary rays hit, round and round until there are as many as those.
+/// Secondary rays from the hits of the primary rays, repeated until there are as many as primary rays.
 fn leaving(tree: &dyn Accelerator, direction: impl Fn(u64, DVec3, DVec3) -> (DVec3, f64)) -> Vec<Ray> {
     let rays = primary();
     let mut hits = Vec::new();
@@ -63,7 +64,7 @@ fn leaving(tree: &dyn Accelerator, direction: impl Fn(u64, DVec3, DVec3) -> (DVe
     (0..).zip(points.iter().cycle()).take(rays.len()).map(leave).collect()
 }
 
-/// Where rays that leave a hit start, and the normal there.
+/// Origin of the secondary ray at a hit, and the normal there.
 fn origin(tree: &dyn Accelerator, ray: &Ray, hit: &Hit) -> (DVec3, DVec3) {
     let Primitive::Triangle(triangle) = tree.primitive(hit.slot) else { unreachable!("a mesh of triangles") };
     let normal = triangle.normal().normalize();
@@ -77,7 +78,7 @@ fn shadow(tree: &dyn Accelerator) -> Vec<Ray> {
     leaving(tree, |_, origin, _| ((LIGHT - origin).normalize(), (LIGHT - origin).length()))
 }
 
-/// All over the hemisphere, by the cosine to the normal.
+/// A cosine-weighted direction in the hemisphere about the normal.
 fn diffuse(tree: &dyn Accelerator) -> Vec<Ray> {
     leaving(tree, |index, _, normal| {
         let mut numbers = Numbers::new(0, index);
@@ -89,7 +90,7 @@ fn diffuse(tree: &dyn Accelerator) -> Vec<Ray> {
 }
 
 fn main() {
-    // `cargo test --benches` and `cargo bench` run this with flags of their own, or none: there is nothing to do then.
+    // `cargo test --benches` and `cargo bench` run this with other arguments or none; nothing is done then.
     let arguments: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let [kind, rounds] = arguments.as_slice() else { return };
     let rounds: usize = rounds.parse().expect("how often all rays are cast");

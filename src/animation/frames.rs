@@ -1,7 +1,7 @@
 //! Frame lists as users and render farms write them, and the names of numbered files.
 //!
-//! Schedulers pass their own range syntax on: Open Job Description `1-10:2`, Deadline and Qube `1-10x2`, Blender `1..10`. All are
-//! accepted.
+//! Schedulers pass their own range syntax on: Open Job Description `1-10:2`, Deadline and Qube `1-10x2`, Blender
+//! `1..10`. All are accepted.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -30,8 +30,9 @@ impl FrameList {
 impl FromStr for FrameList {
     type Err = String;
 
-    /// Parses `1-10`, `1..10`, `1-10:2`, `1-10x2`, `3,7,9-12`: items separated by commas or blanks. Numbers may be negative and ranges
-    /// descending. A range contains its last frame if the step meets it. A frame given twice keeps its first position.
+    /// Parses `1-10`, `1..10`, `1-10:2`, `1-10x2`, `3,7,9-12`: items separated by commas or blanks. Numbers may be
+    /// negative and ranges descending. A range contains its last frame if the step meets it. A frame given twice keeps
+    /// its first position.
     ///
     /// # Errors
     /// One line that says which item is wrong, and why.
@@ -188,8 +189,8 @@ impl FileNames {
         FileNames { folder, before: file.unwrap_or_default(), after: String::new(), width: None }
     }
 
-    /// The file of a frame. As with C's `%04d`, the number is padded with zeros to the width including the sign; wider numbers are
-    /// written in full.
+    /// The file of a frame. As with C's `%04d`, the number is padded with zeros to the width including the sign; wider
+    /// numbers are written in full.
     pub fn of(&self, frame: i32) -> PathBuf {
         let FileNames { folder, before, after, width } = self;
         match width {

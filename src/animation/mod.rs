@@ -1,7 +1,7 @@
 //! Animation: frame lists, the scene of each frame, and videos.
 //!
-//! A frame is a [`Scene`](crate::scene::Scene) computed from the description and the time alone. Rendered by itself it has the same
-//! bits as in a run of all frames, so a render farm may distribute frames in any way.
+//! A frame is a [`Scene`](crate::scene::Scene) computed from the description and the time alone. Rendered by itself it
+//! has the same bits as in a run of all frames, so a render farm may distribute frames in any way.
 
 pub mod frames;
 mod job;

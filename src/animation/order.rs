@@ -6,8 +6,8 @@ use std::sync::mpsc::{Receiver, Sender, channel, sync_channel};
 
 use crate::error::{Error, Result};
 
-/// Calls `make` for every frame on the pool, and `take` with the results in order, on a thread outside the pool. At most
-/// `in_flight` frames are being made or wait to be taken. The first error ends the run.
+/// Calls `make` for every frame on the pool, and `take` with the results in order, on a thread outside the pool. At
+/// most `in_flight` frames are being made or wait to be taken. The first error ends the run.
 ///
 /// # Errors
 /// The error of the first frame that could not be made or taken; [`Error::Interrupted`] once `cancel` is set.

@@ -1,7 +1,8 @@
 //! An animation prepared once, and the prepared scene at any time.
 //!
-//! All frames share the images, and the acceleration structure where only cameras and lights move. Where objects move, each frame
-//! builds its own: refitting would need a structure per frame in flight as well, and gives a tree that is slower to traverse.
+//! All frames share the images, and the acceleration structure where only cameras and lights move. Where objects move,
+//! each frame builds its own: refitting would need a structure per frame in flight as well, and gives a tree that is
+//! slower to traverse.
 
 use std::sync::Arc;
 
@@ -43,8 +44,8 @@ pub struct FrameWorld {
 }
 
 impl PreparedAnimation {
-    /// Prepares what all frames share. `camera` is one of the scene's or another, in the scene's coordinates. `headlight` adds a light
-    /// that follows the camera to a scene without lights.
+    /// Prepares what all frames share. `camera` is one of the scene's or another, in the scene's coordinates.
+    /// `headlight` adds a light that follows the camera to a scene without lights.
     ///
     /// # Errors
     /// [`crate::error::Error::Input`] for a track whose target does not exist.
@@ -118,8 +119,8 @@ impl PreparedAnimation {
     }
 }
 
-/// Adds an animation to the scene: `camera` orbits once around the point it looks at. Without a camera, one that sees the whole scene
-/// from all sides, beginning at `view`. Returns the camera; `None` for a scene without extent.
+/// Adds an animation to the scene: `camera` orbits once around the point it looks at. Without a camera, one that sees
+/// the whole scene from all sides, beginning at `view`. Returns the camera; `None` for a scene without extent.
 pub fn turntable(
     scene: &mut Scene,
     camera: Option<Camera>,

@@ -1,4 +1,4 @@
-//! The crate `bvh`, by its iterators, with Möller and Trumbore's test: its own sees triangles from one side only.
+//! The crate `bvh`, by its iterators, with the Möller-Trumbore test, as its own test culls back faces.
 
 use bvh::aabb::{Aabb, Bounded};
 use bvh::bounding_hierarchy::{BHShape, BoundingHierarchy};
@@ -7,15 +7,15 @@ use bvh::ray::Ray as BvhRay;
 use nalgebra::{Point3, Vector3};
 
 use super::Mesh;
-use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
+use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
 use crate::bvh::{Quality, VisitedNode, quality};
 use crate::error::Result;
 use crate::geometry::Ray;
 
-/// Its binary tree.
+/// Binary tree.
 struct Binary;
 
-/// The one there is.
+/// The only contender.
 pub fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Binary)]
 }
@@ -25,7 +25,7 @@ impl Contender for Binary {
         Label { engine: "bvh", layout: "bvh2", tier: None, preset: None, isa: crate::bvh::compiled_isa() }
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         let triangle = |id: u32| {
             let corners = mesh.corners(id).map(|corner| Point3::from(corner.to_array()));
             Triangle { corners, id, node: 0 }
@@ -81,7 +81,8 @@ struct BuiltBinary {
 }
 
 impl BuiltBinary {
-    /// The triangles come in the order of their boxes; the first box beyond the best hit ends the search.
+    /// The iterator returns triangles in ascending order of box distance; the first box behind the closest hit ends the
+    /// search.
     fn closest(&self, ray: &BvhRay<f32, 3>) -> Option<u32> {
         let mut best: Option<(f32, u32)> = None;
         for triangle in self.tree.nearest_traverse_iterator(ray, &self.triangles) {
@@ -106,7 +107,7 @@ impl BuiltBinary {
 
     fn quality(&self) -> Quality {
         let nodes = &self.tree.nodes;
-        // The box of a node is in the one above it.
+        // The box of a node is stored in its parent.
         let mut areas = vec![0.0; nodes.len()];
         let area = |aabb: &Aabb<f32, 3>| f64::from(aabb.surface_area());
         for node in nodes {
@@ -127,7 +128,7 @@ impl BuiltBinary {
     }
 }
 
-impl Ready for BuiltBinary {
+impl BuiltContender for BuiltBinary {
     fn facts(&self) -> Facts {
         let Quality { depth, sah_cost } = self.quality();
         Facts {
@@ -138,7 +139,7 @@ impl Ready for BuiltBinary {
         }
     }
 
-    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a> {
         let own = |ray: &Ray| {
             let [origin, direction] = [ray.origin, ray.direction].map(|v| v.as_vec3().to_array());
             (BvhRay::new(Point3::from(origin), Vector3::from(direction)), ray.t_max as f32)

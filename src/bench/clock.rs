@@ -1,19 +1,18 @@
-//! What time is measured by.
+//! Clock for benchmarks.
 
 use std::time::Instant;
 
-/// A clock that has started.
+/// A running clock.
 ///
-/// One thread is timed by the time that processors spent on this process, whatever thread of it they spent it on: what
-/// else the machine does at the same time then changes the times of two engines little, and cannot favour one. Several
-/// threads are timed by what passes outside, and so is one thread where the system does not tell.
+/// For one thread it measures the processor time of the process, which other load on the machine changes little. For
+/// several threads, and where processor time is not available, it measures wall time.
 pub struct Clock {
     start: f64,
     outside: Option<Instant>,
 }
 
 impl Clock {
-    /// Starts.
+    /// Starts a clock.
     pub fn start(threads: usize) -> Self {
         match processor_time() {
             Some(start) if threads == 1 => Clock { start, outside: None },
@@ -29,13 +28,13 @@ impl Clock {
         }
     }
 
-    /// What a clock for so many threads goes by: `processor` or `wall`.
+    /// Name of the clock for a number of threads: `processor` or `wall`.
     pub fn name(threads: usize) -> &'static str {
         if threads == 1 && processor_time().is_some() { "processor" } else { "wall" }
     }
 }
 
-/// Seconds that processors have spent on this process.
+/// Processor time of this process in seconds.
 #[cfg(unix)]
 fn processor_time() -> Option<f64> {
     let time = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
@@ -57,7 +56,7 @@ mod tests {
         let (one, several) = (Clock::start(1), Clock::start(2));
         std::thread::sleep(Duration::from_millis(50));
         assert!(several.seconds() >= 0.05);
-        // Other tests of the same process may work meanwhile, on as many threads as there are.
+        // Other tests of the same process may run on all threads meanwhile.
         assert!(one.seconds() >= 0.0 && (Clock::name(1) == "wall" || one.seconds() < 50.0));
         assert_eq!(Clock::name(2), "wall");
     }

@@ -1,8 +1,9 @@
-//! What each effect of a picture costs: the picture with and without it, paired in every round.
+//! Cost of each effect of a picture, from renders with and without it in every round.
 //!
-//! Two figures, because they answer two questions. *Adding up*: the effects are taken in the plan's order, and each costs
-//! what it adds to a picture that has the ones before it and none of those behind; these sum to the whole. *Alone*: what the whole
-//! picture would save without this one effect. They differ where effects act on each other: a mirrored surface asks for shadows, too.
+//! There are two figures. *Cumulative*: effects are added in the order of the plan; the cost of an effect is its
+//! difference to the picture with all previous effects, so that the costs sum up to the whole. *Alone*: the time that
+//! the whole picture saves without this effect. They differ if effects interact: a mirrored surface needs shadow rays,
+//! too.
 
 use std::sync::atomic::AtomicBool;
 
@@ -14,47 +15,47 @@ use crate::film::Film;
 use crate::job::RenderJob;
 use crate::render::{RenderControl, Statistics, render};
 
-/// What a picture takes.
+/// Cost of a picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cost {
-    /// Rays of all kinds.
+    /// Number of rays of all kinds.
     pub rays: i64,
-    /// Milliseconds.
+    /// Time in ms.
     pub ms: Spread,
-    /// Bytes held in a thread's tile.
+    /// Size of a thread's tile buffers in bytes.
     pub bytes: i64,
 }
 
-/// What an effect adds.
+/// Cost of an effect.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Part {
     /// The effect.
     pub effect: EffectId,
-    /// What it adds to a picture with all effects before it in the plan's order.
+    /// Cost added to the picture with all previous effects of the plan.
     pub adds: Cost,
-    /// What the whole picture saves in milliseconds without it.
+    /// Time in ms that the whole picture saves without it.
     pub alone: Spread,
 }
 
-/// What a picture and its parts take.
+/// Costs of a picture and its effects.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Costs {
     /// The whole picture.
     pub whole: Cost,
     /// The picture without any effect.
     pub base: Cost,
-    /// The effects that are on, in the plan's order.
+    /// Effects that are on, in the order of the plan.
     pub parts: Vec<Part>,
-    /// How often everything was measured.
+    /// Number of rounds.
     pub rounds: usize,
-    /// What the clock went by: `processor` or `wall`.
+    /// Clock: `processor` or `wall`.
     pub clock: &'static str,
-    /// The threads that worked.
+    /// Number of threads.
     pub threads: usize,
 }
 
 impl Costs {
-    /// The sum of base and parts in milliseconds.
+    /// Sum of the base and all effects in ms.
     pub fn sum_ms(&self) -> f64 {
         self.base.ms.median + self.parts.iter().map(|part| part.adds.ms.median).sum::<f64>()
     }
@@ -67,7 +68,7 @@ impl Costs {
 pub fn measure(job: &RenderJob, rounds: usize, cancel: &AtomicBool) -> Result<Costs> {
     let RenderJob { world, view, window, plan, .. } = job;
     let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
-    // The picture with the first k effects, for every k; then the whole without each one.
+    // Plans with the first k effects for every k, then the whole plan without each effect.
     let firsts = (0..=on.len()).map(|k| plan.keeping(world, |i| on[..k].contains(&i)));
     let withouts = on.iter().map(|&one| plan.keeping(world, |i| i != one));
     let plans: Vec<Plan> = firsts.chain(withouts).collect();
@@ -77,7 +78,7 @@ pub fn measure(job: &RenderJob, rounds: usize, cancel: &AtomicBool) -> Result<Co
     let mut statistics: Vec<Option<Statistics>> = vec![None; plans.len()];
     let control = RenderControl { cancel, progress: &|_, _| {}, time_stages: false };
     for round in 0..=rounds {
-        // Each round begins with another plan, so that none is always the one that comes after the same other.
+        // Rounds are rotated, as a render may affect the time of the next one.
         for turn in 0..plans.len() {
             let index = (round + turn) % plans.len();
             let clock = Clock::start(threads);
@@ -85,7 +86,7 @@ pub fn measure(job: &RenderJob, rounds: usize, cancel: &AtomicBool) -> Result<Co
                 render(world, view, &plans[index], *window, |_, _| true, &control);
             let seconds = clock.seconds();
             statistics[index] = Some(made?.1);
-            // The first round warms up.
+            // Round 0 is the warm-up.
             if round > 0 {
                 ms[index].push(seconds * 1e3);
             }

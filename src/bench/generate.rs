@@ -1,4 +1,4 @@
-//! Meshes of any size, each of a kind that is hard for trees in its own way.
+//! Generated meshes of any size, with different difficulties for acceleration structures.
 
 use std::f64::consts::TAU;
 
@@ -6,22 +6,22 @@ use glam::{DVec3, Vec3};
 
 use super::{Mesh, Numbers};
 
-/// A kind of mesh.
+/// Kind of mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Family {
-    /// A closed, bumpy sphere: small triangles of one size, as scans have them.
+    /// Closed sphere with bumps: small triangles of similar size, as in scans.
     Sphere,
-    /// Triangles anywhere in a cube, turned any way, that overlap.
+    /// Overlapping triangles in a cube, with random positions and orientations.
     Soup,
-    /// A thin tube, wound on a spool: triangles much longer than wide, along no axis.
+    /// Thin tube in a helix: long, thin triangles that are not axis-aligned.
     Thin,
 }
 
 impl Family {
-    /// Every kind.
+    /// All kinds.
     pub const ALL: [Family; 3] = [Family::Sphere, Family::Soup, Family::Thin];
 
-    /// Its name.
+    /// Name of the kind.
     pub fn name(self) -> &'static str {
         match self {
             Family::Sphere => "sphere",
@@ -30,7 +30,7 @@ impl Family {
         }
     }
 
-    /// A mesh of about so many triangles: the nearest number that the kind comes in, within 5 % from 1000 triangles on.
+    /// A mesh with the nearest possible number of triangles; within 5 % from 1000 triangles on.
     pub fn mesh(self, triangles: usize) -> Mesh {
         match self {
             Family::Sphere => sphere(triangles),
@@ -40,11 +40,11 @@ impl Family {
     }
 }
 
-/// An octahedron, each face divided into n * n triangles, put on a sphere and displaced along its radius: 8 n² triangles.
+/// An octahedron whose faces are subdivided into n * n triangles each, projected to a sphere and displaced: 8 n²
+/// triangles.
 fn sphere(triangles: usize) -> Mesh {
     let n = ((triangles as f64 / 8.0).sqrt().round() as i64).max(1);
-    // A square of 2n by 2n cells is folded onto the octahedron: its corners meet in one point, and the halves of each
-    // side in one line.
+    // A square of 2n by 2n cells is mapped to the octahedron: its corners coincide, as do the halves of each side.
     let side = 2 * n as usize + 1;
     let place = |x: i64, y: i64| (x + n) as usize + side * (y + n) as usize;
     let same = |x: i64, y: i64| match (x.abs() == n, y.abs() == n) {
@@ -70,7 +70,7 @@ fn sphere(triangles: usize) -> Mesh {
     for y in -n..n {
         for x in -n..n {
             let [a, b, c, d] = [vertex(x, y), vertex(x + 1, y), vertex(x + 1, y + 1), vertex(x, y + 1)];
-            // The diagonal along the folds.
+            // The diagonal is parallel to the fold.
             let along_fold = (x >= 0) == (y >= 0);
             mesh.triangles.extend(if along_fold { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] });
         }
@@ -78,7 +78,7 @@ fn sphere(triangles: usize) -> Mesh {
     mesh
 }
 
-/// From the square to the octahedron to the unit sphere (Cigolle and others, A Survey of Efficient Representations for
+/// Octahedral map from the square to the unit sphere (Cigolle and others, A Survey of Efficient Representations for
 /// Independent Unit Vectors, 2014).
 fn unfold(x: f64, y: f64) -> DVec3 {
     let z = 1.0 - x.abs() - y.abs();
@@ -87,8 +87,7 @@ fn unfold(x: f64, y: f64) -> DVec3 {
     DVec3::new(x, y, z).normalize()
 }
 
-/// A point of the unit sphere, moved in or out by up to a quarter: waves of six lengths, each half as high as the one
-/// before it.
+/// Radial displacement of a point of the unit sphere by up to a quarter: six octaves of waves.
 fn displaced(point: DVec3) -> Vec3 {
     let mut height = 0.0;
     for octave in 0..6 {
@@ -98,7 +97,7 @@ fn displaced(point: DVec3) -> Vec3 {
     (point * (1.0 + height)).as_vec3()
 }
 
-/// In the unit cube; with sides of about two thirds of the distance between neighbours.
+/// Triangles in the unit cube, with edges of about two thirds of the average distance between triangles.
 fn soup(triangles: usize) -> Mesh {
     let triangles = triangles.max(1);
     let reach = 0.5 / (triangles as f64).cbrt();
@@ -113,12 +112,13 @@ fn soup(triangles: usize) -> Mesh {
     mesh
 }
 
-/// Sides of the tube.
+/// Number of sides of the tube.
 const SIDES: usize = 8;
 
-/// A tube of eight sides, wound in a helix into a spool of radius 1 and height 2, its turns 2.5 of its diameters apart. Its
-/// radius is such that its triangles are twenty times as long as wide, however many there are: of 16 triangles a ring,
-/// n have the length `n / 16 * 20 * (2 * pi * radius / 8)`, which is that of `0.4 / radius` turns of length `2 * pi`.
+/// An eight-sided tube in a helix of radius 1 and height 2, with a pitch of 2.5 tube diameters. The tube radius is
+/// chosen such that the triangles are twenty times as long as wide for any number of triangles: with 16 triangles per
+/// ring, n have the length `n / 16 * 20 * (2 * pi * radius / 8)`, which is that of `0.4 / radius` turns of length `2 *
+/// pi`.
 fn thin(triangles: usize) -> Mesh {
     let rings = (triangles / (2 * SIDES)).max(1);
     let radius = (0.4 * 8.0 / 20.0 / rings as f64).sqrt();
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_are_about_what_was_asked_for() {
+    fn sizes_are_close_to_the_requested_ones() {
         for family in Family::ALL {
             for asked in [1000usize, 10_000, 100_000] {
                 let mesh = family.mesh(asked);
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sphere_is_closed_and_bumpy() {
+    fn the_sphere_is_closed_and_displaced() {
         let mesh = Family::Sphere.mesh(3200);
         // 8 * 20², and Euler's formula for a closed surface: V = 2 + F / 2.
         assert_eq!((mesh.triangles.len(), mesh.positions.len()), (3200, 1602));
@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn the_thin_ones_triangles_are_long() {
+    fn triangles_of_the_tube_are_long() {
         let mesh = Family::Thin.mesh(16_000);
         let longest = |id: u32| {
             let [a, b, c] = mesh.corners(id).map(|corner| corner.as_dvec3());

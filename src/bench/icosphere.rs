@@ -1,39 +1,39 @@
-//! Closed meshes: an icosahedron, subdivided, at several sizes and places.
+//! Closed meshes: a subdivided icosahedron in several sizes and positions.
 
 use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 
-/// Triangles that share their vertices by index.
+/// Indexed triangle mesh.
 #[derive(Debug, Clone, Default)]
 pub struct Mesh {
     /// The vertices.
     pub positions: Vec<Vec3>,
-    /// The corners of every triangle; counter-clockwise, seen from outside.
+    /// Vertex indices of every triangle, counter-clockwise from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Mesh {
-    /// The corners of a triangle.
+    /// Vertices of a triangle.
     pub fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.triangles[triangle as usize].map(|index| self.positions[index as usize])
     }
 
-    /// A vector perpendicular to a triangle that points outwards, computed in f64; its length is twice the area.
+    /// Outward normal of a triangle, computed in f64; its length is twice the area.
     pub fn normal(&self, triangle: u32) -> DVec3 {
         let [a, b, c] = self.corners(triangle).map(|corner| corner.as_dvec3());
         (b - a).cross(c - a)
     }
 }
 
-/// Where a sphere is, and how large.
+/// Position and size of a sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// What to call it.
+    /// Name of the placement.
     pub name: &'static str,
-    /// Its centre.
+    /// Centre.
     pub centre: DVec3,
-    /// Its radius.
+    /// Radius.
     pub radius: f64,
 }
 
@@ -50,14 +50,14 @@ pub const PLACEMENTS: [Placement; 4] = [
 pub struct Icosphere {
     /// The triangles.
     pub mesh: Mesh,
-    /// Where it is.
+    /// Position and size.
     pub placement: Placement,
-    /// The longest edge of a triangle, as a share of the radius.
+    /// Longest edge of a triangle relative to the radius.
     pub longest_edge: f64,
 }
 
 impl Icosphere {
-    /// Subdivided in f64 and put on the unit sphere, then scaled, moved and rounded to f32.
+    /// Subdivides in f64 on the unit sphere, then scales, translates and rounds to f32.
     pub fn new(level: u32, placement: Placement) -> Self {
         let (mut points, mut triangles) = icosahedron();
         for _ in 0..level {
@@ -75,8 +75,7 @@ impl Icosphere {
     }
 }
 
-/// The twelve corners (0, ±1, ±φ), (±1, ±φ, 0), (±φ, 0, ±1) at distance 1, and the triangles between those that are
-/// neighbours.
+/// The twelve vertices (0, ±1, ±φ), (±1, ±φ, 0), (±φ, 0, ±1), normalised, and the triangles between adjacent ones.
 fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let golden = (1.0 + 5.0f64.sqrt()) / 2.0;
     let mut points = Vec::new();
@@ -87,7 +86,7 @@ fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
             points.push(DVec3::new(long, 0.0, one));
         }
     }
-    // Edges have length 2 here; the next distance between corners is 2φ.
+    // Edges have length 2 here; the next larger distance between vertices is 2φ.
     let near = |a: usize, b: usize| points[a].distance(points[b]) < 1.0 + golden;
     let mut triangles = Vec::new();
     for a in 0..points.len() {
@@ -106,7 +105,7 @@ fn icosahedron() -> (Vec<DVec3>, Vec<[u32; 3]>) {
     (points, triangles)
 }
 
-/// Four triangles from each: a new vertex on the sphere for every edge, shared by both its sides.
+/// Splits each triangle into four, with a new vertex on the sphere for every edge, shared by both triangles.
 fn subdivide(points: &mut Vec<DVec3>, triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
     let mut middles = HashMap::new();
     let mut middle = |a: u32, b: u32| {

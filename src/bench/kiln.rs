@@ -1,20 +1,20 @@
-//! kiln's own structures. What the room uses of `bvh` and `geometry` stands here and nowhere else.
+//! kiln's own acceleration structures.
 
 use glam::DVec3;
 
-use super::speed::{self, Contender, Facts, Label, Queue, Ready};
+use super::speed::{self, BuiltContender, Contender, Facts, Label, RayQueue};
 use super::{Built, Engine, Mesh};
 use crate::bvh::{self, Accelerator, Layout, Preset, Primitive, Slot, Tests, Traversal};
 use crate::error::Result;
 use crate::geometry::{Hit, Numerics, PrimId, Ray, SlotId, Triangle};
 
-/// One of kiln's structures in one of its tiers.
+/// A structure of kiln in a tier.
 struct Kiln {
     structure: Layout,
     numerics: Numerics,
 }
 
-/// Every structure in every tier.
+/// All structures in all tiers.
 pub fn engines() -> Vec<Box<dyn Engine>> {
     let structures = [
         Layout::BruteForce,
@@ -59,7 +59,7 @@ impl Engine for Kiln {
     }
 }
 
-/// kiln's structure over a mesh.
+/// Builds a structure of kiln over a mesh.
 pub fn accelerator(mesh: &Mesh, structure: Layout, numerics: Numerics) -> Box<dyn Accelerator> {
     let slots = (0..mesh.triangles.len() as u32).map(|id| {
         let triangle = Triangle(mesh.corners(id).map(|corner| corner.as_dvec3()));
@@ -68,7 +68,7 @@ pub fn accelerator(mesh: &Mesh, structure: Layout, numerics: Numerics) -> Box<dy
     bvh::build(slots, structure, numerics)
 }
 
-/// The same as an engine gives it.
+/// Like [`accelerator`], as a structure of the leak test.
 pub fn built(mesh: &Mesh, structure: Layout, numerics: Numerics) -> Box<dyn Built> {
     Box::new(BuiltKiln(accelerator(mesh, structure, numerics)))
 }
@@ -84,8 +84,7 @@ impl Built for BuiltKiln {
     }
 }
 
-/// What takes part in `kiln bench`: every layout in every tier, built as it is by default, and in the default tier built
-/// as quickly and as thoroughly as it can be.
+/// Contenders of `kiln bench`: every layout in every tier with the default preset, and all presets in the default tier.
 pub fn contenders() -> Vec<Box<dyn Contender>> {
     let numerics = Numerics::default();
     let presets = [
@@ -99,12 +98,12 @@ pub fn contenders() -> Vec<Box<dyn Contender>> {
     tiers.into_iter().chain(presets).map(|kiln| Box::new(kiln) as Box<dyn Contender>).collect()
 }
 
-/// What renders where nothing else is asked for.
+/// The default layout, tier and preset.
 pub fn default_contender() -> Box<dyn Contender> {
     Box::new(Kiln { structure: Layout::default(), numerics: Numerics::default() })
 }
 
-/// The widest instructions that a structure's traversal uses.
+/// The widest instruction set of a structure's traversal.
 fn isa(structure: Layout) -> &'static str {
     let nothing = bvh::build([], structure, Numerics::default());
     nothing.describe().isa
@@ -125,12 +124,12 @@ impl Contender for Kiln {
         }
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         Ok(Box::new(BuiltKiln(accelerator(mesh, self.structure, self.numerics))))
     }
 }
 
-impl Ready for BuiltKiln {
+impl BuiltContender for BuiltKiln {
     fn facts(&self) -> Facts {
         let (description, quality) = (self.0.describe(), self.0.quality());
         Facts {
@@ -141,26 +140,26 @@ impl Ready for BuiltKiln {
         }
     }
 
-    fn queue<'a>(&'a self, kind: speed::Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {
+    fn queue<'a>(&'a self, kind: speed::Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a> {
         let accelerator = &*self.0;
         if kind.is_any_hit() {
-            let occluded = touched(rays.len(), true);
+            let occluded = with_mapped_capacity(rays.len(), true);
             return Box::new(Shadows { accelerator, rays, occluded, traversal: Traversal::default() });
         }
         let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId(0), weights: [0.0; 2] };
-        let hits = touched(rays.len(), Some(nothing));
+        let hits = with_mapped_capacity(rays.len(), Some(nothing));
         Box::new(Closest { accelerator, rays, hits, traversal: Traversal::default() })
     }
 }
 
-/// An empty vector with room for so many, whose memory is really there.
-fn touched<T: Clone>(count: usize, with: T) -> Vec<T> {
+/// An empty vector with a capacity of `count`, whose memory pages are mapped.
+fn with_mapped_capacity<T: Clone>(count: usize, with: T) -> Vec<T> {
     let mut room = vec![with; count];
     room.clear();
     room
 }
 
-/// Rays that ask for the closest hit.
+/// Closest-hit queries.
 struct Closest<'a> {
     accelerator: &'a dyn Accelerator,
     rays: &'a [Ray],
@@ -168,14 +167,14 @@ struct Closest<'a> {
     traversal: Traversal,
 }
 
-impl Queue for Closest<'_> {
+impl RayQueue for Closest<'_> {
     fn run(&mut self) {
         for batch in self.rays.chunks(speed::BATCH) {
             self.accelerator.closest_hits(batch, &mut self.hits, &mut self.traversal);
         }
     }
 
-    fn answers(&self) -> Vec<Option<u32>> {
+    fn hits(&self) -> Vec<Option<u32>> {
         self.hits.iter().map(|hit| hit.map(|hit| hit.prim.0)).collect()
     }
 
@@ -184,7 +183,7 @@ impl Queue for Closest<'_> {
     }
 }
 
-/// Rays that ask whether anything is hit.
+/// Any-hit queries.
 struct Shadows<'a> {
     accelerator: &'a dyn Accelerator,
     rays: &'a [Ray],
@@ -192,14 +191,14 @@ struct Shadows<'a> {
     traversal: Traversal,
 }
 
-impl Queue for Shadows<'_> {
+impl RayQueue for Shadows<'_> {
     fn run(&mut self) {
         for batch in self.rays.chunks(speed::BATCH) {
             self.accelerator.are_occluded(batch, &mut self.occluded, &mut self.traversal);
         }
     }
 
-    fn answers(&self) -> Vec<Option<u32>> {
+    fn hits(&self) -> Vec<Option<u32>> {
         self.occluded.iter().map(|&occluded| occluded.then_some(0)).collect()
     }
 

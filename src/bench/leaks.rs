@@ -1,52 +1,53 @@
-//! How many rays slip through a closed mesh.
+//! Counts rays that leak through a closed mesh.
 //!
-//! A ray that starts inside has to leave, so it crosses a triangle from behind; a ray from outside that is aimed at the
-//! mesh has to enter and to leave, so it crosses one from the front and one from behind. A ray that does not is a leak:
-//! it passed between two triangles, or past a box that holds one. The rays are aimed at vertices and edges, where that
-//! can happen, or leave the surface there ([`Kind`]). Crossings are looked at by side and not counted: on an edge both its triangles are crossed.
+//! A ray from inside must cross a back face; a ray from outside that is aimed at the mesh must cross a front face and a
+//! back face. Otherwise it leaked between two triangles or past a bounding box. The rays are aimed at vertices and
+//! edges, where that can happen, or leave the surface there ([`LeakRayKind`]). Crossings are classified by side and not
+//! counted, as a ray through an edge crosses both of its triangles.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 
 use super::tetrahedron::Tetrahedron;
-use super::{Built, Engine, Icosphere, Kind, LEVEL, Mesh, PLACEMENTS, kiln, ray};
+use super::{Built, Engine, Icosphere, LEVEL, LeakRayKind, Mesh, PLACEMENTS, kiln, ray};
 use crate::bvh::Layout;
 use crate::error::{Error, Result};
 use crate::geometry::Numerics;
 use crate::render::RenderControl;
 
-/// The same for engines that test every triangle: 320.
+/// Subdivision level for engines that test every triangle: 320 triangles.
 const EXHAUSTIVE_LEVEL: u32 = 2;
 
-/// How often the tetrahedron of secondary rays is subdivided: 65,536 triangles; and for engines that test every triangle, 256.
+/// Subdivision levels of the tetrahedron for secondary rays: 65,536 triangles; 256 for engines that test every
+/// triangle.
 const TETRAHEDRON_LEVELS: [u32; 2] = [7, 3];
 
-/// Rays are handed to threads, and progress is told, by so many.
+/// Rays per parallel task and progress step.
 const CHUNK: u64 = 4096;
 
-/// How one engine did at one placement.
+/// Result of an engine at a placement.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct LeakRow {
     /// The library.
     pub engine: &'static str,
-    /// Its layout or mode.
+    /// Layout or mode.
     pub layout: &'static str,
-    /// Its tier of numerics, where it has several.
+    /// Numerics tier, if the library has several.
     pub tier: Option<&'static str>,
-    /// Where the mesh was, and how large: the name of one of [`PLACEMENTS`].
+    /// Name of one of [`PLACEMENTS`].
     pub placement: &'static str,
-    /// How many triangles it had.
+    /// Number of triangles.
     pub triangles: usize,
-    /// Whether rays from outside were held to leave, too; else only to enter.
+    /// Whether rays from outside must cross a back face, too.
     pub followed_through: bool,
-    /// The rays cast.
+    /// Rays cast.
     pub rays: Counts,
-    /// Those of them that slipped through.
+    /// Rays that leaked.
     pub leaks: Counts,
 }
 
-/// A number of rays of each [`Kind`].
+/// A number of rays of each [`LeakRayKind`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Counts {
     /// From inside, aimed.
@@ -55,48 +56,48 @@ pub struct Counts {
     pub axis_aligned: u64,
     /// From outside, aimed.
     pub outside: u64,
-    /// Secondary rays, which leave a tetrahedron's edges inwards.
+    /// Secondary rays, from the edges of a tetrahedron inwards.
     pub secondary: u64,
 }
 
 impl Counts {
-    /// The rays that a test with `rays` aimed rays a side casts: 6 along an axis for every 100 aimed from inside, and as many secondary
-    /// rays as aimed from a side.
+    /// Numbers of rays of a test with `rays` aimed rays from each side: 6 axis-aligned rays per 100 from inside, and
+    /// `rays` secondary rays.
     pub fn of_rays(rays: u64) -> Self {
         let axis_aligned = (u128::from(rays) * 6 / 100) as u64;
         Counts { aimed: rays, axis_aligned, outside: rays, secondary: rays }
     }
 
-    /// From inside.
+    /// Rays from inside.
     pub fn inside(&self) -> u64 {
         self.aimed + self.axis_aligned
     }
 
-    /// All but secondary rays.
+    /// Rays without secondary rays.
     pub fn primary(&self) -> u64 {
         self.inside() + self.outside
     }
 
-    /// All of them.
+    /// All rays.
     pub fn total(&self) -> u64 {
         self.primary() + self.secondary
     }
 
-    pub(super) fn of(&mut self, kind: Kind) -> &mut u64 {
+    pub(super) fn of(&mut self, kind: LeakRayKind) -> &mut u64 {
         match kind {
-            Kind::Inside => &mut self.aimed,
-            Kind::AxisAligned => &mut self.axis_aligned,
-            Kind::Outside => &mut self.outside,
+            LeakRayKind::Inside => &mut self.aimed,
+            LeakRayKind::AxisAligned => &mut self.axis_aligned,
+            LeakRayKind::Outside => &mut self.outside,
         }
     }
 }
 
-/// Casts [`Counts::of_rays`] at each of [`PLACEMENTS`] through each of `engines`, on the current rayon pool. The numbers
-/// do not depend on its threads.
+/// Casts [`Counts::of_rays`] at each of [`PLACEMENTS`] with each of `engines`, on the current rayon pool. The result
+/// does not depend on the number of threads.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where an engine cannot build its structure.
-pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &RenderControl) -> Result<Vec<Row>> {
+/// [`Error::Interrupted`] when cancelled, [`Error::Failed`] if an engine cannot build its structure.
+pub fn measure(engines: &[Box<dyn Engine>], rays: u64, control: &RenderControl) -> Result<Vec<LeakRow>> {
     let rays = Counts::of_rays(rays);
     let spheres = PLACEMENTS.map(|placement| Icosphere::new(LEVEL, placement));
     let coarse = PLACEMENTS.map(|placement| Icosphere::new(EXHAUSTIVE_LEVEL, placement));
@@ -104,7 +105,7 @@ pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &RenderControl) ->
     let done = AtomicU64::new(0);
     let step = |count: u64| {
         let done = count + done.fetch_add(count, Ordering::Relaxed);
-        (watch.progress)(done as usize, steps as usize);
+        (control.progress)(done as usize, steps as usize);
     };
     let tetrahedra =
         TETRAHEDRON_LEVELS.map(|level| PLACEMENTS.map(|placement| Tetrahedron::new(level, placement)));
@@ -114,17 +115,17 @@ pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &RenderControl) ->
         let (spheres, tetrahedra) =
             if engine.is_exhaustive() { (&coarse, coarse_tetrahedra) } else { (&spheres, fine_tetrahedra) };
         for (sphere, tetrahedron) in spheres.iter().zip(tetrahedra) {
-            let followed_through = engine.sees_beyond_the_first();
+            let followed_through = engine.finds_all_crossings();
             let built = engine.build(&sphere.mesh)?;
-            let mut leaks = primary_leaks(&*built, sphere, rays, followed_through, watch, &step)?;
+            let mut leaks = primary_leaks(&*built, sphere, rays, followed_through, control, &step)?;
             let built = engine.build(&tetrahedron.mesh)?;
             let origins = engine.origins();
-            leaks.secondary = count(rays.secondary, watch, &step, |index, found| {
+            leaks.secondary = count(rays.secondary, control, &step, |index, found| {
                 let (origin, direction) = tetrahedron.secondary_ray(index, origins);
                 built.crossings(origin, direction, found);
                 !Crossings::new(&tetrahedron.mesh, direction, found).leaving
             })?;
-            rows.push(Row {
+            rows.push(LeakRow {
                 engine: engine.name(),
                 layout: engine.layout(),
                 tier: engine.tier(),
@@ -139,7 +140,7 @@ pub fn measure(engines: &[Box<dyn Engine>], rays: u64, watch: &RenderControl) ->
     Ok(rows)
 }
 
-/// Casts primary rays, `rays` of each kind, at a sphere through kiln's tree in one tier.
+/// Casts `rays` primary rays of each kind at a sphere with kiln's default structure in a tier.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled.
@@ -147,10 +148,10 @@ pub(super) fn measure_through(
     numerics: Numerics,
     sphere: &Icosphere,
     rays: Counts,
-    watch: &RenderControl,
+    control: &RenderControl,
 ) -> Result<Counts> {
     let built = kiln::built(&sphere.mesh, Layout::default(), numerics);
-    primary_leaks(&*built, sphere, rays, true, watch, &|_| {})
+    primary_leaks(&*built, sphere, rays, true, control, &|_| {})
 }
 
 fn primary_leaks(
@@ -158,33 +159,33 @@ fn primary_leaks(
     sphere: &Icosphere,
     rays: Counts,
     followed_through: bool,
-    watch: &RenderControl,
+    control: &RenderControl,
     step: &(dyn Fn(u64) + Sync),
 ) -> Result<Counts> {
     let mut leaks = Counts::default();
-    for kind in Kind::ALL {
-        *leaks.of(kind) = count(*{ rays }.of(kind), watch, step, |index, found| {
+    for kind in LeakRayKind::ALL {
+        *leaks.of(kind) = count(*{ rays }.of(kind), control, step, |index, found| {
             let (origin, direction) = ray(sphere, kind, index);
             built.crossings(origin, direction, found);
             let crossings = Crossings::new(&sphere.mesh, direction, found);
             !match kind {
-                Kind::Inside | Kind::AxisAligned => crossings.leaving,
-                Kind::Outside => crossings.entering && (crossings.leaving || !followed_through),
+                LeakRayKind::Inside | LeakRayKind::AxisAligned => crossings.leaving,
+                LeakRayKind::Outside => crossings.entering && (crossings.leaving || !followed_through),
             }
         })?;
     }
     Ok(leaks)
 }
 
-/// For how many of the numbers up to `rays` `is_leak` is true. It is given an empty list to work with.
+/// Number of indices below `rays` for which `is_leak` returns `true`. Its buffer is empty at each call.
 fn count(
     rays: u64,
-    watch: &RenderControl,
+    control: &RenderControl,
     step: &(dyn Fn(u64) + Sync),
     is_leak: impl Fn(u64, &mut Vec<u32>) -> bool + Sync,
 ) -> Result<u64> {
     let leaks = (0..rays.div_ceil(CHUNK)).into_par_iter().map(|chunk| {
-        if watch.cancel.load(Ordering::Relaxed) {
+        if control.cancel.load(Ordering::Relaxed) {
             return 0;
         }
         let indices = chunk * CHUNK..rays.min((chunk + 1) * CHUNK);
@@ -198,17 +199,17 @@ fn count(
         leaks
     });
     let leaks = leaks.sum();
-    if watch.cancel.load(Ordering::Relaxed) {
+    if control.cancel.load(Ordering::Relaxed) {
         return Err(Error::Interrupted);
     }
     Ok(leaks)
 }
 
-/// The sides from which a ray crosses triangles.
+/// Sides of the triangles that a ray crosses.
 struct Crossings {
-    /// At least one from the front.
+    /// At least one front face.
     entering: bool,
-    /// At least one from behind.
+    /// At least one back face.
     leaving: bool,
 }
 
@@ -231,16 +232,16 @@ mod tests {
     use super::super::engines;
     use super::*;
 
-    /// How many rays slip through `built`, which may lack something of `sphere`.
+    /// Numbers of rays that leak through `built`, which may lack triangles of `sphere`.
     fn through(built: &dyn Built, sphere: &Icosphere, rays: u64) -> Counts {
         let cancel = AtomicBool::new(false);
-        let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
-        primary_leaks(built, sphere, Counts::of_rays(rays), true, &watch, &|_| {})
+        let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
+        primary_leaks(built, sphere, Counts::of_rays(rays), true, &control, &|_| {})
             .expect("nothing cancels it")
     }
 
     #[test]
-    fn a_missing_triangle_is_noticed_from_both_sides_by_every_engine() {
+    fn every_engine_leaks_through_a_missing_triangle_from_both_sides() {
         for engine in engines().0 {
             let sphere = Icosphere::new(1, PLACEMENTS[0]);
             let mut open = sphere.mesh.clone();
@@ -256,8 +257,8 @@ mod tests {
     }
 
     #[test]
-    fn the_number_of_threads_does_not_matter() {
-        // Something to count: a sphere whose last triangle is missing.
+    fn leaks_do_not_depend_on_the_number_of_threads() {
+        // A sphere without its last triangle.
         let sphere = Icosphere::new(2, PLACEMENTS[1]);
         let mut open = sphere.mesh.clone();
         open.triangles.pop();
@@ -284,8 +285,8 @@ mod tests {
     #[test]
     fn it_can_be_cancelled() {
         let cancel = AtomicBool::new(true);
-        let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
-        let outcome = measure(&kiln::engines(), 1_000_000, &watch);
+        let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
+        let outcome = measure(&kiln::engines(), 1_000_000, &control);
         assert!(matches!(outcome, Err(Error::Interrupted)));
     }
 }

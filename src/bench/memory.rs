@@ -1,18 +1,18 @@
-//! How much memory this process holds, where the system tells.
+//! Memory usage of this process, where the system provides it.
 
-/// Bytes held now.
+/// Resident memory in bytes.
 pub fn resident() -> Option<u64> {
     of("VmRSS:")
 }
 
-/// The most bytes held at once, since the start or since [`forget_peak`].
+/// Peak resident memory in bytes since the start or the last [`reset_peak`].
 pub fn peak() -> Option<u64> {
     of("VmHWM:")
 }
 
-/// Makes [`peak`] start from what is held now, where the system lets it.
-pub fn forget_peak() {
-    // Linux: proc_pid_clear_refs(5). Elsewhere there is no such file, and no peak either.
+/// Resets [`peak`] to the resident memory, where the system supports it.
+pub fn reset_peak() {
+    // Linux: proc_pid_clear_refs(5). Other systems have no such file, and no peak.
     let _ = std::fs::write("/proc/self/clear_refs", "5");
 }
 

@@ -1,17 +1,17 @@
-//! kiln's acceleration structures beside those of other libraries, all asked the same questions.
+//! Comparison of kiln's acceleration structures with other libraries on the same meshes and rays.
 //!
-//! An [`Engine`] builds a [`Built`] over a [`Mesh`]; a test asks every `Built` through one trait and knows no more of it.
-//! To add an engine: a file here, and a line in [`engines`].
+//! An [`Engine`] builds a [`Built`] structure over a [`Mesh`], which leak tests query. To add an engine: a file here,
+//! and a line in [`engines`].
 //!
-//! - [`effects`]: what each effect of a picture costs.
-//! - [`leaks`]: how many rays slip through a closed mesh.
-//! - [`speed`]: how fast rays are answered, and how many answers are wrong.
-//! - [`tiers`]: what each of kiln's tiers of numerics costs, and what it gets wrong.
+//! - [`effects`]: cost of each effect of a picture.
+//! - [`leaks`]: number of rays that leak through a closed mesh.
+//! - [`speed`]: ray throughput and number of wrong hits.
+//! - [`tiers`]: cost and errors of kiln's numerics tiers.
 
 #[cfg(feature = "peers")]
 mod bvh_peer;
 mod clock;
-// The peers that are not written in Rust are called as C and C++ are; `unsafe_code` is denied everywhere else.
+// `unsafe_code` is allowed for C and C++ libraries only.
 pub mod effects;
 #[allow(unsafe_code)]
 mod embree;
@@ -37,7 +37,7 @@ mod tinybvh;
 pub use clock::Clock;
 pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
 pub use numbers::Numbers;
-pub use rays::{Kind, ray};
+pub use rays::{LeakRayKind, ray};
 pub use spread::Spread;
 
 use glam::DVec3;
@@ -45,33 +45,33 @@ use glam::DVec3;
 use crate::error::Result;
 use crate::geometry::{Hit, Numerics};
 
-/// How often the closed mesh is subdivided: 81,920 triangles.
+/// Subdivision level of the closed mesh: 81,920 triangles.
 const LEVEL: u32 = 6;
 
-/// A library with one of its layouts: what builds the structure that is tested.
+/// A library with a layout for the leak test.
 pub trait Engine: Sync {
     /// The library: one of [`NAMES`].
     fn name(&self) -> &'static str;
 
-    /// The layout or mode of it, such as `bvh2`, `cwbvh`, `brute-force` or `robust`.
+    /// Layout or mode, such as `bvh2`, `cwbvh`, `brute-force` or `robust`.
     fn layout(&self) -> &'static str;
 
-    /// The tier of numerics, where the library has several.
+    /// Numerics tier, if the library has several.
     fn tier(&self) -> Option<&'static str> {
         None
     }
 
-    /// Whether a query looks at every triangle, so that only small meshes are within reach.
+    /// Whether a query tests every triangle, which is feasible for small meshes only.
     fn is_exhaustive(&self) -> bool {
         false
     }
 
-    /// Whether [`Built::crossings`] gives the crossings behind the first one, too.
-    fn sees_beyond_the_first(&self) -> bool {
+    /// Whether [`Built::crossings`] returns all crossings and not only the first one.
+    fn finds_all_crossings(&self) -> bool {
         true
     }
 
-    /// The tier whose rule places the origins of secondary rays; `None` for an engine that has no rule of its own.
+    /// Tier of the ray origin offset of secondary rays; `None` for an engine without such an offset.
     fn origins(&self) -> Option<Numerics> {
         None
     }
@@ -79,35 +79,36 @@ pub trait Engine: Sync {
     /// Builds the structure over `mesh`.
     ///
     /// # Errors
-    /// [`Error::Failed`](crate::error::Error::Failed) where the library could not.
+    /// [`Error::Failed`](crate::error::Error::Failed) if the library fails.
     fn build(&self, mesh: &Mesh) -> Result<Box<dyn Built>>;
 }
 
-/// A structure that can be asked, from any number of threads.
+/// A built structure, for queries from any number of threads.
 pub trait Built: Sync {
-    /// Appends the triangles that the ray crosses at t > 0, in any order; one that lies at the edge of two triangles may
-    /// be given as one or both.
+    /// Appends the triangles that the ray crosses at t > 0, in any order. For a crossing at an edge, one or both
+    /// triangles may be appended.
     ///
-    /// `origin` and `direction`, which is of length 1, are rounded to the numbers that the engine works in. Zeros may be negative.
+    /// `origin` and `direction`, which is of length 1, are rounded to the precision of the engine. Zeros may be
+    /// negative.
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>);
 }
 
-/// An engine that is not there.
+/// A library that is not available.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Absent {
+pub struct Unavailable {
     /// The library.
     pub name: &'static str,
-    /// Why it is not there.
+    /// The reason.
     pub reason: String,
-    /// How to get it.
+    /// How to make it available.
     pub remedy: &'static str,
 }
 
-/// Every library that kiln knows how to ask.
+/// All libraries with an [`Engine`].
 pub const NAMES: [&str; 4] = ["kiln", "obvhs", "embree", "tinybvh"];
 
-/// Every engine that is there, in the order of [`NAMES`], and those that are not.
-pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Absent>) {
+/// The available engines in the order of [`NAMES`], and the unavailable libraries.
+pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Unavailable>) {
     let mut present = kiln::engines();
     let mut absent = Vec::new();
     present.extend(obvhs::engines());
@@ -123,20 +124,18 @@ pub fn engines() -> (Vec<Box<dyn Engine>>, Vec<Absent>) {
 }
 
 #[cfg(not(all(feature = "tinybvh", target_feature = "avx2")))]
-fn no_tinybvh() -> Absent {
-    Absent {
+fn no_tinybvh() -> Unavailable {
+    Unavailable {
         name: "tinybvh",
         reason: "kiln was built without it".into(),
         remedy: "build with RUSTFLAGS=\"-C target-feature=+avx2\" and --features tinybvh",
     }
 }
 
-/// Whether a primitive is among those that are hit nearest, given every true hit of a ray.
-///
-/// Of several triangles that meet where the ray passes, each is right: their distances differ by less than 2^-20 of
-/// themselves.
-fn is_nearest(prim: u32, truth: &[Hit]) -> bool {
-    let nearest = truth.iter().map(|hit| hit.t).fold(f64::INFINITY, f64::min);
+/// Whether a primitive is the closest hit, given all hits in `exact`. Triangles whose relative distance to the closest
+/// hit is below 2^-20, such as adjacent ones at an edge, count, too.
+fn is_nearest(prim: u32, reference: &[Hit]) -> bool {
+    let nearest = reference.iter().map(|hit| hit.t).fold(f64::INFINITY, f64::min);
     let within = nearest * (1.0 + 8.0 * f64::from(f32::EPSILON));
-    truth.iter().any(|hit| hit.prim.0 == prim && hit.t <= within)
+    reference.iter().any(|hit| hit.prim.0 == prim && hit.t <= within)
 }

@@ -1,12 +1,12 @@
-//! Random numbers that depend on nothing but a seed and an index, so that any thread can make any of them.
+//! Random numbers that depend on a seed and an index only, and so not on threads.
 
 use glam::DVec3;
 
 use crate::bvh::splitmix64::{GOLDEN, splitmix64};
 
 /// A sequence of random numbers: PCG-XSH-RR 64/32 (O'Neill, PCG: A Family of Simple Fast Space-Efficient Statistically
-/// Good Algorithms for Random Number Generation, 2014), started where SplitMix64 (Steele, Lea and Flood, Fast Splittable
-/// Pseudorandom Number Generators, 2014) puts it.
+/// Good Algorithms for Random Number Generation, 2014), started where SplitMix64 (Steele, Lea and Flood, Fast
+/// Splittable Pseudorandom Number Generators, 2014) puts it.
 pub struct Numbers(u64);
 
 impl Numbers {
@@ -22,22 +22,22 @@ impl Numbers {
         shifted.rotate_right((old >> 59) as u32)
     }
 
-    /// From 0 up to `n`, without it.
+    /// Uniform in `0..n`.
     pub fn below(&mut self, n: usize) -> usize {
         ((u64::from(self.next()) * n as u64) >> 32) as usize
     }
 
-    /// From 0 up to 1, without it.
+    /// Uniform in [0, 1).
     pub fn unit(&mut self) -> f64 {
         f64::from(self.next()) / 4_294_967_296.0
     }
 
-    /// 1 or -1.
+    /// 1 or -1 with equal probability.
     pub fn sign(&mut self) -> f64 {
         if self.below(2) == 0 { 1.0 } else { -1.0 }
     }
 
-    /// A point of the unit ball.
+    /// Uniform in the unit ball.
     pub fn in_ball(&mut self) -> DVec3 {
         loop {
             let point = 2.0 * DVec3::new(self.unit(), self.unit(), self.unit()) - 1.0;
@@ -47,7 +47,7 @@ impl Numbers {
         }
     }
 
-    /// A direction.
+    /// Uniform direction.
     pub fn direction(&mut self) -> DVec3 {
         loop {
             if let Some(direction) = self.in_ball().try_normalize() {
@@ -63,8 +63,8 @@ mod tests {
 
     #[test]
     fn numbers_of_neighbouring_indices_are_spread_evenly() {
-        // The mean of 100,000 numbers from 0 to 1 lies within 5 of its standard deviations, 1 / sqrt(12 * 100,000), of
-        // one half; so does the mean of the first numbers of as many sequences.
+        // The mean of 100,000 uniform numbers is within 5 standard deviations, 1 / sqrt(12 * 100,000), of 1/2; so is
+        // the mean of the first numbers of 100,000 sequences.
         let within = |mean: f64| (mean - 0.5).abs() < 5.0 / (12.0f64 * 1e5).sqrt();
         let mut numbers = Numbers::new(1, 0);
         assert!(within((0..100_000).map(|_| numbers.unit()).sum::<f64>() / 1e5));

@@ -1,4 +1,4 @@
-//! obvhs as it is shipped: its own builds, traversals and triangle test.
+//! obvhs with its own builders, traversals and triangle test.
 
 use std::time::Duration;
 
@@ -12,19 +12,19 @@ use obvhs::ray::{INVALID_ID, Ray, RayHit};
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 
-use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
+use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
 use super::{Built, Engine, Mesh};
 use crate::bvh::{VisitedNode, quality};
 use crate::error::Result;
 use crate::geometry;
 
-/// One of its layouts.
+/// Layout of obvhs.
 enum Layout {
     Bvh2,
     CwBvh,
 }
 
-/// Every layout.
+/// Engines of all layouts.
 pub fn engines() -> Vec<Box<dyn Engine>> {
     vec![Box::new(Layout::Bvh2), Box::new(Layout::CwBvh)]
 }
@@ -53,7 +53,7 @@ enum Tree {
 
 struct BuiltObvhs {
     tree: Tree,
-    /// In the order of the leaves, as obvhs advises.
+    /// In leaf order, as obvhs recommends.
     triangles: Vec<RtTriangle>,
 }
 
@@ -95,7 +95,7 @@ impl BuiltObvhs {
 }
 
 impl Tree {
-    /// The triangle in each place of the leaves.
+    /// Triangle indices in leaf order.
     fn order(&self) -> &[u32] {
         match self {
             Tree::Bvh2(tree) => &tree.primitive_indices,
@@ -119,7 +119,7 @@ impl Built for BuiltObvhs {
     }
 }
 
-/// Every layout.
+/// Contenders of all layouts.
 pub fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Layout::Bvh2), Box::new(Layout::CwBvh)]
 }
@@ -130,12 +130,12 @@ impl Contender for Layout {
         Label { engine: "obvhs", layout, tier: None, preset: Some("medium-build"), isa }
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         Ok(Box::new(BuiltObvhs::new(self, mesh)))
     }
 }
 
-impl Ready for BuiltObvhs {
+impl BuiltContender for BuiltObvhs {
     fn facts(&self) -> Facts {
         let (nodes, node_bytes, quality) = match &self.tree {
             Tree::Bvh2(tree) => {
@@ -162,7 +162,7 @@ impl Ready for BuiltObvhs {
         }
     }
 
-    fn queue<'a>(&'a self, kind: Kind, rays: &'a [geometry::Ray]) -> Box<dyn Queue + 'a> {
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [geometry::Ray]) -> Box<dyn RayQueue + 'a> {
         let own = |ray: &geometry::Ray| {
             let [near, far] = [ray.t_min, ray.t_max].map(|t| t as f32);
             Ray::new(ray.origin.as_vec3a(), ray.direction.as_vec3a(), near, far)

@@ -1,4 +1,4 @@
-//! parry3d's triangle mesh, by the calls that its users have.
+//! Triangle meshes of parry3d, by its public ray queries.
 
 use parry3d::math::Vector;
 use parry3d::partitioning::{BvhNode, TraversalAction};
@@ -6,14 +6,14 @@ use parry3d::query::{Ray as ParryRay, RayCast};
 use parry3d::shape::{CompositeShapeRef, TriMesh};
 
 use super::Mesh;
-use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
+use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
 use crate::error::{Error, Result};
 use crate::geometry::Ray;
 
-/// Its binary tree.
+/// Binary tree.
 struct Parry;
 
-/// The one there is.
+/// The only contender.
 pub fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Parry)]
 }
@@ -24,7 +24,7 @@ impl Contender for Parry {
         Label { engine: "parry3d", layout: "trimesh", tier: None, preset: None, isa }
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         let vertices = mesh.positions.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
         let failed = |e| Error::Failed { what: format!("parry3d: {e}"), hint: String::new() };
         let mesh = TriMesh::new(vertices, mesh.triangles.clone()).map_err(failed)?;
@@ -34,11 +34,11 @@ impl Contender for Parry {
 
 struct BuiltParry(TriMesh);
 
-impl Ready for BuiltParry {
+impl BuiltContender for BuiltParry {
     fn facts(&self) -> Facts {
         let tree = self.0.bvh();
         let area = |node: &BvhNode| f64::from(node.aabb().half_area_or_perimeter());
-        // The root's own box is in no node.
+        // The box of the root is not stored.
         let whole = f64::from(tree.root_aabb().half_area_or_perimeter());
         let mut cost = 1.0;
         tree.traverse(|node| {
@@ -54,7 +54,7 @@ impl Ready for BuiltParry {
         }
     }
 
-    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a> {
         let vector = |v: glam::DVec3| Vector::new(v.x as f32, v.y as f32, v.z as f32);
         let own = |ray: &Ray| {
             let t_max = if ray.t_max < f64::from(f32::MAX) { ray.t_max as f32 } else { f32::MAX };

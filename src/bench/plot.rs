@@ -8,43 +8,43 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::Spread;
 use crate::error::{Error, Result};
 
-/// A bar with its spread.
+/// A bar with quartiles.
 pub struct Bar {
-    /// What stands beside it.
+    /// Label beside the bar.
     pub name: String,
     /// Its colour: of the palette, by number.
     pub colour: usize,
-    /// How long it is.
+    /// Length.
     pub value: Spread,
-    /// What stands behind it, in red: what is wrong about it. Empty where nothing is.
+    /// Warning behind the bar, in red; empty if there is none.
     pub warning: String,
 }
 
-/// A line through points.
+/// A line plot.
 pub struct Line {
-    /// What the legend calls it.
+    /// Name in the legend.
     pub name: String,
     /// Its colour: of the palette, by number.
     pub colour: usize,
-    /// Whether it is drawn broken.
+    /// Whether it is dashed.
     pub broken: bool,
-    /// Its points.
+    /// Points.
     pub points: Vec<[f64; 2]>,
 }
 
-/// Lines over axes of their own.
+/// A plot with several lines.
 pub struct Panel {
-    /// What stands above it.
+    /// Title.
     pub title: String,
-    /// What stands beside the upright axis.
+    /// Label of the y axis.
     pub unit: &'static str,
-    /// Whether the upright axis is linear from 0, and not logarithmic.
+    /// Whether the y axis is linear from 0; logarithmic otherwise.
     pub linear: bool,
-    /// Its lines.
+    /// Lines.
     pub lines: Vec<Line>,
 }
 
-/// Colours that can be told apart, also by those who see red and green alike (Okabe and Ito, Color Universal Design, 2008).
+/// Colours that are distinguishable with red-green colour blindness (Okabe and Ito, Color Universal Design, 2008).
 pub(crate) const PALETTE: [RGBColor; 7] = [
     RGBColor(213, 94, 0),
     RGBColor(150, 130, 20),
@@ -71,10 +71,10 @@ pub(crate) fn failed(e: impl std::fmt::Display) -> Error {
     Error::Failed { what: format!("the plot cannot be drawn: {e}"), hint: String::new() }
 }
 
-/// Horizontal bars, the first on top, with a line from the lower to the upper quartile at the end of each.
+/// Horizontal bars from top to bottom, with a line from the lower to the upper quartile each.
 ///
 /// # Errors
-/// [`Error::Failed`] where plotters does.
+/// [`Error::Failed`] if plotters fails.
 pub fn bars(unit: &str, bars: &[Bar]) -> Result<String> {
     let mut svg = String::new();
     draw_bars(&mut svg, unit, bars).map_err(failed)?;
@@ -89,14 +89,14 @@ fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
     let root = SVGBackend::with_string(svg, size).into_drawing_area();
     root.fill(&WHITE)?;
     let longest = bars.iter().map(|bar| bar.value.upper).fold(f64::MIN_POSITIVE, f64::max);
-    // plotters' segments go up to the last number and with it.
+    // Segment ranges of plotters include the end.
     let rows = (0..bars.len().max(1) - 1).into_segmented();
     let mut chart = ChartBuilder::on(&root)
         .margin(8)
         .x_label_area_size(40)
         .y_label_area_size(290)
         .build_cartesian_2d(0.0..longest * 1.3, rows)?;
-    // plotters counts upwards.
+    // The y axis points upwards.
     let place = |index: usize| bars.len() - 1 - index;
     let label = |value: &SegmentValue<usize>| match value {
         SegmentValue::CenterOf(row) if *row < bars.len() => bars[place(*row)].name.clone(),
@@ -135,7 +135,7 @@ fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
     root.present()
 }
 
-/// With three digits, or in thousands or millions.
+/// Formats a number with three digits, or in thousands or millions.
 pub fn short(x: f64) -> String {
     match x.abs() {
         size if size >= 999_500.0 => format!("{:.3} M", x / 1e6),
@@ -145,17 +145,17 @@ pub fn short(x: f64) -> String {
     }
 }
 
-/// Panels side by side with one legend; the axis along the bottom is logarithmic.
+/// Panels side by side with a common legend and a logarithmic x axis.
 ///
 /// # Errors
-/// [`Error::Failed`] where plotters does.
+/// [`Error::Failed`] if plotters fails.
 pub fn panels(across: &str, panels: &[Panel]) -> Result<String> {
     let mut svg = String::new();
     draw_panels(&mut svg, across, panels).map_err(failed)?;
     Ok(svg)
 }
 
-/// The smallest powers of ten, or twice or five times one, that hold some positive numbers.
+/// The smallest range that contains the positive `numbers`, with ends of 1, 2 or 5 times a power of ten.
 pub(crate) fn decades(numbers: impl Iterator<Item = f64> + Clone) -> std::ops::Range<f64> {
     let (low, high) = (numbers.clone().fold(f64::INFINITY, f64::min), numbers.fold(0.0, f64::max));
     if low > high {
@@ -246,7 +246,7 @@ fn draw_legend<'a>(area: &DrawingArea<SVGBackend<'a>, Shift>, panels: &[Panel]) 
     Ok(())
 }
 
-/// 10^3 as people write it on an axis.
+/// A power of ten with a superscript exponent.
 fn power_of_ten(x: f64) -> String {
     const DIGITS: [char; 10] = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
     let exponent = x.log10().round();
@@ -256,7 +256,7 @@ fn power_of_ten(x: f64) -> String {
     format!("10{}", DIGITS[exponent as usize])
 }
 
-/// Without needless digits.
+/// Formats a number without trailing zeros.
 fn plain(x: f64) -> String {
     if x >= 10_000.0 { power_of_ten(x) } else { format!("{}", (x * 1e4).round() / 1e4) }
 }
@@ -266,7 +266,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bars_say_what_they_are_and_what_is_wrong() {
+    fn bars_have_labels_and_warnings() {
         let value = Spread { lower: 9.0, median: 10.0, upper: 11.0 };
         let bar =
             |name: &str, warning: &str| Bar { name: name.into(), colour: 0, value, warning: warning.into() };
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_reach_round_numbers() {
+    fn axes_end_at_round_numbers() {
         assert_eq!(decades([3.0, 60.0].into_iter()), 2.0..100.0);
         assert_eq!(decades([1000.0, 1e7].into_iter()), 1000.0..1e7);
         assert_eq!(decades([5.0].into_iter()), 5.0..10.0);

@@ -1,53 +1,53 @@
-//! The rays that are hardest for a closed mesh: at its vertices and edges, and along the axes.
+//! Rays for leak tests: at vertices and edges, and along the axes.
 
 use glam::DVec3;
 
 use super::{Icosphere, Numbers};
 
-/// Where a ray comes from and what it is aimed at.
+/// Origin and target of a ray of the leak test.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
-    /// From inside; one third each at vertices, at midpoints of edges, at other points on edges.
+pub enum LeakRayKind {
+    /// From inside; one third each at vertices, edge midpoints and other points on edges.
     Inside,
-    /// From inside along an axis, with zeros of either sign: half of them through random points, half through vertices.
+    /// From inside along an axis, with zeros of both signs: half through random points, half through vertices.
     AxisAligned,
-    /// From outside, aimed as those from inside, at points that face the ray.
+    /// From outside, at the same kinds of targets on front faces.
     Outside,
 }
 
-impl Kind {
-    /// Every kind.
-    pub const ALL: [Kind; 3] = [Kind::Inside, Kind::AxisAligned, Kind::Outside];
+impl LeakRayKind {
+    /// All kinds.
+    pub const ALL: [LeakRayKind; 3] = [LeakRayKind::Inside, LeakRayKind::AxisAligned, LeakRayKind::Outside];
 }
 
-/// Rays from inside start no farther from the centre than this, as a share of the radius.
-const INSIDE: f64 = 0.3;
+/// Maximum distance of ray origins inside from the centre, relative to the radius.
+const MAX_INSIDE_RADIUS: f64 = 0.3;
 
-/// Rays from outside start at a distance from the centre between these, in radii.
+/// Range of the distance of ray origins outside from the centre, in radii.
 const OUTSIDE: [f64; 2] = [2.0, 4.0];
 
-/// Rays from outside meet the surface at a cosine above this, so that none grazes it.
-const LEAST_COSINE: f64 = 0.1;
+/// Minimum cosine of the angle of incidence of rays from outside.
+const MIN_COSINE: f64 = 0.1;
 
-/// The ray of `kind` with the number `index`: its origin, of f32 numbers, so that every engine aims from
-/// the same place, and its direction in f64, which engines round to their numbers.
-pub fn ray(sphere: &Icosphere, kind: Kind, index: u64) -> (DVec3, DVec3) {
+/// Origin and direction of ray `index` of `kind`. The origin has f32 values, so that it is the same in all engines; the
+/// direction is in f64, and rounded by the engines.
+pub fn ray(sphere: &Icosphere, kind: LeakRayKind, index: u64) -> (DVec3, DVec3) {
     let mut numbers = Numbers::new(kind as u64, index);
     match kind {
-        Kind::Inside => {
+        LeakRayKind::Inside => {
             let target = target(sphere, index, &mut numbers);
             aimed(inner_point(sphere, &mut numbers), target)
         }
-        Kind::AxisAligned => axis_aligned(sphere, index, &mut numbers),
-        Kind::Outside => from_outside(sphere, index, &mut numbers),
+        LeakRayKind::AxisAligned => axis_aligned(sphere, index, &mut numbers),
+        LeakRayKind::Outside => from_outside(sphere, index, &mut numbers),
     }
 }
 
 fn inner_point(sphere: &Icosphere, numbers: &mut Numbers) -> DVec3 {
-    round(sphere.placement.centre + INSIDE * sphere.placement.radius * numbers.in_ball())
+    round(sphere.placement.centre + MAX_INSIDE_RADIUS * sphere.placement.radius * numbers.in_ball())
 }
 
-/// A vertex, the midpoint of an edge or another point of an edge, in turn.
+/// A vertex, an edge midpoint or another point on an edge, in turn.
 fn target(sphere: &Icosphere, index: u64, numbers: &mut Numbers) -> DVec3 {
     let mesh = &sphere.mesh;
     if index.is_multiple_of(3) {
@@ -63,8 +63,8 @@ fn axis_aligned(sphere: &Icosphere, index: u64, numbers: &mut Numbers) -> (DVec3
     let mut origin = inner_point(sphere, numbers);
     let mut axis = numbers.below(3);
     if index.is_multiple_of(2) {
-        // Along the axis that the vertex is farthest out on, so that the line through it passes well within the sphere:
-        // no farther than sqrt(2/3) of the radius from its centre.
+        // Along the axis of the vertex's largest coordinate, so that the distance of the ray from the centre is at most
+        // sqrt(2/3) of the radius.
         let vertex = sphere.mesh.positions[numbers.below(sphere.mesh.positions.len())].as_dvec3();
         axis = (vertex - sphere.placement.centre).abs().max_position();
         let along = origin[axis];
@@ -80,13 +80,13 @@ fn from_outside(sphere: &Icosphere, index: u64, numbers: &mut Numbers) -> (DVec3
     let (centre, radius) = (sphere.placement.centre, sphere.placement.radius);
     let target = target(sphere, index, numbers);
     let outwards = (target - centre).normalize();
-    // The triangles at a point lean away from the sphere there by less than their longest edge, in radians.
-    let least_cosine = LEAST_COSINE + sphere.longest_edge;
+    // The angle between a triangle and the sphere in radians is below the longest edge.
+    let least_cosine = MIN_COSINE + sphere.longest_edge;
     let start = |direction: DVec3, numbers: &mut Numbers| {
         let [near, far] = OUTSIDE;
         round(centre + radius * (near + (far - near) * numbers.unit()) * direction)
     };
-    // About a third of all starts face the target. None in so many is out of the question for any mesh that has some.
+    // About a third of all origins face the target, so that one is practically always found.
     for _ in 0..64 {
         let direction = numbers.direction();
         let origin = start(direction, numbers);
@@ -101,7 +101,7 @@ fn aimed(origin: DVec3, target: DVec3) -> (DVec3, DVec3) {
     (origin, (target - origin).normalize())
 }
 
-/// To the nearest f32 numbers.
+/// Rounds to f32.
 fn round(v: DVec3) -> DVec3 {
     v.as_vec3().as_dvec3()
 }
@@ -113,10 +113,10 @@ mod tests {
     use super::super::PLACEMENTS;
     use super::*;
 
-    fn each_ray(mut check: impl FnMut(&Icosphere, Kind, DVec3, DVec3)) {
+    fn each_ray(mut check: impl FnMut(&Icosphere, LeakRayKind, DVec3, DVec3)) {
         for placement in PLACEMENTS {
             let sphere = Icosphere::new(2, placement);
-            for kind in Kind::ALL {
+            for kind in LeakRayKind::ALL {
                 for index in 0..3000 {
                     let (origin, direction) = ray(&sphere, kind, index);
                     check(&sphere, kind, origin, direction);
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_are_of_length_one() {
+    fn directions_have_length_one() {
         each_ray(|sphere, kind, _, direction| {
             assert!((direction.length() - 1.0).abs() < 1e-15, "{}, {kind:?}", sphere.placement.name);
         });
@@ -139,9 +139,9 @@ mod tests {
             // The facets of 320 triangles come no nearer to the centre than 0.95 of the radius. Rounding an origin at
             // 2000 to f32 moves it by up to 1.1e-4.
             let right = match kind {
-                Kind::Inside => distance < 0.3002,
-                Kind::AxisAligned => distance < 0.9,
-                Kind::Outside => (1.9998..4.0002).contains(&distance),
+                LeakRayKind::Inside => distance < 0.3002,
+                LeakRayKind::AxisAligned => distance < 0.9,
+                LeakRayKind::Outside => (1.9998..4.0002).contains(&distance),
             };
             assert!(right, "{}, {kind:?}: {distance}", sphere.placement.name);
         });
@@ -151,7 +151,7 @@ mod tests {
     fn axis_aligned_rays_have_every_pattern_of_signs() {
         let mut patterns = HashSet::new();
         each_ray(|_, kind, _, direction| {
-            if kind == Kind::AxisAligned {
+            if kind == LeakRayKind::AxisAligned {
                 assert_eq!(direction.abs().element_sum(), 1.0);
                 patterns.insert(direction.to_array().map(f64::to_bits));
             }
@@ -164,7 +164,7 @@ mod tests {
     fn rays_from_outside_meet_no_triangle_at_a_grazing_angle() {
         let sphere = Icosphere::new(2, PLACEMENTS[0]);
         for index in 0..3000 {
-            let (origin, direction) = ray(&sphere, Kind::Outside, index);
+            let (origin, direction) = ray(&sphere, LeakRayKind::Outside, index);
             let met = (0..sphere.mesh.triangles.len() as u32).filter(|&triangle| {
                 // Those whose corners are all within an edge's length of the ray's first meeting with the unit sphere.
                 let b = origin.dot(direction);

@@ -1,18 +1,18 @@
-//! What repeated measurements say: the middle, and how far they scatter.
+//! Quartiles of repeated measurements.
 
-/// The quartiles of some measurements.
+/// Quartiles of measurements.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
-    /// A quarter of the measurements is not above it.
+    /// 25 % quantile.
     pub lower: f64,
-    /// Half of them are not above it.
+    /// 50 % quantile.
     pub median: f64,
-    /// Three quarters of them are not above it.
+    /// 75 % quantile.
     pub upper: f64,
 }
 
 impl Spread {
-    /// Of measurements in any order. `None` where there are none.
+    /// Quartiles of measurements in any order; `None` if there are none.
     pub fn of(measurements: &[f64]) -> Option<Self> {
         let mut sorted = measurements.to_vec();
         sorted.sort_by(f64::total_cmp);

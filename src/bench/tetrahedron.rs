@@ -1,4 +1,4 @@
-//! A closed mesh with sharp edges, subdivided, and the secondary rays that leave it there.
+//! A subdivided tetrahedron, a closed mesh with acute edges, and secondary rays from its edges.
 
 use std::collections::HashMap;
 
@@ -8,17 +8,17 @@ use super::{Mesh, Numbers, Placement};
 use crate::geometry::Numerics;
 use crate::geometry::spawn::SurfacePoint;
 
-/// A regular tetrahedron, turned so that no face is along an axis, whose faces are flat grids of triangles. Its dihedral angles of
-/// 70.5 degrees are acute: a point on an edge that is offset along one face's normal is behind the other face.
+/// A regular tetrahedron with subdivided faces, rotated so that no face is axis-aligned. Its dihedral angles of 70.5
+/// degrees are acute: a point on an edge that is offset along the normal of one face is behind the other face.
 pub struct Tetrahedron {
-    /// Its triangles.
+    /// Triangles.
     pub mesh: Mesh,
     /// The triangles at its six edges, each with the first of its two corners on that edge.
     at_edges: Vec<(u32, usize)>,
 }
 
 impl Tetrahedron {
-    /// Of `4 * 4^level` triangles, with corners on the sphere of `placement`, rounded to f32.
+    /// `4 * 4^level` triangles, with the four vertices on the sphere of `placement`, rounded to f32.
     pub fn new(level: u32, placement: Placement) -> Self {
         let n = 1u32 << level;
         let turn = DQuat::from_rotation_x(0.7) * DQuat::from_rotation_y(1.9);
@@ -62,11 +62,11 @@ impl Tetrahedron {
         made
     }
 
-    /// A ray that leaves a face inwards from a vertex, the midpoint of an edge or another point of an edge, one third each, all on the six edges of
-    /// the tetrahedron: origin and direction. It rises 1 to 1e-8 over the face for each unit along it. The origin is placed as kiln
-    /// does in the tier `origins`; where that is `None` by the offset of pbrt (4th edition, section 6.8.6), in f32.
+    /// Origin and direction of a ray from a face inwards. It starts on one of the six edges of the tetrahedron: at a
+    /// vertex, an edge midpoint or another point of an edge, one third each. Its slope to the face is 1 to 1e-8. The
+    /// origin has kiln's offset in the tier `origins`; for `None`, that of pbrt (4th edition, section 6.8.6) in f32.
     pub fn secondary_ray(&self, index: u64, origins: Option<Numerics>) -> (DVec3, DVec3) {
-        /// A stream of numbers of its own, beside those of the kinds of rays.
+        /// Seed of the random numbers, different from those of the kinds of rays.
         const STREAM: u64 = 7;
         let mut numbers = Numbers::new(STREAM, index);
         let (triangle, first) = self.at_edges[numbers.below(self.at_edges.len())];

@@ -1,7 +1,7 @@
-//! What each tier of numerics costs, and what it gets wrong.
+//! Cost and errors of the numerics tiers.
 //!
-//! All tiers are asked the same questions: corners and rays are f32 numbers, so that a difference is one of deciding and
-//! not of rounding the question. Wrong and right are what the tier `exact` says.
+//! Vertices and rays have f32 values, so that all tiers have the same input without rounding. The reference is the tier
+//! `exact`.
 
 use std::time::Instant;
 
@@ -9,41 +9,40 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::leaks::{Counts, measure_through};
-use super::{Icosphere, Kind, LEVEL, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, ray};
+use super::{Icosphere, LEVEL, LeakRayKind, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, ray};
 use crate::bvh::{Accelerator, Layout, Traversal};
 use crate::error::Result;
 use crate::geometry::{Hit, Numerics, Precision, Ray};
 use crate::render::RenderControl;
 
-/// What a tier costs and gets wrong.
+/// Cost and errors of a tier.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TierRow {
     /// The tier.
     pub numerics: Numerics,
-    /// Time of a ray relative to `fast`, in the same run: quartiles over all runs, for rays of a picture.
+    /// Time per ray relative to `fast` in the same run, for primary rays: quartiles over all runs.
     pub picture: [f64; 3],
-    /// The same for rays from inside at vertices and edges, which keep no company.
+    /// The same for incoherent rays from inside at vertices and edges.
     pub aimed: [f64; 3],
-    /// Rays that slip through a closed mesh, of a million, over all placements and from both sides.
+    /// Leaking rays per million through closed meshes, over all placements and from both sides.
     pub leaks: f64,
-    /// Rays of a million that hit where they should miss, miss where they should hit, or hit something else than the
-    /// nearest.
+    /// False hits, false misses and hits of a wrong primitive per million rays.
     pub wrong: f64,
-    /// The largest error of a distance, in units of the last place of f32.
+    /// Largest error of a distance in f32 ulp.
     pub worst: f64,
 }
 
-/// How many rays are timed together.
+/// Number of timed rays.
 const TIMED: u64 = 200_000;
 
-/// Rays of a picture are asked about in tiles of this many.
+/// Rays per batch, as in a render tile.
 const BATCH: usize = 256;
 
-/// Casts `rays` aimed rays a side at each placement for the counts, and times `runs` runs on one thread.
+/// Casts `rays` aimed rays from each side at each placement to count errors, and times `runs` runs on one thread.
 ///
 /// # Errors
 /// [`crate::error::Error::Interrupted`] when cancelled.
-pub fn tiers(rays: u64, runs: u32, watch: &RenderControl) -> Result<Vec<TierRow>> {
+pub fn tiers(rays: u64, runs: u32, control: &RenderControl) -> Result<Vec<TierRow>> {
     let spheres = PLACEMENTS.map(|placement| Icosphere::new(LEVEL, placement));
     let mut rows = Vec::new();
     let mut done = 0;
@@ -51,28 +50,28 @@ pub fn tiers(rays: u64, runs: u32, watch: &RenderControl) -> Result<Vec<TierRow>
         let (mut leaks, mut cast, mut wrong, mut compared, mut worst) = (0, 0, 0, 0, 0.0f64);
         for sphere in &spheres {
             let counts = Counts::of_rays(rays);
-            leaks += measure_through(numerics, sphere, counts, watch)?.primary();
+            leaks += measure_through(numerics, sphere, counts, control)?.primary();
             cast += counts.primary();
-            let questions = Kind::ALL.map(|kind| aimed(sphere, kind, rays));
-            let answers = compare(&sphere.mesh, numerics, &questions.concat());
-            (wrong, compared) = (wrong + answers.wrong, compared + answers.compared);
-            worst = worst.max(answers.worst);
+            let ray_sets = LeakRayKind::ALL.map(|kind| aimed(sphere, kind, rays));
+            let hits = compare(&sphere.mesh, numerics, &ray_sets.concat());
+            (wrong, compared) = (wrong + hits.wrong, compared + hits.compared);
+            worst = worst.max(hits.worst);
             done += 1;
-            (watch.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
+            (control.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
         }
-        // The giant plane at grazing angles, where distances are hardest.
+        // A giant plane at grazing angles, where errors of distances are largest.
         let plane = giant_plane();
-        let answers = compare(&plane, numerics, &grazing(rays));
-        (wrong, compared) = (wrong + answers.wrong, compared + answers.compared);
+        let hits = compare(&plane, numerics, &grazing(rays));
+        (wrong, compared) = (wrong + hits.wrong, compared + hits.compared);
         done += 1;
-        (watch.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
+        (control.progress)(done, Numerics::ALL.len() * (spheres.len() + 1));
         rows.push(TierRow {
             numerics,
             picture: [1.0; 3],
             aimed: [1.0; 3],
             leaks: leaks as f64 * 1e6 / cast as f64,
             wrong: wrong as f64 * 1e6 / compared as f64,
-            worst: worst.max(answers.worst),
+            worst: worst.max(hits.worst),
         });
     }
     let (picture, aimed) = times(&spheres[0], runs);
@@ -82,14 +81,14 @@ pub fn tiers(rays: u64, runs: u32, watch: &RenderControl) -> Result<Vec<TierRow>
     Ok(rows)
 }
 
-/// The rays of one kind, as f32 numbers.
-fn aimed(sphere: &Icosphere, kind: Kind, rays: u64) -> Vec<Ray> {
+/// Rays of one kind with f32 values.
+fn aimed(sphere: &Icosphere, kind: LeakRayKind, rays: u64) -> Vec<Ray> {
     let count = *{ Counts::of_rays(rays) }.of(kind);
     let single = |(origin, direction)| Precision::Single.ray(origin, direction, 0.0, f64::INFINITY);
     (0..count).into_par_iter().map(|index| single(ray(sphere, kind, index))).collect()
 }
 
-/// Corners 20,000 and 110,000 apart at a height of -500, as in the assignment, tilted: along an axis distances are easy.
+/// A plane of 20,000 x 110,000 at a height of -500, as in the assignment, rotated: axis-aligned distances are easier.
 fn giant_plane() -> Mesh {
     let [x, z, far, y] = [-1e4, -1e4, 1e5, -500.0];
     let positions =
@@ -97,12 +96,12 @@ fn giant_plane() -> Mesh {
     Mesh { positions: positions.to_vec(), triangles: vec![[0, 1, 2], [3, 2, 1]] }
 }
 
-/// A turn that puts no edge and no face along an axis.
+/// A rotation after which no edge and no face is axis-aligned.
 fn tilt() -> DMat3 {
     DMat3::from_axis_angle(DVec3::new(1.0, 0.3, 0.2).normalize(), 0.4)
 }
 
-/// Rays from 2^-14 to 200 above the plane to points up to 90,000 away; a quarter of them aimed at the plane's diagonal.
+/// Rays from 2^-14 to 200 above the plane to points up to 90,000 away; a quarter of them at the plane's diagonal.
 fn grazing(rays: u64) -> Vec<Ray> {
     let one = |index: u64| {
         let mut numbers = Numbers::new(4, index);
@@ -120,52 +119,50 @@ fn grazing(rays: u64) -> Vec<Ray> {
     (0..rays).map(one).collect()
 }
 
-/// What became of the answers to some questions.
+/// Error counts of a set of rays.
 #[derive(Default)]
-struct Answers {
+struct HitErrors {
     wrong: u64,
     compared: u64,
     worst: f64,
 }
 
-fn compare(mesh: &Mesh, numerics: Numerics, rays: &[Ray]) -> Answers {
+fn compare(mesh: &Mesh, numerics: Numerics, rays: &[Ray]) -> HitErrors {
     let tier = kiln::accelerator(mesh, Layout::default(), numerics);
     let exact = kiln::accelerator(mesh, Layout::default(), Numerics::Exact);
     let one = |ray: &Ray| {
         let mut traversal = Traversal::default();
         let found = tier.closest_hit(ray, &mut traversal);
-        let mut truth = Vec::new();
-        exact.all_hits(ray, &mut truth, &mut traversal);
-        let (wrong, error) = judge(found, &truth);
-        Answers { wrong: u64::from(wrong), compared: 1, worst: error }
+        let mut reference = Vec::new();
+        exact.all_hits(ray, &mut reference, &mut traversal);
+        let (wrong, error) = check_hit(found, &reference);
+        HitErrors { wrong: u64::from(wrong), compared: 1, worst: error }
     };
-    rays.par_iter().map(one).reduce(Answers::default, |a, b| Answers {
+    rays.par_iter().map(one).reduce(HitErrors::default, |a, b| HitErrors {
         wrong: a.wrong + b.wrong,
         compared: a.compared + b.compared,
         worst: a.worst.max(b.worst),
     })
 }
 
-/// Whether an answer is wrong, given every true hit, and the error of its distance in units of the last place of f32.
-///
-/// Right is a nearest triangle ([`is_nearest`]). Its distance, however wrong, is right if it belongs to the right triangle:
-/// that is what the error is for.
-fn judge(found: Option<Hit>, truth: &[Hit]) -> (bool, f64) {
-    let Some(hit) = found else { return (!truth.is_empty(), 0.0) };
-    let error = truth.iter().find(|t| t.prim == hit.prim).map_or(0.0, |true_hit| {
+/// Whether a hit is wrong, given all hits in `exact`, and the error of its distance in f32 ulp. A hit of a closest
+/// triangle ([`is_nearest`]) is correct whatever its distance.
+fn check_hit(found: Option<Hit>, reference: &[Hit]) -> (bool, f64) {
+    let Some(hit) = found else { return (!reference.is_empty(), 0.0) };
+    let error = reference.iter().find(|t| t.prim == hit.prim).map_or(0.0, |true_hit| {
         let single = true_hit.t as f32;
         let ulp = f64::from(single.next_up()) - f64::from(single);
         (hit.t - true_hit.t).abs() / ulp
     });
-    (!is_nearest(hit.prim.0, truth), error)
+    (!is_nearest(hit.prim.0, reference), error)
 }
 
-/// Times of all tiers relative to the first, in alternating runs on this thread: quartiles, for rays of a picture and for
-/// aimed ones.
+/// Quartiles of the times of all tiers relative to the first, in alternating runs on this thread, for primary rays and
+/// for aimed rays.
 fn times(sphere: &Icosphere, runs: u32) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
     let accelerators =
         Numerics::ALL.map(|numerics| kiln::accelerator(&sphere.mesh, Layout::default(), numerics));
-    let aimed: Vec<_> = (0..TIMED).map(|index| ray(sphere, Kind::Inside, index)).collect();
+    let aimed: Vec<_> = (0..TIMED).map(|index| ray(sphere, LeakRayKind::Inside, index)).collect();
     let picture = picture(sphere);
     let of_tier = |rays: &[(DVec3, DVec3)], accelerator: &dyn Accelerator| -> Vec<Ray> {
         let precision = accelerator.numerics().ray_precision();
@@ -183,7 +180,7 @@ fn times(sphere: &Icosphere, runs: u32) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
                     .collect();
                 times.iter().zip(&mut ratios).for_each(|(time, ratios)| ratios.push(time / times[0]));
             }
-            // The first run warms up.
+            // Run 0 is the warm-up.
             ratios.into_iter().map(|ratios| quartiles(&ratios[1..])).collect::<Vec<_>>()
         })
         .into()
@@ -200,7 +197,7 @@ fn seconds(accelerator: &dyn Accelerator, rays: &[Ray]) -> f64 {
     start.elapsed().as_secs_f64()
 }
 
-/// Rays of a picture of the sphere, tile by tile: a pinhole three radii away, a field of view that just holds it.
+/// Primary rays of a picture of the sphere, tile by tile: a pinhole camera three radii away with the sphere in view.
 fn picture(sphere: &Icosphere) -> Vec<(DVec3, DVec3)> {
     let side = ((TIMED as f64).sqrt() as u32).next_multiple_of(16);
     let eye = sphere.placement.centre + DVec3::Z * (3.0 * sphere.placement.radius);
@@ -213,7 +210,7 @@ fn picture(sphere: &Icosphere) -> Vec<(DVec3, DVec3)> {
     pixels.map(ray).collect()
 }
 
-/// The quartiles of some numbers: lower, median, upper.
+/// Lower quartile, median and upper quartile.
 fn quartiles(numbers: &[f64]) -> [f64; 3] {
     let mut sorted = numbers.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -232,14 +229,14 @@ mod tests {
     }
 
     #[test]
-    fn answers_are_judged_by_the_nearest_true_hit() {
-        let truth = [hit(2.0, 7), hit(1.0, 3), hit(1.0, 4)];
-        assert_eq!(judge(Some(hit(1.0, 3)), &truth), (false, 0.0));
-        assert_eq!(judge(Some(hit(1.0 + 3.0 * f64::from(f32::EPSILON), 4)), &truth), (false, 3.0));
-        assert!(judge(Some(hit(2.0, 7)), &truth).0, "slipped through the front");
-        assert!(judge(Some(hit(1.0, 9)), &truth).0, "not hit at all");
-        assert!(judge(None, &truth).0 && judge(Some(hit(1.0, 3)), &[]).0);
-        assert_eq!(judge(None, &[]), (false, 0.0));
+    fn hits_are_compared_with_the_closest_exact_hit() {
+        let reference = [hit(2.0, 7), hit(1.0, 3), hit(1.0, 4)];
+        assert_eq!(check_hit(Some(hit(1.0, 3)), &reference), (false, 0.0));
+        assert_eq!(check_hit(Some(hit(1.0 + 3.0 * f64::from(f32::EPSILON), 4)), &reference), (false, 3.0));
+        assert!(check_hit(Some(hit(2.0, 7)), &reference).0, "slipped through the front");
+        assert!(check_hit(Some(hit(1.0, 9)), &reference).0, "not hit at all");
+        assert!(check_hit(None, &reference).0 && check_hit(Some(hit(1.0, 3)), &[]).0);
+        assert_eq!(check_hit(None, &[]), (false, 0.0));
     }
 
     #[test]

@@ -1,17 +1,17 @@
-//! tinybvh by its Rust wrapper, in its fastest layout for CPUs.
+//! tinybvh by its Rust wrapper, with its fastest CPU layout.
 
 use glam::{DVec3, Vec3, Vec4};
 use tinybvh_rs::{Intersection, Intersector, Ray, bvh, bvh8_cpu, mbvh};
 
-use super::speed::{Contender, Facts, Kind, Label, Queue, Ready, singly};
+use super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, singly};
 use super::{Built, Engine, Mesh};
 use crate::error::{Error, Result};
 use crate::geometry;
 
-/// BVH8_CPU: eight boxes a node, four triangles a leaf, by AVX2.
+/// BVH8_CPU: eight boxes per node, four triangles per leaf, AVX2.
 struct Bvh8Cpu;
 
-/// Every layout.
+/// The engine.
 pub fn engines() -> Vec<Box<dyn Engine>> {
     vec![Box::new(Bvh8Cpu)]
 }
@@ -25,8 +25,8 @@ impl Engine for Bvh8Cpu {
         "bvh8-cpu"
     }
 
-    /// Its rays have no near end, so that they cannot go on behind a crossing.
-    fn sees_beyond_the_first(&self) -> bool {
+    /// Its rays have no t_min, so that they cannot be continued behind a crossing.
+    fn finds_all_crossings(&self) -> bool {
         false
     }
 
@@ -41,7 +41,7 @@ impl BuiltTinybvh {
     fn new(mesh: &Mesh) -> Result<Self> {
         let failed = |e| Error::Failed { what: format!("tinybvh: {e}"), hint: String::new() };
         let triangles = 0..mesh.triangles.len() as u32;
-        // Of the alignment that its own vectors have.
+        // With the alignment of tinybvh's vectors.
         let corners: Vec<Vec4> =
             triangles.flat_map(|id| mesh.corners(id).map(|corner| corner.extend(0.0))).collect();
         let corners: &[[f32; 4]] = bytemuck::cast_slice(&corners);
@@ -57,13 +57,13 @@ impl BuiltTinybvh {
 // triangles.
 unsafe impl Sync for BuiltTinybvh {}
 
-/// C++ gives its rays an alignment of 64 and Rust's counterpart has 16; compiled code may rely on the former.
+/// Rays have an alignment of 64 in C++, on which compiled code may rely, but of 16 in the Rust wrapper.
 #[repr(align(64))]
 struct Aligned(Ray);
 
 impl Aligned {
     fn new(origin: Vec3, direction: Vec3, t_max: f32) -> Self {
-        // As tinybvh's own constructor does it, except that it would normalise the direction once more.
+        // Like tinybvh's constructor, without normalising the direction again.
         let reciprocal = |x: f32| match x.abs() > 1e-12 {
             true => 1.0 / x,
             false if x >= 0.0 => tinybvh_rs::INFINITE,
@@ -72,7 +72,7 @@ impl Aligned {
         let dir = direction.to_array();
         Aligned(Ray {
             origin: origin.to_array(),
-            // Its mask of instances: all.
+            // Instance mask: all.
             padding_0: 0xffff,
             dir,
             r_d: dir.map(reciprocal),
@@ -92,7 +92,7 @@ impl Built for BuiltTinybvh {
     }
 }
 
-/// Every layout.
+/// The contender.
 pub fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Bvh8Cpu)]
 }
@@ -102,21 +102,21 @@ impl Contender for Bvh8Cpu {
         Label { engine: "tinybvh", layout: "bvh8-cpu", tier: None, preset: None, isa: "avx2" }
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         Ok(Box::new(BuiltTinybvh::new(mesh)?))
     }
 }
 
-// SAFETY: the tree belongs to no thread; see above.
+// SAFETY: the tree is not bound to a thread; see above.
 unsafe impl Send for BuiltTinybvh {}
 
-impl Ready for BuiltTinybvh {
+impl BuiltContender for BuiltTinybvh {
     fn facts(&self) -> Facts {
         Facts::default()
     }
 
-    /// The wrapper has no call for occlusion: a hit before the far end is one.
-    fn queue<'a>(&'a self, _: Kind, rays: &'a [geometry::Ray]) -> Box<dyn Queue + 'a> {
+    /// The wrapper has no occlusion query: a hit before t_max is occlusion.
+    fn queue<'a>(&'a self, _: Kind, rays: &'a [geometry::Ray]) -> Box<dyn RayQueue + 'a> {
         let own = |ray: &geometry::Ray| {
             let t_max = (ray.t_max as f32).min(tinybvh_rs::INFINITE);
             (Aligned::new(ray.origin.as_vec3(), ray.direction.as_vec3(), t_max), t_max)

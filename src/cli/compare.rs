@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::film::write::{Format, OutputImage as Written, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
 use crate::limits;
-use crate::study::metrics::{BYTES_A_PIXEL, Errors, Figures, Picture, Values, definitions, heat_map};
+use crate::metrics::{BYTES_PER_PIXEL, ComparedImage, Errors, Figures, Values, definitions, heat_map};
 
 #[derive(Args)]
 #[command(
@@ -79,16 +79,16 @@ pub fn run(arguments: &Arguments) -> Result<u8> {
         return Err(Error::usage(what, "write it to a file first, or name one `./-`"));
     }
     let open = |file: &PathBuf| {
-        let picture = Picture::open(file)?;
+        let picture = ComparedImage::open(file)?;
         Ok(if arguments.display {
-            Picture { pixels: picture.displayed(), values: Values::Display, ..picture }
+            ComparedImage { pixels: picture.displayed(), values: Values::Display, ..picture }
         } else {
             picture
         })
     };
     let (reference, test) = (open(&arguments.reference)?, open(&arguments.test)?);
     let (width, height) = (reference.width, reference.height);
-    let needed = limits::product(&[width.into(), height.into(), BYTES_A_PIXEL]);
+    let needed = limits::product(&[width.into(), height.into(), BYTES_PER_PIXEL]);
     limits::check(needed).map_err(|excess| {
         let what = format!("comparing pictures of {width} x {height} pixels {excess}");
         Error::input(arguments.reference.as_path(), what, excess.hint())

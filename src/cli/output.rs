@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
-use crate::film::check::{self, Found};
+use crate::film::check::{self, FileState};
 use crate::film::output::describe;
 use crate::film::part::{self, part_name, write_part};
 use crate::film::write::{self, Format, OutputImage, encode, write_picture};
@@ -13,7 +13,7 @@ use crate::job::RenderJob;
 use crate::limits;
 use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
-use crate::study::choose::{self, End, Wish};
+use crate::sample_count::{self, ErrorTarget, StopReason};
 use crate::world::World;
 
 /// Destination of the picture.
@@ -75,11 +75,11 @@ impl OutputTarget {
     }
 
     /// State of the existing file.
-    pub fn existing(&self) -> Found {
+    pub fn existing(&self) -> FileState {
         match self {
             OutputTarget::File(file, format) => check::look(file, *format),
             OutputTarget::Part(file, _, share) => part::look(file, *share),
-            OutputTarget::StandardOutput => Found::Missing,
+            OutputTarget::StandardOutput => FileState::Missing,
         }
     }
 }
@@ -120,8 +120,8 @@ pub fn check_memory(
         OutputTarget::StandardOutput => 3,
         OutputTarget::File(_, format) => write::bytes_per_pixel(*format, channels),
     };
-    let wish = if has_accuracy { choose::BYTES_A_PIXEL } else { 0 };
-    let each = bytes_per_pixel(target.film_format(), wanted, channels).max(wish) + writing;
+    let sampling = if has_accuracy { sample_count::BYTES_PER_PIXEL } else { 0 };
+    let each = bytes_per_pixel(target.film_format(), wanted, channels).max(sampling) + writing;
     check_memory_of(job.window, channels, each)
 }
 
@@ -168,31 +168,31 @@ pub fn render_image(
 /// Renders with the number of samples that the requested accuracy or budget needs, and reports it as a note or warning.
 pub fn render_to_accuracy(
     job: &mut RenderJob,
-    wish: &Wish,
+    target: &ErrorTarget,
     format: Format,
     control: &RenderControl,
     warnings: &mut Warnings,
 ) -> Result<(OutputImage, Statistics)> {
     // No progress: the total number of tiles is unknown, as samples are added in several renders.
     let control = RenderControl { progress: &|_, _| (), ..*control };
-    let chosen = choose::render(job, wish, &control)?;
-    match chosen.end {
-        End::Time if wish.accuracy.is_some() => warnings.push(chosen.line(wish)),
-        End::Most | End::NotFinite => warnings.push(chosen.line(wish)),
-        _ => warnings.note(chosen.line(wish)),
+    let sampled = sample_count::render(job, target, &control)?;
+    match sampled.reason {
+        StopReason::Time if target.accuracy.is_some() => warnings.push(sampled.summary(target)),
+        StopReason::MaxSamples | StopReason::NotFinite => warnings.push(sampled.summary(target)),
+        _ => warnings.note(sampled.summary(target)),
     }
     job.metadata.retain(|(key, _)| !["kiln:samples", "kiln:filter", "kiln:seed"].contains(&key.as_str()));
     job.metadata.extend(job.choices.sampling.settings());
     let (window, pipeline) = (job.window, job.pipeline());
     let picture = match format {
-        Format::Exr => OutputImage::Float(Film::from_rows(window, &chosen.pixels)?, Vec::new()),
+        Format::Exr => OutputImage::Float(Film::from_rows(window, &sampled.pixels)?, Vec::new()),
         _ => {
-            let mut bytes = vec![[0; 3]; chosen.pixels.len()];
-            Pixel::develop(&chosen.pixels, pipeline, &mut bytes);
+            let mut bytes = vec![[0; 3]; sampled.pixels.len()];
+            Pixel::develop(&sampled.pixels, pipeline, &mut bytes);
             OutputImage::Rgb8(Film::from_rows(window, &bytes)?, pipeline)
         }
     };
-    Ok((picture, chosen.statistics))
+    Ok((picture, sampled.statistics))
 }
 
 /// Warns about non-finite pixels, an empty picture, lights that are fully occluded, and inputs that are not visible.

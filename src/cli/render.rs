@@ -165,8 +165,8 @@ fn render_to(
             progress.phase(phase);
         },
     )?;
-    if let Some(wish) = command.accuracy.wish() {
-        metadata::add_to_fingerprint(&mut resolved.metadata, "wish", &wish);
+    if let Some(target) = command.accuracy.target() {
+        metadata::add_to_fingerprint(&mut resolved.metadata, "wish", &target);
     }
     if command.skip_existing && target.existing().is(metadata::fingerprint_of(&resolved.metadata), None) {
         progress.pause(|| printer.print(&warnings, with_notes));
@@ -175,7 +175,7 @@ fn render_to(
     }
     progress.phase("building");
     let mut job = timed(&mut seconds.build, || resolved.build(&mut warnings))?;
-    let has_target = command.accuracy.wish().is_some();
+    let has_target = command.accuracy.target().is_some();
     output::check_memory(&job, target, wanted, has_target)?;
     let without = &command.arguments.without;
     command.arguments.sampling.warn_of_unused(&job.choices.sampling, without, has_target, &mut warnings);
@@ -187,8 +187,10 @@ fn render_to(
         progress: &|done, total| progress.tiles(done, total),
         time_stages: command.stats.is_some(),
     };
-    let (picture, statistics) = timed(&mut seconds.render, || match command.accuracy.wish() {
-        Some(wish) => render_to_accuracy(&mut job, &wish, target.format(), &control, &mut warnings),
+    let (picture, statistics) = timed(&mut seconds.render, || match command.accuracy.target() {
+        Some(error_target) => {
+            render_to_accuracy(&mut job, &error_target, target.format(), &control, &mut warnings)
+        }
         None => render_image(&job, target.film_format(), wanted, &control),
     })?;
     let (world, window) = (&job.world, job.window);

@@ -6,8 +6,8 @@ use super::numbers::number;
 use crate::effects::{EffectId, id};
 use crate::error::Warnings;
 use crate::film::FilterShape;
+use crate::sample_count::{ErrorTarget, Metric};
 use crate::scene::Sampling;
-use crate::study::choose::{Metric, Wish};
 
 #[derive(Args, Clone)]
 pub struct SamplingArguments {
@@ -45,9 +45,9 @@ pub struct AccuracyArguments {
 
 impl AccuracyArguments {
     /// The requested accuracy or budget.
-    pub fn wish(&self) -> Option<Wish> {
-        let is_wish = self.accuracy.is_some() || self.budget.is_some();
-        is_wish.then_some(Wish { accuracy: self.accuracy, seconds: self.budget })
+    pub fn target(&self) -> Option<ErrorTarget> {
+        let has_target = self.accuracy.is_some() || self.budget.is_some();
+        has_target.then_some(ErrorTarget { accuracy: self.accuracy, seconds: self.budget })
     }
 }
 

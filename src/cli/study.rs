@@ -16,7 +16,9 @@ use crate::film::output::write_whole;
 use crate::import;
 use crate::job::{RenderSettings, ResolvedJob};
 use crate::render::RenderControl;
-use crate::study::{Options, Pools, Setting, Study, Subject, error_against_time, facts, page, study, to_csv};
+use crate::study::{
+    Options, Pools, Setting, Study, StudySubject, error_against_time, facts, page, study, to_csv,
+};
 
 /// Default length of the picture's longer side in pixels.
 const LONGEST: u32 = 256;
@@ -44,7 +46,7 @@ pub struct Command {
 
 pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
-    let knobs = knobs(&command.knob)?;
+    let parameters = parameters(&command.knob)?;
     let _folder = Folder::new(&command.output)?;
     let arguments = &command.arguments;
     let (timed, wide) = (super::pool(Some(arguments.threads.unwrap_or(1)))?, super::pool(arguments.threads)?);
@@ -67,13 +69,13 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
 
     progress.phase("studying");
-    let watch = RenderControl {
+    let control = RenderControl {
         cancel: interrupted,
         progress: &|done, total| progress.steps(done, total, ("steps", 1)),
         time_stages: false,
     };
     let pools = Pools { timed: &timed, wide: &wide };
-    let (study, pictures) = study(&subject, &options(command, knobs), load, &pools, &watch)?;
+    let (study, pictures) = study(&subject, &options(command, parameters), load, &pools, &control)?;
 
     let write = |name: &str, text: &str| {
         write_whole(&command.output.join(name), |out| out.write_all(text.as_bytes()))
@@ -112,18 +114,18 @@ impl Drop for Folder {
     }
 }
 
-/// The knobs named by `typed`. [`Error::Usage`] for an unknown one.
-fn knobs(typed: &[String]) -> Result<Vec<&'static str>> {
-    let known = crate::study::knobs();
+/// The parameters named by `typed`. [`Error::Usage`] for an unknown one.
+fn parameters(typed: &[String]) -> Result<Vec<&'static str>> {
+    let known = crate::study::parameters();
     let named = typed.iter().map(|typed| {
-        known.iter().copied().find(|knob| knob == typed).ok_or_else(|| {
+        known.iter().copied().find(|parameter| parameter == typed).ok_or_else(|| {
             Error::usage(format!("there is no knob `{typed}`"), format!("there are {}", known.join(", ")))
         })
     });
     named.collect()
 }
 
-fn options(command: &Command, knobs: Vec<&'static str>) -> Options {
+fn options(command: &Command, parameters: Vec<&'static str>) -> Options {
     let rounds = |usual| command.rounds.map_or(usual, u32::from);
     if command.full {
         Options {
@@ -132,7 +134,7 @@ fn options(command: &Command, knobs: Vec<&'static str>) -> Options {
             reference_samples: 4096,
             rays_across: 2,
             leak_rays: 4_000_000,
-            knobs,
+            parameters,
         }
     } else {
         Options {
@@ -141,12 +143,12 @@ fn options(command: &Command, knobs: Vec<&'static str>) -> Options {
             reference_samples: 512,
             rays_across: 4,
             leak_rays: 400_000,
-            knobs,
+            parameters,
         }
     }
 }
 
-fn subject(arguments: &Arguments, job: ResolvedJob) -> Subject {
+fn subject(arguments: &Arguments, job: ResolvedJob) -> StudySubject {
     let ResolvedJob { scene, camera, size, window, choices, pipeline, numerics, structure, metadata, .. } =
         job;
     let inputs: Vec<String> = arguments.inputs.iter().map(|input| input.display().to_string()).collect();
@@ -159,7 +161,17 @@ fn subject(arguments: &Arguments, job: ResolvedJob) -> Subject {
         textures: None,
         without: Vec::new(),
     };
-    Subject { name: inputs.join(" "), command: typed(), scene, camera, size, window, choices, base, metadata }
+    StudySubject {
+        name: inputs.join(" "),
+        command: typed(),
+        scene,
+        camera,
+        size,
+        window,
+        choices,
+        base,
+        metadata,
+    }
 }
 
 /// The typed command, quoted for a shell.
@@ -181,8 +193,8 @@ fn text(study: &Study) -> String {
     for line in facts(study) {
         let _ = writeln!(text, "{line}");
     }
-    for [knob, why] in &study.left_out {
-        let _ = writeln!(text, "left out: {knob}: {why}");
+    for [parameter, why] in &study.left_out {
+        let _ = writeln!(text, "left out: {parameter}: {why}");
     }
     text
 }

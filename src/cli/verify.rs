@@ -14,7 +14,7 @@ use super::statistics::Seconds;
 use crate::animation::{FileNames, FrameList, FrameRequest};
 use crate::error::{Error, Result, Warnings};
 use crate::film::Share;
-use crate::film::check::{Found, Made, look};
+use crate::film::check::{FileState, PictureIdentity, look};
 use crate::film::write::Format;
 use crate::job::RenderSettings;
 use crate::job::metadata::fingerprint_of;
@@ -121,28 +121,30 @@ fn files(name: &Path, list: Option<&FrameList>) -> Result<Vec<(Option<i32>, Path
 
 /// Faults of the files. Without a given fingerprint, the most frequent one is expected.
 fn check(files: &[(Option<i32>, PathBuf)], format: Format, fingerprint: Option<&str>) -> Vec<Fault> {
-    let found: Vec<Found> = files.par_iter().map(|(_, file)| look(file, format)).collect();
+    let found: Vec<FileState> = files.par_iter().map(|(_, file)| look(file, format)).collect();
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     for found in &found {
-        if let Found::Whole(Made { fingerprint: Some(fingerprint), .. }) = found {
+        if let FileState::Whole(PictureIdentity { fingerprint: Some(fingerprint), .. }) = found {
             *counts.entry(fingerprint).or_default() += 1;
         }
     }
     let most = counts.iter().max_by_key(|(_, count)| **count).map(|(fingerprint, _)| *fingerprint);
     let wanted = fingerprint.or(most);
-    let fault = |(frame, file): &(Option<i32>, PathBuf), found: &Found| {
+    let fault = |(frame, file): &(Option<i32>, PathBuf), found: &FileState| {
         let (kind, why) = match found {
-            Found::Missing => ("missing", "no such file".to_owned()),
-            Found::Broken(why) => ("broken", why.clone()),
-            Found::Whole(Made { fingerprint: None, .. }) => ("other", "does not say what made it".into()),
-            Found::Whole(made) if made.fingerprint.as_deref() != wanted => {
+            FileState::Missing => ("missing", "no such file".to_owned()),
+            FileState::Broken(why) => ("broken", why.clone()),
+            FileState::Whole(PictureIdentity { fingerprint: None, .. }) => {
+                ("other", "does not say what made it".into())
+            }
+            FileState::Whole(made) if made.fingerprint.as_deref() != wanted => {
                 ("other", "made of another scene, with other settings or by another kiln".into())
             }
             // A single file without an expected fingerprint may be any frame.
-            Found::Whole(made) if made.frame != *frame && (frame.is_some() || fingerprint.is_some()) => {
+            FileState::Whole(made) if made.frame != *frame && (frame.is_some() || fingerprint.is_some()) => {
                 ("other", made.frame.map_or("not a frame".into(), |frame| format!("is frame {frame}")))
             }
-            Found::Whole(_) => return None,
+            FileState::Whole(_) => return None,
         };
         Some(Fault { frame: *frame, file: file.clone(), kind, why })
     };

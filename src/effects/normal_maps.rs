@@ -8,9 +8,9 @@ use glam::DVec3;
 use super::texture_points::{self, Buffers};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, Stage, TextureUse, id, named};
+use crate::scene::TexelEncoding;
 use crate::shading::normal_map::{decode, limit_tilt};
 use crate::shading::texture::look_up;
-use crate::scene::TexelEncoding;
 use crate::world::World;
 
 /// The registry's entry.

@@ -40,10 +40,7 @@ impl Buffers {
 
 impl TextureUse {
     /// The textures of a material that are looked up, with the encoding of their texels.
-    fn of<'a>(
-        &self,
-        material: &'a PreparedMaterial,
-    ) -> impl Iterator<Item = (Texture, TexelEncoding)> + 'a {
+    fn of<'a>(&self, material: &'a PreparedMaterial) -> impl Iterator<Item = (Texture, TexelEncoding)> + 'a {
         let TextureUse { material_textures, normal_maps, .. } = *self;
         let map = material.normal_map().filter(|_| normal_maps).map(|map| (map.texture, TexelEncoding::Data));
         material.textures().filter(move |_| material_textures).chain(map)

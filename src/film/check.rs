@@ -18,38 +18,38 @@ use crate::limits;
 
 /// State of an output file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Found {
+pub enum FileState {
     /// The file does not exist.
     Missing,
     /// The file is unreadable or incomplete; the reason.
     Broken(String),
     /// The file is complete; its metadata.
-    Whole(Made),
+    Whole(PictureIdentity),
 }
 
 /// Metadata that identifies a picture.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Made {
+pub struct PictureIdentity {
     /// Fingerprint of scene and settings, if present.
     pub fingerprint: Option<String>,
     /// Frame number, if present.
     pub frame: Option<i32>,
 }
 
-impl Found {
+impl FileState {
     /// Whether it is the complete picture of this fingerprint and frame.
     pub fn is(&self, fingerprint: &str, frame: Option<i32>) -> bool {
-        let wanted = Made { fingerprint: Some(fingerprint.to_owned()), frame };
-        *self == Found::Whole(wanted)
+        let wanted = PictureIdentity { fingerprint: Some(fingerprint.to_owned()), frame };
+        *self == FileState::Whole(wanted)
     }
 }
 
 /// Checks all of a file: a PNG with the checksums of all its chunks, or an OpenEXR with all of its pixels.
-pub fn look(file: &Path, format: Format) -> Found {
+pub fn look(file: &Path, format: Format) -> FileState {
     let bytes = match limits::read_file(file) {
         Ok(bytes) => bytes,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Found::Missing,
-        Err(e) => return Found::Broken(limits::explain(&e).0),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return FileState::Missing,
+        Err(e) => return FileState::Broken(limits::explain(&e).0),
     };
     let texts = match format {
         Format::Png => contain(|| png_texts(&bytes)),
@@ -57,13 +57,13 @@ pub fn look(file: &Path, format: Format) -> Found {
         Format::Jpeg => Some(Err(ReadError::Damaged("a JPEG does not say whether it is whole".into()))),
     };
     match texts {
-        None => Found::Broken("damaged: its decoder failed".into()),
-        Some(Err(ReadError::Damaged(what))) => Found::Broken(what),
-        Some(Err(ReadError::TooLarge { what, hint })) => Found::Broken(format!("{what}; {hint}")),
+        None => FileState::Broken("damaged: its decoder failed".into()),
+        Some(Err(ReadError::Damaged(what))) => FileState::Broken(what),
+        Some(Err(ReadError::TooLarge { what, hint })) => FileState::Broken(format!("{what}; {hint}")),
         Some(Ok(texts)) => {
             let text = |name: &str| texts.iter().find(|(key, _)| key == name).map(|(_, value)| value);
             let frame = text(FRAME).and_then(|frame| frame.parse().ok());
-            Found::Whole(Made { fingerprint: text(FINGERPRINT).cloned(), frame })
+            FileState::Whole(PictureIdentity { fingerprint: text(FINGERPRINT).cloned(), frame })
         }
     }
 }
@@ -151,7 +151,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("a");
         for format in [Format::Png, Format::Exr] {
-            assert_eq!(look(&file, format), Found::Missing);
+            assert_eq!(look(&file, format), FileState::Missing);
             let bytes = picture(format);
             std::fs::write(&file, &bytes).unwrap();
             let found = look(&file, format);
@@ -160,7 +160,7 @@ mod tests {
             for length in 0..bytes.len() {
                 std::fs::write(&file, &bytes[..length]).unwrap();
                 let found = look(&file, format);
-                assert!(matches!(found, Found::Broken(_)), "{format:?}, {length} bytes: {found:?}");
+                assert!(matches!(found, FileState::Broken(_)), "{format:?}, {length} bytes: {found:?}");
             }
             std::fs::remove_file(&file).unwrap();
         }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::check::{Found, Made};
+use super::check::{FileState, PictureIdentity};
 use super::output::write_whole;
 use super::write::{Channel, FINGERPRINT, Format, Metadata, OutputImage, encode};
 use super::{ColourPipeline, Film, Pixel, Share, TILE, Window};
@@ -161,18 +161,19 @@ fn bytes_of_share(window: Window, channels: usize, share: Share) -> u64 {
 }
 
 /// State of the file of a share.
-pub fn look(file: &Path, share: Share) -> Found {
+pub fn look(file: &Path, share: Share) -> FileState {
     let bytes = match limits::read_file(file) {
         Ok(bytes) => bytes,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Found::Missing,
-        Err(e) => return Found::Broken(limits::explain(&e).0),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return FileState::Missing,
+        Err(e) => return FileState::Broken(limits::explain(&e).0),
     };
     match open(&bytes) {
-        Ok((head, found, _)) if found == share => {
-            Found::Whole(Made { fingerprint: head.fingerprint().map(str::to_owned), frame: None })
-        }
-        Ok((_, found, _)) => Found::Broken(format!("is part {found}")),
-        Err(what) => Found::Broken(what),
+        Ok((head, found, _)) if found == share => FileState::Whole(PictureIdentity {
+            fingerprint: head.fingerprint().map(str::to_owned),
+            frame: None,
+        }),
+        Ok((_, found, _)) => FileState::Broken(format!("is part {found}")),
+        Err(what) => FileState::Broken(what),
     }
 }
 

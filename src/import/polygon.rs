@@ -85,13 +85,18 @@ impl Triangulator {
     }
 
     /// Calls `emit` with the corner indices of each triangle of the polygon. If a covering triangulation is not found
-    /// within the work limits, the polygon is split into a fan.
+    /// within the work limits, the polygon is split into a fan. A polygon with non-finite corners is split into a fan and
+    /// counts as [`Cut::Whole`], since the check of the vertices warns of it.
     pub fn triangulate(&mut self, corners: &[DVec3], mut emit: impl FnMut([usize; 3])) -> Cut {
         let n = corners.len();
         if n <= 3 {
             if n == 3 {
                 emit([0, 1, 2]);
             }
+            return Cut::Whole;
+        }
+        if !corners.iter().all(|corner| corner.is_finite()) {
+            (1..n - 1).for_each(|i| emit([0, i, i + 1]));
             return Cut::Whole;
         }
         let normal = newell_normal(corners);
@@ -320,6 +325,18 @@ mod tests {
 
     /// A square of side 99 with 32 x 32 square holes of side 1. Each is connected by a bridge from the previous hole,
     /// passed once in each direction, so that bridges follow each other along a row.
+    #[test]
+    fn polygons_with_non_finite_corners_are_not_reported_as_crossing() {
+        for n in [4, 5, 100] {
+            let mut corners: Vec<DVec3> =
+                (0..n).map(|i| DVec3::new(f64::from(i), f64::from(i * i), 0.0)).collect();
+            corners[2].x = f64::NAN;
+            let mut count = 0;
+            assert_eq!(Triangulator::new().triangulate(&corners, |_| count += 1), Cut::Whole);
+            assert_eq!(count, n - 2);
+        }
+    }
+
     #[test]
     fn bridges_to_holes_are_no_crossings() {
         let mut corners = vec![[0.0, 0.0]];

@@ -1,8 +1,8 @@
 //! AOVs (arbitrary output variables): further channels of a picture, beside its colour.
 //!
-//! Geometric AOVs come from the closest hit of the ray through each pixel's centre, unfiltered, whatever samples the picture takes.
-//! The channels of an effect are the difference of two pictures: one with the effects up to this one in the plan's order, and one with
-//! those before it. So the base and all effects add up to the picture.
+//! Geometric AOVs come from the closest hit of the ray through each pixel's centre, unfiltered, whatever samples the
+//! picture takes. The channels of an effect are the difference of two pictures: one with the effects up to this one in
+//! the plan's order, and one with those before it. So the base and all effects add up to the picture.
 
 use std::sync::Mutex;
 
@@ -166,8 +166,8 @@ impl AovSelection {
         self.aovs.iter().map(|aov| aov.channels.len()).sum::<usize>() + effects
     }
 
-    /// The most bytes per pixel of temporary memory, beside the picture and the channels: a film of bytes for the tiles, or a film
-    /// without an effect, its pixels in rows, and those of the film before.
+    /// The most bytes per pixel of temporary memory, beside the picture and the channels: a film of bytes for the
+    /// tiles, or a film without an effect, its pixels in rows, and those of the film before.
     pub fn bytes_per_pixel(&self) -> u64 {
         if self.effects { 3 * 12 } else { 3 }
     }

@@ -1,7 +1,7 @@
 //! Rendering: tiles in parallel, each through the stages of the plan.
 //!
-//! `render_tile` takes a tile from rays to pixels. A pixel depends on its own rays alone, so the picture has the same bits for any
-//! number of threads, any order of tiles and any crop.
+//! `render_tile` takes a tile from rays to pixels. A pixel depends on its own rays alone, so the picture has the same
+//! bits for any number of threads, any order of tiles and any crop.
 
 pub mod aov;
 mod statistics;
@@ -26,7 +26,8 @@ pub struct RenderControl<'a> {
     pub cancel: &'a AtomicBool,
     /// Called after every tile, from any thread, with the number of finished tiles and of all tiles.
     pub progress: &'a (dyn Fn(usize, usize) + Sync),
-    /// Whether the time of each stage is measured ([`Statistics::stages`]), which makes short renders a few percent slower.
+    /// Whether the time of each stage is measured ([`Statistics::stages`]), which makes short renders a few percent
+    /// slower.
     pub time_stages: bool,
 }
 
@@ -38,8 +39,8 @@ impl Default for RenderControl<'_> {
     }
 }
 
-/// Renders the part `window` of the picture of `view`, on the current rayon pool. Only the tiles that `is_selected` accepts, by their
-/// index and pixels, are rendered; the others stay black.
+/// Renders the part `window` of the picture of `view`, on the current rayon pool. Only the tiles that `is_selected`
+/// accepts, by their index and pixels, are rendered; the others stay black.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory for the picture.
@@ -98,7 +99,8 @@ impl Worker {
     }
 }
 
-/// Renders a tile: runs the stages of the plan, repeatedly while more samples are needed, then converts the pixels for the film.
+/// Renders a tile: runs the stages of the plan, repeatedly while more samples are needed, then converts the pixels for
+/// the film.
 fn render_tile<P: Pixel>(
     plan: &Plan,
     context: &RenderContext,

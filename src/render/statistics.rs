@@ -10,8 +10,8 @@ use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
 /// The statistics of a render.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Statistics {
-    /// The time of each stage summed over threads, in the plan's order. Stages with the same name and effect are merged. Empty unless
-    /// [`RenderControl::time_stages`](super::RenderControl::time_stages) is set.
+    /// The time of each stage summed over threads, in the plan's order. Stages with the same name and effect are
+    /// merged. Empty unless [`RenderControl::time_stages`](super::RenderControl::time_stages) is set.
     pub stages: Vec<StageTime>,
     /// Rays cast and rays that hit, for each of [`RayKind::all`].
     pub rays: Vec<(RayKind, RayCount)>,
@@ -98,8 +98,8 @@ impl Statistics {
         self.visible_objects.iter_mut().zip(objects).for_each(|(own, &other)| *own |= other);
     }
 
-    /// Adds the statistics of another part of the same picture, such as other samples of its pixels, whose plan may have other
-    /// stages.
+    /// Adds the statistics of another part of the same picture, such as other samples of its pixels, whose plan may
+    /// have other stages.
     pub fn add(&mut self, other: &Statistics) {
         for stage in &other.stages {
             match self.stages.iter_mut().find(|own| own.name == stage.name && own.effect == stage.effect) {

@@ -35,12 +35,16 @@ mod sampler;
 mod sampling;
 pub mod support;
 
-pub use crate::geometry::{AnalyticShape, Sphere, Attribute, Mesh, Numerics, Placed, Placement, Step, moved_tangent, normal_matrix};
+pub use crate::geometry::{
+    AnalyticShape, Attribute, Mesh, Numerics, Placed, Placement, Sphere, Step, moved_tangent, normal_matrix,
+};
 pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
 pub use fingerprint::Fingerprint;
-pub use material::{DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Phong, TexelEncoding, Texture};
+pub use material::{
+    DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Phong, TexelEncoding, Texture,
+};
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, Sampling};
 

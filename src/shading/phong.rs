@@ -10,9 +10,7 @@ use glam::DVec3;
 use super::{LightSample, LightSoa, ShadingMode};
 use crate::film::ColourPipeline;
 use crate::scene::Phong;
-use crate::world::{
-    InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd_dispatch,
-};
+use crate::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, World, simd_dispatch};
 
 /// The colour of a surface under the given lights.
 #[inline]

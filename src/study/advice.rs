@@ -1,53 +1,54 @@
-//! What to choose: the cheapest setting below an error, and what one step along a knob costs and buys.
+//! Recommendations: the fastest setting below an error bound; time and error differences between adjacent settings.
 
 use serde::{Deserialize, Serialize};
 
-use super::data::{Quartiles, Row, Told};
+use super::data::{Quartiles, SettingRow, Significance};
 use super::pareto::front;
 
-/// For an error below so much, what is cheapest.
+/// The fastest setting below an error bound.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Advice {
-    /// The root mean square error that is not to be exceeded.
+    /// Upper bound of the RMS error.
     pub below: f64,
-    /// The row that is cheapest; missing where no setting measured is good enough.
+    /// Index of the fastest row below the bound, if there is one.
     pub row: Option<usize>,
     /// The advice as a sentence.
     pub text: String,
 }
 
-/// From one setting of a knob to the next.
+/// Comparison of adjacent settings of a parameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Step {
-    /// The knob.
-    pub knob: String,
-    /// The row that it starts from.
+pub struct ParameterStep {
+    /// Name of the parameter.
+    #[serde(rename = "knob")]
+    pub parameter: String,
+    /// Index of the first row.
     pub from: usize,
-    /// The row that it leads to.
+    /// Index of the second row.
     pub to: usize,
-    /// Its time, in parts of the time before.
+    /// Ratio of the second median time to the first.
     pub time_ratio: f64,
-    /// Whether the times differ by more than their quartiles.
+    /// Whether the quartile ranges of the times are disjoint.
     pub time_is_apart: bool,
-    /// The error before, root mean square.
+    /// RMS error of the first row.
     pub error_before: Option<f64>,
-    /// The error after.
+    /// RMS error of the second row.
     pub error_after: Option<f64>,
 }
 
-/// The rows that are alternatives for one another: finite, and with the limit of the first row's filter.
-pub fn comparable(rows: &[Row]) -> Vec<&Row> {
+/// Rows that can be compared with each other: those with finite pixels and the filter of the first row.
+pub fn comparable(rows: &[SettingRow]) -> Vec<&SettingRow> {
     let filter = rows.first().map(|row| row.filter.clone());
     rows.iter().filter(|row| row.limit.is_some() && Some(&row.filter) == filter.as_ref()).collect()
 }
 
-/// Of each of `rows`, its time and its error against the limit.
-pub fn points(rows: &[&Row]) -> Vec<[f64; 2]> {
+/// Median time in ms and RMS error against the limit of each row.
+pub fn points(rows: &[&SettingRow]) -> Vec<[f64; 2]> {
     rows.iter().map(|row| [row.trace_ms.median, row.limit.map_or(f64::NAN, |limit| limit.rmse)]).collect()
 }
 
-/// Advice at round errors between the best and the worst that were measured.
-pub fn advice(rows: &[Row]) -> Vec<Advice> {
+/// Recommendations for round error bounds between the smallest and the largest measured error.
+pub fn advice(rows: &[SettingRow]) -> Vec<Advice> {
     let rows = comparable(rows);
     let points = points(&rows);
     let front = front(&points);
@@ -62,13 +63,17 @@ pub fn advice(rows: &[Row]) -> Vec<Advice> {
                 row.name(),
                 brief(row.trace_ms),
                 row.limit.map_or(f64::NAN, |limit| limit.rmse),
-                if row.told == Told::Within { ", which the reference's own error blurs" } else { "" },
+                if row.significance == Significance::Insignificant {
+                    ", which the reference's own error blurs"
+                } else {
+                    ""
+                },
                 match (row.has_options, row.options.as_str()) {
                     (true, "") => String::new(),
                     (true, options) => format!("; `{options}`"),
                     (false, _) => "; no options of `kiln render` make it".into(),
                 },
-                as_quick(row, &rows, below),
+                equally_fast(row, &rows, below),
             ),
             None => format!("no setting measured has an error below {below}; `--full` tries more samples"),
         };
@@ -77,8 +82,8 @@ pub fn advice(rows: &[Row]) -> Vec<Advice> {
     advice
 }
 
-/// Other pictures below an error whose times cannot be told from that of `row`.
-fn as_quick(row: &Row, rows: &[&Row], below: f64) -> String {
+/// Names of rows with other pictures below the bound whose times do not differ significantly from that of `row`.
+fn equally_fast(row: &SettingRow, rows: &[&SettingRow], below: f64) -> String {
     let mut seen = vec![&row.fingerprint];
     let mut names = Vec::new();
     for other in rows {
@@ -95,13 +100,13 @@ fn as_quick(row: &Row, rows: &[&Row], below: f64) -> String {
     }
 }
 
-/// A median with its quartiles.
+/// Formats a median with its quartiles.
 pub fn brief(ms: Quartiles) -> String {
     let digits = if ms.median < 10.0 { 2 } else { usize::from(ms.median < 100.0) };
     format!("{:.digits$} ({:.digits$} to {:.digits$})", ms.median, ms.lower, ms.upper)
 }
 
-/// 0.1, 0.05, 0.02, …: from the last above `worst` to the first below `best`, at most six of them.
+/// Error bounds 0.5, 0.2, 0.1, 0.05, …: those below `worst`, down to the first below `best`, at most six.
 fn round_errors(best: f64, worst: f64) -> Vec<f64> {
     if !(worst > 0.0 && best.is_finite()) {
         return Vec::new();
@@ -114,14 +119,16 @@ fn round_errors(best: f64, worst: f64) -> Vec<f64> {
     inside.into_iter().take(count.min(6)).collect()
 }
 
-/// The steps along each knob, in the order of its settings.
-pub fn steps(rows: &[Row]) -> Vec<Step> {
-    let pairs = rows.windows(2).filter(|pair| pair[0].knob == pair[1].knob && pair[0].knob != "together");
+/// Comparisons of adjacent settings of each parameter.
+pub fn steps(rows: &[SettingRow]) -> Vec<ParameterStep> {
+    let pairs = rows
+        .windows(2)
+        .filter(|pair| pair[0].parameter == pair[1].parameter && pair[0].parameter != "together");
     pairs
         .map(|pair| {
             let [from, to] = [&pair[0], &pair[1]];
-            Step {
-                knob: from.knob.clone(),
+            ParameterStep {
+                parameter: from.parameter.clone(),
                 from: from.id,
                 to: to.id,
                 time_ratio: to.trace_ms.median / from.trace_ms.median,
@@ -138,8 +145,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn errors_to_ask_for_are_round_and_within_reach() {
-        // Below 0.03 come 0.02, 0.01, 0.005 and 0.002; 0.001 is the first that nothing reaches.
+    fn error_bounds_are_round_and_in_range() {
+        // 0.001 is the first bound below the best error.
         assert_eq!(round_errors(0.0015, 0.03), [0.02, 0.01, 0.005, 0.002, 0.001]);
         assert!(round_errors(0.0, 0.0).is_empty());
     }

@@ -1,199 +1,202 @@
-//! What a study found, as plain data: what its JSON and its CSV hold, and what every plot is made from.
+//! Results of a study, as in its JSON and CSV files.
 
 use serde::{Deserialize, Serialize};
 
-use super::advice::{Advice, Step};
+use super::advice::{Advice, ParameterStep};
 use super::errors::PictureErrors;
 use crate::bench::Spread;
 
-/// The version of the JSON's schema; it goes up when a field changes its meaning or goes.
+/// Version of the JSON schema, incremented when a field is removed or changes its meaning.
 pub const SCHEMA: u32 = 1;
 
-/// A whole study.
+/// Results of a study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Study {
-    /// The version of the schema.
+    /// Version of the schema, [`SCHEMA`].
     pub schema: u32,
-    /// kiln's version.
+    /// Version of kiln.
     pub kiln: String,
-    /// What was studied, such as the names of the inputs.
+    /// Name of the scene, such as the input files.
     pub subject: String,
-    /// The command that made it.
+    /// The command line.
     pub command: String,
-    /// Where it was made, as names and values.
+    /// Properties of the machine, as names and values.
     pub machine: Vec<[String; 2]>,
-    /// What made the pictures, as names and values.
+    /// Metadata of the pictures, as names and values.
     pub settings: Vec<[String; 2]>,
-    /// Width and height of the pictures, in pixels.
+    /// Width and height of the pictures in pixels.
     pub size: [u32; 2],
-    /// How often everything was timed, after a round to warm up.
+    /// Timing rounds.
     pub rounds: u32,
-    /// Threads that were timed.
+    /// Number of threads during timing.
     pub threads: usize,
-    /// What the clock went by: `processor` or `wall`.
+    /// Clock: `processor` or `wall`.
     pub clock: String,
-    /// Reading the inputs, where they can be read again.
+    /// Time for reading the inputs in ms, unless they come from standard input.
     pub load_ms: Option<Quartiles>,
-    /// Errors of the references themselves.
-    pub floors: Vec<Floor>,
-    /// What each tier decides otherwise than `exact`.
-    pub geometry: Vec<Geometry>,
-    /// What was varied.
-    pub rows: Vec<Row>,
-    /// Knobs that were left out, each with the reason.
+    /// Noise of the references, one per filter.
+    pub floors: Vec<NoiseFloor>,
+    /// Differences in ray hits between each tier and `exact`.
+    pub geometry: Vec<GeometryErrors>,
+    /// One row per setting.
+    pub rows: Vec<SettingRow>,
+    /// Parameters without effect on the scene, with the reason.
     pub left_out: Vec<[String; 2]>,
-    /// For an error below so much, what is cheapest.
+    /// The fastest settings below error bounds.
     pub advice: Vec<Advice>,
-    /// What one step along a knob costs and buys.
-    pub steps: Vec<Step>,
+    /// Comparisons of adjacent settings.
+    pub steps: Vec<ParameterStep>,
 }
 
 /// Quartiles of repeated measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Quartiles {
-    /// A quarter of the measurements is not above it.
+    /// 25 % quantile.
     pub lower: f64,
-    /// Half of them.
+    /// 50 % quantile.
     pub median: f64,
-    /// Three quarters of them.
+    /// 75 % quantile.
     pub upper: f64,
 }
 
 impl Quartiles {
-    /// Of measurements in any order. `None` where there are none.
+    /// Quartiles of measurements in any order; `None` if there are none.
     pub fn of(measurements: &[f64]) -> Option<Self> {
         let Spread { lower, median, upper } = Spread::of(measurements)?;
         Some(Quartiles { lower, median, upper })
     }
 
-    /// Whether one lies apart from the other, quartile from quartile.
+    /// Whether the quartile ranges are disjoint.
     pub fn is_apart_from(&self, other: &Self) -> bool {
         self.lower > other.upper || other.lower > self.upper
     }
 }
 
-/// A reference, and how far it may be from what it stands for.
+/// Noise of a converged reference.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Floor {
-    /// The filter that pixels are seen through.
+pub struct NoiseFloor {
+    /// Name of the reconstruction filter.
     pub filter: String,
-    /// Samples a pixel, both halves together.
+    /// Samples per pixel, both halves together.
     pub samples: u32,
-    /// The standard error of a channel of a pixel, root mean square over the picture: half the difference of its two halves.
+    /// Standard error, RMS over channels and pixels: half the RMS difference of the two halves.
     pub rmse: f64,
 }
 
-/// What errors are measured against.
+/// Kind of reference picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Judge {
-    /// The picture of so many samples that more would change little: what sampling is judged by.
+pub enum ReferenceKind {
+    /// Converged picture in `exact`: the reference for sampling parameters.
     Limit,
-    /// `exact` at the same sample points: what everything else is judged by, so that only the knob differs.
+    /// Picture in `exact` at the same sample points: the reference for all other parameters.
     Twin,
 }
 
-/// Whether an error can be told from that of the reference.
+/// Whether an error can be distinguished from the noise of the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Told {
-    /// It is ten times the reference's own and more, or the reference has none.
-    Apart,
-    /// It is not: the true error may be anything up to about it.
-    Within,
+pub enum Significance {
+    /// It is at least ten times the noise of the reference.
+    #[serde(rename = "apart")]
+    Significant,
+    /// It is smaller: the true error is between 0 and about this value.
+    #[serde(rename = "within")]
+    Insignificant,
 }
 
-/// A setting, what it costs, and what it gets wrong.
+/// Times, sizes and errors of a setting.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Row {
-    /// Its number, from 0.
+pub struct SettingRow {
+    /// Index of the row.
     pub id: usize,
-    /// What was varied: the name of the knob.
-    pub knob: String,
-    /// What it was set to.
+    /// Name of the varied parameter.
+    #[serde(rename = "knob")]
+    pub parameter: String,
+    /// Value of the parameter.
     pub setting: String,
-    /// Whether it is the picture as it was asked for.
+    /// Whether this is the base setting.
     pub base: bool,
-    /// The options of `kiln render` that make this picture beside those that were given; one of the same name takes the place of
-    /// one that was given.
+    /// Options of `kiln render` that give this picture, in addition to the options of the study. An option replaces a
+    /// given one of the same name.
     pub options: String,
-    /// Whether they do: not everything that is varied has an option.
+    /// Whether such options exist; not every parameter has one.
     pub has_options: bool,
-    /// The tier of numerics.
+    /// Numerics tier.
     pub numerics: String,
-    /// The acceleration structure.
+    /// Layout of the acceleration structure.
     pub layout: String,
-    /// How it was built; missing where there is nothing to build.
+    /// Build preset; `None` for brute force.
     pub preset: Option<String>,
-    /// The colour pipeline.
+    /// Colour pipeline.
     pub colour: String,
-    /// The filter that its pixels, and its limit, are seen through, with its radius.
+    /// Reconstruction filter and its radius in pixels.
     pub filter: String,
-    /// Building the structure and preparing the scene.
+    /// Time for preparing the scene, including the acceleration structure, in ms.
     pub build_ms: Quartiles,
-    /// Making the picture.
+    /// Render time in ms.
     pub trace_ms: Quartiles,
-    /// Rays of all kinds.
+    /// Number of rays of all kinds.
     pub rays: u64,
-    /// Of them, those from the camera.
+    /// Number of primary rays.
     pub primary_rays: u64,
-    /// Of these, how many go through a pixel on average.
+    /// Average number of primary rays per pixel.
     pub samples_per_pixel: f64,
-    /// Bytes of the structure.
+    /// Size of the acceleration structure in bytes.
     pub structure_bytes: usize,
-    /// Bytes that a thread's tile holds at most; which tiles that are depends on the threads.
+    /// Maximum size of a thread's tile buffers in bytes; depends on the number of threads.
     pub tile_bytes: usize,
-    /// Which of the two errors counts.
-    pub judge: Judge,
-    /// Pixels that are no finite numbers. Where there are any, there is no error: nothing measured it would mean anything.
+    /// Reference for the error of this parameter.
+    #[serde(rename = "judge")]
+    pub reference: ReferenceKind,
+    /// Number of non-finite pixels. If there are any, there are no errors.
     pub non_finite: usize,
-    /// Against the limit.
+    /// Errors against the limit.
     pub limit: Option<PictureErrors>,
-    /// Whether the error against the limit can be told from the limit's own.
-    pub told: Told,
-    /// Against the twin.
+    /// Whether the error against the limit exceeds the noise of the limit.
+    #[serde(rename = "told")]
+    pub significance: Significance,
+    /// Errors against the twin.
     pub twin: Option<PictureErrors>,
-    /// A hash of the picture's bits.
+    /// Hash of the picture's bits.
     pub fingerprint: String,
 }
 
-impl Row {
-    /// The errors that count for this knob.
+impl SettingRow {
+    /// Errors against the reference for this parameter.
     pub fn errors(&self) -> Option<&PictureErrors> {
-        match self.judge {
-            Judge::Limit => self.limit.as_ref(),
-            Judge::Twin => self.twin.as_ref(),
+        match self.reference {
+            ReferenceKind::Limit => self.limit.as_ref(),
+            ReferenceKind::Twin => self.twin.as_ref(),
         }
     }
 
     /// Knob and setting in a few words.
     pub fn name(&self) -> String {
-        format!("{}: {}", self.knob, self.setting)
+        format!("{}: {}", self.parameter, self.setting)
     }
 }
 
-/// What a tier decides otherwise than `exact`, about the rays through the centres of a picture's pixels.
+/// Differences in ray hits between a tier and `exact`, for the rays through the pixel centres.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Geometry {
-    /// The tier.
+pub struct GeometryErrors {
+    /// Numerics tier.
     pub numerics: String,
-    /// How many rays.
+    /// Number of rays.
     pub rays: u64,
     /// Rays that hit where `exact` misses.
     pub false_hits: u64,
     /// Rays that miss where `exact` hits.
     pub false_misses: u64,
-    /// Rays that hit something else than `exact` does.
+    /// Rays that hit another primitive than in `exact`.
     pub wrong_primitives: u64,
-    /// Hits whose distance or normal is no finite number; they are left out of what follows.
+    /// Hits with a non-finite distance or normal; excluded from the errors below.
     pub non_finite: u64,
-    /// Errors of the distance where both hit the same, in units of the last place of f32: median, 99.9th percentile, worst.
-    /// Missing where no ray hits.
+    /// Errors of the distance of equal hits in f32 ulp: median, 99.9 % quantile, maximum; `None` without hits.
     pub t_ulps: Option<[f64; 3]>,
-    /// Angles between the geometric normals there, in degrees: the same.
+    /// Angles between the geometric normals of equal hits in degrees: the same quantiles.
     pub normal_degrees: Option<[f64; 3]>,
-    /// Rays of a million that slip out of the scene's closed meshes; missing where there is none.
+    /// Leaking rays per million from inside the scene's closed meshes; `None` without such meshes.
     pub leaks_per_million: Option<f64>,
-    /// How many rays were cast to find them.
+    /// Number of rays cast inside closed meshes.
     pub leak_rays: u64,
 }

@@ -1,24 +1,24 @@
-//! How far one picture is from another: what a study keeps of the figures of [`super::metrics`].
+//! Error figures of a comparison, as stored by a study.
 
 use serde::{Deserialize, Serialize};
 
-use super::metrics::{Errors, Figures, Picture};
 use crate::error::Result;
+use crate::metrics::{ComparedImage, Errors, Figures};
 
-/// How far a picture is from another, [`super::metrics::Figures`] without places.
+/// [`crate::metrics::Figures`] without the worst pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PictureErrors {
-    /// Largest difference of any channel, in the film's numbers.
+    /// Largest channel difference, in film values.
     pub max: f64,
-    /// Root of the mean square difference over all channels, in the film's numbers.
+    /// Root mean square difference over all channels, in film values.
     pub rmse: f64,
     /// Mean square difference relative to the reference.
     pub rel_mse: f64,
-    /// Peak signal-to-noise ratio in decibels of what a display shows; missing where it shows the same.
+    /// Peak signal-to-noise ratio of display values in dB; `None` if they are equal.
     pub psnr: Option<f64>,
-    /// Mean LDR-FLIP of what a display shows, 0 to 1.
+    /// Mean LDR-FLIP of display values, 0 to 1.
     pub flip: f64,
-    /// Share of pixels that differ in any channel, 0 to 1.
+    /// Fraction of pixels that differ in any channel, 0 to 1.
     pub differing: f64,
 }
 
@@ -29,15 +29,15 @@ impl PictureErrors {
         PictureErrors { max, rmse, rel_mse, psnr, flip, differing }
     }
 
-    /// How far `test` is from `reference`; `None` where a pixel of either is no finite number.
+    /// Errors of `test` against `reference`; `None` if a pixel is not finite.
     ///
     /// # Errors
     /// Those of [`Errors::between`].
-    pub fn between(reference: &Picture, test: &Picture) -> Result<Option<Self>> {
+    pub fn between(reference: &ComparedImage, test: &ComparedImage) -> Result<Option<Self>> {
         Ok(Errors::between(reference, test)?.figures.as_ref().map(PictureErrors::of))
     }
 
-    /// Whether there is no difference at all.
+    /// Whether the pictures are equal.
     pub fn are_none(&self) -> bool {
         self.max == 0.0 && self.differing == 0.0
     }

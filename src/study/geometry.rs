@@ -1,26 +1,26 @@
-//! What tiers decide otherwise than `exact`, before any shading: hits and misses, primitives, distances, normals.
+//! Differences in ray hits between a tier and `exact`: hits and misses, primitives, distances, normals.
 //!
-//! Asked are the rays through the centres of a picture's pixels. Each tier asks in its own numbers: what `fast` and `watertight`
-//! lose by rounding corners to f32 counts, as it does in their pictures. `kiln bench numerics` asks all tiers the same
-//! f32 questions instead.
+//! The rays go through the pixel centres. Each tier uses its own precision, so that the errors of `fast` and
+//! `watertight` include the rounding of vertices to f32. `kiln bench numerics` uses the same f32 input for all tiers
+//! instead.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::data::Geometry;
-use super::leaks::Closed;
+use super::data::GeometryErrors;
+use super::leaks::ClosedMesh;
 use crate::bvh::Traversal;
 use crate::error::Result;
 use crate::geometry::Ray;
 use crate::render::RenderControl;
 use crate::world::{View, World};
 
-/// Rays are asked about in batches of as many as a tile has.
+/// Rays per batch, as many as in a render tile.
 const BATCH: usize = 256;
 
-/// What one ray found.
+/// Closest hit of a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Found {
+struct GeometryHit {
     t: f64,
     prim: u32,
     normal: DVec3,
@@ -33,18 +33,18 @@ struct Found {
 pub fn compare(
     [tier, exact]: [&World; 2],
     (view, size): (&View, [u32; 2]),
-    closed: &[Closed],
+    closed: &[ClosedMesh],
     leak_rays: u64,
-    watch: &RenderControl,
-) -> Result<Geometry> {
+    control: &RenderControl,
+) -> Result<GeometryErrors> {
     let pixels: Vec<u32> = (0..size[0] * size[1]).collect();
     let parts: Vec<(Tally, Vec<f64>, Vec<f64>)> = pixels
         .par_chunks(BATCH * 16)
         .map(|pixels| {
-            let [own, truth] = [tier, exact].map(|world| find(world, view, size[0], pixels));
+            let [own, exact_hits] = [tier, exact].map(|world| trace(world, view, size[0], pixels));
             let (mut tally, mut ulps, mut degrees) = (Tally::default(), Vec::new(), Vec::new());
-            for (own, truth) in own.into_iter().zip(truth) {
-                if let Some((error, angle)) = tally.count(own, truth) {
+            for (own, exact) in own.into_iter().zip(exact_hits) {
+                if let Some((error, angle)) = tally.compare(own, exact) {
                     ulps.push(error);
                     degrees.push(angle);
                 }
@@ -58,22 +58,22 @@ pub fn compare(
         ulps.extend(more_ulps);
         degrees.extend(more_degrees);
     }
-    let (leaks, cast) = super::leaks::count(closed, tier.numerics(), leak_rays, watch)?;
-    Ok(Geometry {
+    let (leaks, cast) = super::leaks::count_leaks(closed, tier.numerics(), leak_rays, control)?;
+    Ok(GeometryErrors {
         numerics: tier.numerics().name().into(),
         rays: pixels.len() as u64,
         false_hits: tally.false_hits,
         false_misses: tally.false_misses,
         wrong_primitives: tally.wrong,
         non_finite: tally.non_finite,
-        t_ulps: summary(ulps),
-        normal_degrees: summary(degrees),
+        t_ulps: quantiles(ulps),
+        normal_degrees: quantiles(degrees),
         leaks_per_million: (cast > 0).then(|| leaks as f64 * 1e6 / cast as f64),
         leak_rays: cast,
     })
 }
 
-fn find(world: &World, view: &View, width: u32, pixels: &[u32]) -> Vec<Option<Found>> {
+fn trace(world: &World, view: &View, width: u32, pixels: &[u32]) -> Vec<Option<GeometryHit>> {
     let precision = world.numerics().ray_precision();
     let rays: Vec<Ray> =
         pixels.iter().map(|pixel| view.ray(pixel % width, pixel / width, precision)).collect();
@@ -81,12 +81,12 @@ fn find(world: &World, view: &View, width: u32, pixels: &[u32]) -> Vec<Option<Fo
     rays.chunks(BATCH).for_each(|rays| world.accelerator.closest_hits(rays, &mut hits, &mut traversal));
     let found = |(ray, hit): (&Ray, &Option<crate::geometry::Hit>)| {
         let hit = hit.as_ref()?;
-        Some(Found { t: hit.t, prim: hit.prim.0, normal: world.interaction(ray, hit).geometric_normal })
+        Some(GeometryHit { t: hit.t, prim: hit.prim.0, normal: world.interaction(ray, hit).geometric_normal })
     };
     rays.iter().zip(&hits).map(found).collect()
 }
 
-/// What became of the answers.
+/// Counts of differing hits.
 #[derive(Debug, Default, PartialEq)]
 struct Tally {
     false_hits: u64,
@@ -96,9 +96,9 @@ struct Tally {
 }
 
 impl Tally {
-    /// Counts an answer; where it is the right primitive, the error of its distance in units of the last place of f32 and the
-    /// angle of its normal in degrees.
-    fn count(&mut self, own: Option<Found>, truth: Option<Found>) -> Option<(f64, f64)> {
+    /// Counts a hit; for the correct primitive, returns the error of the distance in f32 ulp and the angle between the
+    /// normals in degrees.
+    fn compare(&mut self, own: Option<GeometryHit>, truth: Option<GeometryHit>) -> Option<(f64, f64)> {
         let (own, truth) = match (own, truth) {
             (None, None) => return None,
             (Some(_), None) => {
@@ -115,14 +115,13 @@ impl Tally {
             self.wrong += 1;
             return None;
         }
-        // Before any figure: what is no finite number is counted, and no part of it.
         if !(own.t.is_finite() && own.normal.is_finite()) {
             self.non_finite += 1;
             return None;
         }
         let single = truth.t as f32;
         let ulp = f64::from(single.next_up()) - f64::from(single);
-        // Through the chord, which stays precise where the angle is small.
+        // From the chord, which is precise for small angles.
         let angle = 2.0 * ((own.normal - truth.normal).length() / 2.0).min(1.0).asin().to_degrees();
         Some(((own.t - truth.t).abs() / ulp, angle))
     }
@@ -135,8 +134,8 @@ impl Tally {
     }
 }
 
-/// Median, 99.9th percentile (nearest rank) and the largest. `None` of nothing.
-fn summary(mut numbers: Vec<f64>) -> Option<[f64; 3]> {
+/// Median, 99.9 % quantile (nearest rank) and maximum; `None` for an empty list.
+fn quantiles(mut numbers: Vec<f64>) -> Option<[f64; 3]> {
     numbers.sort_unstable_by(f64::total_cmp);
     let last = numbers.len().checked_sub(1)?;
     let rank = |share: f64| ((share * numbers.len() as f64).ceil() as usize).clamp(1, last + 1) - 1;
@@ -148,17 +147,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn answers_are_told_apart() {
-        let found = |t: f64, prim: u32| Some(Found { t, prim, normal: DVec3::Z });
+    fn differing_hits_are_classified() {
+        let found = |t: f64, prim: u32| Some(GeometryHit { t, prim, normal: DVec3::Z });
         let mut tally = Tally::default();
-        assert_eq!(tally.count(None, None), None);
-        assert_eq!(tally.count(found(1.0, 3), None), None);
-        assert_eq!(tally.count(None, found(1.0, 3)), None);
-        assert_eq!(tally.count(found(1.0, 4), found(1.0, 3)), None);
-        assert_eq!(tally.count(found(f64::NAN, 3), found(1.0, 3)), None);
-        // f32 steps by 2^-23 above 1.
+        assert_eq!(tally.compare(None, None), None);
+        assert_eq!(tally.compare(found(1.0, 3), None), None);
+        assert_eq!(tally.compare(None, found(1.0, 3)), None);
+        assert_eq!(tally.compare(found(1.0, 4), found(1.0, 3)), None);
+        assert_eq!(tally.compare(found(f64::NAN, 3), found(1.0, 3)), None);
+        // The ulp of f32 above 1 is 2^-23.
         assert_eq!(
-            tally.count(found(1.0 + 3.0 * f64::from(f32::EPSILON), 3), found(1.0, 3)),
+            tally.compare(found(1.0 + 3.0 * f64::from(f32::EPSILON), 3), found(1.0, 3)),
             Some((3.0, 0.0))
         );
         assert_eq!(tally, Tally { false_hits: 1, false_misses: 1, wrong: 1, non_finite: 1 });
@@ -166,16 +165,16 @@ mod tests {
 
     #[test]
     fn a_right_angle_has_ninety_degrees() {
-        let one = |normal| Some(Found { t: 1.0, prim: 0, normal });
-        let (_, angle) = Tally::default().count(one(DVec3::X), one(DVec3::Z)).unwrap();
+        let one = |normal| Some(GeometryHit { t: 1.0, prim: 0, normal });
+        let (_, angle) = Tally::default().compare(one(DVec3::X), one(DVec3::Z)).unwrap();
         assert!((angle - 90.0).abs() < 1e-12, "{angle}");
     }
 
     #[test]
-    fn percentiles_by_hand() {
-        // Nearest rank: of 1 to 2000 the 1000th and the 1998th.
-        assert_eq!(summary((1..=2000).map(f64::from).rev().collect()), Some([1000.0, 1998.0, 2000.0]));
-        assert_eq!(summary(vec![7.0]), Some([7.0; 3]));
-        assert_eq!(summary(Vec::new()), None);
+    fn quantiles_have_the_nearest_rank() {
+        // Of 1 to 2000, the 1000th and the 1998th.
+        assert_eq!(quantiles((1..=2000).map(f64::from).rev().collect()), Some([1000.0, 1998.0, 2000.0]));
+        assert_eq!(quantiles(vec![7.0]), Some([7.0; 3]));
+        assert_eq!(quantiles(Vec::new()), None);
     }
 }

@@ -1,14 +1,14 @@
-//! The tables of a report, and how its text and numbers are written.
+//! Tables of the HTML page, and formatting of text and numbers.
 
 use std::fmt::Write;
 
 use super::advice::{brief, comparable, points};
-use super::data::{Geometry, Judge, Row, Study, Told};
+use super::data::{GeometryErrors, ReferenceKind, SettingRow, Significance, Study};
 use super::errors::PictureErrors;
 use super::pareto::front;
 
-/// What each tier decides otherwise than `exact`.
-pub fn geometry(tiers: &[Geometry]) -> String {
+/// Table of differences in ray hits between the tiers and `exact`.
+pub fn geometry(tiers: &[GeometryErrors]) -> String {
     let mut html = "<h2>Geometry</h2>\n<p class=\"note\">Rays through the centres of a larger picture's pixels, each tier in its own numbers, \
         against <code>exact</code>, before any shading. t in units of the last place of f32; angles between normals in degrees: median, 99.9 %, \
         worst.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">tier</th><th>rays</th><th>false hits</th><th>false misses</th>\
@@ -41,7 +41,7 @@ pub fn geometry(tiers: &[Geometry]) -> String {
     html + "</table></div>\n"
 }
 
-/// What each step along a knob costs and buys, and the knobs that are left out.
+/// Table of comparisons of adjacent settings, and list of omitted parameters.
 pub fn steps(study: &Study) -> String {
     let mut html = "<h2>What the next step costs and buys</h2>\n<p class=\"note\">Along each knob, from one setting to the next. Times that \
         differ by no more than their quartiles are called alike.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">knob</th>\
@@ -68,7 +68,7 @@ pub fn steps(study: &Study) -> String {
             html,
             "<tr><td class=\"left\">{}</td><td class=\"left\">{}</td><td class=\"left\">{}</td><td>{time}</td><td>{}</td><td>{}</td>\
              <td class=\"left\">{buys}</td></tr>",
-            escaped(&step.knob),
+            escaped(&step.parameter),
             escaped(&from.setting),
             escaped(&to.setting),
             error(step.error_before),
@@ -78,23 +78,23 @@ pub fn steps(study: &Study) -> String {
     html += "</table></div>\n";
     if !study.left_out.is_empty() {
         html += "<h3>Left out, having nothing to do here</h3>\n<ul>\n";
-        for [knob, why] in &study.left_out {
-            let _ = writeln!(html, "<li>{}: {}</li>", escaped(knob), with_code(why));
+        for [parameter, why] in &study.left_out {
+            let _ = writeln!(html, "<li>{}: {}</li>", escaped(parameter), with_code(why));
         }
         html += "</ul>\n";
     }
     html
 }
 
-/// What a judge is called.
-pub fn against(judge: Judge) -> &'static str {
-    match judge {
-        Judge::Limit => "limit",
-        Judge::Twin => "exact, same samples",
+/// Display name of a reference.
+pub fn against(reference: ReferenceKind) -> &'static str {
+    match reference {
+        ReferenceKind::Limit => "limit",
+        ReferenceKind::Twin => "exact, same samples",
     }
 }
 
-/// Every setting.
+/// Table of all settings.
 pub fn table(study: &Study) -> String {
     let alternatives = comparable(&study.rows);
     let best: Vec<usize> = front(&points(&alternatives)).into_iter().map(|i| alternatives[i].id).collect();
@@ -111,7 +111,7 @@ pub fn table(study: &Study) -> String {
             false => "",
         };
         let limit = row.limit.map_or("–".into(), |limit| scientific(limit.rmse));
-        let limit = if row.told == Told::Within {
+        let limit = if row.significance == Significance::Insignificant {
             format!(
                 "<span class=\"within\" title=\"cannot be told from the reference's own error\">≈ {limit}</span>"
             )
@@ -129,7 +129,7 @@ pub fn table(study: &Study) -> String {
             row.rays,
             row.samples_per_pixel,
             row.structure_bytes as f64 / 1024.0,
-            against(row.judge),
+            against(row.reference),
             cells(row)
         );
     }
@@ -137,7 +137,7 @@ pub fn table(study: &Study) -> String {
         The same numbers, and those that are not shown, are in study.csv and study.json beside this page.</p>\n"
 }
 
-fn cells(row: &Row) -> String {
+fn cells(row: &SettingRow) -> String {
     if row.non_finite > 0 {
         return format!(
             "<td colspan=\"6\" class=\"bad\">{} pixels are no finite numbers</td>",
@@ -161,7 +161,7 @@ fn cells(row: &Row) -> String {
     }
 }
 
-/// With two digits.
+/// Formats a number with two or more significant digits.
 pub fn scientific(x: f64) -> String {
     if x == 0.0 {
         "0".into()
@@ -182,7 +182,7 @@ pub fn scientific(x: f64) -> String {
     }
 }
 
-/// Text with what stands between backquotes as code.
+/// Text as HTML, with parts between backquotes as code.
 pub fn with_code(text: &str) -> String {
     let parts = text.split('`').enumerate();
     parts
@@ -190,7 +190,7 @@ pub fn with_code(text: &str) -> String {
         .collect()
 }
 
-/// Text as HTML.
+/// Text with HTML special characters escaped.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

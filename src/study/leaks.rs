@@ -1,8 +1,8 @@
-//! How many rays slip out of the closed meshes of a scene. [`crate::bench::leaks`] does this for a sphere of its own, whose inside is
-//! known; here points inside have to be found first.
+//! Counts rays that leak out of the closed meshes of a scene. Points inside the meshes are searched for first;
+//! [`crate::bench::leaks`] tests a sphere instead, whose inside is known.
 //!
-//! A ray that starts inside a closed mesh has to hit it, whatever it is aimed at and however its corners were rounded, as long as
-//! neighbours share them. Rays are aimed where that is hardest: at corners and edges.
+//! A ray from inside a closed mesh must hit it, however the vertices were rounded, as long as adjacent triangles share
+//! them. Rays are aimed at vertices and edges, the most difficult targets.
 
 use std::collections::HashMap;
 use std::sync::atomic::Ordering;
@@ -17,37 +17,37 @@ use crate::geometry::{Numerics, PrimId, Ray, Triangle};
 use crate::render::RenderControl;
 use crate::scene::{Mesh, Scene, Shape};
 
-/// Points inside that are looked for.
-const INSIDE: usize = 32;
+/// Number of interior points per mesh.
+const INTERIOR_POINTS: usize = 32;
 
-/// Rays that may be cast to find one of them.
+/// Maximum number of rays to find an interior point.
 const TRIES: u64 = 64;
 
-/// Rays are handed to threads by so many.
+/// Rays per parallel task.
 const CHUNK: u64 = 4096;
 
-/// A closed mesh and points inside it.
-pub struct Closed {
+/// A closed mesh with interior points.
+pub struct ClosedMesh {
     corners: Vec<[DVec3; 3]>,
     inside: Vec<DVec3>,
 }
 
-/// The closed meshes of a scene that have an inside. Those that stand in many places are taken where they first stand.
-pub fn closed(scene: &Scene) -> Vec<Closed> {
+/// Closed meshes of a scene with interior points. Of instanced meshes, the first instance is used.
+pub fn closed_meshes(scene: &Scene) -> Vec<ClosedMesh> {
     let meshes = scene.objects.iter().filter_map(|object| match &object.shape {
         Shape::Mesh(mesh) => Some(corners(mesh)),
         _ => None,
     });
-    meshes.filter(|corners| is_closed(corners)).filter_map(Closed::new).collect()
+    meshes.filter(|corners| is_closed(corners)).filter_map(ClosedMesh::new).collect()
 }
 
-/// In f32, as `fast` and `watertight` have them, so that all tiers are asked about the same mesh.
+/// Vertices rounded to f32, so that all tiers test the same mesh.
 fn corners(mesh: &Mesh) -> Vec<[DVec3; 3]> {
     let rounded = |i: u32| mesh.positions[i as usize].as_vec3().as_dvec3();
     mesh.triangles.iter().map(|triangle| triangle.map(rounded)).collect()
 }
 
-/// Whether every edge, by the positions of its ends, belongs to two triangles.
+/// Whether every edge, identified by its vertex positions, belongs to two triangles.
 fn is_closed(corners: &[[DVec3; 3]]) -> bool {
     let bits = |p: DVec3| (p + 0.0).to_array().map(f64::to_bits);
     let mut edges: HashMap<[[u64; 3]; 2], u32> = HashMap::new();
@@ -61,12 +61,12 @@ fn is_closed(corners: &[[DVec3; 3]]) -> bool {
     !edges.is_empty() && edges.values().all(|&count| count == 2)
 }
 
-impl Closed {
-    /// `None` where no point inside is found: the mesh is thinner than its numbers.
+impl ClosedMesh {
+    /// `None` if no interior point is found: the mesh is thinner than the resolution of f32.
     fn new(corners: Vec<[DVec3; 3]>) -> Option<Self> {
-        let mut closed = Closed { corners, inside: Vec::new() };
+        let mut closed = ClosedMesh { corners, inside: Vec::new() };
         let exact = closed.accelerator(Numerics::Exact);
-        closed.inside = (0..INSIDE as u64).filter_map(|i| closed.point_inside(&*exact, i)).collect();
+        closed.inside = (0..INTERIOR_POINTS as u64).filter_map(|i| closed.point_inside(&*exact, i)).collect();
         (!closed.inside.is_empty()).then_some(closed)
     }
 
@@ -77,8 +77,8 @@ impl Closed {
         bvh::build(slots, Layout::default(), numerics)
     }
 
-    /// Half-way between where a line enters and where it leaves. The line starts outside and goes through the middle of a triangle,
-    /// off its edges, in a direction that is nobody's.
+    /// An interior point: the middle between the first two intersections of a line with the mesh. The line starts
+    /// outside and goes through the centroid of a random triangle in a random direction.
     fn point_inside(&self, exact: &dyn Accelerator, index: u64) -> Option<DVec3> {
         let reach = self.corners.iter().flatten().map(|p| p.abs().max_element()).fold(0.0, f64::max);
         let mut traversal = Traversal::default();
@@ -90,11 +90,11 @@ impl Closed {
             let origin = (target - 4.0 * reach * towards).as_vec3().as_dvec3();
             let precision = Numerics::Exact.ray_precision();
             let ray = precision.ray(origin, (target - origin).try_normalize()?, 0.0, f64::INFINITY);
-            let crossed = crossings(exact, &ray, &mut traversal)?;
-            let &[enters, leaves, ..] = crossed.as_slice() else { return None };
+            let distances = crossings(exact, &ray, &mut traversal)?;
+            let &[enters, leaves, ..] = distances.as_slice() else { return None };
             let middle = ray.at((enters + leaves) / 2.0).as_vec3().as_dvec3();
-            // What rounding the point to f32 has moved through a wall is outside. So is what an edge, counted for both of its triangles,
-            // made look like a way in and out.
+            // Rounding to f32 may move the point outside, and an edge may be counted as two intersections. So the
+            // number of intersections must be odd in several directions.
             let is_inside = |direction: DVec3| {
                 let ray = precision.ray(middle, direction, 0.0, f64::INFINITY);
                 crossings(exact, &ray, &mut Traversal::default()).is_some_and(|t| !t.len().is_multiple_of(2))
@@ -106,7 +106,7 @@ impl Closed {
     }
 }
 
-/// Where a ray crosses a closed mesh, in order; `None` where two of these are one number: at an edge, or where it is not clear.
+/// Ascending distances of all hits of a ray with a mesh; `None` if two are equal, as at an edge.
 fn crossings(exact: &dyn Accelerator, ray: &Ray, traversal: &mut Traversal) -> Option<Vec<f64>> {
     let mut hits = Vec::new();
     exact.all_hits(ray, &mut hits, traversal);
@@ -115,11 +115,16 @@ fn crossings(exact: &dyn Accelerator, ray: &Ray, traversal: &mut Traversal) -> O
     t.windows(2).all(|pair| pair[0] < pair[1]).then_some(t)
 }
 
-/// How many of `rays` rays slip out in a tier, all meshes together, and how many were cast.
+/// Numbers of leaking rays and of rays cast in a tier, over all meshes; casts at most `rays`.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled.
-pub fn count(closed: &[Closed], numerics: Numerics, rays: u64, watch: &RenderControl) -> Result<(u64, u64)> {
+pub fn count_leaks(
+    closed: &[ClosedMesh],
+    numerics: Numerics,
+    rays: u64,
+    control: &RenderControl,
+) -> Result<(u64, u64)> {
     let each = rays / closed.len().max(1) as u64;
     let mut leaks = 0;
     for mesh in closed {
@@ -128,21 +133,21 @@ pub fn count(closed: &[Closed], numerics: Numerics, rays: u64, watch: &RenderCon
             .into_par_iter()
             .flat_map_iter(|chunk| chunk * CHUNK..each.min((chunk + 1) * CHUNK))
             .map_init(Traversal::default, |traversal, index| {
-                let (origin, direction) = mesh.aimed(index);
+                let (origin, direction) = mesh.leak_ray(index);
                 let ray = numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY);
                 u64::from(tier.closest_hit(&ray, traversal).is_none())
             })
             .sum::<u64>();
-        if watch.cancel.load(Ordering::Relaxed) {
+        if control.cancel.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);
         }
     }
     Ok((leaks, each * closed.len() as u64))
 }
 
-impl Closed {
-    /// From a point inside to a corner, or to somewhere on an edge.
-    fn aimed(&self, index: u64) -> (DVec3, DVec3) {
+impl ClosedMesh {
+    /// Origin and direction of a ray from an interior point to a vertex or to a point on an edge.
+    fn leak_ray(&self, index: u64) -> (DVec3, DVec3) {
         let mut numbers = Numbers::new(77, index);
         let origin = self.inside[numbers.below(self.inside.len())];
         let corners = self.corners[numbers.below(self.corners.len())];
@@ -159,17 +164,17 @@ mod tests {
 
     use super::*;
 
-    /// The corners of a tetrahedron, by faces.
+    /// The faces of a tetrahedron.
     fn tetrahedron() -> Vec<[DVec3; 3]> {
         let p = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
         [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]].map(|face: [usize; 3]| face.map(|i| p[i])).to_vec()
     }
 
     fn leaks(corners: Vec<[DVec3; 3]>, missing: usize, numerics: Numerics) -> (u64, u64) {
-        let mut closed = Closed::new(corners).expect("it has an inside");
+        let mut closed = ClosedMesh::new(corners).expect("interior points");
         closed.corners.truncate(closed.corners.len() - missing);
         let cancel = AtomicBool::new(false);
-        count(
+        count_leaks(
             &[closed],
             numerics,
             20_000,
@@ -179,17 +184,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_closed_is_known() {
+    fn closed_meshes_are_recognised() {
         assert!(is_closed(&tetrahedron()));
         assert!(!is_closed(&tetrahedron()[1..]));
         assert!(!is_closed(&[]));
     }
 
     #[test]
-    fn points_inside_are_inside() {
-        // Of this tetrahedron: all coordinates above 0, their sum below 1.
-        let closed = Closed::new(tetrahedron()).unwrap();
-        assert_eq!(closed.inside.len(), INSIDE);
+    fn interior_points_are_inside() {
+        // Inside this tetrahedron all coordinates are above 0, and their sum is below 1.
+        let closed = ClosedMesh::new(tetrahedron()).unwrap();
+        assert_eq!(closed.inside.len(), INTERIOR_POINTS);
         assert!(
             closed.inside.iter().all(|p| p.min_element() > 0.0 && p.element_sum() < 1.0),
             "{:?}",
@@ -197,9 +202,9 @@ mod tests {
         );
     }
 
-    /// A wall of one step of f32 has no number inside, one of four has; no threshold tells them apart.
+    /// A slab of 1 ulp has no f32 value inside, one of 4 ulp has.
     #[test]
-    fn what_is_thinner_than_its_numbers_has_no_inside() {
+    fn a_slab_of_one_ulp_has_no_interior_points() {
         let slab = |steps: f32| -> Vec<[DVec3; 3]> {
             let top = f64::from(1.0 + steps * f32::EPSILON);
             let p = |i: usize| {
@@ -209,14 +214,14 @@ mod tests {
             faces.iter().flat_map(|&[a, b, c, d]| [[p(a), p(b), p(c)], [p(a), p(c), p(d)]]).collect()
         };
         assert!(is_closed(&slab(4.0)));
-        assert!(Closed::new(slab(1.0)).is_none());
-        let inside = Closed::new(slab(4.0)).expect("three numbers inside").inside;
+        assert!(ClosedMesh::new(slab(1.0)).is_none());
+        let inside = ClosedMesh::new(slab(4.0)).expect("three f32 values inside").inside;
         let (low, high) = (1.0, f64::from(1.0 + 4.0 * f32::EPSILON));
         assert!(inside.iter().all(|p| p.z > low && p.z < high), "{inside:?}");
     }
 
     #[test]
-    fn a_missing_face_is_noticed_and_a_closed_mesh_does_not_leak() {
+    fn only_a_mesh_with_a_missing_face_leaks() {
         for numerics in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
             assert_eq!(leaks(tetrahedron(), 0, numerics), (0, 20_000), "{numerics:?}");
         }

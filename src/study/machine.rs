@@ -1,10 +1,10 @@
-//! Where a study was made: figures of one machine are not those of another.
+//! Description of the machine.
 
 use std::fs::read_to_string;
 
 use crate::bvh::{Accelerator, compiled_isa};
 
-/// What is known of the machine, as names and values. What the system does not tell is left out.
+/// Properties of the machine that the system provides, as names and values.
 pub fn machine(accelerator: &dyn Accelerator) -> Vec<[String; 2]> {
     let mut facts: Vec<[String; 2]> = Vec::new();
     let mut add =
@@ -26,7 +26,7 @@ pub fn machine(accelerator: &dyn Accelerator) -> Vec<[String; 2]> {
     facts
 }
 
-/// How many processes wanted a processor in the last minute, on average.
+/// Load average of the last minute.
 fn load() -> Option<String> {
     Some(read_to_string("/proc/loadavg").ok()?.split(' ').next()?.to_owned())
 }

@@ -1,13 +1,13 @@
-//! The study itself: references, errors, then rounds of timing in which all settings take turns.
+//! The course of a study: references, errors, then timing rounds with all settings interleaved.
 
 use rayon::ThreadPool;
 
-use super::data::{Judge, Quartiles, Row, SCHEMA, Study};
-use super::meter::Meter;
-use super::pictures::{Pictures, png};
+use super::data::{Quartiles, ReferenceKind, SCHEMA, SettingRow, Study};
+use super::meter::ProgressMeter;
+use super::pictures::{PageImages, png};
 use super::setting::Setting;
 use super::sweep::{Candidate, sweep};
-use super::work::{Cell, Work, filters, prepare};
+use super::work::{MeasuredSetting, StudyRun, filters, prepare};
 use super::{advice, machine, steps};
 use crate::bench::Clock;
 use crate::effects::{Choices, RayKind};
@@ -17,103 +17,110 @@ use crate::job::Metadata;
 use crate::render::RenderControl;
 use crate::scene::{Camera, Scene};
 
-/// What is studied.
-pub struct Subject {
-    /// What to call it.
+/// Input of a study.
+pub struct StudySubject {
+    /// Name in the report.
     pub name: String,
-    /// The command that asked for it.
+    /// The command line.
     pub command: String,
-    /// The scene, with its lights.
+    /// The scene.
     pub scene: Scene,
-    /// Where it is seen from, with the projection that is used.
+    /// The camera, with the projection to use.
     pub camera: Camera,
     /// Width and height of the picture in pixels.
     pub size: [u32; 2],
-    /// The part of it that is rendered.
+    /// The rendered part of the picture.
     pub window: Window,
-    /// What is asked of effects.
+    /// Requested effects.
     pub choices: Choices,
-    /// How the picture is asked for.
+    /// The base setting.
     pub base: Setting,
-    /// What made it, as names and values.
+    /// Metadata of the picture, as names and values.
     pub metadata: Metadata,
 }
 
-/// How thorough a study is.
+/// Extent of a study.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
-    /// How often everything is timed, after a round to warm up.
+    /// Timing rounds.
     pub rounds: u32,
-    /// The most samples a pixel that are looked at.
+    /// Maximum number of samples per pixel.
     pub most_samples: u32,
-    /// Samples a pixel of each half of a reference.
+    /// Samples per pixel of each half of a converged reference.
     pub reference_samples: u32,
-    /// Rays across a pixel of the picture that geometry is compared by.
+    /// Rays per pixel in each direction for the comparison of geometry.
     pub rays_across: u32,
-    /// Rays that are cast at closed meshes in each tier.
+    /// Rays per tier for the search of leaks.
     pub leak_rays: u64,
-    /// The knobs that are varied, some of [`super::knobs`]; all of them where none is named.
-    pub knobs: Vec<&'static str>,
+    /// Parameters to vary, from [`super::parameters`]; all if empty.
+    pub parameters: Vec<&'static str>,
 }
 
 impl Options {
-    /// Samples a pixel of each half of a limit. The first is the base's; those of other filters are held against half of the most
-    /// samples at most, so half are enough.
+    /// Samples per pixel of each half of the limit of a filter. Index 0 is the filter of the base. Settings with other
+    /// filters have fewer samples, so half as many suffice for their limits.
     pub(super) fn samples_of_limit(&self, index: usize) -> u32 {
         if index == 0 { self.reference_samples } else { self.reference_samples.div_ceil(2) }
     }
 }
 
-/// Where the work is done.
+/// Thread pools of a study.
 pub struct Pools<'a> {
-    /// What is timed.
+    /// For timed renders.
     pub timed: &'a ThreadPool,
-    /// Everything else.
+    /// For everything else.
     pub wide: &'a ThreadPool,
 }
 
-/// Studies `subject`. `load` reads the inputs again, to be timed, where they can be.
+/// Runs a study. `load` reads the inputs again for timing.
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled, and those of rendering.
 pub fn study(
-    subject: &Subject,
+    subject: &StudySubject,
     options: &Options,
     load: Option<&(dyn Fn() -> Result<()> + Sync)>,
     pools: &Pools,
-    watch: &RenderControl,
-) -> Result<(Study, Pictures)> {
+    control: &RenderControl,
+) -> Result<(Study, PageImages)> {
     let (mut candidates, mut left_out, machine) = pools.wide.install(|| {
         let job = prepare(subject, &subject.base)?;
         let (candidates, left_out) = sweep(&subject.scene, &subject.base, &job.plan, options.most_samples);
         Ok::<_, Error>((candidates, left_out, machine::machine(&*job.world.accelerator)))
     })?;
-    let is_wanted = |knob: &str| options.knobs.is_empty() || options.knobs.contains(&knob);
-    candidates.retain(|candidate| candidate.base || is_wanted(candidate.knob));
-    left_out.retain(|(knob, _)| is_wanted(knob));
-    let mut cells: Vec<Cell> = Vec::new();
+    let is_wanted =
+        |parameter: &str| options.parameters.is_empty() || options.parameters.contains(&parameter);
+    candidates.retain(|candidate| candidate.base || is_wanted(candidate.parameter));
+    left_out.retain(|(parameter, _)| is_wanted(parameter));
+    let mut settings: Vec<MeasuredSetting> = Vec::new();
     for Candidate { setting, .. } in &candidates {
-        if !cells.iter().any(|cell| cell.setting == *setting) {
+        if !settings.iter().any(|measured| measured.setting == *setting) {
             let setting = setting.clone();
-            cells.push(Cell { setting, build_ms: Vec::new(), trace_ms: Vec::new(), seen: None });
+            settings.push(MeasuredSetting {
+                setting,
+                build_ms: Vec::new(),
+                trace_ms: Vec::new(),
+                result: None,
+            });
         }
     }
-    // What the base is off the limit is of no interest where nothing else is judged by it, and takes most of the time.
-    let needs_limit = candidates.iter().any(|candidate| !candidate.base && candidate.judge == Judge::Limit);
-    let filters = if needs_limit { filters(&cells) } else { Vec::new() };
-    let work = Work { subject, options, meter: Meter::new(watch) };
-    work.announce(&cells, filters.len());
+    // The limit takes most of the time; it is not needed for the base alone.
+    let needs_limit =
+        candidates.iter().any(|candidate| !candidate.base && candidate.reference == ReferenceKind::Limit);
+    let filters = if needs_limit { filters(&settings) } else { Vec::new() };
+    let work = StudyRun { subject, options, meter: ProgressMeter::new(control) };
+    work.set_total_work(&settings, filters.len());
 
     let (limits, twins, geometry) = pools.wide.install(|| {
-        let geometry = work.geometry(watch)?;
+        let geometry = work.geometry(control)?;
         let limits = work.limits(&filters)?;
-        Ok::<_, Error>((limits, work.twins(&cells)?, geometry))
+        Ok::<_, Error>((limits, work.twins(&settings)?, geometry))
     })?;
-    pools.wide.install(|| work.look(&mut cells, &limits, &twins))?;
-    let load_ms = pools.timed.install(|| work.time(&mut cells, load))?;
+    pools.wide.install(|| work.compare_images(&mut settings, &limits, &twins))?;
+    let load_ms = pools.timed.install(|| work.time_renders(&mut settings, load))?;
 
     let threads = pools.timed.current_num_threads();
-    let rows = rows(&candidates, &cells, subject);
+    let rows = rows(&candidates, &settings, subject);
     let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| [a.clone(), b.clone()]).collect();
     let base_limit = limits.iter().find(|limit| limit.filter == subject.base.sampling.shape_and_radius());
     let study = Study {
@@ -130,46 +137,49 @@ pub fn study(
         load_ms,
         floors: limits.iter().map(|limit| limit.floor.clone()).collect(),
         geometry,
-        left_out: left_out.into_iter().map(|(knob, why)| [knob.to_owned(), why]).collect(),
+        left_out: left_out.into_iter().map(|(parameter, why)| [parameter.to_owned(), why]).collect(),
         advice: advice(&rows),
         steps: steps(&rows),
         rows,
     };
     let shown = candidates.iter().map(|candidate| {
-        let cell = cells.iter().position(|cell| cell.setting == candidate.setting)?;
-        Some((cell, candidate.judge))
+        let measured = settings.iter().position(|measured| measured.setting == candidate.setting)?;
+        Some((measured, candidate.reference))
     });
-    let pictures = Pictures::new(
+    let pictures = PageImages::new(
         base_limit.map(|limit| png(&limit.picture)).transpose()?,
         &shown.collect::<Vec<_>>(),
-        &cells.into_iter().map(|cell| cell.seen.map(|seen| seen.shown)).collect::<Vec<_>>(),
+        &settings.into_iter().map(|measured| measured.result.map(|result| result.images)).collect::<Vec<_>>(),
     );
     Ok((study, pictures))
 }
 
-fn rows(candidates: &[Candidate], cells: &[Cell], subject: &Subject) -> Vec<Row> {
+fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudySubject) -> Vec<SettingRow> {
     let pixels = subject.window.area() as f64;
     let mut rows = Vec::new();
     for candidate in candidates {
-        let Some(cell) = cells.iter().find(|cell| cell.setting == candidate.setting) else { continue };
-        let Some(seen) = &cell.seen else { continue };
-        let (Some(build_ms), Some(trace_ms)) = (Quartiles::of(&cell.build_ms), Quartiles::of(&cell.trace_ms))
+        let Some(measured) = settings.iter().find(|measured| measured.setting == candidate.setting) else {
+            continue;
+        };
+        let Some(result) = &measured.result else { continue };
+        let (Some(build_ms), Some(trace_ms)) =
+            (Quartiles::of(&measured.build_ms), Quartiles::of(&measured.trace_ms))
         else {
             continue;
         };
-        let (setting, statistics) = (&cell.setting, &seen.statistics);
+        let (setting, statistics) = (&measured.setting, &result.statistics);
         let (shape, radius) = setting.sampling.shape_and_radius();
         let options = setting.options(&subject.base, &subject.choices);
         let primary_rays = statistics.rays(RayKind::PRIMARY).cast;
-        rows.push(Row {
+        rows.push(SettingRow {
             id: rows.len(),
-            knob: candidate.knob.into(),
+            parameter: candidate.parameter.into(),
             setting: candidate.name.clone(),
             base: candidate.base,
             has_options: options.is_some(),
             options: options.unwrap_or_default(),
             numerics: setting.numerics.name().into(),
-            layout: seen.layout.into(),
+            layout: result.layout.into(),
             preset: setting.structure.preset().map(|preset| preset.name().into()),
             colour: setting.pipeline.name().into(),
             filter: format!("{} {radius}", shape.name()),
@@ -178,14 +188,14 @@ fn rows(candidates: &[Candidate], cells: &[Cell], subject: &Subject) -> Vec<Row>
             rays: statistics.rays.iter().map(|(_, count)| count.cast).sum(),
             primary_rays,
             samples_per_pixel: primary_rays as f64 / pixels,
-            structure_bytes: seen.structure_bytes,
+            structure_bytes: result.structure_bytes,
             tile_bytes: statistics.bytes(),
-            judge: candidate.judge,
+            reference: candidate.reference,
             non_finite: statistics.non_finite.0,
-            limit: seen.limit,
-            told: seen.told,
-            twin: seen.twin,
-            fingerprint: seen.fingerprint.clone(),
+            limit: result.limit,
+            significance: result.significance,
+            twin: result.twin,
+            fingerprint: result.fingerprint.clone(),
         });
     }
     rows

@@ -1,16 +1,15 @@
-//! What accuracy costs in time: a scene rendered in many settings, each with its time and its error; and rendering to
-//! an error or a time ([`choose`]).
+//! Error against time: a scene rendered in many settings, each with its render time and errors.
 //!
-//! [`study()`] takes a [`Subject`] through a sweep of settings, one knob at a time and then some together. Every setting
-//! is timed in every round, so that what else the machine does hits all alike, and its picture is held against two others:
+//! [`study()`] varies one parameter of a [`StudySubject`] at a time, then some together. Every setting is timed in
+//! every round, so that other load on the machine affects all settings equally. Each picture is compared with two
+//! references:
 //!
-//! - the *limit*: the scene in the tier `exact` with so many samples that what they leave open is known (`reference`);
-//! - the *twin*: the scene in `exact` at the very same sample points, so that nothing but the knob differs.
+//! - the *limit*: a converged picture in the tier `exact`, with known noise (`reference`);
+//! - the *twin*: the picture in `exact` at the same sample points, so that only the parameter differs.
 //!
-//! `geometry` asks before any picture what the tiers decide otherwise than `exact` does. [`page`] makes a page of it.
+//! `geometry` compares the ray hits of the tiers with `exact`. [`page`] returns the results as an HTML page.
 
 mod advice;
-pub mod choose;
 mod data;
 mod errors;
 mod geometry;
@@ -19,7 +18,6 @@ mod leaks;
 mod machine;
 mod measure;
 mod meter;
-pub mod metrics;
 mod pareto;
 mod pictures;
 mod plot;
@@ -30,14 +28,14 @@ mod sweep;
 mod table;
 mod work;
 
-pub use advice::{Advice, Step, advice, steps};
-pub use data::{Floor, Geometry, Judge, Quartiles, Row, Study, Told};
+pub use advice::{Advice, ParameterStep, advice, steps};
+pub use data::{GeometryErrors, NoiseFloor, Quartiles, ReferenceKind, SettingRow, Significance, Study};
 pub use errors::PictureErrors;
-pub use measure::{Options, Pools, Subject, study};
+pub use measure::{Options, Pools, StudySubject, study};
 pub use pareto::front;
-pub use pictures::{Picture, Pictures};
+pub use pictures::{PageImages, RowImages};
 pub use plot::error_against_time;
 pub use report::{facts, page};
 pub use setting::Setting;
-pub use sweep::{Absent, Candidate, knobs, sweep};
+pub use sweep::{Candidate, Omitted, parameters, sweep};
 pub use table::{from_csv, to_csv};

@@ -1,7 +1,7 @@
-//! Which settings are worth choosing: those that no other beats in both time and error.
+//! Pareto front of time and error.
 
-/// Of points of time and error, the indices of those that no other dominates, by time. One dominates another where it is worse in
-/// neither and better in one; of equal points the first counts.
+/// Indices of the points of time and error that no other point dominates, in ascending order of time. A point dominates
+/// another if it is worse in neither value and better in one; of equal points, the first is returned. NaN is excluded.
 pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     let mut order: Vec<usize> =
         (0..points.len()).filter(|&i| points[i].iter().all(|x| !x.is_nan())).collect();
@@ -23,16 +23,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_front_of_a_made_up_set() {
-        // By hand: (3, 4) is slower and worse than (2, 3); (2, 5) is worse at the time of (2, 3); (5, 1) twice; (6, 2) is
-        // beaten by (5, 1).
+    fn dominated_points_are_excluded() {
+        // (2, 3) dominates (3, 4) and (2, 5); (5, 1) dominates (6, 2) and occurs twice.
         let points = [[3.0, 4.0], [1.0, 9.0], [2.0, 3.0], [5.0, 1.0], [2.0, 5.0], [5.0, 1.0], [6.0, 2.0]];
         assert_eq!(front(&points), [1, 2, 3]);
-        assert_eq!(
-            front(&[[1.0, 0.0], [0.5, 0.0], [2.0, 0.0]]),
-            [1],
-            "without an error the cheapest is left"
-        );
+        assert_eq!(front(&[[1.0, 0.0], [0.5, 0.0], [2.0, 0.0]]), [1], "of equal errors, the fastest remains");
         assert_eq!(front(&[[1.0, f64::NAN], [2.0, 1.0]]), [1]);
         assert_eq!(front(&[]), [0usize; 0]);
     }

@@ -1,4 +1,4 @@
-//! The pictures of a report: what each setting made, where it differs, and the three worst places.
+//! Images of the HTML page: the picture of each setting, its reference and error map, and the worst pixels.
 
 use std::collections::HashMap;
 
@@ -6,53 +6,53 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-use super::data::Judge;
+use super::data::ReferenceKind;
 use super::errors::PictureErrors;
-use super::metrics::{Errors, Picture as Compared, error_map};
 use crate::error::{Error, Result};
+use crate::metrics::{ComparedImage, Errors, error_map};
 
-/// Places that are shown enlarged.
+/// Number of worst pixels to show enlarged.
 const WORST: usize = 3;
 
-/// Bytes of PNG that a report holds at most; pictures beyond are left out. A browser copes with as much at once.
-const BUDGET: usize = 24 << 20;
+/// Size limit of the PNG data of a page in bytes, for browsers; further images are left out.
+const MAX_BYTES: usize = 24 << 20;
 
-/// A picture held against another.
-pub struct Against {
-    /// How far they are apart.
+/// Comparison of a picture with a reference.
+pub struct Comparison {
+    /// Error figures.
     pub errors: PictureErrors,
-    /// The other, as PNG.
+    /// The reference as PNG.
     reference: Vec<u8>,
-    /// Where they differ, as PNG; missing where they do not.
+    /// Error map as PNG; `None` if the pictures are equal.
     heat: Option<Vec<u8>>,
-    /// Columns and rows of the worst pixels, the worst first.
+    /// Columns and rows of the worst pixels, in descending order of difference.
     worst: Vec<[u32; 2]>,
 }
 
-impl Against {
-    /// `None` where a pixel of either is no finite number.
+impl Comparison {
+    /// `None` if a pixel is not finite.
     ///
     /// # Errors
-    /// Those of the comparison, and where a PNG cannot be made.
-    pub fn new(reference: &Compared, test: &Compared) -> Result<Option<Self>> {
+    /// Those of [`Errors::between`] and [`png`].
+    pub fn new(reference: &ComparedImage, test: &ComparedImage) -> Result<Option<Self>> {
         let Some(figures) = Errors::between(reference, test)?.figures else { return Ok(None) };
         let errors = PictureErrors::of(&figures);
         let worst = figures.worst.iter().take(WORST).map(|worst| [worst.x, worst.y]).collect();
         let heat = if errors.are_none() { None } else { Some(heat(reference, test)?) };
-        Ok(Some(Against { errors, reference: png(reference)?, heat, worst }))
+        Ok(Some(Comparison { errors, reference: png(reference)?, heat, worst }))
     }
 }
 
-/// Where they differ, as colours.
-fn heat(a: &Compared, b: &Compared) -> Result<Vec<u8>> {
+/// Error map as PNG.
+fn heat(a: &ComparedImage, b: &ComparedImage) -> Result<Vec<u8>> {
     encode(a.width, a.height, error_map(a, b).as_flattened())
 }
 
-/// What a display shows of a picture, as PNG.
+/// Display values of a picture as PNG.
 ///
 /// # Errors
-/// [`Error::Failed`] where it cannot be made.
-pub fn png(picture: &Compared) -> Result<Vec<u8>> {
+/// [`Error::Failed`] if the encoder fails.
+pub fn png(picture: &ComparedImage) -> Result<Vec<u8>> {
     let byte = |c: &f32| crate::film::colour::quantise((*c).into());
     let bytes: Vec<u8> = picture.displayed().iter().flatten().map(byte).collect();
     encode(picture.width, picture.height, &bytes)
@@ -74,64 +74,68 @@ fn encode(width: u32, height: u32, bytes: &[u8]) -> Result<Vec<u8>> {
     Ok(file)
 }
 
-/// What a setting made.
-pub struct Shown {
-    /// Its picture, as PNG.
+/// The picture of a setting with its comparisons.
+pub struct SettingImages {
+    /// The picture as PNG.
     pub png: Vec<u8>,
-    /// Against its limit.
-    pub limit: Option<Against>,
-    /// Against its twin.
-    pub twin: Option<Against>,
+    /// Comparison with the limit.
+    pub limit: Option<Comparison>,
+    /// Comparison with the twin.
+    pub twin: Option<Comparison>,
 }
 
-/// All pictures of a report, each file once.
+/// All images of a page, without duplicates.
 #[derive(Debug, Default, PartialEq, Serialize)]
-pub struct Pictures {
-    /// The files, as data URIs.
+pub struct PageImages {
+    /// PNG files as data URIs.
     pub files: Vec<String>,
-    /// The limit of the picture that was asked for.
+    /// File index of the limit of the base.
     pub limit: Option<usize>,
-    /// For each row, its pictures; missing where they are left out.
-    pub rows: Vec<Option<Picture>>,
+    /// Images of each row; `None` if left out.
+    pub rows: Vec<Option<RowImages>>,
 }
 
-/// The pictures of a row, as numbers of files.
+/// Images of a row, as file indices.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Picture {
-    /// What the setting made.
+pub struct RowImages {
+    /// Picture of the setting.
     pub own: usize,
-    /// What it is held against.
+    /// Reference.
     pub reference: usize,
-    /// Where it differs; missing where it does not.
+    /// Error map; `None` if the pictures are equal.
     pub heat: Option<usize>,
     /// Columns and rows of the worst pixels.
     pub worst: Vec<[u32; 2]>,
 }
 
-impl Pictures {
-    /// Of each row the number of its cell and what judges it; and the cells.
-    pub fn new(limit: Option<Vec<u8>>, rows: &[Option<(usize, Judge)>], cells: &[Option<Shown>]) -> Self {
+impl PageImages {
+    /// `rows` gives for each row the index in `settings` and the reference.
+    pub fn new(
+        limit: Option<Vec<u8>>,
+        rows: &[Option<(usize, ReferenceKind)>],
+        settings: &[Option<SettingImages>],
+    ) -> Self {
         let mut files = Files::default();
         let limit = limit.map(|limit| files.number(limit));
         let mut pictures = Vec::new();
         for row in rows {
-            let shown = row.and_then(|(cell, judge)| Some((cells.get(cell)?.as_ref()?, judge)));
-            let against = shown.and_then(|(shown, judge)| {
-                let against = match judge {
-                    Judge::Limit => shown.limit.as_ref(),
-                    Judge::Twin => shown.twin.as_ref(),
+            let shown = row.and_then(|(index, reference)| Some((settings.get(index)?.as_ref()?, reference)));
+            let compared = shown.and_then(|(shown, reference)| {
+                let comparison = match reference {
+                    ReferenceKind::Limit => shown.limit.as_ref(),
+                    ReferenceKind::Twin => shown.twin.as_ref(),
                 };
-                Some((shown, against?))
+                Some((shown, comparison?))
             });
-            let picture = against.filter(|_| files.bytes < BUDGET).map(|(shown, against)| Picture {
+            let picture = compared.filter(|_| files.bytes < MAX_BYTES).map(|(shown, comparison)| RowImages {
                 own: files.number(shown.png.clone()),
-                reference: files.number(against.reference.clone()),
-                heat: against.heat.clone().map(|heat| files.number(heat)),
-                worst: against.worst.clone(),
+                reference: files.number(comparison.reference.clone()),
+                heat: comparison.heat.clone().map(|heat| files.number(heat)),
+                worst: comparison.worst.clone(),
             });
             pictures.push(picture);
         }
-        Pictures { files: files.list, limit, rows: pictures }
+        PageImages { files: files.list, limit, rows: pictures }
     }
 }
 
@@ -156,26 +160,31 @@ impl Files {
 
 #[cfg(test)]
 mod tests {
-    use super::super::metrics::Values;
     use super::*;
+    use crate::metrics::Values;
 
     #[test]
-    fn equal_files_are_kept_once_and_equal_pictures_have_no_heat() {
-        let even = |value: f32| Compared {
+    fn files_are_unique_and_equal_pictures_have_no_error_map() {
+        let uniform = |value: f32| ComparedImage {
             width: 4,
             height: 4,
             values: Values::Display,
             pixels: vec![[value; 3]; 16],
         };
         let shown = |value: f32| {
-            let twin = Against::new(&even(0.5), &even(value)).unwrap();
-            Some(Shown { png: png(&even(value)).unwrap(), limit: None, twin })
+            let twin = Comparison::new(&uniform(0.5), &uniform(value)).unwrap();
+            Some(SettingImages { png: png(&uniform(value)).unwrap(), limit: None, twin })
         };
-        let rows = [Some((0, Judge::Twin)), Some((1, Judge::Twin)), Some((1, Judge::Limit)), None];
-        let pictures = Pictures::new(None, &rows, &[shown(0.5), shown(0.25)]);
-        // Grey, darker grey, and the map of their difference.
+        let rows = [
+            Some((0, ReferenceKind::Twin)),
+            Some((1, ReferenceKind::Twin)),
+            Some((1, ReferenceKind::Limit)),
+            None,
+        ];
+        let pictures = PageImages::new(None, &rows, &[shown(0.5), shown(0.25)]);
+        // Grey, dark grey, and their error map.
         assert_eq!(pictures.files.len(), 3);
-        assert_eq!(pictures.rows[0], Some(Picture { own: 0, reference: 0, heat: None, worst: Vec::new() }));
+        assert_eq!(pictures.rows[0], Some(RowImages { own: 0, reference: 0, heat: None, worst: Vec::new() }));
         let [_, Some(second), None, None] = &pictures.rows[..] else { panic!("{:?}", pictures.rows) };
         assert_eq!((second.own, second.reference, second.heat, second.worst.len()), (1, 0, Some(2), 1));
     }

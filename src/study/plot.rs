@@ -1,25 +1,25 @@
-//! Error against time, as SVG by plotters. Colours are fixed: a page that has a dark form overrides them by CSS.
+//! Plots of error against time as SVG, by plotters. Colours are fixed; the page's CSS overrides them in dark mode.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::advice::{comparable, points};
-use super::data::Row;
+use super::data::SettingRow;
 use super::pareto::front;
 use crate::bench::plot::{Drawn, GRID, INK, PALETTE, decades, failed, text};
 use crate::error::Result;
 
 /// A setting in a plot.
 struct Mark {
-    /// The group that it is coloured by.
+    /// Index of its group, which determines the colour.
     group: usize,
-    /// Milliseconds.
+    /// Median time in ms.
     time: f64,
-    /// The quartiles of that.
+    /// Quartiles of the time in ms.
     spread: [f64; 2],
-    /// Its error; 0 has a line of its own below all others.
+    /// Error; 0 is drawn on a separate line below all others.
     error: f64,
-    /// What stands beside it, where it is not dominated.
+    /// Label, if not dominated.
     label: Option<String>,
 }
 
@@ -27,29 +27,30 @@ struct Mark {
 struct Plot {
     groups: Vec<String>,
     marks: Vec<Mark>,
-    /// The corners of the Pareto front.
+    /// Points of the Pareto front.
     front: Vec<[f64; 2]>,
-    /// The reference's own error.
+    /// Noise of the reference.
     floor: Option<f64>,
-    /// What the upright axis is of.
+    /// Label of the error axis.
     error: &'static str,
 }
 
-/// Width in pixels: on a narrow screen it is shown at three quarters of that, and letters must remain legible.
+/// Width in pixels. Narrow screens show it at three quarters of this size, at which text must be legible.
 const WIDTH: u32 = 560;
 /// Height without the legend.
 const HEIGHT: u32 = 400;
-/// The colours of the palette but the last, the grey of what has no group.
+/// Number of group colours: the palette without its last colour, grey.
 const COLOURS: usize = PALETTE.len() - 1;
-/// Height of a line of the legend.
+/// Height of a legend line in pixels.
 const LEGEND: i32 = 18;
 
-/// The error against the limit over the time of the picture, of all settings that have the same limit, with the Pareto front.
+/// Plot of the error against the limit over the render time, for all settings with the same limit, with the Pareto
+/// front.
 ///
 /// # Errors
-/// [`Error::Failed`](crate::error::Error::Failed) where plotters does.
-pub fn error_against_time(rows: &[Row], floor: Option<f64>) -> Result<String> {
-    let groups = knobs(rows);
+/// [`Error::Failed`](crate::error::Error::Failed) if plotters fails.
+pub fn error_against_time(rows: &[SettingRow], floor: Option<f64>) -> Result<String> {
+    let groups = parameters(rows);
     let rows = comparable(rows);
     let all = points(&rows);
     let best = front(&all);
@@ -60,18 +61,18 @@ pub fn error_against_time(rows: &[Row], floor: Option<f64>) -> Result<String> {
         floor: floor.filter(|floor| *floor > 0.0),
         error: "error (RMSE against the limit)",
     };
-    drawn(&plot)
+    render_svg(&plot)
 }
 
-/// The error against the twin over the time of the picture, of the settings that are judged by it. Nothing is drawn as the front:
-/// these knobs are no alternatives for one another.
+/// Plot of the error against the twin over the render time, for the settings with this reference. There is no Pareto
+/// front, as these parameters are independent of each other.
 ///
 /// # Errors
-/// [`Error::Failed`](crate::error::Error::Failed) where plotters does.
-pub fn error_against_twin(rows: &[Row]) -> Result<String> {
-    let groups = knobs(rows);
-    let rows: Vec<&Row> =
-        rows.iter().filter(|row| row.judge == super::Judge::Twin && row.twin.is_some()).collect();
+/// [`Error::Failed`](crate::error::Error::Failed) if plotters fails.
+pub fn error_against_twin(rows: &[SettingRow]) -> Result<String> {
+    let groups = parameters(rows);
+    let rows: Vec<&SettingRow> =
+        rows.iter().filter(|row| row.reference == super::ReferenceKind::Twin && row.twin.is_some()).collect();
     let all: Vec<[f64; 2]> =
         rows.iter().map(|row| [row.trace_ms.median, row.twin.map_or(f64::NAN, |twin| twin.rmse)]).collect();
     let wrong: Vec<usize> = (0..rows.len()).filter(|&i| all[i][1] > 0.0).collect();
@@ -82,23 +83,23 @@ pub fn error_against_twin(rows: &[Row]) -> Result<String> {
         floor: None,
         error: "error (RMSE, same sample points in exact)",
     };
-    drawn(&plot)
+    render_svg(&plot)
 }
 
-/// All knobs, so that each has the same colour in every plot.
-fn knobs(rows: &[Row]) -> Vec<String> {
-    let mut knobs: Vec<String> = Vec::new();
+/// All parameters in order, so that each has the same colour in every plot.
+fn parameters(rows: &[SettingRow]) -> Vec<String> {
+    let mut parameters: Vec<String> = Vec::new();
     for row in rows {
-        if !knobs.contains(&row.knob) {
-            knobs.push(row.knob.clone());
+        if !parameters.contains(&row.parameter) {
+            parameters.push(row.parameter.clone());
         }
     }
-    knobs
+    parameters
 }
 
-fn marks(knobs: &[String], rows: &[&Row], points: &[[f64; 2]], labelled: &[usize]) -> Vec<Mark> {
-    let mark = |(i, (row, &[time, error])): (usize, (&&Row, &[f64; 2]))| Mark {
-        group: knobs.iter().position(|knob| *knob == row.knob).unwrap_or(0),
+fn marks(parameters: &[String], rows: &[&SettingRow], points: &[[f64; 2]], labelled: &[usize]) -> Vec<Mark> {
+    let mark = |(i, (row, &[time, error])): (usize, (&&SettingRow, &[f64; 2]))| Mark {
+        group: parameters.iter().position(|parameter| *parameter == row.parameter).unwrap_or(0),
         time,
         spread: [row.trace_ms.lower, row.trace_ms.upper],
         error,
@@ -107,19 +108,17 @@ fn marks(knobs: &[String], rows: &[&Row], points: &[[f64; 2]], labelled: &[usize
     rows.iter().zip(points).enumerate().map(mark).collect()
 }
 
-fn drawn(plot: &Plot) -> Result<String> {
+fn render_svg(plot: &Plot) -> Result<String> {
     let mut svg = String::new();
     draw(&mut svg, plot).map_err(failed)?;
-    // As large as there is room for.
     Ok(svg.replacen("<svg ", "<svg role=\"img\" ", 1))
 }
 
-/// Of a group, its colour.
 fn colour(group: usize) -> RGBColor {
     PALETTE[group % COLOURS]
 }
 
-/// The times that are written on the axis: those that begin with 1, 2 or 5.
+/// Label of a time on the axis; empty unless its first digit is 1, 2 or 5 and the others are 0.
 fn round_time(time: f64) -> String {
     let digit = time / 10f64.powf((time.log10() + 1e-9).floor());
     let is_round = [1.0, 2.0, 5.0].iter().any(|round| (digit - round).abs() < 1e-6);
@@ -137,16 +136,16 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
     let (area, legend) = root.split_vertically(HEIGHT);
     let positive = || plot.marks.iter().map(|mark| mark.error).chain(plot.floor).filter(|error| *error > 0.0);
     let errors = if positive().next().is_some() { decades(positive()) } else { 0.1..1.0 };
-    // Room for a label above the largest, and beside the slowest.
+    // Margin for labels.
     let errors = errors.start..errors.end * 1.6;
     let has_zero = plot.marks.iter().any(|mark| mark.error == 0.0);
-    // A line of its own for 0, which has no logarithm.
+    // Position of the error 0, which has no logarithm.
     let zero = 10f64.powf((errors.start.log10() - 0.6).floor());
     let errors = if has_zero { zero * 0.6..errors.end } else { errors };
     let times = plot.marks.iter().flat_map(|mark| mark.spread);
     let times = decades(times);
     let times = times.start..times.end * 1.6;
-    let place = |error: f64| if error > 0.0 { error } else { zero };
+    let position = |error: f64| if error > 0.0 { error } else { zero };
 
     let mut chart = ChartBuilder::on(&area)
         .margin(8)
@@ -164,7 +163,7 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
         .light_line_style(WHITE)
         .bold_line_style(GRID)
         .axis_style(INK)
-        // Enough of them that plotters goes through the digits of each power of ten.
+        // Enough labels that plotters includes all digits of each power of ten.
         .x_labels(40)
         .y_labels(8)
         .x_label_formatter(&|time| round_time(*time))
@@ -186,19 +185,19 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
     }
     let steps = plot.front.windows(2).flat_map(|pair| {
         let [[a, b], [c, d]] = [pair[0], pair[1]];
-        [(a, place(b)), (c, place(b)), (c, place(d))]
+        [(a, position(b)), (c, position(b)), (c, position(d))]
     });
-    let start = plot.front.first().map(|&[time, error]| (time, place(error)));
+    let start = plot.front.first().map(|&[time, error]| (time, position(error)));
     chart.draw_series(LineSeries::new(start.into_iter().chain(steps), INK.stroke_width(1)))?;
     for mark in &plot.marks {
-        let (colour, y) = (colour(mark.group), place(mark.error));
+        let (colour, y) = (colour(mark.group), position(mark.error));
         let spread = [(mark.spread[0], y), (mark.spread[1], y)];
         chart.draw_series([PathElement::new(spread, colour.stroke_width(1))])?;
         let style = if mark.label.is_some() { colour.filled() } else { colour.stroke_width(1) };
-        // Colours are fewer than knobs: those that come round again have another shape.
+        // Parameters beyond the number of colours have triangles.
         match mark.group / COLOURS {
             0 => chart.draw_series([Circle::new((mark.time, y), 4, style)])?,
-            // plotters fills its own triangles whatever the style.
+            // `TriangleMarker` is always filled.
             _ if mark.label.is_none() => {
                 let outline = PathElement::new([(0, -5), (4, 3), (-4, 3), (0, -5)], style);
                 chart.draw_series([EmptyElement::at((mark.time, y)) + outline])?
@@ -206,16 +205,16 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
             _ => chart.draw_series([TriangleMarker::new((mark.time, y), 5, style)])?,
         };
     }
-    let mut taken: Vec<(i32, i32)> = Vec::new();
+    let mut labels: Vec<(i32, i32)> = Vec::new();
     for mark in &plot.marks {
         let Some(label) = &mark.label else { continue };
-        let point = (mark.time, place(mark.error));
+        let point = (mark.time, position(mark.error));
         let at = chart.backend_coord(&point);
-        // Labels that would lie on one another are left to the table.
-        if taken.iter().any(|other| (other.1 - at.1).abs() < 15 && (other.0 - at.0).abs() < 110) {
+        // Overlapping labels are omitted.
+        if labels.iter().any(|other| (other.1 - at.1).abs() < 15 && (other.0 - at.0).abs() < 110) {
             continue;
         }
-        taken.push(at);
+        labels.push(at);
         let style = text(14).pos(Pos::new(HPos::Left, VPos::Bottom));
         chart.draw_series([EmptyElement::at(point) + Text::new(label.clone(), (6, -3), style)])?;
     }

@@ -1,32 +1,32 @@
-//! What pictures are held against, and how far that may be from the truth itself.
+//! Converged references and their noise.
 //!
-//! A limit is the mean of two halves, rendered in the tier `exact` with seeds of their own. They are independent, so the variance
-//! of their difference is twice that of either, and their mean has half of either's: the standard error of the limit is half
-//! the difference. A badly chosen reference skews everything that is measured against it, so this is stated with every figure.
+//! A limit is the mean of two halves, rendered in the tier `exact` with different seeds. The halves are independent:
+//! their difference has twice the variance of one half, their mean has half of it. So the standard error of the limit
+//! is half the RMS difference of the halves.
 
-use super::data::{Floor, Told};
+use super::data::{NoiseFloor, Significance};
 use super::errors::PictureErrors;
-use super::metrics::Picture;
 use super::setting::Setting;
 use crate::error::Result;
 use crate::film::FilterShape;
 use crate::geometry::Numerics;
+use crate::metrics::ComparedImage;
 
-/// An error is told from the reference's own where it is so many times that: then it is off by half a per cent at most,
-/// the two adding up by squares.
-const APART: f64 = 10.0;
+/// Ratio of an error to the noise of the reference from which on it is significant: as squares add up, the noise then
+/// changes it by half a per cent at most.
+const SIGNIFICANT_RATIO: f64 = 10.0;
 
-/// A picture of so many samples that more would change little.
-pub struct Limit {
-    /// Through which filter, and its radius.
+/// A converged picture.
+pub struct ConvergedReference {
+    /// Reconstruction filter and its radius in pixels.
     pub filter: (FilterShape, f64),
     /// The picture.
-    pub picture: Picture,
-    /// How far off it is.
-    pub floor: Floor,
+    pub picture: ComparedImage,
+    /// Noise of the picture.
+    pub floor: NoiseFloor,
 }
 
-/// The settings of the two halves, of `samples` samples a pixel each.
+/// Settings of the two halves, of `samples` samples per pixel each.
 pub fn halves(base: &Setting, filter: (FilterShape, f64), samples: u32) -> [Setting; 2] {
     [1, 2].map(|more| {
         let mut half = Setting { numerics: Numerics::Exact, ..base.clone() }.unrounded();
@@ -38,42 +38,52 @@ pub fn halves(base: &Setting, filter: (FilterShape, f64), samples: u32) -> [Sett
     })
 }
 
-impl Limit {
-    /// Of two halves. `None` where one has a pixel that is no finite number: nothing can be measured against it.
+impl ConvergedReference {
+    /// The mean of two halves; `None` if a pixel is not finite.
     ///
     /// # Errors
     /// Those of the metrics.
-    pub fn new(filter: (FilterShape, f64), samples: u32, [a, b]: &[Picture; 2]) -> Result<Option<Self>> {
+    pub fn new(
+        filter: (FilterShape, f64),
+        samples: u32,
+        [a, b]: &[ComparedImage; 2],
+    ) -> Result<Option<Self>> {
         let Some(errors) = PictureErrors::between(a, b)? else { return Ok(None) };
         let mean = |(a, b): (&[f32; 3], &[f32; 3])| {
             std::array::from_fn(|c| ((f64::from(a[c]) + f64::from(b[c])) / 2.0) as f32)
         };
-        let picture = Picture { pixels: a.pixels.iter().zip(&b.pixels).map(mean).collect(), ..a.clone() };
-        let floor = Floor { filter: filter.0.name().into(), samples: 2 * samples, rmse: errors.rmse / 2.0 };
-        Ok(Some(Limit { filter, picture, floor }))
+        let picture =
+            ComparedImage { pixels: a.pixels.iter().zip(&b.pixels).map(mean).collect(), ..a.clone() };
+        let floor =
+            NoiseFloor { filter: filter.0.name().into(), samples: 2 * samples, rmse: errors.rmse / 2.0 };
+        Ok(Some(ConvergedReference { filter, picture, floor }))
     }
 
-    /// Whether an error against this can be told from its own.
-    pub fn told(&self, errors: &PictureErrors) -> Told {
-        if errors.rmse >= APART * self.floor.rmse { Told::Apart } else { Told::Within }
+    /// Whether an error against this reference exceeds its noise.
+    pub fn significance(&self, errors: &PictureErrors) -> Significance {
+        if errors.rmse >= SIGNIFICANT_RATIO * self.floor.rmse {
+            Significance::Significant
+        } else {
+            Significance::Insignificant
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::metrics::Values;
     use super::*;
+    use crate::metrics::Values;
 
-    fn even(value: f32) -> Picture {
-        Picture { width: 2, height: 1, values: Values::Display, pixels: vec![[value; 3]; 2] }
+    fn uniform(value: f32) -> ComparedImage {
+        ComparedImage { width: 2, height: 1, values: Values::Display, pixels: vec![[value; 3]; 2] }
     }
 
     #[test]
-    fn the_floor_is_half_the_difference_of_the_halves() {
+    fn the_noise_is_half_the_difference_of_the_halves() {
         let filter = (FilterShape::Box, 0.5);
-        let limit = Limit::new(filter, 8, &[even(0.25), even(0.75)]).unwrap().unwrap();
+        let limit = ConvergedReference::new(filter, 8, &[uniform(0.25), uniform(0.75)]).unwrap().unwrap();
         assert_eq!((limit.floor.rmse, limit.floor.samples), (0.25, 16));
-        assert_eq!(limit.picture, even(0.5));
-        assert!(Limit::new(filter, 8, &[even(0.25), even(f32::NAN)]).unwrap().is_none());
+        assert_eq!(limit.picture, uniform(0.5));
+        assert!(ConvergedReference::new(filter, 8, &[uniform(0.25), uniform(f32::NAN)]).unwrap().is_none());
     }
 }

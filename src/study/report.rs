@@ -1,34 +1,34 @@
-//! A study as one page that needs no network and no other file.
+//! The HTML page of a study, self-contained in one file.
 
 use std::fmt::Write;
 
 use super::advice::brief;
-use super::data::{Floor, Row, Study};
+use super::data::{NoiseFloor, SettingRow, Study};
 use super::html::{against, escaped, geometry, scientific, steps, table, with_code};
-use super::pictures::Pictures;
+use super::pictures::PageImages;
 use super::plot::{error_against_time, error_against_twin};
 use crate::error::Result;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// The page.
+/// The HTML page.
 ///
 /// # Errors
-/// [`Error::Failed`](crate::error::Error::Failed) where a plot cannot be drawn.
-pub fn page(study: &Study, pictures: &Pictures) -> Result<String> {
+/// [`Error::Failed`](crate::error::Error::Failed) if a plot cannot be drawn.
+pub fn page(study: &Study, pictures: &PageImages) -> Result<String> {
     let mut html = head(study);
     html += &summary(study);
     html += &plots(study)?;
     html += &geometry(&study.geometry);
     html += &steps(study);
-    html += &look(study, pictures);
+    html += &viewer(study, pictures);
     html += &table(study);
     html += &methods(study);
     let names: Vec<serde_json::Value> = study
         .rows
         .iter()
-        .map(|row| serde_json::json!({ "name": row.name(), "what": against(row.judge) }))
+        .map(|row| serde_json::json!({ "name": row.name(), "what": against(row.reference) }))
         .collect();
     let _ = write!(
         html,
@@ -40,7 +40,7 @@ pub fn page(study: &Study, pictures: &Pictures) -> Result<String> {
     Ok(html)
 }
 
-/// JSON that cannot end the element that it stands in.
+/// JSON with `<` escaped, so that it cannot close its HTML element.
 fn embedded(value: &serde_json::Value) -> String {
     value.to_string().replace('<', "\\u003c")
 }
@@ -76,10 +76,10 @@ fn summary(study: &Study) -> String {
     html + "</ul>\n"
 }
 
-/// What there is to say beside the advice: which knobs change nothing, and what could not be measured.
+/// Sentences on acceleration structures, ray hits of the tiers and non-finite pixels.
 pub fn facts(study: &Study) -> Vec<String> {
     let mut lines = Vec::new();
-    let bvh: Vec<&Row> = study.rows.iter().filter(|row| row.knob == "bvh").collect();
+    let bvh: Vec<&SettingRow> = study.rows.iter().filter(|row| row.parameter == "bvh").collect();
     if !bvh.is_empty() {
         let differing: Vec<&str> = bvh
             .iter()
@@ -128,8 +128,8 @@ fn plots(study: &Study) -> Result<String> {
     ))
 }
 
-fn look(study: &Study, pictures: &Pictures) -> String {
-    let shown: Vec<&Row> =
+fn viewer(study: &Study, pictures: &PageImages) -> String {
+    let shown: Vec<&SettingRow> =
         study.rows.iter().filter(|row| pictures.rows.get(row.id).is_some_and(Option::is_some)).collect();
     if shown.is_empty() {
         return String::new();
@@ -174,7 +174,7 @@ fn methods(study: &Study) -> String {
     html += "<p>Every error is preceded by a check that all pixels are finite numbers. It has no spread: equal settings give equal bits, so a second \
         study gives the same errors. Times have one: the median of all rounds stands before the quartiles in brackets. A time is that of the \
         picture alone, without reading files, building, planning and writing.</p>\n<ul>\n";
-    for Floor { filter, samples, rmse } in &study.floors {
+    for NoiseFloor { filter, samples, rmse } in &study.floors {
         let _ = writeln!(
             html,
             "<li>The limit for the filter {}: <code>exact</code>, {samples} samples a pixel. Its own error is {} (root mean square), half the \
@@ -184,7 +184,7 @@ fn methods(study: &Study) -> String {
         );
     }
     html += "</ul>\n<p>";
-    for (name, meaning) in super::metrics::definitions() {
+    for (name, meaning) in crate::metrics::definitions() {
         let _ = write!(html, "<b>{}</b>: {}. ", escaped(name), escaped(meaning.trim_end_matches('.')));
     }
     html + "</p>\n"

@@ -1,4 +1,4 @@
-//! A setting: everything that a study varies of how a scene is rendered.
+//! Settings: the values of all parameters that a study varies.
 
 use crate::bvh::Layout;
 use crate::effects::{Choices, EffectId, id};
@@ -6,26 +6,26 @@ use crate::film::ColourPipeline;
 use crate::geometry::Numerics;
 use crate::scene::{Material, Sampling, Scene, TextureFilter};
 
-/// How a scene is rendered.
+/// Values of all varied parameters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Setting {
-    /// How exactly it is decided what a ray hits.
+    /// Numerics tier.
     pub numerics: Numerics,
-    /// How rays find it.
+    /// Acceleration structure.
     pub structure: Layout,
-    /// The numbers light is added up in.
+    /// Colour pipeline.
     pub pipeline: ColourPipeline,
-    /// How pixels are sampled.
+    /// Pixel sampling.
     pub sampling: Sampling,
-    /// The most bounces of any glaze; `None` for as many as the scene says.
+    /// Maximum number of glaze bounces; `None` for that of the scene.
     pub bounces: Option<u32>,
-    /// The filter of all pictures; `None` for as the scene says.
+    /// Texture filter; `None` for those of the scene.
     pub textures: Option<TextureFilter>,
-    /// Effects to do without.
+    /// Effects turned off.
     pub without: Vec<EffectId>,
 }
 
-/// Settings that agree in this can share a prepared scene.
+/// Part of a setting that determines the prepared scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WorldKey {
     numerics: Numerics,
@@ -35,19 +35,18 @@ pub struct WorldKey {
 }
 
 impl Setting {
-    /// What of it is decided when the scene is prepared.
-    pub fn world(&self) -> WorldKey {
+    /// The part that determines the prepared scene.
+    pub fn world_key(&self) -> WorldKey {
         let &Setting { numerics, structure, pipeline, bounces, .. } = self;
         WorldKey { numerics, structure, pipeline, bounces }
     }
 
-    /// The picture that this one is held against: as the base has it, in `exact`, at the same sample points. Rounding to 8 bits at
-    /// every step is itself an error, so its twin does not.
+    /// The twin: the base in `exact` at the sample points of this setting, without rounding to 8 bits in every step.
     pub fn twin(&self, base: &Setting) -> Setting {
         Setting { numerics: Numerics::Exact, sampling: self.sampling, ..base.clone() }.unrounded()
     }
 
-    /// The same in a pipeline that does not round on the way.
+    /// The setting with a pipeline that rounds only the final picture.
     pub fn unrounded(mut self) -> Setting {
         if self.pipeline == ColourPipeline::U8 {
             self.pipeline = ColourPipeline::Display;
@@ -55,7 +54,7 @@ impl Setting {
         self
     }
 
-    /// The scene with what the setting says of its contents.
+    /// The scene with the glaze bounces of this setting.
     pub fn scene(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
         if let Some(most) = self.bounces {
@@ -68,7 +67,7 @@ impl Setting {
         scene
     }
 
-    /// What is asked of effects, over what was asked before.
+    /// `asked` with the effects and the sampling of this setting.
     pub fn choices(&self, asked: &Choices) -> Choices {
         let mut choices = Choices { sampling: self.sampling, ..asked.clone() };
         for effect in &self.without {
@@ -81,8 +80,8 @@ impl Setting {
         choices
     }
 
-    /// The options of `kiln render` that make this picture, to the bit, given beside those that `base` and `asked` come from; one
-    /// of the same name takes the place of one that was given. `None` where there are none that do.
+    /// Options of `kiln render` that give exactly this picture, in addition to those of `base` and `asked`. An option
+    /// replaces a given one of the same name. `None` if there are no such options.
     pub fn options(&self, base: &Setting, asked: &Choices) -> Option<String> {
         let mut options: Vec<String> = Vec::new();
         if self.numerics != base.numerics {
@@ -92,7 +91,7 @@ impl Setting {
             options.push(format!("--colour {}", self.pipeline.name()));
         }
         if self.structure != base.structure {
-            // Layouts are not for users to choose.
+            // There is no option for layouts.
             let preset = self.structure.preset().filter(|&preset| self.structure == Layout::Wide(preset))?;
             options.push(format!("--bvh {}", preset.name()));
         }
@@ -103,12 +102,12 @@ impl Setting {
         match self.bounces {
             None => {}
             Some(0) => without.push(id::GLAZE),
-            // Said once already, in a value of its own, it cannot be said again.
+            // The option cannot be given twice.
             Some(_) if asked.scene.get(id::GLAZE.name()).is_some() => return None,
             Some(most) => options.push(format!("--with {}", id::GLAZE.with_value(most))),
         }
         for effect in without {
-            // Asked for and not: one of the two would have to go.
+            // `--with` and `--without` of one effect exclude each other.
             if asked.with.iter().any(|typed| typed.split('=').next() == Some(effect.name())) {
                 return None;
             }
@@ -117,7 +116,8 @@ impl Setting {
         Some(options.join(" "))
     }
 
-    /// The options that make this sampling of that of the base. Options cannot take back that something was said.
+    /// Options that change the sampling of the base to this one; `None` if an option of the base would have to be
+    /// removed.
     fn sampling_options(&self, base: &Sampling) -> Option<Vec<String>> {
         let own = &self.sampling;
         let mut options = Vec::new();
@@ -139,9 +139,9 @@ impl Setting {
             None if base.noise.is_some() => options.push(format!("--without {}", id::ADAPTIVE)),
             _ => {}
         }
-        // What was said is said: one sample then is not that of the pixel's centre.
-        let said = Sampling { samples: own.samples.or(base.samples), ..*base };
+        // With options of the base, one sample is not at the pixel centre.
+        let given = Sampling { samples: own.samples.or(base.samples), ..*base };
         let is_centred = !own.is_wanted();
-        (is_centred != said.is_wanted() || own.is_wanted()).then_some(options)
+        (is_centred != given.is_wanted() || own.is_wanted()).then_some(options)
     }
 }

@@ -1,14 +1,14 @@
-//! Rows as CSV, one column for each number: those of JSON, with the names of what they are in joined by dots.
+//! Rows as CSV, with one column per JSON value; names of nested values are joined by dots.
 
 use serde_json::{Map, Value};
 
-use super::data::Row;
+use super::data::SettingRow;
 
-/// The rows under a line of names; what is missing is empty.
-pub fn to_csv(rows: &[Row]) -> String {
+/// Rows as CSV with a header line; missing values are empty cells.
+pub fn to_csv(rows: &[SettingRow]) -> String {
     let flat: Vec<Vec<(String, String)>> = rows.iter().map(flattened).collect();
     let mut names: Vec<&String> = Vec::new();
-    // A row that lacks errors has one column where another has several: every column that any row fills.
+    // The columns of all rows; rows without errors have fewer.
     for (name, _) in flat.iter().flatten() {
         if !names.contains(&name) {
             names.push(name);
@@ -27,7 +27,7 @@ pub fn to_csv(rows: &[Row]) -> String {
     text
 }
 
-fn flattened(row: &Row) -> Vec<(String, String)> {
+fn flattened(row: &SettingRow) -> Vec<(String, String)> {
     let mut cells = Vec::new();
     if let Ok(value) = serde_json::to_value(row) {
         flatten("", &value, &mut cells);
@@ -49,7 +49,7 @@ fn flatten(name: &str, value: &Value, cells: &mut Vec<(String, String)>) {
     }
 }
 
-/// RFC 4180, section 2: what holds a comma, a quote or a line break is quoted, and quotes are doubled.
+/// A line by RFC 4180, section 2: cells with a comma, a quote or a line break are quoted, and quotes are doubled.
 fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
     let quoted = |cell: &str| match cell.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", cell.replace('"', "\"\"")),
@@ -58,11 +58,11 @@ fn line<'a>(cells: impl Iterator<Item = &'a str>) -> String {
     cells.map(quoted).collect::<Vec<_>>().join(",") + "\n"
 }
 
-/// The rows of a table that [`to_csv`] made.
+/// Parses the result of [`to_csv`].
 ///
 /// # Errors
-/// Which row is none, and why.
-pub fn from_csv(text: &str) -> Result<Vec<Row>, String> {
+/// The number of the invalid row and the reason.
+pub fn from_csv(text: &str) -> Result<Vec<SettingRow>, String> {
     let mut lines = records(text).into_iter();
     let names = lines.next().ok_or("there is no line of names")?;
     let row = |(number, cells): (usize, Vec<String>)| {
@@ -73,15 +73,15 @@ pub fn from_csv(text: &str) -> Result<Vec<Row>, String> {
         for (name, cell) in names.iter().zip(&cells).filter(|(_, cell)| !cell.is_empty()) {
             insert(&mut whole, name, cell);
         }
-        // Text that may be empty, which CSV does not tell from missing.
+        // Empty text is not distinguished from a missing value in CSV.
         whole.entry("options").or_insert_with(|| Value::String(String::new()));
         serde_json::from_value(Value::Object(whole)).map_err(|e| format!("row {number}: {e}"))
     };
     lines.enumerate().map(|(index, cells)| row((index + 1, cells))).collect()
 }
 
-/// Columns of text, whatever it looks like.
-const TEXTS: [&str; 10] = [
+/// Columns with text, which may look like a number.
+const TEXT_COLUMNS: [&str; 10] = [
     "knob",
     "setting",
     "options",
@@ -94,7 +94,7 @@ const TEXTS: [&str; 10] = [
     "judge",
 ];
 
-/// A number to the last bit, which serde_json's own reading is not, or a word.
+/// A number, exact to the last bit unlike that of serde_json's parser, a Boolean or text.
 fn value(cell: &str) -> Value {
     let whole = || cell.parse::<u64>().ok().map(Value::from);
     let number = || cell.parse::<f64>().ok().map(Value::from);
@@ -111,7 +111,7 @@ fn insert(into: &mut Map<String, Value>, name: &str, cell: &str) {
             }
         }
         None => {
-            let value = if TEXTS.contains(&name) { cell.into() } else { value(cell) };
+            let value = if TEXT_COLUMNS.contains(&name) { cell.into() } else { value(cell) };
             into.insert(name.to_owned(), value);
         }
     }

@@ -1,13 +1,13 @@
 //! False colours with legends, for AOVs and errors.
 //!
-//! Values are the AOVs of [`crate::render::aov`] at pixel centres, and the error map of [`crate::study::metrics`]. This
+//! Values are the AOVs of [`crate::render::aov`] at pixel centres, and the error map of [`crate::metrics`]. This
 //! module only maps them to colours.
 
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
+use crate::metrics::{ComparedImage, DECADES, error_map, heat_map};
 use crate::render::RenderControl;
 use crate::render::aov::{self, AovSelection, AovSource};
-use crate::study::metrics::{DECADES, Picture, error_map, heat_map};
 use crate::world::World;
 
 /// Quantity that the window displays.
@@ -139,9 +139,9 @@ pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> Fa
             let name = |id: usize| world.objects.get(id).map(|object| object.name.clone());
             ids("each object has a colour", first, name)
         }
-        (DisplayMode::Materials, _) => {
-            ids("each material has a colour", first, |id| world.materials.get(id).map(|material| material.name().to_owned()))
-        }
+        (DisplayMode::Materials, _) => ids("each material has a colour", first, |id| {
+            world.materials.get(id).map(|material| material.name().to_owned())
+        }),
         (DisplayMode::Primitives, _) => ids("each triangle and sphere has a colour", first, |_| None),
         _ => counts("boxes that the camera ray is tested against", first),
     }
@@ -151,7 +151,7 @@ pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> Fa
 ///
 /// # Errors
 /// [`Error::Usage`] if the sizes differ.
-pub fn error_against_exact(picture: &Picture, exact: &Picture) -> Result<FalseColours> {
+pub fn error_against_exact(picture: &ComparedImage, exact: &ComparedImage) -> Result<FalseColours> {
     if (picture.width, picture.height) != (exact.width, exact.height) {
         return Err(Error::usage("pictures of two sizes", "compare pictures of one size"));
     }
@@ -280,8 +280,8 @@ mod tests {
     use crate::effects::{Choices, Plan};
     use crate::error::Warnings;
     use crate::film::{Share, Window};
+    use crate::metrics::Values;
     use crate::scene::Numerics;
-    use crate::study::metrics::Values;
     use crate::world::View;
 
     /// False colours of the assignment scene from view 2, at `size` x `size` pixels.
@@ -384,7 +384,7 @@ mod tests {
 
     #[test]
     fn errors_are_on_the_scale_of_the_study() {
-        let even = |value: f32, width: u32| Picture {
+        let even = |value: f32, width: u32| ComparedImage {
             width,
             height: 1,
             values: Values::Display,

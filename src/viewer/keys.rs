@@ -155,7 +155,7 @@ pub const LIST: &[(&str, &str)] = &[
 pub enum Focus {
     /// The picture.
     Picture,
-    /// A control, which handles Enter, Space and arrows.
+    /// A control, which handles Enter, Space and Escape; all other keys act as in the picture.
     Control,
     /// A control in text entry, which handles all keys that type text.
     Text,

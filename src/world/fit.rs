@@ -327,7 +327,8 @@ mod tests {
 
     #[test]
     fn a_sphere_touches_the_margin() {
-        let scene = scene_of(Shape::Analytic(Sphere { centre: DVec3::new(3.0, 2.0, 1.0), radius: 2.0 }.into()));
+        let scene =
+            scene_of(Shape::Analytic(Sphere { centre: DVec3::new(3.0, 2.0, 1.0), radius: 2.0 }.into()));
         let camera = fitted_camera(&scene, StandardView::Front, 1.0, Projection::Perspective).unwrap();
         // Seen from a distance D the sphere's silhouette is a circle of tangent r / sqrt(D^2 - r^2).
         let distance = camera.position.distance(DVec3::new(3.0, 2.0, 1.0));

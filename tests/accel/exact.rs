@@ -1,13 +1,13 @@
 //! The tier `exact` against exact arithmetic, on cases made to be undecidable by rounded arithmetic.
 //!
-//! Coordinates are 0 or from about 1e-60 to 1e18 in size, in f64 with all digits. `KILN_HARD_FACTOR` multiplies the number of
-//! cases. No disagreement is allowed: in hit or miss, in what comes first, at the ends of a ray.
+//! Coordinates are 0 or from about 1e-60 to 1e18 in size, in f64 with all digits. `KILN_HARD_FACTOR` multiplies the
+//! number of cases. No disagreement is allowed: in hit or miss, in what comes first, at the ends of a ray.
 
 use crate::common;
 use crate::common::Numbers;
-use crate::common::hard::answer::Faults;
 use crate::common::hard::cases::{Kind, aimed_ray, is_in_domain, nudged, point, touching_ball, triangle};
 use crate::common::hard::check::{exact_hits, judge_in};
+use crate::common::hard::results::Faults;
 use crate::common::hard::{Corners, ball, corners_of, numbered, placed, times_factor, triangles};
 use crate::common::oracle::{self, Distance};
 use glam::DVec3;
@@ -63,8 +63,8 @@ fn exactly(slots: &[Slot], structure: Layout) -> Box<dyn Accelerator> {
     build(slots.iter().copied(), structure, Numerics::Exact)
 }
 
-/// Set-up: triangles of every kind of number, each asked about with rays at its corners, edges and inside, in its plane and
-/// almost, from its plane and almost, and next to all of these.
+/// Set-up: triangles of every kind of number, each asked about with rays at its corners, edges and inside, in its plane
+/// and almost, from its plane and almost, and next to all of these.
 #[test]
 fn triangles_are_hit_or_missed_as_in_exact_arithmetic() {
     let mut numbers = Numbers::new(1);
@@ -138,8 +138,8 @@ fn proper(ray: Ray) -> Option<Ray> {
     sound.then(|| Precision::Double.ray(ray.origin, ray.direction, ray.t_min, ray.t_max))
 }
 
-/// Set-up: rays whose ends are the distance itself, rounded, and its neighbours: whether the hit lies within is decided by the
-/// distance as it is, not as it is rounded.
+/// Set-up: rays whose ends are the distance itself, rounded, and its neighbours: whether the hit lies within is decided
+/// by the distance as it is, not as it is rounded.
 #[test]
 fn the_ends_of_rays_are_compared_exactly() {
     let mut numbers = Numbers::new(3);
@@ -199,8 +199,8 @@ fn shuffled(mut primitives: Vec<Primitive>, numbers: &mut Numbers) -> Vec<Slot> 
     slots
 }
 
-/// Set-up: triangles that share corners and edges, that lie in one plane and overlap, that are given twice, and that are one
-/// step of f64 apart.
+/// Set-up: triangles that share corners and edges, that lie in one plane and overlap, that are given twice, and that
+/// are one step of f64 apart.
 #[test]
 fn of_triangles_the_first_is_found() {
     let mut numbers = Numbers::new(4);
@@ -229,8 +229,8 @@ fn of_triangles_the_first_is_found() {
     assert!(count.tied * 4 > count.rays);
 }
 
-/// Set-up: spheres with triangles that touch them, spheres within spheres that touch in a point, equal spheres, and radii one
-/// step of f64 apart; rays at the points of touching.
+/// Set-up: spheres with triangles that touch them, spheres within spheres that touch in a point, equal spheres, and
+/// radii one step of f64 apart; rays at the points of touching.
 #[test]
 fn of_spheres_and_triangles_the_first_is_found() {
     let mut numbers = Numbers::new(5);
@@ -325,8 +325,9 @@ fn trees_of_everything_answer_exactly() {
     faults.none();
 }
 
-/// Set-up: the same kinds of primitives and rays for the tiers that round in f64. Where they decide otherwise, and how far off
-/// their distances are, is within the derived errors; where those are a step of f32 at most, so are the distances.
+/// Set-up: the same kinds of primitives and rays for the tiers that round in f64. Where they decide otherwise, and how
+/// far off their distances are, is within the derived errors; where those are a step of f32 at most, so are the
+/// distances.
 #[test]
 fn tiers_that_round_err_no_more_than_derived() {
     for i in 0..Kind::COUNT {

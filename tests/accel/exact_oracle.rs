@@ -1,4 +1,4 @@
-//! The oracle that other tests trust, on cases that can be worked out by hand.
+//! Tests of the exact-arithmetic oracle against cases derived by hand.
 
 use std::cmp::Ordering::{Equal, Greater, Less};
 
@@ -251,7 +251,8 @@ fn ulps_are_counted() {
     assert_eq!(f32_ulps(1.5, &Distance::exactly(1.5)), 0.0);
 }
 
-/// The filter's formula (signs of triple products) is not the oracle's (a point within a plane), so each checks the other.
+/// The filter's formula (signs of triple products) is not the oracle's (a point within a plane), so each checks the
+/// other.
 #[test]
 fn what_the_filter_is_certain_of_is_so() {
     let mut numbers = Numbers::new(1);

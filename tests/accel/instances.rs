@@ -1,10 +1,10 @@
-//! A mesh that stands in many places is seen as its copies are: the same hits and the same pictures, to the bit, in every
-//! tier, however the places are turned, squeezed, mirrored and moved.
+//! Instanced meshes give the same hits and pictures, bit for bit, as copies of the mesh with transformed vertices, in
+//! every tier and for all kinds of transforms.
 
 use std::sync::Arc;
 
-use crate::common::hard::aim::{At, targets};
-use crate::common::hard::answer::Answer;
+use crate::common::hard::rays::{At, targets};
+use crate::common::hard::results::RayResults;
 use crate::common::hard::{Corners, meshes, times_factor};
 use crate::common::picture::{bits, prepare};
 use crate::common::places::{FAMILIES, Family};
@@ -130,14 +130,14 @@ fn same_answers(what: &str, scene: &Scene, rays: usize, tiers: &[Numerics]) {
     for &numerics in tiers {
         let rays = self::rays(scene, rays, numerics, &mut Numbers::new(29));
         let flat = world(scene, Layout::BruteForce, numerics);
-        let expected = Answer::to_all(&*flat.accelerator, &rays);
+        let expected = RayResults::to_all(&*flat.accelerator, &rays);
         let hits: usize = expected.iter().map(|answer| answer.all.len()).sum();
         assert!(hits > rays.len() / 8, "{what}: {hits} hits");
         for preset in Preset::ALL {
             let shared = world(scene, Layout::Bvh2(preset), numerics);
             assert_eq!(shared.accelerator.describe().layout, "instances", "{what}");
             assert_eq!(shared.too_small, flat.too_small, "{what}");
-            let found = Answer::to_all(&*shared.accelerator, &rays);
+            let found = RayResults::to_all(&*shared.accelerator, &rays);
             for ((found, expected), ray) in found.iter().zip(&expected).zip(&rays) {
                 assert!(
                     found == expected,
@@ -258,7 +258,7 @@ fn what_cannot_be_brought_back_is_copied() {
         let [shared, flat] = [Layout::default(), Layout::BruteForce].map(|s| world(&scene, s, numerics));
         assert_ne!(shared.accelerator.describe().layout, "instances");
         let rays = rays(&scene, 400, numerics, &mut Numbers::new(8));
-        let answers = |world: &World| Answer::to_all(&*world.accelerator, &rays);
+        let answers = |world: &World| RayResults::to_all(&*world.accelerator, &rays);
         assert!(answers(&shared) == answers(&flat));
     }
 }
@@ -321,8 +321,8 @@ fn far_and_extreme_scenes_are_brought_into_range_alike() {
 
 #[test]
 fn places_cost_no_triangles() {
-    // 20,480 triangles at 16 bytes, 10,242 corners at 24, nodes of 32 bytes of which there are less than two a triangle; and
-    // for each of 10,000 places at most 1 KiB. As copies, 204,800,000 triangles of 36 bytes are 7 GB.
+    // 20,480 triangles at 16 bytes, 10,242 corners at 24, nodes of 32 bytes of which there are less than two a
+    // triangle; and for each of 10,000 places at most 1 KiB. As copies, 204,800,000 triangles of 36 bytes are 7 GB.
     let mesh = Arc::new(mesh_of(&meshes::icosphere(5, DVec3::ZERO, 1.0)));
     let place = |i: u32| {
         let at = DVec3::new(f64::from(i % 100), 0.0, f64::from(i / 100)) * 3.0;

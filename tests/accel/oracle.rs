@@ -1,5 +1,5 @@
-//! The acceleration structure never changes the picture: it answers as brute force does, bit for bit, for every obvhs
-//! preset, on the rays that are hardest for it.
+//! Every acceleration structure returns the same hits as brute force, bit for bit, for every obvhs preset, on
+//! numerically hard rays.
 
 use crate::common::{self, Numbers, origin_on_border};
 use glam::DVec3;
@@ -161,7 +161,8 @@ fn rays(slots: &[Slot], scale: f64, offset: DVec3, numerics: Numerics) -> Vec<Ra
             precision.ray(start, (origin - start).normalize(), 0.0, (origin - start).length())
         }));
     }
-    // Secondary rays that leave triangles on their borders: anywhere, at other borders, and of every triangle a bundle to one point.
+    // Secondary rays that leave triangles on their borders: anywhere, at other borders, and of every triangle a bundle
+    // to one point.
     for (index, target) in targets(slots, 3000, &mut numbers).into_iter().enumerate() {
         let Primitive::Triangle(Triangle(corners)) = slots[index % slots.len()].primitive else { continue };
         let Some((origin, normal)) = origin_on_border(corners, numerics, &mut numbers) else { continue };

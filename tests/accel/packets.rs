@@ -1,4 +1,4 @@
-//! Rays that share their start, their end or their direction are walked together; each answers as if it were alone, bit for bit.
+//! Packets of rays with a common origin, end or direction return the same hits as single rays, bit for bit.
 
 use crate::common::Numbers;
 use glam::DVec3;
@@ -8,8 +8,8 @@ use kiln::geometry::{AnalyticShape, Hit, Numerics, Precision, PrimId, Ray, Spher
 /// As many rays as a tile has.
 const TILE: usize = 256;
 
-/// A terrain of whole numbers, a soup, copies, copies right beside what they are of, slivers, a giant triangle and spheres; `scale`
-/// and `offset` move all of it.
+/// A terrain of whole numbers, a soup, copies, copies right beside what they are of, slivers, a giant triangle and
+/// spheres; `scale` and `offset` move all of it.
 fn slots(scale: f64, offset: DVec3) -> Vec<Slot> {
     let mut numbers = Numbers::new(21);
     let mut triangles = Vec::new();
@@ -157,7 +157,8 @@ fn towards(hits: &[(Ray, Hit)], direction: DVec3, precision: Precision) -> Vec<R
     hits.iter().map(towards).collect()
 }
 
-/// Tiles of rays that run the same way, from a plane before or within everything, some of them along an axis, and some aimed.
+/// Tiles of rays that run the same way, from a plane before or within everything, some of them along an axis, and some
+/// aimed.
 fn parallel_tiles(slots: &[Slot], scale: f64, precision: Precision) -> Vec<Vec<Ray>> {
     let mut numbers = Numbers::new(6);
     (0..24)
@@ -273,8 +274,8 @@ fn tiny_and_large() {
     packets_answer_as_single_rays(1e5, DVec3::ZERO);
 }
 
-/// Rays that end a little before and a little beyond a triangle that they meet head-on: it lies behind the middle of their ends, and
-/// right before some of these.
+/// Rays that end a little before and a little beyond a triangle that they meet head-on: it lies behind the middle of
+/// their ends, and right before some of these.
 #[test]
 fn ends_on_both_sides_of_a_triangle() {
     // A triangle across z, and one far aside.

@@ -1,4 +1,4 @@
-//! New positions for the same primitives: a structure that takes them answers as a fresh one does, bit for bit.
+//! A refitted structure returns the same hits as a newly built one, bit for bit.
 
 use crate::common::Numbers;
 use glam::DVec3;
@@ -42,7 +42,8 @@ fn slots(primitives: &[Primitive], numerics: Numerics) -> Vec<Slot> {
     (0..).zip(rounded).filter_map(|(id, p)| Some(Slot { primitive: p?, id: PrimId(id) })).collect()
 }
 
-/// A pencil of rays, which are taken together, and rays from around, half of them aimed at corners and centres, hit or not.
+/// A pencil of rays, which are taken together, and rays from around, half of them aimed at corners and centres, hit or
+/// not.
 fn rays(primitives: &[Primitive], numerics: Numerics, numbers: &mut Numbers) -> Vec<Ray> {
     let mut one = |index: usize| {
         let origin = numbers.vector() * 4.0;
@@ -120,8 +121,8 @@ fn all_degenerate_at_once_is_nothing_to_hit() {
     }
 }
 
-/// The cost is 1 and the area of every node's children, in areas of the whole. Triangles that all fill one box, whichever corner of it
-/// they have beside a diagonal, make children that are each the whole, before and after.
+/// The cost is 1 and the area of every node's children, in areas of the whole. Triangles that all fill one box,
+/// whichever corner of it they have beside a diagonal, make children that are each the whole, before and after.
 #[test]
 fn boxes_that_all_shrink_alike_cost_as_much_as_before() {
     let mut numbers = Numbers::new(72);
@@ -188,7 +189,8 @@ fn an_update_refits_what_it_can_and_builds_what_it_must() {
     let more: Vec<Primitive> = first.iter().chain(&aside).copied().collect();
     held_to_fresh(&mut bvh, &more, false);
     held_to_fresh(&mut bvh, &first, false);
-    // A triangle may lose its area and get it back, a sphere its radius; one that had none when the tree was built has no place there.
+    // A triangle may lose its area and get it back, a sphere its radius; one that had none when the tree was built has
+    // no place there.
     let mut flat = first.clone();
     flat[0] = Primitive::from([[0.0; 3]; 3]);
     held_to_fresh(&mut bvh, &flat, true);

@@ -1,4 +1,4 @@
-//! Animations: what the assignment asks of its own, that a frame is the same alone and among others, and the films they become.
+//! Animations: the requirements of the assignment, frames rendered alone and in sequence, and video files.
 
 use std::path::Path;
 
@@ -47,8 +47,8 @@ fn the_assignment_begins_where_it_says() {
     assert_eq!(still(&scene.at(0.37).unwrap()), still(&load(&repository("scenes/assignment.toml"))));
 }
 
-/// Circles about the vertical axis through TP = (-100, -200, 1216): radii hypot(400, 16) and hypot(400, 134), at their own
-/// heights, one whole turn each, the left one along m = v x t with t = (0, -200, 0), the right one against it.
+/// Circles about the vertical axis through TP = (-100, -200, 1216): radii hypot(400, 16) and hypot(400, 134), at their
+/// own heights, one whole turn each, the left one along m = v x t with t = (0, -200, 0), the right one against it.
 #[test]
 fn the_spheres_go_round_in_opposite_directions_and_come_back() {
     let scene = assignment();
@@ -103,7 +103,8 @@ fn picture(world: &World, camera: &Camera) -> Film<[u8; 3]> {
     render(world, &view, &plan, window, |_, _| true, &RenderControl::default()).unwrap().0
 }
 
-/// What [`PreparedAnimation`] shares between frames changes no bit: the same as preparing the scene at each time from nothing.
+/// What [`PreparedAnimation`] shares between frames changes no bit: the same as preparing the scene at each time from
+/// nothing.
 fn same_as_from_nothing(scene: &Scene, camera: usize) {
     let (pipeline, numerics) = (ColourPipeline::Linear, Numerics::default());
     let described = scene.cameras[camera].clone();
@@ -167,7 +168,8 @@ fn frames_are_what_they_are_alone() {
     }
 }
 
-/// Every corner of a long box stays in the picture all the way round, and touches the margin of 5 % once: the picture is used.
+/// Every corner of a long box stays in the picture all the way round, and touches the margin of 5 % once: the picture
+/// is used.
 #[test]
 fn a_turntable_sees_everything_from_all_sides() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! The command end to end, held to its contract: exit codes, what goes to which stream, and what is left on disk.
+//! End-to-end tests of the command: exit codes, output streams and files.
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -523,7 +523,8 @@ fn render_own(workshop: &Workshop, scene: &str, camera: &str) -> image::RgbImage
     workshop.pixels("own.png")
 }
 
-/// A scene's camera and the same in braces are the same picture, to the bit, also where the scene is moved to the origin.
+/// A scene's camera and the same in braces are the same picture, to the bit, also where the scene is moved to the
+/// origin.
 #[test]
 fn a_camera_in_braces_is_the_scenes_own() {
     let workshop = Workshop::new();
@@ -977,8 +978,9 @@ fn a_scene_file_names_its_tier() {
     }
 }
 
-/// What memory does not hold is refused before it is rendered: 8,000 x 8,000 pixels with 24 channels more than three, each of four bytes, in the
-/// film, in the writer and in the file, and 36 bytes a pixel while the shares of effects are made.
+/// What memory does not hold is refused before it is rendered: 8,000 x 8,000 pixels with 24 channels more than three,
+/// each of four bytes, in the film, in the writer and in the file, and 36 bytes a pixel while the shares of effects are
+/// made.
 #[cfg(target_os = "linux")]
 #[test]
 fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
@@ -1018,8 +1020,8 @@ fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
     }
 }
 
-/// One picture has to fit. Where two do not, one is made after the other: 3,200 x 3,200 pixels of 3 bytes are 29 MiB, of which 128 MiB
-/// hold one beside the 64 MiB that are kept free and the program itself.
+/// One picture has to fit. Where two do not, one is made after the other: 3,200 x 3,200 pixels of 3 bytes are 29 MiB,
+/// of which 128 MiB hold one beside the 64 MiB that are kept free and the program itself.
 #[cfg(target_os = "linux")]
 #[test]
 fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
@@ -1031,8 +1033,8 @@ fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
     assert_eq!(shop.names(), ["scene.toml"]);
     shop.succeed(&format!("{frames} --frames 0-1 --size 3200x3200"));
     assert_eq!(shop.names(), ["f_0000.png", "f_0001.png", "scene.toml"]);
-    // With layers, too, a frame needs as much as a still picture of the same effects: 8,000^2 pixels of 4 channels of 4 bytes, in the film
-    // and twice in the writer, and 3 bytes while the layer is made, are 3.04 GiB.
+    // With layers, too, a frame needs as much as a still picture of the same effects: 8,000^2 pixels of 4 channels of 4
+    // bytes, in the film and twice in the writer, and 3 bytes while the layer is made, are 3.04 GiB.
     for (layers, needs) in [("depth", "with 1 more channels needs 3.0 GiB"), ("effects", "")] {
         let layers = format!("{} --size 8000x8000 --aov {layers}", frames.replace(".png", ".exr"));
         let (frame, _) = shop.fail(&format!("{layers} --frames 0"), 1);

@@ -1,5 +1,5 @@
-//! What farms rely on: pictures that say what made them, work that is divided and put together again to the same bytes, frames
-//! that are made again only where they have to be, and a process that ends when it is told to.
+//! Features for render farms: metadata of pictures, division of a picture into shares and merging to the same bytes,
+//! skipping of frames that are up to date, and termination by signals.
 
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
@@ -415,8 +415,8 @@ fn the_frames_of_the_small_animation_differ() {
 #[test]
 fn verify_needs_no_more_memory_than_a_row_or_a_block() {
     let workshop = Workshop::new();
-    workshop.write("a.exr", common::claims::exr(60_000, 60_000, &["B", "G", "R"]));
-    workshop.write("a.png", common::claims::png(i32::MAX as u32, i32::MAX as u32));
+    workshop.write("a.exr", common::oversized_images::exr(60_000, 60_000, &["B", "G", "R"]));
+    workshop.write("a.png", common::oversized_images::png(i32::MAX as u32, i32::MAX as u32));
     for name in ["a.exr", "a.png"] {
         let said = workshop.ends(1, &format!("verify {name}"));
         assert!(said.starts_with(&format!("{name}: broken: a picture of ")), "{said}");

@@ -1,4 +1,4 @@
-//! The window, as far as it can be known without one: `tests/viewer/check-window` opens it.
+//! Tests of the viewer that need no window; `tests/viewer/check-window` opens one.
 
 use std::process::Command;
 

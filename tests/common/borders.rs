@@ -1,5 +1,4 @@
-//! Scenes at the border of what can be rendered: made from text or bytes, rendered in every tier, and held to what
-//! every picture owes.
+//! Scenes with extreme or invalid input, rendered in every tier, and the properties that every picture must have.
 
 use std::path::PathBuf;
 

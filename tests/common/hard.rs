@@ -3,13 +3,13 @@
 //! Coordinates are f32 numbers unless a generator says otherwise. Then every tier of numerics is given the same
 //! triangles and the same rays, and one exact answer judges them all.
 
-pub mod aim;
-pub mod answer;
-pub mod balls;
 pub mod cases;
 pub mod check;
 pub mod meshes;
-pub mod piles;
+pub mod rays;
+pub mod results;
+pub mod spheres;
+pub mod tree_inputs;
 
 use glam::DVec3;
 use kiln::bvh::{Primitive, Slot};

@@ -5,7 +5,7 @@ pub mod hard;
 pub mod oracle;
 
 pub mod borders;
-pub mod claims;
+pub mod oversized_images;
 pub mod picture;
 pub mod places;
 
@@ -21,7 +21,8 @@ pub fn weights_on_borders(numbers: &mut Numbers) -> [f64; 3] {
     weights
 }
 
-/// The origin of a secondary ray that leaves a triangle on or beside its border, on a random side; and that side's normal.
+/// The origin of a secondary ray that leaves a triangle on or beside its border, on a random side; and that side's
+/// normal.
 pub fn origin_on_border(
     corners: [glam::DVec3; 3],
     numerics: kiln::geometry::Numerics,

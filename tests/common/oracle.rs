@@ -1,12 +1,12 @@
 //! What rays hit, decided without rounding.
 //!
-//! The numbers of a question are floating-point numbers, so they are integers times a common power of two; what is asked
-//! of them are signs of polynomials, and those are found in integer arithmetic (num-bigint). Nothing here is shared with
-//! kiln, and the formulas are others than its own: a triangle's plane is met first, and the point of meeting is then
-//! compared with each edge within the plane.
+//! The numbers of a question are floating-point numbers, so they are integers times a common power of two; what is
+//! asked of them are signs of polynomials, and those are found in integer arithmetic (num-bigint). Nothing here is
+//! shared with kiln, and the formulas are others than its own: a triangle's plane is met first, and the point of
+//! meeting is then compared with each edge within the plane.
 //!
-//! What counts, as in kiln: a ray is open at both ends; triangles have two sides, and their edges belong to them; a ray in
-//! a triangle's plane misses; a triangle without area is never hit; a sphere's surface is hit from outside and from
+//! What counts, as in kiln: a ray is open at both ends; triangles have two sides, and their edges belong to them; a ray
+//! in a triangle's plane misses; a triangle without area is never hit; a sphere's surface is hit from outside and from
 //! inside, and where a ray touches it.
 
 mod distance;

@@ -1,4 +1,4 @@
-//! Pictures of scenes, made as the command makes them, and scenes made larger or moved.
+//! Renders scenes as the command does; scales and translates scenes.
 
 use std::path::Path;
 

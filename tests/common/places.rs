@@ -1,4 +1,4 @@
-//! Places for meshes: turned, squeezed, mirrored and moved, from fixed seeds.
+//! Transforms of instanced meshes, random with fixed seeds.
 
 use glam::{DMat4, DQuat, DVec3};
 use kiln::scene::{Placement, Step};

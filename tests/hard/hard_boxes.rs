@@ -1,5 +1,5 @@
-//! Hard cases, chapter A, second part: rays in faces of boxes, at their edges and corners, and boxes without depth (A3, A6,
-//! A7).
+//! Hard cases, chapter A, second part: rays in faces of boxes, at their edges and corners, and boxes without depth (A3,
+//! A6, A7).
 //!
 //! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
 //! which tier.
@@ -7,11 +7,11 @@
 use std::cmp::Ordering;
 
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, exactly_through, from_around, lattice, lattice_directions, targets};
-use crate::common::hard::answer::Faults;
 use crate::common::hard::check::{
     STRUCTURES, Summary, WATERTIGHT, all_structures, judge, judge_in, none_gets_out,
 };
+use crate::common::hard::rays::{At, exactly_through, from_around, lattice, lattice_directions, targets};
+use crate::common::hard::results::Faults;
 use crate::common::hard::{meshes, placed, ray, ray_towards, single, times_factor, triangles};
 use crate::common::oracle::line_box;
 use glam::DVec3;
@@ -23,9 +23,9 @@ fn mostly_hits(summary: Summary) {
     assert!(summary.hit * 2 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: boxes of f32 numbers, some without depth, of sizes and places over six powers of ten, and rays at their corners,
-/// edges and faces, from anywhere and from the box itself. A box that the exact ray meets before its end is entered, and no
-/// later than it is met, up to rounding.
+/// Set-up: boxes of f32 numbers, some without depth, of sizes and places over six powers of ten, and rays at their
+/// corners, edges and faces, from anywhere and from the box itself. A box that the exact ray meets before its end is
+/// entered, and no later than it is met, up to rounding.
 #[test]
 fn a3_a_box_that_the_exact_ray_meets_is_entered() {
     let mut numbers = Numbers::new(33);
@@ -81,8 +81,8 @@ fn a3_a_box_that_the_exact_ray_meets_is_entered() {
 }
 
 /// Set-up: a height field of whole numbers, met along an axis at every corner, edge, middle of an edge and middle of a
-/// square; so rays run in faces of boxes, along their edges and through their corners. All numbers are small whole ones,
-/// so f64 decides exactly.
+/// square; so rays run in faces of boxes, along their edges and through their corners. All numbers are small whole
+/// ones, so f64 decides exactly.
 #[test]
 fn a3_rays_in_faces_and_corners_of_boxes_hit() {
     let size = 16;
@@ -110,9 +110,9 @@ fn a3_rays_in_faces_and_corners_of_boxes_hit() {
 
 /// Set-up: the same field, met through its corners and points of its edges by rays of whole numbers in all directions.
 ///
-/// What this has found: in `watertight` and `double`, brute force took a ray that runs in the plane of a triangle, and past
-/// its box, for a hit, to which trees did not come. The smallest case: the ray from (21, 1, -3) along (-2, 1, 3) and the
-/// triangle (20, 6, 3), (21, 6, 2), (21, 7, 3). All three edge functions are 0; as computed they were not.
+/// What this has found: in `watertight` and `double`, brute force took a ray that runs in the plane of a triangle, and
+/// past its box, for a hit, to which trees did not come. The smallest case: the ray from (21, 1, -3) along (-2, 1, 3)
+/// and the triangle (20, 6, 3), (21, 6, 2), (21, 7, 3). All three edge functions are 0; as computed they were not.
 #[test]
 fn a3_slanted_rays_through_lattice_points_hit() {
     let field = meshes::height_field(24, 5);
@@ -126,8 +126,8 @@ fn a3_slanted_rays_through_lattice_points_hit() {
     assert!(summary.tied * 4 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: rays that start at corners, on edges, on faces and in the middle of the boxes of triangles, of pairs of them and
-/// of all of them; along all lattice directions and others.
+/// Set-up: rays that start at corners, on edges, on faces and in the middle of the boxes of triangles, of pairs of them
+/// and of all of them; along all lattice directions and others.
 #[test]
 fn a6_rays_that_start_on_boxes_miss_nothing() {
     let mut mesh = meshes::height_field(6, 6);
@@ -158,8 +158,8 @@ fn a6_rays_that_start_on_boxes_miss_nothing() {
     assert!(summary.hit * 3 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: triangles in planes across an axis, whose boxes are flat. A ray in such a plane misses, in every tier; a ray one
-/// step of f32 beside it misses too, and a ray tilted by one step meets what it should.
+/// Set-up: triangles in planes across an axis, whose boxes are flat. A ray in such a plane misses, in every tier; a ray
+/// one step of f32 beside it misses too, and a ray tilted by one step meets what it should.
 #[test]
 fn a7_flat_boxes_are_met_and_rays_in_them_miss() {
     let mut numbers = Numbers::new(7);

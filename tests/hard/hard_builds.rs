@@ -1,4 +1,5 @@
-//! Hard cases, chapter C, second part: what is built (C4 to C11). How long it takes is in `tests/timing/hard_build_times.rs`.
+//! Hard cases, chapter C, second part: what is built (C4 to C11). How long it takes is in
+//! `tests/timing/hard_build_times.rs`.
 //!
 //! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
 //! which tier.
@@ -11,31 +12,31 @@
 
 use crate::common;
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, from_around, targets};
-use crate::common::hard::answer::{Answer, Faults, answers_alike};
 use crate::common::hard::check::{
     DEFAULT_TREE, all_structures, judge, judge_in, scaled_ray, scales_to_the_bit,
 };
+use crate::common::hard::rays::{At, from_around, targets};
+use crate::common::hard::results::{Faults, RayResults, check_results};
 use crate::common::hard::{
-    Corners, ball, meshes, numbered, piles, placed, ray, ray_towards, single, times_factor, triangles,
+    Corners, ball, meshes, numbered, placed, ray, ray_towards, single, times_factor, tree_inputs, triangles,
 };
 use glam::DVec3;
 use kiln::bvh::{Layout, Preset, Slot, build};
 use kiln::geometry::{Numerics, Ray};
 
-/// Set-up: one triangle in the other, growing by 1.01 and by 2, over 80 powers of two; and triangles of random sizes over as
-/// many.
+/// Set-up: one triangle in the other, growing by 1.01 and by 2, over 80 powers of two; and triangles of random sizes
+/// over as many.
 ///
-/// What this has found: in `watertight` and `double`, brute force took rays that pass far beside a triangle for hits where the
-/// triangle is smaller than the last digit of its distance, where the signs of edge functions are as good as random. Trees
-/// did not come to it.
+/// What this has found: in `watertight` and `double`, brute force took rays that pass far beside a triangle for hits
+/// where the triangle is smaller than the last digit of its distance, where the signs of edge functions are as good as
+/// random. Trees did not come to it.
 #[test]
 fn c4_geometric_progressions_are_built_and_traced() {
     let mut numbers = Numbers::new(4);
     for (what, mesh) in [
-        ("1.01^k", piles::nested(1500, 1.01, 1e-3)),
-        ("2^k", piles::nested(80, 2.0, f64::from(-40).exp2())),
-        ("octaves", piles::octaves(800, -40, 40, 4)),
+        ("1.01^k", tree_inputs::nested(1500, 1.01, 1e-3)),
+        ("2^k", tree_inputs::nested(80, 2.0, f64::from(-40).exp2())),
+        ("octaves", tree_inputs::octaves(800, -40, 40, 4)),
     ] {
         let slots = triangles(mesh.clone());
         let mut rays = vec![ray(DVec3::ZERO, DVec3::Z), ray(DVec3::ZERO, -DVec3::Z)];
@@ -70,12 +71,12 @@ fn c4_mixed_scales_are_traced() {
 /// Set-up: 500 clusters of needles, one around the other, the last 145 times as large as the first, and a small
 /// triangle in the middle; every cluster waits on the stack while the next is opened.
 ///
-/// What this has found: in `fast`, the closest hit was another one in trees that keep a triangle in parts. Its distance was
-/// wrong by more than the size of a part, and so lay outside of that part's box.
+/// What this has found: in `fast`, the closest hit was another one in trees that keep a triangle in parts. Its distance
+/// was wrong by more than the size of a part, and so lay outside of that part's box.
 #[test]
 fn c5_deep_stacks_lose_nothing() {
     for clusters in [100, 500] {
-        let mesh = piles::nested_clusters(clusters);
+        let mesh = tree_inputs::nested_clusters(clusters);
         let slots = triangles(mesh.clone());
         let mut numbers = Numbers::new(5);
         let aimed = targets(&mesh[..1], &At::ALL, times_factor(50), &mut numbers);
@@ -93,8 +94,8 @@ fn c5_deep_stacks_lose_nothing() {
     }
 }
 
-/// Set-up: a mesh with spheres, times powers of two from 2^-40 to 2^40, which is as far as scenes are let in without being
-/// scaled. It answers the same to the last bit. (The fast tier multiplies three lengths in f32: of numbers below
+/// Set-up: a mesh with spheres, times powers of two from 2^-40 to 2^40, which is as far as scenes are let in without
+/// being scaled. It answers the same to the last bit. (The fast tier multiplies three lengths in f32: of numbers below
 /// 2^-34, the product's last digits are below what f32 can hold.)
 #[test]
 fn c6_every_scale_that_is_let_in_is_the_same() {
@@ -111,8 +112,8 @@ fn c6_every_scale_that_is_let_in_is_the_same() {
     scales_to_the_bit("scales", &slots, &rays, &[-30, -20, -10, 10, 27, 40], &[Numerics::Fast]);
 }
 
-/// Set-up: a mesh times powers of two over the whole range that the border lets in, brought into range as scenes are. It
-/// answers as the mesh itself does, with distances times that power.
+/// Set-up: a mesh times powers of two over the whole range that the border lets in, brought into range as scenes are.
+/// It answers as the mesh itself does, with distances times that power.
 #[test]
 fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
     use kiln::scene::{MaterialId, Mesh, Object, Scene, Shape};
@@ -121,7 +122,7 @@ fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
     let aimed = targets(&mesh, &At::ALL, times_factor(100), &mut numbers);
     let rays = from_around(DVec3::ZERO, 2.0, &aimed, &mut numbers);
     for tier in [Numerics::Watertight, Numerics::Double, Numerics::Exact] {
-        let answers = Answer::to_all(&*build(triangles(mesh.clone()), DEFAULT_TREE, tier), &rays);
+        let answers = RayResults::to_all(&*build(triangles(mesh.clone()), DEFAULT_TREE, tier), &rays);
         for exponent in (-199..=59).step_by(3) {
             let power = |exponent: i32| f64::from(exponent).exp2();
             let positions = mesh.iter().flatten().map(|p| *p * power(exponent)).collect();
@@ -136,19 +137,19 @@ fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
             let corners = moved.triangles.iter().map(|t| t.map(|i| moved.positions[i as usize]));
             let there = build(triangles(corners), DEFAULT_TREE, tier);
             let mut faults = Faults::new(format!("{}, 2^{exponent}", tier.name()));
-            let expected: Vec<Answer> = answers.iter().map(|answer| answer.times(scale)).collect();
+            let expected: Vec<RayResults> = answers.iter().map(|answer| answer.times(scale)).collect();
             let moved: Vec<Ray> = rays.iter().map(|ray| scaled_ray(ray, scale)).collect();
-            answers_alike("in range", &*there, &moved, &expected, &mut faults);
+            check_results("in range", &*there, &moved, &expected, &mut faults);
             faults.none();
         }
     }
 }
 
-/// Set-up: boxes of 255 times a power of two, and up to two steps of f32 more or less, which 8 bits a side cut when they
-/// round down; rays along and at their faces, edges and corners.
+/// Set-up: boxes of 255 times a power of two, and up to two steps of f32 more or less, which 8 bits a side cut when
+/// they round down; rays along and at their faces, edges and corners.
 #[test]
 fn c7_boxes_that_eight_bits_would_cut_lose_nothing() {
-    let mesh = piles::extents_of_255(60, 1);
+    let mesh = tree_inputs::extents_of_255(60, 1);
     let slots = triangles(mesh.clone());
     let mut numbers = Numbers::new(7);
     let mut rays = Vec::new();
@@ -165,11 +166,11 @@ fn c7_boxes_that_eight_bits_would_cut_lose_nothing() {
     assert!(summary.hit * 3 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: large triangles through many small ones, which two presets cut to pieces; points all over the large ones, and
-/// along lines across an axis, as cuts are. Every preset finds every piece.
+/// Set-up: large triangles through many small ones, which two presets cut to pieces; points all over the large ones,
+/// and along lines across an axis, as cuts are. Every preset finds every piece.
 #[test]
 fn c8_triangles_cut_to_pieces_are_whole() {
-    let mesh = piles::to_be_split(40, 2000, 8);
+    let mesh = tree_inputs::to_be_split(40, 2000, 8);
     let slots = triangles(mesh.clone());
     let large: Vec<Corners> = mesh.into_iter().filter(|[a, b, _]| a.distance(*b) > 10.0).collect();
     assert!(large.len() > 30);
@@ -202,11 +203,11 @@ fn pieces(slots: &[Slot]) -> usize {
     build(slots.iter().copied(), Layout::Bvh2(Preset::BestTrace), Numerics::Watertight).describe().slots
 }
 
-/// Set-up: large triangles of whole numbers among small ones, and rays that run in their planes, through them and past them;
-/// where f64 cannot tell that a ray runs in a plane, it is still told the same by every structure.
+/// Set-up: large triangles of whole numbers among small ones, and rays that run in their planes, through them and past
+/// them; where f64 cannot tell that a ray runs in a plane, it is still told the same by every structure.
 ///
-/// What this has found: in `watertight` and `double` a ray in a triangle's plane was taken for a hit anywhere in the triangle's
-/// box. Trees that keep the triangle in parts know less of that box than brute force does.
+/// What this has found: in `watertight` and `double` a ray in a triangle's plane was taken for a hit anywhere in the
+/// triangle's box. Trees that keep the triangle in parts know less of that box than brute force does.
 #[test]
 fn c8_rays_in_the_planes_of_cut_triangles_are_told_the_same() {
     let mut numbers = Numbers::new(89);
@@ -251,7 +252,8 @@ fn c9_few_primitives_are_built_and_traced() {
     }
 }
 
-/// Set-up: a grid of triangles whose middles lie at both ends of their range on every axis, at the origin and a million away.
+/// Set-up: a grid of triangles whose middles lie at both ends of their range on every axis, at the origin and a million
+/// away.
 #[test]
 fn c11_the_ends_of_the_range_of_middles_are_not_lost() {
     for offset in [DVec3::ZERO, DVec3::splat(1e6)] {

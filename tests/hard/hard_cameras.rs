@@ -1,7 +1,8 @@
 //! Cameras where they are hardest: without a usable up, at the ends of f64, on surfaces and inside closed bodies, on
 //! pixel lattices that meet edges and corners, and far away.
 //!
-//! Not tested here: an orthonormal basis from one vector (F2), which kiln has no use for; its one basis is the camera's.
+//! Not tested here: an orthonormal basis from one vector (F2), which kiln has no use for; its one basis is the
+//! camera's.
 
 use crate::common::Numbers;
 use crate::common::borders::{CUBE, Folder, TIGHT, camera, field, films, scene, sound, tiers, under};
@@ -113,7 +114,8 @@ fn f1_a_ball_is_a_disc_through_a_lens_of_any_size() {
 
 #[test]
 fn f1_hundred_thousand_cameras_have_an_orthonormal_basis() {
-    // Positions from 1e-20 to 1e20, targets from 1e-25 to 1e25 away, up from any side to 1e-20 beside the line of sight.
+    // Positions from 1e-20 to 1e20, targets from 1e-25 to 1e25 away, up from any side to 1e-20 beside the line of
+    // sight.
     let mut numbers = Numbers::new(1);
     let mut refused = 0;
     for _ in 0..100_000 {
@@ -212,8 +214,9 @@ fn f4_a_camera_on_a_plane_does_not_see_it() {
 
 #[test]
 fn f4_a_camera_on_an_oblique_plane_sees_what_is_behind_it() {
-    // The middle of a triangle of x + y + z = 0 with whole corners, before a ball that fills the view: every tier sees the
-    // ball in every pixel. (The distance to the triangle, 0, comes out as a rounding above it for one pixel in five.)
+    // The middle of a triangle of x + y + z = 0 with whole corners, before a ball that fills the view: every tier sees
+    // the ball in every pixel. (The distance to the triangle, 0, comes out as a rounding above it for one pixel in
+    // five.)
     let text = "[[camera]]\nposition = [0, 0, 0]\nlook_at = [1, 2, 3]\n\
         [[triangles]]\nvertices = [[3, -3, 0], [0, 3, -3], [-3, 0, 3]]\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 9\n";
     for prepared in tiers(&scene(text), [32, 32]) {
@@ -247,8 +250,8 @@ fn f4_a_camera_on_a_corner_of_a_cube_sees_the_three_faces_opposite() {
 
 #[test]
 fn f4_nothing_is_seen_through_a_closed_body_from_inside() {
-    // Inside a cube and inside a sphere, in every direction: six views of 90 degrees. No red background is seen, and the
-    // lamp outside leaves the walls dark.
+    // Inside a cube and inside a sphere, in every direction: six views of 90 degrees. No red background is seen, and
+    // the lamp outside leaves the walls dark.
     for look_at in [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]] {
         for body in [CUBE.to_owned(), "[[sphere]]\ncentre = [0.5, 0.5, 0.5]\nradius = 0.5\n".into()] {
             let target = look_at.map(|c| f64::from(c) + 0.5);
@@ -349,8 +352,8 @@ fn f5_parallel_rays_in_a_plane_miss_it() {
 
 #[test]
 fn f6_from_a_million_away_the_outline_is_that_of_the_rounded_rays() {
-    // A ball of radius 1 at the origin, 1e6 from the eye, through a lens that shows 4 there. In f32 the rays are rounded
-    // by up to 0.03 at the ball, so they are held to their own numbers; in f64 to the picture itself.
+    // A ball of radius 1 at the origin, 1e6 from the eye, through a lens that shows 4 there. In f32 the rays are
+    // rounded by up to 0.03 at the ball, so they are held to their own numbers; in f64 to the picture itself.
     let mut scene = scene("[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n");
     let eye = DVec3::new(6e5, 0.0, 8e5);
     scene.cameras = vec![camera(eye, DVec3::ZERO, Projection::Perspective, 4.0, 1e6)];

@@ -293,18 +293,18 @@ fn file_of(triangles: &[[DVec3; 3]]) -> String {
 
 #[test]
 fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
-    // After each of 800 triangles one without area, three corners on a line of whole numbers; as a scene file and as OBJ, where
-    // triangles with equal corners and faces of two corners come on top.
+    // After each of 800 triangles one without area, three corners on a line of whole numbers; as a scene file and as
+    // OBJ, where triangles with equal corners and faces of two corners come on top.
     let clean = field();
     let mut mixed = Vec::new();
     for &[a, b, c] in &clean {
         let step = DVec3::new(1.0, 2.0, -5.0);
         mixed.extend([[a, b, c], [a, a + step, a + 3.0 * step]]);
     }
-    // A ray that passes within rounding of such a line may meet it in the tiers that round, above all at the corners that it shares with the
-    // field, at the field's own depth; in `exact` none does.
-    // Corners and eye lie within 64 of the origin: f32 moves each coordinate by at most 64 x 2^-24, and each of the few operations of
-    // a test by as much again.
+    // A ray that passes within rounding of such a line may meet it in the tiers that round, above all at the corners
+    // that it shares with the field, at the field's own depth; in `exact` none does. Corners and eye lie within 64 of
+    // the origin: f32 moves each coordinate by at most 64 x 2^-24, and each of the few operations of a test by as much
+    // again.
     const NEAR: f64 = 16.0 * 64.0 / (1 << 24) as f64;
     let lines: Vec<[DVec3; 3]> = mixed.iter().skip(1).step_by(2).copied().collect();
     // In `fast` the ray passes near the line, but t is a quotient of two roundings: it may be anywhere along the ray.

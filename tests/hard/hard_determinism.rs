@@ -1,8 +1,8 @@
-//! The same picture to the bit, whatever makes it: threads, structures, crops, runs; and the smallest numbers are numbers
-//! everywhere.
+//! The same picture to the bit, whatever makes it: threads, structures, crops, runs; and the smallest numbers are
+//! numbers everywhere.
 //!
-//! Not tested here: other machines. kiln uses no instruction that rounds otherwise elsewhere: no FMA outside box tests, and
-//! powers by squaring.
+//! Not tested here: other machines. kiln uses no instruction that rounds otherwise elsewhere: no FMA outside box tests,
+//! and powers by squaring.
 
 use std::hint::black_box;
 use std::process::Command;
@@ -154,8 +154,8 @@ fn h4_subnormal_numbers_are_numbers_on_every_thread() {
 
 #[test]
 fn h4_sheets_a_subnormal_distance_apart_are_told_apart() {
-    // Two floors at 0 and at 1e-40, which f32 holds as 71,362 of its smallest steps, seen from 2e-40 above the lower one
-    // and, listed first, a third at 3e-40 behind the eye. The nearest below the eye is the upper floor.
+    // Two floors at 0 and at 1e-40, which f32 holds as 71,362 of its smallest steps, seen from 2e-40 above the lower
+    // one and, listed first, a third at 3e-40 behind the eye. The nearest below the eye is the upper floor.
     let floor = |y: &str| {
         format!(
             "[[triangles]]\nvertices = [[-9, {y}, -9], [9, {y}, -9], [9, {y}, 9], [-9, {y}, 9]]\nindices = [[0, 1, 2], [0, 2, 3]]\n"

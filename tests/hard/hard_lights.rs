@@ -66,9 +66,9 @@ fn g1_a_lamp_behind_a_surface_does_not_light_it() {
 
 #[test]
 fn g1_a_lamp_inside_a_closed_body_stays_inside() {
-    // A cube or a ball on a floor with the lamp in it, seen from outside: nothing but ambient light on either. What lies
-    // within two steps of the tier's numbers of the lamp, relative to the way, may be what it stands on and does not
-    // count: at up to 16 units that is 4e-6 in f32 and less than 4e-14 in f64.
+    // A cube or a ball on a floor with the lamp in it, seen from outside: nothing but ambient light on either. What
+    // lies within two steps of the tier's numbers of the lamp, relative to the way, may be what it stands on and does
+    // not count: at up to 16 units that is 4e-6 in f32 and less than 4e-14 in f64.
     let ball = "[[sphere]]\ncentre = [0.5, 0.5, 0.5]\nradius = 0.5\n";
     for (body, numerics) in [CUBE, ball].into_iter().flat_map(|body| TIGHT.map(|numerics| (body, numerics))) {
         let under = if numerics.precision() == Precision::Single { 1e-5 } else { 1e-13 };

@@ -1,4 +1,5 @@
-//! Light and shadow against the closed form (E1, H2, H3): no acne, no leaks, at any scale and place.
+//! Lighting and shadows against the closed form (E1, H2, H3), at all scales and positions: no shadow acne, no light
+//! leaks.
 
 use crate::common::picture::{parse, placed, prepare};
 use glam::DVec3;
@@ -37,8 +38,8 @@ enum Light {
     Edge,
 }
 
-/// In the scene's own numbers: the point seen along a ray, and whether the lamp reaches it. Everything is decided with a
-/// margin `m`, relative to the scene's reach, within which nothing is claimed.
+/// In the scene's own numbers: the point seen along a ray, and whether the lamp reaches it. Everything is decided with
+/// a margin `m`, relative to the scene's reach, within which nothing is claimed.
 fn closed_form(origin: DVec3, direction: DVec3, m: f64) -> Option<Light> {
     let margin = m * 300.0;
     let sphere = |o: DVec3, d: DVec3, (c, r): (DVec3, f64)| {
@@ -100,8 +101,8 @@ fn closed_form(origin: DVec3, direction: DVec3, m: f64) -> Option<Light> {
     Some(Light::Lit)
 }
 
-/// E1, H2, H3: the lit floor and balls at every decimal scale, and moved by up to a million: against the closed form no pixel is
-/// dark that should be lit (acne) and none lit that should be dark (a leak), in every tier.
+/// E1, H2, H3: the lit floor and balls at every decimal scale, and moved by up to a million: against the closed form no
+/// pixel is dark that should be lit (acne) and none lit that should be dark (a leak), in every tier.
 #[test]
 fn e1_lit_balls_on_a_floor_at_every_scale_and_place() {
     let scene = balls_on_a_floor();

@@ -4,10 +4,10 @@
 //! which tier.
 
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, from_around, lattice_directions, targets};
 use crate::common::hard::check::{
     DEFAULT_TREE, STRUCTURES, WATERTIGHT, all_structures, judge, judge_in, none_gets_out, scales_to_the_bit,
 };
+use crate::common::hard::rays::{At, from_around, lattice_directions, targets};
 use crate::common::hard::{
     Corners, fine_ray_towards, meshes, ray, ray_towards, single, single_mesh, times_factor, triangles,
 };
@@ -22,8 +22,8 @@ fn from_inside(mesh: &[Corners], centre: DVec3, half_side: f64, count: usize, se
     from_around(centre, half_side, &aimed, &mut numbers)
 }
 
-/// Set-up: closed spheres of 5120 triangles, of several sizes and in several places, rounded to f32; rays from inside at
-/// corners, middles of edges and points of edges.
+/// Set-up: closed spheres of 5120 triangles, of several sizes and in several places, rounded to f32; rays from inside
+/// at corners, middles of edges and points of edges.
 #[test]
 fn b1_closed_meshes_do_not_leak() {
     for (radius, x) in [(1.0, 0.0), (1e-6, 0.0), (1e5, 0.0), (1.0, 1e3), (1.0, 1e5)] {
@@ -78,7 +78,8 @@ fn b1_hits_at_shared_points_are_the_exact_ones() {
     }
 }
 
-/// Set-up: rays from lattice points inside a cube of whole numbers along all lattice directions, through corners and edges.
+/// Set-up: rays from lattice points inside a cube of whole numbers along all lattice directions, through corners and
+/// edges.
 #[test]
 fn b1_lattice_rays_in_a_cube_do_not_leak() {
     let slots = triangles(meshes::cube(4));
@@ -105,8 +106,8 @@ fn b1_scaled_by_powers_of_two_nothing_changes() {
     scales_to_the_bit("sphere and soup", &slots, &rays, &[-20, -1, 7, 20, 40], &[Numerics::Fast]);
 }
 
-/// Set-up: a square of two triangles, rays through its diagonal from both sides, straight and slanted, with zeros of both
-/// signs.
+/// Set-up: a square of two triangles, rays through its diagonal from both sides, straight and slanted, with zeros of
+/// both signs.
 #[test]
 fn b2_the_diagonal_of_a_square_does_not_leak() {
     let p = |x: f64, y: f64| DVec3::new(x, y, 0.0);
@@ -158,8 +159,8 @@ fn b3_hubs_of_many_triangles_do_not_leak() {
     }
 }
 
-/// Set-up: closed meshes with T-vertices that triangles without area close. Rays from inside at the split edges and at the new vertices: none
-/// gets out, in any tier. Without those triangles some do.
+/// Set-up: closed meshes with T-vertices that triangles without area close. Rays from inside at the split edges and at
+/// the new vertices: none gets out, in any tier. Without those triangles some do.
 #[test]
 fn b1_triangles_without_area_close_t_vertices() {
     for (radius, x) in [(1.0, 0.0), (1e-6, 0.0), (1.0, 1e3)] {

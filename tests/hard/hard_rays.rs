@@ -3,17 +3,17 @@
 //! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
 //! which tier.
 //!
-//! Not tested here: A8's count of rejected rays. A ray's maker says so at once when a direction is not one (debug assertion);
-//! what is tested is that such a ray does no harm where it gets through.
+//! Not tested here: A8's count of rejected rays. A ray's maker says so at once when a direction is not one (debug
+//! assertion); what is tested is that such a ray does no harm where it gets through.
 
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, axes_with_signed_zeros, from_around, targets};
-use crate::common::hard::answer::{Answer, Faults, answers_alike};
 use crate::common::hard::check::{
     DEFAULT_TREE, STRUCTURES, Summary, WATERTIGHT, all_structures, judge, judge_in, none_gets_out,
 };
+use crate::common::hard::rays::{At, axes_with_signed_zeros, from_around, targets};
+use crate::common::hard::results::{Faults, RayResults, check_results};
 use crate::common::hard::{
-    Corners, ball, corners_of, meshes, numbered, piles, placed, ray, single, single_mesh, times_factor,
+    Corners, ball, corners_of, meshes, numbered, placed, ray, single, single_mesh, times_factor, tree_inputs,
     triangles,
 };
 use glam::DVec3;
@@ -25,8 +25,8 @@ fn mostly_hits(summary: Summary) {
     assert!(summary.hit * 2 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: all four patterns of signs of the two zeros of an axis-aligned direction, at a sphere of triangles; one by one and
-/// in batches. The zeros of a ray are positive, whatever it is made from.
+/// Set-up: all four patterns of signs of the two zeros of an axis-aligned direction, at a sphere of triangles; one by
+/// one and in batches. The zeros of a ray are positive, whatever it is made from.
 #[test]
 fn a1_signed_zeros_make_no_difference() {
     let slots = triangles(single_mesh(&meshes::icosphere(4, DVec3::ZERO, 1.0)));
@@ -42,10 +42,10 @@ fn a1_signed_zeros_make_no_difference() {
                 let origins =
                     (0..side * side).map(|i| u * place(i % side) + v * place(i / side) - along * 3.0);
                 let first: Vec<Ray> = origins.map(|origin| ray(origin, along)).collect();
-                let expected = Answer::to_all(&*accelerator, &first);
+                let expected = RayResults::to_all(&*accelerator, &first);
                 for direction in patterns {
                     let made: Vec<Ray> = first.iter().map(|r| ray(r.origin, direction)).collect();
-                    answers_alike("made", &*accelerator, &made, &expected, &mut faults);
+                    check_results("made", &*accelerator, &made, &expected, &mut faults);
                     assert!(made.iter().all(|ray| ray.direction.to_array().map(f64::to_bits)
                         == along.to_array().map(f64::to_bits)));
                 }
@@ -58,8 +58,8 @@ fn a1_signed_zeros_make_no_difference() {
     }
 }
 
-/// Set-up: a wall of two triangles from 10 to a million units away, seen along its normal at random places, along its edges
-/// and its diagonal. Every ray hits: a component of 0 leaves the ray within the wall at any distance.
+/// Set-up: a wall of two triangles from 10 to a million units away, seen along its normal at random places, along its
+/// edges and its diagonal. Every ray hits: a component of 0 leaves the ray within the wall at any distance.
 #[test]
 fn a2_a_wall_is_not_missed_from_far_away() {
     let wall: [Corners; 2] = [
@@ -109,7 +109,8 @@ fn a4_tiny_components_lose_nothing() {
                     let mut direction = DVec3::ZERO;
                     direction[axis] = numbers.one_of(&[-1.0, 1.0]);
                     direction[(axis + 1) % 3] = component;
-                    // What the direction is rounded to is followed back, so the aim is as good as the origin's rounding.
+                    // What the direction is rounded to is followed back, so the aim is as good as the origin's
+                    // rounding.
                     let direction = single(direction);
                     ray(single(target - direction * distance), direction)
                 })
@@ -134,18 +135,19 @@ fn a5_the_length_of_a_direction_makes_no_difference() {
     for tier in Numerics::ALL {
         for structure in [Layout::BruteForce, DEFAULT_TREE] {
             let accelerator = build(slots.iter().copied(), structure, tier);
-            let answers = Answer::to_all(&*accelerator, &rays);
+            let answers = RayResults::to_all(&*accelerator, &rays);
             for exponent in [-100, -60, -20, -1, 1, 20, 60, 100] {
-                // The fast tier multiplies the squared length with the discriminant of a sphere, which may be 2^-48 of its
-                // squared radius where the ray grazes: at 2^-60, f32 has no such product.
+                // The fast tier multiplies the squared length with the discriminant of a sphere, which may be 2^-48 of
+                // its squared radius where the ray grazes: at 2^-60, f32 has no such product.
                 if tier == Numerics::Fast && i32::abs(exponent) > 20 {
                     continue;
                 }
                 let mut faults = Faults::new(format!("{}, {structure:?}, 2^{exponent}", tier.name()));
                 let factor = f64::from(exponent).exp2();
                 let longer: Vec<Ray> = rays.iter().map(|r| ray(r.origin, r.direction * factor)).collect();
-                let expected: Vec<Answer> = answers.iter().map(|answer| answer.times(1.0 / factor)).collect();
-                answers_alike("longer", &*accelerator, &longer, &expected, &mut faults);
+                let expected: Vec<RayResults> =
+                    answers.iter().map(|answer| answer.times(1.0 / factor)).collect();
+                check_results("longer", &*accelerator, &longer, &expected, &mut faults);
                 faults.none();
             }
         }
@@ -181,7 +183,7 @@ fn a8_directions_that_are_none_hit_nothing() {
             for direction in bad {
                 for origin in [DVec3::ZERO, DVec3::new(0.25, 0.5, 3.0)] {
                     let ray = Ray { origin, direction, t_min: 0.0, t_max: infinite };
-                    let answer = Answer::of(&*accelerator, &ray, &mut traversal);
+                    let answer = RayResults::of(&*accelerator, &ray, &mut traversal);
                     faults
                         .check(!answer.occluded && answer.closest.is_none() && answer.all.is_empty(), || {
                             format!("{structure:?}: {ray:?}: {answer:?}")
@@ -196,7 +198,7 @@ fn a8_directions_that_are_none_hit_nothing() {
 /// Set-up: a triangle at z = 5, and rays whose ends are at it, just before or just beyond.
 #[test]
 fn a9_rays_are_open_at_both_ends() {
-    let slots = triangles(piles::coincident(1));
+    let slots = triangles(tree_inputs::coincident(1));
     let (before, beyond) = (5f64.next_down(), 5f64.next_up());
     let table = [
         ((0.0, 5.0), false),
@@ -215,7 +217,7 @@ fn a9_rays_are_open_at_both_ends() {
             let accelerator = build(slots.iter().copied(), structure, tier);
             for ((t_min, t_max), hits) in table {
                 let ray = tier.precision().ray(DVec3::ZERO, DVec3::Z, t_min, t_max);
-                let answer = Answer::of(&*accelerator, &ray, &mut traversal);
+                let answer = RayResults::of(&*accelerator, &ray, &mut traversal);
                 let expected = hits.then_some((PrimId(0), 5f64.to_bits()));
                 let what = format!("{}, {structure:?}, {t_min} to {t_max}", tier.name());
                 assert_eq!(answer.closest, expected, "{what}");
@@ -247,7 +249,7 @@ fn a10_distances_beyond_f32_are_right_or_no_hit_but_numbers() {
             for structure in STRUCTURES {
                 let accelerator = build(slots.iter().copied(), structure, tier);
                 for ray in &rays {
-                    let hits = Answer::of(&*accelerator, ray, &mut traversal).all;
+                    let hits = RayResults::of(&*accelerator, ray, &mut traversal).all;
                     for (_, t) in hits {
                         let x = f64::from_bits(t) * length;
                         // The ball reaches from 1e6 - 100 to 1e6 + 100.

@@ -1,4 +1,4 @@
-//! Scale and place (H1-H3): pictures that do not change when everything grows, shrinks or moves.
+//! Pictures are invariant to scaling and translation of the scene (H1-H3).
 
 use crate::common;
 use crate::common::picture::{Prepared, bits, equip, load, picture, placed, prepare};
@@ -81,8 +81,8 @@ fn grazes(prepared: &Prepared, ray: &Ray, aside: f64) -> bool {
     [1.0, 0.5, 0.25].iter().any(|share| beside(ray, share * aside).any(|ray| hits(&ray) != first))
 }
 
-/// How far f32 moves a scene of this reach against its rays: every corner, and every ray's origin, by half a step on each
-/// of three axes, and a ray's far end by its direction's half steps over at most twice the reach.
+/// How far f32 moves a scene of this reach against its rays: every corner, and every ray's origin, by half a step on
+/// each of three axes, and a ray's far end by its direction's half steps over at most twice the reach.
 fn single_bound(reach: f64) -> f64 {
     (1.0 + 1.0 + 2.0) * 3f64.sqrt() * reach * f64::from(f32::EPSILON) / 2.0
 }
@@ -120,8 +120,8 @@ fn assert_same_mask(scene: &Scene, size: [u32; 2], scale: f64, offset: DVec3, wh
     eprintln!("{what}: {differ} of {} pixels of the mask differ in watertight", rays.len());
 }
 
-/// The assignment scene and the bunny times 10^k and moved by up to 10^6 times 1: every decimal is rounded anew, yet the
-/// mask of hits is the same in `double`, and in `watertight` but for pixels within its bound of a silhouette.
+/// The assignment scene and the bunny times 10^k and moved by up to 10^6 times 1: every decimal is rounded anew, yet
+/// the mask of hits is the same in `double`, and in `watertight` but for pixels within its bound of a silhouette.
 fn assert_masks_stay(scene: &Scene, size: [u32; 2], name: &str) {
     for power in -6..=6 {
         assert_same_mask(scene, size, 10f64.powi(power), DVec3::ZERO, &format!("{name} times 10^{power}"));

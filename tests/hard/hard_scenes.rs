@@ -1,4 +1,5 @@
-//! The scenes of `scenes/hard`, in every tier, held to what their heads say. `scenes/hard/README.md` has the forms.
+//! The scenes of `scenes/hard` in every tier, checked against the assertions in their file heads.
+//! `scenes/hard/README.md` describes the format.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

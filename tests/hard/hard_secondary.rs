@@ -127,8 +127,8 @@ fn e2_convex_bodies_do_not_shadow_themselves() {
     }
 }
 
-/// E3: two parallel walls, 16, 64 and 200 units in the last place apart, at random angles: every ray from one towards a light
-/// behind the other is stopped by it, and none is stopped by the wall it leaves.
+/// E3: two parallel walls, 16, 64 and 200 units in the last place apart, at random angles: every ray from one towards a
+/// light behind the other is stopped by it, and none is stopped by the wall it leaves.
 #[test]
 fn e3_no_light_leaks_through_close_walls() {
     let mut numbers = Numbers::new(22);
@@ -157,7 +157,8 @@ fn e3_no_light_leaks_through_close_walls() {
                     let distance = (p - point.position).dot(n) * n.dot(normal).signum();
                     let (own_normal, _) = plane(own);
                     let own_normal = own_normal * own_normal.dot(normal).signum();
-                    // What a tier starts its rays beyond: at most two f32 steps, and in `fast` the error of its own test.
+                    // What a tier starts its rays beyond: at most two f32 steps, and in `fast` the error of its own
+                    // test.
                     let error = if numerics == Numerics::Fast { 4.0 * f64::from(f32::EPSILON) } else { 0.0 };
                     let start = error * point.reach.dot(own_normal.abs()) + 4.0 * ulp;
                     if distance < start {
@@ -216,8 +217,8 @@ fn e2_needles_do_not_shadow_themselves() {
     }
 }
 
-/// K1: the smooth surface over a triangle bulges through a roof close above it: the lamp over the roof must not be seen from
-/// there.
+/// K1: the smooth surface over a triangle bulges through a roof close above it: the lamp over the roof must not be seen
+/// from there.
 #[test]
 fn k1_the_smooth_surface_does_not_pass_through_a_roof() {
     let mut scene = parse(
@@ -241,8 +242,8 @@ fn k1_the_smooth_surface_does_not_pass_through_a_roof() {
     }
 }
 
-/// E4: a lamp in the very point, on the surface, and at the end of the ray: no light that is not a number, and what the lamp
-/// stands on does not hide it.
+/// E4: a lamp in the very point, on the surface, and at the end of the ray: no light that is not a number, and what the
+/// lamp stands on does not hide it.
 #[test]
 fn e4_the_end_of_a_shadow_ray() {
     let floor = [DVec3::new(-10.0, 0.0, -10.0), DVec3::new(-10.0, 0.0, 30.0), DVec3::new(30.0, 0.0, -10.0)];
@@ -330,9 +331,9 @@ fn e6_parallel_mirrors_end() {
     }
 }
 
-/// K1: an icosphere with the normals of its sphere, under a lamp: wherever its normal is 0.05 above the horizon it is lit
-/// with the smooth terminator, and without it some of it lies in its own shadow; where neither normal sees the lamp it is
-/// dark in both.
+/// K1: an icosphere with the normals of its sphere, under a lamp: wherever its normal is 0.05 above the horizon it is
+/// lit with the smooth terminator, and without it some of it lies in its own shadow; where neither normal sees the lamp
+/// it is dark in both.
 #[test]
 fn k1_the_terminator_of_a_coarse_smooth_sphere() {
     let triangles = icosphere(2, DVec3::ZERO, 1.0);
@@ -380,8 +381,8 @@ fn k1_the_terminator_of_a_coarse_smooth_sphere() {
 /// The tiers whose secondary rays keep closed meshes closed.
 const CLOSED: [Numerics; 3] = [Numerics::Watertight, Numerics::Double, Numerics::Exact];
 
-/// A closed prism along z over the triangle (0, 0), (1, 0), (cos a, sin a): two walls with a dihedral angle of `angle` at the z axis, the
-/// wall between them and two ends.
+/// A closed prism along z over the triangle (0, 0), (1, 0), (cos a, sin a): two walls with a dihedral angle of `angle`
+/// at the z axis, the wall between them and two ends.
 fn wedge(angle: f64) -> Vec<[DVec3; 3]> {
     let across = [DVec3::ZERO, DVec3::X, DVec3::new(angle.cos(), angle.sin(), 0.0)];
     let [a, b, c] = across.map(|p| p - DVec3::Z);
@@ -424,8 +425,9 @@ fn rounded(corners: &[DVec3; 3], numerics: Numerics) -> [DVec3; 3] {
     corners.map(|p| p.map(|c| numerics.precision().round(c)))
 }
 
-/// Rays that leave points on the borders of triangles on the side that is seen from `inside`, in directions of all heights over the triangle, some of
-/// them at corners and edges of the mesh, and rays to a lamp outside, which is at `lamp`.
+/// Rays that leave points on the borders of triangles on the side that is seen from `inside`, in directions of all
+/// heights over the triangle, some of them at corners and edges of the mesh, and rays to a lamp outside, which is at
+/// `lamp`.
 fn leaving(
     world: &World,
     triangles: &[[DVec3; 3]],
@@ -507,7 +509,8 @@ fn nothing_escapes(name: &str, mesh: &[[DVec3; 3]], inside: DVec3, lamp: DVec3, 
             let place = |p: DVec3| scale * (DMat3::from_quat(turn) * p + offset * DVec3::new(1.0, -0.5, 2.0));
             let triangles: Vec<[DVec3; 3]> = mesh.iter().map(|t| t.map(place)).collect();
             for numerics in CLOSED {
-                // Where f32 has fewer than 64 steps for the mesh's smallest height, rounding its corners makes another mesh of it.
+                // Where f32 has fewer than 64 steps for the mesh's smallest height, rounding its corners makes another
+                // mesh of it.
                 if numerics == Numerics::Watertight
                     && (turned || offset > 0.0)
                     && least_size < (1.0 + 2.0 * offset) * 64.0 * f64::from(f32::EPSILON)
@@ -575,8 +578,8 @@ fn e7_nothing_escapes_beside_t_vertices() {
     nothing_escapes("T-vertices", &t_vertices, middle_of(1.0), lamp, 0.1);
 }
 
-/// E7: the same in rods whose long triangles are thinner than 6 [`EDGE_DISTANCE`] of their length, so that no point of them is as far as that
-/// from all edges.
+/// E7: the same in rods whose long triangles are thinner than 6 [`EDGE_DISTANCE`] of their length, so that no point of
+/// them is as far as that from all edges.
 #[test]
 fn e7_nothing_escapes_from_triangles_without_an_interior() {
     for width in [4e-7, 1e-7] {
@@ -595,8 +598,8 @@ fn e7_nothing_escapes_from_triangles_without_an_interior() {
     }
 }
 
-/// E7: wedges with normals that bulge into their inside, seen from there: shadow rays start on the smooth surface, and the lamp outside lights
-/// nothing.
+/// E7: wedges with normals that bulge into their inside, seen from there: shadow rays start on the smooth surface, and
+/// the lamp outside lights nothing.
 #[test]
 fn e7_the_smooth_surface_of_a_wedge_stays_inside() {
     for degrees in [90.0, 30.0, 5.0] {
@@ -636,8 +639,9 @@ fn e7_the_smooth_surface_of_a_wedge_stays_inside() {
     }
 }
 
-/// E7: from inside a room with an edge that juts into it, rays along the x and y axes and their diagonals meet that edge exactly, where one of
-/// its two faces is hidden behind the other. Whichever of the two is reported, what leaves it stays inside.
+/// E7: from inside a room with an edge that juts into it, rays along the x and y axes and their diagonals meet that
+/// edge exactly, where one of its two faces is hidden behind the other. Whichever of the two is reported, what leaves
+/// it stays inside.
 #[test]
 fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
     // An L of three cells, each a square of 2 units, extruded from z = -1 to 1; the edge stands at the origin.
@@ -718,8 +722,8 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_wall() {
     }
 }
 
-/// E7: the same in a box that is turned, where rays along a wall start beside it by their rounding, on either side. Those that reach the
-/// wall beyond the edge, seen from inside, leave it to the inside.
+/// E7: the same in a box that is turned, where rays along a wall start beside it by their rounding, on either side.
+/// Those that reach the wall beyond the edge, seen from inside, leave it to the inside.
 #[test]
 fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_turned_wall() {
     let turn = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(0.4);
@@ -752,8 +756,8 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_turned_wall() {
     }
 }
 
-/// E7: rays along a wall, by rounding on either side of it or up to 1e-9 above it, that meet another wall on the common edge, at
-/// dihedral angles up to nearly flat ones. The wall that they run along hides nothing.
+/// E7: rays along a wall, by rounding on either side of it or up to 1e-9 above it, that meet another wall on the common
+/// edge, at dihedral angles up to nearly flat ones. The wall that they run along hides nothing.
 #[test]
 fn e7_nothing_escapes_from_a_flat_edge_that_is_seen_along_a_wall() {
     let mut numbers = Numbers::new(39);
@@ -791,8 +795,8 @@ fn e7_nothing_escapes_from_a_flat_edge_that_is_seen_along_a_wall() {
     }
 }
 
-/// E7: from outside, a convex mesh is met by no ray that leaves its surface, also at convex edges and corners: the origin is moved away from
-/// edges within the triangle, not away from the mesh.
+/// E7: from outside, a convex mesh is met by no ray that leaves its surface, also at convex edges and corners: the
+/// origin is moved away from edges within the triangle, not away from the mesh.
 #[test]
 fn e7_convex_edges_do_not_shadow_themselves() {
     let mut numbers = Numbers::new(32);
@@ -820,8 +824,8 @@ fn e7_convex_edges_do_not_shadow_themselves() {
     }
 }
 
-/// E7: starts in f64 inside a tetrahedron, at a share of its size from an edge. From 2^-47 on none escapes in any tier of
-/// [`CLOSED`]; nearer than 2^-52, where corners as they are sheared are no better known, some do but in `exact`.
+/// E7: starts in f64 inside a tetrahedron, at a share of its size from an edge. From 2^-47 on none escapes in any tier
+/// of [`CLOSED`]; nearer than 2^-52, where corners as they are sheared are no better known, some do but in `exact`.
 #[test]
 fn e7_starts_closer_to_an_edge_than_rounding_are_safe_in_exact_only() {
     let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from);
@@ -838,7 +842,8 @@ fn e7_starts_closer_to_an_edge_than_rounding_are_safe_in_exact_only() {
                 let edge = a.lerp(b, 0.1 + 0.8 * numbers.fine_unit());
                 let origin = edge + ((c + d) / 2.0 - edge) * 2f64.powi(exponent);
                 let ray = numerics.ray_precision().ray(origin, numbers.direction(), 0.0, f64::INFINITY);
-                // Rounding may have put the start outside: then the line through it crosses an even number of triangles ahead.
+                // Rounding may have put the start outside: then the line through it crosses an even number of triangles
+                // ahead.
                 let mut all = Vec::new();
                 exact.accelerator.all_hits(&ray, &mut all, &mut Traversal::default());
                 if !all.is_empty() {
@@ -887,8 +892,8 @@ fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
     }
 }
 
-/// E7: what the guarantee leaves out is what it says: in a wedge far narrower than [`ORIGIN_OFFSET`] / [`EDGE_DISTANCE`] rays do escape. So
-/// the tests above can fail.
+/// E7: what the guarantee leaves out is what it says: in a wedge far narrower than [`ORIGIN_OFFSET`] /
+/// [`EDGE_DISTANCE`] rays do escape. So the tests above can fail.
 #[test]
 fn e7_a_wedge_beyond_the_bound_leaks() {
     let angle = ORIGIN_OFFSET / EDGE_DISTANCE / 64.0;

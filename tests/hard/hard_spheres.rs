@@ -6,8 +6,8 @@
 //! Not tested here: radii that are 0, negative or not numbers. They are left out at the border, which is tested in
 //! `tests/import/import.rs`.
 
-use crate::common::hard::balls::{self, Ball};
 use crate::common::hard::check::{Summary, judge, scales_to_the_bit};
+use crate::common::hard::spheres::{self, Ball};
 use crate::common::hard::{ball, numbered, times_factor};
 use kiln::geometry::Numerics;
 
@@ -22,7 +22,7 @@ fn judged(ball_and_rays: &Ball) -> Summary {
 #[test]
 fn d1_grazing_rays_are_decided_exactly() {
     for relative in [1e-4, 1e-7] {
-        let summary = judged(&balls::grazing(times_factor(8000), relative, 12));
+        let summary = judged(&spheres::grazing(times_factor(8000), relative, 12));
         assert!(summary.hit * 3 > summary.rays && summary.hit * 3 < summary.rays * 2, "{summary:?}");
     }
 }
@@ -30,7 +30,7 @@ fn d1_grazing_rays_are_decided_exactly() {
 /// Set-up: rays that touch a sphere exactly, and a step of f32 to either side. Touching is a hit.
 #[test]
 fn d1_touching_is_a_hit() {
-    let summary = judged(&balls::touching(times_factor(6000), 12));
+    let summary = judged(&spheres::touching(times_factor(6000), 12));
     // Those that touch, and those moved inwards.
     assert!(summary.hit * 3 > summary.rays && summary.hit < summary.rays, "{summary:?}");
 }
@@ -38,28 +38,28 @@ fn d1_touching_is_a_hit() {
 /// Set-up: a speck of 1e-3 at a distance of 1e4.
 #[test]
 fn d2_a_tiny_sphere_is_decided_exactly() {
-    let summary = judged(&balls::tiny(times_factor(6000), 12));
+    let summary = judged(&spheres::tiny(times_factor(6000), 12));
     assert!(summary.hit > summary.rays / 10 && summary.hit < summary.rays / 2, "{summary:?}");
 }
 
 /// Set-up: a globe of 1e5, seen from about 1 above it.
 #[test]
 fn d3_a_huge_sphere_is_decided_exactly() {
-    let summary = judged(&balls::huge(times_factor(6000), 12));
+    let summary = judged(&spheres::huge(times_factor(6000), 12));
     assert!(summary.hit * 2 > summary.rays, "{summary:?}");
 }
 
 /// Set-up: rays that start on the surface, exactly or as well as f32 can, in all directions, along the surface too.
 #[test]
 fn d4_rays_from_the_surface_are_decided_exactly() {
-    let summary = judged(&balls::on_surface(times_factor(6000), 12));
+    let summary = judged(&spheres::on_surface(times_factor(6000), 12));
     assert!(summary.hit > summary.rays / 4 && summary.hit < summary.rays * 3 / 4, "{summary:?}");
 }
 
 /// Set-up: rays that start inside; all of them hit, once.
 #[test]
 fn d5_every_ray_from_inside_hits() {
-    let summary = judged(&balls::inside(times_factor(6000), 12));
+    let summary = judged(&spheres::inside(times_factor(6000), 12));
     assert_eq!((summary.hit, summary.not_exact), (summary.rays, 0));
 }
 
@@ -67,9 +67,9 @@ fn d5_every_ray_from_inside_hits() {
 #[test]
 fn d_ordinary_far_and_short_rays_are_decided_exactly() {
     for case in [
-        balls::ordinary(times_factor(4000), 12),
-        balls::far(times_factor(4000), 12),
-        balls::short_directions(times_factor(4000), 12),
+        spheres::ordinary(times_factor(4000), 12),
+        spheres::far(times_factor(4000), 12),
+        spheres::short_directions(times_factor(4000), 12),
     ] {
         let summary = judged(&case);
         assert!(summary.hit * 2 > summary.rays, "{}: {summary:?}", case.name);
@@ -79,7 +79,7 @@ fn d_ordinary_far_and_short_rays_are_decided_exactly() {
 /// Set-up: the hardest of these times powers of two.
 #[test]
 fn d_scaled_by_powers_of_two_nothing_changes() {
-    for case in [balls::grazing(300, 1e-7, 13), balls::on_surface(300, 13), balls::touching(300, 13)] {
+    for case in [spheres::grazing(300, 1e-7, 13), spheres::on_surface(300, 13), spheres::touching(300, 13)] {
         let slots = numbered([ball(case.centre, case.radius)]);
         scales_to_the_bit(case.name, &slots, &case.rays, &[-20, -1, 7, 20], &Numerics::ALL);
     }

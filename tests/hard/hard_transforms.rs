@@ -1,9 +1,8 @@
-//! Transforms where they are hardest, and scenes of sizes and in places where they are: mirrored, singular, uneven and
-//! tiny transforms, tiles side by side, from 1e-30 to 1e17, and a million away.
+//! Numerically hard transforms (mirrored, singular, non-uniform, tiny), and scenes of sizes from 1e-30 to 1e17 or far
+//! from the origin.
 //!
-//! Not tested here: instances, which kiln does not have; transforms of `[[mesh]]` and of glTF nodes are carried out on the
-//! vertices, in f64, so no ray is ever in an object's own space (J1, J3). Nor seams between tiles whose transforms round
-//! their common corners apart (J3): those are gaps in the data, and kiln does not weld.
+//! Instances (J1, J3) are tested in `tests/accel/instances.rs`. Not tested: seams between tiles whose transforms round
+//! common corners differently (J3). Those are gaps in the data, and kiln does not weld vertices.
 
 use crate::common::Numbers;
 use crate::common::borders::{CUBE, Folder, Model, TIGHT, camera, films, scene, sound, tiers};
@@ -59,9 +58,9 @@ fn j1_a_mesh_scaled_by_a_power_of_two_is_the_mesh_written_so() {
 
 #[test]
 fn j2_normals_stay_perpendicular_and_outside_under_any_transform() {
-    // 10,000 random transforms, stretched by up to 1e4 each way, mirrored half the time; tangents and normals at random.
-    // Each component of a cofactor is off by 3 u of its two products, a sum of three by 3 u more: n.t is off by less
-    // than 16 u of the sum of all absolute products. A point on the outer side of a plane stays there.
+    // 10,000 random transforms, stretched by up to 1e4 each way, mirrored half the time; tangents and normals at
+    // random. Each component of a cofactor is off by 3 u of its two products, a sum of three by 3 u more: n.t is off by
+    // less than 16 u of the sum of all absolute products. A point on the outer side of a plane stays there.
     let mut numbers = Numbers::new(11);
     let mut mirrored = 0;
     for _ in 0..10_000 {
@@ -108,8 +107,8 @@ fn j2_normals_stay_perpendicular_and_outside_under_any_transform() {
 
 #[test]
 fn j2_a_mirrored_scene_gives_the_mirrored_picture() {
-    // Mirrored at x = 0, which is the middle of the picture, lamp and all: every number is the same but for signs, so the
-    // picture is the same from right to left, to the bit, sides, normals and shadow lines included.
+    // Mirrored at x = 0, which is the middle of the picture, lamp and all: every number is the same but for signs, so
+    // the picture is the same from right to left, to the bit, sides, normals and shadow lines included.
     let rest = |side: i32| {
         format!(
             "[[triangles]]\nvertices = [[{}, -1, -8], [{}, -1, -8], [0, -1, 8]]\n\
@@ -179,8 +178,8 @@ fn j2_singular_transforms_show_what_has_area_and_say_where_nothing_has() {
 
 #[test]
 fn j2_transforms_of_any_size_are_seen_or_said() {
-    // Uniform scales from 1e-38 to 1e38, one in another so that 1e-76 and 1e76 come about, which f32 cannot invert; what
-    // lies beyond 1e18 is left out, everything else is seen by a camera that fits as it is at its own size.
+    // Uniform scales from 1e-38 to 1e38, one in another so that 1e-76 and 1e76 come about, which f32 cannot invert;
+    // what lies beyond 1e18 is left out, everything else is seen by a camera that fits as it is at its own size.
     let place = |scale: f32, nested: bool| {
         let scale = json!(vec![scale; 3]);
         let nodes = json!([{ "scale": scale.clone(), "children": [1] }, { "scale": scale, "mesh": 0 }]);

@@ -10,20 +10,20 @@
 
 use crate::common;
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, from_around, targets};
-use crate::common::hard::answer::{Answer, Faults};
 use crate::common::hard::check::{
     DEFAULT_TREE, STRUCTURES, Summary, WATERTIGHT, all_structures, judge, judge_in,
 };
+use crate::common::hard::rays::{At, from_around, targets};
+use crate::common::hard::results::{Faults, RayResults};
 use crate::common::hard::{
-    Corners, meshes, piles, placed, ray, ray_towards, single, single_mesh, times_factor, triangles,
+    Corners, meshes, placed, ray, ray_towards, single, single_mesh, times_factor, tree_inputs, triangles,
 };
 use glam::DVec3;
 use kiln::bvh::{Layout, Traversal, build};
 use kiln::geometry::{Numerics, PrimId, Ray};
 
-/// Set-up: triangles of length 1 and width 0.1 to 1e-7, around the origin and 1e4 away from it, aimed at their centroids as
-/// rounded. The exact tier is right; the others give numbers.
+/// Set-up: triangles of length 1 and width 0.1 to 1e-7, around the origin and 1e4 away from it, aimed at their
+/// centroids as rounded. The exact tier is right; the others give numbers.
 #[test]
 fn b4_slivers_are_decided_exactly_and_give_numbers() {
     for centre in [DVec3::ZERO, DVec3::new(1e4, -1e4, 1e4)] {
@@ -57,7 +57,8 @@ fn are_numbers(slots: &[kiln::bvh::Slot], rays: &[Ray], structures: &[Layout]) {
     }
 }
 
-/// Triangles without area: two or three equal corners, and corners in a line, of whole numbers so that the line is exact.
+/// Triangles without area: two or three equal corners, and corners in a line, of whole numbers so that the line is
+/// exact.
 fn flat_triangles(count: usize, seed: u64) -> Vec<Corners> {
     let mut numbers = Numbers::new(seed);
     (0..count)
@@ -76,8 +77,8 @@ fn flat_triangles(count: usize, seed: u64) -> Vec<Corners> {
         .collect()
 }
 
-/// Set-up: triangles without area, aimed at. Nothing hits those that the exact tier holds, nor in any watertight tier those
-/// with two equal corners, where rounding has nothing to get wrong; and what is given is numbers.
+/// Set-up: triangles without area, aimed at. Nothing hits those that the exact tier holds, nor in any watertight tier
+/// those with two equal corners, where rounding has nothing to get wrong; and what is given is numbers.
 #[test]
 fn b5_triangles_without_area_are_not_hit() {
     let all = flat_triangles(300, 5);
@@ -112,8 +113,8 @@ fn b5_triangles_without_area_change_nothing_for_others() {
         let dirty = build(triangles(mixed.clone()), structure, Numerics::Exact);
         let mut faults = Faults::new(format!("{structure:?}"));
         for ray in &rays {
-            let expected = Answer::of(&*clean, ray, &mut traversal);
-            let mut found = Answer::of(&*dirty, ray, &mut traversal);
+            let expected = RayResults::of(&*clean, ray, &mut traversal);
+            let mut found = RayResults::of(&*dirty, ray, &mut traversal);
             for hit in found.all.iter_mut().chain(&mut found.closest) {
                 // The field's triangles have even numbers.
                 hit.0 = if hit.0.0 % 2 == 0 { PrimId(hit.0.0 / 2) } else { PrimId(u32::MAX) };
@@ -124,8 +125,8 @@ fn b5_triangles_without_area_change_nothing_for_others() {
     }
 }
 
-/// Set-up: tiles that are each given twice, and the numbers handed out backwards. In every tier and structure the lowest
-/// number wins, whatever the order in which they are given.
+/// Set-up: tiles that are each given twice, and the numbers handed out backwards. In every tier and structure the
+/// lowest number wins, whatever the order in which they are given.
 #[test]
 fn b6_of_equal_triangles_the_lowest_number_wins() {
     let mesh = meshes::doubled_tiles(16);
@@ -143,8 +144,8 @@ fn b6_of_equal_triangles_the_lowest_number_wins() {
             let out_of_order = build(shuffled.iter().copied(), structure, tier);
             let mut faults = Faults::new(format!("{}, {structure:?}", tier.name()));
             for ray in &rays {
-                let answer = Answer::of(&*in_order, ray, &mut traversal);
-                faults.check(answer == Answer::of(&*out_of_order, ray, &mut traversal), || {
+                let answer = RayResults::of(&*in_order, ray, &mut traversal);
+                faults.check(answer == RayResults::of(&*out_of_order, ray, &mut traversal), || {
                     format!("{ray:?}: order")
                 });
                 let lowest = answer.closest.is_some_and(|(id, _)| (id.0 as usize) < once);
@@ -158,8 +159,8 @@ fn b6_of_equal_triangles_the_lowest_number_wins() {
     assert_eq!(summary.tied, summary.rays);
 }
 
-/// Set-up: squares 1, 2, 4 and 16 steps of f32 apart, in shuffled order. The exact tier finds the nearest; in others that is
-/// how it comes out.
+/// Set-up: squares 1, 2, 4 and 16 steps of f32 apart, in shuffled order. The exact tier finds the nearest; in others
+/// that is how it comes out.
 #[test]
 fn b7_of_sheets_a_step_apart_the_nearest_is_found() {
     for steps in [1, 2, 4, 16] {
@@ -175,8 +176,8 @@ fn b7_of_sheets_a_step_apart_the_nearest_is_found() {
     }
 }
 
-/// Set-up: a floor of 10^5 seen from 200 above it down to 2^-14, far out. Distances are within a step of f32 of the exact
-/// ones in the exact tier, and within four in the other tiers of f64.
+/// Set-up: a floor of 10^5 seen from 200 above it down to 2^-14, far out. Distances are within a step of f32 of the
+/// exact ones in the exact tier, and within four in the other tiers of f64.
 #[test]
 fn b8_a_giant_floor_at_grazing_incidence_is_where_it_is() {
     let slots = triangles([meshes::GIANT]);
@@ -236,7 +237,8 @@ fn b8_the_edge_of_a_giant_floor_is_decided_exactly() {
     assert!(summary.hit * 3 > summary.rays && summary.hit * 3 < summary.rays * 2, "{summary:?}");
 }
 
-/// Set-up: rays that run in the plane of the floor, and one step of f32 above and below it. In the plane every tier misses.
+/// Set-up: rays that run in the plane of the floor, and one step of f32 above and below it. In the plane every tier
+/// misses.
 #[test]
 fn b9_rays_in_a_triangles_plane_miss() {
     let mut mesh = vec![meshes::GIANT];
@@ -270,8 +272,8 @@ fn b9_rays_in_a_triangles_plane_miss() {
     assert!(summary.hit > 0);
 }
 
-/// Set-up: triangles of half sizes 0.1 to 1000 at z = 5, and a larger one behind. Distances do not depend on the size of a
-/// triangle, in any tier.
+/// Set-up: triangles of half sizes 0.1 to 1000 at z = 5, and a larger one behind. Distances do not depend on the size
+/// of a triangle, in any tier.
 #[test]
 fn b11_distances_do_not_depend_on_the_size_of_a_triangle() {
     let square = |half: f64, z: f64| {
@@ -314,7 +316,7 @@ fn b_everything_at_once_is_exact() {
     mesh.extend(meshes::slivers(50, 1e-4, DVec3::ZERO, 13));
     mesh.extend(meshes::sheets(10, 1, 14));
     mesh.extend(meshes::mixed_scales(100, 15));
-    mesh.extend(piles::coincident(5));
+    mesh.extend(tree_inputs::coincident(5));
     mesh.extend(meshes::doubled_tiles(3));
     let slots = triangles(mesh.clone());
     let mut numbers = Numbers::new(16);

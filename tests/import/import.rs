@@ -382,8 +382,8 @@ fn a_bad_mtl_line_loses_only_itself() {
 
 #[test]
 fn obj_triangles_that_cannot_be_drawn_are_counted() {
-    // Faces 2 and 3 have a vertex that is no number, face 6 one beyond 1e18, face 5 a corner twice, of which a note tells. Face 4 (collinear)
-    // is kept.
+    // Faces 2 and 3 have a vertex that is no number, face 6 one beyond 1e18, face 5 a corner twice, of which a note
+    // tells. Face 4 (collinear) is kept.
     let text = format!(
         "{OBJ_TRIANGLE}v nan 0 0\nv 0 inf 0\nv 2 0 0\nv 1e19 0 0\n\
          f 1 2 3\nf 1 2 4\nf 1 2 5\nf 1 2 6\nf 1 2 2\nf 1 3 7\n"
@@ -557,8 +557,8 @@ fn gltf_primitives_that_name_what_is_not_there() {
     }
 }
 
-/// Sizes that no bytes of the file stand for: accessors without a buffer view, one accessor named by many primitives, and what pictures
-/// say of themselves.
+/// Sizes that no bytes of the file stand for: accessors without a buffer view, one accessor named by many primitives,
+/// and what pictures say of themselves.
 #[test]
 fn gltf_sizes_are_checked_before_memory_is_allocated() {
     use base64::Engine;
@@ -588,7 +588,8 @@ fn gltf_sizes_are_checked_before_memory_is_allocated() {
         let e = message(&shared.fails());
         assert!(e.starts_with("a.gltf: reading its meshes needs 768.0 GiB of memory; "), "{e}");
     }
-    let data = base64::engine::general_purpose::STANDARD.encode(common::claims::png(60_000, 60_000));
+    let data =
+        base64::engine::general_purpose::STANDARD.encode(common::oversized_images::png(60_000, 60_000));
     let picture =
         Model::triangle().with("images", json!([{ "uri": format!("data:image/png;base64,{data}") }]));
     let e = picture.fails();
@@ -701,8 +702,9 @@ fn gltf_without_its_picture_keeps_its_geometry() {
     assert_eq!(warnings.len(), 3);
 }
 
-/// glTF 2.0, section 3.8.4: 9728 NEAREST, 9729 LINEAR, 9984 to 9987 with MIPMAP; what is not said is left open. A normal map has
-/// its scale, and a mesh without tangents of its own gets some: on this triangle u grows to +x and the picture goes up to +y.
+/// glTF 2.0, section 3.8.4: 9728 NEAREST, 9729 LINEAR, 9984 to 9987 with MIPMAP; what is not said is left open. A
+/// normal map has its scale, and a mesh without tangents of its own gets some: on this triangle u grows to +x and the
+/// picture goes up to +y.
 #[test]
 fn gltf_samplers_and_normal_maps() {
     use Interpolation::{Linear, Nearest};
@@ -1443,7 +1445,8 @@ fn faults_of_ply_files_have_their_line_and_advice() {
         (one("property half x"), "a.ply:3: `half` is not a type of PLY files", "correct"),
         (one("property list half int x"), "a.ply:3: `half` is not a type of PLY files", "correct"),
         (one("format ascii 1.0\nend_header"), "a.ply:2: its vertices have no `x`, `y` and `z`", "again"),
-        // Three digits and three separators each, the last of which may be missing; three lines of six bytes and that one.
+        // Three digits and three separators each, the last of which may be missing; three lines of six bytes and that
+        // one.
         (
             ply("4", "end_header\n0 0 0\n0 0 0\n0 0 0\n"),
             "a.ply:3: 4 elements `vertex` take at least 24 bytes; 19 are left",

@@ -1,4 +1,5 @@
-//! Files in which a mesh stands in many places: it is kept once, and everything is as if each place had a mesh of its own.
+//! Files with several instances of a mesh: the mesh is stored once, and the scene is the same as with a copy per
+//! instance.
 
 use std::fmt::Write;
 
@@ -10,7 +11,8 @@ use kiln::effects::Choices;
 use kiln::scene::{Numerics, Scene, Shape};
 use serde_json::{Value, json};
 
-/// How many places a mesh of this many triangles has here: sharing saves more than 2^18 triangles, which is when it is done.
+/// How many places a mesh of this many triangles has here: sharing saves more than 2^18 triangles, which is when it is
+/// done.
 const PLACES: usize = 400;
 const SIDE: usize = 20;
 
@@ -116,7 +118,8 @@ fn places_are_as_good_as_entries_and_entries_as_files() {
 
 #[test]
 fn what_is_odd_in_a_shared_mesh_is_left_out_and_counted_alike() {
-    // A corner that is not a number is left out in every place, and so are two corners that are the same; corners on a line are kept.
+    // A corner that is not a number is left out in every place, and so are two corners that are the same; corners on a
+    // line are kept.
     let mut text = obj(&square(SIDE));
     let first = 3 * square(SIDE).len() + 1;
     let mut add = |corners: [[f64; 3]; 3], nth: usize| {

@@ -1,4 +1,4 @@
-//! The repository: layers of `src`, the papers, the files of `tests`.
+//! Tests of the repository: layers of `src`, documentation, test files.
 
 #[path = "../common/mod.rs"]
 mod common;

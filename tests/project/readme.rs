@@ -1,5 +1,5 @@
-//! The papers (README.md, ARCHITECTURE.md, CONTRIBUTING.md and the pages of `docs`): commands and scenes on them run, options
-//! are complete, links, paths and commands in code spans exist.
+//! The papers (README.md, ARCHITECTURE.md, CONTRIBUTING.md and the pages of `docs`): commands and scenes on them run,
+//! options are complete, links, paths and commands in code spans exist.
 
 use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
@@ -198,8 +198,8 @@ fn options(text: &str) -> BTreeSet<String> {
     words.filter(|w| w.len() > 3 && w.starts_with("--")).map(str::to_owned).collect()
 }
 
-/// The options that a help defines: their lines are indented by two or six, those of descriptions by more. Without those that
-/// every command has.
+/// The options that a help defines: their lines are indented by two or six, those of descriptions by more. Without
+/// those that every command has.
 fn defined_options(help: &str) -> BTreeSet<String> {
     let lines = help.lines().filter(|l| l.starts_with("  -") || l.starts_with("      --"));
     let heads = lines.filter_map(|line| line.split('<').next()?.trim().split("  ").next());
@@ -394,8 +394,8 @@ fn files_below(folder: &Path, found: &mut Vec<String>) {
     }
 }
 
-/// Whether a code span names a file of the repository that there is not: a path in one of its folders, or a source file by the
-/// end of its path. Patterns name none.
+/// Whether a code span names a file of the repository that there is not: a path in one of its folders, or a source file
+/// by the end of its path. Patterns name none.
 fn names_no_file(span: &str, sources: &[String]) -> bool {
     let Some(path) = span.split_whitespace().find(|word| word.contains('/') || word.ends_with(".rs")) else {
         return false;
@@ -410,7 +410,8 @@ fn names_no_file(span: &str, sources: &[String]) -> bool {
     path.ends_with(".rs") && !sources.iter().any(|source| source.ends_with(&format!("/{path}")))
 }
 
-/// The test binaries that a command runs by `--test NAME` and that do not exist, and the modules `NAME::` that none of them has.
+/// The test binaries that a command runs by `--test NAME` and that do not exist, and the modules `NAME::` that none of
+/// them has.
 fn missing_tests(command: &str) -> Vec<String> {
     let words = || command.split_whitespace();
     let binaries: Vec<&str> =

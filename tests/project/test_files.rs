@@ -1,4 +1,5 @@
-//! The folders of `tests` that have a `main.rs`: each file is a module of its binary. A file without a `mod` line would not run.
+//! The folders of `tests` that have a `main.rs`: each file is a module of its binary. A file without a `mod` line would
+//! not run.
 
 use std::collections::BTreeSet;
 use std::path::Path;

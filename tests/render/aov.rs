@@ -1,4 +1,4 @@
-//! What else is kept of a pixel: `--aov`, as layers of one EXR.
+//! Layers that `--aov` adds to the EXR file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -56,7 +56,8 @@ fn base_and_effects_add_up_to_the_picture() {
             assert!(parts.len() > 1, "{scene} has no effect");
             for (i, &whole) in all[letter].iter().enumerate() {
                 let sum: f64 = parts.iter().map(|part| f64::from(part[i])).sum();
-                // Each part is rounded to half a step of f32 of the largest number that is subtracted, and their sum is exact in f64.
+                // Each part is rounded to half a step of f32 of the largest number that is subtracted, and their sum is
+                // exact in f64.
                 let sizes: f64 = parts.iter().map(|part| f64::from(part[i].abs())).sum();
                 let bound = f64::from(f32::EPSILON) * (sizes + f64::from(whole.abs()));
                 assert!((sum - f64::from(whole)).abs() <= bound, "{scene} {letter} {i}: {sum} {whole}");

@@ -1,4 +1,4 @@
-//! Pictures that can be worked out by hand, and the assignment worked out a second time straight from its formulas.
+//! Pictures with values derived by hand, and a second implementation of the assignment's formulas.
 
 use crate::common;
 use glam::DVec3;
@@ -145,8 +145,9 @@ fn what_lies_behind_the_light_casts_no_shadow() {
     assert_eq!(picture(&scene(true), Choices::default()), picture(&scene(false), Choices::default()));
 }
 
-/// A spot over a floor, 40 units high: at a distance r from its axis the cosine to the axis and to the normal is 40 / sqrt(r^2 + 40^2),
-/// and the intensity is ((cosine - cos outer) / (cos inner - cos outer))^2 between the angles (KHR_lights_punctual).
+/// A spot over a floor, 40 units high: at a distance r from its axis the cosine to the axis and to the normal is 40 /
+/// sqrt(r^2 + 40^2), and the intensity is ((cosine - cos outer) / (cos inner - cos outer))^2 between the angles
+/// (KHR_lights_punctual).
 #[test]
 fn a_spots_cone() {
     let scene = |way: &str, inner: f64, outer: f64| {
@@ -178,7 +179,8 @@ fn a_spots_cone() {
                 );
             }
         });
-        // The circle of the outer angle has the area pi (40 tan outer)^2, cut by no side of the picture up to 35 degrees.
+        // The circle of the outer angle has the area pi (40 tan outer)^2, cut by no side of the picture up to 35
+        // degrees.
         let area = std::f64::consts::PI * (40.0 * f64::to_radians(outer).tan()).powi(2);
         let lit = f64::from(regions[1] + regions[2]);
         assert!((lit - area).abs() < 0.02 * area, "{lit} pixels, not {area}");
@@ -252,8 +254,8 @@ fn the_blend() {
     });
 }
 
-/// `mix_light` clamps to 255 before the blend. Ambient light of 2 makes the wall (400, 200, 80), held to (255, 200, 80), and the mirror
-/// 200: 0.75 * 200 + 0.25 * 255 = 213.75, then 200 and 170. Without the clamp red would be 250.
+/// `mix_light` clamps to 255 before the blend. Ambient light of 2 makes the wall (400, 200, 80), held to (255, 200,
+/// 80), and the mirror 200: 0.75 * 200 + 0.25 * 255 = 213.75, then 200 and 170. Without the clamp red would be 250.
 #[test]
 fn what_is_brighter_than_white_is_mirrored_as_white() {
     let scene = |colour: &str| {

@@ -195,7 +195,8 @@ fn paths_stop_where_it_does_not_show() {
 
 #[test]
 fn paths_that_stopped_too_early_would_show() {
-    // The same pictures with bounces cut at 6: W = 2^-6 is above the steps of eight bits, and the test above would fail.
+    // The same pictures with bounces cut at 6: W = 2^-6 is above the steps of eight bits, and the test above would
+    // fail.
     let (short, _) = mirrors(0.5, 6, ColourPipeline::Display).render(Choices::default());
     let (long, _) = mirrors(0.5, 120, ColourPipeline::Display).render(Choices::default());
     assert_ne!(short.to_rgb8(ColourPipeline::Display), long.to_rgb8(ColourPipeline::Display));

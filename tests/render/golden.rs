@@ -1,9 +1,9 @@
 //! The pictures of the assignment, as golden images, made by the commands that `docs/assignment.md` lists.
 //!
-//! On the platform they were made on they must be equal to the last pixel; elsewhere, where the platform's `pow`
-//! may differ in the last bit, no channel may be off by more than 1, except in one pixel of a thousand (edges). Re-make
-//! them with `KILN_BLESS=1 cargo test --release --test render golden::` and look at each before committing it. A picture that
-//! differs is left beside its golden one as NAME.new.png.
+//! On the platform they were made on they must be equal to the last pixel; elsewhere, where the platform's `pow` may
+//! differ in the last bit, no channel may be off by more than 1, except in one pixel of a thousand (edges). Re-make
+//! them with `KILN_BLESS=1 cargo test --release --test render golden::` and look at each before committing it. A
+//! picture that differs is left beside its golden one as NAME.new.png.
 
 use std::path::PathBuf;
 

@@ -23,8 +23,8 @@ fn square(uvs: [[f64; 2]; 4], normals: bool) -> String {
 
 const UPRIGHT: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 
-/// The scene of an OBJ file with a picture of one texel as `norm`, lit from `towards` with no ambient light, by a camera that
-/// looks at it from `eye`; with more keys for its place.
+/// The scene of an OBJ file with a picture of one texel as `norm`, lit from `towards` with no ambient light, by a
+/// camera that looks at it from `eye`; with more keys for its place.
 fn scene_of(obj: &str, texel: [u8; 3], towards: DVec3, eye: f64, place: &str) -> Scene {
     scene_with(
         obj,
@@ -58,8 +58,8 @@ fn middle(scene: Scene) -> f64 {
     f64::from(picture(scene, [5, 5], Numerics::Watertight).pixel(2, 2)[0])
 }
 
-/// The light that comes from `towards` is returned as by a plane with the normal `n`: max(0, n.l). The film has f32, f32
-/// tangents and 16-bit means are as exact: 2^-20 is a few of their steps.
+/// The light that comes from `towards` is returned as by a plane with the normal `n`: max(0, n.l). The film has f32,
+/// f32 tangents and 16-bit means are as exact: 2^-20 is a few of their steps.
 fn assert_lit(scene: Scene, n: DVec3, towards: DVec3, what: &str) {
     let (found, expected) = (middle(scene), n.dot(towards.normalize()).max(0.0));
     assert!((found - expected).abs() < 2f64.powi(-16), "{what}: {found} instead of {expected}");
@@ -68,8 +68,8 @@ fn assert_lit(scene: Scene, n: DVec3, towards: DVec3, what: &str) {
 /// All less than 45 degrees: seen from straight above, a normal tilted further would mirror the view into the surface.
 const TEXELS: [[u8; 3]; 4] = [[180, 128, 230], [128, 60, 220], [190, 180, 220], [90, 128, 250]];
 
-/// Red tilts to where u grows, green to where the picture goes up (glTF 2.0, section 3.9.3), however it lies on the square;
-/// with normals in the file and without.
+/// Red tilts to where u grows, green to where the picture goes up (glTF 2.0, section 3.9.3), however it lies on the
+/// square; with normals in the file and without.
 #[test]
 fn a_map_that_says_a_tilt_is_a_tilted_plane() {
     let (l, flip) =
@@ -135,8 +135,8 @@ fn no_light_comes_through() {
     assert_eq!(prepared.render(choices).0.pixel(2, 2)[0], 0.0);
 }
 
-/// 128 stands for 1/255, not for 0 (the middle is 127.5): the flat map of most programs tilts normals by up to sqrt(2)/255,
-/// and a colour changes by no more than that times what the light brings.
+/// 128 stands for 1/255, not for 0 (the middle is 127.5): the flat map of most programs tilts normals by up to
+/// sqrt(2)/255, and a colour changes by no more than that times what the light brings.
 #[test]
 fn a_flat_map_changes_nothing_but_its_rounding() {
     let l = DVec3::new(0.3, 0.4, 1.0).normalize();
@@ -148,8 +148,8 @@ fn a_flat_map_changes_nothing_but_its_rounding() {
     }
 }
 
-/// Heights that rise by 1/8 of their range a texel, times the 2 of `-bm`: a slope of 1/4 to the right, so the normal leans to
-/// the left by as much. At the seam they fall; the middle of the picture is far from it.
+/// Heights that rise by 1/8 of their range a texel, times the 2 of `-bm`: a slope of 1/4 to the right, so the normal
+/// leans to the left by as much. At the seam they fall; the middle of the picture is far from it.
 #[test]
 fn heights_become_slopes() {
     let l = DVec3::new(-0.4, 0.2, 1.0).normalize();
@@ -199,8 +199,8 @@ fn what_is_missing_is_said() {
     );
 }
 
-/// The tangents that are made are those of the file, where it has some: of a model whose own were made by MikkTSpace, by
-/// another program, from other roundings. Nearly all are within 8 degrees and on the same side.
+/// The tangents that are made are those of the file, where it has some: of a model whose own were made by MikkTSpace,
+/// by another program, from other roundings. Nearly all are within 8 degrees and on the same side.
 #[test]
 fn tangents_are_those_of_the_file() {
     let Some(models) = common::models("normal_maps") else { return };

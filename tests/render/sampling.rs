@@ -1,4 +1,4 @@
-//! Samples: how fast their mean comes near the exact integral, and that a pixel depends on nothing but its own.
+//! Sampling: convergence of the mean to the exact integral, and independence of pixels.
 
 use crate::common::Numbers;
 use crate::common::picture::{Prepared, parse, prepare};
@@ -14,8 +14,8 @@ use kiln::render::{RenderControl, Statistics, render};
 use kiln::scene::{Numerics, Sampling};
 use kiln::shading::ShadingMode;
 
-/// The area of the part `a x + b y < d` of the unit square around the origin: the integral of a ramp twice, which is a sum of
-/// squares of what lies on the right side of each corner.
+/// The area of the part `a x + b y < d` of the unit square around the origin: the integral of a ramp twice, which is a
+/// sum of squares of what lies on the right side of each corner.
 fn area(a: f64, b: f64, d: f64) -> f64 {
     let (a, b) = (a.abs(), b.abs());
     let above = |s: f64| s.max(0.0).powi(2);
@@ -93,8 +93,9 @@ fn the_areas_of_half_planes() {
 
 #[test]
 fn the_error_falls_as_the_sequence_promises() {
-    // Random points: n^-0.5 whatever there is to see. Stratified ones: n^-0.75 where there are edges (Mitchell 1996). Scrambled
-    // Sobol sequences: n^-1.5 on smooth functions at powers of two, n^-1 in between, where the last points are few.
+    // Random points: n^-0.5 whatever there is to see. Stratified ones: n^-0.75 where there are edges (Mitchell 1996).
+    // Scrambled Sobol sequences: n^-1.5 on smooth functions at powers of two, n^-1 in between, where the last points
+    // are few.
     for (name, make, odd, powers) in [
         ("edge", edge as fn(&mut Numbers) -> Integrand, -0.68, -0.70),
         ("smooth", smooth, -0.95, -1.4),
@@ -122,8 +123,9 @@ fn the_error_falls_as_the_sequence_promises() {
 
 #[test]
 fn every_filter_finds_its_own_moments() {
-    // The mean of x^2 + x through a filter is its second moment: by 2^16 samples to 1e-3, negative lobes and all. Of the box r^2/3,
-    // of the tent r^2/6, of Mitchell and Netravali's (2 B / 3) / 2 = 1/9 of a quarter of its radius' square.
+    // The mean of x^2 + x through a filter is its second moment: by 2^16 samples to 1e-3, negative lobes and all. Of
+    // the box r^2/3, of the tent r^2/6, of Mitchell and Netravali's (2 B / 3) / 2 = 1/9 of a quarter of its radius'
+    // square.
     let gaussian = |r: f64| {
         // By the midpoint rule over exp(-9/2 x^2) - exp(-9/2), the filter of radius 1.
         let sums = (0..100_000).map(|i| (f64::from(i) + 0.5) / 1e5).fold((0.0, 0.0), |(one, two), x| {
@@ -232,9 +234,10 @@ fn stop(adaptive: Criterion, most: u32, by_neighbours: bool) -> Stopped {
 
 #[test]
 fn few_pixels_are_stopped_too_early() {
-    // The worst there is to miss. What a pixel's own samples have not seen they cannot know of, and of few samples that is much; its
-    // neighbours' have seen where the edge goes on. Errors are estimated from few groups, and the first low estimate stops a pixel: so
-    // all these pixels together may be off by somewhat more than the level, though not by half as much again.
+    // The worst there is to miss. What a pixel's own samples have not seen they cannot know of, and of few samples that
+    // is much; its neighbours' have seen where the edge goes on. Errors are estimated from few groups, and the first
+    // low estimate stops a pixel: so all these pixels together may be off by somewhat more than the level, though not
+    // by half as much again.
     let level = 0.01;
     for (floor, share) in [(4, 0.02), (16, 0.02)] {
         let adaptive = Criterion { max_error: level, min_samples: floor };
@@ -265,7 +268,8 @@ fn first_samples_lie_apart_by_their_mean_squares() {
         }
         FirstSamples::new(&groups, sum.mean(), 1.0)
     };
-    // 0, 0, 1, 1 has a variance of 4 (1/2)^2 / 3 = 1/3 and lies 1/2 off 0: of itself and this, (0 + 1/3 + 1/4) / 2 = 7/24.
+    // 0, 0, 1, 1 has a variance of 4 (1/2)^2 / 3 = 1/3 and lies 1/2 off 0: of itself and this, (0 + 1/3 + 1/4) / 2 =
+    // 7/24.
     let (black, half) = (first(&[0.0; 4]), first(&[0.0, 0.0, 1.0, 1.0]));
     let spread = black.deviation([&black, &half]);
     assert!((spread.x - 7.0 / 24.0).abs() < 1e-6 && spread.y == 0.0 && spread.z == 0.0, "{spread}");
@@ -386,8 +390,8 @@ fn crops_and_threads_change_no_bit() {
 
 #[test]
 fn single_pixels_have_the_picture_s_bits() {
-    // A crop of one pixel is a tile of its own: all its neighbours are beyond it. Along the edge, at the borders and corners of tiles and
-    // of the picture.
+    // A crop of one pixel is a tile of its own: all its neighbours are beyond it. Along the edge, at the borders and
+    // corners of tiles and of the picture.
     let prepared = scene("noise = 0.01", true);
     let (film, _) = picture(&prepared, WHOLE, 1);
     for (x, y) in (0..48).map(|x| (x, (23 - (x * 3 / 10 - 7)) as u32)).chain([
@@ -437,8 +441,8 @@ fn a_floor_as_high_as_the_ceiling_is_uniform() {
             (0..48 * 48).filter(|i| film.pixel(i % 48, i / 48) == uniform.pixel(i % 48, i / 48)).count();
         match prepared.sampling.min_samples {
             Some(33) => assert_eq!(film, uniform),
-            // One sample is no ground to stop on, and with equal ones after it there is nothing to gain: those differ by less than
-            // what one sample in 33 can be seen to be.
+            // One sample is no ground to stop on, and with equal ones after it there is nothing to gain: those differ
+            // by less than what one sample in 33 can be seen to be.
             _ => assert!(equal > 48 * 48 * 3 / 4, "{equal}"),
         }
     }

@@ -1,5 +1,5 @@
-//! What is computed for many rays at once is what is computed for each alone, bit for bit: primary rays, surfaces, lights
-//! and colours, over tiles of every kind of scene, in every tier.
+//! Structure-of-arrays code gives the same bits as code for single rays: primary rays, surfaces, lights and colours,
+//! over tiles of all scenes, in every tier.
 
 use std::path::PathBuf;
 

@@ -81,8 +81,8 @@ fn red(prepared: &Prepared, filter: TextureFilter, x: u32, y: u32) -> f64 {
     f64::from(prepared.render(flat(filter)).0.pixel(x, y)[0])
 }
 
-/// Texels 10, 20, 30 in a row. Centres lie at (i + 1/2) / 3; texel -1 is the last, the first or the first again, texel 3 the
-/// first, the last or the last again.
+/// Texels 10, 20, 30 in a row. Centres lie at (i + 1/2) / 3; texel -1 is the last, the first or the first again, texel
+/// 3 the first, the last or the last again.
 #[test]
 fn texels_at_centres_and_edges_under_every_wrap_mode() {
     let scene = scene(
@@ -121,11 +121,11 @@ fn texels_at_centres_and_edges_under_every_wrap_mode() {
     }
 }
 
-/// Blocks of 4 x 4 white texels with black ones all around: level 2 has alternating texels, level 3 is grey. At the centre of
-/// a block the value falls from 1 in level 2 to 1/2 in level 3 as the level rises, so it tells the level.
+/// Blocks of 4 x 4 white texels with black ones all around: level 2 has alternating texels, level 3 is grey. At the
+/// centre of a block the value falls from 1 in level 2 to 1/2 in level 3 as the level rises, so it tells the level.
 ///
-/// A plane at distance 2, tilted by an angle about the x axis, is 2 / (half pixels a unit) wide a pixel across and that by the
-/// angle's cosine up and down; the longer one decides. In f32 rays and 16-bit texels that holds to 1e-4 levels.
+/// A plane at distance 2, tilted by an angle about the x axis, is 2 / (half pixels a unit) wide a pixel across and that
+/// by the angle's cosine up and down; the longer one decides. In f32 rays and 16-bit texels that holds to 1e-4 levels.
 #[test]
 fn the_level_of_a_tilted_plane_is_the_derived_one() {
     const PIXELS: u32 = 65;
@@ -163,8 +163,9 @@ fn the_level_of_a_tilted_plane_is_the_derived_one() {
     }
 }
 
-/// Stripes of 4 texels that run along the longer axis, so that all lookups along it see the same. A pixel that sees `wanted`
-/// texels along it and that times the cosine across takes ceil(1 / cosine) lookups, each of the level for its share.
+/// Stripes of 4 texels that run along the longer axis, so that all lookups along it see the same. A pixel that sees
+/// `wanted` texels along it and that times the cosine across takes ceil(1 / cosine) lookups, each of the level for its
+/// share.
 #[test]
 fn anisotropic_lookups_are_of_the_derived_level() {
     const PIXELS: u32 = 65;
@@ -188,8 +189,8 @@ fn anisotropic_lookups_are_of_the_derived_level() {
     }
 }
 
-/// In a flat mirror a picture is seen as from behind the mirror: the footprint is that of the whole way. The level is told
-/// as above.
+/// In a flat mirror a picture is seen as from behind the mirror: the footprint is that of the whole way. The level is
+/// told as above.
 #[test]
 fn mirrors_add_their_distance() {
     const PIXELS: u32 = 65;
@@ -216,8 +217,8 @@ fn mirrors_add_their_distance() {
     assert!((level - 5.5f64.log2()).abs() < 1e-4, "{level} instead of {}", 5.5f64.log2());
 }
 
-/// The differential of a mirrored ray, on a sphere seen from outside and from inside and on a mesh with normals of its own,
-/// is how the mirrored ray changes when the camera's ray does: by finite differences of 2^-20, in f64.
+/// The differential of a mirrored ray, on a sphere seen from outside and from inside and on a mesh with normals of its
+/// own, is how the mirrored ray changes when the camera's ray does: by finite differences of 2^-20, in f64.
 #[test]
 fn mirrored_differentials_are_finite_differences() {
     let mut smooth =
@@ -267,7 +268,8 @@ fn mirrored_differentials_are_finite_differences() {
     }
 }
 
-/// A camera's differential is the difference of the rays of neighbouring pixels, but for what is quadratic in a pixel's size.
+/// A camera's differential is the difference of the rays of neighbouring pixels, but for what is quadratic in a pixel's
+/// size.
 #[test]
 fn the_cameras_differential_is_that_of_its_pixels() {
     for projection in [Projection::Perspective, Projection::Orthographic] {
@@ -300,10 +302,10 @@ fn floor(size: [u32; 2]) -> Prepared {
 
 /// Errors of filters on the floor below the horizon, against 256 samples a pixel: root of mean square.
 ///
-/// A pixel of bilinear lookups shows one of its samples, black or white, whatever lies around it: where a pixel sees many
-/// fields its error is that of a coin, 1/2. A pyramid shows their mean; by the longer axis alone it is blurred across as well,
-/// which is an error, too, where fields are wide and flat; anisotropic lookups mend that. Measured: bilinear 0.206, mipmap
-/// 0.101, anisotropic 0.031, that is 2.0 and 6.7 times less. Held to three quarters of that.
+/// A pixel of bilinear lookups shows one of its samples, black or white, whatever lies around it: where a pixel sees
+/// many fields its error is that of a coin, 1/2. A pyramid shows their mean; by the longer axis alone it is blurred
+/// across as well, which is an error, too, where fields are wide and flat; anisotropic lookups mend that. Measured:
+/// bilinear 0.206, mipmap 0.101, anisotropic 0.031, that is 2.0 and 6.7 times less. Held to three quarters of that.
 #[test]
 fn a_floor_to_the_horizon() {
     const TIMES: u32 = 16;
@@ -365,7 +367,8 @@ fn pyramids_are_made_where_a_filter_asks() {
     assert_eq!(prepared.world.images[0].mip_map_bytes(), 0);
 }
 
-/// The effect is off where no material has a picture, and then the picture is the same; off by choice, only factors remain.
+/// The effect is off where no material has a picture, and then the picture is the same; off by choice, only factors
+/// remain.
 #[test]
 fn without_textures() {
     let mut scene = scene(

@@ -1,15 +1,15 @@
 //! Hard cases, chapter C, first part: how long building takes (C1 to C3, C6).
 //!
-//! Bounds are the catalogue's, for a machine that is not busy: the best of five tries counts, and no two tests of this file
-//! run at once. Presets that it gives no bound for are held against as many triangles at random.
+//! Bounds are the catalogue's, for a machine that is not busy: the best of five tries counts, and no two tests of this
+//! file run at once. Presets that it gives no bound for are held against as many triangles at random.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::common::Numbers;
-use crate::common::hard::aim::{At, from_around, targets};
 use crate::common::hard::check::{DEFAULT_TREE, all_structures, judge_in, scaled};
-use crate::common::hard::{meshes, piles, ray, ray_towards, single, times_factor, triangles};
+use crate::common::hard::rays::{At, from_around, targets};
+use crate::common::hard::{meshes, ray, ray_towards, single, times_factor, tree_inputs, triangles};
 use glam::DVec3;
 use kiln::bvh::{Layout, Preset, Slot, Traversal, build};
 use kiln::geometry::{Numerics, PrimId};
@@ -37,7 +37,8 @@ fn build_time(slots: &[Slot], preset: Preset, enough: Duration) -> Duration {
 /// A builder that merges one pair a round is hundreds of times slower on these than on triangles at random.
 const MOST_TIMES_SLOWER: u32 = 30;
 
-/// Builds a tree of every preset, the default one within the limit, none much slower than for as many triangles at random.
+/// Builds a tree of every preset, the default one within the limit, none much slower than for as many triangles at
+/// random.
 fn builds_in_good_time(limit: Duration, what: &str, slots: &[Slot]) {
     let random = triangles(meshes::soup(slots.len(), 0.02, 1));
     for preset in Preset::ALL {
@@ -51,12 +52,12 @@ fn builds_in_good_time(limit: Duration, what: &str, slots: &[Slot]) {
     }
 }
 
-/// Set-up: 10^5 times the same triangle, built within a second in a thread with little stack; a ray at its centroid finds
-/// the first.
+/// Set-up: 10^5 times the same triangle, built within a second in a thread with little stack; a ray at its centroid
+/// finds the first.
 #[test]
 fn c1_coincident_triangles_build_in_good_time() {
     let _alone = alone();
-    let slots = triangles(piles::coincident(100_000));
+    let slots = triangles(tree_inputs::coincident(100_000));
     let body = move || {
         builds_in_good_time(Duration::from_secs(1), "coincident", &slots);
         let mut traversal = Traversal::default();
@@ -84,9 +85,9 @@ fn c1_coincident_triangles_build_in_good_time() {
 #[test]
 fn c1_all_of_coincident_triangles_are_hit() {
     let _alone = alone();
-    let slots = triangles(piles::coincident(2000));
+    let slots = triangles(tree_inputs::coincident(2000));
     let mut numbers = Numbers::new(1);
-    let aimed = targets(&piles::coincident(1), &[At::Inside, At::Centroid], 20, &mut numbers);
+    let aimed = targets(&tree_inputs::coincident(1), &[At::Inside, At::Centroid], 20, &mut numbers);
     let summary = judge_in(
         "coincident",
         &slots,
@@ -104,10 +105,10 @@ fn c2_rows_stacks_and_fences_build_in_good_time() {
     let limit = Duration::from_millis(500);
     let mut numbers = Numbers::new(2);
     for (what, mesh) in [
-        ("row", piles::row(50_000, DVec3::X)),
-        ("diagonal row", piles::row(50_000, DVec3::ONE)),
-        ("stack", piles::row(8000, DVec3::Z)),
-        ("fence", piles::fence(224)),
+        ("row", tree_inputs::row(50_000, DVec3::X)),
+        ("diagonal row", tree_inputs::row(50_000, DVec3::ONE)),
+        ("stack", tree_inputs::row(8000, DVec3::Z)),
+        ("fence", tree_inputs::fence(224)),
     ] {
         let mut rays = Vec::new();
         for target in targets(&mesh, &At::ALL, times_factor(12), &mut numbers) {
@@ -138,8 +139,8 @@ fn c3_fans_build_in_good_time() {
 
 /// Set-up: a double cone of 50 000 triangles.
 ///
-/// What this has found: boxes grown by a few units in the last place are still joined one pair a round where they all reach
-/// from a tip to a rim and overlap. Every preset took four times as long for twice as many triangles.
+/// What this has found: boxes grown by a few units in the last place are still joined one pair a round where they all
+/// reach from a tip to a rim and overlap. Every preset took four times as long for twice as many triangles.
 #[test]
 fn c3_cones_build_in_good_time() {
     let _alone = alone();

@@ -1,4 +1,4 @@
-//! `kiln bench`: wrong answers are noticed, counts do not depend on threads, and the command keeps its contract.
+//! `kiln bench`: detection of wrong hits, counts that are independent of the thread count, exit codes and output.
 
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
@@ -6,21 +6,21 @@ use std::sync::atomic::AtomicBool;
 use kiln::bench::Mesh;
 use kiln::bench::generate::Family;
 use kiln::bench::speed::{
-    Contender, Kind, Label, NAMES, Questions, Ready, Row, Settings, Viewpoint, contenders, eye, measure,
-    scene,
+    BuiltContender, Contender, Kind, Label, NAMES, RaySets, Settings, SpeedRow, Viewpoint, contenders,
+    measure, scene, view_setup,
 };
 use kiln::error::Result;
 use kiln::render::RenderControl;
 use serde_json::Value;
 
-fn measured(contenders: &[Box<dyn Contender>], mesh: &Mesh, threads: usize) -> Vec<Row> {
-    let eye = eye(&scene(mesh), Viewpoint::Outside, 64).expect("an eye");
-    let questions = Questions::new(mesh, &eye);
+fn measured(contenders: &[Box<dyn Contender>], mesh: &Mesh, threads: usize) -> Vec<SpeedRow> {
+    let setup = view_setup(&scene(mesh), Viewpoint::Outside, 64).expect("a view");
+    let ray_sets = RaySets::new(mesh, &setup);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     let cancel = AtomicBool::new(false);
-    let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
+    let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
     let settings = Settings { runs: 1, pool: &pool, check: true };
-    measure(contenders, mesh, &questions, &settings, &watch).expect("rows")
+    measure(contenders, mesh, &ray_sets, &settings, &control).expect("rows")
 }
 
 /// Every contender that is compiled in or there.
@@ -36,7 +36,7 @@ impl Contender for Forgetful {
         self.0.label()
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         let mut mesh = mesh.clone();
         mesh.triangles.pop();
         self.0.build(&mesh)
@@ -55,7 +55,8 @@ fn a_forgotten_triangle_is_noticed_in_every_contender() {
     }
 }
 
-/// Adapters give the right numbers to the right rays: hardly any answer is wrong, and none of kiln's tiers that promise it.
+/// Adapters give the right numbers to the right rays: hardly any answer is wrong, and none of kiln's tiers that promise
+/// it.
 #[test]
 fn contenders_answer_as_the_oracle_does() {
     for family in Family::ALL {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use crate::common::claims;
+use crate::common::oversized_images;
 
 /// A sphere before a grey background: edges, and a shading that varies.
 const SCENE: &str = "
@@ -249,9 +249,9 @@ fn what_cannot_be_had_is_said() {
 fn sizes_in_headers_are_checked_before_memory_is_allocated() {
     let shop = Workshop::new();
     exr(&shop.path("a.exr"), 8, [0.5; 3]);
-    std::fs::write(shop.path("large.exr"), claims::exr(60_000, 60_000, &["B", "G", "R"])).unwrap();
-    std::fs::write(shop.path("large.png"), claims::png(60_000, 60_000)).unwrap();
-    std::fs::write(shop.path("wide.png"), claims::png(i32::MAX as u32, 1)).unwrap();
+    std::fs::write(shop.path("large.exr"), oversized_images::exr(60_000, 60_000, &["B", "G", "R"])).unwrap();
+    std::fs::write(shop.path("large.png"), oversized_images::png(60_000, 60_000)).unwrap();
+    std::fs::write(shop.path("wide.png"), oversized_images::png(i32::MAX as u32, 1)).unwrap();
     for (name, size) in
         [("large.exr", "60000 x 60000"), ("large.png", "60000 x 60000"), ("wide.png", "2147483647 x 1")]
     {
@@ -265,7 +265,7 @@ fn sizes_in_headers_are_checked_before_memory_is_allocated() {
     // The limit can be raised, and lowered: 8,192 bytes of pixels a side are 64 MiB and more.
     let (_, said) = shop.code("compare large.exr a.exr --memory-limit 8T", 3);
     assert!(!said.contains("sizes in a file"), "{said}");
-    std::fs::write(shop.path("small.png"), claims::png(4096, 4096)).unwrap();
+    std::fs::write(shop.path("small.png"), oversized_images::png(4096, 4096)).unwrap();
     let (_, said) = shop.code("compare small.png a.exr --memory-limit 128M", 3);
     assert!(said.contains("of 128 MiB are left (--memory-limit)"), "{said}");
 }

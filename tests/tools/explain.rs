@@ -1,4 +1,4 @@
-//! `kiln explain`: what is on, why, and that what it costs adds up.
+//! `kiln explain`: the effects that are on, the reasons, and the sum of their costs.
 
 use crate::common::repository;
 use assert_cmd::Command;
@@ -52,8 +52,8 @@ fn json_has_the_documented_fields() {
 
 #[test]
 fn what_effects_cost_adds_up() {
-    // Rays and bytes to the last one; times, which scatter, within a tenth. A machine that is busy with other things gets
-    // three attempts.
+    // Rays and bytes to the last one; times, which scatter, within a tenth. A machine that is busy with other things
+    // gets three attempts.
     let attempts = (0..3).any(|_| {
         let report = json("scenes/assignment.toml --size 384x384 --measure --rounds 7");
         let number = |value: &Value| value.as_f64().expect("a number");

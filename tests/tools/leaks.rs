@@ -1,22 +1,22 @@
-//! No ray slips through a closed mesh, at any size or place, and the test that says so notices rays that do.
+//! Closed meshes have no leaks at any size or position, and the test detects rays that leak.
 
 use std::process::{Command, Output};
 use std::sync::atomic::AtomicBool;
 
-use kiln::bench::leaks::{Row, measure};
+use kiln::bench::leaks::{LeakRow, measure};
 use kiln::bench::{NAMES, PLACEMENTS, engines};
 use kiln::render::RenderControl;
 use serde_json::Value;
 
 const RAYS: u64 = 20_000;
 
-fn rows(engine: &str) -> Vec<Row> {
+fn rows(engine: &str) -> Vec<LeakRow> {
     assert!(NAMES.contains(&engine));
     let mut engines = engines().0;
     engines.retain(|e| e.name() == engine);
     let cancel = AtomicBool::new(false);
-    let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
-    let rows = measure(&engines, RAYS, &watch).expect("every structure can be built");
+    let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
+    let rows = measure(&engines, RAYS, &control).expect("every structure can be built");
     assert!(!rows.is_empty() && rows.len() == engines.len() * PLACEMENTS.len());
     rows
 }
@@ -32,8 +32,8 @@ fn no_ray_slips_through_kilns_structures() {
     }
 }
 
-/// The rays are hard enough to find the gaps of a test that has some. Möller and Trumbore's, which loses about a tenth of
-/// the rays that meet an edge from behind, is one.
+/// The rays are hard enough to find the gaps of a test that has some. Möller and Trumbore's, which loses about a tenth
+/// of the rays that meet an edge from behind, is one.
 #[test]
 fn rays_slip_through_where_there_are_gaps() {
     for row in rows("obvhs") {

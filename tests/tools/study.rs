@@ -1,11 +1,11 @@
-//! `kiln study`: what must hold of any study, on a tiny one, and the files that it writes.
+//! `kiln study`: properties of every study, on a small one, and the files that it writes.
 
 use std::path::Path;
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use crate::common::repository;
-use kiln::study::{Judge, Study, from_csv, to_csv};
+use kiln::study::{ReferenceKind, Study, from_csv, to_csv};
 
 /// A study of the assignment scene, small and quick, in a folder that goes when the tests end.
 fn made(inputs: &[&str], more: &[&str]) -> (tempfile::TempDir, Output) {
@@ -34,7 +34,7 @@ fn tiny() -> &'static (tempfile::TempDir, Output) {
 #[test]
 fn the_acceleration_structure_makes_no_error() {
     let study = read(tiny().0.path());
-    let rows: Vec<_> = study.rows.iter().filter(|row| row.knob == "bvh").collect();
+    let rows: Vec<_> = study.rows.iter().filter(|row| row.parameter == "bvh").collect();
     // Three presets, two other layouts, and brute force over so small a scene.
     assert_eq!(rows.len(), 6);
     let base = study.rows.iter().find(|row| row.base).expect("the picture as asked for");
@@ -49,7 +49,7 @@ fn the_acceleration_structure_makes_no_error() {
 fn exact_is_its_own_measure() {
     let study = read(tiny().0.path());
     let exact = study.rows.iter().find(|row| row.name() == "numerics: exact").expect("a row");
-    assert_eq!(exact.judge, Judge::Twin);
+    assert_eq!(exact.reference, ReferenceKind::Twin);
     assert!(exact.twin.expect("finite").are_none());
     let exact = study.geometry.iter().find(|tier| tier.numerics == "exact").expect("a tier");
     assert_eq!((exact.false_hits, exact.false_misses, exact.wrong_primitives), (0, 0, 0));
@@ -64,7 +64,7 @@ fn exact_is_its_own_measure() {
 #[test]
 fn more_samples_are_closer_to_the_limit() {
     let study = read(tiny().0.path());
-    let rows: Vec<_> = study.rows.iter().filter(|row| row.knob == "samples").collect();
+    let rows: Vec<_> = study.rows.iter().filter(|row| row.parameter == "samples").collect();
     // 1, 2, 4, … 32.
     assert_eq!(rows.len(), 6);
     let errors: Vec<f64> = rows.iter().map(|row| row.limit.expect("finite").rmse).collect();
@@ -72,21 +72,24 @@ fn more_samples_are_closer_to_the_limit() {
     for (row, samples) in rows.iter().zip([1.0, 2.0, 4.0, 8.0, 16.0, 32.0]) {
         assert_eq!(row.samples_per_pixel, samples);
     }
-    // Variance of stratified samples falls between n^-1 and n^-2 (Mitchell 1996): 16 times as many, at least 4 times as close.
+    // Variance of stratified samples falls between n^-1 and n^-2 (Mitchell 1996): 16 times as many, at least 4 times as
+    // close.
     assert!(errors[1] / errors[5] > 4.0, "{errors:?}");
     // The limit's own error is that of 1024 samples, 32 times as many: far below.
     assert!(study.floors[0].rmse * 5.0 < errors[5], "{} {errors:?}", study.floors[0].rmse);
 }
 
 #[test]
-fn knobs_without_anything_to_do_are_left_out_with_a_reason() {
+fn parameters_without_anything_to_do_are_left_out_with_a_reason() {
     let study = read(tiny().0.path());
-    let why = |knob: &str| study.left_out.iter().find(|[name, _]| name == knob).map(|[_, why]| why.clone());
+    let why = |parameter: &str| {
+        study.left_out.iter().find(|[name, _]| name == parameter).map(|[_, why]| why.clone())
+    };
     // The assignment has spheres and flat triangles, glaze and a light, but no pictures.
     assert!(why("picture filter").is_some_and(|why| !why.is_empty()), "{:?}", study.left_out);
     assert!(why("glaze bounces").is_none() && why("shadows").is_none());
-    for [knob, _] in &study.left_out {
-        assert!(study.rows.iter().all(|row| row.knob != *knob), "{knob}");
+    for [parameter, _] in &study.left_out {
+        assert!(study.rows.iter().all(|row| row.parameter != *parameter), "{parameter}");
     }
 }
 
@@ -128,7 +131,8 @@ fn the_tables_hold_the_same_and_can_be_read_back() {
     let csv = std::fs::read_to_string(folder.join("study.csv")).expect("CSV");
     let mut rows = from_csv(&csv).expect("rows");
     assert!(to_csv(&rows) == csv, "another table came back");
-    // The JSON has the same rows, to the last digit. Held against each other as text: what reads JSON here may be off by the last bit.
+    // The JSON has the same rows, to the last digit. Held against each other as text: what reads JSON here may be off
+    // by the last bit.
     let dense = |text: &str| text.split_whitespace().collect::<String>();
     let json = dense(&std::fs::read_to_string(folder.join("study.json")).expect("JSON"));
     assert_eq!(read(folder).rows.len(), rows.len());
@@ -179,7 +183,7 @@ fn a_mesh_alone_can_be_studied() {
     let (folder, output) = made(&["assets/import/l.obj"], &["--size", "24x24"]);
     let study = read(folder.path());
     // A headlight casts shadows; nothing is glazed, and the picture adds up light linearly.
-    let left_out: Vec<&str> = study.left_out.iter().map(|[knob, _]| knob.as_str()).collect();
+    let left_out: Vec<&str> = study.left_out.iter().map(|[parameter, _]| parameter.as_str()).collect();
     assert!(left_out.contains(&"glaze bounces") && left_out.contains(&"colour"), "{left_out:?}");
     assert!(String::from_utf8_lossy(&output.stdout).contains("left out: glaze bounces: "));
 }
@@ -206,7 +210,8 @@ fn a_folder_that_cannot_be_made_is_said_before_any_work() {
     assert!(old.exists());
 }
 
-/// Of the options before and those of a row, those that make the row's picture: one of the same name takes the place of another.
+/// Of the options before and those of a row, those that make the row's picture: one of the same name takes the place of
+/// another.
 fn together(given: &[&str], options: &str) -> Vec<String> {
     let own: Vec<&str> = options.split_whitespace().collect();
     let adds = |name: &str| name == "--with" || name == "--without";
@@ -258,7 +263,7 @@ fn the_options_of_a_row_make_its_picture() {
 }
 
 #[test]
-fn one_knob_alone_can_be_varied() {
+fn one_parameter_alone_can_be_varied() {
     let (folder, _) = made(&["scenes/assignment.toml"], &["--size", "20x12", "--knob", "numerics"]);
     let study = read(folder.path());
     // What was asked for, and the four tiers; nothing is held against a picture of many samples.

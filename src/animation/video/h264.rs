@@ -89,7 +89,8 @@ impl H264 {
                 // A start code of zeros and a one precedes each unit (ITU-T H.264, annex B).
                 let start = 1 + unit.iter().position(|&byte| byte == 1).unwrap_or(0);
                 let unit = &unit[start..];
-                // The lower five bits are the type (table 7-1): 7 and 8 are parameter sets, which MP4 stores separately.
+                // The lower five bits are the type (table 7-1): 7 and 8 are parameter sets, which MP4 stores
+                // separately.
                 match unit.first().map(|byte| byte & 31) {
                     Some(7) => self.parameter_sets[0] = unit.to_vec(),
                     Some(8) => self.parameter_sets[1] = unit.to_vec(),

@@ -1,7 +1,7 @@
 //! Videos: formats that hold many frames in one file or stream.
 //!
-//! [`VideoFormat::convert`] turns a rendered frame into the input of the encoder, in parallel; [`VideoWriter::add`] encodes and
-//! writes it, in order.
+//! [`VideoFormat::convert`] turns a rendered frame into the input of the encoder, in parallel; [`VideoWriter::add`]
+//! encodes and writes it, in order.
 
 #[cfg(feature = "video")]
 mod h264;
@@ -110,8 +110,8 @@ impl VideoFormat {
             #[cfg(feature = "video")]
             VideoFormat::Gif => {
                 let crate::film::Window { width, height, .. } = film.window();
-                // 1 to 30: the palette is made from every n-th pixel. With fewer than all of them, small objects change their colour
-                // from frame to frame.
+                // 1 to 30: the palette is made from every n-th pixel. With fewer than all of them, small objects change
+                // their colour from frame to frame.
                 const SPEED: i32 = 1;
                 let bytes = film.bytes();
                 FrameData::Gif(gif::Frame::from_rgb_speed(width as u16, height as u16, &bytes, SPEED))

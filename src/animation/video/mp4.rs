@@ -14,7 +14,8 @@ use super::h264::EncodedFrame;
 /// Ticks per frame: the frame rate may have three decimals.
 const TICKS: u32 = 1000;
 
-/// An MP4 file in the making. Encoded frames are kept in an unnamed temporary file until the size of the boxes before them is known.
+/// An MP4 file in the making. Encoded frames are kept in an unnamed temporary file until the size of the boxes before
+/// them is known.
 pub struct Mp4 {
     size: [u16; 2],
     timescale: u32,

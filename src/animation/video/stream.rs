@@ -21,7 +21,8 @@ pub fn apng<W: Write>(out: W, spec: &VideoSpec) -> io::Result<png::Writer<W>> {
     Ok(encoder.write_header()?)
 }
 
-/// The seconds per frame as a fraction of two 16-bit numbers. Exact for integer frame rates and for multiples of 1/1001.
+/// The seconds per frame as a fraction of two 16-bit numbers. Exact for integer frame rates and for multiples of
+/// 1/1001.
 fn delay(fps: f64) -> (u16, u16) {
     for numerator in [1u16, 1001, 1000, 100, 10] {
         let denominator = fps * f64::from(numerator);

@@ -6,8 +6,9 @@ use crate::film::Film;
 
 /// A frame as Y'CbCr 4:2:0, 8 bits, in limited range (16 to 235, 16 to 240), by the matrix of ITU-R BT.709.
 ///
-/// Chroma samples lie at H.264's default location (ITU-T H.264, figure E-1, type 0): on the left one of two columns, between two rows.
-/// So they are filtered over three columns, weighted 1 2 1, and two rows. In integers, so the bits are the same on every machine.
+/// Chroma samples lie at H.264's default location (ITU-T H.264, figure E-1, type 0): on the left one of two columns,
+/// between two rows. So they are filtered over three columns, weighted 1 2 1, and two rows. In integers, so the bits
+/// are the same on every machine.
 pub struct Yuv420 {
     /// Width and height of the luma plane: those of the frame, rounded up to even numbers.
     pub size: [usize; 2],
@@ -156,8 +157,8 @@ mod tests {
 
     #[test]
     fn chroma_is_of_three_columns_and_two_rows() {
-        // One red pixel at column 1, row 0 of 4 x 2. The sample at column 0 sees it with 1/8, that at column 2 with 1/8; a
-        // red pixel at column 2 counts a quarter there, and nothing at column 0.
+        // One red pixel at column 1, row 0 of 4 x 2. The sample at column 0 sees it with 1/8, that at column 2 with
+        // 1/8; a red pixel at column 2 counts a quarter there, and nothing at column 0.
         let black = [0; 3];
         let red = [255, 0, 0];
         let at = |column: usize| {

@@ -1,24 +1,24 @@
-//! Embree as it is asked for leaks: every crossing of a ray, one after the other.
+//! Embree in the leak test: all crossings of a ray, one after the other.
 
 use std::ptr;
 
 use glam::DVec3;
 
-use super::super::{Absent, Built, Engine, Mesh};
+use super::super::{Built, Engine, Mesh, Unavailable};
 use super::records::{NOTHING, RayHit};
 use super::{Device, Quality, Scene};
 use crate::error::Result;
 
-/// Embree finds one crossing at a time; a ray that seems to cross more than this is left at that.
-const MOST_CROSSINGS: usize = 64;
+/// Maximum number of crossings of a ray.
+const MAX_CROSSINGS: usize = 64;
 
-/// Both modes, where the library is there.
-pub fn engines() -> std::result::Result<Vec<Box<dyn Engine>>, Absent> {
+/// Both modes, if the library is available.
+pub fn engines() -> std::result::Result<Vec<Box<dyn Engine>>, Unavailable> {
     let device = Device::find("")?;
     Ok(vec![Box::new(Embree { device, robust: false }), Box::new(Embree { device, robust: true })])
 }
 
-/// Embree with its own choice of layout, in either of its modes.
+/// Embree with its default layout, in one of its modes.
 struct Embree {
     device: &'static Device,
     robust: bool,
@@ -41,10 +41,10 @@ impl Engine for Embree {
 impl Built for Scene {
     fn crossings(&self, origin: DVec3, direction: DVec3, found: &mut Vec<u32>) {
         let mut t_near = 0.0f32;
-        for _ in 0..MOST_CROSSINGS {
+        for _ in 0..MAX_CROSSINGS {
             let mut query = RayHit::new(origin.as_vec3(), direction.as_vec3(), t_near, f32::INFINITY);
-            // SAFETY: `handle` is a scene that is built, and `query` has the form and alignment that Embree expects; null
-            // arguments ask for the defaults.
+            // SAFETY: `handle` is a committed scene, and `query` has the layout and alignment of `RTCRayHit`; null
+            // arguments are the defaults.
             unsafe { (self.device.functions.intersect)(self.handle, &raw mut query, ptr::null_mut()) };
             if query.geometry == NOTHING {
                 return;

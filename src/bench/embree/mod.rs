@@ -1,6 +1,6 @@
 //! Embree 4, loaded at run time from the library that the environment variable `KILN_EMBREE` names.
 //!
-//! Only its public C API is used: `embree4/rtcore*.h` of Embree 4, whose names and numbers stand here.
+//! Only its public C API is used; names and values are those of `embree4/rtcore*.h` of Embree 4.
 
 mod crossings;
 mod race;
@@ -17,21 +17,21 @@ use std::sync::atomic::{AtomicIsize, Ordering};
 use bytemuck::Pod;
 use libloading::Library;
 
-use super::{Absent, Mesh};
+use super::{Mesh, Unavailable};
 use crate::error::{Error, Result};
 use records::{Arguments, RayHit, RayHits, RayOnly, Rays};
 
-/// Names the library file.
+/// Environment variable with the path of the library.
 const VARIABLE: &str = "KILN_EMBREE";
 
 const REMEDY: &str = "set KILN_EMBREE to the file of libembree4; the PyPI wheel `embreex` has one";
 
-/// A device, scene or geometry; null where making it failed.
+/// A device, scene, geometry or buffer; null if its creation failed.
 type Handle = *mut c_void;
 
 /// `RTCGeometryType`.
 const TRIANGLE: c_int = 0;
-/// `RTCBufferType` and the `RTCFormat` that goes with it.
+/// `RTCBufferType` with its `RTCFormat`.
 const INDICES: (c_int, c_int) = (0, 0x5003);
 const VERTICES: (c_int, c_int) = (1, 0x9003);
 /// `RTCSceneFlags`.
@@ -51,16 +51,16 @@ enum Quality {
 /// `RTCMemoryMonitorFunction`.
 type MemoryMonitor = unsafe extern "C" fn(*mut c_void, isize, bool) -> bool;
 
-/// Bytes that all devices hold.
+/// Memory of all devices in bytes.
 static BYTES: AtomicIsize = AtomicIsize::new(0);
 
-/// Counts what Embree allocates and gives back, and lets it.
+/// Counts Embree's allocations, and permits them.
 unsafe extern "C" fn count_bytes(_: *mut c_void, bytes: isize, _: bool) -> bool {
     BYTES.fetch_add(bytes, Ordering::Relaxed);
     true
 }
 
-/// The functions of the library that are used, by their names without `rtc`.
+/// Functions of the library, named without the prefix `rtc`.
 struct Functions {
     new_device: unsafe extern "C" fn(*const c_char) -> Handle,
     get_device_error: unsafe extern "C" fn(Handle) -> c_int,
@@ -86,8 +86,8 @@ struct Functions {
 
 impl Functions {
     fn load(library: &'static Library) -> std::result::Result<Self, libloading::Error> {
-        // SAFETY: the types are those of the functions of these names in Embree 4's headers. The library, being
-        // `'static`, is never unloaded, so the pointers stay good.
+        // SAFETY: the types are those of the functions in Embree 4's headers. The library is `'static` and never
+        // unloaded, so the pointers stay valid.
         unsafe {
             Ok(Functions {
                 new_device: *library.get("rtcNewDevice")?,
@@ -115,7 +115,7 @@ impl Functions {
     }
 }
 
-/// The library, ready to build. It is kept to the end of the process, as its worker threads are.
+/// An Embree device. It lives until the end of the process, like its worker threads.
 struct Device {
     functions: Functions,
     handle: Handle,
@@ -125,26 +125,26 @@ struct Device {
 unsafe impl Sync for Device {}
 
 impl Device {
-    /// The device of the library that [`VARIABLE`] names. `configuration` is Embree's own, such as `threads=1`.
-    fn find(configuration: &str) -> std::result::Result<&'static Self, Absent> {
-        let absent = |reason| Absent { name: "embree", reason, remedy: REMEDY };
+    /// The device of the library that [`VARIABLE`] names. `configuration` is passed to Embree, such as `threads=1`.
+    fn find(configuration: &str) -> std::result::Result<&'static Self, Unavailable> {
+        let absent = |reason| Unavailable { name: "embree", reason, remedy: REMEDY };
         let file = std::env::var_os(VARIABLE).filter(|file| !file.is_empty());
         let file = file.ok_or_else(|| absent(format!("{VARIABLE} names no library")))?;
         Device::load(Path::new(&file), configuration).map_err(absent)
     }
 
     fn load(file: &Path, configuration: &str) -> std::result::Result<&'static Self, String> {
-        // SAFETY: loading a library runs what it has to run first. The user named the file as Embree.
+        // SAFETY: loading a library runs its initialisers. The user named the file as Embree.
         let library = unsafe { Library::new(file) }.map_err(|e| format!("{}: {e}", file.display()))?;
         let functions = Functions::load(Box::leak(Box::new(library)))
             .map_err(|e| format!("{}: not Embree 4: {e}", file.display()))?;
         let configuration = CString::new(configuration).map_err(|e| e.to_string())?;
-        // SAFETY: the configuration is a string that ends with a zero; an empty one asks for the defaults.
+        // SAFETY: the configuration is a zero-terminated string; an empty one means the defaults.
         let handle = unsafe { (functions.new_device)(configuration.as_ptr()) };
         if handle.is_null() {
             return Err(format!("{}: no device can be made", file.display()));
         }
-        // SAFETY: `handle` is a device, and the function keeps to what Embree asks of it, from any thread.
+        // SAFETY: `handle` is a device, and the function may be called from any thread.
         unsafe { (functions.set_device_memory_monitor_function)(handle, count_bytes, ptr::null_mut()) };
         let device = Device { functions, handle };
         let version = device.property(VERSION);
@@ -155,11 +155,11 @@ impl Device {
     }
 
     fn property(&self, property: c_int) -> isize {
-        // SAFETY: `handle` is a device; a property that it does not know is an error, and 0.
+        // SAFETY: `handle` is a device; an unknown property returns 0 and sets an error.
         unsafe { (self.functions.get_device_property)(self.handle, property) }
     }
 
-    /// Fails where the last calls did.
+    /// Returns the error of the last calls.
     fn check(&self) -> Result<()> {
         // SAFETY: `handle` is a device.
         match unsafe { (self.functions.get_device_error)(self.handle) } {
@@ -168,11 +168,11 @@ impl Device {
         }
     }
 
-    /// Makes a buffer of `geometry` with a copy of `items`.
+    /// Creates a buffer of `geometry` with a copy of `items`.
     fn fill<T: Pod>(&self, geometry: Handle, (kind, format): (c_int, c_int), items: &[T]) -> Result<()> {
         let make = self.functions.set_new_geometry_buffer;
-        // SAFETY: `geometry` is a geometry of this device. On success the buffer has room for as many items of this size
-        // as are copied to it, and nothing else refers to it yet.
+        // SAFETY: `geometry` is a geometry of this device. On success the buffer has the size of the copied items, and
+        // there is no other reference to it yet.
         unsafe {
             let buffer = make(geometry, kind, 0, format, size_of::<T>(), items.len());
             if buffer.is_null() {
@@ -185,11 +185,11 @@ impl Device {
     }
 }
 
-/// A scene with one mesh in it.
+/// A committed scene with one mesh.
 struct Scene {
     device: &'static Device,
     handle: Handle,
-    /// What it holds of memory, if nothing else was built meanwhile.
+    /// Its memory in bytes, provided that nothing else was built meanwhile.
     bytes: isize,
 }
 
@@ -200,17 +200,17 @@ impl Drop for Scene {
     }
 }
 
-// SAFETY: a scene that is built may be asked from any thread; it is changed no more.
+// SAFETY: a committed scene may be queried from any thread; it is not changed any more.
 unsafe impl Sync for Scene {}
 
 // SAFETY: a scene may be released by any thread.
 unsafe impl Send for Scene {}
 
 impl Scene {
-    /// Builds over a mesh.
+    /// Builds a scene over a mesh.
     fn new(device: &'static Device, quality: Quality, robust: bool, mesh: &Mesh) -> Result<Self> {
         let Device { functions, handle } = device;
-        // SAFETY: `handle` is a device. Null handles, which Embree takes and answers with an error, are found by `check`.
+        // SAFETY: `handle` is a device. Embree accepts null handles and sets an error, which `check` returns.
         let scene = unsafe { (functions.new_scene)(*handle) };
         device.check()?;
         let before = BYTES.load(Ordering::Relaxed);

@@ -1,13 +1,13 @@
-//! Embree as it is timed: ray by ray and in packets, with its build qualities and its robust mode.
+//! Embree in the speed test: single rays and packets, build qualities, robust mode.
 
-use super::super::speed::{Contender, Facts, Kind, Label, Queue, Ready};
-use super::super::{Absent, Mesh};
+use super::super::speed::{BuiltContender, Contender, Facts, Kind, Label, RayQueue};
+use super::super::{Mesh, Unavailable};
 use super::records::{Arguments, NOTHING, RayHit, RayHits, RayOnly, Rays, Valid};
 use super::{Device, NATIVE_RAY8, NATIVE_RAY16, Quality, Scene};
 use crate::error::Result;
 use crate::geometry::Ray;
 
-/// How rays are handed over.
+/// Query functions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Calls {
     Single,
@@ -15,18 +15,18 @@ enum Calls {
     Sixteen,
 }
 
-/// One way to use Embree.
+/// A contender of Embree.
 struct Embree {
     device: &'static Device,
     quality: Quality,
     robust: bool,
     calls: Calls,
-    /// Whether it is told of coherent rays that they are.
+    /// Whether coherent rays are flagged as coherent.
     coherent: bool,
 }
 
-/// Every way, where the library is there, with so many threads to build on.
-pub fn contenders(threads: usize) -> std::result::Result<Vec<Box<dyn Contender>>, Absent> {
+/// All contenders, if the library is available. `threads` is the number of build threads.
+pub fn contenders(threads: usize) -> std::result::Result<Vec<Box<dyn Contender>>, Unavailable> {
     let device = Device::find(&format!("threads={threads}"))?;
     let single = |quality, robust| Embree { device, quality, robust, calls: Calls::Single, coherent: false };
     let mut ways =
@@ -70,7 +70,7 @@ impl Contender for Embree {
         }
     }
 
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>> {
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>> {
         let scene = Scene::new(self.device, self.quality, self.robust, mesh)?;
         Ok(Box::new(BuiltEmbree { scene, calls: self.calls, coherent: self.coherent }))
     }
@@ -82,40 +82,46 @@ struct BuiltEmbree {
     coherent: bool,
 }
 
-impl Ready for BuiltEmbree {
+impl BuiltContender for BuiltEmbree {
     fn facts(&self) -> Facts {
         Facts { bytes: u64::try_from(self.scene.bytes).ok(), ..Facts::default() }
     }
 
-    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a> {
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a> {
         let (scene, count) = (&self.scene, rays.len());
         let coherent = self.coherent && kind.is_coherent();
         match (kind.is_any_hit(), self.calls) {
-            (false, Calls::Single) => {
-                Box::new(Asked { scene, coherent, count, records: rays.iter().map(RayHit::from).collect() })
-            }
-            (true, Calls::Single) => {
-                Box::new(Asked { scene, coherent, count, records: rays.iter().map(RayOnly::from).collect() })
-            }
-            (false, Calls::Eight) => Box::new(Asked {
+            (false, Calls::Single) => Box::new(QueuedRays {
+                scene,
+                coherent,
+                count,
+                records: rays.iter().map(RayHit::from).collect(),
+            }),
+            (true, Calls::Single) => Box::new(QueuedRays {
+                scene,
+                coherent,
+                count,
+                records: rays.iter().map(RayOnly::from).collect(),
+            }),
+            (false, Calls::Eight) => Box::new(QueuedRays {
                 scene,
                 coherent,
                 count,
                 records: rays.chunks(8).map(RayHits::<8>::new).collect(),
             }),
-            (true, Calls::Eight) => Box::new(Asked {
+            (true, Calls::Eight) => Box::new(QueuedRays {
                 scene,
                 coherent,
                 count,
                 records: rays.chunks(8).map(Rays::<8>::new).collect(),
             }),
-            (false, Calls::Sixteen) => Box::new(Asked {
+            (false, Calls::Sixteen) => Box::new(QueuedRays {
                 scene,
                 coherent,
                 count,
                 records: rays.chunks(16).map(RayHits::<16>::new).collect(),
             }),
-            (true, Calls::Sixteen) => Box::new(Asked {
+            (true, Calls::Sixteen) => Box::new(QueuedRays {
                 scene,
                 coherent,
                 count,
@@ -125,53 +131,53 @@ impl Ready for BuiltEmbree {
     }
 }
 
-/// A record that Embree answers into.
+/// A ray record of Embree's queries.
 trait Record: Send {
-    /// How many rays it has room for.
+    /// Number of rays.
     const WIDTH: usize;
 
-    /// Asks about the first `count` of its rays.
-    fn ask(&mut self, scene: &Scene, count: usize, arguments: &mut Arguments);
+    /// Traces the first `count` rays.
+    fn trace(&mut self, scene: &Scene, count: usize, arguments: &mut Arguments);
 
-    /// What became of one of its rays.
-    fn answer(&self, lane: usize) -> Option<u32>;
+    /// Hit primitive of a ray.
+    fn hit(&self, lane: usize) -> Option<u32>;
 }
 
-struct Asked<'a, R> {
+struct QueuedRays<'a, R> {
     scene: &'a Scene,
     coherent: bool,
     count: usize,
     records: Vec<R>,
 }
 
-impl<R: Record> Queue for Asked<'_, R> {
+impl<R: Record> RayQueue for QueuedRays<'_, R> {
     fn run(&mut self) {
         let mut arguments = Arguments::new(self.coherent);
         let mut left = self.count;
         for record in &mut self.records {
-            record.ask(self.scene, left.min(R::WIDTH), &mut arguments);
+            record.trace(self.scene, left.min(R::WIDTH), &mut arguments);
             left -= left.min(R::WIDTH);
         }
     }
 
-    fn answers(&self) -> Vec<Option<u32>> {
-        let answer = |index: usize| self.records[index / R::WIDTH].answer(index % R::WIDTH);
+    fn hits(&self) -> Vec<Option<u32>> {
+        let answer = |index: usize| self.records[index / R::WIDTH].hit(index % R::WIDTH);
         (0..self.count).map(answer).collect()
     }
 }
 
-// In all calls below the scene is built, and records and arguments have the form and the alignment that Embree expects.
+// In all calls below the scene is committed, and records and arguments have the layout and alignment of Embree's types.
 
 impl Record for RayHit {
     const WIDTH: usize = 1;
 
     #[inline]
-    fn ask(&mut self, scene: &Scene, _: usize, arguments: &mut Arguments) {
+    fn trace(&mut self, scene: &Scene, _: usize, arguments: &mut Arguments) {
         // SAFETY: see above.
         unsafe { (scene.device.functions.intersect)(scene.handle, self, arguments) }
     }
 
-    fn answer(&self, _: usize) -> Option<u32> {
+    fn hit(&self, _: usize) -> Option<u32> {
         (self.geometry != NOTHING).then_some(self.primitive)
     }
 }
@@ -180,17 +186,17 @@ impl Record for RayOnly {
     const WIDTH: usize = 1;
 
     #[inline]
-    fn ask(&mut self, scene: &Scene, _: usize, arguments: &mut Arguments) {
+    fn trace(&mut self, scene: &Scene, _: usize, arguments: &mut Arguments) {
         // SAFETY: see above.
         unsafe { (scene.device.functions.occluded)(scene.handle, self, arguments) }
     }
 
-    fn answer(&self, _: usize) -> Option<u32> {
+    fn hit(&self, _: usize) -> Option<u32> {
         is_occluded(self.t_far)
     }
 }
 
-/// Embree says so by a far end of minus infinity.
+/// Embree sets `tfar` to minus infinity for an occluded ray.
 fn is_occluded(t_far: f32) -> Option<u32> {
     (t_far == f32::NEG_INFINITY).then_some(0)
 }
@@ -201,7 +207,7 @@ macro_rules! packets {
             const WIDTH: usize = $width;
 
             #[inline]
-            fn ask(&mut self, scene: &Scene, count: usize, arguments: &mut Arguments) {
+            fn trace(&mut self, scene: &Scene, count: usize, arguments: &mut Arguments) {
                 let valid = Valid::<$width>::first(count);
                 // SAFETY: see above.
                 unsafe {
@@ -209,7 +215,7 @@ macro_rules! packets {
                 }
             }
 
-            fn answer(&self, lane: usize) -> Option<u32> {
+            fn hit(&self, lane: usize) -> Option<u32> {
                 (self.geometry[lane] != NOTHING).then_some(self.primitive[lane])
             }
         }
@@ -218,13 +224,13 @@ macro_rules! packets {
             const WIDTH: usize = $width;
 
             #[inline]
-            fn ask(&mut self, scene: &Scene, count: usize, arguments: &mut Arguments) {
+            fn trace(&mut self, scene: &Scene, count: usize, arguments: &mut Arguments) {
                 let valid = Valid::<$width>::first(count);
                 // SAFETY: see above.
                 unsafe { (scene.device.functions.$occluded)(valid.0.as_ptr(), scene.handle, self, arguments) }
             }
 
-            fn answer(&self, lane: usize) -> Option<u32> {
+            fn hit(&self, lane: usize) -> Option<u32> {
                 is_occluded(self.t_far[lane])
             }
         }

@@ -1,5 +1,5 @@
-//! Embree's records of rays and hits, one at a time and in packets, as the builds with instance arrays have them; those
-//! without lack the last field, so that these serve both.
+//! Embree's ray and hit records for single rays and packets, with the last field of builds with instance arrays. Builds
+//! without them ignore it.
 
 use std::ffi::{c_int, c_uint, c_void};
 use std::ptr;
@@ -102,7 +102,7 @@ pub struct Rays<const N: usize> {
 const _: () = assert!(size_of::<Rays<8>>() == 8 * 48 && size_of::<Rays<16>>() == 16 * 48);
 
 impl<const N: usize> Rays<N> {
-    /// Of at most `N` rays; the places that are left are rays of no length.
+    /// Record of at most `N` rays; the other lanes are inactive rays of length 0.
     pub fn new(rays: &[Ray]) -> Self {
         let number = |of: &dyn Fn(&Ray) -> f64, rest: f32| {
             std::array::from_fn(|lane| rays.get(lane).map_or(rest, |ray| of(ray) as f32))
@@ -133,7 +133,7 @@ pub struct RayHits<const N: usize> {
 }
 
 impl<const N: usize> RayHits<N> {
-    /// Of at most `N` rays; the places that are left are rays of no length.
+    /// Record of at most `N` rays; the other lanes are inactive rays of length 0.
     pub fn new(rays: &[Ray]) -> Self {
         RayHits {
             rays: Rays::new(rays),
@@ -147,7 +147,7 @@ impl<const N: usize> RayHits<N> {
     }
 }
 
-/// Which of `N` places have rays: -1 where one is.
+/// Lane mask: -1 for lanes with a ray.
 #[repr(C, align(64))]
 pub struct Valid<const N: usize>(pub [c_int; N]);
 
@@ -157,7 +157,7 @@ impl<const N: usize> Valid<N> {
     }
 }
 
-/// `RTCIntersectArguments` and `RTCOccludedArguments`, which are alike. The last field is read by some builds only.
+/// `RTCIntersectArguments` and `RTCOccludedArguments`, which have the same layout. Some builds ignore the last field.
 #[repr(C)]
 pub struct Arguments {
     flags: c_int,
@@ -169,7 +169,7 @@ pub struct Arguments {
 }
 
 impl Arguments {
-    /// `RTC_RAY_QUERY_FLAG_COHERENT` where neighbours go similar ways, and the defaults.
+    /// The defaults, with `RTC_RAY_QUERY_FLAG_COHERENT` if `coherent`.
     pub fn new(coherent: bool) -> Self {
         let nothing = ptr::null_mut();
         let flags = if coherent { 1 << 16 } else { 0 };

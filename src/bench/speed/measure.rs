@@ -1,26 +1,26 @@
-//! Rounds in which all contenders take turns.
+//! Timing rounds with all contenders interleaved.
 
 use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
 
 use super::super::{Clock, Mesh, Spread, memory};
-use super::{Contender, Facts, Kind, Label, Questions, Queue, Ready, Truth, rays};
+use super::{BuiltContender, Contender, Facts, Kind, Label, RayQueue, RaySets, ReferenceHits, rays};
 use crate::bvh::Tests;
 use crate::error::{Error, Result};
 use crate::geometry::{Numerics, Ray};
 use crate::render::RenderControl;
 
-/// Rays that one thread takes at a time: whole batches, few enough to share, enough that it costs nothing.
+/// Rays per parallel task, a multiple of the batch size.
 const PORTION: usize = 64 * rays::BATCH;
 
-/// How to measure.
+/// Settings of a measurement.
 pub struct Settings<'a> {
-    /// Rounds that count, after one to warm up; at least 1.
+    /// Timed rounds, after one to warm up; 1 or more.
     pub runs: u32,
-    /// The threads to build and to ask on.
+    /// Threads for building and tracing.
     pub pool: &'a rayon::ThreadPool,
-    /// Whether answers are compared with the right ones.
+    /// Whether hits are compared with the reference.
     pub check: bool,
 }
 
@@ -30,64 +30,64 @@ impl Settings<'_> {
     }
 }
 
-/// What was measured of a contender.
+/// Results of a contender.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
-    /// Which.
+pub struct SpeedRow {
+    /// The contender.
     pub label: Label,
-    /// Threads that built and asked.
+    /// Number of threads.
     pub threads: usize,
-    /// Milliseconds from triangles in memory to ready.
+    /// Build time in ms.
     pub build_ms: Spread,
-    /// What the structure is like.
+    /// Properties of the structure.
     pub facts: Facts,
-    /// Triangles of the mesh.
+    /// Number of triangles of the mesh.
     pub triangles: usize,
-    /// Rays of each kind of [`Kind::ALL`].
+    /// Number of rays of each kind of [`Kind::ALL`].
     pub rays: [usize; 4],
-    /// Million rays a second, of each kind, in every round; empty where there are no rays.
+    /// Million rays per second of each kind in every round; empty if there are no rays.
     pub rates: [Vec<f64>; 4],
-    /// Tests that all rays of a kind took, where they are counted.
+    /// Intersection tests of all rays of a kind, if counted.
     pub tests: [Option<Tests>; 4],
-    /// Answers that are wrong, of each kind; `None` where they were not compared.
+    /// Wrong hits of each kind; `None` if not compared.
     pub wrong: Option<[u64; 4]>,
-    /// The most memory that building took at once, with the structure itself, where the system tells.
+    /// Peak memory of building in bytes, including the structure, where the system provides it.
     pub build_peak_bytes: Option<u64>,
 }
 
-impl Row {
-    /// Answers that are wrong, of all kinds.
+impl SpeedRow {
+    /// Wrong hits of all kinds.
     pub fn all_wrong(&self) -> Option<u64> {
         self.wrong.map(|wrong| wrong.iter().sum())
     }
 
-    /// Million rays a second; `None` where there are no rays of the kind.
+    /// Million rays per second; `None` if there are no rays of the kind.
     pub fn mrays_per_s(&self, kind: Kind) -> Option<Spread> {
         Spread::of(&self.rates[kind as usize])
     }
 
-    /// How many times as fast it is as another, round by round.
-    pub fn ratio(&self, other: &Row, kind: Kind) -> Option<Spread> {
+    /// Throughput relative to another row, round by round.
+    pub fn ratio(&self, other: &SpeedRow, kind: Kind) -> Option<Spread> {
         let rounds = self.rates[kind as usize].iter().zip(&other.rates[kind as usize]);
         Spread::of(&rounds.map(|(own, other)| own / other).collect::<Vec<_>>())
     }
 
-    /// Boxes and primitives tested by a ray of a kind, on average.
+    /// Average number of box and primitive tests per ray of a kind.
     pub fn tests_per_ray(&self, kind: Kind) -> Option<[f64; 2]> {
         let Tests { nodes, primitives } = self.tests[kind as usize]?;
         let rays = self.rays[kind as usize];
         (rays > 0).then(|| [nodes, primitives].map(|count| count as f64 / rays as f64))
     }
 
-    /// Bytes of the structure for each triangle of the mesh, and those with it.
+    /// Bytes of the structure per triangle of the mesh, including the triangles.
     pub fn bytes_per_triangle(&self) -> Option<f64> {
         Some(self.facts.bytes? as f64 / self.triangles as f64)
     }
 }
 
-/// The fastest row of a library for a kind of rays; of kiln's those in its default tier, which others are held against.
-pub fn best<'a>(rows: &'a [Row], engine: &str, kind: Kind) -> Option<&'a Row> {
-    let median = |row: &Row| row.mrays_per_s(kind).map_or(0.0, |spread| spread.median);
+/// The fastest row of a library for a kind of rays; for kiln, among those in the default tier.
+pub fn best<'a>(rows: &'a [SpeedRow], engine: &str, kind: Kind) -> Option<&'a SpeedRow> {
+    let median = |row: &SpeedRow| row.mrays_per_s(kind).map_or(0.0, |spread| spread.median);
     let default = Some(Numerics::default().name());
     let of_engine = rows
         .iter()
@@ -95,10 +95,10 @@ pub fn best<'a>(rows: &'a [Row], engine: &str, kind: Kind) -> Option<&'a Row> {
     of_engine.max_by(|a, b| median(a).total_cmp(&median(b)))
 }
 
-/// What is being measured of a contender.
-struct Lane<'a> {
+/// Measurements of a contender.
+struct Measurement<'a> {
     contender: &'a dyn Contender,
-    ready: Box<dyn Ready>,
+    ready: Box<dyn BuiltContender>,
     build_ms: Vec<f64>,
     seconds: [Vec<f64>; 4],
     tests: [Option<Tests>; 4],
@@ -109,51 +109,55 @@ struct Lane<'a> {
 /// Measures every contender.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when cancelled; [`Error::Failed`] where a library could not build.
+/// [`Error::Interrupted`] when cancelled; [`Error::Failed`] if a library cannot build.
 pub fn measure(
     contenders: &[Box<dyn Contender>],
     mesh: &Mesh,
-    questions: &Questions,
+    ray_sets: &RaySets,
     settings: &Settings,
-    watch: &RenderControl,
-) -> Result<Vec<Row>> {
-    let truth = settings.check.then(|| Truth::new(mesh, questions));
+    control: &RenderControl,
+) -> Result<Vec<SpeedRow>> {
+    let reference = settings.check.then(|| ReferenceHits::new(mesh, ray_sets));
     let rounds = settings.runs as usize + 1;
     let steps = contenders.len() * rounds * (1 + Kind::ALL.len());
     let mut done = 0;
     let mut step = || {
         done += 1;
-        (watch.progress)(done, steps);
-        if watch.cancel.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
+        (control.progress)(done, steps);
+        if control.cancel.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
     };
-    let mut lanes = Vec::with_capacity(contenders.len());
+    let mut measurements = Vec::with_capacity(contenders.len());
     for round in 0..rounds {
         for index in 0..contenders.len() {
             let place = (index + round) % contenders.len();
             if round == 0 {
-                lanes.push(Lane::start(&*contenders[place], mesh, settings)?);
+                measurements.push(Measurement::start(&*contenders[place], mesh, settings)?);
             } else {
-                lanes[place].build(mesh, settings)?;
+                measurements[place].build(mesh, settings)?;
             }
             step()?;
         }
         for kind in Kind::ALL {
-            for index in 0..lanes.len() {
-                let place = (index + round) % lanes.len();
-                let rays = questions.of(kind);
+            for index in 0..measurements.len() {
+                let place = (index + round) % measurements.len();
+                let rays = ray_sets.of(kind);
                 if round == 0 {
-                    lanes[place].warm_up(kind, rays, truth.as_ref(), settings);
+                    measurements[place].warm_up(kind, rays, reference.as_ref(), settings);
                 } else {
-                    lanes[place].time(kind, rays, settings);
+                    measurements[place].time(kind, rays, settings);
                 }
                 step()?;
             }
         }
     }
-    Ok(lanes.iter().map(|lane| lane.row(mesh, questions, settings)).collect())
+    Ok(measurements.iter().map(|lane| lane.row(mesh, ray_sets, settings)).collect())
 }
 
-fn build(contender: &dyn Contender, mesh: &Mesh, settings: &Settings) -> Result<(Box<dyn Ready>, f64)> {
+fn build(
+    contender: &dyn Contender,
+    mesh: &Mesh,
+    settings: &Settings,
+) -> Result<(Box<dyn BuiltContender>, f64)> {
     settings.pool.install(|| {
         let clock = Clock::start(settings.threads());
         let ready = contender.build(mesh)?;
@@ -161,15 +165,15 @@ fn build(contender: &dyn Contender, mesh: &Mesh, settings: &Settings) -> Result<
     })
 }
 
-impl<'a> Lane<'a> {
-    /// The build that warms up is not timed, but its memory is looked at.
+impl<'a> Measurement<'a> {
+    /// Builds once to warm up, untimed, and measures the peak memory.
     fn start(contender: &'a dyn Contender, mesh: &Mesh, settings: &Settings) -> Result<Self> {
-        memory::forget_peak();
+        memory::reset_peak();
         let before = memory::resident();
         let (ready, _) = build(contender, mesh, settings)?;
         let peak = memory::peak().zip(before).map(|(peak, before)| peak.saturating_sub(before));
         let (build_ms, seconds) = (Vec::new(), Default::default());
-        Ok(Lane { contender, ready, build_ms, seconds, tests: [None; 4], wrong: None, peak })
+        Ok(Measurement { contender, ready, build_ms, seconds, tests: [None; 4], wrong: None, peak })
     }
 
     fn build(&mut self, mesh: &Mesh, settings: &Settings) -> Result<()> {
@@ -179,13 +183,13 @@ impl<'a> Lane<'a> {
         Ok(())
     }
 
-    /// The rays in the engine's own form, answered, and how long that took.
-    fn ask<'q>(
+    /// Traces rays; returns the finished queues and the time in seconds.
+    fn trace<'q>(
         &'q self,
         rays: &'q [Ray],
         kind: Kind,
         settings: &Settings,
-    ) -> (Vec<Box<dyn Queue + 'q>>, f64) {
+    ) -> (Vec<Box<dyn RayQueue + 'q>>, f64) {
         let mut queues: Vec<_> = rays.chunks(PORTION).map(|rays| self.ready.queue(kind, rays)).collect();
         let seconds = settings.pool.install(|| {
             let clock = Clock::start(settings.threads());
@@ -196,17 +200,17 @@ impl<'a> Lane<'a> {
     }
 
     fn time(&mut self, kind: Kind, rays: &[Ray], settings: &Settings) {
-        let (_, seconds) = self.ask(rays, kind, settings);
+        let (_, seconds) = self.trace(rays, kind, settings);
         self.seconds[kind as usize].push(seconds);
     }
 
-    /// The round that is not timed: what was answered, and how much work it was, is the same in all.
-    fn warm_up(&mut self, kind: Kind, rays: &[Ray], truth: Option<&Truth>, settings: &Settings) {
-        let (queues, _) = self.ask(rays, kind, settings);
+    /// The untimed round. Hits and numbers of tests are taken from it, as they are the same in all rounds.
+    fn warm_up(&mut self, kind: Kind, rays: &[Ray], reference: Option<&ReferenceHits>, settings: &Settings) {
+        let (queues, _) = self.trace(rays, kind, settings);
         let counted: Option<Vec<Tests>> = queues.iter().map(|queue| queue.tests()).collect();
-        let wrong = truth.map(|truth| {
-            let answers: Vec<Option<u32>> = queues.iter().flat_map(|queue| queue.answers()).collect();
-            truth.wrong(kind, &answers)
+        let wrong = reference.map(|reference| {
+            let hits: Vec<Option<u32>> = queues.iter().flat_map(|queue| queue.hits()).collect();
+            reference.wrong(kind, &hits)
         });
         drop(queues);
         self.tests[kind as usize] = counted.map(|counted| {
@@ -219,15 +223,15 @@ impl<'a> Lane<'a> {
         }
     }
 
-    fn row(&self, mesh: &Mesh, questions: &Questions, settings: &Settings) -> Row {
-        let rays = Kind::ALL.map(|kind| questions.of(kind).len());
+    fn row(&self, mesh: &Mesh, ray_sets: &RaySets, settings: &Settings) -> SpeedRow {
+        let rays = Kind::ALL.map(|kind| ray_sets.of(kind).len());
         let rate = |kind: Kind| {
             let rays = rays[kind as usize];
             let seconds = self.seconds[kind as usize].iter().filter(|_| rays > 0);
             seconds.map(|seconds| rays as f64 / seconds / 1e6).collect()
         };
         let nothing = Spread { lower: 0.0, median: 0.0, upper: 0.0 };
-        Row {
+        SpeedRow {
             label: self.contender.label(),
             threads: settings.threads(),
             build_ms: Spread::of(&self.build_ms).unwrap_or(nothing),

@@ -1,102 +1,100 @@
-//! How fast rays are answered, and how many answers are wrong, by kiln and by other libraries.
+//! Ray throughput and number of wrong hits of kiln and other libraries.
 //!
-//! All contenders get the same mesh of f32 corners and the same f32 rays, and take turns in every round, so that what
-//! slows the machine down slows all of them down. Rays are put into an engine's own form beforehand; only its queries
-//! are timed. Every contender's answers are compared with those of kiln's tier `exact`.
+//! All contenders get the same mesh and rays with f32 values. They are interleaved in every round, so that other load
+//! on the machine affects all of them. Rays are converted to an engine's format beforehand; only its queries are timed.
+//! The hits of every contender are compared with those of kiln's tier `exact`.
 //!
-//! To add a contender: implement [`Contender`] in the engine's file, and give it a line in [`contenders`].
+//! To add a contender: implement [`Contender`] in the engine's file, and add a line to [`contenders`].
 
 mod measure;
 mod page;
 mod rays;
+mod reference;
 mod scaling;
 mod setting;
 mod singly;
-mod truth;
 
-pub use measure::{Row, Settings, best, measure};
+pub use measure::{Settings, SpeedRow, best, measure};
 pub use page::page;
-pub use rays::{BATCH, Eye, Kind, Questions};
-pub use scaling::{Step, plot as scaling_plot, scaling, sizes};
-pub use setting::{Triangles, Viewpoint, eye, scene, triangles};
+pub use rays::{BATCH, Kind, RaySets, ViewSetup};
+pub use reference::ReferenceHits;
+pub use scaling::{ScalingStep, plot as scaling_plot, scaling, sizes};
+pub use setting::{Triangles, Viewpoint, scene, triangles, view_setup};
 pub(super) use singly::singly;
-pub use truth::Truth;
 
-use super::{Absent, Mesh, embree, kiln, obvhs};
+use super::{Mesh, Unavailable, embree, kiln, obvhs};
 use crate::bvh::Tests;
 use crate::error::Result;
 use crate::geometry::Ray;
 
-/// Every library that can take part.
+/// All libraries with a [`Contender`].
 pub const NAMES: [&str; 6] = ["kiln", "obvhs", "bvh", "parry3d", "tinybvh", "embree"];
 
-/// What a contender is called.
+/// Name of a contender.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Label {
     /// The library: one of [`NAMES`].
     pub engine: &'static str,
-    /// The layout of its structure, or how rays are handed to it.
+    /// Layout of its structure, or query functions.
     pub layout: &'static str,
-    /// The tier of numerics, where the library has several.
+    /// Numerics tier, if the library has several.
     pub tier: Option<&'static str>,
-    /// How thoroughly it builds, where that can be chosen.
+    /// Build preset, if the library has several.
     pub preset: Option<&'static str>,
-    /// The widest instruction set that its traversal uses.
+    /// Widest instruction set of its traversal.
     pub isa: &'static str,
 }
 
 /// An engine with one of its layouts, tiers and presets.
 pub trait Contender: Sync {
-    /// What it is called.
+    /// Its name.
     fn label(&self) -> Label;
 
-    /// From triangles in memory to ready for rays, on as many threads as there are in the current pool.
+    /// Builds a structure over `mesh` on the current pool, ready for queries.
     ///
     /// # Errors
-    /// [`Error::Failed`](crate::error::Error::Failed) where the library could not.
-    fn build(&self, mesh: &Mesh) -> Result<Box<dyn Ready>>;
+    /// [`Error::Failed`](crate::error::Error::Failed) if the library fails.
+    fn build(&self, mesh: &Mesh) -> Result<Box<dyn BuiltContender>>;
 }
 
-/// What is known of a structure without casting a ray. `None` where the library does not tell.
+/// Static properties of a structure; `None` if the library does not provide them.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Facts {
-    /// How many nodes it has.
+    /// Number of nodes.
     pub nodes: Option<u64>,
     /// See [`Quality::depth`](crate::bvh::Quality::depth).
     pub depth: Option<u32>,
     /// See [`Quality::sah_cost`](crate::bvh::Quality::sah_cost).
     pub sah_cost: Option<f64>,
-    /// Its size in bytes, with its triangles.
+    /// Size in bytes, including triangles.
     pub bytes: Option<u64>,
 }
 
-/// A structure that is built.
-pub trait Ready: Send + Sync {
-    /// What is known of it.
+/// A built structure.
+pub trait BuiltContender: Send + Sync {
+    /// Its static properties.
     fn facts(&self) -> Facts;
 
-    /// Puts rays of a kind into the engine's own form, with room for the answers.
-    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn Queue + 'a>;
+    /// Converts rays of a kind to the engine's format, and allocates memory for the hits.
+    fn queue<'a>(&'a self, kind: Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a>;
 }
 
-/// Rays that wait for their answers.
-pub trait Queue: Send {
-    /// Finds all answers. Called once; this is what is timed.
+/// Converted rays, ready to be traced.
+pub trait RayQueue: Send {
+    /// Traces all rays. Called once; this is timed.
     fn run(&mut self);
 
-    /// What each ray found, in their order: the primitive that it hits first, or any number where the question is
-    /// whether it hits anything.
-    fn answers(&self) -> Vec<Option<u32>>;
+    /// The hit primitive of each ray in order; for any-hit queries, any number for a hit.
+    fn hits(&self) -> Vec<Option<u32>>;
 
-    /// The work that was done, where it is counted.
+    /// Number of intersection tests, if counted.
     fn tests(&self) -> Option<Tests> {
         None
     }
 }
 
-/// Every contender that is there, built and asked on so many threads, in the order of [`NAMES`], and the libraries that
-/// are not.
-pub fn contenders(threads: usize) -> (Vec<Box<dyn Contender>>, Vec<Absent>) {
+/// The available contenders for a number of threads, in the order of [`NAMES`], and the unavailable libraries.
+pub fn contenders(threads: usize) -> (Vec<Box<dyn Contender>>, Vec<Unavailable>) {
     let (mut present, mut absent) = (kiln::contenders(), Vec::new());
     present.extend(obvhs::contenders());
     #[cfg(feature = "peers")]
@@ -105,7 +103,7 @@ pub fn contenders(threads: usize) -> (Vec<Box<dyn Contender>>, Vec<Absent>) {
         present.extend(super::parry::contenders());
     }
     #[cfg(not(feature = "peers"))]
-    absent.extend(["bvh", "parry3d"].map(|name| Absent {
+    absent.extend(["bvh", "parry3d"].map(|name| Unavailable {
         name,
         reason: "kiln was built without it".into(),
         remedy: "build with --features peers",
@@ -121,7 +119,7 @@ pub fn contenders(threads: usize) -> (Vec<Box<dyn Contender>>, Vec<Absent>) {
     (present, absent)
 }
 
-/// kiln as it renders, and Embree by single rays where it is there.
+/// kiln in its defaults, and Embree with single rays if available.
 pub fn defaults(threads: usize) -> Vec<Box<dyn Contender>> {
     let mut defaults = vec![kiln::default_contender()];
     defaults.extend(embree::contenders(threads).into_iter().flat_map(|ways| ways.into_iter().take(1)));

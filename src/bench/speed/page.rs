@@ -1,10 +1,10 @@
-//! Rows as a page with plots, which needs no network and no other file.
+//! Results as an HTML page with plots, self-contained in one file.
 
 use std::fmt::Write;
 
 use super::super::plot::{Bar, bars, short};
-use super::super::{Absent, Clock, Spread};
-use super::{Kind, NAMES, Row};
+use super::super::{Clock, Spread, Unavailable};
+use super::{Kind, NAMES, SpeedRow};
 use crate::error::Result;
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;color:#222;max-width:960px;margin:2em auto;padding:0 1em}\
@@ -13,11 +13,11 @@ table{border-collapse:collapse;font-size:13px;width:100%}th,td{padding:.25em .5e
 th:nth-child(-n+4),td:nth-child(-n+4){text-align:left}.wrong{color:#b00;font-weight:600}.scroll{overflow-x:auto}\
 code{background:#f2f2f2;padding:.1em .3em}p.note{color:#555}";
 
-/// The page over what was measured of `subject` in so many rounds.
+/// The HTML page of the results for `subject` from `runs` rounds.
 ///
 /// # Errors
-/// [`Error::Failed`](crate::error::Error::Failed) where a plot cannot be drawn.
-pub fn page(rows: &[Row], absent: &[Absent], subject: &str, runs: u32) -> Result<String> {
+/// [`Error::Failed`](crate::error::Error::Failed) if a plot cannot be drawn.
+pub fn page(rows: &[SpeedRow], absent: &[Unavailable], subject: &str, runs: u32) -> Result<String> {
     let title = format!("kiln bench: {}", escaped(subject));
     let mut html = format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
@@ -54,7 +54,7 @@ pub fn page(rows: &[Row], absent: &[Absent], subject: &str, runs: u32) -> Result
         "<h2>Building</h2>\n<p class=\"note\">From triangles in memory to ready for rays.</p>\n{plot}"
     );
     html += &table(rows);
-    for Absent { name, reason, remedy } in absent {
+    for Unavailable { name, reason, remedy } in absent {
         let _ = writeln!(html, "<p>{name}: not timed: {}; {}</p>", escaped(reason), escaped(remedy));
     }
     html += "</body></html>\n";
@@ -81,12 +81,12 @@ fn about(kind: Kind) -> &'static str {
     }
 }
 
-fn of_kind(rows: &[Row], kind: Kind) -> Vec<Bar> {
+fn of_kind(rows: &[SpeedRow], kind: Kind) -> Vec<Bar> {
     let measured = rows.iter().filter_map(|row| Some((row, row.mrays_per_s(kind)?)));
     measured.map(|(row, speed)| bar(row, speed, row.wrong.map_or(0, |wrong| wrong[kind as usize]))).collect()
 }
 
-fn bar(row: &Row, value: Spread, wrong: u64) -> Bar {
+fn bar(row: &SpeedRow, value: Spread, wrong: u64) -> Bar {
     let label = &row.label;
     let parts = [Some(label.engine), Some(label.layout), label.tier, label.preset];
     Bar {
@@ -97,7 +97,7 @@ fn bar(row: &Row, value: Spread, wrong: u64) -> Bar {
     }
 }
 
-fn table(rows: &[Row]) -> String {
+fn table(rows: &[SpeedRow]) -> String {
     let mut html =
         "<h2>Numbers</h2>\n<p class=\"note\">Wrong: answers that differ from those of exact arithmetic. \
          SAH: inner nodes entered and primitives tested by a random line through the bounds, on average. \
@@ -151,7 +151,7 @@ fn table(rows: &[Row]) -> String {
     html + "</table></div>\n"
 }
 
-/// What the system calls the processor.
+/// Name of the processor.
 fn processor() -> String {
     let file = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = file.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));

@@ -1,4 +1,4 @@
-//! The rays that are timed: those of a picture, of its shadows, of light that bounces once, and rays at random.
+//! Rays of the speed test: primary rays, shadow rays, diffuse rays of one bounce, random rays.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -9,24 +9,24 @@ use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Hit, Numerics, Precision, Ray};
 use crate::world::View;
 
-/// What rays are cast for.
+/// Kind of rays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// From a pinhole through the pixels of a picture, tile by tile: the closest hit.
+    /// Primary rays from a pinhole camera, tile by tile: closest hit.
     Primary,
-    /// From what they hit to a point light, in the same order: whether anything is in the way.
+    /// Shadow rays from these hits to a point light, in the same order: any hit.
     Shadow,
-    /// From what they hit in a random direction, cosine-distributed about the normal: the closest hit.
+    /// Diffuse rays from these hits, cosine-distributed about the normal: closest hit.
     Diffuse,
-    /// From a random point of the bounds towards another: the closest hit.
+    /// Rays between random points of the bounds: closest hit.
     Random,
 }
 
 impl Kind {
-    /// Every kind.
+    /// All kinds.
     pub const ALL: [Kind; 4] = [Kind::Primary, Kind::Shadow, Kind::Diffuse, Kind::Random];
 
-    /// Its name.
+    /// Name of the kind.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Primary => "primary",
@@ -36,54 +36,54 @@ impl Kind {
         }
     }
 
-    /// Whether the question is only if anything is hit.
+    /// Whether these are any-hit queries.
     pub fn is_any_hit(self) -> bool {
         self == Kind::Shadow
     }
 
-    /// Whether neighbouring rays go similar ways.
+    /// Whether neighbouring rays are coherent.
     pub fn is_coherent(self) -> bool {
         matches!(self, Kind::Primary | Kind::Shadow)
     }
 }
 
-/// Sides of the tiles that rays of a picture come in, in pixels.
+/// Side of a tile of primary rays in pixels.
 const TILE: u32 = 16;
 
-/// Rays are asked about in batches of a tile.
+/// Rays per batch, those of a tile.
 pub const BATCH: usize = (TILE * TILE) as usize;
 
-/// Where the picture is seen from and lit from.
+/// Camera, picture size and light.
 #[derive(Debug, Clone)]
-pub struct Eye {
+pub struct ViewSetup {
     /// The camera.
     pub view: View,
-    /// Pixels along each side of the picture.
+    /// Width and height of the picture in pixels.
     pub size: u32,
     /// The light.
     pub light: DVec3,
 }
 
-/// Rays of every kind. All their numbers are f32 numbers.
+/// Rays of every kind, with f32 values.
 #[derive(Debug, Clone, Default)]
-pub struct Questions {
+pub struct RaySets {
     rays: [Vec<Ray>; 4],
 }
 
-impl Questions {
-    /// As `eye` sees the mesh.
-    pub fn new(mesh: &Mesh, eye: &Eye) -> Self {
+impl RaySets {
+    /// Rays for a picture of the mesh.
+    pub fn new(mesh: &Mesh, setup: &ViewSetup) -> Self {
         let accelerator = kiln::accelerator(mesh, Layout::default(), Numerics::Watertight);
-        let primary = primary(eye);
+        let primary = primary(setup);
         let hits = closest_hits(&*accelerator, &primary);
         let points: Vec<(u64, Point)> = (0..)
             .zip(primary.iter().zip(&hits))
             .filter_map(|(index, (ray, hit))| Some((index, Point::new(&*accelerator, ray, hit.as_ref()?))))
             .collect();
-        let shadow = points.iter().filter_map(|(_, point)| shadow(point, eye.light)).collect();
+        let shadow = points.iter().filter_map(|(_, point)| shadow(point, setup.light)).collect();
         let diffuse = points.iter().filter_map(|(index, point)| diffuse(point, *index)).collect();
         let random = random(mesh, primary.len() as u64);
-        Questions { rays: [primary, shadow, diffuse, random] }
+        RaySets { rays: [primary, shadow, diffuse, random] }
     }
 
     /// The rays of a kind.
@@ -92,13 +92,13 @@ impl Questions {
     }
 }
 
-/// Tiles row by row, pixels row by row within each; tiles at the right and lower sides may be smaller.
-fn primary(eye: &Eye) -> Vec<Ray> {
-    let starts = || (0..eye.size).step_by(TILE as usize);
-    let side = |start: u32| start..(start + TILE).min(eye.size);
+/// Tiles in row-major order, with pixels in row-major order; tiles at the right and lower edges may be smaller.
+fn primary(setup: &ViewSetup) -> Vec<Ray> {
+    let starts = || (0..setup.size).step_by(TILE as usize);
+    let side = |start: u32| start..(start + TILE).min(setup.size);
     let tiles = starts().flat_map(|y| starts().map(move |x| (x, y)));
     let pixels = tiles.flat_map(|(x, y)| side(y).flat_map(move |y| side(x).map(move |x| (x, y))));
-    pixels.map(|(x, y)| eye.view.ray(x, y, Precision::Single)).collect()
+    pixels.map(|(x, y)| setup.view.ray(x, y, Precision::Single)).collect()
 }
 
 fn closest_hits(accelerator: &dyn Accelerator, rays: &[Ray]) -> Vec<Option<Hit>> {
@@ -110,7 +110,7 @@ fn closest_hits(accelerator: &dyn Accelerator, rays: &[Ray]) -> Vec<Option<Hit>>
     rays.par_chunks(BATCH).flat_map_iter(batch).collect()
 }
 
-/// Where a ray hit, on the side it came from.
+/// Hit point of a ray, with the normal on the side of the ray.
 struct Point {
     surface: SurfacePoint,
     normal: DVec3,
@@ -132,14 +132,14 @@ impl Point {
     }
 }
 
-/// The ray to the light, where the light is on this side, as a renderer casts it.
+/// The shadow ray to the light; `None` if the light is on the other side.
 fn shadow(point: &Point, light: DVec3) -> Option<Ray> {
     if (light - point.surface.position).dot(point.normal) <= 0.0 {
         return None;
     }
     let to_light = light - point.origin;
     let distance = to_light.length();
-    // It ends beside the light, by as much as its own rounding may turn it.
+    // The ray ends before the light by the rounding error of its direction.
     let beside = 2.0 * Precision::Single.epsilon();
     let ray =
         Precision::Single.ray(point.origin, to_light / distance, 0.0, single(distance * (1.0 - beside)));
@@ -154,7 +154,7 @@ fn single(x: f64) -> f64 {
 fn diffuse(point: &Point, index: u64) -> Option<Ray> {
     let direction = (point.normal + Numbers::new(10, index).direction()).try_normalize()?;
     let ray = Precision::Single.ray(point.origin, direction, 0.0, f64::INFINITY);
-    // Rounding may have turned it into the surface.
+    // Rounding may turn the direction into the surface.
     (ray.direction.dot(point.normal) > 0.0).then_some(ray)
 }
 
@@ -175,20 +175,20 @@ fn random(mesh: &Mesh, count: u64) -> Vec<Ray> {
 #[cfg(test)]
 mod tests {
     use super::super::super::generate::Family;
-    use super::super::{Viewpoint, eye, scene};
+    use super::super::{Viewpoint, scene, view_setup};
     use super::*;
 
-    fn questions(mesh: &Mesh, size: u32) -> (Eye, Questions) {
-        let eye = eye(&scene(mesh), Viewpoint::Outside, size).expect("an eye");
-        let questions = Questions::new(mesh, &eye);
-        (eye, questions)
+    fn ray_sets(mesh: &Mesh, size: u32) -> (ViewSetup, RaySets) {
+        let setup = view_setup(&scene(mesh), Viewpoint::Outside, size).expect("a view");
+        let ray_sets = RaySets::new(mesh, &setup);
+        (setup, ray_sets)
     }
 
     #[test]
-    fn primary_rays_come_tile_by_tile() {
-        let (eye, questions) = questions(&Family::Sphere.mesh(1000), 40);
-        let primary = questions.of(Kind::Primary);
-        let at = |x, y| eye.view.ray(x, y, Precision::Single);
+    fn primary_rays_are_in_tile_order() {
+        let (setup, ray_sets) = ray_sets(&Family::Sphere.mesh(1000), 40);
+        let primary = ray_sets.of(Kind::Primary);
+        let at = |x, y| setup.view.ray(x, y, Precision::Single);
         assert_eq!(primary.len(), 1600);
         // The second ray of the first tile, the first of its second row, and the first of the second tile.
         assert_eq!((primary[1], primary[16], primary[256]), (at(1, 0), at(0, 1), at(16, 0)));
@@ -197,11 +197,11 @@ mod tests {
     }
 
     #[test]
-    fn all_numbers_are_f32_numbers() {
-        let (_, questions) = questions(&Family::Soup.mesh(1000), 64);
+    fn all_values_are_f32() {
+        let (_, ray_sets) = ray_sets(&Family::Soup.mesh(1000), 64);
         for kind in Kind::ALL {
-            assert!(!questions.of(kind).is_empty(), "{kind:?}");
-            for ray in questions.of(kind) {
+            assert!(!ray_sets.of(kind).is_empty(), "{kind:?}");
+            for ray in ray_sets.of(kind) {
                 for number in
                     [ray.origin.to_array(), ray.direction.to_array(), [ray.t_min, ray.t_max, 0.0]].concat()
                 {
@@ -217,8 +217,8 @@ mod tests {
         let surface = SurfacePoint { position: origin, start: origin, reach: DVec3::ZERO };
         let rays = (0..100_000).filter_map(|index| diffuse(&Point { surface, normal, origin }, index));
         let cosines: Vec<f64> = rays.map(|ray| ray.direction.dot(normal)).collect();
-        // With density cos / pi the mean cosine is 2/3 and that of its square 1/2, so the mean of n has a standard deviation
-        // of sqrt((1/2 - 4/9) / n).
+        // With the density cos / pi, the mean cosine is 2/3 and the mean squared cosine 1/2, so the mean of n samples
+        // has the standard deviation sqrt((1/2 - 4/9) / n).
         let n = cosines.len() as f64;
         assert!(n > 99_990.0, "few are lost to rounding");
         let mean = cosines.iter().sum::<f64>() / n;

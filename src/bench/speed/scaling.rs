@@ -1,22 +1,22 @@
-//! How building, memory and speed change with the number of triangles.
+//! Build time, memory and throughput against the number of triangles.
 
 use std::sync::atomic::Ordering;
 
 use super::super::generate::Family;
 use super::super::plot::{Line, Panel, panels};
 use super::super::{Spread, memory};
-use super::{Contender, Kind, Questions, Row, Settings, Viewpoint, eye, measure, scene};
+use super::{Contender, Kind, RaySets, Settings, SpeedRow, Viewpoint, measure, scene, view_setup};
 use crate::error::{Error, Result};
 use crate::render::RenderControl;
 
-/// What was measured over the meshes of one kind and about one size.
+/// Results for a mesh of a kind and size.
 #[derive(Debug, Clone)]
-pub struct Step {
-    /// The kind of mesh.
+pub struct ScalingStep {
+    /// Kind of mesh.
     pub family: Family,
-    /// A row for each contender.
-    pub rows: Vec<Row>,
-    /// The most memory that the process held meanwhile, with all contenders' structures, rays and the mesh.
+    /// One row per contender.
+    pub rows: Vec<SpeedRow>,
+    /// Peak memory of the process in bytes, including the mesh, the rays and the structures of all contenders.
     pub peak_bytes: Option<u64>,
 }
 
@@ -27,7 +27,7 @@ pub fn sizes(largest: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Measures every contender over every kind of mesh in every size, with the rays of a picture of `pixels` by `pixels`.
+/// Measures every contender with every kind and size of mesh, with the rays of a picture of `pixels` by `pixels`.
 ///
 /// # Errors
 /// As [`measure`].
@@ -36,21 +36,21 @@ pub fn scaling(
     sizes: &[usize],
     pixels: u32,
     settings: &Settings,
-    watch: &RenderControl,
-) -> Result<Vec<Step>> {
+    control: &RenderControl,
+) -> Result<Vec<ScalingStep>> {
     let mut steps = Vec::new();
     let total = Family::ALL.len() * sizes.len();
     for family in Family::ALL {
         for &size in sizes {
-            memory::forget_peak();
+            memory::reset_peak();
             let mesh = family.mesh(size);
-            let eye = eye(&scene(&mesh), Viewpoint::Outside, pixels)?;
-            let questions = Questions::new(&mesh, &eye);
-            let inner = RenderControl { cancel: watch.cancel, progress: &|_, _| {}, time_stages: false };
-            let rows = measure(contenders, &mesh, &questions, settings, &inner)?;
-            steps.push(Step { family, rows, peak_bytes: memory::peak() });
-            (watch.progress)(steps.len(), total);
-            if watch.cancel.load(Ordering::Relaxed) {
+            let setup = view_setup(&scene(&mesh), Viewpoint::Outside, pixels)?;
+            let ray_sets = RaySets::new(&mesh, &setup);
+            let inner = RenderControl { cancel: control.cancel, progress: &|_, _| {}, time_stages: false };
+            let rows = measure(contenders, &mesh, &ray_sets, settings, &inner)?;
+            steps.push(ScalingStep { family, rows, peak_bytes: memory::peak() });
+            (control.progress)(steps.len(), total);
+            if control.cancel.load(Ordering::Relaxed) {
                 return Err(Error::Interrupted);
             }
         }
@@ -58,16 +58,16 @@ pub fn scaling(
     Ok(steps)
 }
 
-/// What hardly changes with size, so that its axis is linear.
+/// Title of the memory panel, whose axis is linear.
 const BYTES: &str = "bytes a triangle";
 
-/// The steps as a plot: a colour for each kind of mesh, and a kind of line for each engine.
+/// Plot of the steps, with a colour per kind of mesh and a line style per engine.
 ///
 /// # Errors
-/// [`Error::Failed`] where it cannot be drawn.
-pub fn plot(steps: &[Step]) -> Result<String> {
+/// [`Error::Failed`] if it cannot be drawn.
+pub fn plot(steps: &[ScalingStep]) -> Result<String> {
     let median = |spread: Option<Spread>| spread.map(|spread| spread.median);
-    let panel = |title: &str, unit, value: &dyn Fn(&Row) -> Option<f64>| Panel {
+    let panel = |title: &str, unit, value: &dyn Fn(&SpeedRow) -> Option<f64>| Panel {
         title: title.to_owned(),
         unit,
         linear: unit == BYTES,
@@ -75,14 +75,14 @@ pub fn plot(steps: &[Step]) -> Result<String> {
     };
     let drawn = [
         panel("Building", "milliseconds", &|row| Some(row.build_ms.median)),
-        panel("Memory", BYTES, &Row::bytes_per_triangle),
+        panel("Memory", BYTES, &SpeedRow::bytes_per_triangle),
         panel("Primary rays", "million a second", &|row| median(row.mrays_per_s(Kind::Primary))),
         panel("Diffuse rays", "million a second", &|row| median(row.mrays_per_s(Kind::Diffuse))),
     ];
     panels("triangles", &drawn)
 }
 
-fn lines(steps: &[Step], value: &dyn Fn(&Row) -> Option<f64>) -> Vec<Line> {
+fn lines(steps: &[ScalingStep], value: &dyn Fn(&SpeedRow) -> Option<f64>) -> Vec<Line> {
     let mut lines = Vec::new();
     for (family, colour) in Family::ALL.into_iter().zip([0, 5, 2]) {
         let steps = || steps.iter().filter(|step| step.family == family);

@@ -1,30 +1,30 @@
-//! From a scene to what is timed: its triangles, and where they are seen and lit from.
+//! Triangles, camera and light of a scene for the speed test.
 
 use glam::DVec3;
 
 use super::super::Mesh;
-use super::Eye;
+use super::ViewSetup;
 use crate::error::{Error, Result};
 use crate::scene::{self, Camera, LightKind, MaterialId, Object, Projection, Scene, Shape};
 use crate::world::{StandardView, View, fitted_camera};
 
-/// Where a mesh is seen from.
+/// Camera position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Viewpoint {
-    /// From the scene's first camera, or from outside where it has none.
+    /// The scene's first camera; outside if there is none.
     #[default]
     Scene,
-    /// From where the whole of it is in the picture.
+    /// Outside, with the whole scene in view.
     Outside,
-    /// From the middle of its bounds, along the longer of the two horizontal axes.
+    /// In the centre of the bounds, along the longer horizontal axis.
     Inside,
 }
 
 impl Viewpoint {
-    /// The names of all.
+    /// Names of all viewpoints.
     pub const NAMES: [&str; 3] = ["scene", "outside", "inside"];
 
-    /// The one of a name.
+    /// The viewpoint of a name.
     pub fn named(name: &str) -> Option<Self> {
         match name {
             "scene" => Some(Viewpoint::Scene),
@@ -35,21 +35,21 @@ impl Viewpoint {
     }
 }
 
-/// The vertical field of view from inside, in degrees.
+/// Vertical field of view inside in degrees.
 const INSIDE_FIELD_OF_VIEW: f64 = 70.0;
 
-/// How high the light hangs from inside, as a share of the height; the eye is at one half.
+/// Height of the light inside relative to that of the bounds; the camera is at 1/2.
 const CEILING: f64 = 0.85;
 
 /// The triangles of a scene.
 pub struct Triangles {
-    /// With f32 corners, numbered in the order of the description.
+    /// Triangles with f32 vertices, in the order of the description.
     pub mesh: Mesh,
-    /// How many spheres the scene has; they are left out, because most of the others know only triangles.
+    /// Number of spheres in the scene, which are omitted, as most other libraries support triangles only.
     pub spheres: usize,
 }
 
-/// Takes the triangles out of a scene.
+/// Extracts the triangles of a scene.
 pub fn triangles(scene: &Scene) -> Triangles {
     let mut taken = Triangles { mesh: Mesh::default(), spheres: 0 };
     for object in &scene.objects {
@@ -65,7 +65,7 @@ pub fn triangles(scene: &Scene) -> Triangles {
     taken
 }
 
-/// A scene of nothing but a mesh.
+/// A scene that consists of a mesh.
 pub fn scene(mesh: &Mesh) -> Scene {
     let positions = mesh.positions.iter().map(|p| p.as_dvec3()).collect();
     let shape = scene::Mesh { positions, triangles: mesh.triangles.clone(), ..scene::Mesh::default() };
@@ -73,12 +73,12 @@ pub fn scene(mesh: &Mesh) -> Scene {
     Scene { objects: vec![object], ..Scene::default() }
 }
 
-/// The eye of a picture of `size` by `size` pixels. Its light is the scene's first point light; where there is none, one
-/// behind the camera's right shoulder, or below the ceiling.
+/// Camera and light for a picture of `size` by `size` pixels. The light is the scene's first point light; if there is
+/// none, a light above and to the right of the camera, or below the ceiling inside.
 ///
 /// # Errors
-/// [`Error::Usage`] where there is nothing to look at, or the scene's camera cannot be used.
-pub fn eye(scene: &Scene, from: Viewpoint, size: u32) -> Result<Eye> {
+/// [`Error::Usage`] if the scene is empty or its camera is invalid.
+pub fn view_setup(scene: &Scene, from: Viewpoint, size: u32) -> Result<ViewSetup> {
     let nothing =
         || Error::usage("there is nothing in it to look at", "`kiln info` says what the file holds");
     let bounds = scene.bounds().ok_or_else(nothing)?;
@@ -97,7 +97,7 @@ pub fn eye(scene: &Scene, from: Viewpoint, size: u32) -> Result<Eye> {
         Viewpoint::Inside => light_inside(bounds),
         Viewpoint::Scene | Viewpoint::Outside => light_outside(&camera, bounds),
     });
-    Ok(Eye { view: View::new(&camera, camera.projection, [size; 2])?, size, light })
+    Ok(ViewSetup { view: View::new(&camera, camera.projection, [size; 2])?, size, light })
 }
 
 fn inside((min, max): (DVec3, DVec3)) -> Camera {
@@ -113,7 +113,7 @@ fn light_inside((min, max): (DVec3, DVec3)) -> DVec3 {
     light
 }
 
-/// As far to the right of the camera, and above it, as half the size of the scene.
+/// To the right of and above the camera by half the size of the scene each.
 fn light_outside(camera: &Camera, (min, max): (DVec3, DVec3)) -> DVec3 {
     let right = (camera.target - camera.position).cross(camera.up).normalize_or(DVec3::X);
     camera.position + (max - min).length() / 2.0 * (right + camera.up.normalize_or(DVec3::Y))

@@ -1,31 +1,31 @@
-//! Rays that are asked about one by one.
+//! Queues of single rays.
 
-use super::Queue;
+use super::RayQueue;
 
-/// A queue over rays in an engine's own form; `ask` is called with each of them.
+/// A queue that traces rays in an engine's format one by one.
 pub fn singly<'a, R: Send + 'a>(
     rays: impl Iterator<Item = R>,
     ask: impl FnMut(&R) -> Option<u32> + Send + 'a,
-) -> Box<dyn Queue + 'a> {
+) -> Box<dyn RayQueue + 'a> {
     let rays: Vec<R> = rays.collect();
-    // Written to, so that its memory is really there.
-    let mut answers = vec![Some(1); rays.len()];
-    answers.clear();
-    Box::new(Singly { rays, answers, ask })
+    // Written to, so that its memory pages are mapped.
+    let mut hits = vec![Some(1); rays.len()];
+    hits.clear();
+    Box::new(Singly { rays, hits, ask })
 }
 
 struct Singly<R, F> {
     rays: Vec<R>,
-    answers: Vec<Option<u32>>,
+    hits: Vec<Option<u32>>,
     ask: F,
 }
 
-impl<R: Send, F: FnMut(&R) -> Option<u32> + Send> Queue for Singly<R, F> {
+impl<R: Send, F: FnMut(&R) -> Option<u32> + Send> RayQueue for Singly<R, F> {
     fn run(&mut self) {
-        self.answers.extend(self.rays.iter().map(&mut self.ask));
+        self.hits.extend(self.rays.iter().map(&mut self.ask));
     }
 
-    fn answers(&self) -> Vec<Option<u32>> {
-        self.answers.clone()
+    fn hits(&self) -> Vec<Option<u32>> {
+        self.hits.clone()
     }
 }

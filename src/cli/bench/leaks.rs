@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 
 use super::super::print;
 use super::{aligned, grouped, with_progress};
-use crate::bench::leaks::{Counts, Row, measure};
-use crate::bench::{Absent, NAMES, PLACEMENTS, engines};
+use crate::bench::leaks::{Counts, LeakRow, measure};
+use crate::bench::{NAMES, PLACEMENTS, Unavailable, engines};
 use crate::error::{Error, Result};
 
 #[derive(Args)]
@@ -35,13 +35,13 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
         let typed = |name: &str| arguments.engine.iter().any(|engine| engine == name);
         engines.retain(|engine| typed(engine.name()));
         absent.retain(|absent| typed(absent.name));
-        if let Some(Absent { name, reason, remedy }) = absent.first() {
+        if let Some(Unavailable { name, reason, remedy }) = absent.first() {
             let what = format!("{name}: {reason}");
             return Err(Error::Failed { what, hint: (*remedy).into() });
         }
     }
-    let rows = with_progress(arguments.threads, "casting rays", interrupted, |watch| {
-        measure(&engines, arguments.rays, watch)
+    let rows = with_progress(arguments.threads, "casting rays", interrupted, |control| {
+        measure(&engines, arguments.rays, control)
     })?;
     if arguments.json {
         print(&format!("{:#}\n", as_json(&rows, &absent)))
@@ -50,7 +50,7 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     }
 }
 
-fn as_json(rows: &[Row], absent: &[Absent]) -> Value {
+fn as_json(rows: &[LeakRow], absent: &[Unavailable]) -> Value {
     let measured = rows.iter().map(|row| {
         json!({
             "engine": row.engine,
@@ -81,7 +81,7 @@ fn as_json(rows: &[Row], absent: &[Absent]) -> Value {
     measured.chain(skipped).collect()
 }
 
-fn as_text(rows: &[Row], absent: &[Absent], rays: u64) -> String {
+fn as_text(rows: &[LeakRow], absent: &[Unavailable], rays: u64) -> String {
     let counts = Counts::of_rays(rays);
     let mut text = format!(
         "Rays that slip through a closed mesh: from inside / from outside / secondary.\n\
@@ -109,14 +109,14 @@ fn as_text(rows: &[Row], absent: &[Absent], rays: u64) -> String {
             "{name}: finds only the first crossing, so rays from outside need not leave again"
         );
     }
-    for Absent { name, reason, remedy } in absent {
+    for Unavailable { name, reason, remedy } in absent {
         let _ = writeln!(text, "{name}: not measured: {reason}; {remedy}");
     }
     text
 }
 
 /// A table with a line per layout and tier and a column per placement. `cell` formats leaks and rays.
-fn table(rows: &[Row], cell: impl Fn(u64, u64) -> String) -> String {
+fn table(rows: &[LeakRow], cell: impl Fn(u64, u64) -> String) -> String {
     let titles = ["engine", "layout", "tier", "triangles"].into_iter().chain(PLACEMENTS.map(|p| p.name));
     let mut lines: Vec<Vec<String>> = vec![titles.map(str::to_owned).collect()];
     // Consecutive rows differ in their placement.

@@ -52,12 +52,12 @@ fn with_progress<T: Send>(
     let pool = super::pool(threads)?;
     let progress = Progress::new(if std::io::stderr().is_terminal() { Mode::Bar } else { Mode::None });
     progress.phase(phase);
-    let watch = RenderControl {
+    let control = RenderControl {
         cancel: interrupted,
         progress: &|done, total| progress.tiles(done, total),
         time_stages: false,
     };
-    let result = pool.install(|| work(&watch));
+    let result = pool.install(|| work(&control));
     progress.clear();
     result
 }

@@ -28,8 +28,8 @@ pub struct Arguments {
 }
 
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
-    let rows = with_progress(arguments.threads, "casting rays", interrupted, |watch| {
-        tiers(arguments.rays, arguments.runs, watch)
+    let rows = with_progress(arguments.threads, "casting rays", interrupted, |control| {
+        tiers(arguments.rays, arguments.runs, control)
     })?;
     if arguments.json {
         print(&format!("{:#}\n", as_json(&rows, arguments)))
@@ -80,7 +80,7 @@ fn as_text(rows: &[TierRow], arguments: &Arguments) -> String {
     }
     format!(
         "Times of a ray on one thread, relative to `fast`: medians and quartiles of {} runs, over an icosphere of 81,920 triangles.\n\
-         Leaks and wrong answers over it at four sizes and places, {} rays aimed at vertices and edges from each side; wrong\n\
+         Leaks and wrong hits over it at four sizes and places, {} rays aimed at vertices and edges from each side; wrong\n\
          answers and distances, in units of the last place of f32, also over a giant plane at grazing angles. Right is `exact`.\n\n{}",
         arguments.runs,
         grouped(arguments.rays),

@@ -10,7 +10,7 @@ use super::super::{pool, print};
 use super::speed::{Report, chosen, json};
 use super::{aligned, grouped, three_digits, with_progress};
 use crate::bench::Clock;
-use crate::bench::speed::{self, Kind, Settings, Step, scaling, sizes};
+use crate::bench::speed::{self, Kind, ScalingStep, Settings, scaling, sizes};
 use crate::error::Result;
 use crate::film::output::write_whole;
 
@@ -47,9 +47,9 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
         typed => chosen(typed, threads)?.0,
     };
     let timed = pool(Some(arguments.threads))?;
-    let steps = with_progress(None, "timing", interrupted, |watch| {
+    let steps = with_progress(None, "timing", interrupted, |control| {
         let settings = Settings { runs: arguments.runs, pool: &timed, check: false };
-        scaling(&contenders, &sizes(arguments.largest as usize), arguments.size, &settings, watch)
+        scaling(&contenders, &sizes(arguments.largest as usize), arguments.size, &settings, control)
     })?;
     if let Some(file) = &arguments.plot {
         let svg = speed::scaling_plot(&steps)?;
@@ -62,7 +62,7 @@ pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     })
 }
 
-fn as_json(steps: &[Step], arguments: &Arguments) -> Value {
+fn as_json(steps: &[ScalingStep], arguments: &Arguments) -> Value {
     let rows = steps.iter().flat_map(|step| {
         let report =
             Report { rows: &step.rows, absent: &[], subject: step.family.name(), runs: arguments.runs };
@@ -75,7 +75,7 @@ fn as_json(steps: &[Step], arguments: &Arguments) -> Value {
     rows.collect()
 }
 
-fn as_text(steps: &[Step], arguments: &Arguments) -> String {
+fn as_text(steps: &[ScalingStep], arguments: &Arguments) -> String {
     let titles = ["mesh", "engine", "layout", "triangles", "build ms", "ns/tri", "B/tri", "build peak"];
     let titles = titles.into_iter().chain(Kind::ALL.map(Kind::name));
     let mut lines = vec![titles.map(str::to_owned).collect::<Vec<_>>()];

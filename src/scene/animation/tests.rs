@@ -3,7 +3,9 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::*;
-use crate::scene::{AnalyticShape, Camera, Light, LightKind, MaterialId, Mesh, Object, Placed, Placement, Shape, Sphere};
+use crate::scene::{
+    AnalyticShape, Camera, Light, LightKind, MaterialId, Mesh, Object, Placed, Placement, Shape, Sphere,
+};
 
 fn scene(motion: Motion, target: Target) -> Scene {
     let object = |name: &str, shape| Object { name: name.into(), input: 0, material: MaterialId(0), shape };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::pass::PipelineImage;
 use super::{Message, MessageSender};
 use crate::film::ColourPipeline;
-use crate::study::metrics::{self, Errors, Values};
+use crate::metrics::{self, Errors, Values};
 
 /// Errors between two images, in display values.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,12 +36,12 @@ pub fn compare_sides(
     });
 }
 
-fn displayed(picture: &PipelineImage) -> metrics::Picture {
+fn displayed(picture: &PipelineImage) -> metrics::ComparedImage {
     let [width, height] = picture.size;
     let values = match picture.pipeline {
         ColourPipeline::Linear => Values::Linear,
         ColourPipeline::Display | ColourPipeline::U8 => Values::Display,
     };
     let pixels = metrics::displayed(&picture.pixels, values);
-    metrics::Picture { width, height, values: Values::Display, pixels }
+    metrics::ComparedImage { width, height, values: Values::Display, pixels }
 }

@@ -11,9 +11,9 @@ use super::RenderedImage;
 use super::render_cache::Prepared;
 use crate::error::Result;
 use crate::film::{ColourPipeline, Film, Pixel};
+use crate::metrics;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
-use crate::study::metrics;
 use crate::viewer::false_colour::{DisplayMode, FalseColours, Legend, error_against_exact, false_colours};
 use crate::viewer::refine::{Pass, SamplingKind, passes};
 use crate::viewer::request::{RenderRequest, Settings};
@@ -172,7 +172,8 @@ impl<'a> Side<'a> {
         let job = &self.prepared.job;
         if let Some(exact) = &self.exact {
             let (exact, _) = self.render(exact, size, Sampling::default(), control)?;
-            let [picture, exact] = [film, &exact].map(|film| metrics::Picture::of_film(film, job.pipeline()));
+            let [picture, exact] =
+                [film, &exact].map(|film| metrics::ComparedImage::of_film(film, job.pipeline()));
             return error_against_exact(&picture, &exact);
         }
         false_colours(self.request.display_mode, &job.with_size(size)?.aov_source(None), control)

@@ -1,4 +1,4 @@
-//! Single rays and primitives in f64 numbers of every kind, made to be undecidable by rounded arithmetic.
+//! Single rays and primitives in f64, chosen so that rounded arithmetic cannot decide them.
 
 use glam::DVec3;
 use kiln::geometry::{Precision, Ray};

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use kiln::bvh::{Layout, Preset, Primitive, Slot, Traversal, build};
 use kiln::geometry::{AnalyticShape, Numerics, PrimId, Ray, Sphere, Triangle};
 
-use super::answer::{Answer, Faults, answers_alike};
+use super::results::{Faults, RayResults, check_results};
 use super::single;
 use crate::common::oracle::{self, Distance};
 
@@ -40,7 +40,7 @@ pub fn all_structures() -> Vec<Layout> {
     [Layout::BruteForce].into_iter().chain(Layout::trees()).collect()
 }
 
-/// What was seen; for tests to be sure that something was.
+/// Counts that let tests assert that the rays cover the intended cases.
 #[derive(Debug, Default, Clone, Copy, PartialEq)]
 pub struct Summary {
     pub rays: usize,
@@ -55,7 +55,7 @@ pub struct Summary {
     pub ulps: [f64; 2],
 }
 
-/// Judges all tiers and some structures by the oracle. The data must be f32 numbers.
+/// Checks all tiers and some structures against the oracle. The data must be f32 numbers.
 pub fn judge(what: &str, slots: &[Slot], rays: &[Ray]) -> Summary {
     judge_in(what, slots, rays, &Numerics::ALL, &STRUCTURES)
 }
@@ -78,9 +78,9 @@ pub fn judge_in(
     for &tier in tiers {
         let mut faults = Faults::new(format!("{what}, {}", tier.name()));
         let all: Vec<_> = structures.iter().map(|s| build(slots.iter().copied(), *s, tier)).collect();
-        let answers = Answer::to_all(&*all[0], rays);
+        let answers = RayResults::to_all(&*all[0], rays);
         for (structure, other) in structures.iter().zip(&all).skip(1) {
-            answers_alike(&format!("{structure:?}"), &**other, rays, &answers, &mut faults);
+            check_results(&format!("{structure:?}"), &**other, rays, &answers, &mut faults);
         }
         for ((ray, exact), answer) in rays.iter().zip(&exact).zip(&answers) {
             let any = !answer.all.is_empty();
@@ -110,7 +110,7 @@ pub fn judge_in(
 fn judge_exact(
     ray: &Ray,
     exact: &[(Distance, PrimId)],
-    answer: &Answer,
+    answer: &RayResults,
     faults: &mut Faults,
     summary: &mut Summary,
 ) {
@@ -142,7 +142,7 @@ fn judge_rounded(
     ray: &Ray,
     by_id: &BTreeMap<PrimId, &Primitive>,
     exact: &[(Distance, PrimId)],
-    answer: &Answer,
+    answer: &RayResults,
     faults: &mut Faults,
     summary: &mut Summary,
 ) {
@@ -170,7 +170,8 @@ fn judge_rounded(
     }
 }
 
-/// How far a distance is off. Where the ray starts on a sphere, up to rounding, either end of its chord may be the first.
+/// How far a distance is off. Where the ray starts on a sphere, up to rounding, either end of its chord may be the
+/// first.
 fn off_by(ray: &Ray, primitive: &Primitive, t: f64, exact: f64) -> f64 {
     let off = (t - exact).abs();
     match primitive {
@@ -252,14 +253,14 @@ pub fn none_gets_out(what: &str, slots: &[Slot], rays: &[Ray], tiers: &[Numerics
 pub fn scales_to_the_bit(what: &str, slots: &[Slot], rays: &[Ray], exponents: &[i32], tiers: &[Numerics]) {
     for &tier in tiers {
         for structure in [Layout::BruteForce, DEFAULT_TREE] {
-            let answers = Answer::to_all(&*build(slots.iter().copied(), structure, tier), rays);
+            let answers = RayResults::to_all(&*build(slots.iter().copied(), structure, tier), rays);
             for &exponent in exponents {
                 let scale = f64::from(exponent).exp2();
                 let there = build(slots.iter().map(|slot| scaled(slot, scale)), structure, tier);
                 let mut faults = Faults::new(format!("{what}, {}, {structure:?}, 2^{exponent}", tier.name()));
-                let expected: Vec<Answer> = answers.iter().map(|answer| answer.times(scale)).collect();
+                let expected: Vec<RayResults> = answers.iter().map(|answer| answer.times(scale)).collect();
                 let moved: Vec<Ray> = rays.iter().map(|ray| scaled_ray(ray, scale)).collect();
-                answers_alike("scaled", &*there, &moved, &expected, &mut faults);
+                check_results("scaled", &*there, &moved, &expected, &mut faults);
                 faults.none();
             }
         }

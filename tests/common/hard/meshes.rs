@@ -57,7 +57,8 @@ pub fn height_field(size: usize, seed: u64) -> Vec<Corners> {
         .collect()
 }
 
-/// The surface of a cube from `-n` to `n`, of squares of side 1 with corners at whole numbers, cut along diagonals. Closed.
+/// The surface of a cube from `-n` to `n`, of squares of side 1 with corners at whole numbers, cut along diagonals.
+/// Closed.
 pub fn cube(n: i32) -> Vec<Corners> {
     let mut all = Vec::new();
     for axis in 0..3 {
@@ -202,8 +203,9 @@ pub fn shuffle<T>(items: &mut [T], numbers: &mut Numbers) {
     }
 }
 
-/// A closed mesh with T-vertices: of every other triangle one edge is split at a share of its length and the triangle cut in two there,
-/// and a triangle with that edge and the new vertex, which has no area but for rounding, closes the gap to the neighbour.
+/// A closed mesh with T-vertices: of every other triangle one edge is split at a share of its length and the triangle
+/// cut in two there, and a triangle with that edge and the new vertex, which has no area but for rounding, closes the
+/// gap to the neighbour.
 pub fn with_t_vertices(mesh: &[Corners], seed: u64) -> Vec<Corners> {
     let mut numbers = Numbers::new(seed);
     let mut split = Vec::new();

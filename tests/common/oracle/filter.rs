@@ -1,4 +1,4 @@
-//! What f64 can tell for certain, so that exact arithmetic is left with the doubtful cases.
+//! Floating-point filter: decides clear cases in f64, so that only doubtful ones need exact arithmetic.
 
 use glam::DVec3;
 use kiln::geometry::Ray;
@@ -17,11 +17,12 @@ pub enum Passage {
 /// Half the distance from 1 to the next f64.
 pub const U: f64 = f64::EPSILON / 2.0;
 
-/// The triple products of the direction with each edge's two ends, seen from the origin, and a bound on the error of each.
+/// The triple products of the direction with each edge's two ends, seen from the origin, and a bound on the error of
+/// each.
 ///
-/// `d . (p x q)` in f64 takes seven roundings from the given numbers to each of its six terms (two differences, a product,
-/// a difference, a product, two sums), so it is off by at most 7u / (1 - 7u) times the sum of the terms' sizes, and that
-/// sum itself, computed, is short of its value by at most the same share. 16u covers both.
+/// `d . (p x q)` in f64 takes seven roundings from the given numbers to each of its six terms (two differences, a
+/// product, a difference, a product, two sums), so it is off by at most 7u / (1 - 7u) times the sum of the terms'
+/// sizes, and that sum itself, computed, is short of its value by at most the same share. 16u covers both.
 pub fn edges(ray: &Ray, corners: &[DVec3; 3]) -> [(f64, f64); 3] {
     let [a, b, c] = corners.map(|corner| corner - ray.origin);
     let d = ray.direction;

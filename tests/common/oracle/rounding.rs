@@ -1,8 +1,8 @@
-//! How far off the tests in f64 may be: for triangles the one of Woop, Benthin and Wald (JCGT 2(1) 2013), for spheres the
-//! one of Haines, Günther and Akenine-Möller (Ray Tracing Gems, chapter 7, 2019).
+//! How far off the tests in f64 may be: for triangles the one of Woop, Benthin and Wald (JCGT 2(1) 2013), for spheres
+//! the one of Haines, Günther and Akenine-Möller (Ray Tracing Gems, chapter 7, 2019).
 //!
-//! A hit in f64 that is not the exact one is right if it can be blamed on rounding. These bounds say when it can. `u` is
-//! half the distance from 1 to the next f64; where its squares are left out, the constants have room for them.
+//! A hit in f64 that is not the exact one is right if it can be blamed on rounding. These bounds say when it can. `u`
+//! is half the distance from 1 to the next f64; where its squares are left out, the constants have room for them.
 
 use glam::DVec3;
 use kiln::geometry::Ray;
@@ -15,13 +15,13 @@ use super::filter::{U, edges};
 /// Let `m` be the size of a corner seen from the origin (its largest coordinate). A sheared coordinate `x - s z` with
 /// |s| <= 1 has a size of at most 2m. Its error is at most `u m` for the difference x, `u m + 2u m + u m` for the difference
 /// z, the shear (a reciprocal and a product) and their product, and `2u m` for the subtraction: 7u m. An edge function
-/// `x y' - y x'` of two corners then has an error of at most `2 (7 * 2 + 2 * 7 + 4) u m m' + 8u m m' = 72u m m'`. Exactly, it
-/// is the triple product of [`edges`] over the largest component of the direction.
+/// `x y' - y x'` of two corners then has an error of at most `2 (7 * 2 + 2 * 7 + 4) u m m' + 8u m m' = 72u m m'`.
+/// Exactly, it is the triple product of [`edges`] over the largest component of the direction.
 ///
-/// The distance is the sum of the edge functions times the depths of the opposite corners, which exactly is the volume of
-/// the three corners, over a sum of numbers of one sign. It has the right sign if the volume is clear of `3 * 72u m m' m''`
-/// for the edge functions, `5 * 3 * 8u m m' m''` for products and sums, and `8 * 6u m m' m''` for the volume as computed
-/// here: 384u m m' m''.
+/// The distance is the sum of the edge functions times the depths of the opposite corners, which exactly is the volume
+/// of the three corners, over a sum of numbers of one sign. It has the right sign if the volume is clear of `3 * 72u m
+/// m' m''` for the edge functions, `5 * 3 * 8u m m' m''` for products and sums, and `8 * 6u m m' m''` for the volume as
+/// computed here: 384u m m' m''.
 pub fn is_clear(ray: &Ray, corners: &[DVec3; 3]) -> bool {
     let relative = corners.map(|corner| corner - ray.origin);
     let [a, b, c] = relative.map(|corner| corner.abs().max_element());
@@ -35,9 +35,9 @@ pub fn is_clear(ray: &Ray, corners: &[DVec3; 3]) -> bool {
 
 /// A bound on the error of the distance of a hit; infinite where the edge functions are no larger than their errors.
 ///
-/// The distance is a mean of the corners' depths, weighted by the edge functions. With `e` the error of each and `s` their
-/// sum, the mean moves by at most `3 e (greatest depth - least depth) / (s - 3 e)`. Products, sums, the reciprocal and the
-/// shear add 9u times the greatest depth, and holding the distance within the triangle's box 3u.
+/// The distance is a mean of the corners' depths, weighted by the edge functions. With `e` the error of each and `s`
+/// their sum, the mean moves by at most `3 e (greatest depth - least depth) / (s - 3 e)`. Products, sums, the
+/// reciprocal and the shear add 9u times the greatest depth, and holding the distance within the triangle's box 3u.
 pub fn distance_error(ray: &Ray, corners: &[DVec3; 3]) -> f64 {
     let relative = corners.map(|corner| corner - ray.origin);
     let size = relative.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
@@ -65,10 +65,11 @@ struct Chord {
     length: f64,
 }
 
-/// With `f` the distance from the centre to the origin and `n` that to the line: the differences have an error of `u f`,
-/// `b / a` one of `4u + 3u + u` and so `d b / a` one of 9u f, the sum another `2u f`: 12u f per coordinate, at most 21u f in
-/// all. So `n^2` has an error of `2 (21u f) n + (21u f)^2 + 4u n^2`; the second is not small where the sphere is much smaller
-/// than its distance. The squared radius, less it, has `2u r^2` more, and `f^2 - r^2` an error of `6u (f^2 + r^2)`.
+/// With `f` the distance from the centre to the origin and `n` that to the line: the differences have an error of `u
+/// f`, `b / a` one of `4u + 3u + u` and so `d b / a` one of 9u f, the sum another `2u f`: 12u f per coordinate, at most
+/// 21u f in all. So `n^2` has an error of `2 (21u f) n + (21u f)^2 + 4u n^2`; the second is not small where the sphere
+/// is much smaller than its distance. The squared radius, less it, has `2u r^2` more, and `f^2 - r^2` an error of `6u
+/// (f^2 + r^2)`.
 fn chord(ray: &Ray, centre: DVec3, radius: f64) -> Chord {
     let (f, d) = (ray.origin - centre, ray.direction);
     let (length, distance) = (d.length(), f.length());
@@ -95,8 +96,8 @@ pub fn is_clear_of_sphere(ray: &Ray, centre: DVec3, radius: f64) -> bool {
 
 /// A bound on the error of the distance of a hit.
 ///
-/// Half the chord, the root of a number that may be off by `e`, is off by at most `e / root`, and by at most the root of `e`.
-/// The far end is as far off as the middle and this together. The near end is the power over the far end.
+/// Half the chord, the root of a number that may be off by `e`, is off by at most `e / root`, and by at most the root
+/// of `e`. The far end is as far off as the middle and this together. The near end is the power over the far end.
 pub fn sphere_distance_error(ray: &Ray, centre: DVec3, radius: f64) -> f64 {
     let chord = chord(ray, centre, radius);
     let half = chord.squared.max(0.0).sqrt();

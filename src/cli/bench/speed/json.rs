@@ -3,8 +3,8 @@
 use serde_json::{Map, Value, json};
 
 use super::Report;
-use crate::bench::speed::{Kind, Row};
-use crate::bench::{Absent, Clock, Spread};
+use crate::bench::speed::{Kind, SpeedRow};
+use crate::bench::{Clock, Spread, Unavailable};
 
 /// One row per contender, and one with a reason per unavailable library.
 pub fn rows(report: &Report) -> Value {
@@ -12,7 +12,7 @@ pub fn rows(report: &Report) -> Value {
     measured.chain(report.absent.iter().map(skipped)).collect()
 }
 
-fn measured(row: &Row, report: &Report) -> Value {
+fn measured(row: &SpeedRow, report: &Report) -> Value {
     let label = &row.label;
     json!({
         "engine": label.engine,
@@ -42,7 +42,7 @@ fn measured(row: &Row, report: &Report) -> Value {
     })
 }
 
-fn skipped(absent: &Absent) -> Value {
+fn skipped(absent: &Unavailable) -> Value {
     json!({
         "engine": absent.name, "layout": null, "tier": null, "preset": null, "threads": null, "isa": null,
         "build_ms": null, "nodes": null, "depth": null, "sah_cost": null, "bytes_per_triangle": null,

@@ -12,8 +12,10 @@ use super::super::arguments::inputs_help;
 use super::super::{WarningPrinter, pool, print};
 use super::with_progress;
 use crate::bench::generate::Family;
-use crate::bench::speed::{self, Eye, Questions, Row, Settings, Viewpoint, contenders, measure, page};
-use crate::bench::{Absent, Mesh};
+use crate::bench::speed::{
+    self, RaySets, Settings, SpeedRow, ViewSetup, Viewpoint, contenders, measure, page,
+};
+use crate::bench::{Mesh, Unavailable};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
@@ -53,8 +55,8 @@ pub struct Arguments {
 
 /// Results of a benchmark, for its output formats.
 pub struct Report<'a> {
-    pub rows: &'a [Row],
-    pub absent: &'a [Absent],
+    pub rows: &'a [SpeedRow],
+    pub absent: &'a [Unavailable],
     /// Name of the measured mesh.
     pub subject: &'a str,
     /// Number of measured rounds.
@@ -63,12 +65,12 @@ pub struct Report<'a> {
 
 pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let (contenders, absent) = chosen(&arguments.engine, usize::from(arguments.threads))?;
-    let (mesh, eye) = subject(arguments)?;
+    let (mesh, setup) = subject(arguments)?;
     let timed = pool(Some(arguments.threads))?;
-    let rows = with_progress(None, "timing", interrupted, |watch| {
-        let questions = Questions::new(&mesh, &eye);
+    let rows = with_progress(None, "timing", interrupted, |control| {
+        let ray_sets = RaySets::new(&mesh, &setup);
         let settings = Settings { runs: arguments.runs, pool: &timed, check: true };
-        measure(&contenders, &mesh, &questions, &settings, watch)
+        measure(&contenders, &mesh, &ray_sets, &settings, control)
     })?;
     let subject = name(arguments);
     let report = Report { rows: &rows, absent: &absent, subject: &subject, runs: arguments.runs };
@@ -91,12 +93,12 @@ fn name(arguments: &Arguments) -> String {
 }
 
 /// The mesh and the viewpoint.
-fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
+fn subject(arguments: &Arguments) -> Result<(Mesh, ViewSetup)> {
     let from = Viewpoint::named(&arguments.from).unwrap_or_default();
     if arguments.inputs.is_empty() {
         let mesh = Family::Sphere.mesh(arguments.triangles as usize);
-        let eye = speed::eye(&speed::scene(&mesh), from, arguments.size)?;
-        return Ok((mesh, eye));
+        let setup = speed::view_setup(&speed::scene(&mesh), from, arguments.size)?;
+        return Ok((mesh, setup));
     }
     let mut warnings = Warnings::default();
     let mut scene = import::load(&arguments.inputs, &mut warnings)?;
@@ -111,11 +113,11 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, Eye)> {
         let what = "there is no triangle in it to cast rays at";
         return Err(Error::input(arguments.inputs[0].as_path(), what, hint));
     }
-    let eye = speed::eye(&scene, from, arguments.size)?;
-    Ok((triangles.mesh, eye))
+    let setup = speed::view_setup(&scene, from, arguments.size)?;
+    Ok((triangles.mesh, setup))
 }
 
-pub type Chosen = (Vec<Box<dyn speed::Contender>>, Vec<Absent>);
+pub type Chosen = (Vec<Box<dyn speed::Contender>>, Vec<Unavailable>);
 
 /// Contenders selected by name: `kiln`, or `kiln/bvh2/exact` for a layout and tier; all without a name.
 pub fn chosen(typed: &[String], threads: usize) -> Result<Chosen> {
@@ -125,20 +127,21 @@ pub fn chosen(typed: &[String], threads: usize) -> Result<Chosen> {
     }
     for name in typed {
         let engine = name.split('/').next().unwrap_or(name);
-        if let Some(Absent { name, reason, remedy }) = absent.iter().find(|absent| absent.name == engine) {
+        if let Some(Unavailable { name, reason, remedy }) = absent.iter().find(|absent| absent.name == engine)
+        {
             return Err(Error::Failed { what: format!("{name}: {reason}"), hint: (*remedy).into() });
         }
-        if !present.iter().any(|contender| is_meant(&contender.label(), name)) {
+        if !present.iter().any(|contender| is_selected(&contender.label(), name)) {
             let hint = format!("engines are {}; without --engine, all are listed", speed::NAMES.join(", "));
             return Err(Error::usage(format!("no engine is called `{name}`"), hint));
         }
     }
-    present.retain(|contender| typed.iter().any(|name| is_meant(&contender.label(), name)));
+    present.retain(|contender| typed.iter().any(|name| is_selected(&contender.label(), name)));
     absent.clear();
     Ok((present, absent))
 }
 
-fn is_meant(label: &speed::Label, name: &str) -> bool {
+fn is_selected(label: &speed::Label, name: &str) -> bool {
     let mut parts = name.split('/');
     let known = [Some(label.layout), label.tier, label.preset];
     parts.next() == Some(label.engine) && parts.all(|part| known.contains(&Some(part)))

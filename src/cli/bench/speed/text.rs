@@ -4,8 +4,8 @@ use std::fmt::Write;
 
 use super::super::{aligned, grouped, three_digits};
 use super::Report;
-use crate::bench::speed::{Kind, Row, best};
-use crate::bench::{Absent, Clock, Spread};
+use crate::bench::speed::{Kind, SpeedRow, best};
+use crate::bench::{Clock, Spread, Unavailable};
 
 /// Tables of throughput, of build and memory, and of the fastest contenders.
 pub fn tables(report: &Report) -> String {
@@ -26,13 +26,13 @@ pub fn tables(report: &Report) -> String {
         text += &structures(report.rows);
         text += &comparison(report.rows);
     }
-    for Absent { name, reason, remedy } in report.absent {
+    for Unavailable { name, reason, remedy } in report.absent {
         let _ = writeln!(text, "\n{name}: not timed: {reason}; {remedy}");
     }
     text
 }
 
-fn name(row: &Row) -> Vec<String> {
+fn name(row: &SpeedRow) -> Vec<String> {
     let label = &row.label;
     [label.engine, label.layout, label.tier.unwrap_or("-"), label.preset.unwrap_or("-")]
         .map(str::to_owned)
@@ -47,8 +47,8 @@ fn table(titles: impl IntoIterator<Item = &'static str>, lines: impl Iterator<It
     aligned(&std::iter::once(titles).chain(lines).collect::<Vec<_>>(), NAMES.len())
 }
 
-fn speeds(rows: &[Row]) -> String {
-    let line = |row: &Row| {
+fn speeds(rows: &[SpeedRow]) -> String {
+    let line = |row: &SpeedRow| {
         let mut line = name(row);
         line.push(with_spread(&row.build_ms));
         line.extend(Kind::ALL.map(|kind| or_dash(row.mrays_per_s(kind), |spread| with_spread(&spread))));
@@ -59,8 +59,8 @@ fn speeds(rows: &[Row]) -> String {
     table(["build ms"].into_iter().chain(kinds).chain(["wrong"]), rows.iter().map(line))
 }
 
-fn structures(rows: &[Row]) -> String {
-    let line = |row: &Row| {
+fn structures(rows: &[SpeedRow]) -> String {
+    let line = |row: &SpeedRow| {
         let (mut line, facts) = (name(row), &row.facts);
         line.push(row.label.isa.to_owned());
         line.push(or_dash(facts.nodes, grouped));
@@ -82,7 +82,7 @@ fn structures(rows: &[Row]) -> String {
 }
 
 /// Comparison of kiln in its default tier with the fastest row of each other library, per kind of ray.
-fn comparison(rows: &[Row]) -> String {
+fn comparison(rows: &[SpeedRow]) -> String {
     let mut engines: Vec<&str> =
         rows.iter().map(|row| row.label.engine).filter(|name| *name != "kiln").collect();
     engines.dedup();
@@ -92,7 +92,7 @@ fn comparison(rows: &[Row]) -> String {
         for engine in &engines {
             let Some(other) = best(rows, engine, kind) else { continue };
             let Some(ratio) = own.ratio(other, kind) else { continue };
-            let what = |row: &Row| {
+            let what = |row: &SpeedRow| {
                 let label = &row.label;
                 [Some(label.layout), label.tier, label.preset]
                     .into_iter()

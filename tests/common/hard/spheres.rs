@@ -1,4 +1,4 @@
-//! Spheres that are hard to hit or to miss: grazed, tiny, huge, left from their own surface, seen from within.
+//! Numerically hard spheres and rays: grazing, tiny, huge, starting on the surface or inside.
 
 use glam::DVec3;
 use kiln::geometry::Ray;

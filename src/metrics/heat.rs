@@ -1,12 +1,12 @@
-//! A map of errors as a picture.
+//! Error maps as colour images.
 
-use super::Picture;
+use super::ComparedImage;
 
-/// The errors that maps of them on a logarithmic scale begin at and end at, as powers of ten: less than f32 tells from 1, and
+/// Decimal logarithms of the first and the last error of a logarithmic error map: below the resolution of f32 at 1, and
 /// black against white.
 pub const DECADES: [f64; 2] = [-8.0, 0.0];
 
-/// Ten colours of matplotlib's "magma" (van der Walt and Smith 2015), equally far apart, in which FLIP maps are usually shown.
+/// Ten equidistant colours of matplotlib's "magma" (van der Walt and Smith 2015), the usual colour map of FLIP.
 const MAGMA: [[u8; 3]; 10] = [
     [0, 0, 4],
     [24, 15, 61],
@@ -20,19 +20,19 @@ const MAGMA: [[u8; 3]; 10] = [
     [252, 253, 191],
 ];
 
-/// The colours of `errors`, 0 to 1 each: black where there is none, through purple and orange, to light yellow.
+/// Colours of `errors` (0 to 1): black at 0, through purple and orange, to light yellow at 1.
 pub fn heat_map(errors: &[f32]) -> Vec<[u8; 3]> {
     errors.iter().map(|&error| colour(error)).collect()
 }
 
-/// Where two pictures of one size differ: the largest difference of a channel of each pixel in what a display shows, on the
-/// logarithmic scale of [`DECADES`].
-pub fn error_map(a: &Picture, b: &Picture) -> Vec<[u8; 3]> {
+/// Colour map of the largest channel difference of each pixel, in display values, on the logarithmic scale of
+/// [`DECADES`]. Both images must have the same size.
+pub fn error_map(a: &ComparedImage, b: &ComparedImage) -> Vec<[u8; 3]> {
     let largest = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).map(|c| (a[c] - b[c]).abs()).fold(0.0, f32::max);
-    let place = |error: f32| {
+    let position = |error: f32| {
         ((f64::from(error).log10() - DECADES[0]) / (DECADES[1] - DECADES[0])).clamp(0.0, 1.0) as f32
     };
-    let errors: Vec<f32> = a.displayed().iter().zip(&b.displayed()).map(largest).map(place).collect();
+    let errors: Vec<f32> = a.displayed().iter().zip(&b.displayed()).map(largest).map(position).collect();
     heat_map(&errors)
 }
 
@@ -52,7 +52,7 @@ mod tests {
 
     #[test]
     fn the_ends_and_a_middle() {
-        // 1/18 is half-way from the first colour to the second: (12, 7.5, 32.5).
+        // 1/18 is half-way between the first colour and the second: (12, 7.5, 32.5).
         assert_eq!(
             heat_map(&[0.0, 1.0, 1.0 / 18.0, 2.0]),
             [[0, 0, 4], [252, 253, 191], [12, 8, 33], [252, 253, 191]]

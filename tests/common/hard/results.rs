@@ -1,17 +1,17 @@
-//! What a structure says of a ray, how two of them differ, and how often.
+//! The hits that an acceleration structure returns for a ray, and their comparison.
 
 use kiln::bvh::{Accelerator, Traversal};
 use kiln::geometry::{Hit, PrimId, Ray};
 
-/// How many rays are asked about at once.
+/// Rays per batch.
 const BATCH: usize = 64;
 
-/// Everything that a structure says of a ray.
+/// Results of all queries of a structure for a ray; distances as bits.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Answer {
+pub struct RayResults {
     pub closest: Option<(PrimId, u64)>,
     pub occluded: bool,
-    /// In the order of their numbers.
+    /// All hits, sorted by primitive.
     pub all: Vec<(PrimId, u64)>,
 }
 
@@ -19,35 +19,35 @@ fn bits(hit: &Hit) -> (PrimId, u64) {
     (hit.prim, hit.t.to_bits())
 }
 
-impl Answer {
+impl RayResults {
     pub fn of(accelerator: &dyn Accelerator, ray: &Ray, traversal: &mut Traversal) -> Self {
         let mut all = Vec::new();
         accelerator.all_hits(ray, &mut all, traversal);
         let mut all: Vec<_> = all.iter().map(bits).collect();
         all.sort_unstable();
         let closest = accelerator.closest_hit(ray, traversal).as_ref().map(bits);
-        Answer { closest, occluded: accelerator.is_occluded(ray, traversal), all }
+        RayResults { closest, occluded: accelerator.is_occluded(ray, traversal), all }
     }
 
-    /// The answers to many rays.
+    /// The results for each ray.
     pub fn to_all(accelerator: &dyn Accelerator, rays: &[Ray]) -> Vec<Self> {
         let mut traversal = Traversal::default();
-        rays.iter().map(|ray| Answer::of(accelerator, ray, &mut traversal)).collect()
+        rays.iter().map(|ray| RayResults::of(accelerator, ray, &mut traversal)).collect()
     }
 
-    /// The same answer, all distances times a power of two.
+    /// These results with all distances multiplied by a power of two.
     pub fn times(&self, factor: f64) -> Self {
         let times = |(id, t): &(PrimId, u64)| (*id, (f64::from_bits(*t) * factor).to_bits());
-        Answer {
+        RayResults {
             closest: self.closest.as_ref().map(times),
             occluded: self.occluded,
             all: self.all.iter().map(times).collect(),
         }
     }
 
-    /// How this answer differs from the one that was expected, in few words.
-    pub fn unlike(&self, expected: &Answer) -> String {
-        let only = |a: &Answer, b: &Answer| {
+    /// Describes the difference from the expected results.
+    pub fn unlike(&self, expected: &RayResults) -> String {
+        let only = |a: &RayResults, b: &RayResults| {
             let hits = a.all.iter().filter(|hit| !b.all.contains(hit));
             hits.map(|(id, t)| (id.0, f64::from_bits(*t))).take(3).collect::<Vec<_>>()
         };
@@ -61,13 +61,12 @@ impl Answer {
     }
 }
 
-/// Asks a structure about every ray, one by one and in batches, which share their way down a tree; all answers must be the
-/// expected ones, bit for bit.
-pub fn answers_alike(
+/// Checks that a structure returns the expected results, bit for bit, for single rays and for batches.
+pub fn check_results(
     what: &str,
     accelerator: &dyn Accelerator,
     rays: &[Ray],
-    expected: &[Answer],
+    expected: &[RayResults],
     faults: &mut Faults,
 ) {
     let mut traversal = Traversal::default();
@@ -77,16 +76,16 @@ pub fn answers_alike(
         accelerator.are_occluded(batch, &mut occluded, &mut traversal);
     }
     for (i, (ray, expected)) in rays.iter().zip(expected).enumerate() {
-        let found = Answer::of(accelerator, ray, &mut traversal);
+        let found = RayResults::of(accelerator, ray, &mut traversal);
         faults.check(found == *expected, || format!("{what}: {ray:?}: {}", found.unlike(expected)));
-        let in_batch = Answer { closest: closest[i].as_ref().map(bits), occluded: occluded[i], ..found };
+        let in_batch = RayResults { closest: closest[i].as_ref().map(bits), occluded: occluded[i], ..found };
         faults.check(in_batch == *expected, || {
             format!("{what}, in batches: {ray:?}: {}", in_batch.unlike(expected))
         });
     }
 }
 
-/// What differed: how often, and the first of it.
+/// Counts failed checks and keeps the message of the first.
 pub struct Faults {
     what: String,
     checked: usize,
@@ -107,7 +106,7 @@ impl Faults {
         }
     }
 
-    /// Panics if anything differed.
+    /// Panics if a check failed.
     pub fn none(&self) {
         let Faults { what, checked, count, first } = self;
         assert!(

@@ -1,4 +1,4 @@
-//! Pictures of a few hundred bytes whose headers claim to be large.
+//! Image files of a few hundred bytes whose headers state a large size.
 
 /// A PNG with 16 bits in four channels whose header is whole and gives this size; nothing is in it.
 pub fn png(width: u32, height: u32) -> Vec<u8> {
@@ -10,8 +10,8 @@ pub fn png(width: u32, height: u32) -> Vec<u8> {
     bytes
 }
 
-/// An OpenEXR picture with `channels` of f32 in one tile of its whole size, which is empty. Technical Introduction to OpenEXR,
-/// "File Layout"; "OpenEXR File Layout", "Attribute Types".
+/// An OpenEXR picture with `channels` of f32 in one tile of its whole size, which is empty. Technical Introduction to
+/// OpenEXR, "File Layout"; "OpenEXR File Layout", "Attribute Types".
 pub fn exr(width: i32, height: i32, channels: &[&str]) -> Vec<u8> {
     let attribute = |name: &str, kind: &str, value: &[u8]| {
         let size = (value.len() as i32).to_le_bytes();

@@ -1,4 +1,4 @@
-//! Rays that aim at trouble.
+//! Numerically hard rays: through vertices, edges and lattice points, and along axes.
 
 use glam::DVec3;
 use kiln::geometry::Ray;
@@ -6,7 +6,7 @@ use kiln::geometry::Ray;
 use super::{Corners, ray, single};
 use crate::common::Numbers;
 
-/// Where on a triangle.
+/// Kind of a target point on a triangle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum At {
     Corner,
@@ -21,7 +21,7 @@ impl At {
     pub const SHARED: [At; 3] = [At::Corner, At::EdgeMiddle, At::Edge];
     pub const ALL: [At; 5] = [At::Corner, At::EdgeMiddle, At::Edge, At::Inside, At::Centroid];
 
-    /// Such a point of the triangle.
+    /// A point of this kind on the triangle.
     pub fn of(self, corners: &Corners, numbers: &mut Numbers) -> DVec3 {
         let turn = numbers.below(3);
         let [a, b, c] = [corners[turn], corners[(turn + 1) % 3], corners[(turn + 2) % 3]];

@@ -1,4 +1,4 @@
-//! A picture to be compared: its pixels, and what their numbers are.
+//! Images to be compared.
 
 use std::path::Path;
 
@@ -9,18 +9,18 @@ use crate::error::Result;
 use crate::film::read::read_picture;
 use crate::film::{ColourPipeline, Film};
 
-/// What the numbers of a picture are.
+/// Encoding of pixel values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Values {
-    /// What a display shows: nominally 0 to 1, encoded by sRGB.
+    /// Display values: nominally 0 to 1, sRGB-encoded.
     Display,
-    /// Linear light.
+    /// Linear values.
     Linear,
 }
 
 impl Values {
-    /// The name, as JSON has it.
+    /// Name in JSON.
     pub fn name(self) -> &'static str {
         match self {
             Values::Display => "display",
@@ -29,27 +29,27 @@ impl Values {
     }
 }
 
-/// A picture to be compared.
+/// An image to be compared.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
+pub struct ComparedImage {
     /// Width in pixels, 1 or more.
     pub width: u32,
     /// Height in pixels, 1 or more.
     pub height: u32,
-    /// What the numbers are.
+    /// Encoding of `pixels`.
     pub values: Values,
-    /// `width * height` pixels of red, green and blue, row by row from the top.
+    /// `width * height` pixels of red, green and blue; row 0 is the top row.
     pub pixels: Vec<[f32; 3]>,
 }
 
-impl Picture {
-    /// A picture in a file: PNG and JPEG in display values, OpenEXR in its own numbers.
+impl ComparedImage {
+    /// Reads an image file: PNG and JPEG as display values, OpenEXR in the encoding that it states.
     ///
     /// # Errors
-    /// [`crate::error::Error::Input`] where the file cannot be used.
+    /// [`crate::error::Error::Input`] if the file cannot be read.
     pub fn open(file: &Path) -> Result<Self> {
         let read = read_picture(file)?;
-        Ok(Picture {
+        Ok(ComparedImage {
             width: read.width,
             height: read.height,
             values: values(read.pipeline),
@@ -57,10 +57,10 @@ impl Picture {
         })
     }
 
-    /// A rendered picture, in the film's own numbers: those of its pipeline, not rounded to 8 bits.
+    /// The pixels of a film in the encoding of its pipeline, not rounded to 8 bits.
     pub fn of_film(film: &Film, pipeline: ColourPipeline) -> Self {
         let window = film.window();
-        Picture {
+        ComparedImage {
             width: window.width,
             height: window.height,
             values: values(pipeline),
@@ -68,14 +68,14 @@ impl Picture {
         }
     }
 
-    /// What a display shows of each pixel, 0 to 1: linear light encoded by sRGB (IEC 61966-2-1), then clamped, without any
-    /// exposure or tone mapping; not rounded to 8 bits. NaN stays NaN.
+    /// Display values, 0 to 1, not rounded to 8 bits. Linear values are encoded by sRGB (IEC 61966-2-1) and clamped,
+    /// without exposure or tone mapping. NaN stays NaN.
     pub fn displayed(&self) -> Vec<[f32; 3]> {
         displayed(&self.pixels, self.values)
     }
 }
 
-/// What a display shows of `pixels`: see [`Picture::displayed`].
+/// Display values of `pixels`: see [`ComparedImage::displayed`].
 pub fn displayed(pixels: &[[f32; 3]], values: Values) -> Vec<[f32; 3]> {
     let pipeline = match values {
         Values::Display => ColourPipeline::Display,

@@ -1,111 +1,110 @@
-//! How far two pictures of one size are apart: figures, where it is worst, and a map of it.
+//! Error metrics between two images of the same size: figures, the worst pixels, and error maps.
 //!
-//! Pictures are finite or not compared: a NaN would make every mean NaN, or vanish in a maximum, so where there is one it is
-//! counted and its place given, and there are no figures. [`definitions`] says what each of them means.
+//! Non-finite pixels are counted; if there are any, there are no figures, as NaN spreads to means and is lost in
+//! maxima. [`definitions`] defines the figures.
 
+mod compared_image;
 mod flip;
 mod heat;
-mod picture;
 
+pub use compared_image::{ComparedImage, Values, displayed};
 pub use heat::{DECADES, error_map, heat_map};
-pub use picture::{Picture, Values, displayed};
 
 use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::{Error, Result};
 
-/// What is added to the square of the reference in relMSE, so that black does not divide by 0. Rousselle, Knaus and Zwicker,
-/// "Adaptive sampling and reconstruction using greedy error minimization", 2011, section 6, have 0.01.
+/// Added to the squared reference in relMSE, so that the divisor is not 0 for black (Rousselle, Knaus and Zwicker,
+/// "Adaptive sampling and reconstruction using greedy error minimization", 2011, section 6).
 pub const REL_MSE_EPSILON: f64 = 0.01;
 
-/// The most bytes for each pixel that comparing takes beside the two pictures: both as displayed, and planes of f64 for FLIP. By peak
-/// memory, 163.
-pub const BYTES_A_PIXEL: u64 = 176;
+/// Upper bound of the memory for a comparison, in bytes per pixel, in addition to the two images: their display values
+/// and planes of f64 for FLIP. Measured by peak memory: 163.
+pub const BYTES_PER_PIXEL: u64 = 176;
 
-/// How many of the worst places are listed, each from another square of [`SQUARE`] pixels.
+/// Maximum number of worst pixels listed, each from a different square of [`SQUARE`] pixels.
 const WORST: usize = 5;
 
-/// Squares that the worst places come from.
+/// Side in pixels of the squares with at most one worst pixel each.
 const SQUARE: u32 = 16;
 
-/// How far a picture is from a reference.
+/// Result of the comparison of an image with a reference.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Errors {
     /// Width of both in pixels.
     pub width: u32,
     /// Height of both in pixels.
     pub height: u32,
-    /// The numbers that `max`, `rmse` and `rel_mse` are in.
+    /// Encoding in which `max`, `rmse` and `rel_mse` are computed.
     pub values: Values,
-    /// Whether every channel of every pixel is the same number in both.
+    /// Whether all channels of all pixels are equal.
     pub same: bool,
-    /// Pixels that are not finite.
+    /// Non-finite pixels.
     pub non_finite: NonFinite,
-    /// The figures; none where a pixel is not finite.
+    /// The figures; `None` if a pixel is not finite.
     pub figures: Option<Figures>,
 }
 
 /// Pixels with a channel that is NaN or infinite.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct NonFinite {
-    /// How many there are in the reference.
+    /// Number in the reference.
     pub reference: u64,
-    /// How many there are in the picture that is held against it.
+    /// Number in the tested image.
     pub test: u64,
-    /// Column and row of the first of either, from the top left corner.
+    /// Column and row of the first in either image.
     pub first: Option<(u32, u32)>,
 }
 
-/// How far apart two finite pictures are. [`definitions`] says what is what.
+/// Error figures of two finite images, see [`definitions`].
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figures {
-    /// Largest difference of any channel.
+    /// Largest channel difference.
     pub max: f64,
-    /// Root of the mean square difference over all channels.
+    /// Root mean square difference over all channels.
     pub rmse: f64,
     /// Mean square difference relative to the reference.
     pub rel_mse: f64,
-    /// Peak signal-to-noise ratio in dB, of what a display shows; none where it shows the same.
+    /// Peak signal-to-noise ratio of display values in dB; `None` if they are equal.
     pub psnr: Option<f64>,
-    /// Mean LDR-FLIP of what a display shows, 0 to 1.
+    /// Mean LDR-FLIP of display values, 0 to 1.
     pub flip: f64,
-    /// Share of the pixels that differ in any channel, 0 to 1.
+    /// Fraction of pixels that differ in any channel, 0 to 1.
     pub differing: f64,
-    /// Where the largest differences are, largest first.
+    /// Worst pixels in descending order of difference.
     pub worst: Vec<Worst>,
 }
 
-/// A place where pictures differ much.
+/// A pixel with a large difference.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Worst {
     /// Column, from the left.
     pub x: u32,
     /// Row, from the top.
     pub y: u32,
-    /// Largest difference of its channels.
+    /// Largest channel difference.
     pub difference: f64,
-    /// The reference there.
+    /// Pixel of the reference.
     pub reference: [f32; 3],
-    /// The other picture there.
+    /// Pixel of the tested image.
     pub test: [f32; 3],
 }
 
 impl Errors {
-    /// How far `test` is from `reference`. In the pictures' own numbers where both are in the same; otherwise both as a
-    /// display shows them.
+    /// Compares `test` with `reference`: in their encoding if both have the same, otherwise in display values.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the sizes differ.
-    pub fn between(reference: &Picture, test: &Picture) -> Result<Errors> {
+    /// [`Error::Usage`] if the sizes differ.
+    pub fn between(reference: &ComparedImage, test: &ComparedImage) -> Result<Errors> {
         Ok(Errors::with_map(reference, test)?.0)
     }
 
-    /// The same, and LDR-FLIP of each pixel, row by row from the top; none where a pixel is not finite.
+    /// Like [`Errors::between`], with the per-pixel LDR-FLIP; `None` if a pixel is not finite.
     ///
     /// # Errors
-    /// [`Error::Usage`] where the sizes differ.
-    pub fn with_map(reference: &Picture, test: &Picture) -> Result<(Errors, Option<Vec<f32>>)> {
+    /// [`Error::Usage`] if the sizes differ.
+    pub fn with_map(reference: &ComparedImage, test: &ComparedImage) -> Result<(Errors, Option<Vec<f32>>)> {
         let (width, height) = (reference.width, reference.height);
         if (width, height) != (test.width, test.height) {
             let what = format!("{width} x {height} pixels against {} x {}", test.width, test.height);
@@ -132,29 +131,29 @@ impl Errors {
                 worst: worst(a, b, width),
             }
         });
-        // NaN is no number, and equal to none.
+        // NaN is not equal to NaN.
         let same = reference.values == test.values && reference.pixels == test.pixels;
         Ok((Errors { width, height, values, same, non_finite, figures }, map))
     }
 }
 
 impl NonFinite {
-    fn of(reference: &Picture, test: &Picture) -> Self {
+    fn of(reference: &ComparedImage, test: &ComparedImage) -> Self {
         let bad = |pixel: &[f32; 3]| pixel.iter().any(|c| !c.is_finite());
-        let count = |picture: &Picture| picture.pixels.iter().filter(|p| bad(p)).count() as u64;
+        let count = |picture: &ComparedImage| picture.pixels.iter().filter(|p| bad(p)).count() as u64;
         let first = reference.pixels.iter().zip(&test.pixels).position(|(a, b)| bad(a) || bad(b));
-        let place = |i: usize| (i as u32 % reference.width, i as u32 / reference.width);
-        NonFinite { reference: count(reference), test: count(test), first: first.map(place) }
+        let position = |i: usize| (i as u32 % reference.width, i as u32 / reference.width);
+        NonFinite { reference: count(reference), test: count(test), first: first.map(position) }
     }
 }
 
-/// Mean LDR-FLIP of finite display values from 0 to 1, row by row, in rows of `width` pixels.
+/// Mean LDR-FLIP of finite display values from 0 to 1, in rows of `width` pixels.
 pub fn mean_flip(a: &[[f32; 3]], b: &[[f32; 3]], width: u32) -> f64 {
     let map = flip::map(a, b, width as usize, flip::PIXELS_PER_DEGREE);
     sum_of(map.len(), |i| f64::from(map[i])) / map.len() as f64
 }
 
-/// What each figure means, as lines of `name: definition`.
+/// Names and definitions of the figures.
 pub fn definitions() -> [(&'static str, String); 6] {
     let flip = format!(
         "mean LDR-FLIP of what a display shows, 0 to 1, at {:.2} pixels a degree (Andersson et al. 2020)",
@@ -170,19 +169,19 @@ pub fn definitions() -> [(&'static str, String); 6] {
     ]
 }
 
-/// The largest difference of the channels of each pixel.
+/// Largest channel difference of each pixel.
 fn differences<'a>(a: &'a [[f32; 3]], b: &'a [[f32; 3]]) -> impl Iterator<Item = f64> + 'a {
-    let apart = |(a, b): (&f32, &f32)| (f64::from(*b) - f64::from(*a)).abs();
-    a.iter().zip(b).map(move |(a, b)| a.iter().zip(b).map(apart).fold(0.0, f64::max))
+    let difference = |(a, b): (&f32, &f32)| (f64::from(*b) - f64::from(*a)).abs();
+    a.iter().zip(b).map(move |(a, b)| a.iter().zip(b).map(difference).fold(0.0, f64::max))
 }
 
-/// The mean of `f` over all channels of two pictures of one size.
+/// Mean of `f` over all channels of two images of the same size.
 pub fn mean_over(a: &[[f32; 3]], b: &[[f32; 3]], f: impl Fn(f64, f64) -> f64 + Sync) -> f64 {
     let (a, b) = (a.as_flattened(), b.as_flattened());
     sum_of(a.len(), |i| f(a[i].into(), b[i].into())) / a.len() as f64
 }
 
-/// The sum of `f` from 0 to `count`, in parts of one size, so that threads cannot change it.
+/// Sum of `f` over `0..count`, in parts of fixed size, so that the number of threads does not change the result.
 fn sum_of(count: usize, f: impl Fn(usize) -> f64 + Sync) -> f64 {
     const PART: usize = 1 << 14;
     let part = |part: usize| (part * PART..count.min((part + 1) * PART)).map(&f).sum::<f64>();
@@ -190,15 +189,15 @@ fn sum_of(count: usize, f: impl Fn(usize) -> f64 + Sync) -> f64 {
     sums.iter().sum()
 }
 
-/// The worst pixels, one a square at most.
+/// The worst pixels, at most one per square.
 fn worst(a: &[[f32; 3]], b: &[[f32; 3]], width: u32) -> Vec<Worst> {
     let mut squares = std::collections::BTreeMap::<(u32, u32), Worst>::new();
     for (i, difference) in differences(a, b).enumerate().filter(|(_, difference)| *difference > 0.0) {
         let (x, y) = (i as u32 % width, i as u32 / width);
         let here = Worst { x, y, difference, reference: a[i], test: b[i] };
-        let place = squares.entry((y / SQUARE, x / SQUARE)).or_insert_with(|| here.clone());
-        if difference > place.difference {
-            *place = here;
+        let worst = squares.entry((y / SQUARE, x / SQUARE)).or_insert_with(|| here.clone());
+        if difference > worst.difference {
+            *worst = here;
         }
     }
     let mut worst: Vec<Worst> = squares.into_values().collect();

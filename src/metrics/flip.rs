@@ -1,21 +1,21 @@
-//! LDR-FLIP: how different two pictures look, pixel by pixel, when a viewer flips between them.
+//! LDR-FLIP: perceived difference of two alternating images, per pixel. Pure functions of two slices of finite values.
 //!
-//! Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator for Alternating Images",
-//! 2020; its sections are named below. Nothing but arithmetic on two slices; the caller sees to it that they are finite.
+//! Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator for Alternating
+//! Images", 2020. Section numbers below are those of this paper.
 
 use rayon::prelude::*;
 
 use crate::film::colour::srgb_decode;
 use crate::world::simd_dispatch;
 
-/// Pixels a degree of the viewer's field of view: a display 0.7 m and 3840 pixels wide, seen from 0.7 m (section 5.1's
-/// formula: distance * pixels / width * pi / 180).
+/// Pixels per degree of the field of view, for a display 0.7 m and 3840 pixels wide at a distance of 0.7 m:
+/// `distance * pixels / width * pi / 180` (section 5.1).
 pub const PIXELS_PER_DEGREE: f64 = 0.7 * (3840.0 / 0.7) * std::f64::consts::PI / 180.0;
 
-/// D65's white in CIE XYZ: that of the matrix below, the sums of its rows.
+/// White point D65 in CIE XYZ: the row sums of [`XYZ_FROM_RGB`].
 const WHITE: [f64; 3] = [0.950_428_545_377_181, 1.0, 1.088_900_370_798_128];
 
-/// CIE XYZ from linear sRGB (IEC 61966-2-1), in the fractions that follow from its primaries and white.
+/// CIE XYZ from linear sRGB (IEC 61966-2-1), as fractions derived from its primaries and white point.
 const XYZ_FROM_RGB: [[f64; 3]; 3] = [
     [10_135_552.0 / 24_577_794.0, 8_788_810.0 / 24_577_794.0, 4_435_075.0 / 24_577_794.0],
     [2_613_072.0 / 12_288_897.0, 8_788_810.0 / 12_288_897.0, 887_015.0 / 12_288_897.0],
@@ -29,44 +29,44 @@ const SENSITIVITY: [[(f64, f64); 2]; 3] =
 
 /// Exponent of colour differences (section 4.1.3).
 const QC: f64 = 0.7;
-/// The share of the largest difference that is spread over most of the scale (section 4.1.3).
+/// Fraction of the largest colour difference that maps to [`PT`] (section 4.1.3).
 const PC: f64 = 0.4;
-/// That part of the scale (section 4.1.3).
+/// Error that `PC` times the largest colour difference maps to (section 4.1.3).
 const PT: f64 = 0.95;
-/// Width of features in degrees (section 4.2).
+/// Feature width in degrees (section 4.2).
 const FEATURE_WIDTH: f64 = 0.082;
 /// Exponent of feature differences (section 4.3).
 const QF: f64 = 0.5;
 
-/// One channel of a picture, row by row.
+/// One channel of an image in row-major order.
 type Plane = Vec<f64>;
 
-/// LDR-FLIP of each pixel, 0 to 1. `a` and `b` are display values from 0 to 1, row by row, in rows of `width` pixels.
+/// Per-pixel LDR-FLIP, 0 to 1. `a` and `b` are display values from 0 to 1 in rows of `width` pixels.
 pub fn map(a: &[[f32; 3]], b: &[[f32; 3]], width: usize, pixels_per_degree: f64) -> Vec<f32> {
-    let seen = [a, b].map(|picture| Seen::new(picture, width, pixels_per_degree));
+    let perceived = [a, b].map(|picture| PerceivedImage::new(picture, width, pixels_per_degree));
     let largest = largest_colour_difference();
     let error = |i: usize| {
-        let colour = colour_error(seen[0].lab[i], seen[1].lab[i], largest);
-        let edge = (seen[0].edges[i] - seen[1].edges[i]).abs();
-        let point = (seen[0].points[i] - seen[1].points[i]).abs();
+        let colour = colour_error(perceived[0].lab[i], perceived[1].lab[i], largest);
+        let edge = (perceived[0].edges[i] - perceived[1].edges[i]).abs();
+        let point = (perceived[0].points[i] - perceived[1].points[i]).abs();
         let feature = (edge.max(point) / std::f64::consts::SQRT_2).powf(QF);
-        // Section 4.3: features make colour differences larger, and none of them leaves the scale.
+        // Section 4.3: features amplify colour differences; the result stays within 0 to 1.
         colour.powf(1.0 - feature) as f32
     };
     (0..a.len()).into_par_iter().map(error).collect()
 }
 
-/// What a viewer sees of a picture.
-struct Seen {
-    /// Hunt-adjusted L*a*b*, after the eye's blur (section 4.1).
+/// Perceived colours and features of an image.
+struct PerceivedImage {
+    /// Hunt-adjusted L*a*b* after contrast sensitivity filtering (section 4.1).
     lab: Vec<[f64; 3]>,
-    /// How strong edges are, 0 to 1 (section 4.2).
+    /// Edge strength, 0 to 1 (section 4.2).
     edges: Plane,
-    /// How strong points are, 0 to 1.
+    /// Point strength, 0 to 1 (section 4.2).
     points: Plane,
 }
 
-impl Seen {
+impl PerceivedImage {
     fn new(picture: &[[f32; 3]], width: usize, pixels_per_degree: f64) -> Self {
         let opponent = picture.par_iter().map(|pixel| ycxcz(xyz(pixel.map(|c| srgb_decode(c.into())))));
         let opponent: Vec<[f64; 3]> = opponent.collect();
@@ -74,13 +74,13 @@ impl Seen {
         let rgb_from_xyz = glam::DMat3::from_cols_array_2d(&XYZ_FROM_RGB).transpose().inverse();
         let blurred = [0, 1, 2].map(|c| blur(&channel(c), width, SENSITIVITY[c], pixels_per_degree));
         let lab = |i: usize| {
-            let xyz_seen = xyz_of_ycxcz([blurred[0][i], blurred[1][i], blurred[2][i]]);
-            let rgb: [f64; 3] = (rgb_from_xyz * glam::DVec3::from(xyz_seen)).into();
+            let xyz_blurred = xyz_of_ycxcz([blurred[0][i], blurred[1][i], blurred[2][i]]);
+            let rgb: [f64; 3] = (rgb_from_xyz * glam::DVec3::from(xyz_blurred)).into();
             hunt(lab(xyz(rgb.map(|c| c.clamp(0.0, 1.0)))))
         };
         let luminance: Plane = opponent.iter().map(|pixel| (pixel[0] + 16.0) / 116.0).collect();
         let (edges, points) = features(&luminance, width, pixels_per_degree);
-        Seen { lab: (0..picture.len()).into_par_iter().map(lab).collect(), edges, points }
+        PerceivedImage { lab: (0..picture.len()).into_par_iter().map(lab).collect(), edges, points }
     }
 }
 
@@ -88,7 +88,7 @@ fn xyz(rgb: [f64; 3]) -> [f64; 3] {
     XYZ_FROM_RGB.map(|row| row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2])
 }
 
-/// The linearised CIELAB that contrast sensitivity is applied in (section 4.1.1).
+/// YCxCz, the linearised CIELAB for contrast sensitivity filtering (section 4.1.1).
 fn ycxcz(xyz: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = [0, 1, 2].map(|c| xyz[c] / WHITE[c]);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
@@ -109,23 +109,23 @@ fn lab(xyz: [f64; 3]) -> [f64; 3] {
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }
 
-/// Colours look weaker in the dark: the Hunt effect (section 4.1.2).
+/// Hunt effect: chroma scales with luminance (section 4.1.2).
 fn hunt([l, a, b]: [f64; 3]) -> [f64; 3] {
     [l, 0.01 * l * a, 0.01 * l * b]
 }
 
-/// The distance of Abasi, Tehran and Fairchild, 2019, for large colour differences.
+/// HyAB distance for large colour differences (Abasi, Tehran and Fairchild, 2019).
 fn hyab(a: [f64; 3], b: [f64; 3]) -> f64 {
     (a[0] - b[0]).abs() + (a[1] - b[1]).hypot(a[2] - b[2])
 }
 
-/// The largest of colour differences, raised as they are: that between green and blue.
+/// Largest colour difference raised to [`QC`]: that between green and blue.
 fn largest_colour_difference() -> f64 {
     let of = |rgb: [f64; 3]| hunt(lab(xyz(rgb)));
     hyab(of([0.0, 1.0, 0.0]), of([0.0, 0.0, 1.0])).powf(QC)
 }
 
-/// How different two colours are, 0 to 1 (section 4.1.3).
+/// Colour error, 0 to 1 (section 4.1.3).
 fn colour_error(a: [f64; 3], b: [f64; 3], largest: f64) -> f64 {
     let difference = hyab(a, b).powf(QC);
     let knee = PC * largest;
@@ -136,28 +136,28 @@ fn colour_error(a: [f64; 3], b: [f64; 3], largest: f64) -> f64 {
     }
 }
 
-/// A channel as the eye blurs it: a sum of two Gaussians of two dimensions, each of them one of rows times one of columns.
+/// Contrast sensitivity filter: a sum of two separable Gaussians.
 fn blur(plane: &[f64], width: usize, gaussians: [(f64, f64); 2], pixels_per_degree: f64) -> Plane {
     use std::f64::consts::PI;
-    // All channels are cut off where the widest is down to three standard deviations (section 4.1.1).
+    // Kernel radius for all channels: three standard deviations of the widest Gaussian (section 4.1.1).
     let widest = SENSITIVITY.iter().flatten().fold(0.0, |widest: f64, &(_, b)| widest.max(b));
     let radius = (3.0 * (widest / (2.0 * PI * PI)).sqrt() * pixels_per_degree).ceil() as i64;
     let kernels = gaussians.map(|(a, b)| {
-        // The square root of the amplitude for each of both directions.
+        // The square root, as the kernel is applied once per direction.
         let scale = (a * (PI / b).sqrt()).sqrt();
         kernel(radius, |x| scale * (-PI * PI * (x / pixels_per_degree).powi(2) / b).exp())
     });
     let total: f64 = kernels.iter().map(|kernel| kernel.iter().sum::<f64>().powi(2)).sum();
     let mut sum = vec![0.0; plane.len()];
     for kernel in kernels.iter().filter(|kernel| kernel.iter().any(|&k| k != 0.0)) {
-        let part = down(&along(plane, width, kernel), width, kernel);
+        let part = convolve_columns(&convolve_rows(plane, width, kernel), width, kernel);
         sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part / total);
     }
     sum
 }
 
-/// How strong the edges and the points of a picture are: Gaussian derivatives of its luminance, the first and the second,
-/// their positive and their negative weights adding up to 1 each (section 4.2).
+/// Edge and point strengths: first and second Gaussian derivatives of the luminance, whose positive and negative
+/// weights are normalised to 1 and -1 (section 4.2).
 fn features(luminance: &[f64], width: usize, pixels_per_degree: f64) -> (Plane, Plane) {
     let sigma = 0.5 * FEATURE_WIDTH * pixels_per_degree;
     let radius = (3.0 * sigma).ceil() as i64;
@@ -166,19 +166,19 @@ fn features(luminance: &[f64], width: usize, pixels_per_degree: f64) -> (Plane, 
     let first = normalised(kernel(radius, |x| -x * gauss(x)));
     let second = normalised(kernel(radius, |x| (x * x / (sigma * sigma) - 1.0) * gauss(x)));
     let strength = |derivative: &[f64]| -> Plane {
-        let x = down(&along(luminance, width, derivative), width, &smooth);
-        let y = down(&along(luminance, width, &smooth), width, derivative);
+        let x = convolve_columns(&convolve_rows(luminance, width, derivative), width, &smooth);
+        let y = convolve_columns(&convolve_rows(luminance, width, &smooth), width, derivative);
         x.iter().zip(y).map(|(x, y)| x.hypot(y)).collect()
     };
     (strength(&first), strength(&second))
 }
 
-/// The values of `f` from `-radius` to `radius`.
+/// Values of `f` from `-radius` to `radius`.
 fn kernel(radius: i64, f: impl Fn(f64) -> f64) -> Vec<f64> {
     (-radius..=radius).map(|x| f(x as f64)).collect()
 }
 
-/// Scaled so that what is positive adds up to 1, and what is negative to -1.
+/// Scales positive weights to the sum 1, negative weights to -1.
 fn normalised(mut kernel: Vec<f64>) -> Vec<f64> {
     let positive: f64 = kernel.iter().filter(|k| **k > 0.0).sum();
     let negative: f64 = -kernel.iter().filter(|k| **k < 0.0).sum::<f64>();
@@ -186,8 +186,8 @@ fn normalised(mut kernel: Vec<f64>) -> Vec<f64> {
     kernel
 }
 
-/// Each pixel the sum of those of its row around it, weighted; the pixels at the ends go on beyond them.
-fn along(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
+/// Convolution of rows; the end pixels are repeated.
+fn convolve_rows(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
     let radius = kernel.len() / 2;
     let mut out = vec![0.0; plane.len()];
     out.par_chunks_mut(width).zip(plane.par_chunks(width)).for_each(|(out, row)| {
@@ -196,17 +196,17 @@ fn along(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
             .chain(row.iter().copied())
             .chain(std::iter::repeat_n(ends.1, radius))
             .collect();
-        weighted(out, kernel, |i| &padded[i..i + width]);
+        add_weighted(out, kernel, |i| &padded[i..i + width]);
     });
     out
 }
 
-/// The same down its column.
-fn down(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
+/// Convolution of columns; the end pixels are repeated.
+fn convolve_columns(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
     let (radius, height) = (kernel.len() / 2, plane.len() / width);
     let mut out = vec![0.0; plane.len()];
     out.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
-        weighted(out, kernel, |i| {
+        add_weighted(out, kernel, |i| {
             let from = (y + i).saturating_sub(radius).min(height - 1) * width;
             &plane[from..from + width]
         });
@@ -214,8 +214,8 @@ fn down(plane: &[f64], width: usize, kernel: &[f64]) -> Plane {
     out
 }
 
-/// Adds rows to `out`, each with its weight.
-fn weighted<'a>(out: &mut [f64], kernel: &[f64], row: impl Fn(usize) -> &'a [f64]) {
+/// Adds weighted rows to `out`.
+fn add_weighted<'a>(out: &mut [f64], kernel: &[f64], row: impl Fn(usize) -> &'a [f64]) {
     simd_dispatch(
         #[inline(always)]
         || {
@@ -235,12 +235,12 @@ mod tests {
     }
 
     #[test]
-    fn colours_come_back() {
+    fn colour_conversions_are_inverse() {
         let rgb = [0.25, 0.5, 0.75];
         let rgb_from_xyz = glam::DMat3::from_cols_array_2d(&XYZ_FROM_RGB).transpose().inverse();
-        let there: [f64; 3] = (rgb_from_xyz * glam::DVec3::from(xyz_of_ycxcz(ycxcz(xyz(rgb))))).into();
-        assert!(rgb.iter().zip(there).all(|(a, b)| (a - b).abs() < 1e-12), "{there:?}");
-        // White is 100 in L* and grey in the others.
+        let back: [f64; 3] = (rgb_from_xyz * glam::DVec3::from(xyz_of_ycxcz(ycxcz(xyz(rgb))))).into();
+        assert!(rgb.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-12), "{back:?}");
+        // White has L* = 100, a* = b* = 0.
         let white = lab(xyz([1.0; 3]));
         assert!(
             (white[0] - 100.0).abs() < 1e-9 && white[1].abs() < 1e-9 && white[2].abs() < 1e-9,
@@ -248,8 +248,8 @@ mod tests {
         );
     }
 
-    /// Two even pictures have no features and nothing to blur, so FLIP is the colour error alone. Black and white are
-    /// 100 apart in L*, and nothing in the others.
+    /// Uniform images have no features, and blurring does not change them: FLIP is the colour error. Black and white
+    /// differ by 100 in L*, and not in a* and b*.
     #[test]
     fn black_and_white_have_a_closed_form() {
         let (black, white) = (vec![[0.0; 3]; 12], vec![[1.0; 3]; 12]);
@@ -262,16 +262,16 @@ mod tests {
     }
 
     #[test]
-    fn green_and_blue_are_as_different_as_can_be() {
+    fn green_and_blue_have_the_largest_error() {
         let (green, blue) = (vec![[0.0, 1.0, 0.0]; 9], vec![[0.0, 0.0, 1.0]; 9]);
         assert!((mean(&map(&green, &blue, 3, PIXELS_PER_DEGREE)) - 1.0).abs() < 1e-6);
         assert_eq!(mean(&map(&green, &green, 3, PIXELS_PER_DEGREE)), 0.0);
     }
 
-    /// An even picture has no edges; half black and half white has one, as strong as can be, where the halves meet: all positive
-    /// weights of the first derivative see white, all negative ones black, but for the middle one, which is 0.
+    /// A step from black to white is an edge of strength 1: all positive weights of the first derivative fall on white,
+    /// all negative ones on black, and the middle weight is 0.
     #[test]
-    fn edges_are_where_they_are() {
+    fn a_step_is_an_edge_of_strength_1() {
         let width = 64;
         let luminance: Plane = (0..width * 3).map(|i| if i % width < 32 { 0.0 } else { 1.0 }).collect();
         let (edges, points) = features(&luminance, width, PIXELS_PER_DEGREE);

@@ -39,7 +39,8 @@ pub fn nested(count: usize, factor: f64, least: f64) -> Vec<Corners> {
 }
 
 /// Clusters of 8 needles that share a box, in a nest: each cluster's box is larger than the one before by 1.01. Every
-/// needle runs along a diagonal of its cluster's box, and one more triangle, given first, lies across the innermost one.
+/// needle runs along a diagonal of its cluster's box, and one more triangle, given first, lies across the innermost
+/// one.
 ///
 /// A tree over them is as deep as there are clusters, and a ray through the middle has every cluster waiting for it.
 pub fn nested_clusters(clusters: usize) -> Vec<Corners> {

@@ -1,4 +1,4 @@
-//! Figures that can be worked out by hand.
+//! Figures with values in closed form.
 
 use super::*;
 
@@ -6,18 +6,18 @@ const WIDTH: u32 = 40;
 const HEIGHT: u32 = 20;
 const PIXELS: f64 = 800.0;
 
-fn even(value: f32, values: Values) -> Picture {
+fn uniform(value: f32, values: Values) -> ComparedImage {
     let pixels = vec![[value; 3]; (WIDTH * HEIGHT) as usize];
-    Picture { width: WIDTH, height: HEIGHT, values, pixels }
+    ComparedImage { width: WIDTH, height: HEIGHT, values, pixels }
 }
 
-fn figures(a: &Picture, b: &Picture) -> Figures {
+fn figures(a: &ComparedImage, b: &ComparedImage) -> Figures {
     Errors::between(a, b).unwrap().figures.unwrap()
 }
 
 #[test]
-fn identical_pictures_are_no_distance_apart() {
-    let a = even(0.25, Values::Linear);
+fn identical_images_have_no_error() {
+    let a = uniform(0.25, Values::Linear);
     let errors = Errors::between(&a, &a).unwrap();
     let expected = Figures {
         max: 0.0,
@@ -35,17 +35,17 @@ fn identical_pictures_are_no_distance_apart() {
 #[test]
 fn an_offset_is_the_error_of_every_pixel() {
     // 1/4 and 3/4 are exact: the difference is 1/2, its square 1/4, and 10 log10 4 = 6.0206 dB.
-    let figures = figures(&even(0.25, Values::Display), &even(0.75, Values::Display));
+    let figures = figures(&uniform(0.25, Values::Display), &uniform(0.75, Values::Display));
     assert_eq!((figures.max, figures.rmse, figures.differing), (0.5, 0.5, 1.0));
     assert!((figures.rel_mse - 0.25 / (0.0625 + 0.01)).abs() < 1e-12);
     assert!((figures.psnr.unwrap() - 10.0 * 4f64.log10()).abs() < 1e-12);
-    // One place a square: 3 x 2 squares, the first five of them.
+    // One pixel per square: the first five of 3 x 2 squares.
     assert_eq!(figures.worst.len(), WORST);
 }
 
 #[test]
 fn one_pixel_off_is_found_where_it_is() {
-    let a = even(0.5, Values::Display);
+    let a = uniform(0.5, Values::Display);
     let mut b = a.clone();
     b.pixels[(7 * WIDTH + 23) as usize][1] = 1.0;
     let figures = figures(&a, &b);
@@ -58,48 +58,48 @@ fn one_pixel_off_is_found_where_it_is() {
     assert!(figures.flip > 0.0 && figures.flip < 0.5, "{}", figures.flip);
 }
 
-/// Linear light is compared as it is; FLIP and PSNR see what a display shows, and that is white from 1 upwards.
+/// Linear values are compared unclamped; FLIP and PSNR use display values, which are clamped at 1.
 #[test]
-fn linear_light_beyond_white_is_an_error_that_no_display_shows() {
-    let figures = figures(&even(1.0, Values::Linear), &even(3.0, Values::Linear));
+fn linear_values_above_1_do_not_change_display_metrics() {
+    let figures = figures(&uniform(1.0, Values::Linear), &uniform(3.0, Values::Linear));
     assert_eq!((figures.max, figures.rmse, figures.psnr, figures.flip), (2.0, 2.0, None, 0.0));
     assert!((figures.rel_mse - 4.0 / 1.01).abs() < 1e-12);
 }
 
 #[test]
 fn black_and_white_are_the_extremes() {
-    let figures = figures(&even(0.0, Values::Display), &even(1.0, Values::Display));
+    let figures = figures(&uniform(0.0, Values::Display), &uniform(1.0, Values::Display));
     assert_eq!((figures.max, figures.rmse, figures.psnr), (1.0, 1.0, Some(0.0)));
     assert!((figures.rel_mse - 100.0).abs() < 1e-9, "1 / 0.01");
 }
 
 #[test]
-fn of_different_numbers_what_a_display_shows_is_compared() {
+fn different_encodings_are_compared_as_display_values() {
     // sRGB encodes 0.5 as 0.7354 (IEC 61966-2-1).
-    let errors = Errors::between(&even(0.5, Values::Linear), &even(0.5, Values::Display)).unwrap();
+    let errors = Errors::between(&uniform(0.5, Values::Linear), &uniform(0.5, Values::Display)).unwrap();
     assert_eq!(errors.values, Values::Display);
     assert!((errors.figures.unwrap().max - 0.235_357).abs() < 1e-6);
-    let white = Errors::between(&even(1.0, Values::Linear), &even(1.0, Values::Display)).unwrap();
+    let white = Errors::between(&uniform(1.0, Values::Linear), &uniform(1.0, Values::Display)).unwrap();
     assert!(!white.same && white.figures.unwrap().max == 0.0);
 }
 
 #[test]
-fn what_is_not_finite_is_counted_and_not_averaged() {
-    let a = even(0.5, Values::Linear);
+fn non_finite_pixels_are_counted_and_not_averaged() {
+    let a = uniform(0.5, Values::Linear);
     let mut b = a.clone();
     b.pixels[(3 * WIDTH + 2) as usize][2] = f32::NAN;
     b.pixels[(9 * WIDTH + 1) as usize][0] = f32::INFINITY;
     let errors = Errors::between(&a, &b).unwrap();
     assert_eq!(errors.non_finite, NonFinite { reference: 0, test: 2, first: Some((2, 3)) });
     assert_eq!(errors.figures, None);
-    // NaN in both is no agreement.
+    // NaN is not equal to NaN.
     assert!(!Errors::between(&b, &b).unwrap().same);
 }
 
 #[test]
 fn pictures_of_other_sizes_are_refused() {
-    let a = even(0.5, Values::Display);
-    let b = Picture { width: HEIGHT, height: WIDTH, ..a.clone() };
-    let said = Errors::between(&a, &b).unwrap_err().to_string();
-    assert_eq!(said, "sizes differ: 40 x 20 pixels against 20 x 40");
+    let a = uniform(0.5, Values::Display);
+    let b = ComparedImage { width: HEIGHT, height: WIDTH, ..a.clone() };
+    let message = Errors::between(&a, &b).unwrap_err().to_string();
+    assert_eq!(message, "sizes differ: 40 x 20 pixels against 20 x 40");
 }
