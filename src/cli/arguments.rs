@@ -6,12 +6,12 @@ use clap::Args;
 
 use super::sampling::SamplingArguments;
 use crate::bvh::Preset;
-use crate::effects::check_names;
+use crate::effects::{check_names, id};
 use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Share, Window};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
 use crate::job::{CameraChoice, RenderSettings};
-use crate::scene::{Numerics, Projection};
+use crate::scene::{Numerics, Projection, Transport};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -55,6 +55,13 @@ pub struct Arguments {
     /// How far shading goes; below `phong` that term is shown alone, without effects
     #[arg(long, value_parser = ["flat", "ambient", "diffuse", "phong"], default_value = "phong")]
     shading: String,
+    /// How light is transported: `whitted` shades surfaces by the lights that they see, `path` traces paths (indirect light,
+    /// soft shadows) [default: what the scene calls for]
+    #[arg(long, value_parser = Transport::ALL.map(Transport::name))]
+    transport: Option<String>,
+    /// The most bounces of a path, 0 to 1000; 0 shows lights alone, 1 adds direct light [default: 8]
+    #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(0..=1000u16))]
+    depth: Option<u16>,
     #[command(flatten)]
     pub sampling: SamplingArguments,
     /// Have an effect that would be off; may be given several times
@@ -117,6 +124,7 @@ impl Arguments {
         };
         let projections = [Projection::Perspective, Projection::Orthographic];
         let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
+        let depth = self.depth.map(|depth| id::PATH.with_value(depth));
         Ok(RenderSettings {
             camera,
             projection: named(&projections, Projection::name, self.projection.as_deref()),
@@ -128,7 +136,8 @@ impl Arguments {
             numerics: named(&Numerics::ALL, Numerics::name, self.numerics.as_deref()),
             preset: Preset::named(&self.bvh).unwrap_or_default(),
             shading: named(&ShadingMode::ALL, ShadingMode::name, Some(&self.shading)).unwrap_or_default(),
-            with: self.with.clone(),
+            transport: named(&Transport::ALL, Transport::name, self.transport.as_deref()),
+            with: self.with.iter().cloned().chain(depth).collect(),
             without: self.without.clone(),
             colour: named(&pipelines, ColourPipeline::name, self.colour.as_deref()),
             layers: Vec::new(),

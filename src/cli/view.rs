@@ -89,12 +89,13 @@ fn initial_view(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> 
             None => CameraSource::Free(camera.into_owned()),
         },
     };
-    let RenderSettings { projection, preset, shading, sampling, with, without, .. } = requested;
+    let RenderSettings { projection, preset, shading, sampling, transport, with, without, .. } = requested;
     let settings = Settings {
         choices: Choices {
             shading,
             sampling: sampling.or(scene.sampling),
             scene: std::mem::take(&mut scene.effects),
+            transport: transport.or(scene.transport),
             with,
             without,
             even_idle: false,

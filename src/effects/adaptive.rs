@@ -18,9 +18,11 @@ pub const EFFECT: Effect = Effect {
     is_shading: false,
     decides_samples: true,
     is_study_switch: false,
+    whitted_only: false,
     rays: &[],
     value: None,
-    called_for: |_, sampling| {
+    called_for: |_, choices| {
+        let sampling = &choices.sampling;
         let Some(level) = sampling.noise else {
             return Err("no level of noise is given; --noise does".into());
         };

@@ -20,9 +20,11 @@ pub const EFFECT: Effect = Effect {
     is_shading: false,
     decides_samples: true,
     is_study_switch: false,
+    whitted_only: false,
     rays: &[],
     value: None,
-    called_for: |_, sampling| {
+    called_for: |_, choices| {
+        let sampling = &choices.sampling;
         if !sampling.is_wanted() {
             return Err("one sample a pixel, through its centre; --samples asks for more".into());
         }

@@ -41,6 +41,7 @@ pub const EFFECT: Effect = Effect {
     is_shading: true,
     decides_samples: false,
     is_study_switch: false,
+    whitted_only: true,
     rays: &[RAYS],
     value: Some(EffectValue {
         meaning: "rule for stopping",

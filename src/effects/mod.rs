@@ -52,6 +52,7 @@ macro_rules! registry {
 registry! {
     "textures" => textures TEXTURES,
     "normal-maps" => normal_maps NORMAL_MAPS,
+    "path" => path PATH,
     "shadows" => shadows SHADOWS,
     "terminator" => terminator TERMINATOR,
     "glaze" => glaze GLAZE,
@@ -128,12 +129,14 @@ pub struct Effect {
     pub decides_samples: bool,
     /// Whether `kiln study` varies it by switching it on and off. It varies the others by their values or by the sampling.
     pub is_study_switch: bool,
+    /// Whether it belongs to the transport of local shading, and is off where paths are traced.
+    pub whitted_only: bool,
     /// The kinds of rays that it casts.
     pub rays: &'static [RayKind],
     /// The value it takes, if any.
     pub value: Option<EffectValue>,
-    /// What in the scene or its sampling calls for it, by name; `Err` with the reason where nothing does.
-    pub called_for: fn(&World, &Sampling) -> Result<String, String>,
+    /// What in the scene or the choices calls for it, by name; `Err` with the reason where nothing does.
+    pub called_for: fn(&World, &Choices) -> Result<String, String>,
     /// Enters into the plan's specification what it needs.
     pub specify: fn(&EffectContext, &mut PlanSpec),
     /// Its stages at a hook, in order.
@@ -174,6 +177,8 @@ pub struct EffectContext<'a> {
 pub struct PlanSpec {
     /// Which terms are shaded.
     pub shading: ShadingMode,
+    /// Whether paths are traced, instead of shading surfaces by the lights that they see.
+    pub is_path: bool,
     /// Whether lights are evaluated.
     pub lit: bool,
     /// Samples a pixel. Texture footprints shrink with it.

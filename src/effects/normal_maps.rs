@@ -22,6 +22,7 @@ pub const EFFECT: Effect = Effect {
     is_shading: false,
     decides_samples: false,
     is_study_switch: true,
+    whitted_only: false,
     rays: &[],
     value: None,
     called_for: |world: &World, _| {

@@ -5,11 +5,11 @@ use std::ops::Range;
 use super::tile::{RenderContext, Tile};
 use super::{
     EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, PlanSpec, RayClass, RayKind, Stage,
-    TextureUse, closest_hits, local, pixels, primary_rays, ray_origins,
+    TextureUse, closest_hits, id, local, pixels, primary_rays, ray_origins,
 };
 use crate::error::{Error, Result};
 use crate::film::Window;
-use crate::scene::Sampling;
+use crate::scene::{Sampling, Transport};
 use crate::scene::file::{EffectsSection, nearest_name};
 use crate::shading::ShadingMode;
 use crate::world::World;
@@ -23,6 +23,8 @@ pub struct Choices {
     pub sampling: Sampling,
     /// The scene file's section on effects.
     pub scene: EffectsSection,
+    /// The transport that is asked for; `None` leaves it to the scene.
+    pub transport: Option<Transport>,
     /// Effects that the user asks for, each as `NAME` or `NAME=VALUE`.
     pub with: Vec<String>,
     /// Effects that the user excludes.
@@ -77,6 +79,11 @@ impl Plan {
         check_scene(&choices.scene)?;
         let mut decisions: Vec<Decision> =
             EFFECTS.iter().map(|effect| decide(effect, world, choices)).collect();
+        if decisions.iter().any(|decision| decision.effect == id::PATH && decision.on) {
+            for (decision, _) in decisions.iter_mut().zip(EFFECTS).filter(|(_, effect)| effect.whitted_only) {
+                (decision.on, decision.why) = (false, "paths are traced".into());
+            }
+        }
         for (i, effect) in EFFECTS.iter().enumerate().filter(|_| !choices.even_idle) {
             let Some(base) = effect.builds_on else { continue };
             if decisions[i].on && !decisions.iter().any(|d| d.effect == base && d.on) {
@@ -97,6 +104,7 @@ impl Plan {
     fn of(world: &World, shading: ShadingMode, sampling: Sampling, decisions: Vec<Decision>) -> Plan {
         let mut spec = PlanSpec {
             shading,
+            is_path: false,
             lit: shading.uses_lights() && !world.lights.is_empty(),
             samples: 1,
             texture_use: TextureUse::default(),
@@ -207,14 +215,16 @@ impl PlanBuilder<'_> {
         let secondary = part(self);
         self.add_hook(Hook::AfterGenerations);
         let back = part(self);
-        self.add(pixels::WritePixels, None);
+        if !self.spec.is_path {
+            self.add(pixels::WritePixels, None);
+        }
         self.add_hook(Hook::Film);
         [first, secondary, back, part(self)]
     }
 
     /// Adds the stages of a ray generation.
     fn add_generation(&mut self, class: RayClass) {
-        let PlanSpec { shading, lit, smooth, generations_with_origins: generations, secondary, .. } =
+        let PlanSpec { shading, is_path, lit, smooth, generations_with_origins: generations, secondary, .. } =
             self.spec;
         let secondary = secondary.filter(|_| class == RayClass::Secondary);
         let owner = secondary.map(|rays| rays.effect);
@@ -229,7 +239,9 @@ impl PlanBuilder<'_> {
             self.add(local::SampleLights { smooth, mode: shading }, owner);
             self.add_hook(Hook::AfterLighting(class));
         }
-        self.add(local::Shade { mode: shading }, owner);
+        if !is_path {
+            self.add(local::Shade { mode: shading }, owner);
+        }
         self.add_hook(Hook::AfterShading(class));
     }
 
@@ -318,7 +330,7 @@ fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {
     let value = asked_for.and_then(|(_, value)| Some(value?.to_owned()));
     let value = value.or_else(|| said.and_then(|said| said.value()));
     let decision = |on, why: String| Decision { effect: effect.id, on, why, value: value.clone() };
-    let calls = match (effect.called_for)(world, &choices.sampling) {
+    let calls = match (effect.called_for)(world, choices) {
         Err(nothing) if choices.even_idle && asked_for.is_some() => {
             return decision(true, format!("--with {name}, though {nothing}"));
         }

@@ -71,6 +71,18 @@ fn pcg3d(v: [u32; 3]) -> [u32; 3] {
     mixed(mixed(spread).map(|c| c ^ (c >> 16)))
 }
 
+/// Two numbers from 0 to below 1 for a pixel's sample in a dimension other than 0, which is that of [`Purpose::Pixel`]. The
+/// points of each dimension are a sequence as above, shuffled independently (padding; pbrt, 4th edition, section 8.7.2).
+pub fn pair([x, y]: [u32; 2], seed: u32, sample: u32, dimension: u32) -> [f32; 2] {
+    let key = hash(dimension);
+    let index = owen_scramble_rev((sample % MAX_SAMPLES).reverse_bits(), key);
+    let [a, b, c] = pcg3d([x, y, seed.rotate_left(BITS_OF_PURPOSES) ^ key]);
+    // The order of the points, too, is the pixel's own.
+    let index = owen_scramble_rev(index, c);
+    [(0, a), (1, b)]
+        .map(|(axis, scramble)| u32_to_f32_norm(owen_scramble_rev(sobol_rev(index, axis), scramble).reverse_bits()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

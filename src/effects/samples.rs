@@ -76,6 +76,8 @@ struct SamplePass {
     len: usize,
     /// For each ray, its pixel.
     pixels: [u16; RAYS_PER_BATCH],
+    /// For each ray, the index of its sample.
+    samples: [u32; RAYS_PER_BATCH],
     /// For each ray, its point of the sequence.
     points: [Point; RAYS_PER_BATCH],
     /// Film positions in pixels, right of and below the picture's top left corner.
@@ -90,6 +92,7 @@ impl Default for SamplePass {
         SamplePass {
             len: 0,
             pixels: [0; RAYS_PER_BATCH],
+            samples: [0; RAYS_PER_BATCH],
             points: [Point::default(); RAYS_PER_BATCH],
             x: [0.0; RAYS_PER_BATCH],
             y: [0.0; RAYS_PER_BATCH],
@@ -138,7 +141,7 @@ impl TileSamples {
         let mut sample = from + (self.cast / live.len()) as u32;
         let mut point = Point::new(sample, Purpose::Pixel);
         for i in 0..pass.len {
-            (pass.pixels[i], pass.points[i]) = (live[pixel], point);
+            (pass.pixels[i], pass.samples[i], pass.points[i]) = (live[pixel], sample, point);
             pixel += 1;
             if pixel == live.len() && i + 1 < pass.len {
                 (pixel, sample) = (0, sample + 1);
@@ -156,6 +159,17 @@ impl TileSamples {
     pub fn film_positions(&self) -> (&[f64], &[f64]) {
         let SamplePass { len, x, y, .. } = &*self.pass;
         (&x[..*len], &y[..*len])
+    }
+
+    /// For each ray of the pass, the column and row of its pixel, and the index of its sample.
+    pub fn rays(&self) -> impl Iterator<Item = (u32, u32, u32)> {
+        let SamplePass { len, pixels, samples, .. } = &*self.pass;
+        let Window { x, y, width, .. } = self.region.whole;
+        let place = move |pixel: u16| (x + u32::from(pixel) % width, y + u32::from(pixel) / width);
+        pixels[..*len].iter().zip(samples).map(move |(&pixel, &sample)| {
+            let (x, y) = place(pixel);
+            (x, y, sample)
+        })
     }
 
     /// Adds the colours of the pass's rays to their pixels.

@@ -23,6 +23,7 @@ pub const EFFECT: Effect = Effect {
     is_shading: true,
     decides_samples: false,
     is_study_switch: true,
+    whitted_only: true,
     rays: &[RAYS],
     value: None,
     called_for: |world: &World, _| {

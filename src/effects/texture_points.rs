@@ -83,6 +83,9 @@ struct FindTexturePoints {
     is_textured: Vec<bool>,
     /// Whether footprints are needed.
     footprints: bool,
+    /// Whether paths are traced. Their rays beyond the first have no differentials: they sample a lobe, and one texel is a sample
+    /// of a filter over it.
+    is_path: bool,
     /// The width of a sample in pixels.
     sample_width: f64,
 }
@@ -98,6 +101,7 @@ impl FindTexturePoints {
                 .materials_in_use()
                 .flat_map(|material| of(material))
                 .any(|(texture, _)| texture_use.filter(&texture).needs_footprint()),
+            is_path: context.spec.is_path,
             sample_width: sample_width(context.spec.samples),
         }
     }
@@ -127,7 +131,8 @@ impl FindTexturePoints {
         }
         let (before, after) = own.generations.split_at_mut(depth);
         let GenerationBuffers { differentials, points } = &mut after[0];
-        if self.footprints && depth > 0 {
+        let footprints = self.footprints && (depth == 0 || !self.is_path);
+        if footprints && depth > 0 {
             let (from, before) = (&tile.generations[depth - 1], &before[depth - 1].differentials);
             let differential = |ray: usize| self.differential(context, from, before, ray);
             differentials.clear();
@@ -141,7 +146,7 @@ impl FindTexturePoints {
                 let ray = surfaces.ray_of()[i] as usize;
                 let Some(hit) = &generation.hits[ray] else { continue };
                 let differential =
-                    self.footprints.then(|| self.differential(context, generation, differentials, ray));
+                    footprints.then(|| self.differential(context, generation, differentials, ray));
                 let surface = surfaces.get(i);
                 points[i] =
                     context.world.texture_point(&surface, hit, &generation.rays[ray], differential.as_ref());

@@ -16,6 +16,7 @@ pub const EFFECT: Effect = Effect {
     is_shading: false,
     decides_samples: false,
     is_study_switch: false,
+    whitted_only: false,
     rays: &[],
     value: Some(EffectValue {
         meaning: "filter",

@@ -138,6 +138,11 @@ fn per_channel(c: DVec3, f: impl Fn(f64) -> f64) -> DVec3 {
     DVec3::new(f(c.x), f(c.y), f(c.z))
 }
 
+/// The luminance of a linear sRGB colour (Rec. ITU-R BT.709-6, section 3.2).
+pub(crate) fn luminance(colour: DVec3) -> f64 {
+    colour.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

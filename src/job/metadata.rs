@@ -32,7 +32,7 @@ pub struct Origin<'a> {
 /// The metadata of a picture.
 pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     let &Origin { recentering, camera, size, window, choices, pipeline, numerics, layers } = origin;
-    let Choices { shading, sampling, scene: _, with, without, even_idle: _ } = choices;
+    let Choices { shading, sampling, scene: _, transport, with, without, even_idle: _ } = choices;
     // Folders are omitted, so that metadata does not depend on where files lie.
     let name = |input: &std::path::PathBuf| {
         input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned()
@@ -59,6 +59,9 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     if [width, height] != size {
         metadata.push(("kiln:crop".into(), format!("{x},{y},{width},{height}")));
     }
+    if let Some(transport) = transport {
+        metadata.push(("kiln:transport".into(), transport.name().into()));
+    }
     for (key, names) in [("kiln:with", with), ("kiln:without", without)] {
         if !names.is_empty() {
             metadata.push((key.into(), names.join(" ")));
@@ -71,6 +74,9 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     fingerprint.value("range", &recentering.map(|recentering| (recentering.middle, recentering.scale)));
     fingerprint.value("camera", &(camera, size, (x, y, width, height)));
     fingerprint.value("choices", &(shading.name(), with, without, pipeline.name(), numerics.name()));
+    if let Some(transport) = transport {
+        fingerprint.value("transport", &transport.name());
+    }
     metadata.push((FINGERPRINT.to_owned(), fingerprint.finish()));
     if !layers.is_empty() {
         add_to_fingerprint(&mut metadata, "layers", &layers);

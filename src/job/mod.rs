@@ -238,6 +238,7 @@ pub fn resolve_for(
         shading: settings.shading,
         sampling,
         scene: Default::default(),
+        transport: settings.transport.or(scene.transport),
         with: settings.with.clone(),
         without: settings.without.clone(),
         even_idle: false,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
 use crate::film::{ColourPipeline, Share, Window};
-use crate::scene::{Camera, Numerics, Projection, Sampling};
+use crate::scene::{Camera, Numerics, Projection, Sampling, Transport};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -32,6 +32,8 @@ pub struct RenderSettings {
     pub preset: Preset,
     /// Shading mode.
     pub shading: ShadingMode,
+    /// Transport of light.
+    pub transport: Option<Transport>,
     /// Effects to turn on, each as `NAME` or `NAME=VALUE`.
     pub with: Vec<String>,
     /// Effects to turn off.

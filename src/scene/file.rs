@@ -11,7 +11,7 @@ use toml::Spanned;
 use super::animation::file::AnimationSection;
 pub use super::colour_value::ColourValue;
 pub use super::effects::{EffectValue, EffectsSection};
-use super::{Numerics, Projection};
+use super::{Numerics, Projection, Transport};
 use crate::error::{Error, Place, Result};
 use crate::film::{ColourPipeline, FilterShape};
 
@@ -72,6 +72,8 @@ pub struct ImageSection {
     pub colour: Option<ColourPipeline>,
     /// Arithmetic tier of the intersection tests; `watertight` if not given.
     pub numerics: Option<Numerics>,
+    /// How light is transported; what the scene calls for if not given. The number of bounces is `path` in `[effects]`.
+    pub transport: Option<Transport>,
     /// Samples per pixel, 1 to 65536; 1, at the pixel's centre, if not given. With `noise`, the maximum.
     #[schemars(with = "Option<u32>")]
     pub samples: Option<Spanned<i64>>,

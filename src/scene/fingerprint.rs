@@ -47,6 +47,8 @@ impl Fingerprint {
             background,
             colour,
             numerics,
+            // In the choices.
+            transport: _,
             sampling,
             ambient,
             cameras,

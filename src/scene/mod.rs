@@ -34,6 +34,7 @@ mod material;
 mod sampler;
 mod sampling;
 pub mod support;
+mod transport;
 
 pub use crate::geometry::{
     AnalyticShape, Attribute, Mesh, Numerics, Placed, Placement, Sphere, Step, moved_tangent, normal_matrix,
@@ -47,6 +48,7 @@ pub use material::{
 };
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, Sampling};
+pub use transport::Transport;
 
 use support::AffineFunction;
 
@@ -73,6 +75,8 @@ pub struct Scene {
     pub colour: Option<ColourPipeline>,
     /// Arithmetic tier of the intersection tests.
     pub numerics: Option<Numerics>,
+    /// Transport of light.
+    pub transport: Option<Transport>,
     /// Sample count, reconstruction filter and seed.
     pub sampling: Sampling,
     /// Intensity of the ambient light, per unit of a material's ambient coefficient.
@@ -198,6 +202,7 @@ impl Scene {
             background,
             colour,
             numerics,
+            transport,
             sampling,
             ambient,
             cameras,
@@ -214,6 +219,7 @@ impl Scene {
         self.background = self.background.or(background);
         self.colour = self.colour.or(colour);
         self.numerics = self.numerics.or(numerics);
+        self.transport = self.transport.or(transport);
         self.sampling = self.sampling.or(sampling);
         self.ambient = self.ambient.or(ambient);
         self.cameras.extend(cameras);

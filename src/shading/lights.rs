@@ -40,6 +40,20 @@ impl LightSample {
         [shading_normal, geometric_normal]: [DVec3; 2],
         smooth: bool,
     ) -> (Self, bool) {
+        let (sample, is_something) = Self::incident(kind, radiance, point);
+        let cosine = shading_normal.dot(sample.direction);
+        let reaches = (cosine > 0.0) & (smooth | (geometric_normal.dot(sample.direction) > 0.0));
+        (LightSample { cosine, ..sample }, reaches & is_something)
+    }
+
+    /// The light at a point of the scene, whatever is there: its `cosine` is 0. `None` where it has no radiance.
+    pub(crate) fn towards(light: &WorldLight, point: DVec3) -> Option<Self> {
+        let (sample, is_something) = Self::incident(&light.kind, light.radiance, point);
+        is_something.then_some(sample)
+    }
+
+    #[inline(always)]
+    fn incident(kind: &LightKind, radiance: DVec3, point: DVec3) -> (Self, bool) {
         let (to_light, strength) = match kind {
             LightKind::Directional { direction } => (-*direction, 1.0),
             LightKind::Point { position, falloff } => {
@@ -56,15 +70,13 @@ impl LightSample {
         let length = to_light.length();
         // Not finite for a light at the point itself, which `length > 0` rejects.
         let direction = to_light / length;
-        let cosine = shading_normal.dot(direction);
-        let reaches = (cosine > 0.0) & (smooth | (geometric_normal.dot(direction) > 0.0));
         let radiance = radiance * strength;
         let sum = radiance * 0.0;
         let is_finite = (sum.x == 0.0) & (sum.y == 0.0) & (sum.z == 0.0);
         let is_something = (radiance.x != 0.0) | (radiance.y != 0.0) | (radiance.z != 0.0);
-        let reaches = reaches & (length > 0.0) & is_finite & is_something;
+        let is_something = is_something & (length > 0.0) & is_finite;
         let distance = if matches!(kind, LightKind::Directional { .. }) { f64::INFINITY } else { length };
-        (LightSample { direction, distance, radiance, cosine }, reaches)
+        (LightSample { direction, distance, radiance, cosine: 0.0 }, is_something)
     }
 
     /// The same sample as seen from a point displaced by `moved`: direction and distance change, radiance and cosine do not.

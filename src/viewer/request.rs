@@ -115,6 +115,7 @@ impl RenderRequest {
             numerics: Some(*numerics),
             preset: self.opened.preset,
             shading: choices.shading,
+            transport: choices.transport,
             with: choices.with.clone(),
             without: choices.without.clone(),
             colour: Some(*pipeline),

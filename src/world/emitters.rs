@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use super::{PreparedMaterial, World};
+use super::PreparedMaterial;
 use crate::bvh::Primitive;
 use crate::film::colour::luminance;
 use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::Triangle;
+use crate::geometry::{Precision, Triangle};
 use crate::scene::{Material, Object, Shape};
 
 /// The emissive primitives of a world. Both sides of a surface emit.
@@ -46,8 +46,7 @@ pub(crate) fn sampled_emission(material: &PreparedMaterial) -> Option<DVec3> {
 
 impl Emitters {
     /// Lists the emissive primitives of the objects, as rounded to the tier's precision.
-    pub(super) fn new(objects: &[Object], materials: &[PreparedMaterial], world: &World) -> Self {
-        let precision = world.numerics().precision();
+    pub(super) fn new(objects: &[Object], materials: &[PreparedMaterial], precision: Precision) -> Self {
         let mut list = Emitters { emitters: Vec::new(), cumulative: Vec::new() };
         let mut total = 0.0;
         for object in objects {

@@ -6,6 +6,8 @@
 
 mod attributes;
 mod differential;
+mod emitters;
+mod environment;
 mod fit;
 mod image;
 mod interaction;
@@ -16,6 +18,7 @@ mod soa;
 mod view;
 
 pub use differential::{Differential, TexturePoint};
+pub(crate) use emitters::{Emitters, sampled_emission};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
 pub use image::Image;
 pub use interaction::{SurfaceInteraction, Texels};
@@ -60,6 +63,10 @@ pub struct World {
     pub ambient: f64,
     /// The colour of rays that hit nothing, in the numbers of the pipeline.
     pub background: DVec3,
+    /// The environment.
+    pub(crate) environment: Option<Arc<environment::PreparedEnvironment>>,
+    /// The emissive surfaces.
+    pub(crate) emitters: Arc<Emitters>,
     /// The number of analytic shapes left out because they are empty in the tier's precision.
     pub too_small: usize,
     primitive_count: usize,
@@ -132,6 +139,10 @@ impl World {
         let instanced: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();
         let accelerator = bvh::build_with_instances(slots, instances, structure, numerics);
         let primitive_count = scene.primitive_count();
+        let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
+        let normal_mapped: Vec<bool> = scene.materials.iter().map(|m| m.normal_map().is_some()).collect();
+        let materials: Vec<PreparedMaterial> = scene.materials.into_iter().map(to_pipeline).collect();
+        let emitters = Emitters::new(&scene.objects, &materials, numerics.precision());
         let too_small = primitive_count - instanced - kept;
         let mut attributes = attributes::SharedAttributes::default();
         let objects = scene.objects.into_iter().zip(firsts).map(|(object, first)| WorldObject {
@@ -140,14 +151,15 @@ impl World {
             material: object.material.0,
             first,
             attributes: attributes
-                .attributes(object.shape, scene.materials[object.material.0 as usize].normal_map().is_some()),
+                .attributes(object.shape, normal_mapped[object.material.0 as usize]),
         });
         let objects = objects.collect();
-        let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         World {
             accelerator: accelerator.into(),
             objects,
-            materials: scene.materials.into_iter().map(to_pipeline).collect(),
+            materials,
+            environment: None,
+            emitters: emitters.into(),
             images,
             lights: world_lights(scene.lights, pipeline),
             pipeline,
@@ -174,6 +186,14 @@ impl World {
     pub fn object_of(&self, prim: PrimId) -> u32 {
         // Of objects with the same first primitive all but the last are empty.
         (self.objects.partition_point(|object| object.first <= prim) - 1) as u32
+    }
+
+    /// The radiance that a camera ray in this direction sees if it hits nothing.
+    pub(crate) fn background_towards(&self, direction: DVec3) -> DVec3 {
+        match &self.environment {
+            Some(environment) if !environment.is_hidden => environment.eval(direction),
+            _ => self.background,
+        }
     }
 
     /// The number of primitives in the scene.

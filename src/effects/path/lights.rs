@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::scatter::power_heuristic;
 use crate::geometry::{Hit, Numerics, Ray};
-use crate::shading::punctual;
+use crate::shading::LightSample;
 use crate::world::{Emitters, SurfaceInteraction, World, sampled_emission};
 
 /// The lights of a world.
@@ -70,7 +70,7 @@ impl<'a> Lights<'a> {
         let probability = 1.0 / self.count as f64;
         let index = ((choice[0] * self.count as f64) as usize).min(self.count - 1);
         if let Some(light) = self.world.lights.get(index) {
-            let sample = punctual::sample(light, from)?;
+            let sample = LightSample::towards(light, from)?;
             let target = if sample.distance.is_finite() {
                 Target::Point(from + sample.direction * sample.distance)
             } else {

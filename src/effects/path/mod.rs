@@ -14,6 +14,7 @@ use super::samples::TileSamples;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, SecondaryRays, Stage, id};
 use crate::geometry::Ray;
+use crate::scene::Transport;
 use crate::world::World;
 
 /// Rays in directions sampled by BSDFs.
@@ -43,14 +44,14 @@ pub const EFFECT: Effect = Effect {
             _ => Err(format!("give a number from 0 to {MAX_DEPTH}")),
         },
     }),
-    called_for: |world: &World, choices: &Choices| world.calls_for_path(choices.transport),
+    called_for,
     specify: |_, spec| {
         spec.is_path = true;
         spec.lit = false;
         spec.secondary = Some(SecondaryRays { kind: RAYS, hits: "path hits", effect: id::PATH });
     },
     stages: |context: &EffectContext, hook| match hook {
-        Hook::AfterShading(_) => vec![Box::new(Scatter { depth: depth(context) })],
+        Hook::AfterShading(_) => vec![Box::new(Scatter::new(context))],
         Hook::Film => vec![Box::new(WriteRadiance)],
         _ => Vec::new(),
     },
@@ -63,8 +64,16 @@ pub const EFFECT: Effect = Effect {
 /// The limit of bounces that can be asked for.
 const MAX_DEPTH: u32 = 1000;
 
-fn depth(context: &EffectContext) -> u32 {
-    context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH)
+fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
+    let is_asked_for = choices.with.iter().any(|typed| typed.split('=').next() == Some(id::PATH.name()))
+        || choices.scene.get(id::PATH.name()).is_some_and(|said| said.is_on());
+    match choices.transport {
+        Some(transport @ Transport::Whitted) => Err(format!("the transport is `{}`", transport.name())),
+        Some(transport @ Transport::Path) => Ok(format!("the transport is `{}`", transport.name())),
+        None if world.environment.is_some() => Ok("the scene has an `environment`".into()),
+        None if is_asked_for => Ok(format!("`{}` is asked for", id::PATH)),
+        None => Err("the scene has no environment; --transport path asks for it".into()),
+    }
 }
 
 /// The state of a path.
@@ -149,6 +158,15 @@ impl Buffers {
 struct Scatter {
     /// The most bounces.
     depth: u32,
+    /// The seed of the random numbers.
+    seed: u32,
+}
+
+impl Scatter {
+    fn new(context: &EffectContext) -> Self {
+        let depth = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH);
+        Scatter { depth, seed: context.sampling.seed.unwrap_or(0) }
+    }
 }
 
 impl Stage for Scatter {
@@ -161,7 +179,7 @@ impl Stage for Scatter {
             if tile.depth == 0 {
                 own.start(tile);
             }
-            own.scatter(tile, context, self.depth);
+            own.scatter(tile, context, self);
             own.trace_shadow_rays(tile, context.world);
         });
     }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::lights::{Lights, LightConnection};
-use super::{Buffers, LightPath, Path, SampleIndex};
+use super::{Buffers, LightPath, Path, SampleIndex, Scatter};
 use crate::effects::random;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
 use crate::geometry::{Hit, Ray};
@@ -47,7 +47,7 @@ impl Numbers {
 
 impl Buffers {
     /// Adds emitted radiance, lists shadow rays and fills the next generation.
-    pub(super) fn scatter(&mut self, tile: &mut Tile, context: &RenderContext, max_depth: u32) {
+    pub(super) fn scatter(&mut self, tile: &mut Tile, context: &RenderContext, stage: &Scatter) {
         let depth = tile.depth;
         let (generation, next) = tile.this_and_next();
         next.rays.clear();
@@ -62,11 +62,11 @@ impl Buffers {
             let Some(hit) = generation.hits[ray] else { continue };
             let path = self.paths[ray];
             let sample = self.samples[path.camera_ray as usize];
-            let numbers = Numbers { sample, seed: context.seed, depth: depth as u32 };
+            let numbers = Numbers { sample, seed: stage.seed, depth: depth as u32 };
             let surface = generation.surfaces.get(index);
             let vertex = Vertex::new(context.world, &lights, surface, &generation.rays[ray], &hit, path);
             self.radiance[path.camera_ray as usize] += vertex.emitted;
-            let Some(bsdf) = vertex.bsdf.filter(|_| (depth as u32) < max_depth) else { continue };
+            let Some(bsdf) = vertex.bsdf.filter(|_| (depth as u32) < stage.depth) else { continue };
             if let Some((shadow_ray, radiance)) = vertex.sample_light(&bsdf, &lights, &numbers) {
                 self.shadow_rays.push(shadow_ray);
                 self.light_paths.push(LightPath { camera_ray: path.camera_ray, radiance });

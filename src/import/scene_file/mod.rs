@@ -129,6 +129,7 @@ impl Builder<'_> {
         self.scene.background = Some(Colour::from_u8(image.background.map_or([0; 3], |c| c.0)));
         self.scene.colour = image.colour;
         self.scene.numerics = image.numerics;
+        self.scene.transport = image.transport;
         self.scene.sampling = self.sampling(&image)?;
         if let Some(section) = &file.ambient
             && let Some(intensity) = section.get_ref().intensity

@@ -96,7 +96,7 @@ impl RenderCache {
         };
         let decisions = EFFECTS.iter().zip(whole.decisions);
         let decisions = decisions
-            .map(|(effect, decision)| (decision, (effect.called_for)(&world, &sampling).is_ok()))
+            .map(|(effect, decision)| (decision, (effect.called_for)(&world, &settings.choices).is_ok()))
             .collect();
         let camera = match &request.camera_source {
             CameraSource::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },

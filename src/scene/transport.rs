@@ -1,0 +1,28 @@
+//! [`Transport`]: how light is transported from lights to the camera.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How light is transported from lights to the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Transport {
+    /// Surfaces are shaded by the lights that they see and by a constant ambient light; glaze mirrors (Whitted, An Improved
+    /// Illumination Model for Shaded Display, 1980).
+    Whitted,
+    /// Paths are traced: light that surfaces scatter onto each other, environments and emissive surfaces as lights.
+    Path,
+}
+
+impl Transport {
+    /// Every transport.
+    pub const ALL: [Transport; 2] = [Transport::Whitted, Transport::Path];
+
+    /// The name as typed by users.
+    pub fn name(self) -> &'static str {
+        match self {
+            Transport::Whitted => "whitted",
+            Transport::Path => "path",
+        }
+    }
+}
