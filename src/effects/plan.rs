@@ -9,8 +9,8 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::film::Window;
-use crate::scene::{Sampling, Transport};
 use crate::scene::file::{EffectsSection, nearest_name};
+use crate::scene::{Sampling, Transport};
 use crate::shading::ShadingMode;
 use crate::world::World;
 
@@ -224,8 +224,9 @@ impl PlanBuilder<'_> {
 
     /// Adds the stages of a ray generation.
     fn add_generation(&mut self, class: RayClass) {
-        let PlanSpec { shading, is_path, lit, smooth, generations_with_origins: generations, secondary, .. } =
-            self.spec;
+        let PlanSpec {
+            shading, is_path, lit, smooth, generations_with_origins: generations, secondary, ..
+        } = self.spec;
         let secondary = secondary.filter(|_| class == RayClass::Secondary);
         let owner = secondary.map(|rays| rays.effect);
         let kind = secondary.map_or(RayKind::PRIMARY, |rays| rays.kind);

@@ -79,8 +79,9 @@ pub fn pair([x, y]: [u32; 2], seed: u32, sample: u32, dimension: u32) -> [f32; 2
     let [a, b, c] = pcg3d([x, y, seed.rotate_left(BITS_OF_PURPOSES) ^ key]);
     // The order of the points, too, is the pixel's own.
     let index = owen_scramble_rev(index, c);
-    [(0, a), (1, b)]
-        .map(|(axis, scramble)| u32_to_f32_norm(owen_scramble_rev(sobol_rev(index, axis), scramble).reverse_bits()))
+    [(0, a), (1, b)].map(|(axis, scramble)| {
+        u32_to_f32_norm(owen_scramble_rev(sobol_rev(index, axis), scramble).reverse_bits())
+    })
 }
 
 #[cfg(test)]

@@ -189,13 +189,6 @@ fn convert_material(
             ..MetallicRoughness::default()
         }));
     }
-    if emission.is_some() {
-        warnings.push(format!(
-            "{}: material `{}` gives off light (Ke); drawn without",
-            source.file.display(),
-            m.name
-        ));
-    }
     let specular = m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
     Ok(Material::Phong(Phong {
         name: m.name.clone(),
@@ -203,6 +196,7 @@ fn convert_material(
         texture,
         specular,
         shininess: m.shininess.unwrap_or(1.0).max(0.0),
+        emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
         normal_map,
         ..Phong::default()
     }))

@@ -42,7 +42,7 @@ use crate::film::{ColourPipeline, Film, Pixel, Share, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render;
-use crate::scene::{Camera, Numerics, Sampling, Scene};
+use crate::scene::{Camera, Numerics, Sampling, Scene, Transport};
 use crate::world::{Recentering, View, World, headlight, recenter};
 use camera::Viewpoint;
 
@@ -205,7 +205,9 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
     let size = viewpoint.size(settings, &scene);
     let camera = viewpoint.camera(settings, &scene, size)?;
-    if scene.lights.is_empty() && settings.shading.uses_lights() {
+    let is_path = settings.transport.or(scene.transport) == Some(Transport::Path);
+    let is_lit = !scene.lights.is_empty() || is_path && scene.emits();
+    if !is_lit && settings.shading.uses_lights() {
         scene.lights.extend(headlight(&camera));
         warnings.note(HEADLIGHT);
     }

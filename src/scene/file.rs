@@ -193,6 +193,10 @@ pub struct MaterialSection {
     pub specular: Option<f64>,
     /// Exponent of the highlight, n; 16 if not given.
     pub shininess: Option<f64>,
+    /// Colour of the emitted light; none if not given. With path tracing the surface is a light.
+    pub emission: Option<ColourValue>,
+    /// Factor of the emitted light; 1 if not given.
+    pub emission_intensity: Option<f64>,
     /// A faint mirror reflection over the surface.
     pub glaze: Option<GlazeSection>,
 }

@@ -31,6 +31,8 @@ pub struct Phong<C = Colour> {
     pub specular: f64,
     /// Exponent of the highlight, n.
     pub shininess: f64,
+    /// Emitted radiance; may exceed 1.
+    pub emission: C,
     /// Mirror reflection blended over the surface.
     pub glaze: Option<Glaze>,
     /// Normal map.
@@ -116,6 +118,7 @@ impl Default for Phong {
             diffuse: 1.0,
             specular: 0.0,
             shininess: 1.0,
+            emission: Colour::Linear(glam::DVec3::ZERO),
             glaze: None,
             normal_map: None,
         }
@@ -156,6 +159,16 @@ pub enum TexelEncoding {
     Data,
 }
 
+impl Material {
+    /// Whether it emits light.
+    pub fn emits(&self) -> bool {
+        let (Material::Phong(Phong { emission, .. })
+        | Material::MetallicRoughness(MetallicRoughness { emission, .. })) = self;
+        let (Colour::Display(emission) | Colour::Linear(emission)) = emission;
+        *emission != glam::DVec3::ZERO
+    }
+}
+
 impl<C> Material<C> {
     /// The material with every colour converted by `convert`.
     pub fn map_colours<D>(self, convert: impl Fn(C) -> D) -> Material<D> {
@@ -168,6 +181,7 @@ impl<C> Material<C> {
                 diffuse: m.diffuse,
                 specular: m.specular,
                 shininess: m.shininess,
+                emission: convert(m.emission),
                 glaze: m.glaze,
                 normal_map: m.normal_map,
             }),

@@ -244,6 +244,11 @@ impl Scene {
         self.objects.iter().map(|object| object.shape.primitive_count()).sum()
     }
 
+    /// Whether an object emits light.
+    pub fn emits(&self) -> bool {
+        self.objects.iter().any(|object| self.materials[object.material.0 as usize].emits())
+    }
+
     /// Bounding box of all objects, or `None` for an empty scene.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         let value = |axis: usize, sign: f64| move |p: DVec3| sign * p[axis];

@@ -37,7 +37,12 @@ pub fn shade(
         }
         light += sample.radiance * returned;
     }
-    world.pipeline.mix_light(colour, light)
+    with_emission(world.pipeline, material, world.pipeline.mix_light(colour, light))
+}
+
+/// A surface's colour with the light that it emits.
+fn with_emission(pipeline: ColourPipeline, material: &Phong<DVec3>, colour: DVec3) -> DVec3 {
+    if material.emission == DVec3::ZERO { colour } else { pipeline.clamp(colour + material.emission) }
 }
 
 /// Whether a light can add more than 0.
@@ -100,6 +105,7 @@ pub fn shade_all(
         );
     }
     // The pipeline is passed as a constant, so that the loop has no branch on it.
+    let emissive = range.clone();
     match pipeline {
         ColourPipeline::U8 => mix(ColourPipeline::U8, material.colour, (surfaces, range), colours),
         ColourPipeline::Display => simd_dispatch(
@@ -110,6 +116,9 @@ pub fn shade_all(
             #[inline(always)]
             || mix(ColourPipeline::Linear, material.colour, (surfaces, range), colours),
         ),
+    }
+    if material.emission != DVec3::ZERO {
+        emissive.for_each(|i| colours.set(i, with_emission(pipeline, material, colours.get(i))));
     }
 }
 

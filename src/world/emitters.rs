@@ -24,6 +24,8 @@ struct Emitter {
 /// A point of an emissive surface, as sampled from a point of the scene.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct EmitterSample {
+    /// The unit vector towards the point.
+    pub(crate) direction: DVec3,
     /// The point, with what ray origins are computed from.
     pub(crate) point: SurfacePoint,
     /// The unit normal there, on the side of the point that it was sampled from.
@@ -37,7 +39,7 @@ pub(crate) struct EmitterSample {
 /// The emitted radiance of a material, of every surface that is sampled as a light: without texture.
 pub(crate) fn sampled_emission(material: &PreparedMaterial) -> Option<DVec3> {
     let emission = match material {
-        Material::Phong(_) => return None,
+        Material::Phong(m) => m.emission,
         Material::MetallicRoughness(m) if m.unlit || m.emission_texture.is_some() => return None,
         Material::MetallicRoughness(m) => m.emission,
     };
@@ -95,7 +97,8 @@ impl Emitters {
         numbers: [f64; 2],
     ) -> Option<EmitterSample> {
         let total = self.total();
-        let index = self.cumulative.partition_point(|&sum| sum <= choice * total).min(self.emitters.len() - 1);
+        let index =
+            self.cumulative.partition_point(|&sum| sum <= choice * total).min(self.emitters.len() - 1);
         let Emitter { primitive, material } = &self.emitters[index];
         let radiance = sampled_emission(&materials[*material as usize])?;
         let density = luminance(radiance) / total;
@@ -103,18 +106,25 @@ impl Emitters {
             Primitive::Triangle(triangle) => {
                 let (point, normal) = on_triangle(triangle, numbers)?;
                 let to_light = point.position - from;
-                let cosine = -to_light.normalize().dot(normal);
+                let direction = to_light.try_normalize()?;
+                let cosine = -direction.dot(normal);
                 let normal = if cosine < 0.0 { -normal } else { normal };
                 // Area density 1 / area times the choice's area * luminance / total; converted to solid angle.
                 let pdf = density * to_light.length_squared() / cosine.abs();
-                (pdf.is_finite() && pdf > 0.0).then_some(EmitterSample { point, normal, radiance, pdf })
+                (pdf.is_finite() && pdf > 0.0).then_some(EmitterSample {
+                    direction,
+                    point,
+                    normal,
+                    radiance,
+                    pdf,
+                })
             }
             Primitive::Analytic(shape) => {
                 let (direction, distance) = shape.sample_solid_angle(from, numbers)?;
                 let (point, outward) = shape.surface(from + direction * distance);
                 let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
                 let pdf = density * shape.area() / shape.solid_angle(from);
-                Some(EmitterSample { point, normal, radiance, pdf })
+                Some(EmitterSample { direction, point, normal, radiance, pdf })
             }
         }
     }

@@ -150,8 +150,7 @@ impl World {
             input: object.input,
             material: object.material.0,
             first,
-            attributes: attributes
-                .attributes(object.shape, normal_mapped[object.material.0 as usize]),
+            attributes: attributes.attributes(object.shape, normal_mapped[object.material.0 as usize]),
         });
         let objects = objects.collect();
         World {

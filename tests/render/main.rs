@@ -8,6 +8,7 @@ mod closed_form;
 mod effects;
 mod golden;
 mod normal_maps;
+mod path;
 mod sampling;
 mod soa;
 mod textures;

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::Path;
 use super::scatter::power_heuristic;
 use crate::geometry::{Hit, Numerics, Ray};
 use crate::shading::LightSample;
@@ -84,7 +85,7 @@ impl<'a> Lights<'a> {
             let sample = self.emitters.sample(&self.world.materials, from, choice[1], numbers)?;
             let end = sample.point.origin_towards(sample.normal, self.world.numerics());
             return Some(LightConnection {
-                direction: (sample.point.position - from).try_normalize()?,
+                direction: sample.direction,
                 radiance: sample.radiance,
                 pdf: Some(sample.pdf * probability),
                 target: Target::Point(end),
@@ -112,13 +113,13 @@ impl<'a> Lights<'a> {
         }
     }
 
-    /// The weight of the emission found by a ray of density `pdf` against light samples.
-    pub(super) fn weight_of_emitter(&self, surface: &SurfaceInteraction, ray: &Ray, hit: &Hit, pdf: f64) -> f64 {
+    /// The weight of the emission found by a path against light samples.
+    pub(super) fn weight_of_emitter(&self, surface: &SurfaceInteraction, hit: &Hit, path: &Path) -> f64 {
         let material = &self.world.materials[surface.material as usize];
-        let Some(emission) = sampled_emission(material).filter(|_| pdf.is_finite()) else { return 1.0 };
+        let Some(emission) = sampled_emission(material).filter(|_| path.pdf.is_finite()) else { return 1.0 };
         let primitive = self.world.accelerator.primitive(hit.slot);
         let position = surface.point.position;
-        let light_pdf = self.emitters.pdf(&primitive, emission, ray.origin, position, surface.geometric_normal);
-        power_heuristic(pdf, light_pdf / self.count as f64)
+        let light_pdf = self.emitters.pdf(&primitive, emission, path.from, position, surface.geometric_normal);
+        power_heuristic(path.pdf, light_pdf / self.count as f64)
     }
 }

@@ -83,6 +83,9 @@ struct Path {
     camera_ray: u32,
     /// The product of the BSDF weights and roulette factors so far.
     throughput: DVec3,
+    /// The last vertex, from which its light sample was taken. Not the origin of the ray, which is offset: both techniques of
+    /// multiple importance sampling must have the densities of one point.
+    from: DVec3,
     /// The density per solid angle with which the BSDF sampled the current ray; infinite for camera rays and for
     /// directions that no light sample can reach.
     pdf: f64,
@@ -136,7 +139,12 @@ impl Buffers {
     /// Begins the paths of the camera rays.
     fn start(&mut self, tile: &Tile) {
         let count = tile.generations[0].rays.len();
-        let camera = |camera_ray| Path { camera_ray, throughput: DVec3::ONE, pdf: f64::INFINITY };
+        let camera = |camera_ray| Path {
+            camera_ray,
+            throughput: DVec3::ONE,
+            from: DVec3::ZERO,
+            pdf: f64::INFINITY,
+        };
         self.radiance.clear();
         self.radiance.resize(count, DVec3::ZERO);
         self.paths.clear();

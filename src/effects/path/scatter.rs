@@ -64,7 +64,7 @@ impl Buffers {
             let sample = self.samples[path.camera_ray as usize];
             let numbers = Numbers { sample, seed: stage.seed, depth: depth as u32 };
             let surface = generation.surfaces.get(index);
-            let vertex = Vertex::new(context.world, &lights, surface, &generation.rays[ray], &hit, path);
+            let vertex = Vertex::new(context.world, &lights, surface, &hit, path);
             self.radiance[path.camera_ray as usize] += vertex.emitted;
             let Some(bsdf) = vertex.bsdf.filter(|_| (depth as u32) < stage.depth) else { continue };
             if let Some((shadow_ray, radiance)) = vertex.sample_light(&bsdf, &lights, &numbers) {
@@ -125,7 +125,6 @@ impl<'a> Vertex<'a> {
         world: &'a World,
         lights: &Lights,
         surface: SurfaceInteraction,
-        ray: &Ray,
         hit: &Hit,
         path: Path,
     ) -> Self {
@@ -144,7 +143,7 @@ impl<'a> Vertex<'a> {
         let emitted = if emission == DVec3::ZERO {
             DVec3::ZERO
         } else {
-            throughput * emission * lights.weight_of_emitter(&surface, ray, hit, path.pdf)
+            throughput * emission * lights.weight_of_emitter(&surface, hit, &path)
         };
         Vertex { world, surface, path, frame, emitted, bsdf }
     }
@@ -209,7 +208,7 @@ impl<'a> Vertex<'a> {
         let pdf = if sample.is_delta { f64::INFINITY } else { sample.pdf };
         let precision = self.world.numerics().ray_precision();
         let ray = precision.ray(self.origin(direction), direction, 0.0, f64::INFINITY);
-        Some((ray, Path { throughput, pdf, ..self.path }))
+        Some((ray, Path { throughput, pdf, from: self.surface.point.position, ..self.path }))
     }
 }
 
@@ -231,7 +230,7 @@ fn to_local([tangent, bitangent, normal]: &[DVec3; 3], v: DVec3) -> DVec3 {
 /// The radiance that a surface emits.
 fn emission(material: &PreparedMaterial, surface: &SurfaceInteraction) -> DVec3 {
     match material {
-        Material::Phong(_) => DVec3::ZERO,
+        Material::Phong(m) => m.emission,
         Material::MetallicRoughness(m) if m.unlit => m.base_colour * surface.tint * surface.texels.colour,
         Material::MetallicRoughness(m) => m.emission * surface.texels.emission,
     }

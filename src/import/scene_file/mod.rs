@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use glam::DVec3;
 use toml::Spanned;
 
 mod animation;
@@ -14,7 +15,7 @@ pub use camera::inline_camera;
 
 use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
-use crate::film::Colour;
+use crate::film::{Colour, ColourPipeline};
 use crate::scene::file::{
     CameraSection, MaterialSection, MeshSection, SceneFile, SphereSection, TrianglesSection, line_of,
     nearest_name,
@@ -196,9 +197,18 @@ impl Builder<'_> {
             diffuse: number("diffuse", s.diffuse, 1.0)?,
             specular: number("specular", s.specular, 0.0)?,
             shininess: number("shininess", s.shininess, 16.0)?,
+            emission: self.emission(start, s)?,
             glaze,
             normal_map: None,
         }))
+    }
+
+    /// The emitted radiance of a material.
+    fn emission(&self, start: usize, section: &MaterialSection) -> Result<Colour> {
+        let intensity = section.emission_intensity.unwrap_or(1.0);
+        let intensity = self.not_negative(start, "emission_intensity", intensity)?;
+        let colour = section.emission.map_or(Colour::Linear(DVec3::ZERO), |colour| Colour::from_u8(colour.0));
+        Ok(Colour::Linear(colour.to_pipeline(ColourPipeline::Linear) * intensity))
     }
 
     fn objects(&mut self, file: &SceneFile, warnings: &mut Warnings) -> Result<()> {

@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::Sphere;
+use crate::geometry::spawn::ORIGIN_OFFSET;
 
 /// The solid angle of a sphere seen from `from`, in steradians: 4 pi from inside.
 pub(crate) fn solid_angle(sphere: &Sphere, from: DVec3) -> f64 {
@@ -13,10 +14,16 @@ pub(crate) fn solid_angle(sphere: &Sphere, from: DVec3) -> f64 {
 }
 
 /// 1 minus the cosine of the half angle of the cone that holds a sphere; 2 from inside. Without cancellation for small
-/// angles: sin^2 / (1 + cos).
+/// angles: sin^2 / (1 + cos). A point that is nearer to the surface than the offset of ray origins counts as inside: points
+/// of the surface itself lie on either side of it by rounding.
 fn one_minus_cos(sphere: &Sphere, from: DVec3) -> f64 {
-    let sin2 = sphere.radius * sphere.radius / from.distance_squared(sphere.centre);
-    if sin2 < 1.0 { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 }
+    let surface = sphere.radius + ORIGIN_OFFSET * (sphere.centre.abs().max_element() + sphere.radius);
+    let distance_squared = from.distance_squared(sphere.centre);
+    if distance_squared <= surface * surface {
+        return 2.0;
+    }
+    let sin2 = sphere.radius * sphere.radius / distance_squared;
+    sin2 / (1.0 + (1.0 - sin2).sqrt())
 }
 
 /// A direction uniform in the solid angle, and the distance to the sphere along it. `None` where `from` is on the sphere
@@ -59,7 +66,9 @@ mod tests {
             let sphere = Sphere { centre: DVec3::Z * 2.0, radius: 1.0 };
             for i in 0..256 {
                 let numbers = [f64::from(i % 16) / 16.0, f64::from(i / 16) / 16.0];
-                let Some((direction, t)) = sample(&sphere, from, numbers) else { panic!("{from} {numbers:?}") };
+                let Some((direction, t)) = sample(&sphere, from, numbers) else {
+                    panic!("{from} {numbers:?}")
+                };
                 let point = from + direction * t;
                 assert!((point.distance(sphere.centre) - 1.0).abs() < 1e-6, "{from} {numbers:?}");
                 let inside = from.distance(sphere.centre) < 1.0;

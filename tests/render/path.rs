@@ -1,0 +1,144 @@
+//! Path tracing against closed forms. Every test states the expected radiance; the mean over pixels must lie within
+//! four standard errors of it, and the standard error must be small enough for the test to mean something.
+
+use crate::common::picture::parse;
+use kiln::error::Warnings;
+use kiln::film::{Film, Window};
+use kiln::job::{RenderControl, RenderSettings, prepare};
+use kiln::scene::{Scene, Transport};
+
+const SIZE: u32 = 48;
+
+/// Settings for path tracing with `samples` samples a pixel and `depth` bounces.
+fn settings(samples: u32, depth: u32) -> RenderSettings {
+    let mut settings = RenderSettings {
+        size: Some([SIZE; 2]),
+        transport: Some(Transport::Path),
+        with: vec![format!("path={depth}")],
+        ..RenderSettings::default()
+    };
+    settings.sampling.samples = Some(samples);
+    settings.sampling.filter = Some(kiln::film::FilterShape::Box);
+    settings
+}
+
+fn render(scene: Scene, settings: &RenderSettings) -> Film {
+    let job = prepare(scene, settings, &mut Warnings::default()).expect("a job");
+    let (film, statistics) = job.render(&RenderControl::default()).expect("a picture");
+    assert_eq!(statistics.non_finite.0, 0);
+    film
+}
+
+/// Mean and standard error of the red channel over the pixels.
+fn mean(film: &Film) -> (f64, f64) {
+    let Window { width, height, .. } = film.window();
+    let values: Vec<f64> = film.rows().map(|[red, ..]: [f32; 3]| red.into()).collect();
+    let count = f64::from(width * height);
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    (mean, (variance / count).sqrt())
+}
+
+fn check(scene: &str, samples: u32, depth: u32, expected: f64) {
+    let (mean, error) = mean(&render(parse(scene), &settings(samples, depth)));
+    assert!(error < 0.004 * expected, "a standard error of {error} shows nothing of {expected}");
+    // The film rounds to f32.
+    let slack = 4.0 * error + 1e-6 * expected;
+    assert!((mean - expected).abs() < slack, "depth {depth}: {mean} +- {error}, expected {expected}");
+}
+
+/// The inside of a closed surface that emits 1 and reflects half of what it receives.
+const ROOM: &str = "[[camera]]\nposition = [0.1, 0.2, 0]\nlook_at = [1, 0.3, 0.2]\nvertical_fov = 90\n\
+    [material.wall]\ncolour = '#ffffff'\ndiffuse = 0.5\nemission = '#ffffff'\n";
+
+/// Inside a closed surface of emission 1 and albedo 1/2 the radiance is 1 + 1/2 + ... + 2^-N for N bounces, in every
+/// direction and at every point. With 40 bounces roulette ends nearly all paths.
+#[test]
+fn a_closed_room_has_the_radiance_of_its_geometric_series() {
+    let sphere = format!("{ROOM}[[sphere]]\nmaterial = 'wall'\ncentre = [0, 0, 0]\nradius = 1.5\n");
+    let boxed = format!("{ROOM}[[mesh]]\nmaterial = 'wall'\nfile = '{}'\n", room_file());
+    for scene in [&sphere, &boxed] {
+        check(scene, 1, 0, 1.0);
+        for (samples, depth) in [(64, 1), (64, 2), (64, 5), (64, 40)] {
+            check(scene, samples, depth, 2.0 - 0.5f64.powi(depth as i32));
+        }
+    }
+}
+
+/// A box from -2 to 2 as an OBJ file, in a folder that stays until the tests end.
+fn room_file() -> String {
+    let folder = tempfile::tempdir().expect("a folder").keep();
+    let file = folder.join("room.obj");
+    let vertices: String = (0..8)
+        .map(|i| {
+            let side = |bit: i32| if i >> bit & 1 == 0 { -2 } else { 2 };
+            format!("v {} {} {}\n", side(0), side(1), side(2))
+        })
+        .collect();
+    let faces = "f 1 2 4 3\nf 5 6 8 7\nf 1 2 6 5\nf 3 4 8 7\nf 1 3 7 5\nf 2 4 8 6\n";
+    std::fs::write(&file, vertices + faces).expect("a file");
+    file.display().to_string()
+}
+
+/// A white floor seen at its origin alone, from the side.
+const FLOOR: &str = "[[camera]]\nposition = [40, 30, 0]\nlook_at = [0, 0, 0]\nvertical_fov = 0.001\n\
+    [material.floor]\ncolour = '#ffffff'\n[material.lamp]\ncolour = '#000000'\nemission = '#ffffff'\nemission_intensity = 5\n\
+    [[triangles]]\nmaterial = 'floor'\nvertices = [[-90, 0, -90], [90, 0, -90], [0, 0, 180]]\n";
+
+/// A sphere of radiance L and radius r at a distance d straight above: irradiance pi L (r / d)^2, so a white diffuse floor has
+/// the radiance L (r / d)^2. Rotated to an angle a from the normal, its cosine more, as long as it is wholly above the horizon.
+#[test]
+fn a_sphere_light_has_its_irradiance() {
+    let lamp = |x: f64, y: f64| {
+        format!("{FLOOR}[[sphere]]\nmaterial = 'lamp'\ncentre = [0, {y}, {x}]\nradius = 1\n")
+    };
+    check(&lamp(0.0, 3.0), 64, 1, 5.0 / 9.0);
+    check(&lamp(4.0, 3.0), 64, 1, 5.0 / 25.0 * 0.6);
+}
+
+/// Lambert's formula (1760): a polygon of radiance L has the irradiance L / 2 times the sum over its edges of the angle that an
+/// edge subtends times the cosine between the normal of the receiver and that of the plane through point and edge.
+#[test]
+fn a_polygon_light_has_the_irradiance_of_lamberts_formula() {
+    let corners = [[-1.0, 2.0, -1.0], [2.0, 2.5, -0.5], [0.0, 1.5, 2.0]].map(glam::DVec3::from);
+    let irradiance: f64 = (0..3)
+        .map(|i| {
+            let (a, b) = (corners[i].normalize(), corners[(i + 1) % 3].normalize());
+            a.angle_between(b) * a.cross(b).normalize().y
+        })
+        .sum();
+    let radiance = 5.0 * irradiance.abs() / 2.0 / std::f64::consts::PI;
+    let vertices = corners.map(|c| format!("[{}, {}, {}]", c.x, c.y, c.z)).join(", ");
+    let scene = format!("{FLOOR}[[triangles]]\nmaterial = 'lamp'\nvertices = [{vertices}]\n");
+    check(&scene, 64, 1, radiance);
+    // A second one without effect on the first: behind the floor.
+    let below = "[[triangles]]\nmaterial = 'lamp'\nvertices = [[-1, -2, -1], [2, -2, -1], [0, -2, 2]]\n";
+    check(&format!("{scene}{below}"), 128, 1, radiance);
+}
+
+/// A point light of intensity 1 without falloff shows a facing diffuse surface in its own colour in both transports.
+#[test]
+fn punctual_lights_are_as_bright_as_in_local_shading() {
+    let scene = format!(
+        "{FLOOR}[ambient]\nintensity = 0\n[[light]]\ntype = 'point'\nposition = [0, 8, 6]\nintensity = 0.5\n"
+    );
+    let (path, _) = mean(&render(parse(&scene), &settings(1, 1)));
+    let whitted = RenderSettings { transport: None, with: Vec::new(), ..settings(1, 1) };
+    let (local, _) = mean(&render(parse(&scene), &whitted));
+    // The cosine is 8/10.
+    assert!((local - 0.4).abs() < 1e-6 && (path - local).abs() < 1e-5, "{path} {local}");
+}
+
+/// A pixel depends on its own samples alone.
+#[test]
+fn crops_have_the_pixels_of_the_whole() {
+    let scene = format!("{ROOM}[[sphere]]\nmaterial = 'wall'\ncentre = [0, 0, 0]\nradius = 1.5\n");
+    let whole = render(parse(&scene), &settings(3, 4));
+    let crop = Window { x: 7, y: 13, width: 21, height: 9 };
+    let part = render(parse(&scene), &RenderSettings { crop: Some(crop), ..settings(3, 4) });
+    // A film's pixels are numbered from its own corner.
+    for (x, y) in [(0, 0), (13, 4), (20, 8)] {
+        let of_whole = whole.pixel(crop.x + x, crop.y + y);
+        assert_eq!(of_whole.map(f32::to_bits), part.pixel(x, y).map(f32::to_bits), "{x} {y}");
+    }
+}
