@@ -32,6 +32,7 @@ pub struct Prepared {
     pub size: [u32; 2],
     pub scene_effects: kiln::scene::file::EffectsSection,
     pub sampling: kiln::scene::Sampling,
+    pub transport: Option<kiln::scene::Transport>,
 }
 
 /// Gives a scene a camera and a light where it has none, as the command does.
@@ -50,16 +51,17 @@ pub fn prepare(mut scene: Scene, size: [u32; 2], numerics: Numerics) -> Prepared
     let camera = scene.cameras[0].clone();
     let view = View::new(&camera, camera.projection, size).expect("a usable camera");
     let pipeline = scene.colour.unwrap_or(ColourPipeline::Linear);
-    let (scene_effects, sampling) = (scene.effects.clone(), scene.sampling);
+    let (scene_effects, sampling, transport) = (scene.effects.clone(), scene.sampling, scene.transport);
     let world = World::prepare(scene, pipeline, Layout::default(), numerics);
-    Prepared { world, view, size, scene_effects, sampling }
+    Prepared { world, view, size, scene_effects, sampling, transport }
 }
 
 impl Prepared {
     /// Choices with the scene's effects and, where they say none, its sampling.
     pub fn choices(&self, choices: Choices) -> Choices {
         let sampling = choices.sampling.or(self.sampling);
-        Choices { scene: self.scene_effects.clone(), sampling, ..choices }
+        let transport = choices.transport.or(self.transport);
+        Choices { scene: self.scene_effects.clone(), sampling, transport, ..choices }
     }
 
     pub fn render(&self, choices: Choices) -> (Film, Statistics) {

@@ -65,13 +65,10 @@ pub const EFFECT: Effect = Effect {
 const MAX_DEPTH: u32 = 1000;
 
 fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
-    let is_asked_for = choices.with.iter().any(|typed| typed.split('=').next() == Some(id::PATH.name()))
-        || choices.scene.get(id::PATH.name()).is_some_and(|said| said.is_on());
     match choices.transport {
         Some(transport @ Transport::Whitted) => Err(format!("the transport is `{}`", transport.name())),
         Some(transport @ Transport::Path) => Ok(format!("the transport is `{}`", transport.name())),
         None if world.environment.is_some() => Ok("the scene has an `environment`".into()),
-        None if is_asked_for => Ok(format!("`{}` is asked for", id::PATH)),
         None => Err("the scene has no environment; --transport path asks for it".into()),
     }
 }
