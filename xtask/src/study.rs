@@ -60,16 +60,28 @@ fn tiers(made: &Value) -> Result<Vec<Tier>> {
     TIERS.iter().map(|tier| find(tier).ok_or_else(|| format!("the study lacks {tier}").into())).collect()
 }
 
+/// A time with three decimals, as in tiers.csv.
+fn milliseconds(time: &Value) -> Result<f64> {
+    Ok(format!("{:.3}", number(time)?).parse()?)
+}
+
+/// A field of tiers.csv; empty for a value that is missing.
+fn cell(value: &Value) -> String {
+    match value.as_f64() {
+        Some(x) if value.is_f64() => two_digits(&format!("{x:?}")),
+        Some(_) => value.to_string(),
+        None => String::new(),
+    }
+}
+
 /// A line of tiers.csv.
 fn line(scene: &str, tier: &str, made: &Value, found: &Tier) -> Result<String> {
     let (row, geometry) = (&found.row, &found.geometry);
     let mut fields =
         vec![scene.to_owned(), tier.to_owned(), made["size"][0].to_string(), made["size"][1].to_string()];
     for part in ["lower", "median", "upper"] {
-        let rounded: f64 = format!("{:.3}", number(&row["trace_ms"][part])?).parse()?;
-        fields.push(format!("{rounded:?}"));
+        fields.push(format!("{:?}", milliseconds(&row["trace_ms"][part])?));
     }
-    let cell = |value: &Value| if value.is_null() { String::new() } else { two_digits(&value.to_string()) };
     fields.extend(["rmse", "max", "flip", "differing"].map(|part| cell(&row["twin"][part])));
     fields.push(cell(&row["non_finite"]));
     fields
@@ -82,9 +94,12 @@ fn line(scene: &str, tier: &str, made: &Value, found: &Tier) -> Result<String> {
 /// A number with two significant digits below 100, else a whole number with separators of thousands.
 fn few(x: f64) -> String {
     if x < 100.0 {
-        return format!("{x:.1e}")
-            .parse::<f64>()
-            .map_or_else(|_| x.to_string(), |rounded| rounded.to_string());
+        let rounded = format!("{x:.1e}").parse::<f64>().unwrap_or(x);
+        return if rounded == 0.0 || rounded >= 1e-4 {
+            rounded.to_string()
+        } else {
+            two_digits(&format!("{rounded:?}"))
+        };
     }
     let digits = format!("{x:.0}");
     let groups: Vec<&str> =
@@ -108,7 +123,7 @@ fn table(scenes: &BTreeMap<String, Vec<Tier>>) -> Result<String> {
     let mut text = format!("{HEAD}\n| --- | --- | --- | --- | --- | --- | --- |");
     for after in 1..TIERS.len() {
         let before = after - 1;
-        let time = |tier: &Tier| number(&tier.row["trace_ms"]["median"]);
+        let time = |tier: &Tier| milliseconds(&tier.row["trace_ms"]["median"]);
         let ratios: Result<Vec<f64>> =
             scenes.values().map(|of| Ok(time(&of[after])? / time(&of[before])?)).collect();
         let mut ratios = ratios?;
