@@ -254,7 +254,7 @@ fn the_users_word_comes_before_the_scenes() {
     assert_eq!(decide(&["shadows"]), [(true, Some("every-bounce".into())), (true, None)]);
 }
 
-/// `scenes/effects/make` writes the page and the pictures.
+/// `cargo xtask make-effects` writes the page and the pictures.
 #[test]
 fn the_page_shows_every_effect() {
     let page = std::fs::read_to_string(repository("scenes/effects/README.md")).expect("there is a page");
