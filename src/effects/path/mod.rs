@@ -21,7 +21,7 @@ use crate::world::World;
 pub const RAYS: RayKind = RayKind { name: "path", is_shadow: false, colour: [120, 230, 150] };
 
 /// Shadow rays to sampled lights.
-pub const LIGHT_RAYS: RayKind = RayKind { name: "light", is_shadow: true, colour: [120, 190, 255] };
+pub const LIGHT_RAYS: RayKind = RayKind { name: "light-sample", is_shadow: true, colour: [120, 190, 255] };
 
 /// The bounces of a path where none are asked for.
 pub const DEFAULT_DEPTH: u32 = 8;
