@@ -10,7 +10,7 @@ use crate::effects::{check_names, id};
 use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Share, Window};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
-use crate::job::{CameraChoice, RenderSettings};
+use crate::job::{CameraChoice, EnvironmentSettings, RenderSettings};
 use crate::scene::{Numerics, Projection, Transport};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
@@ -62,6 +62,16 @@ pub struct Arguments {
     /// The most bounces of a path, 0 to 1000; 0 shows lights alone, 1 adds direct light [default: 8]
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(0..=1000u16))]
     depth: Option<u16>,
+    /// Light from infinitely far away: an equirectangular .hdr or .exr image, `sky`, or one colour. It is the background, too,
+    /// and paths are traced
+    #[arg(long, value_name = "FILE|sky|#rrggbb")]
+    environment: Option<String>,
+    /// Turn the environment about +y by this many degrees, counterclockwise seen from above
+    #[arg(long, allow_hyphen_values = true, value_name = "DEG", value_parser = parse_degrees)]
+    environment_rotation: Option<f64>,
+    /// Show the background instead of the environment
+    #[arg(long)]
+    hide_environment: bool,
     #[command(flatten)]
     pub sampling: SamplingArguments,
     /// Have an effect that would be off; may be given several times
@@ -82,6 +92,11 @@ fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
         _ => Err(format!("`{s}` is not a number of pixels from 1 to 65535")),
     };
     Ok([number(width)?, number(height)?])
+}
+
+fn parse_degrees(text: &str) -> std::result::Result<f64, String> {
+    let degrees = crate::cli::numbers::number::<f64>(text, "a number of degrees")?;
+    if degrees.is_finite() { Ok(degrees) } else { Err("give a number of degrees".into()) }
 }
 
 fn parse_crop(text: &str) -> std::result::Result<Window, String> {
@@ -137,6 +152,11 @@ impl Arguments {
             preset: Preset::named(&self.bvh).unwrap_or_default(),
             shading: named(&ShadingMode::ALL, ShadingMode::name, Some(&self.shading)).unwrap_or_default(),
             transport: named(&Transport::ALL, Transport::name, self.transport.as_deref()),
+            environment: EnvironmentSettings {
+                source: self.environment.clone(),
+                rotation: self.environment_rotation,
+                hide: self.hide_environment,
+            },
             with: self.with.iter().cloned().chain(depth).collect(),
             without: self.without.clone(),
             colour: named(&pipelines, ColourPipeline::name, self.colour.as_deref()),

@@ -63,11 +63,16 @@ fn open(
     warnings: &mut Warnings,
 ) -> (Result<Opened>, Vec<FileRead>) {
     let (scene, files) = import::load_and_list(inputs, warnings);
-    (scene.and_then(|scene| initial_view(arguments, inputs, scene)), files)
+    (scene.and_then(|scene| initial_view(arguments, inputs, scene, warnings)), files)
 }
 
 /// Initial camera and settings of a scene.
-fn initial_view(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> Result<Opened> {
+fn initial_view(
+    arguments: &Arguments,
+    inputs: &[PathBuf],
+    mut scene: Scene,
+    warnings: &mut Warnings,
+) -> Result<Opened> {
     let mut arguments = arguments.clone();
     if arguments.inputs != inputs {
         // Camera options do not apply to files that were dropped onto the window.
@@ -80,6 +85,7 @@ fn initial_view(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> 
         return Err(nothing_to_look_at(&scene));
     }
     let requested = arguments.settings()?;
+    requested.environment.apply(&mut scene, warnings)?;
     let viewpoint = Viewpoint::of(&requested.camera, &scene, None)?;
     let size = viewpoint.size(&requested, &scene);
     let camera_source = match viewpoint {

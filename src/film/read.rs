@@ -58,7 +58,8 @@ impl ReadError {
     }
 }
 
-type Read<T> = std::result::Result<T, ReadError>;
+/// The result of decoding.
+pub type Read<T> = std::result::Result<T, ReadError>;
 
 /// Reads an image file. PNG and JPEG give display values from 0 to 1. EXR gives its channels `R`, `G` and `B` as
 /// stored: linear light, unless kiln's metadata names another pipeline. Alpha is ignored.
@@ -67,10 +68,16 @@ type Read<T> = std::result::Result<T, ReadError>;
 /// [`Error::Input`] if the file is missing, damaged, too large, or of another format.
 pub fn read_picture(file: &Path) -> Result<Pixels> {
     let bytes = limits::read_file(file).map_err(|e| limits::unreadable(file, &e))?;
+    decode_pixels(bytes).map_err(|e| e.into_error(file))
+}
+
+/// Decodes an image as [`read_picture`] does; Radiance HDR, too, as linear light.
+///
+/// # Errors
+/// [`ReadError`].
+pub fn decode_pixels(bytes: Vec<u8>) -> Read<Pixels> {
     // The magic number of OpenEXR, Technical Introduction to OpenEXR, "File Layout".
-    let pixels =
-        if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) { read_exr(bytes) } else { read_bytes(&bytes) };
-    pixels.map_err(|e| e.into_error(file))
+    if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) { read_exr(bytes) } else { read_bytes(&bytes) }
 }
 
 fn read_bytes(bytes: &[u8]) -> Read<Pixels> {
@@ -78,7 +85,9 @@ fn read_bytes(bytes: &[u8]) -> Read<Pixels> {
     let picture = decode(bytes, size_of::<[f32; 3]>() as u64)?.into_rgb32f();
     let (width, height) = picture.dimensions();
     let values = bytemuck::cast_vec(picture.into_raw());
-    Ok(Pixels { width, height, values, pipeline: ColourPipeline::Display })
+    let is_linear = matches!(image::guess_format(bytes), Ok(ImageFormat::Hdr));
+    let pipeline = if is_linear { ColourPipeline::Linear } else { ColourPipeline::Display };
+    Ok(Pixels { width, height, values, pipeline })
 }
 
 /// Decodes a PNG or JPEG image; the caller will allocate another `bytes_each` per pixel.

@@ -13,6 +13,7 @@
 //! # Ok::<(), kiln::error::Error>(())
 //! ```
 
+mod environment;
 mod files;
 mod gltf;
 mod heights;
@@ -29,6 +30,7 @@ mod stl;
 mod tangents;
 mod uri;
 
+pub use environment::environment;
 pub use scene_file::inline_camera;
 
 use std::path::{Path, PathBuf};

@@ -31,7 +31,7 @@ pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub use settings::{CameraChoice, RenderSettings};
+pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings};
 
 use std::sync::Arc;
 
@@ -200,13 +200,15 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     check_names(&settings.with, &settings.without)?;
     check_scene(&scene.effects)?;
     check_drawable(&scene)?;
+    settings.environment.apply(&mut scene, warnings)?;
     let recentering = recenter(&mut scene);
     warn_of_recentering(recentering.as_ref(), warnings);
     let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
     let size = viewpoint.size(settings, &scene);
     let camera = viewpoint.camera(settings, &scene, size)?;
-    let is_path = settings.transport.or(scene.transport) == Some(Transport::Path);
-    let is_lit = !scene.lights.is_empty() || is_path && scene.emits();
+    let transport = settings.transport.or(scene.transport);
+    let is_path = transport.map_or(scene.environment.is_some(), |transport| transport == Transport::Path);
+    let is_lit = !scene.lights.is_empty() || is_path && (scene.environment.is_some() || scene.emits());
     if !is_lit && settings.shading.uses_lights() {
         scene.lights.extend(headlight(&camera));
         warnings.note(HEADLIGHT);

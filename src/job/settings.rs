@@ -3,8 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
+use crate::error::{Error, Result, Warnings};
 use crate::film::{ColourPipeline, Share, Window};
-use crate::scene::{Camera, Numerics, Projection, Sampling, Transport};
+use crate::import;
+use crate::scene::{Camera, Environment, Numerics, Projection, Sampling, Scene, Transport};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -34,6 +36,8 @@ pub struct RenderSettings {
     pub shading: ShadingMode,
     /// Transport of light.
     pub transport: Option<Transport>,
+    /// Light from infinitely far away, instead of the scene's.
+    pub environment: EnvironmentSettings,
     /// Effects to turn on, each as `NAME` or `NAME=VALUE`.
     pub with: Vec<String>,
     /// Effects to turn off.
@@ -42,6 +46,43 @@ pub struct RenderSettings {
     pub colour: Option<ColourPipeline>,
     /// Names of AOV layers, as for `kiln render --aov`. They are part of the fingerprint.
     pub layers: Vec<String>,
+}
+
+/// Settings of the environment.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EnvironmentSettings {
+    /// `sky`, a colour (`#808080` or `808080`), or an equirectangular image in .hdr or .exr; `None` for the scene's.
+    pub source: Option<String>,
+    /// Rotation about +y in degrees, counterclockwise seen from above.
+    pub rotation: Option<f64>,
+    /// Whether rays that hit nothing see the background instead.
+    pub hide: bool,
+}
+
+impl EnvironmentSettings {
+    /// Gives a scene the environment that is asked for.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a file that cannot be used, [`Error::Usage`] for settings of an environment that is not there.
+    pub fn apply(&self, scene: &mut Scene, warnings: &mut Warnings) -> Result<()> {
+        if let Some(source) = &self.source {
+            let source = import::environment(source, warnings)?;
+            scene.environment = Some(Environment { source, rotation: 0.0, intensity: 1.0, is_hidden: false });
+        }
+        if self.rotation.is_none() && !self.hide {
+            return Ok(());
+        }
+        let Some(environment) = &mut scene.environment else {
+            return Err(Error::usage(
+                "there is no environment to rotate or hide",
+                "give one by --environment",
+            ));
+        };
+        environment.rotation = self.rotation.map_or(environment.rotation, f64::to_radians);
+        environment.is_hidden |= self.hide;
+        Ok(())
+    }
 }
 
 /// What a scene is seen by.

@@ -7,6 +7,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct ColourValue(pub [u8; 3]);
 
+impl ColourValue {
+    /// The colour of six hexadecimal digits, after `#` or alone.
+    pub fn of_digits(text: &str) -> Option<Self> {
+        let digits = text.strip_prefix('#').unwrap_or(text);
+        parse_hex(&format!("#{digits}")).map(ColourValue)
+    }
+}
+
 impl<'de> Deserialize<'de> for ColourValue {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
         #[derive(Deserialize)]

@@ -29,6 +29,9 @@ pub struct SceneFile {
     /// Ambient light.
     #[schemars(with = "Option<AmbientSection>")]
     pub ambient: Option<Spanned<AmbientSection>>,
+    /// Light from infinitely far away, from every direction; paths are traced then.
+    #[schemars(with = "Option<EnvironmentSection>")]
+    pub environment: Option<Spanned<EnvironmentSection>>,
     /// Lights.
     #[serde(default)]
     #[schemars(with = "Vec<LightSection>")]
@@ -124,6 +127,27 @@ pub struct CameraSection {
 pub struct AmbientSection {
     /// Its intensity, I_a.
     pub intensity: Option<f64>,
+}
+
+/// Light from infinitely far away: one of `file`, `sky` and `colour`. It is the background, too.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EnvironmentSection {
+    /// An equirectangular image in .hdr or .exr, relative to the scene file. Its centre is the direction +x, to the right of
+    /// it lies +z, and its top row is +y.
+    pub file: Option<String>,
+    /// A clear sky, with the sun 40 degrees high.
+    #[serde(default)]
+    pub sky: bool,
+    /// One radiance in every direction; white is 1.
+    pub colour: Option<ColourValue>,
+    /// Rotation about +y in degrees, counterclockwise seen from above; 0 if not given.
+    pub rotation: Option<f64>,
+    /// Factor of the radiance; 1 if not given.
+    pub intensity: Option<f64>,
+    /// If true, rays that hit nothing see the background instead.
+    #[serde(default)]
+    pub hide: bool,
 }
 
 /// The kinds of light.

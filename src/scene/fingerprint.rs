@@ -6,7 +6,9 @@
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use super::{Attribute, DecodedImage, Light, Material, Mesh, Object, Placed, Scene, Shape};
+use super::{
+    Attribute, DecodedImage, EnvironmentSource, Light, Material, Mesh, Object, Placed, Scene, Shape,
+};
 
 /// An incremental hasher.
 #[derive(Clone)]
@@ -51,6 +53,7 @@ impl Fingerprint {
             transport: _,
             sampling,
             ambient,
+            environment,
             cameras,
             lights,
             materials,
@@ -61,6 +64,12 @@ impl Fingerprint {
             inputs: _,
         } = scene;
         self.value("picture", &(size, background, colour, numerics, sampling, ambient));
+        if let Some(environment) = environment {
+            self.value("environment", environment);
+            if let EnvironmentSource::Image(image) = &environment.source {
+                self.bytes("environment texels", bytemuck::cast_slice(&image.pixels));
+            }
+        }
         self.value("cameras", cameras);
         lights.iter().for_each(|light: &Light| self.value("light", light));
         materials.iter().for_each(|material: &Material| self.value("material", material));

@@ -28,6 +28,7 @@ mod camera;
 mod camera_text;
 mod colour_value;
 mod effects;
+mod environment;
 pub mod file;
 mod fingerprint;
 mod material;
@@ -42,6 +43,7 @@ pub use crate::geometry::{
 pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
+pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fingerprint::Fingerprint;
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Phong, TexelEncoding, Texture,
@@ -81,6 +83,8 @@ pub struct Scene {
     pub sampling: Sampling,
     /// Intensity of the ambient light, per unit of a material's ambient coefficient.
     pub ambient: Option<f64>,
+    /// Light from infinitely far away.
+    pub environment: Option<Environment>,
     /// Named cameras; the first is the default.
     pub cameras: Vec<Camera>,
     /// Lights.
@@ -205,6 +209,7 @@ impl Scene {
             transport,
             sampling,
             ambient,
+            environment,
             cameras,
             lights,
             materials,
@@ -222,6 +227,7 @@ impl Scene {
         self.transport = self.transport.or(transport);
         self.sampling = self.sampling.or(sampling);
         self.ambient = self.ambient.or(ambient);
+        self.environment = self.environment.take().or(environment);
         self.cameras.extend(cameras);
         self.lights.extend(lights);
         self.effects = std::mem::take(&mut self.effects).or(effects);

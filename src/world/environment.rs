@@ -1,29 +1,284 @@
-//! stub
+//! The environment of a world: radiance by direction, and its importance sampling.
+//!
+//! Directions are sampled from a grid of cells in longitude and latitude with a probability proportional to the luminance
+//! times the solid angle of a cell (pbrt, 4th edition, sections 12.5.2 and A.4.7). The luminance of a cell is the mean over
+//! its texels and those around it, so the density is above 0 wherever the interpolated radiance is.
+
+use std::f64::consts::PI;
+
 use glam::DVec3;
+
+use super::sky;
+use crate::film::ColourPipeline;
+use crate::film::colour::{luminance, srgb_encode};
+use crate::scene::{Environment, EnvironmentSource};
+
+/// The most columns of the sampling grid; it has half as many rows.
+const MOST_COLUMNS: usize = 2048;
+
+/// The rows of the sampling grid of a uniform environment.
+const UNIFORM_ROWS: usize = 64;
+
+/// The environment of a world.
 pub(crate) struct PreparedEnvironment {
+    /// Whether camera rays do not see it.
     pub(crate) is_hidden: bool,
-    pub(crate) radiance: DVec3,
+    width: usize,
+    height: usize,
+    /// Radiance in the numbers of the pipeline, row by row from the top.
+    texels: Vec<[f32; 3]>,
+    /// Cosine and sine of the rotation about +y.
+    rotation: (f64, f64),
+    grid: Grid,
 }
+
+/// A sampled direction.
 pub(crate) struct EnvironmentSample {
+    /// The unit vector towards the environment.
     pub(crate) direction: DVec3,
+    /// The radiance from there.
     pub(crate) radiance: DVec3,
+    /// The density per solid angle.
     pub(crate) pdf: f64,
 }
+
 impl PreparedEnvironment {
-    pub(crate) fn eval(&self, _: DVec3) -> DVec3 {
-        self.radiance
-    }
-    pub(crate) fn pdf(&self, _: DVec3) -> f64 {
-        0.25 / std::f64::consts::PI
-    }
-    pub(crate) fn sample(&self, [x, y]: [f64; 2]) -> EnvironmentSample {
-        let z = 1.0 - 2.0 * x;
-        let r = (1.0 - z * z).max(0.0).sqrt();
-        let (s, c) = (2.0 * std::f64::consts::PI * y).sin_cos();
-        EnvironmentSample {
-            direction: DVec3::new(r * c, r * s, z),
-            radiance: self.radiance,
-            pdf: self.pdf(DVec3::Z),
+    /// Prepares an environment for a colour pipeline: in `linear` the radiance as it is, otherwise display values, up to 1.
+    pub(super) fn new(environment: &Environment, pipeline: ColourPipeline) -> Self {
+        let Environment { source, rotation, intensity, is_hidden } = environment;
+        let (width, height, mut texels) = match source {
+            EnvironmentSource::Image(image) => {
+                (image.width as usize, image.height as usize, image.pixels.clone())
+            }
+            EnvironmentSource::Sky => sky::image(),
+            EnvironmentSource::Colour(colour) => {
+                let linear = colour.to_pipeline(ColourPipeline::Linear).as_vec3().to_array();
+                (1, UNIFORM_ROWS, vec![linear; UNIFORM_ROWS])
+            }
+        };
+        for value in texels.as_flattened_mut() {
+            let radiance = f64::from(*value) * intensity;
+            *value = match pipeline {
+                ColourPipeline::Linear => radiance.min(f64::from(f32::MAX)) as f32,
+                _ => srgb_encode(radiance).clamp(0.0, 1.0) as f32,
+            };
         }
+        let grid = Grid::new(width, height, &texels);
+        let (sin, cos) = rotation.sin_cos();
+        PreparedEnvironment { is_hidden: *is_hidden, width, height, texels, rotation: (cos, sin), grid }
+    }
+
+    /// The radiance from a unit direction, interpolated between the four nearest texels.
+    pub(crate) fn eval(&self, direction: DVec3) -> DVec3 {
+        let [u, v] = self.image_place(direction);
+        let (x, y) = (u * self.width as f64 - 0.5, v * self.height as f64 - 0.5);
+        let (left, top) = (x.floor(), y.floor());
+        let (right_weight, bottom_weight) = (x - left, y - top);
+        // Columns wrap around; rows end at the poles.
+        let texel = |dx: i64, dy: i64| {
+            let column = (left as i64 + dx).rem_euclid(self.width as i64) as usize;
+            let row = (top as i64 + dy).clamp(0, self.height as i64 - 1) as usize;
+            DVec3::from(self.texels[row * self.width + column].map(f64::from))
+        };
+        let upper = texel(0, 0).lerp(texel(1, 0), right_weight);
+        let lower = texel(0, 1).lerp(texel(1, 1), right_weight);
+        upper.lerp(lower, bottom_weight)
+    }
+
+    /// Samples a direction; the density is 0 where the environment is black. `numbers` are in [0, 1).
+    pub(crate) fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
+        let [u, v] = self.grid.sample(numbers);
+        let direction = self.direction_of(u, v);
+        EnvironmentSample { direction, radiance: self.eval(direction), pdf: self.pdf(direction) }
+    }
+
+    /// The density per solid angle with which [`PreparedEnvironment::sample`] chooses a direction.
+    pub(crate) fn pdf(&self, direction: DVec3) -> f64 {
+        let [u, v] = self.image_place(direction);
+        let sine = (1.0 - direction.y * direction.y).max(0.0).sqrt();
+        let pdf = self.grid.density(u, v) / (2.0 * PI * PI * sine);
+        // At the poles a cell has no solid angle.
+        if pdf.is_finite() { pdf } else { 0.0 }
+    }
+
+    /// The place in the image of a direction, from 0 at the left and top to 1.
+    fn image_place(&self, direction: DVec3) -> [f64; 2] {
+        let (cos, sin) = self.rotation;
+        let (x, z) = (direction.x * cos - direction.z * sin, direction.x * sin + direction.z * cos);
+        [0.5 + z.atan2(x) / (2.0 * PI), direction.y.clamp(-1.0, 1.0).acos() / PI]
+    }
+
+    fn direction_of(&self, u: f64, v: f64) -> DVec3 {
+        let (sin_longitude, cos_longitude) = ((u - 0.5) * 2.0 * PI).sin_cos();
+        let (sine, y) = (v * PI).sin_cos();
+        let (x, z) = (sine * cos_longitude, sine * sin_longitude);
+        let (cos, sin) = self.rotation;
+        DVec3::new(x * cos + z * sin, y, z * cos - x * sin)
+    }
+}
+
+/// A piecewise constant distribution over the unit square.
+struct Grid {
+    columns: usize,
+    rows: usize,
+    /// Cumulative weights of the cells within each row, ending at the row's sum.
+    cells: Vec<f32>,
+    /// Cumulative sums of the rows.
+    sums: Vec<f64>,
+}
+
+impl Grid {
+    fn new(width: usize, height: usize, texels: &[[f32; 3]]) -> Self {
+        let (columns, rows) = (width.min(MOST_COLUMNS), height.min(MOST_COLUMNS / 2));
+        let mut grid =
+            Grid { columns, rows, cells: Vec::with_capacity(columns * rows), sums: Vec::with_capacity(rows) };
+        let values: Vec<f32> =
+            texels.iter().map(|texel| luminance(DVec3::from(texel.map(f64::from))) as f32).collect();
+        let mut total = 0.0;
+        for row in 0..rows {
+            // The integral of the sine over the row.
+            let edge = |row: usize| (PI * row as f64 / rows as f64).cos();
+            let solid_angle = edge(row) - edge(row + 1);
+            let lines = (row * height / rows).saturating_sub(1)
+                ..((row + 1) * height).div_ceil(rows).min(height - 1) + 1;
+            let mut sum = 0.0f32;
+            for column in 0..columns {
+                let first = column * width / columns + width - 1;
+                let last = ((column + 1) * width).div_ceil(columns) + width;
+                let mut value = 0.0f64;
+                for line in lines.clone() {
+                    for place in first..=last {
+                        value += f64::from(values[line * width + place % width]);
+                    }
+                }
+                let mean = value / (lines.len() * (last - first + 1)) as f64;
+                sum += (mean * solid_angle) as f32;
+                grid.cells.push(sum);
+            }
+            total += f64::from(sum);
+            grid.sums.push(total);
+        }
+        grid
+    }
+
+    fn total(&self) -> f64 {
+        self.sums.last().copied().unwrap_or(0.0)
+    }
+
+    fn row(&self, row: usize) -> &[f32] {
+        &self.cells[row * self.columns..(row + 1) * self.columns]
+    }
+
+    fn sample(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (row, v) = position(&self.sums, y * self.total(), f64::from);
+        let cells = self.row(row);
+        let sum = cells.last().copied().unwrap_or(0.0);
+        let (column, u) = position(cells, x * f64::from(sum), f64::from);
+        [(column as f64 + u) / self.columns as f64, (row as f64 + v) / self.rows as f64]
+    }
+
+    /// The density at a point, relative to the unit square.
+    fn density(&self, u: f64, v: f64) -> f64 {
+        let column = ((u * self.columns as f64) as usize).min(self.columns - 1);
+        let row = ((v * self.rows as f64) as usize).min(self.rows - 1);
+        let cells = self.row(row);
+        let before = if column == 0 { 0.0 } else { cells[column - 1] };
+        let weight = f64::from(cells[column]) - f64::from(before);
+        if self.total() > 0.0 { weight / self.total() * (self.columns * self.rows) as f64 } else { 0.0 }
+    }
+}
+
+/// The entry of cumulative sums that holds `at`, and how far into it that is, 0 to 1. Entries of weight 0 are not chosen.
+fn position<T: Copy>(sums: &[T], at: f64, number: impl Fn(T) -> f64) -> (usize, f64) {
+    let index = sums.partition_point(|&sum| number(sum) <= at).min(sums.len() - 1);
+    let before = if index == 0 { 0.0 } else { number(sums[index - 1]) };
+    let weight = number(sums[index]) - before;
+    (index, if weight > 0.0 { ((at - before) / weight).clamp(0.0, 1.0) } else { 0.5 })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::scene::EnvironmentImage;
+
+    fn prepared(
+        width: u32,
+        height: u32,
+        texel: impl Fn(u32, u32) -> f32,
+        rotation: f64,
+    ) -> PreparedEnvironment {
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let pixels = pixels.map(|(x, y)| [texel(x, y); 3]).collect();
+        let image = EnvironmentImage { name: "test".into(), width, height, pixels };
+        let source = EnvironmentSource::Image(Arc::new(image));
+        let environment = Environment { source, rotation, intensity: 1.0, is_hidden: false };
+        PreparedEnvironment::new(&environment, ColourPipeline::Linear)
+    }
+
+    /// Integral over the sphere by the midpoint rule in longitude and angle from the pole, where densities are smooth.
+    fn integral(count: u32, value: impl Fn(DVec3) -> f64) -> f64 {
+        let place = |i: u32| (f64::from(i) + 0.5) / f64::from(count);
+        let places = (0..count).flat_map(|i| (0..count).map(move |j| (place(i), place(j))));
+        let term = |(x, y): (f64, f64)| {
+            let ((sine, height), (sin, cos)) = ((PI * x).sin_cos(), (2.0 * PI * y).sin_cos());
+            value(DVec3::new(sine * cos, height, sine * sin)) * sine
+        };
+        places.map(term).sum::<f64>() / f64::from(count * count) * 2.0 * PI * PI
+    }
+
+    /// Directions of the image's centre, right edge of the middle, top and left, by the stated convention.
+    #[test]
+    fn the_centre_is_x_and_z_is_to_its_right() {
+        let bright =
+            |column: u32, row: u32| move |x: u32, y: u32| f32::from(u8::from(x == column && y == row));
+        let seen = |column: u32, row: u32, rotation: f64, direction: DVec3| {
+            prepared(64, 33, bright(column, row), rotation).eval(direction.normalize())
+        };
+        // Column 32 begins at u = 1/2; row 16 is the middle one. Half a texel is 2.8 degrees.
+        let middle = |longitude: f64| DVec3::new(longitude.cos(), 0.0, longitude.sin());
+        let half = PI / 64.0;
+        assert!((seen(32, 16, 0.0, middle(half)) - DVec3::ONE).length() < 1e-6);
+        assert!((seen(48, 16, 0.0, middle(PI / 2.0 + half)) - DVec3::ONE).length() < 1e-6);
+        assert!((seen(0, 16, 0.0, middle(PI + half)) - DVec3::ONE).length() < 1e-6);
+        // The top row is around +y.
+        let top = prepared(64, 33, |_, y| f32::from(u8::from(y == 0)), 0.0);
+        assert!((top.eval(DVec3::Y) - DVec3::ONE).length() < 1e-6 && top.eval(DVec3::NEG_Y) == DVec3::ZERO);
+        // Turned by 90 degrees counterclockwise seen from above, what was at +x is at -z.
+        let turned = seen(32, 16, PI / 2.0, middle(half - PI / 2.0));
+        assert!((turned - DVec3::ONE).length() < 1e-6, "{turned}");
+    }
+
+    /// The density integrates to 1, and the mean of radiance / density over samples is the integral of the radiance.
+    #[test]
+    fn samples_have_their_density() {
+        let blotchy = |x: u32, y: u32| if (x / 5 + y / 3) % 4 == 0 { 1.0 + (x * y % 7) as f32 } else { 0.0 };
+        for environment in [
+            prepared(40, 20, blotchy, 0.7),
+            prepared(1, 1, |_, _| 2.0, 0.0),
+            prepared(7, 3, |x, _| x as f32, 2.0),
+        ] {
+            let total = integral(1200, |direction| environment.pdf(direction));
+            assert!((total - 1.0).abs() < 2e-3, "{total}");
+            let expected = integral(1200, |direction| environment.eval(direction).x);
+            let count = 400;
+            let number = |i: u32| (f64::from(i) + 0.5) / f64::from(count);
+            let numbers = (0..count).flat_map(|i| (0..count).map(move |j| [number(i), number(j)]));
+            let estimate = numbers.map(|numbers| {
+                let EnvironmentSample { direction, radiance, pdf } = environment.sample(numbers);
+                assert!((direction.length() - 1.0).abs() < 1e-12 && pdf >= 0.0);
+                if pdf > 0.0 { radiance.x / pdf } else { 0.0 }
+            });
+            let estimate = estimate.sum::<f64>() / f64::from(count * count);
+            assert!((estimate / expected - 1.0).abs() < 5e-3, "{estimate} {expected}");
+        }
+    }
+
+    #[test]
+    fn a_black_environment_is_sampled_without_density() {
+        let black = prepared(8, 4, |_, _| 0.0, 0.0);
+        let sample = black.sample([0.3, 0.9]);
+        assert!(sample.direction.is_finite() && sample.radiance == DVec3::ZERO && sample.pdf == 0.0);
     }
 }

@@ -14,10 +14,13 @@ mod interaction;
 mod interactions;
 mod mip_map;
 mod recenter;
+mod sky;
 mod soa;
 mod view;
 
 pub use differential::{Differential, TexturePoint};
+use environment::PreparedEnvironment;
+
 pub(crate) use emitters::{Emitters, sampled_emission};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
 pub use image::Image;
@@ -64,7 +67,7 @@ pub struct World {
     /// The colour of rays that hit nothing, in the numbers of the pipeline.
     pub background: DVec3,
     /// The environment.
-    pub(crate) environment: Option<Arc<environment::PreparedEnvironment>>,
+    pub(crate) environment: Option<Arc<PreparedEnvironment>>,
     /// The emissive surfaces.
     pub(crate) emitters: Arc<Emitters>,
     /// The number of analytic shapes left out because they are empty in the tier's precision.
@@ -142,6 +145,9 @@ impl World {
         let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         let normal_mapped: Vec<bool> = scene.materials.iter().map(|m| m.normal_map().is_some()).collect();
         let materials: Vec<PreparedMaterial> = scene.materials.into_iter().map(to_pipeline).collect();
+        let environment = scene.environment.as_ref();
+        let environment =
+            environment.map(|environment| PreparedEnvironment::new(environment, pipeline).into());
         let emitters = Emitters::new(&scene.objects, &materials, numerics.precision());
         let too_small = primitive_count - instanced - kept;
         let mut attributes = attributes::SharedAttributes::default();
@@ -157,7 +163,7 @@ impl World {
             accelerator: accelerator.into(),
             objects,
             materials,
-            environment: None,
+            environment,
             emitters: emitters.into(),
             images,
             lights: world_lights(scene.lights, pipeline),

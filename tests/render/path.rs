@@ -142,3 +142,32 @@ fn crops_have_the_pixels_of_the_whole() {
         assert_eq!(of_whole.map(f32::to_bits), part.pixel(x, y).map(f32::to_bits), "{x} {y}");
     }
 }
+
+/// White furnace: an object of albedo 1 in a uniform environment of radiance 1 cannot be told from it.
+#[test]
+fn a_white_object_vanishes_in_a_white_environment() {
+    let camera = "[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\nvertical_fov = 30\n";
+    let scene = format!(
+        "{camera}[environment]\ncolour = '#ffffff'\n[material.white]\ncolour = '#ffffff'\n\
+         [[sphere]]\nmaterial = 'white'\ncentre = [0, 0, 0]\nradius = 1\n"
+    );
+    check(&scene, 64, 1, 1.0);
+    // Every bounce sees the environment. Hidden, it lights the same, and the background is seen beside the object.
+    let hidden = scene.replace("colour = '#ffffff'\n[mat", "colour = '#ffffff'\nhide = true\n[mat");
+    let film = render(parse(&hidden), &settings(64, 1));
+    assert_eq!(film.pixel(0, 0), [0.0; 3]);
+    assert!((f64::from(film.pixel(SIZE / 2, SIZE / 2)[0]) - 1.0).abs() < 0.1);
+}
+
+/// Whatever calls for it, an environment decides the transport, and `whitted` decides against it.
+#[test]
+fn an_environment_calls_for_paths() {
+    let scene = "[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n[environment]\nsky = true\n\
+        [[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n";
+    let traced = |transport| {
+        let settings = RenderSettings { transport, size: Some([8; 2]), ..RenderSettings::default() };
+        let job = prepare(parse(scene), &settings, &mut Warnings::default()).expect("a job");
+        job.plan.effects_on().any(|effect| effect == kiln::effects::id::PATH)
+    };
+    assert!(traced(None) && traced(Some(Transport::Path)) && !traced(Some(Transport::Whitted)));
+}

@@ -1,6 +1,7 @@
 //! Scene file importer: converts a [`SceneFile`] and the meshes that it references to a [`Scene`].
 
 use std::collections::HashMap;
+use std::path::Path;
 
 use glam::DVec3;
 use toml::Spanned;
@@ -16,11 +17,15 @@ pub use camera::inline_camera;
 use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::{Colour, ColourPipeline};
+use crate::import;
 use crate::scene::file::{
-    CameraSection, MaterialSection, MeshSection, SceneFile, SphereSection, TrianglesSection, line_of,
-    nearest_name,
+    CameraSection, EnvironmentSection, MaterialSection, MeshSection, SceneFile, SphereSection,
+    TrianglesSection, line_of, nearest_name,
 };
-use crate::scene::{Camera, Glaze, Material, MaterialId, Mesh, Object, Phong, Scene, Shape, Sphere};
+use crate::scene::{
+    Camera, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object, Phong, Scene, Shape,
+    Sphere,
+};
 use meshes::Meshes;
 
 /// Maximum width and height in pixels, as for `--size`.
@@ -45,7 +50,7 @@ pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         plain: None,
         meshes: Meshes::of(&file),
     };
-    builder.picture(&file)?;
+    builder.picture(&file, warnings)?;
     for (name, section) in &file.material {
         let material = builder.material(name, section)?;
         let id = builder.scene.add_material(material);
@@ -112,7 +117,7 @@ impl Builder<'_> {
     }
 
     /// Converts the settings of the whole picture, the cameras and the lights.
-    fn picture(&mut self, file: &SceneFile) -> Result<()> {
+    fn picture(&mut self, file: &SceneFile, warnings: &mut Warnings) -> Result<()> {
         let start = file.image.as_ref().map_or(0, |section| section.span().start);
         let image = file.image.as_ref().map(|section| section.get_ref().clone()).unwrap_or_default();
         match (image.width, image.height) {
@@ -136,6 +141,9 @@ impl Builder<'_> {
             && let Some(intensity) = section.get_ref().intensity
         {
             self.scene.ambient = Some(self.not_negative(section.span().start, "intensity", intensity)?);
+        }
+        if let Some(section) = &file.environment {
+            self.scene.environment = Some(self.environment(section, warnings)?);
         }
         for (name, value) in &file.effects {
             let place = self.place(value.span().start);
@@ -201,6 +209,30 @@ impl Builder<'_> {
             glaze,
             normal_map: None,
         }))
+    }
+
+    fn environment(
+        &self,
+        section: &Spanned<EnvironmentSection>,
+        warnings: &mut Warnings,
+    ) -> Result<Environment> {
+        let (start, s) = (section.span().start, section.get_ref());
+        let source = match (&s.file, s.sky, s.colour) {
+            (Some(file), false, None) => {
+                let file = self.source.file.parent().unwrap_or(Path::new("")).join(file);
+                import::environment::image(&self.source.files, &file, warnings)?
+            }
+            (None, true, None) => EnvironmentSource::Sky,
+            (None, false, Some(colour)) => EnvironmentSource::Colour(Colour::from_u8(colour.0)),
+            _ => {
+                let hint = "give one of `file`, `sky = true` and `colour`";
+                return Err(self.error(start, "an environment without one source", hint));
+            }
+        };
+        let rotation = s.rotation.unwrap_or(0.0);
+        self.finite(start, "rotation", &[rotation])?;
+        let intensity = self.not_negative(start, "intensity", s.intensity.unwrap_or(1.0))?;
+        Ok(Environment { source, rotation: rotation.to_radians(), intensity, is_hidden: s.hide })
     }
 
     /// The emitted radiance of a material.

@@ -1,0 +1,54 @@
+//! Reading of environments: `.hdr` and `.exr` images, `sky`, or a colour.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::files::Files;
+use crate::error::{Error, Result, Warnings};
+use crate::film::{Colour, ColourPipeline, read};
+use crate::limits::unreadable;
+use crate::scene::file::ColourValue;
+use crate::scene::{EnvironmentImage, EnvironmentSource};
+
+/// The source of an environment as typed: `sky`, a colour (`#808080` or `808080`), or a file.
+///
+/// # Errors
+/// [`Error::Input`] for a file that cannot be used.
+pub fn environment(typed: &str, warnings: &mut Warnings) -> Result<EnvironmentSource> {
+    if typed == "sky" {
+        return Ok(EnvironmentSource::Sky);
+    }
+    if let Some(colour) = ColourValue::of_digits(typed) {
+        return Ok(EnvironmentSource::Colour(Colour::from_u8(colour.0)));
+    }
+    image(&Files::default(), Path::new(typed), warnings)
+}
+
+/// An equirectangular image.
+///
+/// # Errors
+/// [`Error::Input`] if it is missing, damaged, too large, or of another format.
+pub(super) fn image(files: &Files, file: &Path, warnings: &mut Warnings) -> Result<EnvironmentSource> {
+    let bytes = files.read(file).map_err(|e| unreadable(file, &e))?;
+    let read::Pixels { width, height, mut values, pipeline } =
+        read::decode_pixels(bytes).map_err(|e| match e.into_error(file) {
+            Error::Input { place, what, .. } => Error::input(place, what, "give an image in .hdr or .exr"),
+            other => other,
+        })?;
+    let mut unusable = 0;
+    for value in values.as_flattened_mut() {
+        if pipeline != ColourPipeline::Linear {
+            *value = crate::film::colour::srgb_decode((*value).into()) as f32;
+        }
+        if !(value.is_finite() && *value >= 0.0) {
+            *value = 0.0;
+            unusable += 1;
+        }
+    }
+    if unusable > 0 {
+        let what = "values of the environment are negative or not finite numbers; taken as 0";
+        warnings.push(format!("{}: {unusable} {what}", file.display()));
+    }
+    let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(EnvironmentSource::Image(Arc::new(EnvironmentImage { name, width, height, pixels: values })))
+}
