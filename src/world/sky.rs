@@ -1,6 +1,6 @@
 //! The built-in sky: Preetham, Shirley and Smits, A Practical Analytic Model for Daylight, SIGGRAPH 1999, for a turbidity of
-//! 3 and a sun 40 degrees high in the direction of +x, turned by 30 degrees towards +z. Without sun disc, and scaled so that a
-//! white diffuse surface that faces up is shown white. Below the horizon lies ground of albedo 0.3.
+//! 3 and a sun 40 degrees high in the direction of +x, turned by 30 degrees towards +z. Without sun disc, and scaled, each
+//! channel by itself, so that a white diffuse surface that faces up is shown white. Below the horizon lies ground of albedo 0.3.
 
 use std::f64::consts::PI;
 
@@ -53,10 +53,9 @@ pub(super) fn image() -> (usize, usize, Vec<[f32; 3]>) {
             irradiance += radiance * (angle.cos() * solid_angle);
         }
     }
-    // Luminance Y of the irradiance becomes pi.
-    let scale = PI / crate::film::colour::luminance(irradiance);
-    let ground = irradiance * (scale * GROUND_ALBEDO / PI);
-    pixels[HEIGHT / 2 * WIDTH..].fill(ground);
+    // The irradiance becomes pi in every channel: without the sun the sky alone would tint everything blue.
+    let scale = PI / irradiance;
+    pixels[HEIGHT / 2 * WIDTH..].fill(DVec3::splat(GROUND_ALBEDO));
     pixels[..HEIGHT / 2 * WIDTH].iter_mut().for_each(|pixel| *pixel *= scale);
     (WIDTH, HEIGHT, pixels.into_iter().map(|pixel| pixel.as_vec3().to_array()).collect())
 }
