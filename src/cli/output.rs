@@ -8,11 +8,13 @@ use crate::film::check::{self, Found};
 use crate::film::output::describe;
 use crate::film::part::{self, part_name, write_part};
 use crate::film::write::{self, Format, OutputImage, encode, write_picture};
-use crate::film::{self, Film, Pixel, Share, Window};
+use crate::film::tone::{METER_BYTES, clipped_share, white_exposure};
+use crate::film::{self, ColourPipeline, DisplaySettings, Film, Pixel, Share, Window};
 use crate::job::RenderJob;
 use crate::limits;
 use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
+use crate::scene::Sampling;
 use crate::study::choose::{self, End, Wish};
 use crate::world::World;
 
@@ -121,14 +123,22 @@ pub fn check_memory(
         OutputTarget::File(_, format) => write::bytes_per_pixel(*format, channels),
     };
     let wish = if has_accuracy { choose::BYTES_A_PIXEL } else { 0 };
-    let each = bytes_per_pixel(target.film_format(), wanted, channels).max(wish) + writing;
+    let format = target.film_format();
+    let each = bytes_per_pixel(format, wanted, channels, job.display).max(wish) + writing;
     check_memory_of(job.window, channels, each)
 }
 
 /// Maximum bytes per pixel of a picture during rendering.
-pub fn bytes_per_pixel(format: Format, wanted: &AovSelection, channels: u64) -> u64 {
+pub fn bytes_per_pixel(
+    format: Format,
+    wanted: &AovSelection,
+    channels: u64,
+    display: DisplaySettings,
+) -> u64 {
     match format {
         Format::Exr => 4 * (3 + channels) + if channels > 0 { wanted.bytes_per_pixel() } else { 0 },
+        // An automatic exposure is computed from the whole picture in `f32`.
+        Format::Png | Format::Jpeg if display.is_auto() => 12 + 3 + METER_BYTES,
         Format::Png | Format::Jpeg => 3,
     }
 }
@@ -175,7 +185,7 @@ pub fn render_to_accuracy(
 ) -> Result<(OutputImage, Statistics)> {
     // No progress: the total number of tiles is unknown, as samples are added in several renders.
     let control = RenderControl { progress: &|_, _| (), ..*control };
-    let chosen = choose::render(job, wish, &control)?;
+    let mut chosen = choose::render(job, wish, &control)?;
     match chosen.end {
         End::Time if wish.accuracy.is_some() => warnings.push(chosen.line(wish)),
         End::Most | End::NotFinite => warnings.push(chosen.line(wish)),
@@ -188,11 +198,43 @@ pub fn render_to_accuracy(
         Format::Exr => OutputImage::Float(Film::from_rows(window, &chosen.pixels)?, Vec::new()),
         _ => {
             let mut bytes = vec![[0; 3]; chosen.pixels.len()];
-            Pixel::develop(&chosen.pixels, pipeline, &mut bytes);
+            let display = job.display.transform_of(chosen.pixels.iter().copied());
+            chosen.statistics.auto_exposure = job.display.is_auto().then_some(display.ev());
+            Pixel::develop(&chosen.pixels, pipeline, display, &mut bytes);
             OutputImage::Rgb8(Film::from_rows(window, &bytes)?, pipeline)
         }
     };
     Ok((picture, chosen.statistics))
+}
+
+/// Longest side in pixels of the picture that [`exposure_for_clipped`] is computed from.
+const METER_SIZE: u32 = 128;
+
+/// An exposure in EV for a picture of which more than half of the pixels are clipped: it takes the 99th percentile of
+/// luminance to white. From a small render of the whole picture with one sample a pixel, so that crops agree.
+///
+/// `None` if less is clipped, if an exposure or a tone map was chosen, or if a lower exposure does not help.
+pub fn exposure_for_clipped(
+    film: &Film<[u8; 3]>,
+    job: &RenderJob,
+    control: &RenderControl,
+) -> Result<Option<f64>> {
+    let is_set = job.display.exposure.is_some() || job.display.tone_map.is_some();
+    if is_set || job.pipeline() != ColourPipeline::Linear || clipped_share(film) <= 0.5 {
+        return Ok(None);
+    }
+    let size = job.view.size();
+    let scale = (f64::from(METER_SIZE) / f64::from(size[0].max(size[1]))).min(1.0);
+    let mut small = job.with_size(size.map(|side| ((f64::from(side) * scale).round() as u32).max(1)))?;
+    small.set_sampling(Sampling::default())?;
+    let control = RenderControl { progress: &|_, _| (), ..*control };
+    let (film, _) = small.render::<[f32; 3]>(&control)?;
+    Ok(white_exposure(film.rows()).filter(|&ev| ev < 0.0))
+}
+
+/// The warning for a clipped picture.
+pub fn clipped_warning(ev: f64) -> String {
+    format!("most of the picture is clipped, because lights are in physical units; try `--exposure {ev}`")
 }
 
 /// Warns about non-finite pixels, an empty picture, lights that are fully occluded, and inputs that are not visible.
@@ -252,7 +294,7 @@ pub fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarget) -> R
     let metadata = &job.metadata;
     match (target, picture) {
         (OutputTarget::Part(file, _, share), OutputImage::Float(film, channels)) => {
-            write_part(film, channels, job.pipeline(), metadata, *share, file)
+            write_part(film, channels, (job.pipeline(), job.display.known()), metadata, *share, file)
         }
         (OutputTarget::File(file, format) | OutputTarget::Part(file, format, _), _) => {
             write_picture(picture, metadata, *format, file)

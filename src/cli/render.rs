@@ -17,7 +17,7 @@ use crate::animation::FrameList;
 use crate::error::{Error, Result, Warnings};
 use crate::film::Share;
 use crate::film::output::write_whole;
-use crate::film::write::Format;
+use crate::film::write::{Format, OutputImage};
 use crate::job::metadata;
 use crate::render::RenderControl;
 use crate::render::aov::{AovSelection, LARGEST_NUMBER};
@@ -173,6 +173,7 @@ fn render_to(
         progress.finish(&format!("{} is there", target.file().display()));
         return Ok(());
     }
+    let has_physical_lights = resolved.has_physical_lights;
     progress.phase("building");
     let mut job = timed(&mut seconds.build, || resolved.build(&mut warnings))?;
     let has_target = command.accuracy.wish().is_some();
@@ -191,6 +192,15 @@ fn render_to(
         Some(wish) => render_to_accuracy(&mut job, &wish, target.format(), &control, &mut warnings),
         None => render_image(&job, target.film_format(), wanted, &control),
     })?;
+    if let Some(ev) = statistics.auto_exposure {
+        metadata::set_auto_exposure(&mut job.metadata, ev);
+        warnings.note(format!("the exposure is {ev} EV"));
+    }
+    if let (OutputImage::Rgb8(film, _), true) = (&picture, has_physical_lights)
+        && let Some(ev) = output::exposure_for_clipped(film, &job, &control)?
+    {
+        warnings.push(output::clipped_warning(ev));
+    }
     let (world, window) = (&job.world, job.window);
     if wanted.has_primitives() && world.primitive_count() > LARGEST_NUMBER {
         warnings.push(format!("--aov primitive: numbers above {LARGEST_NUMBER} are rounded"));

@@ -101,6 +101,8 @@ fn initial_view(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> 
         },
         numerics: requested.numerics.or(scene.numerics).unwrap_or_default(),
         pipeline: requested.colour.or(scene.colour).unwrap_or_default(),
+        display: requested.display.or(scene.display),
+        headlight: requested.headlight.or(scene.headlight).unwrap_or(true),
     };
     Ok(Opened { scene, camera_source, projection, size, settings, preset })
 }

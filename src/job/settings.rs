@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
-use crate::film::{ColourPipeline, Share, Window};
+use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::scene::{Camera, Numerics, Projection, Sampling};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
@@ -40,6 +40,10 @@ pub struct RenderSettings {
     pub colour: Option<ColourPipeline>,
     /// Names of AOV layers, as for `kiln render --aov`. They are part of the fingerprint.
     pub layers: Vec<String>,
+    /// Exposure and tone map of 8-bit pictures, for the linear pipeline.
+    pub display: DisplaySettings,
+    /// Whether a scene without lights gets a headlight; true if neither settings nor scene say.
+    pub headlight: Option<bool>,
 }
 
 /// What a scene is seen by.

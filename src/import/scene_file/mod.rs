@@ -14,7 +14,7 @@ pub use camera::inline_camera;
 
 use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
-use crate::film::Colour;
+use crate::film::{Colour, DisplaySettings};
 use crate::scene::file::{
     CameraSection, MaterialSection, MeshSection, SceneFile, SphereSection, TrianglesSection, line_of,
     nearest_name,
@@ -130,6 +130,8 @@ impl Builder<'_> {
         self.scene.colour = image.colour;
         self.scene.numerics = image.numerics;
         self.scene.sampling = self.sampling(&image)?;
+        self.scene.display = DisplaySettings { exposure: image.exposure, tone_map: image.tone_map };
+        self.scene.headlight = image.headlight;
         if let Some(section) = &file.ambient
             && let Some(intensity) = section.get_ref().intensity
         {
