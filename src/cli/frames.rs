@@ -10,7 +10,7 @@ use super::arguments::Arguments;
 use super::prepare::timed;
 use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
-use super::{WarningPrinter, output};
+use super::{WarningPrinter, exposure, output};
 use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order};
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
@@ -110,8 +110,8 @@ impl FrameChecks {
         control: &RenderControl,
     ) -> Result<()> {
         if animation.resolved.has_physical_lights && animation.frames.first() == Some(&frame) {
-            let exposure = output::exposure_for_clipped(film, job, control)?;
-            self.1.lock().iter_mut().for_each(|found| **found = exposure);
+            let ev = exposure::exposure_for_clipped(film, job, control)?;
+            self.1.lock().iter_mut().for_each(|found| **found = ev);
         }
         Ok(())
     }
@@ -119,7 +119,7 @@ impl FrameChecks {
     /// Warns about non-finite pixels, empty frames and clipping.
     pub fn warn(&self, arguments: &Arguments, warnings: &mut Warnings) {
         if let Ok(Some(ev)) = self.1.lock().map(|found| *found) {
-            warnings.push(output::clipped_warning(ev));
+            warnings.push(exposure::clipped_warning(ev));
         }
         let Ok(checks) = self.0.lock() else { return };
         let (hits, non_finite, first) = *checks;

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
-use super::WarningPrinter;
+use super::{WarningPrinter, exposure};
 use super::arguments::{self, Arguments};
 use super::frames::{self, FrameSeries, LengthArguments, file_names};
 use super::output::{self, OutputTarget, check_folder, render_image, render_to_accuracy, same_file};
@@ -197,9 +197,9 @@ fn render_to(
         warnings.note(format!("the exposure is {ev} EV"));
     }
     if let (OutputImage::Rgb8(film, _), true) = (&picture, has_physical_lights)
-        && let Some(ev) = output::exposure_for_clipped(film, &job, &control)?
+        && let Some(ev) = exposure::exposure_for_clipped(film, &job, &control)?
     {
-        warnings.push(output::clipped_warning(ev));
+        warnings.push(exposure::clipped_warning(ev));
     }
     let (world, window) = (&job.world, job.window);
     if wanted.has_primitives() && world.primitive_count() > LARGEST_NUMBER {

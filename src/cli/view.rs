@@ -9,7 +9,7 @@ use super::arguments::{self, Arguments};
 use crate::effects::{Choices, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::import::{self, FileRead};
-use crate::job::RenderSettings;
+use crate::job::{RenderSettings, check_display};
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
 use crate::scene::Scene;
 use crate::viewer::{self, CameraSource, Opened, Settings, Start};
@@ -89,6 +89,9 @@ fn initial_view(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> 
             None => CameraSource::Free(camera.into_owned()),
         },
     };
+    let pipeline = requested.colour.or(scene.colour).unwrap_or_default();
+    let display = requested.display.or(scene.display);
+    check_display(display, pipeline, true)?;
     let RenderSettings { projection, preset, shading, sampling, with, without, .. } = requested;
     let settings = Settings {
         choices: Choices {
@@ -100,8 +103,8 @@ fn initial_view(arguments: &Arguments, inputs: &[PathBuf], mut scene: Scene) -> 
             even_idle: false,
         },
         numerics: requested.numerics.or(scene.numerics).unwrap_or_default(),
-        pipeline: requested.colour.or(scene.colour).unwrap_or_default(),
-        display: requested.display.or(scene.display),
+        pipeline,
+        display,
         headlight: requested.headlight.or(scene.headlight).unwrap_or(true),
     };
     Ok(Opened { scene, camera_source, projection, size, settings, preset })

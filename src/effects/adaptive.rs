@@ -128,7 +128,9 @@ impl TestConvergence {
                 0.0
             } else {
                 let error = DVec3::from(variance.to_array().map(f64::sqrt));
-                displayed_error(sum.value(&sampler.filter), error, |colour| display.displayed(pipeline, colour))
+                displayed_error(sum.value(&sampler.filter), error, |colour| {
+                    display.displayed(pipeline, colour)
+                })
             };
             error > criterion.max_error
         });

@@ -31,14 +31,13 @@ pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub use settings::{CameraChoice, RenderSettings};
+pub use settings::{CameraChoice, RenderSettings, check_display};
 
 use std::sync::Arc;
 
 use crate::bvh::Layout;
 use crate::effects::{Plan, check_names, check_scene};
 use crate::error::{Error, Result, Warnings};
-use crate::film::tone::Exposure;
 use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Share, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
@@ -303,21 +302,6 @@ pub fn resolve_for(
         headlight,
         has_physical_lights,
     })
-}
-
-/// Checks exposure and tone map against the pipeline, and that an automatic exposure has a whole picture.
-fn check_display(display: DisplaySettings, pipeline: ColourPipeline, is_whole: bool) -> Result<()> {
-    if !display.is_identity() && pipeline != ColourPipeline::Linear {
-        let what = format!("exposure and tone map take linear light, and the colours are `{}`", pipeline.name());
-        let hint = "give --colour linear, or --exposure 0 --tone-map none";
-        return Err(Error::usage(what, hint));
-    }
-    if display.exposure == Some(Exposure::Auto) && !is_whole {
-        let what = "`auto` exposure is computed from a whole picture, and this is a part of one";
-        let hint = "give --exposure a number of EV, such as the one a whole picture, which may be small, reports for `auto`";
-        return Err(Error::usage(what, hint));
-    }
-    Ok(())
 }
 
 impl ResolvedJob {

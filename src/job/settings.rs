@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
+use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::scene::{Camera, Numerics, Projection, Sampling};
 use crate::shading::ShadingMode;
@@ -59,4 +60,22 @@ pub enum CameraChoice {
     Fitted(StandardView),
     /// A camera in the scene's coordinates.
     Given(Camera),
+}
+
+/// Checks exposure and tone map against the pipeline, and that an automatic exposure has a whole picture.
+///
+/// # Errors
+/// [`Error::Usage`] that says what to give instead.
+pub fn check_display(display: DisplaySettings, pipeline: ColourPipeline, is_whole: bool) -> Result<()> {
+    if !display.is_identity() && pipeline != ColourPipeline::Linear {
+        let what = format!("exposure and tone map take linear light, and the colours are `{}`", pipeline.name());
+        let hint = "give --colour linear, or --exposure 0 --tone-map none";
+        return Err(Error::usage(what, hint));
+    }
+    if display.is_auto() && !is_whole {
+        let what = "`auto` exposure is computed from a whole picture, and this is a part of one";
+        let hint = "give --exposure a number, such as the one that a whole picture, maybe a small one, reports";
+        return Err(Error::usage(what, hint));
+    }
+    Ok(())
 }

@@ -148,10 +148,10 @@ fn render_tile<P: Pixel>(
     let none = DisplayTransform::default();
     match context.world.pipeline {
         ColourPipeline::Linear if context.display.is_identity() => {
-            P::develop(colours, ColourPipeline::Linear, none, film.pixels)
+            P::develop(colours, ColourPipeline::Linear, none, film.pixels);
         }
         ColourPipeline::Linear => {
-            P::develop(colours, ColourPipeline::Linear, context.display, film.pixels)
+            P::develop(colours, ColourPipeline::Linear, context.display, film.pixels);
         }
         _ => simd_dispatch(
             #[inline(always)]

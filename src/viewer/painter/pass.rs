@@ -252,3 +252,20 @@ fn image(
     });
     ColorImage::new(size.map(|side| side as usize), colours)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::tone::ToneMap;
+
+    #[test]
+    fn an_image_shows_what_a_png_holds() {
+        let pixels = [[0.1, 0.5, 4.0], [0.0, 1.0, 0.2]];
+        for display in [DisplayTransform::default(), DisplayTransform::new(1.5, ToneMap::PbrNeutral)] {
+            let image = image(&pixels, [2, 1], ColourPipeline::Linear, display);
+            for (shown, pixel) in image.pixels.iter().zip(pixels) {
+                assert_eq!([shown.r(), shown.g(), shown.b()], display.encode(ColourPipeline::Linear, pixel));
+            }
+        }
+    }
+}
