@@ -8,9 +8,11 @@ use super::FrameList;
 use super::prepared::{FrameWorld, PreparedAnimation, turntable};
 use crate::error::{Error, Result, Warnings};
 use crate::film::Share;
+use crate::film::tone::Exposure;
 use crate::film::write::FRAME;
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
-use crate::job::{self, Metadata, RenderJob, RenderSettings, ResolvedJob};
+use crate::job::metadata::set_auto_exposure;
+use crate::job::{self, Metadata, RenderControl, RenderJob, RenderSettings, ResolvedJob};
 use crate::scene::animation::Timeline;
 use crate::scene::{Camera, Scene};
 use crate::world::StandardView;
@@ -97,7 +99,7 @@ impl AnimationJob {
         };
         let scene = std::mem::take(&mut resolved.scene);
         job::check_memory(&scene, &resolved.choices, resolved.numerics)?;
-        let is_lit = resolved.choices.shading.uses_lights();
+        let is_lit = resolved.choices.shading.uses_lights() && resolved.headlight;
         if scene.lights.is_empty() && is_lit {
             warnings.note(job::HEADLIGHT);
         }
@@ -114,6 +116,22 @@ impl AnimationJob {
         Ok(made)
     }
 
+    /// Replaces an automatic exposure by that of frame 0, the animation's first, whichever frames are rendered: so all
+    /// frames, also those of other runs, have the same. Returns its EV, if the exposure is automatic.
+    ///
+    /// # Errors
+    /// Those of [`AnimationJob::frame`] and [`RenderJob::render`].
+    pub fn fix_exposure(&mut self, control: &RenderControl) -> Result<Option<f64>> {
+        if !self.resolved.display.is_auto() || self.frames.is_empty() {
+            return Ok(None);
+        }
+        let (film, _) = self.frame(0)?.render::<[f32; 3]>(control)?;
+        let ev = self.resolved.display.transform_of(film.rows()).ev();
+        self.resolved.display.exposure = Some(Exposure::Ev(ev));
+        set_auto_exposure(&mut self.resolved.metadata, ev);
+        Ok(Some(ev))
+    }
+
     /// The render job of a frame. It does not depend on which other frames are rendered.
     ///
     /// # Errors
@@ -123,12 +141,13 @@ impl AnimationJob {
             return Err(Error::Failed { what: "no frame is to be made".into(), hint: String::new() });
         };
         let FrameWorld { world, camera, recentering, .. } = animation.at(self.timeline.time(frame))?;
-        let ResolvedJob { camera: resolved, size, window, share, choices, metadata, .. } = &self.resolved;
+        let ResolvedJob { camera: resolved, size, window, share, choices, metadata, display, .. } =
+            &self.resolved;
         let camera = Camera { projection: resolved.projection, ..camera };
         let job = RenderJob::new(Arc::clone(&world), recentering, camera, *size, choices.clone())?;
         let mut metadata = metadata.clone();
         metadata.push((FRAME.to_owned(), frame.to_string()));
-        Ok(RenderJob { window: *window, share: *share, metadata, ..job })
+        Ok(RenderJob { window: *window, share: *share, metadata, display: *display, ..job })
     }
 }
 

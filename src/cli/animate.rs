@@ -113,7 +113,8 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     let mut reporter = FrameReporter::new(command.progress);
     let LengthArguments { fps, duration } = command.length;
     let request = FrameRequest::all(fps, duration, command.frames.as_ref());
-    let animation = reporter.load(&pool, &command.arguments, &command.arguments.settings()?, &request)?;
+    let mut animation = reporter.load(&pool, &command.arguments, &command.arguments.settings()?, &request)?;
+    reporter.fix_exposure(&pool, &mut animation, interrupted)?;
     let window = animation.resolved.window;
     let size = [window.width, window.height];
     format.check(size, animation.timeline.fps())?;
@@ -134,6 +135,7 @@ fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &A
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {
         let (film, statistics) = job.render(control)?;
         checks.add(frame, &statistics);
+        checks.add_film(frame, &film, &animation, job, control)?;
         Ok(format.convert(&film))
     };
     let mut take = |_, frame: FrameData| recorder.add(frame).map_err(failed);

@@ -8,7 +8,8 @@ use super::sampling::SamplingArguments;
 use crate::bvh::Preset;
 use crate::effects::{check_names, id};
 use crate::error::{Error, Result};
-use crate::film::{ColourPipeline, Share, Window};
+use crate::film::tone::{Exposure, ToneMap};
+use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
 use crate::job::{CameraChoice, EnvironmentSettings, RenderSettings};
 use crate::scene::{Numerics, Projection, Transport};
@@ -83,6 +84,16 @@ pub struct Arguments {
     /// The numbers light is added up in [default: the scene's, or linear]
     #[arg(long, value_parser = ["display", "u8", "linear"])]
     colour: Option<String>,
+    /// Multiply light by 2^EV before it is shown, in .png, .jpg, films and the window; `auto` computes it
+    /// from the picture [default: the scene's, or 0]
+    #[arg(long, allow_hyphen_values = true, value_name = "EV|auto")]
+    exposure: Option<Exposure>,
+    /// How light above white is brought into the range of a display, in the same outputs [default: the scene's, or none]
+    #[arg(long, value_name = "CURVE", value_parser = ToneMap::ALL.map(ToneMap::name))]
+    tone_map: Option<String>,
+    /// The light of a scene that has none: a headlight, or none [default: the scene's, or head]
+    #[arg(long, value_parser = ["head", "none"])]
+    light: Option<String>,
 }
 
 fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
@@ -161,6 +172,11 @@ impl Arguments {
             without: self.without.clone(),
             colour: named(&pipelines, ColourPipeline::name, self.colour.as_deref()),
             layers: Vec::new(),
+            display: DisplaySettings {
+                exposure: self.exposure,
+                tone_map: named(&ToneMap::ALL, ToneMap::name, self.tone_map.as_deref()),
+            },
+            headlight: self.light.as_deref().map(|light| light == "head"),
         })
     }
 }

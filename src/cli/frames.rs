@@ -10,13 +10,13 @@ use super::arguments::Arguments;
 use super::prepare::timed;
 use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
-use super::{WarningPrinter, output};
+use super::{WarningPrinter, exposure, output};
 use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order};
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::look;
-use crate::film::write::{self, Format, write_picture};
-use crate::film::{Share, TILE};
+use crate::film::write::{self, Format, OutputImage, write_picture};
+use crate::film::{Film, Share, TILE};
 use crate::import;
 use crate::job::metadata::fingerprint_of;
 use crate::job::{Metadata, RenderJob, RenderSettings};
@@ -83,9 +83,10 @@ pub fn render_all<T: Send>(
     in_order(pool, &animation.frames, in_flight, interrupted, &make, take)
 }
 
-/// Statistics of all frames for warnings at the end: primary ray hits, non-finite pixels, and the first frame with any.
+/// Statistics of all frames for warnings at the end: primary ray hits, non-finite pixels, the first frame with any; and an
+/// exposure for frames that are clipped.
 #[derive(Default)]
-pub struct FrameChecks(Mutex<(u64, usize, Option<i32>)>);
+pub struct FrameChecks(Mutex<(u64, usize, Option<i32>)>, Mutex<Option<f64>>);
 
 impl FrameChecks {
     /// Adds a frame's statistics.
@@ -99,8 +100,27 @@ impl FrameChecks {
         }
     }
 
-    /// Warns about non-finite pixels and empty frames.
+    /// Checks for clipping under physical lights. Only the first of the rendered frames is checked.
+    pub fn add_film(
+        &self,
+        frame: i32,
+        film: &Film<[u8; 3]>,
+        animation: &AnimationJob,
+        job: &RenderJob,
+        control: &RenderControl,
+    ) -> Result<()> {
+        if animation.resolved.has_physical_lights && animation.frames.first() == Some(&frame) {
+            let ev = exposure::exposure_for_clipped(film, job, control)?;
+            self.1.lock().iter_mut().for_each(|found| **found = ev);
+        }
+        Ok(())
+    }
+
+    /// Warns about non-finite pixels, empty frames and clipping.
     pub fn warn(&self, arguments: &Arguments, warnings: &mut Warnings) {
+        if let Ok(Some(ev)) = self.1.lock().map(|found| *found) {
+            warnings.push(exposure::clipped_warning(ev));
+        }
         let Ok(checks) = self.0.lock() else { return };
         let (hits, non_finite, first) = *checks;
         if let Some(first) = first {
@@ -164,7 +184,11 @@ pub fn write_frames(
         share: pictures.share,
         is_there: &is_there,
     };
-    let animation = reporter.load(&pool, arguments, &settings, &request)?;
+    let mut animation = reporter.load(&pool, arguments, &settings, &request)?;
+    if pictures.format != Format::Exr {
+        reporter.fix_exposure(&pool, &mut animation, interrupted)?;
+    }
+    let display = animation.resolved.display;
     let skipped = match animation.skipped {
         0 => String::new(),
         n => format!("; {n} were there"),
@@ -176,7 +200,7 @@ pub fn write_frames(
     let checks = FrameChecks::default();
     let needs = |effects_on: usize| {
         let channels = pictures.wanted.channel_count(effects_on) as u64;
-        let bytes = output::bytes_per_pixel(pictures.format, &pictures.wanted, channels)
+        let bytes = output::bytes_per_pixel(pictures.format, &pictures.wanted, channels, display)
             + write::bytes_per_pixel(pictures.format, channels);
         (channels, bytes)
     };
@@ -188,6 +212,9 @@ pub fn write_frames(
         }
         let (picture, statistics) = output::render_image(job, pictures.format, &pictures.wanted, control)?;
         checks.add(frame, &statistics);
+        if let OutputImage::Rgb8(film, _) = &picture {
+            checks.add_film(frame, film, &animation, job, control)?;
+        }
         write_picture(&picture, &job.metadata, pictures.format, &pictures.names.of(frame))
     };
     let mut took = 0.0;
@@ -252,6 +279,22 @@ impl FrameReporter {
         progress.pause(|| printer.print(warnings, *with_notes));
         progress.phase("rendering");
         Ok(animation)
+    }
+
+    /// Replaces an automatic exposure by that of the animation's first frame, and reports it.
+    pub fn fix_exposure(
+        &mut self,
+        pool: &rayon::ThreadPool,
+        animation: &mut AnimationJob,
+        interrupted: &AtomicBool,
+    ) -> Result<()> {
+        let control = RenderControl { cancel: interrupted, ..RenderControl::default() };
+        if let Some(ev) = pool.install(|| animation.fix_exposure(&control))? {
+            self.warnings.note(format!("the exposure is {ev} EV, from frame 0"));
+            let FrameReporter { progress, printer, warnings, with_notes, .. } = self;
+            progress.pause(|| printer.print(warnings, *with_notes));
+        }
+        Ok(())
     }
 
     /// Prints the warnings about the frames. With `strict`, warnings are an error.

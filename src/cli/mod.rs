@@ -11,6 +11,7 @@ mod arguments;
 mod bench;
 mod compare;
 mod explain;
+mod exposure;
 mod frames;
 mod info;
 mod interrupt;

@@ -7,8 +7,9 @@ use crate::error::{Error, Result, Warnings};
 use crate::film::check::{self, FileState};
 use crate::film::output::describe;
 use crate::film::part::{self, part_name, write_part};
+use crate::film::tone::METER_BYTES;
 use crate::film::write::{self, Format, OutputImage, encode, write_picture};
-use crate::film::{self, Film, Pixel, Share, Window};
+use crate::film::{self, DisplaySettings, Film, Pixel, Share, Window};
 use crate::job::RenderJob;
 use crate::limits;
 use crate::render::aov::{self, AovSelection};
@@ -121,14 +122,22 @@ pub fn check_memory(
         OutputTarget::File(_, format) => write::bytes_per_pixel(*format, channels),
     };
     let sampling = if has_accuracy { sample_count::BYTES_PER_PIXEL } else { 0 };
-    let each = bytes_per_pixel(target.film_format(), wanted, channels).max(sampling) + writing;
+    let format = target.film_format();
+    let each = bytes_per_pixel(format, wanted, channels, job.display).max(sampling) + writing;
     check_memory_of(job.window, channels, each)
 }
 
 /// Maximum bytes per pixel of a picture during rendering.
-pub fn bytes_per_pixel(format: Format, wanted: &AovSelection, channels: u64) -> u64 {
+pub fn bytes_per_pixel(
+    format: Format,
+    wanted: &AovSelection,
+    channels: u64,
+    display: DisplaySettings,
+) -> u64 {
     match format {
         Format::Exr => 4 * (3 + channels) + if channels > 0 { wanted.bytes_per_pixel() } else { 0 },
+        // An automatic exposure is computed from the whole picture in `f32`.
+        Format::Png | Format::Jpeg if display.is_auto() => 12 + 3 + METER_BYTES,
         Format::Png | Format::Jpeg => 3,
     }
 }
@@ -175,7 +184,7 @@ pub fn render_to_accuracy(
 ) -> Result<(OutputImage, Statistics)> {
     // No progress: the total number of tiles is unknown, as samples are added in several renders.
     let control = RenderControl { progress: &|_, _| (), ..*control };
-    let sampled = sample_count::render(job, target, &control)?;
+    let mut sampled = sample_count::render(job, target, &control)?;
     match sampled.reason {
         StopReason::Time if target.accuracy.is_some() => warnings.push(sampled.summary(target)),
         StopReason::MaxSamples | StopReason::NotFinite => warnings.push(sampled.summary(target)),
@@ -188,7 +197,9 @@ pub fn render_to_accuracy(
         Format::Exr => OutputImage::Float(Film::from_rows(window, &sampled.pixels)?, Vec::new()),
         _ => {
             let mut bytes = vec![[0; 3]; sampled.pixels.len()];
-            Pixel::develop(&sampled.pixels, pipeline, &mut bytes);
+            let display = job.display.transform_of(sampled.pixels.iter().copied());
+            sampled.statistics.auto_exposure = job.display.is_auto().then_some(display.ev());
+            Pixel::develop(&sampled.pixels, pipeline, display, &mut bytes);
             OutputImage::Rgb8(Film::from_rows(window, &bytes)?, pipeline)
         }
     };
@@ -252,7 +263,7 @@ pub fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarget) -> R
     let metadata = &job.metadata;
     match (target, picture) {
         (OutputTarget::Part(file, _, share), OutputImage::Float(film, channels)) => {
-            write_part(film, channels, job.pipeline(), metadata, *share, file)
+            write_part(film, channels, (job.pipeline(), job.display.known()), metadata, *share, file)
         }
         (OutputTarget::File(file, format) | OutputTarget::Part(file, format, _), _) => {
             write_picture(picture, metadata, *format, file)

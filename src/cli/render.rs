@@ -5,7 +5,6 @@ use std::sync::atomic::AtomicBool;
 
 use clap::Args;
 
-use super::WarningPrinter;
 use super::arguments::{self, Arguments};
 use super::frames::{self, FrameSeries, LengthArguments, file_names};
 use super::output::{self, OutputTarget, check_folder, render_image, render_to_accuracy, same_file};
@@ -13,11 +12,12 @@ use super::prepare::{self, timed};
 use super::progress::{Mode, Progress};
 use super::sampling::AccuracyArguments;
 use super::statistics::{self, Seconds};
+use super::{WarningPrinter, exposure};
 use crate::animation::FrameList;
 use crate::error::{Error, Result, Warnings};
 use crate::film::Share;
 use crate::film::output::write_whole;
-use crate::film::write::Format;
+use crate::film::write::{Format, OutputImage};
 use crate::job::metadata;
 use crate::render::RenderControl;
 use crate::render::aov::{AovSelection, LARGEST_NUMBER};
@@ -173,6 +173,7 @@ fn render_to(
         progress.finish(&format!("{} is there", target.file().display()));
         return Ok(());
     }
+    let has_physical_lights = resolved.has_physical_lights;
     progress.phase("building");
     let mut job = timed(&mut seconds.build, || resolved.build(&mut warnings))?;
     let has_target = command.accuracy.target().is_some();
@@ -193,6 +194,15 @@ fn render_to(
         }
         None => render_image(&job, target.film_format(), wanted, &control),
     })?;
+    if let Some(ev) = statistics.auto_exposure {
+        metadata::set_auto_exposure(&mut job.metadata, ev);
+        warnings.note(format!("the exposure is {ev} EV"));
+    }
+    if let (OutputImage::Rgb8(film, _), true) = (&picture, has_physical_lights)
+        && let Some(ev) = exposure::exposure_for_clipped(film, &job, &control)?
+    {
+        warnings.push(exposure::clipped_warning(ev));
+    }
     let (world, window) = (&job.world, job.window);
     if wanted.has_primitives() && world.primitive_count() > LARGEST_NUMBER {
         warnings.push(format!("--aov primitive: numbers above {LARGEST_NUMBER} are rounded"));

@@ -63,6 +63,10 @@ pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         };
         load_and_resolve(arguments, &settings, &mut Seconds::default(), &mut warnings, show)
     })?;
+    if !resolved.display.is_identity() {
+        warnings.note("the study compares displayed values without exposure and tone map");
+        progress.pause(|| printer.print(&warnings, with_notes));
+    }
     let subject = subject(arguments, resolved);
     let load = || import::load(&arguments.inputs, &mut Warnings::default()).map(drop);
     let is_file = arguments.inputs.iter().all(|input| input != Path::new("-"));

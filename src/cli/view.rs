@@ -9,8 +9,8 @@ use super::arguments::{self, Arguments};
 use crate::effects::{Choices, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::import::{self, FileRead};
-use crate::job::RenderSettings;
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
+use crate::job::{RenderSettings, check_display};
 use crate::scene::Scene;
 use crate::viewer::{self, CameraSource, Opened, Settings, Start};
 
@@ -95,6 +95,9 @@ fn initial_view(
             None => CameraSource::Free(camera.into_owned()),
         },
     };
+    let pipeline = requested.colour.or(scene.colour).unwrap_or_default();
+    let display = requested.display.or(scene.display);
+    check_display(display, pipeline, true)?;
     let RenderSettings { projection, preset, shading, sampling, transport, with, without, .. } = requested;
     let settings = Settings {
         choices: Choices {
@@ -107,7 +110,9 @@ fn initial_view(
             even_idle: false,
         },
         numerics: requested.numerics.or(scene.numerics).unwrap_or_default(),
-        pipeline: requested.colour.or(scene.colour).unwrap_or_default(),
+        pipeline,
+        display,
+        headlight: requested.headlight.or(scene.headlight).unwrap_or(true),
     };
     Ok(Opened { scene, camera_source, projection, size, settings, preset })
 }

@@ -7,7 +7,7 @@ use super::region::SampledRegion;
 use super::samples::{Sampler, TileSamples};
 use super::tile::{RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, PlanSpec, Stage, id};
-use crate::film::ColourPipeline;
+use crate::film::{ColourPipeline, DisplayTransform};
 
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
@@ -100,7 +100,7 @@ impl Stage for TestConvergence {
                     buffers.groups[pixel].add(colour, sign as f32);
                 }
                 if samples.is_round_done() {
-                    self.end_round(buffers, samples, tile, context.world.pipeline);
+                    self.end_round(buffers, samples, tile, (context.world.pipeline, context.display));
                 }
             });
         });
@@ -113,7 +113,7 @@ impl TestConvergence {
         buffers: &mut Buffers,
         samples: &mut TileSamples,
         tile: &mut Tile,
-        pipeline: ColourPipeline,
+        (pipeline, display): (ColourPipeline, DisplayTransform),
     ) {
         let (sampler, criterion) = (&self.sampler, &self.criterion);
         let mean_sign = sampler.filter.mean_sign();
@@ -130,7 +130,9 @@ impl TestConvergence {
                 0.0
             } else {
                 let error = DVec3::from(variance.to_array().map(f64::sqrt));
-                displayed_error(sum.value(&sampler.filter), error, pipeline)
+                displayed_error(sum.value(&sampler.filter), error, |colour| {
+                    display.displayed(pipeline, colour)
+                })
             };
             error > criterion.max_error
         });

@@ -15,7 +15,6 @@
 
 use glam::{DVec3, Vec4};
 
-use crate::film::ColourPipeline;
 use crate::scene::Sampling;
 
 /// The default of [`Criterion::min_samples`]. With its neighbours a pixel then has 36 samples in three by three pixels, which few
@@ -173,11 +172,9 @@ pub fn missed_variance(around: Vec4, taken: u32) -> DVec3 {
 }
 
 /// The standard error of the displayed value, 1 being white: half the difference between the values displayed for one standard
-/// error above and one below `value`, the largest of the three channels.
-pub fn displayed_error(value: DVec3, error: DVec3, pipeline: ColourPipeline) -> f64 {
-    let channel = |value: f64, error: f64| {
-        (pipeline.displayed(value + error) - pipeline.displayed(value - error)) / 2.0
-    };
-    let channels = value.to_array().into_iter().zip(error.to_array());
-    channels.map(|(value, error)| channel(value, error)).fold(0.0, f64::max)
+/// error above and one below `value`, the largest of the three channels. `displayed` gives display values, 0 to 1.
+pub fn displayed_error(value: DVec3, error: DVec3, displayed: impl Fn(DVec3) -> DVec3) -> f64 {
+    let difference = (displayed(value + error) - displayed(value - error)) / 2.0;
+    // A tone map may lower a channel as all of them rise.
+    difference.to_array().into_iter().map(f64::abs).fold(0.0, f64::max)
 }

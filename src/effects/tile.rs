@@ -8,7 +8,7 @@ use std::any::Any;
 
 use super::RayKind;
 use crate::bvh::Traversal;
-use crate::film::Window;
+use crate::film::{DisplayTransform, Window};
 use crate::geometry::{Hit, Ray};
 use crate::shading::{LightSoa, Scratch};
 use crate::world::{InteractionSoa, RaySoa, Vec3Soa, View, World};
@@ -19,6 +19,8 @@ pub struct RenderContext<'a> {
     pub world: &'a World,
     /// The camera.
     pub view: &'a View,
+    /// The display transform, as far as it is known before the picture is.
+    pub display: DisplayTransform,
 }
 
 /// The rays of one generation with their hits and shading, at most one ray per pixel of the tile.

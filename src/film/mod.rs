@@ -22,13 +22,16 @@ mod pages;
 pub mod part;
 pub mod read;
 mod share;
+pub mod tone;
 pub mod write;
 
 pub use colour::{Colour, ColourPipeline};
 pub use filter::{Filter, FilterShape};
 pub use share::Share;
+pub use tone::{DisplaySettings, DisplayTransform};
 
 use pages::Pages;
+use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::limits::{self, Bytes, Excess};
@@ -58,22 +61,44 @@ impl Window {
 
 /// Pixel format of a film.
 pub trait Pixel: bytemuck::Pod + Send + Sync {
-    /// Converts colours in the encoding of `pipeline` to pixels; both slices have the same length.
-    fn develop(colours: &[[f32; 3]], pipeline: ColourPipeline, pixels: &mut [Self]);
+    /// Whether pixels are display values, to which the display transform is applied.
+    const IS_DISPLAYED: bool;
+
+    /// Converts colours in the encoding of `pipeline` to pixels; both slices have the same length. Display values are
+    /// those after `display`.
+    fn develop(
+        colours: &[[f32; 3]],
+        pipeline: ColourPipeline,
+        display: DisplayTransform,
+        pixels: &mut [Self],
+    );
 }
 
 /// The colour itself, in the encoding of its pipeline.
 impl Pixel for [f32; 3] {
+    const IS_DISPLAYED: bool = false;
+
     #[inline(always)]
-    fn develop(colours: &[[f32; 3]], _: ColourPipeline, pixels: &mut [Self]) {
+    fn develop(colours: &[[f32; 3]], _: ColourPipeline, _: DisplayTransform, pixels: &mut [Self]) {
         pixels.copy_from_slice(colours);
     }
 }
 
 /// 8-bit display values, in a quarter of the memory; sufficient for 8-bit image files.
 impl Pixel for [u8; 3] {
+    const IS_DISPLAYED: bool = true;
+
     #[inline(always)]
-    fn develop(colours: &[[f32; 3]], pipeline: ColourPipeline, pixels: &mut [Self]) {
+    fn develop(
+        colours: &[[f32; 3]],
+        pipeline: ColourPipeline,
+        display: DisplayTransform,
+        pixels: &mut [Self],
+    ) {
+        if !display.is_identity() {
+            let pairs = pixels.iter_mut().zip(colours);
+            return pairs.for_each(|(pixel, &colour)| *pixel = display.encode_mapped(colour));
+        }
         for (channel, &colour) in pixels.as_flattened_mut().iter_mut().zip(colours.as_flattened()) {
             *channel = pipeline.encode_channel(colour);
         }
@@ -177,6 +202,11 @@ impl<P: Pixel> Film<P> {
         })
     }
 
+    /// All pixels, tile by tile.
+    pub fn stored(&self) -> &[P] {
+        self.pixels.as_slice()
+    }
+
     /// All pixels, row by row from the top.
     pub fn rows(&self) -> impl Iterator<Item = P> + '_ {
         (0..self.window.height).flat_map(move |y| (0..self.window.width).map(move |x| self.pixel(x, y)))
@@ -184,7 +214,24 @@ impl<P: Pixel> Film<P> {
 }
 
 impl Film {
-    /// The picture in 8-bit display values, three per pixel, row by row from the top.
+    /// The picture in another pixel format, on the current rayon pool.
+    ///
+    /// # Errors
+    /// As those of [`Film::new`].
+    pub fn developed<P: Pixel>(
+        &self,
+        pipeline: ColourPipeline,
+        display: DisplayTransform,
+    ) -> Result<Film<P>> {
+        const CHUNK: usize = 1 << 12;
+        let mut film = Film::new(self.window)?;
+        let pixels = film.pixels.as_mut_slice().par_chunks_mut(CHUNK);
+        let chunks = pixels.zip(self.stored().par_chunks(CHUNK));
+        chunks.for_each(|(pixels, colours)| P::develop(colours, pipeline, display, pixels));
+        Ok(film)
+    }
+
+    /// The picture in 8-bit display values without exposure and tone map, three per pixel, row by row from the top.
     pub fn to_rgb8(&self, pipeline: ColourPipeline) -> Vec<u8> {
         self.rows().flat_map(|pixel| pipeline.encode(pixel)).collect()
     }
@@ -272,9 +319,16 @@ mod tests {
             (Film::new(window).unwrap(), Film::new(window).unwrap());
         for (a, b) in floats.tiles_mut().into_iter().zip(bytes.tiles_mut()) {
             (0..).zip(a.pixels.iter_mut()).for_each(|(i, pixel)| *pixel = colour(i, i / 2));
-            Pixel::develop(a.pixels, ColourPipeline::Linear, b.pixels);
+            Pixel::develop(a.pixels, ColourPipeline::Linear, DisplayTransform::default(), b.pixels);
         }
         assert_eq!(floats.to_rgb8(ColourPipeline::Linear), bytes.bytes());
+        let display = DisplayTransform::new(-1.0, tone::ToneMap::Agx);
+        let developed: Film<[u8; 3]> = floats.developed(ColourPipeline::Linear, display).unwrap();
+        for (x, y) in [(0, 0), (15, 3), (36, 17)] {
+            let encoded = display.encode(ColourPipeline::Linear, floats.pixel(x, y));
+            assert_eq!(developed.pixel(x, y), encoded);
+            assert_ne!(encoded, bytes.pixel(x, y));
+        }
     }
 
     #[test]

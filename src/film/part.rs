@@ -12,8 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use super::check::{FileState, PictureIdentity};
 use super::output::write_whole;
+use super::tone::{Exposure, ToneMap};
 use super::write::{Channel, FINGERPRINT, Format, Metadata, OutputImage, encode};
-use super::{ColourPipeline, Film, Pixel, Share, TILE, Window};
+use super::{ColourPipeline, DisplayTransform, Film, Pixel, Share, TILE, Window};
 use crate::error::{Error, Result};
 use crate::limits;
 
@@ -28,11 +29,25 @@ struct Header {
     /// Left, top, width, height.
     window: [u32; 4],
     pipeline: String,
+    /// Exposure in EV, as text because JSON numbers are not read back to the bit; and the tone map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    display: Option<(String, ToneMap)>,
     channels: Vec<String>,
     metadata: Vec<(String, String)>,
 }
 
 impl Header {
+    /// The display transform. An error if there is none of these values.
+    fn display(&self) -> std::result::Result<DisplayTransform, String> {
+        let Some((exposure, map)) = &self.display else { return Ok(DisplayTransform::default()) };
+        match exposure.parse() {
+            Ok(Exposure::Ev(ev)) if self.pipeline == ColourPipeline::Linear.name() => {
+                Ok(DisplayTransform::new(ev, *map))
+            }
+            _ => Err("of no known exposure".into()),
+        }
+    }
+
     fn fingerprint(&self) -> Option<&str> {
         self.metadata.iter().find(|(key, _)| key == FINGERPRINT).map(|(_, value)| value.as_str())
     }
@@ -51,7 +66,7 @@ pub fn part_name(output: &Path, share: Share) -> PathBuf {
 pub fn write_part(
     film: &Film,
     channels: &[Channel],
-    pipeline: ColourPipeline,
+    (pipeline, display): (ColourPipeline, DisplayTransform),
     metadata: &Metadata,
     share: Share,
     file: &Path,
@@ -62,6 +77,7 @@ pub fn write_part(
         of: share.of(),
         window: [window.x, window.y, window.width, window.height],
         pipeline: pipeline.name().into(),
+        display: (!display.is_identity()).then(|| (display.ev().to_string(), display.tone_map())),
         channels: channels.iter().map(|channel| channel.name.clone()).collect(),
         metadata: metadata.to_vec(),
     };
@@ -226,6 +242,7 @@ struct Joiner {
     file: PathBuf,
     head: Header,
     pipeline: ColourPipeline,
+    display: DisplayTransform,
     window: Window,
     film: Film,
     channels: Vec<Channel>,
@@ -251,6 +268,7 @@ impl Joiner {
         let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
         let pipeline = pipelines.into_iter().find(|p| p.name() == head.pipeline);
         let pipeline = pipeline.ok_or_else(|| wrong("of no known colours".into()))?;
+        let display = head.display().map_err(wrong)?;
         let expected = bytes_of_share(window, head.channels.len(), share);
         if expected != numbers.len() as u64 {
             let what = if expected > numbers.len() as u64 { "few" } else { "many" };
@@ -270,7 +288,16 @@ impl Joiner {
         let film = Film::new(window)?;
         let channel = |name: &String| Channel { name: name.clone(), values: vec![0.0; window.area()] };
         let channels = head.channels.iter().map(channel).collect();
-        Ok(Joiner { file: file.to_owned(), head, pipeline, window, film, channels, has: BTreeSet::new() })
+        Ok(Joiner {
+            file: file.to_owned(),
+            head,
+            pipeline,
+            display,
+            window,
+            film,
+            channels,
+            has: BTreeSet::new(),
+        })
     }
 
     fn add(&mut self, head: &Header, share: Share, numbers: &[u8]) -> std::result::Result<(), String> {
@@ -330,7 +357,7 @@ impl Joiner {
         }
         let rows: Vec<[f32; 3]> = self.film.rows().collect();
         let mut bytes = vec![[0; 3]; rows.len()];
-        Pixel::develop(&rows, self.pipeline, &mut bytes);
+        Pixel::develop(&rows, self.pipeline, self.display, &mut bytes);
         Ok((OutputImage::Rgb8(Film::from_rows(self.window, &bytes)?, self.pipeline), metadata))
     }
 }

@@ -2,12 +2,22 @@
 
 use crate::effects::Choices;
 use crate::film::write::FINGERPRINT;
-use crate::film::{ColourPipeline, Window};
+use crate::film::{ColourPipeline, DisplaySettings, Window};
 use crate::scene::{Camera, Fingerprint, INLINE_NAME, Numerics, Scene};
 use crate::world::Recentering;
 
 /// Names and values written into image files. Identical runs write identical metadata.
 pub type Metadata = Vec<(String, String)>;
+
+/// Metadata key of the exposure in EV; `auto (EV)` where it was computed from the picture.
+const EXPOSURE: &str = "kiln:exposure";
+
+/// Adds the exposure that `auto` came to.
+pub fn set_auto_exposure(metadata: &mut Metadata, ev: f64) {
+    for (_, value) in metadata.iter_mut().filter(|(key, _)| key == EXPOSURE) {
+        *value = format!("auto ({ev})");
+    }
+}
 
 /// Settings that determine a picture of a scene.
 pub struct Origin<'a> {
@@ -27,11 +37,26 @@ pub struct Origin<'a> {
     pub numerics: Numerics,
     /// Names of AOV layers.
     pub layers: &'a [String],
+    /// Exposure and tone map.
+    pub display: DisplaySettings,
+    /// Whether a scene without lights gets a headlight.
+    pub headlight: bool,
 }
 
 /// The metadata of a picture.
 pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
-    let &Origin { recentering, camera, size, window, choices, pipeline, numerics, layers } = origin;
+    let &Origin {
+        recentering,
+        camera,
+        size,
+        window,
+        choices,
+        pipeline,
+        numerics,
+        layers,
+        display,
+        headlight,
+    } = origin;
     let Choices { shading, sampling, scene: _, transport, with, without, even_idle: _ } = choices;
     // Folders are omitted, so that metadata does not depend on where files lie.
     let name = |input: &std::path::PathBuf| {
@@ -68,6 +93,11 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
         }
     }
     metadata.extend(sampling.settings());
+    metadata.extend(display.exposure().map(|exposure| (EXPOSURE.to_owned(), exposure.to_string())));
+    metadata.extend(display.tone_map().map(|map| ("kiln:tone-map".to_owned(), map.name().to_owned())));
+    if !headlight {
+        metadata.push(("kiln:light".to_owned(), "none".to_owned()));
+    }
     let mut fingerprint = Fingerprint::default();
     fingerprint.scene(scene);
     fingerprint.value("sampling", sampling);
@@ -80,6 +110,13 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     metadata.push((FINGERPRINT.to_owned(), fingerprint.finish()));
     if !layers.is_empty() {
         add_to_fingerprint(&mut metadata, "layers", &layers);
+    }
+    // Only what is set, so that fingerprints of other pictures do not depend on these settings.
+    if !display.is_identity() {
+        add_to_fingerprint(&mut metadata, "display", &(display.exposure(), display.tone_map()));
+    }
+    if !headlight {
+        add_to_fingerprint(&mut metadata, "headlight", &headlight);
     }
     metadata
 }

@@ -31,17 +31,18 @@ pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings};
+pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings, check_display};
 
 use std::sync::Arc;
 
 use crate::bvh::Layout;
+use crate::effects::tile::RenderContext;
 use crate::effects::{Plan, check_names, check_scene};
 use crate::error::{Error, Result, Warnings};
-use crate::film::{ColourPipeline, Film, Pixel, Share, Window};
+use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Share, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
-use crate::render::render;
+use crate::render::render_displayed;
 use crate::scene::{Camera, Numerics, Sampling, Scene, Transport};
 use crate::world::{Recentering, View, World, headlight, recenter};
 use camera::Viewpoint;
@@ -66,6 +67,8 @@ pub struct RenderJob {
     pub plan: Plan,
     /// Metadata of the picture.
     pub metadata: Metadata,
+    /// Exposure and tone map of pictures of display values.
+    pub display: DisplaySettings,
 }
 
 impl RenderJob {
@@ -83,8 +86,8 @@ impl RenderJob {
         let view = View::new(&camera, camera.projection, size)?;
         let plan = Plan::new(&world, &choices)?;
         let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
-        let (share, metadata) = (Share::ALL, Metadata::new());
-        Ok(RenderJob { world, recentering, camera, view, window, share, choices, plan, metadata })
+        let (share, metadata, display) = (Share::ALL, Metadata::new(), DisplaySettings::default());
+        Ok(RenderJob { world, recentering, camera, view, window, share, choices, plan, metadata, display })
     }
 
     /// The same picture with other choices; the world is shared.
@@ -104,6 +107,7 @@ impl RenderJob {
             choices,
             plan,
             metadata: metadata.clone(),
+            display: self.display,
         })
     }
 
@@ -113,7 +117,8 @@ impl RenderJob {
     /// As [`RenderJob::new`].
     pub fn with_size(&self, size: [u32; 2]) -> Result<Self> {
         let RenderJob { world, recentering, camera, choices, .. } = self;
-        RenderJob::new(Arc::clone(world), *recentering, camera.clone(), size, choices.clone())
+        let job = RenderJob::new(Arc::clone(world), *recentering, camera.clone(), size, choices.clone())?;
+        Ok(RenderJob { display: self.display, ..job })
     }
 
     /// Replaces the sampling settings and updates the plan.
@@ -139,7 +144,8 @@ impl RenderJob {
         self.render_selected(|place, _| self.share.has(place), control)
     }
 
-    /// Renders the tiles that `is_selected` accepts, by tile index and region.
+    /// Renders the tiles that `is_selected` accepts, by tile index and region. With an automatic exposure, pictures of
+    /// display values are kept as floats and developed at the end, with the exposure of what was rendered.
     ///
     /// # Errors
     /// As [`RenderJob::render`].
@@ -148,13 +154,32 @@ impl RenderJob {
         is_selected: impl Fn(usize, Window) -> bool,
         control: &RenderControl,
     ) -> Result<(Film<P>, Statistics)> {
-        render(&self.world, &self.view, &self.plan, self.window, is_selected, control)
+        let display = self.display.in_pipeline(self.pipeline());
+        let context = RenderContext { world: &self.world, view: &self.view, display: display.known() };
+        if !(P::IS_DISPLAYED && display.is_auto()) {
+            return render_displayed(&context, &self.plan, self.window, is_selected, control);
+        }
+        let (film, mut statistics): (Film, _) =
+            render_displayed(&context, &self.plan, self.window, is_selected, control)?;
+        let transform = display.transform_of(film.rows());
+        statistics.auto_exposure = Some(transform.ev());
+        Ok((film.developed(self.pipeline(), transform)?, statistics))
     }
 
     /// Source of the AOV layers of the picture.
     pub fn aov_source<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
         let RenderJob { world, recentering, view, plan, window, share, .. } = self;
-        AovSource { world, recentering: *recentering, view, plan, window: *window, share: *share, film }
+        let display = self.display.in_pipeline(self.pipeline()).known();
+        AovSource {
+            world,
+            recentering: *recentering,
+            view,
+            plan,
+            window: *window,
+            share: *share,
+            film,
+            display,
+        }
     }
 }
 
@@ -182,6 +207,12 @@ pub struct ResolvedJob {
     pub structure: Layout,
     /// Metadata of the picture.
     pub metadata: Metadata,
+    /// Exposure and tone map of pictures of display values.
+    pub display: DisplaySettings,
+    /// Whether a scene without lights gets a headlight.
+    pub headlight: bool,
+    /// Whether lights are in physical units.
+    pub has_physical_lights: bool,
 }
 
 /// Prepares a scene for rendering.
@@ -209,7 +240,8 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     let transport = settings.transport.or(scene.transport);
     let is_path = transport.map_or(scene.environment.is_some(), |transport| transport == Transport::Path);
     let is_lit = !scene.lights.is_empty() || is_path && (scene.environment.is_some() || scene.emits());
-    if !is_lit && settings.shading.uses_lights() {
+    let has_headlight = settings.headlight.or(scene.headlight).unwrap_or(!is_lit);
+    if has_headlight && scene.lights.is_empty() && settings.shading.uses_lights() {
         scene.lights.extend(headlight(&camera));
         warnings.note(HEADLIGHT);
     }
@@ -248,6 +280,10 @@ pub fn resolve_for(
         even_idle: false,
     };
     let layers = &settings.layers;
+    let display = settings.display.or(scene.display);
+    let is_whole = [window.width, window.height] == size && settings.share == Share::ALL;
+    check_display(display, pipeline, is_whole)?;
+    let headlight = settings.headlight.or(scene.headlight).unwrap_or(true);
     let origin = metadata::Origin {
         recentering: recentering.as_ref(),
         camera: &camera,
@@ -257,9 +293,12 @@ pub fn resolve_for(
         pipeline,
         numerics,
         layers,
+        display,
+        headlight,
     };
     let metadata = metadata::metadata(&scene, &origin);
     choices.scene = std::mem::take(&mut scene.effects);
+    let has_physical_lights = scene.has_physical_lights;
     let (share, structure) = (settings.share, Layout::Wide(settings.preset));
     Ok(ResolvedJob {
         scene,
@@ -273,6 +312,9 @@ pub fn resolve_for(
         numerics,
         structure,
         metadata,
+        display,
+        headlight,
+        has_physical_lights,
     })
 }
 
@@ -282,11 +324,13 @@ impl ResolvedJob {
     /// # Errors
     /// As [`check_memory`] and [`RenderJob::new`].
     pub fn build(self, warnings: &mut Warnings) -> Result<RenderJob> {
-        let ResolvedJob { scene, recentering, camera, size, window, share, choices, metadata, .. } = self;
+        let ResolvedJob {
+            scene, recentering, camera, size, window, share, choices, metadata, display, ..
+        } = self;
         check_memory(&scene, &choices, self.numerics)?;
         let world = World::prepare(scene, self.pipeline, self.structure, self.numerics);
         let job = RenderJob::new(Arc::new(world), recentering, camera, size, choices)?;
-        let job = RenderJob { window, share, metadata, ..job };
+        let job = RenderJob { window, share, metadata, display, ..job };
         warn_of_job(&job, warnings);
         Ok(job)
     }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
 use crate::error::{Error, Result, Warnings};
-use crate::film::{ColourPipeline, Share, Window};
+use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::import;
 use crate::scene::{Camera, Environment, Numerics, Projection, Sampling, Scene, Transport};
 use crate::shading::ShadingMode;
@@ -46,6 +46,10 @@ pub struct RenderSettings {
     pub colour: Option<ColourPipeline>,
     /// Names of AOV layers, as for `kiln render --aov`. They are part of the fingerprint.
     pub layers: Vec<String>,
+    /// Exposure and tone map of 8-bit pictures, for the linear pipeline.
+    pub display: DisplaySettings,
+    /// Whether a scene without lights gets a headlight; true if neither settings nor scene say.
+    pub headlight: Option<bool>,
 }
 
 /// Settings of the environment.
@@ -98,4 +102,24 @@ pub enum CameraChoice {
     Fitted(StandardView),
     /// A camera in the scene's coordinates.
     Given(Camera),
+}
+
+/// Checks exposure and tone map against the pipeline, and that an automatic exposure has a whole picture.
+///
+/// # Errors
+/// [`Error::Usage`] that says what to give instead.
+pub fn check_display(display: DisplaySettings, pipeline: ColourPipeline, is_whole: bool) -> Result<()> {
+    if !display.is_identity() && pipeline != ColourPipeline::Linear {
+        let what =
+            format!("exposure and tone map take linear light, and the colours are `{}`", pipeline.name());
+        let hint = "give --colour linear, or --exposure 0 --tone-map none";
+        return Err(Error::usage(what, hint));
+    }
+    if display.is_auto() && !is_whole {
+        let what = "`auto` exposure is computed from a whole picture, and this is a part of one";
+        let hint =
+            "give --exposure a number, such as the one that a whole picture, maybe a small one, reports";
+        return Err(Error::usage(what, hint));
+    }
+    Ok(())
 }

@@ -8,12 +8,12 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::{RenderControl, render};
+use super::{RenderControl, render_displayed};
 use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
-use crate::film::{Film, Share, Window};
+use crate::film::{DisplayTransform, Film, Share, Window};
 use crate::scene::file::nearest_name;
 use crate::shading::{ShadingMode, shade};
 use crate::world::{Recentering, SurfaceInteraction, View, World};
@@ -194,6 +194,8 @@ pub struct AovSource<'a> {
     pub share: Share,
     /// The picture, if it exists. It saves rendering it again for the AOV of the effects.
     pub film: Option<&'a Film>,
+    /// The display transform of the picture, which adaptive sampling reads.
+    pub display: DisplayTransform,
 }
 
 /// Computes the selected channels, row by row from the top.
@@ -249,7 +251,7 @@ fn geometry(source: &AovSource, aovs: &[&Aov], control: &RenderControl) -> Resul
 fn of_tile(source: &AovSource, aovs: &[&Aov], tile: &mut Tile, window: Window) -> Vec<Vec<f32>> {
     let world = source.world;
     tile.start(window);
-    let context = RenderContext { world, view: source.view };
+    let context = RenderContext { world, view: source.view, display: source.display };
     let is_counted = aovs.iter().any(|aov| aov.name == "samples");
     let samples =
         if is_counted { source.plan.sample_counts(tile, &context, window) } else { vec![1; window.area()] };
@@ -276,7 +278,8 @@ fn of_tile(source: &AovSource, aovs: &[&Aov], tile: &mut Tile, window: Window) -
 
 /// The picture without effects, and what each effect adds.
 fn effect_layers(source: &AovSource, control: &RenderControl) -> Result<Vec<Channel>> {
-    let &AovSource { world, view, plan, window, share, film, .. } = source;
+    let &AovSource { world, view, plan, window, share, film, display, .. } = source;
+    let context = RenderContext { world, view, display };
     let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
     let mut before: Option<Vec<[f32; 3]>> = None;
     let mut channels = Vec::new();
@@ -288,7 +291,7 @@ fn effect_layers(source: &AovSource, control: &RenderControl) -> Result<Vec<Chan
             let plan = plan.keeping(world, |i| on[..count].contains(&i));
             let is_selected = |place: usize, _: Window| share.has(place);
             let control = RenderControl { time_stages: false, ..*control };
-            render::<[f32; 3]>(world, view, &plan, window, is_selected, &control)?.0.rows().collect()
+            render_displayed::<[f32; 3]>(&context, &plan, window, is_selected, &control)?.0.rows().collect()
         };
         let layer = match count {
             0 => "Base".to_owned(),

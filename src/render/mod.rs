@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::error::{Error, Result};
-use crate::film::{self, ColourPipeline, Film, FilmTile, Pixel, Window};
+use crate::film::{self, ColourPipeline, DisplayTransform, Film, FilmTile, Pixel, Window};
 use crate::world::{View, World, simd_dispatch};
 
 /// Cancellation and progress of a render.
@@ -39,11 +39,10 @@ impl Default for RenderControl<'_> {
     }
 }
 
-/// Renders the part `window` of the picture of `view`, on the current rayon pool. Only the tiles that `is_selected`
-/// accepts, by their index and pixels, are rendered; the others stay black.
+/// [`render_displayed`] without exposure and tone map.
 ///
 /// # Errors
-/// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory for the picture.
+/// As [`render_displayed`].
 pub fn render<P: Pixel>(
     world: &World,
     view: &View,
@@ -52,8 +51,23 @@ pub fn render<P: Pixel>(
     is_selected: impl Fn(usize, Window) -> bool,
     control: &RenderControl,
 ) -> Result<(Film<P>, Statistics)> {
+    let context = RenderContext { world, view, display: DisplayTransform::default() };
+    render_displayed(&context, plan, window, is_selected, control)
+}
+
+/// Renders the part `window` of the picture of the context's view, on the current rayon pool. Only the tiles that `is_selected`
+/// accepts, by their index and pixels, are rendered; the others stay black. Display values are those after `context.display`.
+///
+/// # Errors
+/// [`Error::Interrupted`] when cancelled, [`Error::Failed`] where there is not enough memory for the picture.
+pub fn render_displayed<P: Pixel>(
+    context: &RenderContext,
+    plan: &Plan,
+    window: Window,
+    is_selected: impl Fn(usize, Window) -> bool,
+    control: &RenderControl,
+) -> Result<(Film<P>, Statistics)> {
     let mut film = Film::new(window)?;
-    let context = RenderContext { world, view };
     let idle: Mutex<Vec<Box<Worker>>> = Mutex::new(Vec::new());
     let done = AtomicUsize::new(0);
     let mut tiles = film.tiles_mut();
@@ -66,7 +80,7 @@ pub fn render<P: Pixel>(
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
         let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan)));
-        render_tile(plan, &context, &mut tile, &mut worker, control);
+        render_tile(plan, context, &mut tile, &mut worker, control);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);
         }
@@ -132,12 +146,18 @@ fn render_tile<P: Pixel>(
         #[inline(always)]
         || film::non_finite(film.window, colours),
     ));
-    // The pipeline is passed as a constant, so that the loop has no branch on it. `U8` develops as `Display` does.
+    // Pipeline and identity are passed as constants, so that the loop has no branch on them. `U8` develops as `Display` does.
+    let none = DisplayTransform::default();
     match context.world.pipeline {
-        ColourPipeline::Linear => P::develop(colours, ColourPipeline::Linear, film.pixels),
+        ColourPipeline::Linear if context.display.is_identity() => {
+            P::develop(colours, ColourPipeline::Linear, none, film.pixels);
+        }
+        ColourPipeline::Linear => {
+            P::develop(colours, ColourPipeline::Linear, context.display, film.pixels);
+        }
         _ => simd_dispatch(
             #[inline(always)]
-            || P::develop(colours, ColourPipeline::Display, film.pixels),
+            || P::develop(colours, ColourPipeline::Display, none, film.pixels),
         ),
     }
 }

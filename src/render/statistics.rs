@@ -25,6 +25,8 @@ pub struct Statistics {
     pub visible_objects: Vec<bool>,
     /// The number of pixels that are not finite, and columns and rows of the first ten.
     pub non_finite: (usize, Vec<(u32, u32)>),
+    /// The exposure in EV that `auto` came to, for pictures of display values.
+    pub auto_exposure: Option<f64>,
 }
 
 /// The time of the stages with one name and effect, summed over threads.
@@ -66,6 +68,7 @@ impl Statistics {
             base_bytes: workers.iter().map(|worker| worker.tile.bytes()).max().unwrap_or(0),
             visible_objects: Vec::new(),
             non_finite: (non_finite.len(), non_finite.into_iter().take(10).collect()),
+            auto_exposure: None,
         };
         for Tile { rays, traversal, visible_objects, .. } in workers.iter().map(|worker| &worker.tile) {
             for &(kind, count) in rays {
@@ -120,6 +123,7 @@ impl Statistics {
         }
         self.base_bytes = self.base_bytes.max(other.base_bytes);
         self.add_visible(&other.visible_objects);
+        self.auto_exposure = other.auto_exposure.or(self.auto_exposure);
         if other.non_finite.0 > self.non_finite.0 {
             self.non_finite = other.non_finite.clone();
         }

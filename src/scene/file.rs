@@ -13,6 +13,7 @@ pub use super::colour_value::ColourValue;
 pub use super::effects::{EffectValue, EffectsSection};
 use super::{Numerics, Projection, Transport};
 use crate::error::{Error, Place, Result};
+use crate::film::tone::{Exposure, ExposureValue, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
 
 /// A scene file.
@@ -93,6 +94,13 @@ pub struct ImageSection {
     pub min_samples: Option<Spanned<i64>>,
     /// Seed of the random numbers; 0 if not given.
     pub seed: Option<u32>,
+    /// Exposure of 8-bit pictures in EV, -64 to 64, or "auto"; 0 if not given. Only with `colour = "linear"`.
+    #[schemars(with = "Option<ExposureValue>")]
+    pub exposure: Option<Exposure>,
+    /// Tone map of 8-bit pictures; none if not given. Only with `colour = "linear"`.
+    pub tone_map: Option<ToneMap>,
+    /// Whether a scene without lights gets a headlight; true if not given.
+    pub headlight: Option<bool>,
 }
 
 /// A camera, defined by a viewing rectangle (or only its height) at a distance, or by a vertical field of view.

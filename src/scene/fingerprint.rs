@@ -62,6 +62,10 @@ impl Fingerprint {
             effects,
             animation,
             inputs: _,
+            // In the fingerprint of a picture as far as they change it (`job::metadata`).
+            display: _,
+            headlight: _,
+            has_physical_lights: _,
         } = scene;
         self.value("picture", &(size, background, colour, numerics, sampling, ambient));
         if let Some(environment) = environment {

@@ -54,7 +54,7 @@ pub use transport::Transport;
 
 use support::AffineFunction;
 
-use crate::film::{Colour, ColourPipeline};
+use crate::film::{Colour, ColourPipeline, DisplaySettings};
 use glam::DVec3;
 
 /// Index of a material in [`Scene::materials`].
@@ -101,6 +101,12 @@ pub struct Scene {
     pub effects: file::EffectsSection,
     /// Animation tracks, if any.
     pub animation: Option<Animation>,
+    /// Exposure and tone map of 8-bit pictures.
+    pub display: DisplaySettings,
+    /// Whether a scene without lights gets a headlight.
+    pub headlight: Option<bool>,
+    /// Whether lights are in physical units (candela, lux), so that pictures may need an exposure.
+    pub has_physical_lights: bool,
 }
 
 /// An object of the scene: a shape and its material.
@@ -218,6 +224,9 @@ impl Scene {
             inputs: _,
             effects,
             animation,
+            display,
+            headlight,
+            has_physical_lights,
         } = other;
         let (first_material, first_image) = (self.materials.len() as u32, self.images.len() as u32);
         self.size = self.size.or(size);
@@ -232,6 +241,9 @@ impl Scene {
         self.lights.extend(lights);
         self.effects = std::mem::take(&mut self.effects).or(effects);
         self.animation = self.animation.take().or(animation);
+        self.display = self.display.or(display);
+        self.headlight = self.headlight.or(headlight);
+        self.has_physical_lights |= has_physical_lights;
         self.images.extend(images);
         self.materials.extend(materials.into_iter().map(|mut material| {
             for texture in material.textures_mut() {

@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::film::ColourPipeline;
+use crate::film::{ColourPipeline, DisplaySettings};
 use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, default_size};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
@@ -18,6 +18,8 @@ pub struct SceneDefaults {
     numerics: Numerics,
     colour: ColourPipeline,
     sampling: Sampling,
+    display: DisplaySettings,
+    no_headlight: bool,
 }
 
 impl SceneDefaults {
@@ -29,6 +31,8 @@ impl SceneDefaults {
             numerics: scene.numerics.unwrap_or_default(),
             colour: scene.colour.unwrap_or_default(),
             sampling: scene.sampling,
+            display: scene.display,
+            no_headlight: scene.headlight == Some(false),
         }
     }
 
@@ -73,6 +77,10 @@ pub struct RenderCommand<'a> {
     pub colour: ColourPipeline,
     /// Sampling settings that override the scene's; `None` fields are left to the scene.
     pub sampling: Sampling,
+    /// Exposure and tone map.
+    pub display: DisplaySettings,
+    /// Whether a scene without lights gets a headlight.
+    pub headlight: bool,
     /// Output file.
     pub output: &'a Path,
 }
@@ -129,6 +137,16 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
         ("--seed", number(seed, scene.seed)),
     ] {
         value.iter().for_each(|value| option(name, value));
+    }
+    let (display, of_scene) = (command.display, defaults.display);
+    if display.exposure() != of_scene.exposure() {
+        option("--exposure", &display.exposure.map_or("0".into(), |exposure| exposure.to_string()));
+    }
+    if display.tone_map() != of_scene.tone_map() {
+        option("--tone-map", display.tone_map.unwrap_or_default().name());
+    }
+    if command.headlight == defaults.no_headlight {
+        option("--light", if command.headlight { "head" } else { "none" });
     }
     words
 }
@@ -207,6 +225,7 @@ mod tests {
 
     use super::*;
     use crate::film::FilterShape;
+    use crate::film::tone::{Exposure, ToneMap};
 
     /// Arguments into which `sh` splits the line.
     fn read_by_sh(line: &str) -> Vec<String> {
@@ -244,6 +263,8 @@ mod tests {
             numerics: defaults.numerics,
             colour: defaults.colour,
             sampling: Sampling::default(),
+            display: DisplaySettings::default(),
+            headlight: true,
             output: Path::new("picture.png"),
         }
     }
@@ -321,12 +342,15 @@ mod tests {
                 seed: Some(u32::MAX),
                 first: None,
             },
+            display: DisplaySettings { exposure: Some(Exposure::Ev(-1.5)), tone_map: Some(ToneMap::Agx) },
+            headlight: false,
             ..plain
         };
         assert_eq!(
             line(&command),
             "--size 320x200 --shading ambient --with glaze=every-bounce --without shadows --without textures --numerics \
-             watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295"
+             watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --exposure=-1.5 \
+             --tone-map agx --light none"
         );
     }
 

@@ -83,6 +83,8 @@ impl Controls {
             update_unchanged(&mut side.choices.shading, settings.choices.shading, new.choices.shading);
             update_unchanged(&mut side.numerics, settings.numerics, new.numerics);
             update_unchanged(&mut side.pipeline, settings.pipeline, new.pipeline);
+            update_unchanged(&mut side.display, settings.display, new.display);
+            update_unchanged(&mut side.headlight, settings.headlight, new.headlight);
             update_unchanged(&mut side.choices.sampling, settings.choices.sampling, new.choices.sampling);
         }
         if opened.scene.animation.is_none() {

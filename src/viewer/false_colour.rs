@@ -301,6 +301,7 @@ mod tests {
             window,
             share: Share::ALL,
             film: None,
+            display: Default::default(),
         };
         let watch =
             RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use crate::bvh::{Primitive, Tests, Traversal};
 use crate::effects::tile::{RayRecorder, RecordedRay, RenderContext, Tile, TraceResult};
 use crate::effects::{EFFECTS, EffectId, Plan, RayKind};
-use crate::film::Window;
+use crate::film::{DisplayTransform, Window};
 use crate::geometry::Hit;
 use crate::scene::{Glaze, Material};
 use crate::world::{PreparedMaterial, Recentering, SurfaceInteraction, View, World};
@@ -85,16 +85,19 @@ pub struct RaySegment {
 }
 
 /// Inspects a pixel of the picture that `plan` renders with `view`. `recentering` is that of `world`; `bounds` is the
-/// bounding box of the recentered scene, outside which rays that miss end.
+/// bounding box of the recentered scene, outside which rays that miss end. `displays` are the display transforms that the
+/// render and the displayed image used.
 pub fn inspect(
     world: &World,
     view: &View,
     plan: &Plan,
     recentering: Option<&Recentering>,
     bounds: Option<(DVec3, DVec3)>,
+    displays: [DisplayTransform; 2],
     [x, y]: [u32; 2],
 ) -> Inspection {
-    let context = RenderContext { world, view };
+    let [known, shown] = displays;
+    let context = RenderContext { world, view, display: known };
     let window = Window { x, y, width: 1, height: 1 };
     let mut tile = Tile::default();
     let run = |plan: &Plan, tile: &mut Tile| {
@@ -129,7 +132,7 @@ pub fn inspect(
     }
     let tests = traversal.tests;
     let rays = casts.iter().map(|cast| ray_segment(world, bounds, cast, &mut traversal)).collect();
-    let displayed = world.pipeline.encode(colour);
+    let displayed = shown.encode(world.pipeline, colour);
     Inspection { pixel: [x, y], colour, displayed, samples, surface, rays, tests }
 }
 
@@ -288,7 +291,16 @@ mod tests {
 
     impl Ready {
         fn inspect(&self, pixel: [u32; 2]) -> Inspection {
-            inspect(&self.world, &self.view, &self.plan, self.recentering.as_ref(), self.bounds, pixel)
+            let displays = [DisplayTransform::default(); 2];
+            inspect(
+                &self.world,
+                &self.view,
+                &self.plan,
+                self.recentering.as_ref(),
+                self.bounds,
+                displays,
+                pixel,
+            )
         }
     }
 

@@ -10,6 +10,7 @@ use super::painter::{Comparison, RenderedImage};
 use super::request::{CameraSource, Opened, Settings};
 use super::trace::Trace;
 use crate::effects::{Decision, RayKind, id};
+use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
 use crate::render::grouped;
 use crate::scene::{Camera, Numerics, Projection};
@@ -179,6 +180,14 @@ fn render_settings(ui: &mut Ui, controls: &mut Controls, trace: &mut Trace) {
     choice(ui, trace, "numerics", &mut settings.numerics, &Numerics::ALL, Numerics::name);
     let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
     choice(ui, trace, "colour", &mut settings.pipeline, &pipelines, ColourPipeline::name);
+    if settings.pipeline == ColourPipeline::Linear {
+        let mut map = settings.display.tone_map.unwrap_or_default();
+        choice(ui, trace, "tone map", &mut map, &ToneMap::ALL, ToneMap::name);
+        if settings.display.tone_map.unwrap_or_default() != map {
+            settings.display.tone_map = Some(map);
+        }
+        exposure(ui, trace, &mut settings.display.exposure);
+    }
     let sampling = &mut settings.choices.sampling;
     let mut samples = if sampling.is_wanted() { sampling.max_samples() } else { 1 };
     ui.horizontal(|ui| {
@@ -197,6 +206,26 @@ fn render_settings(ui: &mut Ui, controls: &mut Controls, trace: &mut Trace) {
             (sampling.filter, sampling.filter_radius) = (Some(chosen), None);
         }
     }
+}
+
+/// A slider for a fixed exposure, and a checkbox for the automatic one.
+fn exposure(ui: &mut Ui, trace: &mut Trace, exposure: &mut Option<Exposure>) {
+    ui.horizontal(|ui| {
+        let mut is_auto = *exposure == Some(Exposure::Auto);
+        let mut ev = if let Some(Exposure::Ev(ev)) = exposure { *ev } else { 0.0 };
+        let range = -MAX_EXPOSURE..=MAX_EXPOSURE;
+        let drag = ui.add_enabled(!is_auto, DragValue::new(&mut ev).range(range).speed(0.02).max_decimals(2));
+        place(ui, trace, "exposure", &drag);
+        if drag.changed() {
+            *exposure = Some(Exposure::Ev(ev));
+        }
+        ui.label("EV");
+        let check = ui.checkbox(&mut is_auto, "auto exposure");
+        place(ui, trace, "auto exposure", &check);
+        if check.changed() {
+            *exposure = Some(if is_auto { Exposure::Auto } else { Exposure::Ev(0.0) });
+        }
+    });
 }
 
 fn choice<T: PartialEq + Copy>(
@@ -271,7 +300,7 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, 
 
 /// Names of the settings, one entry each.
 pub fn setting_names(settings: &Settings) -> Vec<String> {
-    let Settings { choices, numerics, pipeline } = settings;
+    let Settings { choices, numerics, pipeline, display, headlight } = settings;
     let sampling = choices.sampling;
     let samples = if sampling.is_wanted() { sampling.max_samples() } else { 1 };
     let mut words = vec![
@@ -282,6 +311,12 @@ pub fn setting_names(settings: &Settings) -> Vec<String> {
     ];
     if samples > 1 {
         words.push(sampling.shape_and_radius().0.name().into());
+    }
+    let display = display.in_pipeline(*pipeline);
+    words.extend(display.exposure().map(|exposure| format!("exposure {exposure}")));
+    words.extend(display.tone_map().map(|map| map.name().to_owned()));
+    if !headlight {
+        words.push("no headlight".into());
     }
     words.extend(choices.with.iter().map(|effect| format!("with {effect}")));
     words.extend(choices.without.iter().map(|effect| format!("without {effect}")));

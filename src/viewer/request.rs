@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::bvh::Preset;
 use crate::effects::{Choices, EffectId};
-use crate::film::ColourPipeline;
+use crate::film::{ColourPipeline, DisplaySettings};
 use crate::job::{CameraChoice, RenderSettings};
 use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Scene};
 use crate::world::StandardView;
@@ -29,6 +29,10 @@ pub struct Settings {
     pub numerics: Numerics,
     /// Colour pipeline: number format of radiance.
     pub pipeline: ColourPipeline,
+    /// Exposure and tone map, used if the pipeline is linear.
+    pub display: DisplaySettings,
+    /// Whether a scene without lights gets a headlight.
+    pub headlight: bool,
 }
 
 impl Settings {
@@ -100,7 +104,7 @@ pub struct RenderRequest {
 impl RenderRequest {
     /// The settings of `kiln render` for the picture of `sides[side]`.
     pub fn render_settings(&self, side: usize) -> RenderSettings {
-        let Settings { choices, numerics, pipeline } = &self.sides[side];
+        let Settings { choices, numerics, pipeline, display, headlight } = &self.sides[side];
         RenderSettings {
             camera: match &self.camera_source {
                 CameraSource::Scene(index) => CameraChoice::Named(index.to_string()),
@@ -119,6 +123,8 @@ impl RenderRequest {
             with: choices.with.clone(),
             without: choices.without.clone(),
             colour: Some(*pipeline),
+            display: display.in_pipeline(*pipeline),
+            headlight: Some(*headlight),
             ..RenderSettings::default()
         }
     }
@@ -148,6 +154,8 @@ mod tests {
             choices: Choices { with: vec!["glaze=every-bounce".into()], ..Choices::default() },
             numerics: Numerics::default(),
             pipeline: ColourPipeline::default(),
+            display: DisplaySettings::default(),
+            headlight: true,
         };
         assert_eq!(settings.value(id::GLAZE), Some("every-bounce"));
         settings.switch(id::GLAZE, false);

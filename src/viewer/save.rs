@@ -12,7 +12,7 @@ use crate::error::{Result, Warnings};
 use crate::film::output::write_whole;
 use crate::film::write::{Format, OutputImage, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
-use crate::job::metadata::add_to_fingerprint;
+use crate::job::metadata::{add_to_fingerprint, set_auto_exposure};
 use crate::job::resolve;
 use crate::render::RenderControl;
 use crate::scene::Scene;
@@ -61,11 +61,14 @@ pub fn picture(
     let RenderRequest { opened, time, sides, .. } = request;
     let Settings { choices, .. } = &sides[side];
     let job = prepared.job.with_choices(choices.clone())?;
-    let (film, _) = job.render(&RenderControl::default())?;
+    let (film, statistics) = job.render(&RenderControl::default())?;
     let scene = Scene { effects: choices.scene.clone(), ..opened.scene.clone() };
     let mut metadata = resolve(scene, &request.render_settings(side), &mut Warnings::default())?.metadata;
     if *time != 0.0 {
         add_to_fingerprint(&mut metadata, "time", time);
+    }
+    if let Some(ev) = statistics.auto_exposure {
+        set_auto_exposure(&mut metadata, ev);
     }
     metadata.push(("kiln:command".to_owned(), command));
     write_picture(&OutputImage::Rgb8(film, job.pipeline()), &metadata, Format::Png, file)

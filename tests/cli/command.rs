@@ -586,6 +586,8 @@ fn what_is_seen_is_rendered_by_its_line() {
         numerics: Default::default(),
         colour: kiln::film::ColourPipeline::Display,
         sampling: Default::default(),
+        display: Default::default(),
+        headlight: true,
         output: Path::new("seen.png"),
     };
     let words = command_line::arguments(&command);

@@ -1,4 +1,4 @@
-//! The command `kiln`: exit codes, messages, files, signals, animations, farms, builds without the window.
+//! The command `kiln`: exit codes, messages, files, signals, animations, farms, exposure, builds without the window.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -6,4 +6,5 @@ mod common;
 mod animation;
 mod command;
 mod farm;
+mod tone;
 mod viewer;

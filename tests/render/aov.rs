@@ -171,6 +171,7 @@ fn what_nobody_asks_for_is_not_worked_on() {
         window: film.window(),
         share: kiln::film::Share::ALL,
         film: Some(&film),
+        display: Default::default(),
     };
     // Any work would see that it is to stop.
     let watch = RenderControl { cancel: &AtomicBool::new(true), progress: &|_, _| {}, time_stages: false };

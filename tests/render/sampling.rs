@@ -218,7 +218,8 @@ fn stop(adaptive: Criterion, most: u32, by_neighbours: bool) -> Stopped {
             look = next;
             let hidden = if by_neighbours { missed_variance(around, look) } else { DVec3::ZERO };
             let error = (groups.variance(sum.mean(), 1.0) + hidden).x.sqrt();
-            let error = displayed_error(sum.mean(), DVec3::splat(error), ColourPipeline::Display);
+            let error =
+                displayed_error(sum.mean(), DVec3::splat(error), |c| c.clamp(DVec3::ZERO, DVec3::ONE));
             if look == most || error <= adaptive.max_error {
                 break;
             }
@@ -411,7 +412,7 @@ fn single_pixels_have_the_picture_s_bits() {
 fn samples_around_a_tile_are_counted_but_are_no_samples_of_its_pixels() {
     let prepared = scene("noise = 0.01\nmin_samples = 4", true);
     let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
-    let context = RenderContext { world: &prepared.world, view: &prepared.view };
+    let context = RenderContext { world: &prepared.world, view: &prepared.view, display: Default::default() };
     // Black all around: four samples a pixel, of nine pixels, and in the picture's corner of four.
     for (x, y, cast) in [(3, 3, 36), (0, 0, 16)] {
         let window = Window { x, y, width: 1, height: 1 };

@@ -175,6 +175,7 @@ impl Loader<'_> {
         }
         let colour = Colour::Linear(dvec3(light.color()).clamp(DVec3::ZERO, DVec3::ONE));
         self.scene.lights.push(Light { name, colour, intensity, kind });
+        self.scene.has_physical_lights = true;
     }
 }
 

@@ -16,7 +16,7 @@ pub use camera::inline_camera;
 
 use super::Source;
 use crate::error::{Error, Place, Result, Warnings};
-use crate::film::{Colour, ColourPipeline};
+use crate::film::{Colour, ColourPipeline, DisplaySettings};
 use crate::import;
 use crate::scene::file::{
     CameraSection, EnvironmentSection, MaterialSection, MeshSection, SceneFile, SphereSection,
@@ -137,6 +137,8 @@ impl Builder<'_> {
         self.scene.numerics = image.numerics;
         self.scene.transport = image.transport;
         self.scene.sampling = self.sampling(&image)?;
+        self.scene.display = DisplaySettings { exposure: image.exposure, tone_map: image.tone_map };
+        self.scene.headlight = image.headlight;
         if let Some(section) = &file.ambient
             && let Some(intensity) = section.get_ref().intensity
         {

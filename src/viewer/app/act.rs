@@ -115,6 +115,7 @@ impl App {
     pub(super) fn click(&mut self, mouse: &MouseResult) {
         let (Some(pixel), Some(opened)) = (mouse.clicked.or(mouse.focused), &self.opened) else { return };
         let Some(prepared) = self.canvas.prepared(mouse.side).cloned() else { return };
+        let shown = self.canvas.rendered(mouse.side).map(|rendered| rendered.display).unwrap_or_default();
         let bounds = opened.scene.bounds();
         let bounds = match (bounds, &prepared.job.recentering) {
             (Some((min, max)), Some(recentering)) => Some((
@@ -129,6 +130,7 @@ impl App {
             &prepared.job.plan,
             prepared.job.recentering.as_ref(),
             bounds,
+            [prepared.job.display.in_pipeline(prepared.job.pipeline()).known(), shown],
             pixel,
         );
         self.trace.event("inspected", super::inspector::to_json(&found));
@@ -173,6 +175,8 @@ impl App {
             numerics: settings.numerics,
             colour: settings.pipeline,
             sampling: settings.choices.sampling,
+            display: settings.display.in_pipeline(settings.pipeline),
+            headlight: settings.headlight,
             output,
         });
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));

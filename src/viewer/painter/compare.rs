@@ -2,9 +2,11 @@
 
 use std::sync::Arc;
 
+use glam::DVec3;
+use rayon::prelude::*;
+
 use super::pass::PipelineImage;
 use super::{Message, MessageSender};
-use crate::film::ColourPipeline;
 use crate::metrics::{self, Errors, Values};
 
 /// Errors between two images, in display values.
@@ -38,10 +40,10 @@ pub fn compare_sides(
 
 fn displayed(picture: &PipelineImage) -> metrics::ComparedImage {
     let [width, height] = picture.size;
-    let values = match picture.pipeline {
-        ColourPipeline::Linear => Values::Linear,
-        ColourPipeline::Display | ColourPipeline::U8 => Values::Display,
+    let &PipelineImage { pipeline, display, .. } = picture;
+    let shown = |pixel: &[f32; 3]| {
+        display.displayed(pipeline, DVec3::from(pixel.map(f64::from))).as_vec3().to_array()
     };
-    let pixels = metrics::displayed(&picture.pixels, values);
+    let pixels = picture.pixels.par_iter().map(shown).collect();
     metrics::ComparedImage { width, height, values: Values::Display, pixels }
 }

@@ -21,6 +21,7 @@ use super::false_colour::{DisplayMode, Legend};
 use super::refine::first_factor;
 use super::request::{RenderRequest, Settings};
 use crate::error::Error;
+use crate::film::DisplayTransform;
 use crate::render::Statistics;
 use crate::scene::Numerics;
 use pass::PipelineImage;
@@ -52,6 +53,8 @@ pub struct RenderedImage {
     pub side: usize,
     /// Pixels as displayed.
     pub image: Arc<ColorImage>,
+    /// Display transform of the picture.
+    pub display: DisplayTransform,
     /// Width and height of an image pixel, in pixels of the request.
     pub factor: u32,
     /// Samples per pixel so far, and in total; the maximum if sampling is adaptive.

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::RenderedImage;
 use super::render_cache::Prepared;
 use crate::error::Result;
-use crate::film::{ColourPipeline, Film, Pixel};
+use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel};
 use crate::metrics;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
@@ -26,6 +26,8 @@ pub struct PipelineImage {
     pub pixels: Vec<[f32; 3]>,
     /// Colour pipeline of the pixels.
     pub pipeline: ColourPipeline,
+    /// Display transform of the image.
+    pub display: DisplayTransform,
 }
 
 /// One side of a request, with its progress.
@@ -45,6 +47,7 @@ pub struct Side<'a> {
 /// Result of a pass.
 pub struct PassOutput {
     image: ColorImage,
+    display: DisplayTransform,
     factor: u32,
     samples: (u32, u32),
     is_last: bool,
@@ -59,9 +62,23 @@ pub struct PassOutput {
 impl PassOutput {
     /// The result with its request number and side.
     pub fn rendered(self, request: u64, side: usize) -> RenderedImage {
-        let PassOutput { image, factor, samples, is_last, time, statistics, legend, prepared, .. } = self;
+        let PassOutput {
+            image, display, factor, samples, is_last, time, statistics, legend, prepared, ..
+        } = self;
         let image = Arc::new(image);
-        RenderedImage { request, side, image, factor, samples, is_last, time, statistics, legend, prepared }
+        RenderedImage {
+            request,
+            side,
+            image,
+            display,
+            factor,
+            samples,
+            is_last,
+            time,
+            statistics,
+            legend,
+            prepared,
+        }
     }
 }
 
@@ -113,8 +130,10 @@ impl<'a> Side<'a> {
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
             mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
         }
+        let display = self.prepared.job.display.in_pipeline(pipeline);
+        let display = display.transform_of(pixels.iter().copied());
         let (image, legend) = match self.request.display_mode {
-            DisplayMode::Picture => (image(&pixels, size, pipeline), None),
+            DisplayMode::Picture => (image(&pixels, size, pipeline, display), None),
             _ => {
                 let FalseColours { pixels, legend } = self.false_colours(&film, size, &watch)?;
                 (ColorImage::from_rgb(size.map(|side| side as usize), pixels.as_flattened()), Some(legend))
@@ -136,13 +155,14 @@ impl<'a> Side<'a> {
         let (time, statistics) = if let Pass::Coarse(_) = pass {
             (time, statistics)
         } else {
-            self.picture = Some(PipelineImage { size, pixels, pipeline });
+            self.picture = Some(PipelineImage { size, pixels, pipeline, display });
             self.spend(time, statistics)
         };
         let prepared = Arc::clone(&self.prepared);
         let samples = (taken, most);
         Ok(Some(PassOutput {
             image,
+            display,
             factor,
             samples,
             is_last,
@@ -219,13 +239,35 @@ fn mix(pixels: &mut [[f32; 3]], before: &[[f32; 3]], share: f64) {
 }
 
 /// The image as a display shows it.
-fn image(pixels: &[[f32; 3]], size: [u32; 2], pipeline: ColourPipeline) -> ColorImage {
+fn image(
+    pixels: &[[f32; 3]],
+    size: [u32; 2],
+    pipeline: ColourPipeline,
+    display: DisplayTransform,
+) -> ColorImage {
     let width = size[0] as usize;
     let mut colours = vec![Color32::BLACK; pixels.len()];
     colours.par_chunks_mut(width).zip(pixels.par_chunks(width)).for_each(|(colours, row)| {
         let mut bytes = vec![[0; 3]; row.len()];
-        Pixel::develop(row, pipeline, &mut bytes);
+        Pixel::develop(row, pipeline, display, &mut bytes);
         colours.iter_mut().zip(bytes).for_each(|(colour, [r, g, b])| *colour = Color32::from_rgb(r, g, b));
     });
     ColorImage::new(size.map(|side| side as usize), colours)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::tone::ToneMap;
+
+    #[test]
+    fn an_image_shows_what_a_png_holds() {
+        let pixels = [[0.1, 0.5, 4.0], [0.0, 1.0, 0.2]];
+        for display in [DisplayTransform::default(), DisplayTransform::new(1.5, ToneMap::PbrNeutral)] {
+            let image = image(&pixels, [2, 1], ColourPipeline::Linear, display);
+            for (shown, pixel) in image.pixels.iter().zip(pixels) {
+                assert_eq!([shown.r(), shown.g(), shown.b()], display.encode(ColourPipeline::Linear, pixel));
+            }
+        }
+    }
 }

@@ -84,7 +84,7 @@ impl RenderCache {
         };
         lens.projection = request.projection.unwrap_or(lens.projection);
         let mut world = Arc::clone(&frame.world);
-        if world.lights.is_empty() && settings.choices.shading.uses_lights() {
+        if settings.headlight && world.lights.is_empty() && settings.choices.shading.uses_lights() {
             world = Arc::new(world.under(headlight(&lens).into_iter().collect()));
         }
         let sampling = settings.choices.sampling;
@@ -104,6 +104,7 @@ impl RenderCache {
         };
         let centres = Choices { sampling: Sampling::default(), ..settings.choices.clone() };
         let job = RenderJob::new(world, recentering, lens, request.size, centres)?;
+        let job = RenderJob { display: settings.display, ..job };
         Ok(Arc::new(Prepared { job, camera, decisions, kind }))
     }
 

@@ -1,0 +1,38 @@
+//! The warning for pictures that lights in physical units clip.
+
+use crate::error::Result;
+use crate::film::tone::{clipped_share, white_exposure};
+use crate::film::{ColourPipeline, Film};
+use crate::job::RenderJob;
+use crate::render::RenderControl;
+use crate::scene::Sampling;
+
+/// Longest side in pixels of the picture that [`exposure_for_clipped`] is computed from.
+const METER_SIZE: u32 = 128;
+
+/// An exposure in EV for a picture of which more than half of the pixels are clipped: it takes the 99th percentile of
+/// luminance to white. From a small render of the whole picture with one sample a pixel, so that crops agree.
+///
+/// `None` if less is clipped, if an exposure or a tone map was chosen, or if a lower exposure does not help.
+pub fn exposure_for_clipped(
+    film: &Film<[u8; 3]>,
+    job: &RenderJob,
+    control: &RenderControl,
+) -> Result<Option<f64>> {
+    let is_set = job.display.exposure.is_some() || job.display.tone_map.is_some();
+    if is_set || job.pipeline() != ColourPipeline::Linear || clipped_share(film) <= 0.5 {
+        return Ok(None);
+    }
+    let size = job.view.size();
+    let scale = (f64::from(METER_SIZE) / f64::from(size[0].max(size[1]))).min(1.0);
+    let mut small = job.with_size(size.map(|side| ((f64::from(side) * scale).round() as u32).max(1)))?;
+    small.set_sampling(Sampling::default())?;
+    let control = RenderControl { progress: &|_, _| (), ..*control };
+    let (film, _) = small.render::<[f32; 3]>(&control)?;
+    Ok(white_exposure(film.rows()).filter(|&ev| ev < 0.0))
+}
+
+/// The warning for a clipped picture.
+pub fn clipped_warning(ev: f64) -> String {
+    format!("most of the picture is clipped, because lights are in physical units; try `--exposure {ev}`")
+}

@@ -1,0 +1,166 @@
+//! Display transform: exposure and tone map, which take linear light to the displayed range before the sRGB transfer
+//! function and the rounding to 8 bits. Films of floating-point pixels, and so OpenEXR, are unaffected.
+
+mod curves;
+mod meter;
+mod settings;
+
+pub use meter::{METER_BYTES, auto_exposure, clipped_share, luminance, white_exposure};
+pub use settings::{AutoName, DisplaySettings, Exposure, ExposureValue, MAX_EXPOSURE};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::ColourPipeline;
+use super::colour::{quantise, srgb_encode};
+
+/// Tone map: a curve from scene-linear light (Rec. 709 primaries) to displayed linear light, 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ToneMap {
+    /// None: values above 1 are clipped.
+    #[default]
+    None,
+    /// Khronos PBR Neutral: colours below 0.8 keep their hue and saturation.
+    PbrNeutral,
+    /// AgX, base look: low contrast, highlights fade to white.
+    Agx,
+    /// Filmic S-curve per channel, fitted to ACES.
+    Filmic,
+}
+
+impl ToneMap {
+    /// All tone maps.
+    pub const ALL: [Self; 4] = [ToneMap::None, ToneMap::PbrNeutral, ToneMap::Agx, ToneMap::Filmic];
+
+    /// The name as typed by users.
+    pub fn name(self) -> &'static str {
+        match self {
+            ToneMap::None => "none",
+            ToneMap::PbrNeutral => "pbr-neutral",
+            ToneMap::Agx => "agx",
+            ToneMap::Filmic => "filmic",
+        }
+    }
+}
+
+/// Exposure and tone map with all values known. The default changes nothing. Others are for the linear pipeline only.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DisplayTransform {
+    ev: f64,
+    /// 2^EV.
+    scale: f64,
+    tone_map: ToneMap,
+}
+
+impl Default for DisplayTransform {
+    #[inline(always)]
+    fn default() -> Self {
+        DisplayTransform { ev: 0.0, scale: 1.0, tone_map: ToneMap::None }
+    }
+}
+
+/// Bound of exposed values: its square is finite, and every curve is at its end.
+const MAX_LIGHT: f64 = 1e100;
+
+impl DisplayTransform {
+    /// The transform for an exposure in EV, at most [`MAX_EXPOSURE`] of either sign.
+    pub fn new(ev: f64, tone_map: ToneMap) -> Self {
+        DisplayTransform { ev, scale: ev.exp2(), tone_map }
+    }
+
+    /// The tone map.
+    pub fn tone_map(self) -> ToneMap {
+        self.tone_map
+    }
+
+    /// The exposure in EV.
+    pub fn ev(self) -> f64 {
+        self.ev
+    }
+
+    /// Whether it changes nothing.
+    #[inline(always)]
+    pub fn is_identity(self) -> bool {
+        self.scale == 1.0 && self.tone_map == ToneMap::None
+    }
+
+    /// Displayed linear light: 0 to 1 with a tone map, else the exposed colour, not clamped. With a tone map, negative
+    /// channels and NaN count as 0.
+    pub fn apply(self, colour: DVec3) -> DVec3 {
+        let exposed = colour * self.scale;
+        // NaN is not above 0.
+        let held = || DVec3::from(exposed.to_array().map(|c| if c > 0.0 { c.min(MAX_LIGHT) } else { 0.0 }));
+        match self.tone_map {
+            ToneMap::None => exposed,
+            ToneMap::PbrNeutral => curves::pbr_neutral(held()),
+            ToneMap::Agx => curves::agx(held()),
+            ToneMap::Filmic => curves::filmic(held()),
+        }
+    }
+
+    /// Display values of a colour in the encoding of `pipeline`, 0 to 1, before quantisation.
+    pub fn displayed(self, pipeline: ColourPipeline, colour: DVec3) -> DVec3 {
+        let colour = if self.is_identity() { colour } else { self.apply(colour) };
+        DVec3::from(colour.to_array().map(|c| pipeline.displayed(c)))
+    }
+
+    /// The 8-bit display values of a film value.
+    #[inline(always)]
+    pub fn encode(self, pipeline: ColourPipeline, colour: [f32; 3]) -> [u8; 3] {
+        if self.is_identity() { pipeline.encode(colour) } else { self.encode_mapped(colour) }
+    }
+
+    /// [`DisplayTransform::encode`] in the linear pipeline.
+    pub(super) fn encode_mapped(self, colour: [f32; 3]) -> [u8; 3] {
+        self.apply(DVec3::from(colour.map(f64::from))).to_array().map(|c| quantise(srgb_encode(c)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_ev_is_a_factor_of_two() {
+        let colour = DVec3::new(0.1, 0.7, 13.0);
+        assert_eq!(DisplayTransform::new(1.0, ToneMap::None).apply(colour), 2.0 * colour);
+        assert_eq!(DisplayTransform::new(-3.0, ToneMap::None).apply(colour), colour / 8.0);
+        // The exposure comes before the tone map.
+        for map in ToneMap::ALL {
+            let (one, none) = (DisplayTransform::new(1.0, map), DisplayTransform::new(0.0, map));
+            assert_eq!(one.apply(colour), none.apply(2.0 * colour));
+        }
+    }
+
+    #[test]
+    fn without_exposure_and_tone_map_values_are_those_of_the_pipeline() {
+        let identity = DisplaySettings { exposure: Some(Exposure::Ev(0.0)), tone_map: Some(ToneMap::None) };
+        assert!(identity.is_identity() && identity.transform(9.0).is_identity());
+        for value in [-1.0, 0.0, 0.2, 0.7, 4.0, f32::NAN, f32::INFINITY] {
+            for pipeline in [ColourPipeline::Display, ColourPipeline::Linear] {
+                let encoded = identity.transform(9.0).encode(pipeline, [value; 3]);
+                assert_eq!(encoded, pipeline.encode([value; 3]));
+            }
+        }
+    }
+
+    #[test]
+    fn every_float_is_mapped_to_0_to_1() {
+        let values = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, -1e-3, 0.0, 1e-45];
+        for (map, ev) in ToneMap::ALL.into_iter().zip([64.0, -64.0, 0.0, 5.5]) {
+            for a in values {
+                for b in values {
+                    let transform = DisplayTransform::new(ev, map);
+                    let colour =
+                        transform.displayed(ColourPipeline::Linear, DVec3::new(a.into(), b.into(), 0.5));
+                    let is_in = |c: f64| (0.0..=1.0).contains(&c) || (map == ToneMap::None && c.is_nan());
+                    assert!(colour.to_array().into_iter().all(is_in), "{map:?} {a} {b}: {colour}");
+                }
+            }
+            // Infinite light is white, not NaN.
+            let white = DisplayTransform::new(0.0, map).encode(ColourPipeline::Linear, [f32::INFINITY; 3]);
+            assert!(white == [255; 3], "{map:?}: {white:?}");
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Measures of a picture in linear light: exposures computed from luminance, and the share of clipped pixels.
+
+use super::MAX_EXPOSURE;
+use crate::film::Film;
+
+/// Luminance of a linear colour with Rec. 709 primaries (ITU-R BT.709-6, item 3.2).
+pub fn luminance([r, g, b]: [f32; 3]) -> f64 {
+    0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b)
+}
+
+/// The exposure in EV for a picture, from its luminance: Erik Reinhard, "Parameter Estimation for Photographic Tone
+/// Reproduction", Journal of Graphics Tools 7(1), 2002. The log-average luminance is taken to the key
+/// 0.18 * 4^((2 log2 avg - log2 min - log2 max) / (log2 max - log2 min)), where min and max leave out the darkest and
+/// the brightest 1 % of pixels: 0.18 where the average is midway, down to 0.045 for a few bright things before a dark
+/// background, up to 0.72 for the opposite.
+///
+/// Pixels without light, or with light that is not finite, do not count. Summed in the order of the pixels, which
+/// decides the last bits; rounded to 1/100 EV, so that the same exposure can be typed. 0 for a picture without light.
+pub fn auto_exposure(colours: impl Iterator<Item = [f32; 3]>) -> f64 {
+    let lit = colours.map(luminance).filter(|&l| l > 0.0 && l.is_finite());
+    let mut logs: Vec<f64> = lit.map(f64::log2).collect();
+    if logs.is_empty() {
+        return 0.0;
+    }
+    let average = logs.iter().sum::<f64>() / logs.len() as f64;
+    let (count, end) = (logs.len(), logs.len() / 100);
+    let mut ranked = |rank: usize| *logs.select_nth_unstable_by(rank, f64::total_cmp).1;
+    let min = ranked(end);
+    let max = ranked(count - 1 - end);
+    // Outliers beyond the percentiles may take the average out of their range.
+    let bias = if max > min { ((2.0 * average - min - max) / (max - min)).clamp(-1.0, 1.0) } else { 0.0 };
+    rounded(0.18f64.log2() + 2.0 * bias - average, 100.0)
+}
+
+/// Bytes a pixel that [`auto_exposure`] allocates.
+pub const METER_BYTES: u64 = 8;
+
+/// The exposure in EV at which the 99th percentile of luminance (nearest rank, all pixels) becomes 1, rounded down to
+/// 1/10 EV. `None` if that percentile has no light or is not finite.
+pub fn white_exposure(colours: impl Iterator<Item = [f32; 3]>) -> Option<f64> {
+    let mut all: Vec<f64> = colours.map(luminance).collect();
+    let rank = (all.len() * 99).div_ceil(100).checked_sub(1)?;
+    let (_, &mut percentile, _) = all.select_nth_unstable_by(rank, f64::total_cmp);
+    (percentile > 0.0 && percentile.is_finite()).then(|| (-percentile.log2() * 10.0).floor() / 10.0)
+}
+
+/// The share of pixels, 0 to 1, with a channel at 255.
+pub fn clipped_share(film: &Film<[u8; 3]>) -> f64 {
+    let clipped = film.stored().iter().filter(|pixel| pixel.contains(&255)).count();
+    clipped as f64 / film.stored().len().max(1) as f64
+}
+
+/// Rounds to 1/`steps`, without a negative zero, and holds within the range of exposures.
+fn rounded(ev: f64, steps: f64) -> f64 {
+    (ev * steps).round().clamp(-MAX_EXPOSURE * steps, MAX_EXPOSURE * steps) / steps + 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::{Film, Window};
+
+    #[test]
+    fn the_automatic_exposure_shows_the_log_average_as_its_key() {
+        // Uniform 0.36 is one stop above 0.18.
+        assert_eq!(auto_exposure(std::iter::repeat_n([0.36; 3], 50)), -1.0);
+        // Half 0.09, half 0.36: the log-average is 0.18, midway.
+        assert_eq!(auto_exposure([[0.09; 3], [0.36; 3]].into_iter()), 0.0);
+        // Three times 0.09, once 0.36 = 0.09 * 2^2: the log-average is 0.09 * 2^0.5, a quarter of the way up, so the key
+        // is 0.18 * 4^((2 * 0.5 - 0 - 2) / 2) = 0.09, and the exposure log2(0.09) - log2(0.09 * 2^0.5).
+        assert_eq!(auto_exposure([[0.09; 3], [0.09; 3], [0.36; 3], [0.09; 3]].into_iter()), -0.5);
+        // Of 200 pixels the two brightest are left out of the maximum: the key is 0.18, the average 2 * 10 / 200 = 0.1
+        // stops up.
+        let sparks = (0..200).map(|i| if i % 100 == 7 { [0.18 * 1024.0; 3] } else { [0.18; 3] });
+        assert_eq!(auto_exposure(sparks), -0.1);
+        // Green 1 has the luminance 0.7152: log2(0.18 / 0.7152) = -1.99036.
+        assert_eq!(auto_exposure([[0.0, 1.0, 0.0]].into_iter()), -1.99);
+        // Black and non-finite pixels do not count.
+        let mixed = [[0.36; 3], [0.0; 3], [f32::NAN; 3], [f32::INFINITY; 3], [-1.0; 3]];
+        assert_eq!(auto_exposure(mixed.into_iter()), -1.0);
+        assert_eq!(auto_exposure(std::iter::repeat_n([0.0; 3], 9)), 0.0);
+    }
+
+    #[test]
+    fn the_exposure_for_white_leaves_one_percent_above() {
+        // 200 pixels of luminance 1 to 200: rank 198 has 198. log2(198) = 7.629.
+        let ramp = (1..=200u16).map(|i| [f32::from(i); 3]);
+        assert_eq!(white_exposure(ramp), Some(-7.7));
+        assert_eq!(white_exposure(std::iter::repeat_n([0.0; 3], 5)), None);
+        assert_eq!(white_exposure(std::iter::empty()), None);
+    }
+
+    #[test]
+    fn pixels_with_a_full_channel_are_clipped() {
+        let window = Window { x: 0, y: 0, width: 4, height: 1 };
+        let film = Film::from_rows(window, &[[255, 0, 0], [254; 3], [0; 3], [255; 3]]).unwrap();
+        assert_eq!(clipped_share(&film), 0.5);
+    }
+}

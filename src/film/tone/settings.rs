@@ -1,0 +1,169 @@
+//! Exposure and tone map as set by scenes and users, before an automatic exposure is known.
+
+use serde::{Deserialize, Serialize};
+
+use super::{DisplayTransform, ToneMap, auto_exposure};
+use crate::film::ColourPipeline;
+
+/// Largest exposure in EV, of either sign. 2^64 spans the range of radiance in any unit.
+pub const MAX_EXPOSURE: f64 = 64.0;
+
+/// Exposure as typed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "ExposureValue", into = "ExposureValue")]
+pub enum Exposure {
+    /// Light is multiplied by 2^EV.
+    Ev(f64),
+    /// Computed from the picture ([`auto_exposure`]).
+    Auto,
+}
+
+/// Exposure in EV, -64 to 64, or "auto".
+#[derive(Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(untagged, expecting = "expected a number of EV or \"auto\"")]
+pub enum ExposureValue {
+    /// EV.
+    Ev(f64),
+    /// From the picture.
+    Named(AutoName),
+}
+
+/// The name of the exposure that is computed from the picture.
+#[derive(Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum AutoName {
+    /// From the picture.
+    Auto,
+}
+
+const EXPOSURE_HINT: &str = "give a number of EV from -64 to 64, or \"auto\"";
+
+impl TryFrom<ExposureValue> for Exposure {
+    type Error = String;
+
+    fn try_from(value: ExposureValue) -> Result<Self, String> {
+        match value {
+            ExposureValue::Named(AutoName::Auto) => Ok(Exposure::Auto),
+            ExposureValue::Ev(ev) if ev.abs() <= MAX_EXPOSURE => Ok(Exposure::Ev(ev)),
+            ExposureValue::Ev(ev) => Err(format!("the exposure is {ev}; {EXPOSURE_HINT}")),
+        }
+    }
+}
+
+impl From<Exposure> for ExposureValue {
+    fn from(exposure: Exposure) -> Self {
+        match exposure {
+            Exposure::Ev(ev) => ExposureValue::Ev(ev),
+            Exposure::Auto => ExposureValue::Named(AutoName::Auto),
+        }
+    }
+}
+
+impl std::str::FromStr for Exposure {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.trim() {
+            "auto" => Ok(Exposure::Auto),
+            number => number
+                .parse()
+                .map_err(|_| EXPOSURE_HINT.to_owned())
+                .and_then(|ev| Exposure::try_from(ExposureValue::Ev(ev))),
+        }
+    }
+}
+
+impl std::fmt::Display for Exposure {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match self {
+            Exposure::Ev(ev) => ev.fmt(f),
+            Exposure::Auto => f.write_str("auto"),
+        }
+    }
+}
+
+/// Exposure and tone map as set by a scene or a user. `None` is unset; unset values have no effect.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DisplaySettings {
+    /// Exposure.
+    pub exposure: Option<Exposure>,
+    /// Tone map.
+    pub tone_map: Option<ToneMap>,
+}
+
+impl DisplaySettings {
+    /// Settings that override any others with no effect.
+    pub const OFF: Self =
+        DisplaySettings { exposure: Some(Exposure::Ev(0.0)), tone_map: Some(ToneMap::None) };
+
+    /// These settings, and those of `other` where these are unset.
+    pub fn or(self, other: Self) -> Self {
+        DisplaySettings {
+            exposure: self.exposure.or(other.exposure),
+            tone_map: self.tone_map.or(other.tone_map),
+        }
+    }
+
+    /// The exposure, if it changes values.
+    pub fn exposure(self) -> Option<Exposure> {
+        self.exposure.filter(|&exposure| exposure != Exposure::Ev(0.0))
+    }
+
+    /// The tone map, if it changes values.
+    pub fn tone_map(self) -> Option<ToneMap> {
+        self.tone_map.filter(|&map| map != ToneMap::None)
+    }
+
+    /// Whether nothing changes values.
+    pub fn is_identity(self) -> bool {
+        self.exposure().is_none() && self.tone_map().is_none()
+    }
+
+    /// Whether the exposure is computed from the picture.
+    pub fn is_auto(self) -> bool {
+        self.exposure == Some(Exposure::Auto)
+    }
+
+    /// The transform, with an exposure of `auto` EV if it is computed from the picture.
+    pub fn transform(self, auto: f64) -> DisplayTransform {
+        let ev = match self.exposure {
+            None => 0.0,
+            Some(Exposure::Ev(ev)) => ev,
+            Some(Exposure::Auto) => auto,
+        };
+        DisplayTransform::new(ev, self.tone_map.unwrap_or_default())
+    }
+
+    /// The transform as far as it is known before the picture is: `auto` counts as 0 EV. Adaptive sampling uses it.
+    pub fn known(self) -> DisplayTransform {
+        self.transform(0.0)
+    }
+
+    /// The transform of a picture with these colours. Only `auto` reads them.
+    pub fn transform_of(self, colours: impl Iterator<Item = [f32; 3]>) -> DisplayTransform {
+        self.transform(if self.is_auto() { auto_exposure(colours) } else { 0.0 })
+    }
+
+    /// The settings as they apply in `pipeline`: none unless it is linear.
+    pub fn in_pipeline(self, pipeline: ColourPipeline) -> Self {
+        if pipeline == ColourPipeline::Linear { self } else { DisplaySettings::OFF }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exposures_are_read_as_typed() {
+        assert_eq!("auto".parse(), Ok(Exposure::Auto));
+        assert_eq!("-9.3".parse(), Ok(Exposure::Ev(-9.3)));
+        for bad in ["", "bright", "nan", "inf", "64.1", "-65"] {
+            assert!(bad.parse::<Exposure>().is_err(), "{bad}");
+        }
+        for exposure in [Exposure::Auto, Exposure::Ev(0.1 + 0.2), Exposure::Ev(-64.0)] {
+            assert_eq!(exposure.to_string().parse(), Ok(exposure));
+        }
+    }
+}

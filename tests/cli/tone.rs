@@ -1,0 +1,314 @@
+//! Exposure, tone map and headlight end to end: values of PNG against those of EXR, the automatic exposure, parts and
+//! frames, errors, and the warning of clipped pictures.
+
+use std::path::PathBuf;
+use std::process::{Command, Output, Stdio};
+
+use kiln::film::read::read_picture;
+use kiln::film::tone::ToneMap;
+use kiln::film::{ColourPipeline, DisplayTransform};
+
+/// A folder to work in, with a lit sphere in it, much brighter than white where it faces the light.
+struct Workshop(tempfile::TempDir);
+
+const SCENE: &str = "
+[image]
+width = 40
+height = 24
+background = '#203040'
+[[camera]]
+position = [0, 0, 8]
+look_at = [0, 0, 0]
+[[light]]
+type = 'directional'
+direction = [-1, -1, -2]
+intensity = 9
+[material.clay]
+colour = '#c06020'
+[[sphere]]
+centre = [0, 0, 0]
+radius = 2
+material = 'clay'
+";
+
+impl Workshop {
+    fn new() -> Self {
+        let workshop = Workshop(tempfile::tempdir().expect("a temporary folder can be made"));
+        workshop.write("scene.toml", SCENE);
+        workshop
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.path(name), text).expect("the folder can be written to");
+    }
+
+    /// Exit code and standard error.
+    fn run(&self, arguments: &str) -> (i32, String) {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
+        command.current_dir(self.0.path()).args(arguments.split_whitespace()).stdin(Stdio::null());
+        let Output { status, stderr, .. } = command.output().expect("the command starts");
+        (status.code().expect("no signal"), String::from_utf8_lossy(&stderr).into_owned())
+    }
+
+    #[track_caller]
+    fn succeed(&self, arguments: &str) -> String {
+        let (code, said) = self.run(arguments);
+        assert_eq!(code, 0, "{arguments}: {said}");
+        said
+    }
+
+    #[track_caller]
+    fn fail(&self, arguments: &str, code: i32, parts: [&str; 2]) {
+        let (found, said) = self.run(arguments);
+        assert_eq!(found, code, "{arguments}: {said}");
+        assert!(parts.iter().all(|part| said.contains(part)), "{arguments}: {said}");
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+    }
+
+    /// The values of an EXR.
+    fn floats(&self, name: &str) -> Vec<[f32; 3]> {
+        read_picture(&self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}")).values
+    }
+
+    fn pixels(&self, name: &str) -> Vec<[u8; 3]> {
+        let image = image::open(self.path(name)).unwrap_or_else(|e| panic!("{name}: {e}")).into_rgb8();
+        image.pixels().map(|pixel| pixel.0).collect()
+    }
+}
+
+/// A PNG holds what the display transform makes of the EXR of the same picture, which no option changes.
+#[test]
+fn png_is_the_display_transform_of_exr() {
+    let workshop = Workshop::new();
+    workshop.succeed("render scene.toml -o plain.exr");
+    let light = workshop.floats("plain.exr");
+    assert!(light.iter().any(|pixel| pixel[0] > 2.0), "light above white");
+    let mut seen = Vec::new();
+    for map in ToneMap::ALL {
+        for ev in [-1.5, 0.0] {
+            let options = format!("--exposure {ev} --tone-map {}", map.name());
+            workshop.succeed(&format!("render scene.toml -o a.exr {options}"));
+            assert_eq!(workshop.floats("a.exr"), light, "{options}");
+            workshop.succeed(&format!("render scene.toml -o a.png {options}"));
+            let display = DisplayTransform::new(ev, map);
+            let expected: Vec<_> = light.iter().map(|&c| display.encode(ColourPipeline::Linear, c)).collect();
+            assert_eq!(workshop.pixels("a.png"), expected, "{options}");
+            assert!(!seen.contains(&expected), "{options}");
+            seen.push(expected);
+        }
+    }
+    // The scene file says the same.
+    workshop.write("own.toml", &SCENE.replace("[image]", "[image]\nexposure = -1.5\ntone_map = 'filmic'"));
+    workshop.succeed("render own.toml -o own.png");
+    let filmic = seen.iter().position(|pixels| *pixels == workshop.pixels("own.png"));
+    assert_eq!(filmic, Some(6), "-1.5 EV and the last tone map");
+    // Options come before the scene file, and options without effect leave no trace in the file.
+    workshop.succeed("render own.toml -o off.png --exposure 0 --tone-map none");
+    assert_eq!(workshop.pixels("off.png"), seen[1]);
+    workshop.succeed("render scene.toml -o plain.png");
+    workshop.succeed("render scene.toml -o same.png --exposure 0 --tone-map none --light head");
+    assert_eq!(workshop.bytes("plain.png"), workshop.bytes("same.png"));
+    // What has an effect is in the metadata and the fingerprint.
+    let whole = format!("{:?}", String::from_utf8_lossy(&workshop.bytes("own.png")));
+    assert!(whole.contains("kiln:exposure") && whole.contains("kiln:tone-map"));
+    assert!(workshop.succeed("render own.toml -o own.png --skip-existing").contains("is there"));
+    assert!(workshop.succeed("render own.toml -o own.png --skip-existing --exposure 2").contains("wrote"));
+}
+
+/// Crops are pieces of the whole, and parts merge to its bytes.
+#[test]
+fn crops_and_parts_have_the_exposure_of_the_whole() {
+    let workshop = Workshop::new();
+    let options = "--exposure 0.3 --tone-map agx --noise 0.02 --samples 16";
+    workshop.succeed(&format!("render scene.toml -o whole.png {options} --threads 1"));
+    workshop.succeed(&format!("render scene.toml -o crop.png {options} --crop 16,8,20,9"));
+    let whole = workshop.pixels("whole.png");
+    let rows = (8..17).flat_map(|y| &whole[y * 40 + 16..y * 40 + 36]);
+    assert!(rows.eq(workshop.pixels("crop.png").iter()));
+    for share in 1..=3 {
+        workshop.succeed(&format!("render scene.toml -o part.png {options} --shard {share}/3"));
+    }
+    workshop.succeed("merge part.1of3.part part.2of3.part part.3of3.part -o part.png");
+    assert_eq!(workshop.bytes("part.png"), workshop.bytes("whole.png"));
+}
+
+/// A background of 188 alone is (188 / 255 + 0.055) / 1.055 to the power 2.4 = 0.50289 in linear light, so the
+/// automatic exposure is log2(0.18 / 0.50289) = -1.48226, rounded -1.48; the picture is then 0.50289 * 2^-1.48 =
+/// 0.18028, which sRGB encodes as 0.46169, times 255 = 117.73: 118.
+#[test]
+fn the_automatic_exposure_of_a_uniform_picture() {
+    let workshop = Workshop::new();
+    workshop.write(
+        "grey.toml",
+        "[image]\nwidth = 33\nheight = 20\nbackground = '#bcbcbc'\n\
+        [[camera]]\nposition = [0, 0, 1]\nlook_at = [0, 0, 0]\n",
+    );
+    let said = workshop.succeed("render grey.toml -o a.png --exposure auto --threads 1");
+    assert!(said.contains("kiln: note: the exposure is -1.48 EV"), "{said}");
+    assert!(
+        workshop.pixels("a.png").iter().all(|&pixel| pixel == [118; 3]),
+        "{:?}",
+        workshop.pixels("a.png")[0]
+    );
+    workshop.succeed("render grey.toml -o b.png --exposure auto --threads 2");
+    assert_eq!(workshop.bytes("a.png"), workshop.bytes("b.png"));
+    let bytes = workshop.bytes("a.png");
+    assert!(String::from_utf8_lossy(&bytes).contains("auto (-1.48)"));
+    // The same number typed gives the same pixels.
+    workshop.succeed("render scene.toml -o auto.png --exposure auto --tone-map pbr-neutral");
+    let said = workshop.succeed("render scene.toml -o auto.jpg --exposure auto --tone-map pbr-neutral");
+    let ev =
+        said.split("the exposure is ").nth(1).and_then(|rest| rest.split(' ').next()).expect("an exposure");
+    workshop.succeed(&format!("render scene.toml -o typed.png --exposure {ev} --tone-map pbr-neutral"));
+    assert_eq!(workshop.pixels("auto.png"), workshop.pixels("typed.png"));
+}
+
+#[test]
+fn wrong_exposures_are_one_clear_line() {
+    let workshop = Workshop::new();
+    for (options, what, hint) in [
+        ("--exposure bright", "give a number of EV from -64 to 64, or \"auto\"", ""),
+        ("--exposure 65", "the exposure is 65", "-64 to 64"),
+        ("--tone-map agks", "invalid value 'agks'", "'agx'"),
+        ("--light sun", "invalid value 'sun'", "possible values: head, none"),
+        ("--exposure 1 --colour u8", "take linear light, and the colours are `u8`", "--colour linear"),
+        ("--tone-map agx --colour display", "the colours are `display`", "--exposure 0 --tone-map none"),
+        ("--exposure auto --crop 0,0,8,8", "computed from a whole picture", "--exposure a number"),
+        ("--exposure auto --shard 1/2", "computed from a whole picture", "--exposure a number"),
+    ] {
+        workshop.fail(&format!("render scene.toml -o a.png {options}"), 2, [what, hint]);
+    }
+    for (lines, what) in [
+        ("\nexposure = 99", "own.toml:4: the exposure is 99; give a number of EV from -64 to 64"),
+        ("\nexposure = 'car'", "own.toml:4: expected a number of EV or \"auto\""),
+        ("\ntone_map = 'agz'", "own.toml:4: unknown value `agz`"),
+        ("\nheadlight = 1", "own.toml:4: invalid type"),
+    ] {
+        workshop.write("own.toml", &SCENE.replace("[image]", &format!("[image]\n{lines}")));
+        workshop.fail("render own.toml -o a.png", 3, [what, ""]);
+    }
+    workshop.write("own.toml", &SCENE.replace("[image]", "[image]\ncolour = 'u8'\ntone_map = 'agx'"));
+    workshop.fail("render own.toml -o a.png", 2, ["the colours are `u8`", "--tone-map none"]);
+    assert!(!workshop.path("a.png").exists());
+}
+
+/// All frames have the exposure of frame 0, alone, among others, and in shares. The sphere comes nearer.
+#[test]
+fn frames_have_the_exposure_of_the_first() {
+    let workshop = Workshop::new();
+    let moving = "[animation]\nduration = 1\nfps = 4\n[[animation.track]]\nobject = 'ball'\n\
+                  lerp = { to = [0, 0, 4], easing = 'linear' }\n";
+    let scene = SCENE.replace("[[sphere]]", "[[sphere]]\nname = 'ball'");
+    workshop.write("moving.toml", &format!("{scene}{moving}"));
+    let said = workshop.succeed("render moving.toml -o all_#.png --frames 0-3 --exposure auto");
+    let ev =
+        said.split("the exposure is ").nth(1).and_then(|rest| rest.split(' ').next()).expect("an exposure");
+    workshop.succeed("render moving.toml -o one_#.png --frames 3 --exposure auto");
+    workshop.succeed("render moving.toml -o share_#.png --frames 0-3 --shard 2/2 --exposure auto");
+    assert_eq!(workshop.bytes("one_3.png"), workshop.bytes("all_3.png"));
+    assert_eq!(workshop.bytes("share_3.png"), workshop.bytes("all_3.png"));
+    workshop.succeed(&format!("render moving.toml -o typed_#.png --frames 0-3 --exposure {ev}"));
+    assert_eq!(workshop.pixels("typed_3.png"), workshop.pixels("all_3.png"));
+    // The picture of frame 3 on its own would have another.
+    let near = scene.replace("centre = [0, 0, 0]", "centre = [0, 0, 3]");
+    workshop.write("near.toml", &near);
+    let said = workshop.succeed("render near.toml -o still.png --exposure auto");
+    assert!(!said.contains(&format!("the exposure is {ev} EV")), "{said}");
+}
+
+/// A white square that fills the picture under a light of 5000 lux reflects about 5000 / pi: everything is clipped. The
+/// exposure named takes the 99th percentile of luminance to just below 1.
+#[test]
+fn a_clipped_picture_under_physical_lights_names_an_exposure() {
+    let workshop = Workshop::new();
+    let positions: Vec<u8> =
+        [[-9f32, -9., 0.], [9., -9., 0.], [9., 9., 0.], [-9., -9., 0.], [9., 9., 0.], [-9., 9., 0.]]
+            .iter()
+            .flatten()
+            .flat_map(|c| c.to_le_bytes())
+            .collect();
+    std::fs::write(workshop.path("square.bin"), &positions).expect("a file");
+    let gltf = |intensity: f64| {
+        serde_json::json!({
+            "asset": { "version": "2.0" },
+            "extensionsUsed": ["KHR_lights_punctual"],
+            "extensions": { "KHR_lights_punctual": { "lights": [
+                { "type": "directional", "intensity": intensity } ] } },
+            "scene": 0,
+            "scenes": [{ "nodes": [0, 1, 2] }],
+            "nodes": [
+                { "mesh": 0 },
+                { "extensions": { "KHR_lights_punctual": { "light": 0 } } },
+                { "camera": 0, "translation": [0, 0, 5] }
+            ],
+            "cameras": [{ "type": "perspective", "perspective": { "yfov": 0.7, "znear": 0.1 } }],
+            "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "material": 0 }] }],
+            "materials": [{ "pbrMetallicRoughness": { "metallicFactor": 0 } }],
+            "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3",
+                "min": [-9, -9, 0], "max": [9, 9, 0] }],
+            "bufferViews": [{ "buffer": 0, "byteLength": 72 }],
+            "buffers": [{ "uri": "square.bin", "byteLength": 72 }]
+        })
+        .to_string()
+    };
+    workshop.write("bright.gltf", &gltf(5000.0));
+    let said = workshop.succeed("render bright.gltf -o a.png --size 64x48");
+    let ev = said.split("try `--exposure ").nth(1).and_then(|rest| rest.split('`').next());
+    let ev: f64 = ev.unwrap_or_else(|| panic!("no exposure: {said}")).parse().expect("a number");
+    assert_eq!(said.matches("kiln: warning: ").count(), 1, "{said}");
+    workshop.succeed("render bright.gltf -o a.exr --size 64x48");
+    let luminance =
+        |[r, g, b]: [f32; 3]| 0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b);
+    let mut all: Vec<f64> = workshop.floats("a.exr").into_iter().map(luminance).collect();
+    all.sort_by(f64::total_cmp);
+    let percentile = all[all.len() * 99 / 100] * ev.exp2();
+    assert!(percentile > 0.92 && percentile <= 1.0, "{percentile} at {ev}");
+    // About log2(5000 / pi) = 10.6 stops.
+    assert!((-11.5..-10.0).contains(&ev), "{ev}");
+    for quiet in [&format!("--exposure {ev}"), "--tone-map agx", "--exposure 0", "-o a.exr"] {
+        let output = if quiet.starts_with("-o") { "" } else { "-o b.png" };
+        let said = workshop.succeed(&format!("render bright.gltf {output} --size 64x48 {quiet}"));
+        assert!(!said.contains("kiln: warning: "), "{quiet}: {said}");
+    }
+    let said = workshop.succeed("render bright.gltf -o f_##.png --frames 0-1 --size 32x24");
+    assert_eq!(said.matches("try `--exposure").count(), 1, "{said}");
+    // A white surface under 1 lux reflects about 1 / pi.
+    workshop.write("dim.gltf", &gltf(1.0));
+    assert!(!workshop.succeed("render dim.gltf -o a.png --size 64x48").contains("warning"));
+}
+
+#[test]
+fn a_headlight_can_be_left_out() {
+    let workshop = Workshop::new();
+    workshop.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let said = workshop.succeed("render a.obj -o head.png --size 8x8 --light head");
+    assert!(said.contains("added a headlight"), "{said}");
+    workshop.succeed("render a.obj -o default.png --size 8x8");
+    assert_eq!(workshop.bytes("head.png"), workshop.bytes("default.png"));
+    let said = workshop.succeed("render a.obj -o none.png --size 8x8 --light none");
+    assert!(!said.contains("headlight"), "{said}");
+    let sum = |name: &str| workshop.pixels(name).into_iter().flatten().map(u64::from).sum::<u64>();
+    assert!(sum("none.png") < sum("head.png"), "{} {}", sum("none.png"), sum("head.png"));
+    // The scene file says the same, and the option overrides it.
+    workshop
+        .write("dark.toml", "[image]\nbackground = '#202226'\nheadlight = false\n[[mesh]]\nfile = 'a.obj'\n");
+    workshop.succeed("render dark.toml -o dark.png --size 8x8");
+    assert_eq!(workshop.pixels("dark.png"), workshop.pixels("none.png"));
+    workshop.succeed("render dark.toml -o lit.png --size 8x8 --light head");
+    assert_eq!(workshop.pixels("lit.png"), workshop.pixels("head.png"));
+    // Frames, and fingerprints, too.
+    workshop.succeed("render a.obj -o f_#.png --frames 0 --size 8x8 --light none");
+    let said = workshop.succeed("render a.obj -o f_#.png --frames 0 --size 8x8 --skip-existing");
+    assert!(said.contains("wrote 1 frame(s)"), "{said}");
+    // A light of the file stays.
+    workshop.succeed("render scene.toml -o scene.png");
+    workshop.succeed("render scene.toml -o scene-none.png --light none");
+    assert_eq!(workshop.pixels("scene.png"), workshop.pixels("scene-none.png"));
+}
