@@ -1,5 +1,6 @@
 //! Shading: pure functions of a surface interaction and light samples. Visibility is tested by the caller.
 
+pub mod bsdf;
 mod lights;
 mod metallic_roughness;
 pub mod normal_map;
