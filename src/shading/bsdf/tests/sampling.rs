@@ -106,7 +106,7 @@ fn densities_integrate_to_at_most_one() {
             let bsdf = Bsdf::new(&material, view(cos));
             let density = |light| DVec3::splat(bsdf.pdf(light));
             let integral = integrate_sphere(&density, &peaks(&material, bsdf.view), 1e-5).x;
-            assert!(integral < 1.0 + 1e-3 && integral > 0.3, "{integral}: {material:?}");
+            assert!(integral < 1.0 + 1e-3 && integral > 0.2, "{integral}: {material:?}");
         }
     }
 }
