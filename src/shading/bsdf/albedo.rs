@@ -1,9 +1,9 @@
 //! Directional albedo of the GGX reflection lobe, tabulated over cosine and roughness.
 //!
-//! The albedo for a Fresnel factor of 1 is E; the part by which Schlick's weight (1 - v.h)^5 contributes is B. A lobe with
-//! Schlick's approximation has the albedo F0 (E - B) + F90 B. Light that leaves the single-scattering model after several
-//! reflections between microfacets is 1 - E; Turquin, Practical Multiple Scattering Compensation for Microfacet Models,
-//! 2019, returns it by the factor 1 + F0 (1 - E) / E.
+//! The albedo for a Fresnel factor of 1 is E; the part by which Schlick's weight (1 - v.h)^5 contributes is B. A lobe
+//! with Schlick's approximation has the albedo F0 (E - B) + F90 B. Light that leaves the single-scattering model
+//! after several reflections between microfacets is 1 - E; Turquin, Practical Multiple Scattering Compensation for
+//! Microfacet Models, 2019, returns it by the factor 1 + F0 (1 - E) / E.
 
 use std::sync::OnceLock;
 
@@ -58,9 +58,9 @@ impl GgxAlbedo {
     }
 }
 
-/// The position in the table. Masking depends on cosine / alpha at grazing views and hardly on the cosine elsewhere: the
-/// coordinate is 1 - sqrt(1 - sqrt(x)) of x = cos (1 + alpha) / (cos + alpha), which spreads both ends. The other is the
-/// perceptual roughness.
+/// The position in the table. Masking depends on cosine / alpha at grazing views and hardly on the cosine elsewhere:
+/// the coordinate is 1 - sqrt(1 - sqrt(x)) of x = cos (1 + alpha) / (cos + alpha), which spreads both ends. The other
+/// is the perceptual roughness.
 pub(crate) fn to_unit(ggx: Ggx, cos: f64) -> [f64; 2] {
     let alpha = ggx.alpha();
     let least = MIN_ALPHA.sqrt();
@@ -142,9 +142,9 @@ mod tests {
         assert!(greatest < 1e-3, "{greatest}");
     }
 
-    /// Roughness 1 at normal incidence: D = 1 / pi is constant, l = 2 theta from the normal m at theta, v.m = cos(theta),
-    /// G1(v) = 1, G2 = 2 l / (1 + l) with l = cos(2 theta) (S(v) = S(l) = 1). E is the integral of D G2 / (4 l) l over l,
-    /// = 2 pi int_0^1 (1 / pi) (2 l / (1 + l)) / 4 dl = int_0^1 l / (1 + l) dl = 1 - ln 2.
+    /// Roughness 1 at normal incidence: D = 1 / pi is constant, l = 2 theta from the normal m at theta, v.m =
+    /// cos(theta), G1(v) = 1, G2 = 2 l / (1 + l) with l = cos(2 theta) (S(v) = S(l) = 1). E is the integral of D G2 /
+    /// (4 l) l over l, = 2 pi int_0^1 (1 / pi) (2 l / (1 + l)) / 4 dl = int_0^1 l / (1 + l) dl = 1 - ln 2.
     #[test]
     fn normal_incidence_by_hand() {
         let albedo = GgxAlbedo::new(Ggx::new(1.0), 1.0);

@@ -1,8 +1,8 @@
 //! Pearson's chi-squared test of samples on the sphere against their density, for tests of samplers.
 //!
-//! The method is that of nori's `warptest` (W. Jakob): cells over the sphere, expected counts by quadrature of the density,
-//! cells of low expectation pooled. Samples that return no direction count in a cell of their own, so that the integral of
-//! the density is tested, too.
+//! The method is that of nori's `warptest` (W. Jakob): cells over the sphere, expected counts by quadrature of the
+//! density, cells of low expectation pooled. Samples that return no direction count in a cell of their own, so that
+//! the integral of the density is tested, too.
 
 use std::f64::consts::PI;
 
@@ -99,15 +99,16 @@ pub(crate) fn p_value(observed: &[f64], expected: &[f64]) -> f64 {
             pool = (0.0, 0.0);
         }
     }
-    // Less than a cell should have. The statistic divides by more than the expectation, so that chance is not rejected.
+    // Less than a cell should have. The statistic divides by more than the expectation, so that chance is not
+    // rejected.
     if pool != (0.0, 0.0) {
         add(pool.0, pool.1);
     }
     if cells < 2 { 1.0 } else { gamma_q(0.5 * f64::from(cells - 1), 0.5 * statistic) }
 }
 
-/// The regularised upper incomplete gamma function Q(a, x), a > 0, x >= 0: series below a + 1, Lentz's continued fraction
-/// above (Press et al., Numerical Recipes, 3rd edition, section 6.2).
+/// The regularised upper incomplete gamma function Q(a, x), a > 0, x >= 0: series below a + 1, Lentz's continued
+/// fraction above (Press et al., Numerical Recipes, 3rd edition, section 6.2).
 pub(crate) fn gamma_q(a: f64, x: f64) -> f64 {
     let front = (a * x.max(f64::MIN_POSITIVE).ln() - x - ln_gamma(a)).exp();
     if x < a + 1.0 {
@@ -183,8 +184,9 @@ mod tests {
         assert_eq!(gamma_q(3.0, 0.0), 1.0);
     }
 
-    /// Uniform samples have p-values that are uniform: of 200 tests, 10 are expected below 0.05, with the standard deviation
-    /// sqrt(200 x 0.05 x 0.95) = 3.1. 25 would be five deviations too many, and none below 0.3 impossible as well.
+    /// Uniform samples have p-values that are uniform: of 200 tests, 10 are expected below 0.05, with the standard
+    /// deviation sqrt(200 x 0.05 x 0.95) = 3.1. 25 would be five deviations too many, and none below 0.3 impossible
+    /// as well.
     #[test]
     fn p_values_are_uniform() {
         let mut random = Random(1);

@@ -10,8 +10,8 @@ const MAX_INDEX: f64 = 1e6;
 /// 1e-4, and the half vector of refraction is the difference of nearly equal vectors.
 const MIN_CONTRAST: f64 = 1e-4;
 
-/// The ratio of the index of refraction on the far side of an interface to that on the side of the view. 0 and infinity
-/// reflect all light, 1 is no interface.
+/// The ratio of the index of refraction on the far side of an interface to that on the side of the view. 0 and
+/// infinity reflect all light, 1 is no interface.
 ///
 /// `ior` is glTF's value (KHR_materials_ior): 0 is an infinite index, 1 no interface.
 pub(crate) fn relative_index(ior: f64, from_inside: bool) -> f64 {
@@ -66,16 +66,16 @@ pub(crate) fn dielectric(eta: f64, cos: f64) -> f64 {
     (0.5 * (perpendicular * perpendicular + parallel * parallel)).min(1.0)
 }
 
-/// Schlick's weight (1 - cos)^5 of the reflectance at grazing incidence (An Inexpensive BRDF Model for Physically-based
-/// Rendering, Computer Graphics Forum 13(3), 1994).
+/// Schlick's weight (1 - cos)^5 of the reflectance at grazing incidence (An Inexpensive BRDF Model for
+/// Physically-based Rendering, Computer Graphics Forum 13(3), 1994).
 pub(crate) fn schlick_weight(cos: f64) -> f64 {
     let x = (1.0 - cos).clamp(0.0, 1.0);
     let square = x * x;
     square * square * x
 }
 
-/// Reflectance by colour channel as a function of the cosine between view and microfacet normal. Weights of the lobe are
-/// multiplied in, so values may exceed 1.
+/// Reflectance by colour channel as a function of the cosine between view and microfacet normal. Weights of the lobe
+/// are multiplied in, so values may exceed 1.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Fresnel {
     /// Schlick's approximation between the values at normal and at grazing incidence.
@@ -101,9 +101,9 @@ impl Fresnel {
 
 /// A dielectric interface whose reflectance is modified by KHR_materials_specular.
 ///
-/// The extension states its factors for Schlick's approximation: F0 is multiplied by `specular_colour` (up to 1) and by
-/// `specular`, F90 by `specular`. Here the exact reflectance F is mapped affinely, so that F0 becomes the modified F0 and
-/// 1 the modified F90. Default factors leave F as it is. Total internal reflection stays complete.
+/// The extension states its factors for Schlick's approximation: F0 is multiplied by `specular_colour` (up to 1) and
+/// by `specular`, F90 by `specular`. Here the exact reflectance F is mapped affinely, so that F0 becomes the modified
+/// F0 and 1 the modified F90. Default factors leave F as it is. Total internal reflection stays complete.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Interface {
     /// Relative index of refraction (see [`relative_index`]).
@@ -141,7 +141,8 @@ impl Interface {
     }
 
     /// The part of light that is transmitted, 0 to 1, where `reflectance` is reflected. It is one number, so that a
-    /// coloured reflection does not tint the transmission in the complementary colour, as KHR_materials_specular states.
+    /// coloured reflection does not tint the transmission in the complementary colour, as KHR_materials_specular
+    /// states.
     pub(crate) fn transmittance(&self, reflectance: DVec3) -> f64 {
         if self.eta.is_infinite() { 0.0 } else { 1.0 - reflectance.max_element() }
     }
@@ -162,8 +163,9 @@ mod tests {
         assert_eq!(dielectric(f64::INFINITY, 0.3), 1.0);
     }
 
-    /// At Brewster's angle, tan = n, parallel light is transmitted entirely and the refracted ray is at a right angle to the
-    /// reflected one, so that F = (n^2 - 1)^2 / (2 (n^2 + 1)^2); for n = 1.5 it is (1.25 / 3.25)^2 / 2 = 25 / 338.
+    /// At Brewster's angle, tan = n, parallel light is transmitted entirely and the refracted ray is at a right angle
+    /// to the reflected one, so that F = (n^2 - 1)^2 / (2 (n^2 + 1)^2); for n = 1.5 it is (1.25 / 3.25)^2 / 2 = 25 /
+    /// 338.
     #[test]
     fn brewster_angle() {
         let cos = 1.0 / 3.25f64.sqrt(); // cos = 1 / sqrt(1 + tan^2)
@@ -181,8 +183,8 @@ mod tests {
         assert_eq!(dielectric(0.0, 1.0), 1.0);
     }
 
-    /// Grazing incidence reflects all: with refracted cosine C = sqrt(1 - 1 / n^2), F = 1 - 2 (1 / (n C) + n / C) cos to
-    /// first order; both polarisations, (1 - x)^2 = 1 - 2 x with x = 2 cos / (n C) and 2 n cos / C, halved.
+    /// Grazing incidence reflects all: with refracted cosine C = sqrt(1 - 1 / n^2), F = 1 - 2 (1 / (n C) + n / C) cos
+    /// to first order; both polarisations, (1 - x)^2 = 1 - 2 x with x = 2 cos / (n C) and 2 n cos / C, halved.
     #[test]
     fn grazing_incidence() {
         assert_eq!(dielectric(1.5, 0.0), 1.0);

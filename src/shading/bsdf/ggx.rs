@@ -1,14 +1,15 @@
 //! The GGX distribution of microfacet normals with Smith's masking and shadowing.
 //!
-//! Directions are in the local frame, z is the macroscopic normal. Masking functions are divided by the cosine that the
-//! microfacet BSDF divides by, which keeps all values finite at grazing views.
+//! Directions are in the local frame, z is the macroscopic normal. Masking functions are divided by the cosine that
+//! the microfacet BSDF divides by, which keeps all values finite at grazing views.
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
-/// The least alpha (the square of the roughness) that is integrated as a distribution. Smoother surfaces, of a perceptual
-/// roughness below 0.01 and a highlight of 20 arc seconds, are perfect mirrors or refract perfectly: delta lobes.
+/// The least alpha (the square of the roughness) that is integrated as a distribution. Smoother surfaces, of a
+/// perceptual roughness below 0.01 and a highlight of 20 arc seconds, are perfect mirrors or refract perfectly: delta
+/// lobes.
 pub(crate) const MIN_ALPHA: f64 = 1e-4;
 
 /// An isotropic GGX distribution (Walter et al., Microfacet Models for Refraction through Rough Surfaces, EGSR 2007).
@@ -52,20 +53,17 @@ impl Ggx {
     }
 
     /// The height-correlated masking and shadowing G2 (Heitz, Understanding the Masking-Shadowing Function in
-    /// Microfacet-Based BRDFs, JCGT 3(2), 2014, equation 99), divided by the cosine of the view. Refraction uses it, too.
+    /// Microfacet-Based BRDFs, JCGT 3(2), 2014, equation 99), divided by the cosine of the view. Refraction uses it,
+    /// too.
     ///
     /// `view` and `light` are absolute cosines.
     pub(crate) fn shadowing_over_cosine(self, view: f64, light: f64) -> f64 {
         2.0 * light / (view * self.smith(light) + light * self.smith(view))
     }
 
-    /// The density of normals that a view sees, per solid angle of the normal: G1 D max(0, v.m) / v.z.
-    pub(crate) fn visible_density(self, view: DVec3, normal: DVec3) -> f64 {
-        self.masking_over_cosine(view.z) * self.density(normal) * view.dot(normal).max(0.0)
-    }
-
-    /// A normal with the density of [`Ggx::visible_density`] by uniform points on spherical caps (Dupuy and Benyoub,
-    /// Sampling Visible GGX Normals with Spherical Caps, HPG 2023). `None` where rounding leaves no normal.
+    /// A normal with the density of those that a view sees, G1 D max(0, v.m) / v.z, by uniform points on spherical
+    /// caps (Dupuy and Benyoub, Sampling Visible GGX Normals with Spherical Caps, HPG 2023). `None` where rounding
+    /// leaves no normal.
     pub(crate) fn sample_visible_normal(self, view: DVec3, numbers: [f64; 2]) -> Option<DVec3> {
         let stretched = DVec3::new(view.x * self.alpha, view.y * self.alpha, view.z).normalize();
         // A point of the cap z > -stretched.z. 1 - z and 1 + z are products and sums of positive numbers.
@@ -110,8 +108,8 @@ mod tests {
         DVec3::new(sine * phi.cos(), sine * phi.sin(), cos)
     }
 
-    /// The integral of D cos is 1, and that of the visible normals' density, for every view (Heitz 2014, equations 3 and
-    /// 16). Midpoint rule in cos^2-like steps: for the angle theta with tan = alpha t, t = s / (1 - s).
+    /// The integral of D cos is 1, and that of the visible normals' density, for every view (Heitz 2014, equations 3
+    /// and 16). Midpoint rule over s, where the tangent of the polar angle is alpha s / (1 - s).
     #[test]
     fn densities_are_normalised() {
         let n = 400;
@@ -129,7 +127,8 @@ mod tests {
                     for j in 0..n {
                         let m = direction(c, (f64::from(j) + 0.5) / f64::from(n) * 2.0 * PI);
                         area += ggx.density(m) * m.z * measure;
-                        visible += ggx.visible_density(view, m) * measure;
+                        let seen = view.dot(m).max(0.0);
+                        visible += ggx.masking_over_cosine(cos) * ggx.density(m) * seen * measure;
                     }
                 }
                 assert!((area - 1.0).abs() < 1e-4, "alpha {alpha}: {area}");
@@ -138,8 +137,8 @@ mod tests {
         }
     }
 
-    /// Alpha 1, v.z = 1, l.z = 0.5: Lambda(v) = 0, Lambda(l) = (-1 + sqrt(1 + 3)) / 2 = 0.5, G2 = 1 / (1 + 0.5) = 2 / 3,
-    /// G1(l) / l.z = (2 / 3) / 0.5 = 4 / 3. D(z) = 1 / pi.
+    /// Alpha 1, v.z = 1, l.z = 0.5: Lambda(v) = 0, Lambda(l) = (-1 + sqrt(1 + 3)) / 2 = 0.5, G2 = 1 / (1 + 0.5) = 2 /
+    /// 3, G1(l) / l.z = (2 / 3) / 0.5 = 4 / 3. D(z) = 1 / pi.
     #[test]
     fn by_hand() {
         let ggx = Ggx::new(1.0);

@@ -1,7 +1,7 @@
 //! The BSDF of path transport: glTF's metallic-roughness material with its extensions, as pure functions.
 //!
-//! All directions are unit vectors in the local frame of the surface: z is the shading normal on the side of the view, and
-//! both `view` and `light` point away from the surface. Layers, from the top:
+//! All directions are unit vectors in the local frame of the surface: z is the shading normal on the side of the
+//! view, and both `view` and `light` point away from the surface. Layers, from the top:
 //!
 //! ```text
 //! clearcoat ── sheen ──┬─ metallic: GGX conductor
@@ -9,10 +9,12 @@
 //!                                       └─ transmission: glass, or thin wall
 //! ```
 //!
-//! What lies below a layer is scaled by 1 minus the layer's directional albedo for the view. Single lobes are reciprocal;
-//! their sum is not, since the scale depends on the view only. Transmitted light is basic radiance, see [`glass`].
+//! What lies below a layer is scaled by 1 minus the layer's directional albedo for the view. Single lobes are
+//! reciprocal; their sum is not, since the scale depends on the view only. Transmitted light is basic radiance,
+//! L / n^2: the factor (n_t / n_i)^2 of radiance is left out. It cancels on paths that begin and end in the same medium.
 //!
-//! Lobes of alpha (the square of the roughness) below [`ggx::MIN_ALPHA`] are delta functions.
+//! Lobes of a roughness below 0.01 (alpha, its square, below 1e-4) are delta functions. An index of refraction within
+//! 1e-4 of 1 is no interface.
 
 mod albedo;
 mod clearcoat;

@@ -13,12 +13,13 @@ pub(crate) fn direction(z: f64, phi: f64) -> DVec3 {
 /// A rectangle in polar angle and azimuth (radians): [theta from, to, phi from, to].
 pub(crate) type Cell = [f64; 4];
 
-/// The nodes and weights of Lobatto's rule with 4 points on -1 to 1, exact to degree 5. It has the ends among its nodes:
-/// rules without miss thin strips beyond a jump, such as the edge of a refraction lobe, on all levels of subdivision.
+/// The nodes and weights of Lobatto's rule with 4 points on -1 to 1, exact to degree 5. It has the ends among its
+/// nodes: rules without miss thin strips beyond a jump, such as the edge of a refraction lobe, on all levels of
+/// subdivision.
 const LOBATTO: [(f64, f64); 4] = [
     (-1.0, 1.0 / 6.0),
-    (-0.447_213_595_499_957_94, 5.0 / 6.0),
-    (0.447_213_595_499_957_94, 5.0 / 6.0),
+    (-0.447_213_595_499_957_9, 5.0 / 6.0),
+    (0.447_213_595_499_957_9, 5.0 / 6.0),
     (1.0, 1.0 / 6.0),
 ];
 
@@ -32,9 +33,9 @@ pub(crate) struct Peak {
     pub(crate) width: f64,
 }
 
-/// The integral of `function` per solid angle over a cell, with an error of about `tolerance`. Cells are divided in four
-/// until the rule on the parts agrees with that on the whole, and while they are larger than their distance to a peak or
-/// its width, whichever is greater.
+/// The integral of `function` per solid angle over a cell, with an error of about `tolerance`. Cells are divided in
+/// four until the rule on the parts agrees with that on the whole, and while they are larger than their distance to a
+/// peak or its width, whichever is greater.
 pub(crate) fn integrate(
     function: &impl Fn(DVec3) -> DVec3,
     cell: Cell,

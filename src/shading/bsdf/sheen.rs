@@ -1,8 +1,8 @@
-//! Sheen of cloth: KHR_materials_sheen, the Charlie distribution of Estevez and Kulla, Production Friendly Microfacet Sheen
-//! BRDF, SIGGRAPH 2017.
+//! Sheen of cloth: KHR_materials_sheen, the Charlie distribution of Estevez and Kulla, Production Friendly Microfacet
+//! Sheen BRDF, SIGGRAPH 2017.
 //!
-//! The fitted masking function leaves some lobes of a sheen roughness below 0.25 with an albedo above 1 at grazing views.
-//! They are scaled by the inverse of it, so that no energy is gained.
+//! The fitted masking function leaves some lobes of a sheen roughness below 0.25 with an albedo above 1 at grazing
+//! views. They are scaled by the inverse of it, so that no energy is gained.
 
 use std::f64::consts::PI;
 use std::sync::OnceLock;
@@ -17,11 +17,13 @@ use super::table::{Table, lattice, tent};
 /// The least alpha, of a sheen roughness of 0.1. Below it the lobe is a spike at grazing half vectors.
 const MIN_ALPHA: f64 = 0.01;
 
-/// The least cosine for which masking and visibility are evaluated. The fitted masking ends at a finite value, so that
-/// the visibility term, divided by the cosines, would grow without bound at grazing directions, and the albedo with it.
+/// The least cosine for which masking and visibility are evaluated. The fitted masking ends at a finite value, so
+/// that the visibility term, divided by the cosines, would grow without bound at grazing directions, and the albedo
+/// with it.
 const MIN_COSINE: f64 = 0.01;
 
-/// Nodes over the root of the cosine, one of them at that of [`MIN_COSINE`], and over roughness. Accuracy: test `accuracy`.
+/// Nodes over the root of the cosine, one of them at that of [`MIN_COSINE`], and over roughness. Accuracy: test
+/// `accuracy`.
 const NODES: [usize; 2] = [31, 40];
 
 /// Points of the Fibonacci lattice of a node's quadrature: two successive Fibonacci numbers.
@@ -168,7 +170,8 @@ mod tests {
         assert!(smooth < 4e-3 && rough < 2e-3, "{smooth}, {rough}");
     }
 
-    /// The integral of D cos is 1 (Estevez and Kulla, equation 2): with s = sin, D cos dm = (2 + 1 / a) s^(1 / a) s ds.
+    /// The integral of D cos is 1 (Estevez and Kulla, equation 2): with s = sin, D cos dm = (2 + 1 / a) s^(1 / a) s
+    /// ds.
     #[test]
     fn density_is_normalised() {
         for roughness in [0.1, 0.5, 1.0] {

@@ -21,8 +21,8 @@ fn mirrored(direction: DVec3) -> DVec3 {
 }
 
 impl ThinTransmission {
-    /// The lobe of an albedo, which includes tint and what is not reflected, for a view with the cosine `cos`. It is divided
-    /// by the albedo of the lobe, so that nothing is lost.
+    /// The lobe of an albedo, which includes tint and what is not reflected, for a view with the cosine `cos`. It is
+    /// divided by the albedo of the lobe, so that nothing is lost.
     pub(crate) fn new(roughness: f64, ior: f64, transmitted: DVec3, cos: f64) -> Self {
         let contrast = if ior > 0.0 { ior.max(1.0 / ior) - 1.0 } else { 1.0 };
         let ggx = Ggx::new(roughness * (2.0 * contrast).clamp(0.0, 1.0));

@@ -45,7 +45,8 @@ fn albedo(parameters: &BsdfParameters, cos: f64, count: usize, tolerance: f64) -
 }
 
 /// The samples agree with the quadrature to 5 standard errors (in 600 comparisons, 3e-4 false alarms are expected).
-/// `rare`: events of a probability of 8 / count may have been missed altogether, which the standard error does not show.
+/// `rare`: events of a probability of 8 / count may have been missed altogether, which the standard error does not
+/// show.
 fn check_samples(albedo: &Albedo, rare: f64, what: &str) {
     let difference = (albedo.sampled - albedo.exact).abs();
     let allowed = albedo.error * 5.0 + rare;

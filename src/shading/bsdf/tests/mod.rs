@@ -26,8 +26,8 @@ fn glass(from_inside: bool) -> BsdfParameters {
     BsdfParameters { transmission: 1.0, from_inside, ..dielectric() }
 }
 
-/// The directions near which a BSDF may have peaks: reflected, refracted and straight through. Lobes fall off with alpha
-/// at normal incidence; at grazing views, reflections become narrow across the plane of incidence.
+/// The directions near which a BSDF may have peaks: reflected, refracted and straight through. Lobes fall off with
+/// alpha at normal incidence; at grazing views, reflections become narrow across the plane of incidence.
 fn peaks(p: &BsdfParameters, view: DVec3) -> Vec<Peak> {
     let peak = |direction: DVec3, roughness: f64| {
         Peak { direction, width: if roughness < 0.01 { 1.0 } else { roughness * roughness } }

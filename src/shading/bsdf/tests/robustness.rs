@@ -8,8 +8,8 @@ fn bsdf(p: &BsdfParameters, a: DVec3, b: DVec3) -> DVec3 {
     Bsdf::new(p, a).eval(b) / b.z.abs()
 }
 
-/// f(a, b) = f(b, a) for reflection by a metal without compensation of colour differences: Turquin's factor depends on the
-/// view, so the ratio of both is that of the factors, which is removed here; exactly for the other lobes.
+/// f(a, b) = f(b, a) for metal, diffuse reflection and sheen. The compensation of multiple scattering depends on the
+/// view and is divided out, as is the scale of sheen.
 #[test]
 fn lobes_are_reciprocal() {
     let mut random = Random(5);
@@ -35,8 +35,9 @@ fn lobes_are_reciprocal() {
     }
 }
 
-/// Refraction of basic radiance is reciprocal: f(a, b) seen from outside is f(b, a) seen from inside, both without the
-/// compensation, which depends on the view. The frame is turned over, since z is on the side of the view.
+/// Refraction: f(a, b) / n_b^2 = f(b, a) / n_a^2 (Walter et al. 2007, equation 20 ff.), where b is on the side of
+/// n_b. The compensation is left out, and the frame turned over for views from inside, since z is on the side of the
+/// view.
 #[test]
 fn refraction_is_reciprocal() {
     let mut random = Random(6);
@@ -52,17 +53,15 @@ fn refraction_is_reciprocal() {
         let turned = |d: DVec3| DVec3::new(d.x, d.y, -d.z);
         let x = lobe(false, outside.z).value(outside, inside).scattered.x / -inside.z;
         let y = lobe(true, -inside.z).value(turned(inside), turned(outside)).scattered.x / outside.z;
-        // Radiance over n^2: f(a, b) n_a^2 = f(b, a) n_b^2 for radiance, and f of basic radiance has the square of the
-        // index of the side it goes to.
-        let (x, y) = (x / 2.25, y);
+        let x = x / 2.25;
         assert!((x - y).abs() <= 1e-9 * x.max(1e-12), "{x}, {y}");
         compared += usize::from(x > 0.0);
     }
     assert!(compared > 100, "{compared}");
 }
 
-/// All values are finite and not negative, and the weights bounded, for every combination of extreme parameters, views and
-/// lights.
+/// All values are finite and not negative, and the weights bounded, for every combination of extreme parameters,
+/// views and lights.
 #[test]
 fn no_parameters_give_nan() {
     let extremes = [0.0, 1e-3, 0.5, 1.0];
