@@ -62,8 +62,8 @@ impl Distance {
     }
 
     /// The near and far root of `a t^2 - 2 b t + c = 0` with `a > 0`. `None` if they are not real.
-    pub(crate) fn roots(a: BigInt, b: BigInt, c: &BigInt) -> Option<[Self; 2]> {
-        let d = &b * &b - &a * c;
+    pub(crate) fn roots(a: &BigInt, b: &BigInt, c: &BigInt) -> Option<[Self; 2]> {
+        let d = b * b - a * c;
         if d.is_negative() {
             return None;
         }

@@ -155,7 +155,7 @@ impl<'a> Vertex<'a> {
         if (local.z > 0.0) != (direction.dot(self.surface.geometric_normal) > 0.0) {
             return (DVec3::ZERO, 0.0);
         }
-        (bsdf.eval(local), bsdf.pdf(local))
+        bsdf.eval_pdf(local)
     }
 
     /// The origin of a ray that leaves the surface in a direction.

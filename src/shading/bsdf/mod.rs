@@ -1,46 +1,304 @@
-//! stub: Lambert
+//! The BSDF of path transport: glTF's metallic-roughness material with its extensions, as pure functions.
+//!
+//! All directions are unit vectors in the local frame of the surface: z is the shading normal on the side of the
+//! view, and both `view` and `light` point away from the surface. Layers, from the top:
+//!
+//! ```text
+//! clearcoat ── sheen ──┬─ metallic: GGX conductor
+//!                      └─ 1 - metallic ─┬─ 1 - transmission: GGX dielectric ── Lambert
+//!                                       └─ transmission: glass, or thin wall
+//! ```
+//!
+//! What lies below a layer is scaled by 1 minus the layer's directional albedo for the view. Single lobes are
+//! reciprocal; their sum is not, since the scale depends on the view only. Transmitted light is basic radiance,
+//! L / n^2: the factor (n_t / n_i)^2 of radiance is left out. It cancels on paths that begin and end in the same medium.
+//!
+//! Lobes of a roughness below 0.01 (alpha, its square, below 1e-4) are delta functions. An index of refraction within
+//! 1e-4 of 1 is no interface.
+
+mod albedo;
+mod clearcoat;
+mod conductor;
+mod dielectric;
+mod diffuse;
+mod fresnel;
+mod ggx;
+mod glass;
+mod glass_albedo;
+mod lobe;
+mod sheen;
+mod specular;
+mod table;
+mod thin;
+
+#[cfg(test)]
+pub(crate) mod chi_squared;
+#[cfg(test)]
+pub(crate) mod quadrature;
+#[cfg(test)]
+mod tests;
+
 use glam::DVec3;
-#[derive(Debug, Clone, Copy, Default)]
+
+use albedo::GgxAlbedo;
+use clearcoat::Clearcoat;
+use diffuse::Diffuse;
+use fresnel::{Fresnel, Interface, relative_index};
+use ggx::Ggx;
+use glass::Glass;
+use lobe::{Lobe, LobeSample, Value};
+use sheen::Sheen;
+use specular::Specular;
+use thin::ThinTransmission;
+
+/// Parameters of a surface point, textures multiplied in. Values out of range are clamped to it.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BsdfParameters {
+    /// Linear base colour, each channel 0 to 1.
     pub base_colour: DVec3,
+    /// 0 dielectric to 1 metal.
     pub metallic: f64,
+    /// Perceptual roughness, 0 to 1; alpha is its square.
     pub roughness: f64,
+    /// Index of refraction (KHR_materials_ior): 1 is no interface, 0 or infinity reflects everything.
+    pub ior: f64,
+    /// Weight of the dielectric reflection, 0 to 1 (KHR_materials_specular).
     pub specular: f64,
+    /// Factor of the dielectric reflectance at normal incidence, 0 or more.
+    pub specular_colour: DVec3,
+    /// Part of the light below the dielectric reflection that is transmitted, 0 to 1.
+    pub transmission: f64,
+    /// Without a volume (thickness 0): transmitted light is not refracted.
+    pub thin_walled: bool,
+    /// The ray hit the back face of a surface with a volume. Clearcoat and sheen are on the outside only.
+    pub from_inside: bool,
+    /// Weight of the clear coat, 0 to 1.
+    pub clearcoat: f64,
+    /// Perceptual roughness of the clear coat, 0 to 1.
+    pub clearcoat_roughness: f64,
+    /// Linear colour of the sheen, each channel 0 to 1. Black is no sheen.
+    pub sheen_colour: DVec3,
+    /// Perceptual roughness of the sheen, 0 to 1.
+    pub sheen_roughness: f64,
 }
-#[derive(Debug, Clone, Copy)]
-pub struct Bsdf {
-    c: DVec3,
+
+impl Default for BsdfParameters {
+    /// glTF's defaults.
+    fn default() -> Self {
+        BsdfParameters {
+            base_colour: DVec3::ONE,
+            metallic: 1.0,
+            roughness: 1.0,
+            ior: 1.5,
+            specular: 1.0,
+            specular_colour: DVec3::ONE,
+            transmission: 0.0,
+            thin_walled: false,
+            from_inside: false,
+            clearcoat: 0.0,
+            clearcoat_roughness: 0.0,
+            sheen_colour: DVec3::ZERO,
+            sheen_roughness: 0.0,
+        }
+    }
 }
+
+impl BsdfParameters {
+    /// The parameters with all values in range. A thin wall has no inside.
+    fn clamped(&self) -> Self {
+        let unit = |value: f64| if value > 0.0 { value.min(1.0) } else { 0.0 };
+        let colour = |value: DVec3| DVec3::new(unit(value.x), unit(value.y), unit(value.z));
+        let positive = |value: f64| if value > 0.0 { value.min(f64::MAX) } else { 0.0 };
+        let tint = self.specular_colour;
+        BsdfParameters {
+            base_colour: colour(self.base_colour),
+            metallic: unit(self.metallic),
+            roughness: unit(self.roughness),
+            ior: self.ior,
+            specular: unit(self.specular),
+            specular_colour: DVec3::new(positive(tint.x), positive(tint.y), positive(tint.z)),
+            transmission: unit(self.transmission),
+            thin_walled: self.thin_walled,
+            from_inside: self.from_inside && !self.thin_walled,
+            clearcoat: unit(self.clearcoat),
+            clearcoat_roughness: unit(self.clearcoat_roughness),
+            sheen_colour: colour(self.sheen_colour),
+            sheen_roughness: unit(self.sheen_roughness),
+        }
+    }
+}
+
+/// A sampled light direction.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BsdfSample {
+    /// Unit vector, away from the surface.
     pub direction: DVec3,
+    /// Factor of the throughput: BSDF times absolute cosine over density.
     pub weight: DVec3,
+    /// Density per solid angle, [`Bsdf::pdf`] of the direction; 0 where `is_delta`.
     pub pdf: f64,
+    /// Whether the direction is the only one of its lobe.
     pub is_delta: bool,
+    /// Whether the direction is on the other side of the surface than the view.
     pub is_transmission: bool,
 }
+
+/// The most lobes that a material has at once: clearcoat, sheen, specular, diffuse, and two of a thin wall.
+const MAX_LOBES: usize = 6;
+
+/// The BSDF of a surface point, prepared for one view.
+#[derive(Debug, Clone, Copy)]
+pub struct Bsdf {
+    view: DVec3,
+    /// Lobes with an albedo above 0, and the probability of each.
+    lobes: [(Lobe, f64); MAX_LOBES],
+    count: usize,
+}
+
 impl Bsdf {
-    pub fn new(p: &BsdfParameters, _: DVec3) -> Self {
-        Bsdf { c: p.base_colour }
+    /// The BSDF of `parameters` for `view`, a unit vector with `view.z > 0`.
+    pub fn new(parameters: &BsdfParameters, view: DVec3) -> Self {
+        let view = DVec3::new(view.x, view.y, view.z.clamp(glass::LEAST_COSINE, 1.0));
+        let empty = (Lobe::Diffuse(Diffuse(DVec3::ZERO)), 0.0);
+        let mut bsdf = Bsdf { view, lobes: [empty; MAX_LOBES], count: 0 };
+        bsdf.push_layers(&parameters.clamped());
+        let total: f64 = bsdf.lobes().map(|(_, weight)| weight).sum();
+        bsdf.lobes[..bsdf.count].iter_mut().for_each(|(_, weight)| *weight /= total);
+        bsdf
     }
-    pub fn eval(&self, l: DVec3) -> DVec3 {
-        if l.z > 0.0 { self.c * l.z / std::f64::consts::PI } else { DVec3::ZERO }
+
+    fn lobes(&self) -> impl Iterator<Item = &(Lobe, f64)> {
+        self.lobes[..self.count].iter()
     }
-    pub fn pdf(&self, l: DVec3) -> f64 {
-        l.z.max(0.0) / std::f64::consts::PI
+
+    /// Adds a lobe with its albedo as the weight of its probability, if it scatters anything.
+    fn push(&mut self, lobe: Lobe) {
+        let weight = lobe.albedo().element_sum();
+        if weight > 0.0 {
+            self.lobes[self.count] = (lobe, weight);
+            self.count += 1;
+        }
     }
-    pub fn is_delta(&self) -> bool {
-        false
+
+    /// Clearcoat and sheen, and what they leave for the base.
+    fn push_layers(&mut self, p: &BsdfParameters) {
+        let (cos, mut left) = (self.view.z, 1.0);
+        if p.clearcoat > 0.0 && !p.from_inside {
+            let coat = Clearcoat::new(p.clearcoat, p.clearcoat_roughness, cos);
+            left *= (1.0 - coat.0.albedo().max_element()).max(0.0);
+            self.push(Lobe::Clearcoat(coat));
+        }
+        if p.sheen_colour != DVec3::ZERO && !p.from_inside {
+            let sheen = Sheen::new(p.sheen_colour, p.sheen_roughness, cos).scaled(left);
+            left = (left - sheen.albedo().max_element()).max(0.0);
+            self.push(Lobe::Sheen(sheen));
+        }
+        self.push_base(p, left);
     }
-    pub fn sample(&self, [x, y, _]: [f64; 3]) -> Option<BsdfSample> {
-        let r = x.sqrt();
-        let (s, c) = (2.0 * std::f64::consts::PI * y).sin_cos();
-        let direction = DVec3::new(r * c, r * s, (1.0 - x).sqrt());
-        Some(BsdfSample {
+
+    /// Metal, opaque dielectric and transmission, times `weight`.
+    fn push_base(&mut self, p: &BsdfParameters, weight: f64) {
+        let (cos, ggx) = (self.view.z, Ggx::new(p.roughness));
+        let metal = weight * p.metallic;
+        let transparent = (weight - metal) * p.transmission;
+        let opaque = weight - metal - transparent;
+        let albedo = GgxAlbedo::new(ggx, cos);
+        let [metal_f0, metal_f90] = conductor::conductor(p.base_colour, &albedo);
+        let [f0, f90] = dielectric::dielectric_layer(p.ior, p.specular, p.specular_colour, &albedo);
+        let left = (1.0 - albedo.of(f0, f90).max_element()).max(0.0);
+        // Both reflections have the same distribution: one lobe.
+        let (f0, f90) = (metal_f0 * metal + f0 * opaque, metal_f90 * metal + f90 * opaque);
+        self.push(Lobe::Specular(Specular::new(ggx, Fresnel::Schlick { f0, f90 }, albedo.of(f0, f90))));
+        self.push(Lobe::Diffuse(Diffuse(p.base_colour * (opaque * left))));
+        if transparent > 0.0 {
+            let eta = relative_index(p.ior, p.from_inside);
+            // A thin wall reflects the same whichever medium is denser.
+            let eta = if p.thin_walled && eta < 1.0 { 1.0 / eta } else { eta };
+            let interface = Interface::new(eta, p.specular, p.specular_colour);
+            if p.thin_walled {
+                self.push_thin(p, ggx, &interface, transparent);
+            } else {
+                self.push(Lobe::Glass(Glass::new(ggx, interface, p.base_colour, transparent, cos)));
+            }
+        }
+    }
+
+    /// The reflection of a thin wall, and what passes through it, times `weight`.
+    fn push_thin(&mut self, p: &BsdfParameters, ggx: Ggx, interface: &Interface, weight: f64) {
+        let cos = self.view.z;
+        let reflected = glass::albedos(ggx, interface, cos).0;
+        let f0 = interface.reflectance(1.0);
+        let compensation = GgxAlbedo::new(ggx, cos).compensation(f0);
+        let albedo = (reflected * compensation).min(DVec3::ONE);
+        let fresnel = Fresnel::Exact(*interface, compensation * weight);
+        self.push(Lobe::Specular(Specular::new(ggx, fresnel, albedo * weight)));
+        let left = if interface.eta.is_infinite() { 0.0 } else { 1.0 - albedo.max_element() };
+        let transmitted = p.base_colour * (left * weight);
+        self.push(Lobe::ThinTransmission(ThinTransmission::new(p.roughness, p.ior, transmitted, cos)));
+    }
+
+    /// BSDF times the absolute cosine of `light`, and the density of sampling it, both without delta lobes.
+    pub fn eval_pdf(&self, light: DVec3) -> (DVec3, f64) {
+        let mut sum = Value::ZERO;
+        for (lobe, probability) in self.lobes() {
+            let value = lobe.value(self.view, light);
+            sum.scattered += value.scattered;
+            sum.density += value.density * probability;
+        }
+        (sum.scattered, sum.density)
+    }
+
+    /// BSDF times the absolute cosine of `light`, a unit vector. Delta lobes are left out.
+    pub fn eval(&self, light: DVec3) -> DVec3 {
+        self.eval_pdf(light).0
+    }
+
+    /// The density per solid angle with which [`Bsdf::sample`] returns `light`. Its integral over the sphere is the
+    /// probability of a sample that is neither absorbed nor of a delta lobe.
+    pub fn pdf(&self, light: DVec3) -> f64 {
+        self.eval_pdf(light).1
+    }
+
+    /// A light direction by three numbers, 0 to below 1. `None`: absorbed.
+    pub fn sample(&self, numbers: [f64; 3]) -> Option<BsdfSample> {
+        let mut choice = numbers[0];
+        let last = self.count.checked_sub(1)?;
+        let mut chosen = last;
+        for (i, (_, probability)) in self.lobes().enumerate() {
+            if choice < *probability || i == last {
+                chosen = i;
+                break;
+            }
+            choice -= probability;
+        }
+        let (lobe, probability) = &self.lobes[chosen];
+        // The rest of the first number is uniform within the lobe.
+        let rest = (choice / probability).clamp(0.0, 1.0 - f64::EPSILON);
+        let (direction, weight, pdf, is_delta) =
+            match lobe.sample(self.view, [rest, numbers[1], numbers[2]])? {
+                LobeSample::Delta(direction, throughput) => (direction, throughput / *probability, 0.0, true),
+                LobeSample::Scattered(direction) => {
+                    let (scattered, pdf) = self.eval_pdf(direction);
+                    (direction, scattered / pdf, pdf, false)
+                }
+            };
+        let possible = weight.is_finite() && pdf.is_finite() && direction.z != 0.0;
+        possible.then_some(BsdfSample {
             direction,
-            weight: self.c,
-            pdf: direction.z / std::f64::consts::PI,
-            is_delta: false,
-            is_transmission: false,
+            weight,
+            pdf,
+            is_delta,
+            is_transmission: direction.z < 0.0,
         })
+    }
+
+    /// Whether no light sample can contribute: all lobes are delta functions, or there is none.
+    pub fn is_delta(&self) -> bool {
+        self.lobes().all(|(lobe, _)| lobe.is_delta())
+    }
+
+    /// The directional albedo by channel, by the tables of the lobes: the expected weight of a sample.
+    pub fn albedo(&self) -> DVec3 {
+        self.lobes().map(|(lobe, _)| lobe.albedo()).sum()
     }
 }

@@ -62,7 +62,7 @@ fn roots(ray: &Ray, sphere: &Sphere) -> Option<[Distance; 2]> {
     let vector = |i: usize| -> Vector { [0, 1, 2].map(|k| numbers[3 * i + k].clone()) };
     let (direction, to_centre) = (vector(1), minus(&vector(2), &vector(0)));
     let c = dot(&to_centre, &to_centre) - &numbers[9] * &numbers[9];
-    Distance::roots(dot(&direction, &direction), dot(&to_centre, &direction), &c)
+    Distance::roots(&dot(&direction, &direction), &dot(&to_centre, &direction), &c)
 }
 
 #[cfg(test)]
