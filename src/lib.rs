@@ -31,6 +31,8 @@
 //! # Ok::<(), kiln::bvh::NotFinite>(())
 //! ```
 
+#![warn(unreachable_pub)]
+
 pub use kiln_bvh::{bvh, geometry};
 
 // The interface of the library.

@@ -15,7 +15,7 @@ struct Kiln {
 }
 
 /// All structures in all tiers.
-pub fn engines() -> Vec<Box<dyn Engine>> {
+pub(crate) fn engines() -> Vec<Box<dyn Engine>> {
     let structures = [
         Layout::BruteForce,
         Layout::Bvh2(Preset::default()),
@@ -60,7 +60,7 @@ impl Engine for Kiln {
 }
 
 /// Builds a structure of kiln over a mesh.
-pub fn accelerator(mesh: &Mesh, structure: Layout, numerics: Numerics) -> Box<dyn Accelerator> {
+pub(crate) fn accelerator(mesh: &Mesh, structure: Layout, numerics: Numerics) -> Box<dyn Accelerator> {
     let slots = (0..mesh.triangles.len() as u32).map(|id| {
         let triangle = Triangle(mesh.corners(id).map(|corner| corner.as_dvec3()));
         Slot { primitive: Primitive::Triangle(triangle), id: PrimId(id) }
@@ -69,7 +69,7 @@ pub fn accelerator(mesh: &Mesh, structure: Layout, numerics: Numerics) -> Box<dy
 }
 
 /// Like [`accelerator`], as a structure of the leak test.
-pub fn built(mesh: &Mesh, structure: Layout, numerics: Numerics) -> Box<dyn Built> {
+pub(crate) fn built(mesh: &Mesh, structure: Layout, numerics: Numerics) -> Box<dyn Built> {
     Box::new(BuiltKiln(accelerator(mesh, structure, numerics)))
 }
 
@@ -85,7 +85,7 @@ impl Built for BuiltKiln {
 }
 
 /// Contenders of `kiln bench`: every layout in every tier with the default preset, and all presets in the default tier.
-pub fn contenders() -> Vec<Box<dyn Contender>> {
+pub(crate) fn contenders() -> Vec<Box<dyn Contender>> {
     let numerics = Numerics::default();
     let presets = [
         Layout::Bvh2(Preset::default()),
@@ -99,7 +99,7 @@ pub fn contenders() -> Vec<Box<dyn Contender>> {
 }
 
 /// The default layout, tier and preset.
-pub fn default_contender() -> Box<dyn Contender> {
+pub(crate) fn default_contender() -> Box<dyn Contender> {
     Box::new(Kiln { structure: Layout::default(), numerics: Numerics::default() })
 }
 

@@ -25,7 +25,7 @@ enum Layout {
 }
 
 /// Engines of all layouts.
-pub fn engines() -> Vec<Box<dyn Engine>> {
+pub(crate) fn engines() -> Vec<Box<dyn Engine>> {
     vec![Box::new(Layout::Bvh2), Box::new(Layout::CwBvh)]
 }
 
@@ -120,7 +120,7 @@ impl Built for BuiltObvhs {
 }
 
 /// Contenders of all layouts.
-pub fn contenders() -> Vec<Box<dyn Contender>> {
+pub(crate) fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Layout::Bvh2), Box::new(Layout::CwBvh)]
 }
 

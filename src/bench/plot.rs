@@ -9,7 +9,7 @@ use super::Spread;
 use crate::error::{Error, Result};
 
 /// A bar with quartiles.
-pub struct Bar {
+pub(crate) struct Bar {
     /// Label beside the bar.
     pub name: String,
     /// Its colour: of the palette, by number.
@@ -21,7 +21,7 @@ pub struct Bar {
 }
 
 /// A line plot.
-pub struct Line {
+pub(crate) struct Line {
     /// Name in the legend.
     pub name: String,
     /// Its colour: of the palette, by number.
@@ -33,7 +33,7 @@ pub struct Line {
 }
 
 /// A plot with several lines.
-pub struct Panel {
+pub(crate) struct Panel {
     /// Title.
     pub title: String,
     /// Label of the y axis.
@@ -75,7 +75,7 @@ pub(crate) fn failed(e: impl std::fmt::Display) -> Error {
 ///
 /// # Errors
 /// [`Error::Failed`] if plotters fails.
-pub fn bars(unit: &str, bars: &[Bar]) -> Result<String> {
+pub(crate) fn bars(unit: &str, bars: &[Bar]) -> Result<String> {
     let mut svg = String::new();
     draw_bars(&mut svg, unit, bars).map_err(failed)?;
     Ok(svg)
@@ -136,7 +136,7 @@ fn draw_bars<'a>(svg: &'a mut String, unit: &str, bars: &[Bar]) -> Drawn<'a> {
 }
 
 /// Formats a number with three digits, or in thousands or millions.
-pub fn short(x: f64) -> String {
+pub(crate) fn short(x: f64) -> String {
     match x.abs() {
         size if size >= 999_500.0 => format!("{:.3} M", x / 1e6),
         size if size >= 99.95 => format!("{x:.0}"),
@@ -149,7 +149,7 @@ pub fn short(x: f64) -> String {
 ///
 /// # Errors
 /// [`Error::Failed`] if plotters fails.
-pub fn panels(across: &str, panels: &[Panel]) -> Result<String> {
+pub(crate) fn panels(across: &str, panels: &[Panel]) -> Result<String> {
     let mut svg = String::new();
     draw_panels(&mut svg, across, panels).map_err(failed)?;
     Ok(svg)

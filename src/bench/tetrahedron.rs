@@ -10,7 +10,7 @@ use crate::geometry::spawn::SurfacePoint;
 
 /// A regular tetrahedron with subdivided faces, rotated so that no face is axis-aligned. Its dihedral angles of 70.5
 /// degrees are acute: a point on an edge that is offset along the normal of one face is behind the other face.
-pub struct Tetrahedron {
+pub(crate) struct Tetrahedron {
     /// Triangles.
     pub mesh: Mesh,
     /// The triangles at its six edges, each with the first of its two corners on that edge.
@@ -19,7 +19,7 @@ pub struct Tetrahedron {
 
 impl Tetrahedron {
     /// `4 * 4^level` triangles, with the four vertices on the sphere of `placement`, rounded to f32.
-    pub fn new(level: u32, placement: Placement) -> Self {
+    pub(crate) fn new(level: u32, placement: Placement) -> Self {
         let n = 1u32 << level;
         let turn = DQuat::from_rotation_x(0.7) * DQuat::from_rotation_y(1.9);
         let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]
@@ -65,7 +65,7 @@ impl Tetrahedron {
     /// Origin and direction of a ray from a face inwards. It starts on one of the six edges of the tetrahedron: at a
     /// vertex, an edge midpoint or another point of an edge, one third each. Its slope to the face is 1 to 1e-8. The
     /// origin has kiln's offset in the tier `origins`; for `None`, that of pbrt (4th edition, section 6.8.6) in f32.
-    pub fn secondary_ray(&self, index: u64, origins: Option<Numerics>) -> (DVec3, DVec3) {
+    pub(crate) fn secondary_ray(&self, index: u64, origins: Option<Numerics>) -> (DVec3, DVec3) {
         /// Seed of the random numbers, different from those of the kinds of rays.
         const STREAM: u64 = 7;
         let mut numbers = Numbers::new(STREAM, index);

@@ -23,7 +23,7 @@ use crate::render::RenderControl;
 use crate::render::aov::AovSelection;
 
 #[derive(Args)]
-pub struct Command {
+pub(crate) struct Command {
     #[command(flatten)]
     arguments: Arguments,
     #[command(flatten)]
@@ -65,7 +65,7 @@ enum RawName {
     Rgb,
 }
 
-pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     animate(command, interrupted).inspect_err(|e| Progress::fail(command.progress, e))
 }
 

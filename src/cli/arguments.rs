@@ -17,14 +17,14 @@ use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
 /// Help text of `INPUT`: purpose and readable formats.
-pub fn inputs_help(purpose: &str) -> String {
+pub(crate) fn inputs_help(purpose: &str) -> String {
     let (endings, names) = (all_endings(), names_on_standard_input());
     format!("{purpose}: {endings}; `-` for a {names} on standard input")
 }
 
 /// Inputs, camera and render settings: options of all commands that render.
 #[derive(Args, Clone)]
-pub struct Arguments {
+pub(crate) struct Arguments {
     /// Files to put into one scene.
     #[arg(required = true, value_name = "INPUT", help = inputs_help("Files to put into one scene"))]
     pub inputs: Vec<PathBuf>,
@@ -119,7 +119,7 @@ fn parse_crop(text: &str) -> std::result::Result<Window, String> {
 }
 
 /// Checks names and inputs before any file is read.
-pub fn check(arguments: &Arguments) -> Result<()> {
+pub(crate) fn check(arguments: &Arguments) -> Result<()> {
     check_names(&arguments.with, &arguments.without)?;
     if arguments.inputs.iter().filter(|input| *input == Path::new("-")).count() > 1 {
         return Err(Error::usage("standard input can be read once", "give `-` once"));
@@ -137,7 +137,7 @@ impl Arguments {
     ///
     /// # Errors
     /// [`Error::Usage`] for an invalid inline camera.
-    pub fn settings(&self) -> Result<RenderSettings> {
+    pub(crate) fn settings(&self) -> Result<RenderSettings> {
         let view = named(&StandardView::ALL, StandardView::name, self.view.as_deref());
         let camera = match (view, self.camera.as_deref()) {
             (Some(view), _) => CameraChoice::Fitted(view),

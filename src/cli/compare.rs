@@ -21,7 +21,7 @@ PNG and JPEG are compared in display values, 0 to 1; two EXR in their own number
 and says so in the file. FLIP and PSNR are of what a display shows: linear light encoded by sRGB, clamped to 0 to 1, no exposure, no\n\
 tone mapping; so is everything where one picture is linear and the other not, or with --display. Transparency is left out."
 )]
-pub struct Arguments {
+pub(crate) struct Arguments {
     /// The reference: .png, .jpg or .exr
     #[arg(value_name = "A")]
     reference: PathBuf,
@@ -67,7 +67,7 @@ fn figure(figures: &Figures, name: &str) -> f64 {
 }
 
 /// Compares two pictures. Returns the exit code.
-pub fn run(arguments: &Arguments) -> Result<u8> {
+pub(crate) fn run(arguments: &Arguments) -> Result<u8> {
     if let Some(file) = &arguments.heat_map
         && Format::from_path(file)? != Format::Png
     {

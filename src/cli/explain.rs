@@ -20,7 +20,7 @@ use crate::job::RenderJob;
 const SCHEMA: u32 = 1;
 
 #[derive(Args)]
-pub struct Command {
+pub(crate) struct Command {
     #[command(flatten)]
     arguments: Arguments,
     /// Print JSON
@@ -36,7 +36,7 @@ pub struct Command {
     rounds: u16,
 }
 
-pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
     let threads = command.arguments.threads.or(command.measure.then_some(1));
     let (job, costs) = super::pool(threads)?.install(|| {

@@ -14,7 +14,7 @@ const METER_SIZE: u32 = 128;
 /// luminance to white. From a small render of the whole picture with one sample a pixel, so that crops agree.
 ///
 /// `None` if less is clipped, if an exposure or a tone map was chosen, or if a lower exposure does not help.
-pub fn exposure_for_clipped(
+pub(crate) fn exposure_for_clipped(
     film: &Film<[u8; 3]>,
     job: &RenderJob,
     control: &RenderControl,
@@ -33,6 +33,6 @@ pub fn exposure_for_clipped(
 }
 
 /// The warning for a clipped picture.
-pub fn clipped_warning(ev: f64) -> String {
+pub(crate) fn clipped_warning(ev: f64) -> String {
     format!("most of the picture is clipped, because lights are in physical units; try `--exposure {ev}`")
 }

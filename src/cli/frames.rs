@@ -26,7 +26,7 @@ use crate::render::{RenderControl, Statistics};
 
 /// Frame rate and duration that override the scene's.
 #[derive(Args, Default)]
-pub struct LengthArguments {
+pub(crate) struct LengthArguments {
     /// Frames a second [default: the scene's, or 30]
     #[arg(long, allow_hyphen_values = true, value_name = "N")]
     pub fps: Option<f64>,
@@ -37,7 +37,7 @@ pub struct LengthArguments {
 
 /// Loads the inputs and prepares the data shared by all frames. `show` is called with the name of each phase and the
 /// warnings so far.
-pub fn load_and_prepare(
+pub(crate) fn load_and_prepare(
     arguments: &Arguments,
     settings: &RenderSettings,
     request: &FrameRequest,
@@ -56,7 +56,7 @@ const MOST_BYTES: usize = 1 << 29;
 
 /// Renders every frame by `make`, several in parallel, and passes the results to `take` in order of frames. `channels`
 /// is the number of AOV channels of a picture, `bytes_per_pixel` its memory per pixel.
-pub fn render_all<T: Send>(
+pub(crate) fn render_all<T: Send>(
     animation: &AnimationJob,
     pool: &rayon::ThreadPool,
     (channels, bytes_per_pixel): (u64, u64),
@@ -86,11 +86,11 @@ pub fn render_all<T: Send>(
 /// Statistics of all frames for warnings at the end: primary ray hits, non-finite pixels, the first frame with any; and an
 /// exposure for frames that are clipped.
 #[derive(Default)]
-pub struct FrameChecks(Mutex<(u64, usize, Option<i32>)>, Mutex<Option<f64>>);
+pub(crate) struct FrameChecks(Mutex<(u64, usize, Option<i32>)>, Mutex<Option<f64>>);
 
 impl FrameChecks {
     /// Adds a frame's statistics.
-    pub fn add(&self, frame: i32, statistics: &Statistics) {
+    pub(crate) fn add(&self, frame: i32, statistics: &Statistics) {
         let Ok(mut checks) = self.0.lock() else { return };
         let (hits, non_finite, first) = &mut *checks;
         *hits += statistics.rays(RayKind::PRIMARY).hit;
@@ -101,7 +101,7 @@ impl FrameChecks {
     }
 
     /// Checks for clipping under physical lights. Only the first of the rendered frames is checked.
-    pub fn add_film(
+    pub(crate) fn add_film(
         &self,
         frame: i32,
         film: &Film<[u8; 3]>,
@@ -117,7 +117,7 @@ impl FrameChecks {
     }
 
     /// Warns about non-finite pixels, empty frames and clipping.
-    pub fn warn(&self, arguments: &Arguments, warnings: &mut Warnings) {
+    pub(crate) fn warn(&self, arguments: &Arguments, warnings: &mut Warnings) {
         if let Ok(Some(ev)) = self.1.lock().map(|found| *found) {
             warnings.push(exposure::clipped_warning(ev));
         }
@@ -134,7 +134,7 @@ impl FrameChecks {
 }
 
 /// Output settings of a series of frames, one file each.
-pub struct FrameSeries {
+pub(crate) struct FrameSeries {
     pub names: FileNames,
     pub format: Format,
     /// AOVs of each pixel.
@@ -150,7 +150,7 @@ pub struct FrameSeries {
 }
 
 /// File names of the frames. A single frame may have a name without a number.
-pub fn file_names(output: &Path, list: &FrameList) -> Result<FileNames> {
+pub(crate) fn file_names(output: &Path, list: &FrameList) -> Result<FileNames> {
     let names = FileNames::parse(output).map_err(|what| Error::usage(what, "give the name one ####"))?;
     match names {
         Some(names) => Ok(names),
@@ -163,7 +163,7 @@ pub fn file_names(output: &Path, list: &FrameList) -> Result<FileNames> {
 }
 
 /// Renders frames to one file each.
-pub fn write_frames(
+pub(crate) fn write_frames(
     arguments: &Arguments,
     length: &LengthArguments,
     list: Option<&FrameList>,
@@ -233,7 +233,7 @@ pub fn write_frames(
 }
 
 /// Progress, times and warnings of an animation.
-pub struct FrameReporter {
+pub(crate) struct FrameReporter {
     pub progress: Progress,
     pub seconds: Seconds,
     pub warnings: Warnings,
@@ -242,7 +242,7 @@ pub struct FrameReporter {
 }
 
 impl FrameReporter {
-    pub fn new(mode: Mode) -> Self {
+    pub(crate) fn new(mode: Mode) -> Self {
         FrameReporter {
             progress: Progress::new(mode),
             seconds: Seconds::default(),
@@ -253,7 +253,7 @@ impl FrameReporter {
     }
 
     /// Loads and prepares the animation, with progress and warnings.
-    pub fn load(
+    pub(crate) fn load(
         &mut self,
         pool: &rayon::ThreadPool,
         arguments: &Arguments,
@@ -282,7 +282,7 @@ impl FrameReporter {
     }
 
     /// Replaces an automatic exposure by that of the animation's first frame, and reports it.
-    pub fn fix_exposure(
+    pub(crate) fn fix_exposure(
         &mut self,
         pool: &rayon::ThreadPool,
         animation: &mut AnimationJob,
@@ -298,7 +298,7 @@ impl FrameReporter {
     }
 
     /// Prints the warnings about the frames. With `strict`, warnings are an error.
-    pub fn finish(&mut self, arguments: &Arguments, checks: &FrameChecks, strict: bool) -> Result<()> {
+    pub(crate) fn finish(&mut self, arguments: &Arguments, checks: &FrameChecks, strict: bool) -> Result<()> {
         checks.warn(arguments, &mut self.warnings);
         self.progress.clear();
         self.printer.print(&self.warnings, self.with_notes);

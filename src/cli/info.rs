@@ -18,7 +18,7 @@ use crate::import;
 use crate::scene::{LightKind, Material, Mesh, Scene, Shape};
 
 #[derive(Args)]
-pub struct Arguments {
+pub(crate) struct Arguments {
     /// Files to look at.
     #[arg(required = true, value_name = "INPUT", help = inputs_help("Files to look at"))]
     inputs: Vec<PathBuf>,
@@ -27,7 +27,7 @@ pub struct Arguments {
     json: bool,
 }
 
-pub fn run(arguments: &Arguments) -> Result<()> {
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut warnings = Warnings::default();
     let scene = import::load(&arguments.inputs, &mut warnings)?;
     check_scene(&scene.effects)?;

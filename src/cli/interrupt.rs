@@ -12,7 +12,7 @@ static SIGNAL: AtomicU8 = AtomicU8::new(SIGINT as u8);
 const GRACE_PERIOD: Duration = Duration::from_millis(700);
 
 /// Installs the signal handlers. The returned flag is set by the first signal.
-pub fn install() -> &'static AtomicBool {
+pub(crate) fn install() -> &'static AtomicBool {
     let mut stops = vec![SIGINT, SIGTERM];
     if !is_hangup_ignored() {
         stops.push(SIGHUP);
@@ -42,6 +42,6 @@ fn is_hangup_ignored() -> bool {
 }
 
 /// 128 + number of the received signal.
-pub fn exit_code() -> u8 {
+pub(crate) fn exit_code() -> u8 {
     128 + SIGNAL.load(Ordering::Relaxed)
 }

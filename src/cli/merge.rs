@@ -10,7 +10,7 @@ use crate::film::part::join;
 use crate::film::write::{Format, write_picture};
 
 #[derive(Args)]
-pub struct Command {
+pub(crate) struct Command {
     /// The parts, in any order: what `kiln render --shard` wrote
     #[arg(required = true, value_name = "PART")]
     parts: Vec<PathBuf>,
@@ -19,7 +19,7 @@ pub struct Command {
     output: PathBuf,
 }
 
-pub fn run(command: &Command) -> Result<()> {
+pub(crate) fn run(command: &Command) -> Result<()> {
     let Command { parts, output } = command;
     let format = Format::from_path(output)?;
     check_folder(output)?;

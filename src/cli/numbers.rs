@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 /// Parser for an integer in a range.
-pub fn whole<N>(
+pub(crate) fn whole<N>(
     range: RangeInclusive<N>,
 ) -> impl Fn(&str) -> Result<N, String> + Clone + Send + Sync + 'static
 where
@@ -18,12 +18,12 @@ where
 }
 
 /// Parses a number without a range check. `wanted` describes it in the error message.
-pub fn number<N: FromStr>(text: &str, wanted: &str) -> Result<N, String> {
+pub(crate) fn number<N: FromStr>(text: &str, wanted: &str) -> Result<N, String> {
     text.trim().parse().map_err(|_| format!("give {wanted}"))
 }
 
 /// A count with its noun in singular or plural.
-pub fn counted(count: usize, one: &str, many: &str) -> String {
+pub(crate) fn counted(count: usize, one: &str, many: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { many })
 }
 

@@ -18,7 +18,7 @@ use crate::sample_count::{self, ErrorTarget, StopReason};
 use crate::world::World;
 
 /// Destination of the picture.
-pub enum OutputTarget {
+pub(crate) enum OutputTarget {
     File(PathBuf, Format),
     /// File for one share of the tiles of a picture of that format.
     Part(PathBuf, Format, Share),
@@ -27,7 +27,7 @@ pub enum OutputTarget {
 
 impl OutputTarget {
     /// Checks the name and the existence of its folder, before any work is done.
-    pub fn new(output: &Path) -> Result<Self> {
+    pub(crate) fn new(output: &Path) -> Result<Self> {
         if output == Path::new("-") {
             return Ok(OutputTarget::StandardOutput);
         }
@@ -43,7 +43,7 @@ impl OutputTarget {
     }
 
     /// The target for one share of the picture's tiles.
-    pub fn part(self, share: Share) -> Result<Self> {
+    pub(crate) fn part(self, share: Share) -> Result<Self> {
         match self {
             OutputTarget::File(file, format) => {
                 Ok(OutputTarget::Part(part_name(&file, share), format, share))
@@ -55,7 +55,7 @@ impl OutputTarget {
     }
 
     /// The picture's format.
-    pub fn format(&self) -> Format {
+    pub(crate) fn format(&self) -> Format {
         match self {
             OutputTarget::File(_, format) | OutputTarget::Part(_, format, _) => *format,
             OutputTarget::StandardOutput => Format::Png,
@@ -63,12 +63,12 @@ impl OutputTarget {
     }
 
     /// The format that determines the film's pixel type: parts store the pixels as `f32`, like EXR.
-    pub fn film_format(&self) -> Format {
+    pub(crate) fn film_format(&self) -> Format {
         if let OutputTarget::Part(..) = self { Format::Exr } else { self.format() }
     }
 
     /// The file name; `-` for standard output.
-    pub fn file(&self) -> &Path {
+    pub(crate) fn file(&self) -> &Path {
         match self {
             OutputTarget::File(file, _) | OutputTarget::Part(file, ..) => file,
             OutputTarget::StandardOutput => Path::new("-"),
@@ -76,7 +76,7 @@ impl OutputTarget {
     }
 
     /// State of the existing file.
-    pub fn existing(&self) -> FileState {
+    pub(crate) fn existing(&self) -> FileState {
         match self {
             OutputTarget::File(file, format) => check::look(file, *format),
             OutputTarget::Part(file, _, share) => part::look(file, *share),
@@ -86,7 +86,7 @@ impl OutputTarget {
 }
 
 /// Whether two names denote the same file, which need not exist.
-pub fn same_file(a: &Path, b: &Path) -> bool {
+pub(crate) fn same_file(a: &Path, b: &Path) -> bool {
     let place = |file: &Path| {
         let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         (folder.canonicalize().ok(), file.file_name().map(std::ffi::OsStr::to_owned))
@@ -95,7 +95,7 @@ pub fn same_file(a: &Path, b: &Path) -> bool {
 }
 
 /// Checks that the folder of an output file exists.
-pub fn check_folder(output: &Path) -> Result<()> {
+pub(crate) fn check_folder(output: &Path) -> Result<()> {
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty());
     if folder.is_some_and(|folder| !folder.is_dir()) {
         return Err(Error::output(output, "cannot be written: its folder does not exist"));
@@ -107,7 +107,7 @@ pub fn check_folder(output: &Path) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Failed`] with the required size.
-pub fn check_memory(
+pub(crate) fn check_memory(
     job: &RenderJob,
     target: &OutputTarget,
     wanted: &AovSelection,
@@ -128,7 +128,7 @@ pub fn check_memory(
 }
 
 /// Maximum bytes per pixel of a picture during rendering.
-pub fn bytes_per_pixel(
+pub(crate) fn bytes_per_pixel(
     format: Format,
     wanted: &AovSelection,
     channels: u64,
@@ -146,7 +146,7 @@ pub fn bytes_per_pixel(
 ///
 /// # Errors
 /// [`Error::Failed`] with the required size.
-pub fn check_memory_of(window: Window, channels: u64, bytes_each: u64) -> Result<()> {
+pub(crate) fn check_memory_of(window: Window, channels: u64, bytes_each: u64) -> Result<()> {
     let Window { width, height, .. } = window;
     let bytes = limits::product(&[width.into(), height.into(), bytes_each]);
     let layers = match channels {
@@ -159,7 +159,7 @@ pub fn check_memory_of(window: Window, channels: u64, bytes_each: u64) -> Result
 }
 
 /// Renders the picture in the pixel type of its format, with the AOV channels of an EXR.
-pub fn render_image(
+pub(crate) fn render_image(
     job: &RenderJob,
     format: Format,
     wanted: &AovSelection,
@@ -175,7 +175,7 @@ pub fn render_image(
 }
 
 /// Renders with the number of samples that the requested accuracy or budget needs, and reports it as a note or warning.
-pub fn render_to_accuracy(
+pub(crate) fn render_to_accuracy(
     job: &mut RenderJob,
     target: &ErrorTarget,
     format: Format,
@@ -207,7 +207,7 @@ pub fn render_to_accuracy(
 }
 
 /// Warns about non-finite pixels, an empty picture, lights that are fully occluded, and inputs that are not visible.
-pub fn warn_about_picture(
+pub(crate) fn warn_about_picture(
     inputs: &[PathBuf],
     world: &World,
     statistics: &Statistics,
@@ -259,7 +259,7 @@ pub fn warn_about_picture(
 }
 
 /// Writes the picture to its target.
-pub fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarget) -> Result<()> {
+pub(crate) fn write(picture: &OutputImage, job: &RenderJob, target: &OutputTarget) -> Result<()> {
     let metadata = &job.metadata;
     match (target, picture) {
         (OutputTarget::Part(file, _, share), OutputImage::Float(film, channels)) => {

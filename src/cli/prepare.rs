@@ -10,7 +10,7 @@ use crate::job::{RenderSettings, ResolvedJob, resolve};
 
 /// Loads the inputs and resolves the render settings. `show` is called with the name of each phase and the warnings so
 /// far.
-pub fn load_and_resolve(
+pub(crate) fn load_and_resolve(
     arguments: &Arguments,
     settings: &RenderSettings,
     seconds: &mut Seconds,
@@ -24,7 +24,7 @@ pub fn load_and_resolve(
 }
 
 /// Calls `work` and stores its time in seconds.
-pub fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
+pub(crate) fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = work();
     *seconds = start.elapsed().as_secs_f64();

@@ -11,7 +11,7 @@ use crate::error::Error;
 
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Mode {
+pub(crate) enum Mode {
     /// A bar on a terminal, plain lines elsewhere
     Auto,
     /// A bar
@@ -30,7 +30,7 @@ pub enum Mode {
 const INTERVAL: Duration = Duration::from_secs(1);
 
 /// Progress display.
-pub struct Progress {
+pub(crate) struct Progress {
     mode: Mode,
     bar: Option<ProgressBar>,
     /// Time of the first completed tile.
@@ -41,7 +41,7 @@ pub struct Progress {
 
 impl Progress {
     /// Creates a progress display without a phase.
-    pub fn new(mode: Mode) -> Self {
+    pub(crate) fn new(mode: Mode) -> Self {
         let mode = match mode {
             Mode::Auto if std::io::stderr().is_terminal() => Mode::Bar,
             Mode::Auto => Mode::Plain,
@@ -57,19 +57,19 @@ impl Progress {
     }
 
     /// Shows the name of a phase without measurable progress.
-    pub fn phase(&self, what: &str) {
+    pub(crate) fn phase(&self, what: &str) {
         if let Some(bar) = &self.bar {
             bar.set_message(what.to_owned());
         }
     }
 
     /// Shows the number of completed tiles.
-    pub fn tiles(&self, done: usize, total: usize) {
+    pub(crate) fn tiles(&self, done: usize, total: usize) {
         self.steps(done, total, ("tiles", 1));
     }
 
     /// Shows the number of completed steps. Lines count in `unit`, each of `steps` steps.
-    pub fn steps(&self, done: usize, total: usize, (unit, steps): (&str, usize)) {
+    pub(crate) fn steps(&self, done: usize, total: usize, (unit, steps): (&str, usize)) {
         if let Some(bar) = &self.bar {
             if bar.length() != Some(total as u64) {
                 bar.set_length(total as u64);
@@ -107,14 +107,14 @@ impl Progress {
     }
 
     /// Reports an error in the mode [`Mode::Openjd`], whose reader parses lines.
-    pub fn fail(mode: Mode, e: &Error) {
+    pub(crate) fn fail(mode: Mode, e: &Error) {
         if mode == Mode::Openjd && *e != Error::Interrupted {
             print_stderr(format_args!("openjd_fail: {e}"));
         }
     }
 
     /// Calls `print` while the bar is hidden.
-    pub fn pause(&self, print: impl FnOnce()) {
+    pub(crate) fn pause(&self, print: impl FnOnce()) {
         match &self.bar {
             Some(bar) => bar.suspend(print),
             None => print(),
@@ -122,14 +122,14 @@ impl Progress {
     }
 
     /// Removes the bar, so that other lines can be printed.
-    pub fn clear(&self) {
+    pub(crate) fn clear(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
     }
 
     /// Removes the bar and prints a final line.
-    pub fn finish(&self, line: &str) {
+    pub(crate) fn finish(&self, line: &str) {
         self.clear();
         match self.mode {
             Mode::None => {}

@@ -23,7 +23,7 @@ use crate::render::RenderControl;
 use crate::render::aov::{AovSelection, LARGEST_NUMBER};
 
 #[derive(Args)]
-pub struct Command {
+pub(crate) struct Command {
     #[command(flatten)]
     arguments: Arguments,
     #[command(flatten)]
@@ -60,7 +60,7 @@ pub struct Command {
     strict: bool,
 }
 
-pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     render(command, interrupted).inspect_err(|e| Progress::fail(command.progress, e))
 }
 

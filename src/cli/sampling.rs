@@ -10,7 +10,7 @@ use crate::sample_count::{ErrorTarget, Metric};
 use crate::scene::Sampling;
 
 #[derive(Args, Clone)]
-pub struct SamplingArguments {
+pub(crate) struct SamplingArguments {
     /// Samples a pixel; with --noise the most of them [default: the scene's, or 1 at the pixel's centre]
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = parse_samples)]
     samples: Option<u32>,
@@ -33,7 +33,7 @@ pub struct SamplingArguments {
 
 /// Options of `kiln render` with which the number of samples is chosen automatically.
 #[derive(Args)]
-pub struct AccuracyArguments {
+pub(crate) struct AccuracyArguments {
     /// As many samples as it takes for FLIP, RMSE or MAX (of displayed values, 1 is white) to the truth to be below a
     /// value: the truth is the antialiased picture, that of ever more samples
     #[arg(long, allow_hyphen_values = true, value_name = "METRIC=VALUE", value_parser = parse_accuracy, conflicts_with_all = ["samples", "noise", "min_samples", "aov"])]
@@ -45,7 +45,7 @@ pub struct AccuracyArguments {
 
 impl AccuracyArguments {
     /// The requested accuracy or budget.
-    pub fn target(&self) -> Option<ErrorTarget> {
+    pub(crate) fn target(&self) -> Option<ErrorTarget> {
         let has_target = self.accuracy.is_some() || self.budget.is_some();
         has_target.then_some(ErrorTarget { accuracy: self.accuracy, seconds: self.budget })
     }
@@ -76,7 +76,7 @@ fn parse_samples(text: &str) -> Result<u32, String> {
 
 impl SamplingArguments {
     /// The sampling settings as typed.
-    pub fn settings(&self) -> Sampling {
+    pub(crate) fn settings(&self) -> Sampling {
         let shape = |name: &String| FilterShape::ALL.into_iter().find(|shape| shape.name() == name);
         Sampling {
             samples: self.samples,
@@ -91,7 +91,7 @@ impl SamplingArguments {
 
     /// Warns about typed options that do not affect a picture with the settings `sampling`. With `has_target`, the
     /// number of samples is chosen automatically, so `--seed` has an effect.
-    pub fn warn_of_unused(
+    pub(crate) fn warn_of_unused(
         &self,
         sampling: &Sampling,
         without: &[String],

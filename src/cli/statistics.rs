@@ -13,7 +13,7 @@ const SCHEMA: u32 = 1;
 
 /// Time of each phase in seconds.
 #[derive(Default)]
-pub struct Seconds {
+pub(crate) struct Seconds {
     pub load: f64,
     pub build: f64,
     pub render: f64,
@@ -21,7 +21,7 @@ pub struct Seconds {
 }
 
 /// The JSON object of `--stats`.
-pub fn to_json(
+pub(crate) fn to_json(
     settings: &[(String, String)],
     seconds: &Seconds,
     world: &World,

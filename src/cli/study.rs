@@ -24,7 +24,7 @@ use crate::study::{
 const LONGEST: u32 = 256;
 
 #[derive(Args)]
-pub struct Command {
+pub(crate) struct Command {
     #[command(flatten)]
     arguments: Arguments,
     /// The folder to write index.html, study.csv, study.json and study.svg to; made where there is none
@@ -44,7 +44,7 @@ pub struct Command {
     progress: Mode,
 }
 
-pub fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
     let parameters = parameters(&command.knob)?;
     let _folder = Folder::new(&command.output)?;

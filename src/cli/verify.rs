@@ -28,7 +28,7 @@ use crate::render::aov::AovSelection;
     kiln verify scene.toml -o frame_####.png --frames 0-99\n\
     Exit code: 0 where every picture is as it should be, 1 where one is not."
 )]
-pub struct Command {
+pub(crate) struct Command {
     #[command(flatten)]
     arguments: Arguments,
     #[command(flatten)]
@@ -55,7 +55,7 @@ struct Fault {
     why: String,
 }
 
-pub fn run(command: &Command) -> Result<u8> {
+pub(crate) fn run(command: &Command) -> Result<u8> {
     let Some(output) = &command.output else {
         let [name] = command.arguments.inputs.as_slice() else {
             return Err(Error::usage(

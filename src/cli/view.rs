@@ -15,7 +15,7 @@ use crate::scene::Scene;
 use crate::viewer::{self, CameraSource, Opened, Settings, Start};
 
 #[derive(Args)]
-pub struct Command {
+pub(crate) struct Command {
     #[command(flatten)]
     arguments: Arguments,
     /// Write what happens in the window, and when, to a file: a line of JSON each
@@ -26,7 +26,7 @@ pub struct Command {
     pauses: Option<u16>,
 }
 
-pub fn run(command: &Command) -> Result<()> {
+pub(crate) fn run(command: &Command) -> Result<()> {
     let Command { arguments, trace, pauses } = command;
     arguments::check(arguments)?;
     viewer::display::check()?;

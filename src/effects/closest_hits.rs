@@ -4,7 +4,7 @@ use super::tile::{RenderContext, Tile};
 use super::{RayKind, Stage};
 
 /// Finds the closest hits of a generation's rays and computes their surface interactions.
-pub struct ClosestHits {
+pub(crate) struct ClosestHits {
     /// The kind that the rays are counted as.
     pub kind: RayKind,
     /// The name in statistics.

@@ -6,7 +6,7 @@ use crate::shading::{ShadingMode, shade_all, takes_light};
 
 /// Samples every light at the surfaces of a generation. Lights below the horizon, and those that the material does not return,
 /// are marked as not reaching the surface.
-pub struct SampleLights {
+pub(crate) struct SampleLights {
     /// Which terms are shaded.
     pub mode: ShadingMode,
     /// Whether smooth meshes are lit by their shading normals alone.
@@ -34,7 +34,7 @@ impl Stage for SampleLights {
 }
 
 /// Computes the colour of each surface of a generation.
-pub struct Shade {
+pub(crate) struct Shade {
     /// Which terms are shaded.
     pub mode: ShadingMode,
 }

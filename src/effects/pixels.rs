@@ -5,7 +5,7 @@ use super::tile::{RenderContext, Tile};
 use crate::world::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
 
 /// Gives every pixel the colour of its surface, or the background's.
-pub struct WritePixels;
+pub(crate) struct WritePixels;
 
 impl Stage for WritePixels {
     fn name(&self) -> &'static str {

@@ -4,7 +4,7 @@ use super::Stage;
 use super::tile::{RenderContext, Tile};
 
 /// Fills generation 0 with the rays through the centres of the tile's pixels.
-pub struct PrimaryRays;
+pub(crate) struct PrimaryRays;
 
 impl Stage for PrimaryRays {
     fn name(&self) -> &'static str {

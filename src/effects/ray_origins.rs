@@ -6,7 +6,7 @@ use crate::geometry::Numerics;
 use crate::world::{InteractionSoa, Vec3Soa, simd_dispatch};
 
 /// Computes the ray origin of each surface of a generation.
-pub struct RayOrigins {
+pub(crate) struct RayOrigins {
     /// The number of generations, from the first, that need origins.
     pub generations: u32,
 }

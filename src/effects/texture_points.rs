@@ -10,7 +10,7 @@ use crate::world::{Differential, PreparedMaterial, TexturePoint, World};
 
 /// The texture points of a tile.
 #[derive(Default)]
-pub struct Buffers {
+pub(crate) struct Buffers {
     /// By depth. Entries beyond the current depth are stale.
     generations: Vec<GenerationBuffers>,
 }
@@ -25,12 +25,12 @@ struct GenerationBuffers {
 
 impl Buffers {
     /// For each surface of a generation, its texture point; `None` for surfaces without texture, empty where all are.
-    pub fn points(&self, depth: usize) -> &[Option<TexturePoint>] {
+    pub(crate) fn points(&self, depth: usize) -> &[Option<TexturePoint>] {
         &self.generations[depth].points
     }
 
     /// Bytes of memory.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         let own =
             |buffers: &GenerationBuffers| vec_bytes(&buffers.differentials) + vec_bytes(&buffers.points);
         let generations = self.generations.iter().map(own).sum::<usize>();
@@ -62,7 +62,7 @@ impl TextureUse {
 
 /// The stages of an effect at a hook: before lighting, the texture points where the effect is the first that needs them, then
 /// `look_up`.
-pub fn stages(
+pub(crate) fn stages(
     context: &EffectContext,
     hook: Hook,
     is_first: bool,
@@ -99,7 +99,7 @@ impl FindTexturePoints {
             is_textured: world.materials.iter().map(|material| of(material).next().is_some()).collect(),
             footprints: world
                 .materials_in_use()
-                .flat_map(|material| of(material))
+                .flat_map(of)
                 .any(|(texture, _)| texture_use.filter(&texture).needs_footprint()),
             is_path: context.spec.is_path,
             sample_width: sample_width(context.spec.samples),

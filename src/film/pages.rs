@@ -13,7 +13,7 @@ use memmap2::{MmapMut, MmapOptions};
 const LARGE_PAGE: usize = 2 << 20;
 
 /// An array of values, initially zero, in an anonymous mapping.
-pub struct Pages<P> {
+pub(crate) struct Pages<P> {
     map: MmapMut,
     len: usize,
     kind: PhantomData<P>,
@@ -24,7 +24,7 @@ impl<P: Pod> Pages<P> {
     ///
     /// # Errors
     /// If the system has not enough memory.
-    pub fn new(len: usize) -> std::io::Result<Self> {
+    pub(crate) fn new(len: usize) -> std::io::Result<Self> {
         let bytes = len.checked_mul(size_of::<P>()).ok_or(std::io::ErrorKind::OutOfMemory)?;
         let is_large = bytes >= LARGE_PAGE / 2;
         let whole = if is_large { bytes.checked_next_multiple_of(LARGE_PAGE) } else { Some(bytes) };
@@ -39,12 +39,12 @@ impl<P: Pod> Pages<P> {
     }
 
     /// The values.
-    pub fn as_slice(&self) -> &[P] {
+    pub(crate) fn as_slice(&self) -> &[P] {
         bytemuck::cast_slice(&self.map[..self.len * size_of::<P>()])
     }
 
     /// The values, mutable.
-    pub fn as_mut_slice(&mut self) -> &mut [P] {
+    pub(crate) fn as_mut_slice(&mut self) -> &mut [P] {
         bytemuck::cast_slice_mut(&mut self.map[..self.len * size_of::<P>()])
     }
 }

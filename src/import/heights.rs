@@ -1,7 +1,7 @@
 //! Conversion of height maps (MTL's `bump`) to normal maps.
 
 /// A normal map and the factor of its x and y.
-pub struct NormalsOfHeights {
+pub(crate) struct NormalsOfHeights {
     /// Texels, row by row from the top.
     pub texels: Vec<[u8; 3]>,
     /// Steepest slope of the height map, which scales x and y: 8 bits encode slopes relative to it.
@@ -14,7 +14,11 @@ pub struct NormalsOfHeights {
 ///
 /// MTL does not specify a unit of height. Measuring in texels makes the tilt independent of the texture's size in world
 /// space, as tools that convert height maps do.
-pub fn normals_of_heights(heights: impl Fn(usize) -> f64, width: usize, height: usize) -> NormalsOfHeights {
+pub(crate) fn normals_of_heights(
+    heights: impl Fn(usize) -> f64,
+    width: usize,
+    height: usize,
+) -> NormalsOfHeights {
     let at = |x: usize, y: usize| heights(y % height * width + x % width);
     // Slopes are computed twice, because storing them would take 16 bytes per texel.
     let slopes = |i: usize| {

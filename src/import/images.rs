@@ -14,7 +14,7 @@ use crate::limits;
 use crate::scene::{DecodedImage, ImageId, Scene};
 
 /// Decodes image files into a scene, each once.
-pub struct ImageLoader {
+pub(crate) struct ImageLoader {
     files: Files,
     known: HashMap<PathBuf, Option<ImageId>>,
     /// Normal maps converted from height maps, with the steepest slope of each; `None` for a file that is a normal map.
@@ -23,7 +23,7 @@ pub struct ImageLoader {
 
 impl ImageLoader {
     /// A loader for the images referenced by `source`.
-    pub fn new(source: &Source) -> Self {
+    pub(crate) fn new(source: &Source) -> Self {
         ImageLoader { files: source.files.clone(), known: HashMap::new(), heights: HashMap::new() }
     }
 
@@ -32,7 +32,7 @@ impl ImageLoader {
     /// # Errors
     /// [`Error::Input`] if it exceeds the memory limit, so that the rendered picture does not depend on the machine's
     /// memory.
-    pub fn of_file(
+    pub(crate) fn of_file(
         &mut self,
         scene: &mut Scene,
         file: &Path,
@@ -53,7 +53,7 @@ impl ImageLoader {
     ///
     /// # Errors
     /// As those of [`ImageLoader::of_file`].
-    pub fn bump_of_file(
+    pub(crate) fn bump_of_file(
         &mut self,
         scene: &mut Scene,
         file: &Path,
@@ -113,7 +113,7 @@ fn of_heights(name: &str, image: DynamicImage) -> (DecodedImage, f64) {
 ///
 /// # Errors
 /// [`Error::Input`] where it is too large.
-pub fn of_bytes(
+pub(crate) fn of_bytes(
     scene: &mut Scene,
     place: Place,
     bytes: &[u8],

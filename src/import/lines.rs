@@ -1,19 +1,19 @@
 //! Lines, words and numbers of text files with line numbers for error messages. The text need not be UTF-8.
 
 /// Iterator over lines and their numbers, counted from 1, without terminators (`\n`, `\r\n` or `\r`).
-pub struct Lines<'a> {
+pub(crate) struct Lines<'a> {
     rest: &'a [u8],
     number: usize,
 }
 
 impl<'a> Lines<'a> {
     /// The lines of `text`, which follows `before` other lines.
-    pub fn new(text: &'a [u8], before: usize) -> Self {
+    pub(crate) fn new(text: &'a [u8], before: usize) -> Self {
         Lines { rest: text, number: before }
     }
 
     /// Bytes in the remaining lines, terminators included.
-    pub fn bytes_left(&self) -> usize {
+    pub(crate) fn bytes_left(&self) -> usize {
         self.rest.len()
     }
 }
@@ -34,7 +34,7 @@ impl<'a> Iterator for Lines<'a> {
 }
 
 /// Removes and returns the first word of a line.
-pub fn take_word<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
+pub(crate) fn take_word<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
     let text = line.trim_ascii_start();
     let end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
     let (word, rest) = text.split_at(end);
@@ -43,12 +43,12 @@ pub fn take_word<'a>(line: &mut &'a [u8]) -> Option<&'a [u8]> {
 }
 
 /// Parses a number, which may be infinite or NaN.
-pub fn parse_number(word: &[u8]) -> Option<f64> {
+pub(crate) fn parse_number(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
 /// A word for display in messages: its first 32 characters, without control characters.
-pub fn shown(word: &[u8]) -> String {
+pub(crate) fn shown(word: &[u8]) -> String {
     let text = String::from_utf8_lossy(word);
     text.chars().take(32).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
 }

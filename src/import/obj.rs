@@ -24,7 +24,7 @@ use crate::scene::{
 };
 
 /// Reads an OBJ file, its materials and their textures.
-pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     check_memory(source)?;
     let original = source.text();
     if original.lines().any(|line| is_point_or_line(line.trim_start())) {

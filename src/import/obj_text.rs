@@ -7,7 +7,7 @@
 use crate::error::Warnings;
 
 /// Normalises the text of an OBJ file. Line numbers are preserved.
-pub fn clean_obj(text: &str) -> String {
+pub(crate) fn clean_obj(text: &str) -> String {
     let coloured = lines(text).any(|(_, line)| is_coloured_vertex(&line));
     let mut out = String::with_capacity(text.len() + text.len() / 8);
     let mut written = 1;
@@ -61,7 +61,7 @@ fn has_numbers(line: &str) -> bool {
 
 /// Whether a line is a point (`p`) or line (`l`) element, which are not drawn; tobj makes triangles of polylines of
 /// three points.
-pub fn is_point_or_line(line: &str) -> bool {
+pub(crate) fn is_point_or_line(line: &str) -> bool {
     matches!(line.split_whitespace().next(), Some("l" | "p"))
 }
 
@@ -118,7 +118,7 @@ fn clean_obj_line(line: &str, coloured: bool, out: &mut String) {
 }
 
 /// The first faulty line of a cleaned OBJ text: its number and the error.
-pub fn find_obj_fault(text: &str) -> Option<(usize, String)> {
+pub(crate) fn find_obj_fault(text: &str) -> Option<(usize, String)> {
     let [mut v, mut vt, mut vn] = [0i64; 3];
     // Faces may refer to later vertices, so indices are checked against the counts of the whole file.
     let count = |key: &str| text.lines().filter(|l| l.split_whitespace().next() == Some(key)).count() as i64;
@@ -178,7 +178,7 @@ fn corner_fault(corner: &str, so_far: [i64; 3], totals: [i64; 3]) -> Option<Stri
 }
 
 /// Normalises the text of an MTL file. Invalid lines are dropped with a warning.
-pub fn clean_mtl(text: &str, name: &str, warnings: &mut Warnings) -> String {
+pub(crate) fn clean_mtl(text: &str, name: &str, warnings: &mut Warnings) -> String {
     let mut out = String::with_capacity(text.len());
     for (number, line) in lines(text) {
         let line = line.trim();
@@ -229,7 +229,7 @@ fn clean_mtl_value(key: &str, rest: &str) -> Result<String, ()> {
 }
 
 /// Key for the bump multiplier of a material in a cleaned MTL text.
-pub const BUMP_MULTIPLIER: &str = "kiln:bm";
+pub(crate) const BUMP_MULTIPLIER: &str = "kiln:bm";
 
 fn is_bump(key: &str) -> bool {
     matches!(key, "bump" | "map_Bump" | "map_bump")

@@ -22,7 +22,7 @@ use crate::scene::{Attribute, Mesh, Scene};
 use header::{Element, Encoding, Header, Property, Scalar};
 
 /// Reads a PLY file as one mesh.
-pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let header = Header::parse(source)?;
     let mut body = Body::new(source, &header);
     let (mut mesh, mut faces) = (Mesh::default(), Faces::default());

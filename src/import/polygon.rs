@@ -33,7 +33,7 @@ const DEPTH: f64 = 1e-9;
 
 /// Result of a triangulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cut {
+pub(crate) enum Cut {
     /// Triangles that cover the polygon.
     Whole,
     /// A fan, because the polygon intersects itself or repeats an edge.
@@ -44,20 +44,20 @@ pub enum Cut {
 
 /// Counts of polygons of a file that were split into fans.
 #[derive(Debug, Default)]
-pub struct Cuts {
+pub(crate) struct Cuts {
     crossing: usize,
     intricate: usize,
 }
 
 impl Cuts {
     /// Counts a polygon.
-    pub fn count(&mut self, cut: Cut) {
+    pub(crate) fn count(&mut self, cut: Cut) {
         self.crossing += usize::from(cut == Cut::Crossing);
         self.intricate += usize::from(cut == Cut::Intricate);
     }
 
     /// Adds warnings for the polygons of `file` that were split into fans.
-    pub fn warn(&self, file: &Path, warnings: &mut Warnings) {
+    pub(crate) fn warn(&self, file: &Path, warnings: &mut Warnings) {
         let (file, Cuts { crossing, intricate }) = (file.display(), self);
         if *crossing > 0 {
             warnings.push(format!("{file}: {crossing} polygon(s) cross themselves and were cut into fans"));
@@ -72,7 +72,7 @@ impl Cuts {
 }
 
 /// Triangulates polygons; reuses its buffers.
-pub struct Triangulator {
+pub(crate) struct Triangulator {
     earcut: earcut::Earcut<f64>,
     flat: Vec<[f64; 2]>,
     out: Vec<u32>,
@@ -80,14 +80,14 @@ pub struct Triangulator {
 
 impl Triangulator {
     /// A triangulator with empty buffers.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Triangulator { earcut: earcut::Earcut::new(), flat: Vec::new(), out: Vec::new() }
     }
 
     /// Calls `emit` with the corner indices of each triangle of the polygon. If a covering triangulation is not found
     /// within the work limits, the polygon is split into a fan. A polygon with non-finite corners is split into a fan and
     /// counts as [`Cut::Whole`], since the check of the vertices warns of it.
-    pub fn triangulate(&mut self, corners: &[DVec3], mut emit: impl FnMut([usize; 3])) -> Cut {
+    pub(crate) fn triangulate(&mut self, corners: &[DVec3], mut emit: impl FnMut([usize; 3])) -> Cut {
         let n = corners.len();
         if n <= 3 {
             if n == 3 {

@@ -24,7 +24,7 @@ struct Count {
 }
 
 /// Removes invalid primitives and replaces invalid attributes; adds warnings with their counts.
-pub fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
+pub(crate) fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
     let mut count = Count::default();
     warn_of_degenerate_objects(scene, file, warnings);
     clean_placed(&mut scene.objects, &mut count);

@@ -12,7 +12,7 @@ use crate::scene::{Mesh, Object, Scene, Shape};
 const MIN_SAVED_TRIANGLES: usize = 1 << 18;
 
 /// Groups the placed objects by shared mesh: index of the first object to indices of all.
-pub fn shared(objects: &[Object]) -> BTreeMap<usize, Vec<usize>> {
+pub(crate) fn shared(objects: &[Object]) -> BTreeMap<usize, Vec<usize>> {
     let mut first_of = std::collections::HashMap::new();
     let mut groups: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (index, object) in objects.iter().enumerate() {
@@ -25,7 +25,7 @@ pub fn shared(objects: &[Object]) -> BTreeMap<usize, Vec<usize>> {
 }
 
 /// Bakes the placed meshes that are too small to be instanced.
-pub fn bake_small(scene: &mut Scene) {
+pub(crate) fn bake_small(scene: &mut Scene) {
     let mut small: Vec<*const Mesh> = Vec::new();
     for (first, group) in shared(&scene.objects) {
         if let Shape::Placed(placed) = &scene.objects[first].shape

@@ -24,7 +24,7 @@ const HEAD: usize = 84;
 const FACET: usize = 50;
 
 /// Reads an STL file into one mesh per solid.
-pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let solids = if is_binary(&source.bytes) {
         vec![(None, read_binary(source, warnings)?)]
     } else {

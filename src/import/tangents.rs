@@ -8,7 +8,7 @@ use crate::scene::{Attribute, Mesh};
 
 /// Computes missing tangents of a mesh with a normal map; does nothing without texture coordinates. A mesh without
 /// normals gets those of its triangles, which define the side that the map applies to.
-pub fn make_tangents(mesh: &mut Mesh) {
+pub(crate) fn make_tangents(mesh: &mut Mesh) {
     if mesh.uvs.is_none() || mesh.triangles.is_empty() {
         return;
     }

@@ -6,7 +6,7 @@ use base64::Engine;
 
 /// A resolved URI.
 #[derive(Debug, PartialEq)]
-pub enum Resource {
+pub(crate) enum Resource {
     /// Decoded data.
     Data(Vec<u8>),
     /// A file, relative to the referencing file.
@@ -17,7 +17,7 @@ pub enum Resource {
 ///
 /// # Errors
 /// A message about what is wrong.
-pub fn resolve(uri: &str) -> Result<Resource, String> {
+pub(crate) fn resolve(uri: &str) -> Result<Resource, String> {
     if let Some(rest) = strip_prefix_ignoring_case(uri, "data:") {
         let (kind, data) = rest.split_once(',').ok_or("a data URI without a comma")?;
         if !kind.to_ascii_lowercase().ends_with(";base64") {

@@ -10,7 +10,7 @@ use crate::world::simd_dispatch;
 
 /// Pixels per degree of the field of view, for a display 0.7 m and 3840 pixels wide at a distance of 0.7 m:
 /// `distance * pixels / width * pi / 180` (section 5.1).
-pub const PIXELS_PER_DEGREE: f64 = 0.7 * (3840.0 / 0.7) * std::f64::consts::PI / 180.0;
+pub(crate) const PIXELS_PER_DEGREE: f64 = 0.7 * (3840.0 / 0.7) * std::f64::consts::PI / 180.0;
 
 /// White point D65 in CIE XYZ: the row sums of [`XYZ_FROM_RGB`].
 const WHITE: [f64; 3] = [0.950_428_545_377_181, 1.0, 1.088_900_370_798_128];
@@ -42,7 +42,7 @@ const QF: f64 = 0.5;
 type Plane = Vec<f64>;
 
 /// Per-pixel LDR-FLIP, 0 to 1. `a` and `b` are display values from 0 to 1 in rows of `width` pixels.
-pub fn map(a: &[[f32; 3]], b: &[[f32; 3]], width: usize, pixels_per_degree: f64) -> Vec<f32> {
+pub(crate) fn map(a: &[[f32; 3]], b: &[[f32; 3]], width: usize, pixels_per_degree: f64) -> Vec<f32> {
     let perceived = [a, b].map(|picture| PerceivedImage::new(picture, width, pixels_per_degree));
     let largest = largest_colour_difference();
     let error = |i: usize| {

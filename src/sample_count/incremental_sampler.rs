@@ -13,7 +13,7 @@ use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 
 /// Renders ranges of the picture's samples, and accumulates their statistics.
-pub struct IncrementalSampler<'a> {
+pub(crate) struct IncrementalSampler<'a> {
     job: &'a mut RenderJob,
     control: &'a RenderControl<'a>,
     start: Instant,
@@ -25,7 +25,7 @@ pub struct IncrementalSampler<'a> {
 }
 
 impl<'a> IncrementalSampler<'a> {
-    pub fn new(job: &'a mut RenderJob, control: &'a RenderControl<'a>) -> Result<Self> {
+    pub(crate) fn new(job: &'a mut RenderJob, control: &'a RenderControl<'a>) -> Result<Self> {
         let sampling = job.choices.sampling;
         let values = match job.pipeline() {
             ColourPipeline::Linear => Values::Linear,
@@ -44,21 +44,21 @@ impl<'a> IncrementalSampler<'a> {
     }
 
     /// Renders the pixel centres.
-    pub fn render_centres(&mut self) -> Result<Vec<[f32; 3]>> {
+    pub(crate) fn render_centres(&mut self) -> Result<Vec<[f32; 3]>> {
         let mut pixels = self.black();
         self.render(Sampling { seed: self.sampling.seed, ..Sampling::default() }, &|_| true, &mut pixels)?;
         Ok(pixels)
     }
 
     /// Mean of the samples `from..to` of the whole picture.
-    pub fn render_samples(&mut self, from: u32, to: u32) -> Result<Vec<[f32; 3]>> {
+    pub(crate) fn render_samples(&mut self, from: u32, to: u32) -> Result<Vec<[f32; 3]>> {
         let mut pixels = self.black();
         self.render_tiles((from, to), &|_| true, &mut pixels)?;
         Ok(pixels)
     }
 
     /// Writes the mean of the samples `from..to` of the selected error tiles to `pixels`; other pixels stay unchanged.
-    pub fn render_tiles(
+    pub(crate) fn render_tiles(
         &mut self,
         (from, to): (u32, u32),
         selected: &(dyn Fn(usize) -> bool + Sync),
@@ -67,7 +67,7 @@ impl<'a> IncrementalSampler<'a> {
         self.render(self.sampling.part(from, to), selected, pixels)
     }
 
-    pub fn black(&self) -> Vec<[f32; 3]> {
+    pub(crate) fn black(&self) -> Vec<[f32; 3]> {
         vec![[0.0; 3]; self.job.window.area()]
     }
 
@@ -96,24 +96,24 @@ impl<'a> IncrementalSampler<'a> {
         Ok(())
     }
 
-    pub fn is_finite(&self) -> bool {
+    pub(crate) fn is_finite(&self) -> bool {
         self.statistics.as_ref().is_none_or(|statistics| statistics.non_finite.0 == 0)
     }
 
     /// Number of samples that fit into the remaining time, if the time so far was that of `samples`.
-    pub fn samples_in_time(&self, samples: u32, target: &ErrorTarget) -> f64 {
+    pub(crate) fn samples_in_time(&self, samples: u32, target: &ErrorTarget) -> f64 {
         let spent = self.start.elapsed().as_secs_f64();
         let left = target.seconds.map(|seconds| (seconds - spent).max(0.0));
         left.map_or(f64::INFINITY, |left| 0.9 * left * f64::from(samples) / spent)
     }
 
     /// Whether `samples` fit into the remaining time after the pilot, which costs about two samples.
-    pub fn has_time_for(&self, samples: u32, target: &ErrorTarget) -> bool {
+    pub(crate) fn has_time_for(&self, samples: u32, target: &ErrorTarget) -> bool {
         f64::from(samples) <= self.samples_in_time(2, target)
     }
 
     /// Sets the job's sampling to `samples`, and returns the picture.
-    pub fn finish(
+    pub(crate) fn finish(
         self,
         pixels: Vec<[f32; 3]>,
         samples: u32,

@@ -29,7 +29,7 @@ const MARGIN_OF_EXPECTED: f64 = 1.05;
 const THIRD: f64 = 0.35;
 
 /// Result of the pilot.
-pub enum PilotResult {
+pub(crate) enum PilotResult {
     /// Sufficient number of samples, 0 for pixel centres, with their error.
     Enough(u32, ErrorRange),
     /// Four samples may be insufficient; their predicted error.
@@ -37,7 +37,7 @@ pub enum PilotResult {
 }
 
 /// Samples of the pilot.
-pub struct Pilot {
+pub(crate) struct Pilot {
     /// Picture of the pixel centres.
     pub centres: Vec<[f32; 3]>,
     /// Means of sample 0, sample 1, and samples 2 and 3: whole pictures, black outside the sampled tiles.
@@ -60,7 +60,7 @@ struct DifferenceSums {
 
 impl Pilot {
     /// Renders the pixel centres, then samples tiles until it is decided whether the centres meet the bound.
-    pub fn new(sampler: &mut IncrementalSampler, bound: ErrorBound) -> Result<(Self, PilotResult)> {
+    pub(crate) fn new(sampler: &mut IncrementalSampler, bound: ErrorBound) -> Result<(Self, PilotResult)> {
         let centres = sampler.render_centres()?;
         let (tiles, values) = (sampler.tiles, sampler.values);
         let black = || vec![[0.0; 3]; centres.len()];
@@ -140,12 +140,16 @@ impl Pilot {
     }
 
     /// The picture of the pixel centres.
-    pub fn into_centres(self) -> Vec<[f32; 3]> {
+    pub(crate) fn into_centres(self) -> Vec<[f32; 3]> {
         self.centres
     }
 
     /// The picture of two or three samples per pixel, with four in the sampled tiles.
-    pub fn into_few(mut self, sampler: &mut IncrementalSampler, samples: u32) -> Result<Vec<[f32; 3]>> {
+    pub(crate) fn into_few(
+        mut self,
+        sampler: &mut IncrementalSampler,
+        samples: u32,
+    ) -> Result<Vec<[f32; 3]>> {
         let mut pixels = weighted_mean(&self.parts[0], 1, &self.parts[1], 1);
         pixels = weighted_mean(&pixels, 2, &self.parts[2], 2);
         let sampled = std::mem::take(&mut self.sampled);
@@ -154,7 +158,7 @@ impl Pilot {
     }
 
     /// The picture of four samples per pixel, with its halves.
-    pub fn into_four(self, sampler: &mut IncrementalSampler) -> Result<SplitImage> {
+    pub(crate) fn into_four(self, sampler: &mut IncrementalSampler) -> Result<SplitImage> {
         let Pilot { parts: [first, second, mut more], sampled, sums, .. } = self;
         let mut both = weighted_mean(&first, 1, &second, 1);
         sampler.render_tiles((0, 2), &|tile| !sampled[tile], &mut both)?;

@@ -5,10 +5,10 @@ use super::tile_error::{ErrorTiles, Estimate, TileDistribution};
 use crate::metrics::{Values, displayed, mean_over};
 
 /// Bounds of r, see [`super`].
-pub const VARIANCE_RATIOS: (f64, f64) = (0.353_553_390_593_273_8, 0.5);
+pub(crate) const VARIANCE_RATIOS: (f64, f64) = (0.353_553_390_593_273_8, 0.5);
 
 /// A picture with the means of the two halves of its samples.
-pub struct SplitImage {
+pub(crate) struct SplitImage {
     /// Samples per pixel.
     pub samples: u32,
     /// Mean of the samples.
@@ -24,7 +24,7 @@ pub struct SplitImage {
 
 impl SplitImage {
     /// A picture of one sample.
-    pub fn of_one(pixels: Vec<[f32; 3]>) -> Self {
+    pub(crate) fn of_one(pixels: Vec<[f32; 3]>) -> Self {
         SplitImage {
             samples: 1,
             pixels,
@@ -36,12 +36,12 @@ impl SplitImage {
     }
 
     /// A picture of two samples; `variance_ratio` is r from two to four samples.
-    pub fn of_two(pixels: Vec<[f32; 3]>, variance_ratio: f64) -> Self {
+    pub(crate) fn of_two(pixels: Vec<[f32; 3]>, variance_ratio: f64) -> Self {
         SplitImage { samples: 2, variance_ratio, ..SplitImage::of_one(pixels) }
     }
 
     /// The picture of twice as many samples; `more` is the mean of the second half.
-    pub fn doubled_with(self, more: Vec<[f32; 3]>) -> Self {
+    pub(crate) fn doubled_with(self, more: Vec<[f32; 3]>) -> Self {
         let pixels = weighted_mean(&self.pixels, self.samples, &more, self.samples);
         let clamped = |c: f64| c.clamp(0.0, 1.0);
         let difference = mean_over(&self.pixels, &more, |a, b| (clamped(a) - clamped(b)).powi(2));
@@ -62,18 +62,18 @@ impl SplitImage {
     }
 
     /// Adds `of_more` samples with the mean `more`.
-    pub fn extended_with(&mut self, more: &[[f32; 3]], of_more: u32) {
+    pub(crate) fn extended_with(&mut self, more: &[[f32; 3]], of_more: u32) {
         self.pixels = weighted_mean(&self.pixels, self.samples, more, of_more);
         self.samples += of_more;
     }
 
     /// Estimated RMS error in film values; above 0.
-    pub fn rms_error(&self) -> f64 {
+    pub(crate) fn rms_error(&self) -> f64 {
         (self.error_ratio * self.difference.unwrap_or(0.0).sqrt()).max(f64::MIN_POSITIVE)
     }
 
     /// Estimates the error on error tiles, until `is_decided` returns `true` for the estimate.
-    pub fn error(
+    pub(crate) fn error(
         &self,
         (metric, values): (Metric, Values),
         tiles: &ErrorTiles,
@@ -118,7 +118,7 @@ impl SplitImage {
 
 /// Estimate of an error, with its 5 % and 95 % quantiles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ErrorRange {
+pub(crate) struct ErrorRange {
     pub low: f64,
     pub estimate: f64,
     pub high: f64,
@@ -126,12 +126,12 @@ pub struct ErrorRange {
 
 impl ErrorRange {
     /// An exactly known error.
-    pub fn exact(value: f64) -> Self {
+    pub(crate) fn exact(value: f64) -> Self {
         ErrorRange { low: value, estimate: value, high: value }
     }
 
     /// Applies a monotonic function to an estimated sum.
-    pub fn of(sum: &Estimate, error: impl Fn(f64) -> f64) -> Self {
+    pub(crate) fn of(sum: &Estimate, error: impl Fn(f64) -> f64) -> Self {
         ErrorRange {
             low: error(sum.lower_bound()),
             estimate: error(sum.value),
@@ -139,13 +139,13 @@ impl ErrorRange {
         }
     }
 
-    pub fn scaled(self, factor: f64) -> Self {
+    pub(crate) fn scaled(self, factor: f64) -> Self {
         ErrorRange { low: self.low * factor, estimate: self.estimate * factor, high: self.high * factor }
     }
 }
 
 /// Mean of two means of `of_a` and `of_b` samples.
-pub fn weighted_mean(a: &[[f32; 3]], of_a: u32, b: &[[f32; 3]], of_b: u32) -> Vec<[f32; 3]> {
+pub(crate) fn weighted_mean(a: &[[f32; 3]], of_a: u32, b: &[[f32; 3]], of_b: u32) -> Vec<[f32; 3]> {
     let (of_a, of_b) = (f64::from(of_a), f64::from(of_b));
     let mean = |a: f32, b: f32| ((f64::from(a) * of_a + f64::from(b) * of_b) / (of_a + of_b)) as f32;
     a.iter().zip(b).map(|(a, b)| std::array::from_fn(|c| mean(a[c], b[c]))).collect()
@@ -153,14 +153,14 @@ pub fn weighted_mean(a: &[[f32; 3]], of_a: u32, b: &[[f32; 3]], of_b: u32) -> Ve
 
 /// Approximate display value, at a tenth of the cost of sRGB.
 #[inline(always)]
-pub fn approximate_display(c: f32, values: Values) -> f32 {
+pub(crate) fn approximate_display(c: f32, values: Values) -> f32 {
     let c = c.clamp(0.0, 1.0);
     if values == Values::Linear { c.sqrt() } else { c }
 }
 
 /// Sum of `f` over pairs, with eight accumulators for vectorisation.
 #[inline(always)]
-pub fn sum_pairs(a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) -> f64 {
+pub(crate) fn sum_pairs(a: &[f32], b: &[f32], f: impl Fn(f32, f32) -> f32) -> f64 {
     let mut sums = [0.0; 8];
     let ((a, rest_of_a), (b, rest_of_b)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
     for (a, b) in a.iter().zip(b) {
@@ -178,13 +178,13 @@ fn error_ratio(r: f64) -> f64 {
 }
 
 /// r, see [`super`]. `before` and `now` are the mean square differences of the halves before and after a doubling.
-pub fn variance_ratio(before: Option<f64>, now: f64) -> f64 {
+pub(crate) fn variance_ratio(before: Option<f64>, now: f64) -> f64 {
     let measured = before.filter(|&before| before > 0.0).map_or(VARIANCE_RATIOS.1, |before| now / before);
     measured.clamp(VARIANCE_RATIOS.0, VARIANCE_RATIOS.1)
 }
 
 /// `shown` plus `ratio` times the difference of the halves, clamped to 0 to 1.
-pub fn displaced(shown: &[[f32; 3]], [a, b]: [&[[f32; 3]]; 2], ratio: f64) -> Vec<[f32; 3]> {
+pub(crate) fn displaced(shown: &[[f32; 3]], [a, b]: [&[[f32; 3]]; 2], ratio: f64) -> Vec<[f32; 3]> {
     let ratio = ratio as f32;
     let pixel =
         |i: usize| std::array::from_fn(|c| (shown[i][c] + ratio * (a[i][c] - b[i][c])).clamp(0.0, 1.0));

@@ -30,13 +30,13 @@ const QUANTILE_95: f64 = 1.645;
 
 /// Partition of a picture into error tiles, squares of 2 x 2 render tiles.
 #[derive(Debug, Clone, Copy)]
-pub struct ErrorTiles {
+pub(crate) struct ErrorTiles {
     width: u32,
     height: u32,
 }
 
 impl ErrorTiles {
-    pub fn new(width: u32, height: u32) -> Self {
+    pub(crate) fn new(width: u32, height: u32) -> Self {
         ErrorTiles { width, height }
     }
 
@@ -45,50 +45,50 @@ impl ErrorTiles {
     }
 
     /// Number of tiles.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         (self.across() * self.height.div_ceil(SIDE)) as usize
     }
 
     /// Number of pixels of the picture.
-    pub fn pixels(&self) -> f64 {
+    pub(crate) fn pixels(&self) -> f64 {
         f64::from(self.width) * f64::from(self.height)
     }
 
     /// Width of the picture in pixels.
-    pub fn width(&self) -> u32 {
+    pub(crate) fn width(&self) -> u32 {
         self.width
     }
 
     /// Index of the tile of a pixel.
-    pub fn index_of(&self, x: u32, y: u32) -> usize {
+    pub(crate) fn index_of(&self, x: u32, y: u32) -> usize {
         (y / SIDE * self.across() + x / SIDE) as usize
     }
 
     /// Pixel index ranges of the rows of a tile.
-    pub fn rows(&self, tile: usize) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
+    pub(crate) fn rows(&self, tile: usize) -> impl Iterator<Item = std::ops::Range<usize>> + use<> {
         let (x, y) = (tile as u32 % self.across() * SIDE, tile as u32 / self.across() * SIDE);
         let (width, right, bottom) = (self.width, (x + SIDE).min(self.width), (y + SIDE).min(self.height));
         (y..bottom).map(move |y| (y as usize * width as usize + x as usize)..(y * width + right) as usize)
     }
 
     /// The pixels of a tile.
-    pub fn extract(&self, tile: usize, pixels: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    pub(crate) fn extract(&self, tile: usize, pixels: &[[f32; 3]]) -> Vec<[f32; 3]> {
         self.rows(tile).flat_map(|row| pixels[row].iter().copied()).collect()
     }
 
     /// Width of a tile in pixels.
-    pub fn width_of(&self, tile: usize) -> u32 {
+    pub(crate) fn width_of(&self, tile: usize) -> u32 {
         SIDE.min(self.width - tile as u32 % self.across() * SIDE)
     }
 
     /// Weight of each tile, the sum of `of_row` over its rows.
-    pub fn weights(&self, of_row: impl Fn(std::ops::Range<usize>) -> f64 + Sync) -> Vec<f64> {
+    pub(crate) fn weights(&self, of_row: impl Fn(std::ops::Range<usize>) -> f64 + Sync) -> Vec<f64> {
         (0..self.count()).into_par_iter().map(|tile| self.rows(tile).map(&of_row).sum()).collect()
     }
 }
 
 /// Discrete distribution of error tiles.
-pub struct TileDistribution {
+pub(crate) struct TileDistribution {
     probabilities: Vec<f64>,
     /// Cumulative distribution function.
     cumulative: Vec<f64>,
@@ -96,7 +96,7 @@ pub struct TileDistribution {
 
 impl TileDistribution {
     /// Weights are 0 or more.
-    pub fn new(weights: &[f64]) -> Self {
+    pub(crate) fn new(weights: &[f64]) -> Self {
         let mean = weights.iter().sum::<f64>() / weights.len() as f64;
         let minimum = if mean > 0.0 { MIN_WEIGHT * mean } else { 1.0 };
         let total: f64 = weights.iter().map(|weight| weight + minimum).sum();
@@ -121,7 +121,7 @@ impl TileDistribution {
     ///
     /// # Errors
     /// Those of `measure`.
-    pub fn estimate<const N: usize, E>(
+    pub(crate) fn estimate<const N: usize, E>(
         &self,
         mut measure: impl FnMut(&[usize]) -> Result<Vec<[f64; N]>, E>,
         is_decided: impl Fn(&[Estimate; N]) -> bool,
@@ -157,7 +157,7 @@ impl TileDistribution {
 
 /// Estimate of a sum over all tiles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
+pub(crate) struct Estimate {
     pub value: f64,
     /// Standard error.
     pub deviation: f64,
@@ -172,12 +172,12 @@ impl Estimate {
     }
 
     /// 95 % quantile.
-    pub fn upper_bound(&self) -> f64 {
+    pub(crate) fn upper_bound(&self) -> f64 {
         self.value + QUANTILE_95 * self.deviation
     }
 
     /// 5 % quantile, 0 or more.
-    pub fn lower_bound(&self) -> f64 {
+    pub(crate) fn lower_bound(&self) -> f64 {
         (self.value - QUANTILE_95 * self.deviation).max(0.0)
     }
 }

@@ -20,7 +20,7 @@ const DIELECTRIC: f64 = 0.04;
 const MIN_ROUGHNESS: f64 = 0.045;
 
 /// The colour of a surface under the given lights.
-pub fn shade(
+pub(crate) fn shade(
     world: &World,
     material: &MetallicRoughness<DVec3>,
     mode: ShadingMode,

@@ -14,7 +14,7 @@ use crate::world::{InteractionSoa, RAYS_PER_BATCH, SurfaceInteraction, Vec3Soa, 
 
 /// The colour of a surface under the given lights.
 #[inline]
-pub fn shade(
+pub(crate) fn shade(
     world: &World,
     material: &Phong<DVec3>,
     mode: ShadingMode,
@@ -46,7 +46,7 @@ fn with_emission(pipeline: ColourPipeline, material: &Phong<DVec3>, colour: DVec
 }
 
 /// Whether a light can add more than 0.
-pub fn takes_light(material: &Phong<DVec3>, mode: ShadingMode) -> bool {
+pub(crate) fn takes_light(material: &Phong<DVec3>, mode: ShadingMode) -> bool {
     material.diffuse != 0.0 || has_highlight(material, mode)
 }
 
@@ -77,7 +77,7 @@ impl Default for Scratch {
 }
 
 /// Computes the colours of the `surfaces` in `range`, all of one material without texture, with the bits of [`shade`].
-pub fn shade_all(
+pub(crate) fn shade_all(
     world: &World,
     material: &Phong<DVec3>,
     mode: ShadingMode,

@@ -37,13 +37,13 @@ pub struct ParameterStep {
 }
 
 /// Rows that can be compared with each other: those with finite pixels and the filter of the first row.
-pub fn comparable(rows: &[SettingRow]) -> Vec<&SettingRow> {
+pub(crate) fn comparable(rows: &[SettingRow]) -> Vec<&SettingRow> {
     let filter = rows.first().map(|row| row.filter.clone());
     rows.iter().filter(|row| row.limit.is_some() && Some(&row.filter) == filter.as_ref()).collect()
 }
 
 /// Median time in ms and RMS error against the limit of each row.
-pub fn points(rows: &[&SettingRow]) -> Vec<[f64; 2]> {
+pub(crate) fn points(rows: &[&SettingRow]) -> Vec<[f64; 2]> {
     rows.iter().map(|row| [row.trace_ms.median, row.limit.map_or(f64::NAN, |limit| limit.rmse)]).collect()
 }
 
@@ -101,7 +101,7 @@ fn equally_fast(row: &SettingRow, rows: &[&SettingRow], below: f64) -> String {
 }
 
 /// Formats a median with its quartiles.
-pub fn brief(ms: Quartiles) -> String {
+pub(crate) fn brief(ms: Quartiles) -> String {
     let digits = if ms.median < 10.0 { 2 } else { usize::from(ms.median < 100.0) };
     format!("{:.digits$} ({:.digits$} to {:.digits$})", ms.median, ms.lower, ms.upper)
 }

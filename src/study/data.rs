@@ -7,7 +7,7 @@ use super::errors::PictureErrors;
 use crate::bench::Spread;
 
 /// Version of the JSON schema, incremented when a field is removed or changes its meaning.
-pub const SCHEMA: u32 = 1;
+pub(crate) const SCHEMA: u32 = 1;
 
 /// Results of a study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

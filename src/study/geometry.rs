@@ -30,7 +30,7 @@ struct GeometryHit {
 ///
 /// # Errors
 /// [`crate::error::Error::Interrupted`] when cancelled.
-pub fn compare(
+pub(crate) fn compare(
     [tier, exact]: [&World; 2],
     (view, size): (&View, [u32; 2]),
     closed: &[ClosedMesh],

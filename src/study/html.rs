@@ -8,7 +8,7 @@ use super::errors::PictureErrors;
 use super::pareto::front;
 
 /// Table of differences in ray hits between the tiers and `exact`.
-pub fn geometry(tiers: &[GeometryErrors]) -> String {
+pub(crate) fn geometry(tiers: &[GeometryErrors]) -> String {
     let mut html = "<h2>Geometry</h2>\n<p class=\"note\">Rays through the centres of a larger picture's pixels, each tier in its own numbers, \
         against <code>exact</code>, before any shading. t in units of the last place of f32; angles between normals in degrees: median, 99.9 %, \
         worst.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">tier</th><th>rays</th><th>false hits</th><th>false misses</th>\
@@ -42,7 +42,7 @@ pub fn geometry(tiers: &[GeometryErrors]) -> String {
 }
 
 /// Table of comparisons of adjacent settings, and list of omitted parameters.
-pub fn steps(study: &Study) -> String {
+pub(crate) fn steps(study: &Study) -> String {
     let mut html = "<h2>What the next step costs and buys</h2>\n<p class=\"note\">Along each knob, from one setting to the next. Times that \
         differ by no more than their quartiles are called alike.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">knob</th>\
         <th class=\"left\">from</th><th class=\"left\">to</th><th>time</th><th>error before</th><th>error after</th><th class=\"left\">buys</th></tr>\n"
@@ -87,7 +87,7 @@ pub fn steps(study: &Study) -> String {
 }
 
 /// Display name of a reference.
-pub fn against(reference: ReferenceKind) -> &'static str {
+pub(crate) fn against(reference: ReferenceKind) -> &'static str {
     match reference {
         ReferenceKind::Limit => "limit",
         ReferenceKind::Twin => "exact, same samples",
@@ -95,7 +95,7 @@ pub fn against(reference: ReferenceKind) -> &'static str {
 }
 
 /// Table of all settings.
-pub fn table(study: &Study) -> String {
+pub(crate) fn table(study: &Study) -> String {
     let alternatives = comparable(&study.rows);
     let best: Vec<usize> = front(&points(&alternatives)).into_iter().map(|i| alternatives[i].id).collect();
     let mut html = "<h2>All settings</h2>\n<p class=\"note\">● on the Pareto front of time and error against the limit, ○ dominated; settings of another \
@@ -162,7 +162,7 @@ fn cells(row: &SettingRow) -> String {
 }
 
 /// Formats a number with two or more significant digits.
-pub fn scientific(x: f64) -> String {
+pub(crate) fn scientific(x: f64) -> String {
     if x == 0.0 {
         "0".into()
     } else if (0.01..1e4).contains(&x.abs()) {
@@ -183,7 +183,7 @@ pub fn scientific(x: f64) -> String {
 }
 
 /// Text as HTML, with parts between backquotes as code.
-pub fn with_code(text: &str) -> String {
+pub(crate) fn with_code(text: &str) -> String {
     let parts = text.split('`').enumerate();
     parts
         .map(|(i, part)| if i % 2 == 1 { format!("<code>{}</code>", escaped(part)) } else { escaped(part) })
@@ -191,6 +191,6 @@ pub fn with_code(text: &str) -> String {
 }
 
 /// Text with HTML special characters escaped.
-pub fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

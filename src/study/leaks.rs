@@ -27,13 +27,13 @@ const TRIES: u64 = 64;
 const CHUNK: u64 = 4096;
 
 /// A closed mesh with interior points.
-pub struct ClosedMesh {
+pub(crate) struct ClosedMesh {
     corners: Vec<[DVec3; 3]>,
     inside: Vec<DVec3>,
 }
 
 /// Closed meshes of a scene with interior points. Of instanced meshes, the first instance is used.
-pub fn closed_meshes(scene: &Scene) -> Vec<ClosedMesh> {
+pub(crate) fn closed_meshes(scene: &Scene) -> Vec<ClosedMesh> {
     let meshes = scene.objects.iter().filter_map(|object| match &object.shape {
         Shape::Mesh(mesh) => Some(corners(mesh)),
         _ => None,
@@ -119,7 +119,7 @@ fn crossings(exact: &dyn Accelerator, ray: &Ray, traversal: &mut Traversal) -> O
 ///
 /// # Errors
 /// [`Error::Interrupted`] when cancelled.
-pub fn count_leaks(
+pub(crate) fn count_leaks(
     closed: &[ClosedMesh],
     numerics: Numerics,
     rays: u64,

@@ -5,7 +5,7 @@ use std::fs::read_to_string;
 use crate::bvh::{Accelerator, compiled_isa};
 
 /// Properties of the machine that the system provides, as names and values.
-pub fn machine(accelerator: &dyn Accelerator) -> Vec<[String; 2]> {
+pub(crate) fn machine(accelerator: &dyn Accelerator) -> Vec<[String; 2]> {
     let mut facts: Vec<[String; 2]> = Vec::new();
     let mut add =
         |name: &str, value: Option<String>| facts.extend(value.map(|value| [name.to_owned(), value]));

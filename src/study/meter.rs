@@ -6,13 +6,13 @@ use super::setting::Setting;
 use crate::render::RenderControl;
 
 /// Approximate work per tile, in samples per pixel.
-pub fn effort(setting: &Setting) -> usize {
+pub(crate) fn effort(setting: &Setting) -> usize {
     let sampling = &setting.sampling;
     if sampling.is_wanted() { sampling.max_samples() as usize } else { 1 }
 }
 
 /// Progress in tiles times samples per pixel.
-pub struct ProgressMeter<'a> {
+pub(crate) struct ProgressMeter<'a> {
     /// Receiver of the progress.
     pub control: &'a RenderControl<'a>,
     done: AtomicUsize,
@@ -21,17 +21,17 @@ pub struct ProgressMeter<'a> {
 
 impl<'a> ProgressMeter<'a> {
     /// No progress.
-    pub fn new(control: &'a RenderControl<'a>) -> Self {
+    pub(crate) fn new(control: &'a RenderControl<'a>) -> Self {
         ProgressMeter { control, done: AtomicUsize::new(0), total: AtomicUsize::new(1) }
     }
 
     /// Sets the total work, in tiles times samples per pixel.
-    pub fn set_total(&self, total: usize) {
+    pub(crate) fn set_total(&self, total: usize) {
         self.total.store(total, Ordering::Relaxed);
     }
 
     /// Adds a finished tile of `effort` samples per pixel.
-    pub fn step(&self, effort: usize) {
+    pub(crate) fn step(&self, effort: usize) {
         let done = effort + self.done.fetch_add(effort, Ordering::Relaxed);
         (self.control.progress)(done, self.total.load(Ordering::Relaxed).max(done));
     }

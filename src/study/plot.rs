@@ -69,7 +69,7 @@ pub fn error_against_time(rows: &[SettingRow], floor: Option<f64>) -> Result<Str
 ///
 /// # Errors
 /// [`Error::Failed`](crate::error::Error::Failed) if plotters fails.
-pub fn error_against_twin(rows: &[SettingRow]) -> Result<String> {
+pub(crate) fn error_against_twin(rows: &[SettingRow]) -> Result<String> {
     let groups = parameters(rows);
     let rows: Vec<&SettingRow> =
         rows.iter().filter(|row| row.reference == super::ReferenceKind::Twin && row.twin.is_some()).collect();

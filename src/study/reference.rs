@@ -17,7 +17,7 @@ use crate::metrics::ComparedImage;
 const SIGNIFICANT_RATIO: f64 = 10.0;
 
 /// A converged picture.
-pub struct ConvergedReference {
+pub(crate) struct ConvergedReference {
     /// Reconstruction filter and its radius in pixels.
     pub filter: (FilterShape, f64),
     /// The picture.
@@ -27,7 +27,7 @@ pub struct ConvergedReference {
 }
 
 /// Settings of the two halves, of `samples` samples per pixel each.
-pub fn halves(base: &Setting, filter: (FilterShape, f64), samples: u32) -> [Setting; 2] {
+pub(crate) fn halves(base: &Setting, filter: (FilterShape, f64), samples: u32) -> [Setting; 2] {
     [1, 2].map(|more| {
         let mut half = Setting { numerics: Numerics::Exact, ..base.clone() }.unrounded();
         let own = &mut half.sampling;
@@ -43,7 +43,7 @@ impl ConvergedReference {
     ///
     /// # Errors
     /// Those of the metrics.
-    pub fn new(
+    pub(crate) fn new(
         filter: (FilterShape, f64),
         samples: u32,
         [a, b]: &[ComparedImage; 2],
@@ -60,7 +60,7 @@ impl ConvergedReference {
     }
 
     /// Whether an error against this reference exceeds its noise.
-    pub fn significance(&self, errors: &PictureErrors) -> Significance {
+    pub(crate) fn significance(&self, errors: &PictureErrors) -> Significance {
         if errors.rmse >= SIGNIFICANT_RATIO * self.floor.rmse {
             Significance::Significant
         } else {

@@ -25,7 +25,7 @@ use crate::world::{View, World};
 const MAX_RAYS_ACROSS: u32 = 2048;
 
 /// A setting with its measurements, shared by candidates with equal settings.
-pub struct MeasuredSetting {
+pub(crate) struct MeasuredSetting {
     pub setting: Setting,
     pub build_ms: Vec<f64>,
     pub trace_ms: Vec<f64>,
@@ -33,7 +33,7 @@ pub struct MeasuredSetting {
 }
 
 /// Statistics and errors of a setting.
-pub struct RenderResult {
+pub(crate) struct RenderResult {
     pub statistics: Statistics,
     pub structure_bytes: usize,
     pub layout: &'static str,
@@ -45,7 +45,7 @@ pub struct RenderResult {
 }
 
 /// The job of the subject in a setting.
-pub fn prepare(subject: &StudySubject, setting: &Setting) -> Result<RenderJob> {
+pub(crate) fn prepare(subject: &StudySubject, setting: &Setting) -> Result<RenderJob> {
     job_of(subject, setting, setting.scene(&subject.scene))
 }
 
@@ -58,7 +58,7 @@ fn job_of(subject: &StudySubject, setting: &Setting, scene: Scene) -> Result<Ren
 }
 
 /// The distinct filters of all settings, beginning with that of the base.
-pub fn filters(settings: &[MeasuredSetting]) -> Vec<(FilterShape, f64)> {
+pub(crate) fn filters(settings: &[MeasuredSetting]) -> Vec<(FilterShape, f64)> {
     let mut filters = Vec::new();
     for measured in settings {
         let filter = measured.setting.sampling.shape_and_radius();
@@ -70,7 +70,7 @@ pub fn filters(settings: &[MeasuredSetting]) -> Vec<(FilterShape, f64)> {
 }
 
 /// Context of all steps.
-pub struct StudyRun<'a> {
+pub(crate) struct StudyRun<'a> {
     /// Input of the study.
     pub subject: &'a StudySubject,
     /// Extent of the study.
@@ -81,7 +81,7 @@ pub struct StudyRun<'a> {
 
 impl StudyRun<'_> {
     /// Sets the total work of the progress.
-    pub fn set_total_work(&self, settings: &[MeasuredSetting], limits: usize) {
+    pub(crate) fn set_total_work(&self, settings: &[MeasuredSetting], limits: usize) {
         let Window { width, height, .. } = self.subject.window;
         let tiles = (width.div_ceil(TILE) * height.div_ceil(TILE)) as usize;
         let once: usize = settings.iter().map(|measured| effort(&measured.setting)).sum();
@@ -113,7 +113,7 @@ impl StudyRun<'_> {
     }
 
     /// Differences in ray hits between each tier and `exact`.
-    pub fn geometry(&self, control: &RenderControl) -> Result<Vec<GeometryErrors>> {
+    pub(crate) fn geometry(&self, control: &RenderControl) -> Result<Vec<GeometryErrors>> {
         let StudySubject { scene, camera, base, .. } = self.subject;
         let size = self.size_of_geometry();
         let view = View::new(camera, camera.projection, size)?;
@@ -147,7 +147,7 @@ impl StudyRun<'_> {
     }
 
     /// Renders the limit of every filter.
-    pub fn limits(&self, filters: &[(FilterShape, f64)]) -> Result<Vec<ConvergedReference>> {
+    pub(crate) fn limits(&self, filters: &[(FilterShape, f64)]) -> Result<Vec<ConvergedReference>> {
         let mut limits = Vec::new();
         for (index, &filter) in filters.iter().enumerate() {
             let samples = self.options.samples_of_limit(index);
@@ -161,7 +161,7 @@ impl StudyRun<'_> {
     }
 
     /// Renders every distinct twin.
-    pub fn twins(&self, settings: &[MeasuredSetting]) -> Result<Vec<(Setting, ComparedImage)>> {
+    pub(crate) fn twins(&self, settings: &[MeasuredSetting]) -> Result<Vec<(Setting, ComparedImage)>> {
         let mut twins: Vec<(Setting, ComparedImage)> = Vec::new();
         let mut job: Option<RenderJob> = None;
         for measured in settings {
@@ -182,7 +182,7 @@ impl StudyRun<'_> {
     }
 
     /// Renders every setting once, and compares it with its limit and its twin.
-    pub fn compare_images(
+    pub(crate) fn compare_images(
         &self,
         settings: &mut [MeasuredSetting],
         limits: &[ConvergedReference],
@@ -222,7 +222,7 @@ impl StudyRun<'_> {
     }
 
     /// Times all settings once per round; returns the time for reading the inputs.
-    pub fn time_renders(
+    pub(crate) fn time_renders(
         &self,
         settings: &mut [MeasuredSetting],
         load: Option<&(dyn Fn() -> Result<()> + Sync)>,

@@ -29,7 +29,7 @@ struct SideTexture {
 
 /// The picture's area in the window.
 #[derive(Default)]
-pub struct Canvas {
+pub(crate) struct Canvas {
     sides: [Option<SideTexture>; 2],
     /// Rectangle in points.
     rect: Option<Rect>,
@@ -39,7 +39,7 @@ pub struct Canvas {
 
 /// Clicks of a frame.
 #[derive(Default)]
-pub struct MouseResult {
+pub(crate) struct MouseResult {
     /// Pixel that was clicked.
     pub clicked: Option<[u32; 2]>,
     /// Pixel that was double-clicked.
@@ -50,7 +50,7 @@ pub struct MouseResult {
 
 impl Canvas {
     /// Uploads an image.
-    pub fn take(&mut self, context: &egui::Context, rendered: Box<RenderedImage>) {
+    pub(crate) fn take(&mut self, context: &egui::Context, rendered: Box<RenderedImage>) {
         let options = if rendered.factor == 1 { TextureOptions::NEAREST } else { TextureOptions::LINEAR };
         let image = Arc::clone(&rendered.image);
         let side = &mut self.sides[rendered.side];
@@ -67,22 +67,22 @@ impl Canvas {
     }
 
     /// The last image of a side.
-    pub fn rendered(&self, side: usize) -> Option<&RenderedImage> {
+    pub(crate) fn rendered(&self, side: usize) -> Option<&RenderedImage> {
         self.sides[side].as_ref().map(|side_texture| &*side_texture.rendered)
     }
 
     /// The prepared scene of the last image of a side.
-    pub fn prepared(&self, side: usize) -> Option<&Arc<Prepared>> {
+    pub(crate) fn prepared(&self, side: usize) -> Option<&Arc<Prepared>> {
         self.rendered(side).map(|rendered| &rendered.prepared)
     }
 
     /// Removes the image of a side.
-    pub fn clear_side(&mut self, side: usize) {
+    pub(crate) fn clear_side(&mut self, side: usize) {
         self.sides[side] = None;
     }
 
     /// The picture's rectangle in points.
-    pub fn rect(&self) -> Option<Rect> {
+    pub(crate) fn rect(&self) -> Option<Rect> {
         self.rect
     }
 
@@ -94,7 +94,7 @@ impl Canvas {
 
     /// Shows the images in the available area, and moves the camera with the mouse. Returns the size of the
     /// picture for that room in pixels of the screen, and what else was done.
-    pub fn show(&mut self, ui: &mut Ui, controls: &mut Controls) -> ([u32; 2], MouseResult) {
+    pub(crate) fn show(&mut self, ui: &mut Ui, controls: &mut Controls) -> ([u32; 2], MouseResult) {
         let scale = ui.ctx().pixels_per_point();
         let available = ui.available_rect_before_wrap();
         // Aligned to physical pixels, so that images are not resampled.

@@ -24,7 +24,7 @@ const TURN: f64 = 1.2;
 const ZOOM: f64 = 0.125;
 
 /// State of the controls.
-pub struct Controls {
+pub(crate) struct Controls {
     /// Camera.
     pub camera_source: CameraSource,
     /// Projection that overrides the camera's.
@@ -49,7 +49,7 @@ pub struct Controls {
 
 impl Controls {
     /// Initial state for opened files.
-    pub fn new(opened: &Opened) -> Self {
+    pub(crate) fn new(opened: &Opened) -> Self {
         let Opened { camera_source, projection, settings, .. } = opened;
         Controls {
             camera_source: camera_source.clone(),
@@ -67,7 +67,7 @@ impl Controls {
 
     /// Updates the state after the files were reloaded: values that the user has not changed take the files' new
     /// values.
-    pub fn reopened(&mut self, opened: &Opened) {
+    pub(crate) fn reopened(&mut self, opened: &Opened) {
         let (camera_source, projection, settings) = &self.start;
         let gone =
             matches!(self.camera_source, CameraSource::Scene(index) if index >= opened.scene.cameras.len());
@@ -94,12 +94,12 @@ impl Controls {
     }
 
     /// The settings of the side that the panel edits.
-    pub fn settings(&mut self) -> &mut Settings {
+    pub(crate) fn settings(&mut self) -> &mut Settings {
         &mut self.sides[self.side]
     }
 
     /// The render request for this state.
-    pub fn request(&self, opened: &Arc<Opened>, size: [u32; 2]) -> RenderRequest {
+    pub(crate) fn request(&self, opened: &Arc<Opened>, size: [u32; 2]) -> RenderRequest {
         RenderRequest {
             opened: Arc::clone(opened),
             size,
@@ -113,7 +113,7 @@ impl Controls {
     }
 
     /// Changes the camera by `how`. `displayed` is the camera of the displayed picture.
-    pub fn navigate(&mut self, displayed: Option<&Camera>, how: impl FnOnce(&mut Camera)) {
+    pub(crate) fn navigate(&mut self, displayed: Option<&Camera>, how: impl FnOnce(&mut Camera)) {
         let camera = match &self.camera_source {
             CameraSource::Free(camera) => Some(camera),
             _ => displayed,
@@ -131,7 +131,13 @@ impl Controls {
     }
 
     /// Flies and orbits for `seconds` of held keys, and zooms by pressed keys.
-    pub fn drive(&mut self, displayed: Option<&Camera>, drive: CameraMotion, seconds: f64, fast: bool) {
+    pub(crate) fn drive(
+        &mut self,
+        displayed: Option<&Camera>,
+        drive: CameraMotion,
+        seconds: f64,
+        fast: bool,
+    ) {
         let speed = if fast { 4.0 * SPEED } else { SPEED };
         let CameraMotion { fly, orbit, zoom } = drive;
         self.navigate(displayed, |camera| {
@@ -148,7 +154,7 @@ impl Controls {
     }
 
     /// Sets the projection. `displayed` is the camera of the displayed picture.
-    pub fn project(&mut self, projection: Projection, displayed: Option<&Camera>) {
+    pub(crate) fn project(&mut self, projection: Projection, displayed: Option<&Camera>) {
         let angle = self.angle;
         match &self.camera_source {
             CameraSource::Free(_) => {
@@ -160,7 +166,7 @@ impl Controls {
     }
 
     /// Switches between the two projections.
-    pub fn switch_projection(&mut self, displayed: Option<&Camera>) {
+    pub(crate) fn switch_projection(&mut self, displayed: Option<&Camera>) {
         let own = match (&self.camera_source, displayed) {
             (CameraSource::Free(camera), _) | (_, Some(camera)) => camera.projection,
             _ => Projection::Perspective,
@@ -173,17 +179,17 @@ impl Controls {
     }
 
     /// Restores the initial camera and projection.
-    pub fn reset_camera(&mut self) {
+    pub(crate) fn reset_camera(&mut self) {
         (self.camera_source, self.projection) = (self.start.0.clone(), self.start.1);
     }
 
     /// Selects a standard view that is fitted to the scene.
-    pub fn fit_standard_view(&mut self, view: StandardView) {
+    pub(crate) fn fit_standard_view(&mut self, view: StandardView) {
         self.camera_source = CameraSource::Fitted(view);
     }
 
     /// Selects the next camera of the scene.
-    pub fn next_camera(&mut self, count: usize) {
+    pub(crate) fn next_camera(&mut self, count: usize) {
         if count > 0 {
             let next = match self.camera_source {
                 CameraSource::Scene(index) => (index + 1) % count,
@@ -194,19 +200,19 @@ impl Controls {
     }
 
     /// Selects the next shading mode.
-    pub fn next_shading(&mut self) {
+    pub(crate) fn next_shading(&mut self) {
         let shading = &mut self.settings().choices.shading;
         *shading = next(&ShadingMode::ALL, *shading);
     }
 
     /// Selects the next numerics tier.
-    pub fn next_tier(&mut self) {
+    pub(crate) fn next_tier(&mut self) {
         let numerics = &mut self.settings().numerics;
         *numerics = next(&Numerics::ALL, *numerics);
     }
 
     /// Starts or ends a comparison.
-    pub fn switch_comparison(&mut self) {
+    pub(crate) fn switch_comparison(&mut self) {
         match self.sides.len() {
             1 => {
                 self.sides.push(self.sides[0].clone());
@@ -220,7 +226,7 @@ impl Controls {
     }
 
     /// Starts or pauses playback.
-    pub fn play(&mut self) {
+    pub(crate) fn play(&mut self) {
         self.playing = match self.playing {
             Some(_) => None,
             None => Some((Instant::now(), self.time)),
@@ -228,7 +234,7 @@ impl Controls {
     }
 
     /// Shows a frame, modulo the number of frames.
-    pub fn go_to(&mut self, timeline: &Timeline, frame: i32) {
+    pub(crate) fn go_to(&mut self, timeline: &Timeline, frame: i32) {
         self.time = timeline.time(frame.rem_euclid(timeline.last() + 1));
         if self.playing.is_some() {
             self.playing = Some((Instant::now(), self.time));
@@ -236,7 +242,7 @@ impl Controls {
     }
 
     /// Advances playback to the current whole frame, in a loop. `duration` is in seconds.
-    pub fn advance(&mut self, timeline: &Timeline, duration: f64) {
+    pub(crate) fn advance(&mut self, timeline: &Timeline, duration: f64) {
         let Some((since, from)) = self.playing else { return };
         let passed = since.elapsed().as_secs_f64() / duration;
         let frames = f64::from(timeline.last() + 1);
@@ -245,7 +251,7 @@ impl Controls {
     }
 
     /// The current frame.
-    pub fn frame(&self, timeline: &Timeline) -> i32 {
+    pub(crate) fn frame(&self, timeline: &Timeline) -> i32 {
         frame_of(timeline, self.time).round() as i32
     }
 }
@@ -262,7 +268,7 @@ fn update_unchanged<T: PartialEq + Copy>(value: &mut T, old: T, new: T) {
 }
 
 /// The element after `value`, cyclically.
-pub fn next<T: PartialEq + Copy>(all: &[T], value: T) -> T {
+pub(crate) fn next<T: PartialEq + Copy>(all: &[T], value: T) -> T {
     let at = all.iter().position(|other| *other == value).map_or(0, |at| at + 1);
     all[at % all.len()]
 }

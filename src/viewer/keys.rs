@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 
 /// Action of a key or button.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Action {
+pub(crate) enum Action {
     /// Switches the projection.
     Projection,
     /// Restores the initial camera.
@@ -55,7 +55,7 @@ pub enum Action {
 use crate::world::StandardView::{Back, Bottom, Front, Iso, Left, Right, Top};
 
 /// A key with its modifiers, and its action.
-pub struct Binding {
+pub(crate) struct Binding {
     modifiers: Modifiers,
     key: Key,
     action: Action,
@@ -117,7 +117,7 @@ const BINDINGS: &[Binding] = &[
 ];
 
 /// Text of the key list: keys and actions.
-pub const LIST: &[(&str, &str)] = &[
+pub(crate) const LIST: &[(&str, &str)] = &[
     ("Drag", "orbit"),
     ("Shift + drag, right or middle button", "pan"),
     ("Wheel", "zoom, to what is under the mouse; + and - to the middle"),
@@ -152,7 +152,7 @@ pub const LIST: &[(&str, &str)] = &[
 
 /// Keyboard focus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Focus {
+pub(crate) enum Focus {
     /// The picture.
     Picture,
     /// A control, which handles Enter, Space and Escape; all other keys act as in the picture.
@@ -163,7 +163,7 @@ pub enum Focus {
 
 impl Focus {
     /// The focus of this frame.
-    pub fn of(context: &Context) -> Focus {
+    pub(crate) fn of(context: &Context) -> Focus {
         match (context.text_edit_focused(), context.egui_wants_keyboard_input()) {
             (true, _) => Focus::Text,
             (false, true) => Focus::Control,
@@ -184,7 +184,7 @@ impl Focus {
 }
 
 /// Actions of the pressed keys. The key events are removed from `input`.
-pub fn actions(input: &mut InputState, focus: Focus) -> Vec<Action> {
+pub(crate) fn actions(input: &mut InputState, focus: Focus) -> Vec<Action> {
     let mut actions = Vec::new();
     for Binding { modifiers, key, action } in BINDINGS {
         if focus.takes(*modifiers, *key) {
@@ -199,11 +199,11 @@ pub fn actions(input: &mut InputState, focus: Focus) -> Vec<Action> {
 
 /// Movement keys that are held down. Keys pressed with Ctrl or Alt are ignored, since those are shortcuts.
 #[derive(Default)]
-pub struct HeldKeys(Vec<Key>);
+pub(crate) struct HeldKeys(Vec<Key>);
 
 /// Camera motion by keys.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct CameraMotion {
+pub(crate) struct CameraMotion {
     /// Flight to the right, up and forward, each -1, 0 or 1.
     pub fly: DVec3,
     /// Orbit to the right and up, each -1, 0 or 1.
@@ -215,7 +215,7 @@ pub struct CameraMotion {
 
 impl HeldKeys {
     /// Updates the held keys. Arrows are ignored while a control has the focus.
-    pub fn update(&mut self, input: &InputState, focus: Focus) {
+    pub(crate) fn update(&mut self, input: &InputState, focus: Focus) {
         if !input.focused {
             // Releases are not reported to a window without focus.
             self.0.clear();
@@ -235,7 +235,7 @@ impl HeldKeys {
     }
 
     /// The camera motion of this frame.
-    pub fn motion(&self, input: &InputState, focus: Focus) -> CameraMotion {
+    pub(crate) fn motion(&self, input: &InputState, focus: Focus) -> CameraMotion {
         let axis = |minus: Key, plus: Key| {
             f64::from(i8::from(self.0.contains(&plus)) - i8::from(self.0.contains(&minus)))
         };

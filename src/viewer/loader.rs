@@ -10,7 +10,7 @@ use crate::error::{Result, Warnings};
 use crate::import::FileRead;
 
 /// Result of a load request.
-pub struct Loaded {
+pub(crate) struct Loaded {
     /// Number of the load request.
     pub number: u64,
     /// Requested files.
@@ -24,7 +24,7 @@ pub struct Loaded {
 }
 
 /// Loads files on background threads.
-pub struct Loader {
+pub(crate) struct Loader {
     open: Arc<Open>,
     threads: Arc<rayon::ThreadPool>,
     wake: Arc<dyn Fn() + Send + Sync>,
@@ -37,13 +37,17 @@ pub struct Loader {
 
 impl Loader {
     /// Creates a loader that calls `open` on `threads`, and `wake` after each result.
-    pub fn new(open: Open, threads: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + Sync + 'static) -> Self {
+    pub(crate) fn new(
+        open: Open,
+        threads: Arc<rayon::ThreadPool>,
+        wake: impl Fn() + Send + Sync + 'static,
+    ) -> Self {
         let (sender, loaded) = channel();
         Loader { open: Arc::new(open), threads, wake: Arc::new(wake), number: 0, answered: 0, sender, loaded }
     }
 
     /// Starts loading files. Results of earlier requests are discarded.
-    pub fn load(&mut self, inputs: Vec<PathBuf>) {
+    pub(crate) fn load(&mut self, inputs: Vec<PathBuf>) {
         self.number += 1;
         let number = self.number;
         let (open, threads) = (Arc::clone(&self.open), Arc::clone(&self.threads));
@@ -58,14 +62,14 @@ impl Loader {
     }
 
     /// The result of the newest request, once, when it is available.
-    pub fn loaded(&mut self) -> Option<Loaded> {
+    pub(crate) fn loaded(&mut self) -> Option<Loaded> {
         let loaded = self.loaded.try_iter().filter(|loaded| loaded.number == self.number).last()?;
         self.answered = loaded.number;
         Some(loaded)
     }
 
     /// Whether a request is pending.
-    pub fn is_reading(&self) -> bool {
+    pub(crate) fn is_reading(&self) -> bool {
         self.answered < self.number
     }
 }

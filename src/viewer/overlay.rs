@@ -13,7 +13,7 @@ use super::keys::LIST;
 const NOTICE_TIME: Duration = Duration::from_secs(5);
 
 /// A message over the picture.
-pub struct Notice {
+pub(crate) struct Notice {
     /// Message; further lines are the hint.
     pub text: String,
     /// Whether the message is an error.
@@ -23,12 +23,12 @@ pub struct Notice {
 }
 
 impl Notice {
-    pub fn new(text: String, is_error: bool) -> Self {
+    pub(crate) fn new(text: String, is_error: bool) -> Self {
         Notice { text, is_error, since: Instant::now() }
     }
 
     /// Whether the display time is over. Errors have no time limit.
-    pub fn is_over(&self, context: &Context) -> bool {
+    pub(crate) fn is_over(&self, context: &Context) -> bool {
         let left = NOTICE_TIME.saturating_sub(self.since.elapsed());
         if !self.is_error {
             context.request_repaint_after(left);
@@ -38,7 +38,7 @@ impl Notice {
 }
 
 /// Shows a notice at the top of the picture. Returns whether it was dismissed.
-pub fn notice(context: &Context, rect: Rect, notice: &Notice) -> bool {
+pub(crate) fn notice(context: &Context, rect: Rect, notice: &Notice) -> bool {
     let mut dismissed = false;
     let area = Area::new(Id::unique("notice")).fixed_pos(rect.min + vec2(12.0, 12.0)).constrain_to(rect);
     area.show(context, |ui| {
@@ -62,7 +62,7 @@ pub fn notice(context: &Context, rect: Rect, notice: &Notice) -> bool {
 }
 
 /// Shows the list of keys.
-pub fn keys(context: &Context, open: &mut bool) {
+pub(crate) fn keys(context: &Context, open: &mut bool) {
     Window::new("Keys").open(open).resizable(false).collapsible(false).default_pos(pos2(40.0, 40.0)).show(
         context,
         |ui| {
@@ -78,7 +78,7 @@ pub fn keys(context: &Context, open: &mut bool) {
 }
 
 /// Shows the legend of false colours at the bottom of the picture.
-pub fn legend(context: &Context, rect: Rect, legend: &Legend) {
+pub(crate) fn legend(context: &Context, rect: Rect, legend: &Legend) {
     let area = Area::new(Id::unique("legend"))
         .pivot(Align2::LEFT_BOTTOM)
         .fixed_pos(rect.left_bottom() + vec2(12.0, -12.0));
@@ -110,7 +110,7 @@ pub fn legend(context: &Context, rect: Rect, legend: &Legend) {
 }
 
 /// Shows the labels of the two sides of a comparison at the top of the picture.
-pub fn sides(context: &Context, rect: Rect, split: f32, names: &[String; 2]) {
+pub(crate) fn sides(context: &Context, rect: Rect, split: f32, names: &[String; 2]) {
     let line = rect.left() + split * rect.width();
     let places: [(Align2, Pos2); 2] = [
         (Align2::RIGHT_TOP, pos2(line - 10.0, rect.top() + 8.0)),

@@ -18,7 +18,7 @@ use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
 /// Data that the panel displays.
-pub struct PanelContents<'a> {
+pub(crate) struct PanelContents<'a> {
     /// Opened files.
     pub opened: &'a Opened,
     /// Last image of each side.
@@ -34,7 +34,7 @@ impl PanelContents<'_> {
 }
 
 /// Shows the panel.
-pub fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
+pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
     ui.add_space(8.0);
     camera(ui, contents, controls, trace);
     ui.separator();
@@ -48,7 +48,7 @@ pub fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trac
 }
 
 /// Shows the buttons. Returns the action of a clicked button.
-pub fn buttons(ui: &mut Ui, trace: &mut Trace) -> Option<Action> {
+pub(crate) fn buttons(ui: &mut Ui, trace: &mut Trace) -> Option<Action> {
     let all = [
         ("Save picture", "as a PNG in this folder (Ctrl + S)", Action::SavePicture),
         ("Save camera", "as TOML, for a scene file (Ctrl + K)", Action::SaveCamera),
@@ -299,7 +299,7 @@ fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, 
 }
 
 /// Names of the settings, one entry each.
-pub fn setting_names(settings: &Settings) -> Vec<String> {
+pub(crate) fn setting_names(settings: &Settings) -> Vec<String> {
     let Settings { choices, numerics, pipeline, display, headlight } = settings;
     let sampling = choices.sampling;
     let samples = if sampling.is_wanted() { sampling.max_samples() } else { 1 };
@@ -324,7 +324,7 @@ pub fn setting_names(settings: &Settings) -> Vec<String> {
 }
 
 /// Size, samples and render time of an image, in one line.
-pub fn progress_text(rendered: &RenderedImage) -> String {
+pub(crate) fn progress_text(rendered: &RenderedImage) -> String {
     let [width, height] = rendered.image.size;
     let time = milliseconds(rendered.time);
     match (rendered.samples, rendered.factor) {

@@ -18,7 +18,7 @@ const DEFAULT_FACTOR: u32 = 8;
 
 /// A pass over a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Pass {
+pub(crate) enum Pass {
     /// One sample at the centre of each pixel, at a resolution reduced by this factor on each axis.
     Coarse(u32),
     /// A range of sample numbers of every pixel, the end excluded.
@@ -29,7 +29,7 @@ pub enum Pass {
 
 /// Sampling of a picture, which determines its passes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SamplingKind {
+pub(crate) enum SamplingKind {
     /// One sample at the pixel centre.
     Centres,
     /// A fixed number of samples per pixel.
@@ -39,7 +39,7 @@ pub enum SamplingKind {
 }
 
 /// Factor of the first pass of a picture, from the render time per pixel.
-pub fn first_factor(pixels: usize, seconds_per_pixel: Option<f64>, is_playing: bool) -> u32 {
+pub(crate) fn first_factor(pixels: usize, seconds_per_pixel: Option<f64>, is_playing: bool) -> u32 {
     let limit = if is_playing { PLAYBACK_PASS_SECONDS } else { FIRST_PASS_SECONDS };
     let Some(seconds) = seconds_per_pixel else { return DEFAULT_FACTOR };
     let factor = (seconds * pixels as f64 / limit).sqrt().ceil();
@@ -47,7 +47,7 @@ pub fn first_factor(pixels: usize, seconds_per_pixel: Option<f64>, is_playing: b
 }
 
 /// The passes of a picture, the first of them with factor `first`.
-pub fn passes(first: u32, kind: SamplingKind) -> Vec<Pass> {
+pub(crate) fn passes(first: u32, kind: SamplingKind) -> Vec<Pass> {
     let mut passes = Vec::new();
     let mut factor = first;
     while factor > 1 {

@@ -82,7 +82,7 @@ pub struct Opened {
 
 /// Request for a picture.
 #[derive(Debug, Clone)]
-pub struct RenderRequest {
+pub(crate) struct RenderRequest {
     /// Scene and files.
     pub opened: Arc<Opened>,
     /// Width and height in pixels.
@@ -103,7 +103,7 @@ pub struct RenderRequest {
 
 impl RenderRequest {
     /// The settings of `kiln render` for the picture of `sides[side]`.
-    pub fn render_settings(&self, side: usize) -> RenderSettings {
+    pub(crate) fn render_settings(&self, side: usize) -> RenderSettings {
         let Settings { choices, numerics, pipeline, display, headlight } = &self.sides[side];
         RenderSettings {
             camera: match &self.camera_source {

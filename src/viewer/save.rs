@@ -18,7 +18,7 @@ use crate::render::RenderControl;
 use crate::scene::Scene;
 
 /// The first of `STEM.ENDING`, `STEM-2.ENDING`, ... that neither exists nor is being saved.
-pub fn free_name(stem: &str, ending: &str, saving: &[PathBuf]) -> PathBuf {
+pub(crate) fn free_name(stem: &str, ending: &str, saving: &[PathBuf]) -> PathBuf {
     let plain = PathBuf::from(format!("{stem}.{ending}"));
     let numbered = (2..).map(|number| PathBuf::from(format!("{stem}-{number}.{ending}")));
     std::iter::once(plain)
@@ -28,13 +28,13 @@ pub fn free_name(stem: &str, ending: &str, saving: &[PathBuf]) -> PathBuf {
 }
 
 /// Stem of the names of saved files: the first input without its ending.
-pub fn stem(inputs: &[PathBuf]) -> String {
+pub(crate) fn stem(inputs: &[PathBuf]) -> String {
     let name = inputs.first().map_or("kiln".into(), |input| name_of(input));
     Path::new(&name).file_stem().map_or(name.clone(), |stem| stem.to_string_lossy().into_owned())
 }
 
 /// Writes a file by `work` on a thread, and sends the result.
-pub fn beside(
+pub(crate) fn beside(
     file: PathBuf,
     tell: Sender<(PathBuf, Result<()>)>,
     wake: impl FnOnce() + Send + 'static,
@@ -52,7 +52,7 @@ pub fn beside(
 ///
 /// # Errors
 /// The errors of rendering, and [`crate::error::Error::Output`] if the file cannot be written.
-pub fn picture(
+pub(crate) fn picture(
     prepared: &Prepared,
     (request, side): (&RenderRequest, usize),
     command: String,
@@ -78,7 +78,7 @@ pub fn picture(
 ///
 /// # Errors
 /// [`crate::error::Error::Output`] if the file cannot be written.
-pub fn text(file: &Path, text: &str) -> Result<()> {
+pub(crate) fn text(file: &Path, text: &str) -> Result<()> {
     write_whole(file, |out| out.write_all(text.as_bytes()))
 }
 
@@ -87,7 +87,7 @@ pub fn text(file: &Path, text: &str) -> Result<()> {
 /// # Errors
 /// [`crate::error::Error::Output`] if the file cannot be written, [`crate::error::Error::Failed`] without enough
 /// memory.
-pub fn colours(image: &ColorImage, file: &Path) -> Result<()> {
+pub(crate) fn colours(image: &ColorImage, file: &Path) -> Result<()> {
     let [width, height] = image.size.map(|side| side as u32);
     let pixels: Vec<[u8; 3]> =
         image.pixels.iter().map(|colour| [colour.r(), colour.g(), colour.b()]).collect();

@@ -7,7 +7,13 @@ use super::trace::Trace;
 use crate::scene::animation::Timeline;
 
 /// Shows the bar. `duration` is in seconds.
-pub fn show(ui: &mut Ui, timeline: &Timeline, duration: f64, controls: &mut Controls, trace: &mut Trace) {
+pub(crate) fn show(
+    ui: &mut Ui,
+    timeline: &Timeline,
+    duration: f64,
+    controls: &mut Controls,
+    trace: &mut Trace,
+) {
     let scale = ui.ctx().pixels_per_point();
     ui.horizontal(|ui| {
         let is_playing = controls.playing.is_some();

@@ -19,7 +19,7 @@ const OPENING: usize = 2;
 const LONG: Duration = Duration::from_millis(20);
 
 /// Event trace.
-pub struct Trace {
+pub(crate) struct Trace {
     file: Option<BufWriter<File>>,
     rectangles: Vec<(String, [i64; 4])>,
 }
@@ -29,18 +29,18 @@ impl Trace {
     ///
     /// # Errors
     /// [`Error::Output`] if the file cannot be written.
-    pub fn new(file: Option<&Path>) -> Result<Self> {
+    pub(crate) fn new(file: Option<&Path>) -> Result<Self> {
         let open = |file| File::create(file).map(BufWriter::new).map_err(|e| Error::output(file, e));
         Ok(Trace { file: file.map(open).transpose()?, rectangles: Vec::new() })
     }
 
     /// Whether events are written.
-    pub fn is_on(&self) -> bool {
+    pub(crate) fn is_on(&self) -> bool {
         self.file.is_some()
     }
 
     /// Writes an event with the fields of `what` and the time `t`, the system's monotonic clock in seconds.
-    pub fn event(&mut self, name: &str, what: Value) {
+    pub(crate) fn event(&mut self, name: &str, what: Value) {
         let Some(file) = &mut self.file else { return };
         let mut line = json!({ "t": now(), "event": name });
         if let (Some(line), Value::Object(what)) = (line.as_object_mut(), what) {
@@ -51,7 +51,7 @@ impl Trace {
     }
 
     /// Writes the rectangle of a control in physical pixels, if it has changed.
-    pub fn place(&mut self, name: &str, rect: egui::Rect, pixels_per_point: f32) {
+    pub(crate) fn place(&mut self, name: &str, rect: egui::Rect, pixels_per_point: f32) {
         if self.file.is_none() {
             return;
         }
@@ -82,7 +82,7 @@ fn now() -> f64 {
 }
 
 /// Measures the times between frames of the interface.
-pub struct Pauses {
+pub(crate) struct Pauses {
     since: Instant,
     wanted: Duration,
     last: Instant,
@@ -91,12 +91,12 @@ pub struct Pauses {
 
 impl Pauses {
     /// Starts a measurement of the given duration.
-    pub fn new(wanted: Duration) -> Self {
+    pub(crate) fn new(wanted: Duration) -> Self {
         Pauses { since: Instant::now(), wanted, last: Instant::now(), all: Vec::new() }
     }
 
     /// Records the start of a frame. Returns the report at the end of the measurement.
-    pub fn frame(&mut self, context: &egui::Context, trace: &mut Trace) -> Option<String> {
+    pub(crate) fn frame(&mut self, context: &egui::Context, trace: &mut Trace) -> Option<String> {
         let now = Instant::now();
         let pause = now - self.last;
         self.last = now;

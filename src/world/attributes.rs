@@ -9,7 +9,7 @@ use crate::film::{Colour, ColourPipeline};
 use crate::scene::{Attribute, Mesh, Placed, Shape};
 
 /// The vertex attributes of an object; none for a sphere. Triangles are numbered within the object.
-pub struct Attributes {
+pub(crate) struct Attributes {
     arrays: Arc<AttributeArrays>,
     /// For an instance of a shared mesh, its placement. Normals and tangents are transformed when they are read.
     placed: Option<Placed>,
@@ -41,7 +41,7 @@ impl<T: Copy> Corners<T> {
 
 impl Attributes {
     /// Whether there are vertex normals.
-    pub fn is_smooth(&self) -> bool {
+    pub(crate) fn is_smooth(&self) -> bool {
         match &self.placed {
             None => self.arrays.normals.is_some(),
             Some(placed) => placed.mesh.normals.is_some(),
@@ -49,7 +49,7 @@ impl Attributes {
     }
 
     /// Whether there are tangents.
-    pub fn has_tangents(&self) -> bool {
+    pub(crate) fn has_tangents(&self) -> bool {
         match &self.placed {
             None => self.arrays.tangents.is_some(),
             Some(placed) => placed.mesh.tangents.is_some(),
@@ -58,7 +58,7 @@ impl Attributes {
 
     /// The normals at a triangle's corners, of length 1 or 0. `None` without vertex normals.
     #[inline]
-    pub fn normals(&self, triangle: u32) -> Option<[DVec3; 3]> {
+    pub(crate) fn normals(&self, triangle: u32) -> Option<[DVec3; 3]> {
         match &self.placed {
             None => Some(self.arrays.normals.as_ref()?.of(triangle).map(|n| n.as_dvec3())),
             Some(placed) => {
@@ -76,13 +76,13 @@ impl Attributes {
 
     /// The texture coordinates at a triangle's corners.
     #[inline]
-    pub fn uvs(&self, triangle: u32) -> Option<[Vec2; 3]> {
+    pub(crate) fn uvs(&self, triangle: u32) -> Option<[Vec2; 3]> {
         Some(self.arrays.uvs.as_ref()?.of(triangle))
     }
 
     /// The tangents at a triangle's corners, of length 1 or 0; see [`Mesh::tangents`].
     #[inline]
-    pub fn tangents(&self, triangle: u32) -> Option<[DVec4; 3]> {
+    pub(crate) fn tangents(&self, triangle: u32) -> Option<[DVec4; 3]> {
         match &self.placed {
             None => Some(self.arrays.tangents.as_ref()?.of(triangle).map(|t| t.as_dvec4())),
             Some(placed) => {
@@ -99,7 +99,7 @@ impl Attributes {
     }
 
     /// Whether there is nothing to interpolate.
-    pub fn are_none(&self) -> bool {
+    pub(crate) fn are_none(&self) -> bool {
         let AttributeArrays { normals, uvs, colours, .. } = &*self.arrays;
         let placed = self.placed.as_ref().is_some_and(|placed| placed.mesh.normals.is_some());
         normals.is_none() && uvs.is_none() && colours.is_none() && !placed
@@ -107,7 +107,7 @@ impl Attributes {
 
     /// The colours at a triangle's corners.
     #[inline]
-    pub fn colours(&self, triangle: u32) -> Option<[Vec3; 3]> {
+    pub(crate) fn colours(&self, triangle: u32) -> Option<[Vec3; 3]> {
         Some(self.arrays.colours.as_ref()?.of(triangle))
     }
 }
@@ -126,11 +126,11 @@ fn unit_tangent(t: DVec4) -> Vec4 {
 
 /// The attributes of shared meshes, converted once per mesh.
 #[derive(Default)]
-pub struct SharedAttributes(HashMap<*const Mesh, Arc<AttributeArrays>>);
+pub(crate) struct SharedAttributes(HashMap<*const Mesh, Arc<AttributeArrays>>);
 
 impl SharedAttributes {
     /// Converts the attributes of a shape. Tangents are dropped where the material has no normal map.
-    pub fn attributes(&mut self, shape: Shape, has_normal_map: bool) -> Attributes {
+    pub(crate) fn attributes(&mut self, shape: Shape, has_normal_map: bool) -> Attributes {
         match shape {
             Shape::Analytic(_) => Attributes { arrays: Arc::default(), placed: None },
             Shape::Mesh(mut mesh) => {
@@ -175,6 +175,6 @@ fn uvs_and_colours(
 }
 
 /// A vertex colour in the numbers of `pipeline`. Vertex colours of glTF and OBJ are linear; the display pipelines encode them.
-pub fn vertex_colour(linear: DVec3, pipeline: ColourPipeline) -> DVec3 {
+pub(crate) fn vertex_colour(linear: DVec3, pipeline: ColourPipeline) -> DVec3 {
     Colour::Linear(linear).to_pipeline(pipeline)
 }

@@ -253,7 +253,8 @@ mod tests {
     /// The density integrates to 1, and the mean of radiance / density over samples is the integral of the radiance.
     #[test]
     fn samples_have_their_density() {
-        let blotchy = |x: u32, y: u32| if (x / 5 + y / 3) % 4 == 0 { 1.0 + (x * y % 7) as f32 } else { 0.0 };
+        let blotchy =
+            |x: u32, y: u32| if (x / 5 + y / 3).is_multiple_of(4) { 1.0 + (x * y % 7) as f32 } else { 0.0 };
         for environment in [
             prepared(40, 20, blotchy, 0.7),
             prepared(1, 1, |_, _| 2.0, 0.0),

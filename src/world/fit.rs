@@ -8,7 +8,7 @@ use crate::scene::support::{AffineFunction, maxima};
 use crate::scene::{Camera, Light, LightKind, MaterialId, Mesh, Object, Projection, Scene, Shape};
 
 /// The background of scenes that set none.
-pub const BACKGROUND: Colour = Colour::Display(DVec3::new(32.0 / 255.0, 34.0 / 255.0, 38.0 / 255.0));
+pub(crate) const BACKGROUND: Colour = Colour::Display(DVec3::new(32.0 / 255.0, 34.0 / 255.0, 38.0 / 255.0));
 
 /// The vertical field of view of fitted cameras, in degrees.
 const FIELD_OF_VIEW: f64 = 40.0;

@@ -11,13 +11,13 @@ use super::Quality;
 use super::yuv::Yuv420;
 
 /// The largest frame that OpenH264 encodes: long and short side in pixels.
-pub const LARGEST: [u32; 2] = [3840, 2160];
+pub(crate) const LARGEST: [u32; 2] = [3840, 2160];
 
 /// The smallest side in pixels.
-pub const SMALLEST: u32 = 16;
+pub(crate) const SMALLEST: u32 = 16;
 
 /// An encoder. Equal frames give equal bytes.
-pub struct H264 {
+pub(crate) struct H264 {
     encoder: Encoder,
     fps: f64,
     encoded: u64,
@@ -26,7 +26,7 @@ pub struct H264 {
 }
 
 /// An encoded frame as stored in MP4: NAL units, each preceded by its length in four bytes (ISO/IEC 14496-15, 5.3).
-pub struct EncodedFrame {
+pub(crate) struct EncodedFrame {
     /// The bytes.
     pub bytes: Vec<u8>,
     /// Whether it is a key frame.
@@ -38,7 +38,7 @@ impl H264 {
     ///
     /// # Errors
     /// Those of OpenH264.
-    pub fn new(fps: f64, quality: Quality) -> Result<Self, openh264::Error> {
+    pub(crate) fn new(fps: f64, quality: Quality) -> Result<Self, openh264::Error> {
         // A constant quantiser instead of rate control. 6 more double the quantisation step.
         let step = match quality {
             Quality::High => 16,
@@ -72,7 +72,7 @@ impl H264 {
     ///
     /// # Errors
     /// Those of OpenH264.
-    pub fn encode(&mut self, picture: &Yuv420) -> Result<EncodedFrame, openh264::Error> {
+    pub(crate) fn encode(&mut self, picture: &Yuv420) -> Result<EncodedFrame, openh264::Error> {
         let [width, height] = picture.size;
         let planes = YUVSlices::new(
             (&picture.y, &picture.u, &picture.v),

@@ -16,7 +16,7 @@ const TICKS: u32 = 1000;
 
 /// An MP4 file in the making. Encoded frames are kept in an unnamed temporary file until the size of the boxes before
 /// them is known.
-pub struct Mp4 {
+pub(crate) struct Mp4 {
     size: [u16; 2],
     timescale: u32,
     frames: io::BufWriter<File>,
@@ -30,7 +30,7 @@ impl Mp4 {
     ///
     /// # Errors
     /// Those of creating the temporary file.
-    pub fn new(folder: &Path, size: [u16; 2], fps: f64) -> io::Result<Self> {
+    pub(crate) fn new(folder: &Path, size: [u16; 2], fps: f64) -> io::Result<Self> {
         let frames = io::BufWriter::new(tempfile::tempfile_in(folder)?);
         let timescale = (fps * f64::from(TICKS)).round().max(1.0) as u32;
         Ok(Mp4 { size, timescale, frames, sizes: Vec::new(), keys: Vec::new() })
@@ -40,7 +40,7 @@ impl Mp4 {
     ///
     /// # Errors
     /// Those of writing.
-    pub fn add(&mut self, frame: &EncodedFrame) -> io::Result<()> {
+    pub(crate) fn add(&mut self, frame: &EncodedFrame) -> io::Result<()> {
         self.frames.write_all(&frame.bytes)?;
         self.sizes.push(frame.bytes.len() as u32);
         if frame.is_key {
@@ -53,7 +53,7 @@ impl Mp4 {
     ///
     /// # Errors
     /// Those of reading and writing.
-    pub fn finish(self, parameter_sets: &[Vec<u8>; 2], out: &mut dyn Write) -> io::Result<()> {
+    pub(crate) fn finish(self, parameter_sets: &[Vec<u8>; 2], out: &mut dyn Write) -> io::Result<()> {
         let ftyp = Ftyp {
             major_brand: b"isom".into(),
             minor_version: 512,

@@ -6,7 +6,7 @@ use super::{VideoSpec, yuv};
 use crate::film::{ColourPipeline, Film};
 
 /// An animated PNG that loops forever (PNG, third edition).
-pub fn apng<W: Write>(out: W, spec: &VideoSpec) -> io::Result<png::Writer<W>> {
+pub(crate) fn apng<W: Write>(out: W, spec: &VideoSpec) -> io::Result<png::Writer<W>> {
     let [width, height] = spec.size;
     let mut encoder = png::Encoder::new(out, width, height);
     encoder.set_color(png::ColorType::Rgb);
@@ -37,14 +37,14 @@ fn delay(fps: f64) -> (u16, u16) {
 }
 
 /// Writes the header line of YUV4MPEG2.
-pub fn y4m_header(spec: &VideoSpec, out: &mut dyn Write) -> io::Result<()> {
+pub(crate) fn y4m_header(spec: &VideoSpec, out: &mut dyn Write) -> io::Result<()> {
     let [width, height] = spec.size;
     let rate = (spec.fps * 1000.0).round() as u64;
     writeln!(out, "YUV4MPEG2 W{width} H{height} F{rate}:1000 Ip A1:1 C444 XCOLORRANGE=LIMITED")
 }
 
 /// A frame of YUV4MPEG2: three planes at full resolution, by ITU-R BT.709.
-pub fn y4m_frame(film: &Film<[u8; 3]>) -> Vec<u8> {
+pub(crate) fn y4m_frame(film: &Film<[u8; 3]>) -> Vec<u8> {
     const FRAME: &[u8] = b"FRAME\n";
     let pixels = film.bytes();
     let pixels: &[[u8; 3]] = pixels.as_chunks().0;

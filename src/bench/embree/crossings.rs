@@ -13,7 +13,7 @@ use crate::error::Result;
 const MAX_CROSSINGS: usize = 64;
 
 /// Both modes, if the library is available.
-pub fn engines() -> std::result::Result<Vec<Box<dyn Engine>>, Unavailable> {
+pub(crate) fn engines() -> std::result::Result<Vec<Box<dyn Engine>>, Unavailable> {
     let device = Device::find("")?;
     Ok(vec![Box::new(Embree { device, robust: false }), Box::new(Embree { device, robust: true })])
 }

@@ -6,8 +6,8 @@ mod crossings;
 mod race;
 mod records;
 
-pub use crossings::engines;
-pub use race::contenders;
+pub(crate) use crossings::engines;
+pub(crate) use race::contenders;
 
 use std::ffi::{CString, c_char, c_int, c_uint, c_void};
 use std::path::Path;

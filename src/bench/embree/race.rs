@@ -26,7 +26,7 @@ struct Embree {
 }
 
 /// All contenders, if the library is available. `threads` is the number of build threads.
-pub fn contenders(threads: usize) -> std::result::Result<Vec<Box<dyn Contender>>, Unavailable> {
+pub(crate) fn contenders(threads: usize) -> std::result::Result<Vec<Box<dyn Contender>>, Unavailable> {
     let device = Device::find(&format!("threads={threads}"))?;
     let single = |quality, robust| Embree { device, quality, robust, calls: Calls::Single, coherent: false };
     let mut ways =

@@ -9,11 +9,11 @@ use glam::Vec3;
 use crate::geometry::Ray;
 
 /// `RTC_INVALID_GEOMETRY_ID`.
-pub const NOTHING: c_uint = c_uint::MAX;
+pub(crate) const NOTHING: c_uint = c_uint::MAX;
 
 /// `RTCRay`.
 #[repr(C, align(16))]
-pub struct RayOnly {
+pub(crate) struct RayOnly {
     pub origin: [f32; 3],
     pub t_near: f32,
     pub direction: [f32; 3],
@@ -27,7 +27,7 @@ pub struct RayOnly {
 const _: () = assert!(size_of::<RayOnly>() == 48);
 
 impl RayOnly {
-    pub fn new(origin: Vec3, direction: Vec3, t_near: f32, t_far: f32) -> Self {
+    pub(crate) fn new(origin: Vec3, direction: Vec3, t_near: f32, t_far: f32) -> Self {
         RayOnly {
             origin: origin.to_array(),
             t_near,
@@ -50,7 +50,7 @@ impl From<&Ray> for RayOnly {
 
 /// `RTCRayHit`.
 #[repr(C, align(16))]
-pub struct RayHit {
+pub(crate) struct RayHit {
     pub ray: RayOnly,
     normal: [f32; 3],
     barycentrics: [f32; 2],
@@ -63,7 +63,7 @@ pub struct RayHit {
 const _: () = assert!(size_of::<RayHit>() == 96);
 
 impl RayHit {
-    pub fn new(origin: Vec3, direction: Vec3, t_near: f32, t_far: f32) -> Self {
+    pub(crate) fn new(origin: Vec3, direction: Vec3, t_near: f32, t_far: f32) -> Self {
         RayHit::of(RayOnly::new(origin, direction, t_near, t_far))
     }
 
@@ -88,7 +88,7 @@ impl From<&Ray> for RayHit {
 
 /// `RTCRay8` and `RTCRay16`.
 #[repr(C, align(64))]
-pub struct Rays<const N: usize> {
+pub(crate) struct Rays<const N: usize> {
     origin: [[f32; N]; 3],
     t_near: [f32; N],
     direction: [[f32; N]; 3],
@@ -103,7 +103,7 @@ const _: () = assert!(size_of::<Rays<8>>() == 8 * 48 && size_of::<Rays<16>>() ==
 
 impl<const N: usize> Rays<N> {
     /// Record of at most `N` rays; the other lanes are inactive rays of length 0.
-    pub fn new(rays: &[Ray]) -> Self {
+    pub(crate) fn new(rays: &[Ray]) -> Self {
         let number = |of: &dyn Fn(&Ray) -> f64, rest: f32| {
             std::array::from_fn(|lane| rays.get(lane).map_or(rest, |ray| of(ray) as f32))
         };
@@ -122,7 +122,7 @@ impl<const N: usize> Rays<N> {
 
 /// `RTCRayHit8` and `RTCRayHit16`.
 #[repr(C, align(64))]
-pub struct RayHits<const N: usize> {
+pub(crate) struct RayHits<const N: usize> {
     rays: Rays<N>,
     normal: [[f32; N]; 3],
     barycentrics: [[f32; N]; 2],
@@ -134,7 +134,7 @@ pub struct RayHits<const N: usize> {
 
 impl<const N: usize> RayHits<N> {
     /// Record of at most `N` rays; the other lanes are inactive rays of length 0.
-    pub fn new(rays: &[Ray]) -> Self {
+    pub(crate) fn new(rays: &[Ray]) -> Self {
         RayHits {
             rays: Rays::new(rays),
             normal: [[0.0; N]; 3],
@@ -149,17 +149,17 @@ impl<const N: usize> RayHits<N> {
 
 /// Lane mask: -1 for lanes with a ray.
 #[repr(C, align(64))]
-pub struct Valid<const N: usize>(pub [c_int; N]);
+pub(crate) struct Valid<const N: usize>(pub [c_int; N]);
 
 impl<const N: usize> Valid<N> {
-    pub fn first(count: usize) -> Self {
+    pub(crate) fn first(count: usize) -> Self {
         Valid(std::array::from_fn(|lane| if lane < count { -1 } else { 0 }))
     }
 }
 
 /// `RTCIntersectArguments` and `RTCOccludedArguments`, which have the same layout. Some builds ignore the last field.
 #[repr(C)]
-pub struct Arguments {
+pub(crate) struct Arguments {
     flags: c_int,
     features: c_uint,
     context: *mut c_void,
@@ -170,7 +170,7 @@ pub struct Arguments {
 
 impl Arguments {
     /// The defaults, with `RTC_RAY_QUERY_FLAG_COHERENT` if `coherent`.
-    pub fn new(coherent: bool) -> Self {
+    pub(crate) fn new(coherent: bool) -> Self {
         let nothing = ptr::null_mut();
         let flags = if coherent { 1 << 16 } else { 0 };
         let (context, filter, callback) = (nothing, nothing, nothing);

@@ -3,7 +3,7 @@
 use super::RayQueue;
 
 /// A queue that traces rays in an engine's format one by one.
-pub fn singly<'a, R: Send + 'a>(
+pub(crate) fn singly<'a, R: Send + 'a>(
     rays: impl Iterator<Item = R>,
     ask: impl FnMut(&R) -> Option<u32> + Send + 'a,
 ) -> Box<dyn RayQueue + 'a> {

@@ -13,7 +13,7 @@ use crate::bench::{NAMES, PLACEMENTS, Unavailable, engines};
 use crate::error::{Error, Result};
 
 #[derive(Args)]
-pub struct Arguments {
+pub(crate) struct Arguments {
     /// Rays aimed at the mesh from each side, at each size and place; 6 in a hundred more go along the axes
     #[arg(long, value_name = "N", default_value_t = 1_000_000,
           value_parser = crate::cli::numbers::whole(1..=1_000_000_000u64))]
@@ -29,7 +29,7 @@ pub struct Arguments {
     engine: Vec<String>,
 }
 
-pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let (mut engines, mut absent) = engines();
     if !arguments.engine.is_empty() {
         let typed = |name: &str| arguments.engine.iter().any(|engine| engine == name);

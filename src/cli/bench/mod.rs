@@ -16,7 +16,7 @@ use crate::render::RenderControl;
 
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true)]
-pub struct Arguments {
+pub(crate) struct Arguments {
     #[command(subcommand)]
     test: Option<Test>,
     #[command(flatten)]
@@ -33,7 +33,7 @@ enum Test {
     Scaling(scaling::Arguments),
 }
 
-pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     match &arguments.test {
         None => speed::run(&arguments.speed, interrupted),
         Some(Test::Leaks(arguments)) => leaks::run(arguments, interrupted),

@@ -11,7 +11,7 @@ use crate::bench::tiers::{TierRow, tiers};
 use crate::error::Result;
 
 #[derive(Args)]
-pub struct Arguments {
+pub(crate) struct Arguments {
     /// Rays aimed at the mesh from each side, at each size and place; 6 in a hundred more go along the axes
     #[arg(long, value_name = "N", default_value_t = 1_000_000,
           value_parser = crate::cli::numbers::whole(1..=100_000_000u64))]
@@ -27,7 +27,7 @@ pub struct Arguments {
     json: bool,
 }
 
-pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let rows = with_progress(arguments.threads, "casting rays", interrupted, |control| {
         tiers(arguments.rays, arguments.runs, control)
     })?;

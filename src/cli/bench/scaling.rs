@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::film::output::write_whole;
 
 #[derive(Args)]
-pub struct Arguments {
+pub(crate) struct Arguments {
     /// Triangles of the largest meshes; the others have a tenth, a hundredth and so on, down to a thousand
     #[arg(long, value_name = "N", default_value_t = 10_000_000,
           value_parser = crate::cli::numbers::whole(1000..=100_000_000u32))]
@@ -40,7 +40,7 @@ pub struct Arguments {
     plot: Option<PathBuf>,
 }
 
-pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let threads = usize::from(arguments.threads);
     let contenders = match arguments.engine.as_slice() {
         [] => speed::defaults(threads),

@@ -9,7 +9,7 @@ use glam::{DMat3, DVec3, dvec3};
 /// f = x - x^2 / (4 F90) for x <= 2 F90, else F90; p = largest channel of c - f.
 /// p <= Ks: c - f. Else (c - f) g pn / p + pn (1 - g), where pn = 1 - (1 - Ks)^2 / (p + 1 - 2 Ks) and
 /// g = 1 / (Kd (p - pn) + 1).
-pub fn pbr_neutral(colour: DVec3) -> DVec3 {
+pub(crate) fn pbr_neutral(colour: DVec3) -> DVec3 {
     const F90: f64 = 0.04;
     const KS: f64 = 0.8 - F90;
     const KD: f64 = 0.15;
@@ -32,7 +32,7 @@ pub fn pbr_neutral(colour: DVec3) -> DVec3 {
 /// The mean squared error of the polynomial is 3.67e-6 by its author, against the tabulated sigmoid: 0.0019 RMS, half
 /// an 8-bit step. The largest against the sigmoid's formula is 0.0058 (tests). Its ends are -0.00232 and 0.99858, which
 /// show as 0 and 255. The rows of the matrices sum to 1 within 1.4e-4, so greys are grey to within one 8-bit step.
-pub fn agx(colour: DVec3) -> DVec3 {
+pub(crate) fn agx(colour: DVec3) -> DVec3 {
     const INSET: DMat3 = DMat3::from_cols(
         dvec3(0.842479062253094, 0.0423282422610123, 0.0423756549057051),
         dvec3(0.0784335999999992, 0.878468636469772, 0.0784336),
@@ -59,7 +59,7 @@ fn agx_sigmoid(x: f64) -> f64 {
 /// Krzysztof Narkowicz, "ACES Filmic Tone Mapping Curve", 6 January 2016: a rational fit per channel to RRT and ODT of
 /// ACES for sRGB displays, with a largest error of 0.0138 by its author. Pre-exposed as published: 0.6 times the light
 /// is the level of ACES.
-pub fn filmic(colour: DVec3) -> DVec3 {
+pub(crate) fn filmic(colour: DVec3) -> DVec3 {
     let curve = |x: f64| (x * (2.51 * x + 0.03)) / (x * (2.43 * x + 0.59) + 0.14);
     DVec3::from(colour.to_array().map(|c| curve(c).clamp(0.0, 1.0)))
 }

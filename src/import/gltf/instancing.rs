@@ -11,7 +11,7 @@ use crate::error::{Error, Place, Result};
 use crate::scene::{Mesh, Placed, Placement, Shape};
 
 /// Name of the extension.
-pub const NAME: &str = "EXT_mesh_gpu_instancing";
+pub(crate) const NAME: &str = "EXT_mesh_gpu_instancing";
 
 /// Cache of the meshes with several placements.
 #[derive(Default)]

@@ -20,7 +20,7 @@ use look::place_targets;
 use triangles::deform;
 
 /// Reads a .gltf or .glb file.
-pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let bytes = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
     let gltf::Gltf { document, blob } = check::open(bytes, &source.file)?;
     check_accessors(&document, &source.file)?;

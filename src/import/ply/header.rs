@@ -6,7 +6,7 @@ use crate::error::{Error, Place, Result};
 
 /// Encoding of the values after the header.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Encoding {
+pub(crate) enum Encoding {
     Ascii,
     LittleEndian,
     BigEndian,
@@ -14,7 +14,7 @@ pub enum Encoding {
 
 /// The type of a value.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Scalar {
+pub(crate) enum Scalar {
     I8,
     U8,
     I16,
@@ -42,7 +42,7 @@ impl Scalar {
     }
 
     /// Size in bytes in binary data.
-    pub fn size(self) -> usize {
+    pub(crate) fn size(self) -> usize {
         match self {
             Scalar::I8 | Scalar::U8 => 1,
             Scalar::I16 | Scalar::U16 => 2,
@@ -52,7 +52,7 @@ impl Scalar {
     }
 
     /// The number in the lowest [`Scalar::size`] bytes of `bits`.
-    pub fn of_bits(self, bits: u64) -> f64 {
+    pub(crate) fn of_bits(self, bits: u64) -> f64 {
         match self {
             Scalar::I8 => f64::from(bits as i8),
             Scalar::I16 => f64::from(bits as i16),
@@ -64,7 +64,7 @@ impl Scalar {
     }
 
     /// Value of a colour channel that stands for white.
-    pub fn white(self) -> f64 {
+    pub(crate) fn white(self) -> f64 {
         match self {
             Scalar::F32 | Scalar::F64 => 1.0,
             Scalar::U16 => 65535.0,
@@ -74,7 +74,7 @@ impl Scalar {
 }
 
 /// A property of an element: a value, or a list of values.
-pub struct Property {
+pub(crate) struct Property {
     pub name: String,
     /// The type of a list's length; `None` for a single value.
     pub length: Option<Scalar>,
@@ -82,7 +82,7 @@ pub struct Property {
 }
 
 /// A kind of element: vertices, faces, or others.
-pub struct Element {
+pub(crate) struct Element {
     pub name: String,
     pub count: u64,
     pub properties: Vec<Property>,
@@ -92,7 +92,7 @@ pub struct Element {
 
 impl Element {
     /// Minimum size of one element in bytes. An ASCII value takes a digit and a separator.
-    pub fn least_bytes(&self, encoding: Encoding) -> u64 {
+    pub(crate) fn least_bytes(&self, encoding: Encoding) -> u64 {
         let of = |property: &Property| match encoding {
             Encoding::Ascii => 2,
             _ => property.length.unwrap_or(property.scalar).size() as u64,
@@ -102,7 +102,7 @@ impl Element {
 }
 
 /// A parsed header.
-pub struct Header {
+pub(crate) struct Header {
     /// Encoding of the values.
     pub encoding: Encoding,
     /// The elements in their order.
@@ -115,7 +115,7 @@ pub struct Header {
 
 impl Header {
     /// Parses the header of a file.
-    pub fn parse(source: &Source) -> Result<Self> {
+    pub(crate) fn parse(source: &Source) -> Result<Self> {
         let bytes = source.bytes.as_slice();
         let error = |line: usize, what: String, hint: &str| {
             Err(Error::input(Place::line(&source.file, line), what, hint))

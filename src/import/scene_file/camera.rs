@@ -8,7 +8,7 @@ use crate::scene::{Camera, INLINE_NAME};
 
 /// An error in a camera and a hint.
 #[derive(Debug)]
-pub struct Fault {
+pub(crate) struct Fault {
     pub what: String,
     pub hint: &'static str,
 }
@@ -20,7 +20,7 @@ impl Fault {
 }
 
 /// Converts a camera section; `name` is the default name.
-pub fn camera(section: &CameraSection, name: &str) -> std::result::Result<Camera, Fault> {
+pub(crate) fn camera(section: &CameraSection, name: &str) -> std::result::Result<Camera, Fault> {
     let s = section;
     let name = s.name.clone().unwrap_or_else(|| name.to_owned());
     let up = s.up.unwrap_or([0.0, 1.0, 0.0]);

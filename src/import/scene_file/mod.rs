@@ -39,7 +39,7 @@ const MAX_BOUNCES: u32 = 4096;
 const MAX_INTENSITY: f64 = 1e100;
 
 /// Reads a scene file and the meshes that it references.
-pub fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let text = source.text();
     let file = SceneFile::parse(&text, &source.file)?;
     let mut builder = Builder {

@@ -8,7 +8,7 @@ use crate::viewer::inspect::{Inspection, RaySegment};
 use crate::viewer::painter::Prepared;
 
 /// The inspection as JSON, for the event trace.
-pub fn to_json(inspection: &Inspection) -> Value {
+pub(crate) fn to_json(inspection: &Inspection) -> Value {
     let seen = inspection.surface.as_ref().map(|surface_info| {
         json!({
             "object": surface_info.object_name,
@@ -31,7 +31,7 @@ pub fn to_json(inspection: &Inspection) -> Value {
 }
 
 /// Shows the inspector window. Returns `false` when the user closed it.
-pub fn window(context: &Context, rect: Rect, inspection: &Inspection) -> bool {
+pub(crate) fn window(context: &Context, rect: Rect, inspection: &Inspection) -> bool {
     let mut open = true;
     let [x, y] = inspection.pixel;
     let window =
@@ -110,7 +110,13 @@ fn colour(ray: &RaySegment) -> Color32 {
 }
 
 /// Draws the rays over the picture of `prepared` in `rect`; `of` is the prepared render in which they were traced.
-pub fn draw(painter: &Painter, rect: Rect, prepared: &Prepared, of: &Prepared, inspection: &Inspection) {
+pub(crate) fn draw(
+    painter: &Painter,
+    rect: Rect,
+    prepared: &Prepared,
+    of: &Prepared,
+    inspection: &Inspection,
+) {
     let size = prepared.job.view.size();
     let place = |p: DVec2| -> Pos2 {
         let share = vec2((p.x / f64::from(size[0])) as f32, (p.y / f64::from(size[1])) as f32);

@@ -11,7 +11,7 @@ use crate::metrics::{self, Errors, Values};
 
 /// Errors between two images, in display values.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Comparison {
+pub(crate) struct Comparison {
     /// Largest difference of a channel; white is 1.
     pub max: f64,
     /// Root mean square difference.
@@ -21,7 +21,7 @@ pub struct Comparison {
 }
 
 /// Compares both images on `threads`, in parallel to the painter's next request, and sends the result.
-pub fn compare_sides(
+pub(crate) fn compare_sides(
     request: u64,
     pictures: [PipelineImage; 2],
     threads: &Arc<rayon::ThreadPool>,

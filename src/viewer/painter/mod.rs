@@ -7,8 +7,8 @@ mod compare;
 mod pass;
 mod render_cache;
 
-pub use compare::Comparison;
-pub use render_cache::Prepared;
+pub(crate) use compare::Comparison;
+pub(crate) use render_cache::Prepared;
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -34,7 +34,7 @@ const FIRST_PASS_LIMIT: Duration = Duration::from_millis(100);
 const NICENESS: i32 = 5;
 
 /// Message of the painter to the interface.
-pub enum Message {
+pub(crate) enum Message {
     /// The tree of a request is being built.
     Building,
     /// The image of a pass.
@@ -46,7 +46,7 @@ pub enum Message {
 }
 
 /// Image of one pass of a request.
-pub struct RenderedImage {
+pub(crate) struct RenderedImage {
     /// Request number.
     pub request: u64,
     /// Side of the comparison.
@@ -72,7 +72,7 @@ pub struct RenderedImage {
 }
 
 /// Handle of the painter thread.
-pub struct Painter {
+pub(crate) struct Painter {
     shared: Arc<Shared>,
     messages: Receiver<Message>,
     thread: Option<std::thread::JoinHandle<()>>,
@@ -109,7 +109,7 @@ impl Shared {
 
 impl Painter {
     /// Starts the thread. It renders on `threads` and calls `wake` after each message.
-    pub fn new(threads: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + Sync + 'static) -> Self {
+    pub(crate) fn new(threads: Arc<rayon::ThreadPool>, wake: impl Fn() + Send + Sync + 'static) -> Self {
         let shared = Arc::new(Shared { state: Mutex::default(), wake: Condvar::new() });
         let (sender, messages) = channel();
         threads.broadcast(|_| lower_thread_priority());
@@ -125,7 +125,7 @@ impl Painter {
     }
 
     /// Posts a request, which replaces all earlier ones. Returns its number.
-    pub fn request(&self, request: RenderRequest) -> u64 {
+    pub(crate) fn request(&self, request: RenderRequest) -> u64 {
         let mut state = self.shared.lock();
         state.requests += 1;
         let number = state.requests;
@@ -142,17 +142,17 @@ impl Painter {
     }
 
     /// Whether the thread has ended. While the window is open, only a panic ends it.
-    pub fn has_ended(&self) -> bool {
+    pub(crate) fn has_ended(&self) -> bool {
         self.thread.as_ref().is_none_or(std::thread::JoinHandle::is_finished)
     }
 
     /// Waits for the next message, until the given time.
-    pub fn wait(&self, until: Instant) -> Option<Message> {
+    pub(crate) fn wait(&self, until: Instant) -> Option<Message> {
         self.messages.recv_timeout(until.saturating_duration_since(Instant::now())).ok()
     }
 
     /// Pending messages, oldest first.
-    pub fn messages(&self) -> impl Iterator<Item = Message> {
+    pub(crate) fn messages(&self) -> impl Iterator<Item = Message> {
         self.messages.try_iter()
     }
 }

@@ -19,7 +19,7 @@ use crate::viewer::refine::{Pass, SamplingKind, passes};
 use crate::viewer::request::{RenderRequest, Settings};
 
 /// An image in the values of its colour pipeline, row by row from the top.
-pub struct PipelineImage {
+pub(crate) struct PipelineImage {
     /// Width and height in pixels.
     pub size: [u32; 2],
     /// Pixels.
@@ -31,7 +31,7 @@ pub struct PipelineImage {
 }
 
 /// One side of a request, with its progress.
-pub struct Side<'a> {
+pub(crate) struct Side<'a> {
     request: &'a RenderRequest,
     settings: &'a Settings,
     prepared: Arc<Prepared>,
@@ -45,7 +45,7 @@ pub struct Side<'a> {
 }
 
 /// Result of a pass.
-pub struct PassOutput {
+pub(crate) struct PassOutput {
     image: ColorImage,
     display: DisplayTransform,
     factor: u32,
@@ -61,7 +61,7 @@ pub struct PassOutput {
 
 impl PassOutput {
     /// The result with its request number and side.
-    pub fn rendered(self, request: u64, side: usize) -> RenderedImage {
+    pub(crate) fn rendered(self, request: u64, side: usize) -> RenderedImage {
         let PassOutput {
             image, display, factor, samples, is_last, time, statistics, legend, prepared, ..
         } = self;
@@ -84,7 +84,7 @@ impl PassOutput {
 
 impl<'a> Side<'a> {
     /// Plans the passes, the first of them with pixels of `factor` by `factor`.
-    pub fn new(
+    pub(crate) fn new(
         request: &'a RenderRequest,
         prepared: Arc<Prepared>,
         exact: Option<Arc<Prepared>>,
@@ -99,12 +99,12 @@ impl<'a> Side<'a> {
     }
 
     /// Number of passes.
-    pub fn passes(&self) -> usize {
+    pub(crate) fn passes(&self) -> usize {
         self.passes.len()
     }
 
     /// The last image of full size.
-    pub fn into_picture(self) -> Option<PipelineImage> {
+    pub(crate) fn into_picture(self) -> Option<PipelineImage> {
         self.picture
     }
 
@@ -112,7 +112,7 @@ impl<'a> Side<'a> {
     ///
     /// # Errors
     /// [`crate::error::Error::Interrupted`] when cancelled, and the errors of rendering.
-    pub fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<PassOutput>> {
+    pub(crate) fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<PassOutput>> {
         let Some(&pass) = self.passes.get(index) else { return Ok(None) };
         let start = Instant::now();
         let watch = RenderControl { cancel, progress: &|_, _| (), time_stages: false };

@@ -21,7 +21,7 @@ const MAX_WORLDS: usize = 3;
 type Key = (Numerics, ColourPipeline);
 
 /// A scene that is prepared for a request.
-pub struct Prepared {
+pub(crate) struct Prepared {
     /// Render job with one sample per pixel, at its centre.
     pub job: RenderJob,
     /// The camera, in scene coordinates.
@@ -34,7 +34,7 @@ pub struct Prepared {
 
 /// Cached data of the opened files.
 #[derive(Default)]
-pub struct RenderCache {
+pub(crate) struct RenderCache {
     opened: Option<Arc<Opened>>,
     animations: Vec<(Key, Arc<PreparedAnimation>)>,
     frames: Vec<(Key, f64, Arc<FrameWorld>)>,
@@ -48,27 +48,27 @@ pub struct RenderCache {
 
 impl RenderCache {
     /// Whether the trees of all sides of a request are cached.
-    pub fn has_worlds(&self, request: &RenderRequest) -> bool {
+    pub(crate) fn has_worlds(&self, request: &RenderRequest) -> bool {
         let same = self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened));
         let has = |settings: &Settings| self.animations.iter().any(|(key, _)| *key == key_of(settings));
         same && request.sides.iter().all(has)
     }
 
     /// Render time in seconds per pixel at one sample; `None` before the first measurement.
-    pub fn seconds_per_pixel(&self, request: &RenderRequest) -> Option<f64> {
+    pub(crate) fn seconds_per_pixel(&self, request: &RenderRequest) -> Option<f64> {
         self.seconds.iter().find(|(mode, _)| *mode == request.display_mode).map(|(_, seconds)| *seconds)
     }
 
     /// Records a render time per pixel: the geometric mean with the previous value, which damps outliers caused by
     /// other processes.
-    pub fn record_seconds(&mut self, request: &RenderRequest, seconds: f64) {
+    pub(crate) fn record_seconds(&mut self, request: &RenderRequest, seconds: f64) {
         let seconds = self.seconds_per_pixel(request).map_or(seconds, |before| (before * seconds).sqrt());
         self.seconds.retain(|(mode, _)| *mode != request.display_mode);
         self.seconds.push((request.display_mode, seconds));
     }
 
     /// Prepares the scene for a request with the settings of one side.
-    pub fn prepare(&mut self, request: &RenderRequest, settings: &Settings) -> Result<Arc<Prepared>> {
+    pub(crate) fn prepare(&mut self, request: &RenderRequest, settings: &Settings) -> Result<Arc<Prepared>> {
         if !self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened)) {
             *self = RenderCache { opened: Some(Arc::clone(&request.opened)), ..RenderCache::default() };
         }

@@ -7,7 +7,7 @@ use crate::bench::speed::{Kind, SpeedRow};
 use crate::bench::{Clock, Spread, Unavailable};
 
 /// One row per contender, and one with a reason per unavailable library.
-pub fn rows(report: &Report) -> Value {
+pub(crate) fn rows(report: &Report) -> Value {
     let measured = report.rows.iter().map(|row| measured(row, report));
     measured.chain(report.absent.iter().map(skipped)).collect()
 }

@@ -1,6 +1,6 @@
 //! `kiln bench`: ray throughput and number of wrong results of kiln and other libraries.
 
-pub mod json;
+pub(crate) mod json;
 mod text;
 
 use std::path::PathBuf;
@@ -22,7 +22,7 @@ use crate::import;
 use crate::world::recenter;
 
 #[derive(Args)]
-pub struct Arguments {
+pub(crate) struct Arguments {
     /// Files to put into one scene; a bumpy sphere, if not given.
     #[arg(value_name = "INPUT", help = format!("{}; a bumpy sphere, if not given", inputs_help("Files to put into one scene")))]
     inputs: Vec<PathBuf>,
@@ -54,7 +54,7 @@ pub struct Arguments {
 }
 
 /// Results of a benchmark, for its output formats.
-pub struct Report<'a> {
+pub(crate) struct Report<'a> {
     pub rows: &'a [SpeedRow],
     pub absent: &'a [Unavailable],
     /// Name of the measured mesh.
@@ -63,7 +63,7 @@ pub struct Report<'a> {
     pub runs: u32,
 }
 
-pub fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
+pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()> {
     let (contenders, absent) = chosen(&arguments.engine, usize::from(arguments.threads))?;
     let (mesh, setup) = subject(arguments)?;
     let timed = pool(Some(arguments.threads))?;
@@ -117,10 +117,10 @@ fn subject(arguments: &Arguments) -> Result<(Mesh, ViewSetup)> {
     Ok((triangles.mesh, setup))
 }
 
-pub type Chosen = (Vec<Box<dyn speed::Contender>>, Vec<Unavailable>);
+pub(crate) type Chosen = (Vec<Box<dyn speed::Contender>>, Vec<Unavailable>);
 
 /// Contenders selected by name: `kiln`, or `kiln/bvh2/exact` for a layout and tier; all without a name.
-pub fn chosen(typed: &[String], threads: usize) -> Result<Chosen> {
+pub(crate) fn chosen(typed: &[String], threads: usize) -> Result<Chosen> {
     let (mut present, mut absent) = contenders(threads);
     if typed.is_empty() {
         return Ok((present, absent));

@@ -8,7 +8,7 @@ use crate::bench::speed::{Kind, SpeedRow, best};
 use crate::bench::{Clock, Spread, Unavailable};
 
 /// Tables of throughput, of build and memory, and of the fastest contenders.
-pub fn tables(report: &Report) -> String {
+pub(crate) fn tables(report: &Report) -> String {
     let mut text = String::new();
     if let Some(row) = report.rows.first() {
         let count = |kind: Kind| format!("{} {}", grouped(row.rays[kind as usize] as u64), kind.name());
