@@ -211,7 +211,7 @@ pub struct LightSection {
     pub falloff: FalloffValue,
 }
 
-/// A Phong material.
+/// A material: metallic-roughness (glTF) if it has `roughness` or `metallic`, otherwise Phong.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialSection {
@@ -231,6 +231,37 @@ pub struct MaterialSection {
     pub emission_intensity: Option<f64>,
     /// A faint mirror reflection over the surface.
     pub glaze: Option<GlazeSection>,
+    /// 0 for a dielectric, 1 for a metal; 0 if not given.
+    pub metallic: Option<f64>,
+    /// 0 for a mirror, 1 for a fully rough surface; 1 if not given.
+    pub roughness: Option<f64>,
+    /// What the extensions of glTF add, used by path tracing.
+    pub layers: Option<LayersSection>,
+}
+
+/// Layers and medium of a metallic-roughness material, as in the extensions of glTF.
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayersSection {
+    /// Index of refraction, 1 or more; 1.5 if not given.
+    pub ior: Option<f64>,
+    /// Part of the light that is transmitted instead of scattered diffusely, 0 to 1; 0 if not given.
+    pub transmission: Option<f64>,
+    /// Whether the surface encloses a volume, which refracts; if not, it is a thin wall.
+    #[serde(default)]
+    pub volume: bool,
+    /// What is left of white light in the volume after `attenuation_distance`; white if not given.
+    pub attenuation_colour: Option<ColourValue>,
+    /// The distance of `attenuation_colour`; infinite if not given.
+    pub attenuation_distance: Option<f64>,
+    /// Weight of a clear coat, 0 to 1; 0 if not given.
+    pub clearcoat: Option<f64>,
+    /// Roughness of the clear coat, 0 to 1; 0 if not given.
+    pub clearcoat_roughness: Option<f64>,
+    /// Colour of the sheen of cloth; none if not given.
+    pub sheen_colour: Option<ColourValue>,
+    /// Roughness of the sheen, 0 to 1; 0 if not given.
+    pub sheen_roughness: Option<f64>,
 }
 
 /// A faint mirror reflection over a surface.

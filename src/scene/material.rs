@@ -73,6 +73,41 @@ pub struct MetallicRoughness<C = Colour> {
     pub unlit: bool,
     /// Normal map.
     pub normal_map: Option<NormalMap>,
+    /// Values of material extensions, which path tracing uses.
+    pub layers: Layers<C>,
+}
+
+/// Values of the extensions KHR_materials_ior, specular, transmission, volume, clearcoat and sheen. Factors alone, without
+/// textures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layers<C = Colour> {
+    /// Index of refraction; 0 reflects everything.
+    pub ior: f64,
+    /// Weight of the dielectric reflection, 0 to 1.
+    pub specular: f64,
+    /// Factor of the dielectric reflectance at normal incidence.
+    pub specular_colour: C,
+    /// Part of the light below the dielectric reflection that is transmitted, 0 to 1.
+    pub transmission: f64,
+    /// The medium that the surface encloses; `None` for a thin wall.
+    pub volume: Option<Volume<C>>,
+    /// Weight of the clear coat, 0 to 1.
+    pub clearcoat: f64,
+    /// Roughness of the clear coat, 0 to 1.
+    pub clearcoat_roughness: f64,
+    /// Colour of the sheen; black is none.
+    pub sheen_colour: C,
+    /// Roughness of the sheen, 0 to 1.
+    pub sheen_roughness: f64,
+}
+
+/// A homogeneous medium that absorbs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Volume<C = Colour> {
+    /// What is left of white light after `attenuation_distance`.
+    pub attenuation_colour: C,
+    /// A distance above 0, which may be infinite.
+    pub attenuation_distance: f64,
 }
 
 /// An image and its sampler.
@@ -139,6 +174,24 @@ impl Default for MetallicRoughness {
             emission_texture: None,
             unlit: false,
             normal_map: None,
+            layers: Layers::default(),
+        }
+    }
+}
+
+impl Default for Layers {
+    /// The defaults of the extensions.
+    fn default() -> Self {
+        Layers {
+            ior: 1.5,
+            specular: 1.0,
+            specular_colour: Colour::Linear(glam::DVec3::ONE),
+            transmission: 0.0,
+            volume: None,
+            clearcoat: 0.0,
+            clearcoat_roughness: 0.0,
+            sheen_colour: Colour::Linear(glam::DVec3::ZERO),
+            sheen_roughness: 0.0,
         }
     }
 }
@@ -196,6 +249,20 @@ impl<C> Material<C> {
                 emission_texture: m.emission_texture,
                 unlit: m.unlit,
                 normal_map: m.normal_map,
+                layers: Layers {
+                    ior: m.layers.ior,
+                    specular: m.layers.specular,
+                    specular_colour: convert(m.layers.specular_colour),
+                    transmission: m.layers.transmission,
+                    volume: m.layers.volume.map(|volume| Volume {
+                        attenuation_colour: convert(volume.attenuation_colour),
+                        attenuation_distance: volume.attenuation_distance,
+                    }),
+                    clearcoat: m.layers.clearcoat,
+                    clearcoat_roughness: m.layers.clearcoat_roughness,
+                    sheen_colour: convert(m.layers.sheen_colour),
+                    sheen_roughness: m.layers.sheen_roughness,
+                },
             }),
         }
     }

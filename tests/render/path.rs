@@ -171,3 +171,44 @@ fn an_environment_calls_for_paths() {
     };
     assert!(traced(None) && traced(Some(Transport::Path)) && !traced(Some(Transport::Whitted)));
 }
+
+/// A ball of a material in a white environment, seen so that it fills most of the picture.
+fn furnace(material: &str, environment: &str) -> String {
+    format!(
+        "[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\nvertical_fov = 24\n[environment]\ncolour = '{environment}'\n\
+         [material.m]\ncolour = '#ffffff'\n{material}\n\
+         [[sphere]]\nmaterial = 'm'\ncentre = [0, 0, 0]\nradius = 1\n"
+    )
+}
+
+/// White furnace: what absorbs nothing cannot be seen. A path in glass needs many bounces inside before it has left.
+#[test]
+fn glass_and_metal_vanish_in_a_white_environment() {
+    let glass = |roughness: f64, ior: f64| {
+        format!("roughness = {roughness}\nlayers = {{ transmission = 1, volume = true, ior = {ior} }}")
+    };
+    for material in [
+        "metallic = 1\nroughness = 0".to_owned(),
+        "metallic = 1\nroughness = 0.4".into(),
+        "metallic = 0\nroughness = 0.3".into(),
+        glass(0.0, 1.5),
+        glass(0.0, 2.4),
+        "roughness = 0\nlayers = { transmission = 1 }".into(),
+        "roughness = 0.5\nlayers = { clearcoat = 1 }".into(),
+    ] {
+        let (mean, error) = mean(&render(parse(&furnace(&material, "#ffffff")), &settings(48, 400)));
+        assert!(error < 1e-3 && (mean - 1.0).abs() < 4.0 * error + 2e-3, "{material}: {mean} +- {error}");
+    }
+}
+
+/// A ball of an absorbing medium without interface (index of refraction 1) of radius 1, seen through its centre: white light
+/// loses as much as over the distance 2. The narrow field of view sees chords of at least 1.9999.
+#[test]
+fn a_medium_attenuates_as_beer_and_lambert_say() {
+    let medium = "roughness = 0\nlayers = { transmission = 1, volume = true, ior = 1, attenuation_colour = '#bcbcbc', attenuation_distance = 0.5 }";
+    let scene = furnace(medium, "#ffffff").replace("vertical_fov = 24", "vertical_fov = 0.05");
+    let (mean, error) = mean(&render(parse(&scene), &settings(4, 20)));
+    // 0xbc decodes to 0.5028865; four times the attenuation distance.
+    let expected = 0.502_886_5f64.powi(4);
+    assert!((mean / expected - 1.0).abs() < 1e-3 && error < 1e-4, "{mean} +- {error}, expected {expected}");
+}

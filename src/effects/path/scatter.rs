@@ -6,6 +6,7 @@ use super::lights::{Lights, LightConnection};
 use super::{Buffers, LightPath, Path, SampleIndex, Scatter};
 use crate::effects::random;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
+use crate::bvh::Primitive;
 use crate::geometry::{Hit, Ray};
 use crate::scene::Material;
 use crate::shading::bsdf::{Bsdf, BsdfParameters};
@@ -236,21 +237,51 @@ fn emission(material: &PreparedMaterial, surface: &SurfaceInteraction) -> DVec3 
     }
 }
 
-/// The parameters of the BSDF, `None` where nothing is scattered, and the transmittance of the medium that the ray came through.
+/// Whether a hit is on the back of a surface: that from which its triangles are seen clockwise, or the inside of an analytic
+/// shape.
+fn is_back(world: &World, surface: &SurfaceInteraction, hit: &Hit) -> bool {
+    let outward = match world.accelerator.primitive(hit.slot) {
+        Primitive::Triangle(triangle) => triangle.normal(),
+        Primitive::Analytic(shape) => shape.surface(surface.point.position).1,
+    };
+    outward.dot(surface.view) < 0.0
+}
+
+/// The parameters of the BSDF, `None` where nothing is scattered, and the transmittance of the medium that the ray came through
+/// (Beer and Lambert: the attenuation colour to the power of the distance over the attenuation distance).
 fn parameters(
-    _world: &World,
+    world: &World,
     material: &PreparedMaterial,
     surface: &SurfaceInteraction,
-    _hit: &Hit,
+    hit: &Hit,
 ) -> (Option<BsdfParameters>, DVec3) {
     let unit = |colour: DVec3| colour.clamp(DVec3::ZERO, DVec3::ONE);
+    let mut transmittance = DVec3::ONE;
+    let mut from_inside = false;
+    if let Material::MetallicRoughness(m) = material
+        && let Some(volume) = m.layers.volume.filter(|_| m.layers.transmission > 0.0)
+    {
+        from_inside = is_back(world, surface, hit);
+        if from_inside && volume.attenuation_distance.is_finite() {
+            transmittance = unit(volume.attenuation_colour).powf(hit.t / volume.attenuation_distance);
+        }
+    }
     let parameters = match material {
         Material::MetallicRoughness(m) if m.unlit => return (None, DVec3::ONE),
         Material::MetallicRoughness(m) => BsdfParameters {
             base_colour: unit(m.base_colour * surface.tint * surface.texels.colour),
             metallic: (m.metallic * surface.texels.metallic).clamp(0.0, 1.0),
             roughness: (m.roughness * surface.texels.roughness).clamp(0.0, 1.0),
-            ..BsdfParameters::default()
+            ior: m.layers.ior,
+            specular: m.layers.specular,
+            specular_colour: m.layers.specular_colour,
+            transmission: m.layers.transmission,
+            thin_walled: m.layers.volume.is_none(),
+            from_inside,
+            clearcoat: m.layers.clearcoat,
+            clearcoat_roughness: m.layers.clearcoat_roughness,
+            sheen_colour: m.layers.sheen_colour,
+            sheen_roughness: m.layers.sheen_roughness,
         },
         // Blinn's exponent as a width of GGX (Walter and others, Microfacet Models for Refraction, 2007, section 5.2): alpha^2 =
         // 2 / (n + 2). Without a highlight there is no specular layer.
@@ -262,5 +293,5 @@ fn parameters(
             ..BsdfParameters::default()
         },
     };
-    (Some(parameters), DVec3::ONE)
+    (Some(parameters), transmittance)
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{DMat4, DQuat};
 use gltf::accessor::{DataType, Dimensions};
 
-use super::{dvec3, instancing};
+use super::{dvec3, instancing, layers};
 use crate::error::{Error, Place, Result, Warnings, contain};
 use crate::import::Source;
 use crate::import::uri::{self, Resource};
@@ -18,7 +18,7 @@ pub(super) fn open(bytes: &[u8], file: &Path) -> Result<gltf::Gltf> {
     let read = || gltf::Gltf::from_slice_without_validation(bytes);
     let gltf::Gltf { document, blob } = contain(read).ok_or_else(failed)?.map_err(|e| explain(file, e))?;
     let mut json = document.into_json();
-    json.extensions_required.retain(|name| name != instancing::NAME);
+    json.extensions_required.retain(|name| name != instancing::NAME && !layers::ALL.contains(&name.as_str()));
     check_positions(&json, file)?;
     let document = contain(|| gltf::Document::from_json(json)).ok_or_else(failed)?;
     Ok(gltf::Gltf { document: document.map_err(|e| explain(file, e))?, blob })

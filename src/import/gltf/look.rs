@@ -97,6 +97,7 @@ impl Loader<'_> {
             emission: Colour::Linear(emission),
             emission_texture: m.emissive_texture().and_then(|t| self.texture(&t.texture())),
             unlit: m.unlit(),
+            layers: super::layers::layers(m),
             normal_map: m.normal_texture().and_then(|t| {
                 let scale = f64::from(t.scale());
                 let texture = self.texture(&t.texture())?;

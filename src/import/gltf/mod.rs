@@ -6,6 +6,7 @@
 
 mod check;
 mod instancing;
+mod layers;
 mod look;
 mod triangles;
 
@@ -86,9 +87,16 @@ impl Loader<'_> {
             "KHR_materials_unlit",
             instancing::NAME,
         ];
-        let unread: Vec<&str> = document.extensions_used().filter(|name| !READ.contains(name)).collect();
+        let unread: Vec<&str> = document
+            .extensions_used()
+            .filter(|name| !READ.contains(name) && !layers::ALL.contains(name))
+            .collect();
         for name in unread {
             self.warn(format!("extension {name} is not used"));
+        }
+        let textured = document.materials().filter(layers::has_textures).count();
+        if textured > 0 {
+            self.warn(format!("{textured} material(s) have textures of extensions; drawn without those"));
         }
         let transparent =
             document.materials().filter(|m| m.alpha_mode() != gltf::material::AlphaMode::Opaque).count();

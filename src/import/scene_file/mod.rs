@@ -10,6 +10,7 @@ mod animation;
 mod camera;
 mod light;
 mod meshes;
+mod metallic_roughness;
 mod sampling;
 
 pub use camera::inline_camera;
@@ -173,6 +174,9 @@ impl Builder<'_> {
 
     fn material(&self, name: &str, section: &Spanned<MaterialSection>) -> Result<Material> {
         let (start, s) = (section.span().start, section.get_ref());
+        if s.metallic.is_some() || s.roughness.is_some() || s.layers.is_some() {
+            return self.metallic_roughness(name, start, s);
+        }
         let number =
             |key, value: Option<f64>, default| self.not_negative(start, key, value.unwrap_or(default));
         let glaze = match &s.glaze {
