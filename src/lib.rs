@@ -32,6 +32,8 @@
 //! ```
 
 #![warn(unreachable_pub)]
+// Documentation of modules links to what they are made of.
+#![allow(rustdoc::private_intra_doc_links)]
 
 pub use kiln_bvh::{bvh, geometry};
 

@@ -4,6 +4,8 @@
 //! The crate `kiln` exports both modules under the same names.
 
 #![warn(unreachable_pub)]
+// Documentation of modules links to what they are made of.
+#![allow(rustdoc::private_intra_doc_links)]
 
 pub mod bvh;
 pub mod geometry;

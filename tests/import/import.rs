@@ -1079,6 +1079,105 @@ fn gltf_that_requires_what_kiln_does_not_read_says_what_to_do() {
 }
 
 #[test]
+fn gltf_material_extensions_are_read_within_their_ranges() {
+    let extensions = json!({
+        "KHR_materials_ior": { "ior": 1.33 },
+        "KHR_materials_specular": { "specularFactor": 0.5, "specularColorFactor": [1, 2, 0.25] },
+        "KHR_materials_transmission": { "transmissionFactor": 7, "transmissionTexture": { "index": 0 } },
+        "KHR_materials_volume": { "thicknessFactor": 0.1, "attenuationColor": [0.5, 1, 3], "attenuationDistance": 4 },
+        "KHR_materials_clearcoat": { "clearcoatFactor": 0.25, "clearcoatRoughnessFactor": -1 },
+        "KHR_materials_sheen": { "sheenColorFactor": [0.1, 0.2, 0.3], "sheenRoughnessFactor": 0.75 },
+    });
+    let names: Vec<&String> = extensions.as_object().expect("an object").keys().collect();
+    let model = Model::triangle()
+        .with(
+            "materials",
+            json!([{ "extensions": extensions }, { "extensions": { "KHR_materials_ior": { "ior": 0.5 } } }]),
+        )
+        .with("extensionsUsed", json!(names))
+        .with("extensionsRequired", json!(names));
+    let (scene, warnings) = model.load();
+    let layers = |index: usize| match &scene.materials[index] {
+        Material::MetallicRoughness(material) => material.layers.clone(),
+        Material::Phong(_) => panic!("a metallic-roughness material"),
+    };
+    let linear = |r, g, b| Colour::Linear(v(r, g, b));
+    let expected = kiln::scene::Layers {
+        ior: 1.33,
+        specular: 0.5,
+        specular_colour: linear(1.0, 2.0, 0.25),
+        transmission: 1.0,
+        volume: Some(kiln::scene::Volume {
+            attenuation_colour: linear(0.5, 1.0, 1.0),
+            attenuation_distance: 4.0,
+        }),
+        clearcoat: 0.25,
+        clearcoat_roughness: 0.0,
+        sheen_colour: linear(0.1, 0.2, 0.3),
+        sheen_roughness: 0.75,
+    };
+    assert_eq!(layers(0), expected);
+    // An index below 1 is not one; the default of the format is 1.5.
+    assert_eq!(layers(1), kiln::scene::Layers::default());
+    assert_eq!(warnings, ["a.gltf: 1 material(s) have textures of extensions; drawn without those"]);
+}
+
+#[test]
+fn scene_file_materials_are_of_one_model() {
+    let material = |keys: &str| {
+        let text = format!(
+            "[material.m]\ncolour = '#ff0000'\n{keys}\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = 'm'\n"
+        );
+        Folder::new().load("a.toml", text.as_bytes()).0.materials
+    };
+    let fails = |keys: &str| {
+        let e =
+            Folder::new().fails("a.toml", format!("[material.m]\ncolour = '#ff0000'\n{keys}\n").as_bytes());
+        (message(&e), e.hint().to_owned())
+    };
+    assert!(matches!(&material("metallic = 1\nroughness = 0.25")[0], Material::MetallicRoughness(m)
+        if (m.metallic, m.roughness) == (1.0, 0.25) && m.layers == Default::default()));
+    assert!(matches!(&material("emission = '#ffffff'\nemission_intensity = 3")[0], Material::Phong(m)
+        if m.emission == Colour::Linear(v(3.0, 3.0, 3.0))));
+    let one = "give the keys of one model: Phong or metallic-roughness";
+    for (keys, what, hint) in [
+        (
+            "roughness = 0\nglaze = {}",
+            "material `m` has `glaze` beside `roughness`, `metallic` or `layers`",
+            one,
+        ),
+        ("roughness = 1.5", "`roughness` is 1.5", "give a number from 0 to 1"),
+        ("layers = { ior = 0.9 }", "`ior` is 0.9", "give a number from 1"),
+        ("layers = { attenuation_distance = 0 }", "`attenuation_distance` is 0", "give a distance above 0"),
+    ] {
+        assert_eq!(fails(keys), (format!("a.toml:1: {what}"), hint.to_owned()), "{keys}");
+    }
+}
+
+#[test]
+fn environments_are_read_or_refused() {
+    let scene =
+        |section: &str| Folder::new().load("a.toml", format!("[environment]\n{section}\n").as_bytes()).0;
+    let environment = |section: &str| scene(section).environment.expect("an environment");
+    let sky = environment("sky = true\nrotation = 180\nintensity = 2\nhide = true");
+    assert_eq!(sky.source, kiln::scene::EnvironmentSource::Sky);
+    assert_eq!((sky.rotation, sky.intensity, sky.is_hidden), (std::f64::consts::PI, 2.0, true));
+    let fails = |section: &str| {
+        let e = Folder::new().fails("a.toml", format!("[environment]\n{section}\n").as_bytes());
+        (message(&e), e.hint().to_owned())
+    };
+    let one = "give one of `file`, `sky = true` and `colour`";
+    for section in ["", "sky = true\ncolour = '#808080'"] {
+        assert_eq!(
+            fails(section),
+            ("a.toml:1: an environment without one source".to_owned(), one.to_owned())
+        );
+    }
+    let (missing, _) = fails("file = 'no.hdr'");
+    assert!(missing.starts_with("no.hdr: "), "{missing}");
+}
+
+#[test]
 fn gltf_that_is_something_else() {
     for bytes in [&b"not json"[..], b"", b"glTF\x02\0\0\0\xFF\xFF\xFF\xFF", b"{}"] {
         let e = Folder::new().fails("a.gltf", bytes);

@@ -103,6 +103,7 @@ fn uses_are_found() {
 const NOT_EFFECTS: &[(&str, &str)] = &[
     // A property of a Phong material.
     ("viewer/inspect.rs", "glaze"),
+    ("import/scene_file/metallic_roughness.rs", "glaze"),
     // The images of a file.
     ("cli/info.rs", "textures"),
     // A transport.

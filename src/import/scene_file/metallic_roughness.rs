@@ -41,6 +41,7 @@ impl Builder<'_> {
         }
         let attenuation_colour =
             Colour::from_u8(layers.attenuation_colour.map_or([255; 3], |colour| colour.0));
+        let none = Layers::default();
         Ok(Material::MetallicRoughness(MetallicRoughness {
             name: name.to_owned(),
             base_colour: Colour::from_u8(s.colour.0),
@@ -53,9 +54,11 @@ impl Builder<'_> {
                 volume: layers.volume.then_some(Volume { attenuation_colour, attenuation_distance }),
                 clearcoat: unit("clearcoat", layers.clearcoat, 0.0)?,
                 clearcoat_roughness: unit("clearcoat_roughness", layers.clearcoat_roughness, 0.0)?,
-                sheen_colour: Colour::from_u8(layers.sheen_colour.map_or([0; 3], |colour| colour.0)),
+                sheen_colour: layers
+                    .sheen_colour
+                    .map_or(none.sheen_colour, |colour| Colour::from_u8(colour.0)),
                 sheen_roughness: unit("sheen_roughness", layers.sheen_roughness, 0.0)?,
-                ..Layers::default()
+                ..none
             },
             ..MetallicRoughness::default()
         }))
