@@ -30,7 +30,7 @@ pub fn sizes(largest: usize) -> Vec<usize> {
 /// Measures every contender with every kind and size of mesh, with the rays of a picture of `pixels` by `pixels`.
 ///
 /// # Errors
-/// As [`measure`].
+/// As `measure`.
 pub fn scaling(
     contenders: &[Box<dyn Contender>],
     sizes: &[usize],

@@ -119,7 +119,8 @@ impl<'a> Lights<'a> {
         let Some(emission) = sampled_emission(material).filter(|_| path.pdf.is_finite()) else { return 1.0 };
         let primitive = self.world.accelerator.primitive(hit.slot);
         let position = surface.point.position;
-        let light_pdf = self.emitters.pdf(&primitive, emission, path.from, position, surface.geometric_normal);
+        let light_pdf =
+            self.emitters.pdf(&primitive, emission, path.from, position, surface.geometric_normal);
         power_heuristic(path.pdf, light_pdf / self.count as f64)
     }
 }

@@ -136,12 +136,8 @@ impl Buffers {
     /// Begins the paths of the camera rays.
     fn start(&mut self, tile: &Tile) {
         let count = tile.generations[0].rays.len();
-        let camera = |camera_ray| Path {
-            camera_ray,
-            throughput: DVec3::ONE,
-            from: DVec3::ZERO,
-            pdf: f64::INFINITY,
-        };
+        let camera =
+            |camera_ray| Path { camera_ray, throughput: DVec3::ONE, from: DVec3::ZERO, pdf: f64::INFINITY };
         self.radiance.clear();
         self.radiance.resize(count, DVec3::ZERO);
         self.paths.clear();
@@ -151,8 +147,10 @@ impl Buffers {
             (Some(samples), _) => {
                 self.samples.extend(samples.rays().map(|(x, y, sample)| SampleIndex { x, y, sample }));
             }
-            (None, Some(window)) => self.samples.extend((0..count as u32).map(|i| {
-                SampleIndex { x: window.x + i % window.width, y: window.y + i / window.width, sample: 0 }
+            (None, Some(window)) => self.samples.extend((0..count as u32).map(|i| SampleIndex {
+                x: window.x + i % window.width,
+                y: window.y + i / window.width,
+                sample: 0,
             })),
             (None, None) => {}
         }

@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use super::lights::{Lights, LightConnection};
+use super::lights::{LightConnection, Lights};
 use super::{Buffers, LightPath, Path, SampleIndex, Scatter};
+use crate::bvh::Primitive;
 use crate::effects::random;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
-use crate::bvh::Primitive;
 use crate::geometry::{Hit, Ray};
 use crate::scene::Material;
 use crate::shading::bsdf::{Bsdf, BsdfParameters};
@@ -122,13 +122,7 @@ struct Vertex<'a> {
 }
 
 impl<'a> Vertex<'a> {
-    fn new(
-        world: &'a World,
-        lights: &Lights,
-        surface: SurfaceInteraction,
-        hit: &Hit,
-        path: Path,
-    ) -> Self {
+    fn new(world: &'a World, lights: &Lights, surface: SurfaceInteraction, hit: &Hit, path: Path) -> Self {
         let material = &world.materials[surface.material as usize];
         // A bent normal that is turned away from the view has no local frame.
         let cosine = surface.shading_normal.dot(surface.view);
