@@ -16,7 +16,7 @@ use crate::geometry::Ray;
 struct Binary;
 
 /// The only contender.
-pub fn contenders() -> Vec<Box<dyn Contender>> {
+pub(crate) fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Binary)]
 }
 

@@ -14,7 +14,7 @@ use crate::geometry::Ray;
 struct Parry;
 
 /// The only contender.
-pub fn contenders() -> Vec<Box<dyn Contender>> {
+pub(crate) fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Parry)]
 }
 

@@ -12,7 +12,7 @@ use crate::geometry;
 struct Bvh8Cpu;
 
 /// The engine.
-pub fn engines() -> Vec<Box<dyn Engine>> {
+pub(crate) fn engines() -> Vec<Box<dyn Engine>> {
     vec![Box::new(Bvh8Cpu)]
 }
 
@@ -93,7 +93,7 @@ impl Built for BuiltTinybvh {
 }
 
 /// The contender.
-pub fn contenders() -> Vec<Box<dyn Contender>> {
+pub(crate) fn contenders() -> Vec<Box<dyn Contender>> {
     vec![Box::new(Bvh8Cpu)]
 }
 

@@ -139,7 +139,7 @@ fn per_channel(c: DVec3, f: impl Fn(f64) -> f64) -> DVec3 {
 }
 
 /// The luminance of a linear sRGB colour (Rec. ITU-R BT.709-6, section 3.2).
-pub(crate) fn luminance(colour: DVec3) -> f64 {
+pub fn luminance(colour: DVec3) -> f64 {
     colour.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 

@@ -37,7 +37,7 @@ use std::sync::Arc;
 
 use crate::bvh::Layout;
 use crate::effects::tile::RenderContext;
-use crate::effects::{Plan, check_names, check_scene};
+use crate::effects::{Plan, check_names, check_scene, id};
 use crate::error::{Error, Result, Warnings};
 use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Share, Window};
 use crate::import::check_drawable;
@@ -358,6 +358,9 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
             world.too_small,
             world.numerics().name()
         ));
+    }
+    if plan.effects_on().any(|effect| effect == id::PATH) && !choices.sampling.is_wanted() {
+        warnings.note("paths are traced, with one sample a pixel, which is noisy; try --samples 64");
     }
     for decision in
         plan.decisions.iter().filter(|d| !d.on && choices.with.iter().any(|name| *name == d.effect.name()))

@@ -23,7 +23,7 @@ pub enum EnvironmentSource {
     /// An equirectangular image: its centre is the direction +x, to the right of it lies +z, and its top row is +y. This is
     /// the convention of Blender, converted to +y up, and of three.js.
     Image(Arc<EnvironmentImage>),
-    /// A clear sky without sun disc.
+    /// A sky with a hazy sun 40 degrees high.
     Sky,
     /// One radiance in every direction.
     Colour(Colour),

@@ -144,7 +144,7 @@ pub struct EnvironmentSection {
     /// An equirectangular image in .hdr or .exr, relative to the scene file. Its centre is the direction +x, to the right of
     /// it lies +z, and its top row is +y.
     pub file: Option<String>,
-    /// A clear sky, with the sun 40 degrees high.
+    /// A sky with a hazy sun 40 degrees high.
     #[serde(default)]
     pub sky: bool,
     /// One radiance in every direction; white is 1.
