@@ -1,7 +1,9 @@
 //! The stage that finds closest hits and their surface interactions.
 
 use super::tile::{RenderContext, Tile};
+use super::transparency::{self, Transparency};
 use super::{RayKind, Stage};
+use crate::world::World;
 
 /// Finds the closest hits of a generation's rays and computes their surface interactions.
 pub(crate) struct ClosestHits {
@@ -9,6 +11,22 @@ pub(crate) struct ClosestHits {
     pub kind: RayKind,
     /// The name in statistics.
     pub name: &'static str,
+    /// How rays pass through surfaces; `None` where all are opaque.
+    pub transparency: Option<Transparency>,
+}
+
+impl ClosestHits {
+    /// Finds the hits. Returns whether they are the first of these rays.
+    fn find_hits(&self, tile: &mut Tile, world: &World) -> bool {
+        if let Some(transparency) = self.transparency {
+            return transparency::find_hits(tile, world, transparency);
+        }
+        let Tile { generations, depth, traversal, .. } = tile;
+        let generation = &mut generations[*depth];
+        generation.hits.clear();
+        world.accelerator.closest_hits(&generation.rays, &mut generation.hits, traversal);
+        true
+    }
 }
 
 impl Stage for ClosestHits {
@@ -18,15 +36,18 @@ impl Stage for ClosestHits {
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let world = context.world;
-        let Tile { generations, depth, traversal, visible_objects, recorder, .. } = tile;
+        let is_first = self.find_hits(tile, world);
+        let Tile { generations, depth, visible_objects, recorder, .. } = tile;
         let generation = &mut generations[*depth];
-        generation.hits.clear();
-        world.accelerator.closest_hits(&generation.rays, &mut generation.hits, traversal);
         world.interactions(&generation.soa, &generation.hits, &mut generation.surfaces);
         if *depth == 0 {
             visible_objects.resize(world.objects.len(), false);
             let objects = generation.surfaces.objects().iter();
             objects.for_each(|&object| visible_objects[object as usize] = true);
+        }
+        // A further layer has the rays of the first.
+        if !is_first {
+            return;
         }
         if let Some(recorder) = recorder {
             recorder.record_generation(self.kind, *depth, generation);

@@ -20,6 +20,7 @@ pub mod region;
 pub mod samples;
 mod texture_points;
 pub mod tile;
+pub(crate) mod transparency;
 
 pub use plan::{Choices, Decision, Plan, PlannedStage, check_names, check_scene};
 
@@ -32,6 +33,7 @@ use crate::scene::{Sampling, TextureFilter};
 use crate::shading::ShadingMode;
 use crate::world::World;
 use tile::{RenderContext, Tile};
+use transparency::Transparency;
 
 /// Declares the effects, in the order of the plan: name as typed by users, source file, constant in [`id`].
 macro_rules! registry {
@@ -52,6 +54,7 @@ macro_rules! registry {
 registry! {
     "textures" => textures TEXTURES,
     "normal-maps" => normal_maps NORMAL_MAPS,
+    "alpha" => alpha ALPHA,
     "path" => path PATH,
     "shadows" => shadows SHADOWS,
     "terminator" => terminator TERMINATOR,
@@ -172,6 +175,13 @@ pub struct EffectContext<'a> {
     pub value: Option<String>,
 }
 
+impl EffectContext<'_> {
+    /// How rays find the surfaces that they hit; `None` where all surfaces are opaque. For [`Effect::stages`].
+    pub(crate) fn transparency(&self) -> Option<Transparency> {
+        self.spec.transparency(self.sampling)
+    }
+}
+
 /// The specification of a plan, complete before any stage is listed. Effects change it in their order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PlanSpec {
@@ -179,6 +189,8 @@ pub struct PlanSpec {
     pub shading: ShadingMode,
     /// Whether paths are traced, instead of shading surfaces by the lights that they see.
     pub is_path: bool,
+    /// Whether rays pass through surfaces by their opacity.
+    pub is_transparent: bool,
     /// Whether lights are evaluated.
     pub lit: bool,
     /// Samples a pixel. Texture footprints shrink with it.
@@ -197,6 +209,16 @@ pub struct PlanSpec {
     pub own_camera_rays: bool,
     /// Whether the number of samples differs from pixel to pixel.
     pub adaptive: bool,
+}
+
+impl PlanSpec {
+    /// See [`EffectContext::transparency`].
+    fn transparency(&self, sampling: &Sampling) -> Option<Transparency> {
+        let seed = sampling.seed.unwrap_or(0);
+        let stochastic = self.is_path || self.own_camera_rays;
+        let transparency = if stochastic { Transparency::Stochastic { seed } } else { Transparency::Layers };
+        self.is_transparent.then_some(transparency)
+    }
 }
 
 /// Which textures are looked up, and how.

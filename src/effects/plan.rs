@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::tile::{RenderContext, Tile};
+use super::transparency::Transparency;
 use super::{
     EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, PlanSpec, RayClass, RayKind, Stage,
     TextureUse, closest_hits, id, local, pixels, primary_rays, ray_origins,
@@ -105,6 +106,7 @@ impl Plan {
         let mut spec = PlanSpec {
             shading,
             is_path: false,
+            is_transparent: false,
             lit: shading.uses_lights() && !world.lights.is_empty(),
             samples: 1,
             texture_use: TextureUse::default(),
@@ -122,7 +124,8 @@ impl Plan {
             effects.push((effect, own));
         }
         effects.iter_mut().for_each(|(_, own)| own.spec = spec);
-        let mut builder = PlanBuilder { stages: Vec::new(), effects, spec };
+        let transparency = spec.transparency(&sampling);
+        let mut builder = PlanBuilder { stages: Vec::new(), effects, spec, transparency };
         let parts = builder.build();
         let stages = builder.stages;
         Plan { shading, sampling, decisions, spec, stages, parts }
@@ -171,6 +174,11 @@ impl Plan {
         self.spec.own_camera_rays
     }
 
+    /// Whether rays pass through surfaces by their opacity.
+    pub(crate) fn is_transparent(&self) -> bool {
+        self.spec.is_transparent
+    }
+
     /// Whether the number of samples differs from pixel to pixel.
     pub fn is_adaptive(&self) -> bool {
         self.spec.adaptive
@@ -193,6 +201,7 @@ struct PlanBuilder<'a> {
     /// The effects that are on.
     effects: Vec<(&'static Effect, EffectContext<'a>)>,
     spec: PlanSpec,
+    transparency: Option<Transparency>,
 }
 
 impl PlanBuilder<'_> {
@@ -231,7 +240,7 @@ impl PlanBuilder<'_> {
         let owner = secondary.map(|rays| rays.effect);
         let kind = secondary.map_or(RayKind::PRIMARY, |rays| rays.kind);
         let name = secondary.map_or("primary hits", |rays| rays.hits);
-        self.add(closest_hits::ClosestHits { kind, name }, owner);
+        self.add(closest_hits::ClosestHits { kind, name, transparency: self.transparency }, owner);
         if generations > u32::from(class == RayClass::Secondary) {
             self.add(ray_origins::RayOrigins { generations }, owner);
         }

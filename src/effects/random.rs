@@ -7,6 +7,7 @@
 
 use sobol_burley::parts::{hash, owen_scramble_rev, sobol_rev, u32_to_f32_norm};
 
+use crate::geometry::Ray;
 use crate::scene::MAX_SAMPLES;
 
 /// What random numbers are used for. Each purpose has an independent sequence.
@@ -82,6 +83,18 @@ pub fn pair([x, y]: [u32; 2], seed: u32, sample: u32, dimension: u32) -> [f32; 2
     [(0, a), (1, b)].map(|(axis, scramble)| {
         u32_to_f32_norm(owen_scramble_rev(sobol_rev(index, axis), scramble).reverse_bits())
     })
+}
+
+/// A number from 0 to below 1 for a ray. Equal rays have equal numbers.
+pub(crate) fn of_ray(ray: &Ray, seed: u32) -> f32 {
+    let [origin, direction] = [ray.origin, ray.direction].map(|v| v.to_array().map(f64::to_bits));
+    let halves = |bits: [u64; 3], shift: u32| bits.map(|b| (b >> shift) as u32);
+    let parts = [halves(origin, 0), halves(origin, 32), halves(direction, 0), halves(direction, 32)];
+    let mixed = parts.into_iter().fold([seed, 0, 0], |mixed, [x, y, z]| {
+        let [a, b, c] = mixed;
+        pcg3d([a ^ x, b ^ y, c ^ z])
+    });
+    u32_to_f32_norm(mixed[0])
 }
 
 #[cfg(test)]

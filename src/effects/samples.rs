@@ -56,6 +56,29 @@ impl Sampler {
     }
 }
 
+/// Where a camera ray belongs: the seed of its random numbers.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SampleIndex {
+    /// Column and row of the pixel in the whole picture.
+    pub(crate) x: u32,
+    pub(crate) y: u32,
+    /// The index of the sample.
+    pub(crate) sample: u32,
+}
+
+/// Lists the pixel and sample of each camera ray of a tile.
+pub(crate) fn list_samples(tile: &Tile, into: &mut Vec<SampleIndex>) {
+    match (tile.buffers::<TileSamples>(), tile.window) {
+        (Some(samples), _) => {
+            into.extend(samples.rays().map(|(x, y, sample)| SampleIndex { x, y, sample }));
+        }
+        (None, Some(window)) => into.extend((0..tile.generations[0].rays.len() as u32).map(|i| {
+            SampleIndex { x: window.x + i % window.width, y: window.y + i / window.width, sample: 0 }
+        })),
+        (None, None) => {}
+    }
+}
+
 /// The samples of a tile.
 #[derive(Default)]
 pub struct TileSamples {

@@ -6,6 +6,7 @@
 use glam::DVec3;
 
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use super::transparency::{SHADOW_RAYS, transmittance};
 use super::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
 use crate::geometry::{Numerics, Ray};
 use crate::shading::{LightSample, LightSoa};
@@ -36,8 +37,10 @@ pub const EFFECT: Effect = Effect {
             spec.generations_with_origins = u32::MAX;
         }
     },
-    stages: |_: &EffectContext, hook| match hook {
-        Hook::AfterLighting(_) => vec![Box::new(Shadows)],
+    stages: |context: &EffectContext, hook| match hook {
+        Hook::AfterLighting(_) => {
+            vec![Box::new(Shadows { is_transparent: context.spec.is_transparent })]
+        }
         _ => Vec::new(),
     },
     bytes: |tile| {
@@ -65,7 +68,10 @@ struct Buffers {
 }
 
 /// Tests every light for occlusion at the surfaces of a generation.
-struct Shadows;
+struct Shadows {
+    /// Whether shadow rays pass through surfaces by their opacity.
+    is_transparent: bool,
+}
 
 impl Stage for Shadows {
     fn name(&self) -> &'static str {
@@ -73,16 +79,16 @@ impl Stage for Shadows {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| test_occlusion(own, tile, context));
+        tile.with_buffers(|own: &mut Buffers, tile| test_occlusion(own, tile, context, self.is_transparent));
     }
 }
 
-fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
+fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext, is_transparent: bool) {
     let Tile { generations, depth, lights, traversal, recorder, .. } = tile;
     let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*depth];
     let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
     let Buffers { soa, rays, occluded, surfaces: tested } = own;
-    let (mut cast, mut blocked) = (0, 0);
+    let (mut cast, mut blocked, mut continued) = (0, 0, 0);
     for (index, light) in lights.iter_mut().enumerate() {
         list_reached(&light.reaches[..surfaces.len()], tested);
         if tested.is_empty() {
@@ -96,6 +102,14 @@ fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
         }
         occluded.clear();
         context.world.accelerator.are_occluded(rays, occluded, traversal);
+        if is_transparent {
+            let blocked = tested.iter().zip(&*rays).zip(&mut *occluded).filter(|(_, occluded)| **occluded);
+            for ((&surface, ray), occluded) in blocked {
+                let transmittance = transmittance(context.world, ray, traversal, &mut continued);
+                light.scale(surface as usize, transmittance);
+                *occluded = transmittance == 0.0;
+            }
+        }
         if let Some(recorder) = recorder {
             recorder.record_occlusion(RAYS, *depth, Some(index), tested, rays, occluded);
         }
@@ -109,6 +123,9 @@ fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
         blocked += blocked_here;
     }
     tile.count(RAYS, cast, blocked);
+    if continued > 0 {
+        tile.count(SHADOW_RAYS, continued, 0);
+    }
 }
 
 /// Writes the shadow rays of all surfaces, also of those that the light does not reach.

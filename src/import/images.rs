@@ -13,10 +13,21 @@ use crate::film::read::{self, ReadError};
 use crate::limits;
 use crate::scene::{DecodedImage, ImageId, Scene};
 
+/// What of an image becomes a texture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Channels {
+    /// Its colours, without alpha.
+    Colour,
+    /// Its alpha channel, as grey; nothing where it is opaque everywhere.
+    Alpha,
+    /// Its alpha channel, or its grey values where it is opaque everywhere.
+    AlphaOrGrey,
+}
+
 /// Decodes image files into a scene, each once.
 pub(crate) struct ImageLoader {
     files: Files,
-    known: HashMap<PathBuf, Option<ImageId>>,
+    known: HashMap<(PathBuf, Channels), Option<ImageId>>,
     /// Normal maps converted from height maps, with the steepest slope of each; `None` for a file that is a normal map.
     heights: HashMap<PathBuf, Option<(ImageId, f64)>>,
 }
@@ -36,15 +47,17 @@ impl ImageLoader {
         &mut self,
         scene: &mut Scene,
         file: &Path,
+        channels: Channels,
         warnings: &mut Warnings,
     ) -> Result<Option<ImageId>> {
-        if let Some(&known) = self.known.get(file) {
+        let key = (file.to_owned(), channels);
+        if let Some(&known) = self.known.get(&key) {
             return Ok(known);
         }
         let name = file.display().to_string();
-        let decoded = open(&self.files, file, TEXTURE).map(|image| into_texture(&name, &image));
+        let decoded = open(&self.files, file, TEXTURE).map(|image| into_texture(&name, &image, channels));
         let image = keep(scene, decoded, file, warnings)?;
-        self.known.insert(file.to_owned(), image);
+        self.known.insert(key, image);
         Ok(image)
     }
 
@@ -79,7 +92,7 @@ impl ImageLoader {
         if heights.is_some() {
             return Ok(heights);
         }
-        let Some(image) = self.of_file(scene, file, warnings)? else { return Ok(None) };
+        let Some(image) = self.of_file(scene, file, Channels::Colour, warnings)? else { return Ok(None) };
         warnings.note(format!("{}: a bump map in colours; taken as a normal map", file.display()));
         Ok(Some((image, 1.0)))
     }
@@ -117,20 +130,22 @@ pub(crate) fn of_bytes(
     scene: &mut Scene,
     place: Place,
     bytes: &[u8],
+    channels: Channels,
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     let name = place.to_string();
-    keep(scene, read::decode(bytes, TEXTURE).map(|image| into_texture(&name, &image)), place, warnings)
+    let decoded = read::decode(bytes, TEXTURE).map(|image| into_texture(&name, &image, channels));
+    keep(scene, decoded, place, warnings)
 }
 
 fn keep(
     scene: &mut Scene,
-    decoded: std::result::Result<DecodedImage, ReadError>,
+    decoded: std::result::Result<Option<DecodedImage>, ReadError>,
     place: impl Into<Place>,
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     match decoded {
-        Ok(image) => Ok(Some(scene.add_image(image))),
+        Ok(image) => Ok(image.map(|image| scene.add_image(image))),
         Err(ReadError::TooLarge { what, hint }) => Err(Error::input(place, what, hint)),
         Err(ReadError::Damaged(why)) => {
             warnings.push(format!("{}: texture left out: {why}", place.into()));
@@ -139,8 +154,17 @@ fn keep(
     }
 }
 
-fn into_texture(name: &str, image: &DynamicImage) -> DecodedImage {
+fn into_texture(name: &str, image: &DynamicImage, channels: Channels) -> Option<DecodedImage> {
     let (width, height) = image.dimensions();
+    let made = |pixels| Some(DecodedImage { name: name.to_owned(), width, height, pixels });
+    if channels != Channels::Colour {
+        let alpha = image.color().has_alpha().then(|| image.to_rgba8());
+        return match alpha.filter(|alpha| alpha.pixels().any(|p| p.0[3] < 255)) {
+            Some(alpha) => made(alpha.pixels().map(|p| [p.0[3]; 3]).collect()),
+            None if channels == Channels::Alpha => None,
+            None => made(image.to_luma8().as_raw().iter().map(|&l| [l; 3]).collect()),
+        };
+    }
     // Common formats are converted without an intermediate image.
     let pixels = match image {
         DynamicImage::ImageLuma8(grey) => grey.as_raw().iter().map(|&l| [l; 3]).collect(),
@@ -150,5 +174,5 @@ fn into_texture(name: &str, image: &DynamicImage) -> DecodedImage {
         DynamicImage::ImageRgb8(rgb) => rgb.as_raw().as_chunks().0.into(),
         _ => image.to_rgb8().as_raw().as_chunks().0.into(),
     };
-    DecodedImage { name: name.to_owned(), width, height, pixels }
+    made(pixels)
 }

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec2, DVec3};
 
 use super::Source;
-use super::images::ImageLoader;
+use super::images::{Channels, ImageLoader};
 use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault, is_point_or_line};
 use super::polygon::{Cuts, Triangulator};
 use super::tangents::make_tangents;
@@ -19,8 +19,8 @@ use crate::film::Colour;
 use crate::film::colour::srgb_decode;
 use crate::limits::{self, unreadable};
 use crate::scene::{
-    Attribute, Material, MaterialId, Mesh, MetallicRoughness, NormalMap, Object, Phong, Sampler, Scene,
-    Shape, Texture,
+    Attribute, Material, MaterialId, Mesh, MetallicRoughness, NormalMap, Object, Opacity, Phong, Sampler,
+    Scene, Shape, Texture,
 };
 
 /// Reads an OBJ file, its materials and their textures.
@@ -132,7 +132,12 @@ fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLL
 fn find_images(materials: &mut [tobj::Material], name: &Path, source: &Source) {
     let Some(folder) = name.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return };
     let images = materials.iter_mut().flat_map(|m| {
-        [m.diffuse_texture.as_mut(), m.normal_texture.as_mut(), m.unknown_param.get_mut("norm")]
+        [
+            m.diffuse_texture.as_mut(),
+            m.dissolve_texture.as_mut(),
+            m.normal_texture.as_mut(),
+            m.unknown_param.get_mut("norm"),
+        ]
     });
     for image in images.flatten() {
         let beside = folder.join(&*image);
@@ -158,25 +163,17 @@ fn convert_material(
     warnings: &mut Warnings,
 ) -> Result<Material> {
     let image = match &m.diffuse_texture {
-        Some(name) => images.of_file(scene, &source.sibling(name), warnings)?,
+        Some(name) => images.of_file(scene, &source.sibling(name), Channels::Colour, warnings)?,
         None => None,
     };
     let texture = image.map(|image| Texture { image, sampler: Sampler::default() });
     // MTL does not define a default of Kd; with a texture, white leaves it unchanged.
     let default = if texture.is_some() { [1.0; 3] } else { [0.8; 3] };
     let colour = Colour::Display(m.diffuse.unwrap_or(default).into());
-    if m.dissolve.is_some_and(|d| d < 1.0) {
-        warnings.push(format!(
-            "{}: material `{}` is transparent; drawn opaque",
-            source.file.display(),
-            m.name
-        ));
-    }
+    let opacity = convert_opacity(m, source, scene, images, warnings)?;
     let normal_map = convert_normal_map(m, source, scene, images, warnings)?;
     let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
-    let number = |value: &String| value.trim().parse().ok().filter(|number: &f64| number.is_finite());
-    let parameter = |name: &str| m.unknown_param.get(name).and_then(number);
-    let (roughness, metallic) = (parameter("Pr"), parameter("Pm"));
+    let (roughness, metallic) = (parameter(m, "Pr"), parameter(m, "Pm"));
     if roughness.is_some() || metallic.is_some() {
         return Ok(Material::MetallicRoughness(MetallicRoughness {
             name: m.name.clone(),
@@ -186,6 +183,7 @@ fn convert_material(
             roughness: roughness.unwrap_or(1.0).clamp(0.0, 1.0),
             emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
             normal_map,
+            opacity,
             ..MetallicRoughness::default()
         }));
     }
@@ -198,8 +196,36 @@ fn convert_material(
         shininess: m.shininess.unwrap_or(1.0).max(0.0),
         emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
         normal_map,
+        opacity,
         ..Phong::default()
     }))
+}
+
+/// A number of a key that `tobj` does not read.
+fn parameter(m: &tobj::Material, key: &str) -> Option<f64> {
+    m.unknown_param.get(key)?.trim().parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+/// Opacity from `d` (or `Tr`, which is 1 - `d`) and `map_d`.
+fn convert_opacity(
+    m: &tobj::Material,
+    source: &Source,
+    scene: &mut Scene,
+    images: &mut ImageLoader,
+    warnings: &mut Warnings,
+) -> Result<Option<Opacity>> {
+    let factor = m.dissolve.or_else(|| Some(1.0 - parameter(m, "Tr")?)).unwrap_or(1.0).clamp(0.0, 1.0);
+    if factor == 0.0 {
+        let (file, name) = (source.file.display(), &m.name);
+        warnings
+            .push(format!("{file}: material `{name}` has the opacity 0 (`d` or `Tr`) and cannot be seen"));
+    }
+    let image = match &m.dissolve_texture {
+        Some(name) => images.of_file(scene, &source.sibling(name), Channels::AlphaOrGrey, warnings)?,
+        None => None,
+    };
+    let texture = image.map(|image| Texture { image, sampler: Sampler::default() });
+    Ok((factor < 1.0 || texture.is_some()).then_some(Opacity { factor, texture, cutoff: None }))
 }
 
 /// Normal map from `norm`, or from the heights of `map_Bump` or `bump`, scaled by `-bm`.
@@ -216,7 +242,7 @@ fn convert_normal_map(
             let (file, name) = (source.file.display(), &m.name);
             warnings.push(format!("{file}: material `{name}` has a normal map; drawn without its bump map"));
         }
-        let image = images.of_file(scene, &source.sibling(name), warnings)?;
+        let image = images.of_file(scene, &source.sibling(name), Channels::Colour, warnings)?;
         return Ok(image.map(|image| NormalMap { texture: on(image), scale: 1.0 }));
     }
     let Some(name) = &m.normal_texture else { return Ok(None) };
@@ -288,7 +314,7 @@ fn convert_mesh(
         let decoded = triples(&m.vertex_color).into_iter();
         Attribute::per_position(decoded.map(|c| DVec3::from(c.to_array().map(srgb_decode))).collect())
     });
-    Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours, tangents: None }
+    Mesh { triangles: pick(&m.indices), positions, normals, uvs, colours, alphas: None, tangents: None }
 }
 
 fn triples(values: &[f64]) -> Vec<DVec3> {

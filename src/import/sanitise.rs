@@ -160,7 +160,7 @@ fn clean_shared(mesh: &mut Mesh, count: &mut Count) {
 }
 
 /// Replaces attributes that are not finite in f32 by neutral values: no normal (the geometric normal is used), uv (0,
-/// 0), white. Negative colours are also replaced. Returns the number of replacements.
+/// 0), white, opaque. Negative colours and opacities beyond 0 to 1 are also replaced. Returns the number of replacements.
 fn replace_unusable(mesh: &mut Mesh) -> usize {
     fn replace<T: Copy>(
         attribute: &mut Option<Attribute<T>>,
@@ -173,6 +173,7 @@ fn replace_unusable(mesh: &mut Mesh) -> usize {
     replace(&mut mesh.normals, |n| n.is_finite(), DVec3::ZERO)
         + replace(&mut mesh.tangents, |t| t.as_vec4().is_finite(), DVec4::ZERO)
         + replace(&mut mesh.uvs, |uv| uv.as_vec2().is_finite(), DVec2::ZERO)
+        + replace(&mut mesh.alphas, |alpha| (0.0..=1.0).contains(&alpha), 1.0)
         + replace(&mut mesh.colours, |c| c.as_vec3().is_finite() && c.min_element() >= 0.0, DVec3::ONE)
 }
 

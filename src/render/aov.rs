@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::{RenderControl, render_displayed};
 use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
+use crate::effects::transparency::closest_visible;
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
 use crate::film::{DisplayTransform, Film, Share, Window};
@@ -262,7 +263,11 @@ fn of_tile(source: &AovSource, aovs: &[&Aov], tile: &mut Tile, window: Window) -
     let Tile { generations, traversal, .. } = tile;
     for (&pixel, ray) in generations[0].sources.iter().zip(&generations[0].rays) {
         let before = traversal.tests.nodes;
-        let hit = world.accelerator.closest_hit(ray, traversal);
+        let hit = if source.plan.is_transparent() {
+            closest_visible(world, ray, traversal)
+        } else {
+            world.accelerator.closest_hit(ray, traversal)
+        };
         let input = AovInput {
             world,
             recentering: source.recentering,

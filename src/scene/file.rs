@@ -235,6 +235,8 @@ pub struct MaterialSection {
     pub metallic: Option<f64>,
     /// 0 for a mirror, 1 for a fully rough surface; 1 if not given.
     pub roughness: Option<f64>,
+    /// The part of the surface that covers what is behind it, 0 to 1; 1 if not given.
+    pub opacity: Option<f64>,
     /// What the extensions of glTF add, used by path tracing.
     pub layers: Option<LayersSection>,
 }

@@ -113,12 +113,13 @@ impl Fingerprint {
     }
 
     fn mesh(&mut self, mesh: &Mesh) {
-        let Mesh { positions, triangles, normals, uvs, colours, tangents } = mesh;
+        let Mesh { positions, triangles, normals, uvs, colours, alphas, tangents } = mesh;
         self.bytes("positions", bytemuck::cast_slice(positions));
         self.bytes("triangles", bytemuck::cast_slice(triangles));
         self.attribute("normals", normals.as_ref());
         self.attribute("uvs", uvs.as_ref());
         self.attribute("colours", colours.as_ref());
+        self.attribute("alphas", alphas.as_ref());
         self.attribute("tangents", tangents.as_ref());
     }
 

@@ -37,6 +37,8 @@ pub struct Phong<C = Colour> {
     pub glaze: Option<Glaze>,
     /// Normal map.
     pub normal_map: Option<NormalMap>,
+    /// How opaque the surface is; `None` for one that is everywhere opaque.
+    pub opacity: Option<Opacity>,
 }
 
 /// A faint mirror reflection: where a reflected ray hits, `colour = own_weight * colour + weight * reflected`.
@@ -73,6 +75,8 @@ pub struct MetallicRoughness<C = Colour> {
     pub unlit: bool,
     /// Normal map.
     pub normal_map: Option<NormalMap>,
+    /// How opaque the surface is; `None` for one that is everywhere opaque.
+    pub opacity: Option<Opacity>,
     /// Values of material extensions, which path tracing uses.
     pub layers: Layers<C>,
 }
@@ -99,6 +103,18 @@ pub struct Layers<C = Colour> {
     pub sheen_colour: C,
     /// Roughness of the sheen, 0 to 1.
     pub sheen_roughness: f64,
+}
+
+/// The opacity of a surface: the part of it that covers what is behind (alpha; Porter and Duff, Compositing Digital
+/// Images, SIGGRAPH 1984). It is the product of factor, texture and vertex alpha.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Opacity {
+    /// Factor, 0 to 1.
+    pub factor: f64,
+    /// Texture whose red channel multiplies the factor.
+    pub texture: Option<Texture>,
+    /// Where given, the surface is opaque where the product is at least this, and absent elsewhere (`MASK` of glTF).
+    pub cutoff: Option<f64>,
 }
 
 /// A homogeneous medium that absorbs.
@@ -156,6 +172,7 @@ impl Default for Phong {
             emission: Colour::Linear(glam::DVec3::ZERO),
             glaze: None,
             normal_map: None,
+            opacity: None,
         }
     }
 }
@@ -174,6 +191,7 @@ impl Default for MetallicRoughness {
             emission_texture: None,
             unlit: false,
             normal_map: None,
+            opacity: None,
             layers: Layers::default(),
         }
     }
@@ -237,6 +255,7 @@ impl<C> Material<C> {
                 emission: convert(m.emission),
                 glaze: m.glaze,
                 normal_map: m.normal_map,
+                opacity: m.opacity,
             }),
             Material::MetallicRoughness(m) => Material::MetallicRoughness(MetallicRoughness {
                 name: m.name,
@@ -249,6 +268,7 @@ impl<C> Material<C> {
                 emission_texture: m.emission_texture,
                 unlit: m.unlit,
                 normal_map: m.normal_map,
+                opacity: m.opacity,
                 layers: Layers {
                     ior: m.layers.ior,
                     specular: m.layers.specular,
@@ -291,6 +311,14 @@ impl<C> Material<C> {
         }
     }
 
+    /// Opacity; `None` where the surface is opaque.
+    pub fn opacity(&self) -> Option<&Opacity> {
+        match self {
+            Material::Phong(m) => m.opacity.as_ref(),
+            Material::MetallicRoughness(m) => m.opacity.as_ref(),
+        }
+    }
+
     /// The textures of colour, of roughness and metallic, and of emission, with the encoding of their texels.
     pub fn slots(&self) -> [(Option<Texture>, TexelEncoding); 3] {
         use TexelEncoding::{Colour, Data};
@@ -309,10 +337,12 @@ impl<C> Material<C> {
         self.slots().into_iter().filter_map(|(texture, encoding)| Some((texture?, encoding)))
     }
 
-    /// The textures that the material uses, with that of the normal map.
+    /// The textures that the material uses, with those of the normal map and the opacity.
     pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut Texture> {
-        let (textures, normal_map) = match self {
-            Material::Phong(m) => ([m.texture.as_mut(), None, None], m.normal_map.as_mut()),
+        let (textures, normal_map, opacity) = match self {
+            Material::Phong(m) => {
+                ([m.texture.as_mut(), None, None], m.normal_map.as_mut(), m.opacity.as_mut())
+            }
             Material::MetallicRoughness(m) => (
                 [
                     m.base_colour_texture.as_mut(),
@@ -320,13 +350,16 @@ impl<C> Material<C> {
                     m.emission_texture.as_mut(),
                 ],
                 m.normal_map.as_mut(),
+                m.opacity.as_mut(),
             ),
         };
-        textures.into_iter().flatten().chain(normal_map.map(|map| &mut map.texture))
+        let opacity = opacity.and_then(|opacity| opacity.texture.as_mut());
+        textures.into_iter().flatten().chain(normal_map.map(|map| &mut map.texture)).chain(opacity)
     }
 
     /// Whether the material uses any texture.
     pub fn is_textured(&self) -> bool {
-        self.textures().next().is_some() || self.normal_map().is_some()
+        let opacity = self.opacity().and_then(|opacity| opacity.texture);
+        self.textures().next().is_some() || self.normal_map().is_some() || opacity.is_some()
     }
 }

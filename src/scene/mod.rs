@@ -46,8 +46,8 @@ pub use camera_text::INLINE_NAME;
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fingerprint::Fingerprint;
 pub use material::{
-    DecodedImage, Glaze, Layers, Material, MetallicRoughness, NormalMap, Phong, TexelEncoding, Texture,
-    Volume,
+    DecodedImage, Glaze, Layers, Material, MetallicRoughness, NormalMap, Opacity, Phong, TexelEncoding,
+    Texture, Volume,
 };
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, Sampling};

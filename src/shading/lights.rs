@@ -127,6 +127,11 @@ impl LightSoa {
         }
     }
 
+    /// Multiplies the radiance at surface `i`.
+    pub(crate) fn scale(&mut self, i: usize, factor: f64) {
+        self.radiance.set(i, self.radiance.get(i) * factor);
+    }
+
     /// Samples `light` at every surface, with the bits of [`LightSample::new`].
     pub fn sample(&mut self, light: &WorldLight, surfaces: &InteractionSoa, smooth: bool) {
         // The common kinds are passed as constants, so that the loop has no branch on them.

@@ -58,6 +58,17 @@ pub fn look_up(
     sum / count
 }
 
+/// The value of a texture at `uv` in the full-size image, 0 to 1.
+pub(crate) fn look_up_full_size(
+    image: &Image,
+    encoding: TexelEncoding,
+    sampler: &Sampler,
+    lookup: Interpolation,
+    uv: DVec2,
+) -> DVec3 {
+    look_at(image, encoding, sampler, 0, lookup, uv)
+}
+
 /// The level whose texels are `size` times as long as the image's, 0 (the image) to `last`.
 fn level_of(size: f64, last: usize) -> f64 {
     // NaN gives `last`.

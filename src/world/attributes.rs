@@ -21,6 +21,7 @@ struct AttributeArrays {
     normals: Option<Corners<Vec3>>,
     uvs: Option<Corners<Vec2>>,
     colours: Option<Corners<Vec3>>,
+    alphas: Option<Corners<f32>>,
     /// Only for materials with a normal map.
     tangents: Option<Corners<Vec4>>,
 }
@@ -80,6 +81,12 @@ impl Attributes {
         Some(self.arrays.uvs.as_ref()?.of(triangle))
     }
 
+    /// The opacities at a triangle's corners.
+    #[inline]
+    pub(crate) fn alphas(&self, triangle: u32) -> Option<[f32; 3]> {
+        Some(self.arrays.alphas.as_ref()?.of(triangle))
+    }
+
     /// The tangents at a triangle's corners, of length 1 or 0; see [`Mesh::tangents`].
     #[inline]
     pub(crate) fn tangents(&self, triangle: u32) -> Option<[DVec4; 3]> {
@@ -96,6 +103,11 @@ impl Attributes {
                 )
             }
         }
+    }
+
+    /// Whether there are vertex opacities.
+    pub(crate) fn has_alphas(&self) -> bool {
+        self.arrays.alphas.is_some()
     }
 
     /// Whether there is nothing to interpolate.
@@ -136,7 +148,7 @@ impl SharedAttributes {
             Shape::Mesh(mut mesh) => {
                 let (normals, tangents) = (mesh.normals.take(), mesh.tangents.take());
                 let own: Arc<[[u32; 3]]> = std::mem::take(&mut mesh.triangles).into();
-                let mut arrays = uvs_and_colours(mesh.uvs, mesh.colours, &own);
+                let mut arrays = without_normals(mesh.uvs, mesh.colours, mesh.alphas, &own);
                 arrays.normals = normals.map(|a| corners(a, &own, unit));
                 arrays.tangents = tangents.filter(|_| has_normal_map).map(|a| corners(a, &own, unit_tangent));
                 Attributes { arrays: Arc::new(arrays), placed: None }
@@ -144,11 +156,11 @@ impl SharedAttributes {
             Shape::Placed(placed) => {
                 // `placed` keeps the mesh alive, so its address is not reused.
                 let arrays = self.0.entry(Arc::as_ptr(&placed.mesh)).or_insert_with(|| {
-                    let Mesh { uvs, colours, triangles, .. } = &*placed.mesh;
-                    let is_kept = uvs.is_some() || colours.is_some();
+                    let Mesh { uvs, colours, alphas, triangles, .. } = &*placed.mesh;
+                    let is_kept = uvs.is_some() || colours.is_some() || alphas.is_some();
                     let own: Arc<[[u32; 3]]> =
                         if is_kept { triangles.clone().into() } else { Arc::default() };
-                    Arc::new(uvs_and_colours(uvs.clone(), colours.clone(), &own))
+                    Arc::new(without_normals(uvs.clone(), colours.clone(), alphas.clone(), &own))
                 });
                 Attributes { arrays: arrays.clone(), placed: Some(placed) }
             }
@@ -162,14 +174,16 @@ fn corners<A, B>(a: Attribute<A>, own: &Arc<[[u32; 3]]>, convert: impl Fn(A) -> 
     Corners { values: a.values.into_iter().map(convert).collect(), triangles }
 }
 
-fn uvs_and_colours(
+fn without_normals(
     uvs: Option<Attribute<DVec2>>,
     colours: Option<Attribute<DVec3>>,
+    alphas: Option<Attribute<f64>>,
     own: &Arc<[[u32; 3]]>,
 ) -> AttributeArrays {
     AttributeArrays {
         uvs: uvs.map(|a| corners(a, own, |uv| uv.as_vec2())),
         colours: colours.map(|a| corners(a, own, |c| c.as_vec3())),
+        alphas: alphas.map(|a| corners(a, own, |alpha| alpha as f32)),
         ..AttributeArrays::default()
     }
 }

@@ -36,8 +36,11 @@ pub(crate) struct EmitterSample {
     pub(crate) pdf: f64,
 }
 
-/// The emitted radiance of a material, of every surface that is sampled as a light: without texture.
+/// The emitted radiance of a material, of every surface that is sampled as a light: opaque, without texture.
 pub(crate) fn sampled_emission(material: &PreparedMaterial) -> Option<DVec3> {
+    if material.opacity().is_some() {
+        return None;
+    }
     let emission = match material {
         Material::Phong(m) => m.emission,
         Material::MetallicRoughness(m) if m.unlit || m.emission_texture.is_some() => return None,

@@ -1,9 +1,9 @@
 //! Surface interactions: everything that shading needs of a hit, computed once, for the closest hit.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
-use super::World;
 use super::attributes::vertex_colour;
+use super::{World, WorldObject};
 use crate::bvh::{Primitive, Traversal};
 use crate::geometry::spawn::{ORIGIN_OFFSET, SurfacePoint};
 use crate::geometry::{Hit, Numerics, PrimId, Ray};
@@ -140,6 +140,42 @@ impl World {
             Primitive::Analytic(_) => true,
         };
         if hits.iter().any(is_certain) { before } else { point }
+    }
+
+    /// The origin of a ray that leaves the surface at `hit`, near `position`, behind the side that was hit, in `direction`. Unlike
+    /// [`SurfaceInteraction::point`] it never lies before the surface.
+    pub(crate) fn origin_behind(&self, position: DVec3, direction: DVec3, hit: &Hit) -> DVec3 {
+        let (point, normal) = match self.accelerator.primitive(hit.slot) {
+            Primitive::Analytic(shape) => shape.surface(position),
+            Primitive::Triangle(triangle) => {
+                let [v, w] = hit.weights;
+                let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
+                (point, triangle.unit_normal().unwrap_or(direction))
+            }
+        };
+        let normal = if normal.dot(direction) < 0.0 { -normal } else { normal };
+        point.origin_towards(normal, self.numerics())
+    }
+
+    /// The texture coordinates at a hit with an object; `None` where it has none.
+    pub(crate) fn uv(&self, object: &WorldObject, hit: &Hit) -> Option<DVec2> {
+        let [a, b, c] = object.attributes.uvs(hit.prim.0 - object.first.0)?.map(|uv| uv.as_dvec2());
+        let [v, w] = hit.weights;
+        Some(a * (1.0 - v - w) + b * v + c * w)
+    }
+
+    /// The interpolated vertex opacity at a hit with an object; 1 where it has none.
+    pub(crate) fn vertex_alpha(&self, object: &WorldObject, hit: &Hit) -> f64 {
+        let Some(alphas) = object.attributes.alphas(hit.prim.0 - object.first.0) else { return 1.0 };
+        let [a, b, c] = alphas.map(f64::from);
+        let [v, w] = hit.weights;
+        a * (1.0 - v - w) + b * v + c * w
+    }
+
+    /// Whether an object's opacity can be below 1.
+    pub(crate) fn is_transparent(&self, object: &WorldObject) -> bool {
+        let opacity = self.materials[object.material as usize].opacity();
+        opacity.is_some_and(|o| o.factor < 1.0 || o.texture.is_some() || object.attributes.has_alphas())
     }
 
     /// The tangent frame at `hit` for a normal map: tangent, bitangent and normal, orthonormal (glTF 2.0, section 3.7.2.1). The

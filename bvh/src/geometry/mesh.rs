@@ -15,6 +15,8 @@ pub struct Mesh {
     pub uvs: Option<Attribute<DVec2>>,
     /// Vertex colours in linear light, multiplied with the material's.
     pub colours: Option<Attribute<DVec3>>,
+    /// Vertex opacities, 0 to 1, multiplied with the material's.
+    pub alphas: Option<Attribute<f64>>,
     /// Tangents, for normal maps: x, y, z point to where u grows, and w, 1 or -1, says on which side of that the picture goes
     /// up: the bitangent is `w * normal x tangent`.
     pub tangents: Option<Attribute<DVec4>>,
@@ -73,6 +75,7 @@ impl Mesh {
             self.normals.as_mut().and_then(|a| a.triangles.as_mut()),
             self.uvs.as_mut().and_then(|a| a.triangles.as_mut()),
             self.colours.as_mut().and_then(|a| a.triangles.as_mut()),
+            self.alphas.as_mut().and_then(|a| a.triangles.as_mut()),
         ];
         for triangles in attributes.into_iter().flatten() {
             retain_by(triangles, &kept);

@@ -10,8 +10,9 @@ mod scatter;
 
 use glam::DVec3;
 
-use super::samples::TileSamples;
+use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use super::transparency;
 use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, SecondaryRays, Stage, id};
 use crate::geometry::Ray;
 use crate::scene::Transport;
@@ -88,14 +89,6 @@ struct Path {
     pdf: f64,
 }
 
-/// Where a camera ray belongs: the seed of its path's random numbers.
-#[derive(Debug, Clone, Copy)]
-struct SampleIndex {
-    x: u32,
-    y: u32,
-    sample: u32,
-}
-
 /// A shadow ray's path and the radiance that it adds if unoccluded.
 #[derive(Debug, Clone, Copy)]
 struct LightPath {
@@ -143,17 +136,7 @@ impl Buffers {
         self.paths.clear();
         self.paths.extend((0..count as u32).map(camera));
         self.samples.clear();
-        match (tile.buffers::<TileSamples>(), tile.window) {
-            (Some(samples), _) => {
-                self.samples.extend(samples.rays().map(|(x, y, sample)| SampleIndex { x, y, sample }));
-            }
-            (None, Some(window)) => self.samples.extend((0..count as u32).map(|i| SampleIndex {
-                x: window.x + i % window.width,
-                y: window.y + i / window.width,
-                sample: 0,
-            })),
-            (None, None) => {}
-        }
+        list_samples(tile, &mut self.samples);
     }
 }
 
@@ -163,12 +146,15 @@ struct Scatter {
     depth: u32,
     /// The seed of the random numbers.
     seed: u32,
+    /// Whether shadow rays pass through surfaces by their opacity.
+    is_transparent: bool,
 }
 
 impl Scatter {
     fn new(context: &EffectContext) -> Self {
         let depth = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH);
-        Scatter { depth, seed: context.sampling.seed.unwrap_or(0) }
+        let seed = context.sampling.seed.unwrap_or(0);
+        Scatter { depth, seed, is_transparent: context.spec.is_transparent }
     }
 }
 
@@ -183,19 +169,30 @@ impl Stage for Scatter {
                 own.start(tile);
             }
             own.scatter(tile, context, self);
-            own.trace_shadow_rays(tile, context.world);
+            own.trace_shadow_rays(tile, context.world, self.is_transparent);
         });
     }
 }
 
 impl Buffers {
     /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
-    fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World) {
+    fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, is_transparent: bool) {
         let Buffers { shadow_rays, light_paths, occluded, radiance, .. } = self;
         occluded.clear();
         world.accelerator.are_occluded(shadow_rays, occluded, &mut tile.traversal);
-        for (path, _) in light_paths.iter().zip(&*occluded).filter(|(_, occluded)| !**occluded) {
-            radiance[path.camera_ray as usize] += path.radiance;
+        let mut continued = 0;
+        for ((path, ray), occluded) in light_paths.iter().zip(&*shadow_rays).zip(&mut *occluded) {
+            let mut transmittance = f64::from(u8::from(!*occluded));
+            if *occluded && is_transparent {
+                transmittance = transparency::transmittance(world, ray, &mut tile.traversal, &mut continued);
+                *occluded = transmittance == 0.0;
+            }
+            if !*occluded {
+                radiance[path.camera_ray as usize] += path.radiance * transmittance;
+            }
+        }
+        if continued > 0 {
+            tile.count(transparency::SHADOW_RAYS, continued, 0);
         }
         if let Some(recorder) = &mut tile.recorder {
             let sources: Vec<u32> = light_paths.iter().map(|path| path.camera_ray).collect();

@@ -3,9 +3,10 @@
 use glam::DVec3;
 
 use super::lights::{LightConnection, Lights};
-use super::{Buffers, LightPath, Path, SampleIndex, Scatter};
+use super::{Buffers, LightPath, Path, Scatter};
 use crate::bvh::Primitive;
 use crate::effects::random;
+use crate::effects::samples::SampleIndex;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
 use crate::geometry::{Hit, Ray};
 use crate::scene::Material;
@@ -111,6 +112,7 @@ impl Buffers {
 /// A surface interaction of a path.
 struct Vertex<'a> {
     world: &'a World,
+    hit: &'a Hit,
     surface: SurfaceInteraction,
     path: Path,
     /// Tangent, bitangent and shading normal.
@@ -122,7 +124,7 @@ struct Vertex<'a> {
 }
 
 impl<'a> Vertex<'a> {
-    fn new(world: &'a World, lights: &Lights, surface: SurfaceInteraction, hit: &Hit, path: Path) -> Self {
+    fn new(world: &'a World, lights: &Lights, surface: SurfaceInteraction, hit: &'a Hit, path: Path) -> Self {
         let material = &world.materials[surface.material as usize];
         // A bent normal that is turned away from the view has no local frame.
         let cosine = surface.shading_normal.dot(surface.view);
@@ -140,7 +142,7 @@ impl<'a> Vertex<'a> {
         } else {
             throughput * emission * lights.weight_of_emitter(&surface, hit, &path)
         };
-        Vertex { world, surface, path, frame, emitted, bsdf }
+        Vertex { world, hit, surface, path, frame, emitted, bsdf }
     }
 
     /// The value of the BSDF times the cosine, and its density, for a world direction. 0 where shading and geometric normal
@@ -155,9 +157,12 @@ impl<'a> Vertex<'a> {
 
     /// The origin of a ray that leaves the surface in a direction.
     fn origin(&self, direction: DVec3) -> DVec3 {
-        let normal = self.surface.geometric_normal;
-        let side = if direction.dot(normal) > 0.0 { normal } else { -normal };
-        self.surface.point.origin_towards(side, self.world.numerics())
+        let (point, normal) = (self.surface.point, self.surface.geometric_normal);
+        if direction.dot(normal) > 0.0 {
+            point.origin_towards(normal, self.world.numerics())
+        } else {
+            self.world.origin_behind(point.position, direction, self.hit)
+        }
     }
 
     /// The shadow ray to a sampled light, and the radiance that the path gains if it is not occluded.

@@ -1,26 +1,43 @@
 //! Materials, textures, cameras and lights.
 
 use glam::{DMat4, DVec3};
+use gltf::material::AlphaMode;
 
 use super::{Loader, dvec3};
 use crate::error::{Place, Result};
 use crate::film::Colour;
-use crate::import::images::{self, ImageLoader};
+use crate::import::images::{self, Channels, ImageLoader};
 use crate::import::uri::{self, Resource};
 use crate::scene::{
     Camera, Falloff, ImageId, Interpolation, Light, LightKind, Material, MetallicRoughness, Minify,
-    NormalMap, Projection, Sampler, Scene, Texture, Wrap,
+    NormalMap, Opacity, Projection, Sampler, Scene, Texture, Wrap,
 };
 
 impl Loader<'_> {
-    pub(super) fn load_images(&mut self, document: &gltf::Document) -> Result<Vec<Option<ImageId>>> {
+    /// Loads the images, and the alpha channels of those that give materials their opacity.
+    pub(super) fn load_images(&mut self, document: &gltf::Document) -> Result<()> {
         let mut files = ImageLoader::new(self.source);
-        document.images().map(|image| self.load_image(&image, &mut files)).collect()
+        let transparent = document.materials().filter(|m| m.alpha_mode() != AlphaMode::Opaque);
+        let images = transparent.filter_map(|m| m.pbr_metallic_roughness().base_color_texture());
+        let with_alpha: Vec<usize> = images.map(|t| t.texture().source().index()).collect();
+        for image in document.images() {
+            let colour = self.load_image(&image, Channels::Colour, &mut files)?;
+            // An image that cannot be decoded got its warning.
+            let alpha = if colour.is_some() && with_alpha.contains(&image.index()) {
+                self.load_image(&image, Channels::Alpha, &mut files)?
+            } else {
+                None
+            };
+            self.images.push(colour);
+            self.alphas.push(alpha);
+        }
+        Ok(())
     }
 
     pub(super) fn load_image(
         &mut self,
         image: &gltf::Image,
+        channels: Channels,
         files: &mut ImageLoader,
     ) -> Result<Option<ImageId>> {
         let place = Place::item(&self.source.file, format!("image {}", image.index()));
@@ -32,12 +49,14 @@ impl Loader<'_> {
                     self.warnings.push(format!("{place}: texture left out: it lies outside its buffer"));
                     return Ok(None);
                 };
-                images::of_bytes(&mut self.scene, place, bytes, self.warnings)
+                images::of_bytes(&mut self.scene, place, bytes, channels, self.warnings)
             }
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
-                Ok(Resource::Data(bytes)) => images::of_bytes(&mut self.scene, place, &bytes, self.warnings),
+                Ok(Resource::Data(bytes)) => {
+                    images::of_bytes(&mut self.scene, place, &bytes, channels, self.warnings)
+                }
                 Ok(Resource::File(file)) => {
-                    files.of_file(&mut self.scene, &self.source.sibling(file), self.warnings)
+                    files.of_file(&mut self.scene, &self.source.sibling(file), channels, self.warnings)
                 }
                 Err(what) => {
                     self.warnings.push(format!("{place}: texture left out: {what}"));
@@ -97,6 +116,7 @@ impl Loader<'_> {
             emission: Colour::Linear(emission),
             emission_texture: m.emissive_texture().and_then(|t| self.texture(&t.texture())),
             unlit: m.unlit(),
+            opacity: self.opacity(m),
             layers: super::layers::layers(m),
             normal_map: m.normal_texture().and_then(|t| {
                 let scale = f64::from(t.scale());
@@ -104,6 +124,22 @@ impl Loader<'_> {
                 Some(NormalMap { texture, scale: if scale.is_finite() { scale } else { 1.0 } })
             }),
         })
+    }
+
+    /// The opacity of a material: the alpha of its base colour (glTF 2.0, section 3.9.4); `None` for an opaque one.
+    fn opacity(&self, m: &gltf::Material) -> Option<Opacity> {
+        let cutoff = match m.alpha_mode() {
+            AlphaMode::Opaque => return None,
+            AlphaMode::Mask => Some(f64::from(m.alpha_cutoff().unwrap_or(0.5))),
+            AlphaMode::Blend => None,
+        };
+        let pbr = m.pbr_metallic_roughness();
+        let [.., alpha] = pbr.base_color_factor();
+        let texture = pbr.base_color_texture().and_then(|t| {
+            let image = (*self.alphas.get(t.texture().source().index())?)?;
+            Some(Texture { image, ..self.texture(&t.texture())? })
+        });
+        Some(Opacity { factor: f64::from(alpha).clamp(0.0, 1.0), texture, cutoff })
     }
 
     pub(super) fn camera(&mut self, camera: &gltf::Camera, name: String, world_from_node: &DMat4) {

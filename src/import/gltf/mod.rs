@@ -32,13 +32,14 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         source,
         buffers,
         images: Vec::new(),
+        alphas: Vec::new(),
         scene: Scene::default(),
         warnings,
         plain: None,
         shared: SharedMeshes::default(),
     };
     loader.warn_of_what_is_not_drawn(&document);
-    loader.images = loader.load_images(&document)?;
+    loader.load_images(&document)?;
     for material in document.materials() {
         let material = loader.material(&material);
         loader.scene.add_material(material);
@@ -66,6 +67,8 @@ struct Loader<'a> {
     source: &'a Source,
     buffers: Vec<Vec<u8>>,
     images: Vec<Option<ImageId>>,
+    /// For each image, its alpha channel; `None` where no material uses it or the image is opaque.
+    alphas: Vec<Option<ImageId>>,
     scene: Scene,
     warnings: &'a mut Warnings,
     plain: Option<MaterialId>,
@@ -97,11 +100,6 @@ impl Loader<'_> {
         let textured = document.materials().filter(layers::has_textures).count();
         if textured > 0 {
             self.warn(format!("{textured} material(s) have textures of extensions; drawn without those"));
-        }
-        let transparent =
-            document.materials().filter(|m| m.alpha_mode() != gltf::material::AlphaMode::Opaque).count();
-        if transparent > 0 {
-            self.warn(format!("{transparent} material(s) are transparent; drawn opaque"));
         }
     }
 

@@ -52,6 +52,9 @@ impl Loader<'_> {
             uvs.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect::<Vec<_>>()
         });
         let colours = reader.read_colors(0).map(|c| c.into_rgb_f32().map(dvec3).collect::<Vec<_>>());
+        let is_opaque = primitive.material().alpha_mode() == gltf::material::AlphaMode::Opaque;
+        let alphas = reader.read_colors(0).filter(|_| !is_opaque && has_alpha(primitive));
+        let alphas = alphas.map(|c| c.into_rgba_f32().map(|[.., a]| f64::from(a)).collect::<Vec<_>>());
         let tangents = primitive.material().normal_texture().and_then(|_| {
             let values = reader.read_tangents()?.map(|t| DVec4::from(t.map(f64::from))).collect::<Vec<_>>();
             // Tangents without normals are ignored (glTF 2.0, section 3.7.2.1).
@@ -62,6 +65,7 @@ impl Loader<'_> {
             normals: normals.filter(|v| v.len() == count).map(Attribute::per_position),
             uvs: uvs.filter(|v| v.len() == count).map(Attribute::per_position),
             colours: colours.filter(|v| v.len() == count).map(Attribute::per_position),
+            alphas: alphas.filter(|v| v.len() == count).map(Attribute::per_position),
             positions,
             triangles,
         };
@@ -157,6 +161,12 @@ pub(super) fn deform(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
             }
         }
     }
+}
+
+/// Whether the vertex colours of a primitive have an alpha channel.
+fn has_alpha(primitive: &gltf::Primitive) -> bool {
+    let colours = primitive.get(&gltf::Semantic::Colors(0));
+    colours.is_some_and(|accessor| accessor.dimensions() == gltf::accessor::Dimensions::Vec4)
 }
 
 fn into_triangles(order: &[u32], mode: gltf::mesh::Mode) -> Vec<[u32; 3]> {

@@ -48,6 +48,7 @@ impl Builder<'_> {
             metallic: unit("metallic", s.metallic, 0.0)?,
             roughness: unit("roughness", s.roughness, 1.0)?,
             emission: self.emission(start, s)?,
+            opacity: self.opacity(start, s)?,
             layers: Layers {
                 ior,
                 transmission: unit("transmission", layers.transmission, 0.0)?,

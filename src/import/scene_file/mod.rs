@@ -24,8 +24,8 @@ use crate::scene::file::{
     TrianglesSection, line_of, nearest_name,
 };
 use crate::scene::{
-    Camera, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object, Phong, Scene, Shape,
-    Sphere,
+    Camera, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object, Opacity, Phong, Scene,
+    Shape, Sphere,
 };
 use meshes::Meshes;
 
@@ -214,7 +214,17 @@ impl Builder<'_> {
             emission: self.emission(start, s)?,
             glaze,
             normal_map: None,
+            opacity: self.opacity(start, s)?,
         }))
+    }
+
+    /// The opacity of a material; `None` for an opaque one.
+    fn opacity(&self, start: usize, s: &MaterialSection) -> Result<Option<Opacity>> {
+        let factor = s.opacity.unwrap_or(1.0);
+        if !(0.0..=1.0).contains(&factor) {
+            return Err(self.error(start, format!("`opacity` is {factor}"), "give a number from 0 to 1"));
+        }
+        Ok((factor < 1.0).then_some(Opacity { factor, texture: None, cutoff: None }))
     }
 
     fn environment(

@@ -1,0 +1,297 @@
+//! Rays through surfaces of opacity below 1, for all stages that trace rays.
+//!
+//! The opacity of a surface depends on the point alone: textures are looked up at full size, so that camera rays and shadow rays
+//! see the same holes. A ray that passes through starts anew behind the surface, as a transmitted ray does
+//! ([`crate::geometry::spawn`]), and keeps its direction.
+//!
+//! Where a pixel takes several samples, or paths are traced, a ray hits a surface of opacity α with probability α (stochastic
+//! transparency; Enderton, Sintorn, Shirley and Luebke, 2010). Where it takes one, its camera ray sees all layers: the stages run
+//! once a layer, nearest first, and their colours are blended (`over`; Porter and Duff, Compositing Digital Images, SIGGRAPH
+//! 1984). Shadow rays always carry the product of all transmittances.
+
+use super::random;
+use super::samples::{SampleIndex, list_samples};
+use super::tile::{RenderContext, Tile, vec_bytes};
+use super::{RayKind, Stage};
+use crate::bvh::Traversal;
+use crate::geometry::{Hit, Ray};
+use crate::scene::{Interpolation, TexelEncoding};
+use crate::shading::texture::look_up_full_size;
+use crate::world::World;
+
+/// Rays that were continued behind a surface.
+pub(crate) const RAYS: RayKind = RayKind { name: "alpha", is_shadow: false, colour: [240, 180, 120] };
+
+/// Shadow rays that were continued behind a surface.
+pub(crate) const SHADOW_RAYS: RayKind =
+    RayKind { name: "alpha-shadow", is_shadow: true, colour: [160, 170, 220] };
+
+/// The dimension of the random numbers that decide which surfaces a camera ray passes.
+const DIMENSION: u32 = u32::MAX;
+
+/// The opacity from which a surface is visible in AOVs, which hold one surface a pixel.
+const VISIBLE_FROM: f64 = 0.5;
+
+/// How rays find the surfaces that they hit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Transparency {
+    /// By random numbers of this seed.
+    Stochastic { seed: u32 },
+    /// Camera rays by layers; further rays as in `Stochastic` with seed 0.
+    Layers,
+}
+
+/// The opacity of the surface at a hit, 0 to 1.
+pub(crate) fn opacity(world: &World, hit: &Hit) -> f64 {
+    let object = &world.objects[world.object_of(hit.prim) as usize];
+    let Some(opacity) = world.materials[object.material as usize].opacity() else { return 1.0 };
+    let mut alpha = opacity.factor;
+    if let Some(texture) = opacity.texture
+        && let Some(uv) = world.uv(object, hit)
+    {
+        let image = &world.images[texture.image.0 as usize];
+        let magnify = texture.sampler.magnify.unwrap_or(Interpolation::Linear);
+        alpha *= look_up_full_size(image, TexelEncoding::Data, &texture.sampler, magnify, uv).x;
+    }
+    alpha *= world.vertex_alpha(object, hit);
+    match opacity.cutoff {
+        Some(cutoff) => f64::from(u8::from(alpha >= cutoff)),
+        None => alpha.clamp(0.0, 1.0),
+    }
+}
+
+/// The ray that continues behind the surface at a hit.
+fn behind(world: &World, ray: &Ray, hit: &Hit) -> Ray {
+    let precision = world.numerics().ray_precision();
+    let origin = world.origin_behind(ray.at(hit.t), ray.direction, hit);
+    precision.ray(origin, ray.direction, 0.0, (ray.t_max - hit.t).max(0.0))
+}
+
+/// The part of the light that a shadow ray lets through: the product of `1 - opacity` over the surfaces in its way. Adds the
+/// number of continued rays to `continued`.
+pub(crate) fn transmittance(
+    world: &World,
+    ray: &Ray,
+    traversal: &mut Traversal,
+    continued: &mut usize,
+) -> f64 {
+    let (mut ray, mut transmittance) = (*ray, 1.0);
+    while let Some(hit) = world.accelerator.closest_hit(&ray, traversal) {
+        transmittance *= 1.0 - opacity(world, &hit);
+        if transmittance == 0.0 {
+            break;
+        }
+        ray = behind(world, &ray, &hit);
+        *continued += 1;
+    }
+    transmittance
+}
+
+/// The closest hit with a surface that AOVs show, with its distance from the ray's origin.
+pub(crate) fn closest_visible(world: &World, ray: &Ray, traversal: &mut Traversal) -> Option<Hit> {
+    let (mut ray, mut distance) = (*ray, 0.0);
+    loop {
+        let hit = world.accelerator.closest_hit(&ray, traversal)?;
+        if opacity(world, &hit) >= VISIBLE_FROM {
+            return Some(Hit { t: distance + hit.t, ..hit });
+        }
+        distance += hit.t;
+        ray = behind(world, &ray, &hit);
+    }
+}
+
+/// A ray of a generation on its way.
+#[derive(Debug, Clone, Copy)]
+struct Passing {
+    /// Its index in the generation.
+    index: u32,
+    /// The distance from the origin of the generation's ray to that of `ray`.
+    distance: f64,
+    /// What is left of the ray's random number, uniform in [0, 1).
+    number: f64,
+    ray: Ray,
+}
+
+/// The buffers of a tile.
+#[derive(Default)]
+pub(crate) struct Buffers {
+    passing: Vec<Passing>,
+    /// The rays of `passing`, and their hits.
+    rays: Vec<Ray>,
+    hits: Vec<Option<Hit>>,
+    samples: Vec<SampleIndex>,
+    layers: Layers,
+}
+
+/// The layers of a tile's pixels. One entry a pixel each.
+#[derive(Default)]
+struct Layers {
+    /// The rays that go on after the current layer.
+    next: Vec<Passing>,
+    /// The opacity of the current layer; 1 where the ray hit nothing.
+    opacity: Vec<f64>,
+    /// What the layers before the current one let through.
+    transmittance: Vec<f64>,
+    /// The sum of the layers before the current one.
+    colour: Vec<[f64; 3]>,
+}
+
+impl Buffers {
+    pub(crate) fn bytes(&self) -> usize {
+        let Buffers { passing, rays, hits, samples, layers } = self;
+        let Layers { next, opacity, transmittance, colour } = layers;
+        size_of::<Buffers>()
+            + vec_bytes(passing)
+            + vec_bytes(rays)
+            + vec_bytes(hits)
+            + vec_bytes(samples)
+            + vec_bytes(next)
+            + vec_bytes(opacity)
+            + vec_bytes(transmittance)
+            + vec_bytes(colour)
+    }
+}
+
+/// Finds the hits of the current generation's rays. Returns whether they are the first of these rays, not a further layer.
+pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparency) -> bool {
+    tile.with_buffers(|own: &mut Buffers, tile| {
+        let is_layered = transparency == Transparency::Layers && tile.depth == 0;
+        let is_first = !(is_layered && tile.needs_more_samples);
+        own.passing.clear();
+        if is_first {
+            own.start(tile, transparency);
+        } else {
+            std::mem::swap(&mut own.passing, &mut own.layers.next);
+        }
+        let generation = &mut tile.generations[tile.depth];
+        generation.hits.clear();
+        generation.hits.resize(generation.rays.len(), None);
+        if is_layered {
+            own.layers.start(generation.rays.len(), is_first);
+        }
+        let mut continued = if is_first { 0 } else { own.passing.len() };
+        loop {
+            own.trace(world, &mut generation.hits, &mut tile.traversal, is_layered);
+            if own.passing.is_empty() {
+                break;
+            }
+            continued += own.passing.len();
+        }
+        let hit = generation.hits.iter().flatten().count();
+        if continued > 0 {
+            tile.count(RAYS, continued, if is_first { 0 } else { hit });
+        }
+        is_first
+    })
+}
+
+impl Buffers {
+    /// Lists the rays of the current generation.
+    fn start(&mut self, tile: &Tile, transparency: Transparency) {
+        let generation = &tile.generations[tile.depth];
+        let seed = match transparency {
+            Transparency::Stochastic { seed } => seed,
+            Transparency::Layers => 0,
+        };
+        // The numbers of camera rays are stratified over the samples of a pixel; those of further rays are independent.
+        self.samples.clear();
+        if tile.depth == 0 {
+            list_samples(tile, &mut self.samples);
+        }
+        let number = |index: usize, ray: &Ray| match self.samples.get(index) {
+            Some(&SampleIndex { x, y, sample }) => random::pair([x, y], seed, sample, DIMENSION)[0],
+            None => random::of_ray(ray, seed),
+        };
+        self.passing.extend(generation.rays.iter().enumerate().map(|(index, ray)| Passing {
+            index: index as u32,
+            distance: 0.0,
+            number: f64::from(number(index, ray)),
+            ray: *ray,
+        }));
+    }
+
+    /// Traces the rays on their way once. Rays that stop write their hit; the others stay in `passing`, behind the surface.
+    fn trace(
+        &mut self,
+        world: &World,
+        hits: &mut [Option<Hit>],
+        traversal: &mut Traversal,
+        is_layered: bool,
+    ) {
+        let Buffers { passing, rays, hits: found, layers, .. } = self;
+        rays.clear();
+        rays.extend(passing.iter().map(|passing| passing.ray));
+        found.clear();
+        world.accelerator.closest_hits(rays, found, traversal);
+        let mut found = found.iter();
+        passing.retain_mut(|ray| {
+            let Some(Some(hit)) = found.next() else { return false };
+            let alpha = opacity(world, hit);
+            let stops = if is_layered { alpha > 0.0 } else { ray.number < alpha };
+            let distance = ray.distance + hit.t;
+            if stops {
+                hits[ray.index as usize] = Some(Hit { t: distance, ..*hit });
+                if !is_layered || alpha == 1.0 {
+                    return false;
+                }
+                layers.opacity[ray.index as usize] = alpha;
+            } else {
+                // Uniform again, given that the ray passed.
+                ray.number = (ray.number - alpha) / (1.0 - alpha);
+            }
+            (ray.ray, ray.distance) = (behind(world, &ray.ray, hit), distance);
+            if stops {
+                layers.next.push(*ray);
+            }
+            !stops
+        });
+    }
+}
+
+impl Layers {
+    /// Begins a layer of `count` pixels.
+    fn start(&mut self, count: usize, is_first: bool) {
+        self.next.clear();
+        self.opacity.clear();
+        self.opacity.resize(count, 1.0);
+        if is_first {
+            self.transmittance.clear();
+            self.transmittance.resize(count, 1.0);
+            self.colour.clear();
+            self.colour.resize(count, [0.0; 3]);
+        }
+    }
+
+    /// Blends the pixels of a layer under those before it.
+    fn blend(&mut self, pixels: &[[f32; 3]]) {
+        let Layers { opacity, transmittance, colour, .. } = self;
+        for (((sum, left), alpha), pixel) in colour.iter_mut().zip(transmittance).zip(opacity).zip(pixels) {
+            // Rays that ended before see the background in this layer.
+            let weight = *left * *alpha;
+            if weight > 0.0 {
+                sum.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += weight * f64::from(value));
+            }
+            *left *= 1.0 - *alpha;
+        }
+    }
+}
+
+/// Blends the layers of camera rays; asks for a further one while rays go on.
+pub(crate) struct BlendLayers;
+
+impl Stage for BlendLayers {
+    fn name(&self) -> &'static str {
+        "alpha blending"
+    }
+
+    fn run(&self, tile: &mut Tile, _: &RenderContext) {
+        tile.with_buffers(|own: &mut Buffers, tile| {
+            own.layers.blend(&tile.pixels);
+            tile.needs_more_samples = !own.layers.next.is_empty();
+            tile.pixels.clear();
+            if !tile.needs_more_samples {
+                tile.pixels.extend(own.layers.colour.iter().map(|sum| sum.map(|c| c as f32)));
+            }
+        });
+    }
+}
