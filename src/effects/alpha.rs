@@ -1,8 +1,14 @@
 //! Alpha: surfaces of opacity below 1, blended over what is behind them ([`super::transparency`]).
 
-use super::transparency::{BlendLayers, Buffers, RAYS, SHADOW_RAYS, Transparency};
-use super::{Effect, EffectContext, Hook, id, named};
+use super::transparency::{BlendLayers, Buffers, ContinuedRays};
+use super::{Effect, EffectContext, Hook, RayKind, id, named};
 use crate::world::World;
+
+/// Rays that were continued behind a surface.
+pub const RAYS: RayKind = RayKind { name: "alpha", is_shadow: false, colour: [240, 180, 120] };
+
+/// Shadow rays that were continued behind a surface.
+pub const SHADOW_RAYS: RayKind = RayKind { name: "alpha-shadow", is_shadow: true, colour: [160, 170, 220] };
 
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
@@ -22,9 +28,11 @@ pub const EFFECT: Effect = Effect {
             transparent.map(|object| world.materials[object.material as usize].name()).collect();
         named("material", &names).ok_or_else(|| "every surface is opaque".into())
     },
-    specify: |_, spec| spec.is_transparent = true,
+    specify: |_, spec| {
+        spec.continued = Some(ContinuedRays { rays: RAYS, shadow_rays: SHADOW_RAYS });
+    },
     stages: |context: &EffectContext, hook| match (hook, context.transparency()) {
-        (Hook::Film, Some(Transparency::Layers)) => vec![Box::new(BlendLayers)],
+        (Hook::Film, Some(how)) if how.is_layered => vec![Box::new(BlendLayers)],
         _ => Vec::new(),
     },
     bytes: |tile| tile.buffers::<Buffers>().map_or(0, Buffers::bytes),

@@ -20,7 +20,7 @@ pub mod region;
 pub mod samples;
 mod texture_points;
 pub mod tile;
-pub(crate) mod transparency;
+pub mod transparency;
 
 pub use plan::{Choices, Decision, Plan, PlannedStage, check_names, check_scene};
 
@@ -33,7 +33,7 @@ use crate::scene::{Sampling, TextureFilter};
 use crate::shading::ShadingMode;
 use crate::world::World;
 use tile::{RenderContext, Tile};
-use transparency::Transparency;
+use transparency::{ContinuedRays, Transparency};
 
 /// Declares the effects, in the order of the plan: name as typed by users, source file, constant in [`id`].
 macro_rules! registry {
@@ -189,8 +189,8 @@ pub struct PlanSpec {
     pub shading: ShadingMode,
     /// Whether paths are traced, instead of shading surfaces by the lights that they see.
     pub is_path: bool,
-    /// Whether rays pass through surfaces by their opacity.
-    pub is_transparent: bool,
+    /// The kinds of rays that are continued behind surfaces; `None` where all surfaces are opaque.
+    pub continued: Option<ContinuedRays>,
     /// Whether lights are evaluated.
     pub lit: bool,
     /// Samples a pixel. Texture footprints shrink with it.
@@ -215,9 +215,8 @@ impl PlanSpec {
     /// See [`EffectContext::transparency`].
     fn transparency(&self, sampling: &Sampling) -> Option<Transparency> {
         let seed = sampling.seed.unwrap_or(0);
-        let stochastic = self.is_path || self.own_camera_rays;
-        let transparency = if stochastic { Transparency::Stochastic { seed } } else { Transparency::Layers };
-        self.is_transparent.then_some(transparency)
+        let is_layered = !self.is_path && !self.own_camera_rays;
+        self.continued.map(|continued| Transparency { is_layered, seed, kind: continued.rays })
     }
 }
 

@@ -106,7 +106,7 @@ impl Plan {
         let mut spec = PlanSpec {
             shading,
             is_path: false,
-            is_transparent: false,
+            continued: None,
             lit: shading.uses_lights() && !world.lights.is_empty(),
             samples: 1,
             texture_use: TextureUse::default(),
@@ -176,7 +176,7 @@ impl Plan {
 
     /// Whether rays pass through surfaces by their opacity.
     pub(crate) fn is_transparent(&self) -> bool {
-        self.spec.is_transparent
+        self.spec.continued.is_some()
     }
 
     /// Whether the number of samples differs from pixel to pixel.

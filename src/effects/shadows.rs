@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::transparency::{SHADOW_RAYS, transmittance};
+use super::transparency::transmittance;
 use super::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
 use crate::geometry::{Numerics, Ray};
 use crate::shading::{LightSample, LightSoa};
@@ -39,7 +39,7 @@ pub const EFFECT: Effect = Effect {
     },
     stages: |context: &EffectContext, hook| match hook {
         Hook::AfterLighting(_) => {
-            vec![Box::new(Shadows { is_transparent: context.spec.is_transparent })]
+            vec![Box::new(Shadows { continued: context.spec.continued.map(|kinds| kinds.shadow_rays) })]
         }
         _ => Vec::new(),
     },
@@ -69,8 +69,8 @@ struct Buffers {
 
 /// Tests every light for occlusion at the surfaces of a generation.
 struct Shadows {
-    /// Whether shadow rays pass through surfaces by their opacity.
-    is_transparent: bool,
+    /// The kind that shadow rays behind surfaces are counted as; `None` where all surfaces are opaque.
+    continued: Option<RayKind>,
 }
 
 impl Stage for Shadows {
@@ -79,16 +79,16 @@ impl Stage for Shadows {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| test_occlusion(own, tile, context, self.is_transparent));
+        tile.with_buffers(|own: &mut Buffers, tile| test_occlusion(own, tile, context, self.continued));
     }
 }
 
-fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext, is_transparent: bool) {
+fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext, continued: Option<RayKind>) {
     let Tile { generations, depth, lights, traversal, recorder, .. } = tile;
     let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*depth];
     let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
     let Buffers { soa, rays, occluded, surfaces: tested } = own;
-    let (mut cast, mut blocked, mut continued) = (0, 0, 0);
+    let (mut cast, mut blocked, mut count) = (0, 0, 0);
     for (index, light) in lights.iter_mut().enumerate() {
         list_reached(&light.reaches[..surfaces.len()], tested);
         if tested.is_empty() {
@@ -102,10 +102,10 @@ fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext, i
         }
         occluded.clear();
         context.world.accelerator.are_occluded(rays, occluded, traversal);
-        if is_transparent {
+        if continued.is_some() {
             let blocked = tested.iter().zip(&*rays).zip(&mut *occluded).filter(|(_, occluded)| **occluded);
             for ((&surface, ray), occluded) in blocked {
-                let transmittance = transmittance(context.world, ray, traversal, &mut continued);
+                let transmittance = transmittance(context.world, ray, traversal, &mut count);
                 light.scale(surface as usize, transmittance);
                 *occluded = transmittance == 0.0;
             }
@@ -123,8 +123,8 @@ fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext, i
         blocked += blocked_here;
     }
     tile.count(RAYS, cast, blocked);
-    if continued > 0 {
-        tile.count(SHADOW_RAYS, continued, 0);
+    if let Some(kind) = continued.filter(|_| count > 0) {
+        tile.count(kind, count, 0);
     }
 }
 

@@ -19,12 +19,14 @@ use crate::scene::{Interpolation, TexelEncoding};
 use crate::shading::texture::look_up_full_size;
 use crate::world::World;
 
-/// Rays that were continued behind a surface.
-pub(crate) const RAYS: RayKind = RayKind { name: "alpha", is_shadow: false, colour: [240, 180, 120] };
-
-/// Shadow rays that were continued behind a surface.
-pub(crate) const SHADOW_RAYS: RayKind =
-    RayKind { name: "alpha-shadow", is_shadow: true, colour: [160, 170, 220] };
+/// The kinds that continued rays are counted as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ContinuedRays {
+    /// Camera rays and secondary rays.
+    pub(crate) rays: RayKind,
+    /// Shadow rays.
+    pub(crate) shadow_rays: RayKind,
+}
 
 /// The dimension of the random numbers that decide which surfaces a camera ray passes.
 const DIMENSION: u32 = u32::MAX;
@@ -34,11 +36,13 @@ const VISIBLE_FROM: f64 = 0.5;
 
 /// How rays find the surfaces that they hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Transparency {
-    /// By random numbers of this seed.
-    Stochastic { seed: u32 },
-    /// Camera rays by layers; further rays as in `Stochastic` with seed 0.
-    Layers,
+pub(crate) struct Transparency {
+    /// Whether camera rays see all layers, and not one by random numbers.
+    pub(crate) is_layered: bool,
+    /// The seed of the random numbers.
+    pub(crate) seed: u32,
+    /// The kind that continued rays are counted as.
+    pub(crate) kind: RayKind,
 }
 
 /// The opacity of the surface at a hit, 0 to 1.
@@ -155,11 +159,11 @@ impl Buffers {
 /// Finds the hits of the current generation's rays. Returns whether they are the first of these rays, not a further layer.
 pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparency) -> bool {
     tile.with_buffers(|own: &mut Buffers, tile| {
-        let is_layered = transparency == Transparency::Layers && tile.depth == 0;
+        let is_layered = transparency.is_layered && tile.depth == 0;
         let is_first = !(is_layered && tile.needs_more_samples);
         own.passing.clear();
         if is_first {
-            own.start(tile, transparency);
+            own.start(tile, transparency.seed);
         } else {
             std::mem::swap(&mut own.passing, &mut own.layers.next);
         }
@@ -179,7 +183,7 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
         }
         let hit = generation.hits.iter().flatten().count();
         if continued > 0 {
-            tile.count(RAYS, continued, if is_first { 0 } else { hit });
+            tile.count(transparency.kind, continued, if is_first { 0 } else { hit });
         }
         is_first
     })
@@ -187,12 +191,8 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
 
 impl Buffers {
     /// Lists the rays of the current generation.
-    fn start(&mut self, tile: &Tile, transparency: Transparency) {
+    fn start(&mut self, tile: &Tile, seed: u32) {
         let generation = &tile.generations[tile.depth];
-        let seed = match transparency {
-            Transparency::Stochastic { seed } => seed,
-            Transparency::Layers => 0,
-        };
         // The numbers of camera rays are stratified over the samples of a pixel; those of further rays are independent.
         self.samples.clear();
         if tile.depth == 0 {

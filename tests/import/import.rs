@@ -686,6 +686,83 @@ fn gltf_base_colour_factor_picture_and_vertex_colours() {
     assert_eq!((green, white), ([0, 188, 0], [255, 188, 137]));
 }
 
+/// A PNG of 2 by 1 white pixels whose alpha is 0 on the left and 204 (0.8) on the right.
+fn half_transparent_png() -> Vec<u8> {
+    let mut png = std::io::Cursor::new(Vec::new());
+    let pixels = vec![255, 255, 255, 0, 255, 255, 255, 204];
+    let image = image::RgbaImage::from_raw(2, 1, pixels).expect("two pixels");
+    image.write_to(&mut png, image::ImageFormat::Png).expect("it is written to memory");
+    png.into_inner()
+}
+
+/// The opacity is the product of factor, picture and vertex alpha (glTF 2.0, section 3.9.4); `MASK` compares it with the
+/// cutoff, 0.5 if not given, and `OPAQUE` ignores all of it.
+#[test]
+fn gltf_alpha_of_factor_picture_and_vertices() {
+    let folder = Folder::new();
+    folder.write("half.png", half_transparent_png());
+    let load = |mode: &str, vertex_alpha: f32, cutoff: Option<f64>| {
+        let mut model = Model::new();
+        let position = model.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]]);
+        let uv = model.floats(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
+        let colour = model.floats(&[[1.0, 1.0, 1.0, vertex_alpha]; 4]);
+        let indices = model.shorts(&[0, 1, 2, 0, 2, 3], "SCALAR", 6);
+        let attributes = json!({ "POSITION": position, "TEXCOORD_0": uv, "COLOR_0": colour });
+        let primitive = json!({ "attributes": attributes, "indices": indices, "material": 0 });
+        let pbr = json!({ "baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": { "index": 0 } });
+        let mut material = json!({ "pbrMetallicRoughness": pbr, "alphaMode": mode });
+        if let Some(cutoff) = cutoff {
+            material["alphaCutoff"] = json!(cutoff);
+        }
+        let nearest = json!({ "magFilter": 9728, "minFilter": 9728 });
+        let (scene, warnings) = folder.load(
+            "a.gltf",
+            model
+                .with("nodes", json!([{ "mesh": 0 }]))
+                .with("meshes", json!([{ "primitives": [primitive] }]))
+                .with("images", json!([{ "uri": "half.png" }]))
+                .with("samplers", json!([nearest]))
+                .with("textures", json!([{ "source": 0, "sampler": 0 }]))
+                .with("materials", json!([material]))
+                .text(),
+        );
+        assert_eq!(warnings, [""; 0]);
+        Scene { background: Some(Colour::from_u8([0; 3])), ..scene }
+    };
+    let scene = load("OPAQUE", 0.5, None);
+    assert!(scene.materials[0].opacity().is_none() && mesh(&scene, 0).alphas.is_none());
+    assert_eq!(scene.images.len(), 1);
+    // Black behind: the left half shows it, the right half is 0.5 * 0.8 * 0.5 of white, 0.2 * 255 = 51 in display values.
+    let scene = load("BLEND", 0.5, None);
+    assert_eq!(mesh(&scene, 0).alphas.as_ref().expect("alphas").values, [0.5; 4]);
+    let quarters = |scene| seen(scene, [0.0, 0.0], [1.0, 1.0], [2, 2]);
+    assert_eq!(quarters(scene), [[0; 3], [51; 3], [0; 3], [51; 3]]);
+    // 0.5 * 0.8 = 0.4 is below 0.5 and above 0.39.
+    assert_eq!(quarters(load("MASK", 1.0, None)), [[0; 3]; 4]);
+    assert_eq!(quarters(load("MASK", 1.0, Some(0.39))), [[0; 3], [255; 3], [0; 3], [255; 3]]);
+}
+
+/// `d` is the opacity, `Tr` its complement where there is no `d`, and `map_d` a factor: the alpha of the picture, or its grey
+/// values where it has none.
+#[test]
+fn obj_opacity_of_numbers_and_pictures() {
+    let folder = Folder::new();
+    folder.write("half.png", half_transparent_png());
+    let mtl = "newmtl a\nd 0.25\nTr 0.25\nnewmtl b\nTr 0.25\nnewmtl c\nmap_d half.png\nnewmtl e\nd 1\nTr 0\n\
+               newmtl f\nd 0\n";
+    folder.write("a.mtl", mtl);
+    let faces: String =
+        ["a", "b", "c", "e", "f"].map(|name| format!("usemtl {name}\nf 1/1 2/1 3/1\n")).concat();
+    let obj = format!("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n{faces}");
+    let (scene, warnings) = folder.load("a.obj", obj);
+    assert_eq!(warnings, ["a.obj: material `f` has the opacity 0 (`d` or `Tr`) and cannot be seen"]);
+    let opacity = |i: usize| scene.materials[i].opacity();
+    let factors: Vec<Option<f64>> = (0..5).map(|i| opacity(i).map(|o| o.factor)).collect();
+    assert_eq!(factors, [Some(0.25), Some(0.75), Some(1.0), None, Some(0.0)]);
+    let texture = opacity(2).and_then(|o| o.texture).expect("map_d is a texture");
+    assert_eq!(scene.images[texture.image.0 as usize].pixels[..], [[0; 3], [204; 3]]);
+}
+
 #[test]
 fn gltf_without_its_picture_keeps_its_geometry() {
     let mut model = Model::triangle();

@@ -146,15 +146,15 @@ struct Scatter {
     depth: u32,
     /// The seed of the random numbers.
     seed: u32,
-    /// Whether shadow rays pass through surfaces by their opacity.
-    is_transparent: bool,
+    /// The kind that shadow rays behind surfaces are counted as; `None` where all surfaces are opaque.
+    continued: Option<RayKind>,
 }
 
 impl Scatter {
     fn new(context: &EffectContext) -> Self {
         let depth = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH);
         let seed = context.sampling.seed.unwrap_or(0);
-        Scatter { depth, seed, is_transparent: context.spec.is_transparent }
+        Scatter { depth, seed, continued: context.spec.continued.map(|kinds| kinds.shadow_rays) }
     }
 }
 
@@ -169,30 +169,30 @@ impl Stage for Scatter {
                 own.start(tile);
             }
             own.scatter(tile, context, self);
-            own.trace_shadow_rays(tile, context.world, self.is_transparent);
+            own.trace_shadow_rays(tile, context.world, self.continued);
         });
     }
 }
 
 impl Buffers {
     /// Traces the shadow rays of a generation and adds the radiance of those that are not occluded.
-    fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, is_transparent: bool) {
+    fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, continued: Option<RayKind>) {
         let Buffers { shadow_rays, light_paths, occluded, radiance, .. } = self;
         occluded.clear();
         world.accelerator.are_occluded(shadow_rays, occluded, &mut tile.traversal);
-        let mut continued = 0;
+        let mut count = 0;
         for ((path, ray), occluded) in light_paths.iter().zip(&*shadow_rays).zip(&mut *occluded) {
             let mut transmittance = f64::from(u8::from(!*occluded));
-            if *occluded && is_transparent {
-                transmittance = transparency::transmittance(world, ray, &mut tile.traversal, &mut continued);
+            if *occluded && continued.is_some() {
+                transmittance = transparency::transmittance(world, ray, &mut tile.traversal, &mut count);
                 *occluded = transmittance == 0.0;
             }
             if !*occluded {
                 radiance[path.camera_ray as usize] += path.radiance * transmittance;
             }
         }
-        if continued > 0 {
-            tile.count(transparency::SHADOW_RAYS, continued, 0);
+        if let Some(kind) = continued.filter(|_| count > 0) {
+            tile.count(kind, count, 0);
         }
         if let Some(recorder) = &mut tile.recorder {
             let sources: Vec<u32> = light_paths.iter().map(|path| path.camera_ray).collect();
