@@ -20,6 +20,7 @@ pub mod region;
 pub mod samples;
 mod texture_points;
 pub mod tile;
+pub mod variance;
 
 pub use plan::{Choices, Decision, Plan, PlannedStage, check_names, check_scene};
 
@@ -197,6 +198,23 @@ pub struct PlanSpec {
     pub own_camera_rays: bool,
     /// Whether the number of samples differs from pixel to pixel.
     pub adaptive: bool,
+    /// Which samples of light count in path tracing.
+    #[doc(hidden)]
+    pub light_technique: LightTechnique,
+}
+
+/// Which samples count of the light that both BSDF samples and light samples reach. The expected picture is the same; tests compare
+/// them. Not an option, since both together are the best choice.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum LightTechnique {
+    /// Both, weighted by the power heuristic.
+    #[default]
+    Both,
+    /// The light that paths in directions of the BSDF find.
+    BsdfSamples,
+    /// That of sampled lights.
+    LightSamples,
 }
 
 /// Which textures are looked up, and how.

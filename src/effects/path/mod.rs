@@ -12,9 +12,11 @@ use glam::DVec3;
 
 use super::samples::TileSamples;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, SecondaryRays, Stage, id};
+use super::{
+    Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, RayKind, SecondaryRays, Stage, id,
+};
 use crate::geometry::Ray;
-use crate::scene::Transport;
+use crate::scene::{PixelSampler, Sampling, Transport};
 use crate::world::World;
 
 /// Rays in directions sampled by BSDFs.
@@ -163,12 +165,20 @@ struct Scatter {
     depth: u32,
     /// The seed of the random numbers.
     seed: u32,
+    sampler: PixelSampler,
+    technique: LightTechnique,
 }
 
 impl Scatter {
     fn new(context: &EffectContext) -> Self {
         let depth = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH);
-        Scatter { depth, seed: context.sampling.seed.unwrap_or(0) }
+        let Sampling { seed, sampler, .. } = *context.sampling;
+        Scatter {
+            depth,
+            seed: seed.unwrap_or(0),
+            sampler: sampler.unwrap_or_default(),
+            technique: context.spec.light_technique,
+        }
     }
 }
 
