@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Map, Value, json};
 
-use super::{print, print_stderr};
+use super::{print, print_stderr, t_test};
 use crate::error::{Error, Result};
 use crate::film::write::{Format, OutputImage as Written, write_picture};
 use crate::film::{ColourPipeline, Film, Window};
@@ -16,7 +16,8 @@ use crate::metrics::{BYTES_PER_PIXEL, ComparedImage, Errors, Figures, Values, de
 #[derive(Args)]
 #[command(
     after_help = "Exit codes: 0 every number is the same; 1 the pictures differ, within every limit given, or none is given;\n\
-2 beyond a limit, of other size, or with a pixel that is not finite; 3 a picture cannot be read.\n\n\
+2 beyond a limit, of other size, or with a pixel that is not finite; 3 a picture cannot be read. With --t-test: 0 no difference was\n\
+found, 2 they converge to different pictures, 3 as above or without the layers that it takes.\n\n\
 PNG and JPEG are compared in display values, 0 to 1; two EXR in their own numbers: linear light, but where kiln wrote display values\n\
 and says so in the file. FLIP and PSNR are of what a display shows: linear light encoded by sRGB, clamped to 0 to 1, no exposure, no\n\
 tone mapping; so is everything where one picture is linear and the other not, or with --display. Transparency is left out."
@@ -41,6 +42,13 @@ pub(crate) struct Arguments {
     /// Compare what a display shows also of two pictures in linear light
     #[arg(long)]
     display: bool,
+    /// Test whether two noisy .exr converge to the same picture: Welch's t-test of each pixel, and the histogram of
+    /// p-values, which is even if they do. Both are of `kiln render --sampler independent --aov samples,variance`
+    #[arg(long, conflicts_with_all = ["fail_above", "heat_map", "display"])]
+    t_test: bool,
+    /// Test squares of so many pixels a side: fewer p-values, each of less noise
+    #[arg(long, allow_hyphen_values = true, value_name = "PIXELS", default_value_t = 1, requires = "t_test", value_parser = super::numbers::whole(1..=1024))]
+    block: u32,
 }
 
 /// Metrics that can be limited.
@@ -77,6 +85,12 @@ pub(crate) fn run(arguments: &Arguments) -> Result<u8> {
     if [&arguments.reference, &arguments.test].iter().any(|file| file.as_path() == Path::new("-")) {
         let what = "pictures are compared from files, not from standard input";
         return Err(Error::usage(what, "write it to a file first, or name one `./-`"));
+    }
+    if arguments.t_test {
+        let Arguments { reference, test, block, json, .. } = arguments;
+        let (report, code) = t_test::run(reference, test, *block, *json)?;
+        print(&report)?;
+        return Ok(code);
     }
     let open = |file: &PathBuf| {
         let picture = ComparedImage::open(file)?;

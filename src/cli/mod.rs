@@ -24,6 +24,7 @@ mod render;
 mod sampling;
 mod statistics;
 mod study;
+mod t_test;
 mod verify;
 #[cfg(feature = "viewer")]
 mod view;

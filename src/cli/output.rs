@@ -190,7 +190,9 @@ pub(crate) fn render_to_accuracy(
         StopReason::MaxSamples | StopReason::NotFinite => warnings.push(sampled.summary(target)),
         _ => warnings.note(sampled.summary(target)),
     }
-    job.metadata.retain(|(key, _)| !["kiln:samples", "kiln:filter", "kiln:seed"].contains(&key.as_str()));
+    job.metadata.retain(|(key, _)| {
+        !["kiln:samples", "kiln:filter", "kiln:seed", "kiln:sampler"].contains(&key.as_str())
+    });
     job.metadata.extend(job.choices.sampling.settings());
     let (window, pipeline) = (job.window, job.pipeline());
     let picture = match format {

@@ -46,7 +46,7 @@ pub(crate) struct Command {
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
     /// What else to keep of each pixel, as layers of an .exr: depth, position, normal, geometric-normal, albedo,
-    /// object, material, primitive, samples, node-tests, effects (what each of them adds), or all
+    /// object, material, primitive, samples, variance, node-tests, effects (what each of them adds), or all
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     aov: Vec<String>,
     /// How to show progress, on standard error

@@ -7,7 +7,7 @@ use crate::effects::{EffectId, id};
 use crate::error::Warnings;
 use crate::film::FilterShape;
 use crate::sample_count::{ErrorTarget, Metric};
-use crate::scene::Sampling;
+use crate::scene::{PixelSampler, Sampling};
 
 #[derive(Args, Clone)]
 pub(crate) struct SamplingArguments {
@@ -29,6 +29,10 @@ pub(crate) struct SamplingArguments {
     /// What random numbers depend on besides pixel, sample and dimension [default: the scene's, or 0]
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = super::numbers::whole(0..=u32::MAX))]
     seed: Option<u32>,
+    /// How the samples of a pixel are related: independent ones are for statistics, such as those of
+    /// `kiln compare --t-test`, and converge more slowly [default: the scene's, or sobol]
+    #[arg(long, value_name = "SAMPLER", value_parser = PixelSampler::ALL.map(PixelSampler::name))]
+    sampler: Option<String>,
 }
 
 /// Options of `kiln render` with which the number of samples is chosen automatically.
@@ -78,6 +82,7 @@ impl SamplingArguments {
     /// The sampling settings as typed.
     pub(crate) fn settings(&self) -> Sampling {
         let shape = |name: &String| FilterShape::ALL.into_iter().find(|shape| shape.name() == name);
+        let sampler = |name: &String| PixelSampler::ALL.into_iter().find(|sampler| sampler.name() == name);
         Sampling {
             samples: self.samples,
             filter: self.filter.as_ref().and_then(shape),
@@ -85,6 +90,7 @@ impl SamplingArguments {
             noise: self.noise,
             min_samples: self.min_samples,
             seed: self.seed,
+            sampler: self.sampler.as_ref().and_then(sampler),
             first: None,
         }
     }
@@ -107,6 +113,7 @@ impl SamplingArguments {
                 ("--noise", self.noise.is_some()),
                 ("--min-samples", self.min_samples.is_some()),
                 ("--seed", self.seed.is_some()),
+                ("--sampler", self.sampler.is_some()),
             ];
             for (option, _) in typed.iter().filter(|(_, typed)| *typed) {
                 warnings.push(format!("{option} changes nothing: there is no antialiasing"));

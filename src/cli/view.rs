@@ -108,6 +108,7 @@ fn initial_view(
             with,
             without,
             even_idle: false,
+            light_technique: Default::default(),
         },
         numerics: requested.numerics.or(scene.numerics).unwrap_or_default(),
         pipeline,

@@ -21,6 +21,7 @@ pub mod samples;
 mod texture_points;
 pub mod tile;
 pub mod transparency;
+pub mod variance;
 
 pub use plan::{Choices, Decision, Plan, PlannedStage, check_names, check_scene};
 
@@ -209,14 +210,32 @@ pub struct PlanSpec {
     pub own_camera_rays: bool,
     /// Whether the number of samples differs from pixel to pixel.
     pub adaptive: bool,
+    /// Which samples of light count in path tracing.
+    #[doc(hidden)]
+    pub light_technique: LightTechnique,
+}
+
+/// Which samples count of the light that both BSDF samples and light samples reach. The expected picture is the same; tests compare
+/// them. Not an option, since both together are the best choice.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum LightTechnique {
+    /// Both, weighted by the power heuristic.
+    #[default]
+    Both,
+    /// The light that paths in directions of the BSDF find.
+    BsdfSamples,
+    /// That of sampled lights.
+    LightSamples,
 }
 
 impl PlanSpec {
     /// See [`EffectContext::transparency`].
     fn transparency(&self, sampling: &Sampling) -> Option<Transparency> {
-        let seed = sampling.seed.unwrap_or(0);
+        let Sampling { seed, sampler, .. } = *sampling;
+        let (seed, sampler) = (seed.unwrap_or(0), sampler.unwrap_or_default());
         let is_layered = !self.is_path && !self.own_camera_rays;
-        self.continued.map(|continued| Transparency { is_layered, seed, kind: continued.rays })
+        self.continued.map(|continued| Transparency { is_layered, sampler, seed, kind: continued.rays })
     }
 }
 

@@ -2,11 +2,13 @@
 
 use std::ops::Range;
 
+use super::samples::TileSamples;
 use super::tile::{RenderContext, Tile};
 use super::transparency::Transparency;
+use super::variance::PixelStatistics;
 use super::{
-    EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, PlanSpec, RayClass, RayKind, Stage,
-    TextureUse, closest_hits, id, local, pixels, primary_rays, ray_origins,
+    EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, LightTechnique, PlanSpec, RayClass, RayKind,
+    Stage, TextureUse, closest_hits, id, local, pixels, primary_rays, ray_origins,
 };
 use crate::error::{Error, Result};
 use crate::film::Window;
@@ -32,6 +34,9 @@ pub struct Choices {
     pub without: Vec<String>,
     /// Whether effects in `with` get their stages also where nothing calls for them, which does not change the picture.
     pub even_idle: bool,
+    /// Which samples of light count in path tracing.
+    #[doc(hidden)]
+    pub light_technique: LightTechnique,
 }
 
 /// Whether an effect is computed, and why.
@@ -91,18 +96,24 @@ impl Plan {
                 (decisions[i].on, decisions[i].why) = (false, format!("there is no {base}"));
             }
         }
-        Ok(Plan::of(world, choices.shading, choices.sampling, decisions))
+        let Choices { shading, sampling, light_technique, .. } = *choices;
+        Ok(Plan::of(world, (shading, light_technique), sampling, decisions))
     }
 
     /// This plan with only those effects that `keep` accepts by their index in [`Plan::decisions`].
     pub fn keeping(&self, world: &World, keep: impl Fn(usize) -> bool) -> Plan {
         let mut decisions = self.decisions.clone();
         decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= keep(i));
-        Plan::of(world, self.shading, self.sampling, decisions)
+        Plan::of(world, (self.shading, self.spec.light_technique), self.sampling, decisions)
     }
 
     /// The plan for a decision on each of [`EFFECTS`].
-    fn of(world: &World, shading: ShadingMode, sampling: Sampling, decisions: Vec<Decision>) -> Plan {
+    fn of(
+        world: &World,
+        (shading, light_technique): (ShadingMode, LightTechnique),
+        sampling: Sampling,
+        decisions: Vec<Decision>,
+    ) -> Plan {
         let mut spec = PlanSpec {
             shading,
             is_path: false,
@@ -116,6 +127,7 @@ impl Plan {
             secondary: None,
             own_camera_rays: false,
             adaptive: false,
+            light_technique,
         };
         let mut effects: Vec<(&Effect, EffectContext)> = Vec::new();
         for (effect, decision) in EFFECTS.iter().zip(&decisions).filter(|(_, decision)| decision.on) {
@@ -157,16 +169,27 @@ impl Plan {
         primary_rays::PrimaryRays.run(tile, context);
     }
 
-    /// The number of samples that each pixel of a tile takes. Renders the tile where that is not one.
-    pub fn sample_counts(&self, tile: &mut Tile, context: &RenderContext, window: Window) -> Vec<u32> {
+    /// The number of samples that each pixel of a tile takes, and their variance. Renders the tile where that is not one.
+    pub fn sample_statistics(
+        &self,
+        tile: &mut Tile,
+        context: &RenderContext,
+        window: Window,
+    ) -> Vec<PixelStatistics> {
         tile.start(window);
-        if self.takes_samples() {
-            self.run(tile, context, |_| {});
-            while tile.needs_more_samples {
-                self.run(tile, context, |_| {});
-            }
+        if !self.takes_samples() {
+            return vec![PixelStatistics::of_one(); window.area()];
         }
-        if tile.sample_counts.is_empty() { vec![1; window.area()] } else { tile.sample_counts.clone() }
+        tile.with_buffers(|samples: &mut TileSamples, _| samples.measure_variances(true));
+        self.run(tile, context, |_| {});
+        while tile.needs_more_samples {
+            self.run(tile, context, |_| {});
+        }
+        tile.with_buffers(|samples: &mut TileSamples, _| {
+            let statistics = samples.variances().map(PixelStatistics::from).collect();
+            samples.measure_variances(false);
+            statistics
+        })
     }
 
     /// Whether an effect makes the camera rays, instead of one through each pixel's centre.

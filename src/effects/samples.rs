@@ -9,10 +9,12 @@ use glam::DVec3;
 
 use super::EffectContext;
 use super::convergence::Criterion;
-use super::random::{Point, Purpose, Scramble};
+use super::random::{Point, Purpose, Scramble, independent_pair};
 use super::region::SampledRegion;
 use super::tile::{Tile, vec_bytes};
+use super::variance::SampleVariance;
 use crate::film::{ColourPipeline, Filter, Window};
+use crate::scene::PixelSampler;
 use crate::world::{RAYS_PER_BATCH, simd_dispatch};
 
 /// How the pixels of a picture are sampled.
@@ -26,6 +28,8 @@ pub struct Sampler {
     pub filter: Filter,
     /// The seed of the random numbers.
     pub seed: u32,
+    /// How the samples of a pixel are related.
+    pub kind: PixelSampler,
     /// Samples that every pixel takes before the first convergence test.
     pub floor: u32,
     /// Width in pixels of the apron around a tile that is sampled for the convergence test.
@@ -48,6 +52,7 @@ impl Sampler {
             first: sampling.first.unwrap_or(0),
             filter: Filter::new(shape, radius),
             seed: sampling.seed.unwrap_or(0),
+            kind: sampling.sampler.unwrap_or_default(),
             floor,
             // No pixel is tested where no noise level is given, or before it has all its samples.
             apron: u32::from(is_adaptive && sampling.noise.is_some() && floor < samples),
@@ -92,6 +97,8 @@ pub struct TileSamples {
     /// Rays of the round that were cast, over all pixels.
     cast: usize,
     pass: Box<SamplePass>,
+    /// For each pixel of the region, the variance of its samples; `None` where nothing reads it.
+    variances: Option<Vec<SampleVariance>>,
 }
 
 /// The rays of a pass.
@@ -131,7 +138,12 @@ impl SamplePass {
         for i in 0..self.len.min(RAYS_PER_BATCH) {
             let pixel = u32::from(self.pixels[i]);
             let (x, y) = (window.x + pixel % window.width, window.y + pixel / window.width);
-            let numbers = Scramble::new(x, y, sampler.seed, Purpose::Pixel).of(self.points[i]);
+            let numbers = match sampler.kind {
+                PixelSampler::Sobol => Scramble::new(x, y, sampler.seed, Purpose::Pixel).of(self.points[i]),
+                PixelSampler::Independent => {
+                    independent_pair([x, y], sampler.seed, self.samples[i], Purpose::Pixel as u32)
+                }
+            };
             let ([right, down], sign) =
                 if sampler.centred { ([0.0; 2], 1.0) } else { sampler.filter.place(numbers) };
             self.x[i] = f64::from(x) + 0.5 + right;
@@ -148,6 +160,10 @@ impl TileSamples {
         self.region = region;
         self.sums.clear();
         self.sums.resize(pixels, SampleSum::default());
+        if let Some(variances) = &mut self.variances {
+            variances.clear();
+            variances.resize(pixels, SampleVariance::default());
+        }
         self.live.clear();
         self.live.extend(0..pixels as u16);
         self.round = (sampler.first, sampler.floor);
@@ -197,10 +213,26 @@ impl TileSamples {
 
     /// Adds the colours of the pass's rays to their pixels.
     pub fn add(&mut self, colours: &[[f32; 3]]) {
-        let TileSamples { pass, sums, .. } = self;
+        let TileSamples { pass, sums, variances, .. } = self;
+        if let Some(variances) = variances {
+            for (&pixel, &colour) in pass.pixels[..pass.len].iter().zip(colours) {
+                variances[usize::from(pixel)].add(colour);
+            }
+        }
         for ((&pixel, &sign), &colour) in pass.pixels[..pass.len].iter().zip(&pass.signs).zip(colours) {
             sums[usize::from(pixel)].add(colour, sign);
         }
+    }
+
+    /// Sets whether the variance of each pixel's samples is computed from the next tile on.
+    pub fn measure_variances(&mut self, on: bool) {
+        self.variances = on.then(Vec::new);
+    }
+
+    /// For each of the tile's own pixels, the variance of its samples; empty unless [`TileSamples::measure_variances`].
+    pub fn variances(&self) -> impl Iterator<Item = &SampleVariance> {
+        let variances = self.variances.iter();
+        variances.flat_map(|variances| self.region.own().map(|pixel| &variances[pixel]))
     }
 
     /// For each ray of the pass, its pixel, its sign and its entry of `colours`.
@@ -271,8 +303,12 @@ impl TileSamples {
 
     /// Bytes of memory.
     pub fn bytes(&self) -> usize {
-        let TileSamples { sums, live, pass, .. } = self;
-        size_of::<TileSamples>() + vec_bytes(sums) + vec_bytes(live) + size_of_val(&**pass)
+        let TileSamples { sums, live, pass, variances, .. } = self;
+        size_of::<TileSamples>()
+            + vec_bytes(sums)
+            + variances.as_ref().map_or(0, vec_bytes)
+            + vec_bytes(live)
+            + size_of_val(&**pass)
     }
 }
 

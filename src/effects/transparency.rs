@@ -15,7 +15,7 @@ use super::tile::{RenderContext, Tile, vec_bytes};
 use super::{RayKind, Stage};
 use crate::bvh::Traversal;
 use crate::geometry::{Hit, Ray};
-use crate::scene::{Interpolation, TexelEncoding};
+use crate::scene::{Interpolation, PixelSampler, TexelEncoding};
 use crate::shading::texture::look_up_full_size;
 use crate::world::World;
 
@@ -39,6 +39,8 @@ const VISIBLE_FROM: f64 = 0.5;
 pub(crate) struct Transparency {
     /// Whether camera rays see all layers, and not one by random numbers.
     pub(crate) is_layered: bool,
+    /// The random numbers of camera rays.
+    pub(crate) sampler: PixelSampler,
     /// The seed of the random numbers.
     pub(crate) seed: u32,
     /// The kind that continued rays are counted as.
@@ -163,7 +165,7 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
         let is_first = !(is_layered && tile.needs_more_samples);
         own.passing.clear();
         if is_first {
-            own.start(tile, transparency.seed);
+            own.start(tile, transparency);
         } else {
             std::mem::swap(&mut own.passing, &mut own.layers.next);
         }
@@ -191,7 +193,8 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
 
 impl Buffers {
     /// Lists the rays of the current generation.
-    fn start(&mut self, tile: &Tile, seed: u32) {
+    fn start(&mut self, tile: &Tile, transparency: Transparency) {
+        let Transparency { sampler, seed, .. } = transparency;
         let generation = &tile.generations[tile.depth];
         // The numbers of camera rays are stratified over the samples of a pixel; those of further rays are independent.
         self.samples.clear();
@@ -199,7 +202,9 @@ impl Buffers {
             list_samples(tile, &mut self.samples);
         }
         let number = |index: usize, ray: &Ray| match self.samples.get(index) {
-            Some(&SampleIndex { x, y, sample }) => random::pair([x, y], seed, sample, DIMENSION)[0],
+            Some(&SampleIndex { x, y, sample }) => {
+                random::pair_of(sampler, [x, y], seed, sample, DIMENSION)[0]
+            }
             None => random::of_ray(ray, seed),
         };
         self.passing.extend(generation.rays.iter().enumerate().map(|(index, ray)| Passing {

@@ -17,6 +17,7 @@
 pub mod check;
 pub mod colour;
 pub mod filter;
+pub mod layers;
 pub mod output;
 mod pages;
 pub mod part;

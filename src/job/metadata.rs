@@ -57,7 +57,8 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
         display,
         headlight,
     } = origin;
-    let Choices { shading, sampling, scene: _, transport, with, without, even_idle: _ } = choices;
+    let Choices { shading, sampling, scene: _, transport, with, without, even_idle: _, light_technique: _ } =
+        choices;
     // Folders are omitted, so that metadata does not depend on where files lie.
     let name = |input: &std::path::PathBuf| {
         input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned()

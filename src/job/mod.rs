@@ -278,6 +278,7 @@ pub fn resolve_for(
         with: settings.with.clone(),
         without: settings.without.clone(),
         even_idle: false,
+        light_technique: Default::default(),
     };
     let layers = &settings.layers;
     let display = settings.display.or(scene.display);

@@ -1,11 +1,13 @@
-//! Error metrics between two images of the same size: figures, the worst pixels, and error maps.
+//! Error metrics between two images of the same size: figures, the worst pixels, and error maps; [`t_test`] for noisy ones.
 //!
 //! Non-finite pixels are counted; if there are any, there are no figures, as NaN spreads to means and is lost in
 //! maxima. [`definitions`] defines the figures.
 
 mod compared_image;
+pub mod distributions;
 mod flip;
 mod heat;
+pub mod t_test;
 
 pub use compared_image::{ComparedImage, Values, displayed};
 pub use heat::{DECADES, error_map, heat_map};

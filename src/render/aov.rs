@@ -12,6 +12,7 @@ use super::{RenderControl, render_displayed};
 use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
 use crate::effects::transparency::closest_visible;
+use crate::effects::variance::PixelStatistics;
 use crate::error::{Error, Result};
 use crate::film::write::Channel;
 use crate::film::{DisplayTransform, Film, Share, Window};
@@ -24,8 +25,8 @@ struct AovInput<'a> {
     world: &'a World,
     /// How the scene was recentered.
     recentering: Option<Recentering>,
-    /// The number of camera rays of the pixel.
-    samples: u32,
+    /// The number and variance of the samples of the pixel.
+    samples: PixelStatistics,
     /// The number of boxes that the ray was tested against.
     node_tests: u64,
     /// The distance and surface interaction of the closest hit.
@@ -117,7 +118,13 @@ pub const AOVS: &[Aov] = &[
         name: "samples",
         summary: "camera rays of the pixel",
         channels: &["Samples.X"],
-        value: |input| [input.samples as f32, 0.0, 0.0],
+        value: |input| [input.samples.count as f32, 0.0, 0.0],
+    },
+    Aov {
+        name: "variance",
+        summary: "unbiased variance of the pixel's samples, before their mean; infinite for one sample",
+        channels: &["Variance.R", "Variance.G", "Variance.B"],
+        value: |input| input.samples.variance,
     },
     Aov {
         name: "node-tests",
@@ -253,9 +260,12 @@ fn of_tile(source: &AovSource, aovs: &[&Aov], tile: &mut Tile, window: Window) -
     let world = source.world;
     tile.start(window);
     let context = RenderContext { world, view: source.view, display: source.display };
-    let is_counted = aovs.iter().any(|aov| aov.name == "samples");
-    let samples =
-        if is_counted { source.plan.sample_counts(tile, &context, window) } else { vec![1; window.area()] };
+    let is_sampled = aovs.iter().any(|aov| ["samples", "variance"].contains(&aov.name));
+    let samples = if is_sampled {
+        source.plan.sample_statistics(tile, &context, window)
+    } else {
+        vec![PixelStatistics::of_one(); window.area()]
+    };
     tile.start(window);
     source.plan.centre_rays(tile, &context);
     let count = aovs.iter().map(|aov| aov.channels.len()).sum();

@@ -46,7 +46,11 @@ impl<'a> IncrementalSampler<'a> {
     /// Renders the pixel centres.
     pub(crate) fn render_centres(&mut self) -> Result<Vec<[f32; 3]>> {
         let mut pixels = self.black();
-        self.render(Sampling { seed: self.sampling.seed, ..Sampling::default() }, &|_| true, &mut pixels)?;
+        self.render(
+            Sampling { seed: self.sampling.seed, sampler: self.sampling.sampler, ..Sampling::default() },
+            &|_| true,
+            &mut pixels,
+        )?;
         Ok(pixels)
     }
 
@@ -120,9 +124,9 @@ impl<'a> IncrementalSampler<'a> {
         estimate: (Metric, f64),
         reason: StopReason,
     ) -> Result<SampledImage> {
-        let seed = self.sampling.seed;
+        let Sampling { seed, sampler, .. } = self.sampling;
         self.job.set_sampling(match samples {
-            1 => Sampling { seed, ..Sampling::default() },
+            1 => Sampling { seed, sampler, ..Sampling::default() },
             samples => Sampling { first: None, ..self.sampling.part(0, samples) },
         })?;
         let Some(statistics) = self.statistics else {

@@ -11,7 +11,7 @@ use toml::Spanned;
 use super::animation::file::AnimationSection;
 pub use super::colour_value::ColourValue;
 pub use super::effects::{EffectValue, EffectsSection};
-use super::{Numerics, Projection, Transport};
+use super::{Numerics, PixelSampler, Projection, Transport};
 use crate::error::{Error, Place, Result};
 use crate::film::tone::{Exposure, ExposureValue, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
@@ -94,6 +94,8 @@ pub struct ImageSection {
     pub min_samples: Option<Spanned<i64>>,
     /// Seed of the random numbers; 0 if not given.
     pub seed: Option<u32>,
+    /// How the samples of a pixel are related; `sobol` if not given.
+    pub sampler: Option<PixelSampler>,
     /// Exposure of 8-bit pictures in EV, -64 to 64, or "auto"; 0 if not given. Only with `colour = "linear"`.
     #[schemars(with = "Option<ExposureValue>")]
     pub exposure: Option<Exposure>,

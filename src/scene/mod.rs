@@ -50,7 +50,7 @@ pub use material::{
     Texture, Volume,
 };
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
-pub use sampling::{MAX_SAMPLES, Sampling};
+pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
 pub use transport::Transport;
 
 use support::AffineFunction;

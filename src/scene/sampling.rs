@@ -1,5 +1,8 @@
 //! Sampling settings: sample count, reconstruction filter, adaptive sampling and seed.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::film::FilterShape;
 use crate::film::filter::RADII;
 
@@ -15,8 +18,32 @@ const DEFAULT_MAX_SAMPLES: u32 = 256;
 /// Smallest noise threshold; f32 display values are not much more accurate.
 const MIN_NOISE: f64 = 1e-6;
 
+/// How the random numbers of a pixel's samples are related.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum PixelSampler {
+    /// Owen-scrambled Sobol points: evenly distributed, so the mean converges faster, but samples depend on each other.
+    #[default]
+    Sobol,
+    /// Independent uniform numbers, for statistics that assume independent samples.
+    Independent,
+}
+
+impl PixelSampler {
+    /// Every sampler.
+    pub const ALL: [PixelSampler; 2] = [PixelSampler::Sobol, PixelSampler::Independent];
+
+    /// The name as typed by users.
+    pub fn name(self) -> &'static str {
+        match self {
+            PixelSampler::Sobol => "sobol",
+            PixelSampler::Independent => "independent",
+        }
+    }
+}
+
 /// Sampling settings; `None` means not given.
-#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sampling {
     /// Samples per pixel, 1 to 65536; with `noise`, the maximum.
@@ -32,6 +59,8 @@ pub struct Sampling {
     pub min_samples: Option<u32>,
     /// Seed of the random numbers, besides pixel, sample and dimension.
     pub seed: Option<u32>,
+    /// How the samples of a pixel are related.
+    pub sampler: Option<PixelSampler>,
     /// Index of the first sample, below `samples`, if another render takes those before it. Not with `noise`.
     pub first: Option<u32>,
 }
@@ -46,6 +75,7 @@ impl Sampling {
             noise: self.noise.or(other.noise),
             min_samples: self.min_samples.or(other.min_samples),
             seed: self.seed.or(other.seed),
+            sampler: self.sampler.or(other.sampler),
             first: self.first.or(other.first),
         }
     }
@@ -80,6 +110,7 @@ impl Sampling {
             noise: None,
             min_samples: None,
             seed: self.seed,
+            sampler: self.sampler,
         }
     }
 
@@ -94,6 +125,8 @@ impl Sampling {
             ("kiln:filter".into(), format!("{} {radius}", shape.name())),
             ("kiln:seed".into(), self.seed.unwrap_or(0).to_string()),
         ];
+        let sampler = self.sampler.filter(|&sampler| sampler != PixelSampler::default());
+        settings.extend(sampler.map(|sampler| ("kiln:sampler".into(), sampler.name().into())));
         settings.extend(self.noise.map(|level| ("kiln:noise".into(), level.to_string())));
         settings.extend(self.min_samples.map(|least| ("kiln:min-samples".into(), least.to_string())));
         settings

@@ -123,7 +123,8 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     if command.colour != defaults.colour {
         option("--colour", command.colour.name());
     }
-    let Sampling { samples, filter, filter_radius, noise, min_samples, seed, first: _ } = command.sampling;
+    let Sampling { samples, filter, filter_radius, noise, min_samples, seed, sampler, first: _ } =
+        command.sampling;
     let scene = &defaults.sampling;
     let number = |n: Option<u32>, of_scene: Option<u32>| n.filter(|_| n != of_scene).map(|n| n.to_string());
     let real = |x: Option<f64>, of_scene: Option<f64>| x.filter(|_| x != of_scene).map(|x| x.to_string());
@@ -135,6 +136,7 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
         ("--noise", real(noise, scene.noise)),
         ("--min-samples", number(min_samples, scene.min_samples)),
         ("--seed", number(seed, scene.seed)),
+        ("--sampler", sampler.filter(|_| sampler != scene.sampler).map(|sampler| sampler.name().to_owned())),
     ] {
         value.iter().for_each(|value| option(name, value));
     }
@@ -226,6 +228,7 @@ mod tests {
     use super::*;
     use crate::film::FilterShape;
     use crate::film::tone::{Exposure, ToneMap};
+    use crate::scene::PixelSampler;
 
     /// Arguments into which `sh` splits the line.
     fn read_by_sh(line: &str) -> Vec<String> {
@@ -340,6 +343,7 @@ mod tests {
                 noise: Some(0.001),
                 min_samples: Some(8),
                 seed: Some(u32::MAX),
+                sampler: Some(PixelSampler::Independent),
                 first: None,
             },
             display: DisplaySettings { exposure: Some(Exposure::Ev(-1.5)), tone_map: Some(ToneMap::Agx) },
@@ -349,8 +353,8 @@ mod tests {
         assert_eq!(
             line(&command),
             "--size 320x200 --shading ambient --with glaze=every-bounce --without shadows --without textures --numerics \
-             watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --exposure=-1.5 \
-             --tone-map agx --light none"
+             watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --sampler independent \
+             --exposure=-1.5 --tone-map agx --light none"
         );
     }
 

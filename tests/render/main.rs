@@ -12,4 +12,6 @@ mod normal_maps;
 mod path;
 mod sampling;
 mod soa;
+mod t_test;
 mod textures;
+mod unbiased;

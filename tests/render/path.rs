@@ -66,7 +66,7 @@ fn a_closed_room_has_the_radiance_of_its_geometric_series() {
 }
 
 /// A box from -2 to 2 as an OBJ file, in a folder that stays until the tests end.
-fn room_file() -> String {
+pub fn room_file() -> String {
     let folder = tempfile::tempdir().expect("a folder").keep();
     let file = folder.join("room.obj");
     let vertices: String = (0..8)

@@ -408,6 +408,12 @@ fn single_pixels_have_the_picture_s_bits() {
     }
 }
 
+/// The number of samples of each pixel of a window within a tile.
+fn counts(plan: &Plan, context: &RenderContext, window: Window) -> Vec<u32> {
+    let statistics = plan.sample_statistics(&mut Tile::default(), context, window);
+    statistics.iter().map(|pixel| pixel.count).collect()
+}
+
 #[test]
 fn samples_around_a_tile_are_counted_but_are_no_samples_of_its_pixels() {
     let prepared = scene("noise = 0.01\nmin_samples = 4", true);
@@ -418,11 +424,11 @@ fn samples_around_a_tile_are_counted_but_are_no_samples_of_its_pixels() {
         let window = Window { x, y, width: 1, height: 1 };
         let (_, statistics) = picture(&prepared, window, 1);
         assert_eq!(statistics.rays(RayKind::PRIMARY).cast, cast);
-        assert_eq!(plan.sample_counts(&mut Tile::default(), &context, window), [4]);
+        assert_eq!(counts(&plan, &context, window), [4]);
     }
     // A whole tile in the middle of the picture: 18 squared less 16 squared pixels around it.
     let window = Window { x: 16, y: 16, width: 16, height: 16 };
-    let taken = plan.sample_counts(&mut Tile::default(), &context, window);
+    let taken = counts(&plan, &context, window);
     assert!(taken.len() == 256 && taken.iter().any(|&n| n > 4));
     let (_, statistics) = picture(&prepared, window, 1);
     let own: u64 = taken.iter().map(|&n| u64::from(n)).sum();

@@ -8,3 +8,4 @@ mod compare;
 mod explain;
 mod leaks;
 mod study;
+mod t_test;

@@ -6,7 +6,8 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::Path;
-use super::scatter::power_heuristic;
+use super::scatter::bsdf_weight;
+use crate::effects::LightTechnique;
 use crate::geometry::{Hit, Numerics, Ray};
 use crate::shading::LightSample;
 use crate::world::{Emitters, SurfaceInteraction, World, sampled_emission};
@@ -17,6 +18,7 @@ pub(super) struct Lights<'a> {
     emitters: &'a Emitters,
     /// Punctual lights, then the emitters if there are any, then the environment if there is one.
     count: usize,
+    pub(super) technique: LightTechnique,
 }
 
 /// A sampled light as seen from a point.
@@ -56,11 +58,11 @@ impl Target {
 }
 
 impl<'a> Lights<'a> {
-    pub(super) fn new(world: &'a World) -> Self {
+    pub(super) fn new(world: &'a World, technique: LightTechnique) -> Self {
         let emitters = &*world.emitters;
         let count =
             world.lights.len() + usize::from(!emitters.is_empty()) + usize::from(world.environment.is_some());
-        Lights { world, emitters, count }
+        Lights { world, emitters, count, technique }
     }
 
     /// Samples a light from a point; `None` where the sample gives no light there.
@@ -108,7 +110,7 @@ impl<'a> Lights<'a> {
             None => DVec3::ZERO,
             Some(environment) => {
                 let light_pdf = environment.pdf(direction) / self.count as f64;
-                environment.eval(direction) * power_heuristic(pdf, light_pdf)
+                environment.eval(direction) * bsdf_weight(self.technique, pdf, light_pdf)
             }
         }
     }
@@ -121,6 +123,6 @@ impl<'a> Lights<'a> {
         let position = surface.point.position;
         let light_pdf =
             self.emitters.pdf(&primitive, emission, path.from, position, surface.geometric_normal);
-        power_heuristic(path.pdf, light_pdf / self.count as f64)
+        bsdf_weight(self.technique, path.pdf, light_pdf / self.count as f64)
     }
 }

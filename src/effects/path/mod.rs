@@ -13,9 +13,11 @@ use glam::DVec3;
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::transparency;
-use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, SecondaryRays, Stage, id};
+use super::{
+    Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, RayKind, SecondaryRays, Stage, id,
+};
 use crate::geometry::Ray;
-use crate::scene::Transport;
+use crate::scene::{PixelSampler, Sampling, Transport};
 use crate::world::World;
 
 /// Rays in directions sampled by BSDFs.
@@ -148,13 +150,21 @@ struct Scatter {
     seed: u32,
     /// The kind that shadow rays behind surfaces are counted as; `None` where all surfaces are opaque.
     continued: Option<RayKind>,
+    sampler: PixelSampler,
+    technique: LightTechnique,
 }
 
 impl Scatter {
     fn new(context: &EffectContext) -> Self {
         let depth = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH);
-        let seed = context.sampling.seed.unwrap_or(0);
-        Scatter { depth, seed, continued: context.spec.continued.map(|kinds| kinds.shadow_rays) }
+        let Sampling { seed, sampler, .. } = *context.sampling;
+        Scatter {
+            depth,
+            seed: seed.unwrap_or(0),
+            sampler: sampler.unwrap_or_default(),
+            technique: context.spec.light_technique,
+            continued: context.spec.continued.map(|kinds| kinds.shadow_rays),
+        }
     }
 }
 

@@ -5,11 +5,12 @@ use glam::DVec3;
 use super::lights::{LightConnection, Lights};
 use super::{Buffers, LightPath, Path, Scatter};
 use crate::bvh::Primitive;
+use crate::effects::LightTechnique;
 use crate::effects::random;
 use crate::effects::samples::SampleIndex;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
 use crate::geometry::{Hit, Ray};
-use crate::scene::Material;
+use crate::scene::{Material, PixelSampler};
 use crate::shading::bsdf::{Bsdf, BsdfParameters};
 use crate::world::{PreparedMaterial, SurfaceInteraction, World};
 
@@ -36,6 +37,7 @@ const DIMENSIONS: u32 = 4;
 struct Numbers {
     sample: SampleIndex,
     seed: u32,
+    sampler: PixelSampler,
     depth: u32,
 }
 
@@ -43,7 +45,7 @@ impl Numbers {
     fn of(&self, dimension: Dimension) -> [f64; 2] {
         let SampleIndex { x, y, sample } = self.sample;
         let dimension = 1 + self.depth * DIMENSIONS + dimension as u32;
-        random::pair([x, y], self.seed, sample, dimension).map(f64::from)
+        random::pair_of(self.sampler, [x, y], self.seed, sample, dimension).map(f64::from)
     }
 }
 
@@ -57,14 +59,15 @@ impl Buffers {
         self.next.clear();
         self.shadow_rays.clear();
         self.light_paths.clear();
-        let lights = Lights::new(context.world);
+        let lights = Lights::new(context.world, stage.technique);
         self.add_missed(generation, context, &lights, depth);
         for index in 0..generation.surfaces.len() {
             let ray = generation.surfaces.ray_of()[index] as usize;
             let Some(hit) = generation.hits[ray] else { continue };
             let path = self.paths[ray];
             let sample = self.samples[path.camera_ray as usize];
-            let numbers = Numbers { sample, seed: stage.seed, depth: depth as u32 };
+            let &Scatter { seed, sampler, .. } = stage;
+            let numbers = Numbers { sample, seed, sampler, depth: depth as u32 };
             let surface = generation.surfaces.get(index);
             let vertex = Vertex::new(context.world, &lights, surface, &hit, path);
             self.radiance[path.camera_ray as usize] += vertex.emitted;
@@ -175,7 +178,7 @@ impl<'a> Vertex<'a> {
         let LightConnection { direction, radiance, pdf, target } =
             lights.sample(position, choice, numbers.of(Dimension::LightPoint))?;
         let (value, bsdf_pdf) = self.eval(bsdf, direction);
-        let weight = pdf.map_or(1.0, |pdf| power_heuristic(pdf, bsdf_pdf) / pdf);
+        let weight = pdf.map_or(1.0, |pdf| light_weight(lights.technique, pdf, bsdf_pdf) / pdf);
         let radiance = self.path.throughput * value * radiance * weight;
         if radiance == DVec3::ZERO || !radiance.is_finite() {
             return None;
@@ -214,13 +217,32 @@ impl<'a> Vertex<'a> {
 
 /// The power heuristic with exponent 2 (Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997, section
 /// 9.2.4): the weight of a sample of density `own` beside a technique of density `other`.
-pub(super) fn power_heuristic(own: f64, other: f64) -> f64 {
+fn power_heuristic(own: f64, other: f64) -> f64 {
     if own.is_infinite() {
         return 1.0;
     }
     // Scaled, so that no square overflows or underflows.
     let ratio = other / own;
     1.0 / (1.0 + ratio * ratio)
+}
+
+/// The weight of light found by a BSDF sample of density `own`, where light samples have the density `light`.
+pub(super) fn bsdf_weight(technique: LightTechnique, own: f64, light: f64) -> f64 {
+    match technique {
+        LightTechnique::Both => power_heuristic(own, light),
+        LightTechnique::BsdfSamples => 1.0,
+        // 1 for what light samples cannot reach.
+        LightTechnique::LightSamples => f64::from(u8::from(own.is_infinite() || light <= 0.0)),
+    }
+}
+
+/// The weight of a light sample of density `own`, where BSDF samples have the density `bsdf`.
+fn light_weight(technique: LightTechnique, own: f64, bsdf: f64) -> f64 {
+    match technique {
+        LightTechnique::Both => power_heuristic(own, bsdf),
+        LightTechnique::BsdfSamples => f64::from(u8::from(bsdf <= 0.0)),
+        LightTechnique::LightSamples => 1.0,
+    }
 }
 
 fn to_local([tangent, bitangent, normal]: &[DVec3; 3], v: DVec3) -> DVec3 {

@@ -33,6 +33,7 @@ impl Builder<'_> {
             min_samples,
             first: None,
             seed: image.seed,
+            sampler: image.sampler,
         })
     }
 

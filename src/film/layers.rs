@@ -1,0 +1,114 @@
+//! Reading of all channels and text attributes of an OpenEXR image, as `kiln render --aov` writes them.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::prelude::{AttributeValue, ReadChannels, ReadLayers, Text, read};
+
+use super::read::{Read, ReadError, exr_reader, max_block_bytes};
+use crate::error::{Result, contain};
+use crate::limits;
+
+/// The channels of an image file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layers {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Names, `LAYER.CHANNEL`, and values, row by row from the top.
+    pub channels: Vec<(String, Vec<f32>)>,
+    /// Names and values of the attributes that are text, such as the settings of kiln.
+    pub settings: Vec<(String, String)>,
+}
+
+impl Layers {
+    /// Reads an OpenEXR file.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Input`] if the file is missing, damaged, too large, or of another format.
+    pub fn open(file: &Path) -> Result<Self> {
+        let bytes = limits::read_file(file).map_err(|e| limits::unreadable(file, &e))?;
+        decode(&bytes).map_err(|e| e.into_error(file))
+    }
+
+    /// The values of a channel.
+    pub fn channel(&self, name: &str) -> Option<&[f32]> {
+        self.channels.iter().find(|(known, _)| known == name).map(|(_, values)| &values[..])
+    }
+
+    /// The value of a setting.
+    pub fn setting(&self, name: &str) -> Option<&str> {
+        self.settings.iter().find(|(known, _)| known == name).map(|(_, value)| &value[..])
+    }
+}
+
+fn decode(bytes: &[u8]) -> Read<Layers> {
+    if !bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
+        return Err(ReadError::Damaged("not an EXR picture, so it has no layers".into()));
+    }
+    for header in exr_reader(bytes)?.headers() {
+        let [width, height] = [header.layer_size.width(), header.layer_size.height()].map(|side| side as u64);
+        // As stored, and converted to `f32`.
+        let channels = header.channels.list.len() as u64;
+        let needed = limits::product(&[width, height, channels, 2 * size_of::<f32>() as u64]);
+        limits::check_claim(needed.saturating_add(max_block_bytes(header)))
+            .map_err(|excess| ReadError::too_large(width, height, &excess))?;
+    }
+    let parse = || {
+        read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .first_valid_layer()
+            .all_attributes()
+            .from_buffered(Cursor::new(bytes))
+            .map_err(|e| format!("damaged: {e}"))
+    };
+    let picture = contain(parse)
+        .unwrap_or_else(|| Err("damaged: its decoder failed".to_owned()))
+        .map_err(ReadError::Damaged)?;
+    let layer = picture.layer_data;
+    let text = |(name, value): (&Text, &AttributeValue)| match value {
+        AttributeValue::Text(text) => Some((name.to_string(), text.to_string())),
+        _ => None,
+    };
+    // The decoder's map has no order.
+    let mut settings: Vec<_> = layer.attributes.other.iter().filter_map(text).collect();
+    settings.sort_unstable();
+    let channel = |channel: exr::prelude::AnyChannel<exr::prelude::FlatSamples>| {
+        (channel.name.to_string(), channel.sample_data.values_as_f32().collect())
+    };
+    Ok(Layers {
+        width: layer.size.width() as u32,
+        height: layer.size.height() as u32,
+        channels: layer.channel_data.list.into_iter().map(channel).collect(),
+        settings,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::write::{Channel, Format, OutputImage, encode};
+    use crate::film::{Film, Window};
+
+    #[test]
+    fn what_is_written_is_read_and_beginnings_of_it_are_not() {
+        let window = Window { x: 3, y: 0, width: 2, height: 2 };
+        let rows = [[0.0, 1.0, 2.0], [3.0, 4.0, 5.0], [6.0, 7.0, 8.0], [9.0, 10.0, 11.0]];
+        let more = Channel { name: "Variance.R".into(), values: vec![0.5, f32::INFINITY, 0.25, 1.0] };
+        let picture = OutputImage::Float(Film::from_rows(window, &rows).unwrap(), vec![more]);
+        let mut bytes = Vec::new();
+        let metadata = [("kiln:samples".to_owned(), "16".to_owned())];
+        encode(&picture, &metadata, Format::Exr, &mut bytes).unwrap();
+        let layers = decode(&bytes).unwrap();
+        assert_eq!((layers.width, layers.height, layers.channels.len()), (2, 2, 4));
+        assert_eq!(layers.channel("G"), Some(&[1.0, 4.0, 7.0, 10.0][..]));
+        assert_eq!(layers.channel("Variance.R"), Some(&[0.5, f32::INFINITY, 0.25, 1.0][..]));
+        assert_eq!((layers.setting("kiln:samples"), layers.setting("kiln:seed")), (Some("16"), None));
+        for length in 0..bytes.len() {
+            assert!(decode(&bytes[..length]).is_err(), "{length} bytes");
+        }
+    }
+}
