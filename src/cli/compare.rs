@@ -47,7 +47,7 @@ pub(crate) struct Arguments {
     #[arg(long, conflicts_with_all = ["fail_above", "heat_map", "display"])]
     t_test: bool,
     /// Test squares of so many pixels a side: fewer p-values, each of less noise
-    #[arg(long, allow_hyphen_values = true, value_name = "PIXELS", default_value_t = 1, requires = "t_test", value_parser = super::numbers::whole(1..=1024))]
+    #[arg(long, allow_hyphen_values = true, value_name = "PIXELS", default_value_t = 1, requires = "t_test", value_parser = super::numbers::whole(1..=1024_u32))]
     block: u32,
 }
 

@@ -57,6 +57,7 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
         display,
         headlight,
     } = origin;
+    // The technique does not change the expected picture, and no option sets it.
     let Choices { shading, sampling, scene: _, transport, with, without, even_idle: _, light_technique: _ } =
         choices;
     // Folders are omitted, so that metadata does not depend on where files lie.

@@ -17,14 +17,14 @@ impl Random {
 }
 
 /// A picture whose channels are equal.
-fn estimate(width: u32, means: Vec<f32>, variances: Vec<f32>, count: f32) -> Estimate {
+fn estimate(width: u32, means: &[f32], variances: &[f32], count: f32) -> Estimate {
     let height = means.len() as u32 / width;
     let counts = vec![count; means.len()];
     Estimate {
         width,
         height,
-        means: std::array::from_fn(|_| means.clone()),
-        variances: std::array::from_fn(|_| variances.clone()),
+        means: std::array::from_fn(|_| means.to_vec()),
+        variances: std::array::from_fn(|_| variances.to_vec()),
         counts,
         seed: None,
     }
@@ -41,7 +41,7 @@ fn drawn(width: u32, count: u32, mut draw: impl FnMut() -> f64) -> Estimate {
         let squares: f64 = samples.iter().map(|x| (x - mean) * (x - mean)).sum();
         variances.push((squares / f64::from(count - 1)) as f32);
     }
-    estimate(width, means, variances, count as f32)
+    estimate(width, &means, &variances, count as f32)
 }
 
 /// Means 1 and 3, variances 6 and 10 of 4 and 5 samples. Squared standard error 6/4 + 10/5 = 3.5, t = 2 / sqrt 3.5 = 1.069045;
@@ -49,7 +49,7 @@ fn drawn(width: u32, count: u32, mut draw: impl FnMut() -> f64) -> Estimate {
 /// the 40 % point 0.896.
 #[test]
 fn welch_by_hand() {
-    let (a, b) = (estimate(1, vec![1.0], vec![6.0], 4.0), estimate(1, vec![3.0], vec![10.0], 5.0));
+    let (a, b) = (estimate(1, &[1.0], &[6.0], 4.0), estimate(1, &[3.0], &[10.0], 5.0));
     let mut sums = Sums::default();
     sums.add_pixel(&a, &b, 0, 0);
     assert_eq!((sums.difference, sums.variance), (2.0, 3.5));
@@ -65,8 +65,8 @@ fn welch_by_hand() {
 /// Pixels without variance are equal up to the rounding of f32, or certain to differ.
 #[test]
 fn pixels_without_variance() {
-    let a = estimate(3, vec![0.0, 0.1, 0.25], vec![0.0; 3], 8.0);
-    let b = estimate(3, vec![0.0, 0.1f32.next_up(), 0.26], vec![0.0; 3], 8.0);
+    let a = estimate(3, &[0.0, 0.1, 0.25], &[0.0; 3], 8.0);
+    let b = estimate(3, &[0.0, 0.1f32.next_up(), 0.26], &[0.0; 3], 8.0);
     let test = TTest::between(&a, &b, 1).unwrap();
     let channel = &test.channels[2];
     assert_eq!((channel.left_out, channel.certain, channel.tested, channel.histogram[0]), (2, 1, 1, 1));
@@ -75,7 +75,7 @@ fn pixels_without_variance() {
     assert!(same.passed && same.channels[0].left_out == 2 && same.channels[0].tested == 0);
     let [one, two] = [1, 2].map(|seed| Estimate { seed: Some(seed), ..a.clone() });
     assert!(TTest::between(&one, &two, 1).is_ok() && TTest::between(&one, &one, 1).is_err());
-    assert!(TTest::between(&a, &estimate(1, vec![0.0; 3], vec![0.0; 3], 8.0), 1).is_err());
+    assert!(TTest::between(&a, &estimate(1, &[0.0; 3], &[0.0; 3], 8.0), 1).is_err());
 }
 
 /// A normal number by Box and Muller.
