@@ -5,7 +5,7 @@
 //! whole picture. For every k, the first 2^k points lie in different cells of every grid of 2^k equal rectangles, so the points are
 //! evenly distributed at every count.
 
-use sobol_burley::parts::{hash, owen_scramble_rev, sobol_rev, u32_to_f32_norm};
+use sobol_burley::parts::{hash, owen_scramble_rev, u32_to_f32_norm};
 
 use crate::geometry::Ray;
 use crate::scene::{MAX_SAMPLES, PixelSampler};
@@ -57,7 +57,7 @@ impl Point {
             0 => index,
             other => owen_scramble_rev(index, hash(other)),
         };
-        Point([sobol_rev(shuffled, 0), sobol_rev(shuffled, 1)])
+        Point(sobol_rev(shuffled))
     }
 }
 
@@ -102,10 +102,23 @@ pub fn pair([x, y]: [u32; 2], seed: u32, sample: u32, dimension: u32) -> [f32; 2
     let index = owen_scramble_rev((sample % MAX_SAMPLES).reverse_bits(), key);
     let [a, b, c] = pcg3d([x, y, seed.rotate_left(BITS_OF_PURPOSES) ^ key]);
     // The order of the points, too, is the pixel's own.
-    let index = owen_scramble_rev(index, c);
-    [(0, a), (1, b)].map(|(axis, scramble)| {
-        u32_to_f32_norm(owen_scramble_rev(sobol_rev(index, axis), scramble).reverse_bits())
-    })
+    let [first, second] = sobol_rev(owen_scramble_rev(index, c));
+    [(first, a), (second, b)]
+        .map(|(point, scramble)| u32_to_f32_norm(owen_scramble_rev(point, scramble).reverse_bits()))
+}
+
+/// The first two dimensions of the Sobol sequence for the top 16 bits of an index with reversed bits, with reversed bits. The first
+/// is the index itself. The generator matrix of the second is Pascal's triangle modulo 2 (Sobol, 1967), the Kronecker power of
+/// [1 1; 0 1], so that one step a factor multiplies by it.
+#[inline]
+fn sobol_rev(index_rev: u32) -> [u32; 2] {
+    let index = (index_rev & 0xffff_0000).reverse_bits();
+    let mut second = index;
+    second ^= (second & 0xaaaa) >> 1;
+    second ^= (second & 0xcccc) >> 2;
+    second ^= (second & 0xf0f0) >> 4;
+    second ^= (second & 0xff00) >> 8;
+    [index, second]
 }
 
 /// A number from 0 to below 1 for a ray. Equal rays have equal numbers.
@@ -163,6 +176,16 @@ mod tests {
         // The test itself: Sobol points are too even, and equal numbers on the diagonal.
         assert!(uniformity((0..65_536).map(|s| pair([3, 5], 0, s, 2))) > 1.0 - 1e-4);
         assert!(uniformity((0..65_536).map(|s| [number(3, 0, s, 1); 2])) < 1e-100);
+    }
+
+    /// The bits of the crate's table.
+    #[test]
+    fn the_sequence_is_that_of_sobol() {
+        for index in 0..1u32 << 16 {
+            let index_rev = index.reverse_bits();
+            let expected = [0, 1].map(|dimension| sobol_burley::parts::sobol_rev(index_rev, dimension));
+            assert_eq!(sobol_rev(index_rev | 0x1234), expected);
+        }
     }
 
     #[test]

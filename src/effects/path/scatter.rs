@@ -309,7 +309,7 @@ fn parameters(
         Material::Phong(m) => BsdfParameters {
             base_colour: unit(m.colour * surface.tint * surface.texels.colour * m.diffuse),
             metallic: 0.0,
-            roughness: (2.0 / (m.shininess + 2.0)).powf(0.25).clamp(0.0, 1.0),
+            roughness: (2.0 / (m.shininess + 2.0)).sqrt().sqrt().clamp(0.0, 1.0),
             specular: m.specular.clamp(0.0, 1.0),
             ..BsdfParameters::default()
         },

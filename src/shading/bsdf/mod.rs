@@ -202,6 +202,10 @@ impl Bsdf {
         let metal = weight * p.metallic;
         let transparent = (weight - metal) * p.transmission;
         let opaque = weight - metal - transparent;
+        if p.specular == 0.0 && opaque == weight {
+            // Nothing but Lambert; the code below gives the same lobe.
+            return self.push(Lobe::Diffuse(Diffuse(p.base_colour * weight)));
+        }
         let albedo = GgxAlbedo::new(ggx, cos);
         let [metal_f0, metal_f90] = conductor::conductor(p.base_colour, &albedo);
         let [f0, f90] = dielectric::dielectric_layer(p.ior, p.specular, p.specular_colour, &albedo);
