@@ -71,12 +71,12 @@ impl Buffers {
             let surface = generation.surfaces.get(index);
             let vertex = Vertex::new(context.world, &lights, surface, &hit, path);
             self.radiance[path.camera_ray as usize] += vertex.emitted;
-            let Some(bsdf) = vertex.bsdf.filter(|_| (depth as u32) < stage.depth) else { continue };
-            if let Some((shadow_ray, radiance)) = vertex.sample_light(&bsdf, &lights, &numbers) {
+            let Some(bsdf) = vertex.bsdf.as_ref().filter(|_| (depth as u32) < stage.depth) else { continue };
+            if let Some((shadow_ray, radiance)) = vertex.sample_light(bsdf, &lights, &numbers) {
                 self.shadow_rays.push(shadow_ray);
                 self.light_paths.push(LightPath { camera_ray: path.camera_ray, radiance });
             }
-            if let Some((ray, path)) = vertex.continue_path(&bsdf, &numbers) {
+            if let Some((ray, path)) = vertex.continue_path(bsdf, &numbers) {
                 next.soa.set(next.rays.len(), &ray);
                 next.rays.push(ray);
                 next.sources.push(index as u32);
@@ -189,8 +189,13 @@ impl<'a> Vertex<'a> {
     /// The ray and state with which the path continues; `None` where it ends.
     fn continue_path(&self, bsdf: &Bsdf, numbers: &Numbers) -> Option<(Ray, Path)> {
         let [x, y] = numbers.of(Dimension::Direction);
-        let [lobe, roulette] = numbers.of(Dimension::LobeAndRoulette);
-        let sample = bsdf.sample([x, y, lobe])?;
+        let has_roulette = numbers.depth as usize >= ROULETTE_FROM;
+        let [lobe, roulette] = if has_roulette || bsdf.has_choice() {
+            numbers.of(Dimension::LobeAndRoulette)
+        } else {
+            [0.0; 2]
+        };
+        let sample = bsdf.sample([lobe, x, y])?;
         let [tangent, bitangent, normal] = self.frame;
         let local = sample.direction;
         let direction = (tangent * local.x + bitangent * local.y + normal * local.z).normalize();
@@ -198,7 +203,7 @@ impl<'a> Vertex<'a> {
             return None;
         }
         let mut throughput = self.path.throughput * sample.weight;
-        if numbers.depth as usize >= ROULETTE_FROM {
+        if has_roulette {
             let survival = throughput.max_element().min(MAX_SURVIVAL);
             if roulette >= survival {
                 return None;

@@ -296,6 +296,11 @@ impl Bsdf {
         })
     }
 
+    /// Whether the first number of [`Bsdf::sample`] changes the sample.
+    pub fn has_choice(&self) -> bool {
+        !matches!(self.lobes[..self.count], [(Lobe::Diffuse(_), _)])
+    }
+
     /// Whether no light sample can contribute: all lobes are delta functions, or there is none.
     pub fn is_delta(&self) -> bool {
         self.lobes().all(|(lobe, _)| lobe.is_delta())
