@@ -3,8 +3,8 @@
 //!
 //! The controls, two seeds of each technique, show that the blocks' p-values are uniform. Those of single pixels are not: where
 //! BSDF samples rarely find the lamp, a pixel's mean and its variance are too small together. With 128 samples a pixel and one
-//! bounce, 11 % of p-values are below 0.01 where BSDF samples are tested against the others, with 2048 samples 3 %: a bias would
-//! grow.
+//! bounce, 11 % of p-values are below 0.01 where BSDF samples are tested against the others, with 2048 samples 3 %, and with 16,384
+//! the histogram is even: a bias would grow.
 
 use crate::common::picture::parse;
 use crate::path::room_file;
@@ -66,19 +66,19 @@ fn techniques_converge_to_the_same_picture() {
             assert!(test.passed, "depth {depth}, {pair:?}: {test:?}");
             // A smaller difference of the whole picture could be missed.
             let seen = sensitivity(&first[i], &test);
-            assert!(seen < 0.03, "depth {depth}, {pair:?}: {seen}");
+            assert!(seen < 0.02, "depth {depth}, {pair:?}: {seen}");
         }
     }
 }
 
-/// The lamp is 3 % brighter in one of the pictures. All light comes from it.
+/// The lamp is 2 % brighter in one of the pictures. All light comes from it.
 #[test]
 fn a_wrong_weight_would_be_found() {
     let right = render(6.0, LightTechnique::Both, 2, 1);
     for (technique, seed) in [(LightTechnique::Both, 2), (LightTechnique::LightSamples, 3)] {
-        let wrong = test(&right, &render(6.18, technique, 2, seed));
+        let wrong = test(&right, &render(6.12, technique, 2, seed));
         let channel = &wrong.channels[0];
-        let errors = 0.03 * 4.0 / sensitivity(&right, &wrong);
+        let errors = 0.02 * 4.0 / sensitivity(&right, &wrong);
         println!("{:+.2e} +- {:.2e}, {errors:.1} errors", channel.difference, channel.standard_error);
         // The threshold of 1.7e-4 is at 3.8 standard errors.
         assert!(errors > 8.0 && !wrong.passed && channel.difference > 0.0, "{errors} {wrong:?}");
