@@ -123,6 +123,34 @@ pub(crate) fn of_bytes(
     keep(scene, read::decode(bytes, TEXTURE).map(|image| into_texture(&name, &image)), place, warnings)
 }
 
+/// Decodes the alpha channel of an image in memory into a grey image, `value` of each; returns `None` if it has none or cannot
+/// be decoded, of which [`of_bytes`] warns.
+///
+/// # Errors
+/// [`Error::Input`] where it is too large.
+pub(crate) fn alpha_of_bytes(
+    scene: &mut Scene,
+    place: Place,
+    bytes: &[u8],
+    value: impl Fn(u8) -> u8,
+) -> Result<Option<ImageId>> {
+    // Other formats than 8-bit RGBA are converted first.
+    const RGBA: u64 = 4;
+    let image = match read::decode(bytes, RGBA + TEXTURE) {
+        Ok(image) => image,
+        Err(ReadError::TooLarge { what, hint }) => return Err(Error::input(place, what, hint)),
+        Err(ReadError::Damaged(_)) => return Ok(None),
+    };
+    if !image.color().has_alpha() {
+        return Ok(None);
+    }
+    let (width, height) = image.dimensions();
+    let rgba = image.into_rgba8();
+    let pixels = rgba.as_raw().as_chunks().0.iter().map(|&[_, _, _, a]| [value(a); 3]).collect();
+    let name = format!("{place}, alpha");
+    Ok(Some(scene.add_image(DecodedImage { name, width, height, pixels })))
+}
+
 fn keep(
     scene: &mut Scene,
     decoded: std::result::Result<DecodedImage, ReadError>,

@@ -1,6 +1,6 @@
 //! Materials, textures and decoded images.
 
-use super::{ImageId, Sampler};
+use super::{FurtherTexture, ImageId, Layers, Sampler};
 use crate::film::Colour;
 use std::sync::Arc;
 
@@ -75,39 +75,8 @@ pub struct MetallicRoughness<C = Colour> {
     pub normal_map: Option<NormalMap>,
     /// Values of material extensions, which path tracing uses.
     pub layers: Layers<C>,
-}
-
-/// Values of the extensions KHR_materials_ior, specular, transmission, volume, clearcoat and sheen. Factors alone, without
-/// textures.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Layers<C = Colour> {
-    /// Index of refraction; 0 reflects everything.
-    pub ior: f64,
-    /// Weight of the dielectric reflection, 0 to 1.
-    pub specular: f64,
-    /// Factor of the dielectric reflectance at normal incidence.
-    pub specular_colour: C,
-    /// Part of the light below the dielectric reflection that is transmitted, 0 to 1.
-    pub transmission: f64,
-    /// The medium that the surface encloses; `None` for a thin wall.
-    pub volume: Option<Volume<C>>,
-    /// Weight of the clear coat, 0 to 1.
-    pub clearcoat: f64,
-    /// Roughness of the clear coat, 0 to 1.
-    pub clearcoat_roughness: f64,
-    /// Colour of the sheen; black is none.
-    pub sheen_colour: C,
-    /// Roughness of the sheen, 0 to 1.
-    pub sheen_roughness: f64,
-}
-
-/// A homogeneous medium that absorbs.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Volume<C = Colour> {
-    /// What is left of white light after `attenuation_distance`.
-    pub attenuation_colour: C,
-    /// A distance above 0, which may be infinite.
-    pub attenuation_distance: f64,
+    /// The further textures, at most one for each slot.
+    pub further_textures: Vec<FurtherTexture>,
 }
 
 /// An image and its sampler.
@@ -175,23 +144,7 @@ impl Default for MetallicRoughness {
             unlit: false,
             normal_map: None,
             layers: Layers::default(),
-        }
-    }
-}
-
-impl Default for Layers {
-    /// The defaults of the extensions.
-    fn default() -> Self {
-        Layers {
-            ior: 1.5,
-            specular: 1.0,
-            specular_colour: Colour::Linear(glam::DVec3::ONE),
-            transmission: 0.0,
-            volume: None,
-            clearcoat: 0.0,
-            clearcoat_roughness: 0.0,
-            sheen_colour: Colour::Linear(glam::DVec3::ZERO),
-            sheen_roughness: 0.0,
+            further_textures: Vec::new(),
         }
     }
 }
@@ -249,20 +202,8 @@ impl<C> Material<C> {
                 emission_texture: m.emission_texture,
                 unlit: m.unlit,
                 normal_map: m.normal_map,
-                layers: Layers {
-                    ior: m.layers.ior,
-                    specular: m.layers.specular,
-                    specular_colour: convert(m.layers.specular_colour),
-                    transmission: m.layers.transmission,
-                    volume: m.layers.volume.map(|volume| Volume {
-                        attenuation_colour: convert(volume.attenuation_colour),
-                        attenuation_distance: volume.attenuation_distance,
-                    }),
-                    clearcoat: m.layers.clearcoat,
-                    clearcoat_roughness: m.layers.clearcoat_roughness,
-                    sheen_colour: convert(m.layers.sheen_colour),
-                    sheen_roughness: m.layers.sheen_roughness,
-                },
+                layers: m.layers.map_colours(convert),
+                further_textures: m.further_textures,
             }),
         }
     }
@@ -309,10 +250,18 @@ impl<C> Material<C> {
         self.slots().into_iter().filter_map(|(texture, encoding)| Some((texture?, encoding)))
     }
 
-    /// The textures that the material uses, with that of the normal map.
+    /// The further textures.
+    pub fn further_textures(&self) -> &[FurtherTexture] {
+        match self {
+            Material::Phong(_) => &[],
+            Material::MetallicRoughness(m) => &m.further_textures,
+        }
+    }
+
+    /// All textures of the material, with that of the normal map.
     pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut Texture> {
-        let (textures, normal_map) = match self {
-            Material::Phong(m) => ([m.texture.as_mut(), None, None], m.normal_map.as_mut()),
+        let (textures, normal_map, further) = match self {
+            Material::Phong(m) => ([m.texture.as_mut(), None, None], m.normal_map.as_mut(), None),
             Material::MetallicRoughness(m) => (
                 [
                     m.base_colour_texture.as_mut(),
@@ -320,13 +269,15 @@ impl<C> Material<C> {
                     m.emission_texture.as_mut(),
                 ],
                 m.normal_map.as_mut(),
+                Some(&mut m.further_textures),
             ),
         };
-        textures.into_iter().flatten().chain(normal_map.map(|map| &mut map.texture))
+        let further = further.into_iter().flatten().map(|further| &mut further.texture);
+        textures.into_iter().flatten().chain(normal_map.map(|map| &mut map.texture)).chain(further)
     }
 
     /// Whether the material uses any texture.
     pub fn is_textured(&self) -> bool {
-        self.textures().next().is_some() || self.normal_map().is_some()
+        self.textures().next().is_some() || self.normal_map().is_some() || !self.further_textures().is_empty()
     }
 }

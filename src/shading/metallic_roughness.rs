@@ -78,6 +78,7 @@ mod tests {
             geometric_normal: DVec3::Y,
             shading_normal: DVec3::Y,
             texels: crate::world::Texels::default(),
+            further_texels: crate::world::FurtherTexels::default(),
             tint: DVec3::ONE,
             prim: PrimId(0),
             object: 0,

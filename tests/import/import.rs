@@ -1083,7 +1083,7 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
     let extensions = json!({
         "KHR_materials_ior": { "ior": 1.33 },
         "KHR_materials_specular": { "specularFactor": 0.5, "specularColorFactor": [1, 2, 0.25] },
-        "KHR_materials_transmission": { "transmissionFactor": 7, "transmissionTexture": { "index": 0 } },
+        "KHR_materials_transmission": { "transmissionFactor": 7, "transmissionTexture": { "index": 9 } },
         "KHR_materials_volume": { "thicknessFactor": 0.1, "attenuationColor": [0.5, 1, 3], "attenuationDistance": 4 },
         "KHR_materials_clearcoat": { "clearcoatFactor": 0.25, "clearcoatRoughnessFactor": -1 },
         "KHR_materials_sheen": { "sheenColorFactor": [0.1, 0.2, 0.3], "sheenRoughnessFactor": 0.75 },
@@ -1119,7 +1119,61 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
     assert_eq!(layers(0), expected);
     // An index below 1 is not one; the default of the format is 1.5.
     assert_eq!(layers(1), kiln::scene::Layers::default());
-    assert_eq!(warnings, ["a.gltf: 1 material(s) have textures of extensions; drawn without those"]);
+    assert_eq!(
+        warnings,
+        ["a.gltf: material without a name: its transmissionTexture does not exist; left out"]
+    );
+}
+
+/// Alpha channels become grey images, once for all that read them; a slot whose factor is 0, and the thickness, which rays
+/// measure, have no texture.
+#[test]
+fn gltf_textures_of_extensions() {
+    use kiln::scene::TextureSlot::{Clearcoat, SheenColour, SheenRoughness, Specular, SpecularColour};
+    let folder = Folder::new();
+    image::RgbaImage::from_pixel(1, 1, image::Rgba([1, 2, 3, 4]))
+        .save(folder.0.path().join("a.png"))
+        .expect("a file");
+    image::RgbImage::from_pixel(1, 1, image::Rgb([1, 2, 3]))
+        .save(folder.0.path().join("b.png"))
+        .expect("a file");
+    let by = |index: u32| json!({ "index": index });
+    let extensions = json!({
+        "KHR_materials_specular": { "specularTexture": by(0), "specularColorTexture": by(0) },
+        "KHR_materials_transmission": { "transmissionFactor": 0, "transmissionTexture": by(0) },
+        "KHR_materials_volume": { "thicknessFactor": 1, "thicknessTexture": by(0) },
+        "KHR_materials_clearcoat": {
+            "clearcoatFactor": 1, "clearcoatTexture": by(1), "clearcoatNormalTexture": by(1),
+            "clearcoatRoughnessFactor": 1, "clearcoatRoughnessTexture": { "index": 1, "texCoord": 1 },
+        },
+        "KHR_materials_sheen": {
+            "sheenColorFactor": [1, 1, 1], "sheenColorTexture": by(0),
+            "sheenRoughnessFactor": 1, "sheenRoughnessTexture": by(0),
+        },
+    });
+    // Without an alpha channel the specular factor is whole.
+    let other = json!({ "KHR_materials_specular": { "specularTexture": by(1) } });
+    let model = Model::triangle()
+        .with("images", json!([{ "uri": "a.png" }, { "uri": "b.png" }]))
+        .with("textures", json!([{ "source": 0 }, { "source": 1 }]))
+        .with("materials", json!([{ "name": "m", "extensions": extensions }, { "extensions": other }]))
+        .with("extensionsUsed", json!(extensions.as_object().expect("an object").keys().collect::<Vec<_>>()));
+    let (scene, warnings) = folder.load("a.gltf", model.text());
+    let found: Vec<_> =
+        scene.materials[0].further_textures().iter().map(|f| (f.slot, f.texture.image.0)).collect();
+    let expected =
+        [(Specular, 2), (SpecularColour, 0), (Clearcoat, 1), (SheenColour, 0), (SheenRoughness, 2)];
+    assert_eq!(found, expected);
+    assert_eq!(*scene.images[2].pixels, [[4; 3]]);
+    assert!(scene.images[2].name.ends_with("image 0, alpha") && scene.images.len() == 3);
+    assert!(scene.materials[1].further_textures().is_empty());
+    assert_eq!(
+        warnings,
+        [
+            "a.gltf: 1 material(s) have a normal map of their clear coat; not used",
+            "a.gltf: material m: its clearcoatRoughnessTexture is on set 1 of texture coordinates, others on set 0; left out",
+        ]
+    );
 }
 
 #[test]

@@ -1,11 +1,14 @@
 //! The material extensions of glTF that are layers and media: index of refraction, specular, transmission, volume, clear
-//! coat and sheen. Their textures are left out, with a warning by the caller.
+//! coat and sheen, with their textures.
 
 use glam::DVec3;
 use gltf::json::Value;
 
+use super::Loader;
+use super::triangles::texture_set;
+use crate::error::Result;
 use crate::film::Colour;
-use crate::scene::{Layers, Volume};
+use crate::scene::{FurtherTexture, Layers, Texture, TextureSlot, Volume};
 
 pub(super) const IOR: &str = "KHR_materials_ior";
 pub(super) const SPECULAR: &str = "KHR_materials_specular";
@@ -50,10 +53,110 @@ pub(super) fn layers(material: &gltf::Material) -> Layers {
     }
 }
 
-/// Whether an extension of the material has a texture, none of which is read.
-pub(super) fn has_textures(material: &gltf::Material) -> bool {
-    let has_texture = |value: &Value| {
-        value.as_object().is_some_and(|object| object.keys().any(|key| key.ends_with("Texture")))
+/// The textures of the extensions: extension, key, slot, and whether the alpha channel is read. `thicknessTexture` is for renderers
+/// that do not trace rays (KHR_materials_volume, section Thickness Texture).
+const TEXTURES: [(&str, &str, TextureSlot, bool); 7] = [
+    (SPECULAR, "specularTexture", TextureSlot::Specular, true),
+    (SPECULAR, "specularColorTexture", TextureSlot::SpecularColour, false),
+    (TRANSMISSION, "transmissionTexture", TextureSlot::Transmission, false),
+    (CLEARCOAT, "clearcoatTexture", TextureSlot::Clearcoat, false),
+    (CLEARCOAT, "clearcoatRoughnessTexture", TextureSlot::ClearcoatRoughness, false),
+    (SHEEN, "sheenColorTexture", TextureSlot::SheenColour, false),
+    (SHEEN, "sheenRoughnessTexture", TextureSlot::SheenRoughness, true),
+];
+
+/// Whether the factor of a slot is 0, so that its texture has no effect.
+fn is_zero(slot: TextureSlot, layers: &Layers) -> bool {
+    let black = |colour: Colour| matches!(colour, Colour::Linear(DVec3::ZERO));
+    match slot {
+        TextureSlot::Specular => layers.specular == 0.0,
+        TextureSlot::SpecularColour => layers.specular == 0.0 || black(layers.specular_colour),
+        TextureSlot::Transmission => layers.transmission == 0.0,
+        TextureSlot::Clearcoat => layers.clearcoat == 0.0,
+        TextureSlot::ClearcoatRoughness => layers.clearcoat == 0.0 || layers.clearcoat_roughness == 0.0,
+        TextureSlot::SheenColour => black(layers.sheen_colour),
+        TextureSlot::SheenRoughness => black(layers.sheen_colour) || layers.sheen_roughness == 0.0,
+    }
+}
+
+/// Whether the clear coat of a material has a normal map.
+pub(super) fn has_coat_normals(material: &gltf::Material) -> bool {
+    material.extension_value(CLEARCOAT).is_some_and(|value| value.get("clearcoatNormalTexture").is_some())
+}
+
+/// A texture that an extension names, and its set of texture coordinates.
+fn named<'a>(value: &Value, document: &'a gltf::Document) -> Option<(gltf::Texture<'a>, u32)> {
+    let index = usize::try_from(value.get("index")?.as_u64()?).ok()?;
+    let set = value.get("texCoord").and_then(Value::as_u64).unwrap_or(0);
+    Some((document.textures().nth(index)?, u32::try_from(set).ok()?))
+}
+
+/// The set of texture coordinates of the first texture of a material's extensions.
+pub(super) fn first_set(material: &gltf::Material) -> Option<u32> {
+    let of = |extension, key| {
+        material.extension_value(extension)?.get(key)?.get("texCoord").map_or(Some(0), Value::as_u64)
     };
-    ALL.into_iter().filter_map(|name| material.extension_value(name)).any(has_texture)
+    let set = TEXTURES.into_iter().find_map(|(extension, key, ..)| of(extension, key))?;
+    u32::try_from(set).ok()
+}
+
+impl Loader<'_> {
+    /// The textures of a material's extensions. One that does not exist, or lies on another set of texture coordinates than the
+    /// material's, is left out with a warning.
+    pub(super) fn further_textures(
+        &mut self,
+        material: &gltf::Material,
+        layers: &Layers,
+        document: &gltf::Document,
+    ) -> Result<Vec<FurtherTexture>> {
+        let mut further = Vec::new();
+        for (extension, key, slot, is_alpha) in TEXTURES {
+            let Some(value) = material.extension_value(extension).and_then(|value| value.get(key)) else {
+                continue;
+            };
+            if is_zero(slot, layers) {
+                continue;
+            }
+            let Some(texture) = self.on_own_set(material, key, named(value, document)) else { continue };
+            let texture = if is_alpha { self.alpha_texture(&texture)? } else { self.texture(&texture) };
+            further.extend(texture.map(|texture| FurtherTexture { slot, texture }));
+        }
+        Ok(further)
+    }
+
+    /// The texture if it is on the set of texture coordinates that all textures of the material share; otherwise `None` with a
+    /// warning.
+    pub(super) fn on_own_set<'a>(
+        &mut self,
+        material: &gltf::Material,
+        key: &str,
+        named: Option<(gltf::Texture<'a>, u32)>,
+    ) -> Option<gltf::Texture<'a>> {
+        let name = material.name().unwrap_or("without a name");
+        let Some((texture, set)) = named else {
+            self.warn(format!("material {name}: its {key} does not exist; left out"));
+            return None;
+        };
+        let own = texture_set(material);
+        if set != own {
+            self.warn(format!(
+                "material {name}: its {key} is on set {set} of texture coordinates, others on set {own}; left out"
+            ));
+            return None;
+        }
+        Some(texture)
+    }
+
+    /// The alpha channel of a texture as a grey texture; `None` without one.
+    fn alpha_texture(&mut self, texture: &gltf::Texture) -> Result<Option<Texture>> {
+        let Some(colour) = self.texture(texture) else { return Ok(None) };
+        let source = texture.source();
+        let known = self.alphas.get(&source.index()).copied();
+        let alpha = match known {
+            Some(known) => known,
+            None => self.alpha_of(&source, |alpha| alpha)?,
+        };
+        self.alphas.insert(source.index(), alpha);
+        Ok(alpha.map(|image| Texture { image, ..colour }))
+    }
 }

@@ -1,5 +1,7 @@
 //! Materials, textures, cameras and lights.
 
+use std::borrow::Cow;
+
 use glam::{DMat4, DVec3};
 
 use super::{Loader, dvec3};
@@ -18,17 +20,11 @@ impl Loader<'_> {
         document.images().map(|image| self.load_image(&image, &mut files)).collect()
     }
 
-    pub(super) fn load_image(
-        &mut self,
-        image: &gltf::Image,
-        files: &mut ImageLoader,
-    ) -> Result<Option<ImageId>> {
+    fn load_image(&mut self, image: &gltf::Image, files: &mut ImageLoader) -> Result<Option<ImageId>> {
         let place = Place::item(&self.source.file, format!("image {}", image.index()));
         match image.source() {
             gltf::image::Source::View { view, .. } => {
-                let range = view.offset()..view.offset().saturating_add(view.length());
-                let Some(bytes) = self.buffers.get(view.buffer().index()).and_then(|data| data.get(range))
-                else {
+                let Some(bytes) = bytes_of(&self.buffers, &view) else {
                     self.warnings.push(format!("{place}: texture left out: it lies outside its buffer"));
                     return Ok(None);
                 };
@@ -45,6 +41,28 @@ impl Loader<'_> {
                 }
             },
         }
+    }
+
+    /// The alpha channel of an image as a grey image, each value through `value`; `None` without one. An image that cannot be
+    /// read has its warning from [`Loader::load_images`].
+    pub(super) fn alpha_of(
+        &mut self,
+        image: &gltf::Image,
+        value: impl Fn(u8) -> u8,
+    ) -> Result<Option<ImageId>> {
+        let place = Place::item(&self.source.file, format!("image {}", image.index()));
+        let bytes = match image.source() {
+            gltf::image::Source::View { view, .. } => bytes_of(&self.buffers, &view).map(Cow::Borrowed),
+            gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
+                Ok(Resource::Data(bytes)) => Some(Cow::Owned(bytes)),
+                Ok(Resource::File(file)) => {
+                    self.source.files.read(&self.source.sibling(file)).ok().map(Cow::Owned)
+                }
+                Err(_) => None,
+            },
+        };
+        let Some(bytes) = bytes else { return Ok(None) };
+        images::alpha_of_bytes(&mut self.scene, place, &bytes, value)
     }
 
     pub(super) fn texture(&self, texture: &gltf::Texture) -> Option<Texture> {
@@ -78,14 +96,16 @@ impl Loader<'_> {
         })
     }
 
-    pub(super) fn material(&self, m: &gltf::Material) -> Material {
+    pub(super) fn material(&mut self, m: &gltf::Material, document: &gltf::Document) -> Result<Material> {
         let pbr = m.pbr_metallic_roughness();
         // Factors are clamped to the ranges of the format.
         let colour = |factors: [f32; 3]| dvec3(factors).clamp(DVec3::ZERO, DVec3::ONE);
         let [r, g, b, _] = pbr.base_color_factor();
         let strength = f64::from(m.emissive_strength().unwrap_or(1.0).clamp(0.0, f32::MAX));
         let emission = colour(m.emissive_factor()) * strength;
-        Material::MetallicRoughness(MetallicRoughness {
+        let layers = super::layers::layers(m);
+        let further_textures = self.further_textures(m, &layers, document)?;
+        Ok(Material::MetallicRoughness(MetallicRoughness {
             name: m.name().map_or_else(|| format!("material {}", m.index().unwrap_or(0)), str::to_owned),
             base_colour: Colour::Linear(colour([r, g, b])),
             base_colour_texture: pbr.base_color_texture().and_then(|t| self.texture(&t.texture())),
@@ -97,13 +117,14 @@ impl Loader<'_> {
             emission: Colour::Linear(emission),
             emission_texture: m.emissive_texture().and_then(|t| self.texture(&t.texture())),
             unlit: m.unlit(),
-            layers: super::layers::layers(m),
+            layers,
+            further_textures,
             normal_map: m.normal_texture().and_then(|t| {
                 let scale = f64::from(t.scale());
                 let texture = self.texture(&t.texture())?;
                 Some(NormalMap { texture, scale: if scale.is_finite() { scale } else { 1.0 } })
             }),
-        })
+        }))
     }
 
     pub(super) fn camera(&mut self, camera: &gltf::Camera, name: String, world_from_node: &DMat4) {
@@ -178,6 +199,12 @@ impl Loader<'_> {
         self.scene.lights.push(Light { name, colour, intensity, kind });
         self.scene.has_physical_lights = true;
     }
+}
+
+/// The bytes of a buffer view; `None` if it lies outside its buffer.
+fn bytes_of<'a>(buffers: &'a [Vec<u8>], view: &gltf::buffer::View) -> Option<&'a [u8]> {
+    let range = view.offset()..view.offset().saturating_add(view.length());
+    buffers.get(view.buffer().index())?.get(range)
 }
 
 /// Places the camera targets. glTF cameras have a direction only; the target is the point of the view ray nearest to

@@ -10,6 +10,8 @@ mod layers;
 mod look;
 mod triangles;
 
+use std::collections::HashMap;
+
 use glam::{DMat4, DVec3};
 
 use super::Source;
@@ -35,12 +37,13 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         scene: Scene::default(),
         warnings,
         plain: None,
+        alphas: HashMap::new(),
         shared: SharedMeshes::default(),
     };
     loader.warn_of_what_is_not_drawn(&document);
     loader.images = loader.load_images(&document)?;
     for material in document.materials() {
-        let material = loader.material(&material);
+        let material = loader.material(&material, &document)?;
         loader.scene.add_material(material);
     }
     let world_from_node = world_transforms(&document, &source.file, loader.warnings)?;
@@ -69,6 +72,8 @@ struct Loader<'a> {
     scene: Scene,
     warnings: &'a mut Warnings,
     plain: Option<MaterialId>,
+    /// Alpha channels that textures of extensions read, by the index of the image.
+    alphas: HashMap<usize, Option<ImageId>>,
     shared: SharedMeshes,
 }
 
@@ -94,9 +99,9 @@ impl Loader<'_> {
         for name in unread {
             self.warn(format!("extension {name} is not used"));
         }
-        let textured = document.materials().filter(layers::has_textures).count();
-        if textured > 0 {
-            self.warn(format!("{textured} material(s) have textures of extensions; drawn without those"));
+        let coats = document.materials().filter(layers::has_coat_normals).count();
+        if coats > 0 {
+            self.warn(format!("{coats} material(s) have a normal map of their clear coat; not used"));
         }
         let transparent =
             document.materials().filter(|m| m.alpha_mode() != gltf::material::AlphaMode::Opaque).count();
