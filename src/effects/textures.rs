@@ -133,6 +133,7 @@ fn slots(material: &PreparedMaterial) -> impl Iterator<Item = Slot<Texels>> + us
 fn further_slots(material: &PreparedMaterial, is_path: bool) -> impl Iterator<Item = Slot<FurtherTexels>> {
     let store = |slot| -> Store<FurtherTexels> {
         match slot {
+            TextureSlot::Occlusion => |texels, c| texels.occlusion = c.x,
             TextureSlot::Specular => |texels, c| texels.specular = c.x,
             TextureSlot::SpecularColour => |texels, c| texels.specular_colour = c,
             TextureSlot::Transmission => |texels, c| texels.transmission = c.x,

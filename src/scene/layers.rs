@@ -85,6 +85,8 @@ pub struct FurtherTexture {
 /// What a [`FurtherTexture`] is multiplied into, and where its value is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TextureSlot {
+    /// The ambient light, weighted by [`super::MetallicRoughness::occlusion_strength`]: red.
+    Occlusion,
     /// [`Layers::specular`]: red.
     Specular,
     /// [`Layers::specular_colour`].
@@ -110,14 +112,15 @@ impl TextureSlot {
         }
     }
 
-    /// Whether a transport uses it: path tracing, or local shading.
+    /// Whether a transport uses it: path tracing, or local shading. Occlusion stands for what path tracing computes.
     pub fn is_used(self, is_path: bool) -> bool {
-        is_path
+        is_path != matches!(self, TextureSlot::Occlusion)
     }
 
     /// The name, for people.
     pub fn name(self) -> &'static str {
         match self {
+            TextureSlot::Occlusion => "occlusion picture",
             TextureSlot::Specular => "specular picture",
             TextureSlot::SpecularColour => "specular colour picture",
             TextureSlot::Transmission => "transmission picture",

@@ -75,6 +75,8 @@ pub struct MetallicRoughness<C = Colour> {
     pub normal_map: Option<NormalMap>,
     /// Values of material extensions, which path tracing uses.
     pub layers: Layers<C>,
+    /// Weight of the occlusion texture, 0 to 1: the ambient light is multiplied by `1 + occlusion_strength * (texel - 1)`.
+    pub occlusion_strength: f64,
     /// The further textures, at most one for each slot.
     pub further_textures: Vec<FurtherTexture>,
 }
@@ -144,6 +146,7 @@ impl Default for MetallicRoughness {
             unlit: false,
             normal_map: None,
             layers: Layers::default(),
+            occlusion_strength: 1.0,
             further_textures: Vec::new(),
         }
     }
@@ -203,6 +206,7 @@ impl<C> Material<C> {
                 unlit: m.unlit,
                 normal_map: m.normal_map,
                 layers: m.layers.map_colours(convert),
+                occlusion_strength: m.occlusion_strength,
                 further_textures: m.further_textures,
             }),
         }

@@ -2,7 +2,7 @@
 //!
 //! A light of intensity 1 shows a diffuse surface that faces it in its base colour, so every term is pi times the BSDF of the
 //! specification. Ambient light is constant over the sphere; its reflection is approximated by the diffuse colour plus the
-//! reflectance at normal incidence.
+//! reflectance at normal incidence, and times the occlusion texture, which attenuates no other light (glTF 2.0, section 3.9.3).
 
 use std::f64::consts::PI;
 
@@ -36,7 +36,8 @@ pub(crate) fn shade(
     let diffuse = base * (1.0 - metallic) * (1.0 - DIELECTRIC);
     let f0 = DVec3::splat(DIELECTRIC).lerp(base, metallic);
     let emission = material.emission * surface.texels.emission;
-    let mut sum = emission + world.ambient * (diffuse + f0);
+    let unoccluded = 1.0 + material.occlusion_strength * (surface.further_texels.occlusion - 1.0);
+    let mut sum = emission + world.ambient * unoccluded * (diffuse + f0);
     for light in lights {
         let mut returned = diffuse;
         if mode == ShadingMode::Full {

@@ -56,6 +56,8 @@ impl Default for Texels {
 /// textures are off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FurtherTexels {
+    /// Unoccluded part of the ambient light.
+    pub occlusion: f64,
     /// Factor of the weight of the dielectric reflection.
     pub specular: f64,
     /// Factor of the colour of the dielectric reflection.
@@ -75,6 +77,7 @@ pub struct FurtherTexels {
 impl Default for FurtherTexels {
     fn default() -> Self {
         FurtherTexels {
+            occlusion: 1.0,
             specular: 1.0,
             specular_colour: DVec3::ONE,
             transmission: 1.0,

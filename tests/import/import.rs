@@ -1153,10 +1153,18 @@ fn gltf_textures_of_extensions() {
     });
     // Without an alpha channel the specular factor is whole.
     let other = json!({ "KHR_materials_specular": { "specularTexture": by(1) } });
+    let occlusion = |set: u32| json!({ "index": 1, "texCoord": set, "strength": 0.25 });
     let model = Model::triangle()
         .with("images", json!([{ "uri": "a.png" }, { "uri": "b.png" }]))
         .with("textures", json!([{ "source": 0 }, { "source": 1 }]))
-        .with("materials", json!([{ "name": "m", "extensions": extensions }, { "extensions": other }]))
+        .with(
+            "materials",
+            json!([
+                { "name": "m", "extensions": extensions, "occlusionTexture": occlusion(1) },
+                { "extensions": other },
+                { "occlusionTexture": occlusion(1) },
+            ]),
+        )
         .with("extensionsUsed", json!(extensions.as_object().expect("an object").keys().collect::<Vec<_>>()));
     let (scene, warnings) = folder.load("a.gltf", model.text());
     let found: Vec<_> =
@@ -1167,10 +1175,14 @@ fn gltf_textures_of_extensions() {
     assert_eq!(*scene.images[2].pixels, [[4; 3]]);
     assert!(scene.images[2].name.ends_with("image 0, alpha") && scene.images.len() == 3);
     assert!(scene.materials[1].further_textures().is_empty());
+    // Alone on its set, so that all is looked up by that.
+    let Material::MetallicRoughness(occluded) = &scene.materials[2] else { panic!("{:?}", scene.materials) };
+    assert_eq!((occluded.further_textures.len(), occluded.occlusion_strength), (1, 0.25));
     assert_eq!(
         warnings,
         [
             "a.gltf: 1 material(s) have a normal map of their clear coat; not used",
+            "a.gltf: material m: its occlusionTexture is on set 1 of texture coordinates, others on set 0; left out",
             "a.gltf: material m: its clearcoatRoughnessTexture is on set 1 of texture coordinates, others on set 0; left out",
         ]
     );

@@ -217,3 +217,29 @@ fn local_shading_pays_nothing_for_textures_of_layers() {
     };
     assert!(on(Transport::Path) && !on(Transport::Whitted));
 }
+
+/// Local shading multiplies the ambient light by 1 + strength (texel - 1), and nothing else; path tracing does not look it up. A
+/// square of white metal, f0 = 1, under an ambient light of 1/2 alone is 1/2 times that; the light of a lamp is added whole.
+#[test]
+fn occlusion_attenuates_the_ambient_light() {
+    let image = data_uri(2, &[[0, 255, 255, 255], [51, 0, 0, 255]]);
+    for (strength, lamp, expected) in [
+        (1.0, false, [0.0, 0.1]),
+        (0.5, false, [0.25, 0.3]),
+        // A diffuse white square would return 1 of the lamp; metal as rough as 1 returns F0 / 4, see `metallic_roughness`.
+        (1.0, true, [0.25, 0.35]),
+    ] {
+        let material = json!({ "occlusionTexture": { "index": 0, "strength": strength } });
+        let lamp = if lamp { "[[light]]\ntype = 'directional'\ndirection = [0, 0, -1]\n" } else { "" };
+        let more = format!("[ambient]\nintensity = 0.5\n[image]\nheadlight = false\n{lamp}");
+        let scene = || scene(&material, std::slice::from_ref(&image), &more);
+        let whitted = job(scene(), Transport::Whitted);
+        let (film, _) = whitted.render(&RenderControl::default()).expect("a picture");
+        for (x, expected) in [(2, expected[0]), (SIZE - 2, expected[1])] {
+            let [red, ..] = film.pixel(x, SIZE / 2).map(f64::from);
+            assert!((red - expected).abs() < 1e-6, "strength {strength}: {red}, expected {expected}");
+        }
+        let path = job(scene(), Transport::Path);
+        assert!(path.plan.effects_on().all(|effect| effect != kiln::effects::id::TEXTURES));
+    }
+}

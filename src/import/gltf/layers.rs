@@ -69,6 +69,7 @@ const TEXTURES: [(&str, &str, TextureSlot, bool); 7] = [
 fn is_zero(slot: TextureSlot, layers: &Layers) -> bool {
     let black = |colour: Colour| matches!(colour, Colour::Linear(DVec3::ZERO));
     match slot {
+        TextureSlot::Occlusion => false,
         TextureSlot::Specular => layers.specular == 0.0,
         TextureSlot::SpecularColour => layers.specular == 0.0 || black(layers.specular_colour),
         TextureSlot::Transmission => layers.transmission == 0.0,
@@ -101,7 +102,7 @@ pub(super) fn first_set(material: &gltf::Material) -> Option<u32> {
 }
 
 impl Loader<'_> {
-    /// The textures of a material's extensions. One that does not exist, or lies on another set of texture coordinates than the
+    /// The textures of occlusion and of a material's extensions. One that does not exist, or lies on another set of texture coordinates than the
     /// material's, is left out with a warning.
     pub(super) fn further_textures(
         &mut self,
@@ -110,6 +111,12 @@ impl Loader<'_> {
         document: &gltf::Document,
     ) -> Result<Vec<FurtherTexture>> {
         let mut further = Vec::new();
+        if let Some(occlusion) = material.occlusion_texture().filter(|occlusion| occlusion.strength() > 0.0) {
+            let named = Some((occlusion.texture(), occlusion.tex_coord()));
+            let texture = self.on_own_set(material, "occlusionTexture", named);
+            let texture = texture.and_then(|texture| self.texture(&texture));
+            further.extend(texture.map(|texture| FurtherTexture { slot: TextureSlot::Occlusion, texture }));
+        }
         for (extension, key, slot, is_alpha) in TEXTURES {
             let Some(value) = material.extension_value(extension).and_then(|value| value.get(key)) else {
                 continue;

@@ -118,6 +118,9 @@ impl Loader<'_> {
             emission_texture: m.emissive_texture().and_then(|t| self.texture(&t.texture())),
             unlit: m.unlit(),
             layers,
+            occlusion_strength: m
+                .occlusion_texture()
+                .map_or(1.0, |t| f64::from(t.strength()).clamp(0.0, 1.0)),
             further_textures,
             normal_map: m.normal_texture().and_then(|t| {
                 let scale = f64::from(t.scale());

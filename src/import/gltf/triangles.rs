@@ -178,7 +178,8 @@ fn core_sets(material: &gltf::Material) -> impl Iterator<Item = u32> {
 
 /// The texture coordinate set that all textures of a material are looked up by: that of its first texture.
 pub(super) fn texture_set(material: &gltf::Material) -> u32 {
-    core_sets(material).next().or_else(|| layers::first_set(material)).unwrap_or(0)
+    let occlusion = || material.occlusion_texture().map(|t| t.tex_coord());
+    core_sets(material).next().or_else(|| layers::first_set(material)).or_else(occlusion).unwrap_or(0)
 }
 
 #[cfg(test)]
