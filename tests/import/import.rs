@@ -1188,6 +1188,48 @@ fn gltf_textures_of_extensions() {
     );
 }
 
+/// KHR_materials_pbrSpecularGlossiness goes before the core model; glossiness in alpha becomes roughness: 255 - 0.5 x 100 = 205.
+#[test]
+fn gltf_specular_glossiness_becomes_metallic_roughness() {
+    let folder = Folder::new();
+    image::RgbaImage::from_pixel(1, 1, image::Rgba([1, 2, 3, 100]))
+        .save(folder.0.path().join("a.png"))
+        .expect("a file");
+    let name = "KHR_materials_pbrSpecularGlossiness";
+    let value = json!({
+        "diffuseFactor": [0.5, 2, 0.25, 1], "diffuseTexture": { "index": 0 }, "specularFactor": [0.1, 0.2, 0.3],
+        "glossinessFactor": 0.5, "specularGlossinessTexture": { "index": 0 },
+    });
+    let pbr = json!({ "baseColorFactor": [0, 0, 0, 1], "metallicFactor": 1 });
+    let model = Model::triangle()
+        .with("images", json!([{ "uri": "a.png" }]))
+        .with("textures", json!([{ "source": 0 }]))
+        .with(
+            "materials",
+            json!([
+                { "pbrMetallicRoughness": pbr, "extensions": { name: value } },
+                { "extensions": { name: {} } },
+            ]),
+        )
+        .with("extensionsUsed", json!([name]))
+        .with("extensionsRequired", json!([name]));
+    let (scene, warnings) = folder.load("a.gltf", model.text());
+    assert_eq!(warnings, [""; 0]);
+    let [Material::MetallicRoughness(m), Material::MetallicRoughness(plain)] = &scene.materials[..2] else {
+        panic!("{:?}", scene.materials)
+    };
+    assert_eq!(m.base_colour, Colour::Linear(v(0.5, 1.0, 0.25)));
+    assert_eq!(m.base_colour_texture.map(|t| t.image.0), Some(0));
+    assert_eq!((m.metallic, m.roughness, m.layers.ior, m.layers.specular), (0.0, 1.0, 0.0, 1.0));
+    assert_eq!(m.layers.specular_colour, Colour::Linear(v(0.1, 0.2, 0.3)));
+    assert_eq!(m.further_textures[0].slot, kiln::scene::TextureSlot::SpecularColour);
+    let roughness = m.metallic_roughness_texture.expect("the glossiness, converted").image.0;
+    assert_eq!(*scene.images[roughness as usize].pixels, [[205; 3]]);
+    // The defaults of the extension are 1 throughout: a mirror.
+    assert_eq!((plain.metallic, plain.roughness, plain.layers.ior), (0.0, 0.0, 0.0));
+    assert_eq!(plain.layers.specular_colour, Colour::Linear(DVec3::ONE));
+}
+
 #[test]
 fn scene_file_materials_are_of_one_model() {
     let material = |keys: &str| {

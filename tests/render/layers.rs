@@ -74,9 +74,13 @@ fn scene(material: &Value, images: &[String], more: &str) -> Scene {
 }
 
 fn job(scene: Scene, transport: Transport) -> RenderJob {
+    job_of(scene, transport, 4)
+}
+
+fn job_of(scene: Scene, transport: Transport, samples: u32) -> RenderJob {
     let mut settings =
         RenderSettings { size: Some([SIZE; 2]), transport: Some(transport), ..RenderSettings::default() };
-    settings.sampling.samples = Some(4);
+    settings.sampling.samples = Some(samples);
     settings.sampling.filter = Some(kiln::film::FilterShape::Box);
     prepare(scene, &settings, &mut Warnings::default()).expect("a job")
 }
@@ -234,12 +238,41 @@ fn occlusion_attenuates_the_ambient_light() {
         let more = format!("[ambient]\nintensity = 0.5\n[image]\nheadlight = false\n{lamp}");
         let scene = || scene(&material, std::slice::from_ref(&image), &more);
         let whitted = job(scene(), Transport::Whitted);
-        let (film, _) = whitted.render(&RenderControl::default()).expect("a picture");
+        let (film, _): (Film, _) = whitted.render(&RenderControl::default()).expect("a picture");
         for (x, expected) in [(2, expected[0]), (SIZE - 2, expected[1])] {
             let [red, ..] = film.pixel(x, SIZE / 2).map(f64::from);
             assert!((red - expected).abs() < 1e-6, "strength {strength}: {red}, expected {expected}");
         }
         let path = job(scene(), Transport::Path);
         assert!(path.plan.effects_on().all(|effect| effect != kiln::effects::id::TEXTURES));
+    }
+}
+
+/// Specular-glossiness: the reflectance at normal incidence is `specular`, in both transports. A smooth square seen straight on
+/// mirrors s of a uniform environment of 1, and its diffuse part d is scaled by 1 - max(s): s + d (1 - max(s)). Path tracing
+/// estimates it from 128 pixels of 256 samples, whose standard deviation is below 0.3: a standard error below 0.002. Local
+/// shading under an ambient light of 1/2 shows half of that. Specular colours by texture are decoded from sRGB: 255 is 1 and 0 is 0.
+#[test]
+fn specular_glossiness_has_its_reflectance() {
+    let image = data_uri(2, &[[255, 255, 255, 255], [0, 0, 0, 255]]);
+    for (diffuse, specular) in [(0.0, 0.7), (0.5, 0.04), (0.5, 0.5), (1.0, 0.3), (0.8, 1.0)] {
+        let material = json!({ "extensions": { "KHR_materials_pbrSpecularGlossiness": {
+            "diffuseFactor": [diffuse, diffuse, diffuse, 1], "specularFactor": [specular, specular, specular],
+            "glossinessFactor": 1, "specularGlossinessTexture": { "index": 0 },
+        } } });
+        for (transport, factor, slack, more) in [
+            (Transport::Path, 1.0, 6e-3, "[environment]\ncolour = '#ffffff'\n"),
+            (Transport::Whitted, 0.5, 1e-6, "[ambient]\nintensity = 0.5\n[image]\nheadlight = false\n"),
+        ] {
+            let job = job_of(scene(&material, std::slice::from_ref(&image), more), transport, 256);
+            let (film, _): (Film, _) = job.render(&RenderControl::default()).expect("a picture");
+            let half = SIZE / 2;
+            for (first, s) in [(0, specular), (half, 0.0)] {
+                let pixels = (0..SIZE).flat_map(|y| (first..first + half).map(move |x| (x, y)));
+                let sum: f64 = pixels.map(|(x, y)| f64::from(film.pixel(x, y)[0])).sum();
+                let (mean, expected) = (sum / f64::from(SIZE * half), factor * (s + diffuse * (1.0 - s)));
+                assert!((mean - expected).abs() < slack, "{diffuse} {s}: {mean}, expected {expected}");
+            }
+        }
     }
 }

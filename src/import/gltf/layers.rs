@@ -4,8 +4,8 @@
 use glam::DVec3;
 use gltf::json::Value;
 
-use super::Loader;
 use super::triangles::texture_set;
+use super::{Loader, specular_glossiness};
 use crate::error::Result;
 use crate::film::Colour;
 use crate::scene::{FurtherTexture, Layers, Texture, TextureSlot, Volume};
@@ -17,21 +17,33 @@ pub(super) const VOLUME: &str = "KHR_materials_volume";
 pub(super) const CLEARCOAT: &str = "KHR_materials_clearcoat";
 pub(super) const SHEEN: &str = "KHR_materials_sheen";
 
-/// All of them.
-pub(super) const ALL: [&str; 6] = [IOR, SPECULAR, TRANSMISSION, VOLUME, CLEARCOAT, SHEEN];
+/// All of them, and that which is converted to them.
+pub(super) const ALL: [&str; 7] =
+    [IOR, SPECULAR, TRANSMISSION, VOLUME, CLEARCOAT, SHEEN, specular_glossiness::NAME];
+
+/// A finite number, else the default.
+pub(super) fn number(value: Option<&Value>, default: f64) -> f64 {
+    value.and_then(Value::as_f64).filter(|x| x.is_finite()).unwrap_or(default)
+}
+
+/// Three finite numbers, else those of the default.
+fn channels(value: Option<&Value>, default: DVec3) -> DVec3 {
+    let channels = value.and_then(Value::as_array);
+    DVec3::from([0, 1, 2].map(|i| number(channels.and_then(|c| c.get(i)), default[i])))
+}
+
+/// A colour with channels from 0 to 1.
+pub(super) fn unit_colour(value: Option<&Value>, default: DVec3) -> DVec3 {
+    channels(value, default).clamp(DVec3::ZERO, DVec3::ONE)
+}
 
 /// The values of a material's extensions, clamped to the ranges of the format.
 pub(super) fn layers(material: &gltf::Material) -> Layers {
     let value = |extension: &str, key: &str| material.extension_value(extension).and_then(|v| v.get(key));
-    let number = |extension, key, default: f64| {
-        value(extension, key).and_then(Value::as_f64).filter(|x| x.is_finite()).unwrap_or(default)
-    };
+    let number = |extension, key, default: f64| number(value(extension, key), default);
     let unit = |extension, key, default| number(extension, key, default).clamp(0.0, 1.0);
     let colour = |extension, key, default: DVec3, most: f64| {
-        let channels = value(extension, key).and_then(Value::as_array);
-        let channel = |i: usize| channels.and_then(|c| c.get(i)?.as_f64()).filter(|x| x.is_finite());
-        let [r, g, b] = [0, 1, 2].map(|i| channel(i).unwrap_or(default[i]).clamp(0.0, most));
-        Colour::Linear(DVec3::new(r, g, b))
+        Colour::Linear(channels(value(extension, key), default).clamp(DVec3::ZERO, DVec3::splat(most)))
     };
     // A thickness of 0 is a thin wall.
     let volume = (number(VOLUME, "thicknessFactor", 0.0) > 0.0).then(|| Volume {
@@ -86,7 +98,7 @@ pub(super) fn has_coat_normals(material: &gltf::Material) -> bool {
 }
 
 /// A texture that an extension names, and its set of texture coordinates.
-fn named<'a>(value: &Value, document: &'a gltf::Document) -> Option<(gltf::Texture<'a>, u32)> {
+pub(super) fn named<'a>(value: &Value, document: &'a gltf::Document) -> Option<(gltf::Texture<'a>, u32)> {
     let index = usize::try_from(value.get("index")?.as_u64()?).ok()?;
     let set = value.get("texCoord").and_then(Value::as_u64).unwrap_or(0);
     Some((document.textures().nth(index)?, u32::try_from(set).ok()?))
@@ -125,7 +137,11 @@ impl Loader<'_> {
                 continue;
             }
             let Some(texture) = self.on_own_set(material, key, named(value, document)) else { continue };
-            let texture = if is_alpha { self.alpha_texture(&texture)? } else { self.texture(&texture) };
+            let texture = if is_alpha {
+                self.alpha_texture(&texture, AlphaUse::Plain)?
+            } else {
+                self.texture(&texture)
+            };
             further.extend(texture.map(|texture| FurtherTexture { slot, texture }));
         }
         Ok(further)
@@ -155,15 +171,41 @@ impl Loader<'_> {
     }
 
     /// The alpha channel of a texture as a grey texture; `None` without one.
-    fn alpha_texture(&mut self, texture: &gltf::Texture) -> Result<Option<Texture>> {
+    pub(super) fn alpha_texture(
+        &mut self,
+        texture: &gltf::Texture,
+        alpha_use: AlphaUse,
+    ) -> Result<Option<Texture>> {
         let Some(colour) = self.texture(texture) else { return Ok(None) };
-        let source = texture.source();
-        let known = self.alphas.get(&source.index()).copied();
-        let alpha = match known {
-            Some(known) => known,
-            None => self.alpha_of(&source, |alpha| alpha)?,
+        let key = (texture.source().index(), alpha_use);
+        let image = match self.alphas.get(&key) {
+            Some(known) => *known,
+            None => self.alpha_of(&texture.source(), |alpha| alpha_use.value(alpha))?,
         };
-        self.alphas.insert(source.index(), alpha);
-        Ok(alpha.map(|image| Texture { image, ..colour }))
+        self.alphas.insert(key, image);
+        Ok(image.map(|image| Texture { image, ..colour }))
+    }
+}
+
+/// What an alpha channel stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum AlphaUse {
+    /// Its values.
+    Plain,
+    /// The roughness 1 - factor x alpha, by the bits of the factor.
+    Roughness(u64),
+}
+
+impl AlphaUse {
+    /// The roughness of a glossiness in the alpha channel, with a factor from 0 to 1.
+    pub(super) fn roughness(glossiness: f64) -> Self {
+        AlphaUse::Roughness(glossiness.to_bits())
+    }
+
+    fn value(self, alpha: u8) -> u8 {
+        match self {
+            AlphaUse::Plain => alpha,
+            AlphaUse::Roughness(factor) => (255.0 - f64::from_bits(factor) * f64::from(alpha)).round() as u8,
+        }
     }
 }

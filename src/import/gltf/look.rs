@@ -105,7 +105,7 @@ impl Loader<'_> {
         let emission = colour(m.emissive_factor()) * strength;
         let layers = super::layers::layers(m);
         let further_textures = self.further_textures(m, &layers, document)?;
-        Ok(Material::MetallicRoughness(MetallicRoughness {
+        let mut material = MetallicRoughness {
             name: m.name().map_or_else(|| format!("material {}", m.index().unwrap_or(0)), str::to_owned),
             base_colour: Colour::Linear(colour([r, g, b])),
             base_colour_texture: pbr.base_color_texture().and_then(|t| self.texture(&t.texture())),
@@ -127,7 +127,9 @@ impl Loader<'_> {
                 let texture = self.texture(&t.texture())?;
                 Some(NormalMap { texture, scale: if scale.is_finite() { scale } else { 1.0 } })
             }),
-        }))
+        };
+        self.replace_by_specular_glossiness(m, document, &mut material)?;
+        Ok(Material::MetallicRoughness(material))
     }
 
     pub(super) fn camera(&mut self, camera: &gltf::Camera, name: String, world_from_node: &DMat4) {

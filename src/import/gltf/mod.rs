@@ -8,6 +8,7 @@ mod check;
 mod instancing;
 mod layers;
 mod look;
+mod specular_glossiness;
 mod triangles;
 
 use std::collections::HashMap;
@@ -19,6 +20,7 @@ use crate::error::{Result, Warnings};
 use crate::scene::{ImageId, Material, MaterialId, MetallicRoughness, Object, Scene, Shape};
 use check::{check_accessors, check_images, check_memory, load_buffers, world_transforms};
 use instancing::SharedMeshes;
+use layers::AlphaUse;
 use look::place_targets;
 use triangles::deform;
 
@@ -72,8 +74,8 @@ struct Loader<'a> {
     scene: Scene,
     warnings: &'a mut Warnings,
     plain: Option<MaterialId>,
-    /// Alpha channels that textures of extensions read, by the index of the image.
-    alphas: HashMap<usize, Option<ImageId>>,
+    /// Alpha channels that textures of extensions read, by the index of the image and their use.
+    alphas: HashMap<(usize, AlphaUse), Option<ImageId>>,
     shared: SharedMeshes,
 }
 

@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
-use super::{Loader, dvec3, layers};
+use super::{Loader, dvec3, layers, specular_glossiness};
 use crate::error::{Error, Place, Result};
 use crate::import::tangents::make_tangents;
 use crate::scene::{Attribute, Mesh, moved_tangent};
@@ -164,16 +164,18 @@ fn into_triangles(order: &[u32], mode: gltf::mesh::Mode) -> Vec<[u32; 3]> {
     }
 }
 
-/// The texture coordinate sets of the textures of glTF's core model but occlusion.
+/// The texture coordinate sets of the textures of glTF's core model, or of KHR_materials_pbrSpecularGlossiness, but occlusion.
 fn core_sets(material: &gltf::Material) -> impl Iterator<Item = u32> {
     let pbr = material.pbr_metallic_roughness();
-    let sets = [
-        pbr.base_color_texture().map(|t| t.tex_coord()),
-        material.normal_texture().map(|t| t.tex_coord()),
-        pbr.metallic_roughness_texture().map(|t| t.tex_coord()),
-        material.emissive_texture().map(|t| t.tex_coord()),
-    ];
-    sets.into_iter().flatten()
+    let [colour, other] = if material.extension_value(specular_glossiness::NAME).is_some() {
+        specular_glossiness::sets(material)
+    } else {
+        let other = pbr.metallic_roughness_texture().map(|t| t.tex_coord());
+        [pbr.base_color_texture().map(|t| t.tex_coord()), other]
+    };
+    let normal = material.normal_texture().map(|t| t.tex_coord());
+    let emission = material.emissive_texture().map(|t| t.tex_coord());
+    [colour, normal, other, emission].into_iter().flatten()
 }
 
 /// The texture coordinate set that all textures of a material are looked up by: that of its first texture.
