@@ -321,6 +321,7 @@ mod tests {
             geometric_normal: outer,
             shading_normal: smooth,
             texels: crate::world::Texels::default(),
+            further_texels: crate::world::FurtherTexels::default(),
             tint: DVec3::ONE,
             prim: crate::geometry::PrimId(0),
             object: 0,

@@ -242,10 +242,12 @@ impl PlanSpec {
 /// Which textures are looked up, and how.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct TextureUse {
-    /// The textures of colour, roughness, metallic and emission.
+    /// The textures of materials but their normal maps.
     pub material_textures: bool,
     /// The normal maps.
     pub normal_maps: bool,
+    /// Whether paths are traced: [`crate::scene::TextureSlot::is_used`].
+    pub is_path: bool,
     /// The filter; `None` for that of each texture's sampler.
     pub filter: Option<TextureFilter>,
 }

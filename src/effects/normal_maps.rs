@@ -47,7 +47,9 @@ pub const EFFECT: Effect = Effect {
     },
     bytes: |tile| {
         // The texture points are counted here only where the effect of textures has not run: it counts them itself.
-        let has_texels = tile.generations.iter().any(|generation| generation.surfaces.texels.capacity() > 0);
+        let has_texels = tile.generations.iter().any(|RayGeneration { surfaces, .. }| {
+            surfaces.texels.capacity() + surfaces.further_texels.capacity() > 0
+        });
         let shared = tile.buffers::<Buffers>().filter(|_| !has_texels).map_or(0, Buffers::bytes);
         let own = |Unperturbed(normals): &Unperturbed| shared + size_of::<Unperturbed>() + vec_bytes(normals);
         tile.buffers::<Unperturbed>().map_or(0, own)

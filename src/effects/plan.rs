@@ -354,6 +354,11 @@ pub fn check_scene(scene: &EffectsSection) -> Result<()> {
     Ok(())
 }
 
+/// Whether an effect is on, for the decisions of others. Effects that it builds on are not considered.
+pub(super) fn is_on(effect: EffectId, world: &World, choices: &Choices) -> bool {
+    EFFECTS.iter().any(|other| other.id == effect && decide(other, world, choices).on)
+}
+
 /// Decides whether an effect is computed. In this order: it needs something that calls for it, `--without` and `--with`, the scene
 /// file, the shading mode. An effect that nothing calls for stays off even if asked for: it could not change the picture.
 fn decide(effect: &Effect, world: &World, choices: &Choices) -> Decision {

@@ -38,12 +38,22 @@ impl Buffers {
     }
 }
 
+/// The further textures of a material that a transport uses, with the encoding of their texels.
+pub(crate) fn further(
+    material: &PreparedMaterial,
+    is_path: bool,
+) -> impl Iterator<Item = (Texture, TexelEncoding)> {
+    let used = material.further_textures().iter().filter(move |further| further.slot.is_used(is_path));
+    used.map(|further| (further.texture, further.slot.encoding()))
+}
+
 impl TextureUse {
     /// The textures of a material that are looked up, with the encoding of their texels.
     fn of<'a>(&self, material: &'a PreparedMaterial) -> impl Iterator<Item = (Texture, TexelEncoding)> + 'a {
-        let TextureUse { material_textures, normal_maps, .. } = *self;
+        let TextureUse { material_textures, normal_maps, is_path, .. } = *self;
         let map = material.normal_map().filter(|_| normal_maps).map(|map| (map.texture, TexelEncoding::Data));
-        material.textures().filter(move |_| material_textures).chain(map)
+        let textures = material.textures().chain(further(material, is_path));
+        textures.filter(move |_| material_textures).chain(map)
     }
 
     /// The filter of a texture.

@@ -1,11 +1,12 @@
-//! Textures: lookups of the materials' textures at the surfaces that have them.
+//! Textures: lookups of the materials' textures at the surfaces that have them. Those of layers are looked up only by the transport
+//! that uses them.
 
 use super::texture_points::{self, Buffers};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{Effect, EffectContext, EffectValue, Hook, Stage, TextureUse, id, named};
-use crate::scene::{Material, TexelEncoding, Texture, TextureFilter};
+use super::{Effect, EffectContext, EffectValue, Hook, Stage, TextureUse, id, named, plan};
+use crate::scene::{Material, TexelEncoding, Texture, TextureFilter, TextureSlot};
 use crate::shading::texture::look_up;
-use crate::world::{PreparedMaterial, Texels, World};
+use crate::world::{FurtherTexels, InteractionSoa, PreparedMaterial, Texels, TexturePoint, World};
 
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
@@ -25,8 +26,12 @@ pub const EFFECT: Effect = Effect {
             None => Err(format!("filters are {}", TextureFilter::ALL.map(TextureFilter::name).join(", "))),
         },
     }),
-    called_for: |world: &World, _| {
-        let textured = world.materials_in_use().filter(|material| material.textures().next().is_some());
+    called_for: |world: &World, choices| {
+        let is_path = plan::is_on(id::PATH, world, choices);
+        let is_textured = |material: &&PreparedMaterial| {
+            material.textures().chain(texture_points::further(material, is_path)).next().is_some()
+        };
+        let textured = world.materials_in_use().filter(is_textured);
         let names: Vec<&str> = textured.map(Material::name).collect();
         named("material", &names).ok_or_else(|| "no object is of a material with a picture".into())
     },
@@ -38,8 +43,9 @@ pub const EFFECT: Effect = Effect {
         texture_points::stages(context, hook, true, Textures { texture_use: context.spec.texture_use })
     },
     bytes: |tile| {
-        let texels = tile.generations.iter().map(|generation| vec_bytes(&generation.surfaces.texels));
-        let texels = texels.sum::<usize>();
+        let bytes =
+            |surfaces: &InteractionSoa| vec_bytes(&surfaces.texels) + vec_bytes(&surfaces.further_texels);
+        let texels = tile.generations.iter().map(|generation| bytes(&generation.surfaces)).sum::<usize>();
         texels + tile.buffers::<Buffers>().filter(|_| texels > 0).map_or(0, Buffers::bytes)
     },
 };
@@ -55,7 +61,10 @@ struct Textures {
 }
 
 /// Stores a looked-up value in the texels of a surface.
-type Store = fn(&mut Texels, glam::DVec3);
+type Store<T> = fn(&mut T, glam::DVec3);
+
+/// A texture of a material, the encoding of its texels, and where its value is stored.
+type Slot<T> = (Texture, TexelEncoding, Store<T>);
 
 impl Stage for Textures {
     fn name(&self) -> &'static str {
@@ -70,33 +79,72 @@ impl Stage for Textures {
             }
             let RayGeneration { surfaces, .. } = &mut tile.generations[tile.depth];
             let mut texels = std::mem::take(&mut surfaces.texels);
-            texels.resize(surfaces.len(), Texels::default());
-            for (material, range) in surfaces.by_material() {
-                let material = &context.world.materials[*material as usize];
-                for (texture, encoding, store) in slots(material) {
-                    let image = &context.world.images[texture.image.0 as usize];
-                    let filter = self.texture_use.filter(&texture);
-                    for (texels, point) in texels[range.clone()].iter_mut().zip(&points[range.clone()]) {
-                        if let Some(point) = point {
-                            store(texels, look_up(image, encoding, &texture.sampler, &filter, point));
-                        }
-                    }
-                }
-            }
-            surfaces.texels = texels;
+            let mut further = std::mem::take(&mut surfaces.further_texels);
+            let is_path = self.texture_use.is_path;
+            self.look_up(context.world, surfaces, points, |material| slots(material), &mut texels);
+            self.look_up(
+                context.world,
+                surfaces,
+                points,
+                |material| further_slots(material, is_path),
+                &mut further,
+            );
+            (surfaces.texels, surfaces.further_texels) = (texels, further);
         });
     }
 }
 
-/// The textures of a material, the encoding of their texels, and where their values are stored.
-fn slots(material: &PreparedMaterial) -> impl Iterator<Item = (Texture, TexelEncoding, Store)> {
-    let stores: [Store; 3] = [
+impl Textures {
+    /// Looks up the textures in `slots` of each surface's material into `texels`, which stay empty without any.
+    fn look_up<'a, T: Clone + Default, S: Iterator<Item = Slot<T>>>(
+        &self,
+        world: &'a World,
+        surfaces: &InteractionSoa,
+        points: &[Option<TexturePoint>],
+        slots: impl Fn(&'a PreparedMaterial) -> S,
+        texels: &mut Vec<T>,
+    ) {
+        for (material, range) in surfaces.by_material() {
+            for (texture, encoding, store) in slots(&world.materials[*material as usize]) {
+                texels.resize(surfaces.len(), T::default());
+                let image = &world.images[texture.image.0 as usize];
+                let filter = self.texture_use.filter(&texture);
+                for (texels, point) in texels[range.clone()].iter_mut().zip(&points[range.clone()]) {
+                    if let Some(point) = point {
+                        store(texels, look_up(image, encoding, &texture.sampler, &filter, point));
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn slots(material: &PreparedMaterial) -> impl Iterator<Item = Slot<Texels>> + use<> {
+    let stores: [Store<Texels>; 3] = [
         |texels, c| texels.colour = c,
         |texels, c| (texels.roughness, texels.metallic) = (c.y, c.z),
         |texels, c| texels.emission = c,
     ];
     let slots = material.slots().into_iter().zip(stores);
     slots.filter_map(|((texture, encoding), store)| Some((texture?, encoding, store)))
+}
+
+/// The further textures that the transport uses.
+fn further_slots(material: &PreparedMaterial, is_path: bool) -> impl Iterator<Item = Slot<FurtherTexels>> {
+    let store = |slot| -> Store<FurtherTexels> {
+        match slot {
+            TextureSlot::Occlusion => |texels, c| texels.occlusion = c.x,
+            TextureSlot::Specular => |texels, c| texels.specular = c.x,
+            TextureSlot::SpecularColour => |texels, c| texels.specular_colour = c,
+            TextureSlot::Transmission => |texels, c| texels.transmission = c.x,
+            TextureSlot::Clearcoat => |texels, c| texels.clearcoat = c.x,
+            TextureSlot::ClearcoatRoughness => |texels, c| texels.clearcoat_roughness = c.y,
+            TextureSlot::SheenColour => |texels, c| texels.sheen_colour = c,
+            TextureSlot::SheenRoughness => |texels, c| texels.sheen_roughness = c.x,
+        }
+    };
+    let used = material.further_textures().iter().filter(move |further| further.slot.is_used(is_path));
+    used.map(move |further| (further.texture, further.slot.encoding(), store(further.slot)))
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use image::{DynamicImage, GenericImageView};
 
@@ -18,8 +19,6 @@ use crate::scene::{DecodedImage, ImageId, Scene};
 pub(crate) enum Channels {
     /// Its colours, without alpha.
     Colour,
-    /// Its alpha channel, as grey; nothing where it is opaque everywhere.
-    Alpha,
     /// Its alpha channel, or its grey values where it is opaque everywhere.
     AlphaOrGrey,
 }
@@ -130,22 +129,53 @@ pub(crate) fn of_bytes(
     scene: &mut Scene,
     place: Place,
     bytes: &[u8],
-    channels: Channels,
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     let name = place.to_string();
-    let decoded = read::decode(bytes, TEXTURE).map(|image| into_texture(&name, &image, channels));
+    let decoded = read::decode(bytes, TEXTURE).map(|image| into_texture(&name, &image, Channels::Colour));
     keep(scene, decoded, place, warnings)
+}
+
+/// Decodes the alpha channel of an image in memory into a grey image, `value` of each; returns `None` if all are white (255), as
+/// without an alpha channel, or it cannot be decoded, of which [`of_bytes`] warns.
+///
+/// # Errors
+/// [`Error::Input`] where it is too large.
+pub(crate) fn alpha_of_bytes(
+    scene: &mut Scene,
+    place: Place,
+    bytes: &[u8],
+    value: impl Fn(u8) -> u8,
+) -> Result<Option<ImageId>> {
+    // Other formats than 8-bit RGBA are converted first.
+    const RGBA: u64 = 4;
+    let image = match read::decode(bytes, RGBA + TEXTURE) {
+        Ok(image) => image,
+        Err(ReadError::TooLarge { what, hint }) => return Err(Error::input(place, what, hint)),
+        Err(ReadError::Damaged(_)) => return Ok(None),
+    };
+    if !image.color().has_alpha() {
+        return Ok(None);
+    }
+    let (width, height) = image.dimensions();
+    let rgba = image.into_rgba8();
+    let pixels: Arc<[[u8; 3]]> =
+        rgba.as_raw().as_chunks().0.iter().map(|&[_, _, _, a]| [value(a); 3]).collect();
+    if pixels.iter().all(|&pixel| pixel == [255; 3]) {
+        return Ok(None);
+    }
+    let name = format!("{place}, alpha");
+    Ok(Some(scene.add_image(DecodedImage { name, width, height, pixels })))
 }
 
 fn keep(
     scene: &mut Scene,
-    decoded: std::result::Result<Option<DecodedImage>, ReadError>,
+    decoded: std::result::Result<DecodedImage, ReadError>,
     place: impl Into<Place>,
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     match decoded {
-        Ok(image) => Ok(image.map(|image| scene.add_image(image))),
+        Ok(image) => Ok(Some(scene.add_image(image))),
         Err(ReadError::TooLarge { what, hint }) => Err(Error::input(place, what, hint)),
         Err(ReadError::Damaged(why)) => {
             warnings.push(format!("{}: texture left out: {why}", place.into()));
@@ -154,14 +184,13 @@ fn keep(
     }
 }
 
-fn into_texture(name: &str, image: &DynamicImage, channels: Channels) -> Option<DecodedImage> {
+fn into_texture(name: &str, image: &DynamicImage, channels: Channels) -> DecodedImage {
     let (width, height) = image.dimensions();
-    let made = |pixels| Some(DecodedImage { name: name.to_owned(), width, height, pixels });
-    if channels != Channels::Colour {
+    let made = |pixels| DecodedImage { name: name.to_owned(), width, height, pixels };
+    if channels == Channels::AlphaOrGrey {
         let alpha = image.color().has_alpha().then(|| image.to_rgba8());
         return match alpha.filter(|alpha| alpha.pixels().any(|p| p.0[3] < 255)) {
             Some(alpha) => made(alpha.pixels().map(|p| [p.0[3]; 3]).collect()),
-            None if channels == Channels::Alpha => None,
             None => made(image.to_luma8().as_raw().iter().map(|&l| [l; 3]).collect()),
         };
     }

@@ -1,6 +1,6 @@
 //! Materials, textures and decoded images.
 
-use super::{ImageId, Sampler};
+use super::{FurtherTexture, ImageId, Layers, Sampler};
 use crate::film::Colour;
 use std::sync::Arc;
 
@@ -79,30 +79,10 @@ pub struct MetallicRoughness<C = Colour> {
     pub opacity: Option<Opacity>,
     /// Values of material extensions, which path tracing uses.
     pub layers: Layers<C>,
-}
-
-/// Values of the extensions KHR_materials_ior, specular, transmission, volume, clearcoat and sheen. Factors alone, without
-/// textures.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Layers<C = Colour> {
-    /// Index of refraction; 0 reflects everything.
-    pub ior: f64,
-    /// Weight of the dielectric reflection, 0 to 1.
-    pub specular: f64,
-    /// Factor of the dielectric reflectance at normal incidence.
-    pub specular_colour: C,
-    /// Part of the light below the dielectric reflection that is transmitted, 0 to 1.
-    pub transmission: f64,
-    /// The medium that the surface encloses; `None` for a thin wall.
-    pub volume: Option<Volume<C>>,
-    /// Weight of the clear coat, 0 to 1.
-    pub clearcoat: f64,
-    /// Roughness of the clear coat, 0 to 1.
-    pub clearcoat_roughness: f64,
-    /// Colour of the sheen; black is none.
-    pub sheen_colour: C,
-    /// Roughness of the sheen, 0 to 1.
-    pub sheen_roughness: f64,
+    /// Weight of the occlusion texture, 0 to 1: the ambient light is multiplied by `1 + occlusion_strength * (texel - 1)`.
+    pub occlusion_strength: f64,
+    /// The further textures, at most one for each slot.
+    pub further_textures: Vec<FurtherTexture>,
 }
 
 /// The opacity of a surface: the part of it that covers what is behind (alpha; Porter and Duff, Compositing Digital
@@ -115,15 +95,6 @@ pub struct Opacity {
     pub texture: Option<Texture>,
     /// Where given, the surface is opaque where the product is at least this, and absent elsewhere (`MASK` of glTF).
     pub cutoff: Option<f64>,
-}
-
-/// A homogeneous medium that absorbs.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Volume<C = Colour> {
-    /// What is left of white light after `attenuation_distance`.
-    pub attenuation_colour: C,
-    /// A distance above 0, which may be infinite.
-    pub attenuation_distance: f64,
 }
 
 /// An image and its sampler.
@@ -193,23 +164,8 @@ impl Default for MetallicRoughness {
             normal_map: None,
             opacity: None,
             layers: Layers::default(),
-        }
-    }
-}
-
-impl Default for Layers {
-    /// The defaults of the extensions.
-    fn default() -> Self {
-        Layers {
-            ior: 1.5,
-            specular: 1.0,
-            specular_colour: Colour::Linear(glam::DVec3::ONE),
-            transmission: 0.0,
-            volume: None,
-            clearcoat: 0.0,
-            clearcoat_roughness: 0.0,
-            sheen_colour: Colour::Linear(glam::DVec3::ZERO),
-            sheen_roughness: 0.0,
+            occlusion_strength: 1.0,
+            further_textures: Vec::new(),
         }
     }
 }
@@ -269,20 +225,9 @@ impl<C> Material<C> {
                 unlit: m.unlit,
                 normal_map: m.normal_map,
                 opacity: m.opacity,
-                layers: Layers {
-                    ior: m.layers.ior,
-                    specular: m.layers.specular,
-                    specular_colour: convert(m.layers.specular_colour),
-                    transmission: m.layers.transmission,
-                    volume: m.layers.volume.map(|volume| Volume {
-                        attenuation_colour: convert(volume.attenuation_colour),
-                        attenuation_distance: volume.attenuation_distance,
-                    }),
-                    clearcoat: m.layers.clearcoat,
-                    clearcoat_roughness: m.layers.clearcoat_roughness,
-                    sheen_colour: convert(m.layers.sheen_colour),
-                    sheen_roughness: m.layers.sheen_roughness,
-                },
+                layers: m.layers.map_colours(convert),
+                occlusion_strength: m.occlusion_strength,
+                further_textures: m.further_textures,
             }),
         }
     }
@@ -337,11 +282,19 @@ impl<C> Material<C> {
         self.slots().into_iter().filter_map(|(texture, encoding)| Some((texture?, encoding)))
     }
 
-    /// The textures that the material uses, with those of the normal map and the opacity.
+    /// The further textures.
+    pub fn further_textures(&self) -> &[FurtherTexture] {
+        match self {
+            Material::Phong(_) => &[],
+            Material::MetallicRoughness(m) => &m.further_textures,
+        }
+    }
+
+    /// All textures of the material, with those of the normal map and the opacity.
     pub fn textures_mut(&mut self) -> impl Iterator<Item = &mut Texture> {
-        let (textures, normal_map, opacity) = match self {
+        let (textures, normal_map, opacity, further) = match self {
             Material::Phong(m) => {
-                ([m.texture.as_mut(), None, None], m.normal_map.as_mut(), m.opacity.as_mut())
+                ([m.texture.as_mut(), None, None], m.normal_map.as_mut(), m.opacity.as_mut(), None)
             }
             Material::MetallicRoughness(m) => (
                 [
@@ -351,15 +304,20 @@ impl<C> Material<C> {
                 ],
                 m.normal_map.as_mut(),
                 m.opacity.as_mut(),
+                Some(&mut m.further_textures),
             ),
         };
+        let further = further.into_iter().flatten().map(|further| &mut further.texture);
         let opacity = opacity.and_then(|opacity| opacity.texture.as_mut());
-        textures.into_iter().flatten().chain(normal_map.map(|map| &mut map.texture)).chain(opacity)
+        let normal_map = normal_map.map(|map| &mut map.texture);
+        textures.into_iter().flatten().chain(normal_map).chain(opacity).chain(further)
     }
 
     /// Whether the material uses any texture.
     pub fn is_textured(&self) -> bool {
-        let opacity = self.opacity().and_then(|opacity| opacity.texture);
-        self.textures().next().is_some() || self.normal_map().is_some() || opacity.is_some()
+        self.textures().next().is_some()
+            || self.normal_map().is_some()
+            || self.opacity().is_some_and(|opacity| opacity.texture.is_some())
+            || !self.further_textures().is_empty()
     }
 }

@@ -31,6 +31,7 @@ mod effects;
 mod environment;
 pub mod file;
 mod fingerprint;
+mod layers;
 mod material;
 mod sampler;
 mod sampling;
@@ -45,9 +46,9 @@ pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fingerprint::Fingerprint;
+pub use layers::{FurtherTexture, Layers, TextureSlot, Volume};
 pub use material::{
-    DecodedImage, Glaze, Layers, Material, MetallicRoughness, NormalMap, Opacity, Phong, TexelEncoding,
-    Texture, Volume,
+    DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Opacity, Phong, TexelEncoding, Texture,
 };
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};

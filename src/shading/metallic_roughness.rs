@@ -1,19 +1,17 @@
-//! glTF's metallic-roughness material: Lambert and GGX (glTF 2.0, appendix B).
+//! glTF's metallic-roughness material: Lambert and GGX (glTF 2.0, appendix B), with KHR_materials_ior and KHR_materials_specular.
 //!
 //! A light of intensity 1 shows a diffuse surface that faces it in its base colour, so every term is pi times the BSDF of the
 //! specification. Ambient light is constant over the sphere; its reflection is approximated by the diffuse colour plus the
-//! reflectance at normal incidence.
+//! reflectance at normal incidence, and times the occlusion texture, which attenuates no other light (glTF 2.0, section 3.9.3).
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::bsdf::reflectances;
 use super::{LightSample, ShadingMode};
 use crate::scene::MetallicRoughness;
 use crate::world::{SurfaceInteraction, World};
-
-/// The reflectance at normal incidence of a dielectric with index of refraction 1.5.
-const DIELECTRIC: f64 = 0.04;
 
 /// The lower limit of the roughness, since a perfect mirror reflects point lights in no pixel. It gives a highlight of about one
 /// degree.
@@ -33,14 +31,19 @@ pub(crate) fn shade(
     }
     let metallic = material.metallic * surface.texels.metallic;
     let roughness = material.roughness * surface.texels.roughness;
-    let diffuse = base * (1.0 - metallic) * (1.0 - DIELECTRIC);
-    let f0 = DVec3::splat(DIELECTRIC).lerp(base, metallic);
+    let (layers, texels) = (&material.layers, &surface.further_texels);
+    let (specular_weight, specular_colour) =
+        (layers.specular * texels.specular, layers.specular_colour * texels.specular_colour);
+    let [f0, f90] = reflectances(layers.ior, specular_weight, specular_colour);
+    let diffuse = base * (1.0 - metallic) * (1.0 - f0.max_element());
+    let [f0, f90] = [f0.lerp(base, metallic), f90.lerp(DVec3::ONE, metallic)];
     let emission = material.emission * surface.texels.emission;
-    let mut sum = emission + world.ambient * (diffuse + f0);
+    let unoccluded = 1.0 + material.occlusion_strength * (surface.further_texels.occlusion - 1.0);
+    let mut sum = emission + world.ambient * unoccluded * (diffuse + f0);
     for light in lights {
         let mut returned = diffuse;
         if mode == ShadingMode::Full {
-            returned += specular(surface, light, f0, roughness.max(MIN_ROUGHNESS));
+            returned += specular(surface, light, [f0, f90], roughness.max(MIN_ROUGHNESS));
         }
         sum += returned * light.radiance * light.cosine;
     }
@@ -49,7 +52,12 @@ pub(crate) fn shade(
 
 /// pi times the product of the GGX distribution, Smith's height-correlated visibility (Heitz, Understanding the Masking-Shadowing
 /// Function in Microfacet-Based BRDFs, JCGT 3(2), 2014) and Schlick's Fresnel approximation.
-fn specular(surface: &SurfaceInteraction, light: &LightSample, f0: DVec3, roughness: f64) -> DVec3 {
+fn specular(
+    surface: &SurfaceInteraction,
+    light: &LightSample,
+    [f0, f90]: [DVec3; 2],
+    roughness: f64,
+) -> DVec3 {
     let n = surface.shading_normal;
     // Where the light is exactly opposite to the view there is no half vector, and no highlight.
     let Some(half) = (light.direction + surface.view).try_normalize() else { return DVec3::ZERO };
@@ -61,7 +69,7 @@ fn specular(surface: &SurfaceInteraction, light: &LightSample, f0: DVec3, roughn
     let distribution = a2 / (PI * denominator * denominator);
     let smith = |x: f64, y: f64| x * (y * y * (1.0 - a2) + a2).sqrt();
     let visibility = 0.5 / (smith(n_l, n_v) + smith(n_v, n_l));
-    let fresnel = f0 + (DVec3::ONE - f0) * (1.0 - v_h).powi(5);
+    let fresnel = f0 + (f90 - f0) * (1.0 - v_h).powi(5);
     PI * distribution * visibility * fresnel
 }
 
@@ -78,6 +86,7 @@ mod tests {
             geometric_normal: DVec3::Y,
             shading_normal: DVec3::Y,
             texels: crate::world::Texels::default(),
+            further_texels: crate::world::FurtherTexels::default(),
             tint: DVec3::ONE,
             prim: PrimId(0),
             object: 0,
@@ -89,7 +98,7 @@ mod tests {
     #[test]
     fn head_on_by_hand() {
         let light = LightSample { direction: DVec3::Y, distance: 1.0, radiance: DVec3::ONE, cosine: 1.0 };
-        let returned = specular(&surface(DVec3::Y), &light, DVec3::splat(0.5), 1.0);
+        let returned = specular(&surface(DVec3::Y), &light, [DVec3::splat(0.5), DVec3::ONE], 1.0);
         assert!((returned - DVec3::splat(0.125)).abs().max_element() < 1e-15);
     }
 
@@ -108,7 +117,7 @@ mod tests {
                         let sine = (1.0 - cosine * cosine).sqrt();
                         let direction = DVec3::new(sine * phi.cos(), cosine, sine * phi.sin());
                         let light = LightSample { direction, distance: 1.0, radiance: DVec3::ONE, cosine };
-                        sum += specular(&surface(view), &light, DVec3::ONE, roughness).x * cosine;
+                        sum += specular(&surface(view), &light, [DVec3::ONE; 2], roughness).x * cosine;
                     }
                 }
                 // The mean over the hemisphere times 2 pi, over the pi that `specular` contains.

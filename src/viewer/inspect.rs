@@ -211,7 +211,9 @@ fn material_values(world: &World, material: &PreparedMaterial) -> Vec<(&'static 
     let names = ["colour picture", "metallic-roughness picture", "emission picture"];
     let slots = material.slots().into_iter().map(|(texture, _)| texture).zip(names);
     let map = (material.normal_map().map(|map| map.texture), "normal map");
-    values.extend(slots.chain([map]).filter_map(|(texture, name)| {
+    let further =
+        material.further_textures().iter().map(|further| (Some(further.texture), further.slot.name()));
+    values.extend(slots.chain([map]).chain(further).filter_map(|(texture, name)| {
         let image = world.images.get(texture?.image.0 as usize)?;
         Some((name, format!("{} ({} x {})", image.name, image.width, image.height)))
     }));

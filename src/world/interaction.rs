@@ -21,6 +21,8 @@ pub struct SurfaceInteraction {
     pub shading_normal: DVec3,
     /// The values of the material's textures.
     pub texels: Texels,
+    /// The values of its further textures.
+    pub further_texels: FurtherTexels,
     /// The interpolated vertex colour; white without vertex colours.
     pub tint: DVec3,
     /// The primitive.
@@ -50,6 +52,43 @@ impl Default for Texels {
     }
 }
 
+/// The values of a material's further textures ([`crate::scene::FurtherTexture`]) at a point: factors, 1 without texture or where
+/// textures are off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FurtherTexels {
+    /// Unoccluded part of the ambient light.
+    pub occlusion: f64,
+    /// Factor of the weight of the dielectric reflection.
+    pub specular: f64,
+    /// Factor of the colour of the dielectric reflection.
+    pub specular_colour: DVec3,
+    /// Factor of the transmission.
+    pub transmission: f64,
+    /// Factor of the clear coat.
+    pub clearcoat: f64,
+    /// Factor of the roughness of the clear coat.
+    pub clearcoat_roughness: f64,
+    /// Factor of the colour of the sheen.
+    pub sheen_colour: DVec3,
+    /// Factor of the roughness of the sheen.
+    pub sheen_roughness: f64,
+}
+
+impl Default for FurtherTexels {
+    fn default() -> Self {
+        FurtherTexels {
+            occlusion: 1.0,
+            specular: 1.0,
+            specular_colour: DVec3::ONE,
+            transmission: 1.0,
+            clearcoat: 1.0,
+            clearcoat_roughness: 1.0,
+            sheen_colour: DVec3::ONE,
+            sheen_roughness: 1.0,
+        }
+    }
+}
+
 impl World {
     /// The surface interaction of `hit`, which must be a hit of `ray` with this world. Texels are left at 1.
     #[inline(always)]
@@ -64,6 +103,7 @@ impl World {
             geometric_normal: view,
             shading_normal: view,
             texels: Texels::default(),
+            further_texels: FurtherTexels::default(),
             tint: DVec3::ONE,
             prim: hit.prim,
             object: object_index,

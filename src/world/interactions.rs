@@ -8,7 +8,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::World;
-use super::interaction::{SurfaceInteraction, Texels};
+use super::interaction::{FurtherTexels, SurfaceInteraction, Texels};
 use super::soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
 use crate::bvh::Primitive;
 use crate::geometry::spawn::{EdgeTest, SurfacePoint};
@@ -35,6 +35,8 @@ pub struct InteractionSoa {
     pub tint: Vec3Soa,
     /// The values of the materials' textures; empty where textures are off.
     pub texels: Vec<Texels>,
+    /// The values of their further textures; empty where no surface has one.
+    pub further_texels: Vec<FurtherTexels>,
     /// Distances along the rays, and barycentric weights of the second and third corner.
     t: [f64; RAYS_PER_BATCH],
     weights: [[f64; RAYS_PER_BATCH]; 2],
@@ -66,6 +68,7 @@ impl Default for InteractionSoa {
             shading_normal: Vec3Soa::default(),
             tint: Vec3Soa::default(),
             texels: Vec::new(),
+            further_texels: Vec::new(),
             t: [0.0; RAYS_PER_BATCH],
             weights: [[0.0; RAYS_PER_BATCH]; 2],
             prim: [0; RAYS_PER_BATCH],
@@ -145,6 +148,7 @@ impl InteractionSoa {
             geometric_normal: self.geometric_normal.get(i),
             shading_normal: self.shading_normal.get(i),
             texels: self.texels.get(i).copied().unwrap_or_default(),
+            further_texels: self.further_texels.get(i).copied().unwrap_or_default(),
             tint: self.tint.get(i),
             prim: PrimId(self.prim[i]),
             object: self.object[i],
@@ -175,6 +179,7 @@ impl InteractionSoa {
         assert!(hits.len() <= RAYS_PER_BATCH, "at most one ray per pixel of a tile");
         self.runs.clear();
         self.texels.clear();
+        self.further_texels.clear();
         let mut len = 0;
         let mut last = None;
         for (index, hit) in (0..).zip(hits) {

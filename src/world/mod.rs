@@ -24,7 +24,7 @@ use environment::PreparedEnvironment;
 pub(crate) use emitters::{Emitters, sampled_emission};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
 pub use image::Image;
-pub use interaction::{SurfaceInteraction, Texels};
+pub use interaction::{FurtherTexels, SurfaceInteraction, Texels};
 pub use interactions::InteractionSoa;
 pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};

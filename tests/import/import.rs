@@ -1160,7 +1160,7 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
     let extensions = json!({
         "KHR_materials_ior": { "ior": 1.33 },
         "KHR_materials_specular": { "specularFactor": 0.5, "specularColorFactor": [1, 2, 0.25] },
-        "KHR_materials_transmission": { "transmissionFactor": 7, "transmissionTexture": { "index": 0 } },
+        "KHR_materials_transmission": { "transmissionFactor": 7, "transmissionTexture": { "index": 9 } },
         "KHR_materials_volume": { "thicknessFactor": 0.1, "attenuationColor": [0.5, 1, 3], "attenuationDistance": 4 },
         "KHR_materials_clearcoat": { "clearcoatFactor": 0.25, "clearcoatRoughnessFactor": -1 },
         "KHR_materials_sheen": { "sheenColorFactor": [0.1, 0.2, 0.3], "sheenRoughnessFactor": 0.75 },
@@ -1196,7 +1196,115 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
     assert_eq!(layers(0), expected);
     // An index below 1 is not one; the default of the format is 1.5.
     assert_eq!(layers(1), kiln::scene::Layers::default());
-    assert_eq!(warnings, ["a.gltf: 1 material(s) have textures of extensions; drawn without those"]);
+    assert_eq!(
+        warnings,
+        ["a.gltf: material without a name: its transmissionTexture does not exist; left out"]
+    );
+}
+
+/// Alpha channels become grey images, once for all that read them; a slot whose factor is 0, and the thickness, which rays
+/// measure, have no texture.
+#[test]
+fn gltf_textures_of_extensions() {
+    use kiln::scene::TextureSlot::{Clearcoat, SheenColour, SheenRoughness, Specular, SpecularColour};
+    let folder = Folder::new();
+    image::RgbaImage::from_pixel(1, 1, image::Rgba([1, 2, 3, 4]))
+        .save(folder.0.path().join("a.png"))
+        .expect("a file");
+    image::RgbImage::from_pixel(1, 1, image::Rgb([1, 2, 3]))
+        .save(folder.0.path().join("b.png"))
+        .expect("a file");
+    let by = |index: u32| json!({ "index": index });
+    let extensions = json!({
+        "KHR_materials_specular": { "specularTexture": by(0), "specularColorTexture": by(0) },
+        "KHR_materials_transmission": { "transmissionFactor": 0, "transmissionTexture": by(0) },
+        "KHR_materials_volume": { "thicknessFactor": 1, "thicknessTexture": by(0) },
+        "KHR_materials_clearcoat": {
+            "clearcoatFactor": 1, "clearcoatTexture": by(1), "clearcoatNormalTexture": by(1),
+            "clearcoatRoughnessFactor": 1, "clearcoatRoughnessTexture": { "index": 1, "texCoord": 1 },
+        },
+        "KHR_materials_sheen": {
+            "sheenColorFactor": [1, 1, 1], "sheenColorTexture": by(0),
+            "sheenRoughnessFactor": 1, "sheenRoughnessTexture": by(0),
+        },
+    });
+    // Without an alpha channel the specular factor is whole.
+    let other = json!({ "KHR_materials_specular": { "specularTexture": by(1) } });
+    let occlusion = |set: u32| json!({ "index": 1, "texCoord": set, "strength": 0.25 });
+    let model = Model::triangle()
+        .with("images", json!([{ "uri": "a.png" }, { "uri": "b.png" }]))
+        .with("textures", json!([{ "source": 0 }, { "source": 1 }]))
+        .with(
+            "materials",
+            json!([
+                { "name": "m", "extensions": extensions, "occlusionTexture": occlusion(1) },
+                { "extensions": other },
+                { "occlusionTexture": occlusion(1) },
+            ]),
+        )
+        .with("extensionsUsed", json!(extensions.as_object().expect("an object").keys().collect::<Vec<_>>()));
+    let (scene, warnings) = folder.load("a.gltf", model.text());
+    let found: Vec<_> =
+        scene.materials[0].further_textures().iter().map(|f| (f.slot, f.texture.image.0)).collect();
+    let expected =
+        [(Specular, 2), (SpecularColour, 0), (Clearcoat, 1), (SheenColour, 0), (SheenRoughness, 2)];
+    assert_eq!(found, expected);
+    assert_eq!(*scene.images[2].pixels, [[4; 3]]);
+    assert!(scene.images[2].name.ends_with("image 0, alpha") && scene.images.len() == 3);
+    assert!(scene.materials[1].further_textures().is_empty());
+    // Alone on its set, so that all is looked up by that.
+    let Material::MetallicRoughness(occluded) = &scene.materials[2] else { panic!("{:?}", scene.materials) };
+    assert_eq!((occluded.further_textures.len(), occluded.occlusion_strength), (1, 0.25));
+    assert_eq!(
+        warnings,
+        [
+            "a.gltf: 1 material(s) have a normal map of their clear coat; not used",
+            "a.gltf: material m: its occlusionTexture is on set 1 of texture coordinates, others on set 0; left out",
+            "a.gltf: material m: its clearcoatRoughnessTexture is on set 1 of texture coordinates, others on set 0; left out",
+        ]
+    );
+}
+
+/// KHR_materials_pbrSpecularGlossiness goes before the core model; glossiness in alpha becomes roughness: 255 - 0.5 x 100 = 205.
+#[test]
+fn gltf_specular_glossiness_becomes_metallic_roughness() {
+    let folder = Folder::new();
+    image::RgbaImage::from_pixel(1, 1, image::Rgba([1, 2, 3, 100]))
+        .save(folder.0.path().join("a.png"))
+        .expect("a file");
+    let name = "KHR_materials_pbrSpecularGlossiness";
+    let value = json!({
+        "diffuseFactor": [0.5, 2, 0.25, 1], "diffuseTexture": { "index": 0 }, "specularFactor": [0.1, 0.2, 0.3],
+        "glossinessFactor": 0.5, "specularGlossinessTexture": { "index": 0 },
+    });
+    let pbr = json!({ "baseColorFactor": [0, 0, 0, 1], "metallicFactor": 1 });
+    let model = Model::triangle()
+        .with("images", json!([{ "uri": "a.png" }]))
+        .with("textures", json!([{ "source": 0 }]))
+        .with(
+            "materials",
+            json!([
+                { "pbrMetallicRoughness": pbr, "extensions": { name: value } },
+                { "extensions": { name: {} } },
+            ]),
+        )
+        .with("extensionsUsed", json!([name]))
+        .with("extensionsRequired", json!([name]));
+    let (scene, warnings) = folder.load("a.gltf", model.text());
+    assert_eq!(warnings, [""; 0]);
+    let [Material::MetallicRoughness(m), Material::MetallicRoughness(plain)] = &scene.materials[..2] else {
+        panic!("{:?}", scene.materials)
+    };
+    assert_eq!(m.base_colour, Colour::Linear(v(0.5, 1.0, 0.25)));
+    assert_eq!(m.base_colour_texture.map(|t| t.image.0), Some(0));
+    assert_eq!((m.metallic, m.roughness, m.layers.ior, m.layers.specular), (0.0, 1.0, 0.0, 1.0));
+    assert_eq!(m.layers.specular_colour, Colour::Linear(v(0.1, 0.2, 0.3)));
+    assert_eq!(m.further_textures[0].slot, kiln::scene::TextureSlot::SpecularColour);
+    let roughness = m.metallic_roughness_texture.expect("the glossiness, converted").image.0;
+    assert_eq!(*scene.images[roughness as usize].pixels, [[205; 3]]);
+    // The defaults of the extension are 1 throughout: a mirror.
+    assert_eq!((plain.metallic, plain.roughness, plain.layers.ior), (0.0, 0.0, 0.0));
+    assert_eq!(plain.layers.specular_colour, Colour::Linear(DVec3::ONE));
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod aov;
 mod closed_form;
 mod effects;
 mod golden;
+mod layers;
 mod normal_maps;
 mod path;
 mod sampling;

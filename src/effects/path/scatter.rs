@@ -190,11 +190,8 @@ impl<'a> Vertex<'a> {
     fn continue_path(&self, bsdf: &Bsdf, numbers: &Numbers) -> Option<(Ray, Path)> {
         let [x, y] = numbers.of(Dimension::Direction);
         let has_roulette = numbers.depth as usize >= ROULETTE_FROM;
-        let [lobe, roulette] = if has_roulette || bsdf.has_choice() {
-            numbers.of(Dimension::LobeAndRoulette)
-        } else {
-            [0.0; 2]
-        };
+        let [lobe, roulette] =
+            if has_roulette || bsdf.has_choice() { numbers.of(Dimension::LobeAndRoulette) } else { [0.0; 2] };
         let sample = bsdf.sample([lobe, x, y])?;
         let [tangent, bitangent, normal] = self.frame;
         let local = sample.direction;
@@ -283,6 +280,7 @@ fn parameters(
 ) -> (Option<BsdfParameters>, DVec3) {
     let unit = |colour: DVec3| colour.clamp(DVec3::ZERO, DVec3::ONE);
     let mut transmittance = DVec3::ONE;
+    let texels = &surface.further_texels;
     let mut from_inside = false;
     if let Material::MetallicRoughness(m) = material
         && let Some(volume) = m.layers.volume.filter(|_| m.layers.transmission > 0.0)
@@ -299,15 +297,15 @@ fn parameters(
             metallic: (m.metallic * surface.texels.metallic).clamp(0.0, 1.0),
             roughness: (m.roughness * surface.texels.roughness).clamp(0.0, 1.0),
             ior: m.layers.ior,
-            specular: m.layers.specular,
-            specular_colour: m.layers.specular_colour,
-            transmission: m.layers.transmission,
+            specular: m.layers.specular * texels.specular,
+            specular_colour: m.layers.specular_colour * texels.specular_colour,
+            transmission: m.layers.transmission * texels.transmission,
             thin_walled: m.layers.volume.is_none(),
             from_inside,
-            clearcoat: m.layers.clearcoat,
-            clearcoat_roughness: m.layers.clearcoat_roughness,
-            sheen_colour: m.layers.sheen_colour,
-            sheen_roughness: m.layers.sheen_roughness,
+            clearcoat: m.layers.clearcoat * texels.clearcoat,
+            clearcoat_roughness: m.layers.clearcoat_roughness * texels.clearcoat_roughness,
+            sheen_colour: m.layers.sheen_colour * texels.sheen_colour,
+            sheen_roughness: m.layers.sheen_roughness * texels.sheen_roughness,
         },
         // Blinn's exponent as a width of GGX (Walter and others, Microfacet Models for Refraction, 2007, section 5.2): alpha^2 =
         // 2 / (n + 2). Without a highlight there is no specular layer.

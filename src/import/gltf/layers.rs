@@ -1,11 +1,14 @@
 //! The material extensions of glTF that are layers and media: index of refraction, specular, transmission, volume, clear
-//! coat and sheen. Their textures are left out, with a warning by the caller.
+//! coat and sheen, with their textures.
 
 use glam::DVec3;
 use gltf::json::Value;
 
+use super::triangles::texture_set;
+use super::{Loader, specular_glossiness};
+use crate::error::Result;
 use crate::film::Colour;
-use crate::scene::{Layers, Volume};
+use crate::scene::{FurtherTexture, Layers, Texture, TextureSlot, Volume};
 
 pub(super) const IOR: &str = "KHR_materials_ior";
 pub(super) const SPECULAR: &str = "KHR_materials_specular";
@@ -14,21 +17,33 @@ pub(super) const VOLUME: &str = "KHR_materials_volume";
 pub(super) const CLEARCOAT: &str = "KHR_materials_clearcoat";
 pub(super) const SHEEN: &str = "KHR_materials_sheen";
 
-/// All of them.
-pub(super) const ALL: [&str; 6] = [IOR, SPECULAR, TRANSMISSION, VOLUME, CLEARCOAT, SHEEN];
+/// All of them, and that which is converted to them.
+pub(super) const ALL: [&str; 7] =
+    [IOR, SPECULAR, TRANSMISSION, VOLUME, CLEARCOAT, SHEEN, specular_glossiness::NAME];
+
+/// A finite number, else the default.
+pub(super) fn number(value: Option<&Value>, default: f64) -> f64 {
+    value.and_then(Value::as_f64).filter(|x| x.is_finite()).unwrap_or(default)
+}
+
+/// Three finite numbers, else those of the default.
+fn channels(value: Option<&Value>, default: DVec3) -> DVec3 {
+    let channels = value.and_then(Value::as_array);
+    DVec3::from([0, 1, 2].map(|i| number(channels.and_then(|c| c.get(i)), default[i])))
+}
+
+/// A colour with channels from 0 to 1.
+pub(super) fn unit_colour(value: Option<&Value>, default: DVec3) -> DVec3 {
+    channels(value, default).clamp(DVec3::ZERO, DVec3::ONE)
+}
 
 /// The values of a material's extensions, clamped to the ranges of the format.
 pub(super) fn layers(material: &gltf::Material) -> Layers {
     let value = |extension: &str, key: &str| material.extension_value(extension).and_then(|v| v.get(key));
-    let number = |extension, key, default: f64| {
-        value(extension, key).and_then(Value::as_f64).filter(|x| x.is_finite()).unwrap_or(default)
-    };
+    let number = |extension, key, default: f64| number(value(extension, key), default);
     let unit = |extension, key, default| number(extension, key, default).clamp(0.0, 1.0);
     let colour = |extension, key, default: DVec3, most: f64| {
-        let channels = value(extension, key).and_then(Value::as_array);
-        let channel = |i: usize| channels.and_then(|c| c.get(i)?.as_f64()).filter(|x| x.is_finite());
-        let [r, g, b] = [0, 1, 2].map(|i| channel(i).unwrap_or(default[i]).clamp(0.0, most));
-        Colour::Linear(DVec3::new(r, g, b))
+        Colour::Linear(channels(value(extension, key), default).clamp(DVec3::ZERO, DVec3::splat(most)))
     };
     // A thickness of 0 is a thin wall.
     let volume = (number(VOLUME, "thicknessFactor", 0.0) > 0.0).then(|| Volume {
@@ -50,10 +65,147 @@ pub(super) fn layers(material: &gltf::Material) -> Layers {
     }
 }
 
-/// Whether an extension of the material has a texture, none of which is read.
-pub(super) fn has_textures(material: &gltf::Material) -> bool {
-    let has_texture = |value: &Value| {
-        value.as_object().is_some_and(|object| object.keys().any(|key| key.ends_with("Texture")))
+/// The textures of the extensions: extension, key, slot, and whether the alpha channel is read. `thicknessTexture` is for renderers
+/// that do not trace rays (KHR_materials_volume, section Thickness Texture).
+const TEXTURES: [(&str, &str, TextureSlot, bool); 7] = [
+    (SPECULAR, "specularTexture", TextureSlot::Specular, true),
+    (SPECULAR, "specularColorTexture", TextureSlot::SpecularColour, false),
+    (TRANSMISSION, "transmissionTexture", TextureSlot::Transmission, false),
+    (CLEARCOAT, "clearcoatTexture", TextureSlot::Clearcoat, false),
+    (CLEARCOAT, "clearcoatRoughnessTexture", TextureSlot::ClearcoatRoughness, false),
+    (SHEEN, "sheenColorTexture", TextureSlot::SheenColour, false),
+    (SHEEN, "sheenRoughnessTexture", TextureSlot::SheenRoughness, true),
+];
+
+/// Whether the factor of a slot is 0, so that its texture has no effect.
+fn is_zero(slot: TextureSlot, layers: &Layers) -> bool {
+    let black = |colour: Colour| matches!(colour, Colour::Linear(DVec3::ZERO));
+    match slot {
+        TextureSlot::Occlusion => false,
+        TextureSlot::Specular => layers.specular == 0.0,
+        TextureSlot::SpecularColour => layers.specular == 0.0 || black(layers.specular_colour),
+        TextureSlot::Transmission => layers.transmission == 0.0,
+        TextureSlot::Clearcoat => layers.clearcoat == 0.0,
+        TextureSlot::ClearcoatRoughness => layers.clearcoat == 0.0 || layers.clearcoat_roughness == 0.0,
+        TextureSlot::SheenColour => black(layers.sheen_colour),
+        TextureSlot::SheenRoughness => black(layers.sheen_colour) || layers.sheen_roughness == 0.0,
+    }
+}
+
+/// Whether the clear coat of a material has a normal map.
+pub(super) fn has_coat_normals(material: &gltf::Material) -> bool {
+    material.extension_value(CLEARCOAT).is_some_and(|value| value.get("clearcoatNormalTexture").is_some())
+}
+
+/// A texture that an extension names, and its set of texture coordinates.
+pub(super) fn named<'a>(value: &Value, document: &'a gltf::Document) -> Option<(gltf::Texture<'a>, u32)> {
+    let index = usize::try_from(value.get("index")?.as_u64()?).ok()?;
+    let set = value.get("texCoord").and_then(Value::as_u64).unwrap_or(0);
+    Some((document.textures().nth(index)?, u32::try_from(set).ok()?))
+}
+
+/// The set of texture coordinates of the first texture of a material's extensions.
+pub(super) fn first_set(material: &gltf::Material) -> Option<u32> {
+    let of = |extension, key| {
+        material.extension_value(extension)?.get(key)?.get("texCoord").map_or(Some(0), Value::as_u64)
     };
-    ALL.into_iter().filter_map(|name| material.extension_value(name)).any(has_texture)
+    let set = TEXTURES.into_iter().find_map(|(extension, key, ..)| of(extension, key))?;
+    u32::try_from(set).ok()
+}
+
+impl Loader<'_> {
+    /// The textures of occlusion and of a material's extensions. One that does not exist, or lies on another set of texture coordinates than the
+    /// material's, is left out with a warning.
+    pub(super) fn further_textures(
+        &mut self,
+        material: &gltf::Material,
+        layers: &Layers,
+        document: &gltf::Document,
+    ) -> Result<Vec<FurtherTexture>> {
+        let mut further = Vec::new();
+        if let Some(occlusion) = material.occlusion_texture().filter(|occlusion| occlusion.strength() > 0.0) {
+            let named = Some((occlusion.texture(), occlusion.tex_coord()));
+            let texture = self.on_own_set(material, "occlusionTexture", named);
+            let texture = texture.and_then(|texture| self.texture(&texture));
+            further.extend(texture.map(|texture| FurtherTexture { slot: TextureSlot::Occlusion, texture }));
+        }
+        for (extension, key, slot, is_alpha) in TEXTURES {
+            let Some(value) = material.extension_value(extension).and_then(|value| value.get(key)) else {
+                continue;
+            };
+            if is_zero(slot, layers) {
+                continue;
+            }
+            let Some(texture) = self.on_own_set(material, key, named(value, document)) else { continue };
+            let texture = if is_alpha {
+                self.alpha_texture(&texture, AlphaUse::Plain)?
+            } else {
+                self.texture(&texture)
+            };
+            further.extend(texture.map(|texture| FurtherTexture { slot, texture }));
+        }
+        Ok(further)
+    }
+
+    /// The texture if it is on the set of texture coordinates that all textures of the material share; otherwise `None` with a
+    /// warning.
+    pub(super) fn on_own_set<'a>(
+        &mut self,
+        material: &gltf::Material,
+        key: &str,
+        named: Option<(gltf::Texture<'a>, u32)>,
+    ) -> Option<gltf::Texture<'a>> {
+        let name = material.name().unwrap_or("without a name");
+        let Some((texture, set)) = named else {
+            self.warn(format!("material {name}: its {key} does not exist; left out"));
+            return None;
+        };
+        let own = texture_set(material);
+        if set != own {
+            self.warn(format!(
+                "material {name}: its {key} is on set {set} of texture coordinates, others on set {own}; left out"
+            ));
+            return None;
+        }
+        Some(texture)
+    }
+
+    /// The alpha channel of a texture as a grey texture; `None` without one.
+    pub(super) fn alpha_texture(
+        &mut self,
+        texture: &gltf::Texture,
+        alpha_use: AlphaUse,
+    ) -> Result<Option<Texture>> {
+        let Some(colour) = self.texture(texture) else { return Ok(None) };
+        let key = (texture.source().index(), alpha_use);
+        let image = match self.alphas.get(&key) {
+            Some(known) => *known,
+            None => self.alpha_of(&texture.source(), |alpha| alpha_use.value(alpha))?,
+        };
+        self.alphas.insert(key, image);
+        Ok(image.map(|image| Texture { image, ..colour }))
+    }
+}
+
+/// What an alpha channel stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) enum AlphaUse {
+    /// Its values.
+    Plain,
+    /// The roughness 1 - factor x alpha, by the bits of the factor.
+    Roughness(u64),
+}
+
+impl AlphaUse {
+    /// The roughness of a glossiness in the alpha channel, with a factor from 0 to 1.
+    pub(super) fn roughness(glossiness: f64) -> Self {
+        AlphaUse::Roughness(glossiness.to_bits())
+    }
+
+    fn value(self, alpha: u8) -> u8 {
+        match self {
+            AlphaUse::Plain => alpha,
+            AlphaUse::Roughness(factor) => (255.0 - f64::from_bits(factor) * f64::from(alpha)).round() as u8,
+        }
+    }
 }

@@ -1,8 +1,11 @@
 //! Materials, textures, cameras and lights.
 
+use std::borrow::Cow;
+
 use glam::{DMat4, DVec3};
 use gltf::material::AlphaMode;
 
+use super::layers::AlphaUse;
 use super::{Loader, dvec3};
 use crate::error::{Place, Result};
 use crate::film::Colour;
@@ -14,49 +17,26 @@ use crate::scene::{
 };
 
 impl Loader<'_> {
-    /// Loads the images, and the alpha channels of those that give materials their opacity.
-    pub(super) fn load_images(&mut self, document: &gltf::Document) -> Result<()> {
+    pub(super) fn load_images(&mut self, document: &gltf::Document) -> Result<Vec<Option<ImageId>>> {
         let mut files = ImageLoader::new(self.source);
-        let transparent = document.materials().filter(|m| m.alpha_mode() != AlphaMode::Opaque);
-        let images = transparent.filter_map(|m| m.pbr_metallic_roughness().base_color_texture());
-        let with_alpha: Vec<usize> = images.map(|t| t.texture().source().index()).collect();
-        for image in document.images() {
-            let colour = self.load_image(&image, Channels::Colour, &mut files)?;
-            // An image that cannot be decoded got its warning.
-            let alpha = if colour.is_some() && with_alpha.contains(&image.index()) {
-                self.load_image(&image, Channels::Alpha, &mut files)?
-            } else {
-                None
-            };
-            self.images.push(colour);
-            self.alphas.push(alpha);
-        }
-        Ok(())
+        document.images().map(|image| self.load_image(&image, &mut files)).collect()
     }
 
-    pub(super) fn load_image(
-        &mut self,
-        image: &gltf::Image,
-        channels: Channels,
-        files: &mut ImageLoader,
-    ) -> Result<Option<ImageId>> {
+    fn load_image(&mut self, image: &gltf::Image, files: &mut ImageLoader) -> Result<Option<ImageId>> {
         let place = Place::item(&self.source.file, format!("image {}", image.index()));
         match image.source() {
             gltf::image::Source::View { view, .. } => {
-                let range = view.offset()..view.offset().saturating_add(view.length());
-                let Some(bytes) = self.buffers.get(view.buffer().index()).and_then(|data| data.get(range))
-                else {
+                let Some(bytes) = bytes_of(&self.buffers, &view) else {
                     self.warnings.push(format!("{place}: texture left out: it lies outside its buffer"));
                     return Ok(None);
                 };
-                images::of_bytes(&mut self.scene, place, bytes, channels, self.warnings)
+                images::of_bytes(&mut self.scene, place, bytes, self.warnings)
             }
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
-                Ok(Resource::Data(bytes)) => {
-                    images::of_bytes(&mut self.scene, place, &bytes, channels, self.warnings)
-                }
+                Ok(Resource::Data(bytes)) => images::of_bytes(&mut self.scene, place, &bytes, self.warnings),
                 Ok(Resource::File(file)) => {
-                    files.of_file(&mut self.scene, &self.source.sibling(file), channels, self.warnings)
+                    let file = self.source.sibling(file);
+                    files.of_file(&mut self.scene, &file, Channels::Colour, self.warnings)
                 }
                 Err(what) => {
                     self.warnings.push(format!("{place}: texture left out: {what}"));
@@ -64,6 +44,28 @@ impl Loader<'_> {
                 }
             },
         }
+    }
+
+    /// The alpha channel of an image as a grey image, each value through `value`; `None` without one. An image that cannot be
+    /// read has its warning from [`Loader::load_images`].
+    pub(super) fn alpha_of(
+        &mut self,
+        image: &gltf::Image,
+        value: impl Fn(u8) -> u8,
+    ) -> Result<Option<ImageId>> {
+        let place = Place::item(&self.source.file, format!("image {}", image.index()));
+        let bytes = match image.source() {
+            gltf::image::Source::View { view, .. } => bytes_of(&self.buffers, &view).map(Cow::Borrowed),
+            gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
+                Ok(Resource::Data(bytes)) => Some(Cow::Owned(bytes)),
+                Ok(Resource::File(file)) => {
+                    self.source.files.read(&self.source.sibling(file)).ok().map(Cow::Owned)
+                }
+                Err(_) => None,
+            },
+        };
+        let Some(bytes) = bytes else { return Ok(None) };
+        images::alpha_of_bytes(&mut self.scene, place, &bytes, value)
     }
 
     pub(super) fn texture(&self, texture: &gltf::Texture) -> Option<Texture> {
@@ -97,14 +99,16 @@ impl Loader<'_> {
         })
     }
 
-    pub(super) fn material(&self, m: &gltf::Material) -> Material {
+    pub(super) fn material(&mut self, m: &gltf::Material, document: &gltf::Document) -> Result<Material> {
         let pbr = m.pbr_metallic_roughness();
         // Factors are clamped to the ranges of the format.
         let colour = |factors: [f32; 3]| dvec3(factors).clamp(DVec3::ZERO, DVec3::ONE);
         let [r, g, b, _] = pbr.base_color_factor();
         let strength = f64::from(m.emissive_strength().unwrap_or(1.0).clamp(0.0, f32::MAX));
         let emission = colour(m.emissive_factor()) * strength;
-        Material::MetallicRoughness(MetallicRoughness {
+        let layers = super::layers::layers(m);
+        let further_textures = self.further_textures(m, &layers, document)?;
+        let mut material = MetallicRoughness {
             name: m.name().map_or_else(|| format!("material {}", m.index().unwrap_or(0)), str::to_owned),
             base_colour: Colour::Linear(colour([r, g, b])),
             base_colour_texture: pbr.base_color_texture().and_then(|t| self.texture(&t.texture())),
@@ -116,30 +120,36 @@ impl Loader<'_> {
             emission: Colour::Linear(emission),
             emission_texture: m.emissive_texture().and_then(|t| self.texture(&t.texture())),
             unlit: m.unlit(),
-            opacity: self.opacity(m),
-            layers: super::layers::layers(m),
+            opacity: self.opacity(m)?,
+            layers,
+            occlusion_strength: m
+                .occlusion_texture()
+                .map_or(1.0, |t| f64::from(t.strength()).clamp(0.0, 1.0)),
+            further_textures,
             normal_map: m.normal_texture().and_then(|t| {
                 let scale = f64::from(t.scale());
                 let texture = self.texture(&t.texture())?;
                 Some(NormalMap { texture, scale: if scale.is_finite() { scale } else { 1.0 } })
             }),
-        })
+        };
+        self.replace_by_specular_glossiness(m, document, &mut material)?;
+        Ok(Material::MetallicRoughness(material))
     }
 
     /// The opacity of a material: the alpha of its base colour (glTF 2.0, section 3.9.4); `None` for an opaque one.
-    fn opacity(&self, m: &gltf::Material) -> Option<Opacity> {
+    fn opacity(&mut self, m: &gltf::Material) -> Result<Option<Opacity>> {
         let cutoff = match m.alpha_mode() {
-            AlphaMode::Opaque => return None,
+            AlphaMode::Opaque => return Ok(None),
             AlphaMode::Mask => Some(f64::from(m.alpha_cutoff().unwrap_or(0.5))),
             AlphaMode::Blend => None,
         };
         let pbr = m.pbr_metallic_roughness();
         let [.., alpha] = pbr.base_color_factor();
-        let texture = pbr.base_color_texture().and_then(|t| {
-            let image = (*self.alphas.get(t.texture().source().index())?)?;
-            Some(Texture { image, ..self.texture(&t.texture())? })
-        });
-        Some(Opacity { factor: f64::from(alpha).clamp(0.0, 1.0), texture, cutoff })
+        let texture = match pbr.base_color_texture() {
+            Some(info) => self.alpha_texture(&info.texture(), AlphaUse::Plain)?,
+            None => None,
+        };
+        Ok(Some(Opacity { factor: f64::from(alpha).clamp(0.0, 1.0), texture, cutoff }))
     }
 
     pub(super) fn camera(&mut self, camera: &gltf::Camera, name: String, world_from_node: &DMat4) {
@@ -214,6 +224,12 @@ impl Loader<'_> {
         self.scene.lights.push(Light { name, colour, intensity, kind });
         self.scene.has_physical_lights = true;
     }
+}
+
+/// The bytes of a buffer view; `None` if it lies outside its buffer.
+fn bytes_of<'a>(buffers: &'a [Vec<u8>], view: &gltf::buffer::View) -> Option<&'a [u8]> {
+    let range = view.offset()..view.offset().saturating_add(view.length());
+    buffers.get(view.buffer().index())?.get(range)
 }
 
 /// Places the camera targets. glTF cameras have a direction only; the target is the point of the view ray nearest to

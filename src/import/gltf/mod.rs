@@ -8,7 +8,10 @@ mod check;
 mod instancing;
 mod layers;
 mod look;
+mod specular_glossiness;
 mod triangles;
+
+use std::collections::HashMap;
 
 use glam::{DMat4, DVec3};
 
@@ -17,6 +20,7 @@ use crate::error::{Result, Warnings};
 use crate::scene::{ImageId, Material, MaterialId, MetallicRoughness, Object, Scene, Shape};
 use check::{check_accessors, check_images, check_memory, load_buffers, world_transforms};
 use instancing::SharedMeshes;
+use layers::AlphaUse;
 use look::place_targets;
 use triangles::deform;
 
@@ -32,16 +36,16 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         source,
         buffers,
         images: Vec::new(),
-        alphas: Vec::new(),
         scene: Scene::default(),
         warnings,
         plain: None,
+        alphas: HashMap::new(),
         shared: SharedMeshes::default(),
     };
     loader.warn_of_what_is_not_drawn(&document);
-    loader.load_images(&document)?;
+    loader.images = loader.load_images(&document)?;
     for material in document.materials() {
-        let material = loader.material(&material);
+        let material = loader.material(&material, &document)?;
         loader.scene.add_material(material);
     }
     let world_from_node = world_transforms(&document, &source.file, loader.warnings)?;
@@ -67,11 +71,11 @@ struct Loader<'a> {
     source: &'a Source,
     buffers: Vec<Vec<u8>>,
     images: Vec<Option<ImageId>>,
-    /// For each image, its alpha channel; `None` where no material uses it or the image is opaque.
-    alphas: Vec<Option<ImageId>>,
     scene: Scene,
     warnings: &'a mut Warnings,
     plain: Option<MaterialId>,
+    /// Alpha channels that textures of extensions read, by the index of the image and their use.
+    alphas: HashMap<(usize, AlphaUse), Option<ImageId>>,
     shared: SharedMeshes,
 }
 
@@ -97,9 +101,9 @@ impl Loader<'_> {
         for name in unread {
             self.warn(format!("extension {name} is not used"));
         }
-        let textured = document.materials().filter(layers::has_textures).count();
-        if textured > 0 {
-            self.warn(format!("{textured} material(s) have textures of extensions; drawn without those"));
+        let coats = document.materials().filter(layers::has_coat_normals).count();
+        if coats > 0 {
+            self.warn(format!("{coats} material(s) have a normal map of their clear coat; not used"));
         }
     }
 

@@ -2,7 +2,7 @@
 
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
-use super::{Loader, dvec3};
+use super::{Loader, dvec3, layers, specular_glossiness};
 use crate::error::{Error, Place, Result};
 use crate::import::tangents::make_tangents;
 use crate::scene::{Attribute, Mesh, moved_tangent};
@@ -83,16 +83,8 @@ impl Loader<'_> {
 
     /// The texture coordinate set of a material; kiln supports one set for all textures of a material.
     fn uv_set(&mut self, material: &gltf::Material) -> u32 {
-        let pbr = material.pbr_metallic_roughness();
-        let sets = [
-            pbr.base_color_texture().map(|t| t.tex_coord()),
-            material.normal_texture().map(|t| t.tex_coord()),
-            pbr.metallic_roughness_texture().map(|t| t.tex_coord()),
-            material.emissive_texture().map(|t| t.tex_coord()),
-        ];
-        let mut sets = sets.into_iter().flatten();
-        let first = sets.next().unwrap_or(0);
-        if sets.any(|set| set != first) {
+        let first = texture_set(material);
+        if core_sets(material).any(|set| set != first) {
             let name = material.name().unwrap_or("without a name");
             self.warn(format!(
                 "material {name} has pictures by several sets of texture coordinates; all drawn by set {first}"
@@ -180,6 +172,26 @@ fn into_triangles(order: &[u32], mode: gltf::mesh::Mode) -> Vec<[u32; 3]> {
         Mode::TriangleFan => order.windows(2).skip(1).map(|w| [order[0], w[0], w[1]]).collect(),
         _ => order.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
     }
+}
+
+/// The texture coordinate sets of the textures of glTF's core model, or of KHR_materials_pbrSpecularGlossiness, but occlusion.
+fn core_sets(material: &gltf::Material) -> impl Iterator<Item = u32> {
+    let pbr = material.pbr_metallic_roughness();
+    let [colour, other] = if material.extension_value(specular_glossiness::NAME).is_some() {
+        specular_glossiness::sets(material)
+    } else {
+        let other = pbr.metallic_roughness_texture().map(|t| t.tex_coord());
+        [pbr.base_color_texture().map(|t| t.tex_coord()), other]
+    };
+    let normal = material.normal_texture().map(|t| t.tex_coord());
+    let emission = material.emissive_texture().map(|t| t.tex_coord());
+    [colour, normal, other, emission].into_iter().flatten()
+}
+
+/// The texture coordinate set that all textures of a material are looked up by: that of its first texture.
+pub(super) fn texture_set(material: &gltf::Material) -> u32 {
+    let occlusion = || material.occlusion_texture().map(|t| t.tex_coord());
+    core_sets(material).next().or_else(|| layers::first_set(material)).or_else(occlusion).unwrap_or(0)
 }
 
 #[cfg(test)]

@@ -17,12 +17,17 @@ use super::fresnel::{normal_reflectance, relative_index};
 /// 3.1.1.
 const MIN_REFLECTANCE: f64 = 0.02;
 
+/// The reflectances at normal and grazing incidence of KHR_materials_ior and KHR_materials_specular.
+pub(crate) fn reflectances(ior: f64, specular: f64, colour: DVec3) -> [DVec3; 2] {
+    let reflectance = normal_reflectance(relative_index(ior, false));
+    let f0 = (colour * reflectance).min(DVec3::ONE) * specular;
+    [f0, DVec3::splat(specular * (reflectance / MIN_REFLECTANCE).min(1.0))]
+}
+
 /// The Fresnel factors at normal and grazing incidence of KHR_materials_ior and KHR_materials_specular, with the
 /// compensation of multiple scattering. Interfaces from inside have the values of the outside.
 pub(crate) fn dielectric_layer(ior: f64, specular: f64, colour: DVec3, albedo: &GgxAlbedo) -> [DVec3; 2] {
-    let reflectance = normal_reflectance(relative_index(ior, false));
-    let f0 = (colour * reflectance).min(DVec3::ONE) * specular;
-    let f90 = DVec3::splat(specular * (reflectance / MIN_REFLECTANCE).min(1.0));
+    let [f0, f90] = reflectances(ior, specular, colour);
     let compensation = albedo.compensation(f0);
     [f0 * compensation, f90 * compensation]
 }

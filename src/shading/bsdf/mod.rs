@@ -42,6 +42,7 @@ use glam::DVec3;
 
 use albedo::GgxAlbedo;
 use clearcoat::Clearcoat;
+pub(crate) use dielectric::reflectances;
 use diffuse::Diffuse;
 use fresnel::{Fresnel, Interface, relative_index};
 use ggx::Ggx;

@@ -1,0 +1,72 @@
+//! KHR_materials_pbrSpecularGlossiness, converted to metallic-roughness with layers.
+//!
+//! The reflectance at normal incidence is `specular`: an infinite index of refraction (`ior` 0), whose reflectance is 1, with the
+//! specular colour as its factor (KHR_materials_specular, section Conversions). The roughness is 1 - glossiness. Both are exact,
+//! and so are their textures, the roughness within half a step of 8 bits. The diffuse part of the extension,
+//! diffuse (1 - max(specular)) (1 - F), becomes the base below a dielectric layer: diffuse scaled by what the layer leaves.
+
+use glam::DVec3;
+use gltf::json::Value;
+
+use super::Loader;
+use super::layers::{AlphaUse, named, number, unit_colour};
+use crate::error::Result;
+use crate::film::Colour;
+use crate::scene::{FurtherTexture, MetallicRoughness, Opacity, TextureSlot};
+
+pub(super) const NAME: &str = "KHR_materials_pbrSpecularGlossiness";
+
+const DIFFUSE: &str = "diffuseTexture";
+const SPECULAR: &str = "specularGlossinessTexture";
+
+/// The sets of texture coordinates of the textures of a material's extension; none without the extension.
+pub(super) fn sets(material: &gltf::Material) -> [Option<u32>; 2] {
+    [DIFFUSE, SPECULAR].map(|key| {
+        let texture = material.extension_value(NAME)?.get(key)?;
+        texture.get("texCoord").map_or(Some(0), Value::as_u64)?.try_into().ok()
+    })
+}
+
+impl Loader<'_> {
+    /// Replaces base colour, opacity, metallic, roughness, index of refraction and specular of a material by those of the extension, if
+    /// the material has it.
+    pub(super) fn replace_by_specular_glossiness(
+        &mut self,
+        of: &gltf::Material,
+        document: &gltf::Document,
+        material: &mut MetallicRoughness,
+    ) -> Result<()> {
+        let Some(value) = of.extension_value(NAME) else { return Ok(()) };
+        let colour = |key| Colour::Linear(unit_colour(value.get(key), DVec3::ONE));
+        let glossiness = number(value.get("glossinessFactor"), 1.0).clamp(0.0, 1.0);
+        material.base_colour = colour("diffuseFactor");
+        material.base_colour_texture =
+            value.get(DIFFUSE).and_then(|info| self.texture(&named(info, document)?.0));
+        if let Some(cutoff) = material.opacity.map(|opacity| opacity.cutoff) {
+            let alpha = value.get("diffuseFactor").and_then(|factor| factor.get(3));
+            let texture = match value.get(DIFFUSE).and_then(|info| named(info, document)) {
+                Some((texture, _)) => self.alpha_texture(&texture, AlphaUse::Plain)?,
+                None => None,
+            };
+            material.opacity = Some(Opacity { factor: number(alpha, 1.0).clamp(0.0, 1.0), texture, cutoff });
+        }
+        material.metallic = 0.0;
+        material.roughness = 1.0 - glossiness;
+        material.metallic_roughness_texture = None;
+        (material.layers.ior, material.layers.specular) = (0.0, 1.0);
+        material.layers.specular_colour = colour("specularFactor");
+        let is_specular = |slot| matches!(slot, TextureSlot::Specular | TextureSlot::SpecularColour);
+        material.further_textures.retain(|further| !is_specular(further.slot));
+        let Some(info) = value.get(SPECULAR) else { return Ok(()) };
+        let Some(texture) = self.on_own_set(of, SPECULAR, named(info, document)) else { return Ok(()) };
+        let colours = self.texture(&texture);
+        let slot = TextureSlot::SpecularColour;
+        material.further_textures.extend(colours.map(|texture| FurtherTexture { slot, texture }));
+        // Without an alpha channel the glossiness is its factor.
+        if let Some(roughness) = self.alpha_texture(&texture, AlphaUse::roughness(glossiness))? {
+            material.roughness = 1.0;
+            material.metallic_roughness_texture = Some(roughness);
+        }
+        Ok(())
+    }
+}

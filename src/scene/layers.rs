@@ -1,0 +1,138 @@
+//! Layers and media of metallic-roughness materials, and the textures beyond those of glTF's core model.
+
+use super::{TexelEncoding, Texture};
+use crate::film::Colour;
+
+/// Values of the extensions KHR_materials_ior, specular, transmission, volume, clearcoat and sheen: factors of the
+/// textures in [`super::MetallicRoughness::further_textures`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layers<C = Colour> {
+    /// Index of refraction; 0 reflects everything.
+    pub ior: f64,
+    /// Weight of the dielectric reflection, 0 to 1.
+    pub specular: f64,
+    /// Factor of the dielectric reflectance at normal incidence.
+    pub specular_colour: C,
+    /// Part of the light below the dielectric reflection that is transmitted, 0 to 1.
+    pub transmission: f64,
+    /// The medium that the surface encloses; `None` for a thin wall.
+    pub volume: Option<Volume<C>>,
+    /// Weight of the clear coat, 0 to 1.
+    pub clearcoat: f64,
+    /// Roughness of the clear coat, 0 to 1.
+    pub clearcoat_roughness: f64,
+    /// Colour of the sheen; black is none.
+    pub sheen_colour: C,
+    /// Roughness of the sheen, 0 to 1.
+    pub sheen_roughness: f64,
+}
+
+/// A homogeneous medium that absorbs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Volume<C = Colour> {
+    /// What is left of white light after `attenuation_distance`.
+    pub attenuation_colour: C,
+    /// A distance above 0, which may be infinite.
+    pub attenuation_distance: f64,
+}
+
+impl Default for Layers {
+    /// The defaults of the extensions.
+    fn default() -> Self {
+        Layers {
+            ior: 1.5,
+            specular: 1.0,
+            specular_colour: Colour::Linear(glam::DVec3::ONE),
+            transmission: 0.0,
+            volume: None,
+            clearcoat: 0.0,
+            clearcoat_roughness: 0.0,
+            sheen_colour: Colour::Linear(glam::DVec3::ZERO),
+            sheen_roughness: 0.0,
+        }
+    }
+}
+
+impl<C> Layers<C> {
+    /// The layers with every colour converted by `convert`.
+    pub fn map_colours<D>(self, convert: impl Fn(C) -> D) -> Layers<D> {
+        Layers {
+            ior: self.ior,
+            specular: self.specular,
+            specular_colour: convert(self.specular_colour),
+            transmission: self.transmission,
+            volume: self.volume.map(|volume| Volume {
+                attenuation_colour: convert(volume.attenuation_colour),
+                attenuation_distance: volume.attenuation_distance,
+            }),
+            clearcoat: self.clearcoat,
+            clearcoat_roughness: self.clearcoat_roughness,
+            sheen_colour: convert(self.sheen_colour),
+            sheen_roughness: self.sheen_roughness,
+        }
+    }
+}
+
+/// A texture of a metallic-roughness material beside those of base colour, roughness and metallic, and emission.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FurtherTexture {
+    /// What it is multiplied into.
+    pub slot: TextureSlot,
+    /// The texture.
+    pub texture: Texture,
+}
+
+/// What a [`FurtherTexture`] is multiplied into, and where its value is stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TextureSlot {
+    /// The ambient light, weighted by [`super::MetallicRoughness::occlusion_strength`]: red.
+    Occlusion,
+    /// [`Layers::specular`]: red.
+    Specular,
+    /// [`Layers::specular_colour`].
+    SpecularColour,
+    /// [`Layers::transmission`]: red.
+    Transmission,
+    /// [`Layers::clearcoat`]: red.
+    Clearcoat,
+    /// [`Layers::clearcoat_roughness`]: green.
+    ClearcoatRoughness,
+    /// [`Layers::sheen_colour`].
+    SheenColour,
+    /// [`Layers::sheen_roughness`]: red.
+    SheenRoughness,
+}
+
+impl TextureSlot {
+    /// How its texels are decoded.
+    pub fn encoding(self) -> TexelEncoding {
+        match self {
+            TextureSlot::SpecularColour | TextureSlot::SheenColour => TexelEncoding::Colour,
+            _ => TexelEncoding::Data,
+        }
+    }
+
+    /// Whether a transport uses it: path tracing, or local shading. Occlusion stands for what path tracing computes; local shading
+    /// has no layers but the dielectric reflection.
+    pub fn is_used(self, is_path: bool) -> bool {
+        match self {
+            TextureSlot::Occlusion => !is_path,
+            TextureSlot::Specular | TextureSlot::SpecularColour => true,
+            _ => is_path,
+        }
+    }
+
+    /// The name, for people.
+    pub fn name(self) -> &'static str {
+        match self {
+            TextureSlot::Occlusion => "occlusion picture",
+            TextureSlot::Specular => "specular picture",
+            TextureSlot::SpecularColour => "specular colour picture",
+            TextureSlot::Transmission => "transmission picture",
+            TextureSlot::Clearcoat => "clear coat picture",
+            TextureSlot::ClearcoatRoughness => "clear coat roughness picture",
+            TextureSlot::SheenColour => "sheen colour picture",
+            TextureSlot::SheenRoughness => "sheen roughness picture",
+        }
+    }
+}
