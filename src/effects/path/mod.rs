@@ -7,12 +7,14 @@
 
 mod lights;
 mod scatter;
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 
 use super::samples::TileSamples;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, SecondaryRays, Stage, id};
+use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, SecondaryRays, Stage, id, named};
 use crate::geometry::Ray;
 use crate::scene::Transport;
 use crate::world::World;
@@ -69,7 +71,11 @@ fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
         Some(transport @ Transport::Whitted) => Err(format!("the transport is `{}`", transport.name())),
         Some(transport @ Transport::Path) => Ok(format!("the transport is `{}`", transport.name())),
         None if world.environment.is_some() => Ok("the scene has an `environment`".into()),
-        None => Err("the scene has no environment; --transport path asks for it".into()),
+        None => {
+            let names: Vec<&str> = world.area_lights.names.iter().map(String::as_str).collect();
+            let nothing = || "the scene has no environment and no area light; --transport path asks for it".into();
+            named("area light", &names).ok_or_else(nothing)
+        }
     }
 }
 
