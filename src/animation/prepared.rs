@@ -18,7 +18,7 @@ const TURNTABLE: (f64, f64) = (10.0, 30.0);
 
 /// An animation with everything its frames share.
 pub struct PreparedAnimation {
-    /// The description. Without objects where none moves: `world` has them.
+    /// The description. Without objects where no surface moves: `world` has them.
     scene: Scene,
     /// The index of the camera.
     camera: usize,
@@ -27,7 +27,7 @@ pub struct PreparedAnimation {
     world: World,
     /// How `world` was recentered.
     recentering: Option<Recentering>,
-    /// The structure to build for each frame; `None` where no object moves.
+    /// The structure to build for each frame; `None` where no surface moves.
     structure: Option<Layout>,
 }
 
@@ -62,7 +62,7 @@ impl PreparedAnimation {
             scene.cameras.push(camera.clone());
             scene.cameras.len() - 1
         });
-        let moves = scene.animation.as_ref().is_some_and(Animation::moves_objects);
+        let moves = scene.animation.as_ref().is_some_and(|animation| animation.moves_surfaces(&scene));
         let mut base = scene.clone();
         if !moves {
             scene.animation = match &scene.animation {

@@ -133,6 +133,8 @@ fn light_type(kind: &LightKind) -> &'static str {
         LightKind::Point { .. } => "point",
         LightKind::Directional { .. } => "directional",
         LightKind::Spot { .. } => "spot",
+        LightKind::Sphere { .. } => "sphere",
+        LightKind::Rectangle { .. } => "rectangle",
     }
 }
 

@@ -350,7 +350,7 @@ pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut War
     }
 }
 
-/// Warns of omitted spheres and of requested effects that change nothing.
+/// Warns of omitted spheres, of area lights without path tracing, and of requested effects that change nothing.
 pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, plan, choices, .. } = job;
     if world.too_small > 0 {
@@ -360,8 +360,14 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
             world.numerics().name()
         ));
     }
-    if plan.effects_on().any(|effect| effect == id::PATH) && !choices.sampling.is_wanted() {
+    let is_path = plan.effects_on().any(|effect| effect == id::PATH);
+    if is_path && !choices.sampling.is_wanted() {
         warnings.note("paths are traced, with one sample a pixel, which is noisy; try --samples 64");
+    }
+    if let (false, true, Some(name)) =
+        (is_path, choices.shading == ShadingMode::Full, world.area_lights.names.first())
+    {
+        warnings.push(format!("area lights such as `{name}` light nothing without path tracing"));
     }
     for decision in
         plan.decisions.iter().filter(|d| !d.on && choices.with.iter().any(|name| *name == d.effect.name()))

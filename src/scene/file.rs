@@ -170,6 +170,10 @@ pub enum LightType {
     Directional,
     /// A point light at `position`, restricted to a cone along `direction` or towards `look_at`.
     Spot,
+    /// A shining sphere of `radius` around `position`, for path tracing.
+    Sphere,
+    /// A rectangle of `size` around `position` that shines along `direction` or towards `look_at`, for path tracing.
+    Rectangle,
 }
 
 /// Falloff of a light's intensity with distance.
@@ -192,19 +196,30 @@ pub struct LightSection {
     /// The kind of light.
     #[serde(rename = "type")]
     pub kind: LightType,
-    /// Position of a point light or a spot.
+    /// Position of a light other than a directional one; the centre of a sphere or a rectangle.
     pub position: Option<[f64; 3]>,
-    /// Direction in which a directional light or a spot shines.
+    /// Direction in which a directional light, a spot or a rectangle shines.
     pub direction: Option<[f64; 3]>,
-    /// A point on the axis of a spot's cone, instead of a direction.
+    /// A point that a spot or a rectangle shines at, instead of a direction.
     pub look_at: Option<[f64; 3]>,
+    /// Apparent diameter of a directional light in degrees, 0 to 180, for path tracing; 0 if not given. The sun's is
+    /// 0.53. The light on a surface that faces it does not depend on it.
+    pub angle: Option<f64>,
+    /// Radius of a sphere, above 0.
+    pub radius: Option<f64>,
+    /// Width and height of a rectangle, above 0.
+    pub size: Option<[f64; 2]>,
+    /// Up vector of a rectangle, not necessarily perpendicular to its direction: its height lies in the plane of both;
+    /// (0, 1, 0) if not given.
+    pub up: Option<[f64; 3]>,
     /// Half angle of a spot's inner cone in degrees, inside which the intensity is full, at most the outer angle; 0 if
     /// not given. Between the cones the intensity falls with the square of a linear ramp in the cosine
     /// (KHR_lights_punctual).
     pub inner_cone_angle: Option<f64>,
     /// Half angle of a spot's outer cone in degrees, outside which the intensity is zero, up to 90; 45 if not given.
     pub outer_cone_angle: Option<f64>,
-    /// Intensity, I; 1 if not given.
+    /// Intensity, I; 1 if not given. That of a sphere or a rectangle is the intensity of a point light with
+    /// inverse-square falloff that it looks like from far away (in front), whatever its size.
     pub intensity: Option<f64>,
     /// Colour; white if not given.
     pub colour: Option<ColourValue>,

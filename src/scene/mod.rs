@@ -144,9 +144,10 @@ pub struct Light {
     pub name: String,
     /// Its colour, multiplied by the intensity.
     pub colour: Colour,
-    /// Intensity: a white, fully diffuse surface that faces a light of intensity 1 shows its own colour.
+    /// Intensity: a white, fully diffuse surface that faces a light of intensity 1 shows its own colour, if the light
+    /// has no falloff or is 1 away.
     pub intensity: f64,
-    /// Position or direction, and falloff.
+    /// Position or direction, size and falloff.
     pub kind: LightKind,
 }
 
@@ -164,6 +165,8 @@ pub enum LightKind {
     Directional {
         /// Direction in which the light travels, of length 1.
         direction: DVec3,
+        /// Apparent diameter in radians, 0 to pi. The irradiance of a facing surface does not depend on it.
+        angle: f64,
     },
     /// A point light restricted to a cone.
     Spot {
@@ -178,6 +181,33 @@ pub enum LightKind {
         /// Half angle of the outer cone, outside which the intensity is zero, in radians.
         outer_angle: f64,
     },
+    /// A sphere of uniform radiance: intensity / radius^2, so that from far away it is a point light of its intensity
+    /// with inverse-square falloff.
+    Sphere {
+        /// Centre.
+        position: DVec3,
+        /// Radius, above 0.
+        radius: f64,
+    },
+    /// A rectangle of uniform radiance on its front: pi * intensity / area, so that from far in front it is a point
+    /// light of its intensity with inverse-square falloff.
+    Rectangle {
+        /// Centre.
+        position: DVec3,
+        /// Normal of the front, of length 1.
+        direction: DVec3,
+        /// Up vector, not necessarily perpendicular to the direction: the height lies in the plane of both.
+        up: DVec3,
+        /// Width and height, above 0.
+        size: [f64; 2],
+    },
+}
+
+impl LightKind {
+    /// Whether the light is a surface in the scene, which rays hit.
+    pub fn is_area(&self) -> bool {
+        matches!(self, LightKind::Sphere { .. } | LightKind::Rectangle { .. })
+    }
 }
 
 /// Falloff of a light's intensity with distance.

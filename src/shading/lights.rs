@@ -55,7 +55,7 @@ impl LightSample {
     #[inline(always)]
     fn incident(kind: &LightKind, radiance: DVec3, point: DVec3) -> (Self, bool) {
         let (to_light, strength) = match kind {
-            LightKind::Directional { direction } => (-*direction, 1.0),
+            LightKind::Directional { direction, .. } => (-*direction, 1.0),
             LightKind::Point { position, falloff } => {
                 let to_light = *position - point;
                 (to_light, distance_attenuation(*falloff, to_light.length_squared()))
@@ -66,6 +66,8 @@ impl LightSample {
                 let cone = cone_attenuation(cosine, *inner_angle, *outer_angle);
                 (to_light, cone * distance_attenuation(*falloff, to_light.length_squared()))
             }
+            // Surfaces of the scene, which are lights in path tracing alone.
+            LightKind::Sphere { .. } | LightKind::Rectangle { .. } => (DVec3::ZERO, 0.0),
         };
         let length = to_light.length();
         // Not finite for a light at the point itself, which `length > 0` rejects.
@@ -136,10 +138,10 @@ impl LightSoa {
     pub fn sample(&mut self, light: &WorldLight, surfaces: &InteractionSoa, smooth: bool) {
         // The common kinds are passed as constants, so that the loop has no branch on them.
         match &light.kind {
-            &LightKind::Directional { direction } => {
+            &LightKind::Directional { direction, angle } => {
                 simd_dispatch(
                     #[inline(always)]
-                    || self.fill(&LightKind::Directional { direction }, light, surfaces, smooth),
+                    || self.fill(&LightKind::Directional { direction, angle }, light, surfaces, smooth),
                 );
             }
             &LightKind::Point { position, falloff: Falloff::None } => simd_dispatch(

@@ -249,7 +249,7 @@ pub fn headlight(camera: &Camera) -> Option<Light> {
         name: "headlight".into(),
         colour: Colour::Display(DVec3::ONE),
         intensity: 1.0,
-        kind: LightKind::Directional { direction: -towards },
+        kind: LightKind::Directional { direction: -towards, angle: 0.0 },
     })
 }
 
@@ -346,7 +346,7 @@ mod tests {
         let camera =
             fitted_camera(&block(DVec3::ONE, DVec3::ZERO), StandardView::Front, 1.0, Projection::Perspective)
                 .unwrap();
-        let LightKind::Directional { direction } = headlight(&camera).unwrap().kind else { panic!() };
+        let LightKind::Directional { direction, .. } = headlight(&camera).unwrap().kind else { panic!() };
         assert!((direction.length() - 1.0).abs() < 1e-15);
         // Elevation 30 degrees: y = -sin 30. Azimuth 20 degrees to the right: x / z = tan 20.
         assert!((direction.y + 0.5).abs() < 1e-15);

@@ -4,8 +4,10 @@
 //! colours in the numbers of the colour pipeline, defaults filled in. It is immutable and shared by all threads. Effects and
 //! scheduling belong to the modules above.
 
+mod area_lights;
 mod attributes;
 mod differential;
+mod directional;
 mod emitters;
 mod environment;
 mod fit;
@@ -14,6 +16,7 @@ mod interaction;
 mod interactions;
 mod mip_map;
 mod recenter;
+mod rectangle;
 mod sky;
 mod soa;
 mod view;
@@ -21,6 +24,8 @@ mod view;
 pub use differential::{Differential, TexturePoint};
 use environment::PreparedEnvironment;
 
+pub(crate) use area_lights::AreaLights;
+pub(crate) use directional::LightDisc;
 pub(crate) use emitters::{Emitters, sampled_emission};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
 pub use image::Image;
@@ -58,7 +63,7 @@ pub struct World {
     pub materials: Vec<PreparedMaterial>,
     /// The images of the textures.
     pub images: Arc<[Image]>,
-    /// The lights with radiance above 0.
+    /// The lights with radiance above 0 that are not surfaces.
     pub lights: Vec<WorldLight>,
     /// The colour pipeline.
     pub pipeline: ColourPipeline,
@@ -70,6 +75,8 @@ pub struct World {
     pub(crate) environment: Option<Arc<PreparedEnvironment>>,
     /// The emissive surfaces.
     pub(crate) emitters: Arc<Emitters>,
+    /// The lights of the scene that are such surfaces.
+    pub(crate) area_lights: Arc<AreaLights>,
     /// The number of analytic shapes left out because they are empty in the tier's precision.
     pub too_small: usize,
     primitive_count: usize,
@@ -110,6 +117,8 @@ pub struct WorldLight {
     pub radiance: DVec3,
     /// Position or direction, falloff and cone.
     pub kind: LightKind,
+    /// The disc of a directional light with an apparent diameter.
+    pub(crate) disc: Option<LightDisc>,
 }
 
 impl World {
@@ -124,31 +133,34 @@ impl World {
         World::with_images(scene, self.images.clone(), self.pipeline, structure, self.numerics())
     }
 
-    /// This world with other lights.
+    /// This world with other lights that are not surfaces.
     pub fn under(&self, lights: Vec<Light>) -> World {
         World { lights: world_lights(lights, self.pipeline), ..self.clone() }
     }
 
     fn with_images(
-        scene: Scene,
+        mut scene: Scene,
         images: Arc<[Image]>,
         pipeline: ColourPipeline,
         structure: Layout,
         numerics: Numerics,
     ) -> World {
+        let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
+        let mut materials: Vec<PreparedMaterial> =
+            std::mem::take(&mut scene.materials).into_iter().map(to_pipeline).collect();
+        let mut area_lights = AreaLights::add_surfaces(&mut scene, &mut materials, pipeline);
+        let normal_mapped: Vec<bool> = materials.iter().map(|m| m.normal_map().is_some()).collect();
         let Partition { instances, shared, firsts } = instances(&scene.objects, structure, numerics);
         let mut kept = 0;
         let slots = slots(&scene.objects, &firsts, &shared, numerics).inspect(|_| kept += 1);
         let instanced: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();
         let accelerator = bvh::build_with_instances(slots, instances, structure, numerics);
         let primitive_count = scene.primitive_count();
-        let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
-        let normal_mapped: Vec<bool> = scene.materials.iter().map(|m| m.normal_map().is_some()).collect();
-        let materials: Vec<PreparedMaterial> = scene.materials.into_iter().map(to_pipeline).collect();
         let environment = scene.environment.as_ref();
         let environment =
             environment.map(|environment| PreparedEnvironment::new(environment, pipeline).into());
-        let emitters = Emitters::new(&scene.objects, &materials, numerics.precision());
+        let rectangles = std::mem::take(&mut area_lights.rectangles);
+        let emitters = Emitters::new(&scene.objects, &materials, rectangles, numerics.precision());
         let too_small = primitive_count - instanced - kept;
         let mut attributes = attributes::SharedAttributes::default();
         let objects = scene.objects.into_iter().zip(firsts).map(|(object, first)| WorldObject {
@@ -165,6 +177,7 @@ impl World {
             materials,
             environment,
             emitters: emitters.into(),
+            area_lights: area_lights.into(),
             images,
             lights: world_lights(scene.lights, pipeline),
             pipeline,
@@ -207,12 +220,15 @@ impl World {
     }
 }
 
-/// Prepares the lights. Those without radiance are left out.
+/// Prepares the lights that are not surfaces. Those without radiance are left out.
 fn world_lights(lights: Vec<Light>, pipeline: ColourPipeline) -> Vec<WorldLight> {
-    let lights = lights.into_iter().map(|light| WorldLight {
-        name: light.name,
-        radiance: light.colour.to_pipeline(pipeline) * light.intensity,
-        kind: light.kind,
+    let lights = lights.into_iter().filter(|light| !light.kind.is_area()).map(|light| {
+        let radiance = light.colour.to_pipeline(pipeline) * light.intensity;
+        let disc = match light.kind {
+            LightKind::Directional { direction, angle } => LightDisc::new(direction, angle, radiance),
+            _ => None,
+        };
+        WorldLight { name: light.name, radiance, kind: light.kind, disc }
     });
     lights.filter(|light| light.radiance != DVec3::ZERO).collect()
 }

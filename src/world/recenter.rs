@@ -68,6 +68,16 @@ impl Recentering {
                         light.intensity *= self.scale * self.scale;
                     }
                 }
+                LightKind::Sphere { position, radius } => {
+                    place(position);
+                    *radius *= self.scale;
+                    light.intensity *= self.scale * self.scale;
+                }
+                LightKind::Rectangle { position, size, .. } => {
+                    place(position);
+                    *size = size.map(|side| side * self.scale);
+                    light.intensity *= self.scale * self.scale;
+                }
             }
         }
     }

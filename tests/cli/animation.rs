@@ -168,6 +168,20 @@ fn frames_are_what_they_are_alone() {
     }
 }
 
+/// A light that is a surface moves, turns and dims with the tracks of its name.
+#[test]
+fn frames_have_the_area_lights_of_their_time() {
+    let text = "[[camera]]\nposition = [0, 4, 9]\nlook_at = [0, 0, 0]\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 2\n\
+        [[light]]\nname = 'panel'\ntype = 'rectangle'\nposition = [0, 4, 0]\ndirection = [0, -1, 0]\nsize = [2, 1]\n\
+        [animation]\n[[animation.track]]\nlight = 'panel'\nlerp = { to = [3, 4, 2] }\n\
+        [[animation.track]]\nlight = 'panel'\nproperty = 'intensity'\nlerp = { from = 9, to = 20 }\n\
+        [[animation.track]]\nlight = 'panel'\nproperty = 'direction'\nlerp = { to = [-1, -1, 0] }\n";
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.toml");
+    std::fs::write(&file, text).unwrap();
+    same_as_from_nothing(&load(&file), 0);
+}
+
 /// Every corner of a long box stays in the picture all the way round, and touches the margin of 5 % once: the picture
 /// is used.
 #[test]

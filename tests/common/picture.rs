@@ -133,6 +133,16 @@ pub fn placed(mut scene: Scene, scale: f64, offset: DVec3) -> Scene {
                     light.intensity *= scale * scale;
                 }
             }
+            LightKind::Sphere { position, radius } => {
+                place(position);
+                *radius *= scale;
+                light.intensity *= scale * scale;
+            }
+            LightKind::Rectangle { position, size, .. } => {
+                place(position);
+                *size = size.map(|side| side * scale);
+                light.intensity *= scale * scale;
+            }
         }
     }
     scene

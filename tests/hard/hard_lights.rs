@@ -162,7 +162,7 @@ fn g1_a_light_right_behind_a_smooth_surface_is_a_number() {
     let (mut scene, warnings) = Folder::new().load("a.glb", model.binary());
     assert_eq!(warnings, [""; 0]);
     scene.cameras = vec![camera(DVec3::Z * 9.0, DVec3::ZERO, Projection::Orthographic, 0.4, 9.0)];
-    let sun = LightKind::Directional { direction: DVec3::Z };
+    let sun = LightKind::Directional { direction: DVec3::Z, angle: 0.0 };
     scene.lights =
         vec![Light { name: "sun".into(), colour: Colour::Linear(DVec3::ONE), intensity: 1.0, kind: sun }];
     for prepared in tiers(&scene, [32, 32]) {
@@ -200,7 +200,7 @@ fn g1_hundred_thousand_points_under_lights_anywhere_are_numbers() {
             let direction = numbers.vector().normalize_or(DVec3::Y);
             let [inner_angle, outer_angle] = [numbers.below(3), numbers.below(3)].map(|a| a as f64 * 0.5);
             let kind = match numbers.below(3) {
-                0 => LightKind::Directional { direction },
+                0 => LightKind::Directional { direction, angle: 0.0 },
                 1 => LightKind::Point { position, falloff },
                 _ => LightKind::Spot { position, direction, falloff, inner_angle, outer_angle },
             };

@@ -906,7 +906,7 @@ fn gltf_punctual_lights() {
     assert_eq!(lamp.colour, Colour::Linear(v(1.0, 0.5, 0.0)));
     let falloff = Falloff::InverseSquare { range: Some(7.0) };
     assert_eq!(lamp.kind, LightKind::Point { position: v(1.0, 2.0, 3.0), falloff });
-    let LightKind::Directional { direction } = sun.kind else { panic!("{sun:?}") };
+    let LightKind::Directional { direction, .. } = sun.kind else { panic!("{sun:?}") };
     assert_near(direction, -DVec3::Y);
     assert_eq!(sun.intensity, 3.0 / pi);
     let LightKind::Spot { position, direction, falloff, inner_angle, outer_angle } = spot.kind else {
@@ -1548,7 +1548,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
     (
         "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\n",
         "1: light `light 0` is not placed",
-        "either a `direction` or",
+        "and a `direction` or a point",
     ),
     (
         "[[light]]\ntype = 'spot'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\ndirection = [0, -1, 0]\n",
@@ -1588,12 +1588,57 @@ const FAULTS: &[(&str, &str, &str)] = &[
     (
         "[[light]]\ntype = 'point'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\n",
         "1: light `light 0` has a `look_at`",
-        "give it `type = \"spot\"`",
+        "only a spot or a rectangle has `look_at`",
     ),
     (
         "[[light]]\ntype = 'directional'\ndirection = [0, 1, 0]\nouter_cone_angle = 3\n",
         "1: light `light 0` has a `outer_cone_angle`",
         "only a spot has",
+    ),
+    (
+        "[[light]]\ntype = 'directional'\ndirection = [0, 1, 0]\nangle = 180.5\n",
+        "1: `angle` is 180.5",
+        "that of the sun is 0.53",
+    ),
+    (
+        "[[light]]\ntype = 'directional'\ndirection = [0, 1, 0]\nfalloff = 'inverse-square'\n",
+        "1: light `light 0` has a `falloff`",
+        "only a point light or a spot has `falloff`",
+    ),
+    (
+        "[[light]]\ntype = 'sphere'\nposition = [0, 1, 0]\nradius = 1\nfalloff = 'inverse-square'\n",
+        "1: light `light 0` has a `falloff`",
+        "falls with distance by itself",
+    ),
+    (
+        "[[light]]\ntype = 'sphere'\nposition = [0, 1, 0]\n",
+        "1: light `light 0` is not placed",
+        "a sphere has a `position` and a `radius`",
+    ),
+    (
+        "[[light]]\ntype = 'sphere'\nposition = [0, 1, 0]\nradius = 0\n",
+        "1: `radius` holds 0",
+        "a light without size is a `point` or a `spot`",
+    ),
+    (
+        "[[light]]\ntype = 'point'\nposition = [0, 1, 0]\nradius = 1\n",
+        "1: light `light 0` has a `radius`",
+        "only a sphere has `radius`",
+    ),
+    (
+        "[[light]]\ntype = 'rectangle'\nposition = [0, 1, 0]\nsize = [1, 1]\n",
+        "1: light `light 0` is not placed",
+        "a `size` and a `direction` or a point to `look_at`",
+    ),
+    (
+        "[[light]]\ntype = 'rectangle'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\nsize = [1, inf]\n",
+        "1: `size` holds inf",
+        "from 1e-100 to 1e100",
+    ),
+    (
+        "[[light]]\ntype = 'rectangle'\nposition = [0, 1, 0]\nlook_at = [0, 0, 0]\nsize = [1, 1]\nup = [0, 0, 0]\n",
+        "1: `up` has no length",
+        "leave it out",
     ),
     ("[[light]]\ntype = 'point'\nposition = [nan, 0, 0]\n", "1: `position` holds NaN", "finite"),
     ("[[light]]\ntype = 'directional'\ndirection = [inf, 0, 0]\n", "1: `direction` holds inf", "finite"),
@@ -1859,6 +1904,24 @@ fn a_spot_of_a_scene_file() {
     };
     assert_eq!((direction, falloff), (-DVec3::Y, Falloff::InverseSquare { range: None }));
     assert_eq!((inner_angle, outer_angle), (0.0, 45f64.to_radians()));
+}
+
+#[test]
+fn lights_with_a_size_of_a_scene_file() {
+    let text = "[[light]]\ntype = 'directional'\ndirection = [0, -2, 0]\nangle = 0.5\n\
+        [[light]]\ntype = 'sphere'\nposition = [1, 2, 3]\nradius = 0.25\n\
+        [[light]]\ntype = 'rectangle'\nposition = [0, 3, 0]\nlook_at = [4, 0, 0]\nsize = [2, 1]\n";
+    let (scene, warnings) = Folder::new().load("a.toml", text);
+    assert_eq!(warnings, [""; 0]);
+    let kinds: Vec<&LightKind> = scene.lights.iter().map(|light| &light.kind).collect();
+    let [sun, ball, panel] = kinds[..] else { panic!("{kinds:?}") };
+    assert_eq!(*sun, LightKind::Directional { direction: -DVec3::Y, angle: 0.5f64.to_radians() });
+    assert_eq!(*ball, LightKind::Sphere { position: DVec3::new(1.0, 2.0, 3.0), radius: 0.25 });
+    let LightKind::Rectangle { position, direction, up, size } = *panel else { panic!("{panel:?}") };
+    assert_eq!((position, up, size), (DVec3::Y * 3.0, DVec3::Y, [2.0, 1.0]));
+    assert!((direction - DVec3::new(0.8, -0.6, 0.0)).length() < 1e-15, "{direction}");
+    // They are no part of what a camera is fitted to.
+    assert_eq!(scene.bounds(), None);
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod closed_form;
 mod effects;
 mod golden;
 mod layers;
+mod lights;
 mod normal_maps;
 mod path;
 mod sampling;

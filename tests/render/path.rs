@@ -7,10 +7,10 @@ use kiln::film::{Film, Window};
 use kiln::job::{RenderControl, RenderSettings, prepare};
 use kiln::scene::{Scene, Transport};
 
-const SIZE: u32 = 48;
+pub(crate) const SIZE: u32 = 48;
 
 /// Settings for path tracing with `samples` samples a pixel and `depth` bounces.
-fn settings(samples: u32, depth: u32) -> RenderSettings {
+pub(crate) fn settings(samples: u32, depth: u32) -> RenderSettings {
     let mut settings = RenderSettings {
         size: Some([SIZE; 2]),
         transport: Some(Transport::Path),
@@ -22,7 +22,7 @@ fn settings(samples: u32, depth: u32) -> RenderSettings {
     settings
 }
 
-fn render(scene: Scene, settings: &RenderSettings) -> Film {
+pub(crate) fn render(scene: Scene, settings: &RenderSettings) -> Film {
     let job = prepare(scene, settings, &mut Warnings::default()).expect("a job");
     let (film, statistics) = job.render(&RenderControl::default()).expect("a picture");
     assert_eq!(statistics.non_finite.0, 0);
@@ -30,7 +30,7 @@ fn render(scene: Scene, settings: &RenderSettings) -> Film {
 }
 
 /// Mean and standard error of the red channel over the pixels.
-fn mean(film: &Film) -> (f64, f64) {
+pub(crate) fn mean(film: &Film) -> (f64, f64) {
     let Window { width, height, .. } = film.window();
     let values: Vec<f64> = film.rows().map(|[red, ..]: [f32; 3]| red.into()).collect();
     let count = f64::from(width * height);
@@ -39,7 +39,7 @@ fn mean(film: &Film) -> (f64, f64) {
     (mean, (variance / count).sqrt())
 }
 
-fn check(scene: &str, samples: u32, depth: u32, expected: f64) {
+pub(crate) fn check(scene: &str, samples: u32, depth: u32, expected: f64) {
     let (mean, error) = mean(&render(parse(scene), &settings(samples, depth)));
     assert!(error < 0.004 * expected, "a standard error of {error} shows nothing of {expected}");
     // The film rounds to f32.
@@ -81,7 +81,7 @@ pub fn room_file() -> String {
 }
 
 /// A white floor seen at its origin alone, from the side.
-const FLOOR: &str = "[[camera]]\nposition = [40, 30, 0]\nlook_at = [0, 0, 0]\nvertical_fov = 0.001\n\
+pub(crate) const FLOOR: &str = "[[camera]]\nposition = [40, 30, 0]\nlook_at = [0, 0, 0]\nvertical_fov = 0.001\n\
     [material.floor]\ncolour = '#ffffff'\n[material.lamp]\ncolour = '#000000'\nemission = '#ffffff'\nemission_intensity = 5\n\
     [[triangles]]\nmaterial = 'floor'\nvertices = [[-90, 0, -90], [90, 0, -90], [0, 0, 180]]\n";
 

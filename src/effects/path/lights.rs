@@ -1,5 +1,5 @@
-//! The lights of a world as one distribution for next event estimation: the punctual lights, the emissive surfaces and the
-//! environment, chosen with equal probability.
+//! The lights of a world as one distribution for next event estimation: the punctual and directional lights, the
+//! emissive surfaces and the environment, chosen with equal probability.
 
 use std::f64::consts::PI;
 
@@ -16,7 +16,7 @@ use crate::world::{Emitters, SurfaceInteraction, World, sampled_emission};
 pub(super) struct Lights<'a> {
     world: &'a World,
     emitters: &'a Emitters,
-    /// Punctual lights, then the emitters if there are any, then the environment if there is one.
+    /// Punctual and directional lights, then the emitters if there are any, then the environment if there is one.
     count: usize,
     pub(super) technique: LightTechnique,
 }
@@ -27,8 +27,8 @@ pub(super) struct LightConnection {
     pub(super) direction: DVec3,
     /// The incident radiance divided by the probability of choosing the light; not yet divided by `pdf`.
     pub(super) radiance: DVec3,
-    /// The density per solid angle, with the probability of choosing the light; `None` for punctual lights, which no BSDF sample
-    /// reaches.
+    /// The density per solid angle, with the probability of choosing the light; `None` for lights without size, which
+    /// no BSDF sample reaches.
     pub(super) pdf: Option<f64>,
     /// Where the shadow ray ends.
     pub(super) target: Target,
@@ -73,6 +73,14 @@ impl<'a> Lights<'a> {
         let probability = 1.0 / self.count as f64;
         let index = ((choice[0] * self.count as f64) as usize).min(self.count - 1);
         if let Some(light) = self.world.lights.get(index) {
+            if let Some(disc) = &light.disc {
+                return Some(LightConnection {
+                    direction: disc.sample(numbers),
+                    radiance: disc.radiance,
+                    pdf: Some(disc.density() * probability),
+                    target: Target::Direction,
+                });
+            }
             let sample = LightSample::towards(light, from)?;
             let target = if sample.distance.is_finite() {
                 Target::Point(from + sample.direction * sample.distance)
@@ -104,15 +112,19 @@ impl<'a> Lights<'a> {
         })
     }
 
-    /// The radiance of the environment for a BSDF sample of density `pdf`, weighted against light samples.
-    pub(super) fn environment_seen(&self, direction: DVec3, pdf: f64) -> DVec3 {
-        match &self.world.environment {
-            None => DVec3::ZERO,
-            Some(environment) => {
-                let light_pdf = environment.pdf(direction) / self.count as f64;
-                environment.eval(direction) * bsdf_weight(self.technique, pdf, light_pdf)
-            }
+    /// The radiance from infinitely far away for a BSDF sample of density `pdf`: of the environment and of the discs of
+    /// directional lights, each weighted against its own light samples.
+    pub(super) fn radiance_from_infinity(&self, direction: DVec3, pdf: f64) -> DVec3 {
+        let count = self.count as f64;
+        let discs = self.world.lights.iter().filter_map(|light| light.disc.as_ref());
+        let seen = discs.filter(|disc| disc.contains(direction));
+        let mut radiance: DVec3 =
+            seen.map(|disc| disc.radiance * bsdf_weight(self.technique, pdf, disc.density() / count)).sum();
+        if let Some(environment) = &self.world.environment {
+            let light_pdf = environment.pdf(direction) / count;
+            radiance += environment.eval(direction) * bsdf_weight(self.technique, pdf, light_pdf);
         }
+        radiance
     }
 
     /// The weight of the emission found by a path against light samples.
@@ -120,9 +132,7 @@ impl<'a> Lights<'a> {
         let material = &self.world.materials[surface.material as usize];
         let Some(emission) = sampled_emission(material).filter(|_| path.pdf.is_finite()) else { return 1.0 };
         let primitive = self.world.accelerator.primitive(hit.slot);
-        let position = surface.point.position;
-        let light_pdf =
-            self.emitters.pdf(&primitive, emission, path.from, position, surface.geometric_normal);
+        let light_pdf = self.emitters.pdf(surface, &primitive, emission, path.from);
         bsdf_weight(self.technique, path.pdf, light_pdf / self.count as f64)
     }
 }

@@ -7,6 +7,8 @@
 
 mod lights;
 mod scatter;
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 
@@ -15,6 +17,7 @@ use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::transparency;
 use super::{
     Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, RayKind, SecondaryRays, Stage, id,
+    named,
 };
 use crate::geometry::Ray;
 use crate::scene::{PixelSampler, Sampling, Transport};
@@ -73,7 +76,12 @@ fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
         Some(transport @ Transport::Whitted) => Err(format!("the transport is `{}`", transport.name())),
         Some(transport @ Transport::Path) => Ok(format!("the transport is `{}`", transport.name())),
         None if world.environment.is_some() => Ok("the scene has an `environment`".into()),
-        None => Err("the scene has no environment; --transport path asks for it".into()),
+        None => {
+            let names: Vec<&str> = world.area_lights.names.iter().map(String::as_str).collect();
+            let nothing =
+                || "the scene has no environment and no area light; --transport path asks for it".into();
+            named("area light", &names).ok_or_else(nothing)
+        }
     }
 }
 

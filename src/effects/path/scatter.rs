@@ -86,8 +86,8 @@ impl Buffers {
         std::mem::swap(&mut self.paths, &mut self.next);
     }
 
-    /// Adds the radiance of the environment to the paths whose ray missed. Camera rays see the background where the scene has no
-    /// environment or hides it.
+    /// Adds the radiance from infinitely far away to the paths whose ray missed. Camera rays see the background where
+    /// the scene has no environment or hides it, and no directional lights.
     fn add_missed(
         &mut self,
         generation: &RayGeneration,
@@ -105,7 +105,7 @@ impl Buffers {
             let radiance = if depth == 0 {
                 context.world.background_towards(direction)
             } else {
-                lights.environment_seen(direction, path.pdf)
+                lights.radiance_from_infinity(direction, path.pdf)
             };
             self.radiance[path.camera_ray as usize] += path.throughput * radiance;
         }
@@ -139,7 +139,8 @@ impl<'a> Vertex<'a> {
         let path = Path { throughput, ..path };
         let view = to_local(&frame, surface.view);
         let bsdf = parameters.filter(|_| view.z > 0.0).map(|parameters| Bsdf::new(&parameters, view));
-        let emission = emission(material, &surface);
+        let is_dark_side = world.emitters.is_one_sided(surface.prim) && is_back(world, &surface, hit);
+        let emission = if is_dark_side { DVec3::ZERO } else { emission(material, &surface) };
         let emitted = if emission == DVec3::ZERO {
             DVec3::ZERO
         } else {

@@ -199,7 +199,7 @@ impl Loader<'_> {
             world_from_node.transform_vector3(DVec3::NEG_Z).try_normalize().unwrap_or(DVec3::NEG_Z);
         let falloff = Falloff::InverseSquare { range: light.range().map(f64::from) };
         let kind = match light.kind() {
-            Kind::Directional => LightKind::Directional { direction },
+            Kind::Directional => LightKind::Directional { direction, angle: 0.0 },
             Kind::Point => LightKind::Point { position, falloff },
             Kind::Spot { inner_cone_angle, outer_cone_angle } => LightKind::Spot {
                 position,

@@ -12,63 +12,136 @@ use crate::scene::{Falloff, Light, LightKind};
 /// Maximum coordinate of a light, because the square of its distance must not overflow.
 const FARTHEST_LIGHT: f64 = 1e100;
 
+/// Radii and sides of lights: their squares and reciprocal areas are finite, also times an intensity of 1e100.
+const SIZES: std::ops::RangeInclusive<f64> = 1e-100..=1e100;
+
 /// Default cone angles of a spot in degrees, from KHR_lights_punctual.
 const INNER_CONE_ANGLE: f64 = 0.0;
 const OUTER_CONE_ANGLE: f64 = 45.0;
+
+/// What a light of a type is called, where it shines from and to, and the further keys that it takes.
+struct Form {
+    noun: &'static str,
+    placing: &'static str,
+    keys: &'static [&'static str],
+}
+
+fn form_of(kind: LightType) -> Form {
+    let (noun, placing, keys): (_, _, &[_]) = match kind {
+        LightType::Point => ("a point light", "a `position` and no `direction`", &["position", "falloff"]),
+        LightType::Directional => {
+            ("a directional light", "a `direction` and no `position`", &["direction", "angle"])
+        }
+        LightType::Spot => (
+            "a spot",
+            "a `position`, and a `direction` or a point to `look_at`",
+            &["position", "direction", "look_at", "inner_cone_angle", "outer_cone_angle", "falloff"],
+        ),
+        LightType::Sphere => ("a sphere", "a `position` and a `radius`", &["position", "radius"]),
+        LightType::Rectangle => (
+            "a rectangle",
+            "a `position`, a `size` and a `direction` or a point to `look_at`",
+            &["position", "direction", "look_at", "size", "up"],
+        ),
+    };
+    Form { noun, placing, keys }
+}
 
 impl Builder<'_> {
     /// Converts a light section; unnamed lights are named by `index`.
     pub(super) fn light(&self, index: usize, section: &Spanned<LightSection>) -> Result<Light> {
         let (start, s) = (section.span().start, section.get_ref());
         let name = s.name.clone().unwrap_or_else(|| format!("light {index}"));
-        let of_spots = [
-            ("look_at", s.look_at.is_some()),
-            ("inner_cone_angle", s.inner_cone_angle.is_some()),
-            ("outer_cone_angle", s.outer_cone_angle.is_some()),
-        ];
-        if let Some((key, _)) = of_spots.into_iter().find(|(_, given)| *given && s.kind != LightType::Spot) {
-            let hint = format!("only a spot has `{key}`: give it `type = \"spot\"`");
-            return Err(self.error(start, format!("light `{name}` has a `{key}`"), &hint));
-        }
-        let not_placed = |hint| Err(self.error(start, format!("light `{name}` is not placed"), hint));
+        self.check_keys(start, &name, s)?;
         let falloff = match s.falloff {
             FalloffValue::None => Falloff::None,
             FalloffValue::InverseSquare => Falloff::InverseSquare { range: None },
         };
-        let kind = match (s.kind, s.position, s.direction) {
-            (LightType::Point, Some(position), None) => {
-                LightKind::Point { position: self.light_position(start, &name, position)?, falloff }
+        let position = s.position.map(|position| self.light_position(start, &name, position)).transpose()?;
+        let form = form_of(s.kind);
+        let not_placed = || {
+            let hint = format!("{} has {}", form.noun, form.placing);
+            self.error(start, format!("light `{name}` is not placed"), &hint)
+        };
+        let direction = match (s.direction, s.look_at, position) {
+            (Some(_), Some(_), _) => {
+                let hint = format!("{} has either a `direction` or a point to `look_at`", form.noun);
+                return Err(self.error(start, format!("light `{name}` is not placed"), &hint));
             }
-            (LightType::Directional, None, Some(direction)) => LightKind::Directional {
-                direction: self.light_direction(start, "direction", direction.into())?,
-            },
-            (LightType::Spot, Some(position), direction) => {
-                let position = self.light_position(start, &name, position)?;
-                let direction = match (direction, s.look_at) {
-                    (Some(direction), None) => self.light_direction(start, "direction", direction.into())?,
-                    (None, Some(target)) => {
-                        self.finite(start, "look_at", &target)?;
-                        let halved = DVec3::from(target) / 2.0 - position / 2.0;
-                        self.light_direction(start, "look_at", halved)?
-                    }
-                    _ => return not_placed("a spot has either a `direction` or a point to `look_at`"),
-                };
+            (Some(direction), ..) => Some(self.light_direction(start, "direction", direction.into())?),
+            (None, Some(target), Some(position)) => {
+                self.finite(start, "look_at", &target)?;
+                let halved = DVec3::from(target) / 2.0 - position / 2.0;
+                Some(self.light_direction(start, "look_at", halved)?)
+            }
+            _ => None,
+        };
+        let placed = |value: Option<DVec3>| value.ok_or_else(not_placed);
+        let kind = match s.kind {
+            LightType::Point => LightKind::Point { position: placed(position)?, falloff },
+            LightType::Directional => {
+                LightKind::Directional { direction: placed(direction)?, angle: self.angle(start, s)? }
+            }
+            LightType::Spot => {
+                let (position, direction) = (placed(position)?, placed(direction)?);
                 let [inner_angle, outer_angle] = self.cone(start, s)?;
                 LightKind::Spot { position, direction, falloff, inner_angle, outer_angle }
             }
-            (LightType::Point, ..) => {
-                return not_placed("a point light has a `position` and no `direction`");
+            LightType::Sphere => {
+                let (position, radius) = (placed(position)?, s.radius.ok_or_else(not_placed)?);
+                LightKind::Sphere { position, radius: self.light_size(start, "radius", radius)? }
             }
-            (LightType::Directional, ..) => {
-                return not_placed("a directional light has a `direction` and no `position`");
-            }
-            (LightType::Spot, ..) => {
-                return not_placed("a spot has a `position`, and a `direction` or a point to `look_at`");
+            LightType::Rectangle => {
+                let (position, direction) = (placed(position)?, placed(direction)?);
+                let [width, height] =
+                    s.size.ok_or_else(not_placed)?.map(|side| self.light_size(start, "size", side));
+                let up = self.light_up(start, s.up)?;
+                LightKind::Rectangle { position, direction, up, size: [width?, height?] }
             }
         };
         let intensity = self.not_negative(start, "intensity", s.intensity.unwrap_or(1.0))?;
         let colour = Colour::from_u8(s.colour.map_or([255; 3], |c| c.0));
         Ok(Light { name, colour, intensity, kind })
+    }
+
+    /// Rejects keys that lights of other types have.
+    fn check_keys(&self, start: usize, name: &str, s: &LightSection) -> Result<()> {
+        let typed = [
+            ("position", s.position.is_some()),
+            ("direction", s.direction.is_some()),
+            ("look_at", s.look_at.is_some()),
+            ("inner_cone_angle", s.inner_cone_angle.is_some()),
+            ("outer_cone_angle", s.outer_cone_angle.is_some()),
+            ("angle", s.angle.is_some()),
+            ("radius", s.radius.is_some()),
+            ("size", s.size.is_some()),
+            ("up", s.up.is_some()),
+            ("falloff", s.falloff != FalloffValue::None),
+        ];
+        let Form { noun, placing, keys } = form_of(s.kind);
+        let Some((key, _)) = typed.into_iter().find(|(key, given)| *given && !keys.contains(key)) else {
+            return Ok(());
+        };
+        let all = [
+            LightType::Point,
+            LightType::Directional,
+            LightType::Spot,
+            LightType::Sphere,
+            LightType::Rectangle,
+        ];
+        let of = all.into_iter().map(form_of).filter(|form| form.keys.contains(&key));
+        let of: Vec<&str> = of.map(|form| form.noun).collect();
+        let hint = match key {
+            "position" | "direction" => {
+                let hint = format!("{noun} has {placing}");
+                return Err(self.error(start, format!("light `{name}` is not placed"), &hint));
+            }
+            "falloff" if s.kind != LightType::Directional => {
+                format!("leave it out: the light of {noun} falls with distance by itself")
+            }
+            _ => format!("only {} has `{key}`: correct `type`, or leave the key out", of.join(" or ")),
+        };
+        Err(self.error(start, format!("light `{name}` has a `{key}`"), &hint))
     }
 
     fn light_position(&self, start: usize, name: &str, position: [f64; 3]) -> Result<DVec3> {
@@ -78,6 +151,23 @@ impl Builder<'_> {
             return Err(self.error(start, what, "give it `type = \"directional\"` and a `direction`"));
         }
         Ok(position.into())
+    }
+
+    fn light_size(&self, start: usize, key: &str, size: f64) -> Result<f64> {
+        if SIZES.contains(&size) {
+            return Ok(size);
+        }
+        let hint = "give a length from 1e-100 to 1e100; a light without size is a `point` or a `spot`";
+        Err(self.error(start, format!("`{key}` holds {size}"), hint))
+    }
+
+    fn light_up(&self, start: usize, up: Option<[f64; 3]>) -> Result<DVec3> {
+        let up = DVec3::from(up.unwrap_or([0.0, 1.0, 0.0]));
+        self.finite(start, "up", &up.to_array())?;
+        if up == DVec3::ZERO {
+            return Err(self.error(start, "`up` has no length", "give it one, or leave it out"));
+        }
+        Ok(up)
     }
 
     /// The normalised value of `key`.
@@ -92,6 +182,16 @@ impl Builder<'_> {
             };
             self.error(start, what, hint)
         })
+    }
+
+    /// Apparent diameter of a directional light in radians.
+    fn angle(&self, start: usize, s: &LightSection) -> Result<f64> {
+        let angle = s.angle.unwrap_or(0.0);
+        if (0.0..=180.0).contains(&angle) {
+            return Ok(angle.to_radians());
+        }
+        let hint = "give the apparent diameter in degrees, from 0 to 180; that of the sun is 0.53";
+        Err(self.error(start, format!("`angle` is {angle}"), hint))
     }
 
     /// Inner and outer half angle of the cone in radians.

@@ -41,9 +41,16 @@ pub struct Track {
 }
 
 impl Animation {
-    /// Whether any object moves; cameras and lights may move without this.
-    pub fn moves_objects(&self) -> bool {
-        self.tracks.iter().any(|track| matches!(track.target, Target::Object(_)))
+    /// Whether any surface of the scene changes: an object, or a light with an area. Cameras and other lights may move
+    /// without this.
+    pub fn moves_surfaces(&self, scene: &Scene) -> bool {
+        let is_area =
+            |name: &str| scene.lights.iter().any(|light| light.name == name && light.kind.is_area());
+        self.tracks.iter().any(|track| match &track.target {
+            Target::Object(_) => true,
+            Target::Light(name) => is_area(name),
+            Target::Camera(_) => false,
+        })
     }
 
     /// The same animation with look-at objects, which must not move, replaced by the points where they are.

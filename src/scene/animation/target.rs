@@ -22,7 +22,7 @@ pub enum Target {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Property {
-    /// Position of a camera, a sphere, a point light or a spot.
+    /// Position of a camera, a sphere, or a light other than a directional one.
     #[default]
     Position,
     /// Look-at point of a camera.
@@ -31,7 +31,7 @@ pub enum Property {
     Radius,
     /// Intensity of a light.
     Intensity,
-    /// Direction in which a directional light or a spot shines.
+    /// Direction in which a directional light, a spot or a rectangle shines.
     Direction,
     /// Translation of a mesh from its place in the scene.
     Translate,
@@ -141,11 +141,16 @@ impl Subject<'_> {
             (Subject::Light(light), Property::Position | Property::Direction) => {
                 match (&light.kind, property) {
                     (
-                        LightKind::Point { position, .. } | LightKind::Spot { position, .. },
+                        LightKind::Point { position, .. }
+                        | LightKind::Spot { position, .. }
+                        | LightKind::Sphere { position, .. }
+                        | LightKind::Rectangle { position, .. },
                         Property::Position,
                     ) => *position,
                     (
-                        LightKind::Directional { direction } | LightKind::Spot { direction, .. },
+                        LightKind::Directional { direction, .. }
+                        | LightKind::Spot { direction, .. }
+                        | LightKind::Rectangle { direction, .. },
                         Property::Direction,
                     ) => *direction,
                     _ => return Err(self.has_no(property, track)),
@@ -185,7 +190,10 @@ impl Subject<'_> {
                 light.intensity = value.x;
             }
             (Subject::Light(light), Property::Position) => {
-                if let LightKind::Point { position, .. } | LightKind::Spot { position, .. } = &mut light.kind
+                if let LightKind::Point { position, .. }
+                | LightKind::Spot { position, .. }
+                | LightKind::Sphere { position, .. }
+                | LightKind::Rectangle { position, .. } = &mut light.kind
                 {
                     *position = value;
                 }
@@ -197,8 +205,9 @@ impl Subject<'_> {
                         "choose values that do not pass through 0",
                     );
                 };
-                if let LightKind::Directional { direction } | LightKind::Spot { direction, .. } =
-                    &mut light.kind
+                if let LightKind::Directional { direction, .. }
+                | LightKind::Spot { direction, .. }
+                | LightKind::Rectangle { direction, .. } = &mut light.kind
                 {
                     *direction = unit;
                 }
@@ -238,6 +247,8 @@ impl Subject<'_> {
                 LightKind::Point { .. } => ("a point light", "position or intensity"),
                 LightKind::Directional { .. } => ("a directional light", "direction or intensity"),
                 LightKind::Spot { .. } => ("a spot", "position, direction or intensity"),
+                LightKind::Sphere { .. } => ("a sphere light", "position or intensity"),
+                LightKind::Rectangle { .. } => ("a rectangle light", "position, direction or intensity"),
             },
             Subject::Sphere(_) => ("a sphere", "position or radius"),
             Subject::Mesh { .. } => ("a mesh", "translate, rotate or scale, or `orbit`"),

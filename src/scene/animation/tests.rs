@@ -18,7 +18,7 @@ fn scene(motion: Motion, target: Target) -> Scene {
             name: "sun".into(),
             colour: crate::film::Colour::from_u8([255; 3]),
             intensity: 1.0,
-            kind: LightKind::Directional { direction: DVec3::NEG_Y },
+            kind: LightKind::Directional { direction: DVec3::NEG_Y, angle: 0.0 },
         }],
         objects: vec![
             object("ball", Shape::Analytic(Sphere { centre: DVec3::new(3.0, 1.0, 0.0), radius: 1.0 }.into())),
@@ -135,7 +135,7 @@ fn cameras_look_where_things_are_by_then() {
     let tracks = &mut scene.animation.as_mut().unwrap().tracks;
     tracks.push(Track { target: Target::Camera("c".into()), motion: look, place });
     assert_eq!(scene.at(0.5).unwrap().cameras[0].target, DVec3::new(3.0, 4.0, 0.0));
-    assert!(scene.animation.as_ref().unwrap().moves_objects());
+    assert!(scene.animation.as_ref().unwrap().moves_surfaces(&scene));
     // Look-at objects that do not move are replaced by points, so that the objects can be removed.
     let animation = scene.animation.as_mut().unwrap();
     animation.tracks.remove(0);

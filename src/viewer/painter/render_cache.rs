@@ -84,7 +84,8 @@ impl RenderCache {
         };
         lens.projection = request.projection.unwrap_or(lens.projection);
         let mut world = Arc::clone(&frame.world);
-        if settings.headlight && world.lights.is_empty() && settings.choices.shading.uses_lights() {
+        let has_lights = !world.lights.is_empty() || !world.area_lights.names.is_empty();
+        if settings.headlight && !has_lights && settings.choices.shading.uses_lights() {
             world = Arc::new(world.under(headlight(&lens).into_iter().collect()));
         }
         let sampling = settings.choices.sampling;
