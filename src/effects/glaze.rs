@@ -322,6 +322,7 @@ mod tests {
             shading_normal: smooth,
             texels: crate::world::Texels::default(),
             further_texels: crate::world::FurtherTexels::default(),
+            ambient: 1.0,
             tint: DVec3::ONE,
             prim: crate::geometry::PrimId(0),
             object: 0,

@@ -59,6 +59,7 @@ registry! {
     "path" => path PATH,
     "shadows" => shadows SHADOWS,
     "terminator" => terminator TERMINATOR,
+    "ambient-occlusion" => ambient_occlusion AMBIENT_OCCLUSION,
     "glaze" => glaze GLAZE,
     "antialiasing" => antialiasing ANTIALIASING,
     "adaptive" => adaptive ADAPTIVE,

@@ -123,14 +123,20 @@ fn sobol_rev(index_rev: u32) -> [u32; 2] {
 
 /// A number from 0 to below 1 for a ray. Equal rays have equal numbers.
 pub(crate) fn of_ray(ray: &Ray, seed: u32) -> f32 {
+    u32_to_f32_norm(hash_of_ray(ray, seed)[0])
+}
+
+/// Random bits for a ray. Equal rays have equal bits.
+pub(crate) fn bits_of_ray(ray: &Ray, seed: u32) -> [u32; 2] {
+    let [x, y, _] = hash_of_ray(ray, seed);
+    [x, y]
+}
+
+fn hash_of_ray(ray: &Ray, seed: u32) -> [u32; 3] {
     let [origin, direction] = [ray.origin, ray.direction].map(|v| v.to_array().map(f64::to_bits));
     let halves = |bits: [u64; 3], shift: u32| bits.map(|b| (b >> shift) as u32);
     let parts = [halves(origin, 0), halves(origin, 32), halves(direction, 0), halves(direction, 32)];
-    let mixed = parts.into_iter().fold([seed, 0, 0], |mixed, [x, y, z]| {
-        let [a, b, c] = mixed;
-        pcg3d([a ^ x, b ^ y, c ^ z])
-    });
-    u32_to_f32_norm(mixed[0])
+    parts.into_iter().fold([seed, 0, 0], |[a, b, c], [x, y, z]| pcg3d([a ^ x, b ^ y, c ^ z]))
 }
 
 #[cfg(test)]

@@ -39,7 +39,7 @@ pub(crate) fn shade(
     let [f0, f90] = [f0.lerp(base, metallic), f90.lerp(DVec3::ONE, metallic)];
     let emission = material.emission * surface.texels.emission;
     let unoccluded = 1.0 + material.occlusion_strength * (surface.further_texels.occlusion - 1.0);
-    let mut sum = emission + world.ambient * unoccluded * (diffuse + f0);
+    let mut sum = emission + world.ambient * surface.ambient * unoccluded * (diffuse + f0);
     for light in lights {
         let mut returned = diffuse;
         if mode == ShadingMode::Full {
@@ -87,6 +87,7 @@ mod tests {
             shading_normal: DVec3::Y,
             texels: crate::world::Texels::default(),
             further_texels: crate::world::FurtherTexels::default(),
+            ambient: 1.0,
             tint: DVec3::ONE,
             prim: PrimId(0),
             object: 0,

@@ -28,7 +28,7 @@ pub(crate) fn shade(
     if mode == ShadingMode::Flat {
         return world.pipeline.clamp(colour);
     }
-    let mut light = DVec3::splat(material.ambient * world.ambient);
+    let mut light = DVec3::splat(material.ambient * world.ambient * surface.ambient);
     for sample in lights {
         let mut returned = material.diffuse * sample.cosine;
         if has_highlight(material, mode) {
@@ -94,6 +94,9 @@ pub(crate) fn shade_all(
     }
     let ambient = DVec3::splat(material.ambient * world.ambient);
     range.clone().for_each(|i| colours.set(i, ambient));
+    if !surfaces.ambient.is_empty() {
+        range.clone().for_each(|i| colours.set(i, ambient * surfaces.ambient[i]));
+    }
     for light in lights {
         if !light.reaches[range.clone()].contains(&true) {
             continue;

@@ -23,6 +23,8 @@ pub struct SurfaceInteraction {
     pub texels: Texels,
     /// The values of its further textures.
     pub further_texels: FurtherTexels,
+    /// Factor of the ambient light, 0 to 1.
+    pub ambient: f64,
     /// The interpolated vertex colour; white without vertex colours.
     pub tint: DVec3,
     /// The primitive.
@@ -104,6 +106,7 @@ impl World {
             shading_normal: view,
             texels: Texels::default(),
             further_texels: FurtherTexels::default(),
+            ambient: 1.0,
             tint: DVec3::ONE,
             prim: hit.prim,
             object: object_index,

@@ -33,6 +33,8 @@ pub struct InteractionSoa {
     pub shading_normal: Vec3Soa,
     /// Interpolated vertex colours.
     pub tint: Vec3Soa,
+    /// Factors of the ambient light, 0 to 1; empty where all are 1.
+    pub ambient: Vec<f64>,
     /// The values of the materials' textures; empty where textures are off.
     pub texels: Vec<Texels>,
     /// The values of their further textures; empty where no surface has one.
@@ -67,6 +69,7 @@ impl Default for InteractionSoa {
             geometric_normal: Vec3Soa::default(),
             shading_normal: Vec3Soa::default(),
             tint: Vec3Soa::default(),
+            ambient: Vec::new(),
             texels: Vec::new(),
             further_texels: Vec::new(),
             t: [0.0; RAYS_PER_BATCH],
@@ -147,6 +150,7 @@ impl InteractionSoa {
             view: self.view.get(i),
             geometric_normal: self.geometric_normal.get(i),
             shading_normal: self.shading_normal.get(i),
+            ambient: self.ambient.get(i).copied().unwrap_or(1.0),
             texels: self.texels.get(i).copied().unwrap_or_default(),
             further_texels: self.further_texels.get(i).copied().unwrap_or_default(),
             tint: self.tint.get(i),

@@ -69,6 +69,8 @@ pub struct World {
     pub pipeline: ColourPipeline,
     /// The intensity of the ambient light.
     pub ambient: f64,
+    /// The diagonal of the box around all objects.
+    pub(crate) diagonal: f64,
     /// The colour of rays that hit nothing, in the numbers of the pipeline.
     pub background: DVec3,
     /// The environment.
@@ -151,6 +153,7 @@ impl World {
         let mut area_lights = AreaLights::add_surfaces(&mut scene, &mut materials, pipeline);
         let normal_mapped: Vec<bool> = materials.iter().map(|m| m.normal_map().is_some()).collect();
         let Partition { instances, shared, firsts } = instances(&scene.objects, structure, numerics);
+        let diagonal = scene.bounds().map_or(0.0, |(min, max)| min.distance(max));
         let mut kept = 0;
         let slots = slots(&scene.objects, &firsts, &shared, numerics).inspect(|_| kept += 1);
         let instanced: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();
@@ -182,6 +185,7 @@ impl World {
             lights: world_lights(scene.lights, pipeline),
             pipeline,
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
+            diagonal,
             background: scene.background.unwrap_or(fit::BACKGROUND).to_pipeline(pipeline),
             too_small,
             primitive_count,

@@ -4,6 +4,7 @@
 mod common;
 
 mod alpha;
+mod ambient_occlusion;
 mod aov;
 mod closed_form;
 mod effects;

@@ -1,0 +1,169 @@
+//! Ambient occlusion: the ambient light of a surface is that of the directions in which nothing is near.
+//!
+//! The ambient term is multiplied by the integral over the hemisphere above the surface of visibility times cosine, over pi, where
+//! visibility is 1 if nothing is hit within a radius (Zhukov, Iones and Kronin, An Ambient Light Illumination Model, EGWR 1998, with
+//! a step as the obscurance). Directions are sampled by the cosine around the geometric normal, stratified over the samples of a
+//! pixel.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+
+use super::samples::{SampleIndex, list_samples};
+use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
+use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, Stage, id, random};
+use crate::geometry::Ray;
+use crate::scene::PixelSampler;
+use crate::world::World;
+
+/// Rays that test whether anything is near.
+pub const RAYS: RayKind = RayKind { name: "ambient-occlusion", is_shadow: false, colour: [170, 200, 140] };
+
+/// The radius where none is given, in diagonals of the scene's bounds.
+const RADIUS: f64 = 0.1;
+
+/// The largest radius that can be asked for, in diagonals.
+const MAX_RADIUS: f64 = 1e6;
+
+/// The rays of a surface in a picture of one sample a pixel. More samples share them, but each casts at least one.
+const RAYS_PER_PIXEL: u32 = 32;
+
+/// The dimension of the random numbers.
+const DIMENSION: u32 = u32::MAX - 1;
+
+/// The registry's entry.
+pub const EFFECT: Effect = Effect {
+    id: id::AMBIENT_OCCLUSION,
+    summary: "ambient light is less where other surfaces are near",
+    builds_on: None,
+    needs_lights: false,
+    is_shading: true,
+    decides_samples: false,
+    is_study_switch: false,
+    whitted_only: true,
+    rays: &[RAYS],
+    value: Some(EffectValue {
+        meaning: "radius in diagonals of the scene",
+        check: |value| match value.parse::<f64>() {
+            Ok(radius) if radius > 0.0 && radius <= MAX_RADIUS => Ok(()),
+            _ => Err(format!("give a number above 0, at most {MAX_RADIUS}")),
+        },
+    }),
+    called_for,
+    specify: |_, spec| spec.generations_with_origins = u32::MAX,
+    stages: |context: &EffectContext, hook| match hook {
+        Hook::BeforeLighting(_) => vec![Box::new(TestHemispheres::new(context))],
+        _ => Vec::new(),
+    },
+    bytes: |tile| {
+        let factors = tile.generations.iter().map(|generation| vec_bytes(&generation.surfaces.ambient));
+        let own = tile.buffers::<Buffers>().map_or(0, |Buffers { samples, rays, occluded }| {
+            size_of::<Buffers>() + vec_bytes(samples) + vec_bytes(rays) + vec_bytes(occluded)
+        });
+        own + factors.sum::<usize>()
+    },
+};
+
+/// Nothing in a scene needs it: it is an approximation that is asked for.
+fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
+    let name = id::AMBIENT_OCCLUSION.name();
+    let typed = choices.with.iter().any(|typed| typed.split('=').next() == Some(name));
+    if !typed && !choices.scene.get(name).is_some_and(|value| value.is_on()) {
+        return Err("nothing asks for it".into());
+    }
+    if world.ambient == 0.0 {
+        return Err("there is no ambient light".into());
+    }
+    Ok("asked for".into())
+}
+
+/// Temporary buffers.
+#[derive(Default)]
+struct Buffers {
+    samples: Vec<SampleIndex>,
+    /// One ray of each surface.
+    rays: Vec<Ray>,
+    occluded: Vec<bool>,
+}
+
+/// Computes the factor of the ambient light at the surfaces of a generation.
+struct TestHemispheres {
+    radius: f64,
+    /// Rays a surface.
+    count: u32,
+    sampler: PixelSampler,
+    seed: u32,
+}
+
+impl TestHemispheres {
+    fn new(context: &EffectContext) -> Self {
+        let radius = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(RADIUS);
+        TestHemispheres {
+            radius: radius * context.world.diagonal,
+            count: RAYS_PER_PIXEL.div_ceil(context.spec.samples.max(1)),
+            sampler: context.sampling.sampler.unwrap_or_default(),
+            seed: context.sampling.seed.unwrap_or(0),
+        }
+    }
+
+    /// Uniform numbers of ray `k` of a surface.
+    fn numbers(&self, samples: &[SampleIndex], generation: &RayGeneration, ray: usize, k: u32) -> [f64; 2] {
+        let (pixel, sample) = match samples.get(ray) {
+            Some(&SampleIndex { x, y, sample }) => ([x, y], sample),
+            None => (random::bits_of_ray(&generation.rays[ray], self.seed), 0),
+        };
+        let index = sample.wrapping_mul(self.count).wrapping_add(k);
+        random::pair_of(self.sampler, pixel, self.seed, index, DIMENSION).map(f64::from)
+    }
+}
+
+impl Stage for TestHemispheres {
+    fn name(&self) -> &'static str {
+        "ambient occlusion"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        tile.with_buffers(|own: &mut Buffers, tile| {
+            let Buffers { samples, rays, occluded } = own;
+            samples.clear();
+            if tile.depth == 0 {
+                list_samples(tile, samples);
+            }
+            let Tile { generations, depth, traversal, .. } = tile;
+            let generation = &mut generations[*depth];
+            let mut factors = std::mem::take(&mut generation.surfaces.ambient);
+            let RayGeneration { surfaces, origins, .. } = &*generation;
+            let Some(origins) = origins else { return };
+            let precision = context.world.numerics().ray_precision();
+            factors.clear();
+            factors.resize(surfaces.len(), 0.0);
+            for k in 0..self.count {
+                rays.clear();
+                rays.extend((0..surfaces.len()).map(|i| {
+                    let ray = surfaces.ray_of()[i] as usize;
+                    let numbers = self.numbers(samples, generation, ray, k);
+                    let direction = above(surfaces.geometric_normal.get(i), numbers);
+                    precision.ray(origins.get(i), direction, 0.0, self.radius)
+                }));
+                occluded.clear();
+                context.world.accelerator.are_occluded(rays, occluded, traversal);
+                for (factor, &occluded) in factors.iter_mut().zip(&*occluded) {
+                    *factor += f64::from(u8::from(!occluded));
+                }
+            }
+            let visible: f64 = factors.iter().sum();
+            factors.iter_mut().for_each(|factor| *factor /= f64::from(self.count));
+            let cast = factors.len() * self.count as usize;
+            generation.surfaces.ambient = factors;
+            tile.count(RAYS, cast, cast - visible as usize);
+        });
+    }
+}
+
+/// A direction above a surface with a density proportional to the cosine (Malley's method; pbrt, 4th edition, section A.5.3).
+fn above(normal: DVec3, [x, y]: [f64; 2]) -> DVec3 {
+    let (sin, cos) = (TAU * x).sin_cos();
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let radius = y.sqrt();
+    (tangent * (radius * cos) + bitangent * (radius * sin) + normal * (1.0 - y).sqrt()).normalize()
+}
