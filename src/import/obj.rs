@@ -1,7 +1,7 @@
 //! Wavefront OBJ importer, on `tobj` in double precision.
 //!
 //! MTL materials become Phong: colour `Kd`, k_d = 1, k_s = maximum of `Ks`, n = `Ns`, k_a = 1. Colours are display
-//! values. Materials with `Pr` or `Pm` become metallic-roughness. `norm` and `bump` become normal maps.
+//! values. Materials with `Pr`, `Pm`, `Ps` or `Pc` become metallic-roughness (`obj_pbr`). `norm` and `bump` become normal maps.
 
 use std::cell::RefCell;
 use std::collections::HashSet;
@@ -11,6 +11,7 @@ use glam::{DVec2, DVec3};
 
 use super::Source;
 use super::images::ImageLoader;
+use super::obj_pbr;
 use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault, is_point_or_line};
 use super::polygon::{Cuts, Triangulator};
 use super::tangents::make_tangents;
@@ -19,8 +20,7 @@ use crate::film::Colour;
 use crate::film::colour::srgb_decode;
 use crate::limits::{self, unreadable};
 use crate::scene::{
-    Attribute, Material, MaterialId, Mesh, MetallicRoughness, NormalMap, Object, Phong, Sampler, Scene,
-    Shape, Texture,
+    Attribute, Material, MaterialId, Mesh, NormalMap, Object, Phong, Sampler, Scene, Shape, Texture,
 };
 
 /// Reads an OBJ file, its materials and their textures.
@@ -132,9 +132,12 @@ fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLL
 fn find_images(materials: &mut [tobj::Material], name: &Path, source: &Source) {
     let Some(folder) = name.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return };
     let images = materials.iter_mut().flat_map(|m| {
-        [m.diffuse_texture.as_mut(), m.normal_texture.as_mut(), m.unknown_param.get_mut("norm")]
+        let others = m.unknown_param.iter_mut();
+        let others = others.filter(|(key, _)| *key == "norm" || obj_pbr::MAPS.contains(&key.as_str()));
+        let textures = [m.diffuse_texture.as_mut(), m.normal_texture.as_mut()].into_iter().flatten();
+        textures.chain(others.map(|(_, image)| image))
     });
-    for image in images.flatten() {
+    for image in images {
         let beside = folder.join(&*image);
         if source.files.has(&source.sibling(&beside)) {
             *image = beside.to_string_lossy().into_owned();
@@ -173,22 +176,16 @@ fn convert_material(
         ));
     }
     let normal_map = convert_normal_map(m, source, scene, images, warnings)?;
-    let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
-    let number = |value: &String| value.trim().parse().ok().filter(|number: &f64| number.is_finite());
-    let parameter = |name: &str| m.unknown_param.get(name).and_then(number);
-    let (roughness, metallic) = (parameter("Pr"), parameter("Pm"));
-    if roughness.is_some() || metallic.is_some() {
-        return Ok(Material::MetallicRoughness(MetallicRoughness {
-            name: m.name.clone(),
-            base_colour: colour,
-            base_colour_texture: texture,
-            metallic: metallic.unwrap_or(0.0).clamp(0.0, 1.0),
-            roughness: roughness.unwrap_or(1.0).clamp(0.0, 1.0),
-            emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
-            normal_map,
-            ..MetallicRoughness::default()
-        }));
+    if obj_pbr::is_physically_based(m) {
+        let textures = (texture, normal_map);
+        let material = obj_pbr::convert(m, textures, source, scene, images, warnings)?;
+        return Ok(Material::MetallicRoughness(material));
     }
+    if m.unknown_param.contains_key("map_Ke") {
+        let (file, name) = (source.file.display(), &m.name);
+        warnings.push(format!("{file}: material `{name}` has a map_Ke without Pr or Pm; drawn without it"));
+    }
+    let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
     let specular = m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
     Ok(Material::Phong(Phong {
         name: m.name.clone(),
@@ -198,6 +195,7 @@ fn convert_material(
         shininess: m.shininess.unwrap_or(1.0).max(0.0),
         emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
         normal_map,
+        refraction: obj_pbr::refraction(m),
         ..Phong::default()
     }))
 }

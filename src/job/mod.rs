@@ -35,16 +35,18 @@ pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings, check_disp
 
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use crate::bvh::Layout;
 use crate::effects::tile::RenderContext;
-use crate::effects::{Plan, check_names, check_scene, id};
+use crate::effects::{Plan, check_names, check_scene, id, named};
 use crate::error::{Error, Result, Warnings};
 use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Share, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
-use crate::scene::{Camera, Numerics, Sampling, Scene, Transport};
-use crate::world::{Recentering, View, World, headlight, recenter};
+use crate::scene::{Camera, Material, MetallicRoughness, Numerics, Sampling, Scene, Transport};
+use crate::world::{PreparedMaterial, Recentering, View, World, headlight, recenter};
 use camera::Viewpoint;
 
 /// A picture that is ready to be rendered.
@@ -349,6 +351,17 @@ pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut War
     }
 }
 
+/// Whether a material has layers that local shading leaves out.
+fn needs_path(material: &PreparedMaterial) -> bool {
+    match material {
+        Material::Phong(m) => m.refraction.is_some(),
+        Material::MetallicRoughness(m) if m.unlit => false,
+        Material::MetallicRoughness(MetallicRoughness { layers, .. }) => {
+            layers.transmission > 0.0 || layers.clearcoat > 0.0 || layers.sheen_colour != DVec3::ZERO
+        }
+    }
+}
+
 /// Warns of omitted spheres and of requested effects that change nothing.
 pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, plan, choices, .. } = job;
@@ -361,6 +374,14 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     }
     if plan.effects_on().any(|effect| effect == id::PATH) && !choices.sampling.is_wanted() {
         warnings.note("paths are traced, with one sample a pixel, which is noisy; try --samples 64");
+    }
+    if plan.effects_on().all(|effect| effect != id::PATH) {
+        let layered = world.materials_in_use().filter(|material| needs_path(material));
+        let names: Vec<&str> = layered.map(|material| material.name()).collect();
+        if let Some(names) = named("material", &names) {
+            warnings
+                .note(format!("glass, clear coat or sheen of {names} is drawn by --transport path alone"));
+        }
     }
     for decision in
         plan.decisions.iter().filter(|d| !d.on && choices.with.iter().any(|name| *name == d.effect.name()))

@@ -35,8 +35,19 @@ pub struct Phong<C = Colour> {
     pub emission: C,
     /// Mirror reflection blended over the surface.
     pub glaze: Option<Glaze>,
+    /// Glass, which path tracing draws instead of the other terms; local shading leaves it out.
+    pub refraction: Option<Refraction<C>>,
     /// Normal map.
     pub normal_map: Option<NormalMap>,
+}
+
+/// Smooth glass of a closed surface: `illum` 4, 6, 7 and 9 of MTL.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Refraction<C = Colour> {
+    /// Index of refraction, above 1.
+    pub ior: f64,
+    /// Factor of the light that passes the surface.
+    pub filter: C,
 }
 
 /// A faint mirror reflection: where a reflected ray hits, `colour = own_weight * colour + weight * reflected`.
@@ -126,6 +137,7 @@ impl Default for Phong {
             shininess: 1.0,
             emission: Colour::Linear(glam::DVec3::ZERO),
             glaze: None,
+            refraction: None,
             normal_map: None,
         }
     }
@@ -192,6 +204,9 @@ impl<C> Material<C> {
                 shininess: m.shininess,
                 emission: convert(m.emission),
                 glaze: m.glaze,
+                refraction: m
+                    .refraction
+                    .map(|glass| Refraction { ior: glass.ior, filter: convert(glass.filter) }),
                 normal_map: m.normal_map,
             }),
             Material::MetallicRoughness(m) => Material::MetallicRoughness(MetallicRoughness {

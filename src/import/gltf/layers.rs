@@ -123,6 +123,9 @@ impl Loader<'_> {
         document: &gltf::Document,
     ) -> Result<Vec<FurtherTexture>> {
         let mut further = Vec::new();
+        if material.unlit() {
+            return Ok(further);
+        }
         if let Some(occlusion) = material.occlusion_texture().filter(|occlusion| occlusion.strength() > 0.0) {
             let named = Some((occlusion.texture(), occlusion.tex_coord()));
             let texture = self.on_own_set(material, "occlusionTexture", named);
