@@ -6,6 +6,7 @@
 
 mod attributes;
 mod differential;
+mod emission_texture;
 mod emitters;
 mod environment;
 mod fit;
@@ -21,7 +22,7 @@ mod view;
 pub use differential::{Differential, TexturePoint};
 use environment::PreparedEnvironment;
 
-pub(crate) use emitters::{Emitters, sampled_emission};
+pub(crate) use emitters::{EmitterSample, Emitters, emission_texture, sampled_emission};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
 pub use image::Image;
 pub use interaction::{FurtherTexels, SurfaceInteraction, Texels};
@@ -148,7 +149,7 @@ impl World {
         let environment = scene.environment.as_ref();
         let environment =
             environment.map(|environment| PreparedEnvironment::new(environment, pipeline).into());
-        let emitters = Emitters::new(&scene.objects, &materials, numerics.precision());
+        let emitters = Emitters::new(&scene.objects, &firsts, (&materials, &images), numerics.precision());
         let too_small = primitive_count - instanced - kept;
         let mut attributes = attributes::SharedAttributes::default();
         let objects = scene.objects.into_iter().zip(firsts).map(|(object, first)| WorldObject {

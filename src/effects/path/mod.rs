@@ -12,7 +12,9 @@ use glam::DVec3;
 
 use super::samples::TileSamples;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, SecondaryRays, Stage, id};
+use super::{
+    Choices, Effect, EffectContext, EffectValue, Hook, RayKind, SecondaryRays, Stage, TextureUse, id,
+};
 use crate::geometry::Ray;
 use crate::scene::Transport;
 use crate::world::World;
@@ -164,12 +166,15 @@ struct Scatter {
     depth: u32,
     /// The seed of the random numbers.
     seed: u32,
+    /// How textures are looked up.
+    texture_use: TextureUse,
 }
 
 impl Scatter {
     fn new(context: &EffectContext) -> Self {
         let depth = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH);
-        Scatter { depth, seed: context.sampling.seed.unwrap_or(0) }
+        let texture_use = context.spec.texture_use;
+        Scatter { depth, seed: context.sampling.seed.unwrap_or(0), texture_use }
     }
 }
 

@@ -56,7 +56,7 @@ impl Buffers {
         self.next.clear();
         self.shadow_rays.clear();
         self.light_paths.clear();
-        let lights = Lights::new(context.world);
+        let lights = Lights::new(context.world, stage.texture_use);
         self.add_missed(generation, context, &lights, depth);
         for index in 0..generation.surfaces.len() {
             let ray = generation.surfaces.ray_of()[index] as usize;
