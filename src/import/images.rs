@@ -93,8 +93,8 @@ impl ImageLoader {
 }
 
 impl ImageLoader {
-    /// Puts the red values of a roughness and a metallic image into green and blue of one image, as large as the larger of both;
-    /// of an image that is not given 1. Two times the same image is that image.
+    /// Puts the red values of a roughness and a metallic image into green and blue of one image, as large as the larger
+    /// of both; of an image that is not given 1. Two times the same image is that image.
     ///
     /// # Errors
     /// [`Error::Input`], for the file that names them, if it exceeds the memory limit.
@@ -175,8 +175,8 @@ pub(crate) fn of_bytes(
     keep(scene, read::decode(bytes, TEXTURE).map(|image| into_texture(&name, &image)), place, warnings)
 }
 
-/// Decodes the alpha channel of an image in memory into a grey image, `value` of each; returns `None` if it has none or cannot
-/// be decoded, of which [`of_bytes`] warns.
+/// Decodes the alpha channel of an image in memory into a grey image, `value` of each; returns `None` if it has none or
+/// cannot be decoded, of which [`of_bytes`] warns.
 ///
 /// # Errors
 /// [`Error::Input`] where it is too large.

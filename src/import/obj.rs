@@ -1,7 +1,8 @@
 //! Wavefront OBJ importer, on `tobj` in double precision.
 //!
 //! MTL materials become Phong: colour `Kd`, k_d = 1, k_s = maximum of `Ks`, n = `Ns`, k_a = 1. Colours are display
-//! values. Materials with `Pr`, `Pm`, `Ps` or `Pc` become metallic-roughness (`obj_pbr`). `norm` and `bump` become normal maps.
+//! values. Materials with `Pr`, `Pm`, `Ps` or `Pc` become metallic-roughness (`obj_pbr`). `norm` and `bump` become
+//! normal maps.
 
 use std::cell::RefCell;
 use std::collections::HashSet;

@@ -1,5 +1,5 @@
-//! MTL materials with the keys of physically based rendering, as Blender exports them: `Pr`, `Pm`, `Ps`, `Pc`, `Pcr`, `Ni`, `Tf`,
-//! `map_Pr`, `map_Pm`, `map_Ke`. A key without a number stands aside for its map.
+//! MTL materials with the keys of physically based rendering, as Blender exports them: `Pr`, `Pm`, `Ps`, `Pc`, `Pcr`,
+//! `Ni`, `Tf`, `map_Pr`, `map_Pm`, `map_Ke`. A key without a number stands aside for its map.
 //!
 //! Colours of such materials are linear, as Blender writes them; those of other MTL materials are display values.
 
@@ -86,8 +86,8 @@ pub(crate) fn convert(
     })
 }
 
-/// The glass of a material without those keys: `illum` 4, 6, 7 or 9, and an index `Ni` above 1. Some exporters write such an `illum`
-/// for opaque materials, with an index of 1, or with `d` below 1 for alpha, without `Tf`.
+/// The glass of a material without those keys: `illum` 4, 6, 7 or 9, and an index `Ni` above 1. Some exporters write
+/// such an `illum` for opaque materials, with an index of 1, or with `d` below 1 for alpha, without `Tf`.
 pub(crate) fn refraction(m: &tobj::Material) -> Option<Refraction> {
     let ior = m.optical_density.filter(|ior| *ior > 1.0)?;
     let is_glass = matches!(m.illumination_model, Some(4 | 6 | 7 | 9));
@@ -96,5 +96,5 @@ pub(crate) fn refraction(m: &tobj::Material) -> Option<Refraction> {
         None if is_alpha => return None,
         filter => filter.unwrap_or(DVec3::ONE),
     };
-    (is_glass && filter != DVec3::ZERO).then(|| Refraction { ior, filter: Colour::Linear(filter) })
+    (is_glass && filter != DVec3::ZERO).then_some(Refraction { ior, filter: Colour::Linear(filter) })
 }

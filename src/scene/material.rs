@@ -86,7 +86,8 @@ pub struct MetallicRoughness<C = Colour> {
     pub normal_map: Option<NormalMap>,
     /// Values of material extensions, which path tracing uses.
     pub layers: Layers<C>,
-    /// Weight of the occlusion texture, 0 to 1: the ambient light is multiplied by `1 + occlusion_strength * (texel - 1)`.
+    /// Weight of the occlusion texture, 0 to 1: the ambient light is multiplied by `1 + occlusion_strength * (texel -
+    /// 1)`.
     pub occlusion_strength: f64,
     /// The further textures, at most one for each slot.
     pub further_textures: Vec<FurtherTexture>,

@@ -10,8 +10,8 @@ use crate::scene::{Sampler, TexelEncoding};
 /// The most parts of a triangle's side, the square of which are its lookups.
 const MOST_PARTS: f64 = 8.0;
 
-/// An emission texture times a factor, prepared for means over triangles. The means are approximate: they decide how often a
-/// triangle is sampled, not what it emits.
+/// An emission texture times a factor, prepared for means over triangles. The means are approximate: they decide how
+/// often a triangle is sampled, not what it emits.
 pub(super) struct MeanEmission<'a> {
     image: &'a Image,
     /// Made here where the image has none: that of the image belongs to the plan, which may be made at the same time.
@@ -28,8 +28,9 @@ impl<'a> MeanEmission<'a> {
         MeanEmission { image, made, sampler, emission }
     }
 
-    /// The luminance of the mean radiance over a triangle with these texture coordinates: the mean over the centres of up to
-    /// 8 x 8 equal triangles, in a level of the mip map whose texels are as large as those. 0 for coordinates that are not finite.
+    /// The luminance of the mean radiance over a triangle with these texture coordinates: the mean over the centres of
+    /// up to 8 x 8 equal triangles, in a level of the mip map whose texels are as large as those. 0 for coordinates
+    /// that are not finite.
     pub(super) fn over(&self, [a, b, c]: [DVec2; 3]) -> f64 {
         let size = DVec2::new(self.image.width.into(), self.image.height.into());
         let longest =
@@ -88,8 +89,8 @@ mod tests {
         Image::new(decoded, ColourPipeline::Display)
     }
 
-    /// A checker of 0 and 1 has the mean 1/2 over any triangle of many texels; over texels of one kind it has their value; and
-    /// repeated a thousand times it has the mean again, from the last level.
+    /// A checker of 0 and 1 has the mean 1/2 over any triangle of many texels; over texels of one kind it has their
+    /// value; and repeated a thousand times it has the mean again, from the last level.
     #[test]
     fn means_of_a_checker() {
         let checker = image(64, |i| if (i / 8 + i / 64 / 8) % 2 == 0 { 255 } else { 0 });

@@ -1,5 +1,6 @@
-//! The emissive surfaces of a world as lights: chosen by power, sampled by area (triangles) or solid angle (analytic shapes). The power
-//! of a textured triangle is that of the mean of its texture. What a texture emits is looked up by the caller.
+//! The emissive surfaces of a world as lights: chosen by power, sampled by area (triangles) or solid angle (analytic
+//! shapes). The power of a textured triangle is that of the mean of its texture. What a texture emits is looked up by
+//! the caller.
 
 use glam::DVec3;
 
@@ -84,7 +85,8 @@ fn textured(object: &Object, material: &PreparedMaterial, images: &[Image]) -> O
 }
 
 impl Emitters {
-    /// Lists the emissive primitives of the objects, whose first primitives are `firsts`, as rounded to the tier's precision.
+    /// Lists the emissive primitives of the objects, whose first primitives are `firsts`, as rounded to the tier's
+    /// precision.
     pub(super) fn new(
         objects: &[Object],
         firsts: &[PrimId],
@@ -194,8 +196,8 @@ impl Emitters {
     }
 
     /// The density per solid angle with which [`Emitters::sample`] from `from` chooses the point `position` of a
-    /// primitive, `local` within its object, whose material emits `emission`, with the unit geometric normal `normal` there. 0 for a
-    /// textured triangle that is not sampled.
+    /// primitive, `local` within its object, whose material emits `emission`, with the unit geometric normal `normal`
+    /// there. 0 for a textured triangle that is not sampled.
     pub(crate) fn pdf(
         &self,
         primitive: &Primitive,
@@ -227,8 +229,8 @@ fn area(primitive: &Primitive) -> f64 {
     }
 }
 
-/// A uniform point of a triangle, its unit normal and its barycentric coordinates (Heitz, A Low-Distortion Map Between Triangle and
-/// Square, 2019).
+/// A uniform point of a triangle, its unit normal and its barycentric coordinates (Heitz, A Low-Distortion Map Between
+/// Triangle and Square, 2019).
 fn on_triangle(triangle: &Triangle, [x, y]: [f64; 2]) -> Option<(SurfacePoint, DVec3, [f64; 3])> {
     let (v, w) = if y > x { (0.5 * x, y - 0.5 * x) } else { (x - 0.5 * y, 0.5 * y) };
     let weights = [1.0 - v - w, v, w];

@@ -52,8 +52,8 @@ impl Default for Texels {
     }
 }
 
-/// The values of a material's further textures ([`crate::scene::FurtherTexture`]) at a point: factors, 1 without texture or where
-/// textures are off.
+/// The values of a material's further textures ([`crate::scene::FurtherTexture`]) at a point: factors, 1 without
+/// texture or where textures are off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FurtherTexels {
     /// Unoccluded part of the ambient light.

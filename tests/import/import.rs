@@ -354,8 +354,9 @@ fn obj_pictures_lie_beside_the_mtl_or_beside_the_obj() {
     assert_eq!((scene.images.len(), warnings), (2, vec![]));
 }
 
-/// What Blender writes for a Principled BSDF with "PBR extensions": numbers are linear, a map stands for a number, `Tf` is the weight
-/// of the transmission. Grey maps of roughness and metallic become green and blue of one image, as large as the larger.
+/// What Blender writes for a Principled BSDF with "PBR extensions": numbers are linear, a map stands for a number, `Tf`
+/// is the weight of the transmission. Grey maps of roughness and metallic become green and blue of one image, as large
+/// as the larger.
 #[test]
 fn mtl_of_physically_based_materials() {
     let folder = Folder::new();
@@ -399,8 +400,8 @@ fn mtl_of_physically_based_materials() {
     assert_eq!((material(2).metallic, material(2).roughness), (0.5, 1.0));
 }
 
-/// `illum` 4, 6, 7 and 9 are glass with an index above 1. Maya writes `illum 4` with an index of 1, Blender `illum 9` with `d` below
-/// 1 and without `Tf`, for what is no glass.
+/// `illum` 4, 6, 7 and 9 are glass with an index above 1. Maya writes `illum 4` with an index of 1, Blender `illum 9`
+/// with `d` below 1 and without `Tf`, for what is no glass.
 #[test]
 fn mtl_of_glass() {
     for (lines, glass) in [
@@ -1194,8 +1195,8 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
     );
 }
 
-/// Alpha channels become grey images, once for all that read them; a slot whose factor is 0, and the thickness, which rays
-/// measure, have no texture.
+/// Alpha channels become grey images, once for all that read them; a slot whose factor is 0, and the thickness, which
+/// rays measure, have no texture.
 #[test]
 fn gltf_textures_of_extensions() {
     use kiln::scene::TextureSlot::{Clearcoat, SheenColour, SheenRoughness, Specular, SpecularColour};
@@ -1257,7 +1258,8 @@ fn gltf_textures_of_extensions() {
     );
 }
 
-/// KHR_materials_pbrSpecularGlossiness goes before the core model; glossiness in alpha becomes roughness: 255 - 0.5 x 100 = 205.
+/// KHR_materials_pbrSpecularGlossiness goes before the core model; glossiness in alpha becomes roughness: 255 - 0.5 x
+/// 100 = 205.
 #[test]
 fn gltf_specular_glossiness_becomes_metallic_roughness() {
     let folder = Folder::new();

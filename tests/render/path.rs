@@ -127,13 +127,13 @@ fn irradiance(corners: &[glam::DVec3]) -> f64 {
     sum.abs() / 2.0
 }
 
-/// A square of 2 by 2 at a height of 1, its centre at (-1/2, 1, 0), which emits 0 and 2 in a checker of 3 by 3 texels. Each texel is
-/// a polygon of one radiance, so the sum of their irradiances is exact. The checker is the same from each side. A square of the
-/// mean radiance, 10/9, would give another value. Without light samples the standard error would be too large: 147456 samples, a
-/// tenth of which hits the bright texels, have one of 0.8 %.
+/// A square of 2 by 2 at a height of 1, its centre at (-1/2, 1, 0), which emits 0 and 2 in a checker of 3 by 3 texels.
+/// Each texel is a polygon of one radiance, so the sum of their irradiances is exact. The checker is the same from each
+/// side. A square of the mean radiance, 10/9, would give another value. Without light samples the standard error would
+/// be too large: 147456 samples, a tenth of which hits the bright texels, have one of 0.8 %.
 #[test]
 fn a_textured_light_has_the_irradiance_of_its_texels() {
-    let bright = |x: usize, y: usize| (x + y) % 2 == 0;
+    let bright = |x: usize, y: usize| (x + y).is_multiple_of(2);
     let texels: Vec<[u8; 4]> =
         (0..9).map(|i| if bright(i % 3, i / 3) { [255; 4] } else { [0, 0, 0, 255] }).collect();
     let material = serde_json::json!({
@@ -178,7 +178,8 @@ fn unlit_surfaces_emit_their_base_colour() {
     assert!((mean - 0.25).abs() < 1e-7 && error < 1e-7, "{mean} +- {error}");
 }
 
-/// A box of glass as an MTL material with `illum 7`, without index an invisible one: Kd is not seen, the filter is, twice.
+/// A box of glass as an MTL material with `illum 7`, without index an invisible one: Kd is not seen, the filter is,
+/// twice.
 #[test]
 fn glass_of_mtl_filters_light() {
     let folder = tempfile::tempdir().expect("a folder").keep();

@@ -132,8 +132,8 @@ impl<'a> Lights<'a> {
         power_heuristic(path.pdf, light_pdf / self.count as f64)
     }
 
-    /// The factor of the emission by its texture at a sampled point: the value that a path finds there, by the filter without a
-    /// footprint. 1 without texture or where textures are off.
+    /// The factor of the emission by its texture at a sampled point: the value that a path finds there, by the filter
+    /// without a footprint. 1 without texture or where textures are off.
     fn emission_texel(&self, sample: &EmitterSample) -> DVec3 {
         let texture = emission_texture(&self.world.materials[sample.material as usize]);
         let Some(texture) = texture.filter(|_| self.texture_use.material_textures) else { return DVec3::ONE };
