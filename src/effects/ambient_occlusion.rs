@@ -74,7 +74,7 @@ fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
     if world.ambient == 0.0 {
         return Err("there is no ambient light".into());
     }
-    Ok("asked for".into())
+    Ok(format!("`{name}` is asked for"))
 }
 
 /// Temporary buffers.

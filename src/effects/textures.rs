@@ -1,5 +1,5 @@
-//! Textures: lookups of the materials' textures at the surfaces that have them. Those of layers are looked up only by the transport
-//! that uses them.
+//! Textures: lookups of the materials' textures at the surfaces that have them. Those of layers are looked up only by
+//! the transport that uses them.
 
 use super::texture_points::{self, Buffers};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
@@ -81,7 +81,7 @@ impl Stage for Textures {
             let mut texels = std::mem::take(&mut surfaces.texels);
             let mut further = std::mem::take(&mut surfaces.further_texels);
             let is_path = self.texture_use.is_path;
-            self.look_up(context.world, surfaces, points, |material| slots(material), &mut texels);
+            self.look_up(context.world, surfaces, points, slots, &mut texels);
             self.look_up(
                 context.world,
                 surfaces,

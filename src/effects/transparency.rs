@@ -49,11 +49,12 @@ pub(crate) struct Transparency {
 
 /// The opacity of the surface at a hit, 0 to 1.
 pub(crate) fn opacity(world: &World, hit: &Hit) -> f64 {
-    let object = &world.objects[world.object_of(hit.prim) as usize];
+    let index = world.object_of(hit.prim);
+    let object = &world.objects[index as usize];
     let Some(opacity) = world.materials[object.material as usize].opacity() else { return 1.0 };
-    let mut alpha = opacity.factor;
+    let (mut alpha, [v, w]) = (opacity.factor, hit.weights);
     if let Some(texture) = opacity.texture
-        && let Some(uv) = world.uv(object, hit)
+        && let Some(uv) = world.uv(index, hit.prim, [1.0 - v - w, v, w])
     {
         let image = &world.images[texture.image.0 as usize];
         let magnify = texture.sampler.magnify.unwrap_or(Interpolation::Linear);

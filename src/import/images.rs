@@ -27,6 +27,8 @@ pub(crate) enum Channels {
 pub(crate) struct ImageLoader {
     files: Files,
     known: HashMap<(PathBuf, Channels), Option<ImageId>>,
+    /// Roughness and metallic in one image, by the images of each.
+    combined: HashMap<[Option<ImageId>; 2], ImageId>,
     /// Normal maps converted from height maps, with the steepest slope of each; `None` for a file that is a normal map.
     heights: HashMap<PathBuf, Option<(ImageId, f64)>>,
 }
@@ -34,7 +36,12 @@ pub(crate) struct ImageLoader {
 impl ImageLoader {
     /// A loader for the images referenced by `source`.
     pub(crate) fn new(source: &Source) -> Self {
-        ImageLoader { files: source.files.clone(), known: HashMap::new(), heights: HashMap::new() }
+        ImageLoader {
+            files: source.files.clone(),
+            known: HashMap::new(),
+            combined: HashMap::new(),
+            heights: HashMap::new(),
+        }
     }
 
     /// Loads an image file; returns `None` with a warning if it is missing or cannot be decoded.
@@ -94,6 +101,51 @@ impl ImageLoader {
         let Some(image) = self.of_file(scene, file, Channels::Colour, warnings)? else { return Ok(None) };
         warnings.note(format!("{}: a bump map in colours; taken as a normal map", file.display()));
         Ok(Some((image, 1.0)))
+    }
+}
+
+impl ImageLoader {
+    /// Puts the red values of a roughness and a metallic image into green and blue of one image, as large as the larger
+    /// of both; of an image that is not given 1. Two times the same image is that image.
+    ///
+    /// # Errors
+    /// [`Error::Input`], for the file that names them, if it exceeds the memory limit.
+    pub(crate) fn metallic_roughness(
+        &mut self,
+        scene: &mut Scene,
+        roughness: Option<ImageId>,
+        metallic: Option<ImageId>,
+        file: &Path,
+    ) -> Result<Option<ImageId>> {
+        if roughness == metallic {
+            return Ok(roughness);
+        }
+        if let Some(&known) = self.combined.get(&[roughness, metallic]) {
+            return Ok(Some(known));
+        }
+        let image = |id: Option<ImageId>| id.map(|id| scene.images[id.0 as usize].clone());
+        let parts = [image(roughness), image(metallic)];
+        let most = |side: fn(&DecodedImage) -> u32| parts.iter().flatten().map(side).max().unwrap_or(1);
+        let (width, height) = (most(|image| image.width), most(|image| image.height));
+        limits::check_claim(limits::product(&[width.into(), height.into(), TEXTURE])).map_err(|excess| {
+            let what = format!("a picture of roughness and metallic of {width} x {height} pixels {excess}");
+            Error::input(file, what, excess.hint())
+        })?;
+        // The nearest texel of an image that is smaller.
+        let value = |part: &Option<DecodedImage>, x: u32, y: u32| {
+            let Some(part) = part else { return 255 };
+            let scaled =
+                |at: u32, side: u32, of: u32| (u64::from(at) * u64::from(of) / u64::from(side)) as usize;
+            let (column, row) = (scaled(x, width, part.width), scaled(y, height, part.height));
+            part.pixels[row * part.width as usize + column][0]
+        };
+        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let pixels = places.map(|(x, y)| [255, value(&parts[0], x, y), value(&parts[1], x, y)]).collect();
+        let names: Vec<&str> = parts.iter().flatten().map(|part| part.name.as_str()).collect();
+        let name = names.join(" and ");
+        let made = scene.add_image(DecodedImage { name, width, height, pixels });
+        self.combined.insert([roughness, metallic], made);
+        Ok(Some(made))
     }
 }
 

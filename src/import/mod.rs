@@ -20,6 +20,7 @@ mod heights;
 mod images;
 mod lines;
 mod obj;
+mod obj_pbr;
 mod obj_text;
 mod ply;
 mod polygon;

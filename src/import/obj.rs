@@ -1,7 +1,8 @@
 //! Wavefront OBJ importer, on `tobj` in double precision.
 //!
 //! MTL materials become Phong: colour `Kd`, k_d = 1, k_s = maximum of `Ks`, n = `Ns`, k_a = 1. Colours are display
-//! values. Materials with `Pr` or `Pm` become metallic-roughness. `norm` and `bump` become normal maps.
+//! values. Materials with `Pr`, `Pm`, `Ps` or `Pc` become metallic-roughness (`obj_pbr`). `norm` and `bump` become
+//! normal maps.
 
 use std::cell::RefCell;
 use std::collections::HashSet;
@@ -11,6 +12,7 @@ use glam::{DVec2, DVec3};
 
 use super::Source;
 use super::images::{Channels, ImageLoader};
+use super::obj_pbr;
 use super::obj_text::{BUMP_MULTIPLIER, clean_mtl, clean_obj, find_obj_fault, is_point_or_line};
 use super::polygon::{Cuts, Triangulator};
 use super::tangents::make_tangents;
@@ -132,14 +134,13 @@ fn read_mtl(source: &Source, name: &Path, warnings: &mut Warnings) -> tobj::MTLL
 fn find_images(materials: &mut [tobj::Material], name: &Path, source: &Source) {
     let Some(folder) = name.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return };
     let images = materials.iter_mut().flat_map(|m| {
-        [
-            m.diffuse_texture.as_mut(),
-            m.dissolve_texture.as_mut(),
-            m.normal_texture.as_mut(),
-            m.unknown_param.get_mut("norm"),
-        ]
+        let others = m.unknown_param.iter_mut();
+        let others = others.filter(|(key, _)| *key == "norm" || obj_pbr::MAPS.contains(&key.as_str()));
+        let textures = [m.diffuse_texture.as_mut(), m.dissolve_texture.as_mut(), m.normal_texture.as_mut()];
+        let textures = textures.into_iter().flatten();
+        textures.chain(others.map(|(_, image)| image))
     });
-    for image in images.flatten() {
+    for image in images {
         let beside = folder.join(&*image);
         if source.files.has(&source.sibling(&beside)) {
             *image = beside.to_string_lossy().into_owned();
@@ -172,21 +173,16 @@ fn convert_material(
     let colour = Colour::Display(m.diffuse.unwrap_or(default).into());
     let opacity = convert_opacity(m, source, scene, images, warnings)?;
     let normal_map = convert_normal_map(m, source, scene, images, warnings)?;
-    let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
-    let (roughness, metallic) = (parameter(m, "Pr"), parameter(m, "Pm"));
-    if roughness.is_some() || metallic.is_some() {
-        return Ok(Material::MetallicRoughness(MetallicRoughness {
-            name: m.name.clone(),
-            base_colour: colour,
-            base_colour_texture: texture,
-            metallic: metallic.unwrap_or(0.0).clamp(0.0, 1.0),
-            roughness: roughness.unwrap_or(1.0).clamp(0.0, 1.0),
-            emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
-            normal_map,
-            opacity,
-            ..MetallicRoughness::default()
-        }));
+    if obj_pbr::is_physically_based(m) {
+        let textures = (texture, normal_map);
+        let material = obj_pbr::convert(m, textures, source, scene, images, warnings)?;
+        return Ok(Material::MetallicRoughness(MetallicRoughness { opacity, ..material }));
     }
+    if m.unknown_param.contains_key("map_Ke") {
+        let (file, name) = (source.file.display(), &m.name);
+        warnings.push(format!("{file}: material `{name}` has a map_Ke without Pr or Pm; drawn without it"));
+    }
+    let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
     let specular = m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
     Ok(Material::Phong(Phong {
         name: m.name.clone(),
@@ -197,6 +193,7 @@ fn convert_material(
         emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
         normal_map,
         opacity,
+        refraction: obj_pbr::refraction(m),
         ..Phong::default()
     }))
 }

@@ -35,16 +35,18 @@ pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings, check_disp
 
 use std::sync::Arc;
 
+use glam::DVec3;
+
 use crate::bvh::Layout;
 use crate::effects::tile::RenderContext;
-use crate::effects::{Plan, check_names, check_scene, id};
+use crate::effects::{Plan, check_names, check_scene, id, named};
 use crate::error::{Error, Result, Warnings};
 use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Share, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
-use crate::scene::{Camera, Numerics, Sampling, Scene, Transport};
-use crate::world::{Recentering, View, World, headlight, recenter};
+use crate::scene::{Camera, Material, MetallicRoughness, Numerics, Sampling, Scene, Transport};
+use crate::world::{PreparedMaterial, Recentering, View, World, headlight, recenter};
 use camera::Viewpoint;
 
 /// A picture that is ready to be rendered.
@@ -350,6 +352,17 @@ pub fn warn_of_recentering(recentering: Option<&Recentering>, warnings: &mut War
     }
 }
 
+/// Whether a material has layers that local shading leaves out.
+fn needs_path(material: &PreparedMaterial) -> bool {
+    match material {
+        Material::Phong(m) => m.refraction.is_some(),
+        Material::MetallicRoughness(m) if m.unlit => false,
+        Material::MetallicRoughness(MetallicRoughness { layers, .. }) => {
+            layers.transmission > 0.0 || layers.clearcoat > 0.0 || layers.sheen_colour != DVec3::ZERO
+        }
+    }
+}
+
 /// Warns of omitted spheres, of area lights without path tracing, and of requested effects that change nothing.
 pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, plan, choices, .. } = job;
@@ -368,6 +381,14 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
         (is_path, choices.shading == ShadingMode::Full, world.area_lights.names.first())
     {
         warnings.push(format!("area lights such as `{name}` light nothing without path tracing"));
+    }
+    if !is_path {
+        let layered = world.materials_in_use().filter(|material| needs_path(material));
+        let names: Vec<&str> = layered.map(|material| material.name()).collect();
+        if let Some(names) = named("material", &names) {
+            warnings
+                .note(format!("glass, clear coat or sheen of {names} is drawn by --transport path alone"));
+        }
     }
     for decision in
         plan.decisions.iter().filter(|d| !d.on && choices.with.iter().any(|name| *name == d.effect.name()))

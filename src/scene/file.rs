@@ -262,8 +262,12 @@ pub struct MaterialSection {
 #[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LayersSection {
-    /// Index of refraction, 1 or more; 1.5 if not given.
+    /// Index of refraction, 1 or more, or 0 for one that reflects everything; 1.5 if not given.
     pub ior: Option<f64>,
+    /// Weight of the reflection of a dielectric, 0 to 1; 1 if not given.
+    pub specular: Option<f64>,
+    /// Factor of the reflectance of a dielectric at normal incidence; white if not given.
+    pub specular_colour: Option<ColourValue>,
     /// Part of the light that is transmitted instead of scattered diffusely, 0 to 1; 0 if not given.
     pub transmission: Option<f64>,
     /// Whether the surface encloses a volume, which refracts; if not, it is a thin wall.

@@ -112,8 +112,8 @@ impl TextureSlot {
         }
     }
 
-    /// Whether a transport uses it: path tracing, or local shading. Occlusion stands for what path tracing computes; local shading
-    /// has no layers but the dielectric reflection.
+    /// Whether a transport uses it: path tracing, or local shading. Occlusion stands for what path tracing computes;
+    /// local shading has no layers but the dielectric reflection.
     pub fn is_used(self, is_path: bool) -> bool {
         match self {
             TextureSlot::Occlusion => !is_path,

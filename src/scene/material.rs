@@ -35,10 +35,21 @@ pub struct Phong<C = Colour> {
     pub emission: C,
     /// Mirror reflection blended over the surface.
     pub glaze: Option<Glaze>,
+    /// Glass, which path tracing draws instead of the other terms; local shading leaves it out.
+    pub refraction: Option<Refraction<C>>,
     /// Normal map.
     pub normal_map: Option<NormalMap>,
     /// How opaque the surface is; `None` for one that is everywhere opaque.
     pub opacity: Option<Opacity>,
+}
+
+/// Smooth glass of a closed surface: `illum` 4, 6, 7 and 9 of MTL.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Refraction<C = Colour> {
+    /// Index of refraction, above 1.
+    pub ior: f64,
+    /// Factor of the light that passes the surface.
+    pub filter: C,
 }
 
 /// A faint mirror reflection: where a reflected ray hits, `colour = own_weight * colour + weight * reflected`.
@@ -79,7 +90,8 @@ pub struct MetallicRoughness<C = Colour> {
     pub opacity: Option<Opacity>,
     /// Values of material extensions, which path tracing uses.
     pub layers: Layers<C>,
-    /// Weight of the occlusion texture, 0 to 1: the ambient light is multiplied by `1 + occlusion_strength * (texel - 1)`.
+    /// Weight of the occlusion texture, 0 to 1: the ambient light is multiplied by `1 + occlusion_strength * (texel -
+    /// 1)`.
     pub occlusion_strength: f64,
     /// The further textures, at most one for each slot.
     pub further_textures: Vec<FurtherTexture>,
@@ -142,6 +154,7 @@ impl Default for Phong {
             shininess: 1.0,
             emission: Colour::Linear(glam::DVec3::ZERO),
             glaze: None,
+            refraction: None,
             normal_map: None,
             opacity: None,
         }
@@ -210,6 +223,9 @@ impl<C> Material<C> {
                 shininess: m.shininess,
                 emission: convert(m.emission),
                 glaze: m.glaze,
+                refraction: m
+                    .refraction
+                    .map(|glass| Refraction { ior: glass.ior, filter: convert(glass.filter) }),
                 normal_map: m.normal_map,
                 opacity: m.opacity,
             }),

@@ -48,7 +48,8 @@ pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fingerprint::Fingerprint;
 pub use layers::{FurtherTexture, Layers, TextureSlot, Volume};
 pub use material::{
-    DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Opacity, Phong, TexelEncoding, Texture,
+    DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Opacity, Phong, Refraction, TexelEncoding,
+    Texture,
 };
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};

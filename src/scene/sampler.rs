@@ -25,6 +25,25 @@ pub enum Wrap {
     ClampToEdge,
 }
 
+impl Wrap {
+    /// The index from 0 to `size - 1` of the texel that `i` stands for.
+    #[inline]
+    pub fn index(self, i: i64, size: i64) -> i64 {
+        // Most indices are inside, and the division would dominate the lookup.
+        if (0..size).contains(&i) {
+            return i;
+        }
+        match self {
+            Wrap::Repeat => i.rem_euclid(size),
+            Wrap::ClampToEdge => i.clamp(0, size - 1),
+            Wrap::MirroredRepeat => {
+                let i = i.rem_euclid(2 * size);
+                i.min(2 * size - 1 - i)
+            }
+        }
+    }
+}
+
 /// Interpolation between texels, or between mip levels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Interpolation {
@@ -125,6 +144,15 @@ impl Sampler {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn wrapping() {
+        let row = |mode: Wrap| (-3..6).map(|i| mode.index(i, 3)).collect::<Vec<_>>();
+        assert_eq!(row(Wrap::Repeat), [0, 1, 2, 0, 1, 2, 0, 1, 2]);
+        assert_eq!(row(Wrap::ClampToEdge), [0, 0, 0, 0, 1, 2, 2, 2, 2]);
+        assert_eq!(row(Wrap::MirroredRepeat), [2, 1, 0, 0, 1, 2, 2, 1, 0]);
+        assert_eq!(Wrap::Repeat.index(i64::MAX, 3), i64::MAX % 3);
+    }
 
     #[test]
     fn the_user_comes_before_the_file_and_the_file_before_the_default() {

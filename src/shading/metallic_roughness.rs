@@ -1,8 +1,10 @@
-//! glTF's metallic-roughness material: Lambert and GGX (glTF 2.0, appendix B), with KHR_materials_ior and KHR_materials_specular.
+//! glTF's metallic-roughness material: Lambert and GGX (glTF 2.0, appendix B), with KHR_materials_ior and
+//! KHR_materials_specular.
 //!
-//! A light of intensity 1 shows a diffuse surface that faces it in its base colour, so every term is pi times the BSDF of the
-//! specification. Ambient light is constant over the sphere; its reflection is approximated by the diffuse colour plus the
-//! reflectance at normal incidence, and times the occlusion texture, which attenuates no other light (glTF 2.0, section 3.9.3).
+//! A light of intensity 1 shows a diffuse surface that faces it in its base colour, so every term is pi times the BSDF
+//! of the specification. Ambient light is constant over the sphere; its reflection is approximated by the diffuse
+//! colour plus the reflectance at normal incidence, and times the occlusion texture, which attenuates no other light
+//! (glTF 2.0, section 3.9.3).
 
 use std::f64::consts::PI;
 

@@ -7,7 +7,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::scene::{Filter, Interpolation, Sampler, TexelEncoding, Wrap};
+use crate::scene::{Filter, Interpolation, Sampler, TexelEncoding};
 use crate::world::{Image, TexturePoint};
 
 /// The limit on lookups along the longer axis, as in graphics hardware.
@@ -120,8 +120,8 @@ fn look_at(
     let level = level.checked_sub(1).and_then(|below| image.mip_map(encoding)?.levels().get(below));
     let (width, height) = level.map_or((image.width, image.height), |level| (level.width, level.height));
     let (w, h) = (i64::from(width), i64::from(height));
-    let column = |x: i64| wrap(x, w, sampler.wrap_u);
-    let row = |y: i64| wrap(y, h, sampler.wrap_v) * w;
+    let column = |x: i64| sampler.wrap_u.index(x, w);
+    let row = |y: i64| sampler.wrap_v.index(y, h) * w;
     let texel = |row: i64, column: i64| {
         let index = (row + column) as usize;
         DVec3::from(level.map_or_else(|| image.texel(index, encoding), |level| level.texel(index)))
@@ -144,33 +144,9 @@ fn look_at(
     }
 }
 
-fn wrap(i: i64, size: i64, mode: Wrap) -> i64 {
-    // Most indices are inside, and the division would dominate the lookup.
-    if (0..size).contains(&i) {
-        return i;
-    }
-    match mode {
-        Wrap::Repeat => i.rem_euclid(size),
-        Wrap::ClampToEdge => i.clamp(0, size - 1),
-        Wrap::MirroredRepeat => {
-            let i = i.rem_euclid(2 * size);
-            i.min(2 * size - 1 - i)
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn wrapping() {
-        let row = |mode| (-3..6).map(|i| wrap(i, 3, mode)).collect::<Vec<_>>();
-        assert_eq!(row(Wrap::Repeat), [0, 1, 2, 0, 1, 2, 0, 1, 2]);
-        assert_eq!(row(Wrap::ClampToEdge), [0, 0, 0, 0, 1, 2, 2, 2, 2]);
-        assert_eq!(row(Wrap::MirroredRepeat), [2, 1, 0, 0, 1, 2, 2, 1, 0]);
-        assert_eq!(wrap(i64::MAX, 3, Wrap::Repeat), i64::MAX % 3);
-    }
 
     /// A circle stretched to 8 by 2 1/8 texels and turned by any angle, before and after, is an ellipse of 8 by 2 1/8 texels.
     #[test]

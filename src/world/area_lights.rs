@@ -83,5 +83,6 @@ fn material(light: &Light, emission: DVec3) -> PreparedMaterial {
         glaze: None,
         normal_map: None,
         opacity: None,
+        refraction: None,
     })
 }

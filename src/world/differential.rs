@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use super::World;
 use super::interaction::{SurfaceInteraction, blend};
 use crate::bvh::Primitive;
-use crate::geometry::{Hit, Ray};
+use crate::geometry::{Hit, PrimId, Ray};
 
 /// A ray differential: the change of a ray from one pixel to the next, to the right and down.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -55,6 +55,13 @@ impl Differential {
 }
 
 impl World {
+    /// The texture coordinates at a point of a triangle of an object; `None` without any.
+    pub(crate) fn uv(&self, object: u32, prim: PrimId, weights: [f64; 3]) -> Option<DVec2> {
+        let object = &self.objects[object as usize];
+        let [a, b, c] = object.attributes.uvs(prim.0 - object.first.0)?.map(|uv| uv.as_dvec2());
+        Some(a * weights[0] + b * weights[1] + c * weights[2])
+    }
+
     /// The texture point at `hit`; `None` without texture coordinates. `differential` is that of the ray; without it the footprint
     /// is zero.
     pub fn texture_point(

@@ -1,21 +1,25 @@
 //! The emissive surfaces of a world as lights: chosen by power, sampled by area (triangles) or solid angle (analytic
-//! shapes and rectangles).
+//! shapes and rectangles). The power of a textured triangle is that of the mean of its texture. What a texture emits is
+//! looked up by the caller.
 
 use glam::DVec3;
 
+use super::emission_texture::MeanEmission;
 use super::rectangle::Rectangle;
-use super::{PreparedMaterial, SurfaceInteraction};
+use super::{Image, PreparedMaterial, SurfaceInteraction};
 use crate::bvh::Primitive;
 use crate::film::colour::luminance;
 use crate::geometry::spawn::SurfacePoint;
 use crate::geometry::{Precision, PrimId, Triangle};
-use crate::scene::{Material, Object, Shape};
+use crate::scene::{Attribute, Material, Mesh, Object, Shape, Texture};
 
 /// The emissive primitives of a world. Both sides of a surface emit, but only the front of a rectangle light.
 pub(crate) struct Emitters {
     emitters: Vec<Emitter>,
     /// Cumulative powers: the sum over the emitters up to and including each.
     cumulative: Vec<f64>,
+    /// For each object with an emission texture, the luminances of the mean radiance of its triangles.
+    textured: Vec<Option<Box<[f32]>>>,
     /// The rectangle lights, whose triangles are the last primitives, two each.
     rectangles: Vec<Rectangle>,
     /// The first of those primitives.
@@ -24,7 +28,12 @@ pub(crate) struct Emitters {
 
 struct Emitter {
     shape: EmitterShape,
+    /// The number of its primitive in the world, the first of a rectangle.
+    id: PrimId,
+    object: u32,
     material: u32,
+    /// The luminance of its mean radiance: power by area.
+    luminance: f64,
 }
 
 enum EmitterShape {
@@ -43,73 +52,127 @@ pub(crate) struct EmitterSample {
     pub(crate) point: SurfacePoint,
     /// The unit normal there, on the side of the point that it was sampled from.
     pub(crate) normal: DVec3,
-    /// The emitted radiance.
+    /// The emitted radiance without texture.
     pub(crate) radiance: DVec3,
     /// The density per solid angle.
     pub(crate) pdf: f64,
+    /// The primitive, its object and material.
+    pub(crate) id: PrimId,
+    pub(crate) object: u32,
+    pub(crate) material: u32,
+    /// The barycentric coordinates on a triangle.
+    pub(crate) weights: [f64; 3],
 }
 
-/// The emitted radiance of a material, of every surface that is sampled as a light: opaque, without texture.
+/// The emitted radiance of a material, of every surface that is sampled as a light: opaque, without its texture.
 pub(crate) fn sampled_emission(material: &PreparedMaterial) -> Option<DVec3> {
     if material.opacity().is_some() {
         return None;
     }
     let emission = match material {
         Material::Phong(m) => m.emission,
-        Material::MetallicRoughness(m) if m.unlit || m.emission_texture.is_some() => return None,
+        Material::MetallicRoughness(m) if m.unlit => return None,
         Material::MetallicRoughness(m) => m.emission,
     };
     (luminance(emission) > 0.0 && emission.is_finite()).then_some(emission)
 }
 
+/// The emission texture of a material.
+pub(crate) fn emission_texture(material: &PreparedMaterial) -> Option<Texture> {
+    match material {
+        Material::Phong(_) => None,
+        Material::MetallicRoughness(m) => m.emission_texture,
+    }
+}
+
+/// The luminances of the mean radiance of an object's triangles by its emission texture; `None` without one.
+fn textured(object: &Object, material: &PreparedMaterial, images: &[Image]) -> Option<Box<[f32]>> {
+    let (emission, texture) = (sampled_emission(material)?, emission_texture(material)?);
+    let mesh: &Mesh = match &object.shape {
+        Shape::Mesh(mesh) => mesh,
+        Shape::Placed(placed) => &placed.mesh,
+        Shape::Analytic(_) => return None,
+    };
+    let Attribute { values, triangles } = mesh.uvs.as_ref()?;
+    let mean = MeanEmission::new(&images[texture.image.0 as usize], texture.sampler, emission);
+    let triangles = triangles.as_ref().unwrap_or(&mesh.triangles);
+    Some(triangles.iter().map(|t| mean.over(t.map(|i| values[i as usize])) as f32).collect())
+}
+
 impl Emitters {
-    /// Lists the emissive primitives of the objects, as rounded to the tier's precision. The last objects are
-    /// `rectangles`.
+    /// Lists the emissive primitives of the objects, whose first primitives are `firsts`, as rounded to the tier's
+    /// precision. The last objects are `rectangles`.
     pub(super) fn new(
         objects: &[Object],
-        materials: &[PreparedMaterial],
+        firsts: &[PrimId],
+        (materials, images): (&[PreparedMaterial], &[Image]),
         rectangles: Vec<Rectangle>,
         precision: Precision,
     ) -> Self {
-        let primitives: usize = objects.iter().map(|object| object.shape.primitive_count()).sum();
-        let first_rectangle = PrimId((primitives - 2 * rectangles.len()) as u32);
-        let mut list = Emitters { emitters: Vec::new(), cumulative: Vec::new(), rectangles, first_rectangle };
-        let (objects, of_rectangles) = objects.split_at(objects.len() - list.rectangles.len());
-        for object in objects {
+        let count = objects.len() - rectangles.len();
+        let first_rectangle = firsts.get(count).copied().unwrap_or(PrimId(u32::MAX));
+        let mut list = Emitters {
+            emitters: Vec::new(),
+            cumulative: Vec::new(),
+            textured: Vec::new(),
+            rectangles,
+            first_rectangle,
+        };
+        for (index, (object, first)) in objects.iter().zip(firsts).enumerate().take(count) {
             let material = object.material.0;
             let Some(emission) = sampled_emission(&materials[material as usize]) else { continue };
-            let mut add = |primitive: Primitive| {
+            let textured = textured(object, &materials[material as usize], images);
+            let mut add = |local: u32, primitive: Primitive| {
                 let Some(primitive) = primitive.rounded(precision) else { return };
-                let power = luminance(emission) * area(&primitive);
-                list.add(Emitter { shape: EmitterShape::Primitive(primitive), material }, power);
+                let of_texture = textured.as_ref().map(|textured| f64::from(textured[local as usize]));
+                let luminance = of_texture.unwrap_or_else(|| luminance(emission));
+                let area = area(&primitive);
+                let (id, shape) = (PrimId(first.0 + local), EmitterShape::Primitive(primitive));
+                list.add(Emitter { shape, id, object: index as u32, material, luminance }, area);
             };
             match &object.shape {
-                Shape::Analytic(shape) => add(Primitive::Analytic(*shape)),
+                Shape::Analytic(shape) => add(0, Primitive::Analytic(*shape)),
                 Shape::Mesh(mesh) => {
                     let corners = |t: &[u32; 3]| t.map(|i| mesh.positions[i as usize]);
-                    mesh.triangles.iter().for_each(|t| add(Primitive::Triangle(Triangle(corners(t)))));
+                    let triangles = (0..).zip(&mesh.triangles);
+                    triangles.for_each(|(i, t)| add(i, Primitive::Triangle(Triangle(corners(t)))));
                 }
                 Shape::Placed(placed) => {
                     let triangle = |t| Primitive::Triangle(Triangle(placed.corners_of(t)));
-                    (0..placed.triangle_count() as u32).for_each(|t| add(triangle(t)));
+                    (0..placed.triangle_count() as u32).for_each(|t| add(t, triangle(t)));
                 }
             }
+            if textured.is_some() {
+                list.textured.resize_with(objects.len(), || None);
+                list.textured[index] = textured;
+            }
         }
-        for (index, object) in of_rectangles.iter().enumerate() {
+        for (index, object) in objects[count..].iter().enumerate() {
             let material = object.material.0;
             let Some(emission) = sampled_emission(&materials[material as usize]) else { continue };
             let corners = list.rectangles[index].corners().map(|corner| corner.map(|c| precision.round(c)));
             let halves = [[0, 1, 2], [0, 2, 3]].map(|t| Triangle(t.map(|i: usize| corners[i])));
             // Rounding may leave nothing of a small rectangle, which no ray then hits.
             if halves.iter().all(|half| half.unit_normal().is_some()) {
-                let power = luminance(emission) * list.rectangles[index].area();
-                list.add(Emitter { shape: EmitterShape::Rectangle(index, halves), material }, power);
+                let (shape, id) = (EmitterShape::Rectangle(index, halves), firsts[count + index]);
+                let (object, luminance) = ((count + index) as u32, luminance(emission));
+                let area = list.rectangles[index].area();
+                list.add(Emitter { shape, id, object, material, luminance }, area);
             }
         }
         list
     }
 
-    fn add(&mut self, emitter: Emitter, power: f64) {
+    /// The luminance of the mean radiance of a primitive, `local` within its object, whose material emits `emission`.
+    fn luminance_of(&self, object: u32, local: u32, emission: DVec3) -> f64 {
+        match self.textured.get(object as usize) {
+            Some(Some(textured)) => textured[local as usize].into(),
+            _ => luminance(emission),
+        }
+    }
+
+    fn add(&mut self, emitter: Emitter, area: f64) {
+        let power = emitter.luminance * area;
         if power > 0.0 {
             self.cumulative.push(self.total() + power);
             self.emitters.push(emitter);
@@ -147,9 +210,9 @@ impl Emitters {
         let total = self.total();
         let index =
             self.cumulative.partition_point(|&sum| sum <= choice * total).min(self.emitters.len() - 1);
-        let Emitter { shape, material } = &self.emitters[index];
-        let radiance = sampled_emission(&materials[*material as usize])?;
-        let density = luminance(radiance) / total;
+        let &Emitter { ref shape, id, object, material, luminance } = &self.emitters[index];
+        let radiance = sampled_emission(&materials[material as usize])?;
+        let density = luminance / total;
         match shape {
             EmitterShape::Rectangle(index, halves) => {
                 let rectangle = &self.rectangles[*index];
@@ -162,10 +225,14 @@ impl Emitters {
                     normal,
                     radiance,
                     pdf,
+                    id,
+                    object,
+                    material,
+                    weights: [0.0; 3],
                 })
             }
             EmitterShape::Primitive(Primitive::Triangle(triangle)) => {
-                let (point, normal) = on_triangle(triangle, numbers)?;
+                let (point, normal, weights) = on_triangle(triangle, numbers)?;
                 let to_light = point.position - from;
                 let direction = to_light.try_normalize()?;
                 let cosine = -direction.dot(normal);
@@ -178,6 +245,10 @@ impl Emitters {
                     normal,
                     radiance,
                     pdf,
+                    id,
+                    object,
+                    material,
+                    weights,
                 })
             }
             EmitterShape::Primitive(Primitive::Analytic(shape)) => {
@@ -185,21 +256,27 @@ impl Emitters {
                 let (point, outward) = shape.surface(from + direction * distance);
                 let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
                 let pdf = density * shape.area() / shape.solid_angle(from);
-                Some(EmitterSample { direction, point, normal, radiance, pdf })
+                let weights = [1.0, 0.0, 0.0];
+                Some(EmitterSample { direction, point, normal, radiance, pdf, id, object, material, weights })
             }
         }
     }
 
     /// The density per solid angle with which [`Emitters::sample`] from `from` chooses the point of a surface that a
-    /// ray hit and that emits `radiance`.
+    /// ray hit: of a primitive, `local` within its object, whose material emits `emission`. 0 for a textured triangle that
+    /// is not sampled.
     pub(crate) fn pdf(
         &self,
         surface: &SurfaceInteraction,
         primitive: &Primitive,
-        radiance: DVec3,
+        (local, emission): (u32, DVec3),
         from: DVec3,
     ) -> f64 {
-        let density = luminance(radiance) / self.total();
+        let luminance = self.luminance_of(surface.object, local, emission);
+        if luminance == 0.0 {
+            return 0.0;
+        }
+        let density = luminance / self.total();
         let (position, normal) = (surface.point.position, surface.geometric_normal);
         if let Some(rectangle) = self.rectangle_of(surface.prim) {
             return density * rectangle.area() * rectangle.pdf(from, position);
@@ -229,9 +306,10 @@ fn in_halves([lower, upper]: &[Triangle; 2], [x, y]: [f64; 2]) -> Option<(Surfac
     Some((SurfacePoint::on_triangle(triangle.0, weights), triangle.unit_normal()?))
 }
 
-/// A uniform point of a triangle and its unit normal (Heitz, A Low-Distortion Map Between Triangle and Square, 2019).
-fn on_triangle(triangle: &Triangle, [x, y]: [f64; 2]) -> Option<(SurfacePoint, DVec3)> {
+/// A uniform point of a triangle, its unit normal and its barycentric coordinates (Heitz, A Low-Distortion Map Between
+/// Triangle and Square, 2019).
+fn on_triangle(triangle: &Triangle, [x, y]: [f64; 2]) -> Option<(SurfacePoint, DVec3, [f64; 3])> {
     let (v, w) = if y > x { (0.5 * x, y - 0.5 * x) } else { (x - 0.5 * y, 0.5 * y) };
-    let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
-    Some((point, triangle.unit_normal()?))
+    let weights = [1.0 - v - w, v, w];
+    Some((SurfacePoint::on_triangle(triangle.0, weights), triangle.unit_normal()?, weights))
 }

@@ -1,6 +1,6 @@
 //! Surface interactions: everything that shading needs of a hit, computed once, for the closest hit.
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 use super::attributes::vertex_colour;
 use super::{World, WorldObject};
@@ -54,8 +54,8 @@ impl Default for Texels {
     }
 }
 
-/// The values of a material's further textures ([`crate::scene::FurtherTexture`]) at a point: factors, 1 without texture or where
-/// textures are off.
+/// The values of a material's further textures ([`crate::scene::FurtherTexture`]) at a point: factors, 1 without
+/// texture or where textures are off.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FurtherTexels {
     /// Unoccluded part of the ambient light.
@@ -198,13 +198,6 @@ impl World {
         };
         let normal = if normal.dot(direction) < 0.0 { -normal } else { normal };
         point.origin_towards(normal, self.numerics())
-    }
-
-    /// The texture coordinates at a hit with an object; `None` where it has none.
-    pub(crate) fn uv(&self, object: &WorldObject, hit: &Hit) -> Option<DVec2> {
-        let [a, b, c] = object.attributes.uvs(hit.prim.0 - object.first.0)?.map(|uv| uv.as_dvec2());
-        let [v, w] = hit.weights;
-        Some(a * (1.0 - v - w) + b * v + c * w)
     }
 
     /// The interpolated vertex opacity at a hit with an object; 1 where it has none.

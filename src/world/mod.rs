@@ -8,6 +8,7 @@ mod area_lights;
 mod attributes;
 mod differential;
 mod directional;
+mod emission_texture;
 mod emitters;
 mod environment;
 mod fit;
@@ -26,7 +27,7 @@ use environment::PreparedEnvironment;
 
 pub(crate) use area_lights::AreaLights;
 pub(crate) use directional::LightDisc;
-pub(crate) use emitters::{Emitters, sampled_emission};
+pub(crate) use emitters::{EmitterSample, Emitters, emission_texture, sampled_emission};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
 pub use image::Image;
 pub use interaction::{FurtherTexels, SurfaceInteraction, Texels};
@@ -163,7 +164,8 @@ impl World {
         let environment =
             environment.map(|environment| PreparedEnvironment::new(environment, pipeline).into());
         let rectangles = std::mem::take(&mut area_lights.rectangles);
-        let emitters = Emitters::new(&scene.objects, &materials, rectangles, numerics.precision());
+        let looks = (&materials[..], &images[..]);
+        let emitters = Emitters::new(&scene.objects, &firsts, looks, rectangles, numerics.precision());
         let too_small = primitive_count - instanced - kept;
         let mut attributes = attributes::SharedAttributes::default();
         let objects = scene.objects.into_iter().zip(firsts).map(|(object, first)| WorldObject {

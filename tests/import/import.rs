@@ -354,6 +354,76 @@ fn obj_pictures_lie_beside_the_mtl_or_beside_the_obj() {
     assert_eq!((scene.images.len(), warnings), (2, vec![]));
 }
 
+/// What Blender writes for a Principled BSDF with "PBR extensions": numbers are linear, a map stands for a number, `Tf`
+/// is the weight of the transmission. Grey maps of roughness and metallic become green and blue of one image, as large
+/// as the larger.
+#[test]
+fn mtl_of_physically_based_materials() {
+    let folder = Folder::new();
+    let grey = |name: &str, width, value| {
+        let image = image::GrayImage::from_pixel(width, 1, image::Luma([value]));
+        image.save(folder.0.path().join(name)).expect("a file");
+    };
+    grey("r.png", 2, 60);
+    grey("m.png", 1, 90);
+    grey("e.png", 1, 30);
+    let mtl = "newmtl numbers\nKd 0.5 0.25 0.125\nKs 0.5 0.5 0.5\nKe 2 0 0\nNi 1.45\nd 1\nillum 2\nPr 0.3\nPm 0.75\nPs 0.2\n\
+        Pc 0.6\nPcr 0.05\naniso 0\nTf 0.9 0.9 0.9\n\
+        newmtl maps\nKd 0.8 0.8 0.8\nNi 1\nmap_Pr r.png\nmap_Pm m.png\nmap_Ke e.png\n\
+        newmtl one\nKd 1 1 1\nPm 0.5\nmap_Pr r.png\n";
+    folder.write("a.mtl", mtl);
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl numbers\nf 1/1 2/1 3/1\n";
+    let (scene, warnings) = folder.load("a.obj", format!("mtllib a.mtl\n{corners}"));
+    assert_eq!(warnings, [""; 0]);
+    let material = |index: usize| match &scene.materials[index] {
+        Material::MetallicRoughness(material) => material,
+        Material::Phong(phong) => panic!("{phong:?}"),
+    };
+    let linear = |r, g, b| Colour::Linear(v(r, g, b));
+    let numbers = material(0);
+    assert_eq!((numbers.base_colour, numbers.emission), (linear(0.5, 0.25, 0.125), linear(2.0, 0.0, 0.0)));
+    assert_eq!((numbers.metallic, numbers.roughness), (0.75, 0.3));
+    let layers = &numbers.layers;
+    assert_eq!((layers.ior, layers.clearcoat, layers.clearcoat_roughness), (1.45, 0.6, 0.05));
+    assert_eq!((layers.sheen_colour, layers.sheen_roughness), (linear(0.2, 0.2, 0.2), 0.5));
+    assert!((layers.transmission - 0.9).abs() < 1e-15 && layers.volume.is_some());
+    let maps = material(1);
+    assert_eq!((maps.metallic, maps.roughness, maps.emission), (1.0, 1.0, linear(1.0, 1.0, 1.0)));
+    // An index of 1 on an opaque surface is none.
+    assert_eq!((maps.layers.ior, maps.layers.transmission), (1.5, 0.0));
+    let pixels = |texture: Option<kiln::scene::Texture>| {
+        &*scene.images[texture.expect("a texture").image.0 as usize].pixels
+    };
+    assert_eq!(pixels(maps.metallic_roughness_texture), [[255, 60, 90]; 2]);
+    assert_eq!(pixels(maps.emission_texture), [[30; 3]]);
+    assert_eq!(pixels(material(2).metallic_roughness_texture), [[255, 60, 255]; 2]);
+    assert_eq!((material(2).metallic, material(2).roughness), (0.5, 1.0));
+}
+
+/// `illum` 4, 6, 7 and 9 are glass with an index above 1. Maya writes `illum 4` with an index of 1, Blender `illum 9`
+/// with `d` below 1 and without `Tf`, for what is no glass.
+#[test]
+fn mtl_of_glass() {
+    for (lines, glass) in [
+        ("illum 7\nNi 1.5\nTf 0.9 0.8 0.7", Some((1.5, [0.9, 0.8, 0.7]))),
+        ("illum 4\nNi 1.33", Some((1.33, [1.0; 3]))),
+        ("illum 6\nNi 1.5\nd 0.1\nTf 1 1 1", Some((1.5, [1.0; 3]))),
+        ("illum 9\nNi 1.45\nd 0.5", None),
+        ("illum 4\nNi 1\nTf 1 1 1", None),
+        ("illum 7\nNi 1.5\nTf 0 0 0", None),
+        ("illum 2\nNi 1.5\nTf 1 1 1", None),
+        ("illum 7", None),
+    ] {
+        let folder = Folder::new();
+        folder.write("a.mtl", format!("newmtl a\nKd 1 0 0\n{lines}\n"));
+        let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n";
+        let (scene, _) = folder.load("a.obj", format!("mtllib a.mtl\n{corners}"));
+        let Material::Phong(phong) = &scene.materials[0] else { panic!("{lines}") };
+        let found = phong.refraction.map(|glass| (glass.ior, glass.filter));
+        assert_eq!(found, glass.map(|(ior, filter)| (ior, Colour::Linear(filter.into()))), "{lines}");
+    }
+}
+
 #[test]
 fn mtl_lines_that_others_stumble_over() {
     let folder = Folder::new();
@@ -1202,8 +1272,8 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
     );
 }
 
-/// Alpha channels become grey images, once for all that read them; a slot whose factor is 0, and the thickness, which rays
-/// measure, have no texture.
+/// Alpha channels become grey images, once for all that read them; a slot whose factor is 0, and the thickness, which
+/// rays measure, have no texture.
 #[test]
 fn gltf_textures_of_extensions() {
     use kiln::scene::TextureSlot::{Clearcoat, SheenColour, SheenRoughness, Specular, SpecularColour};
@@ -1265,7 +1335,8 @@ fn gltf_textures_of_extensions() {
     );
 }
 
-/// KHR_materials_pbrSpecularGlossiness goes before the core model; glossiness in alpha becomes roughness: 255 - 0.5 x 100 = 205.
+/// KHR_materials_pbrSpecularGlossiness goes before the core model; glossiness in alpha becomes roughness: 255 - 0.5 x
+/// 100 = 205.
 #[test]
 fn gltf_specular_glossiness_becomes_metallic_roughness() {
     let folder = Folder::new();
@@ -1332,7 +1403,7 @@ fn scene_file_materials_are_of_one_model() {
             one,
         ),
         ("roughness = 1.5", "`roughness` is 1.5", "give a number from 0 to 1"),
-        ("layers = { ior = 0.9 }", "`ior` is 0.9", "give a number from 1"),
+        ("layers = { ior = 0.9 }", "`ior` is 0.9", "give a number from 1, or 0"),
         ("layers = { attenuation_distance = 0 }", "`attenuation_distance` is 0", "give a distance above 0"),
     ] {
         assert_eq!(fails(keys), (format!("a.toml:1: {what}"), hint.to_owned()), "{keys}");

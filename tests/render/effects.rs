@@ -64,8 +64,8 @@ fn a_scene_that_does_not_call_for_an_effect_is_not_billed_for_it() {
         let prepared = scene(&format!("no-{}", effect.name()));
         let (film, statistics) = prepared.render(Choices::default());
         nothing_for(effect, &statistics);
-        // Asking for the stages of a transport is asking for another picture.
-        if effect.id == id::PATH {
+        // Asking for another transport or approximation is asking for another picture.
+        if [id::PATH, id::AMBIENT_OCCLUSION].contains(&effect.id) {
             continue;
         }
         // With its stages there all the same, it has nothing to do.

@@ -1,4 +1,5 @@
-//! Textures of glTF's material extensions, in path tracing, against the same values as factors and against closed forms.
+//! Textures of glTF's material extensions, in path tracing, against the same values as factors and against closed
+//! forms.
 
 use std::path::PathBuf;
 
@@ -22,8 +23,9 @@ pub fn data_uri(width: u32, texels: &[[u8; 4]]) -> String {
     format!("data:image/png;base64,{data}")
 }
 
-/// A glTF file with one square of corners (-1, -1, 0) and (1, 1, 0) that faces +z, with the images as textures in order, all
-/// sampled without interpolation. Texture coordinates begin at the upper left corner. The file stays until the tests end.
+/// A glTF file with one square of corners (-1, -1, 0) and (1, 1, 0) that faces +z, with the images as textures in
+/// order, all sampled without interpolation. Texture coordinates begin at the upper left corner. The file stays until
+/// the tests end.
 pub fn square(material: &Value, images: &[String]) -> PathBuf {
     let numbers: [[f32; 5]; 4] = [
         [-1.0, -1.0, 0.0, 0.0, 1.0],
@@ -100,8 +102,8 @@ fn pixels(film: &Film) -> Vec<[u32; 3]> {
 /// The sky from all sides, so that each layer shows.
 const SKY: &str = "[environment]\nsky = true\n";
 
-/// A value of a slot: extension, key of the factor, key of the texture, and the texel with which the factor 1 is the same as the
-/// other factor.
+/// A value of a slot: extension, key of the factor, key of the texture, and the texel with which the factor 1 is the
+/// same as the other factor.
 type Case = (&'static str, &'static str, &'static str, [u8; 4], Value);
 
 /// The decoded value of an 8-bit colour, rounded as textures are.
@@ -153,8 +155,8 @@ fn layered() -> Value {
     })
 }
 
-/// A texture of one value gives the bits of that value as the factor: the product is the same, with the channel and encoding of
-/// the extension. It differs from the picture without.
+/// A texture of one value gives the bits of that value as the factor: the product is the same, with the channel and
+/// encoding of the extension. It differs from the picture without.
 #[test]
 fn a_texture_of_one_value_is_a_factor() {
     let plain = pixels(&render(scene(&layered(), &[], SKY)));
@@ -170,8 +172,9 @@ fn a_texture_of_one_value_is_a_factor() {
     }
 }
 
-/// A thin wall without interface (index of refraction 1) before a lamp of radiance 1, and nothing else: where the texture of the
-/// transmission is 0, it is white paper that no light reaches; where it is 1, the lamp is seen as if there were nothing.
+/// A thin wall without interface (index of refraction 1) before a lamp of radiance 1, and nothing else: where the
+/// texture of the transmission is 0, it is white paper that no light reaches; where it is 1, the lamp is seen as if
+/// there were nothing.
 #[test]
 fn transmission_by_halves() {
     let material = json!({
@@ -191,8 +194,8 @@ fn transmission_by_halves() {
     }
 }
 
-/// White furnace: a diffuse white base under layers whose weights vary from texel to texel. Layers are scaled so that nothing is
-/// gained; with the weights 0 and 1 in a checker, no pixel may be brighter than the environment.
+/// White furnace: a diffuse white base under layers whose weights vary from texel to texel. Layers are scaled so that
+/// nothing is gained; with the weights 0 and 1 in a checker, no pixel may be brighter than the environment.
 #[test]
 fn layers_by_texture_gain_nothing() {
     let mut material = layered();
@@ -222,15 +225,17 @@ fn local_shading_pays_nothing_for_textures_of_layers() {
     assert!(on(Transport::Path) && !on(Transport::Whitted));
 }
 
-/// Local shading multiplies the ambient light by 1 + strength (texel - 1), and nothing else; path tracing does not look it up. A
-/// square of white metal, f0 = 1, under an ambient light of 1/2 alone is 1/2 times that; the light of a lamp is added whole.
+/// Local shading multiplies the ambient light by 1 + strength (texel - 1), and nothing else; path tracing does not look
+/// it up. A square of white metal, f0 = 1, under an ambient light of 1/2 alone is 1/2 times that; the light of a lamp
+/// is added whole.
 #[test]
 fn occlusion_attenuates_the_ambient_light() {
     let image = data_uri(2, &[[0, 255, 255, 255], [51, 0, 0, 255]]);
     for (strength, lamp, expected) in [
         (1.0, false, [0.0, 0.1]),
         (0.5, false, [0.25, 0.3]),
-        // A diffuse white square would return 1 of the lamp; metal as rough as 1 returns F0 / 4, see `metallic_roughness`.
+        // A diffuse white square would return 1 of the lamp; metal as rough as 1 returns F0 / 4, see
+        // `metallic_roughness`.
         (1.0, true, [0.25, 0.35]),
     ] {
         let material = json!({ "occlusionTexture": { "index": 0, "strength": strength } });
@@ -248,10 +253,11 @@ fn occlusion_attenuates_the_ambient_light() {
     }
 }
 
-/// Specular-glossiness: the reflectance at normal incidence is `specular`, in both transports. A smooth square seen straight on
-/// mirrors s of a uniform environment of 1, and its diffuse part d is scaled by 1 - max(s): s + d (1 - max(s)). Path tracing
-/// estimates it from 128 pixels of 256 samples, whose standard deviation is below 0.3: a standard error below 0.002. Local
-/// shading under an ambient light of 1/2 shows half of that. Specular colours by texture are decoded from sRGB: 255 is 1 and 0 is 0.
+/// Specular-glossiness: the reflectance at normal incidence is `specular`, in both transports. A smooth square seen
+/// straight on mirrors s of a uniform environment of 1, and its diffuse part d is scaled by 1 - max(s): s + d (1 -
+/// max(s)). Path tracing estimates it from 128 pixels of 256 samples, whose standard deviation is below 0.3: a standard
+/// error below 0.002. Local shading under an ambient light of 1/2 shows half of that. Specular colours by texture are
+/// decoded from sRGB: 255 is 1 and 0 is 0.
 #[test]
 fn specular_glossiness_has_its_reflectance() {
     let image = data_uri(2, &[[255, 255, 255, 255], [0, 0, 0, 255]]);

@@ -116,6 +116,86 @@ fn a_polygon_light_has_the_irradiance_of_lamberts_formula() {
     check(&format!("{scene}{below}"), 128, 1, radiance);
 }
 
+/// The irradiance at the origin of a floor that faces +y under a polygon above it, of radiance 1 (Lambert's formula).
+fn irradiance(corners: &[glam::DVec3]) -> f64 {
+    let sum: f64 = (0..corners.len())
+        .map(|i| {
+            let (a, b) = (corners[i].normalize(), corners[(i + 1) % corners.len()].normalize());
+            a.angle_between(b) * a.cross(b).normalize().y
+        })
+        .sum();
+    sum.abs() / 2.0
+}
+
+/// A square of 2 by 2 at a height of 1, its centre at (-1/2, 1, 0), which emits 0 and 2 in a checker of 3 by 3 texels.
+/// Each texel is a polygon of one radiance, so the sum of their irradiances is exact. The checker is the same from each
+/// side. A square of the mean radiance, 10/9, would give another value. Without light samples the standard error would
+/// be too large: 147456 samples, a tenth of which hits the bright texels, have one of 0.8 %.
+#[test]
+fn a_textured_light_has_the_irradiance_of_its_texels() {
+    let bright = |x: usize, y: usize| (x + y).is_multiple_of(2);
+    let texels: Vec<[u8; 4]> =
+        (0..9).map(|i| if bright(i % 3, i / 3) { [255; 4] } else { [0, 0, 0, 255] }).collect();
+    let material = serde_json::json!({
+        "pbrMetallicRoughness": { "baseColorFactor": [0, 0, 0, 1] },
+        "emissiveFactor": [1, 1, 1], "emissiveTexture": { "index": 0 },
+        "extensions": { "KHR_materials_emissive_strength": { "emissiveStrength": 2 } },
+    });
+    let file = super::layers::square(&material, &[super::layers::data_uri(3, &texels)]);
+    let lamp = format!(
+        "{FLOOR}[[mesh]]\nfile = '{}'\nrotate = [90, 0, 0]\ntranslate = [-0.5, 1, 0]\n",
+        file.display()
+    );
+    let at = |i: usize| 2.0 / 3.0 * i as f64 - 1.0;
+    let corner = |x: usize, z: usize| glam::DVec3::new(at(x) - 0.5, 1.0, at(z));
+    let rectangle = |x: usize, z: usize, side: usize| {
+        irradiance(&[corner(x, z), corner(x + side, z), corner(x + side, z + side), corner(x, z + side)])
+    };
+    let sum: f64 = (0..9).filter(|i| bright(i % 3, i / 3)).map(|i| 2.0 * rectangle(i % 3, i / 3, 1)).sum();
+    let mean = 10.0 / 9.0 * rectangle(0, 0, 3);
+    assert!((sum / mean - 1.0).abs() > 0.02, "{sum} {mean}");
+    check(&lamp, 64, 1, sum / std::f64::consts::PI);
+    // Without the texture the square emits 2 everywhere; it is chosen as a light as before.
+    let settings = RenderSettings { without: vec!["textures".into()], ..settings(64, 1) };
+    let (plain, error) = self::mean(&render(parse(&lamp), &settings));
+    let expected = 2.0 * rectangle(0, 0, 3) / std::f64::consts::PI;
+    assert!((plain - expected).abs() < 4.0 * error && error < 0.004 * expected, "{plain}, {expected}");
+}
+
+/// Unlit surfaces show their base colour and scatter nothing: in an environment of 1 and at any depth 0.25 stays 0.25.
+#[test]
+fn unlit_surfaces_emit_their_base_colour() {
+    let material = serde_json::json!({
+        "pbrMetallicRoughness": { "baseColorFactor": [0.25, 0.25, 0.25, 1] },
+        "extensions": { "KHR_materials_unlit": {} },
+    });
+    let scene = format!(
+        "[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\nvertical_fov = 10\n[environment]\ncolour = '#ffffff'\n\
+         [[mesh]]\nfile = '{}'\n",
+        super::layers::square(&material, &[]).display()
+    );
+    let (mean, error) = mean(&render(parse(&scene), &settings(2, 8)));
+    assert!((mean - 0.25).abs() < 1e-7 && error < 1e-7, "{mean} +- {error}");
+}
+
+/// A box of glass as an MTL material with `illum 7`, without index an invisible one: Kd is not seen, the filter is,
+/// twice.
+#[test]
+fn glass_of_mtl_filters_light() {
+    let folder = tempfile::tempdir().expect("a folder").keep();
+    let cube = std::fs::read_to_string(room_file()).expect("a file");
+    std::fs::write(folder.join("a.mtl"), "newmtl a\nKd 1 0 0\nillum 7\nNi 1.000001\nTf 0.5 0.5 0.5\n")
+        .expect("a file");
+    std::fs::write(folder.join("a.obj"), format!("mtllib a.mtl\nusemtl a\n{cube}")).expect("a file");
+    let scene = format!(
+        "[[camera]]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\nvertical_fov = 10\n[environment]\ncolour = '#ffffff'\n\
+         [[mesh]]\nfile = '{}'\n",
+        folder.join("a.obj").display()
+    );
+    let (mean, error) = mean(&render(parse(&scene), &settings(2, 8)));
+    assert!((mean - 0.25).abs() < 1e-6 && error < 1e-6, "{mean} +- {error}");
+}
+
 /// A point light of intensity 1 without falloff shows a facing diffuse surface in its own colour in both transports.
 #[test]
 fn punctual_lights_are_as_bright_as_in_local_shading() {

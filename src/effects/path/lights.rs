@@ -7,15 +7,21 @@ use glam::DVec3;
 
 use super::Path;
 use super::scatter::bsdf_weight;
-use crate::effects::LightTechnique;
+use crate::effects::{LightTechnique, TextureUse};
 use crate::geometry::{Hit, Numerics, Ray};
+use crate::scene::TexelEncoding;
 use crate::shading::LightSample;
-use crate::world::{Emitters, SurfaceInteraction, World, sampled_emission};
+use crate::shading::texture::look_up;
+use crate::world::{
+    EmitterSample, Emitters, SurfaceInteraction, TexturePoint, World, emission_texture, sampled_emission,
+};
 
 /// The lights of a world.
 pub(super) struct Lights<'a> {
     world: &'a World,
     emitters: &'a Emitters,
+    /// How the textures of emissive surfaces are looked up.
+    texture_use: TextureUse,
     /// Punctual and directional lights, then the emitters if there are any, then the environment if there is one.
     count: usize,
     pub(super) technique: LightTechnique,
@@ -58,11 +64,11 @@ impl Target {
 }
 
 impl<'a> Lights<'a> {
-    pub(super) fn new(world: &'a World, technique: LightTechnique) -> Self {
+    pub(super) fn new(world: &'a World, technique: LightTechnique, texture_use: TextureUse) -> Self {
         let emitters = &*world.emitters;
         let count =
             world.lights.len() + usize::from(!emitters.is_empty()) + usize::from(world.environment.is_some());
-        Lights { world, emitters, count, technique }
+        Lights { world, emitters, texture_use, count, technique }
     }
 
     /// Samples a light from a point; `None` where the sample gives no light there.
@@ -96,7 +102,7 @@ impl<'a> Lights<'a> {
             let end = sample.point.origin_towards(sample.normal, self.world.numerics());
             return Some(LightConnection {
                 direction: sample.direction,
-                radiance: sample.radiance,
+                radiance: sample.radiance * self.emission_texel(&sample),
                 pdf: Some(sample.pdf * probability),
                 target: Target::Point(end),
             });
@@ -132,7 +138,20 @@ impl<'a> Lights<'a> {
         let material = &self.world.materials[surface.material as usize];
         let Some(emission) = sampled_emission(material).filter(|_| path.pdf.is_finite()) else { return 1.0 };
         let primitive = self.world.accelerator.primitive(hit.slot);
-        let light_pdf = self.emitters.pdf(surface, &primitive, emission, path.from);
+        let local = hit.prim.0 - self.world.objects[surface.object as usize].first.0;
+        let light_pdf = self.emitters.pdf(surface, &primitive, (local, emission), path.from);
         bsdf_weight(self.technique, path.pdf, light_pdf / self.count as f64)
+    }
+
+    /// The factor of the emission by its texture at a sampled point: the value that a path finds there, by the filter
+    /// without a footprint. 1 without texture or where textures are off.
+    fn emission_texel(&self, sample: &EmitterSample) -> DVec3 {
+        let texture = emission_texture(&self.world.materials[sample.material as usize]);
+        let Some(texture) = texture.filter(|_| self.texture_use.material_textures) else { return DVec3::ONE };
+        let Some(uv) = self.world.uv(sample.object, sample.id, sample.weights) else { return DVec3::ONE };
+        let (image, filter) =
+            (&self.world.images[texture.image.0 as usize], self.texture_use.filter(&texture));
+        let point = TexturePoint { uv, ..TexturePoint::default() };
+        look_up(image, TexelEncoding::Colour, &texture.sampler, &filter, &point)
     }
 }

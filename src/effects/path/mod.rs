@@ -16,8 +16,8 @@ use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::transparency;
 use super::{
-    Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, RayKind, SecondaryRays, Stage, id,
-    named,
+    Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, RayKind, SecondaryRays, Stage,
+    TextureUse, id, named,
 };
 use crate::geometry::Ray;
 use crate::scene::{PixelSampler, Sampling, Transport};
@@ -161,6 +161,8 @@ struct Scatter {
     continued: Option<RayKind>,
     sampler: PixelSampler,
     technique: LightTechnique,
+    /// How textures are looked up.
+    texture_use: TextureUse,
 }
 
 impl Scatter {
@@ -172,6 +174,7 @@ impl Scatter {
             seed: seed.unwrap_or(0),
             sampler: sampler.unwrap_or_default(),
             technique: context.spec.light_technique,
+            texture_use: context.spec.texture_use,
             continued: context.spec.continued.map(|kinds| kinds.shadow_rays),
         }
     }

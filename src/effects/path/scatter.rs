@@ -10,7 +10,7 @@ use crate::effects::random;
 use crate::effects::samples::SampleIndex;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
 use crate::geometry::{Hit, Ray};
-use crate::scene::{Material, PixelSampler};
+use crate::scene::{Material, Phong, PixelSampler};
 use crate::shading::bsdf::{Bsdf, BsdfParameters};
 use crate::world::{PreparedMaterial, SurfaceInteraction, World};
 
@@ -59,7 +59,7 @@ impl Buffers {
         self.next.clear();
         self.shadow_rays.clear();
         self.light_paths.clear();
-        let lights = Lights::new(context.world, stage.technique);
+        let lights = Lights::new(context.world, stage.technique, stage.texture_use);
         self.add_missed(generation, context, &lights, depth);
         for index in 0..generation.surfaces.len() {
             let ray = generation.surfaces.ray_of()[index] as usize;
@@ -307,6 +307,15 @@ fn parameters(
             clearcoat_roughness: m.layers.clearcoat_roughness * texels.clearcoat_roughness,
             sheen_colour: m.layers.sheen_colour * texels.sheen_colour,
             sheen_roughness: m.layers.sheen_roughness * texels.sheen_roughness,
+        },
+        Material::Phong(Phong { refraction: Some(glass), .. }) => BsdfParameters {
+            base_colour: unit(glass.filter),
+            metallic: 0.0,
+            roughness: 0.0,
+            ior: glass.ior,
+            transmission: 1.0,
+            from_inside: is_back(world, surface, hit),
+            ..BsdfParameters::default()
         },
         // Blinn's exponent as a width of GGX (Walter and others, Microfacet Models for Refraction, 2007, section 5.2): alpha^2 =
         // 2 / (n + 2). Without a highlight there is no specular layer.

@@ -65,8 +65,8 @@ pub(super) fn layers(material: &gltf::Material) -> Layers {
     }
 }
 
-/// The textures of the extensions: extension, key, slot, and whether the alpha channel is read. `thicknessTexture` is for renderers
-/// that do not trace rays (KHR_materials_volume, section Thickness Texture).
+/// The textures of the extensions: extension, key, slot, and whether the alpha channel is read. `thicknessTexture` is
+/// for renderers that do not trace rays (KHR_materials_volume, section Thickness Texture).
 const TEXTURES: [(&str, &str, TextureSlot, bool); 7] = [
     (SPECULAR, "specularTexture", TextureSlot::Specular, true),
     (SPECULAR, "specularColorTexture", TextureSlot::SpecularColour, false),
@@ -114,8 +114,8 @@ pub(super) fn first_set(material: &gltf::Material) -> Option<u32> {
 }
 
 impl Loader<'_> {
-    /// The textures of occlusion and of a material's extensions. One that does not exist, or lies on another set of texture coordinates than the
-    /// material's, is left out with a warning.
+    /// The textures of occlusion and of a material's extensions. One that does not exist, or lies on another set of
+    /// texture coordinates than the material's, is left out with a warning.
     pub(super) fn further_textures(
         &mut self,
         material: &gltf::Material,
@@ -123,6 +123,9 @@ impl Loader<'_> {
         document: &gltf::Document,
     ) -> Result<Vec<FurtherTexture>> {
         let mut further = Vec::new();
+        if material.unlit() {
+            return Ok(further);
+        }
         if let Some(occlusion) = material.occlusion_texture().filter(|occlusion| occlusion.strength() > 0.0) {
             let named = Some((occlusion.texture(), occlusion.tex_coord()));
             let texture = self.on_own_set(material, "occlusionTexture", named);
@@ -147,8 +150,8 @@ impl Loader<'_> {
         Ok(further)
     }
 
-    /// The texture if it is on the set of texture coordinates that all textures of the material share; otherwise `None` with a
-    /// warning.
+    /// The texture if it is on the set of texture coordinates that all textures of the material share; otherwise `None`
+    /// with a warning.
     pub(super) fn on_own_set<'a>(
         &mut self,
         material: &gltf::Material,

@@ -46,8 +46,8 @@ impl Loader<'_> {
         }
     }
 
-    /// The alpha channel of an image as a grey image, each value through `value`; `None` without one. An image that cannot be
-    /// read has its warning from [`Loader::load_images`].
+    /// The alpha channel of an image as a grey image, each value through `value`; `None` without one. An image that
+    /// cannot be read has its warning from [`Loader::load_images`].
     pub(super) fn alpha_of(
         &mut self,
         image: &gltf::Image,

@@ -1,9 +1,10 @@
 //! KHR_materials_pbrSpecularGlossiness, converted to metallic-roughness with layers.
 //!
-//! The reflectance at normal incidence is `specular`: an infinite index of refraction (`ior` 0), whose reflectance is 1, with the
-//! specular colour as its factor (KHR_materials_specular, section Conversions). The roughness is 1 - glossiness. Both are exact,
-//! and so are their textures, the roughness within half a step of 8 bits. The diffuse part of the extension,
-//! diffuse (1 - max(specular)) (1 - F), becomes the base below a dielectric layer: diffuse scaled by what the layer leaves.
+//! The reflectance at normal incidence is `specular`: an infinite index of refraction (`ior` 0), whose reflectance is
+//! 1, with the specular colour as its factor (KHR_materials_specular, section Conversions). The roughness is 1 -
+//! glossiness. Both are exact, and so are their textures, the roughness within half a step of 8 bits. The diffuse part
+//! of the extension, diffuse (1 - max(specular)) (1 - F), becomes the base below a dielectric layer: diffuse scaled by
+//! what the layer leaves.
 
 use glam::DVec3;
 use gltf::json::Value;
@@ -28,8 +29,8 @@ pub(super) fn sets(material: &gltf::Material) -> [Option<u32>; 2] {
 }
 
 impl Loader<'_> {
-    /// Replaces base colour, opacity, metallic, roughness, index of refraction and specular of a material by those of the extension, if
-    /// the material has it.
+    /// Replaces base colour, opacity, metallic, roughness, index of refraction and specular of a material by those of
+    /// the extension, if the material has it.
     pub(super) fn replace_by_specular_glossiness(
         &mut self,
         of: &gltf::Material,

@@ -174,7 +174,8 @@ fn into_triangles(order: &[u32], mode: gltf::mesh::Mode) -> Vec<[u32; 3]> {
     }
 }
 
-/// The texture coordinate sets of the textures of glTF's core model, or of KHR_materials_pbrSpecularGlossiness, but occlusion.
+/// The texture coordinate sets of the textures of glTF's core model, or of KHR_materials_pbrSpecularGlossiness, but
+/// occlusion.
 fn core_sets(material: &gltf::Material) -> impl Iterator<Item = u32> {
     let pbr = material.pbr_metallic_roughness();
     let [colour, other] = if material.extension_value(specular_glossiness::NAME).is_some() {

@@ -31,8 +31,8 @@ impl Builder<'_> {
         };
         let layers = s.layers.clone().unwrap_or_default();
         let ior = layers.ior.unwrap_or(1.5);
-        if !(ior >= 1.0 && ior.is_finite()) {
-            return Err(self.error(start, format!("`ior` is {ior}"), "give a number from 1"));
+        if !(ior == 0.0 || ior >= 1.0 && ior.is_finite()) {
+            return Err(self.error(start, format!("`ior` is {ior}"), "give a number from 1, or 0"));
         }
         let attenuation_distance = layers.attenuation_distance.unwrap_or(f64::INFINITY);
         if attenuation_distance.is_nan() || attenuation_distance <= 0.0 {
@@ -51,6 +51,10 @@ impl Builder<'_> {
             opacity: self.opacity(start, s)?,
             layers: Layers {
                 ior,
+                specular: unit("specular", layers.specular, 1.0)?,
+                specular_colour: layers
+                    .specular_colour
+                    .map_or(none.specular_colour, |colour| Colour::from_u8(colour.0)),
                 transmission: unit("transmission", layers.transmission, 0.0)?,
                 volume: layers.volume.then_some(Volume { attenuation_colour, attenuation_distance }),
                 clearcoat: unit("clearcoat", layers.clearcoat, 0.0)?,
@@ -59,7 +63,6 @@ impl Builder<'_> {
                     .sheen_colour
                     .map_or(none.sheen_colour, |colour| Colour::from_u8(colour.0)),
                 sheen_roughness: unit("sheen_roughness", layers.sheen_roughness, 0.0)?,
-                ..none
             },
             ..MetallicRoughness::default()
         }))

@@ -213,6 +213,7 @@ impl Builder<'_> {
             shininess: number("shininess", s.shininess, 16.0)?,
             emission: self.emission(start, s)?,
             glaze,
+            refraction: None,
             normal_map: None,
             opacity: self.opacity(start, s)?,
         }))
