@@ -25,6 +25,8 @@ pub struct Choices {
     pub scene: EffectsSection,
     /// The transport that is asked for; `None` leaves it to the scene.
     pub transport: Option<Transport>,
+    /// Largest radiance that a path adds by indirect light; none if `None`.
+    pub clamp: Option<f64>,
     /// Effects that the user asks for, each as `NAME` or `NAME=VALUE`.
     pub with: Vec<String>,
     /// Effects that the user excludes.
@@ -60,6 +62,8 @@ pub struct Plan {
     pub shading: ShadingMode,
     /// How pixels are sampled.
     pub sampling: Sampling,
+    /// Largest radiance that a path adds by indirect light.
+    clamp: Option<f64>,
     /// The decision on each of [`EFFECTS`].
     pub decisions: Vec<Decision>,
     spec: PlanSpec,
@@ -90,18 +94,24 @@ impl Plan {
                 (decisions[i].on, decisions[i].why) = (false, format!("there is no {base}"));
             }
         }
-        Ok(Plan::of(world, choices.shading, choices.sampling, decisions))
+        Ok(Plan::of(world, choices.shading, choices.sampling, choices.clamp, decisions))
     }
 
     /// This plan with only those effects that `keep` accepts by their index in [`Plan::decisions`].
     pub fn keeping(&self, world: &World, keep: impl Fn(usize) -> bool) -> Plan {
         let mut decisions = self.decisions.clone();
         decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= keep(i));
-        Plan::of(world, self.shading, self.sampling, decisions)
+        Plan::of(world, self.shading, self.sampling, self.clamp, decisions)
     }
 
     /// The plan for a decision on each of [`EFFECTS`].
-    fn of(world: &World, shading: ShadingMode, sampling: Sampling, decisions: Vec<Decision>) -> Plan {
+    fn of(
+        world: &World,
+        shading: ShadingMode,
+        sampling: Sampling,
+        clamp: Option<f64>,
+        decisions: Vec<Decision>,
+    ) -> Plan {
         let mut spec = PlanSpec {
             shading,
             is_path: false,
@@ -117,7 +127,8 @@ impl Plan {
         };
         let mut effects: Vec<(&Effect, EffectContext)> = Vec::new();
         for (effect, decision) in EFFECTS.iter().zip(&decisions).filter(|(_, decision)| decision.on) {
-            let own = EffectContext { world, sampling: &sampling, spec, value: decision.value.clone() };
+            let own =
+                EffectContext { world, sampling: &sampling, clamp, spec, value: decision.value.clone() };
             (effect.specify)(&own, &mut spec);
             effects.push((effect, own));
         }
@@ -125,7 +136,7 @@ impl Plan {
         let mut builder = PlanBuilder { stages: Vec::new(), effects, spec };
         let parts = builder.build();
         let stages = builder.stages;
-        Plan { shading, sampling, decisions, spec, stages, parts }
+        Plan { shading, sampling, clamp, decisions, spec, stages, parts }
     }
 
     /// Runs all stages on a tile that was started. Calls `done` with the index of each stage after it ran.

@@ -67,13 +67,21 @@ pub const EFFECT: Effect = Effect {
 const MAX_DEPTH: u32 = 1000;
 
 fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
+    let clamp =
+        choices.clamp.map_or(String::new(), |clamp| format!("; indirect light is clamped to {clamp}"));
+    transport(world, choices).map(|why| why + &clamp)
+}
+
+/// What calls for paths, or speaks against them.
+fn transport(world: &World, choices: &Choices) -> Result<String, String> {
     match choices.transport {
         Some(transport @ Transport::Whitted) => Err(format!("the transport is `{}`", transport.name())),
         Some(transport @ Transport::Path) => Ok(format!("the transport is `{}`", transport.name())),
         None if world.environment.is_some() => Ok("the scene has an `environment`".into()),
         None => {
             let names: Vec<&str> = world.area_lights.names.iter().map(String::as_str).collect();
-            let nothing = || "the scene has no environment and no area light; --transport path asks for it".into();
+            let nothing =
+                || "the scene has no environment and no area light; --transport path asks for it".into();
             named("area light", &names).ok_or_else(nothing)
         }
     }
@@ -169,12 +177,33 @@ struct Scatter {
     depth: u32,
     /// The seed of the random numbers.
     seed: u32,
+    /// The largest radiance that indirect light adds at a surface; infinite if there is no limit.
+    clamp: f64,
 }
 
 impl Scatter {
     fn new(context: &EffectContext) -> Self {
         let depth = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH);
-        Scatter { depth, seed: context.sampling.seed.unwrap_or(0) }
+        Scatter {
+            depth,
+            seed: context.sampling.seed.unwrap_or(0),
+            clamp: context.clamp.unwrap_or(f64::INFINITY),
+        }
+    }
+
+    /// What a path adds after `bounces` bounces: as it is where light comes to the camera directly or by one surface,
+    /// otherwise scaled down until no channel exceeds the clamp.
+    fn clamped(&self, radiance: DVec3, bounces: usize) -> DVec3 {
+        let largest = radiance.max_element();
+        let exceeds = bounces >= 2 && largest > self.clamp;
+        if !exceeds {
+            return radiance;
+        }
+        if largest.is_finite() {
+            radiance * (self.clamp / largest)
+        } else {
+            radiance.min(DVec3::splat(self.clamp))
+        }
     }
 }
 
