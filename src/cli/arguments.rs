@@ -12,7 +12,7 @@ use crate::film::tone::{Exposure, ToneMap};
 use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
 use crate::job::{CameraChoice, EnvironmentSettings, RenderSettings};
-use crate::scene::{Numerics, Projection, Transport};
+use crate::scene::{Numerics, Projection, Transport, check_clamp};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -63,6 +63,10 @@ pub(crate) struct Arguments {
     /// The most bounces of a path, 0 to 1000; 0 shows lights alone, 1 adds direct light [default: 8]
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(0..=1000u16))]
     depth: Option<u16>,
+    /// Limit the radiance that a path adds at each surface beyond the first; 1 is white. It removes fireflies, and
+    /// darkens indirect light [default: the scene's, or none]
+    #[arg(long, allow_hyphen_values = true, value_name = "RADIANCE", value_parser = |text: &str| crate::cli::numbers::number(text, "a radiance above 0, such as 10").and_then(check_clamp))]
+    clamp: Option<f64>,
     /// Light from infinitely far away: an equirectangular .hdr or .exr image, `sky`, or one colour. It is the background, too,
     /// and paths are traced
     #[arg(long, value_name = "FILE|sky|#rrggbb")]
@@ -163,6 +167,7 @@ impl Arguments {
             preset: Preset::named(&self.bvh).unwrap_or_default(),
             shading: named(&ShadingMode::ALL, ShadingMode::name, Some(&self.shading)).unwrap_or_default(),
             transport: named(&Transport::ALL, Transport::name, self.transport.as_deref()),
+            clamp: self.clamp,
             environment: EnvironmentSettings {
                 source: self.environment.clone(),
                 rotation: self.environment_rotation,

@@ -98,13 +98,15 @@ fn initial_view(
     let pipeline = requested.colour.or(scene.colour).unwrap_or_default();
     let display = requested.display.or(scene.display);
     check_display(display, pipeline, true)?;
-    let RenderSettings { projection, preset, shading, sampling, transport, with, without, .. } = requested;
+    let RenderSettings { projection, preset, shading, sampling, transport, clamp, with, without, .. } =
+        requested;
     let settings = Settings {
         choices: Choices {
             shading,
             sampling: sampling.or(scene.sampling),
             scene: std::mem::take(&mut scene.effects),
             transport: transport.or(scene.transport),
+            clamp: clamp.or(scene.clamp),
             with,
             without,
             even_idle: false,

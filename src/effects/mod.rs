@@ -171,6 +171,8 @@ pub struct EffectContext<'a> {
     pub world: &'a World,
     /// How pixels are sampled.
     pub sampling: &'a Sampling,
+    /// Largest radiance that a path adds by indirect light; none if `None`.
+    pub clamp: Option<f64>,
     /// The plan's specification: in [`Effect::specify`] as left by earlier effects, in [`Effect::stages`] complete.
     pub spec: PlanSpec,
     /// The value that the effect was given.

@@ -28,6 +28,8 @@ pub struct Choices {
     pub scene: EffectsSection,
     /// The transport that is asked for; `None` leaves it to the scene.
     pub transport: Option<Transport>,
+    /// Largest radiance that a path adds by indirect light; none if `None`.
+    pub clamp: Option<f64>,
     /// Effects that the user asks for, each as `NAME` or `NAME=VALUE`.
     pub with: Vec<String>,
     /// Effects that the user excludes.
@@ -66,6 +68,8 @@ pub struct Plan {
     pub shading: ShadingMode,
     /// How pixels are sampled.
     pub sampling: Sampling,
+    /// Largest radiance that a path adds by indirect light.
+    clamp: Option<f64>,
     /// The decision on each of [`EFFECTS`].
     pub decisions: Vec<Decision>,
     spec: PlanSpec,
@@ -96,22 +100,23 @@ impl Plan {
                 (decisions[i].on, decisions[i].why) = (false, format!("there is no {base}"));
             }
         }
-        let Choices { shading, sampling, light_technique, .. } = *choices;
-        Ok(Plan::of(world, (shading, light_technique), sampling, decisions))
+        let Choices { shading, sampling, light_technique, clamp, .. } = *choices;
+        Ok(Plan::of(world, (shading, light_technique), (sampling, clamp), decisions))
     }
 
     /// This plan with only those effects that `keep` accepts by their index in [`Plan::decisions`].
     pub fn keeping(&self, world: &World, keep: impl Fn(usize) -> bool) -> Plan {
         let mut decisions = self.decisions.clone();
         decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= keep(i));
-        Plan::of(world, (self.shading, self.spec.light_technique), self.sampling, decisions)
+        let shading = (self.shading, self.spec.light_technique);
+        Plan::of(world, shading, (self.sampling, self.clamp), decisions)
     }
 
     /// The plan for a decision on each of [`EFFECTS`].
     fn of(
         world: &World,
         (shading, light_technique): (ShadingMode, LightTechnique),
-        sampling: Sampling,
+        (sampling, clamp): (Sampling, Option<f64>),
         decisions: Vec<Decision>,
     ) -> Plan {
         let mut spec = PlanSpec {
@@ -131,7 +136,8 @@ impl Plan {
         };
         let mut effects: Vec<(&Effect, EffectContext)> = Vec::new();
         for (effect, decision) in EFFECTS.iter().zip(&decisions).filter(|(_, decision)| decision.on) {
-            let own = EffectContext { world, sampling: &sampling, spec, value: decision.value.clone() };
+            let own =
+                EffectContext { world, sampling: &sampling, clamp, spec, value: decision.value.clone() };
             (effect.specify)(&own, &mut spec);
             effects.push((effect, own));
         }
@@ -140,7 +146,7 @@ impl Plan {
         let mut builder = PlanBuilder { stages: Vec::new(), effects, spec, transparency };
         let parts = builder.build();
         let stages = builder.stages;
-        Plan { shading, sampling, decisions, spec, stages, parts }
+        Plan { shading, sampling, clamp, decisions, spec, stages, parts }
     }
 
     /// Runs all stages on a tile that was started. Calls `done` with the index of each stage after it ran.

@@ -176,6 +176,9 @@ fn convert_material(
     if obj_pbr::is_physically_based(m) {
         let textures = (texture, normal_map);
         let material = obj_pbr::convert(m, textures, source, scene, images, warnings)?;
+        // What lets light through by `Tf` has no opacity by `d`, too.
+        let opacity =
+            opacity.filter(|opacity| material.layers.transmission == 0.0 || opacity.texture.is_some());
         return Ok(Material::MetallicRoughness(MetallicRoughness { opacity, ..material }));
     }
     if m.unknown_param.contains_key("map_Ke") {
@@ -183,6 +186,7 @@ fn convert_material(
         warnings.push(format!("{file}: material `{name}` has a map_Ke without Pr or Pm; drawn without it"));
     }
     let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
+    let refraction = obj_pbr::refraction(m);
     let specular = m.specular.map_or(0.0, |ks| ks.into_iter().fold(0.0, f64::max));
     Ok(Material::Phong(Phong {
         name: m.name.clone(),
@@ -192,8 +196,8 @@ fn convert_material(
         shininess: m.shininess.unwrap_or(1.0).max(0.0),
         emission: Colour::Display(emission.unwrap_or([0.0; 3]).into()),
         normal_map,
-        opacity,
-        refraction: obj_pbr::refraction(m),
+        opacity: opacity.filter(|opacity| refraction.is_none() || opacity.texture.is_some()),
+        refraction,
         ..Phong::default()
     }))
 }

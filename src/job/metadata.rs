@@ -58,8 +58,17 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
         headlight,
     } = origin;
     // The technique does not change the expected picture, and no option sets it.
-    let Choices { shading, sampling, scene: _, transport, with, without, even_idle: _, light_technique: _ } =
-        choices;
+    let Choices {
+        shading,
+        sampling,
+        scene: _,
+        transport,
+        clamp,
+        with,
+        without,
+        even_idle: _,
+        light_technique: _,
+    } = choices;
     // Folders are omitted, so that metadata does not depend on where files lie.
     let name = |input: &std::path::PathBuf| {
         input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned()
@@ -89,6 +98,7 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     if let Some(transport) = transport {
         metadata.push(("kiln:transport".into(), transport.name().into()));
     }
+    metadata.extend(clamp.map(|clamp| ("kiln:clamp".to_owned(), clamp.to_string())));
     for (key, names) in [("kiln:with", with), ("kiln:without", without)] {
         if !names.is_empty() {
             metadata.push((key.into(), names.join(" ")));
@@ -116,6 +126,9 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     // Only what is set, so that fingerprints of other pictures do not depend on these settings.
     if !display.is_identity() {
         add_to_fingerprint(&mut metadata, "display", &(display.exposure(), display.tone_map()));
+    }
+    if let Some(clamp) = clamp {
+        add_to_fingerprint(&mut metadata, "clamp", clamp);
     }
     if !headlight {
         add_to_fingerprint(&mut metadata, "headlight", &headlight);

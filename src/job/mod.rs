@@ -277,6 +277,7 @@ pub fn resolve_for(
         sampling,
         scene: Default::default(),
         transport: settings.transport.or(scene.transport),
+        clamp: settings.clamp.or(scene.clamp),
         with: settings.with.clone(),
         without: settings.without.clone(),
         even_idle: false,
@@ -363,7 +364,8 @@ fn needs_path(material: &PreparedMaterial) -> bool {
     }
 }
 
-/// Warns of omitted spheres, of area lights without path tracing, and of requested effects that change nothing.
+/// Warns of omitted spheres, of area lights and a clamp without path tracing, and of requested effects that change
+/// nothing.
 pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, plan, choices, .. } = job;
     if world.too_small > 0 {
@@ -376,6 +378,9 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let is_path = plan.effects_on().any(|effect| effect == id::PATH);
     if is_path && !choices.sampling.is_wanted() {
         warnings.note("paths are traced, with one sample a pixel, which is noisy; try --samples 64");
+    }
+    if let (false, Some(clamp)) = (is_path, choices.clamp) {
+        warnings.push(format!("a clamp of {clamp} changes nothing without path tracing"));
     }
     if let (false, true, Some(name)) =
         (is_path, choices.shading == ShadingMode::Full, world.area_lights.names.first())

@@ -36,6 +36,8 @@ pub struct RenderSettings {
     pub shading: ShadingMode,
     /// Transport of light.
     pub transport: Option<Transport>,
+    /// Largest radiance that a path adds by indirect light, above 0.
+    pub clamp: Option<f64>,
     /// Light from infinitely far away, instead of the scene's.
     pub environment: EnvironmentSettings,
     /// Effects to turn on, each as `NAME` or `NAME=VALUE`.

@@ -78,6 +78,10 @@ pub struct ImageSection {
     pub numerics: Option<Numerics>,
     /// How light is transported; what the scene calls for if not given. The number of bounces is `path` in `[effects]`.
     pub transport: Option<Transport>,
+    /// Largest radiance that a path adds to a pixel at each surface beyond the first, above 0; 1 is white. It removes
+    /// fireflies, and darkens indirect light. None if not given.
+    #[schemars(with = "Option<f64>")]
+    pub clamp: Option<Spanned<f64>>,
     /// Samples per pixel, 1 to 65536; 1, at the pixel's centre, if not given. With `noise`, the maximum.
     #[schemars(with = "Option<u32>")]
     pub samples: Option<Spanned<i64>>,

@@ -51,6 +51,7 @@ impl Fingerprint {
             numerics,
             // In the choices.
             transport: _,
+            clamp: _,
             sampling,
             ambient,
             environment,

@@ -53,7 +53,7 @@ pub use material::{
 };
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
-pub use transport::Transport;
+pub use transport::{Transport, check_clamp};
 
 use support::AffineFunction;
 
@@ -82,6 +82,8 @@ pub struct Scene {
     pub numerics: Option<Numerics>,
     /// Transport of light.
     pub transport: Option<Transport>,
+    /// Largest radiance that a path adds to a pixel by indirect light; none if `None`.
+    pub clamp: Option<f64>,
     /// Sample count, reconstruction filter and seed.
     pub sampling: Sampling,
     /// Intensity of the ambient light, per unit of a material's ambient coefficient.
@@ -246,6 +248,7 @@ impl Scene {
             colour,
             numerics,
             transport,
+            clamp,
             sampling,
             ambient,
             environment,
@@ -267,6 +270,7 @@ impl Scene {
         self.colour = self.colour.or(colour);
         self.numerics = self.numerics.or(numerics);
         self.transport = self.transport.or(transport);
+        self.clamp = self.clamp.or(clamp);
         self.sampling = self.sampling.or(sampling);
         self.ambient = self.ambient.or(ambient);
         self.environment = self.environment.take().or(environment);

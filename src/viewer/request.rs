@@ -120,6 +120,7 @@ impl RenderRequest {
             preset: self.opened.preset,
             shading: choices.shading,
             transport: choices.transport,
+            clamp: choices.clamp,
             with: choices.with.clone(),
             without: choices.without.clone(),
             colour: Some(*pipeline),

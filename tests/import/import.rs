@@ -1603,6 +1603,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "1: camera `camera 0` says too much or too little of its lens",
         "`vertical_fov` alone",
     ),
+    ("[image]\nclamp = 0\n", "2: `clamp` is 0", "give a radiance above 0"),
     // Lights.
     ("[[light]]\ntype = 'pint'\n", "2: unknown value `pint`", "did you mean `point`?"),
     ("[[light]]\ntype = 'point'\n", "1: light `light 0` is not placed", "a point light has a `position`"),

@@ -4,7 +4,8 @@
 use crate::common::picture::parse;
 use kiln::error::Warnings;
 use kiln::film::{Film, Window};
-use kiln::job::{RenderControl, RenderSettings, prepare};
+use kiln::job::metadata::fingerprint_of;
+use kiln::job::{RenderControl, RenderJob, RenderSettings, prepare};
 use kiln::scene::{Scene, Transport};
 
 pub(crate) const SIZE: u32 = 48;
@@ -40,11 +41,16 @@ pub(crate) fn mean(film: &Film) -> (f64, f64) {
 }
 
 pub(crate) fn check(scene: &str, samples: u32, depth: u32, expected: f64) {
-    let (mean, error) = mean(&render(parse(scene), &settings(samples, depth)));
+    check_settings(scene, &settings(samples, depth), expected);
+}
+
+pub(crate) fn check_settings(scene: &str, settings: &RenderSettings, expected: f64) {
+    let (mean, error) = mean(&render(parse(scene), settings));
     assert!(error < 0.004 * expected, "a standard error of {error} shows nothing of {expected}");
     // The film rounds to f32.
     let slack = 4.0 * error + 1e-6 * expected;
-    assert!((mean - expected).abs() < slack, "depth {depth}: {mean} +- {error}, expected {expected}");
+    let with = &settings.with;
+    assert!((mean - expected).abs() < slack, "{with:?}: {mean} +- {error}, expected {expected}");
 }
 
 /// The inside of a closed surface that emits 1 and reflects half of what it receives.
@@ -207,6 +213,65 @@ fn punctual_lights_are_as_bright_as_in_local_shading() {
     let (local, _) = mean(&render(parse(&scene), &whitted));
     // The cosine is 8/10.
     assert!((local - 0.4).abs() < 1e-6 && (path - local).abs() < 1e-5, "{path} {local}");
+}
+
+/// Where every direction is reflected into itself, in the centre of an emissive spherical mirror of metal with the
+/// albedo 1/2, every path adds 1, 1/2, 1/4, 1/8: no roulette ends it before. The first two are direct light; a clamp of
+/// 0.2 leaves the last as it is, one of 0.1 neither.
+#[test]
+fn a_clamp_limits_what_paths_add_beyond_the_first_surface() {
+    let scene = "[[camera]]\nposition = [0, 0, 0]\nlook_at = [1, 0, 0]\nvertical_fov = 90\n\
+        [material.wall]\ncolour = '#bcbcbc'\nmetallic = 1\nroughness = 0\nemission = '#ffffff'\n\
+        [[sphere]]\nmaterial = 'wall'\ncentre = [0, 0, 0]\nradius = 1.5\n";
+    // 0xbc decodes to 0.5028865.
+    let albedo = 0.502_886_5f64;
+    for clamp in [f64::MAX, 0.2, 0.1] {
+        let settings = RenderSettings { clamp: Some(clamp), ..settings(1, 3) };
+        let (seen, error) = mean(&render(parse(scene), &settings));
+        let expected: f64 =
+            (0..4).map(|k| if k < 2 { albedo.powi(k) } else { albedo.powi(k).min(clamp) }).sum();
+        assert!((seen - expected).abs() < 1e-5 && error < 1e-6, "{clamp}: {seen}, expected {expected}");
+    }
+}
+
+/// In the closed room of albedo 1/2 a clamp of next to nothing leaves 1 + 1/2. Emitted and direct light are the same to
+/// the bit, and a limit that nothing reaches changes no bit.
+#[test]
+fn a_clamp_leaves_direct_light_as_it_is() {
+    let room = format!("{ROOM}[[sphere]]\nmaterial = 'wall'\ncentre = [0, 0, 0]\nradius = 1.5\n");
+    let film = |depth, clamp| render(parse(&room), &RenderSettings { clamp, ..settings(64, depth) });
+    let bits = |film: &Film| film.rows().map(|pixel: [f32; 3]| pixel.map(f32::to_bits)).collect::<Vec<_>>();
+    for depth in [0, 1] {
+        assert_eq!(bits(&film(depth, None)), bits(&film(depth, Some(1e-9))), "{depth} bounces");
+    }
+    assert_eq!(bits(&film(9, None)), bits(&film(9, Some(1e9))));
+    let (seen, error) = mean(&film(9, Some(1e-9)));
+    assert!(error < 2e-3 && (seen - 1.5).abs() < 4.0 * error, "{seen} +- {error}");
+}
+
+/// The bill and the metadata of pictures name the clamp; without path tracing there is a warning.
+#[test]
+fn a_clamp_is_named() {
+    let scene = "[image]\nclamp = 2.5\n[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\n\
+        [[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n";
+    let job = |transport, clamp| {
+        let settings = RenderSettings { transport, clamp, size: Some([8; 2]), ..RenderSettings::default() };
+        let mut warnings = Warnings::default();
+        let job = prepare(parse(scene), &settings, &mut warnings).expect("a job");
+        (job, warnings.messages().join("\n"))
+    };
+    let (of_scene, warnings) = job(Some(Transport::Path), None);
+    assert_eq!(warnings, "");
+    let named = |job: &RenderJob| {
+        job.metadata.iter().find(|(key, _)| key == "kiln:clamp").map(|(_, value)| value.clone())
+    };
+    assert_eq!(named(&of_scene), Some("2.5".into()));
+    let path = of_scene.plan.decisions.iter().find(|decision| decision.effect == kiln::effects::id::PATH);
+    assert_eq!(path.expect("one of each").why, "the transport is `path`; indirect light is clamped to 2.5");
+    let (typed, _) = job(Some(Transport::Path), Some(3.0));
+    assert_eq!(named(&typed), Some("3".into()));
+    assert_ne!(fingerprint_of(&typed.metadata), fingerprint_of(&of_scene.metadata));
+    assert_eq!(job(None, None).1, "a clamp of 2.5 changes nothing without path tracing");
 }
 
 /// A pixel depends on its own samples alone.

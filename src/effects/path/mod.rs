@@ -72,6 +72,13 @@ pub const EFFECT: Effect = Effect {
 const MAX_DEPTH: u32 = 1000;
 
 fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
+    let clamp =
+        choices.clamp.map_or(String::new(), |clamp| format!("; indirect light is clamped to {clamp}"));
+    transport(world, choices).map(|why| why + &clamp)
+}
+
+/// What calls for paths, or speaks against them.
+fn transport(world: &World, choices: &Choices) -> Result<String, String> {
     match choices.transport {
         Some(transport @ Transport::Whitted) => Err(format!("the transport is `{}`", transport.name())),
         Some(transport @ Transport::Path) => Ok(format!("the transport is `{}`", transport.name())),
@@ -163,6 +170,8 @@ struct Scatter {
     technique: LightTechnique,
     /// How textures are looked up.
     texture_use: TextureUse,
+    /// The largest radiance that indirect light adds at a surface; infinite if there is no limit.
+    clamp: f64,
 }
 
 impl Scatter {
@@ -176,6 +185,22 @@ impl Scatter {
             technique: context.spec.light_technique,
             texture_use: context.spec.texture_use,
             continued: context.spec.continued.map(|kinds| kinds.shadow_rays),
+            clamp: context.clamp.unwrap_or(f64::INFINITY),
+        }
+    }
+
+    /// What a path adds after `bounces` bounces: as it is where light comes to the camera directly or by one surface,
+    /// otherwise scaled down until no channel exceeds the clamp.
+    fn clamped(&self, radiance: DVec3, bounces: usize) -> DVec3 {
+        let largest = radiance.max_element();
+        let exceeds = bounces >= 2 && largest > self.clamp;
+        if !exceeds {
+            return radiance;
+        }
+        if largest.is_finite() {
+            radiance * (self.clamp / largest)
+        } else {
+            radiance.min(DVec3::splat(self.clamp))
         }
     }
 }

@@ -60,7 +60,7 @@ impl Buffers {
         self.shadow_rays.clear();
         self.light_paths.clear();
         let lights = Lights::new(context.world, stage.technique, stage.texture_use);
-        self.add_missed(generation, context, &lights, depth);
+        self.add_missed(generation, context, &lights, stage, depth);
         for index in 0..generation.surfaces.len() {
             let ray = generation.surfaces.ray_of()[index] as usize;
             let Some(hit) = generation.hits[ray] else { continue };
@@ -70,9 +70,10 @@ impl Buffers {
             let numbers = Numbers { sample, seed, sampler, depth: depth as u32 };
             let surface = generation.surfaces.get(index);
             let vertex = Vertex::new(context.world, &lights, surface, &hit, path);
-            self.radiance[path.camera_ray as usize] += vertex.emitted;
+            self.radiance[path.camera_ray as usize] += stage.clamped(vertex.emitted, depth);
             let Some(bsdf) = vertex.bsdf.as_ref().filter(|_| (depth as u32) < stage.depth) else { continue };
             if let Some((shadow_ray, radiance)) = vertex.sample_light(bsdf, &lights, &numbers) {
+                let radiance = stage.clamped(radiance, depth + 1);
                 self.shadow_rays.push(shadow_ray);
                 self.light_paths.push(LightPath { camera_ray: path.camera_ray, radiance });
             }
@@ -93,6 +94,7 @@ impl Buffers {
         generation: &RayGeneration,
         context: &RenderContext,
         lights: &Lights,
+        stage: &Scatter,
         depth: usize,
     ) {
         if generation.surfaces.len() == generation.rays.len() {
@@ -107,7 +109,7 @@ impl Buffers {
             } else {
                 lights.radiance_from_infinity(direction, path.pdf)
             };
-            self.radiance[path.camera_ray as usize] += path.throughput * radiance;
+            self.radiance[path.camera_ray as usize] += stage.clamped(path.throughput * radiance, depth);
         }
     }
 }

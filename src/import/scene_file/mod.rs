@@ -25,7 +25,7 @@ use crate::scene::file::{
 };
 use crate::scene::{
     Camera, Environment, EnvironmentSource, Glaze, Material, MaterialId, Mesh, Object, Opacity, Phong, Scene,
-    Shape, Sphere,
+    Shape, Sphere, check_clamp,
 };
 use meshes::Meshes;
 
@@ -137,6 +137,7 @@ impl Builder<'_> {
         self.scene.colour = image.colour;
         self.scene.numerics = image.numerics;
         self.scene.transport = image.transport;
+        self.scene.clamp = self.checked(image.clamp.as_ref(), "clamp", check_clamp)?;
         self.scene.sampling = self.sampling(&image)?;
         self.scene.display = DisplaySettings { exposure: image.exposure, tone_map: image.tone_map };
         self.scene.headlight = image.headlight;

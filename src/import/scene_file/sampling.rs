@@ -38,7 +38,7 @@ impl Builder<'_> {
     }
 
     /// Checks an optional value.
-    fn checked<T: Copy + Display, U>(
+    pub(super) fn checked<T: Copy + Display, U>(
         &self,
         value: Option<&Spanned<T>>,
         key: &str,
