@@ -7,6 +7,7 @@ mod aov;
 mod closed_form;
 mod effects;
 mod golden;
+mod ground;
 mod lights;
 mod normal_maps;
 mod path;
