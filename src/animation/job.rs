@@ -68,7 +68,7 @@ impl AnimationJob {
     ) -> Result<Self> {
         crate::effects::check_scene(&scene.effects)?;
         crate::import::check_drawable(&scene)?;
-        settings.environment.apply(&mut scene, warnings)?;
+        settings.complete(&mut scene, warnings)?;
         let is_turntable = scene.animation.is_none();
         let (camera, size) = camera_and_size(&mut scene, settings)?;
         let Some(animation) = &mut scene.animation else { return Err(nothing_to_look_at(&scene)) };

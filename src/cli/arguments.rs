@@ -98,6 +98,9 @@ pub(crate) struct Arguments {
     /// The light of a scene that has none: a headlight, or none [default: the scene's, or head]
     #[arg(long, value_parser = ["head", "none"])]
     light: Option<String>,
+    /// Put a grey square under the scene, at its lowest point; a camera that fits does not look at it
+    #[arg(long)]
+    ground: bool,
 }
 
 fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
@@ -182,6 +185,7 @@ impl Arguments {
                 tone_map: named(&ToneMap::ALL, ToneMap::name, self.tone_map.as_deref()),
             },
             headlight: self.light.as_deref().map(|light| light == "head"),
+            ground: self.ground.then_some(true),
         })
     }
 }

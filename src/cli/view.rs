@@ -85,7 +85,7 @@ fn initial_view(
         return Err(nothing_to_look_at(&scene));
     }
     let requested = arguments.settings()?;
-    requested.environment.apply(&mut scene, warnings)?;
+    requested.complete(&mut scene, warnings)?;
     let viewpoint = Viewpoint::of(&requested.camera, &scene, None)?;
     let size = viewpoint.size(&requested, &scene);
     let camera_source = match viewpoint {

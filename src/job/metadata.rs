@@ -110,6 +110,9 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     if !headlight {
         metadata.push(("kiln:light".to_owned(), "none".to_owned()));
     }
+    if scene.ground.is_some() {
+        metadata.push(("kiln:ground".to_owned(), "true".to_owned()));
+    }
     let mut fingerprint = Fingerprint::default();
     fingerprint.scene(scene);
     fingerprint.value("sampling", sampling);

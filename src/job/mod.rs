@@ -233,7 +233,7 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     check_names(&settings.with, &settings.without)?;
     check_scene(&scene.effects)?;
     check_drawable(&scene)?;
-    settings.environment.apply(&mut scene, warnings)?;
+    settings.complete(&mut scene, warnings)?;
     let recentering = recenter(&mut scene);
     warn_of_recentering(recentering.as_ref(), warnings);
     let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;

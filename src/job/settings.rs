@@ -1,12 +1,14 @@
 //! Render settings that users give in addition to the scene, as plain data.
 
+use std::path::{Path, PathBuf};
+
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
 use crate::error::{Error, Result, Warnings};
 use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::import;
-use crate::scene::{Camera, Environment, Numerics, Projection, Sampling, Scene, Transport};
+use crate::scene::{Camera, Environment, Ground, Numerics, Projection, Sampling, Scene, Transport};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -52,6 +54,29 @@ pub struct RenderSettings {
     pub display: DisplaySettings,
     /// Whether a scene without lights gets a headlight; true if neither settings nor scene say.
     pub headlight: Option<bool>,
+    /// Whether a ground is put under the scene; false if neither settings nor scene say.
+    pub ground: Option<bool>,
+}
+
+impl RenderSettings {
+    /// Gives a scene, in its own coordinates and before anything moves, the environment and the ground that are asked
+    /// for.
+    ///
+    /// # Errors
+    /// Those of [`EnvironmentSettings::apply`], and [`Error::Input`] for a ground under a scene without objects.
+    pub fn complete(&self, scene: &mut Scene, warnings: &mut Warnings) -> Result<()> {
+        self.environment.apply(scene, warnings)?;
+        if !self.ground.or(scene.has_ground).unwrap_or(false) {
+            return Ok(());
+        }
+        scene.ground = scene.bounds().and_then(Ground::under);
+        if scene.ground.is_some() {
+            return Ok(());
+        }
+        let file = scene.inputs.first().map_or(Path::new("-"), PathBuf::as_path);
+        let hint = "leave --ground (`ground` of [image]) out, or add something that has a size";
+        Err(Error::input(file, "there is nothing in it to put a ground under", hint))
+    }
 }
 
 /// Settings of the environment.

@@ -107,6 +107,8 @@ pub struct ImageSection {
     pub tone_map: Option<ToneMap>,
     /// Whether a scene without lights gets a headlight; true if not given.
     pub headlight: Option<bool>,
+    /// Whether a grey square is put under the lowest point of the objects; false if not given.
+    pub ground: Option<bool>,
 }
 
 /// A camera, defined by a viewing rectangle (or only its height) at a distance, or by a vertical field of view.

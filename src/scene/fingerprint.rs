@@ -66,6 +66,8 @@ impl Fingerprint {
             // In the fingerprint of a picture as far as they change it (`job::metadata`).
             display: _,
             headlight: _,
+            has_ground: _,
+            ground,
             has_physical_lights: _,
         } = scene;
         self.value("picture", &(size, background, colour, numerics, sampling, ambient));
@@ -90,6 +92,9 @@ impl Fingerprint {
                 Shape::Mesh(mesh) => self.mesh(mesh),
                 Shape::Placed(placed) => self.placed(placed, &mut shared),
             }
+        }
+        if let Some(ground) = ground {
+            self.value("ground", ground);
         }
         // The places in files are not hashed.
         effects.iter().for_each(|(name, value, _)| self.value("effect", &(name, value)));

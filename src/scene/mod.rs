@@ -31,6 +31,7 @@ mod effects;
 mod environment;
 pub mod file;
 mod fingerprint;
+mod ground;
 mod layers;
 mod material;
 mod sampler;
@@ -46,6 +47,7 @@ pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fingerprint::Fingerprint;
+pub use ground::Ground;
 pub use layers::{FurtherTexture, Layers, TextureSlot, Volume};
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Opacity, Phong, Refraction, TexelEncoding,
@@ -110,6 +112,10 @@ pub struct Scene {
     pub display: DisplaySettings,
     /// Whether a scene without lights gets a headlight.
     pub headlight: Option<bool>,
+    /// Whether a ground is put under the scene.
+    pub has_ground: Option<bool>,
+    /// That ground, as it is under the objects before anything moves.
+    pub ground: Option<Ground>,
     /// Whether lights are in physical units (candela, lux), so that pictures may need an exposure.
     pub has_physical_lights: bool,
 }
@@ -262,6 +268,8 @@ impl Scene {
             animation,
             display,
             headlight,
+            has_ground,
+            ground,
             has_physical_lights,
         } = other;
         let (first_material, first_image) = (self.materials.len() as u32, self.images.len() as u32);
@@ -280,6 +288,8 @@ impl Scene {
         self.animation = self.animation.take().or(animation);
         self.display = self.display.or(display);
         self.headlight = self.headlight.or(headlight);
+        self.has_ground = self.has_ground.or(has_ground);
+        self.ground = self.ground.or(ground);
         self.has_physical_lights |= has_physical_lights;
         self.images.extend(images);
         self.materials.extend(materials.into_iter().map(|mut material| {

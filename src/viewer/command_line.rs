@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::film::{ColourPipeline, DisplaySettings};
-use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, default_size};
+use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, Transport, default_size};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -20,6 +20,9 @@ pub struct SceneDefaults {
     sampling: Sampling,
     display: DisplaySettings,
     no_headlight: bool,
+    transport: Option<Transport>,
+    clamp: Option<f64>,
+    has_ground: bool,
 }
 
 impl SceneDefaults {
@@ -33,6 +36,9 @@ impl SceneDefaults {
             sampling: scene.sampling,
             display: scene.display,
             no_headlight: scene.headlight == Some(false),
+            transport: scene.transport,
+            clamp: scene.clamp,
+            has_ground: scene.has_ground == Some(true),
         }
     }
 
@@ -81,6 +87,12 @@ pub struct RenderCommand<'a> {
     pub display: DisplaySettings,
     /// Whether a scene without lights gets a headlight.
     pub headlight: bool,
+    /// Transport of light; `None` for what the scene calls for.
+    pub transport: Option<Transport>,
+    /// Clamp of indirect light.
+    pub clamp: Option<f64>,
+    /// Whether a ground is put under the scene.
+    pub has_ground: bool,
     /// Output file.
     pub output: &'a Path,
 }
@@ -149,6 +161,15 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     }
     if command.headlight == defaults.no_headlight {
         option("--light", if command.headlight { "head" } else { "none" });
+    }
+    if let Some(transport) = command.transport.filter(|_| command.transport != defaults.transport) {
+        option("--transport", transport.name());
+    }
+    if let Some(clamp) = command.clamp.filter(|_| command.clamp != defaults.clamp) {
+        option("--clamp", &clamp.to_string());
+    }
+    if command.has_ground && !defaults.has_ground {
+        words.push("--ground".to_owned());
     }
     words
 }
@@ -268,6 +289,9 @@ mod tests {
             sampling: Sampling::default(),
             display: DisplaySettings::default(),
             headlight: true,
+            transport: None,
+            clamp: None,
+            has_ground: false,
             output: Path::new("picture.png"),
         }
     }
@@ -348,13 +372,16 @@ mod tests {
             },
             display: DisplaySettings { exposure: Some(Exposure::Ev(-1.5)), tone_map: Some(ToneMap::Agx) },
             headlight: false,
+            transport: Some(Transport::Path),
+            clamp: Some(2.5),
+            has_ground: true,
             ..plain
         };
         assert_eq!(
             line(&command),
             "--size 320x200 --shading ambient --with glaze=every-bounce --without shadows --without textures --numerics \
              watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --sampler independent \
-             --exposure=-1.5 --tone-map agx --light none"
+             --exposure=-1.5 --tone-map agx --light none --transport path --clamp 2.5 --ground"
         );
     }
 

@@ -45,7 +45,7 @@ use glam::DVec3;
 use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Primitive, Slot};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, PrimId, Triangle};
-use crate::scene::{Light, LightKind, Material, Mesh, Object, Scene, Shape};
+use crate::scene::{Ground, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
 
 /// The intensity of the ambient light where no input sets it.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -151,6 +151,10 @@ impl World {
         let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         let mut materials: Vec<PreparedMaterial> =
             std::mem::take(&mut scene.materials).into_iter().map(to_pipeline).collect();
+        if let Some(ground) = &scene.ground {
+            materials.push(to_pipeline(Ground::material()));
+            scene.objects.push(ground.object(MaterialId((materials.len() - 1) as u32)));
+        }
         let mut area_lights = AreaLights::add_surfaces(&mut scene, &mut materials, pipeline);
         let normal_mapped: Vec<bool> = materials.iter().map(|m| m.normal_map().is_some()).collect();
         let Partition { instances, shared, firsts } = instances(&scene.objects, structure, numerics);

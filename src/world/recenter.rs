@@ -58,6 +58,10 @@ impl Recentering {
             }
         }
         scene.cameras.iter_mut().for_each(|camera| self.move_camera(camera));
+        if let Some(ground) = &mut scene.ground {
+            place(&mut ground.centre);
+            ground.half_side *= self.scale;
+        }
         for light in &mut scene.lights {
             match &mut light.kind {
                 LightKind::Directional { .. } => {}

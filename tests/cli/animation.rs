@@ -9,6 +9,7 @@ use kiln::bvh::{Layout, Preset};
 use kiln::effects::{Choices, Plan};
 use kiln::error::{Place, Warnings};
 use kiln::film::{ColourPipeline, Film, Window};
+use kiln::job::RenderSettings;
 use kiln::render::{RenderControl, render};
 use kiln::scene::animation::{Animation, Easing, Motion, Property, Target, Track};
 use kiln::scene::{AnalyticShape, Camera, Numerics, Placed, Placement, Projection, Scene, Shape, Sphere};
@@ -180,6 +181,28 @@ fn frames_have_the_area_lights_of_their_time() {
     let file = folder.path().join("a.toml");
     std::fs::write(&file, text).unwrap();
     same_as_from_nothing(&load(&file), 0);
+}
+
+/// A ground stays where it is, under what moves above it and without being built again where nothing does.
+#[test]
+fn frames_have_the_ground_of_the_scene_at_rest() {
+    let text = "[[camera]]\nname = 'eye'\nposition = [0, 4, 9]\nlook_at = [0, 0, 0]\n\
+        [[sphere]]\nname = 'ball'\ncentre = [0, 0, 0]\nradius = 2\n[animation]\n";
+    let moves =
+        ["camera = 'eye'\nlerp = { to = [5, 4, 8] }\n", "object = 'ball'\nlerp = { to = [0, 3, 0] }\n"];
+    for moves in moves {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.toml");
+        std::fs::write(&file, format!("{text}[[animation.track]]\n{moves}")).unwrap();
+        let mut scene = load(&file);
+        let settings = RenderSettings { ground: Some(true), ..RenderSettings::default() };
+        settings.complete(&mut scene, &mut Warnings::default()).unwrap();
+        let ground = scene.ground.expect("a ground");
+        assert_eq!(scene.at(0.9).unwrap().ground, Some(ground));
+        // Radius 2 sqrt 3 of the box around the ball.
+        assert!((ground.half_side - 40.0 * 3f64.sqrt()).abs() < 1e-9);
+        same_as_from_nothing(&scene, 0);
+    }
 }
 
 /// Every corner of a long box stays in the picture all the way round, and touches the margin of 5 % once: the picture

@@ -131,6 +131,39 @@ fn check_error(said: &str) -> (&str, &str) {
 }
 
 #[test]
+fn clamps_and_grounds_are_checked() {
+    let workshop = Workshop::new();
+    for (typed, said) in [("0", "0"), ("-1", "-1"), ("inf", "inf"), ("much", "much")] {
+        let (error, hint) = workshop.fail(&format!("render scene.toml -o a.png --clamp {typed}"), 2);
+        assert!(error.contains(said) && error.contains("--clamp"), "{error}; {hint}");
+    }
+    let said = workshop.succeed("render scene.toml -o a.png --clamp 4");
+    assert!(said.contains("warning: a clamp of 4 changes nothing without path tracing"), "{said}");
+    let explained = workshop.run("explain scene.toml --transport path --clamp 4");
+    assert!(
+        text(&explained.stdout).contains("indirect light is clamped to 4"),
+        "{}",
+        text(&explained.stdout)
+    );
+    workshop.write("empty.toml", "[[camera]]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n");
+    for command in [
+        "render empty.toml -o b.png --ground",
+        "animate empty.toml -o b.mp4 --ground",
+        "explain empty.toml --ground",
+    ] {
+        let (error, hint) = workshop.fail(command, 3);
+        assert_eq!(error, "empty.toml: there is nothing in it to put a ground under", "{command}");
+        assert!(hint.contains("leave --ground"), "{hint}");
+    }
+    workshop.succeed("render scene.toml -o b.png --ground --view front");
+    workshop.succeed("render scene.toml -o c.png --view front");
+    // The ball is where it was, and the ground is below it.
+    let (with, without) = (workshop.pixels("b.png"), workshop.pixels("c.png"));
+    assert_eq!(with.get_pixel(12, 4), without.get_pixel(12, 4));
+    assert_ne!(with.get_pixel(0, 15), without.get_pixel(0, 15));
+}
+
+#[test]
 fn the_checker_of_errors_notices() {
     for bad in [
         "",
@@ -588,6 +621,9 @@ fn what_is_seen_is_rendered_by_its_line() {
         sampling: Default::default(),
         display: Default::default(),
         headlight: true,
+        transport: None,
+        clamp: None,
+        has_ground: false,
         output: Path::new("seen.png"),
     };
     let words = command_line::arguments(&command);

@@ -9,6 +9,7 @@ mod aov;
 mod closed_form;
 mod effects;
 mod golden;
+mod ground;
 mod layers;
 mod lights;
 mod normal_maps;

@@ -141,6 +141,7 @@ impl Builder<'_> {
         self.scene.sampling = self.sampling(&image)?;
         self.scene.display = DisplaySettings { exposure: image.exposure, tone_map: image.tone_map };
         self.scene.headlight = image.headlight;
+        self.scene.has_ground = image.ground;
         if let Some(section) = &file.ambient
             && let Some(intensity) = section.get_ref().intensity
         {

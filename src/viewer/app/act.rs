@@ -177,6 +177,9 @@ impl App {
             sampling: settings.choices.sampling,
             display: settings.display.in_pipeline(settings.pipeline),
             headlight: settings.headlight,
+            transport: settings.choices.transport,
+            clamp: settings.choices.clamp,
+            has_ground: opened.scene.ground.is_some(),
             output,
         });
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));

@@ -1,0 +1,70 @@
+//! [`Ground`]: a square under a scene that has none.
+
+use glam::DVec3;
+
+use super::{Material, MaterialId, Mesh, Object, Phong, Shape};
+use crate::film::Colour;
+
+/// Half the side of the square, in radii of the scene.
+const REACH: f64 = 20.0;
+
+/// How far the ground is below the lowest point, in radii of the scene: so that rounding does not mix it with a surface
+/// of the scene that lies in the same plane. A recentered scene reaches some 30 radii from the origin, where f32 has
+/// steps of 2^-19.
+const GAP: f64 = 1.0 / 65_536.0;
+
+/// A horizontal grey square under a scene: not one of its objects, so that cameras are not fitted to it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ground {
+    /// Its centre.
+    pub centre: DVec3,
+    /// Half its side.
+    pub half_side: f64,
+}
+
+impl Ground {
+    /// The ground under a bounding box, whose radius is half its diagonal. `None` for a box without size.
+    pub fn under((min, max): (DVec3, DVec3)) -> Option<Self> {
+        let (middle, radius) = (min / 2.0 + max / 2.0, (max / 2.0 - min / 2.0).length());
+        let centre = DVec3::new(middle.x, min.y - GAP * radius, middle.z);
+        let ground = Ground { centre, half_side: REACH * radius };
+        (radius > 0.0 && ground.half_side.is_finite()).then_some(ground)
+    }
+
+    /// The square as an object.
+    pub(crate) fn object(&self, material: MaterialId) -> Object {
+        let corner = |x: f64, z: f64| self.centre + self.half_side * DVec3::new(x, 0.0, z);
+        let positions = vec![corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)];
+        let mesh = Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
+        Object { name: "ground".into(), input: 0, material, shape: Shape::Mesh(mesh) }
+    }
+
+    /// Its material: diffuse, of the albedo 0.5.
+    pub(crate) fn material() -> Material {
+        let colour = Colour::Linear(DVec3::splat(0.5));
+        Material::Phong(Phong { name: "ground".into(), colour, ..Phong::default() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box of 2 by 4 by 4 has the radius 3.
+    #[test]
+    fn the_ground_is_under_the_box() {
+        let ground = Ground::under((DVec3::new(1.0, -5.0, 0.0), DVec3::new(3.0, -1.0, 4.0))).unwrap();
+        assert_eq!((ground.centre.x, ground.centre.z, ground.half_side), (2.0, 2.0, 60.0));
+        assert!(ground.centre.y < -5.0 && ground.centre.y > -5.001);
+        let Shape::Mesh(mesh) = ground.object(MaterialId(0)).shape else { panic!("a mesh") };
+        let [a, b, c] = mesh.triangles[0].map(|i| mesh.positions[i as usize]);
+        assert!((b - a).cross(c - a).y > 0.0, "counterclockwise seen from above");
+    }
+
+    #[test]
+    fn a_point_has_no_ground() {
+        for (min, max) in [(DVec3::ONE, DVec3::ONE), (-DVec3::MAX, DVec3::MAX), (DVec3::NAN, DVec3::ONE)] {
+            assert_eq!(Ground::under((min, max)), None);
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! The ground under a scene: where it lies, what it shows, and that cameras are not fitted to it.
+
+use crate::common::picture::{parse, placed};
+use crate::path::{check_settings, mean, render, settings};
+use glam::DVec3;
+use kiln::error::Warnings;
+use kiln::job::metadata::fingerprint_of;
+use kiln::job::{RenderJob, RenderSettings, prepare};
+use kiln::scene::Scene;
+
+/// A ball of radius 1 that touches the plane y = 0, under a light straight above. Its box has the radius sqrt 3.
+const BALL: &str = "[[sphere]]\ncentre = [0, 1, 0]\nradius = 1\n\
+    [[light]]\ntype = 'directional'\ndirection = [0, -1, 0]\nintensity = 0.8\n";
+
+/// The ball with a ground, of which a camera sees next to nothing but the point (x, 0, 0).
+fn at(x: f64) -> String {
+    format!(
+        "[image]\nground = true\nbackground = '#ffffff'\n[[camera]]\nposition = [{x}, 30, 40]\nlook_at = [{x}, 0, 0]\n\
+         vertical_fov = 0.001\n{BALL}"
+    )
+}
+
+fn job(scene: Scene, settings: &RenderSettings) -> RenderJob {
+    prepare(scene, settings, &mut Warnings::default()).expect("a job")
+}
+
+/// Of albedo 0.5 and lit straight down: half the light's intensity, 0 in the shadow of the ball, and the background
+/// beyond 20 radii, which are 34.64.
+#[test]
+fn the_ground_is_lit_shadowed_and_ends() {
+    for (x, expected) in [(1.01, 0.4), (-34.6, 0.4), (34.6, 0.4), (34.7, 1.0)] {
+        check_settings(&at(x), &settings(1, 1), expected);
+    }
+    // Seen from the side, below the ball.
+    let shadow = at(0.0).replace("position = [0, 30, 40]", "position = [0, 1, 9]");
+    assert_eq!(mean(&render(parse(&shadow), &settings(1, 1))).0, 0.0);
+    // Local shading with the ambient light of 0.25, too.
+    let whitted = RenderSettings { transport: None, with: Vec::new(), ..settings(1, 1) };
+    check_settings(&at(1.01), &whitted, 0.4 + 0.5 * 0.25);
+}
+
+#[test]
+fn cameras_are_fitted_to_the_objects_alone() {
+    let of = |ground| job(parse(BALL), &RenderSettings { ground, ..RenderSettings::default() });
+    let (with, without) = (of(Some(true)), of(None));
+    assert_eq!(with.camera, without.camera);
+    assert_eq!((with.world.primitive_count(), without.world.primitive_count()), (3, 1));
+    let is_ground =
+        |(key, value): &(String, String)| (key.as_str(), value.as_str()) == ("kiln:ground", "true");
+    assert!(with.metadata.iter().any(is_ground) && !without.metadata.iter().any(is_ground));
+    assert_ne!(fingerprint_of(&with.metadata), fingerprint_of(&without.metadata));
+    // The option and the key of a scene file are the same; the option comes first.
+    let file = |text: &str, ground| {
+        job(parse(&format!("[image]\n{text}{BALL}")), &RenderSettings { ground, ..RenderSettings::default() })
+    };
+    let (of_file, typed) = (file("ground = true\n", None), file("", Some(true)));
+    assert_eq!(fingerprint_of(&of_file.metadata), fingerprint_of(&typed.metadata));
+    assert_eq!(file("ground = true\n", Some(false)).world.primitive_count(), 1);
+}
+
+/// A ground that lies in the plane of a sheet of the scene does not show through it: the picture has no speckle. Beside
+/// it the sheet hides the ground's grey.
+#[test]
+fn a_sheet_in_the_lowest_plane_hides_the_ground() {
+    let scene = "[image]\nground = true\n[material.white]\ncolour = '#ffffff'\n\
+        [[camera]]\nposition = [3, 2, 5]\nlook_at = [0, 0.3, 0]\nvertical_fov = 2\n\
+        [[light]]\ntype = 'directional'\ndirection = [0, -1, 0]\nintensity = 0.5\n\
+        [[triangles]]\nmaterial = 'white'\nvertices = [[-9, 0.3, -9], [9, 0.3, -9], [0, 0.3, 18]]\n";
+    for far in [0.0, 200.0] {
+        let scene = placed(parse(scene), 1.0, DVec3::new(far, far, 0.0));
+        let film = render(scene, &settings(1, 1));
+        let speckled = film.rows().filter(|[red, ..]: &[f32; 3]| (red - 0.5).abs() > 1e-4).count();
+        assert_eq!(speckled, 0, "{far}");
+    }
+}
+
+/// It moves with scenes that are brought into the range of f32.
+#[test]
+fn the_ground_of_a_recentered_scene() {
+    for (scale, offset) in [(1e-20, DVec3::ZERO), (1e20, DVec3::ZERO), (1.0, DVec3::splat(1e5))] {
+        let scene = placed(parse(&at(1.05)), scale, offset);
+        let (seen, _) = mean(&render(scene, &settings(1, 1)));
+        assert!((seen - 0.4).abs() < 1e-6, "{scale} {offset}: {seen}");
+    }
+}
