@@ -1,20 +1,14 @@
-//! The environment of a world: radiance by direction, and its importance sampling.
-//!
-//! Directions are sampled from a grid of cells in longitude and latitude with a probability proportional to the luminance
-//! times the solid angle of a cell (pbrt, 4th edition, sections 12.5.2 and A.4.7). The luminance of a cell is the mean over
-//! its texels and those around it, so the density is above 0 wherever the interpolated radiance is.
+//! The environment of a world: radiance by direction.
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::bilinear_distribution::BilinearDistribution;
 use super::sky;
 use crate::film::ColourPipeline;
-use crate::film::colour::{luminance, srgb_encode};
+use crate::film::colour::srgb_encode;
 use crate::scene::{Environment, EnvironmentSource};
-
-/// The most columns of the sampling grid; it has half as many rows.
-const MOST_COLUMNS: usize = 2048;
 
 /// The rows of the sampling grid of a uniform environment.
 const UNIFORM_ROWS: usize = 64;
@@ -29,7 +23,7 @@ pub(crate) struct PreparedEnvironment {
     texels: Vec<[f32; 3]>,
     /// Cosine and sine of the rotation about +y.
     rotation: (f64, f64),
-    grid: Grid,
+    distribution: BilinearDistribution,
 }
 
 /// A sampled direction.
@@ -63,9 +57,16 @@ impl PreparedEnvironment {
                 _ => srgb_encode(radiance).clamp(0.0, 1.0) as f32,
             };
         }
-        let grid = Grid::new(width, height, &texels);
+        let distribution = BilinearDistribution::new(width, height, &texels);
         let (sin, cos) = rotation.sin_cos();
-        PreparedEnvironment { is_hidden: *is_hidden, width, height, texels, rotation: (cos, sin), grid }
+        PreparedEnvironment {
+            is_hidden: *is_hidden,
+            width,
+            height,
+            texels,
+            rotation: (cos, sin),
+            distribution,
+        }
     }
 
     /// The radiance from a unit direction, interpolated between the four nearest texels.
@@ -87,7 +88,7 @@ impl PreparedEnvironment {
 
     /// Samples a direction; the density is 0 where the environment is black. `numbers` are in [0, 1).
     pub(crate) fn sample(&self, numbers: [f64; 2]) -> EnvironmentSample {
-        let [u, v] = self.grid.sample(numbers);
+        let [u, v] = self.distribution.sample(numbers);
         let direction = self.direction_of(u, v);
         EnvironmentSample { direction, radiance: self.eval(direction), pdf: self.pdf(direction) }
     }
@@ -96,7 +97,7 @@ impl PreparedEnvironment {
     pub(crate) fn pdf(&self, direction: DVec3) -> f64 {
         let [u, v] = self.image_place(direction);
         let sine = (1.0 - direction.y * direction.y).max(0.0).sqrt();
-        let pdf = self.grid.density(u, v) / (2.0 * PI * PI * sine);
+        let pdf = self.distribution.density(u, v) / (2.0 * PI * PI * sine);
         // At the poles a cell has no solid angle.
         if pdf.is_finite() { pdf } else { 0.0 }
     }
@@ -115,85 +116,6 @@ impl PreparedEnvironment {
         let (cos, sin) = self.rotation;
         DVec3::new(x * cos + z * sin, y, z * cos - x * sin)
     }
-}
-
-/// A piecewise constant distribution over the unit square.
-struct Grid {
-    columns: usize,
-    rows: usize,
-    /// Cumulative weights of the cells within each row, ending at the row's sum.
-    cells: Vec<f32>,
-    /// Cumulative sums of the rows.
-    sums: Vec<f64>,
-}
-
-impl Grid {
-    fn new(width: usize, height: usize, texels: &[[f32; 3]]) -> Self {
-        let (columns, rows) = (width.min(MOST_COLUMNS), height.min(MOST_COLUMNS / 2));
-        let mut grid =
-            Grid { columns, rows, cells: Vec::with_capacity(columns * rows), sums: Vec::with_capacity(rows) };
-        let values: Vec<f32> =
-            texels.iter().map(|texel| luminance(DVec3::from(texel.map(f64::from))) as f32).collect();
-        let mut total = 0.0;
-        for row in 0..rows {
-            // The integral of the sine over the row.
-            let edge = |row: usize| (PI * row as f64 / rows as f64).cos();
-            let solid_angle = edge(row) - edge(row + 1);
-            let lines = (row * height / rows).saturating_sub(1)
-                ..((row + 1) * height).div_ceil(rows).min(height - 1) + 1;
-            let mut sum = 0.0f32;
-            for column in 0..columns {
-                let first = column * width / columns + width - 1;
-                let last = ((column + 1) * width).div_ceil(columns) + width;
-                let mut value = 0.0f64;
-                for line in lines.clone() {
-                    for place in first..=last {
-                        value += f64::from(values[line * width + place % width]);
-                    }
-                }
-                let mean = value / (lines.len() * (last - first + 1)) as f64;
-                sum += (mean * solid_angle) as f32;
-                grid.cells.push(sum);
-            }
-            total += f64::from(sum);
-            grid.sums.push(total);
-        }
-        grid
-    }
-
-    fn total(&self) -> f64 {
-        self.sums.last().copied().unwrap_or(0.0)
-    }
-
-    fn row(&self, row: usize) -> &[f32] {
-        &self.cells[row * self.columns..(row + 1) * self.columns]
-    }
-
-    fn sample(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let (row, v) = position(&self.sums, y * self.total(), f64::from);
-        let cells = self.row(row);
-        let sum = cells.last().copied().unwrap_or(0.0);
-        let (column, u) = position(cells, x * f64::from(sum), f64::from);
-        [(column as f64 + u) / self.columns as f64, (row as f64 + v) / self.rows as f64]
-    }
-
-    /// The density at a point, relative to the unit square.
-    fn density(&self, u: f64, v: f64) -> f64 {
-        let column = ((u * self.columns as f64) as usize).min(self.columns - 1);
-        let row = ((v * self.rows as f64) as usize).min(self.rows - 1);
-        let cells = self.row(row);
-        let before = if column == 0 { 0.0 } else { cells[column - 1] };
-        let weight = f64::from(cells[column]) - f64::from(before);
-        if self.total() > 0.0 { weight / self.total() * (self.columns * self.rows) as f64 } else { 0.0 }
-    }
-}
-
-/// The entry of cumulative sums that holds `at`, and how far into it that is, 0 to 1. Entries of weight 0 are not chosen.
-fn position<T: Copy>(sums: &[T], at: f64, number: impl Fn(T) -> f64) -> (usize, f64) {
-    let index = sums.partition_point(|&sum| number(sum) <= at).min(sums.len() - 1);
-    let before = if index == 0 { 0.0 } else { number(sums[index - 1]) };
-    let weight = number(sums[index]) - before;
-    (index, if weight > 0.0 { ((at - before) / weight).clamp(0.0, 1.0) } else { 0.5 })
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 
 mod area_lights;
 mod attributes;
+mod bilinear_distribution;
 mod differential;
 mod directional;
 mod emission_texture;

@@ -1,0 +1,151 @@
+//! The importance sampling of an environment.
+//!
+//! Directions are sampled with a density that is interpolated, as the radiance is, between the centres of texels. Its value
+//! there is the luminance above the mean of the whole sphere, because what is not brighter is found by BSDF samples (Karlík
+//! and others, MIS Compensation, 2019, section 4), but not below a part of the luminance. So the density is above 0
+//! wherever the radiance is. Images larger than the grid are averaged first.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use crate::film::colour::luminance;
+
+/// The most columns of the sampling grid; it has half as many rows.
+const MOST_COLUMNS: usize = 2048;
+
+/// The least part of the luminance that is the density, before it is normalised.
+const LEAST_SHARE: f64 = 0.1;
+
+/// A distribution over the image whose density, per solid angle, is bilinear between the centres of the texels of a grid,
+/// as the radiance is.
+pub(super) struct BilinearDistribution {
+    columns: usize,
+    rows: usize,
+    /// Densities at the centres of texels, not normalised.
+    weights: Vec<f32>,
+    /// Cumulative probabilities, not normalised, of the cells between the centres of four texels, row by row: the first row
+    /// lies above the centres of the first texels, the last row below those of the last.
+    cells: Vec<f32>,
+    /// Cumulative sums of the rows of cells.
+    sums: Vec<f64>,
+}
+
+impl BilinearDistribution {
+    /// The distribution for an image of RGB texels in longitude and latitude, row by row from the top.
+    pub(super) fn new(width: usize, height: usize, texels: &[[f32; 3]]) -> Self {
+        let (columns, rows) = (width.min(MOST_COLUMNS), height.min(MOST_COLUMNS / 2));
+        let weights = mean_luminance(width, height, texels, columns, rows);
+        let mut distribution =
+            BilinearDistribution { columns, rows, weights, cells: Vec::new(), sums: Vec::new() };
+        distribution.accumulate();
+        // The sum is the integral over longitude and the cosine of the polar angle, in units of a column.
+        let mean = distribution.total() / (2.0 * columns as f64);
+        for weight in &mut distribution.weights {
+            *weight = (f64::from(*weight) - mean).max(LEAST_SHARE * f64::from(*weight)) as f32;
+        }
+        distribution.accumulate();
+        distribution
+    }
+
+    /// Fills `cells` and `sums` from `weights`.
+    fn accumulate(&mut self) {
+        self.cells.clear();
+        self.sums.clear();
+        let mut total = 0.0;
+        for row in 0..=self.rows {
+            let [top, bottom] = self.edges(row).map(|edge| (PI * edge).cos());
+            let mut sum = 0.0f32;
+            for column in 0..self.columns {
+                sum += (self.corners(column, row).iter().sum::<f64>() / 4.0 * (top - bottom)) as f32;
+                self.cells.push(sum);
+            }
+            total += f64::from(sum);
+            self.sums.push(total);
+        }
+    }
+
+    fn total(&self) -> f64 {
+        self.sums.last().copied().unwrap_or(0.0)
+    }
+
+    /// The upper and lower edge of a row of cells, 0 to 1. The first and the last row are half as high as the others.
+    fn edges(&self, row: usize) -> [f64; 2] {
+        let centre = |row: f64| (row / self.rows as f64).clamp(0.0, 1.0);
+        [centre(row as f64 - 0.5), centre(row as f64 + 0.5)]
+    }
+
+    /// The densities at the corners of a cell: top left, top right, bottom left, bottom right.
+    fn corners(&self, column: usize, row: usize) -> [f64; 4] {
+        let right = (column + 1) % self.columns;
+        let (above, below) = (row.saturating_sub(1), row.min(self.rows - 1));
+        [(above, column), (above, right), (below, column), (below, right)]
+            .map(|(row, column)| f64::from(self.weights[row * self.columns + column]))
+    }
+
+    /// A place, 0 to 1 from the left and the top, by two numbers in [0, 1).
+    pub(super) fn sample(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (row, y) = position(&self.sums, y * self.total(), f64::from);
+        let cells = &self.cells[row * self.columns..][..self.columns];
+        let (column, x) = position(cells, x * f64::from(cells[self.columns - 1]), f64::from);
+        let [a, b, c, d] = self.corners(column, row);
+        let down = sample_linear(y, a + b, c + d);
+        let across = sample_linear(x, lerp(a, c, down), lerp(b, d, down));
+        let [top, bottom] = self.edges(row);
+        [((column as f64 + 0.5 + across) / self.columns as f64).fract(), lerp(top, bottom, down)]
+    }
+
+    /// The density at a place, relative to the unit square.
+    pub(super) fn density(&self, u: f64, v: f64) -> f64 {
+        let total = self.total();
+        if total <= 0.0 {
+            return 0.0;
+        }
+        let x = (u * self.columns as f64 - 0.5).rem_euclid(self.columns as f64);
+        let column = (x as usize).min(self.columns - 1);
+        let row = ((v * self.rows as f64 + 0.5) as usize).min(self.rows);
+        let [top, bottom] = self.edges(row);
+        let (across, down) = (x - column as f64, (v - top) / (bottom - top));
+        let [a, b, c, d] = self.corners(column, row);
+        // Within a cell the density is bilinear in the unit square; the cell's probability is that of its solid angle.
+        let solid_angle = (PI * top).cos() - (PI * bottom).cos();
+        let weight = lerp(lerp(a, b, across), lerp(c, d, across), down);
+        weight * solid_angle / total * self.columns as f64 / (bottom - top)
+    }
+}
+
+/// The luminance of an image, averaged for each cell of a grid over the texels that it covers wholly or in part.
+fn mean_luminance(width: usize, height: usize, texels: &[[f32; 3]], columns: usize, rows: usize) -> Vec<f32> {
+    let covered = |cell: usize, cells: usize, texels: usize| {
+        cell * texels / cells..((cell + 1) * texels).div_ceil(cells)
+    };
+    let mut cells = Vec::with_capacity(columns * rows);
+    for row in 0..rows {
+        let lines = covered(row, rows, height);
+        for column in 0..columns {
+            let places = covered(column, columns, width);
+            let colours = lines.clone().flat_map(|y| &texels[y * width..][places.clone()]);
+            let sum: f64 = colours.map(|&colour| luminance(DVec3::from(colour.map(f64::from)))).sum();
+            cells.push((sum / (lines.len() * places.len()) as f64) as f32);
+        }
+    }
+    cells
+}
+
+fn lerp(a: f64, b: f64, t: f64) -> f64 {
+    a + (b - a) * t
+}
+
+/// A number in 0 to 1 whose density is linear from `a` at 0 to `b` at 1, both at least 0 (pbrt, 4th edition, section 2.3.2).
+fn sample_linear(number: f64, a: f64, b: f64) -> f64 {
+    let root = lerp(a * a, b * b, number).sqrt();
+    if a + root > 0.0 { (number * (a + b) / (a + root)).min(1.0) } else { number }
+}
+
+/// The entry of cumulative sums that holds `at`, and how far into it that is, 0 to 1. Entries of weight 0 are not chosen.
+fn position<T: Copy>(sums: &[T], at: f64, number: impl Fn(T) -> f64) -> (usize, f64) {
+    let index = sums.partition_point(|&sum| number(sum) <= at).min(sums.len() - 1);
+    let before = if index == 0 { 0.0 } else { number(sums[index - 1]) };
+    let weight = number(sums[index]) - before;
+    (index, if weight > 0.0 { ((at - before) / weight).clamp(0.0, 1.0) } else { 0.5 })
+}
