@@ -76,6 +76,7 @@ fn to_json(job: &RenderJob, costs: Option<&Costs>) -> Value {
             json!({
                 "name": effect.id,
                 "summary": effect.summary,
+                "source": effect.source,
                 "on": decision.on,
                 "why": decision.why,
                 "value": decision.value,

@@ -13,6 +13,7 @@ use crate::film::{ColourPipeline, DisplayTransform};
 pub const EFFECT: Effect = Effect {
     id: id::ADAPTIVE,
     summary: "pixels that are certain enough take fewer samples than others",
+    source: "Dammertz and others, A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination, 2010",
     builds_on: Some(id::ANTIALIASING),
     needs_lights: false,
     is_shading: false,

@@ -14,6 +14,7 @@ pub const SHADOW_RAYS: RayKind = RayKind { name: "alpha-shadow", is_shadow: true
 pub const EFFECT: Effect = Effect {
     id: id::ALPHA,
     summary: "surfaces with alpha show what is behind them, in any order, and let light through",
+    source: "Enderton and others, Stochastic Transparency, 2010",
     builds_on: None,
     needs_lights: false,
     is_shading: false,

@@ -35,6 +35,7 @@ const DIMENSION: u32 = u32::MAX - 1;
 pub const EFFECT: Effect = Effect {
     id: id::AMBIENT_OCCLUSION,
     summary: "ambient light is less where other surfaces are near",
+    source: "Zhukov and others, An Ambient Light Illumination Model, 1998",
     builds_on: None,
     needs_lights: false,
     is_shading: true,

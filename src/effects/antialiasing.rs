@@ -15,6 +15,7 @@ const SAMPLES_OF_PARTS: u32 = 64;
 pub const EFFECT: Effect = Effect {
     id: id::ANTIALIASING,
     summary: "a pixel is the filtered mean of several samples, not what its centre sees",
+    source: "pbrt, 4th edition, chapter 8",
     builds_on: None,
     needs_lights: false,
     is_shading: false,

@@ -36,6 +36,7 @@ pub const RAYS: RayKind = RayKind { name: "glaze", is_shadow: false, colour: [12
 pub const EFFECT: Effect = Effect {
     id: id::GLAZE,
     summary: "glazed materials mirror what is around them",
+    source: "Whitted, An Improved Illumination Model for Shaded Display, 1980",
     builds_on: None,
     needs_lights: false,
     is_shading: true,

@@ -124,6 +124,8 @@ pub struct Effect {
     pub id: EffectId,
     /// One line that says what it does.
     pub summary: &'static str,
+    /// Where its method is published.
+    pub source: &'static str,
     /// The effect without which this one does nothing.
     pub builds_on: Option<EffectId>,
     /// Whether it does nothing without lights.
@@ -338,7 +340,7 @@ mod tests {
             let file = SceneFile::parse(&text, std::path::Path::new("a.toml")).unwrap();
             assert!(file.effects[effect.name()].get_ref().is_on());
             assert!(schema["properties"]["effects"]["properties"][effect.name()].is_object());
-            assert!(!effect.summary.is_empty());
+            assert!(!effect.summary.is_empty() && !effect.source.is_empty());
         }
     }
 

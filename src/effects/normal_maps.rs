@@ -17,6 +17,7 @@ use crate::world::World;
 pub const EFFECT: Effect = Effect {
     id: id::NORMAL_MAPS,
     summary: "pictures tilt the normals that surfaces are shaded by",
+    source: "glTF 2.0, section 3.9.3; Cook, Shade Trees, 1984",
     builds_on: None,
     needs_lights: true,
     is_shading: false,

@@ -19,6 +19,7 @@ pub const RAYS: RayKind = RayKind { name: "shadow", is_shadow: true, colour: [12
 pub const EFFECT: Effect = Effect {
     id: id::SHADOWS,
     summary: "lights are blocked by what stands in their way",
+    source: "Whitted, An Improved Illumination Model for Shaded Display, 1980",
     builds_on: None,
     needs_lights: true,
     is_shading: true,

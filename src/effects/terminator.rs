@@ -20,6 +20,7 @@ pub const RAYS: RayKind = RayKind { name: "terminator", is_shadow: false, colour
 pub const EFFECT: Effect = Effect {
     id: id::TERMINATOR,
     summary: "the shadow line of smooth meshes follows their normals, not their triangles",
+    source: "Hanika, Hacking the Shadow Terminator, Ray Tracing Gems II, chapter 4, 2021",
     builds_on: None,
     needs_lights: true,
     is_shading: true,

@@ -12,6 +12,7 @@ use crate::world::{FurtherTexels, InteractionSoa, PreparedMaterial, Texels, Text
 pub const EFFECT: Effect = Effect {
     id: id::TEXTURES,
     summary: "pictures on surfaces: nearest, bilinear, mipmap or anisotropic; as each says itself, if not told",
+    source: "Williams, Pyramidal Parametrics, 1983; Igehy, Tracing Ray Differentials, 1999",
     builds_on: None,
     needs_lights: false,
     is_shading: false,

@@ -21,6 +21,12 @@ each effect of the scene costs, on one thread of one machine: an effect adds its
 none below; *alone* is what the whole picture saves without it. What `adaptive` adds is less than nothing: it takes away samples that
 `antialiasing` above it would take of every pixel.
 ";
+
+const TABLE_HEAD: &str = "
+| effect | what calls for it | adds ms | share of the picture | adds rays | source |
+| --- | --- | --: | --: | --: | --- |
+";
+
 /// Largest picture of the page, in bytes.
 const MAX_BYTES: u64 = 99_999;
 
@@ -33,9 +39,10 @@ fn said(kiln: &Kiln, arguments: &[&str]) -> Result<String> {
 pub fn run(kiln: &Kiln) -> Result<()> {
     let explained: Value =
         serde_json::from_str(&said(kiln, &["explain", "scenes/assignment.toml", "--json"])?)?;
-    let mut page = HEAD.to_owned();
+    let (mut rows, mut sections) = (String::new(), String::new());
     for effect in list(&explained["effects"]) {
-        let [name, summary] = ["name", "summary"].map(|field| effect[field].as_str().unwrap_or_default());
+        let [name, summary, source] =
+            ["name", "summary", "source"].map(|field| effect[field].as_str().unwrap_or_default());
         let (scene, picture) =
             (format!("scenes/effects/{name}.toml"), format!("assets/docs/effect-{name}.png"));
         said(kiln, &["render", &scene, "-o", &picture, "--progress", "none", "--strict"])?;
@@ -45,9 +52,26 @@ pub fn run(kiln: &Kiln) -> Result<()> {
         let costs = said(kiln, &["explain", &scene, "--measure", "--rounds", "9"])?;
         let table = costs.split("\n\n").next().unwrap_or_default().trim_end();
         let (first, rest) = summary.split_at(summary.chars().next().map_or(0, char::len_utf8));
-        writeln!(page, "\n## {name}\n{}{rest}.\n\n![{summary}](../../{picture})\n", first.to_uppercase())?;
-        writeln!(page, "```text\n{table}\n```")?;
+        rows.push_str(&row(kiln, name, &scene, source)?);
+        writeln!(
+            sections,
+            "\n## {name}\n{}{rest}.\n\n![{summary}](../../{picture})\n",
+            first.to_uppercase()
+        )?;
+        writeln!(sections, "```text\n{table}\n```")?;
     }
-    std::fs::write("scenes/effects/README.md", page)?;
+    std::fs::write("scenes/effects/README.md", format!("{HEAD}{TABLE_HEAD}{rows}{sections}"))?;
     Ok(())
+}
+
+/// The row of the table for an effect: what calls for it in its scene and what it adds to that picture.
+fn row(kiln: &Kiln, name: &str, scene: &str, source: &str) -> Result<String> {
+    let measured: Value =
+        serde_json::from_str(&said(kiln, &["explain", scene, "--measure", "--rounds", "9", "--json"])?)?;
+    let effect = list(&measured["effects"]).iter().find(|effect| effect["name"] == name);
+    let effect = effect.ok_or_else(|| format!("{scene} does not list {name}"))?;
+    let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
+    let [milliseconds, share] = [number(&effect["adds"]["ms"]["median"]), 100.0 * number(&effect["share"])];
+    let (why, rays) = (effect["why"].as_str().unwrap_or_default(), number(&effect["adds"]["rays"]));
+    Ok(format!("| [{name}](#{name}) | {why} | {milliseconds:.1} | {share:.0} % | {rays} | {source} |\n"))
 }

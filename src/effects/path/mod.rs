@@ -36,6 +36,7 @@ pub const DEFAULT_DEPTH: u32 = 8;
 pub const EFFECT: Effect = Effect {
     id: id::PATH,
     summary: "path tracing: indirect light, soft shadows of emissive surfaces and environments",
+    source: "Kajiya, The Rendering Equation, 1986; Veach, Robust Monte Carlo Methods for Light Transport Simulation, 1997",
     builds_on: None,
     needs_lights: false,
     is_shading: true,
