@@ -142,7 +142,7 @@ pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> Fa
         (DisplayMode::Materials, _) => ids("each material has a colour", first, |id| {
             world.materials.get(id).map(|material| material.name().to_owned())
         }),
-        (DisplayMode::Primitives, _) => ids("each triangle and sphere has a colour", first, |_| None),
+        (DisplayMode::Primitives, _) => ids("each triangle and analytic shape has a colour", first, |_| None),
         _ => counts("boxes that the camera ray is tested against", first),
     }
 }
@@ -183,7 +183,7 @@ fn normals(mode: DisplayMode, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
     ];
     let text = match mode {
         DisplayMode::Normals => "normals for shading, on the camera's side: n / 2 + 1/2",
-        _ => "normals of the triangles and spheres, on the camera's side: n / 2 + 1/2",
+        _ => "normals of the triangles and shapes, on the camera's side: n / 2 + 1/2",
     };
     FalseColours { pixels, legend: Legend { text: text.into(), bar: Vec::new(), ends: None, swatches } }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::common::hard::{meshes, times_factor};
 use crate::common::picture::{parse, prepare};
-use crate::common::{Numbers, weights_on_borders};
+use crate::common::{Numbers, barycentrics_on_borders};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::bvh::{Accelerator, Layout, Primitive, Slot, Traversal, build};
 use kiln::effects::glaze::mirrored_ray;
@@ -442,7 +442,7 @@ fn leaving(
     for i in 0..count {
         let index = i / 32 % triangles.len();
         let corners = rounded(&triangles[index], numerics);
-        let own = SurfacePoint::on_triangle(corners, weights_on_borders(numbers));
+        let own = SurfacePoint::on_triangle(corners, barycentrics_on_borders(numbers));
         // What is seen from inside: triangles that close T-vertices may be folded outwards, behind their neighbours.
         let Some(way) = (own.position - inside).try_normalize() else { continue };
         let ray = numerics.ray_precision().ray(inside, way, 0.0, f64::INFINITY);
@@ -464,8 +464,8 @@ fn leaving(
             }
             _ => {
                 let other = rounded(&triangles[numbers.below(triangles.len())], numerics);
-                let weights = weights_on_borders(numbers);
-                other[0] * weights[0] + other[1] * weights[1] + other[2] * weights[2] - origin
+                let barycentrics = barycentrics_on_borders(numbers);
+                other[0] * barycentrics[0] + other[1] * barycentrics[1] + other[2] * barycentrics[2] - origin
             }
         };
         let precision = numerics.ray_precision();
@@ -684,7 +684,7 @@ fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
                 rays.extend((0..8).map(|_| ray(origin, &mut numbers)));
                 let triangle = world.accelerator.primitive(hit.slot);
                 let Primitive::Triangle(Triangle(corners)) = triangle else { unreachable!("a mesh") };
-                let [v, w] = hit.weights;
+                let [v, w] = hit.barycentrics;
                 let within = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w]);
                 let offset = within.origin_towards(surface.geometric_normal, numerics);
                 naive.extend((0..8).map(|_| ray(offset, &mut numbers)));
@@ -811,7 +811,7 @@ fn e7_convex_edges_do_not_shadow_themselves() {
                 let corners = rounded(&triangles[numbers.below(triangles.len())], numerics);
                 let normal = Triangle(corners).unit_normal().expect("an area");
                 let normal = normal * (corners[0] - middle).dot(normal).signum();
-                let origin = SurfacePoint::on_triangle(corners, weights_on_borders(&mut numbers))
+                let origin = SurfacePoint::on_triangle(corners, barycentrics_on_borders(&mut numbers))
                     .origin_towards(normal, numerics);
                 let direction = numbers.direction();
                 let direction = direction * direction.dot(normal).signum();

@@ -39,7 +39,7 @@ fn b4_slivers_are_decided_exactly_and_give_numbers() {
     }
 }
 
-/// Every hit in every tier is at a finite distance above 0, with weights that are numbers.
+/// Every hit in every tier is at a finite distance above 0, with finite barycentrics.
 fn are_numbers(slots: &[kiln::bvh::Slot], rays: &[Ray], structures: &[Layout]) {
     let mut traversal = Traversal::default();
     for tier in Numerics::ALL {
@@ -49,7 +49,8 @@ fn are_numbers(slots: &[kiln::bvh::Slot], rays: &[Ray], structures: &[Layout]) {
                 let mut hits = Vec::new();
                 accelerator.all_hits(ray, &mut hits, &mut traversal);
                 for hit in hits {
-                    let sound = hit.t.is_finite() && hit.t > 0.0 && hit.weights.iter().all(|w| w.is_finite());
+                    let sound =
+                        hit.t.is_finite() && hit.t > 0.0 && hit.barycentrics.iter().all(|w| w.is_finite());
                     assert!(sound, "{}, {structure:?}: {ray:?}: {hit:?}", tier.name());
                 }
             }
