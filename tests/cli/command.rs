@@ -1016,9 +1016,9 @@ fn a_scene_file_names_its_tier() {
     }
 }
 
-/// What memory does not hold is refused before it is rendered: 6,000 x 6,000 pixels with 27 channels more than three,
-/// each of four bytes, in the film, in the writer and in the file, and 36 bytes a pixel while the shares of effects are
-/// made: 13.3 GiB. On a machine of less memory the hint would be another.
+/// Pictures that exceed the memory are refused before they are rendered. A channel of 6,000 x 6,000 pixels takes four
+/// bytes a pixel in the film, in the writer and in the file, 0.4 GiB: eight exceed the limit of 2.9 GiB, and `all` has
+/// more. On a machine of less memory the hint would be another.
 #[cfg(target_os = "linux")]
 #[test]
 fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
@@ -1071,12 +1071,12 @@ fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
     assert_eq!(shop.names(), ["scene.toml"]);
     shop.succeed(&format!("{frames} --frames 0-1 --size 3200x3200"));
     assert_eq!(shop.names(), ["f_0000.png", "f_0001.png", "scene.toml"]);
-    // With layers, too, a frame needs as much as a still picture of the same effects: 8,000^2 pixels of 4 channels of 4
-    // bytes, in the film and twice in the writer, and 3 bytes while the layer is made, are 3.04 GiB.
-    for (layers, needs) in [("depth", "with 1 more channels needs 3.0 GiB"), ("effects", "")] {
-        let layers = format!("{} --size 8000x8000 --aov {layers}", frames.replace(".png", ".exr"));
-        let (frame, _) = shop.fail(&format!("{layers} --frames 0"), 1);
-        let (still, _) = shop.fail(&layers.replace("f_####", "a"), 1);
+    // With AOVs, too, a frame needs as much as a still picture of the same effects: 8,000^2 pixels of 4 channels of 4
+    // bytes, in the film and twice in the writer, and 3 bytes while the AOV is computed, are 3.04 GiB.
+    for (aovs, needs) in [("depth", "with 1 more channels needs 3.0 GiB"), ("effects", "")] {
+        let arguments = format!("{} --size 8000x8000 --aov {aovs}", frames.replace(".png", ".exr"));
+        let (frame, _) = shop.fail(&format!("{arguments} --frames 0"), 1);
+        let (still, _) = shop.fail(&arguments.replace("f_####", "a"), 1);
         let need = |said: &str| said.split_once(" of memory; ").map(|(need, _)| need.to_owned());
         assert_eq!(need(&frame), need(&still));
         assert!(

@@ -448,7 +448,7 @@ fn corrupt_parts_are_named() {
     let part = workshop.bytes("a.1of1.part");
     // 16 x 16 pixels of three f32.
     let whole = 16 * 16 * 12;
-    let layers = |count: usize| (0..count).map(|i| format!("Layer{i}.X")).collect::<Vec<_>>();
+    let channels = |count: usize| (0..count).map(|i| format!("Layer{i}.X")).collect::<Vec<_>>();
     let cases: [(&str, Vec<u8>, &str); 8] = [
         (
             "empty",
@@ -461,20 +461,20 @@ fn corrupt_parts_are_named() {
             "is 4294967295 x 4294967295",
         ),
         (
-            "layers",
-            changed(&part, |head| head["channels"] = json!(layers(1000)), whole),
+            "channels",
+            changed(&part, |head| head["channels"] = json!(channels(1000)), whole),
             "the part has too few",
         ),
         ("more", changed(&part, |_| (), whole + 4), "the part has too many pixels"),
         (
             "twice",
             changed(&part, |head| head["channels"] = json!(["R"]), whole / 3 * 4),
-            "has settings or layers",
+            "has settings or channels",
         ),
         (
             "nul",
             changed(&part, |head| head["channels"] = json!(["a\0b"]), whole / 3 * 4),
-            "has a layer `a\\u{0}b`",
+            "has a channel `a\\u{0}b`",
         ),
         ("key", changed(&part, |head| head["metadata"][0][0] = json!("compression"), whole), "has a setting"),
         // The last of a million shares of 40,000 x 40,000 pixels: six tiles of the 6,250,000.
