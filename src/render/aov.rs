@@ -132,7 +132,7 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "node-tests",
-        summary: "boxes that the camera ray, cast by itself, is tested against",
+        summary: "number of boxes that the camera ray, traced by itself, is tested against",
         channels: &["NodeTests.X"],
         value: |input| [input.node_tests as f32, 0.0, 0.0],
     },

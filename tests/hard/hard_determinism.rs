@@ -102,11 +102,11 @@ fn l1_the_picture_does_not_depend_on_where_tiles_begin() {
         let prepared = prepare(scene.clone(), SIZE, numerics);
         let whole = sound(&prepared);
         let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
-        let watch =
+        let control =
             RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
         for [x, y, width, height] in windows.into_iter().chain(dots.clone()) {
             let window = Window { x, y, width, height };
-            let (part, _) = render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &watch)
+            let (part, _) = render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &control)
                 .expect("a picture");
             for (i, j) in (0..width).flat_map(|i| (0..height).map(move |j| (i, j))) {
                 let [a, b] = [part.pixel(i, j), whole.pixel(x + i, y + j)].map(|p| p.map(f32::to_bits));

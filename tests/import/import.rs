@@ -124,8 +124,8 @@ fn seen(scene: Scene, min: [f64; 2], max: [f64; 2], size: [u32; 2]) -> Vec<[u8; 
     let plan = Plan::new(&world, &choices).expect("no effect is asked for");
     let view = View::new(&camera, Projection::Orthographic, size).expect("the camera has a direction");
     let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
-    let watch = RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
-    let (film, _) = render(&world, &view, &plan, window, |_, _| true, &watch).expect("nobody interrupts");
+    let control = RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
+    let (film, _) = render(&world, &view, &plan, window, |_, _| true, &control).expect("nobody interrupts");
     film.to_rgb8(pipeline).chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect()
 }
 
