@@ -65,7 +65,7 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "position",
-        summary: "the point in the scene's own coordinates; 0 for the background",
+        summary: "point in the scene's own coordinates; 0 for the background",
         channels: &["Position.X", "Position.Y", "Position.Z"],
         value: |input| {
             of_surface(input, |surface| {
@@ -80,19 +80,19 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "normal",
-        summary: "the unit normal for shading, on the camera's side; 0 for the background",
+        summary: "unit normal for shading, on the camera's side; 0 for the background",
         channels: &["Normal.X", "Normal.Y", "Normal.Z"],
         value: |input| of_surface(input, |surface| surface.shading_normal.as_vec3().to_array()),
     },
     Aov {
         name: "geometric-normal",
-        summary: "the unit normal of the shape or triangle itself, on the camera's side; 0 for the background",
+        summary: "unit normal of the shape or triangle itself, towards the camera; 0 for the background",
         channels: &["GeometricNormal.X", "GeometricNormal.Y", "GeometricNormal.Z"],
         value: |input| of_surface(input, |surface| surface.geometric_normal.as_vec3().to_array()),
     },
     Aov {
         name: "albedo",
-        summary: "the surface's own colour, without light; 0 for the background",
+        summary: "colour of the surface, without light; 0 for the background",
         channels: &["Albedo.R", "Albedo.G", "Albedo.B"],
         value: |input| {
             of_surface(input, |surface| {
@@ -102,19 +102,19 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "object",
-        summary: "the index of the object, in the order of the description from 0; -1 for the background",
+        summary: "index of the object in the description, from 0; -1 for the background",
         channels: &["Object.X"],
         value: |input| index_of(input, |surface| surface.object),
     },
     Aov {
         name: "material",
-        summary: "the index of the material; -1 for the background",
+        summary: "index of the material; -1 for the background",
         channels: &["Material.X"],
         value: |input| index_of(input, |surface| surface.material),
     },
     Aov {
         name: "primitive",
-        summary: "the index of the triangle or analytic shape; -1 for the background",
+        summary: "index of the triangle or analytic shape; -1 for the background",
         channels: &["Primitive.X"],
         value: |input| index_of(input, |surface| surface.prim.0),
     },
@@ -126,7 +126,7 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "variance",
-        summary: "unbiased variance of the pixel's samples, before their mean; infinite for one sample",
+        summary: "unbiased variance of the pixel's samples; infinite for one sample",
         channels: &["Variance.R", "Variance.G", "Variance.B"],
         value: |input| input.samples.variance,
     },

@@ -219,7 +219,7 @@ fn wrong_usage_is_2() {
         (
             "render scene.toml -o a.png --without zzz",
             "there is no effect `zzz`",
-            "shadows, terminator, glaze",
+            "known here: textures, normal-maps",
         ),
         (
             "render scene.toml -o a.png --with glaze --without glaze=every-bounce",
