@@ -146,11 +146,11 @@ fn trace(c: &mut Criterion) {
         let plan = Plan::new(&world, &Choices::default()).expect("a plan");
         let window = Window { x: 0, y: 0, width: SIZE[0], height: SIZE[1] };
         let cancel = AtomicBool::new(false);
-        let watch = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
+        let control = RenderControl { cancel: &cancel, progress: &|_, _| {}, time_stages: false };
         group.throughput(Throughput::Elements(u64::from(SIZE[0] * SIZE[1])));
         group.bench_function("picture, all threads", |b| {
             b.iter(|| -> (kiln::film::Film, _) {
-                render(&world, &view, &plan, window, |_, _| true, &watch).expect("a picture")
+                render(&world, &view, &plan, window, |_, _| true, &control).expect("a picture")
             });
         });
         group.finish();

@@ -146,7 +146,7 @@ impl BuiltContender for BuiltKiln {
             let occluded = with_mapped_capacity(rays.len(), true);
             return Box::new(Shadows { accelerator, rays, occluded, traversal: Traversal::default() });
         }
-        let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId(0), weights: [0.0; 2] };
+        let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId(0), barycentrics: [0.0; 2] };
         let hits = with_mapped_capacity(rays.len(), Some(nothing));
         Box::new(Closest { accelerator, rays, hits, traversal: Traversal::default() })
     }

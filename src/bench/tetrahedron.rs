@@ -25,7 +25,7 @@ impl Tetrahedron {
         let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]
             .map(|corner| turn * DVec3::from(corner).normalize());
         let mut made = Tetrahedron { mesh: Mesh::default(), at_edges: Vec::new() };
-        // Vertices by their barycentric coordinates, in units of 1 / n.
+        // Vertices by their barycentrics, in units of 1 / n.
         let mut indices: HashMap<[u32; 4], u32> = HashMap::new();
         // Counter-clockwise, seen from outside.
         for face in [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]] {
@@ -75,11 +75,11 @@ impl Tetrahedron {
             1 => 0.5,
             _ => numbers.unit(),
         };
-        let mut weights = [1.0 - along_edge, along_edge, 0.0];
-        weights.rotate_right(first);
+        let mut barycentrics = [1.0 - along_edge, along_edge, 0.0];
+        barycentrics.rotate_right(first);
         let corners = self.mesh.corners(triangle).map(|corner| corner.as_dvec3());
         let inwards = -self.mesh.normal(triangle).normalize();
-        let mut point = SurfacePoint::on_triangle(corners, weights);
+        let mut point = SurfacePoint::on_triangle(corners, barycentrics);
         if origins.is_none() {
             point.start = point.position;
         }

@@ -75,12 +75,12 @@ fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     if let Some(names) = names {
         let format = Format::from_path(&command.output)?;
         check_folder(&command.output)?;
-        let wanted = AovSelection::new(&[])?;
+        let selection = AovSelection::new(&[])?;
         let pictures = FrameSeries {
             names,
             format,
-            wanted,
-            layers: Vec::new(),
+            selection,
+            aovs: Vec::new(),
             share: Share::ALL,
             skip_existing: false,
             progress: command.progress,

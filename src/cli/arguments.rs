@@ -179,7 +179,7 @@ impl Arguments {
             with: self.with.iter().cloned().chain(depth).collect(),
             without: self.without.clone(),
             colour: named(&pipelines, ColourPipeline::name, self.colour.as_deref()),
-            layers: Vec::new(),
+            aovs: Vec::new(),
             display: DisplaySettings {
                 exposure: self.exposure,
                 tone_map: named(&ToneMap::ALL, ToneMap::name, self.tone_map.as_deref()),

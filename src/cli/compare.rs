@@ -17,7 +17,7 @@ use crate::metrics::{BYTES_PER_PIXEL, ComparedImage, Errors, Figures, Values, de
 #[command(
     after_help = "Exit codes: 0 every number is the same; 1 the pictures differ, within every limit given, or none is given;\n\
 2 beyond a limit, of other size, or with a pixel that is not finite; 3 a picture cannot be read. With --t-test: 0 no difference was\n\
-found, 2 they converge to different pictures, 3 as above or without the layers that it takes.\n\n\
+found, 2 they converge to different pictures, 3 as above or without the channels that it takes.\n\n\
 PNG and JPEG are compared in display values, 0 to 1; two EXR in their own numbers: linear light, but where kiln wrote display values\n\
 and says so in the file. FLIP and PSNR are of what a display shows: linear light encoded by sRGB, clamped to 0 to 1, no exposure, no\n\
 tone mapping; so is everything where one picture is linear and the other not, or with --display. Transparency is left out."

@@ -138,9 +138,9 @@ pub(crate) struct FrameSeries {
     pub names: FileNames,
     pub format: Format,
     /// AOVs of each pixel.
-    pub wanted: AovSelection,
+    pub selection: AovSelection,
     /// AOV names as typed.
-    pub layers: Vec<String>,
+    pub aovs: Vec<String>,
     /// Share of the frames that this process renders.
     pub share: Share,
     /// Whether complete existing files with the same settings are kept.
@@ -176,7 +176,7 @@ pub(crate) fn write_frames(
         let found = || look(&pictures.names.of(frame), pictures.format);
         pictures.skip_existing && found().is(fingerprint_of(metadata), Some(frame))
     };
-    let settings = RenderSettings { layers: pictures.layers.clone(), ..arguments.settings()? };
+    let settings = RenderSettings { aovs: pictures.aovs.clone(), ..arguments.settings()? };
     let request = FrameRequest {
         fps: length.fps,
         duration: length.duration,
@@ -199,8 +199,8 @@ pub(crate) fn write_frames(
     }
     let checks = FrameChecks::default();
     let needs = |effects_on: usize| {
-        let channels = pictures.wanted.channel_count(effects_on) as u64;
-        let bytes = output::bytes_per_pixel(pictures.format, &pictures.wanted, channels, display)
+        let channels = pictures.selection.channel_count(effects_on) as u64;
+        let bytes = output::bytes_per_pixel(pictures.format, &pictures.selection, channels, display)
             + write::bytes_per_pixel(pictures.format, channels);
         (channels, bytes)
     };
@@ -210,7 +210,7 @@ pub(crate) fn write_frames(
             let (channels, bytes) = needs(effects_on);
             output::check_memory_of(job.window, channels, bytes)?;
         }
-        let (picture, statistics) = output::render_image(job, pictures.format, &pictures.wanted, control)?;
+        let (picture, statistics) = output::render_image(job, pictures.format, &pictures.selection, control)?;
         checks.add(frame, &statistics);
         if let OutputImage::Rgb8(film, _) = &picture {
             checks.add_film(frame, film, &animation, job, control)?;

@@ -110,10 +110,10 @@ pub(crate) fn check_folder(output: &Path) -> Result<()> {
 pub(crate) fn check_memory(
     job: &RenderJob,
     target: &OutputTarget,
-    wanted: &AovSelection,
+    selection: &AovSelection,
     has_accuracy: bool,
 ) -> Result<()> {
-    let channels = wanted.channel_count(job.plan.effects_on().count()) as u64;
+    let channels = selection.channel_count(job.plan.effects_on().count()) as u64;
     let writing = match target {
         // Written tile by tile.
         OutputTarget::Part(..) => 0,
@@ -123,19 +123,19 @@ pub(crate) fn check_memory(
     };
     let sampling = if has_accuracy { sample_count::BYTES_PER_PIXEL } else { 0 };
     let format = target.film_format();
-    let each = bytes_per_pixel(format, wanted, channels, job.display).max(sampling) + writing;
+    let each = bytes_per_pixel(format, selection, channels, job.display).max(sampling) + writing;
     check_memory_of(job.window, channels, each)
 }
 
 /// Maximum bytes per pixel of a picture during rendering.
 pub(crate) fn bytes_per_pixel(
     format: Format,
-    wanted: &AovSelection,
+    selection: &AovSelection,
     channels: u64,
     display: DisplaySettings,
 ) -> u64 {
     match format {
-        Format::Exr => 4 * (3 + channels) + if channels > 0 { wanted.bytes_per_pixel() } else { 0 },
+        Format::Exr => 4 * (3 + channels) + if channels > 0 { selection.bytes_per_pixel() } else { 0 },
         // An automatic exposure is computed from the whole picture in `f32`.
         Format::Png | Format::Jpeg if display.is_auto() => 12 + 3 + METER_BYTES,
         Format::Png | Format::Jpeg => 3,
@@ -149,20 +149,19 @@ pub(crate) fn bytes_per_pixel(
 pub(crate) fn check_memory_of(window: Window, channels: u64, bytes_each: u64) -> Result<()> {
     let Window { width, height, .. } = window;
     let bytes = limits::product(&[width.into(), height.into(), bytes_each]);
-    let layers = match channels {
+    let with = match channels {
         0 => String::new(),
         count => format!(" with {count} more channels"),
     };
-    limits::check(bytes).map_err(|excess| {
-        film::too_large(&format!("a picture of {width} x {height} pixels{layers}"), &excess)
-    })
+    limits::check(bytes)
+        .map_err(|excess| film::too_large(&format!("a picture of {width} x {height} pixels{with}"), &excess))
 }
 
 /// Renders the picture in the pixel type of its format, with the AOV channels of an EXR.
 pub(crate) fn render_image(
     job: &RenderJob,
     format: Format,
-    wanted: &AovSelection,
+    selection: &AovSelection,
     control: &RenderControl,
 ) -> Result<(OutputImage, Statistics)> {
     if format != Format::Exr {
@@ -170,7 +169,7 @@ pub(crate) fn render_image(
         return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
     }
     let (film, statistics) = job.render(control)?;
-    let channels = aov::channels(&job.aov_source(Some(&film)), wanted, control)?;
+    let channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
     Ok((OutputImage::Float(film, channels), statistics))
 }
 

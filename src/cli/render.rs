@@ -20,9 +20,10 @@ use crate::film::output::write_whole;
 use crate::film::write::{Format, OutputImage};
 use crate::job::metadata;
 use crate::render::RenderControl;
-use crate::render::aov::{AovSelection, LARGEST_NUMBER};
+use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_EXACT_INDEX};
 
 #[derive(Args)]
+#[command(after_help = aov_help())]
 pub(crate) struct Command {
     #[command(flatten)]
     arguments: Arguments,
@@ -45,8 +46,7 @@ pub(crate) struct Command {
     /// The picture to write: .png, .jpg or .exr; `-` for PNG on standard output; with --frames a name with #### or %04d
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
-    /// What else to keep of each pixel, as layers of an .exr: depth, position, normal, geometric-normal, albedo,
-    /// object, material, primitive, samples, variance, node-tests, effects (what each of them adds), or all
+    /// AOVs to add to an .exr, separated by commas; their names are listed below
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     aov: Vec<String>,
     /// How to show progress, on standard error
@@ -58,6 +58,15 @@ pub(crate) struct Command {
     /// Fail where there would only be warnings
     #[arg(long)]
     strict: bool,
+}
+
+/// The names of `--aov` and their summaries, a line each.
+fn aov_help() -> String {
+    let all = [(EFFECTS, EFFECTS_SUMMARY), ("all", "all of these")];
+    let lines = AOVS.iter().map(|aov| (aov.name, aov.summary)).chain(all);
+    let width = lines.clone().map(|(name, _)| name.len()).max().unwrap_or(0);
+    let lines = lines.map(|(name, summary)| format!("\n  {name:width$}  {summary}"));
+    format!("AOVs:{}", lines.collect::<String>())
 }
 
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
@@ -77,8 +86,8 @@ fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     if command.list_outputs {
         return super::print(&format!("{}\n", target.file().display()));
     }
-    let wanted = AovSelection::new(&command.aov)?;
-    check_layers(command, target.format())?;
+    let selection = AovSelection::new(&command.aov)?;
+    check_aov_format(command, target.format())?;
     if let Some(file) = &command.stats {
         if same_file(file, target.file()) {
             let what = format!("{}: both the picture and its statistics", file.display());
@@ -87,7 +96,7 @@ fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         check_folder(file)?;
     }
     let pool = super::pool(command.arguments.threads)?;
-    pool.install(|| render_to(command, &target, &wanted, interrupted))
+    pool.install(|| render_to(command, &target, &selection, interrupted))
 }
 
 fn check_skipping(command: &Command, format: Format) -> Result<()> {
@@ -102,9 +111,9 @@ fn check_skipping(command: &Command, format: Format) -> Result<()> {
     Ok(())
 }
 
-fn check_layers(command: &Command, format: Format) -> Result<()> {
+fn check_aov_format(command: &Command, format: Format) -> Result<()> {
     if !command.aov.is_empty() && format != Format::Exr {
-        let what = format!("{}: only .exr has layers for --aov", command.output.display());
+        let what = format!("{}: only .exr holds AOVs", command.output.display());
         return Err(Error::usage(what, "name a file that ends in .exr"));
     }
     Ok(())
@@ -116,7 +125,7 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
         return Err(Error::usage("--stats is of one picture, and these are frames", "leave one of them out"));
     }
     let format = Format::from_path(&command.output)?;
-    check_layers(command, format)?;
+    check_aov_format(command, format)?;
     check_skipping(command, format)?;
     let share = command.shard.unwrap_or(Share::ALL);
     let names = file_names(&command.output, list)?;
@@ -128,8 +137,8 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
     let pictures = FrameSeries {
         names,
         format,
-        wanted: AovSelection::new(&command.aov)?,
-        layers: command.aov.clone(),
+        selection: AovSelection::new(&command.aov)?,
+        aovs: command.aov.clone(),
         share,
         skip_existing: command.skip_existing,
         progress: command.progress,
@@ -143,7 +152,7 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
 fn render_to(
     command: &Command,
     target: &OutputTarget,
-    wanted: &AovSelection,
+    selection: &AovSelection,
     interrupted: &AtomicBool,
 ) -> Result<()> {
     let progress = Progress::new(command.progress);
@@ -154,7 +163,7 @@ fn render_to(
 
     let mut settings = command.arguments.settings()?;
     settings.share = command.shard.unwrap_or_default();
-    settings.layers = command.aov.clone();
+    settings.aovs = command.aov.clone();
     let mut resolved = prepare::load_and_resolve(
         &command.arguments,
         &settings,
@@ -177,7 +186,7 @@ fn render_to(
     progress.phase("building");
     let mut job = timed(&mut seconds.build, || resolved.build(&mut warnings))?;
     let has_target = command.accuracy.target().is_some();
-    output::check_memory(&job, target, wanted, has_target)?;
+    output::check_memory(&job, target, selection, has_target)?;
     let without = &command.arguments.without;
     command.arguments.sampling.warn_of_unused(&job.choices.sampling, without, has_target, &mut warnings);
     progress.pause(|| printer.print(&warnings, with_notes));
@@ -192,7 +201,7 @@ fn render_to(
         Some(error_target) => {
             render_to_accuracy(&mut job, &error_target, target.format(), &control, &mut warnings)
         }
-        None => render_image(&job, target.film_format(), wanted, &control),
+        None => render_image(&job, target.film_format(), selection, &control),
     })?;
     if let Some(ev) = statistics.auto_exposure {
         metadata::set_auto_exposure(&mut job.metadata, ev);
@@ -204,8 +213,8 @@ fn render_to(
         warnings.push(exposure::clipped_warning(ev));
     }
     let (world, window) = (&job.world, job.window);
-    if wanted.has_primitives() && world.primitive_count() > LARGEST_NUMBER {
-        warnings.push(format!("--aov primitive: numbers above {LARGEST_NUMBER} are rounded"));
+    if selection.has_primitives() && world.primitive_count() > LARGEST_EXACT_INDEX {
+        warnings.push(format!("--aov primitive: indices above {LARGEST_EXACT_INDEX} are rounded"));
     }
     let is_part = command.arguments.crop.is_some() || job.share != Share::ALL;
     output::warn_about_picture(&command.arguments.inputs, world, &statistics, is_part, &mut warnings);

@@ -39,7 +39,7 @@ pub(crate) struct Command {
     /// The frames that there should be [default: all of the animation, where a scene is given]
     #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     frames: Option<FrameList>,
-    /// The layers that the pictures have
+    /// The AOVs that the pictures have, as for `kiln render`
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     aov: Vec<String>,
     /// Print JSON
@@ -78,7 +78,7 @@ pub(crate) fn run(command: &Command) -> Result<u8> {
 /// The expected fingerprint and frames.
 fn expected(command: &Command, output: &Path) -> Result<(String, Option<FrameList>)> {
     let (mut seconds, mut warnings) = (Seconds::default(), Warnings::default());
-    let settings = RenderSettings { layers: command.aov.clone(), ..command.arguments.settings()? };
+    let settings = RenderSettings { aovs: command.aov.clone(), ..command.arguments.settings()? };
     let is_series = FileNames::parse(output).is_ok_and(|names| names.is_some());
     if command.frames.is_none() && !is_series {
         let show = &mut |_: &str, _: &Warnings| ();

@@ -3,7 +3,7 @@
 //! With interpolated normals, a triangle near the terminator is lit according to its normals, but lies below the horizon of its
 //! own plane or in the shadow of its neighbours. The boundary of the shadow then follows the triangles. Hanika, Hacking the Shadow
 //! Terminator (Ray Tracing Gems II, chapter 4, 2021) starts shadow rays on the smooth surface instead: the point is lifted above
-//! the tangent planes of the three corners, weighted by its barycentric coordinates. On a concave surface the point lies above these
+//! the tangent planes of the three corners, weighted by its barycentrics. On a concave surface the point lies above these
 //! planes and is not moved. It is not moved either where something lies between it and the lifted point, which the shadow ray would
 //! miss.
 

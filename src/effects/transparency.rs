@@ -52,7 +52,7 @@ pub(crate) fn opacity(world: &World, hit: &Hit) -> f64 {
     let index = world.object_of(hit.prim);
     let object = &world.objects[index as usize];
     let Some(opacity) = world.materials[object.material as usize].opacity() else { return 1.0 };
-    let (mut alpha, [v, w]) = (opacity.factor, hit.weights);
+    let (mut alpha, [v, w]) = (opacity.factor, hit.barycentrics);
     if let Some(texture) = opacity.texture
         && let Some(uv) = world.uv(index, hit.prim, [1.0 - v - w, v, w])
     {

@@ -14,10 +14,10 @@
 //! # Ok::<(), kiln::error::Error>(())
 //! ```
 
+pub mod channels;
 pub mod check;
 pub mod colour;
 pub mod filter;
-pub mod layers;
 pub mod output;
 mod pages;
 pub mod part;

@@ -149,7 +149,7 @@ fn check_head(head: &Header, format: Format) -> std::result::Result<(), String> 
         return Err(format!("has a setting `{}`, which kiln does not write", shown(key)));
     }
     if let Some(name) = head.channels.iter().find(|name| !is_name(name)) {
-        return Err(format!("has a layer `{}`, which kiln does not write", shown(name)));
+        return Err(format!("has a channel `{}`, which kiln does not write", shown(name)));
     }
     // Encoding a single pixel detects metadata that the encoder rejects as a fault of the part, not of the output.
     let window = Window { x: 0, y: 0, width: 1, height: 1 };
@@ -161,7 +161,7 @@ fn check_head(head: &Header, format: Format) -> std::result::Result<(), String> 
         OutputImage::Rgb8(Film::new(window).map_err(film)?, ColourPipeline::Display)
     };
     encode(&picture, &head.metadata, format, &mut std::io::sink())
-        .map_err(|e| format!("has settings or layers that cannot be written: {e}"))
+        .map_err(|e| format!("has settings or channels that cannot be written: {e}"))
 }
 
 /// Bytes of the values in a share of a picture.
@@ -274,14 +274,14 @@ impl Joiner {
             let what = if expected > numbers.len() as u64 { "few" } else { "many" };
             return Err(wrong(format!("the part has too {what} pixels")));
         }
-        let layers = head.channels.len() as u64;
+        let channels = head.channels.len() as u64;
         let times_area = |each: u64| limits::product(&[width.into(), height.into(), each]);
-        let needed = times_area(bytes_per_pixel(format, layers));
+        let needed = times_area(bytes_per_pixel(format, channels));
         // If the parts are as large as the picture, its size is not merely claimed by a header.
-        let is_there = times_area(4 * (3 + layers)) <= there;
+        let is_there = times_area(4 * (3 + channels)) <= there;
         let checked = if is_there { limits::check(needed) } else { limits::check_claim(needed) };
         checked.map_err(|excess| {
-            let with = if layers > 0 { format!(" with {layers} more channels") } else { String::new() };
+            let with = if channels > 0 { format!(" with {channels} more channels") } else { String::new() };
             let what = format!("a picture of {width} x {height} pixels{with} {excess}");
             Error::input(file, what, excess.hint())
         })?;
@@ -351,7 +351,7 @@ impl Joiner {
         }
         if !self.channels.is_empty() {
             return Err(Error::usage(
-                "the parts have layers, and only .exr has",
+                "the parts have AOVs, and only .exr holds them",
                 "name a file that ends in .exr",
             ));
         }

@@ -35,8 +35,8 @@ pub struct Origin<'a> {
     pub pipeline: ColourPipeline,
     /// Arithmetic tier.
     pub numerics: Numerics,
-    /// Names of AOV layers.
-    pub layers: &'a [String],
+    /// Names of AOVs.
+    pub aovs: &'a [String],
     /// Exposure and tone map.
     pub display: DisplaySettings,
     /// Whether a scene without lights gets a headlight.
@@ -45,18 +45,8 @@ pub struct Origin<'a> {
 
 /// The metadata of a picture.
 pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
-    let &Origin {
-        recentering,
-        camera,
-        size,
-        window,
-        choices,
-        pipeline,
-        numerics,
-        layers,
-        display,
-        headlight,
-    } = origin;
+    let &Origin { recentering, camera, size, window, choices, pipeline, numerics, aovs, display, headlight } =
+        origin;
     // The technique does not change the expected picture, and no option sets it.
     let Choices {
         shading,
@@ -123,8 +113,9 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
         fingerprint.value("transport", &transport.name());
     }
     metadata.push((FINGERPRINT.to_owned(), fingerprint.finish()));
-    if !layers.is_empty() {
-        add_to_fingerprint(&mut metadata, "layers", &layers);
+    if !aovs.is_empty() {
+        // The key is hashed, too: with another one, files would no longer match their scenes.
+        add_to_fingerprint(&mut metadata, "layers", &aovs);
     }
     // Only what is set, so that fingerprints of other pictures do not depend on these settings.
     if !display.is_identity() {

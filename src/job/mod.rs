@@ -168,7 +168,7 @@ impl RenderJob {
         Ok((film.developed(self.pipeline(), transform)?, statistics))
     }
 
-    /// Source of the AOV layers of the picture.
+    /// Source of the AOVs of the picture.
     pub fn aov_source<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
         let RenderJob { world, recentering, view, plan, window, share, .. } = self;
         let display = self.display.in_pipeline(self.pipeline()).known();
@@ -283,7 +283,7 @@ pub fn resolve_for(
         even_idle: false,
         light_technique: Default::default(),
     };
-    let layers = &settings.layers;
+    let aovs = &settings.aovs;
     let display = settings.display.or(scene.display);
     let is_whole = [window.width, window.height] == size && settings.share == Share::ALL;
     check_display(display, pipeline, is_whole)?;
@@ -296,7 +296,7 @@ pub fn resolve_for(
         choices: &choices,
         pipeline,
         numerics,
-        layers,
+        aovs,
         display,
         headlight,
     };

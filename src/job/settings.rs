@@ -48,8 +48,8 @@ pub struct RenderSettings {
     pub without: Vec<String>,
     /// The colour pipeline.
     pub colour: Option<ColourPipeline>,
-    /// Names of AOV layers, as for `kiln render --aov`. They are part of the fingerprint.
-    pub layers: Vec<String>,
+    /// Names of AOVs, as for `kiln render --aov`. They are part of the fingerprint.
+    pub aovs: Vec<String>,
     /// Exposure and tone map of 8-bit pictures, for the linear pipeline.
     pub display: DisplaySettings,
     /// Whether a scene without lights gets a headlight; true if neither settings nor scene say.

@@ -1,4 +1,5 @@
-//! AOVs (arbitrary output variables): further channels of a picture, beside its colour.
+//! AOVs (arbitrary output variables): values of each pixel beside its colour, chosen by name, each written as one or
+//! more channels.
 //!
 //! Geometric AOVs come from the closest hit of the ray through each pixel's centre, unfiltered, whatever samples the
 //! picture takes. The channels of an effect are the difference of two pictures: one with the effects up to this one in
@@ -48,6 +49,9 @@ pub struct Aov {
 /// The name of the AOV with the channels of each effect that is on.
 pub const EFFECTS: &str = "effects";
 
+/// What [`EFFECTS`] is.
+pub const EFFECTS_SUMMARY: &str = "the picture without effects, and what each effect adds to those before it";
+
 /// Every AOV except [`EFFECTS`].
 pub const AOVS: &[Aov] = &[
     Aov {
@@ -61,14 +65,14 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "position",
-        summary: "the point in the scene's own coordinates; 0 for the background",
+        summary: "point in the scene's own coordinates; 0 for the background",
         channels: &["Position.X", "Position.Y", "Position.Z"],
         value: |input| {
             of_surface(input, |surface| {
                 let position = surface.point.position;
                 input
                     .recentering
-                    .map_or(position, |recentering| position / recentering.scale + recentering.middle)
+                    .map_or(position, |recentering| recentering.point_back(position))
                     .as_vec3()
                     .to_array()
             })
@@ -76,19 +80,19 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "normal",
-        summary: "the unit normal for shading, on the camera's side; 0 for the background",
+        summary: "unit normal for shading, on the camera's side; 0 for the background",
         channels: &["Normal.X", "Normal.Y", "Normal.Z"],
         value: |input| of_surface(input, |surface| surface.shading_normal.as_vec3().to_array()),
     },
     Aov {
         name: "geometric-normal",
-        summary: "the unit normal of the sphere or triangle, on the camera's side; 0 for the background",
+        summary: "unit normal of the shape or triangle itself, towards the camera; 0 for the background",
         channels: &["GeometricNormal.X", "GeometricNormal.Y", "GeometricNormal.Z"],
         value: |input| of_surface(input, |surface| surface.geometric_normal.as_vec3().to_array()),
     },
     Aov {
         name: "albedo",
-        summary: "the surface's own colour, without light; 0 for the background",
+        summary: "colour of the surface, without light; 0 for the background",
         channels: &["Albedo.R", "Albedo.G", "Albedo.B"],
         value: |input| {
             of_surface(input, |surface| {
@@ -98,54 +102,54 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "object",
-        summary: "the number of the object, in the order of the description from 0; -1 for the background",
+        summary: "index of the object in the description, from 0; -1 for the background",
         channels: &["Object.X"],
-        value: |input| number(input, |surface| surface.object),
+        value: |input| index_of(input, |surface| surface.object),
     },
     Aov {
         name: "material",
-        summary: "the number of the material; -1 for the background",
+        summary: "index of the material; -1 for the background",
         channels: &["Material.X"],
-        value: |input| number(input, |surface| surface.material),
+        value: |input| index_of(input, |surface| surface.material),
     },
     Aov {
         name: "primitive",
-        summary: "the number of the sphere or triangle; -1 for the background",
+        summary: "index of the triangle or analytic shape; -1 for the background",
         channels: &["Primitive.X"],
-        value: |input| number(input, |surface| surface.prim.0),
+        value: |input| index_of(input, |surface| surface.prim.0),
     },
     Aov {
         name: "samples",
-        summary: "camera rays of the pixel",
+        summary: "number of samples of the pixel",
         channels: &["Samples.X"],
         value: |input| [input.samples.count as f32, 0.0, 0.0],
     },
     Aov {
         name: "variance",
-        summary: "unbiased variance of the pixel's samples, before their mean; infinite for one sample",
+        summary: "unbiased variance of the pixel's samples; infinite for one sample",
         channels: &["Variance.R", "Variance.G", "Variance.B"],
         value: |input| input.samples.variance,
     },
     Aov {
         name: "node-tests",
-        summary: "boxes that the camera ray, cast by itself, is tested against",
+        summary: "number of boxes that the camera ray, traced by itself, is tested against",
         channels: &["NodeTests.X"],
         value: |input| [input.node_tests as f32, 0.0, 0.0],
     },
 ];
 
-/// The largest number up to which all integers are exact in the f32 channels.
-pub const LARGEST_NUMBER: usize = 1 << 24;
+/// The largest index up to which all are exact in the f32 channels.
+pub const LARGEST_EXACT_INDEX: usize = 1 << 24;
 
 fn of_surface(input: &AovInput, value: impl Fn(&SurfaceInteraction) -> [f32; 3]) -> [f32; 3] {
     input.hit.as_ref().map_or([0.0; 3], |(_, surface)| value(surface))
 }
 
-fn number(input: &AovInput, value: impl Fn(&SurfaceInteraction) -> u32) -> [f32; 3] {
+fn index_of(input: &AovInput, value: impl Fn(&SurfaceInteraction) -> u32) -> [f32; 3] {
     [input.hit.as_ref().map_or(-1.0, |(_, surface)| value(surface) as f32), 0.0, 0.0]
 }
 
-/// The AOVs that are asked for.
+/// The AOVs chosen by name.
 pub struct AovSelection {
     aovs: Vec<&'static Aov>,
     effects: bool,
@@ -161,10 +165,10 @@ impl AovSelection {
         if let Some(name) = names.iter().find(|name| !known.contains(&name.as_str())) {
             return Err(Error::usage(format!("there is no AOV `{name}`"), nearest_name(name, &known)));
         }
-        let asked = |name: &str| names.iter().any(|n| n == name || n == "all");
+        let is_selected = |name: &str| names.iter().any(|n| n == name || n == "all");
         Ok(AovSelection {
-            aovs: AOVS.iter().filter(|aov| asked(aov.name)).collect(),
-            effects: asked(EFFECTS),
+            aovs: AOVS.iter().filter(|aov| is_selected(aov.name)).collect(),
+            effects: is_selected(EFFECTS),
         })
     }
 
@@ -180,7 +184,7 @@ impl AovSelection {
         if self.effects { 3 * 12 } else { 3 }
     }
 
-    /// Whether the numbers of primitives are asked for.
+    /// Whether the indices of primitives are selected.
     pub fn has_primitives(&self) -> bool {
         self.aovs.iter().any(|aov| aov.name == "primitive")
     }
@@ -217,15 +221,16 @@ pub fn channels(
 ) -> Result<Vec<Channel>> {
     let mut channels = Vec::new();
     if !selection.aovs.is_empty() {
-        channels.extend(geometry(source, &selection.aovs, control)?);
+        channels.extend(pixel_channels(source, &selection.aovs, control)?);
     }
     if selection.effects {
-        channels.extend(effect_layers(source, control)?);
+        channels.extend(effect_channels(source, control)?);
     }
     Ok(channels)
 }
 
-fn geometry(source: &AovSource, aovs: &[&Aov], control: &RenderControl) -> Result<Vec<Channel>> {
+/// The channels of the AOVs that are computed pixel by pixel.
+fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) -> Result<Vec<Channel>> {
     let names: Vec<&str> = aovs.iter().flat_map(|aov| aov.channels).copied().collect();
     let Window { x, y, width, .. } = source.window;
     let area = source.window.area();
@@ -292,7 +297,7 @@ fn of_tile(source: &AovSource, aovs: &[&Aov], tile: &mut Tile, window: Window) -
 }
 
 /// The picture without effects, and what each effect adds.
-fn effect_layers(source: &AovSource, control: &RenderControl) -> Result<Vec<Channel>> {
+fn effect_channels(source: &AovSource, control: &RenderControl) -> Result<Vec<Channel>> {
     let &AovSource { world, view, plan, window, share, film, display, .. } = source;
     let context = RenderContext { world, view, display };
     let on: Vec<usize> = (0..plan.decisions.len()).filter(|&i| plan.decisions[i].on).collect();
@@ -310,7 +315,7 @@ fn effect_layers(source: &AovSource, control: &RenderControl) -> Result<Vec<Chan
         };
         let layer = match count {
             0 => "Base".to_owned(),
-            _ => layer(plan.decisions[on[count - 1]].effect.name()),
+            _ => layer_of(plan.decisions[on[count - 1]].effect.name()),
         };
         for (c, letter) in ["R", "G", "B"].into_iter().enumerate() {
             let values = match &before {
@@ -324,8 +329,8 @@ fn effect_layers(source: &AovSource, control: &RenderControl) -> Result<Vec<Chan
     Ok(channels)
 }
 
-/// The layer name of an effect, in camel case: `EffectNormalMaps`. The prefix keeps it apart from other AOVs.
-fn layer(effect: &str) -> String {
+/// The layer of an effect's channels, in camel case: `EffectNormalMaps`. `Effect` keeps it apart from other AOVs.
+fn layer_of(effect: &str) -> String {
     let words = effect.split('-').map(|word| {
         let (first, rest) = word.split_at(word.chars().next().map_or(0, char::len_utf8));
         first.to_uppercase() + rest
@@ -339,12 +344,12 @@ mod tests {
 
     #[test]
     fn names_are_known_or_have_a_neighbour() {
-        let wanted =
+        let select =
             |names: &[&str]| AovSelection::new(&names.iter().map(|n| (*n).to_owned()).collect::<Vec<_>>());
-        assert_eq!(wanted(&["all"]).unwrap().aovs.len(), AOVS.len());
-        let some = wanted(&["depth", "effects"]).unwrap();
+        assert_eq!(select(&["all"]).unwrap().aovs.len(), AOVS.len());
+        let some = select(&["depth", "effects"]).unwrap();
         assert!(some.effects && some.aovs.len() == 1 && !some.has_primitives());
-        let error = wanted(&["depht"]).err().unwrap();
+        let error = select(&["depht"]).err().unwrap();
         assert_eq!(
             (error.to_string().as_str(), error.hint()),
             ("there is no AOV `depht`", "did you mean `depth`?")
@@ -353,6 +358,6 @@ mod tests {
 
     #[test]
     fn layers_have_names_of_their_own() {
-        assert_eq!(layer("normal-maps"), "EffectNormalMaps");
+        assert_eq!(layer_of("normal-maps"), "EffectNormalMaps");
     }
 }

@@ -118,13 +118,13 @@ const SWATCHES: usize = 12;
 /// # Errors
 /// [`Error::Usage`] for modes without an AOV, [`Error::Interrupted`] when cancelled, [`Error::Failed`] without enough
 /// memory.
-pub fn false_colours(mode: DisplayMode, subject: &AovSource, watch: &RenderControl) -> Result<FalseColours> {
+pub fn false_colours(mode: DisplayMode, source: &AovSource, control: &RenderControl) -> Result<FalseColours> {
     let Some(aov) = mode.aov() else {
         let what = format!("{}: shown by pictures, not by what is known of their pixels", mode.name());
         return Err(Error::usage(what, ""));
     };
-    let channels = aov::channels(subject, &AovSelection::new(&[aov.to_owned()])?, watch)?;
-    Ok(of_channels(mode, subject.world, &channels))
+    let channels = aov::channels(source, &AovSelection::new(&[aov.to_owned()])?, control)?;
+    Ok(of_channels(mode, source.world, &channels))
 }
 
 /// Maps the channels of a mode's AOV to false colours.
@@ -142,7 +142,7 @@ pub fn of_channels(mode: DisplayMode, world: &World, channels: &[Channel]) -> Fa
         (DisplayMode::Materials, _) => ids("each material has a colour", first, |id| {
             world.materials.get(id).map(|material| material.name().to_owned())
         }),
-        (DisplayMode::Primitives, _) => ids("each triangle and sphere has a colour", first, |_| None),
+        (DisplayMode::Primitives, _) => ids("each triangle and analytic shape has a colour", first, |_| None),
         _ => counts("boxes that the camera ray is tested against", first),
     }
 }
@@ -183,7 +183,7 @@ fn normals(mode: DisplayMode, x: &[f32], y: &[f32], z: &[f32]) -> FalseColours {
     ];
     let text = match mode {
         DisplayMode::Normals => "normals for shading, on the camera's side: n / 2 + 1/2",
-        _ => "normals of the triangles and spheres, on the camera's side: n / 2 + 1/2",
+        _ => "normals of the triangles and shapes, on the camera's side: n / 2 + 1/2",
     };
     FalseColours { pixels, legend: Legend { text: text.into(), bar: Vec::new(), ends: None, swatches } }
 }
@@ -293,7 +293,7 @@ mod tests {
         let world = World::prepare(scene, Default::default(), Layout::default(), Numerics::default());
         let plan = Plan::new(&world, &Choices::default()).unwrap();
         let window = Window { x: 0, y: 0, width: size, height: size };
-        let subject = AovSource {
+        let source = AovSource {
             world: &world,
             recentering: None,
             view: &view,
@@ -303,9 +303,9 @@ mod tests {
             film: None,
             display: Default::default(),
         };
-        let watch =
+        let control =
             RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
-        false_colours(mode, &subject, &watch).unwrap()
+        false_colours(mode, &source, &control).unwrap()
     }
 
     #[test]

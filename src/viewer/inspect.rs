@@ -53,8 +53,8 @@ pub struct SurfaceInfo {
     pub geometric_normal: DVec3,
     /// Unit shading normal: interpolated vertex normals and normal maps applied.
     pub shading_normal: DVec3,
-    /// Barycentric weights of the vertices, on a triangle.
-    pub barycentric: Option<[f64; 3]>,
+    /// The barycentrics u, v and w, on a triangle.
+    pub barycentrics: Option<[f64; 3]>,
     /// Texture coordinates, if the object has any.
     pub uv: Option<DVec2>,
     /// Material name.
@@ -150,8 +150,8 @@ fn surface_info(
 ) -> SurfaceInfo {
     let object = &world.objects[surface.object as usize];
     let position = surface.point.position;
-    let [v, w] = hit.weights;
-    let (kind, barycentric) = match world.accelerator.primitive(hit.slot) {
+    let [v, w] = hit.barycentrics;
+    let (kind, barycentrics) = match world.accelerator.primitive(hit.slot) {
         Primitive::Analytic(shape) => (shape.name(), None),
         Primitive::Triangle(_) => ("triangle", Some([1.0 - v - w, v, w])),
     };
@@ -165,7 +165,7 @@ fn surface_info(
         position: recentering.map_or(position, |recentering| recentering.point_back(position)),
         geometric_normal: surface.geometric_normal,
         shading_normal: surface.shading_normal,
-        barycentric,
+        barycentrics,
         uv: world.texture_point(surface, hit, &cast.ray, None).map(|point| point.uv),
         material: world.materials[surface.material as usize].name().to_owned(),
         material_values: material_values(world, &world.materials[surface.material as usize]),
@@ -326,7 +326,7 @@ mod tests {
             (surface.object_name.as_str(), surface.primitive, surface.kind),
             ("right sphere", 1, "sphere")
         );
-        assert_eq!((surface.object, surface.primitive_of_object, surface.barycentric), (1, 0, None));
+        assert_eq!((surface.object, surface.primitive_of_object, surface.barycentrics), (1, 0, None));
         assert!((surface.distance - 900.0).abs() < 1e-9);
         assert!((surface.position - DVec3::new(100.0, -400.0, 1250.0)).length() < 1e-9);
         assert!((surface.geometric_normal + DVec3::Z).length() < 1e-9);
@@ -374,7 +374,7 @@ mod tests {
         assert!((surface.distance - 100.0 * 2f64.sqrt()).abs() < 1e-9);
         // Corners at (-10000, -10000), (-10000, 100000) and (10000, -10000) in x and z: of the way from the first,
         // 11000 / 110000 are towards the second, 9400 / 20000 towards the third.
-        for (weight, expected) in surface.barycentric.unwrap().iter().zip([0.43, 0.1, 0.47]) {
+        for (weight, expected) in surface.barycentrics.unwrap().iter().zip([0.43, 0.1, 0.47]) {
             assert!((weight - expected).abs() < 1e-12, "{weight} {expected}");
         }
         // Mirrored about +y: at 45 degrees upwards along +z.

@@ -56,10 +56,10 @@ impl Differential {
 
 impl World {
     /// The texture coordinates at a point of a triangle of an object; `None` without any.
-    pub(crate) fn uv(&self, object: u32, prim: PrimId, weights: [f64; 3]) -> Option<DVec2> {
+    pub(crate) fn uv(&self, object: u32, prim: PrimId, barycentrics: [f64; 3]) -> Option<DVec2> {
         let object = &self.objects[object as usize];
         let [a, b, c] = object.attributes.uvs(prim.0 - object.first.0)?.map(|uv| uv.as_dvec2());
-        Some(a * weights[0] + b * weights[1] + c * weights[2])
+        Some(a * barycentrics[0] + b * barycentrics[1] + c * barycentrics[2])
     }
 
     /// The texture point at `hit`; `None` without texture coordinates. `differential` is that of the ray; without it the footprint
@@ -73,19 +73,19 @@ impl World {
     ) -> Option<TexturePoint> {
         let object = &self.objects[surface.object as usize];
         let [a, b, c] = object.attributes.uvs(hit.prim.0 - object.first.0)?.map(|uv| uv.as_dvec2());
-        let [v, w] = hit.weights;
+        let [v, w] = hit.barycentrics;
         let mut point = TexturePoint { uv: a * (1.0 - v - w) + b * v + c * w, ..TexturePoint::default() };
         if let Some(differential) = differential
-            && let Some(weights) = self.weights_change(surface, hit, ray, differential)
+            && let Some(changes) = self.barycentrics_change(surface, hit, ray, differential)
         {
-            point.footprint = weights.map(|weights| weights.x * (b - a) + weights.y * (c - a));
+            point.footprint = changes.map(|change| change.x * (b - a) + change.y * (c - a));
         }
         Some(point)
     }
 
-    /// The change of the barycentric weights of a triangle's second and third corner, from one pixel to the next; `None` on a
-    /// sphere.
-    fn weights_change(
+    /// The change of the barycentrics v and w, from one pixel to the next; `None` on other
+    /// shapes than triangles.
+    fn barycentrics_change(
         &self,
         surface: &SurfaceInteraction,
         hit: &Hit,
@@ -123,17 +123,17 @@ impl World {
             }
             Primitive::Triangle(_) => {
                 if let Some(corners) = object.attributes.normals(hit.prim.0 - object.first.0)
-                    && let Some(weights) = self.weights_change(surface, hit, ray, differential)
+                    && let Some(changes) = self.barycentrics_change(surface, hit, ray, differential)
                 {
-                    let [v, w] = hit.weights;
+                    let [v, w] = hit.barycentrics;
                     let sum = blend(corners, [1.0 - v - w, v, w]);
                     let length = sum.length();
                     let (unit, [a, b, c]) = (sum / length, corners);
                     let side = unit.dot(surface.geometric_normal).signum();
                     if length > 0.0 {
-                        normals = weights.map(|weights| {
-                            let change = (weights.x * (b - a) + weights.y * (c - a)) / length;
-                            side * (change - change.dot(unit) * unit)
+                        normals = changes.map(|change| {
+                            let normal = (change.x * (b - a) + change.y * (c - a)) / length;
+                            side * (normal - normal.dot(unit) * unit)
                         });
                     }
                 }

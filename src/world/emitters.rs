@@ -60,8 +60,8 @@ pub(crate) struct EmitterSample {
     pub(crate) id: PrimId,
     pub(crate) object: u32,
     pub(crate) material: u32,
-    /// The barycentric coordinates on a triangle.
-    pub(crate) weights: [f64; 3],
+    /// The barycentrics u, v and w, on a triangle.
+    pub(crate) barycentrics: [f64; 3],
 }
 
 /// The emitted radiance of a material, of every surface that is sampled as a light: opaque, without its texture.
@@ -228,11 +228,11 @@ impl Emitters {
                     id,
                     object,
                     material,
-                    weights: [0.0; 3],
+                    barycentrics: [0.0; 3],
                 })
             }
             EmitterShape::Primitive(Primitive::Triangle(triangle)) => {
-                let (point, normal, weights) = on_triangle(triangle, numbers)?;
+                let (point, normal, barycentrics) = on_triangle(triangle, numbers)?;
                 let to_light = point.position - from;
                 let direction = to_light.try_normalize()?;
                 let cosine = -direction.dot(normal);
@@ -248,7 +248,7 @@ impl Emitters {
                     id,
                     object,
                     material,
-                    weights,
+                    barycentrics,
                 })
             }
             EmitterShape::Primitive(Primitive::Analytic(shape)) => {
@@ -256,8 +256,18 @@ impl Emitters {
                 let (point, outward) = shape.surface(from + direction * distance);
                 let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
                 let pdf = density * shape.area() / shape.solid_angle(from);
-                let weights = [1.0, 0.0, 0.0];
-                Some(EmitterSample { direction, point, normal, radiance, pdf, id, object, material, weights })
+                let barycentrics = [1.0, 0.0, 0.0];
+                Some(EmitterSample {
+                    direction,
+                    point,
+                    normal,
+                    radiance,
+                    pdf,
+                    id,
+                    object,
+                    material,
+                    barycentrics,
+                })
             }
         }
     }
@@ -301,15 +311,15 @@ fn area(primitive: &Primitive) -> f64 {
 
 /// The point of a rectangle at coordinates along its edges, 0 to 1, on its two triangles, and their unit normal there.
 fn in_halves([lower, upper]: &[Triangle; 2], [x, y]: [f64; 2]) -> Option<(SurfacePoint, DVec3)> {
-    let (triangle, weights) =
+    let (triangle, barycentrics) =
         if x >= y { (lower, [1.0 - x, x - y, y]) } else { (upper, [1.0 - y, x, y - x]) };
-    Some((SurfacePoint::on_triangle(triangle.0, weights), triangle.unit_normal()?))
+    Some((SurfacePoint::on_triangle(triangle.0, barycentrics), triangle.unit_normal()?))
 }
 
-/// A uniform point of a triangle, its unit normal and its barycentric coordinates (Heitz, A Low-Distortion Map Between
+/// A uniform point of a triangle, its unit normal and its barycentrics (Heitz, A Low-Distortion Map Between
 /// Triangle and Square, 2019).
 fn on_triangle(triangle: &Triangle, [x, y]: [f64; 2]) -> Option<(SurfacePoint, DVec3, [f64; 3])> {
     let (v, w) = if y > x { (0.5 * x, y - 0.5 * x) } else { (x - 0.5 * y, 0.5 * y) };
-    let weights = [1.0 - v - w, v, w];
-    Some((SurfacePoint::on_triangle(triangle.0, weights), triangle.unit_normal()?, weights))
+    let barycentrics = [1.0 - v - w, v, w];
+    Some((SurfacePoint::on_triangle(triangle.0, barycentrics), triangle.unit_normal()?, barycentrics))
 }

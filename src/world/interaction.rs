@@ -15,7 +15,7 @@ pub struct SurfaceInteraction {
     pub point: SurfacePoint,
     /// The unit vector towards the ray's origin.
     pub view: DVec3,
-    /// The unit normal of the sphere or triangle, on the side of `view`.
+    /// The unit normal of the analytic shape or triangle itself, on the side of `view`.
     pub geometric_normal: DVec3,
     /// The unit normal for shading, on the side of the geometric normal.
     pub shading_normal: DVec3,
@@ -121,23 +121,23 @@ impl World {
                 surface.shading_normal = surface.geometric_normal;
             }
             Primitive::Triangle(triangle) => {
-                let [v, w] = hit.weights;
-                let weights = [1.0 - v - w, v, w];
-                let point = SurfacePoint::on_triangle(triangle.0, weights);
+                let [v, w] = hit.barycentrics;
+                let barycentrics = [1.0 - v - w, v, w];
+                let point = SurfacePoint::on_triangle(triangle.0, barycentrics);
                 let normal = triangle.unit_normal().map_or(view, facing);
                 surface.point = self.with_visible_start(point, normal, view, hit.t);
                 surface.geometric_normal = normal;
                 surface.shading_normal = normal;
                 let local = hit.prim.0 - object.first.0;
                 if let Some(normals) = object.attributes.normals(local) {
-                    let smooth = blend(normals, weights);
+                    let smooth = blend(normals, barycentrics);
                     // Where vertex normals are zero or cancel, the triangle's normal is kept.
                     if let Some(smooth) = smooth.try_normalize() {
                         surface.shading_normal = if smooth.dot(normal) < 0.0 { -smooth } else { smooth };
                     }
                 }
                 if let Some(colours) = object.attributes.colours(local) {
-                    let linear = blend(colours.map(|c| c.as_dvec3()), weights);
+                    let linear = blend(colours.map(|c| c.as_dvec3()), barycentrics);
                     surface.tint = vertex_colour(linear, self.pipeline);
                 }
             }
@@ -191,7 +191,7 @@ impl World {
         let (point, normal) = match self.accelerator.primitive(hit.slot) {
             Primitive::Analytic(shape) => shape.surface(position),
             Primitive::Triangle(triangle) => {
-                let [v, w] = hit.weights;
+                let [v, w] = hit.barycentrics;
                 let point = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
                 (point, triangle.unit_normal().unwrap_or(direction))
             }
@@ -204,7 +204,7 @@ impl World {
     pub(crate) fn vertex_alpha(&self, object: &WorldObject, hit: &Hit) -> f64 {
         let Some(alphas) = object.attributes.alphas(hit.prim.0 - object.first.0) else { return 1.0 };
         let [a, b, c] = alphas.map(f64::from);
-        let [v, w] = hit.weights;
+        let [v, w] = hit.barycentrics;
         a * (1.0 - v - w) + b * v + c * w
     }
 
@@ -221,14 +221,15 @@ impl World {
         let object = &self.objects[surface.object as usize];
         let local = hit.prim.0 - object.first.0;
         let tangents = object.attributes.tangents(local)?;
-        let [v, w] = hit.weights;
-        let weights = [1.0 - v - w, v, w];
-        let smooth = blend(object.attributes.normals(local)?, weights);
+        let [v, w] = hit.barycentrics;
+        let barycentrics = [1.0 - v - w, v, w];
+        let smooth = blend(object.attributes.normals(local)?, barycentrics);
         let side = if smooth.dot(surface.shading_normal) < 0.0 { -1.0 } else { 1.0 };
         let normal = side * surface.shading_normal;
-        let tangent = blend(tangents.map(|t| t.truncate()), weights);
+        let tangent = blend(tangents.map(|t| t.truncate()), barycentrics);
         let tangent = (tangent - tangent.dot(normal) * normal).try_normalize()?;
-        let handedness = tangents.iter().zip(weights).map(|(t, weight)| t.w * weight).sum::<f64>().signum();
+        let handedness =
+            tangents.iter().zip(barycentrics).map(|(t, weight)| t.w * weight).sum::<f64>().signum();
         Some([tangent, handedness * normal.cross(tangent), normal])
     }
 
@@ -242,17 +243,17 @@ impl World {
         let Primitive::Triangle(triangle) = self.accelerator.primitive(hit.slot) else {
             return surface.point;
         };
-        let [v, w] = hit.weights;
-        let weights = [1.0 - v - w, v, w];
+        let [v, w] = hit.barycentrics;
+        let barycentrics = [1.0 - v - w, v, w];
         // Vertex normals turned to the side of the geometric normal: a normal map may have changed the shading normal.
-        let smooth = blend(normals, weights);
+        let smooth = blend(normals, barycentrics);
         let side = match smooth.try_normalize() {
             Some(smooth) if smooth.dot(surface.geometric_normal) < 0.0 => -1.0,
             Some(_) => 1.0,
             None => smooth.dot(surface.geometric_normal).signum(),
         };
         let mut lift = DVec3::ZERO;
-        for ((corner, normal), weight) in triangle.0.iter().zip(normals).zip(weights) {
+        for ((corner, normal), weight) in triangle.0.iter().zip(normals).zip(barycentrics) {
             let normal = normal * side;
             let below = (surface.point.position - corner).dot(normal).min(0.0);
             lift -= weight * below * normal;
@@ -262,6 +263,6 @@ impl World {
 }
 
 /// Barycentric interpolation.
-pub(super) fn blend([a, b, c]: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
-    a * weights[0] + b * weights[1] + c * weights[2]
+pub(super) fn blend([a, b, c]: [DVec3; 3], barycentrics: [f64; 3]) -> DVec3 {
+    a * barycentrics[0] + b * barycentrics[1] + c * barycentrics[2]
 }

@@ -39,9 +39,9 @@ pub struct InteractionSoa {
     pub texels: Vec<Texels>,
     /// The values of their further textures; empty where no surface has one.
     pub further_texels: Vec<FurtherTexels>,
-    /// Distances along the rays, and barycentric weights of the second and third corner.
+    /// Distances along the rays, and barycentrics v and w.
     t: [f64; RAYS_PER_BATCH],
-    weights: [[f64; RAYS_PER_BATCH]; 2],
+    barycentrics: [[f64; RAYS_PER_BATCH]; 2],
     prim: [u32; RAYS_PER_BATCH],
     object: [u32; RAYS_PER_BATCH],
     material: [u32; RAYS_PER_BATCH],
@@ -73,7 +73,7 @@ impl Default for InteractionSoa {
             texels: Vec::new(),
             further_texels: Vec::new(),
             t: [0.0; RAYS_PER_BATCH],
-            weights: [[0.0; RAYS_PER_BATCH]; 2],
+            barycentrics: [[0.0; RAYS_PER_BATCH]; 2],
             prim: [0; RAYS_PER_BATCH],
             object: [0; RAYS_PER_BATCH],
             material: [0; RAYS_PER_BATCH],
@@ -160,10 +160,10 @@ impl InteractionSoa {
         }
     }
 
-    /// The barycentric coordinates of a hit on a triangle.
+    /// The barycentrics u, v and w of a hit on a triangle.
     #[inline(always)]
-    fn triangle_weights(&self, i: usize) -> [f64; 3] {
-        let (v, w) = (self.weights[0][i], self.weights[1][i]);
+    fn barycentrics(&self, i: usize) -> [f64; 3] {
+        let (v, w) = (self.barycentrics[0][i], self.barycentrics[1][i]);
         [1.0 - v - w, v, w]
     }
 
@@ -190,8 +190,8 @@ impl InteractionSoa {
             let Some(hit) = hit else { continue };
             self.ray_of[len] = index;
             self.t[len] = hit.t;
-            self.weights[0][len] = hit.weights[0];
-            self.weights[1][len] = hit.weights[1];
+            self.barycentrics[0][len] = hit.barycentrics[0];
+            self.barycentrics[1][len] = hit.barycentrics[1];
             if last != Some(hit.slot) {
                 last = Some(hit.slot);
                 self.runs.push(Run { start: len, slot: hit.slot, prim: hit.prim });
@@ -282,9 +282,9 @@ impl World {
         edges: &EdgeTest,
     ) {
         for i in range {
-            let weights = surfaces.triangle_weights(i);
-            if edges.is_near(weights) {
-                let point = SurfacePoint::on_triangle(triangle.0, weights);
+            let barycentrics = surfaces.barycentrics(i);
+            if edges.is_near(barycentrics) {
+                let point = SurfacePoint::on_triangle(triangle.0, barycentrics);
                 let (normal, view) = (surfaces.geometric_normal.get(i), surfaces.view.get(i));
                 let point = self.with_visible_start(point, normal, view, surfaces.t[i]);
                 surfaces.start.set(i, point.start);
@@ -318,9 +318,9 @@ fn on_triangle(
 ) -> bool {
     let mut is_any_near = false;
     for i in range.start..range.end.min(RAYS_PER_BATCH) {
-        let weights = surfaces.triangle_weights(i);
-        is_any_near |= edges.is_near(weights);
-        finish(surfaces, i, SurfacePoint::in_triangle(triangle.0, weights), normal);
+        let barycentrics = surfaces.barycentrics(i);
+        is_any_near |= edges.is_near(barycentrics);
+        finish(surfaces, i, SurfacePoint::in_triangle(triangle.0, barycentrics), normal);
     }
     is_any_near
 }

@@ -164,7 +164,7 @@ fn same_surfaces(shared: &World, flat: &World, rays: &[Ray]) {
             hit.as_ref().map(|hit| {
                 let surface = world.interaction(ray, hit);
                 let smooth = world.smooth_point(&surface, hit);
-                (surface.prim, surface.object, format!("{surface:?} {smooth:?} {:?}", hit.weights))
+                (surface.prim, surface.object, format!("{surface:?} {smooth:?} {:?}", hit.barycentrics))
             })
         };
         (rays.iter().zip(&hits).map(surface).collect::<Vec<_>>(), occluded)

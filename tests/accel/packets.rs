@@ -186,7 +186,7 @@ fn parallel_tiles(slots: &[Slot], scale: f64, precision: Precision) -> Vec<Vec<R
 }
 
 fn bits(hit: &Option<Hit>) -> Option<(u64, PrimId, [u64; 2])> {
-    hit.map(|hit| (hit.t.to_bits(), hit.prim, hit.weights.map(f64::to_bits)))
+    hit.map(|hit| (hit.t.to_bits(), hit.prim, hit.barycentrics.map(f64::to_bits)))
 }
 
 fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {

@@ -65,7 +65,7 @@ fn rays(primitives: &[Primitive], numerics: Numerics, numbers: &mut Numbers) -> 
 
 /// A hit without its place, which differs from one structure to another.
 fn bits(hit: Option<Hit>) -> Option<(PrimId, u64, [u64; 2])> {
-    hit.map(|hit| (hit.prim, hit.t.to_bits(), hit.weights.map(f64::to_bits)))
+    hit.map(|hit| (hit.prim, hit.t.to_bits(), hit.barycentrics.map(f64::to_bits)))
 }
 
 #[test]

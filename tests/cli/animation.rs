@@ -33,7 +33,7 @@ fn sphere(scene: &Scene, name: &str) -> DVec3 {
     centre
 }
 
-/// Where things begin (ASSIGNMENT, animation): both spheres, the camera; and what does not move.
+/// Positions at time 0, as in the assignment: both spheres and the camera; and the objects that do not move.
 #[test]
 fn the_assignment_begins_where_it_says() {
     let scene = assignment();
@@ -48,8 +48,9 @@ fn the_assignment_begins_where_it_says() {
     assert_eq!(still(&scene.at(0.37).unwrap()), still(&load(&repository("scenes/assignment.toml"))));
 }
 
-/// Circles about the vertical axis through TP = (-100, -200, 1216): radii hypot(400, 16) and hypot(400, 134), at their
-/// own heights, one whole turn each, the left one along m = v x t with t = (0, -200, 0), the right one against it.
+/// The spheres move once on circles about the vertical axis through TP = (-100, -200, 1216), with radii hypot(400, 16)
+/// and hypot(400, 134), at constant height: the left one in the direction m = v x t with t = (0, -200, 0), the right
+/// one in the opposite direction.
 #[test]
 fn the_spheres_go_round_in_opposite_directions_and_come_back() {
     let scene = assignment();
@@ -64,7 +65,7 @@ fn the_spheres_go_round_in_opposite_directions_and_come_back() {
             let [from, to] = [pair[0] - axis, pair[1] - axis];
             assert!((from.x.hypot(from.z) / radius - 1.0).abs() < 1e-6, "{name}, frame {i}");
             assert_eq!(pair[0].y, centres[0].y);
-            // Along the tangent, or against it.
+            // In the direction of the tangent, or opposite to it.
             let tangent = DVec3::new(from.x, 0.0, from.z).cross(DVec3::new(0.0, -200.0, 0.0));
             assert!(sign * (to - from).dot(tangent) > 0.0, "{name}, frame {i}");
             let step = (from.z * to.x - from.x * to.z).atan2(from.x * to.x + from.z * to.z);
@@ -74,7 +75,7 @@ fn the_spheres_go_round_in_opposite_directions_and_come_back() {
         assert!((turned - sign * std::f64::consts::TAU).abs() < 1e-9);
         assert_eq!(centres[300], centres[0], "{name}");
     }
-    // Halfway they are on the other side: (2 * -100 + 500, 2 * 1216 - 1200).
+    // At half time they are on the opposite side: (2 * -100 + 500, 2 * 1216 - 1200).
     let half = sphere(&scene.at(0.5).unwrap(), "left sphere");
     assert!((half - DVec3::new(300.0, -425.0, 1232.0)).length() < 1e-9, "{half}");
 }
@@ -104,8 +105,8 @@ fn picture(world: &World, camera: &Camera) -> Film<[u8; 3]> {
     render(world, &view, &plan, window, |_, _| true, &RenderControl::default()).unwrap().0
 }
 
-/// What [`PreparedAnimation`] shares between frames changes no bit: the same as preparing the scene at each time from
-/// nothing.
+/// The world that [`PreparedAnimation`] makes for a frame from shared parts equals, bit for bit, the one prepared from
+/// the scene at that time alone.
 fn same_as_from_nothing(scene: &Scene, camera: usize) {
     let (pipeline, numerics) = (ColourPipeline::Linear, Numerics::default());
     let described = scene.cameras[camera].clone();
@@ -146,7 +147,7 @@ fn frames_are_what_they_are_alone() {
                 mesh.transform(&DMat4::from_translation(DVec3::splat(far)));
             }
         }
-        // A second place of the same mesh, shared.
+        // A second instance of the mesh.
         let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("a mesh") };
         let beside = Placement::new(DMat4::from_rotation_translation(DQuat::from_rotation_y(0.4), DVec3::X));
         let placed = Placed::new(mesh.clone().into(), beside);
@@ -156,11 +157,11 @@ fn frames_are_what_they_are_alone() {
         if far == 0.0 {
             scene.objects.push(other);
         }
-        // Only the camera, and the headlight with it.
+        // Only the camera moves, and the headlight with it.
         let camera = turntable(&mut scene, None, StandardView::Auto, 1.5, Projection::Perspective).unwrap();
         let index = scene.cameras.iter().position(|known| *known == camera).unwrap();
         same_as_from_nothing(&scene, index);
-        // Also the mesh.
+        // The mesh moves, too.
         let to = DVec3::new(10.0, 80.0, -30.0);
         let turn = Motion::Lerp { property: Property::Rotate, from: None, to, easing: Easing::EaseIn };
         let animation = scene.animation.as_mut().unwrap();
@@ -169,7 +170,7 @@ fn frames_are_what_they_are_alone() {
     }
 }
 
-/// A light that is a surface moves, turns and dims with the tracks of its name.
+/// A light with an area follows the tracks of its name: position, direction and intensity.
 #[test]
 fn frames_have_the_area_lights_of_their_time() {
     let text = "[[camera]]\nposition = [0, 4, 9]\nlook_at = [0, 0, 0]\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 2\n\
@@ -183,7 +184,7 @@ fn frames_have_the_area_lights_of_their_time() {
     same_as_from_nothing(&load(&file), 0);
 }
 
-/// A ground stays where it is, under what moves above it and without being built again where nothing does.
+/// The ground does not move with the objects above it, and is not built again if nothing moves.
 #[test]
 fn frames_have_the_ground_of_the_scene_at_rest() {
     let text = "[[camera]]\nname = 'eye'\nposition = [0, 4, 9]\nlook_at = [0, 0, 0]\n\
@@ -199,14 +200,14 @@ fn frames_have_the_ground_of_the_scene_at_rest() {
         settings.complete(&mut scene, &mut Warnings::default()).unwrap();
         let ground = scene.ground.expect("a ground");
         assert_eq!(scene.at(0.9).unwrap().ground, Some(ground));
-        // Radius 2 sqrt 3 of the box around the ball.
+        // The bounding box of the sphere has the radius 2 sqrt 3.
         assert!((ground.half_side - 40.0 * 3f64.sqrt()).abs() < 1e-9);
         same_as_from_nothing(&scene, 0);
     }
 }
 
-/// Every corner of a long box stays in the picture all the way round, and touches the margin of 5 % once: the picture
-/// is used.
+/// On an orbit around a long box every corner stays in the picture, and one of them reaches the margin of 5 %, so that
+/// the camera is not farther away than needed.
 #[test]
 fn a_turntable_sees_everything_from_all_sides() {
     let folder = tempfile::tempdir().unwrap();
@@ -229,9 +230,9 @@ fn a_turntable_sees_everything_from_all_sides() {
                 closest = closest.min(share.min_element()).min((1.0 - share).min_element());
             }
         }
-        // The prism is at most 1 / cos^2(pi / 64) = 1.0024 times as wide as what the corners sweep out.
+        // The prism around the path of the corners is at most 1 / cos^2(pi / 64) = 1.0024 times as wide as the path.
         assert!((0.0499..0.06).contains(&closest), "{view:?}: {closest}");
-        // Back at the start, to the bit.
+        // After a whole turn the camera is the same, bit for bit.
         assert_eq!(scene.at(1.0).unwrap().cameras[0], camera);
         let Animation { fps, duration, repeat, .. } = scene.animation.clone().unwrap();
         assert_eq!((fps, duration, repeat), (30.0, 10.0, true));
@@ -285,7 +286,7 @@ fn a_frame_alone_has_the_bytes_of_one_among_others() {
     assert_eq!(bytes("again_07.png"), bytes("f_0007.png"));
     assert_eq!(bytes("again_09.png"), bytes("f_0009.png"));
     assert_ne!(pixels(&folder.path().join("f_0007.png")), pixels(&folder.path().join("f_0008.png")));
-    // `animate` writes the same.
+    // `kiln animate` writes the same files.
     kiln(folder.path())
         .args(["animate", &scene, "--size", "40x40", "--frames", "8", "-o", "g_####.png"])
         .assert()
@@ -375,11 +376,11 @@ fn a_mesh_without_animation_is_gone_round_once() {
             .success();
     };
     run(&["-o", "f_#.png"]);
-    // Four steps of a quarter turn; the fifth frame would be the first again.
+    // Four steps of a quarter turn; a fifth frame would equal the first.
     assert_eq!(names(folder.path()), ["a.obj", "f_0.png", "f_1.png", "f_2.png", "f_3.png"]);
     let all: Vec<Vec<u8>> = (0..4).map(|i| pixels(&folder.path().join(format!("f_{i}.png")))).collect();
     assert!((0..4).all(|i| all[..i].iter().all(|other| *other != all[i])), "all differ");
-    // Raw frames are those of the pictures.
+    // Raw frames have the pixels of the PNG files.
     let out = kiln(folder.path())
         .args([
             "animate",
@@ -444,7 +445,7 @@ fn a_signal_leaves_nothing_behind() {
         std::thread::sleep(std::time::Duration::from_millis(700));
         std::process::Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
         assert_eq!(child.wait().unwrap().code(), Some(code));
-        // Whole frames may be there; nothing else.
+        // Only complete frames may be left.
         for name in names(inner.path()) {
             assert!(output == "f_####.png" && name.starts_with("f_"), "{name}");
             assert_eq!(pixels(&inner.path().join(name)).len(), 1024 * 1024 * 3);
@@ -498,7 +499,7 @@ mod film {
         let scene = scene_file();
         let arguments = ["animate", &scene, "--frames", "0-300:4", "-o", name];
         let assert = kiln(folder).args(arguments).args(more).assert().success();
-        // The encoder has nothing to say.
+        // The encoder prints nothing.
         assert!(!String::from_utf8_lossy(&assert.get_output().stderr).contains("OpenH264"));
         read(&folder.join(name))
     }
@@ -527,7 +528,7 @@ mod film {
         // A key frame every two seconds.
         let stss = inside(stbl, &[b"stss"]);
         assert_eq!([4, 8, 12].map(|at| number(stss, at)), [2, 1, 61]);
-        // Units fill every picture; the first of a key frame is of type 5.
+        // NAL units fill every sample exactly; the first of a key frame has type 5.
         let mut at = 0;
         for (i, size) in sizes.iter().enumerate() {
             let end = at + size;
@@ -537,7 +538,7 @@ mod film {
             }
             assert_eq!(at, end);
         }
-        // One entry, avc1: 8 bytes of the list, 8 of its head, 78 of what every visual entry has.
+        // One entry, avc1: 8 bytes of the list, 8 of its header, 78 of the fields of every visual sample entry.
         let stsd = inside(stbl, &[b"stsd"]);
         assert_eq!(&stsd[12..16], b"avc1");
         let entry = &stsd[16..];

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use crate::common::repository;
 use serde_json::{Value, json};
 
-/// A folder to work in, with a small scene in it, that goes when the test ends.
+/// A temporary folder with a small scene, deleted at the end of the test.
 struct Workshop(tempfile::TempDir);
 
-/// A sphere that fills a quarter of the picture, lit by a lamp, before a grey background, on display values.
+/// A sphere over a quarter of the picture, under a point light, before a grey background, in the pipeline `display`.
 const SCENE: &str = "
 [image]
 width = 24
@@ -70,7 +70,7 @@ impl Workshop {
         command.output().expect("the command starts")
     }
 
-    /// Runs what has to succeed, and gives what it said on standard error.
+    /// Runs a command that must succeed. Returns its standard error.
     #[track_caller]
     fn succeed(&self, arguments: &str) -> String {
         let output = self.run(arguments);
@@ -78,7 +78,7 @@ impl Workshop {
         text(&output.stderr)
     }
 
-    /// Runs what has to fail with `code`, holds the form of the error to the contract, and gives its two lines.
+    /// Runs a command that must fail with `code`. Checks the form of its error, and returns message and hint.
     #[track_caller]
     fn fail(&self, arguments: &str, code: i32) -> (String, String) {
         let output = self.run(arguments);
@@ -110,10 +110,10 @@ fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("the command writes UTF-8")
 }
 
-/// One line `kiln: error: ...`, then at most one `hint: ...`, and nothing that only a Rust programmer understands.
+/// Checks that the error is one line `kiln: error: ...` and at most one `hint: ...`, without Rust's debug output.
 #[track_caller]
 fn check_error(said: &str) -> (&str, &str) {
-    // Warnings and notes may come first: they are lines of their own.
+    // Warnings and notes may precede the error, each on its own line.
     let is_other = |line: &&str| line.starts_with("kiln: warning: ") || line.starts_with("kiln: note: ");
     let mut lines = said.lines().skip_while(is_other);
     let error = lines.next().and_then(|line| line.strip_prefix("kiln: error: "));
@@ -157,7 +157,7 @@ fn clamps_and_grounds_are_checked() {
     }
     workshop.succeed("render scene.toml -o b.png --ground --view front");
     workshop.succeed("render scene.toml -o c.png --view front");
-    // The ball is where it was, and the ground is below it.
+    // The sphere is at the same pixels, and the ground is below it.
     let (with, without) = (workshop.pixels("b.png"), workshop.pixels("c.png"));
     assert_eq!(with.get_pixel(12, 4), without.get_pixel(12, 4));
     assert_ne!(with.get_pixel(0, 15), without.get_pixel(0, 15));
@@ -179,7 +179,7 @@ fn the_checker_of_errors_notices() {
     assert_eq!(check_error("kiln: note: n\nkiln: error: x\nhint: y\n"), ("x", "y"));
 }
 
-// ------------------------------------------------------------------------------------------------ exit codes and errors
+// ----------------------------------------------------------------------------------------------- exit codes and errors
 
 #[test]
 fn wrong_usage_is_2() {
@@ -219,7 +219,7 @@ fn wrong_usage_is_2() {
         (
             "render scene.toml -o a.png --without zzz",
             "there is no effect `zzz`",
-            "shadows, terminator, glaze",
+            "known here: textures, normal-maps",
         ),
         (
             "render scene.toml -o a.png --with glaze --without glaze=every-bounce",
@@ -289,7 +289,7 @@ fn inputs_that_cannot_be_used_are_3() {
         ("bad.stl", "bad.stl:4: a vertex without three numbers", "correct the line"),
         ("empty.stl", "empty.stl: has no triangles to draw", "kiln info"),
         ("empty.obj", "empty.obj: has no triangles to draw", "kiln info"),
-        // The index times 3 is 2^64 - 1: tobj's bounds check wraps round, and it panics.
+        // The index times 3 is 2^64 - 1, at which the bounds check of tobj overflows and the parser panics.
         (
             "panic.obj",
             "panic.obj:5: normal 6148914691236517206 does not exist; the file has 1",
@@ -315,7 +315,7 @@ fn outputs_that_cannot_be_written_are_4() {
     assert_eq!(said, "folder.png: is a folder; name a file in it");
     let (said, _) = workshop.fail("render scene.toml -o a.png --stats gone/a.json", 4);
     assert_eq!(said, "gone/a.json: cannot be written: its folder does not exist");
-    // All of that is said before any work is done.
+    // These errors are reported before anything is read or rendered.
     assert_eq!(workshop.names(), ["folder.png", "scene.toml"]);
 }
 
@@ -329,7 +329,7 @@ fn strict_makes_warnings_1() {
     let (said, hint) = workshop.fail("render a.obj -o a.png --size 8x8 --strict", 1);
     assert_eq!(said, "1 warning(s), and --strict was given");
     assert!(hint.contains("the picture was written"), "{hint}");
-    // Without anything to warn of it is no different.
+    // Without warnings, `--strict` changes nothing.
     workshop.succeed("render scene.toml -o a.png --strict");
 }
 
@@ -344,7 +344,7 @@ fn a_failed_run_keeps_the_picture_that_was_there() {
     assert_eq!(workshop.names(), ["a.png", "bad.obj", "scene.toml"]);
 }
 
-// ------------------------------------------------------------------------------------------------------------- pictures
+// ------------------------------------------------------------------------------------------------------------ pictures
 
 #[test]
 fn png_jpeg_and_exr_hold_the_same_picture() {
@@ -354,15 +354,15 @@ fn png_jpeg_and_exr_hold_the_same_picture() {
     }
     let png = workshop.pixels("a.png");
     assert_eq!(png.dimensions(), (24, 16));
-    // The corners see the background, #202020; the middle sees the ball.
+    // The corners show the background, #202020; the middle shows the sphere.
     assert_eq!(png.get_pixel(0, 0).0, [0x20; 3]);
     assert!(png.get_pixel(12, 8).0[0] > 0x60, "{:?}", png.get_pixel(12, 8));
-    // JPEG of quality 95 is near; its colour is sampled at half the resolution, so only on average.
+    // JPEG of quality 95 is near on average only, as its chroma has half the resolution.
     let jpeg = workshop.pixels("a.jpg");
     assert_eq!(jpeg.dimensions(), (24, 16));
     let apart: u64 = png.as_raw().iter().zip(jpeg.as_raw()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
     assert!(apart / (png.as_raw().len() as u64) < 8, "{apart}");
-    // In the display pipeline 8 bits are the film's numbers times 255, clamped, halves rounded up.
+    // In the pipeline `display`, 8-bit values are those of the film times 255, clamped, with halves rounded up.
     let mut expected = png.as_raw().chunks_exact(3);
     for pixel in exr_pixels(&workshop.path("a.exr"), (24, 16)) {
         let quantised = pixel.map(|c| (f64::from(c) * 255.0 + 0.5) as u8);
@@ -442,7 +442,7 @@ fn standard_input_carries_a_scene_file_or_a_glb() {
     let output = workshop.run_with("info - --json", &glb());
     let report: Value = serde_json::from_slice(&output.stdout).expect("it is JSON");
     assert_eq!((&report["triangles"], &report["inputs"][0]), (&1.into(), &"-".into()));
-    // What is wrong in it is said of `-`.
+    // Errors in standard input name the file `-`.
     let output = workshop.run_with("info -", b"[image]\nwidht = 1\n");
     assert_eq!(output.status.code(), Some(3));
     assert_eq!(check_error(&text(&output.stderr)).0, "-:2: unknown key `widht`");
@@ -503,7 +503,7 @@ fn four_crops_make_the_whole_picture() {
     };
     let whole = render("whole.png", "");
     let mut stitched = image::RgbImage::new(50, 40);
-    // Cut away from the borders of tiles, which are 16 wide.
+    // A crop whose borders are not those of tiles, which are 16 wide.
     for (x, y, width, height) in [(0, 0, 21, 13), (21, 0, 29, 13), (0, 13, 21, 27), (21, 13, 29, 27)] {
         let part = render("part.png", &format!("--crop {x},{y},{width},{height}"));
         assert_eq!(part.dimensions(), (width, height));
@@ -515,14 +515,14 @@ fn four_crops_make_the_whole_picture() {
 #[test]
 fn cameras_and_views() {
     let workshop = Workshop::new();
-    // A wedge that looks different from every side.
+    // A wedge without symmetry, so that every view differs.
     let wedge = "v 0 0 0\nv 3 0 0\nv 0 2 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
     workshop.write("wedge.obj", wedge);
     let mut pictures = Vec::new();
     for view in ["front", "back", "left", "right", "top", "bottom", "iso"] {
         workshop.succeed(&format!("render wedge.obj -o a.png --size 32x32 --view {view}"));
         let picture = workshop.pixels("a.png");
-        // A fitted camera leaves 5 % on the tightest sides: of 32 pixels the outermost is free, all round.
+        // A fitted camera leaves a margin of 5 % on the tightest sides: of 32 pixels the outermost one, on every side.
         let background = *picture.get_pixel(0, 0);
         assert_eq!(background.0, [0x20, 0x22, 0x26], "{view}");
         let edge = |i: u32| [(i, 0), (i, 31), (0, i), (31, i)];
@@ -545,10 +545,10 @@ fn cameras_and_views() {
     assert_eq!((said.as_str(), hint.contains("--view")), ("there is no camera `front`", true));
 }
 
-/// The camera `front` of [`SCENE`], in braces.
+/// The camera `front` of [`SCENE`] as an inline table.
 const FRONT: &str = "{ position = [0, 0, 10], look_at = [0, 0, 0] }";
 
-/// A picture by a camera in braces.
+/// A picture by a camera given as an inline table.
 fn render_own(workshop: &Workshop, scene: &str, camera: &str) -> image::RgbImage {
     let output = workshop.command().args(["render", scene, "-o", "own.png", "--camera", camera]).output();
     let output = output.expect("the command starts");
@@ -556,8 +556,8 @@ fn render_own(workshop: &Workshop, scene: &str, camera: &str) -> image::RgbImage
     workshop.pixels("own.png")
 }
 
-/// A scene's camera and the same in braces are the same picture, to the bit, also where the scene is moved to the
-/// origin.
+/// A camera of the scene and the same as an inline table give the same picture, bit for bit, also if the scene is
+/// recentered.
 #[test]
 fn a_camera_in_braces_is_the_scenes_own() {
     let workshop = Workshop::new();
@@ -580,7 +580,7 @@ fn a_camera_in_braces_is_the_scenes_own() {
     let pixels = |name: &str| image_bits(&workshop.path(name));
     assert_eq!(pixels("a.exr"), pixels("b.exr"));
     assert!(render_own(&workshop, "far.toml", own) != render_own(&workshop, "scene.toml", FRONT));
-    // Every command that makes pictures takes it, and says what is wrong with one before it reads anything.
+    // Every command that renders takes it, and reports errors in it before anything is read.
     for command in
         ["render no.toml -o a.png", "animate no.toml -o a.gif", "explain no.toml", "study no.toml -o d"]
     {
@@ -594,7 +594,7 @@ fn a_camera_in_braces_is_the_scenes_own() {
     }
 }
 
-/// What a window shows and what its line renders are the same picture.
+/// The picture that a window shows is the one that its copied command line renders.
 #[cfg(feature = "viewer")]
 #[test]
 fn what_is_seen_is_rendered_by_its_line() {
@@ -635,7 +635,7 @@ fn what_is_seen_is_rendered_by_its_line() {
     assert_eq!(workshop.pixels("seen.png").into_raw(), film.to_rgb8(kiln::film::ColourPipeline::Display));
 }
 
-/// The numbers of an EXR.
+/// The values of an EXR.
 fn image_bits(file: &Path) -> Vec<[u32; 3]> {
     let picture = kiln::film::read::read_picture(file).unwrap_or_else(|e| panic!("{e}"));
     picture.values.iter().map(|pixel| pixel.map(f32::to_bits)).collect()
@@ -654,7 +654,7 @@ fn size_is_the_users_then_the_scenes() {
 fn a_mesh_beside_the_assignment_scene() {
     let workshop = Workshop::new();
     let scene = repository("scenes/assignment.toml");
-    // A large triangle between the camera at (0, -200, 500) and what it looks at, the tetrahedron at z = 1216.
+    // A large triangle between the camera at (0, -200, 500) and its target, the tetrahedron at z = 1216.
     workshop.write("near.obj", "v -400 -400 900\nv 300 -400 900\nv -50 100 900\nf 1 2 3\n");
     workshop.write("far.obj", "v 0 90000 -900\nv 1 90000 -900\nv 0 90001 -900\nf 1 2 3\n");
     let render = |inputs: &str| {
@@ -670,7 +670,7 @@ fn a_mesh_beside_the_assignment_scene() {
     assert!(said.contains("kiln: warning: far.obj is nowhere in the picture"), "{said}");
 }
 
-/// The picture of a mesh is the same wherever the mesh is and however large it is.
+/// The picture of a mesh does not depend on its position and size.
 #[test]
 fn far_and_extreme_meshes_look_as_near_ones() {
     let workshop = Workshop::new();
@@ -684,7 +684,7 @@ fn far_and_extreme_meshes_look_as_near_ones() {
     workshop.write("near.obj", wedge(1.0, 0.0));
     workshop.succeed("render near.obj -o near.png --size 48x48");
     let near = workshop.pixels("near.png");
-    // Powers of two change no digit, and 2^24 steps away the corners are still whole numbers.
+    // Scaling by powers of two is exact, and at an offset of 2^24 the corners are still integers.
     for (name, scale, offset) in
         [("far", 1.0, 16_777_216.0), ("tiny", 100f64.exp2().recip(), 0.0), ("huge", 55f64.exp2(), 0.0)]
     {
@@ -692,12 +692,12 @@ fn far_and_extreme_meshes_look_as_near_ones() {
         let said = workshop.succeed(&format!("render {name}.obj -o a.png --size 48x48"));
         assert!(said.contains("kiln: note: the scene"), "{said}");
         let different = workshop.pixels("a.png").pixels().zip(near.pixels()).filter(|(a, b)| a != b).count();
-        // The fitted camera is rounded anew; an edge may fall on the other side of a pixel's centre.
+        // The fitted camera is rounded differently, so an edge may be on the other side of a pixel centre.
         assert!(different <= 2, "{name}: {different} pixels differ");
     }
 }
 
-/// Files that have points and lines alone, or a camera alone, give no picture; a scene file of a background does.
+/// Files with points and lines only, or with a camera only, are errors; a scene file with a background only is not.
 #[test]
 fn files_without_triangles_are_refused() {
     let workshop = Workshop::new();
@@ -730,7 +730,7 @@ fn files_without_triangles_are_refused() {
         }
         assert!(!workshop.path("a.png").exists());
     }
-    // Beside what can be drawn it is a warning; a camera alone is of use there.
+    // Together with a mesh they are a warning, and a file with a camera only is used for its camera.
     let said = workshop.succeed("render scene.toml lines.obj camera.gltf -o a.png");
     let warnings: Vec<&str> = said.lines().filter(|line| line.starts_with("kiln: warning: ")).collect();
     let expected = ["lines.obj: points and lines are not drawn", "lines.obj: has no triangles to draw"];
@@ -754,11 +754,11 @@ fn a_picture_of_nothing_says_so() {
     let workshop = Workshop::new();
     workshop.write("away.toml", SCENE.replace("look_at = [0, 0, 0]", "look_at = [0, 0, 20]"));
     let said = workshop.succeed("render away.toml -o a.png");
-    // 24 x 16 pixels, one ray each.
+    // 24 x 16 pixels, one primary ray each.
     assert!(said.contains("nothing is in the picture: none of 384 primary rays hits anything"), "{said}");
 }
 
-// ------------------------------------------------------------------------------------------------ statistics, progress
+// ----------------------------------------------------------------------------------------------- statistics, progress
 
 #[test]
 fn statistics_are_json_with_the_documented_fields() {
@@ -784,12 +784,12 @@ fn statistics_are_json_with_the_documented_fields() {
     for pointer in ["/numerics", "/structure/layout", "/instruction_set", "/settings/kiln:camera", "/kiln"] {
         assert!(stats.pointer(pointer).is_some_and(Value::is_string), "{pointer}");
     }
-    // A full picture casts one primary ray a pixel: 24 * 16.
+    // One primary ray a pixel: 24 * 16.
     assert_eq!(stats["rays"]["primary"]["cast"], 24 * 16);
     assert_eq!((&stats["threads"], &stats["primitives"]), (&2.into(), &1.into()));
     assert_eq!(stats["non_finite_pixels"], 0);
     assert_eq!(stats["effects"]["shadows"]["on"], true);
-    // The bill of each effect, and the stages that it is made of.
+    // Rays and time of each effect, and its stages.
     for (effect, is_on) in [("shadows", true), ("terminator", false), ("glaze", false)] {
         for key in ["stages", "rays", "bytes", "thread_seconds"] {
             let figure = stats["effects"][effect][key].as_f64();
@@ -800,7 +800,7 @@ fn statistics_are_json_with_the_documented_fields() {
         assert_eq!(stages.iter().any(|stage| stage["effect"] == effect), is_on, "{effect}");
         assert!(stats["effects"][effect]["why"].is_string(), "{effect}");
     }
-    // Nothing is glazed, so nothing mirrors: no stage, no ray.
+    // Without glaze there are no mirror rays and no stage for them.
     assert_eq!(
         (&stats["effects"]["glaze"]["on"], &stats["rays"]["glaze"]["cast"]),
         (&false.into(), &0.into())
@@ -846,9 +846,9 @@ fn a_log_that_cannot_be_written_does_not_stop_the_work() {
     assert_eq!(workshop.pixels("a.png").dimensions(), (24, 16));
 }
 
-// -------------------------------------------------------------------------------------------------------------- signals
+// ------------------------------------------------------------------------------------------------------------- signals
 
-/// Waits for the end, but not for ever.
+/// Waits for the end of the process, up to a time limit.
 fn wait(child: &mut Child, limit: Duration) -> Option<std::process::ExitStatus> {
     let start = Instant::now();
     while start.elapsed() < limit {
@@ -885,7 +885,7 @@ fn signals_stop_a_long_render_and_leave_nothing_behind() {
     }
 }
 
-// -------------------------------------------------------------------------------------------------------- other commands
+// ------------------------------------------------------------------------------------------------------ other commands
 
 #[test]
 fn info_says_what_a_file_holds() {
@@ -894,8 +894,8 @@ fn info_says_what_a_file_holds() {
     let output = workshop.run(&format!("info {}", fixture.display()));
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
     let said = text(&output.stdout);
-    // Two squares of two triangles, and two single triangles, in four runs of one material each, from (0,0,0) to
-    // (2,1,0).
+    // Two squares of two triangles and two single triangles, which are four runs of one material each; the bounds are
+    // (0,0,0) to (2,1,0).
     for line in [
         "objects     4 (6 triangles, 0 spheres)\n",
         "bounds      (0, 0, 0) to (2, 1, 0)\n",
@@ -911,13 +911,13 @@ fn info_says_what_a_file_holds() {
         (&report["triangles"], &report["spheres"], &report["primitives"]),
         (&6.into(), &1.into(), &7.into())
     );
-    // The ball reaches from -2 to 2 in all axes.
+    // The sphere extends from -2 to 2 on all axes.
     assert_eq!(report["bounds"]["min"], serde_json::json!([-2.0, -2.0, -2.0]));
     assert_eq!(report["bounds"]["max"], serde_json::json!([2.0, 2.0, 2.0]));
     assert_eq!(report["cameras"][1]["name"], "above");
     assert_eq!((&report["textures"][0]["width"], &report["textures"][0]["height"]), (&2.into(), &2.into()));
     assert_eq!(report["objects"][4]["input"], "scene.toml");
-    // What is odd about a file is a result here.
+    // Warnings about a file are part of the result.
     workshop
         .write("odd.obj", "mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 2 0 0\nf 1 2 3\nf 1 2 4\nf 1 1 2\n");
     let output = workshop.run("info odd.obj");
@@ -954,7 +954,7 @@ fn completions_help_and_version() {
     }
 }
 
-/// Pipes and devices may have no end.
+/// Pipes and devices are refused as input: they may have no end.
 #[cfg(unix)]
 #[test]
 fn only_regular_files_are_read() {
@@ -979,7 +979,7 @@ fn only_regular_files_are_read() {
     assert!(said.starts_with("scene.toml:1: mesh pipe.obj: is a pipe"), "{said}");
 }
 
-/// Files of the system that state a length of 0 and have more are refused, whatever that is.
+/// Files that state a length of 0 but have contents, such as those of /proc, are refused.
 #[cfg(target_os = "linux")]
 #[test]
 fn files_longer_than_they_say_are_not_read() {
@@ -989,7 +989,7 @@ fn files_longer_than_they_say_are_not_read() {
     assert!(said.starts_with("long.obj: is longer than the 0 bytes"), "{said}");
 }
 
-/// Output is renamed over its target: a pipe or a device would be replaced.
+/// Output is renamed over its target, so that a pipe or device would be replaced: they are refused as output.
 #[cfg(unix)]
 #[test]
 fn pipes_and_devices_are_not_replaced() {
@@ -1016,9 +1016,9 @@ fn a_scene_file_names_its_tier() {
     }
 }
 
-/// What memory does not hold is refused before it is rendered: 6,000 x 6,000 pixels with 27 channels more than three,
-/// each of four bytes, in the film, in the writer and in the file, and 36 bytes a pixel while the shares of effects are
-/// made: 13.3 GiB. On a machine of less memory the hint would be another.
+/// Pictures that exceed the memory are refused before they are rendered. A channel of 6,000 x 6,000 pixels takes four
+/// bytes a pixel in the film, in the writer and in the file, 0.4 GiB: eight exceed the limit of 2.9 GiB, and `all` has
+/// more. On a machine of less memory the hint would be another.
 #[cfg(target_os = "linux")]
 #[test]
 fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
@@ -1041,7 +1041,7 @@ fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
     assert!(line.ends_with(" GiB of 2.9 GiB are left (ulimit -v)"), "{said}");
     assert!(hint.contains("--size") && hint.contains("ulimit -v unlimited"), "{said}");
     assert_eq!(shop.names(), ["scene.toml"]);
-    // The same by an option; 8,000 x 8,000 pixels of 3 bytes are 183.1 MiB.
+    // The same limit by `--memory-limit`; 8,000 x 8,000 pixels of 3 bytes are 183.1 MiB.
     let large = "render scene.toml --size 8000x8000 -o b.png --progress none --memory-limit 128M";
     shop.succeed(&format!("{large} --crop 0,0,8000,2"));
     let (said, hint) = shop.fail(large, 1);
@@ -1058,8 +1058,8 @@ fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
     }
 }
 
-/// One picture has to fit. Where two do not, one is made after the other: 3,200 x 3,200 pixels of 3 bytes are 29 MiB,
-/// of which 128 MiB hold one beside the 64 MiB that are kept free and the program itself.
+/// One picture must fit into the limit. Frames of which two do not fit are rendered one after the other: 3,200 x 3,200
+/// pixels of 3 bytes are 29 MiB, and 128 MiB hold one of them beside the program and the 64 MiB that are kept free.
 #[cfg(target_os = "linux")]
 #[test]
 fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
@@ -1071,12 +1071,12 @@ fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
     assert_eq!(shop.names(), ["scene.toml"]);
     shop.succeed(&format!("{frames} --frames 0-1 --size 3200x3200"));
     assert_eq!(shop.names(), ["f_0000.png", "f_0001.png", "scene.toml"]);
-    // With layers, too, a frame needs as much as a still picture of the same effects: 8,000^2 pixels of 4 channels of 4
-    // bytes, in the film and twice in the writer, and 3 bytes while the layer is made, are 3.04 GiB.
-    for (layers, needs) in [("depth", "with 1 more channels needs 3.0 GiB"), ("effects", "")] {
-        let layers = format!("{} --size 8000x8000 --aov {layers}", frames.replace(".png", ".exr"));
-        let (frame, _) = shop.fail(&format!("{layers} --frames 0"), 1);
-        let (still, _) = shop.fail(&layers.replace("f_####", "a"), 1);
+    // With AOVs, too, a frame needs as much as a still picture of the same effects: 8,000^2 pixels of 4 channels of 4
+    // bytes, in the film and twice in the writer, and 3 bytes while the AOV is computed, are 3.04 GiB.
+    for (aovs, needs) in [("depth", "with 1 more channels needs 3.0 GiB"), ("effects", "")] {
+        let arguments = format!("{} --size 8000x8000 --aov {aovs}", frames.replace(".png", ".exr"));
+        let (frame, _) = shop.fail(&format!("{arguments} --frames 0"), 1);
+        let (still, _) = shop.fail(&arguments.replace("f_####", "a"), 1);
         let need = |said: &str| said.split_once(" of memory; ").map(|(need, _)| need.to_owned());
         assert_eq!(need(&frame), need(&still));
         assert!(
@@ -1086,7 +1086,7 @@ fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
     }
 }
 
-/// What reading and building take is refused before it is allocated.
+/// Meshes whose reading or building needs more memory than the limit are refused before it is allocated.
 #[cfg(target_os = "linux")]
 #[test]
 fn meshes_that_do_not_fit_are_refused_with_what_they_need() {

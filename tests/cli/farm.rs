@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 use crate::common::{self, repository};
 use serde_json::Value;
 
-/// A folder to work in, with the small animation of `tests/farm` in it.
+/// A temporary folder with the small animation of `tests/farm`.
 struct Workshop(tempfile::TempDir);
 
-/// What a run said: exit code, standard output, standard error.
+/// Exit code, standard output and standard error of a run.
 struct Said(i32, String, String);
 
 impl Workshop {
@@ -38,7 +38,7 @@ impl Workshop {
         Said(status.code().expect("no signal"), text(&stdout), text(&stderr))
     }
 
-    /// Runs what has to end with `code`, and gives standard output, or standard error where that is empty.
+    /// Runs a command that must end with `code`. Returns standard output, or standard error if that is empty.
     #[track_caller]
     fn ends(&self, code: i32, arguments: &str) -> String {
         let Said(found, out, err) = self.run(arguments);
@@ -62,18 +62,18 @@ impl Workshop {
         names
     }
 
-    /// When a file was written: a new one of the same name has another time.
+    /// The modification time of a file, by which a file that was written again is noticed.
     fn written(&self, name: &str) -> std::time::SystemTime {
         std::fs::metadata(self.path(name)).and_then(|m| m.modified()).expect("a file with a time")
     }
 }
 
-// ---------------------------------------------------------------------------------------------------- parts of a picture
+// -------------------------------------------------------------------------------------------------- parts of a picture
 
 #[test]
 fn a_picture_in_seven_parts_becomes_the_bytes_of_one_run() {
     let workshop = Workshop::new();
-    // 90 x 47 pixels are 6 x 3 tiles, the last column and row narrow.
+    // 90 x 47 pixels are 6 x 3 tiles; those of the last column and row are smaller.
     for (out, more) in [
         ("a.png", ""),
         ("b.png", "--colour u8 --crop 3,5,71,40"),
@@ -91,7 +91,7 @@ fn a_picture_in_seven_parts_becomes_the_bytes_of_one_run() {
             parts.push(part.trim().to_owned());
         }
         assert_eq!(parts[1], format!("{}.2of7.part", &out[..1]));
-        // In any order, also where one is given twice.
+        // Parts in any order, also with one of them twice.
         parts.rotate_left(3);
         parts.push(parts[0].clone());
         workshop.ends(0, &format!("merge {} -o joined.{}", parts.join(" "), &out[2..]));
@@ -148,7 +148,7 @@ fn parts_are_made_again_only_where_they_have_to_be() {
     assert_eq!(workshop.bytes("a.2of3.part"), first);
 }
 
-// ---------------------------------------------------------------------------------------------------------------- frames
+// -------------------------------------------------------------------------------------------------------------- frames
 
 #[test]
 fn shares_of_frames_are_dealt_out_in_turn() {
@@ -161,7 +161,7 @@ fn shares_of_frames_are_dealt_out_in_turn() {
     assert_eq!(workshop.names(), ["scene.toml"], "nothing is rendered");
     workshop.ends(0, "render scene.toml --frames 0-9,11 -o f_%03d.png --shard 2/4 --progress none");
     assert_eq!(workshop.names(), ["f_001.png", "f_005.png", "f_009.png", "scene.toml"]);
-    // More shares than frames: the last have nothing to do, which is no failure.
+    // More shares than frames: the last ones are empty, which is not an error.
     let said = workshop.ends(0, "render scene.toml --frames 1-3 -o f_%03d.png --shard 4/4 --progress plain");
     assert!(said.contains("no frame to render"), "{said}");
     for wrong in ["0/4", "5/4", "2"] {
@@ -181,7 +181,7 @@ fn only_whole_frames_of_the_same_settings_are_skipped() {
         let right: Vec<Vec<u8>> = (0..6).map(|frame| workshop.bytes(&name(frame))).collect();
         let before: Vec<_> = (0..6).map(|frame| workshop.written(&name(frame))).collect();
         assert!(workshop.ends(0, &render).contains("no frame to render; 6 were there"));
-        // 1 is cut short, 2 is of other settings, 3 is another frame, 4 has nothing in it, 5 is gone.
+        // Frame 1 is truncated, 2 has other settings, 3 is another frame, 4 is empty, 5 is missing.
         workshop.write(&name(1), &right[1][..right[1].len() - 1]);
         workshop.ends(
             0,
@@ -304,7 +304,7 @@ fn signals_leave_whole_frames_only() {
             "render scene.toml -o f_####.png --frames 0-11 --samples 64 --size 480x320 --progress none",
         );
         let mut child = command.stderr(Stdio::piped()).spawn().expect("the command starts");
-        // Not before one frame is there.
+        // The signal is sent after the first frame was written.
         let start = Instant::now();
         while !workshop.names().iter().any(|name| name.ends_with(".png")) && start.elapsed().as_secs() < 60 {
             std::thread::sleep(Duration::from_millis(5));
@@ -314,7 +314,7 @@ fn signals_leave_whole_frames_only() {
         assert!(sent.expect("kill is there").success());
         let start = Instant::now();
         let status = child.wait().expect("the child can be waited for");
-        // It takes a second at most where the machine has one to give.
+        // It takes at most a second on a machine that is not busy.
         assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
         assert_eq!(status.code(), Some(code));
         let names = workshop.names();
@@ -327,7 +327,7 @@ fn signals_leave_whole_frames_only() {
     }
 }
 
-// ------------------------------------------------------------------------------------------------- progress and threads
+// ------------------------------------------------------------------------------------------------ progress and threads
 
 #[test]
 fn progress_is_in_the_words_of_who_reads_it() {
@@ -381,7 +381,7 @@ fn threads_follow_the_allocation() {
     assert_eq!(slurm("1000", ""), all, "no more than there are");
     assert_eq!(slurm("1", "--threads 3"), 3, "what is typed wins");
     assert_eq!(slurm("nonsense", "--threads 1"), 1);
-    // One processor of those that this test may use.
+    // One of the processors that this test may use.
     let status = std::fs::read_to_string("/proc/self/status").expect("Linux has it");
     let allowed = status.lines().find_map(|line| line.strip_prefix("Cpus_allowed_list:")).expect("a list");
     let first: String = allowed.trim().chars().take_while(char::is_ascii_digit).collect();
@@ -398,7 +398,7 @@ fn threads_follow_the_allocation() {
     assert_eq!(threads(&mut bound), 1);
 }
 
-/// The scene that all of this is tried with has frames that differ.
+/// The frames of the scene of these tests differ from each other.
 #[test]
 fn the_frames_of_the_small_animation_differ() {
     let workshop = Workshop::new();
@@ -411,7 +411,7 @@ fn the_frames_of_the_small_animation_differ() {
     }
 }
 
-/// A broken picture is one more line, not the end of the process.
+/// A damaged picture is one line of the report and does not end the run.
 #[test]
 fn verify_needs_no_more_memory_than_a_row_or_a_block() {
     let workshop = Workshop::new();
@@ -422,12 +422,12 @@ fn verify_needs_no_more_memory_than_a_row_or_a_block() {
         assert!(said.starts_with(&format!("{name}: broken: a picture of ")), "{said}");
         assert!(said.contains("the limit for sizes in a file is 4.0 GiB"), "{said}");
     }
-    // What cannot be looked at is made again.
+    // A picture that cannot be decoded is rendered again.
     workshop.ends(0, "render scene.toml -o a.png --skip-existing --progress none");
     workshop.ends(0, "verify a.png");
 }
 
-/// A part with another head, or other numbers, and the hash that goes with it.
+/// A part with a changed header or length of values, and the matching hash.
 fn changed(part: &[u8], change: impl FnOnce(&mut Value), numbers: usize) -> Vec<u8> {
     let lines: Vec<&[u8]> = part.splitn(3, |&b| b == b'\n').collect();
     let mut head: Value = serde_json::from_slice(lines[1]).expect("a head");
@@ -439,7 +439,7 @@ fn changed(part: &[u8], change: impl FnOnce(&mut Value), numbers: usize) -> Vec<
     bytes
 }
 
-/// The fault is in a part, so the message names the part, and not the picture that was to be written.
+/// Errors in a part name the part, and not the picture to be written.
 #[test]
 fn corrupt_parts_are_named() {
     use serde_json::json;
@@ -448,7 +448,7 @@ fn corrupt_parts_are_named() {
     let part = workshop.bytes("a.1of1.part");
     // 16 x 16 pixels of three f32.
     let whole = 16 * 16 * 12;
-    let layers = |count: usize| (0..count).map(|i| format!("Layer{i}.X")).collect::<Vec<_>>();
+    let channels = |count: usize| (0..count).map(|i| format!("Layer{i}.X")).collect::<Vec<_>>();
     let cases: [(&str, Vec<u8>, &str); 8] = [
         (
             "empty",
@@ -461,20 +461,20 @@ fn corrupt_parts_are_named() {
             "is 4294967295 x 4294967295",
         ),
         (
-            "layers",
-            changed(&part, |head| head["channels"] = json!(layers(1000)), whole),
+            "channels",
+            changed(&part, |head| head["channels"] = json!(channels(1000)), whole),
             "the part has too few",
         ),
         ("more", changed(&part, |_| (), whole + 4), "the part has too many pixels"),
         (
             "twice",
             changed(&part, |head| head["channels"] = json!(["R"]), whole / 3 * 4),
-            "has settings or layers",
+            "has settings or channels",
         ),
         (
             "nul",
             changed(&part, |head| head["channels"] = json!(["a\0b"]), whole / 3 * 4),
-            "has a layer `a\\u{0}b`",
+            "has a channel `a\\u{0}b`",
         ),
         ("key", changed(&part, |head| head["metadata"][0][0] = json!("compression"), whole), "has a setting"),
         // The last of a million shares of 40,000 x 40,000 pixels: six tiles of the 6,250,000.

@@ -8,7 +8,7 @@ use kiln::film::read::read_picture;
 use kiln::film::tone::ToneMap;
 use kiln::film::{ColourPipeline, DisplayTransform};
 
-/// A folder to work in, with a lit sphere in it, much brighter than white where it faces the light.
+/// A temporary folder with the scene of a sphere that is much brighter than white where it faces the light.
 struct Workshop(tempfile::TempDir);
 
 const SCENE: &str = "
@@ -83,7 +83,8 @@ impl Workshop {
     }
 }
 
-/// A PNG holds what the display transform makes of the EXR of the same picture, which no option changes.
+/// The pixels of a PNG are the display transform of those of the EXR of the same picture, which no option of it
+/// changes.
 #[test]
 fn png_is_the_display_transform_of_exr() {
     let workshop = Workshop::new();
@@ -104,25 +105,25 @@ fn png_is_the_display_transform_of_exr() {
             seen.push(expected);
         }
     }
-    // The scene file says the same.
+    // The same by keys of the scene file.
     workshop.write("own.toml", &SCENE.replace("[image]", "[image]\nexposure = -1.5\ntone_map = 'filmic'"));
     workshop.succeed("render own.toml -o own.png");
     let filmic = seen.iter().position(|pixels| *pixels == workshop.pixels("own.png"));
     assert_eq!(filmic, Some(6), "-1.5 EV and the last tone map");
-    // Options come before the scene file, and options without effect leave no trace in the file.
+    // Options override the scene file, and options without effect are not in the metadata.
     workshop.succeed("render own.toml -o off.png --exposure 0 --tone-map none");
     assert_eq!(workshop.pixels("off.png"), seen[1]);
     workshop.succeed("render scene.toml -o plain.png");
     workshop.succeed("render scene.toml -o same.png --exposure 0 --tone-map none --light head");
     assert_eq!(workshop.bytes("plain.png"), workshop.bytes("same.png"));
-    // What has an effect is in the metadata and the fingerprint.
+    // Options with an effect are in the metadata and the fingerprint.
     let whole = format!("{:?}", String::from_utf8_lossy(&workshop.bytes("own.png")));
     assert!(whole.contains("kiln:exposure") && whole.contains("kiln:tone-map"));
     assert!(workshop.succeed("render own.toml -o own.png --skip-existing").contains("is there"));
     assert!(workshop.succeed("render own.toml -o own.png --skip-existing --exposure 2").contains("wrote"));
 }
 
-/// Crops are pieces of the whole, and parts merge to its bytes.
+/// Crops have the pixels of the whole picture, and parts merge to the same bytes.
 #[test]
 fn crops_and_parts_have_the_exposure_of_the_whole() {
     let workshop = Workshop::new();
@@ -161,7 +162,7 @@ fn the_automatic_exposure_of_a_uniform_picture() {
     assert_eq!(workshop.bytes("a.png"), workshop.bytes("b.png"));
     let bytes = workshop.bytes("a.png");
     assert!(String::from_utf8_lossy(&bytes).contains("auto (-1.48)"));
-    // The same number typed gives the same pixels.
+    // The same exposure, given as a number, gives the same pixels.
     workshop.succeed("render scene.toml -o auto.png --exposure auto --tone-map pbr-neutral");
     let said = workshop.succeed("render scene.toml -o auto.jpg --exposure auto --tone-map pbr-neutral");
     let ev =
@@ -199,7 +200,7 @@ fn wrong_exposures_are_one_clear_line() {
     assert!(!workshop.path("a.png").exists());
 }
 
-/// All frames have the exposure of frame 0, alone, among others, and in shares. The sphere comes nearer.
+/// All frames have the exposure of frame 0, also a single frame and frames in shares. The sphere approaches the camera.
 #[test]
 fn frames_have_the_exposure_of_the_first() {
     let workshop = Workshop::new();
@@ -216,7 +217,7 @@ fn frames_have_the_exposure_of_the_first() {
     assert_eq!(workshop.bytes("share_3.png"), workshop.bytes("all_3.png"));
     workshop.succeed(&format!("render moving.toml -o typed_#.png --frames 0-3 --exposure {ev}"));
     assert_eq!(workshop.pixels("typed_3.png"), workshop.pixels("all_3.png"));
-    // The picture of frame 3 on its own would have another.
+    // The automatic exposure of frame 3 as a picture differs.
     let near = scene.replace("centre = [0, 0, 0]", "centre = [0, 0, 3]");
     workshop.write("near.toml", &near);
     let said = workshop.succeed("render near.toml -o still.png --exposure auto");
@@ -296,18 +297,18 @@ fn a_headlight_can_be_left_out() {
     assert!(!said.contains("headlight"), "{said}");
     let sum = |name: &str| workshop.pixels(name).into_iter().flatten().map(u64::from).sum::<u64>();
     assert!(sum("none.png") < sum("head.png"), "{} {}", sum("none.png"), sum("head.png"));
-    // The scene file says the same, and the option overrides it.
+    // The same by a key of the scene file, which the option overrides.
     workshop
         .write("dark.toml", "[image]\nbackground = '#202226'\nheadlight = false\n[[mesh]]\nfile = 'a.obj'\n");
     workshop.succeed("render dark.toml -o dark.png --size 8x8");
     assert_eq!(workshop.pixels("dark.png"), workshop.pixels("none.png"));
     workshop.succeed("render dark.toml -o lit.png --size 8x8 --light head");
     assert_eq!(workshop.pixels("lit.png"), workshop.pixels("head.png"));
-    // Frames, and fingerprints, too.
+    // The same for frames, and for fingerprints.
     workshop.succeed("render a.obj -o f_#.png --frames 0 --size 8x8 --light none");
     let said = workshop.succeed("render a.obj -o f_#.png --frames 0 --size 8x8 --skip-existing");
     assert!(said.contains("wrote 1 frame(s)"), "{said}");
-    // A light of the file stays.
+    // A light of the file is kept.
     workshop.succeed("render scene.toml -o scene.png");
     workshop.succeed("render scene.toml -o scene-none.png --light none");
     assert_eq!(workshop.pixels("scene.png"), workshop.pixels("scene-none.png"));

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use crate::common;
 
-/// What a window takes, by the beginnings of crates' names.
+/// Prefixes of the names of crates that only the window needs.
 const WINDOWING: [&str; 14] = [
     "accesskit",
     "arboard",
@@ -22,7 +22,7 @@ const WINDOWING: [&str; 14] = [
     "xkb",
 ];
 
-/// The crates that kiln is built of, with the features that are given.
+/// The crates that kiln depends on with the given features.
 fn crates(features: &[&str]) -> Vec<String> {
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     cargo.current_dir(common::repository("")).args(["tree", "--offline", "--locked", "--edges", "normal"]);
@@ -43,11 +43,11 @@ fn without_the_feature_no_windowing_crate_is_built() {
     let plain = crates(&["--features", "cli"]);
     assert!(plain.iter().any(|name| name == "obvhs"), "{plain:?}");
     assert_eq!(windowing(&plain), [""; 0]);
-    // Only what this build has is sure to be on the machine.
+    // Only the crates of this build are certain to be on the machine.
     if cfg!(feature = "video") {
         assert_eq!(windowing(&crates(&["--features", "cli,video"])), [""; 0]);
     }
-    // The names are those that there would be.
+    // The prefixes match crates of a build with the window.
     if cfg!(feature = "viewer") {
         let with = crates(&["--features", "viewer"]);
         for name in ["eframe", "egui", "glutin", "winit"] {
@@ -66,7 +66,7 @@ fn ray_queries_need_few_crates() {
     assert!(plain.len() <= 30, "{}: {plain:?}", plain.len());
 }
 
-/// A machine without a display, and one whose display does not answer: a failure, one line and a hint.
+/// Without a display, and with one that does not respond, the window fails with one line and a hint.
 #[cfg(all(feature = "viewer", target_os = "linux"))]
 #[test]
 fn without_a_display_that_is_said() {
@@ -86,7 +86,7 @@ fn without_a_display_that_is_said() {
     assert!(none.starts_with("kiln: error: there is no display to open a window on"), "{none}");
     assert!(none.contains("\nhint: `kiln render` makes pictures without a window"), "{none}");
     assert_eq!(none.lines().count(), 2, "{none}");
-    // Nobody has so many displays. Where X's libraries are missing, it is those that are named.
+    // A display number that does not exist. Where the libraries of X are missing, the error names them.
     let silent = view(Some(":54321"));
     let is_known = silent.starts_with("kiln: error: no X server answers at DISPLAY=:54321\nhint: ")
         || silent.starts_with("kiln: error: one of X's libraries is missing");

@@ -11,14 +11,14 @@ pub mod places;
 
 use std::path::{Path, PathBuf};
 
-/// Barycentric coordinates on corners and edges and up to a thousandth from them.
-pub fn weights_on_borders(numbers: &mut Numbers) -> [f64; 3] {
+/// Barycentrics on corners and edges and up to a thousandth from them.
+pub fn barycentrics_on_borders(numbers: &mut Numbers) -> [f64; 3] {
     let near = |numbers: &mut Numbers| numbers.one_of(&[0.0, 0.0, 1e-18, 1e-16, 1e-13, 1e-9, 1e-6, 1e-3]);
     let v = if numbers.below(2) == 0 { near(numbers) } else { numbers.fine_unit() * 0.5 };
     let w = near(numbers);
-    let mut weights = [1.0 - v - w, v, w];
-    weights.rotate_left(numbers.below(3));
-    weights
+    let mut barycentrics = [1.0 - v - w, v, w];
+    barycentrics.rotate_left(numbers.below(3));
+    barycentrics
 }
 
 /// The origin of a secondary ray that leaves a triangle on or beside its border, on a random side; and that side's
@@ -31,7 +31,7 @@ pub fn origin_on_border(
     let corners = corners.map(|p| p.map(|c| numerics.precision().round(c)));
     let normal = kiln::geometry::Triangle(corners).unit_normal()?;
     let normal = if numbers.below(2) == 0 { normal } else { -normal };
-    let point = kiln::geometry::spawn::SurfacePoint::on_triangle(corners, weights_on_borders(numbers));
+    let point = kiln::geometry::spawn::SurfacePoint::on_triangle(corners, barycentrics_on_borders(numbers));
     Some((point.origin_towards(normal, numerics), normal))
 }
 

@@ -1,8 +1,7 @@
-//! Hard cases, chapter A, second part: rays in faces of boxes, at their edges and corners, and boxes without depth (A3,
-//! A6, A7).
+//! Rays in the faces of bounding boxes and at their edges and corners, and boxes without depth (A3, A6, A7).
 //!
-//! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
-//! which tier.
+//! Every tier runs by brute force and by every tree, and is compared with exact arithmetic.
+//! `tests/common/hard/check.rs` states what is asserted of which tier.
 
 use std::cmp::Ordering;
 
@@ -18,14 +17,14 @@ use glam::DVec3;
 use kiln::bvh::{Traversal, build};
 use kiln::geometry::{Beam, BoxTest, DoubleBoxTest, Numerics, Ray, SingleBoxTest, round_up};
 
-/// At least half of the rays hit: the case is not beside the point.
+/// At least half of the rays hit: the rays are aimed at what the test is about.
 fn mostly_hits(summary: Summary) {
     assert!(summary.hit * 2 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: boxes of f32 numbers, some without depth, of sizes and places over six powers of ten, and rays at their
-/// corners, edges and faces, from anywhere and from the box itself. A box that the exact ray meets before its end is
-/// entered, and no later than it is met, up to rounding.
+/// Boxes with f32 corners, some without depth, with sizes and positions over six powers of ten; rays through their
+/// corners, edges and faces, from random points and from points of the box. The box test accepts every box that the
+/// exact ray meets before its end, and its entry distance is at most the exact one, up to rounding.
 #[test]
 fn a3_a_box_that_the_exact_ray_meets_is_entered() {
     let mut numbers = Numbers::new(33);
@@ -80,15 +79,15 @@ fn a3_a_box_that_the_exact_ray_meets_is_entered() {
     assert!(met > times_factor(30_000));
 }
 
-/// Set-up: a height field of whole numbers, met along an axis at every corner, edge, middle of an edge and middle of a
-/// square; so rays run in faces of boxes, along their edges and through their corners. All numbers are small whole
-/// ones, so f64 decides exactly.
+/// A height field with integer coordinates, and rays along an axis through every corner, edge, middle of an edge and
+/// middle of a square: these rays run in faces of boxes, along their edges and through their corners. All numbers are
+/// small integers, so f64 arithmetic is exact.
 #[test]
 fn a3_rays_in_faces_and_corners_of_boxes_hit() {
     let size = 16;
     let field = meshes::height_field(size, 3);
     for axis in 0..3 {
-        // The heights turned to run along the axis.
+        // The height field, permuted so that heights are along the axis.
         let turned = |p: DVec3| match axis {
             0 => DVec3::new(p.z, p.x, p.y),
             1 => DVec3::new(p.y, p.z, p.x),
@@ -101,18 +100,18 @@ fn a3_rays_in_faces_and_corners_of_boxes_hit() {
             let rays = lattice(axis, 9.0 * side, (-0.5, size as f64 + 0.5), 0.5, direction);
             let summary =
                 judge_in(&format!("lattice {axis}"), &slots, &rays, &Numerics::ALL, &all_structures());
-            // 33 x 33 of 35 x 35 places lie over the field.
+            // 33 x 33 of the 35 x 35 rays are over the field.
             assert_eq!(summary.hit, 33 * 33);
             assert_eq!(summary.not_exact, 0);
         }
     }
 }
 
-/// Set-up: the same field, met through its corners and points of its edges by rays of whole numbers in all directions.
+/// The same field, and rays with integer origins and directions through its corners and points of its edges.
 ///
-/// What this has found: in `watertight` and `double`, brute force took a ray that runs in the plane of a triangle, and
-/// past its box, for a hit, to which trees did not come. The smallest case: the ray from (21, 1, -3) along (-2, 1, 3)
-/// and the triangle (20, 6, 3), (21, 6, 2), (21, 7, 3). All three edge functions are 0; as computed they were not.
+/// A ray in the plane of a triangle that passes beside its box must miss in brute force, too. The smallest case is the
+/// ray from (21, 1, -3) along (-2, 1, 3) and the triangle (20, 6, 3), (21, 6, 2), (21, 7, 3): all three edge functions
+/// are 0 exactly, but not when they are rounded.
 #[test]
 fn a3_slanted_rays_through_lattice_points_hit() {
     let field = meshes::height_field(24, 5);
@@ -126,8 +125,8 @@ fn a3_slanted_rays_through_lattice_points_hit() {
     assert!(summary.tied * 4 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: rays that start at corners, on edges, on faces and in the middle of the boxes of triangles, of pairs of them
-/// and of all of them; along all lattice directions and others.
+/// Rays that start at corners, on edges, on faces and in the middle of boxes: those of single triangles, of pairs and
+/// of the whole mesh. Directions are all lattice directions and random ones.
 #[test]
 fn a6_rays_that_start_on_boxes_miss_nothing() {
     let mut mesh = meshes::height_field(6, 6);
@@ -158,8 +157,9 @@ fn a6_rays_that_start_on_boxes_miss_nothing() {
     assert!(summary.hit * 3 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: triangles in planes across an axis, whose boxes are flat. A ray in such a plane misses, in every tier; a ray
-/// one step of f32 beside it misses too, and a ray tilted by one step meets what it should.
+/// Triangles in planes perpendicular to an axis, whose boxes have no depth. In every tier, a ray in such a plane
+/// misses, as does a parallel ray one f32 step beside it; a ray tilted by one f32 step hits the triangles that the
+/// exact ray hits.
 #[test]
 fn a7_flat_boxes_are_met_and_rays_in_them_miss() {
     let mut numbers = Numbers::new(7);
@@ -194,7 +194,7 @@ fn a7_flat_boxes_are_met_and_rays_in_them_miss() {
     }
 }
 
-/// Set-up: closed boxes of 100 x 100 x 1e-4, met at corners, edges and faces from outside and from within.
+/// Closed boxes of 100 x 100 x 1e-4, and rays at their corners, edges and faces from outside and inside.
 #[test]
 fn a7_thin_boxes_are_not_missed() {
     let mesh = meshes::thin_boxes(12, 7);
@@ -202,14 +202,14 @@ fn a7_thin_boxes_are_not_missed() {
     let mut numbers = Numbers::new(77);
     let aimed = targets(&mesh, &At::ALL, times_factor(3000), &mut numbers);
     mostly_hits(judge("thin boxes", &slots, &from_around(DVec3::ZERO, 300.0, &aimed, &mut numbers)));
-    // From the middle of each box, anywhere: closed.
+    // Every ray from the middle of a closed box hits.
     let from_within: Vec<Ray> = mesh
         .chunks(12)
         .flat_map(|thin| {
             let min = thin.iter().flatten().copied().reduce(DVec3::min).expect("corners");
             let max = thin.iter().flatten().copied().reduce(DVec3::max).expect("corners");
             let middle = single((min + max) / 2.0);
-            // Rounding must not have put it on a face.
+            // Only where rounding has not moved the middle onto a face.
             assert!(min.cmplt(middle).all() && middle.cmplt(max).all());
             let aimed = targets(thin, &At::SHARED, times_factor(600), &mut numbers);
             aimed.into_iter().map(move |target| ray_towards(middle, target)).collect::<Vec<_>>()

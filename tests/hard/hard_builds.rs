@@ -1,14 +1,15 @@
-//! Hard cases, chapter C, second part: what is built (C4 to C11). How long it takes is in
-//! `tests/timing/hard_build_times.rs`.
+//! Trees of hard geometry: extreme ranges of size, deep trees, cut triangles, few primitives (C4 to C11). Build times
+//! are tested in `tests/timing/hard_build_times.rs`.
 //!
-//! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
-//! which tier.
+//! Every tier runs by brute force and by every tree, and is compared with exact arithmetic.
+//! `tests/common/hard/check.rs` states what is asserted of which tier.
 //!
 //! Not tested here:
-//! - C7 as such: kiln's nodes hold boxes in f32, not in 8 bits; the boxes that 8 bits would cut are traced all the same.
-//! - C8 as such: where leaves begin and end is not public. That triangles cut to pieces are whole is seen by hitting them.
-//! - C10: the profile that tests run in has debug assertions, and this chapter runs in it.
-//! - C11's order of Morton codes, a matter of speed only; that nothing is lost at the ends of its range is tested.
+//! - C7, boxes of 8 bits: kiln's nodes hold boxes in f32. Boxes that 8 bits would cut are traced nevertheless.
+//! - C8, the contents of leaves: they are not public. Rays test that every part of a cut triangle is hit.
+//! - C10: the profile of the tests has debug assertions.
+//! - C11, the order of Morton codes: it affects speed only. That no triangle at the ends of their range is lost is
+//!   tested.
 
 use crate::common;
 use crate::common::Numbers;
@@ -24,12 +25,11 @@ use glam::DVec3;
 use kiln::bvh::{Layout, Preset, Slot, build};
 use kiln::geometry::{Numerics, Ray};
 
-/// Set-up: one triangle in the other, growing by 1.01 and by 2, over 80 powers of two; and triangles of random sizes
-/// over as many.
+/// Nested triangles whose sizes grow by factors of 1.01 and of 2, over 80 powers of two, and triangles of random sizes
+/// over the same range.
 ///
-/// What this has found: in `watertight` and `double`, brute force took rays that pass far beside a triangle for hits
-/// where the triangle is smaller than the last digit of its distance, where the signs of edge functions are as good as
-/// random. Trees did not come to it.
+/// Where a triangle is smaller than a rounding step of its distance, the signs of rounded edge functions are arbitrary:
+/// brute force must not report a hit far outside the triangle's box, which trees would not test.
 #[test]
 fn c4_geometric_progressions_are_built_and_traced() {
     let mut numbers = Numbers::new(4);
@@ -41,7 +41,7 @@ fn c4_geometric_progressions_are_built_and_traced() {
         let slots = triangles(mesh.clone());
         let mut rays = vec![ray(DVec3::ZERO, DVec3::Z), ray(DVec3::ZERO, -DVec3::Z)];
         for target in targets(&mesh, &At::ALL, times_factor(250), &mut numbers) {
-            // From about as far as the target is from the middle.
+            // From about the distance of the target from the middle.
             let size = target.abs().max_element();
             rays.push(ray_towards(target + numbers.vector() * size, target));
             rays.push(ray_towards(target * -0.5, target));
@@ -51,7 +51,7 @@ fn c4_geometric_progressions_are_built_and_traced() {
     }
 }
 
-/// Set-up: sizes from 1e-6 to 1e6 in one scene, small triangles seen from close by and from far away.
+/// Sizes from 1e-6 to 1e6 in one scene; rays at small triangles from near and from far.
 #[test]
 fn c4_mixed_scales_are_traced() {
     let mesh = meshes::mixed_scales(1000, 5);
@@ -68,11 +68,11 @@ fn c4_mixed_scales_are_traced() {
     judge("mixed scales", &slots, &rays);
 }
 
-/// Set-up: 500 clusters of needles, one around the other, the last 145 times as large as the first, and a small
-/// triangle in the middle; every cluster waits on the stack while the next is opened.
+/// 500 nested clusters of needles, the last 145 times as large as the first, and a small triangle in the middle: each
+/// cluster is on the traversal stack while the next one is visited.
 ///
-/// What this has found: in `fast`, the closest hit was another one in trees that keep a triangle in parts. Its distance
-/// was wrong by more than the size of a part, and so lay outside of that part's box.
+/// In `fast`, the error of a distance may exceed the size of the part of a triangle that a leaf holds, so the hit may
+/// lie outside the box of that part. Trees that cut triangles must report the same closest hit nevertheless.
 #[test]
 fn c5_deep_stacks_lose_nothing() {
     for clusters in [100, 500] {
@@ -94,9 +94,9 @@ fn c5_deep_stacks_lose_nothing() {
     }
 }
 
-/// Set-up: a mesh with spheres, times powers of two from 2^-40 to 2^40, which is as far as scenes are let in without
-/// being scaled. It answers the same to the last bit. (The fast tier multiplies three lengths in f32: of numbers below
-/// 2^-34, the product's last digits are below what f32 can hold.)
+/// A mesh with spheres, scaled by powers of two from 2^-40 to 2^40, the range in which scenes are not rescaled. Hits
+/// are the same, bit for bit. (The tier `fast` multiplies three lengths in f32: below 2^-34, the last digits of the
+/// product are below the least f32.)
 #[test]
 fn c6_every_scale_that_is_let_in_is_the_same() {
     let mut primitives: Vec<_> =
@@ -112,8 +112,8 @@ fn c6_every_scale_that_is_let_in_is_the_same() {
     scales_to_the_bit("scales", &slots, &rays, &[-30, -20, -10, 10, 27, 40], &[Numerics::Fast]);
 }
 
-/// Set-up: a mesh times powers of two over the whole range that the border lets in, brought into range as scenes are.
-/// It answers as the mesh itself does, with distances times that power.
+/// A mesh scaled by powers of two over the whole range that import accepts, and recentered as scenes are. Hits are
+/// those of the mesh itself, with distances scaled by the same power.
 #[test]
 fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
     use kiln::scene::{MaterialId, Mesh, Object, Scene, Shape};
@@ -145,8 +145,8 @@ fn c6_every_scale_that_the_border_lets_in_is_brought_into_range() {
     }
 }
 
-/// Set-up: boxes of 255 times a power of two, and up to two steps of f32 more or less, which 8 bits a side cut when
-/// they round down; rays along and at their faces, edges and corners.
+/// Boxes with sides of 255 times a power of two, up to two f32 steps more or less, which bounds of 8 bits would cut if
+/// rounded down; rays along and at their faces, edges and corners.
 #[test]
 fn c7_boxes_that_eight_bits_would_cut_lose_nothing() {
     let mesh = tree_inputs::extents_of_255(60, 1);
@@ -166,8 +166,8 @@ fn c7_boxes_that_eight_bits_would_cut_lose_nothing() {
     assert!(summary.hit * 3 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: large triangles through many small ones, which two presets cut to pieces; points all over the large ones,
-/// and along lines across an axis, as cuts are. Every preset finds every piece.
+/// Large triangles through many small ones, which two presets cut; rays at points all over the large ones, and along
+/// lines perpendicular to an axis, where cuts are. Every preset finds every part.
 #[test]
 fn c8_triangles_cut_to_pieces_are_whole() {
     let mesh = tree_inputs::to_be_split(40, 2000, 8);
@@ -175,7 +175,7 @@ fn c8_triangles_cut_to_pieces_are_whole() {
     let large: Vec<Corners> = mesh.into_iter().filter(|[a, b, _]| a.distance(*b) > 10.0).collect();
     assert!(large.len() > 30);
     let split = [Layout::BruteForce, Layout::Bvh2(Preset::BestTrace), Layout::Bvh2(Preset::BestTrace)];
-    // They do cut: there are more slots than triangles.
+    // Triangles were cut: there are more slots than triangles.
     let most = build(slots.iter().copied(), split[2], Numerics::Watertight).describe().slots;
     assert!(most > slots.len(), "nothing was cut");
     let mut numbers = Numbers::new(88);
@@ -203,18 +203,16 @@ fn pieces(slots: &[Slot]) -> usize {
     build(slots.iter().copied(), Layout::Bvh2(Preset::BestTrace), Numerics::Watertight).describe().slots
 }
 
-/// Set-up: large triangles of whole numbers among small ones, and rays that run in their planes, through them and past
-/// them; where f64 cannot tell that a ray runs in a plane, it is still told the same by every structure.
-///
-/// What this has found: in `watertight` and `double` a ray in a triangle's plane was taken for a hit anywhere in the
-/// triangle's box. Trees that keep the triangle in parts know less of that box than brute force does.
+/// Large triangles with integer coordinates among small ones, and rays in their planes, through them and past them.
+/// Where f64 does not decide that a ray lies in the plane, every structure still gives the same result: a hit may not
+/// depend on the box of the whole triangle, of which trees that cut triangles hold parts only.
 #[test]
 fn c8_rays_in_the_planes_of_cut_triangles_are_told_the_same() {
     let mut numbers = Numbers::new(89);
     let mut whole = |size: f64| (numbers.vector() * size).round();
     let large: Vec<Corners> = (0..40)
         .map(|_| {
-            // Long and narrow: a cut leaves much less of its box.
+            // Long and narrow: the boxes of the parts are much smaller than that of the whole.
             let end = whole(100.0);
             [end, whole(15.0) - end, whole(15.0)]
         })
@@ -235,7 +233,7 @@ fn c8_rays_in_the_planes_of_cut_triangles_are_told_the_same() {
     judge_in("in planes of cut triangles", &slots, &rays, &Numerics::ALL, &all_structures());
 }
 
-/// Set-up: 0 to 5 primitives, spheres among them, in every structure.
+/// 0 to 5 primitives, triangles and spheres, in every structure.
 #[test]
 fn c9_few_primitives_are_built_and_traced() {
     let mut primitives: Vec<_> =
@@ -252,8 +250,7 @@ fn c9_few_primitives_are_built_and_traced() {
     }
 }
 
-/// Set-up: a grid of triangles whose middles lie at both ends of their range on every axis, at the origin and a million
-/// away.
+/// A grid of triangles with centroids at both ends of their range on every axis, at the origin and at a million.
 #[test]
 fn c11_the_ends_of_the_range_of_middles_are_not_lost() {
     for offset in [DVec3::ZERO, DVec3::splat(1e6)] {

@@ -1,7 +1,7 @@
-//! Cameras where they are hardest: without a usable up, at the ends of f64, on surfaces and inside closed bodies, on
-//! pixel lattices that meet edges and corners, and far away.
+//! Numerically hard cameras: without a usable up vector, at the ends of f64, on surfaces and inside closed meshes, with
+//! pixel lattices that meet edges and corners, and far from the origin.
 //!
-//! Not tested here: an orthonormal basis from one vector (F2), which kiln has no use for; its one basis is the
+//! Not tested here: an orthonormal basis from one vector (F2), which kiln does not compute; its only basis is the
 //! camera's.
 
 use crate::common::Numbers;
@@ -13,10 +13,10 @@ use kiln::geometry::Precision;
 use kiln::scene::{Camera, Numerics, Projection, Scene};
 use kiln::world::View;
 
-/// The axes u, v and w of a camera, from the rays of four pixels: u and v from where parallel rays start, w from
-/// where they go.
+/// The axes u, v and w of a camera, from the rays of four pixels of an orthographic view: u and v from their origins, w
+/// from their direction.
 fn axes(position: DVec3, target: DVec3, up: DVec3) -> Option<[DVec3; 3]> {
-    // A rectangle as large as the position is far away, so that differences of starts keep their digits.
+    // A viewing rectangle as large as the distance of the position, so that differences of origins keep their digits.
     let side = position.abs().max_element().max(1.0);
     let camera = Camera { up, ..camera(position, target, Projection::Orthographic, side, 1.0) };
     let view = View::new(&camera, camera.projection, [2, 2]).ok()?;
@@ -26,7 +26,7 @@ fn axes(position: DVec3, target: DVec3, up: DVec3) -> Option<[DVec3; 3]> {
     Some([u, v, -ray(0, 0).direction])
 }
 
-/// Length 1, perpendicular and right-handed, to two steps of f32.
+/// The axes have length 1, are perpendicular and right-handed, up to two f32 steps.
 #[track_caller]
 fn assert_orthonormal([u, v, w]: [DVec3; 3]) {
     let limit = 2.0 * f64::from(f32::EPSILON);
@@ -35,7 +35,7 @@ fn assert_orthonormal([u, v, w]: [DVec3; 3]) {
     assert!(lengths.iter().chain(&angles).all(|x| *x <= limit), "{u} {v} {w}");
 }
 
-/// A ball of radius 1 and a camera 5 away, as a scene file; the lens shows 0.6 at a distance of 1.
+/// A scene file of a sphere of radius 1 and a camera at a distance of 5, which sees a width of 0.6 at a distance of 1.
 fn ball(centre: [f64; 3], position: [f64; 3], look_at: [f64; 3], up: [f64; 3], lens: f64) -> String {
     let (side, distance) = (0.6 * lens, lens);
     format!(
@@ -45,8 +45,9 @@ fn ball(centre: [f64; 3], position: [f64; 3], look_at: [f64; 3], up: [f64; 3], l
     )
 }
 
-/// That ball is a disc in 33 x 33 pixels. Its outline is the cone of slope r / sqrt(D^2 - r^2) = 1 / sqrt(24), which is
-/// 33 / 0.6 / sqrt(24) = 11.2268 pixels from the middle: 126.04 squared. Of the sums of two squares 125 is the nearest.
+/// The sphere is seen as a disc in 33 x 33 pixels. Its outline is the cone of slope r / sqrt(D^2 - r^2) = 1 / sqrt(24),
+/// which is 33 / 0.6 / sqrt(24) = 11.2268 pixels from the middle: 126.04 squared. Of the sums of two squares 125 is the
+/// nearest.
 #[track_caller]
 fn assert_disc(prepared: &Prepared, text: &str) {
     for (index, hit) in (0..).zip(prepared.hits()) {
@@ -57,12 +58,12 @@ fn assert_disc(prepared: &Prepared, text: &str) {
 
 #[test]
 fn f1_cameras_without_a_direction_or_an_up_are_errors() {
-    // What the catalogue lists as not finite elsewhere, where there is nothing to look at or no up at all.
+    // A target at the position, up to rounding, and an up vector of zero.
     let base = |up, look_at| ball([0.0; 3], [1e6, 0.0, 0.0], look_at, up, 1.0);
     let y = [0.0, 1.0, 0.0];
     for (text, expected) in [
         (base(y, [1e6, 0.0, 0.0]), "camera `camera 0` looks at itself"),
-        // The next f64 after 1e6 is 1.2e-10 further.
+        // The next f64 after 1e6 is 1.2e-10 away.
         (base(y, [1e6 + 1e-12, 0.0, 0.0]), "camera `camera 0` looks at itself"),
         (base([0.0; 3], [0.0; 3]), "camera `camera 0` has no up"),
     ] {
@@ -101,7 +102,7 @@ fn f1_a_ball_is_a_disc_however_the_camera_is_turned() {
 
 #[test]
 fn f1_a_ball_is_a_disc_through_a_lens_of_any_size() {
-    // Only the ratio of rectangle and distance counts for a perspective camera; both from 1e-300 to 1e300.
+    // A perspective camera depends on the ratio of rectangle and distance only; both go from 1e-300 to 1e300.
     for exponent in [-300, -200, -160, -23, 0, 25, 160, 200, 300] {
         let lens = format!("1e{exponent}").parse().expect("a number");
         let text = ball([0.0; 3], [0.0, 0.0, 5.0], [0.0; 3], [0.0, 1.0, 0.0], lens);
@@ -131,7 +132,7 @@ fn f1_hundred_thousand_cameras_have_an_orthonormal_basis() {
                 let gone = (target - position) / (target - position).abs().max_element();
                 assert!((axes[2] + gone.normalize()).length() < 4.0 * f64::EPSILON, "{position} {target}");
             }
-            // So near that the position's own rounding swallows it.
+            // So near that the target rounds to the position.
             None => {
                 assert_eq!(position, target);
                 refused += 1;
@@ -159,8 +160,8 @@ fn f2_directions_near_the_axes_have_an_orthonormal_basis() {
 
 #[test]
 fn f3_directions_have_length_one_and_highlights_make_no_light() {
-    // Inside a sphere, at its centre, with the lamp there too: the mirrored light meets the eye in every pixel, so the
-    // sum of light is k_a I_a + k_d I + k_s I (R.V)^n with R.V = 1, and rounded never above it.
+    // Camera and light are at the centre of a sphere: the mirrored light reaches the camera in every pixel, so its
+    // radiance is k_a I_a + k_d I + k_s I (R.V)^n with R.V = 1, and rounding does not exceed it.
     for shininess in ["16", "1000", "1e6", "1e9", "1e18", "1e99"] {
         let text = format!(
             "[image]\ncolour = 'display'\n[[camera]]\nposition = [1, 2, 3]\nlook_at = [4, -3, 1]\n\
@@ -182,7 +183,7 @@ fn f3_directions_have_length_one_and_highlights_make_no_light() {
     }
 }
 
-/// The assignment's plane, seen from a point of it or from `height` above it.
+/// The plane of the assignment, with the camera `height` above a point of it.
 fn on_the_plane(height: f64) -> Scene {
     let y = -500.0 + height;
     scene(&format!(
@@ -194,18 +195,18 @@ fn on_the_plane(height: f64) -> Scene {
 
 #[test]
 fn f4_a_camera_on_a_plane_does_not_see_it() {
-    // The assignment's plane from one of its points: the only thing they share lies at t = 0, which no ray includes.
+    // The camera is on the plane: the only common point is at t = 0, which a ray does not include.
     for prepared in tiers(&on_the_plane(0.0), [32, 32]) {
         sound(&prepared);
         assert!(prepared.hits().iter().all(Option::is_none), "{}", prepared.world.numerics().name());
     }
-    // One f32 step above it the lower half is full of it.
+    // From one f32 step above it, the plane fills the lower half.
     let step = f64::from((-500f32).next_up()) + 500.0;
     for prepared in tiers(&on_the_plane(step), [32, 32]) {
         sound(&prepared);
         for (ray, hit) in prepared.rays().iter().zip(prepared.hits()) {
             let exact = -step / ray.direction.y;
-            // Downwards it is met before its hypotenuse, thousands of units away; upwards there is nothing.
+            // Rays downwards hit it before its hypotenuse, thousands of units away; rays upwards miss.
             assert_eq!(hit.is_some(), exact > 0.0, "{ray:?}");
             assert!(hit.is_none_or(|hit| (hit.t - exact).abs() <= f64::from(f32::EPSILON) * exact));
         }
@@ -214,9 +215,9 @@ fn f4_a_camera_on_a_plane_does_not_see_it() {
 
 #[test]
 fn f4_a_camera_on_an_oblique_plane_sees_what_is_behind_it() {
-    // The middle of a triangle of x + y + z = 0 with whole corners, before a ball that fills the view: every tier sees
-    // the ball in every pixel. (The distance to the triangle, 0, comes out as a rounding above it for one pixel in
-    // five.)
+    // The camera is at the middle of a triangle in x + y + z = 0 with integer corners, before a sphere that fills the
+    // view: every tier hits the sphere in every pixel. (The distance to the triangle is 0; for one pixel in five it
+    // rounds to a positive number.)
     let text = "[[camera]]\nposition = [0, 0, 0]\nlook_at = [1, 2, 3]\n\
         [[triangles]]\nvertices = [[3, -3, 0], [0, 3, -3], [-3, 0, 3]]\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 9\n";
     for prepared in tiers(&scene(text), [32, 32]) {
@@ -230,8 +231,8 @@ fn f4_a_camera_on_an_oblique_plane_sees_what_is_behind_it() {
 
 #[test]
 fn f4_a_camera_on_a_corner_of_a_cube_sees_the_three_faces_opposite() {
-    // A cube of corners 0 and 1, from its corner 0 through a lens that looks inside it in every pixel. Each ray leaves
-    // through the face of its greatest component, at 1 over that.
+    // The camera is at corner 0 of the unit cube, and all its rays run inside. Each leaves through the face of its
+    // greatest direction component c, at t = 1 / c.
     let text = format!(
         "[[camera]]\nposition = [0, 0, 0]\nlook_at = [1, 1, 1]\nviewing_rectangle = [0.8, 0.8]\n\
          viewpoint_distance = 1\n{CUBE}"
@@ -250,8 +251,8 @@ fn f4_a_camera_on_a_corner_of_a_cube_sees_the_three_faces_opposite() {
 
 #[test]
 fn f4_nothing_is_seen_through_a_closed_body_from_inside() {
-    // Inside a cube and inside a sphere, in every direction: six views of 90 degrees. No red background is seen, and
-    // the lamp outside leaves the walls dark.
+    // Six views of 90 degrees, from inside a cube and from inside a sphere. No pixel shows the red background, and the
+    // light outside does not reach the walls.
     for look_at in [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]] {
         for body in [CUBE.to_owned(), "[[sphere]]\ncentre = [0.5, 0.5, 0.5]\nradius = 0.5\n".into()] {
             let target = look_at.map(|c| f64::from(c) + 0.5);
@@ -272,8 +273,9 @@ fn f4_nothing_is_seen_through_a_closed_body_from_inside() {
 
 #[test]
 fn f5_parallel_rays_through_corners_and_edges_of_a_lattice_hit_what_whole_numbers_say() {
-    // 64 x 64 parallel rays onto a field of whole corners, at four offsets: through its corners, along its edges, and
-    // between. Along -z the rays hold zeros of both signs. The first corner lies in pixel row 64 from the top.
+    // 64 x 64 parallel rays onto a height field with integer corners, at four offsets: through its corners, along its
+    // edges and between them. Their direction is -z, with zeros of both signs. The first corner is in pixel row 64 from
+    // the top.
     let field = field();
     let vertices: Vec<[i64; 3]> = field.iter().flatten().copied().collect();
     for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
@@ -287,18 +289,18 @@ fn f5_parallel_rays_through_corners_and_edges_of_a_lattice_hit_what_whole_number
             sound(&prepared);
             let numerics = prepared.world.numerics();
             for (index, hit) in (0i64..).zip(prepared.hits()) {
-                // Pixel centres in halves: 2 * (column + 0.5) + offset, rows counted from the bottom.
+                // Pixel centres in units of 1/2: 2 * (column + 0.5) + offset, rows counted from the bottom.
                 let (x, y) = (2 * (index % 64) + 1 + dx, 2 * (63 - index / 64) + 1 + dy);
                 let expected = under(&field, x, y);
                 let found = hit.map(|hit| (hit.prim.0, hit.t));
                 match (expected, found) {
                     (Some((id, depth)), Some((prim, t))) => {
                         assert!((t - depth).abs() <= 16.0 * numerics.precision().epsilon());
-                        // Triangles that meet at a point tie there; rounded distances may order them otherwise.
+                        // Triangles that share the point tie; their rounded distances may differ.
                         assert!(prim == id || numerics != Numerics::Exact, "({x}, {y}): {prim}, not {id}");
                     }
                     (None, None) => {}
-                    // Only where f32 decides may an edge be lost.
+                    // Only in the tier that decides in f32 may a ray pass through an edge.
                     _ => assert_eq!(numerics, Numerics::Fast, "({x}, {y}): {expected:?} {found:?}"),
                 }
             }
@@ -308,12 +310,12 @@ fn f5_parallel_rays_through_corners_and_edges_of_a_lattice_hit_what_whole_number
 
 #[test]
 fn f5_pictures_of_odd_and_even_sizes_have_no_holes() {
-    // The same field from above and within its outline, in both projections and several sizes, odd and even.
+    // The same field, seen from above within its outline, in both projections and in odd and even sizes.
     let vertices: Vec<[i64; 3]> = field().into_iter().flatten().collect();
     let mut scene = scene(&format!("[[triangles]]\nvertices = {vertices:?}\n"));
     let middle = DVec3::new(32.0, 32.0, 0.0);
     for projection in [Projection::Perspective, Projection::Orthographic] {
-        // At 64 above, 48 wide at z = 0: 24 to each side of the middle where the field reaches 32.
+        // From 64 above, the view is 48 wide at z = 0: 24 to each side of the middle, and the field reaches 32.
         scene.cameras = vec![camera(middle + DVec3::Z * 64.0, middle, projection, 48.0, 64.0)];
         for (size, numerics) in [31, 32, 63, 64, 65].iter().flat_map(|size| TIGHT.map(|tier| (*size, tier))) {
             let prepared = prepare(scene.clone(), [size, size], numerics);
@@ -324,7 +326,8 @@ fn f5_pictures_of_odd_and_even_sizes_have_no_holes() {
 
 #[test]
 fn f5_parallel_rays_that_touch_a_sphere_hit_it_and_those_beside_it_do_not() {
-    // A ball of radius 8 on a lattice of halves: rays at a whole distance, among them 8 itself, which touches it.
+    // A sphere of radius 8 and rays with integer coordinates x and y, so that their squared distances from the
+    // centre are integers; those at a distance of 8 touch it.
     let text = "[[camera]]\nposition = [0.5, 0.5, 20]\nlook_at = [0.5, 0.5, 0]\nprojection = 'orthographic'\n\
         viewing_rectangle = [32, 32]\nviewpoint_distance = 20\n[[sphere]]\ncentre = [0, 0, 0]\nradius = 8\n";
     for prepared in tiers(&scene(text), [32, 32]) {

@@ -1,7 +1,7 @@
-//! Data where it is hardest: numbers that are none or absurd, faces without area, copies, needles. What cannot be drawn
-//! is left out with a warning and changes nothing else; what can, is.
+//! Hard data: NaN, infinite and extreme numbers, faces without area, duplicates, needles. What cannot be drawn is left
+//! out with a warning, and everything else is drawn as without it.
 //!
-//! Sizes, places and transforms are in `hard_transforms.rs`.
+//! Sizes, positions and transforms are tested in `hard_transforms.rs`.
 
 use crate::common;
 use crate::common::borders::{CUBE, Folder, Model, TIGHT, camera, films, scene, sound};
@@ -24,7 +24,7 @@ fn cube() -> Vec<[f32; 3]> {
     triangles.map(corner).collect()
 }
 
-/// An OBJ file of triangles whose corners stand one after the other, in words.
+/// An OBJ file of triangles that share no vertices; coordinates are given as text.
 fn obj(corners: &[[String; 3]]) -> String {
     let vertices: String = corners.iter().map(|c| format!("v {}\n", c.join(" "))).collect();
     let faces = (0..corners.len() / 3).map(|i| format!("f {} {} {}\n", 3 * i + 1, 3 * i + 2, 3 * i + 3));
@@ -35,13 +35,13 @@ fn words(corners: &[[f32; 3]]) -> Vec<[String; 3]> {
     corners.iter().map(|c| c.map(|x| x.to_string())).collect()
 }
 
-/// The bits of a scene's picture in every tier, with a camera and a light that fit.
+/// The bits of a scene's pixels in every tier, with a fitted camera and light.
 #[track_caller]
 fn all_bits(scene: &Scene) -> Vec<Vec<[u32; 3]>> {
     films(scene, SIZE).iter().map(|film| bits(film, SIZE)).collect()
 }
 
-/// The bits of every hit of a scene, in numbers and distances, for every preset and for none.
+/// The primitive and the bits of the distance of every hit of a scene, for every preset and for brute force.
 fn hits_by_every_structure(scene: &Scene) -> Vec<Vec<Option<(u32, u64)>>> {
     let mut scene = scene.clone();
     equip(&mut scene);
@@ -61,7 +61,7 @@ const TOO_LARGE: &str = "left out 1 primitive(s) with a coordinate beyond 1e18";
 
 #[test]
 fn i1_a_bad_number_in_an_obj_costs_its_triangle_and_nothing_else() {
-    // The unit cube and one triangle more, the last, with a bad number in each of its nine places in turn.
+    // The unit cube and one more triangle, the last, with a bad number in each of its nine coordinates in turn.
     let (good, _) = Folder::new().load("a.obj", obj(&words(&cube())));
     let (picture, hits) = (all_bits(&good), hits_by_every_structure(&good));
     for (bad, warning) in [
@@ -89,7 +89,7 @@ fn i1_a_bad_number_in_an_obj_costs_its_triangle_and_nothing_else() {
 
 #[test]
 fn i1_a_bad_number_in_a_gltf_costs_its_triangle_and_nothing_else() {
-    // The same in a binary file, whose least and greatest positions are given wrongly, too.
+    // The same in a binary file, whose stated bounds of positions are wrong, too.
     let (good, _) = Folder::new().load("a.glb", Model::new(&cube()).binary());
     let picture = all_bits(&good);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e19, -1e19, 3e38, -3e38] {
@@ -107,7 +107,8 @@ fn i1_a_bad_number_in_a_gltf_costs_its_triangle_and_nothing_else() {
 
 #[test]
 fn i1_a_bad_number_leaves_the_cameras_of_its_file_where_they_are() {
-    // A camera 4 before the cube, through which it is seen with and without a bad triangle beside it.
+    // A camera at a distance of 4 from the cube; the picture is the same with and without a bad triangle beside the
+    // cube.
     let with_camera = |corners: &[[f32; 3]]| {
         let mut model = Model::new(corners);
         model.json["scenes"][0]["nodes"] = json!([0, 1]);
@@ -128,8 +129,8 @@ fn i1_a_bad_number_leaves_the_cameras_of_its_file_where_they_are() {
 
 #[test]
 fn i1_attributes_that_are_no_numbers_are_as_good_as_none() {
-    // Normals, texture coordinates and colours of a cube, each with one bad number: what stands for it is no normal, a
-    // corner of no picture, white. So nothing differs from the cube without them.
+    // Normals, texture coordinates and colours of a cube, each with one bad number. The vertex then has no normal, the
+    // texture coordinate of a mesh without texture, or white: the picture is that of the cube without attributes.
     let picture = all_bits(&Folder::new().load("a.glb", Model::new(&cube()).binary()).0);
     let warning =
         "a.glb: left out 36 normal(s), texture coordinate(s) or colour(s) that are not usable numbers";
@@ -151,7 +152,7 @@ fn i1_attributes_that_are_no_numbers_are_as_good_as_none() {
         assert_eq!(warnings, [warning]);
         assert!(all_bits(&scene) == picture);
     }
-    // A colour that would take light away, and one whose linear light is beyond f32: 1e30 to the power of 2.4.
+    // A negative colour, and one whose linear value exceeds f32: 1e30 to the power of 2.4.
     for (line, kind) in
         [("v 0 0 0 -1 0 0", "negative"), ("v 0 0 0 1e30 0 0", "too bright"), ("v 0 0 0 nan 0 0", "")]
     {
@@ -164,7 +165,7 @@ fn i1_attributes_that_are_no_numbers_are_as_good_as_none() {
 
 #[test]
 fn i1_texture_coordinates_of_any_size_find_a_pixel() {
-    // Coordinates from the ends of f32 and beyond, on a picture that repeats.
+    // Coordinates at the ends of f32 and beyond, with a texture that repeats.
     let folder = Folder::new();
     folder.write("four.png", std::fs::read(common::repository("assets/import/four.png")).expect("a picture"));
     folder.write("a.mtl", "newmtl a\nKd 1 1 1\nmap_Kd four.png\n");
@@ -178,7 +179,7 @@ fn i1_texture_coordinates_of_any_size_find_a_pixel() {
 
 #[test]
 fn i1_materials_of_absurd_numbers_are_left_out_or_drawn() {
-    // Each line of an MTL file with numbers at the ends of f64, none, or below 0.
+    // Each statement of an MTL file with numbers at the ends of f64, NaN, or negative ones.
     let folder = Folder::new();
     for key in ["Kd", "Ks", "Ke", "Ns", "Pr", "Pm", "d"] {
         for value in ["1e308", "-1e308", "-1", "0", "1e-320", "nan", "inf", "1e400", "1e12"] {
@@ -195,7 +196,7 @@ fn i1_materials_of_absurd_numbers_are_left_out_or_drawn() {
 
 #[test]
 fn i1_gltf_factors_beyond_the_format_make_light_or_none() {
-    // Factors and lights below 0, above 1 and at the ends of f32, on a cube beside a lamp.
+    // Factors and lights below 0, above 1 and at the ends of f32, on a cube beside a light.
     let material = |key: &str, value: serde_json::Value| json!({ key: value });
     for x in [-1.0, 0.0, 1.0, 2.0, 3e38, 1e39, -1e39, 1e300] {
         let rough = |key: &str| material("pbrMetallicRoughness", json!({ key: x }));
@@ -235,7 +236,7 @@ fn i1_gltf_factors_beyond_the_format_make_light_or_none() {
 
 #[test]
 fn i1_strengths_at_the_ends_of_f64_are_errors_or_light() {
-    // A black and a white half of a material's colour: infinite light on black must stay black.
+    // A material colour with components of 0 and 1: infinite light times 0 must stay 0.
     for strength in ["1e99", "1e-320", "0", "1e101", "1e308"] {
         for key in ["ambient", "diffuse", "specular", "shininess", "intensity"] {
             let [material, light] = if key == "intensity" { ["", "intensity"] } else { [key, ""] }
@@ -244,7 +245,7 @@ fn i1_strengths_at_the_ends_of_f64_are_errors_or_light() {
                 "[ambient]\n{light}\n[[light]]\ntype = 'point'\nposition = [2, 3, 4]\ncolour = '#ff0080'\n{light}\
                  [material.m]\ncolour = '#ff00ff'\nspecular = 1\n{material}{CUBE}material = 'm'\n"
             );
-            // `specular` is said twice where it is the key in question.
+            // `specular` is in the file twice if it is the key under test.
             let text = if key == "specular" { text.replace("specular = 1\n", "") } else { text };
             if strength == "1e101" || strength == "1e308" {
                 let e = Folder::new().fails("a.toml", text);
@@ -271,7 +272,7 @@ fn i1_spheres_beyond_the_numbers_are_left_out_with_a_warning() {
     }
 }
 
-/// A field of 20 x 20 cells with a bump, as triangles one after the other.
+/// A height field of 20 x 20 cells with a bump, as a list of triangles.
 fn field() -> Vec<[DVec3; 3]> {
     let corner = |i: i32, j: i32| {
         DVec3::new(f64::from(i), f64::from((i * i + 3 * j * j + i * j) % 7) / 4.0, f64::from(j))
@@ -293,21 +294,21 @@ fn file_of(triangles: &[[DVec3; 3]]) -> String {
 
 #[test]
 fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
-    // After each of 800 triangles one without area, three corners on a line of whole numbers; as a scene file and as
-    // OBJ, where triangles with equal corners and faces of two corners come on top.
+    // Each of 800 triangles is followed by one without area, whose corners are integers on a line; in a scene file, and
+    // in OBJ, with additional triangles with equal corners and faces of two corners.
     let clean = field();
     let mut mixed = Vec::new();
     for &[a, b, c] in &clean {
         let step = DVec3::new(1.0, 2.0, -5.0);
         mixed.extend([[a, b, c], [a, a + step, a + 3.0 * step]]);
     }
-    // A ray that passes within rounding of such a line may meet it in the tiers that round, above all at the corners
-    // that it shares with the field, at the field's own depth; in `exact` none does. Corners and eye lie within 64 of
-    // the origin: f32 moves each coordinate by at most 64 x 2^-24, and each of the few operations of a test by as much
-    // again.
+    // In the tiers that round, a ray within rounding error of such a line may hit it, mostly at corners shared with the
+    // field, at the depth of the field; in `exact` no ray does. Corners and camera lie within 64 of the origin:
+    // rounding to f32 moves a coordinate by at most 64 x 2^-24, and so does each of the few operations of a test.
     const NEAR: f64 = 16.0 * 64.0 / (1 << 24) as f64;
     let lines: Vec<[DVec3; 3]> = mixed.iter().skip(1).step_by(2).copied().collect();
-    // In `fast` the ray passes near the line, but t is a quotient of two roundings: it may be anywhere along the ray.
+    // In `fast` the ray passes near the line, but t is the quotient of two rounding errors: the hit may be anywhere on
+    // the ray.
     let near_its_line = |found: &Hit, ray: &Ray, numerics: Numerics| {
         let [start, _, end] = lines[found.prim.0 as usize / 2];
         let along = (end - start).normalize();
@@ -323,7 +324,7 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
         assert!((-NEAR..=length + NEAR).contains(&at), "{}: {at} along {length}", numerics.name());
     };
     let same_as_clean = |mixed: &Scene, clean: &Scene| {
-        // The lines reach beyond the field; both are seen by the camera that fits it.
+        // The lines extend beyond the field; both files use the camera that fits the field.
         let eye = DVec3::new(9.3, 30.2, 20.1);
         let cameras = vec![camera(eye, DVec3::new(9.5, 0.5, 9.5), Projection::Perspective, 24.0, 31.0)];
         let [mixed, clean] = [mixed, clean].map(|scene| Scene { cameras: cameras.clone(), ..scene.clone() });
@@ -352,7 +353,7 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
                 }
             }
             assert!(on_lines * 100 <= clean.len(), "{}: {on_lines}", numerics.name());
-            // Rays at the lines themselves, some of which lie in front of the field.
+            // Rays at the lines themselves, some of which are in front of the field.
             let mut traversal = Traversal::default();
             let mut hits = 0;
             for (line, part) in
@@ -367,7 +368,7 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
                     near_its_line(&found, &ray, numerics);
                 }
             }
-            // `exact` never hits what has no area; the others do where the ray passes within rounding.
+            // `exact` never hits a triangle without area; the others may, within rounding error of it.
             assert_eq!(hits == 0, numerics == Numerics::Exact, "{}: {hits}", numerics.name());
         }
     };
@@ -389,8 +390,8 @@ fn b5_a_mesh_half_of_degenerates_renders_as_the_clean_one() {
 
 #[test]
 fn b6_copies_of_triangles_show_the_first() {
-    // The field three times over in three colours: the first is seen, everywhere, as if it were alone. In `exact` the
-    // later ones may be wound the other way round.
+    // The field three times in three colours: every pixel shows the first, as if it were alone. In `exact` the later
+    // ones may have the opposite winding.
     let colours = "[material.first]\ncolour = '#ff8000'\n[material.later]\ncolour = '#0000ff'\n";
     let (first, later) = ("material = 'first'\n", "material = 'later'\n");
     let field = field();
@@ -408,9 +409,9 @@ fn b6_copies_of_triangles_show_the_first() {
 
 #[test]
 fn b4_needles_are_hit_along_their_edge() {
-    // A needle along x from 0 to 8, between y = 0 and a point at its end, seen by rays a quarter apart of which one row
-    // has y = 0: each of those from 0 to 8 meets its edge, no other row meets it. Where the tier's numbers have no such
-    // y, it has no area and lies along those rays' plane: they miss it.
+    // A needle along x from 0 to 8, with one edge on y = 0, and rays at a spacing of 1/4 of which one row has y = 0:
+    // each of that row from 0 to 8 hits the edge, and no other row hits. Where the width underflows in the tier's
+    // precision, the needle has no area and lies in the plane of that row: those rays miss.
     for exponent in [-1, -4, -7, -20, -37, -50, -80] {
         let mut scene =
             scene(&format!("[[triangles]]\nvertices = [[0, 0, 0], [8, 0, 0], [8, 1e{exponent}, 0]]\n"));

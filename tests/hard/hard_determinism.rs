@@ -1,8 +1,8 @@
-//! The same picture to the bit, whatever makes it: threads, structures, crops, runs; and the smallest numbers are
-//! numbers everywhere.
+//! Pictures are equal bit for bit for any number of threads, structure, crop and run, and subnormal numbers are not
+//! flushed to zero on any thread.
 //!
-//! Not tested here: other machines. kiln uses no instruction that rounds otherwise elsewhere: no FMA outside box tests,
-//! and powers by squaring.
+//! Not tested here: other machines. kiln uses no operation whose rounding depends on the machine: no FMA outside of box
+//! tests, and powers by repeated squaring.
 
 use std::hint::black_box;
 use std::process::Command;
@@ -20,8 +20,8 @@ use kiln::world::World;
 
 const SIZE: [u32; 2] = [72, 56];
 
-/// What is hardest to keep in order: ties (copies, common edges), glaze upon glaze, shadows, lattice rays, spheres that
-/// touch, a giant triangle. On a lattice of whole and half numbers.
+/// A scene where order matters: ties (duplicates, shared edges), glaze that mirrors glaze, shadows, lattice rays,
+/// spheres that touch, a giant triangle. Coordinates are multiples of 1/2.
 fn everything() -> String {
     let colours = ["#ff8000", "#0080ff", "#ffffff"];
     let glaze = "glaze = { weight = 0.5, bounces = 4 }";
@@ -52,12 +52,12 @@ fn everything() -> String {
     )
 }
 
-/// The scene from a point of its own and in parallel, along its lattice.
+/// The scene in perspective, and in orthographic projection with rays on its lattice.
 fn views() -> [Scene; 2] {
     let eye = DVec3::new(2.0, 4.0, 2.0);
     let mut above = scene(&everything());
     let mut down = camera(eye, eye - DVec3::Y, Projection::Orthographic, 7.0, 4.0);
-    // 72 x 56 pixels an eighth apart: every eighth ray runs along an edge of tiles.
+    // 72 x 56 pixels with a spacing of 1/8: every eighth ray runs through an edge of tiles.
     down.view_width = Some(9.0);
     above.cameras = vec![down];
     [scene(&everything()), above]
@@ -71,7 +71,7 @@ fn l1_the_picture_does_not_depend_on_the_number_of_threads() {
         let expected = bits(&sound(&prepared), SIZE);
         for threads in [1, 2, 3, 8] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            // Built on those threads, too.
+            // The tree is built by the same threads.
             let film = pool.install(|| sound(&prepare(scene.clone(), SIZE, numerics)));
             assert!(bits(&film, SIZE) == expected, "{}: {threads} threads", numerics.name());
         }
@@ -93,7 +93,7 @@ fn l1_the_picture_does_not_depend_on_the_structure() {
 
 #[test]
 fn l1_the_picture_does_not_depend_on_where_tiles_begin() {
-    // Crops begin anywhere, so their tiles and the batches of rays in them are others; 1 x 1 is a batch of one.
+    // Crops at any pixel have other tiles and other batches of rays; 1 x 1 is a batch of one ray.
     let windows =
         [[0, 0, 72, 56], [1, 1, 71, 55], [7, 13, 33, 17], [15, 15, 2, 2], [0, 40, 72, 1], [71, 0, 1, 56]];
     let dots = (0..9).map(|i| [8 * i, 6 * i, 1, 1]);
@@ -102,11 +102,11 @@ fn l1_the_picture_does_not_depend_on_where_tiles_begin() {
         let prepared = prepare(scene.clone(), SIZE, numerics);
         let whole = sound(&prepared);
         let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
-        let watch =
+        let control =
             RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
         for [x, y, width, height] in windows.into_iter().chain(dots.clone()) {
             let window = Window { x, y, width, height };
-            let (part, _) = render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &watch)
+            let (part, _) = render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &control)
                 .expect("a picture");
             for (i, j) in (0..width).flat_map(|i| (0..height).map(move |j| (i, j))) {
                 let [a, b] = [part.pixel(i, j), whole.pixel(x + i, y + j)].map(|p| p.map(f32::to_bits));
@@ -133,7 +133,7 @@ fn l1_two_runs_of_the_command_write_the_same_bytes() {
     }
 }
 
-/// Whether the smallest numbers count as numbers here: half of the least normal one is not 0.
+/// Whether this thread keeps subnormal numbers: half of the least normal number is not 0.
 fn holds_subnormal_numbers() -> bool {
     let single = black_box(f32::MIN_POSITIVE) / 2.0 * black_box(1.0);
     let double = black_box(f64::MIN_POSITIVE) / 2.0 * black_box(1.0);
@@ -146,7 +146,7 @@ fn h4_subnormal_numbers_are_numbers_on_every_thread() {
     for threads in [1, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         assert!(pool.broadcast(|_| holds_subnormal_numbers()).into_iter().all(|held| held));
-        // And still after a picture was made on them.
+        // The same after a picture was rendered by the threads.
         pool.install(|| tiers(&views()[0], [32, 32]).iter().for_each(|prepared| drop(sound(prepared))));
         assert!(pool.broadcast(|_| holds_subnormal_numbers()).into_iter().all(|held| held));
     }
@@ -154,8 +154,8 @@ fn h4_subnormal_numbers_are_numbers_on_every_thread() {
 
 #[test]
 fn h4_sheets_a_subnormal_distance_apart_are_told_apart() {
-    // Two floors at 0 and at 1e-40, which f32 holds as 71,362 of its smallest steps, seen from 2e-40 above the lower
-    // one and, listed first, a third at 3e-40 behind the eye. The nearest below the eye is the upper floor.
+    // Two floors at 0 and at 1e-40, which is 71,362 times the least f32; the camera is 2e-40 above the lower one. A
+    // third floor, first in the list, is at 3e-40, behind the camera. The closest hit is on the floor at 1e-40.
     let floor = |y: &str| {
         format!(
             "[[triangles]]\nvertices = [[-9, {y}, -9], [9, {y}, -9], [9, {y}, 9], [-9, {y}, 9]]\nindices = [[0, 1, 2], [0, 2, 3]]\n"

@@ -1,7 +1,7 @@
-//! Lights where they are hardest: on surfaces, in corners, at the very point that is lit, inside closed bodies, behind
-//! surfaces, without size, almost touching and almost infinitely far.
+//! Numerically hard lights of local shading: on surfaces, in corners, at the shaded point, inside closed meshes, behind
+//! surfaces, with an empty cone or range, very near and very far.
 //!
-//! Not tested here: area lights (G2), which kiln does not have; its lights are points, cones and directions.
+//! Not tested here: lights with an area (G2), which path tracing samples; `tests/render/lights.rs` has them.
 
 use crate::common::Numbers;
 use crate::common::borders::{CUBE, Folder, Model, TIGHT, assert_sound, camera, films, scene, sound, tiers};
@@ -11,12 +11,12 @@ use kiln::film::Colour;
 use kiln::geometry::{Hit, Precision};
 use kiln::scene::{Falloff, Light, LightKind, Numerics, Projection};
 
-/// Ambient light of 0.25, linear values (which have no upper limit, as `display` has), a white dull material.
+/// Ambient light of 0.25, linear values (which are not clamped, unlike those of `display`), a white diffuse material.
 const WHITE: &str =
     "[image]\ncolour = 'linear'\n[ambient]\nintensity = 0.25\n[material.white]\ncolour = '#ffffff'\n";
 
-/// A white floor from -4 to 4 at y = 0, seen from straight above by 32 x 32 parallel rays a quarter apart, one of them
-/// through the origin; under a point light.
+/// A white floor from -4 to 4 at y = 0 under a point light, seen from above by 32 x 32 parallel rays with a spacing of
+/// 1/4, one of them through the origin.
 fn floor(lamp: [f64; 3], falloff: &str) -> String {
     format!(
         "{WHITE}[[camera]]\nposition = [0.125, 4, 0.125]\nlook_at = [0.125, 0, 0.125]\nup = [0, 0, -1]\n\
@@ -26,7 +26,7 @@ fn floor(lamp: [f64; 3], falloff: &str) -> String {
     )
 }
 
-/// What each pixel's ray hits, where, and how bright it is; the pictures here are grey.
+/// The hit, the point and the radiance of each pixel whose ray hits; the pictures here are grey.
 fn pixels(prepared: &Prepared) -> Vec<(Hit, DVec3, f64)> {
     let film = sound(prepared);
     let mut pixels = Vec::new();
@@ -41,8 +41,8 @@ fn pixels(prepared: &Prepared) -> Vec<(Hit, DVec3, f64)> {
 
 #[test]
 fn g1_a_lamp_on_a_plane_does_not_light_it() {
-    // On the floor, at its corner, on its edge, at the point that a ray hits, beside it: N.L is 0 all over, so what is
-    // left is the ambient light, exactly.
+    // The light is on the floor, at its corner, on its edge, at a point that a ray hits, and beside the floor: N.L is 0
+    // everywhere, so the radiance is exactly the ambient light.
     for lamp in
         [[0.3, 0.0, 0.2], [4.0, 0.0, 4.0], [-4.0, 0.0, 0.0], [0.0; 3], [0.25, -0.0, 1.5], [1e6, 0.0, 0.0]]
     {
@@ -56,7 +56,7 @@ fn g1_a_lamp_on_a_plane_does_not_light_it() {
 
 #[test]
 fn g1_a_lamp_behind_a_surface_does_not_light_it() {
-    // Under the floor, from a millionth of f32's steps to 1e30 below it.
+    // The light is under the floor, from a millionth of an f32 step to 1e30 below it.
     for depth in [1e-20, 1e-7, 1.0, 1e30] {
         for film in films(&scene(&floor([0.3, -depth, 0.2], "none")), [32, 32]) {
             assert!(film.rows().all(|pixel| pixel == [0.25; 3]), "{depth:e}");
@@ -66,9 +66,9 @@ fn g1_a_lamp_behind_a_surface_does_not_light_it() {
 
 #[test]
 fn g1_a_lamp_inside_a_closed_body_stays_inside() {
-    // A cube or a ball on a floor with the lamp in it, seen from outside: nothing but ambient light on either. What
-    // lies within two steps of the tier's numbers of the lamp, relative to the way, may be what it stands on and does
-    // not count: at up to 16 units that is 4e-6 in f32 and less than 4e-14 in f64.
+    // A cube or a sphere on a floor, with the light inside, seen from outside: both show ambient light only. Points
+    // within two rounding steps of the light, relative to the distance, are left out, as the surface there may be the
+    // one that the light touches: at up to 16 units that is 4e-6 in f32 and less than 4e-14 in f64.
     let ball = "[[sphere]]\ncentre = [0.5, 0.5, 0.5]\nradius = 0.5\n";
     for (body, numerics) in [CUBE, ball].into_iter().flat_map(|body| TIGHT.map(|numerics| (body, numerics))) {
         let under = if numerics.precision() == Precision::Single { 1e-5 } else { 1e-13 };
@@ -87,7 +87,7 @@ fn g1_a_lamp_inside_a_closed_body_stays_inside() {
 
 #[test]
 fn g1_inside_a_cube_every_wall_is_lit_by_a_lamp_in_it() {
-    // Camera and lamp inside the unit cube: nothing lies between any wall and the lamp, so 0.25 + N.L everywhere.
+    // Camera and light are inside the unit cube: nothing occludes the light, so the radiance is 0.25 + N.L everywhere.
     let lamp = DVec3::new(0.25, 0.5, 0.75);
     for look_at in [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]] {
         let text = format!(
@@ -98,7 +98,7 @@ fn g1_inside_a_cube_every_wall_is_lit_by_a_lamp_in_it() {
         );
         for prepared in tiers(&scene(&text), [32, 32]) {
             for (hit, point, light) in pixels(&prepared) {
-                // Four triangles across z, then across y, then across x.
+                // Four triangles perpendicular to z, then to y, then to x.
                 let axis = 2 - hit.prim.0 as usize / 4;
                 let to_lamp = lamp - point;
                 let expected = 0.25 + to_lamp[axis].abs() / to_lamp.length();
@@ -109,19 +109,20 @@ fn g1_inside_a_cube_every_wall_is_lit_by_a_lamp_in_it() {
     }
 }
 
-/// A tetrahedron of oblique sides around the origin, its corners every other one of a cube's.
+/// A regular tetrahedron around the origin; its corners are four of the corners of a cube.
 const TETRAHEDRON: &str = "[[triangles]]\nvertices = [[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]\n\
     indices = [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]\nmaterial = 'white'\n";
 
 #[test]
 fn g1_a_lamp_on_a_wall_lights_the_walls_opposite() {
-    // Inside a tetrahedron, with the lamp on a side, on an edge and in a corner: 0.25 + N.L on the walls that it does
-    // not stand on. Rounded, a shadow ray may meet the wall that the lamp stands on where it rises from it by less than
-    // a quarter, and one from where two walls meet starts behind one of them: there the lamp may be out of sight. In
-    // `fast` the distance of the lamp's wall is off by more than the shadow rays stop short of it.
+    // Inside a tetrahedron, with the light on a face, on an edge and at a corner: 0.25 + N.L on the faces that do not
+    // contain the light. Because of rounding, a shadow ray may hit the face of the light if it rises from that face by
+    // less than a quarter, and one that starts near an edge may start behind the other face: there the light may be
+    // occluded. In `fast` the error of the distance to the light's face exceeds the margin by which shadow rays are
+    // shortened.
     let corner = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from);
     let [a, b, c, _] = corner;
-    // The wall of each triangle, by the corner opposite, which its normal points to: all points of it have N.p = -d.
+    // The face of each triangle, by the corner opposite, to which its normal points: all its points have N.p = -d.
     let inwards = [3, 2, 1, 0].map(|opposite: usize| corner[opposite].normalize());
     let height = |wall: usize, p: DVec3| inwards[wall].dot(p) + 1.0 / 3f64.sqrt();
     for lamp in
@@ -154,8 +155,8 @@ fn g1_a_lamp_on_a_wall_lights_the_walls_opposite() {
 
 #[test]
 fn g1_a_light_right_behind_a_smooth_surface_is_a_number() {
-    // A triangle seen almost edge on, whose smooth normals lean away from the eye, and a sun in the direction of the
-    // rays: between eye and sun there is no half vector to take a highlight by.
+    // A triangle seen almost edge on, whose vertex normals point away from the camera, and a directional light along
+    // the rays: the directions to camera and light are opposite, so the half vector of the highlight is zero.
     let corners = [[0.1f32, -1.0, -1.0], [-0.1, -1.0, 1.0], [0.0, 1.0, 0.0]];
     let mut model = Model::new(&corners);
     model.attribute("NORMAL", &[[1.0f32, 0.0, -0.1]; 3]);
@@ -173,8 +174,8 @@ fn g1_a_light_right_behind_a_smooth_surface_is_a_number() {
 
 #[test]
 fn g1_hundred_thousand_points_under_lights_anywhere_are_numbers() {
-    // A floor, a cube, a ball and a smooth tetrahedron under two lights of every kind, at corners, on edges and sides,
-    // inside, behind, at the eye, at random; 400 pictures of 16 x 16 pixels.
+    // A floor, a cube, a sphere and a tetrahedron with vertex normals under two lights of every type: at corners, on
+    // edges and faces, inside, behind, at the camera, at random. 400 pictures of 16 x 16 pixels.
     let mut numbers = Numbers::new(3);
     let ball = "[[sphere]]\ncentre = [-1, 0.5, 0]\nradius = 0.5\nmaterial = 'white'\n";
     let text = format!(
@@ -213,7 +214,7 @@ fn g1_hundred_thousand_points_under_lights_anywhere_are_numbers() {
 
 #[test]
 fn g2_lights_and_spheres_without_size_light_nothing_or_are_errors() {
-    // A cone of no angle and a range of 0: nothing lies within either, so all is ambient.
+    // A cone with an angle of 0, and a range of 0: both are empty, so all light is ambient.
     let mut scene = scene(&floor([0.0, 2.0, 0.0], "none"));
     let (position, direction) = (DVec3::Y * 2.0, -DVec3::Y);
     let falloff = Falloff::InverseSquare { range: Some(0.0) };
@@ -232,9 +233,9 @@ fn g2_lights_and_spheres_without_size_light_nothing_or_are_errors() {
 
 #[test]
 fn g3_lamps_almost_touching_what_they_light() {
-    // Over the point that one ray hits, from a millionth of the smallest f64 to 1 above. Without falloff that point has
-    // N.L = 1, unless the square of the distance is lost; with falloff 1 / h^2 beside the ambient light, as far as f32
-    // goes. Elsewhere N.L is h over the distance.
+    // The light is above the point that one ray hits, at heights h from 1e-320 to 1. That point has N.L = 1
+    // without falloff, unless the square of h underflows, and 1 / h^2 with falloff, up to the largest f32, each in
+    // addition to the ambient light. Elsewhere N.L is h over the distance.
     for exponent in [-320, -300, -200, -160, -150, -100, -60, -45, -40, -30, -20, -19, -10, -7, -3, 0] {
         let h = 10f64.powi(exponent);
         for falloff in ["none", "inverse-square"] {
@@ -259,7 +260,8 @@ fn g3_lamps_almost_touching_what_they_light() {
 
 #[test]
 fn g4_lamps_far_away_shine_as_from_their_direction() {
-    // 1e30 and 1e100 away, shadows included, with and without falloff; the direction differs by 1e-30 and less.
+    // Lights at distances of 1e30 and 1e100, with shadows, with and without falloff; directions differ by at most
+    // 1e-30.
     let light = |light: String| {
         scene(&format!(
             "{WHITE}[[camera]]\nposition = [4, 3, 5]\nlook_at = [0.5, 0.5, 0.5]\nvertical_fov = 30\n\
@@ -268,7 +270,7 @@ fn g4_lamps_far_away_shine_as_from_their_direction() {
         ))
     };
     let sun = light("[[light]]\ntype = 'directional'\ndirection = [-2, -3, -1]\n".into());
-    // The square root of 14 is the length of that direction.
+    // The length of that direction is the square root of 14.
     for (far, falloff, intensity) in [
         (1e30, "none", 1.0),
         (1e99, "none", 1.0),
@@ -280,7 +282,7 @@ fn g4_lamps_far_away_shine_as_from_their_direction() {
             "[[light]]\ntype = 'point'\nposition = [{x:?}, {y:?}, {z:?}]\nfalloff = '{falloff}'\nintensity = {intensity:?}\n"
         ));
         for (a, b) in films(&sun, [48, 48]).iter().zip(films(&lamp, [48, 48])) {
-            // Bright and dark are worlds apart: none but 0.25 stands for shadow.
+            // Only pixels in shadow have exactly 0.25.
             let differ =
                 a.rows().zip(b.rows()).filter(|(a, b)| (a[0] - b[0]).abs() > 4.0 * f32::EPSILON).count();
             assert_eq!(differ, 0, "{far:e}");
@@ -290,7 +292,7 @@ fn g4_lamps_far_away_shine_as_from_their_direction() {
 
 #[test]
 fn g4_directions_of_any_length_shine_alike() {
-    // Three times a unit vector of whole numbers, at lengths from 1e-23 to 1e25.
+    // An integer direction of length 3, scaled to lengths from 1e-23 to 1e25.
     let film = |length: f64, numerics: Numerics| {
         let [x, y, z] = [1.0, -2.0, -2.0].map(|c| c * length);
         let text = format!(
@@ -312,7 +314,7 @@ fn g4_directions_of_any_length_shine_alike() {
 
 #[test]
 fn g4_lamps_beyond_f32_cast_shadows_as_others_do() {
-    // 1e60 above a floor with a ball over it: the ball's shadow is the disc under it in every tier.
+    // A light 1e60 above a floor with a sphere over it: the shadow is the disc under the sphere, in every tier.
     let text = format!(
         "{}[[sphere]]\ncentre = [0, 2, 0]\nradius = 1\nmaterial = 'white'\n",
         floor([0.0, 1e60, 0.0], "none")
@@ -320,7 +322,7 @@ fn g4_lamps_beyond_f32_cast_shadows_as_others_do() {
     );
     for prepared in tiers(&scene(&text), [32, 32]) {
         for (_, point, light) in pixels(&prepared) {
-            // Seen from under the ball, where the rays start: the floor is all there is.
+            // The camera is under the sphere, so that its rays hit the floor only.
             let dark = point.length() < 1.0;
             let reach = if prepared.world.numerics().precision() == Precision::Single { 1e-5 } else { 1e-12 };
             if (point.length() - 1.0).abs() > reach {

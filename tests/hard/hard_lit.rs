@@ -6,7 +6,7 @@ use glam::DVec3;
 use kiln::effects::Choices;
 use kiln::scene::{Numerics, Scene};
 
-/// A floor of two triangles, three balls that touch it, hover and intersect it, and a lamp.
+/// A floor of two triangles, three spheres (one touches the floor, one is above it, one intersects it), and a light.
 const BALLS: [(DVec3, f64); 3] = [
     (DVec3::new(-30.0, 12.0, 0.0), 12.0),
     (DVec3::new(20.0, 25.0, 10.0), 10.0),
@@ -29,17 +29,17 @@ fn balls_on_a_floor() -> Scene {
     parse(&toml)
 }
 
-/// What the closed form says of the light at a point that a pixel sees.
+/// The visibility of the light from the point that a pixel shows, in closed form.
 #[derive(Debug, PartialEq)]
 enum Light {
     Lit,
     Dark,
-    /// Too near a boundary for rounded data to have to agree.
+    /// Too near to a boundary: rounded data may give either result.
     Edge,
 }
 
-/// In the scene's own numbers: the point seen along a ray, and whether the lamp reaches it. Everything is decided with
-/// a margin `m`, relative to the scene's reach, within which nothing is claimed.
+/// The point that a ray hits, in the scene's own coordinates, and whether the light is visible from it. Results within
+/// a margin `m`, relative to the size of the scene, are left undecided.
 fn closed_form(origin: DVec3, direction: DVec3, m: f64) -> Option<Light> {
     let margin = m * 300.0;
     let sphere = |o: DVec3, d: DVec3, (c, r): (DVec3, f64)| {
@@ -77,7 +77,8 @@ fn closed_form(origin: DVec3, direction: DVec3, m: f64) -> Option<Light> {
     let normal = on.map_or(DVec3::Y, |i| (p - BALLS[i].0).normalize());
     let to_lamp = (LAMP - p).normalize();
     let cosine = normal.dot(to_lamp);
-    // The point itself is uncertain, and the steeper it is seen the more: keep away from where two surfaces meet.
+    // The error of the point grows with the angle of incidence: points near the intersection of two surfaces are left
+    // out.
     let beside = |(c, r): (DVec3, f64), i| on != Some(i) && ((p - c).length() - r).abs() < 20.0 * margin;
     let at_floor = on.is_some() && p.y < 20.0 * margin;
     if cosine.abs() < 1e-3 || at_floor || BALLS.into_iter().enumerate().any(|(i, ball)| beside(ball, i)) {
@@ -101,8 +102,8 @@ fn closed_form(origin: DVec3, direction: DVec3, m: f64) -> Option<Light> {
     Some(Light::Lit)
 }
 
-/// E1, H2, H3: the lit floor and balls at every decimal scale, and moved by up to a million: against the closed form no
-/// pixel is dark that should be lit (acne) and none lit that should be dark (a leak), in every tier.
+/// E1, H2, H3: the floor and spheres at every decimal scale, and moved by up to a million. In every tier no pixel is
+/// dark where the closed form is lit (acne), and none is lit where it is dark (a leak).
 #[test]
 fn e1_lit_balls_on_a_floor_at_every_scale_and_place() {
     let scene = balls_on_a_floor();
@@ -113,12 +114,12 @@ fn e1_lit_balls_on_a_floor_at_every_scale_and_place() {
         for numerics in Numerics::ALL {
             let prepared = prepare(placed(scene.clone(), scale, offset), [200, 200], numerics);
             let film = prepared.render(Choices::default()).0;
-            // The rays of the scene as it was written.
+            // The rays in the coordinates before recentering.
             let original = prepare(scene.clone(), [200, 200], Numerics::Double);
             let (mut acne, mut leaks, mut lit, mut dark, mut edges) = (0, 0, 0, 0, 0);
             for (ray, at) in original.rays().iter().zip(0u32..) {
                 let bright = film.pixel(at % 200, at / 200)[0] > 0.0;
-                // Single numbers at this place, in sizes of the scene.
+                // An f32 step at this offset, relative to the size of the scene.
                 let moved = offset.abs().max_element() / scale;
                 let near = if moved > 16.0 * 200.0 { 0.0 } else { moved };
                 let m = f64::from(f32::EPSILON) * 8.0 * (1.0 + near / 300.0);

@@ -1,7 +1,7 @@
-//! Hard cases, chapter B, first part: triangles that share edges and corners (B1 to B3).
+//! Triangles that share edges and corners: closed meshes do not leak (B1 to B3).
 //!
-//! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
-//! which tier.
+//! Every tier runs by brute force and by every tree, and is compared with exact arithmetic.
+//! `tests/common/hard/check.rs` states what is asserted of which tier.
 
 use crate::common::Numbers;
 use crate::common::hard::check::{
@@ -15,15 +15,15 @@ use glam::{DQuat, DVec3};
 use kiln::bvh::{Traversal, build};
 use kiln::geometry::{Numerics, Ray};
 
-/// Rays from about the middle of a closed mesh at the points that its triangles share.
+/// Rays from near the middle of a closed mesh at points of shared edges and corners.
 fn from_inside(mesh: &[Corners], centre: DVec3, half_side: f64, count: usize, seed: u64) -> Vec<Ray> {
     let mut numbers = Numbers::new(seed);
     let aimed = targets(mesh, &At::SHARED, times_factor(count), &mut numbers);
     from_around(centre, half_side, &aimed, &mut numbers)
 }
 
-/// Set-up: closed spheres of 5120 triangles, of several sizes and in several places, rounded to f32; rays from inside
-/// at corners, middles of edges and points of edges.
+/// Closed icospheres of 5120 triangles, of several sizes and at several positions, rounded to f32; rays from inside at
+/// corners, middles of edges and points of edges.
 #[test]
 fn b1_closed_meshes_do_not_leak() {
     for (radius, x) in [(1.0, 0.0), (1e-6, 0.0), (1e5, 0.0), (1.0, 1e3), (1.0, 1e5)] {
@@ -32,13 +32,13 @@ fn b1_closed_meshes_do_not_leak() {
         let rays = from_inside(&mesh, centre, radius * 0.3, 30_000, 77);
         let what = format!("sphere of {radius} at {x}");
         none_gets_out(&what, &triangles(mesh.clone()), &rays, &WATERTIGHT, &[DEFAULT_TREE]);
-        // Fewer rays, every structure.
+        // With fewer rays, every structure.
         let few = &rays[..rays.len() / 50];
         none_gets_out(&what, &triangles(mesh), few, &WATERTIGHT, &all_structures());
     }
 }
 
-/// Set-up: the same in f64 numbers, corners and rays; what f32 tiers make of them is closed as well.
+/// The same with corners and rays in f64. Rounded to f32 by a tier, the mesh is closed as well.
 #[test]
 fn b1_closed_meshes_of_f64_numbers_do_not_leak() {
     for (radius, x) in [(1.0, 0.0), (1e-9, 0.0), (1.0 / 3.0, 1e3), (1.0, 1e6)] {
@@ -54,13 +54,13 @@ fn b1_closed_meshes_of_f64_numbers_do_not_leak() {
             origins.iter().zip(&aimed).map(|(o, target)| fine_ray_towards(*o, *target)).collect();
         none_gets_out(&what, &slots, &rays, &[Numerics::Double, Numerics::Exact], &[DEFAULT_TREE]);
         judge_in(&what, &slots, &rays[..rays.len() / 50], &[Numerics::Double, Numerics::Exact], &STRUCTURES);
-        // Rounded to f32, a sphere of 1 at a million keeps its middle inside.
+        // Rounded to f32, a sphere of radius 1 at a million still has its middle inside.
         let rays: Vec<Ray> = aimed.iter().map(|target| ray_towards(centre, *target)).collect();
         none_gets_out(&what, &slots, &rays, &[Numerics::Watertight], &[DEFAULT_TREE]);
     }
 }
 
-/// Set-up: a smaller sphere and a cube of whole numbers, from inside and from outside, judged hit by hit.
+/// A smaller icosphere and a cube with integer coordinates, from inside and outside; every hit is compared.
 #[test]
 fn b1_hits_at_shared_points_are_the_exact_ones() {
     let sphere = single_mesh(&meshes::icosphere(2, DVec3::ZERO, 1.0));
@@ -78,7 +78,7 @@ fn b1_hits_at_shared_points_are_the_exact_ones() {
     }
 }
 
-/// Set-up: rays from lattice points inside a cube of whole numbers along all lattice directions, through corners and
+/// Rays from lattice points inside a cube with integer coordinates along all lattice directions, through corners and
 /// edges.
 #[test]
 fn b1_lattice_rays_in_a_cube_do_not_leak() {
@@ -89,12 +89,12 @@ fn b1_lattice_rays_in_a_cube_do_not_leak() {
         rays.extend(lattice_directions().into_iter().map(|direction| ray(origin, direction)));
     }
     let summary = judge("lattice rays in a cube", &slots, &rays);
-    // Whole numbers, and directions that need no rounding: f64 decides exactly.
+    // Integer coordinates, and directions without rounding: f64 arithmetic is exact.
     assert_eq!((summary.hit, summary.not_exact), (rays.len(), 0));
     assert!(summary.tied > rays.len() / 2);
 }
 
-/// Set-up: a closed mesh and rays at its edges, times powers of two.
+/// A closed mesh and rays at its edges, scaled by powers of two.
 #[test]
 fn b1_scaled_by_powers_of_two_nothing_changes() {
     let mut mesh = single_mesh(&meshes::icosphere(2, DVec3::new(0.5, -0.25, 0.125), 1.0));
@@ -102,12 +102,13 @@ fn b1_scaled_by_powers_of_two_nothing_changes() {
     let rays = from_inside(&mesh, DVec3::ZERO, 0.5, 600, 82);
     let slots = triangles(mesh);
     scales_to_the_bit("sphere and soup", &slots, &rays, &[-40, -20, -1, 7, 20, 40], &WATERTIGHT);
-    // The fast tier multiplies three lengths in f32, of 2^-10 and less here: below 2^-20 or so digits are lost.
+    // The tier `fast` multiplies three lengths in f32, here of at most 2^-10: at scales below about 2^-20 digits are
+    // lost.
     scales_to_the_bit("sphere and soup", &slots, &rays, &[-20, -1, 7, 20, 40], &[Numerics::Fast]);
 }
 
-/// Set-up: a square of two triangles, rays through its diagonal from both sides, straight and slanted, with zeros of
-/// both signs.
+/// A square of two triangles, and rays through its diagonal from both sides, perpendicular and oblique, with zero
+/// components of both signs.
 #[test]
 fn b2_the_diagonal_of_a_square_does_not_leak() {
     let p = |x: f64, y: f64| DVec3::new(x, y, 0.0);
@@ -129,7 +130,7 @@ fn b2_the_diagonal_of_a_square_does_not_leak() {
     assert_eq!((summary.hit, summary.tied, summary.not_exact), (summary.rays, summary.rays, 0));
 }
 
-/// Set-up: closed double cones whose tips join 8 to 10 000 triangles; rays from inside at the tips and the rest.
+/// Closed double cones with 8 to 10,000 triangles at each apex; rays from inside at the apexes and at other points.
 #[test]
 fn b3_hubs_of_many_triangles_do_not_leak() {
     for valence in [8, 100, 1000, 10_000] {
@@ -140,13 +141,13 @@ fn b3_hubs_of_many_triangles_do_not_leak() {
             .map(|i| {
                 let tip = single(DVec3::new(0.0, 0.0, if i % 2 == 0 { 0.7 } else { -0.7 }));
                 let origin = single(numbers.direction() * (0.2 * numbers.unit()));
-                // Not of length 1.
+                // Directions need not have length 1.
                 ray(origin, tip - origin)
             })
             .collect();
         let elsewhere = from_inside(&mesh, DVec3::ZERO, 0.1, 2000, 33);
         let what = format!("bicone of {valence}");
-        // A ray at the tip meets the boxes of all triangles: those of trees are as slow as brute force there.
+        // A ray at the apex hits the boxes of all triangles, so trees are as slow as brute force.
         let some = at_tip.len() * 100 / valence.max(100);
         none_gets_out(&what, &slots, &at_tip[..some.max(20)], &WATERTIGHT, &[DEFAULT_TREE]);
         none_gets_out(&what, &slots, &elsewhere, &WATERTIGHT, &[DEFAULT_TREE]);
@@ -159,13 +160,13 @@ fn b3_hubs_of_many_triangles_do_not_leak() {
     }
 }
 
-/// Set-up: closed meshes with T-vertices that triangles without area close. Rays from inside at the split edges and at
-/// the new vertices: none gets out, in any tier. Without those triangles some do.
+/// Closed meshes with T-vertices that triangles without area close. Of rays from inside at the split edges and at the
+/// new vertices none escapes, in any tier; without those triangles some do.
 #[test]
 fn b1_triangles_without_area_close_t_vertices() {
     for (radius, x) in [(1.0, 0.0), (1e-6, 0.0), (1.0, 1e3)] {
         let centre = DVec3::new(x, 0.5 * x, 0.0);
-        // Split along their diagonals, on which the new vertices lie exactly or, turned, only but for rounding.
+        // Split along diagonals, on which the new vertices lie exactly, or up to rounding if the mesh is rotated.
         let cube = |turn: DQuat| -> Vec<Corners> {
             let place = |p: DVec3| centre + radius * (turn * p);
             meshes::cube(2).into_iter().map(|[a, b, c]| [c, a, b].map(place)).collect()
@@ -193,7 +194,7 @@ fn b1_triangles_without_area_close_t_vertices() {
     }
 }
 
-/// Whether the corners are on one line but for rounding.
+/// Whether the corners are on a line up to rounding.
 fn is_sliver([a, b, c]: &Corners) -> bool {
     let reach = a.abs().max(b.abs()).max(c.abs()).max_element();
     (*b - *a).cross(*c - *a).length() < 1e-6 * reach * (*b - *a).length()

@@ -1,10 +1,10 @@
-//! Hard cases, chapter A, first part: rays. Those that have to do with boxes are in `tests/hard/hard_boxes.rs`.
+//! Numerically hard rays (A1 to A10). Rays at the borders of boxes are in `tests/hard/hard_boxes.rs`.
 //!
-//! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
-//! which tier.
+//! Every tier runs by brute force and by every tree, and is compared with exact arithmetic.
+//! `tests/common/hard/check.rs` states what is asserted of which tier.
 //!
-//! Not tested here: A8's count of rejected rays. A ray's maker says so at once when a direction is not one (debug
-//! assertion); what is tested is that such a ray does no harm where it gets through.
+//! Not tested here: the count of rejected rays (A8). A debug assertion rejects directions that are zero or not finite
+//! where rays are made; tested is that such a ray hits nothing if it is traced.
 
 use crate::common::Numbers;
 use crate::common::hard::check::{
@@ -20,13 +20,13 @@ use glam::DVec3;
 use kiln::bvh::{Layout, Slot, Traversal, build};
 use kiln::geometry::{Numerics, PrimId, Ray};
 
-/// At least half of the rays hit: the case is not beside the point.
+/// At least half of the rays hit: the rays are aimed at what the test is about.
 fn mostly_hits(summary: Summary) {
     assert!(summary.hit * 2 > summary.rays, "{summary:?}");
 }
 
-/// Set-up: all four patterns of signs of the two zeros of an axis-aligned direction, at a sphere of triangles; one by
-/// one and in batches. The zeros of a ray are positive, whatever it is made from.
+/// All four combinations of signs of the two zeros of an axis-aligned direction, at an icosphere; single rays and
+/// batches. The zeros of a ray's direction are positive, whatever it is made from.
 #[test]
 fn a1_signed_zeros_make_no_difference() {
     let slots = triangles(single_mesh(&meshes::icosphere(4, DVec3::ZERO, 1.0)));
@@ -49,7 +49,7 @@ fn a1_signed_zeros_make_no_difference() {
                     assert!(made.iter().all(|ray| ray.direction.to_array().map(f64::to_bits)
                         == along.to_array().map(f64::to_bits)));
                 }
-                // The disc fills π/4 of the square.
+                // The disc covers π/4 of the square.
                 let hits = expected.iter().filter(|answer| answer.occluded).count();
                 assert!(hits * 4 > 3 * expected.len(), "{hits} hits");
             }
@@ -58,8 +58,8 @@ fn a1_signed_zeros_make_no_difference() {
     }
 }
 
-/// Set-up: a wall of two triangles from 10 to a million units away, seen along its normal at random places, along its
-/// edges and its diagonal. Every ray hits: a component of 0 leaves the ray within the wall at any distance.
+/// A wall of two triangles at distances from 10 to a million; rays along its normal at random points, on its edges and
+/// on its diagonal. Every ray hits, at any distance, because two components of its direction are 0.
 #[test]
 fn a2_a_wall_is_not_missed_from_far_away() {
     let wall: [Corners; 2] = [
@@ -81,7 +81,7 @@ fn a2_a_wall_is_not_missed_from_far_away() {
             assert_eq!(summary.hit, rays.len(), "{what}: the oracle itself misses");
             assert_eq!(summary.not_exact, 0, "{what}");
             none_gets_out(&what, &slots, &rays, &WATERTIGHT, &STRUCTURES);
-            // Off the edges the fast tier hits too.
+            // Away from edges the tier `fast` hits, too.
             let inside: Vec<Ray> = rays
                 .into_iter()
                 .filter(|r| {
@@ -94,7 +94,7 @@ fn a2_a_wall_is_not_missed_from_far_away() {
     }
 }
 
-/// Set-up: a small sphere of triangles from far away, along an axis but for one component between 1e-9 and 2e-7.
+/// A small icosphere, and rays from far away along an axis, with one other component between 1e-9 and 2e-7.
 #[test]
 fn a4_tiny_components_lose_nothing() {
     let ball = single_mesh(&meshes::icosphere(2, DVec3::ZERO, 0.05));
@@ -109,8 +109,8 @@ fn a4_tiny_components_lose_nothing() {
                     let mut direction = DVec3::ZERO;
                     direction[axis] = numbers.one_of(&[-1.0, 1.0]);
                     direction[(axis + 1) % 3] = component;
-                    // What the direction is rounded to is followed back, so the aim is as good as the origin's
-                    // rounding.
+                    // The origin is computed back from the rounded direction, so that the error at the target is the
+                    // rounding of the origin.
                     let direction = single(direction);
                     ray(single(target - direction * distance), direction)
                 })
@@ -121,7 +121,7 @@ fn a4_tiny_components_lose_nothing() {
     }
 }
 
-/// Set-up: the same rays with directions times powers of two. Distances change by that power, and no digit of them.
+/// The same rays with directions scaled by powers of two. Distances change by that power exactly.
 #[test]
 fn a5_the_length_of_a_direction_makes_no_difference() {
     let mut mesh = single_mesh(&meshes::icosphere(2, DVec3::ZERO, 1.0));
@@ -137,8 +137,8 @@ fn a5_the_length_of_a_direction_makes_no_difference() {
             let accelerator = build(slots.iter().copied(), structure, tier);
             let answers = RayResults::to_all(&*accelerator, &rays);
             for exponent in [-100, -60, -20, -1, 1, 20, 60, 100] {
-                // The fast tier multiplies the squared length with the discriminant of a sphere, which may be 2^-48 of
-                // its squared radius where the ray grazes: at 2^-60, f32 has no such product.
+                // The tier `fast` multiplies the squared length and the discriminant of a sphere, which is down to
+                // 2^-48 of its squared radius for grazing rays: at 2^-60 the product underflows in f32.
                 if tier == Numerics::Fast && i32::abs(exponent) > 20 {
                     continue;
                 }
@@ -154,9 +154,8 @@ fn a5_the_length_of_a_direction_makes_no_difference() {
     }
 }
 
-/// Set-up: directions that are zero or not numbers, past the maker of rays. Nothing is hit, and nothing panics.
-///
-/// What this has found: in `exact`, the sphere was hit, at a distance near 0.
+/// Rays with directions that are zero or not finite, made without the checks of the constructor. No primitive is hit,
+/// the sphere in `exact` included, and nothing panics.
 #[test]
 fn a8_directions_that_are_none_hit_nothing() {
     let mut primitives: Vec<_> = triangles(single_mesh(&meshes::icosphere(2, DVec3::ZERO, 1.0)))
@@ -195,7 +194,7 @@ fn a8_directions_that_are_none_hit_nothing() {
     }
 }
 
-/// Set-up: a triangle at z = 5, and rays whose ends are at it, just before or just beyond.
+/// A triangle at z = 5, and rays with `t_min` or `t_max` at it, just before or just beyond.
 #[test]
 fn a9_rays_are_open_at_both_ends() {
     let slots = triangles(tree_inputs::coincident(1));
@@ -228,7 +227,7 @@ fn a9_rays_are_open_at_both_ends() {
     }
 }
 
-/// Set-up: directions so short that distances are beyond f32, and so long that they are below it.
+/// Directions so short that distances overflow f32, and so long that they underflow.
 #[test]
 fn a10_distances_beyond_f32_are_right_or_no_hit_but_numbers() {
     let slots: Vec<Slot> = triangles(placed(&meshes::icosphere(1, DVec3::ZERO, 1.0), |p| {
@@ -242,7 +241,7 @@ fn a10_distances_beyond_f32_are_right_or_no_hit_but_numbers() {
             .into_iter()
             .map(|p| ray(DVec3::new(0.0, p.y, p.z), DVec3::X * length))
             .collect();
-        // The exact tier is right; others are within rounding, where they hit.
+        // The tier `exact` is right; hits of the others are within rounding error.
         let exact = judge_in("far", &slots, &rays, &[Numerics::Exact], &STRUCTURES);
         assert!(exact.hit * 10 > rays.len() * 9, "{exact:?}");
         for tier in Numerics::ALL {
@@ -252,7 +251,7 @@ fn a10_distances_beyond_f32_are_right_or_no_hit_but_numbers() {
                     let hits = RayResults::of(&*accelerator, ray, &mut traversal).all;
                     for (_, t) in hits {
                         let x = f64::from_bits(t) * length;
-                        // The ball reaches from 1e6 - 100 to 1e6 + 100.
+                        // The sphere extends from 1e6 - 100 to 1e6 + 100.
                         assert!((x - 1e6).abs() < 101.0, "{} {structure:?}: {ray:?}: {x}", tier.name());
                     }
                 }

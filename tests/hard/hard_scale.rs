@@ -40,8 +40,8 @@ fn assert_same_when_doubled(
     }
 }
 
-/// The assignment scene times 2^k, k = -40 to 40, camera and lights with it: the same bits. In `fast` products of f32
-/// numbers leave its range beyond 2^±12.
+/// The assignment scene with its camera and lights, scaled by 2^k, k = -40 to 40: the pixels are the same bit for bit.
+/// In `fast`, f32 products overflow or underflow beyond 2^±12.
 #[test]
 fn h1_the_assignment_scene_times_powers_of_two() {
     for projection in PROJECTIONS {
@@ -64,7 +64,7 @@ fn h1_the_bunny_times_powers_of_two() {
     }
 }
 
-/// Rays beside a ray, `aside` from it, all around.
+/// Parallel rays around a ray, at the distance `aside` from it.
 fn beside(ray: &Ray, aside: f64) -> impl Iterator<Item = Ray> + '_ {
     let (u, v) = ray.direction.normalize().any_orthonormal_pair();
     (0..16).map(move |i| {
@@ -81,8 +81,8 @@ fn grazes(prepared: &Prepared, ray: &Ray, aside: f64) -> bool {
     [1.0, 0.5, 0.25].iter().any(|share| beside(ray, share * aside).any(|ray| hits(&ray) != first))
 }
 
-/// How far f32 moves a scene of this reach against its rays: every corner, and every ray's origin, by half a step on
-/// each of three axes, and a ray's far end by its direction's half steps over at most twice the reach.
+/// Bound of the displacement between a scene of this size and its rays by rounding to f32: half a step per axis for
+/// corners and for ray origins, and half a step of the direction over at most twice the size of the scene.
 fn single_bound(reach: f64) -> f64 {
     (1.0 + 1.0 + 2.0) * 3f64.sqrt() * reach * f64::from(f32::EPSILON) / 2.0
 }
@@ -120,8 +120,9 @@ fn assert_same_mask(scene: &Scene, size: [u32; 2], scale: f64, offset: DVec3, wh
     eprintln!("{what}: {differ} of {} pixels of the mask differ in watertight", rays.len());
 }
 
-/// The assignment scene and the bunny times 10^k and moved by up to 10^6 times 1: every decimal is rounded anew, yet
-/// the mask of hits is the same in `double`, and in `watertight` but for pixels within its bound of a silhouette.
+/// The assignment scene and the bunny, scaled by 10^k and moved by up to 10^6 of their size. All coordinates are
+/// rounded anew; the mask of hits is the same in `double`, and in `watertight` except for pixels within
+/// [`single_bound`] of a silhouette.
 fn assert_masks_stay(scene: &Scene, size: [u32; 2], name: &str) {
     for power in -6..=6 {
         assert_same_mask(scene, size, 10f64.powi(power), DVec3::ZERO, &format!("{name} times 10^{power}"));

@@ -18,7 +18,7 @@ struct Picture {
     pixels: Vec<[u8; 3]>,
 }
 
-/// How a pixel's channels stand to a colour.
+/// The comparison of a pixel's channels with a colour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Against {
     Equal,
@@ -30,7 +30,7 @@ enum Against {
 enum Form {
     /// Every pixel.
     Every(Against, [u8; 3]),
-    /// So many pixels; 0 for none.
+    /// This number of pixels.
     Exactly(usize, [u8; 3]),
     /// These pixels.
     These(Vec<[usize; 2]>, Against, [u8; 3]),
@@ -143,12 +143,12 @@ fn differences(a: &Picture, b: &Picture) -> usize {
     a.pixels.iter().zip(&b.pixels).filter(|pair| far(*pair)).count()
 }
 
-/// The pictures of scene files by file and tier, each made once.
+/// The pictures of scene files by file and tier, each rendered once.
 #[derive(Default)]
 struct Gallery(HashMap<(PathBuf, &'static str), Picture>);
 
 impl Gallery {
-    /// The picture of a file, which must be sound and have nothing left out.
+    /// The picture of a file. Its pixels must be finite, and its import must give no warnings.
     fn show(&mut self, file: &Path, numerics: Numerics) -> Picture {
         let make = || {
             let mut warnings = Warnings::default();
@@ -167,7 +167,7 @@ impl Gallery {
         self.0.entry((file.to_owned(), numerics.name())).or_insert_with(make).clone()
     }
 
-    /// What does not hold of a file, of all that its head expects.
+    /// The failures of an expectation of a file.
     fn faults(&mut self, file: &Path, expectation: &Expectation) -> Vec<String> {
         let mut faults = Vec::new();
         let pairs = |tiers: &[Numerics]| -> Vec<[Numerics; 2]> {
@@ -235,7 +235,7 @@ fn files() -> Vec<PathBuf> {
 }
 
 #[test]
-fn every_scene_is_as_its_head_says() {
+fn every_scene_meets_its_expectations() {
     let mut gallery = Gallery::default();
     let mut faults = Vec::new();
     for file in files() {
@@ -254,7 +254,7 @@ fn every_scene_is_as_its_head_says() {
         if expectations == 0 {
             faults.push(format!("{name}: it expects nothing"));
         }
-        // Every tier renders it, whether something is expected there or not.
+        // Every tier renders the scene, also those without an expectation.
         Numerics::ALL.iter().for_each(|tier| drop(gallery.show(&file, *tier)));
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
@@ -277,7 +277,7 @@ fn the_readme_lists_every_scene() {
 }
 
 #[test]
-fn expectations_are_read_as_they_are_meant() {
+fn expectations_are_parsed() {
     let read = |line: &str| expectation(line).map(|read| read.map(|e| (e.tiers.len(), e.form)));
     let grey = [16, 32, 255];
     let right =
@@ -311,8 +311,8 @@ fn expectations_are_read_as_they_are_meant() {
 }
 
 #[test]
-fn the_checker_notices() {
-    // A picture of two pixels, held to what it is not.
+fn unmet_expectations_are_reported() {
+    // A picture of two pixels, and expectations that it does not meet.
     let file = Path::new("a.toml");
     let pixels = vec![[10, 20, 30], [40, 50, 60]];
     let mut gallery = Gallery::default();

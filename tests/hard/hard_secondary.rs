@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::common::hard::{meshes, times_factor};
 use crate::common::picture::{parse, prepare};
-use crate::common::{Numbers, weights_on_borders};
+use crate::common::{Numbers, barycentrics_on_borders};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::bvh::{Accelerator, Layout, Primitive, Slot, Traversal, build};
 use kiln::effects::glaze::mirrored_ray;
@@ -34,7 +34,7 @@ fn icosphere(level: u32, centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
         .into_iter()
         .flat_map(|(x, y, z)| {
             [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)].map(|(s, t)| {
-                // The zero stays, the other two take the signs.
+                // The component 0 stays, the other two take the signs.
                 let (a, b) = (s, t);
                 if x == 0.0 {
                     DVec3::new(0.0, a * y, b * z)
@@ -47,7 +47,7 @@ fn icosphere(level: u32, centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
         })
         .map(DVec3::normalize)
         .collect();
-    // Faces: triples of corners at the least distance from each other.
+    // Faces: triples of corners at the least distance from one another.
     let edge = corners[1..].iter().map(|c| c.distance(corners[0])).fold(f64::INFINITY, f64::min) * 1.01;
     let near = |a: usize, b: usize| corners[a].distance(corners[b]) < edge;
     let mut faces = Vec::new();
@@ -74,7 +74,7 @@ fn icosphere(level: u32, centre: DVec3, radius: f64) -> Vec<[DVec3; 3]> {
     faces.into_iter().map(|face| face.map(place)).collect()
 }
 
-/// A point of a triangle as a hit there would give it.
+/// The surface point of a hit on a triangle.
 fn point_on(corners: [DVec3; 3], numbers: &mut Numbers) -> SurfacePoint {
     let (u, v) = (numbers.unit(), numbers.unit());
     let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
@@ -85,8 +85,8 @@ fn light(direction: DVec3, distance: f64) -> LightSample {
     LightSample { direction, distance, radiance: DVec3::ONE, cosine: 1.0 }
 }
 
-/// E2: an icosphere is convex, so no point of it shadows another that faces the same way. At three scales and three
-/// places, towards lights as low as 1e-3 over the triangle.
+/// E2: an icosphere is convex, so a shadow ray from it to a light above the plane of its triangle is not occluded. At
+/// three scales and three positions, with lights as low as 1e-3 above the triangle.
 #[test]
 fn e2_convex_bodies_do_not_shadow_themselves() {
     let mut numbers = Numbers::new(21);
@@ -112,7 +112,8 @@ fn e2_convex_bodies_do_not_shadow_themselves() {
                 let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
                 let normal = if normal.dot(outside) < 0.0 { -normal } else { normal };
                 let direction = numbers.vector().normalize();
-                // Away from the origin, rounding the corners bends some edges inwards by more than a low light clears.
+                // Away from the origin, rounding of corners makes some edges concave by more than the elevation of a
+                // low light.
                 if direction.dot(normal) < 1e-3 || (place > 0.0 && direction.dot(outside) < 0.5) {
                     continue;
                 }
@@ -127,8 +128,8 @@ fn e2_convex_bodies_do_not_shadow_themselves() {
     }
 }
 
-/// E3: two parallel walls, 16, 64 and 200 units in the last place apart, at random angles: every ray from one towards a
-/// light behind the other is stopped by it, and none is stopped by the wall it leaves.
+/// E3: two parallel walls at a distance of 16, 64 and 200 units in the last place, at random angles: every shadow ray
+/// from one to a light behind the other is occluded by the other, and none by the wall that it leaves.
 #[test]
 fn e3_no_light_leaks_through_close_walls() {
     let mut numbers = Numbers::new(22);
@@ -150,15 +151,13 @@ fn e3_no_light_leaks_through_close_walls() {
                     let (own, other) = (wall(0.0), wall(gap * ulp));
                     let point = point_on(own, &mut numbers);
                     let direction = (normal + 0.5 * numbers.vector()).normalize();
-                    // The corners are rounded to steps of their own: whether the walls are that far apart where the ray
-                    // crosses is measured, exactly enough in f64.
+                    // Rounding moves the corners: the distance of the walls where the ray crosses is measured, in f64.
                     let plane = |w: [DVec3; 3]| ((w[1] - w[0]).cross(w[2] - w[0]).normalize(), w[0]);
                     let (n, p) = plane(other);
                     let distance = (p - point.position).dot(n) * n.dot(normal).signum();
                     let (own_normal, _) = plane(own);
                     let own_normal = own_normal * own_normal.dot(normal).signum();
-                    // What a tier starts its rays beyond: at most two f32 steps, and in `fast` the error of its own
-                    // test.
+                    // The offset of a tier's ray origins: at most two f32 steps, and in `fast` the error of its test.
                     let error = if numerics == Numerics::Fast { 4.0 * f64::from(f32::EPSILON) } else { 0.0 };
                     let start = error * point.reach.dot(own_normal.abs()) + 4.0 * ulp;
                     if distance < start {
@@ -171,7 +170,7 @@ fn e3_no_light_leaks_through_close_walls() {
                         tree(&[wall], numerics).is_occluded(&ray, &mut Traversal::default())
                     };
                     self_hits += u32::from(hits(own));
-                    // Only where the ray crosses the other wall well inside.
+                    // Only rays that cross the other wall well inside.
                     let t = (p - point.position).dot(n) / direction.dot(n);
                     if t > 0.0 && t < far {
                         leaks += u32::from(!hits(other));
@@ -189,7 +188,7 @@ fn e3_no_light_leaks_through_close_walls() {
     }
 }
 
-/// E2: needles, lengths 1 and widths down to 1e-8, at random angles: no ray that leaves one hits it again.
+/// E2: needles of length 1 and of widths down to 1e-8, at random angles: no ray that leaves one hits it again.
 #[test]
 fn e2_needles_do_not_shadow_themselves() {
     let mut numbers = Numbers::new(25);
@@ -217,8 +216,8 @@ fn e2_needles_do_not_shadow_themselves() {
     }
 }
 
-/// K1: the smooth surface over a triangle bulges through a roof close above it: the lamp over the roof must not be seen
-/// from there.
+/// K1: the smooth surface over a triangle, from which shadow rays start, would pass through a roof close above it: the
+/// light above the roof must not be visible from there.
 #[test]
 fn k1_the_smooth_surface_does_not_pass_through_a_roof() {
     let mut scene = parse(
@@ -242,8 +241,8 @@ fn k1_the_smooth_surface_does_not_pass_through_a_roof() {
     }
 }
 
-/// E4: a lamp in the very point, on the surface, and at the end of the ray: no light that is not a number, and what the
-/// lamp stands on does not hide it.
+/// E4: a light at the shaded point, on the surface, and at the end of the shadow ray: the radiance is finite, and the
+/// surface that the light is on does not occlude it.
 #[test]
 fn e4_the_end_of_a_shadow_ray() {
     let floor = [DVec3::new(-10.0, 0.0, -10.0), DVec3::new(-10.0, 0.0, 30.0), DVec3::new(30.0, 0.0, -10.0)];
@@ -251,7 +250,7 @@ fn e4_the_end_of_a_shadow_ray() {
     for numerics in Numerics::ALL {
         let accelerator = tree(&[floor], numerics);
         for _ in 0..5000 {
-            // From above the floor to a lamp on it.
+            // From above the floor to a light on it.
             let start = DVec3::new(numbers.unit() * 5.0, 1.0 + numbers.unit(), numbers.unit() * 5.0);
             let lamp = DVec3::new(numbers.unit() * 5.0, 0.0, numbers.unit() * 5.0);
             let to_lamp = lamp - start;
@@ -268,7 +267,7 @@ fn e4_the_end_of_a_shadow_ray() {
     }
 }
 
-/// E5: mirrored rays at grazing angles leave the surface: 10^5 a height, in f32 and f64 numbers.
+/// E5: reflected rays at grazing angles leave the surface: 10^5 rays per elevation, in f32 and f64.
 #[test]
 fn e5_mirrored_rays_at_grazing_angles_leave() {
     let mut numbers = Numbers::new(24);
@@ -297,8 +296,8 @@ fn e5_mirrored_rays_at_grazing_angles_leave() {
     }
 }
 
-/// E6: two mirrors face to face, a thousandth apart, far from the origin, with many bounces: it ends, and no pixel is
-/// brighter than what the mirrors mix, or not a number.
+/// E6: two mirrors that face each other at a distance of 1e-3, far from the origin, with many bounces: rendering ends,
+/// and every pixel is finite and at most as bright as the colours that the mirrors blend.
 #[test]
 fn e6_parallel_mirrors_end() {
     for far in [0.0, 1e3, 1e5] {
@@ -331,9 +330,9 @@ fn e6_parallel_mirrors_end() {
     }
 }
 
-/// K1: an icosphere with the normals of its sphere, under a lamp: wherever its normal is 0.05 above the horizon it is
-/// lit with the smooth terminator, and without it some of it lies in its own shadow; where neither normal sees the lamp
-/// it is dark in both.
+/// K1: an icosphere with the normals of its sphere under a light. With the terminator effect every point with N.L of at
+/// least 0.05 is lit; without it some of these are in the mesh's own shadow. Points that both normals turn away from
+/// the light are dark in both.
 #[test]
 fn k1_the_terminator_of_a_coarse_smooth_sphere() {
     let triangles = icosphere(2, DVec3::ZERO, 1.0);
@@ -378,7 +377,7 @@ fn k1_the_terminator_of_a_coarse_smooth_sphere() {
     }
 }
 
-/// The tiers whose secondary rays keep closed meshes closed.
+/// The tiers in which secondary rays do not escape from closed meshes.
 const CLOSED: [Numerics; 3] = [Numerics::Watertight, Numerics::Double, Numerics::Exact];
 
 /// A closed prism along z over the triangle (0, 0), (1, 0), (cos a, sin a): two walls with a dihedral angle of `angle`
@@ -395,7 +394,7 @@ fn middle_of(angle: f64) -> DVec3 {
     DVec3::new((1.0 + angle.cos()) / 3.0, angle.sin() / 3.0, 0.1)
 }
 
-/// A world of one closed mesh, alone or in two places of which the second is far away: then it is an instance.
+/// A world of one closed mesh, or of two instances of it at a distance of 64.
 fn closed_world(triangles: &[[DVec3; 3]], numerics: Numerics, structure: Layout, shared: bool) -> World {
     let mesh = Mesh {
         positions: triangles.iter().flatten().copied().collect(),
@@ -420,14 +419,13 @@ fn closed_world(triangles: &[[DVec3; 3]], numerics: Numerics, structure: Layout,
     World::prepare(scene, ColourPipeline::Linear, structure, numerics)
 }
 
-/// A triangle in the numbers of a tier.
+/// A triangle rounded to the precision of a tier.
 fn rounded(corners: &[DVec3; 3], numerics: Numerics) -> [DVec3; 3] {
     corners.map(|p| p.map(|c| numerics.precision().round(c)))
 }
 
-/// Rays that leave points on the borders of triangles on the side that is seen from `inside`, in directions of all
-/// heights over the triangle, some of them at corners and edges of the mesh, and rays to a lamp outside, which is at
-/// `lamp`.
+/// Rays from points on the borders of triangles, on the side that faces `inside`: in directions of all elevations above
+/// the triangle, towards corners and edges of the mesh, and to a light outside, at `lamp`.
 fn leaving(
     world: &World,
     triangles: &[[DVec3; 3]],
@@ -438,18 +436,19 @@ fn leaving(
 ) -> [Vec<Ray>; 2] {
     let numerics = world.numerics();
     let (mut free, mut to_lamp) = (Vec::new(), Vec::new());
-    // In runs on one triangle, as pixels side by side are: rays to a lamp then make packets.
+    // Consecutive rays start on one triangle, as those of neighbouring pixels do, so that rays to the light form
+    // packets.
     for i in 0..count {
         let index = i / 32 % triangles.len();
         let corners = rounded(&triangles[index], numerics);
-        let own = SurfacePoint::on_triangle(corners, weights_on_borders(numbers));
-        // What is seen from inside: triangles that close T-vertices may be folded outwards, behind their neighbours.
+        let own = SurfacePoint::on_triangle(corners, barycentrics_on_borders(numbers));
+        // Triangles visible from inside only: those that close T-vertices may lie outside, behind their neighbours.
         let Some(way) = (own.position - inside).try_normalize() else { continue };
         let ray = numerics.ray_precision().ray(inside, way, 0.0, f64::INFINITY);
         let hit = world.accelerator.closest_hit(&ray, &mut Traversal::default()).expect("a closed mesh");
         let surface = world.interaction(&ray, &hit);
         let normal = surface.geometric_normal;
-        // Exactly on the border, where that triangle cannot be folded.
+        // Exactly on the border, for triangles that cannot lie behind others.
         let [a, b, c] = corners;
         let perimeter = a.distance(b) + b.distance(c) + c.distance(a);
         let inradius = Triangle(corners).normal().length() / perimeter;
@@ -464,8 +463,8 @@ fn leaving(
             }
             _ => {
                 let other = rounded(&triangles[numbers.below(triangles.len())], numerics);
-                let weights = weights_on_borders(numbers);
-                other[0] * weights[0] + other[1] * weights[1] + other[2] * weights[2] - origin
+                let barycentrics = barycentrics_on_borders(numbers);
+                other[0] * barycentrics[0] + other[1] * barycentrics[1] + other[2] * barycentrics[2] - origin
             }
         };
         let precision = numerics.ray_precision();
@@ -480,7 +479,7 @@ fn leaving(
     [free, to_lamp]
 }
 
-/// How many of the rays meet nothing, asked one by one, at once for their closest hits, and at once for any.
+/// The number of rays without a hit: traced singly, as a batch of closest hits, and as a batch of occlusion tests.
 fn escaped(world: &World, rays: &[Ray]) -> [usize; 3] {
     let (mut traversal, mut hits, mut occluded) = (Traversal::default(), Vec::new(), Vec::new());
     for batch in rays.chunks(256) {
@@ -495,7 +494,7 @@ fn escaped(world: &World, rays: &[Ray]) -> [usize; 3] {
     ]
 }
 
-/// No ray leaves a closed mesh, in any structure, however the mesh is turned and wherever it stands.
+/// No ray escapes from a closed mesh, in any structure, at any rotation and position of the mesh.
 fn nothing_escapes(name: &str, mesh: &[[DVec3; 3]], inside: DVec3, lamp: DVec3, least_size: f64) {
     let mut numbers = Numbers::new(31);
     for (scale, offset) in [(1.0, 0.0), (1.0, 30.0), (1.0, 1e3), (2f64.powi(-20), 0.0), (2f64.powi(20), 0.0)]
@@ -509,8 +508,8 @@ fn nothing_escapes(name: &str, mesh: &[[DVec3; 3]], inside: DVec3, lamp: DVec3, 
             let place = |p: DVec3| scale * (DMat3::from_quat(turn) * p + offset * DVec3::new(1.0, -0.5, 2.0));
             let triangles: Vec<[DVec3; 3]> = mesh.iter().map(|t| t.map(place)).collect();
             for numerics in CLOSED {
-                // Where f32 has fewer than 64 steps for the mesh's smallest height, rounding its corners makes another
-                // mesh of it.
+                // With fewer than 64 f32 steps for the mesh's smallest height, rounding of its corners changes its
+                // shape.
                 if numerics == Numerics::Watertight
                     && (turned || offset > 0.0)
                     && least_size < (1.0 + 2.0 * offset) * 64.0 * f64::from(f32::EPSILON)
@@ -524,7 +523,7 @@ fn nothing_escapes(name: &str, mesh: &[[DVec3; 3]], inside: DVec3, lamp: DVec3, 
                     (Layout::Bvh2(Default::default()), false),
                     (Layout::BruteForce, false),
                 ] {
-                    // Instances are near the origin only: the world would be moved.
+                    // Instances are tested near the origin only: a world far from it would be recentered.
                     if shared && (offset > 0.0 || scale != 1.0) {
                         continue;
                     }
@@ -555,7 +554,7 @@ fn e7_nothing_escapes_from_the_edge_of_a_wedge() {
     }
 }
 
-/// E7: the same from corners at which 3 to 1000 triangles meet.
+/// E7: the same at corners with 3 to 1000 triangles.
 #[test]
 fn e7_nothing_escapes_from_corners_of_any_valence() {
     for valence in [3, 4, 7, 30, 200, 1000] {
@@ -570,7 +569,7 @@ fn e7_nothing_escapes_from_corners_of_any_valence() {
     }
 }
 
-/// E7: the same beside T-vertices, which triangles without area close.
+/// E7: the same near T-vertices that triangles without area close.
 #[test]
 fn e7_nothing_escapes_beside_t_vertices() {
     let lamp = DVec3::new(-1.0, -2.0, 0.3);
@@ -598,8 +597,8 @@ fn e7_nothing_escapes_from_triangles_without_an_interior() {
     }
 }
 
-/// E7: wedges with normals that bulge into their inside, seen from there: shadow rays start on the smooth surface, and
-/// the lamp outside lights nothing.
+/// E7: wedges with vertex normals whose smooth surface bulges inwards, seen from inside: shadow rays start on the
+/// smooth surface, and the light outside reaches no point.
 #[test]
 fn e7_the_smooth_surface_of_a_wedge_stays_inside() {
     for degrees in [90.0, 30.0, 5.0] {
@@ -617,7 +616,7 @@ fn e7_the_smooth_surface_of_a_wedge_stays_inside() {
             normals: Some(Attribute { values: normals.collect(), triangles: None }),
             ..Mesh::default()
         };
-        // The pixels' rows meet the edge along z, and its ends.
+        // The rows of pixels cross the edge along z, and its ends.
         for target in [[0.0, 0.0, 0.1], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]] {
             let mut scene = parse(&format!(
                 "[image]\nwidth = 48\nheight = 48\ncolour = \"display\"\n[[camera]]\nposition = {:?}\nlook_at = {target:?}\n\
@@ -639,12 +638,11 @@ fn e7_the_smooth_surface_of_a_wedge_stays_inside() {
     }
 }
 
-/// E7: from inside a room with an edge that juts into it, rays along the x and y axes and their diagonals meet that
-/// edge exactly, where one of its two faces is hidden behind the other. Whichever of the two is reported, what leaves
-/// it stays inside.
+/// E7: inside an L-shaped mesh, rays along the x and y axes and their diagonals hit its reflex edge exactly, where one
+/// of its two faces is hidden by the other. Whichever of the two is reported, no secondary ray escapes.
 #[test]
 fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
-    // An L of three cells, each a square of 2 units, extruded from z = -1 to 1; the edge stands at the origin.
+    // Three square cells of side 2 in an L, extruded from z = -1 to 1; the edge is at the origin.
     let outline = [[0, 0], [0, 2], [-2, 2], [-2, 0], [-2, -2], [0, -2], [2, -2], [2, 0]]
         .map(|[x, y]| [x as f64, y as f64]);
     let at = |i: usize, z: f64| DVec3::new(outline[i % 8][0], outline[i % 8][1], z);
@@ -652,7 +650,7 @@ fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
     for i in 0..8 {
         let [a, b, c, d] = [at(i, -1.0), at(i + 1, -1.0), at(i + 1, 1.0), at(i, 1.0)];
         triangles.extend([[a, b, c], [a, c, d]]);
-        // Floor and ceiling: a fan around the origin, without the walls that end there.
+        // Floor and ceiling: a fan around the origin, without the walls that start there.
         if (1..7).contains(&i) {
             triangles.extend([-1.0, 1.0].map(|z| [at(0, z), at(i, z), at(i + 1, z)]));
         }
@@ -667,7 +665,7 @@ fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
             let world = closed_world(&triangles, numerics, Layout::default(), false);
             let (mut rays, mut naive) = (Vec::new(), Vec::new());
             for i in 0..times_factor(3000) {
-                // From the cell beside the edge on either side, where one of the faces x = 0 and y = 0 is hidden.
+                // From the cells on either side of the edge, where one of the faces x = 0 and y = 0 is hidden.
                 let [u, v] = [1.0 - numbers.below(8) as f64 / 8.0, -1.0 + numbers.below(8) as f64 / 8.0];
                 let from = if i % 2 == 0 { [-u, u] } else { [u, -u] };
                 let from = DVec3::new(from[0], from[1], v * 0.5);
@@ -684,20 +682,20 @@ fn e7_nothing_escapes_from_an_edge_that_hides_a_face() {
                 rays.extend((0..8).map(|_| ray(origin, &mut numbers)));
                 let triangle = world.accelerator.primitive(hit.slot);
                 let Primitive::Triangle(Triangle(corners)) = triangle else { unreachable!("a mesh") };
-                let [v, w] = hit.weights;
+                let [v, w] = hit.barycentrics;
                 let within = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w]);
                 let offset = within.origin_towards(surface.geometric_normal, numerics);
                 naive.extend((0..8).map(|_| ray(offset, &mut numbers)));
             }
             assert_eq!(escaped(&world, &rays), [0; 3], "{}, reversed: {reversed}", numerics.name());
-            // Not so from a point within the face that was reported, where that is the hidden one.
+            // Without the correction of the start, rays from the reported face do escape where it is the hidden one.
             hidden += escaped(&world, &naive)[0];
         }
     }
     assert!(hidden > 0, "no hidden face was reported");
 }
 
-/// E7: rays that run in the walls of a box, and meet the far wall exactly on its edges and corners.
+/// E7: rays in the planes of the walls of a box that hit the opposite wall exactly on its edges and corners.
 #[test]
 fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_wall() {
     let triangles = meshes::cube(2);
@@ -722,8 +720,8 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_wall() {
     }
 }
 
-/// E7: the same in a box that is turned, where rays along a wall start beside it by their rounding, on either side.
-/// Those that reach the wall beyond the edge, seen from inside, leave it to the inside.
+/// E7: the same in a rotated box, where rays along a wall start on either side of it by rounding. Those that hit the
+/// next wall from inside continue inside.
 #[test]
 fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_turned_wall() {
     let turn = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(0.4);
@@ -743,7 +741,7 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_turned_wall() {
             let Some(hit) = world.accelerator.closest_hit(&ray, &mut Traversal::default()) else { continue };
             let surface = world.interaction(&ray, &hit);
             let turned = surface.geometric_normal.dot(Triangle(wall).unit_normal().expect("an area")).abs();
-            // Another wall, from inside.
+            // Hits on another wall, from inside.
             if turned > 0.5 || surface.geometric_normal.dot(surface.point.position) >= 0.0 {
                 continue;
             }
@@ -756,8 +754,8 @@ fn e7_nothing_escapes_from_an_edge_that_is_seen_along_a_turned_wall() {
     }
 }
 
-/// E7: rays along a wall, by rounding on either side of it or up to 1e-9 above it, that meet another wall on the common
-/// edge, at dihedral angles up to nearly flat ones. The wall that they run along hides nothing.
+/// E7: rays along a wall, on either side of it by rounding or up to 1e-9 above it, that hit another wall on the common
+/// edge, at dihedral angles up to nearly 180 degrees. The wall that they run along does not count as an occluder.
 #[test]
 fn e7_nothing_escapes_from_a_flat_edge_that_is_seen_along_a_wall() {
     let mut numbers = Numbers::new(39);
@@ -770,7 +768,7 @@ fn e7_nothing_escapes_from_a_flat_edge_that_is_seen_along_a_wall() {
             let precision = numerics.ray_precision();
             let (mut rays, mut reached) = (Vec::new(), 0);
             for _ in 0..times_factor(10_000) {
-                // The wall y = 0, the edge along z.
+                // The wall is y = 0, the edge is along z.
                 let above = [0.0, 1e-16, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9][numbers.below(8)];
                 let from = DVec3::new(0.1 + 0.8 * numbers.fine_unit(), above, numbers.fine_unit() - 0.5);
                 let to = DVec3::new(0.0, 0.0, numbers.fine_unit() - 0.5);
@@ -781,7 +779,7 @@ fn e7_nothing_escapes_from_a_flat_edge_that_is_seen_along_a_wall() {
                 };
                 let surface = world.interaction(&ray, &hit);
                 let other = turn * DVec3::new(-angle.sin(), angle.cos(), 0.0);
-                // The other wall, from inside.
+                // Hits on the other wall, from inside.
                 if surface.geometric_normal.dot(-other) < 1.0 - 1e-6 || surface.view.dot(-other) < 0.0 {
                     continue;
                 }
@@ -795,8 +793,8 @@ fn e7_nothing_escapes_from_a_flat_edge_that_is_seen_along_a_wall() {
     }
 }
 
-/// E7: from outside, a convex mesh is met by no ray that leaves its surface, also at convex edges and corners: the
-/// origin is moved away from edges within the triangle, not away from the mesh.
+/// E7: a ray that leaves a convex mesh to the outside does not hit it, also from edges and corners: the origin is moved
+/// away from edges within the triangle, not away from the mesh.
 #[test]
 fn e7_convex_edges_do_not_shadow_themselves() {
     let mut numbers = Numbers::new(32);
@@ -811,7 +809,7 @@ fn e7_convex_edges_do_not_shadow_themselves() {
                 let corners = rounded(&triangles[numbers.below(triangles.len())], numerics);
                 let normal = Triangle(corners).unit_normal().expect("an area");
                 let normal = normal * (corners[0] - middle).dot(normal).signum();
-                let origin = SurfacePoint::on_triangle(corners, weights_on_borders(&mut numbers))
+                let origin = SurfacePoint::on_triangle(corners, barycentrics_on_borders(&mut numbers))
                     .origin_towards(normal, numerics);
                 let direction = numbers.direction();
                 let direction = direction * direction.dot(normal).signum();
@@ -824,8 +822,9 @@ fn e7_convex_edges_do_not_shadow_themselves() {
     }
 }
 
-/// E7: starts in f64 inside a tetrahedron, at a share of its size from an edge. From 2^-47 on none escapes in any tier
-/// of [`CLOSED`]; nearer than 2^-52, where corners as they are sheared are no better known, some do but in `exact`.
+/// E7: rays that start in f64 inside a tetrahedron, at a given distance from an edge relative to its size. At 2^-47 and
+/// more none escapes in any tier of [`CLOSED`]; below 2^-52, the rounding of sheared corners, some escape except in
+/// `exact`.
 #[test]
 fn e7_starts_closer_to_an_edge_than_rounding_are_safe_in_exact_only() {
     let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(DVec3::from);
@@ -842,8 +841,7 @@ fn e7_starts_closer_to_an_edge_than_rounding_are_safe_in_exact_only() {
                 let edge = a.lerp(b, 0.1 + 0.8 * numbers.fine_unit());
                 let origin = edge + ((c + d) / 2.0 - edge) * 2f64.powi(exponent);
                 let ray = numerics.ray_precision().ray(origin, numbers.direction(), 0.0, f64::INFINITY);
-                // Rounding may have put the start outside: then the line through it crosses an even number of triangles
-                // ahead.
+                // Rounding may have moved the start outside: then the ray crosses an even number of triangles.
                 let mut all = Vec::new();
                 exact.accelerator.all_hits(&ray, &mut all, &mut Traversal::default());
                 if !all.is_empty() {
@@ -883,7 +881,7 @@ fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
                 assert!(!accelerator.is_occluded(&ray(outwards, direction), &mut traversal));
                 let inwards = ray(-outwards, -direction);
                 let hit = accelerator.closest_hit(&inwards, &mut traversal).expect("the far side");
-                // The chord: 2 r cos, to what the origin is moved by and rounding.
+                // The chord is 2 r cos, up to the offset of the origin and rounding.
                 let chord = 2.0 * radius * direction.dot(outwards);
                 let off = 4.0 * ORIGIN_OFFSET * (far * 2.0 + radius) / direction.dot(outwards);
                 assert!((hit.t - chord).abs() <= off, "{} {chord} {off}", hit.t);
@@ -892,8 +890,8 @@ fn e7_tiny_spheres_far_away_do_not_shadow_themselves() {
     }
 }
 
-/// E7: what the guarantee leaves out is what it says: in a wedge far narrower than [`ORIGIN_OFFSET`] /
-/// [`EDGE_DISTANCE`] rays do escape. So the tests above can fail.
+/// E7: beyond the stated bound rays do escape, in a wedge far narrower than [`ORIGIN_OFFSET`] / [`EDGE_DISTANCE`]. This
+/// shows that the tests above can fail.
 #[test]
 fn e7_a_wedge_beyond_the_bound_leaks() {
     let angle = ORIGIN_OFFSET / EDGE_DISTANCE / 64.0;

@@ -14,11 +14,11 @@ use serde_json::json;
 
 const SIZE: [u32; 2] = [16, 16];
 
-/// A tetrahedron with a smooth normal at each corner, no two sides alike, as OBJ.
+/// A tetrahedron with a vertex normal at each corner, all edges of different lengths, as OBJ.
 const SMOOTH: &str = "v 0 0 0\nv 4 1 0\nv 1 5 1\nv 1 1 3\nvn -1 -1 -1\nvn 3 0 -1\nvn 0 3 0\nvn 0 1 3\n\
     f 1//1 3//3 2//2\nf 1//1 2//2 4//4\nf 2//2 3//3 4//4\nf 1//1 4//4 3//3\n";
 
-/// That mesh placed by keys of a scene file, and `rest`.
+/// That mesh, placed by keys of a scene file, with `rest` after it.
 fn mesh(keys: &str, rest: &str) -> (Scene, Vec<String>) {
     let folder = Folder::new();
     folder.write("a.obj", SMOOTH);
@@ -27,8 +27,8 @@ fn mesh(keys: &str, rest: &str) -> (Scene, Vec<String>) {
 
 #[test]
 fn j1_a_mesh_scaled_by_a_power_of_two_is_the_mesh_written_so() {
-    // Between 2^-40 and 2^40, far beyond what rays in the mesh's own space could bear (1e-5 to 1e6): every product is
-    // exact, so positions are those of a file with the numbers themselves, to the bit, and the picture with them.
+    // Scales from 2^-40 to 2^40, more than rays in the mesh's own space allow (1e-5 to 1e6). Every product with a power
+    // of two is exact, so positions and pixels are bit for bit those of a file with the scaled numbers.
     for exponent in [-40, -17, -3, 5, 23, 40] {
         let scale = f64::from(exponent).exp2();
         let line = |line: &str| match line.strip_prefix("v ") {
@@ -42,7 +42,7 @@ fn j1_a_mesh_scaled_by_a_power_of_two_is_the_mesh_written_so() {
         let folder = Folder::new();
         folder.write("a.obj", SMOOTH);
         folder.write("b.obj", SMOOTH.lines().map(line).collect::<String>());
-        // A floor of size 8 beside it, so that sizes are mixed and nothing is scaled as a whole.
+        // A floor of size 8 beside it, so that the scene is not rescaled as a whole.
         let floor = "[[triangles]]\nvertices = [[-8, -1, -8], [8, -1, -8], [0, -1, 8]]\n";
         let [a, b] = [format!("file = 'a.obj'\nscale = {scale:?}"), "file = 'b.obj'".into()].map(|keys| {
             let mut scene = folder.load("s.toml", format!("[[mesh]]\n{keys}\n{floor}")).0;
@@ -107,8 +107,8 @@ fn j2_normals_stay_perpendicular_and_outside_under_any_transform() {
 
 #[test]
 fn j2_a_mirrored_scene_gives_the_mirrored_picture() {
-    // Mirrored at x = 0, which is the middle of the picture, lamp and all: every number is the same but for signs, so
-    // the picture is the same from right to left, to the bit, sides, normals and shadow lines included.
+    // The scene with its light is mirrored at x = 0, the middle of the picture: numbers differ in their signs only, so
+    // the picture is the mirrored one, bit for bit, with sides, normals and shadow terminators.
     let rest = |side: i32| {
         format!(
             "[[triangles]]\nvertices = [[{}, -1, -8], [{}, -1, -8], [0, -1, 8]]\n\
@@ -146,8 +146,8 @@ fn node(transform: &serde_json::Value) -> (Scene, Vec<String>) {
 
 #[test]
 fn j2_singular_transforms_show_what_has_area_and_say_where_nothing_has() {
-    // Flattened, the two sides across are seen, eight triangles have lost their area; as a line, a point or nothing at
-    // all, every triangle has.
+    // Flattened to a plane, the two parallel faces remain, and eight triangles have no area. Flattened to a line or a
+    // point, no triangle has any.
     let nothing = "no triangle has an area, so nothing of it can be seen";
     for (transform, is_seen) in [
         (json!({ "scale": [1, 1, 0] }), true),
@@ -167,7 +167,7 @@ fn j2_singular_transforms_show_what_has_area_and_say_where_nothing_has() {
             assert_eq!(prepared.hits().iter().any(Option::is_some), is_seen, "{transform}");
         }
     }
-    // A scene file refuses it: there it is a slip of the pen.
+    // In a scene file a scale of 0 is an error.
     let folder = Folder::new();
     folder.write("a.obj", SMOOTH);
     for scale in ["0", "[1, 0, 1]", "-0.0"] {
@@ -178,8 +178,8 @@ fn j2_singular_transforms_show_what_has_area_and_say_where_nothing_has() {
 
 #[test]
 fn j2_transforms_of_any_size_are_seen_or_said() {
-    // Uniform scales from 1e-38 to 1e38, one in another so that 1e-76 and 1e76 come about, which f32 cannot invert;
-    // what lies beyond 1e18 is left out, everything else is seen by a camera that fits as it is at its own size.
+    // Uniform scales from 1e-38 to 1e38, nested so that the products reach 1e-76 and 1e76, which f32 cannot invert.
+    // Primitives beyond 1e18 are left out; the fitted camera shows all others as at scale 1.
     let place = |scale: f32, nested: bool| {
         let scale = json!(vec![scale; 3]);
         let nodes = json!([{ "scale": scale.clone(), "children": [1] }, { "scale": scale, "mesh": 0 }]);
@@ -212,7 +212,7 @@ fn j2_transforms_of_any_size_are_seen_or_said() {
 
 #[test]
 fn j2_uneven_transforms_turn_normals_the_other_way() {
-    // The catalogue's (1e-4, 1, 1e4): a normal (1, 1, 1) becomes (1e4, 1, 1e-4) up to length, not (1e-4, 1, 1e4).
+    // The scale (1e-4, 1, 1e4): a normal (1, 1, 1) becomes (1e4, 1, 1e-4) up to length, not (1e-4, 1, 1e4).
     let n = normal_matrix(&DMat4::from_scale(DVec3::new(1e-4, 1.0, 1e4))) * DVec3::ONE;
     assert!((n / n.y - DVec3::new(1e4, 1.0, 1e-4)).abs().max_element() <= 1e4 * 4.0 * f64::EPSILON, "{n}");
     let (scene, warnings) = node(&json!({ "scale": [1e-4, 1, 1e4] }));
@@ -256,7 +256,7 @@ fn j3_tiles_side_by_side_have_no_seams() {
     }
 }
 
-/// A cube, a ball on it and a lamp, seen from a corner, of about the given size.
+/// A cube, a sphere on it and a light, seen from a corner, of about size 1.
 fn still_life() -> Scene {
     let mut scene = scene(&format!(
         "[image]\nbackground = '#203040'\n{CUBE}[[sphere]]\ncentre = [0.4, 1.3, 0.5]\nradius = 0.3\n\
@@ -267,7 +267,7 @@ fn still_life() -> Scene {
     scene
 }
 
-/// How many pixels of two pictures differ by more than one of 255 steps.
+/// The number of pixels of two pictures, in each tier, that differ by more than one of 255 steps.
 fn differences(a: &Scene, b: &Scene) -> [usize; 4] {
     let pipeline = ColourPipeline::Linear;
     let eight = |scene: &Scene| films(scene, [48, 48]).map(|film| film.to_rgb8(pipeline));
@@ -281,7 +281,8 @@ fn differences(a: &Scene, b: &Scene) -> [usize; 4] {
 
 #[test]
 fn c6_coordinates_from_1e_minus_30_to_1e17_draw_the_same() {
-    // Decimal sizes round every number anew; none of the 48 x 48 rays passes an outline by so little.
+    // Decimal sizes round every coordinate; none of the 48 x 48 rays is so near to an outline that this changes its
+    // hit.
     let one = still_life();
     for exponent in [-30, -27, -20, -12, -9, -3, 3, 9, 12, 15, 17] {
         let scaled = placed(still_life(), 10f64.powi(exponent), DVec3::ZERO);
@@ -294,7 +295,7 @@ fn c6_coordinates_beyond_1e18_are_left_out_with_a_warning() {
     for exponent in [19, 25, 30, 200, 308] {
         let cube = CUBE.replace(",1", &format!(",1e{exponent}")).replace("[1,", &format!("[1e{exponent},"));
         let text = format!("[[camera]]\nposition = [4, 4, 4]\nlook_at = [0, 0, 0]\n{cube}");
-        // The index lists hold no number from outside; they are as they were.
+        // Index lists hold no coordinates and are not scaled.
         let text = text.replace(
             &cube[cube.find("indices").expect("it has them")..],
             &CUBE[CUBE.find("indices").unwrap()..],
@@ -319,8 +320,8 @@ fn h2_scenes_from_a_millionth_to_a_hundred_million_draw_the_same() {
 
 #[test]
 fn h3_scenes_a_million_away_draw_the_same() {
-    // There f64 has steps of 1.2e-10: 1e-8 and less of sizes from 0.01 on. A scene of 1e-6 keeps four digits, so a
-    // pixel in the hundred of its outlines and shadows' edges may fall to the other side.
+    // There f64 has steps of 1.2e-10, at most 1e-8 of sizes from 0.01 on. Coordinates of a scene of size 1e-6 keep four
+    // digits, so up to one pixel in a hundred, on outlines and shadow edges, may change.
     let one = still_life();
     for far in [DVec3::X * 1e6, DVec3::new(-1e6, 1e6, 3e5), DVec3::new(0.0, -1e6, 0.0)] {
         for exponent in [-2, 0, 2, 8] {

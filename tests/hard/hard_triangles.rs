@@ -1,12 +1,12 @@
-//! Hard cases, chapter B, second part: triangles by themselves (B4 to B11). Those that share edges are in
-//! `tests/hard/hard_meshes.rs`.
+//! Single triangles: slivers, no area, duplicates, giants, rays in their plane (B4 to B11). Triangles that share edges
+//! are in `tests/hard/hard_meshes.rs`.
 //!
-//! Every tier, brute force and trees, judged by exact arithmetic; `tests/common/hard/check.rs` says what is asserted of
-//! which tier.
+//! Every tier runs by brute force and by every tree, and is compared with exact arithmetic.
+//! `tests/common/hard/check.rs` states what is asserted of which tier.
 //!
-//! Not tested here: B10 as such. That triangles are kept as three corners, never as a corner and two edges, is what the
-//! tests of closed meshes (B1, B3) see. B11 speaks of two functions of obvhs that kiln does not use; what is wrong with
-//! them is what B11 tests here.
+//! Not tested here: B10, that triangles are stored as three corners and not as a corner and two edges; the tests of
+//! closed meshes (B1, B3) depend on it. B11 concerns two functions of obvhs that kiln does not use; the errors that
+//! they have are tested for here.
 
 use crate::common;
 use crate::common::Numbers;
@@ -22,8 +22,8 @@ use glam::DVec3;
 use kiln::bvh::{Layout, Traversal, build};
 use kiln::geometry::{Numerics, PrimId, Ray};
 
-/// Set-up: triangles of length 1 and width 0.1 to 1e-7, around the origin and 1e4 away from it, aimed at their
-/// centroids as rounded. The exact tier is right; the others give numbers.
+/// Triangles of length 1 and width 0.1 to 1e-7, around the origin and 1e4 away from it, and rays at their rounded
+/// centroids. The tier `exact` decides as exact arithmetic does; the hits of the others are finite.
 #[test]
 fn b4_slivers_are_decided_exactly_and_give_numbers() {
     for centre in [DVec3::ZERO, DVec3::new(1e4, -1e4, 1e4)] {
@@ -39,7 +39,7 @@ fn b4_slivers_are_decided_exactly_and_give_numbers() {
     }
 }
 
-/// Every hit in every tier is at a finite distance above 0, with weights that are numbers.
+/// Every hit in every tier is at a finite distance above 0, with finite barycentrics.
 fn are_numbers(slots: &[kiln::bvh::Slot], rays: &[Ray], structures: &[Layout]) {
     let mut traversal = Traversal::default();
     for tier in Numerics::ALL {
@@ -49,7 +49,8 @@ fn are_numbers(slots: &[kiln::bvh::Slot], rays: &[Ray], structures: &[Layout]) {
                 let mut hits = Vec::new();
                 accelerator.all_hits(ray, &mut hits, &mut traversal);
                 for hit in hits {
-                    let sound = hit.t.is_finite() && hit.t > 0.0 && hit.weights.iter().all(|w| w.is_finite());
+                    let sound =
+                        hit.t.is_finite() && hit.t > 0.0 && hit.barycentrics.iter().all(|w| w.is_finite());
                     assert!(sound, "{}, {structure:?}: {ray:?}: {hit:?}", tier.name());
                 }
             }
@@ -57,8 +58,8 @@ fn are_numbers(slots: &[kiln::bvh::Slot], rays: &[Ray], structures: &[Layout]) {
     }
 }
 
-/// Triangles without area: two or three equal corners, and corners in a line, of whole numbers so that the line is
-/// exact.
+/// Triangles without area: two or three equal corners, or corners on a line, with integer coordinates so that the line
+/// is exact.
 fn flat_triangles(count: usize, seed: u64) -> Vec<Corners> {
     let mut numbers = Numbers::new(seed);
     (0..count)
@@ -77,8 +78,9 @@ fn flat_triangles(count: usize, seed: u64) -> Vec<Corners> {
         .collect()
 }
 
-/// Set-up: triangles without area, aimed at. Nothing hits those that the exact tier holds, nor in any watertight tier
-/// those with two equal corners, where rounding has nothing to get wrong; and what is given is numbers.
+/// Rays at triangles without area. No ray hits one in the tier `exact`, nor one with two equal corners in any
+/// watertight tier, where equal corners give edge functions that cancel exactly. Every hit of the other tiers is
+/// finite.
 #[test]
 fn b5_triangles_without_area_are_not_hit() {
     let all = flat_triangles(300, 5);
@@ -98,7 +100,7 @@ fn b5_triangles_without_area_are_not_hit() {
     assert_eq!((summary.hit, summary.not_exact), (0, 0));
 }
 
-/// Set-up: a height field, and the same with as many triangles without area mixed in. What is hit stays the same.
+/// A height field, and the same with as many triangles without area among the others. Hits stay the same.
 #[test]
 fn b5_triangles_without_area_change_nothing_for_others() {
     let field = meshes::height_field(10, 5);
@@ -116,7 +118,7 @@ fn b5_triangles_without_area_change_nothing_for_others() {
             let expected = RayResults::of(&*clean, ray, &mut traversal);
             let mut found = RayResults::of(&*dirty, ray, &mut traversal);
             for hit in found.all.iter_mut().chain(&mut found.closest) {
-                // The field's triangles have even numbers.
+                // The triangles of the field have even indices.
                 hit.0 = if hit.0.0 % 2 == 0 { PrimId(hit.0.0 / 2) } else { PrimId(u32::MAX) };
             }
             faults.check(found == expected, || format!("{ray:?}: {}", found.unlike(&expected)));
@@ -125,8 +127,8 @@ fn b5_triangles_without_area_change_nothing_for_others() {
     }
 }
 
-/// Set-up: tiles that are each given twice, and the numbers handed out backwards. In every tier and structure the
-/// lowest number wins, whatever the order in which they are given.
+/// Tiles that are each present twice, with indices in reverse order. In every tier and structure the lowest index wins,
+/// whatever the order of the slots.
 #[test]
 fn b6_of_equal_triangles_the_lowest_number_wins() {
     let mesh = meshes::doubled_tiles(16);
@@ -159,8 +161,8 @@ fn b6_of_equal_triangles_the_lowest_number_wins() {
     assert_eq!(summary.tied, summary.rays);
 }
 
-/// Set-up: squares 1, 2, 4 and 16 steps of f32 apart, in shuffled order. The exact tier finds the nearest; in others
-/// that is how it comes out.
+/// Squares 1, 2, 4 and 16 f32 steps apart, in shuffled order. The tier `exact` guarantees the nearest one; the others
+/// find it on these squares, too.
 #[test]
 fn b7_of_sheets_a_step_apart_the_nearest_is_found() {
     for steps in [1, 2, 4, 16] {
@@ -176,8 +178,8 @@ fn b7_of_sheets_a_step_apart_the_nearest_is_found() {
     }
 }
 
-/// Set-up: a floor of 10^5 seen from 200 above it down to 2^-14, far out. Distances are within a step of f32 of the
-/// exact ones in the exact tier, and within four in the other tiers of f64.
+/// A floor of size 10^5, and rays from 200 down to 2^-14 above it, far from the origin. Distances are within one f32
+/// step of the exact ones in the tier `exact`, and within four in the other tiers that compute in f64.
 #[test]
 fn b8_a_giant_floor_at_grazing_incidence_is_where_it_is() {
     let slots = triangles([meshes::GIANT]);
@@ -187,7 +189,7 @@ fn b8_a_giant_floor_at_grazing_incidence_is_where_it_is() {
         let rays: Vec<Ray> = (0..times_factor(2000))
             .map(|_| {
                 let z = 90_000.0 * numbers.unit();
-                // The floor's edge is at x = 10^4 (1 - (z + 10^4) / 5.5 10^4) there; kept well within.
+                // The floor's edge is at x = 10^4 (1 - (z + 10^4) / 5.5 10^4) there; targets stay well inside.
                 let right = -10_000.0 + 20_000.0 * (1.0 - (z + 10_000.0) / 110_000.0);
                 let x = -9_000.0 + (right - 500.0 + 9_000.0) * numbers.unit();
                 let origin = DVec3::new(-9_500.0, -500.0 + height, -9_000.0);
@@ -212,7 +214,7 @@ fn b8_a_giant_floor_at_grazing_incidence_is_where_it_is() {
     }
 }
 
-/// Set-up: the long edge of that floor, aimed at as well as f32 can, and a step of f32 to either side.
+/// Rays at points of the long edge of that floor, rounded to f32, and one f32 step to either side.
 #[test]
 fn b8_the_edge_of_a_giant_floor_is_decided_exactly() {
     let slots = triangles([meshes::GIANT]);
@@ -237,8 +239,7 @@ fn b8_the_edge_of_a_giant_floor_is_decided_exactly() {
     assert!(summary.hit * 3 > summary.rays && summary.hit * 3 < summary.rays * 2, "{summary:?}");
 }
 
-/// Set-up: rays that run in the plane of the floor, and one step of f32 above and below it. In the plane every tier
-/// misses.
+/// Rays in the plane of the floor, and one f32 step above and below it. Rays in the plane miss in every tier.
 #[test]
 fn b9_rays_in_a_triangles_plane_miss() {
     let mut mesh = vec![meshes::GIANT];
@@ -272,8 +273,8 @@ fn b9_rays_in_a_triangles_plane_miss() {
     assert!(summary.hit > 0);
 }
 
-/// Set-up: triangles of half sizes 0.1 to 1000 at z = 5, and a larger one behind. Distances do not depend on the size
-/// of a triangle, in any tier.
+/// Triangles of half sizes 0.1 to 1000 at z = 5, with a larger one behind. Distances do not depend on the size of a
+/// triangle, in any tier.
 #[test]
 fn b11_distances_do_not_depend_on_the_size_of_a_triangle() {
     let square = |half: f64, z: f64| {
@@ -308,7 +309,7 @@ fn b11_distances_do_not_depend_on_the_size_of_a_triangle() {
     }
 }
 
-/// Set-up: everything of the chapter's hard shapes in one place.
+/// All hard triangles of this file in one scene.
 #[test]
 fn b_everything_at_once_is_exact() {
     let mut mesh = single_mesh(&meshes::icosphere(1, DVec3::ZERO, 2.0));

@@ -1,6 +1,6 @@
-//! The border: what OBJ, glTF and scene files become, and what is said of those that are odd or broken.
+//! Import: the scenes of OBJ, glTF, PLY, STL and scene files, and the errors and warnings of unusual or broken ones.
 //!
-//! Fixtures lie in `assets/import`; files that are odd in their bytes are written here.
+//! Fixtures are in `assets/import`; files with unusual bytes are written by the tests.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -20,7 +20,7 @@ use kiln::shading::ShadingMode;
 use kiln::world::{View, World};
 use serde_json::{Value, json};
 
-/// A folder that goes when the test ends.
+/// A temporary folder, deleted at the end of the test.
 struct Folder(tempfile::TempDir);
 
 impl Folder {
@@ -47,7 +47,7 @@ impl Folder {
     }
 }
 
-/// The message of an error without the folder before its file.
+/// The message of an error, with the file name without its folder.
 fn message(e: &Error) -> String {
     let text = e.to_string();
     match text.split_once(": ") {
@@ -56,7 +56,7 @@ fn message(e: &Error) -> String {
     }
 }
 
-/// What a file becomes, and the warnings without the folder before their files.
+/// The scene of a file, and the warnings, with file names without their folder.
 fn load(file: &Path) -> (Scene, Vec<String>) {
     let mut warnings = Warnings::default();
     let scene = kiln::import::load(&[file.to_owned()], &mut warnings)
@@ -81,7 +81,7 @@ fn triangles(mesh: &Mesh) -> Vec<[DVec3; 3]> {
     mesh.triangles.iter().map(|t| t.map(|i| mesh.positions[i as usize])).collect()
 }
 
-/// Unit normals at the corners of each triangle; zero for "the triangle's own".
+/// Unit normals at the corners of each triangle; zero where there is no vertex normal.
 fn normals(mesh: &Mesh) -> Vec<[DVec3; 3]> {
     let normals = mesh.normals.as_ref().expect("the mesh has normals");
     let indices = normals.triangles.as_ref().unwrap_or(&mesh.triangles);
@@ -99,13 +99,13 @@ fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Within a few roundings of numbers of ordinary size, in f32 where the file held f32.
+/// Asserts equality up to a few rounding errors of f32, the precision of the files, for numbers of about 1.
 #[track_caller]
 fn assert_near(a: DVec3, b: DVec3) {
     assert!((a - b).abs().max_element() <= 1e-6, "{a} is not {b}");
 }
 
-/// The own colours that a camera along -z sees through the rectangle from `min` to `max`, row by row from the top.
+/// The albedo that an orthographic camera along -z sees in the rectangle from `min` to `max`, row by row from the top.
 fn seen(scene: Scene, min: [f64; 2], max: [f64; 2], size: [u32; 2]) -> Vec<[u8; 3]> {
     let middle = v((min[0] + max[0]) / 2.0, (min[1] + max[1]) / 2.0, 0.0);
     let camera = Camera {
@@ -124,8 +124,8 @@ fn seen(scene: Scene, min: [f64; 2], max: [f64; 2], size: [u32; 2]) -> Vec<[u8; 
     let plan = Plan::new(&world, &choices).expect("no effect is asked for");
     let view = View::new(&camera, Projection::Orthographic, size).expect("the camera has a direction");
     let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
-    let watch = RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
-    let (film, _) = render(&world, &view, &plan, window, |_, _| true, &watch).expect("nobody interrupts");
+    let control = RenderControl { cancel: &AtomicBool::new(false), progress: &|_, _| {}, time_stages: false };
+    let (film, _) = render(&world, &view, &plan, window, |_, _| true, &control).expect("nobody interrupts");
     film.to_rgb8(pipeline).chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect()
 }
 
@@ -135,7 +135,7 @@ fn seen(scene: Scene, min: [f64; 2], max: [f64; 2], size: [u32; 2]) -> Vec<[u8; 
 fn obj_materials_pictures_and_usemtl() {
     let (scene, warnings) = fixture("materials.obj");
     assert_eq!(warnings, [""; 0]);
-    // One object for each run of faces of one material: none, pictured, red, pictured.
+    // One object for each run of faces of one material: none, textured, red, textured.
     let names: Vec<&str> =
         scene.objects.iter().map(|o| scene.materials[o.material.0 as usize].name()).collect();
     assert_eq!(names, ["default", "pictured", "red", "pictured"]);
@@ -154,7 +154,7 @@ fn obj_materials_pictures_and_usemtl() {
     let red = phong(2);
     assert_eq!(red.colour, Colour::Display(v(0.5, 0.25, 0.0)));
     assert_eq!((red.specular, red.shininess, red.texture), (0.0, 10.0, None));
-    // Grey, 204 of 255: what a mesh without materials is made of.
+    // The default material is grey, 204 of 255.
     assert_eq!(phong(0).colour, Colour::from_u8([204; 3]));
 }
 
@@ -164,16 +164,17 @@ fn obj_pictures_stand_upright() {
     let image = &scene.images[0];
     assert_eq!((image.width, image.height), (2, 2));
     assert_eq!(image.pixels[..], [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]]);
-    // vt 0 0 is the lower left corner of the picture, which is (0, 1) from its top.
+    // vt 0 0 is the lower left corner of the texture, (0, 1) if v is counted from the top.
     let uvs = mesh(&scene, 1).uvs.as_ref().expect("the square has texture coordinates");
     let first = uvs.triangles.as_ref().unwrap_or(&mesh(&scene, 1).triangles)[0][0];
     assert_eq!(uvs.values[first as usize], DVec2::new(0.0, 1.0));
-    // Four pixels over the unit square: each ray meets the centre of one texel, whose colour it takes unmixed.
+    // Four pixels over the unit square: each ray hits the centre of a texel, so that bilinear interpolation returns its
+    // colour.
     scene.objects.remove(0);
     scene.objects.truncate(2);
     let picture = seen(scene.clone(), [0.0, 0.0], [1.0, 1.0], [2, 2]);
     assert_eq!(picture, [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]]);
-    // The square beside it: 0.5 * 255 = 127.5 rounds up to 128, 0.25 * 255 = 63.75 to 64.
+    // The untextured square beside it: 0.5 * 255 = 127.5 rounds up to 128, 0.25 * 255 = 63.75 to 64.
     assert_eq!(seen(scene, [1.0, 0.0], [2.0, 1.0], [1, 1]), [[128, 64, 0]]);
 }
 
@@ -182,8 +183,8 @@ fn obj_concave_polygons_keep_their_area_and_negative_indices_count_back() {
     let (scene, warnings) = fixture("l.obj");
     assert_eq!(warnings, [""; 0]);
     let all = triangles(mesh(&scene, 0));
-    // A hexagon gives 4 triangles, an arrow head 2. The L: 3 sqrt(2); the arrow head: 6 - 2. A fan from the first
-    // corner would cover more than either.
+    // A hexagon has 4 triangles, an arrow head 2. The area of the L is 3 sqrt(2), that of the arrow head 6 - 2. A fan
+    // from the first corner would have a larger area in both cases.
     assert_eq!((scene.objects.len(), all.len()), (1, 6));
     assert!((area(&all[..4]) - 3.0 * 2f64.sqrt()).abs() < 1e-12, "{}", area(&all[..4]));
     assert!((area(&all[4..]) - 4.0).abs() < 1e-12, "{}", area(&all[4..]));
@@ -197,7 +198,7 @@ fn obj_bow_ties_are_drawn_and_said() {
     assert_eq!(warnings, ["tie.obj: 1 polygon(s) cross themselves and were cut into fans"]);
 }
 
-/// Without a bound the search for diagonals took 40 s for 9,000 corners, and grew with their cube.
+/// The search for diagonals is bounded, as its time would grow with the cube of the number of corners (9,000: 40 s).
 #[test]
 fn obj_polygons_of_many_corners_end_and_are_whole_where_they_can_be() {
     let start = std::time::Instant::now();
@@ -240,7 +241,7 @@ fn obj_faces_without_normals_among_faces_with_them_use_their_own() {
     assert_eq!(normals(mesh(&scene, 0)), [[bent; 3], [own; 3]]);
     let (scene, _) = folder.load("before.obj", format!("{square}f 1 3 4\nf 1 2 3 4\nf 1//1 2//1 3//1\n"));
     assert_eq!(normals(mesh(&scene, 0)), [[own; 3], [own; 3], [own; 3], [bent; 3]]);
-    // Lines are no faces, and the count goes on from object to object.
+    // Lines are not faces, and vertex indices continue from object to object.
     let lines = "l 1 2\nl 1 2 3\nl 1 2 3 4\np 1 2 3\n";
     let (scene, warnings) =
         folder.load("objects.obj", format!("{square}f 1 2 3\n{lines}o b\nf 1//1 2//1 3//1\nf 1 2 3\n"));
@@ -263,13 +264,13 @@ fn obj_vertex_colours_on_all_or_some_vertices() {
     let [a, b, c] = colours(&scene);
     assert_eq!((a, b), (DVec3::X, DVec3::Y));
     assert_near(c, v(0.0, 0.0, 0.214_041));
-    // White where there is none.
+    // White where a vertex has no colour.
     let (scene, warnings) = folder.load("some.obj", "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0 0 0 1\nf 1 2 3\n");
     assert_eq!(colours(&scene), [DVec3::X, DVec3::ONE, DVec3::Z]);
     assert_eq!(warnings, [""; 0]);
 }
 
-/// The triangle that every odd but readable file below describes.
+/// The triangle of each of the unusual but valid files below.
 const TRIANGLE: [DVec3; 3] = [DVec3::ZERO, DVec3::X, DVec3::Y];
 
 #[test]
@@ -354,9 +355,9 @@ fn obj_pictures_lie_beside_the_mtl_or_beside_the_obj() {
     assert_eq!((scene.images.len(), warnings), (2, vec![]));
 }
 
-/// What Blender writes for a Principled BSDF with "PBR extensions": numbers are linear, a map stands for a number, `Tf`
-/// is the weight of the transmission. Grey maps of roughness and metallic become green and blue of one image, as large
-/// as the larger.
+/// Blender's export of a Principled BSDF with "PBR extensions": values are linear, a map replaces its number, and `Tf`
+/// is the weight of the transmission. Grey maps of roughness and metallic become the green and blue channel of one
+/// image of the larger size.
 #[test]
 fn mtl_of_physically_based_materials() {
     let folder = Folder::new();
@@ -389,7 +390,7 @@ fn mtl_of_physically_based_materials() {
     assert!((layers.transmission - 0.9).abs() < 1e-15 && layers.volume.is_some());
     let maps = material(1);
     assert_eq!((maps.metallic, maps.roughness, maps.emission), (1.0, 1.0, linear(1.0, 1.0, 1.0)));
-    // An index of 1 on an opaque surface is none.
+    // An index of 1 on an opaque surface is ignored.
     assert_eq!((maps.layers.ior, maps.layers.transmission), (1.5, 0.0));
     let pixels = |texture: Option<kiln::scene::Texture>| {
         &*scene.images[texture.expect("a texture").image.0 as usize].pixels
@@ -400,8 +401,8 @@ fn mtl_of_physically_based_materials() {
     assert_eq!((material(2).metallic, material(2).roughness), (0.5, 1.0));
 }
 
-/// `illum` 4, 6, 7 and 9 are glass with an index above 1. Maya writes `illum 4` with an index of 1, Blender `illum 9`
-/// with `d` below 1 and without `Tf`, for what is no glass.
+/// `illum` 4, 6, 7 and 9 are glass if the index is above 1. For materials that are not glass, Maya writes `illum 4`
+/// with an index of 1, and Blender `illum 9` with `d` below 1 and without `Tf`.
 #[test]
 fn mtl_of_glass() {
     for (lines, glass) in [
@@ -427,7 +428,7 @@ fn mtl_of_glass() {
 #[test]
 fn mtl_lines_that_others_stumble_over() {
     let folder = Folder::new();
-    // One number stands for all three channels (MTL text, "Kd r g b": g and b are optional).
+    // One number is the value of all three channels (MTL text, "Kd r g b": g and b are optional).
     folder.write("a.mtl", "newmtl a\nKd 0.5\nKs xyz 1 1\nNs 20 # dull\nKe nan 0 0\n");
     let (scene, warnings) = folder.load("a.obj", format!("mtllib a.mtl\n{OBJ_TRIANGLE}usemtl a\nf 1 2 3\n"));
     let Material::Phong(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
@@ -452,8 +453,8 @@ fn a_bad_mtl_line_loses_only_itself() {
 
 #[test]
 fn obj_triangles_that_cannot_be_drawn_are_counted() {
-    // Faces 2 and 3 have a vertex that is no number, face 6 one beyond 1e18, face 5 a corner twice, of which a note
-    // tells. Face 4 (collinear) is kept.
+    // Faces 2 and 3 have a vertex that is not finite, face 6 one beyond 1e18, and face 5 has two equal corners, which
+    // is reported by a note. Face 4 (collinear) is kept.
     let text = format!(
         "{OBJ_TRIANGLE}v nan 0 0\nv 0 inf 0\nv 2 0 0\nv 1e19 0 0\n\
          f 1 2 3\nf 1 2 4\nf 1 2 5\nf 1 2 6\nf 1 2 2\nf 1 3 7\n"
@@ -472,7 +473,7 @@ fn obj_triangles_that_cannot_be_drawn_are_counted() {
 
 #[test]
 fn obj_faults_name_their_line() {
-    // Three vertices on lines 1 to 3; what is wrong stands on line 4, or on 5 behind a continued line.
+    // Three vertices on lines 1 to 3; the error is on line 4, or on line 5 after a continued line.
     for (rest, expected) in [
         ("f 1 2 4\n", "a.obj:4: vertex 4 does not exist; the file has 3"),
         ("f 1 2 -4\n", "a.obj:4: vertex -4 does not exist; the file has 3"),
@@ -491,7 +492,7 @@ fn obj_faults_name_their_line() {
 
 // --------------------------------------------------------------------------------------------------------------- glTF
 
-/// A glTF file in the making: accessors are packed into one buffer.
+/// A builder of glTF files: accessors are packed into one buffer.
 struct Model {
     json: Value,
     bytes: Vec<u8>,
@@ -612,7 +613,7 @@ fn gltf_with_a_buffer_whose_name_holds_a_space() {
     assert!(mesh(&scene, 0).normals.is_none(), "without NORMAL the shading is flat");
 }
 
-/// gltf-json 1.4.1 panics on the first of them.
+/// gltf-json 1.4.1 panics at the first of them.
 #[test]
 fn gltf_primitives_that_name_what_is_not_there() {
     let mut model = Model::triangle();
@@ -627,8 +628,8 @@ fn gltf_primitives_that_name_what_is_not_there() {
     }
 }
 
-/// Sizes that no bytes of the file stand for: accessors without a buffer view, one accessor named by many primitives,
-/// and what pictures say of themselves.
+/// Sizes that are claimed without bytes in the file: accessors without a buffer view, one accessor used by many
+/// primitives, and sizes in the headers of images.
 #[test]
 fn gltf_sizes_are_checked_before_memory_is_allocated() {
     use base64::Engine;
@@ -681,19 +682,19 @@ fn gltf_nodes_move_turn_and_stretch_what_they_hold() {
     let mut model = Model::triangle();
     let normals_at = model.floats(&[[0.6, 0.0, 0.8], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]);
     model.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(normals_at);
-    // The outer node turns by 90 degrees about z and moves by (10, 0, 0); the inner one stretches by (2, 3, 1).
+    // The outer node rotates by 90 degrees about z and translates by (10, 0, 0); the inner one scales by (2, 3, 1).
     model.json["nodes"] = json!([
         { "children": [1], "translation": [10, 0, 0], "rotation": [0, 0, half, half] },
         { "name": "inner", "mesh": 0, "scale": [2, 3, 1] },
     ]);
     let (scene, warnings) = model.load();
     assert_eq!(warnings, [""; 0]);
-    // (x, y, z) -> stretched (2x, 3y, z) -> turned (-3y, 2x, z) -> moved (10 - 3y, 2x, z).
+    // (x, y, z) -> scaled (2x, 3y, z) -> rotated (-3y, 2x, z) -> translated (10 - 3y, 2x, z).
     let [a, b, c] = triangles(mesh(&scene, 0))[0];
     assert_near(a, v(10.0, 0.0, 0.0));
     assert_near(b, v(10.0, 2.0, 0.0));
     assert_near(c, v(7.0, 0.0, 0.0));
-    // The inverse transpose divides: (0.6, 0, 0.8) -> (0.3, 0, 0.8) -> turned (0, 0.3, 0.8), of length sqrt(0.73).
+    // Normals by the inverse transpose: (0.6, 0, 0.8) -> (0.3, 0, 0.8) -> rotated (0, 0.3, 0.8), of length sqrt(0.73).
     let [n, z, _] = normals(mesh(&scene, 0))[0];
     assert_near(n, v(0.0, 0.3, 0.8) / 0.73f64.sqrt());
     assert_near(z, DVec3::Z);
@@ -707,8 +708,8 @@ fn gltf_mirrored_nodes_keep_the_outside_outside() {
     model.json["nodes"] = json!([{ "mesh": 0, "scale": [-2, 1, 1] }]);
     let (scene, _) = model.load();
     assert_eq!(triangles(mesh(&scene, 0)), [[DVec3::ZERO, v(-2.0, 0.0, 0.0), DVec3::Y]]);
-    // A normal that leans to +x before the mirror leans to -x behind it, less so for the stretch: (-0.3, 0, 0.8). It
-    // still points towards +z; the cofactor matrix alone would turn it round.
+    // A mirror at x = 0 with a scale of 2 along x takes the direction (0.6, 0, 0.8) of a normal to (-0.3, 0, 0.8). It
+    // still points towards +z; the cofactor matrix without the sign of the determinant would reverse it.
     assert_near(normals(mesh(&scene, 0))[0][0], v(-0.3, 0.0, 0.8) / 0.73f64.sqrt());
 }
 
@@ -728,7 +729,7 @@ fn gltf_base_colour_factor_picture_and_vertex_colours() {
     let mut model = Model::new();
     let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
     let position = model.floats(&positions);
-    // glTF counts v from the top: the lower left corner of the square is the lower left corner of the picture.
+    // glTF counts v from the top: the lower left corner of the square is the lower left corner of the texture.
     let uv = model.floats(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
     let colour = model.floats(&[[1.0, 1.0, 0.25]; 4]);
     let indices = model.shorts(&[0, 1, 2, 0, 2, 3], "SCALAR", 6);
@@ -744,7 +745,7 @@ fn gltf_base_colour_factor_picture_and_vertex_colours() {
     assert_eq!(warnings, [""; 0]);
     let Material::MetallicRoughness(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
     assert_eq!(material.base_colour, Colour::Linear(v(1.0, 0.5, 1.0)));
-    // glTF's defaults.
+    // The defaults of glTF.
     assert_eq!((material.metallic, material.roughness), (1.0, 1.0));
     assert_eq!(mesh(&scene, 0).colours.as_ref().expect("it has colours").values, [v(1.0, 1.0, 0.25); 4]);
     // In display values the factor 0.5 is 0.735357 (sRGB, IEC 61966-2-1) and the vertex colour 0.25 is 0.537099:
@@ -765,8 +766,8 @@ fn half_transparent_png() -> Vec<u8> {
     png.into_inner()
 }
 
-/// The opacity is the product of factor, picture and vertex alpha (glTF 2.0, section 3.9.4); `MASK` compares it with the
-/// cutoff, 0.5 if not given, and `OPAQUE` ignores all of it.
+/// The opacity is the product of factor, texture and vertex alpha (glTF 2.0, section 3.9.4); `MASK` compares it with
+/// the cutoff, 0.5 if not given, and `OPAQUE` ignores all of it.
 #[test]
 fn gltf_alpha_of_factor_picture_and_vertices() {
     let folder = Folder::new();
@@ -802,7 +803,8 @@ fn gltf_alpha_of_factor_picture_and_vertices() {
     let scene = load("OPAQUE", 0.5, None);
     assert!(scene.materials[0].opacity().is_none() && mesh(&scene, 0).alphas.is_none());
     assert_eq!(scene.images.len(), 1);
-    // Black behind: the left half shows it, the right half is 0.5 * 0.8 * 0.5 of white, 0.2 * 255 = 51 in display values.
+    // The background is black: the left half shows it, the right half is 0.5 * 0.8 * 0.5 of white, 0.2 * 255 = 51 in
+    // display values.
     let scene = load("BLEND", 0.5, None);
     assert_eq!(mesh(&scene, 0).alphas.as_ref().expect("alphas").values, [0.5; 4]);
     let quarters = |scene| seen(scene, [0.0, 0.0], [1.0, 1.0], [2, 2]);
@@ -812,8 +814,8 @@ fn gltf_alpha_of_factor_picture_and_vertices() {
     assert_eq!(quarters(load("MASK", 1.0, Some(0.39))), [[0; 3], [255; 3], [0; 3], [255; 3]]);
 }
 
-/// `d` is the opacity, `Tr` its complement where there is no `d`, and `map_d` a factor: the alpha of the picture, or its grey
-/// values where it has none.
+/// `d` is the opacity; `Tr` is its complement and used if there is no `d`; `map_d` is a factor, the alpha channel of
+/// the image or its grey values if it has none.
 #[test]
 fn obj_opacity_of_numbers_and_pictures() {
     let folder = Folder::new();
@@ -849,9 +851,9 @@ fn gltf_without_its_picture_keeps_its_geometry() {
     assert_eq!(warnings.len(), 3);
 }
 
-/// glTF 2.0, section 3.8.4: 9728 NEAREST, 9729 LINEAR, 9984 to 9987 with MIPMAP; what is not said is left open. A
-/// normal map has its scale, and a mesh without tangents of its own gets some: on this triangle u grows to +x and the
-/// picture goes up to +y.
+/// glTF 2.0, section 3.8.4: 9728 NEAREST, 9729 LINEAR, 9984 to 9987 with MIPMAP; without a value the filter is not set.
+/// A normal map has its scale, and tangents are computed for a mesh without them: on this triangle u increases along +x
+/// and the texture's upward direction is +y.
 #[test]
 fn gltf_samplers_and_normal_maps() {
     use Interpolation::{Linear, Nearest};
@@ -892,7 +894,7 @@ fn gltf_samplers_and_normal_maps() {
     }
 }
 
-/// The rectangle a camera sees at a distance from it must fill the picture: its corners are the picture's.
+/// Checks that the rectangle that a camera sees at a distance has its corners at those of the picture.
 fn assert_sees(camera: &Camera, aspect: [u32; 2], rectangle: [DVec3; 2]) {
     let view = View::new(camera, camera.projection, aspect).expect("the camera has a direction");
     let size = DVec2::from(aspect.map(f64::from));
@@ -909,8 +911,8 @@ fn assert_sees(camera: &Camera, aspect: [u32; 2], rectangle: [DVec3; 2]) {
 #[test]
 fn gltf_cameras_see_the_same_rectangle() {
     let half = std::f64::consts::FRAC_1_SQRT_2;
-    // A right angle of view and twice as wide as high; it stands at (1, 2, 3), turned by 90 degrees about y, so that
-    // it looks along -x with -z to its right.
+    // A vertical angle of view of 90 degrees and an aspect ratio of 2; at (1, 2, 3), rotated by 90 degrees about y, so
+    // that the camera looks along -x with -z to its right.
     let model = Model::triangle()
         .with("scenes", json!([{ "nodes": [0, 1, 2] }]))
         .with(
@@ -934,7 +936,7 @@ fn gltf_cameras_see_the_same_rectangle() {
     assert_eq!(warnings, [""; 0]);
     let names: Vec<&str> = scene.cameras.iter().map(|c| c.name.as_str()).collect();
     assert_eq!(names, ["wide", "flat"]);
-    // At distance 5 it sees 10 units of height and 20 of width: from the middle (-4, 2, 3), y goes from -3 to 7 and z
+    // At distance 5 its view is 10 units high and 20 wide: from the middle (-4, 2, 3), y goes from -3 to 7 and z
     // from 13 on the left to -7 on the right.
     assert_eq!(scene.cameras[0].projection, Projection::Perspective);
     assert_sees(&scene.cameras[0], [200, 100], [v(-4.0, -3.0, 13.0), v(-4.0, 7.0, -7.0)]);
@@ -959,7 +961,7 @@ fn gltf_punctual_lights() {
             json!([
                 { "mesh": 0 },
                 { "name": "lamp", "translation": [1, 2, 3], "extensions": light(0) },
-                // A quarter turn about x: -z becomes +y. About -x: -y, straight down.
+                // A rotation by 90 degrees about x takes -z to +y, one about -x to -y, downwards.
                 { "name": "sun", "rotation": [-half, 0, 0, half], "extensions": light(1) },
                 { "name": "spot", "translation": [0, 5, 0], "rotation": [half, 0, 0, half], "extensions": light(2) },
             ]),
@@ -1020,8 +1022,8 @@ fn gltf_points_and_lines_are_said_to_be_left_out() {
 #[test]
 fn gltf_skins_are_posed_as_their_joints_stand() {
     let mut model = Model::triangle();
-    // Joint 0 stands where it was bound; joint 1 was bound at (0, 1, 0) and now stands at (0, 3, 0): it moves by
-    // (0, 2, 0) what hangs on it. The third vertex hangs on both by halves.
+    // Joint 0 is at its bind pose; joint 1 was bound at (0, 1, 0) and is at (0, 3, 0), which moves its vertices by
+    // (0, 2, 0). The third vertex has a weight of 1/2 for each joint.
     let joints = model.shorts(&[0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0], "VEC4", 3);
     let weights = model.floats(&[[1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.5, 0.5, 0.0, 0.0]]);
     let identity = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0];
@@ -1032,7 +1034,7 @@ fn gltf_skins_are_posed_as_their_joints_stand() {
     attributes["JOINTS_0"] = json!(joints);
     attributes["WEIGHTS_0"] = json!(weights);
     model.json["skins"] = json!([{ "joints": [1, 2], "inverseBindMatrices": inverse }]);
-    // The node's own transform does not count for a skinned mesh (glTF 2.0, section 3.7.3.3).
+    // The transform of the node itself is ignored for a skinned mesh (glTF 2.0, section 3.7.3.3).
     model.json["nodes"] = json!([
         { "mesh": 0, "skin": 0, "translation": [100, 0, 0] }, { "children": [2] }, { "translation": [0, 3, 0] },
     ]);
@@ -1064,7 +1066,7 @@ fn gltf_uris_that_cannot_be_followed() {
 
 #[test]
 fn gltf_accessors_that_reach_outside_are_errors() {
-    // 36 bytes hold three positions; the fourth is not there.
+    // 36 bytes hold three positions; a fourth is outside of the buffer.
     let mut model = Model::triangle();
     model.json["accessors"][0]["count"] = json!(4);
     assert_eq!(message(&model.fails()), "a.gltf: accessor 0: its elements do not lie inside its buffer view");
@@ -1159,14 +1161,14 @@ fn gltf_sparse_accessors_cannot_ask_for_the_moon() {
 
 #[test]
 fn gltf_indices_out_of_range() {
-    // Of a vertex: the triangle is left out and counted.
+    // A vertex that is not finite: its triangle is left out and counted.
     let mut model = Model::triangle();
     let indices = model.shorts(&[0, 1, 2, 0, 1, 3], "SCALAR", 6);
     model.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
     let (scene, warnings) = model.load();
     assert_eq!(triangles(mesh(&scene, 0)), [TRIANGLE]);
     assert_eq!(warnings, ["a.gltf: it: left out 1 triangle(s) with an index out of range"]);
-    // Of anything else: the file makes no sense.
+    // Any other value that is not finite is an error.
     let e = Model::triangle().with("nodes", json!([{ "mesh": 7 }])).fails();
     assert_eq!(message(&e), "a.gltf: not a usable glTF file: nodes[0].mesh: Index out of bounds");
 }
@@ -1176,7 +1178,7 @@ fn gltf_nodes_that_contain_themselves_are_an_error() {
     let cycles = [
         json!([{ "mesh": 0, "children": [0] }]),
         json!([{ "mesh": 0, "children": [1] }, { "children": [2] }, { "children": [1] }]),
-        // Both ways round at every level: a walk of every path would take 2^depth steps.
+        // Two references at every level: a walk of every path would take 2^depth steps.
         json!([{ "mesh": 0, "children": [1, 1] }, { "children": [0, 0] }]),
     ];
     for nodes in cycles {
@@ -1187,7 +1189,7 @@ fn gltf_nodes_that_contain_themselves_are_an_error() {
 
 #[test]
 fn gltf_nodes_with_several_parents_are_drawn_once_and_do_not_hang() {
-    // A chain of forty nodes, each twice the child of the one before: 2^40 paths lead to the last one.
+    // A chain of forty nodes, each of them twice a child of the one before: there are 2^40 paths to the last one.
     let mut nodes: Vec<Value> = (1..40).map(|next| json!({ "children": [next, next] })).collect();
     nodes.push(json!({ "name": "last", "mesh": 0 }));
     let (scene, warnings) = Model::triangle().with("nodes", json!(nodes)).load();
@@ -1201,7 +1203,7 @@ fn gltf_nodes_with_several_parents_are_drawn_once_and_do_not_hang() {
 
 #[test]
 fn gltf_long_chains_of_nodes_are_no_cycle() {
-    // Each of 3000 nodes moves by (0, 0, 1).
+    // Each of 3000 nodes translates by (0, 0, 1).
     let mut nodes: Vec<Value> =
         (1..3000).map(|next| json!({ "children": [next], "translation": [0, 0, 1] })).collect();
     nodes.push(json!({ "mesh": 0, "translation": [0, 0, 1] }));
@@ -1220,7 +1222,7 @@ fn gltf_that_requires_what_kiln_does_not_read_says_what_to_do() {
         "a.gltf: requires glTF extensions that kiln does not read: KHR_mesh_quantization, VENDOR_thing"
     );
     assert!(e.hint().contains("gltfpack -noq"), "{}", e.hint());
-    // What is used but not required is left out with a warning.
+    // An unknown extension that is used but not required is left out with a warning.
     let (_, warnings) = Model::triangle().with("extensionsUsed", json!(["VENDOR_thing"])).load();
     assert_eq!(warnings, ["a.gltf: extension VENDOR_thing is not used"]);
 }
@@ -1264,7 +1266,7 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
         sheen_roughness: 0.75,
     };
     assert_eq!(layers(0), expected);
-    // An index below 1 is not one; the default of the format is 1.5.
+    // An index below 1 is invalid and replaced by the default of the format, 1.5.
     assert_eq!(layers(1), kiln::scene::Layers::default());
     assert_eq!(
         warnings,
@@ -1272,8 +1274,8 @@ fn gltf_material_extensions_are_read_within_their_ranges() {
     );
 }
 
-/// Alpha channels become grey images, once for all that read them; a slot whose factor is 0, and the thickness, which
-/// rays measure, have no texture.
+/// Alpha channels become grey images, one for all materials that read it. A slot whose factor is 0 has no texture, nor
+/// has the thickness, which is measured by rays.
 #[test]
 fn gltf_textures_of_extensions() {
     use kiln::scene::TextureSlot::{Clearcoat, SheenColour, SheenRoughness, Specular, SpecularColour};
@@ -1298,7 +1300,7 @@ fn gltf_textures_of_extensions() {
             "sheenRoughnessFactor": 1, "sheenRoughnessTexture": by(0),
         },
     });
-    // Without an alpha channel the specular factor is whole.
+    // Without an alpha channel the specular factor is 1.
     let other = json!({ "KHR_materials_specular": { "specularTexture": by(1) } });
     let occlusion = |set: u32| json!({ "index": 1, "texCoord": set, "strength": 0.25 });
     let model = Model::triangle()
@@ -1322,7 +1324,7 @@ fn gltf_textures_of_extensions() {
     assert_eq!(*scene.images[2].pixels, [[4; 3]]);
     assert!(scene.images[2].name.ends_with("image 0, alpha") && scene.images.len() == 3);
     assert!(scene.materials[1].further_textures().is_empty());
-    // Alone on its set, so that all is looked up by that.
+    // The only texture of its set of coordinates, so that the mesh has this set.
     let Material::MetallicRoughness(occluded) = &scene.materials[2] else { panic!("{:?}", scene.materials) };
     assert_eq!((occluded.further_textures.len(), occluded.occlusion_strength), (1, 0.25));
     assert_eq!(
@@ -1335,8 +1337,8 @@ fn gltf_textures_of_extensions() {
     );
 }
 
-/// KHR_materials_pbrSpecularGlossiness goes before the core model; glossiness in alpha becomes roughness: 255 - 0.5 x
-/// 100 = 205.
+/// KHR_materials_pbrSpecularGlossiness takes precedence over the core model; the glossiness in the alpha channel
+/// becomes roughness: 255 - 0.5 x 100 = 205.
 #[test]
 fn gltf_specular_glossiness_becomes_metallic_roughness() {
     let folder = Folder::new();
@@ -1373,7 +1375,7 @@ fn gltf_specular_glossiness_becomes_metallic_roughness() {
     assert_eq!(m.further_textures[0].slot, kiln::scene::TextureSlot::SpecularColour);
     let roughness = m.metallic_roughness_texture.expect("the glossiness, converted").image.0;
     assert_eq!(*scene.images[roughness as usize].pixels, [[205; 3]]);
-    // The defaults of the extension are 1 throughout: a mirror.
+    // All defaults of the extension are 1: a mirror.
     assert_eq!((plain.metallic, plain.roughness, plain.layers.ior), (0.0, 0.0, 0.0));
     assert_eq!(plain.layers.specular_colour, Colour::Linear(DVec3::ONE));
 }
@@ -1496,7 +1498,8 @@ scale = [1, 3, 1]
 rotate = [90, 90, 90]
 ";
     let (scene, _) = folder.load("a.toml", text);
-    // Scaled: (2,0,0) and (0,2,0); a quarter turn about z takes x to y and y to -x; then moved by (10, 0, 0).
+    // Scaled: (2,0,0) and (0,2,0); a rotation by 90 degrees about z takes x to y and y to -x; then a translation by
+    // (10, 0, 0).
     let [a, b, c] = triangles(mesh(&scene, 0))[0];
     assert_near(a, v(10.0, 0.0, 0.0));
     assert_near(b, v(10.0, 2.0, 0.0));
@@ -1515,7 +1518,7 @@ rotate = [90, 90, 90]
     assert_eq!(grey.colour, Colour::from_u8([128; 3]));
 }
 
-/// A mesh far away that a scene file brings back loses nothing on the way.
+/// A mesh far from the origin that a scene file moves back to it keeps all digits.
 #[test]
 fn meshes_are_checked_where_they_are_placed() {
     let folder = Folder::new();
@@ -1538,10 +1541,10 @@ fn scene_files_decide_on_cameras_and_lights_not_their_meshes() {
     assert_eq!((scene.cameras.len(), scene.objects.len()), (0, 1));
 }
 
-/// A scene file's text, the message it gives and, where it matters, a piece of the hint. The line is that of the key
-/// where the text itself is wrong, and that of the section's header where what it says makes no sense.
+/// Text of a scene file, its error message and, for some, a part of the hint. The line is that of the key for errors of
+/// syntax and type, and that of the section's header for values that are invalid together.
 const FAULTS: &[(&str, &str, &str)] = &[
-    // The text itself.
+    // Syntax.
     ("[image\n", "1: ", ""),
     ("\n[image]\nwidth = 1\nwidth = 2\n", "4: duplicate key", ""),
     ("[image]\nheigth = 1\n", "2: unknown key `heigth`", "did you mean `height`?"),
@@ -1559,7 +1562,7 @@ const FAULTS: &[(&str, &str, &str)] = &[
         "",
     ),
     ("[[mesh]]\nfile = 'a.obj'\nscale = [1, 2]\n", "3: expected a number or [x, y, z]", ""),
-    // The picture.
+    // `[image]`.
     ("[image]\nwidth = 0\nheight = 5\n", "1: a picture of width or height 0", "above 0"),
     ("# about the [image]\n\n[image]\nwidth = 5\n", "3: `width` or `height` is missing", "both or neither"),
     ("\n[ambient]\nintensity = -1\n", "2: `intensity` is -1", "0 or more"),
@@ -1887,7 +1890,7 @@ fn faults_of_ply_files_have_their_line_and_advice() {
         );
         assert!(e.hint().contains(hint), "{text}\nhint {}", e.hint());
     }
-    // Of binary data the byte: after 3 f32 a vertex, the list's length and two indices.
+    // Errors in binary data name the byte: after 3 f32 a vertex, the list's length and two indices.
     let text = faces("list uchar int vertex_index").replace("ascii", "binary_little_endian");
     let header = text.find("end_header\n").expect("a header") + "end_header\n".len();
     let mut bytes = text.as_bytes()[..header].to_vec();
@@ -1926,7 +1929,7 @@ fn ply_and_stl_become_meshes_as_obj_does() {
     passed.sort_unstable();
     assert!(passed.chunks(2).all(|pair| pair[0].2 + pair[1].2 == 0), "{passed:?}");
 
-    // In a scene file, beside others.
+    // In a scene file, together with other objects.
     let fixtures = repository("assets/import").display().to_string();
     let toml =
         format!("[[mesh]]\nfile = '{fixtures}/square.ply'\n[[mesh]]\nfile = '{fixtures}/tetrahedron.stl'\n");
@@ -1992,7 +1995,7 @@ fn lights_with_a_size_of_a_scene_file() {
     let LightKind::Rectangle { position, direction, up, size } = *panel else { panic!("{panel:?}") };
     assert_eq!((position, up, size), (DVec3::Y * 3.0, DVec3::Y, [2.0, 1.0]));
     assert!((direction - DVec3::new(0.8, -0.6, 0.0)).length() < 1e-15, "{direction}");
-    // They are no part of what a camera is fitted to.
+    // They are ignored when a camera is fitted.
     assert_eq!(scene.bounds(), None);
 }
 

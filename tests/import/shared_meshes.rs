@@ -11,12 +11,12 @@ use kiln::effects::Choices;
 use kiln::scene::{Numerics, Scene, Shape};
 use serde_json::{Value, json};
 
-/// How many places a mesh of this many triangles has here: sharing saves more than 2^18 triangles, which is when it is
-/// done.
+/// The number of instances of a mesh of this many triangles in these tests, so that sharing saves more than 2^18
+/// triangles: from there on meshes are shared.
 const PLACES: usize = 400;
 const SIDE: usize = 20;
 
-/// A rough square of `side * side * 2` triangles.
+/// An uneven square of `side * side * 2` triangles.
 fn square(side: usize) -> Vec<[[f32; 3]; 3]> {
     let point = |i: usize, j: usize| {
         let height = ((i * 7 + j * 13) % 11) as f32 / 40.0;
@@ -42,7 +42,7 @@ fn obj(triangles: &[[[f32; 3]; 3]]) -> String {
     text
 }
 
-/// What is said of the place of this number.
+/// The keys of the instance with this index.
 fn place(i: usize) -> [String; 3] {
     let (x, z) = (i % 20, i / 20);
     let sign = if i.is_multiple_of(4) { "-" } else { "" };
@@ -57,7 +57,7 @@ fn place(i: usize) -> [String; 3] {
     ]
 }
 
-/// The same scene in three ways: one entry with all the places, an entry for each, and for each its own file.
+/// The same scene in three forms: one entry with all instances, one entry for each, and one file for each.
 fn three_ways(mesh: &str) -> [(Scene, Vec<String>); 3] {
     let folder = Folder::new();
     folder.write("a.obj", mesh);
@@ -84,7 +84,7 @@ fn is_shared(scene: &Scene) -> bool {
     scene.objects.iter().all(|object| matches!(object.shape, Shape::Placed(_)))
 }
 
-/// Everything but the meshes themselves, and the pictures.
+/// Asserts that two scenes have equal objects, bounds and cameras, and equal pictures.
 fn assert_same(a: &Scene, b: &Scene) {
     let facts = |scene: &Scene| {
         let object = |object: &kiln::scene::Object| {
@@ -118,8 +118,8 @@ fn places_are_as_good_as_entries_and_entries_as_files() {
 
 #[test]
 fn what_is_odd_in_a_shared_mesh_is_left_out_and_counted_alike() {
-    // A corner that is not a number is left out in every place, and so are two corners that are the same; corners on a
-    // line are kept.
+    // In every instance, triangles with a corner that is not finite and those with two equal corners are left out;
+    // those with corners on a line are kept.
     let mut text = obj(&square(SIDE));
     let first = 3 * square(SIDE).len() + 1;
     let mut add = |corners: [[f64; 3]; 3], nth: usize| {
@@ -155,7 +155,7 @@ fn small_meshes_are_copied() {
     assert_eq!((scene.objects.len(), scene.primitive_count()), (2, 16));
     let Shape::Mesh(second) = &scene.objects[1].shape else { panic!("it is shared") };
     assert_eq!(second.positions[0].to_array(), [0.5, 2.0, 2.5]);
-    // No place at all is nothing to see; the file is looked at all the same.
+    // Without any instance nothing is drawn, but the file is read and checked.
     let (scene, _) = folder.load("a.toml", "[[mesh]]\nfile = 'a.obj'\nplacements = []\n");
     assert_eq!(scene.objects.len(), 0);
     folder.fails("a.toml", "[[mesh]]\nfile = 'b.obj'\nplacements = []\n");
@@ -194,7 +194,7 @@ fn what_is_wrong_with_a_place_is_said_with_its_line() {
 
 #[test]
 fn more_than_can_be_numbered_is_an_error() {
-    // 230 x 230 x 2 triangles in 40,600 places are 4,295,480,000, of which 4,294,967,295 have a number.
+    // 230 x 230 x 2 triangles in 40,600 instances are 4,295,480,000; indices end at 4,294,967,295.
     let folder = Folder::new();
     folder.write("a.obj", obj(&square(230)));
     let text = format!("[[mesh]]\nfile = 'a.obj'\nplacements = [{}]\n", "{}, ".repeat(40_600));
@@ -205,7 +205,7 @@ fn more_than_can_be_numbered_is_an_error() {
     );
 }
 
-/// A rough square in glTF, with normals.
+/// An uneven square in glTF, with normals.
 fn model() -> Model {
     let corners: Vec<[f32; 3]> = square(SIDE).into_iter().flatten().collect();
     let mut model = Model::new(&corners);
@@ -213,7 +213,7 @@ fn model() -> Model {
     model
 }
 
-/// Where the node of this number stands, as numbers of f32 with few digits.
+/// The transform of the node with this index, in numbers of few digits.
 fn transform(i: usize) -> ([f32; 3], [f32; 4], [f32; 3]) {
     let at = [(i % 20) as f32 * 2.5, (i % 3) as f32, (i / 20) as f32 * -1.75];
     let angle = i as f64 * 0.37;
@@ -239,7 +239,7 @@ fn nodes_of_the_same_mesh_share_it() {
     own.json["nodes"] = nodes(|i| i);
     own.json["scenes"] = json!([{ "nodes": all }]);
     own.json["meshes"] = vec![own.json["meshes"][0].clone(); PLACES].into();
-    // All places of one node.
+    // All instances of one node.
     let mut instanced = model();
     let transforms: Vec<_> = (0..PLACES).map(transform).collect();
     instanced.attribute("_T", &transforms.iter().map(|t| t.0).collect::<Vec<_>>());
@@ -310,7 +310,7 @@ fn the_sunflower_is_one_ball() {
     let is_ball =
         |shape: &Shape| matches!(shape, Shape::Placed(placed) if placed.mesh.triangles.len() == 320);
     assert_eq!(scene.objects.iter().filter(|object| is_ball(&object.shape)).count(), 850);
-    // On the ground, none below it.
+    // All of them are on the ground or above it.
     assert_eq!(scene.bounds().expect("something to see").0.y, 0.0);
 }
 

@@ -1,4 +1,4 @@
-"""Reads the layers of the assignment scene, view2, with OpenImageIO, and holds them to what the scene file says."""
+"""Reads the AOVs of the assignment scene, view2, with OpenImageIO, and compares them with what the scene file says."""
 
 import sys
 
@@ -37,10 +37,15 @@ assert numpy.array_equal(normal, flat), "nothing is smoothed"
 # Wild Blue Yonder, in display values.
 assert numpy.allclose(layer("Albedo", "RGB")[thing == 2], numpy.array([156, 181, 203]) / 255, atol=1e-6)
 assert (channels["Samples.X"] == 1).all() and (channels["NodeTests.X"] >= 1).all()
+# Each of the four objects has a material of its own.
+material = channels["Material.X"]
+assert (material[~hit] == -1).all() and (material[hit] >= 0).all()
+pairs = set(zip(thing[hit].tolist(), material[hit].tolist()))
+assert len(pairs) == 4 and len({m for _, m in pairs}) == 4, pairs
 assert set(numpy.unique(channels["Primitive.X"])) <= set(range(-1, 7))
 parts = layer("Base", "RGB") + layer("EffectShadows", "RGB") + layer("EffectGlaze", "RGB")
 whole = numpy.stack([channels[c] for c in "RGB"], axis=-1)
 assert numpy.allclose(parts, whole, atol=1e-6), numpy.abs(parts - whole).max()
 assert (layer("EffectShadows", "RGB") <= 0).all(), "shadows only take light away"
 assert spec.getattribute("kiln:camera") == "view2"
-print("every layer is as it should be")
+print("every AOV has the values that the scene file states")

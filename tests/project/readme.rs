@@ -1,4 +1,4 @@
-//! The papers (README.md, ARCHITECTURE.md, CONTRIBUTING.md and the pages of `docs`): commands and scenes on them run,
+//! The pages (README.md, ARCHITECTURE.md, CONTRIBUTING.md and those of `docs`): commands and scenes on them run,
 //! options are complete, links, paths and commands in code spans exist.
 
 use std::collections::BTreeSet;
@@ -13,19 +13,19 @@ const LONGEST_LINE: usize = 120;
 /// Longest README, in lines.
 const LONGEST_README: usize = 150;
 
-/// A paper by its path in the repository.
-struct Paper {
+/// A page by its path in the repository.
+struct Page {
     path: String,
     text: String,
 }
 
-fn paper(path: &str) -> Paper {
+fn read_page(path: &str) -> Page {
     let text = std::fs::read_to_string(repository(path)).unwrap_or_else(|e| panic!("{path}: {e}"));
-    Paper { path: path.to_owned(), text }
+    Page { path: path.to_owned(), text }
 }
 
 /// The file names of `docs`, without those in folders.
-fn pages() -> Vec<String> {
+fn doc_names() -> Vec<String> {
     let entries = std::fs::read_dir(repository("docs")).expect("the folder docs");
     let names = entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned());
     let mut names: Vec<String> = names.filter(|name| name.ends_with(".md")).collect();
@@ -33,10 +33,10 @@ fn pages() -> Vec<String> {
     names
 }
 
-fn papers() -> Vec<Paper> {
+fn pages() -> Vec<Page> {
     let roots = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"].map(str::to_owned);
-    let pages = pages().into_iter().map(|name| format!("docs/{name}"));
-    roots.into_iter().chain(pages).map(|path| paper(&path)).collect()
+    let pages = doc_names().into_iter().map(|name| format!("docs/{name}"));
+    roots.into_iter().chain(pages).map(|path| read_page(&path)).collect()
 }
 
 /// The contents of the fenced blocks of a language.
@@ -47,8 +47,8 @@ fn fences<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
 
 /// The only fence of a language in a page.
 fn fence(path: &str, language: &str) -> String {
-    let paper = paper(path);
-    let [block] = fences(&paper.text, language)[..] else { panic!("{path} has one fence of {language}") };
+    let page = read_page(path);
+    let [block] = fences(&page.text, language)[..] else { panic!("{path} has one fence of {language}") };
     block.to_owned()
 }
 
@@ -81,7 +81,7 @@ fn kiln() -> Command {
 
 #[test]
 fn the_first_two_commands_are_the_main_job_and_the_tests() {
-    let lines = shell_lines(&paper("README.md").text);
+    let lines = shell_lines(&read_page("README.md").text);
     assert_eq!(
         lines[..2],
         ["cargo run --release -- render scenes/assignment.toml -o assignment.png", "cargo test --release"]
@@ -155,14 +155,14 @@ fn the_library_example_is_the_one_that_is_tested() {
 /// A scene or an example on another page would not be tested by the tests above.
 #[test]
 fn no_other_page_has_a_scene_or_an_example() {
-    for paper in papers() {
-        let counts = ["toml", "rust"].map(|language| fences(&paper.text, language).len());
-        let expected = match paper.path.as_str() {
+    for page in pages() {
+        let counts = ["toml", "rust"].map(|language| fences(&page.text, language).len());
+        let expected = match page.path.as_str() {
             "docs/scene-files.md" | "docs/animation.md" => [1, 0],
             "docs/library.md" => [0, 1],
             _ => [0, 0],
         };
-        assert_eq!(counts, expected, "{}", paper.path);
+        assert_eq!(counts, expected, "{}", page.path);
     }
 }
 
@@ -220,7 +220,7 @@ fn documented_options(page: &str, heading: &str) -> BTreeSet<String> {
 /// Every option that `kiln COMMAND --help` defines is in the tables of the page, and the other way round.
 #[test]
 fn the_options_are_the_commands_options() {
-    let page = paper("docs/command-line.md").text;
+    let page = read_page("docs/command-line.md").text;
     let shared = documented_options(&page, "Picture options");
     assert!(shared.contains("--camera") && shared.contains("--colour"), "{shared:?}");
     let commands = commands();
@@ -265,12 +265,11 @@ fn commands_have_their_options() {
     let commands = commands();
     let mut faults = Vec::new();
     let mut count = 0;
-    for paper in papers() {
-        let lines = shell_lines(&paper.text).into_iter().chain(code_spans(&paper.text));
+    for page in pages() {
+        let lines = shell_lines(&page.text).into_iter().chain(code_spans(&page.text));
         for line in lines.filter(|line| line.starts_with("kiln ")) {
             count += 1;
-            faults
-                .extend(faults_of_command(&line, &commands).map(|fault| format!("{}: {fault}", paper.path)));
+            faults.extend(faults_of_command(&line, &commands).map(|fault| format!("{}: {fault}", page.path)));
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
@@ -291,7 +290,8 @@ fn a_wrong_command_is_noticed() {
 
 #[test]
 fn every_effect_and_aov_has_a_row() {
-    let (effects, aovs) = (paper("docs/effects.md").text, paper("docs/aovs.md").text);
+    let (effects, aovs) = (read_page("docs/effects.md").text, read_page("docs/aovs.md").text);
+    let render = help("render");
     let in_row = |page: &str, name: &str| {
         let mut cells = page.lines().filter_map(|line| line.strip_prefix("| ")?.split(" | ").next());
         cells.any(|cell| cell.split(", ").any(|part| part == format!("`{name}`")))
@@ -301,14 +301,20 @@ fn every_effect_and_aov_has_a_row() {
     }
     for aov in kiln::render::aov::AOVS {
         assert!(in_row(&aovs, aov.name), "docs/aovs.md has no row for {}", aov.name);
+        // The help wraps lines at the width of the terminal, so that only the start of a summary is on its line.
+        let start: String = aov.summary.chars().take(20).collect();
+        let is_listed = render.lines().any(|line| {
+            line.trim_start().strip_prefix(aov.name).is_some_and(|rest| rest.trim_start().starts_with(&start))
+        });
+        assert!(is_listed, "`kiln render --help` does not list {}", aov.name);
     }
     assert!(!in_row(&effects, "no-such-effect"));
 }
 
 #[test]
 fn every_page_is_in_the_summary_and_in_the_index() {
-    let (summary, index) = (paper("docs/SUMMARY.md").text, paper("docs/README.md").text);
-    for name in pages().iter().filter(|name| *name != "SUMMARY.md" && *name != "README.md") {
+    let (summary, index) = (read_page("docs/SUMMARY.md").text, read_page("docs/README.md").text);
+    for name in doc_names().iter().filter(|name| *name != "SUMMARY.md" && *name != "README.md") {
         for (list, text) in [("SUMMARY.md", &summary), ("README.md", &index)] {
             assert!(text.contains(&format!("]({name})")), "docs/{list} does not list {name}");
         }
@@ -342,15 +348,15 @@ fn normal(path: &Path) -> PathBuf {
     found
 }
 
-/// The links of a paper to files of the repository that there are not, or to headings that they do not have.
-fn broken_links(paper: &Paper) -> Vec<String> {
-    let folder = Path::new(&paper.path).parent().unwrap_or(Path::new(""));
-    let text = prose(&paper.text);
+/// The links of a page to files of the repository that there are not, or to headings that they do not have.
+fn broken_links(page: &Page) -> Vec<String> {
+    let folder = Path::new(&page.path).parent().unwrap_or(Path::new(""));
+    let text = prose(&page.text);
     let targets = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
     let inside = targets.filter(|target| !target.contains("://"));
     let broken = |target: &&str| {
         let (file, heading) = target.split_once('#').unwrap_or((target, ""));
-        let file = if file.is_empty() { PathBuf::from(&paper.path) } else { normal(&folder.join(file)) };
+        let file = if file.is_empty() { PathBuf::from(&page.path) } else { normal(&folder.join(file)) };
         let path = repository(&file.to_string_lossy());
         // Other files than text have no headings.
         let has = |heading: &str| {
@@ -359,19 +365,20 @@ fn broken_links(paper: &Paper) -> Vec<String> {
         };
         !(path.exists() && has(heading))
     };
-    inside.filter(broken).map(|target| format!("{}: the link to {target} is broken", paper.path)).collect()
+    inside.filter(broken).map(|target| format!("{}: the link to {target} is broken", page.path)).collect()
 }
 
 #[test]
 fn links_lead_somewhere() {
-    let others = ["assets/farm/README.md", "scenes/effects/README.md", "scenes/hard/README.md"].map(paper);
-    let faults: Vec<String> = papers().iter().chain(&others).flat_map(broken_links).collect();
+    let others =
+        ["assets/farm/README.md", "scenes/effects/README.md", "scenes/hard/README.md"].map(read_page);
+    let faults: Vec<String> = pages().iter().chain(&others).flat_map(broken_links).collect();
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
 #[test]
 fn a_broken_link_is_noticed() {
-    let links = |text: &str| broken_links(&Paper { path: "docs/x.md".into(), text: text.into() }).len();
+    let links = |text: &str| broken_links(&Page { path: "docs/x.md".into(), text: text.into() }).len();
     assert_eq!(
         links(
             "[a](README.md) [b](../README.md#licence) [c](https://example.com/x) ![d](pictures/window.png)"
@@ -432,13 +439,13 @@ fn paths_exist() {
     let mut sources = Vec::new();
     ["src", "bvh/src"].iter().for_each(|folder| files_below(&repository(folder), &mut sources));
     let mut faults = Vec::new();
-    for paper in papers() {
-        for span in code_spans(&paper.text).into_iter().chain(shell_lines(&paper.text)) {
+    for page in pages() {
+        for span in code_spans(&page.text).into_iter().chain(shell_lines(&page.text)) {
             if names_no_file(&span, &sources) {
-                faults.push(format!("{}: `{span}`", paper.path));
+                faults.push(format!("{}: `{span}`", page.path));
             }
             let missing = missing_tests(&span).into_iter();
-            faults.extend(missing.map(|test| format!("{}: there is no test {test}", paper.path)));
+            faults.extend(missing.map(|test| format!("{}: there is no test {test}", page.path)));
         }
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
@@ -454,12 +461,12 @@ fn paths_exist() {
 
 #[test]
 fn the_readme_and_lines_are_short() {
-    assert!(paper("README.md").text.lines().count() <= LONGEST_README);
+    assert!(read_page("README.md").text.lines().count() <= LONGEST_README);
     // That page is wrapped a little wider, with the proofs that it cites.
-    for paper in papers().iter().filter(|paper| paper.path != "docs/closed-meshes.md") {
-        for line in prose(&paper.text).lines().filter(|line| !line.starts_with('|')) {
+    for page in pages().iter().filter(|page| page.path != "docs/closed-meshes.md") {
+        for line in prose(&page.text).lines().filter(|line| !line.starts_with('|')) {
             let length = line.chars().count();
-            assert!(length <= LONGEST_LINE, "{}: {length} characters: {line}", paper.path);
+            assert!(length <= LONGEST_LINE, "{}: {length} characters: {line}", page.path);
         }
     }
 }

@@ -1,6 +1,7 @@
-//! Layers that `--aov` adds to the EXR file.
+//! AOVs: the channels that `--aov` adds to an EXR file.
 
-use std::collections::BTreeMap;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
@@ -71,17 +72,27 @@ fn values_are_those_of_the_rays() {
     let folder = tempfile::tempdir().expect("a folder");
     let all = render("effects/glaze", "all", folder.path());
     let prepared = prepare(load(&repository("scenes/effects/glaze.toml")), SIZE, Numerics::Watertight);
-    let mut background = 0;
+    let (mut background, compared) = (0, RefCell::new(BTreeSet::new()));
     for (i, (ray, hit)) in prepared.rays().iter().zip(prepared.hits()).enumerate() {
-        let at = |name: &str| all[name][i];
+        let at = |name: &str| {
+            compared.borrow_mut().insert(name.to_owned());
+            all[name][i]
+        };
         let three = |layer: &str, letters: [&str; 3]| letters.map(|letter| at(&format!("{layer}.{letter}")));
         let (xyz, rgb) = (["X", "Y", "Z"], ["R", "G", "B"]);
         assert_eq!(at("Samples.X"), 1.0);
+        // The variance of one sample is not defined; it is stored as infinite.
+        assert_eq!(three("Variance", rgb), [f32::INFINITY; 3]);
         assert!(at("NodeTests.X") >= 1.0);
         let Some(hit) = hit else {
             background += 1;
-            assert_eq!((at("Depth.Z"), at("Object.X"), at("Primitive.X")), (f32::INFINITY, -1.0, -1.0));
-            assert_eq!((three("Normal", xyz), three("Albedo", rgb)), ([0.0; 3], [0.0; 3]));
+            assert_eq!(at("Depth.Z"), f32::INFINITY);
+            assert_eq!(["Object.X", "Material.X", "Primitive.X"].map(at), [-1.0; 3]);
+            assert_eq!(
+                ["Position", "Normal", "GeometricNormal"].map(|layer| three(layer, xyz)),
+                [[0.0; 3]; 3]
+            );
+            assert_eq!(three("Albedo", rgb), [0.0; 3]);
             continue;
         };
         let surface = prepared.world.interaction(ray, &hit);
@@ -98,14 +109,17 @@ fn values_are_those_of_the_rays() {
         assert!(far.length() < 1e-5 * hit.t, "{far}");
     }
     assert!(background > 100, "some pixels see the background");
+    for channel in AOVS.iter().flat_map(|aov| aov.channels) {
+        assert!(compared.borrow().contains(*channel), "{channel} is compared with nothing");
+    }
 }
 
-/// Depth and position are the scene's own also where it was moved and scaled before it was prepared.
+/// Depth and position are in the coordinates of the scene file, also for a scene that is recentered when prepared.
 #[test]
-fn scenes_that_were_moved_are_told_where_they_were() {
+fn depth_and_position_are_the_scenes_own() {
     let folder = tempfile::tempdir().expect("a folder");
     let (near, far) = (folder.path().join("near.toml"), folder.path().join("far.toml"));
-    // A square at distance 2 from the camera, its middle at `x`.
+    // A triangle at distance 2 from the camera that fills its view, its middle at `x`.
     let text = |x: f64| {
         format!(
             "[[camera]]\nposition = [{x}, 0, 2]\nlook_at = [{x}, 0, 0]\nprojection = 'orthographic'\n\
@@ -132,7 +146,7 @@ fn scenes_that_were_moved_are_told_where_they_were() {
 }
 
 #[test]
-fn only_what_is_asked_for_is_there() {
+fn the_file_has_the_channels_of_the_selected_aovs() {
     let folder = tempfile::tempdir().expect("a folder");
     let names = |aov: &str| render("assignment", aov, folder.path()).into_keys().collect::<Vec<_>>();
     assert_eq!(names("depth,object"), ["B", "Depth.Z", "G", "Object.X", "R"]);
@@ -158,12 +172,12 @@ fn the_picture_itself_stays_the_same() {
 }
 
 #[test]
-fn what_nobody_asks_for_is_not_worked_on() {
+fn only_selected_aovs_are_computed() {
     let prepared = prepare(load(&repository("scenes/effects/glaze.toml")), SIZE, Numerics::Watertight);
     let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
     let film = prepared.render(Choices::default()).0;
     let Prepared { world, view, .. } = &prepared;
-    let subject = AovSource {
+    let source = AovSource {
         world,
         recentering: None,
         view,
@@ -173,15 +187,15 @@ fn what_nobody_asks_for_is_not_worked_on() {
         film: Some(&film),
         display: Default::default(),
     };
-    // Any work would see that it is to stop.
-    let watch = RenderControl { cancel: &AtomicBool::new(true), progress: &|_, _| {}, time_stages: false };
-    let wanted = |names: &[&str]| {
+    // Cancelled from the start: whatever is computed ends with an error.
+    let control = RenderControl { cancel: &AtomicBool::new(true), progress: &|_, _| {}, time_stages: false };
+    let select = |names: &[&str]| {
         AovSelection::new(&names.iter().map(|&n| n.into()).collect::<Vec<_>>()).expect("names")
     };
-    assert!(aov::channels(&subject, &wanted(&[]), &watch).is_ok_and(|channels| channels.is_empty()));
+    assert!(aov::channels(&source, &select(&[]), &control).is_ok_and(|channels| channels.is_empty()));
     for name in ["depth", "effects"] {
         assert_eq!(
-            aov::channels(&subject, &wanted(&[name]), &watch).err(),
+            aov::channels(&source, &select(&[name]), &control).err(),
             Some(Error::Interrupted),
             "{name}"
         );
@@ -199,13 +213,14 @@ fn equal_input_gives_equal_bytes() {
     };
     for aov in [&[][..], &["--aov", "all"]] {
         let first = bytes(aov, "1");
-        // Seven names in a hash map come in the same order once in 5,040 times.
+        // Names in the order of a hash map, which each process seeds anew, would agree by chance: once in n! runs for n
+        // names.
         assert!((0..4).all(|i| bytes(aov, ["1", "2"][i % 2]) == first));
     }
 }
 
 #[test]
-fn what_cannot_be_is_said() {
+fn wrong_formats_and_names_are_errors() {
     let folder = tempfile::tempdir().expect("a folder");
     let fails = |output: &str, aov: &str, line: &str| {
         let output = folder.path().join(output);
@@ -213,6 +228,6 @@ fn what_cannot_be_is_said() {
         let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
         assert!(said.contains(line) && !output.exists(), "{said}");
     };
-    fails("a.png", "depth", "only .exr has layers for --aov");
+    fails("a.png", "depth", "only .exr holds AOVs");
     fails("a.exr", "depht", "there is no AOV `depht`\nhint: did you mean `depth`?");
 }

@@ -409,9 +409,9 @@ fn the_same_bits_for_threads_and_crops() {
         let plan = Plan::new(&prepared.world, &prepared.choices(Choices::default())).expect("a plan");
         let window = Window { x: 13, y: 17, width: 29, height: 20 };
         let never = std::sync::atomic::AtomicBool::new(false);
-        let watch = RenderControl { cancel: &never, progress: &|_, _| {}, time_stages: false };
+        let control = RenderControl { cancel: &never, progress: &|_, _| {}, time_stages: false };
         let (part, _) =
-            render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &watch).expect("a picture");
+            render(&prepared.world, &prepared.view, &plan, window, |_, _| true, &control).expect("a picture");
         for (x, y) in (0..20).flat_map(|y| (0..29).map(move |x| (13 + x, 17 + y))) {
             let [of_part, of_whole] = [part.pixel(x - 13, y - 17), whole.pixel(x, y)];
             assert_eq!(of_part.map(f32::to_bits), of_whole.map(f32::to_bits));

@@ -41,7 +41,7 @@ impl Folder {
         (out, said)
     }
 
-    /// Renders 32 samples a pixel of a scene with the layers of the test.
+    /// Renders 32 samples a pixel of a scene with the AOVs of the test.
     fn render(&self, scene: &str, output: &str, options: &str) {
         let arguments = format!("render {scene} -o {output} --samples 32 --aov samples,variance {options}");
         self.run(&arguments, 0);
@@ -91,7 +91,7 @@ fn what_cannot_be_tested_is_said_with_what_to_do() {
         ("sobol.exr", "its samples are not independent (`--sampler sobol`)"),
         ("mitchell.exr", "seen through a filter with negative lobes"),
         ("display.exr", "clamped values of `--colour display`"),
-        ("bare.exr", "without the layer `Variance.R`"),
+        ("bare.exr", "without the channel `Variance.R`"),
         ("one.exr", "1 sample(s) of the pixel at (0, 0)"),
     ] {
         for pair in [format!("a.exr {file}"), format!("{file} a.exr")] {

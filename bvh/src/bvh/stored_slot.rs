@@ -60,16 +60,16 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
     /// The hit of the ray on the primitive in slot `index`.
     #[inline(always)]
     pub(crate) fn hit(&mut self, slot: &StoredSlot<T>, index: u32) -> Option<Hit> {
-        let TriangleHit { t, weights } = match &slot.primitive {
+        let TriangleHit { t, barycentrics } = match &slot.primitive {
             Stored::Triangle(corners) => {
                 let prepared = self.triangles.get_or_insert_with(|| T::prepare(self.ray));
                 T::hit_triangle(prepared, self.ray, corners)?
             }
             Stored::Analytic(shape) => {
-                TriangleHit { t: T::hit_analytic(self.ray, shape)?, weights: [0.0; 2] }
+                TriangleHit { t: T::hit_analytic(self.ray, shape)?, barycentrics: [0.0; 2] }
             }
         };
-        Some(Hit { t, prim: slot.id, slot: SlotId(index), weights })
+        Some(Hit { t, prim: slot.id, slot: SlotId(index), barycentrics })
     }
 
     /// Whether `hit` comes before the best hit so far; both are on primitives of `slots`.

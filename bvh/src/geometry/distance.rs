@@ -25,8 +25,8 @@ pub(crate) struct Distance {
 pub(crate) struct Crossing {
     /// The distance along the ray.
     pub distance: Distance,
-    /// The barycentric coordinates of the corners, rounded to f64.
-    pub weights: [f64; 3],
+    /// The barycentrics of the corners, rounded to f64.
+    pub barycentrics: [f64; 3],
 }
 
 /// Three integers.
@@ -53,12 +53,12 @@ impl Distance {
         if across.sign() == Sign::NoSign {
             return None;
         }
-        let weights =
+        let barycentrics =
             [(&b, &c), (&c, &a), (&a, &b)].map(|(p, q)| ratio(&dot(&direction, &cross(p, q)), &across));
         let sign = across.signum();
         let distance =
             Distance { b: dot(&normal, &a) * &sign, a: across * &sign, d: BigInt::ZERO, far: false };
-        Some(Crossing { distance, weights })
+        Some(Crossing { distance, barycentrics })
     }
 
     /// The near and far root of `a t^2 - 2 b t + c = 0` with `a > 0`. `None` if they are not real.
@@ -255,7 +255,7 @@ mod tests {
             t_max: f64::INFINITY,
         };
         let crossing = Distance::to_triangle(&ray, &[DVec3::ZERO, DVec3::X, DVec3::Y]).unwrap();
-        assert_eq!((crossing.distance.to_f64(), crossing.weights), (0.5, [0.25, 0.25, 0.5]));
+        assert_eq!((crossing.distance.to_f64(), crossing.barycentrics), (0.5, [0.25, 0.25, 0.5]));
         assert!(crossing.distance.is_within(&ray));
         assert!(!crossing.distance.is_within(&Ray { t_max: 0.5, ..ray }));
         assert!(!crossing.distance.is_within(&Ray { t_min: 0.5, ..ray }));

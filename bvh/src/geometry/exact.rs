@@ -3,7 +3,7 @@
 //! f64 with an error bound decides nearly always. Otherwise expansions give the signs of the edge functions
 //! ([`super::expansion`]) and big integers the order of distances ([`super::distance`]). Exact are: whether a ray
 //! hits, edges, corners and tangents included; whether the hit lies between `t_min` and `t_max`; and the order of two
-//! hits, equality included. A hit's distance is good to [`TOLERANCE`], its weights to 2^-24.
+//! hits, equality included. A hit's distance is good to [`TOLERANCE`], its barycentrics to 2^-24.
 //!
 //! Not exact: coordinates below 2^-250 and direction components below 2^-100 of the largest become 0 beforehand, and
 //! rays and the origins of secondary rays are rounded.
@@ -161,7 +161,7 @@ fn settle(
         }
     };
     match is_within(ray, t) {
-        Some(true) => Some(TriangleHit { t, weights: [weight_b * share, weight_c * share] }),
+        Some(true) => Some(TriangleHit { t, barycentrics: [weight_b * share, weight_c * share] }),
         Some(false) => None,
         None => settle_exactly(ray, corners),
     }
@@ -203,8 +203,10 @@ fn plane_distance(ray: &Ray, &[a, b, c]: &[DVec3; 3]) -> PlaneDistance {
 #[cold]
 fn settle_exactly(ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {
     is_ray(ray).then_some(())?;
-    let Crossing { distance, weights } = Distance::to_triangle(ray, corners)?;
-    distance.is_within(ray).then(|| TriangleHit { t: distance.to_f64(), weights: [weights[1], weights[2]] })
+    let Crossing { distance, barycentrics } = Distance::to_triangle(ray, corners)?;
+    distance
+        .is_within(ray)
+        .then(|| TriangleHit { t: distance.to_f64(), barycentrics: [barycentrics[1], barycentrics[2]] })
 }
 
 /// Whether origin and direction are finite and the direction is not zero. Other rays hit nothing.

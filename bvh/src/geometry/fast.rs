@@ -1,7 +1,7 @@
 //! The tier `fast`: f32 throughout, not watertight.
 //!
 //! Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, Journal of Graphics Tools 2(1) 1997, without
-//! the threshold on small determinants that it suggests, which depends on scale. Its two barycentric coordinates are
+//! the threshold on small determinants that it suggests, which depends on scale. Its two barycentrics are
 //! rounded independently, so two triangles disagree on their shared edge, and rays pass between them.
 //!
 //! Box tests are conservative, and a hit's distance is clamped to its primitive's own bounds, so hits do not depend
@@ -59,7 +59,7 @@ impl Tier for Fast {
         let t = to_c.dot(q) * share;
         let [min, max] = Vec3::span(&[a, b, c]);
         let t = within(&test.boxes, ray, t, [min.as_vec3a(), max.as_vec3a()])?;
-        Some(TriangleHit { t, weights: [f64::from(v), f64::from(w)] })
+        Some(TriangleHit { t, barycentrics: [f64::from(v), f64::from(w)] })
     }
 
     #[inline(always)]

@@ -96,20 +96,25 @@ pub(crate) struct Hit4 {
     pub undecided: u32,
     /// Distances.
     pub t: [f64; LANES4],
-    /// Barycentric coordinates of the second and third corner.
-    pub weights: [[f64; LANES4]; 2],
+    /// The barycentrics v and w.
+    pub barycentrics: [[f64; LANES4]; 2],
 }
 
 impl Hit4 {
     /// Four misses.
     pub(crate) const NONE: Hit4 =
-        Hit4 { hit: 0, undecided: 0, t: [0.0; LANES4], weights: [[0.0; LANES4]; 2] };
+        Hit4 { hit: 0, undecided: 0, t: [0.0; LANES4], barycentrics: [[0.0; LANES4]; 2] };
     /// Four undecided lanes: the result of tiers without a four-wide test.
     pub(crate) const UNDECIDED: Hit4 = Hit4 { undecided: MASK4, ..Hit4::NONE };
 
     /// The hit in a lane, on primitive `prim` in `slot`.
     #[inline(always)]
     pub(crate) fn at(&self, lane: usize, prim: PrimId, slot: SlotId) -> Hit {
-        Hit { t: self.t[lane], prim, slot, weights: [self.weights[0][lane], self.weights[1][lane]] }
+        Hit {
+            t: self.t[lane],
+            prim,
+            slot,
+            barycentrics: [self.barycentrics[0][lane], self.barycentrics[1][lane]],
+        }
     }
 }

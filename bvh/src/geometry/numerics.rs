@@ -362,7 +362,7 @@ mod tests {
     fn barycentrics_find_the_corners() {
         for (k, corner) in UNIT.iter().enumerate() {
             for hit in hits(UNIT, |p| p.ray(*corner + DVec3::Z, -DVec3::Z, 0.0, 2.0)) {
-                let [v, w] = hit.unwrap().weights;
+                let [v, w] = hit.unwrap().barycentrics;
                 assert_eq!([1.0 - v - w, v, w][k], 1.0);
             }
         }

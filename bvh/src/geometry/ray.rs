@@ -29,14 +29,15 @@ pub struct SlotId(pub u32);
 /// The result of an intersection test. The surface interaction is computed from it once, for the closest hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
-    /// Distance along the ray, in units of the direction's length.
+    /// Distance along the ray: directions have length 1 (see [`Ray::direction`]).
     pub t: f64,
     /// The primitive.
     pub prim: PrimId,
     /// The slot of its geometry.
     pub slot: SlotId,
-    /// Barycentric coordinates of a triangle's second and third corner; 0 on a sphere.
-    pub weights: [f64; 2],
+    /// The barycentrics v and w of the point: the weights of the triangle's second and third corner. That of the first
+    /// is u = 1 - v - w. Meaningless on other shapes: [`crate::bvh::Accelerator::primitive`] of the slot returns which.
+    pub barycentrics: [f64; 2],
 }
 
 impl Ray {
@@ -61,7 +62,7 @@ mod tests {
 
     #[test]
     fn ties_go_to_the_lowest_id() {
-        let hit = |t, prim| Hit { t, prim: PrimId(prim), slot: SlotId(0), weights: [0.0; 2] };
+        let hit = |t, prim| Hit { t, prim: PrimId(prim), slot: SlotId(0), barycentrics: [0.0; 2] };
         assert!(hit(1.0, 5).is_before(&hit(2.0, 1)));
         assert!(hit(1.0, 1).is_before(&hit(1.0, 2)));
         assert!(!hit(1.0, 2).is_before(&hit(1.0, 2)));

@@ -17,7 +17,7 @@
 //!
 //! # What this guarantees (`watertight`, `double`, `exact`)
 //! Let u = 2^-53. The hit point is off by less than 8 u R: four roundings of the convex combination, each at most u R
-//! per axis, and three of the weights' sum. The triangle test sees each corner moved by at most 8 u times its
+//! per axis, and three of the barycentrics' sum. The triangle test sees each corner moved by at most 8 u times its
 //! distance from the origin (the difference from the origin rounds by 2 u, the shear by 2 u, their product by u and
 //! the last difference by 2 u), so by 16 u R for the corners of this triangle. The origin is 2^13 u R above the
 //! plane, more than 150 times both together in Euclidean norm, so it is in front of its own triangle, also as the
@@ -73,23 +73,28 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// The point of a triangle with the given barycentric coordinates, moved away from the edges.
+    /// The point of a triangle with the given barycentrics, moved away from the edges.
     #[inline(always)]
-    pub fn on_triangle(corners: [DVec3; 3], weights: [f64; 3]) -> Self {
-        let point = Self::in_triangle(corners, weights);
-        if EdgeTest::new(corners).is_near(weights) { point.moved_inwards(corners, weights) } else { point }
+    pub fn on_triangle(corners: [DVec3; 3], barycentrics: [f64; 3]) -> Self {
+        let point = Self::in_triangle(corners, barycentrics);
+        if EdgeTest::new(corners).is_near(barycentrics) {
+            point.moved_inwards(corners, barycentrics)
+        } else {
+            point
+        }
     }
 
     /// [`SurfacePoint::on_triangle`] for a point that is not near an edge ([`EdgeTest`]).
     #[inline(always)]
-    pub fn in_triangle(corners: [DVec3; 3], weights: [f64; 3]) -> Self {
-        Self::new(point_at(corners, weights), reach_of(corners))
+    pub fn in_triangle(corners: [DVec3; 3], barycentrics: [f64; 3]) -> Self {
+        Self::new(point_at(corners, barycentrics), reach_of(corners))
     }
 
     #[cold]
-    fn moved_inwards(self, corners: [DVec3; 3], weights: [f64; 3]) -> Self {
-        let weights = interior_weights(corners, weights, EDGE_DISTANCE * self.reach.max_element());
-        SurfacePoint { start: point_at(corners, weights), ..self }
+    fn moved_inwards(self, corners: [DVec3; 3], barycentrics: [f64; 3]) -> Self {
+        let barycentrics =
+            interior_barycentrics(corners, barycentrics, EDGE_DISTANCE * self.reach.max_element());
+        SurfacePoint { start: point_at(corners, barycentrics), ..self }
     }
 
     /// The same point with origins before the hit, on the side of the unit vector `normal`, for an incoming ray of
@@ -157,7 +162,7 @@ impl EdgeTest {
         }
     }
 
-    /// Whether the point with these barycentric coordinates may be near an edge. `false` is certain.
+    /// Whether the point with these barycentrics may be near an edge. `false` is certain.
     #[inline(always)]
     pub fn is_near(&self, [a, b, c]: [f64; 3]) -> bool {
         // A weight is the distance to the opposite edge over the height above it; that is least above the longest edge.
@@ -172,17 +177,17 @@ fn reach_of([a, b, c]: [DVec3; 3]) -> DVec3 {
     a.abs().max(b.abs()).max(c.abs())
 }
 
-/// The point of a triangle with the given barycentric coordinates.
+/// The point of a triangle with the given barycentrics.
 #[inline(always)]
-fn point_at([a, b, c]: [DVec3; 3], weights: [f64; 3]) -> DVec3 {
-    a * weights[0] + b * weights[1] + c * weights[2]
+fn point_at([a, b, c]: [DVec3; 3], barycentrics: [f64; 3]) -> DVec3 {
+    a * barycentrics[0] + b * barycentrics[1] + c * barycentrics[2]
 }
 
-/// Barycentric coordinates of the point moved to `distance` from every edge, or to half the inradius if that is less.
+/// Barycentrics of the point moved to `distance` from every edge, or to half the inradius if that is less.
 ///
 /// Near one edge the point moves perpendicular to it. Near two, at their corner, it moves to where both distances
 /// are right.
-fn interior_weights(corners: [DVec3; 3], weights: [f64; 3], distance: f64) -> [f64; 3] {
+fn interior_barycentrics(corners: [DVec3; 3], barycentrics: [f64; 3], distance: f64) -> [f64; 3] {
     let area = Triangle(corners).normal().length();
     let sides = [(1, 2), (2, 0), (0, 1)];
     let lengths = sides.map(|(i, j)| (corners[i] - corners[j]).length());
@@ -191,7 +196,7 @@ fn interior_weights(corners: [DVec3; 3], weights: [f64; 3], distance: f64) -> [f
     let perimeter = lengths.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     let per_length = (distance / area).min(0.5 / perimeter);
     let least = lengths.map(|length| length * per_length);
-    let mut moved = weights;
+    let mut moved = barycentrics;
     for (k, (i, j)) in (0..).zip(sides) {
         let lacking = least[k] - moved[k];
         if lacking > 0.0 {
@@ -203,7 +208,7 @@ fn interior_weights(corners: [DVec3; 3], weights: [f64; 3], distance: f64) -> [f
             moved[j] -= lacking * (1.0 - share);
         }
     }
-    let nearest = (0..3).max_by(|&i, &j| weights[i].total_cmp(&weights[j])).unwrap_or(0);
+    let nearest = (0..3).max_by(|&i, &j| barycentrics[i].total_cmp(&barycentrics[j])).unwrap_or(0);
     let (one, other) = ((nearest + 1) % 3, (nearest + 2) % 3);
     // The sum is 1 up to the last place: an error in it would move the point out of the plane.
     moved[nearest] = 1.0 - moved[one] - moved[other];
@@ -253,12 +258,12 @@ mod tests {
 
     proptest! {
         /// In front of the plane by the offset, and as far from the edges as guaranteed, also for points on edges and
-        /// corners, and for weights that rounding made negative.
+        /// corners, and for barycentrics that rounding made negative.
         #[test]
         fn origins_are_in_front_and_away_from_edges(
             corners in prop::array::uniform3(prop::array::uniform3(-1.0f64..1.0)),
             moved in prop::array::uniform3(-1e3f64..1e3),
-            weights in prop::array::uniform2(prop_oneof![Just(0.0), Just(1.0), Just(1e-17), Just(-1e-17), 0.0f64..1.0]),
+            barycentrics in prop::array::uniform2(prop_oneof![Just(0.0), Just(1.0), Just(1e-17), Just(-1e-17), 0.0f64..1.0]),
             scale in -30i32..30,
         ) {
             let s = f64::from(scale).exp2();
@@ -266,7 +271,7 @@ mod tests {
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             prop_assume!(normal.length() > s * s * 1e-2);
             let normal = normal.normalize();
-            let [v, w] = weights;
+            let [v, w] = barycentrics;
             prop_assume!(v + w <= 1.0);
             let point = SurfacePoint::on_triangle(corners, [1.0 - v - w, v, w]);
             let r = point.reach.max_element();
@@ -291,8 +296,8 @@ mod tests {
     #[test]
     fn a_triangle_without_area_has_finite_points() {
         let line = [DVec3::ZERO, DVec3::X, DVec3::X * 3.0];
-        for weights in [[1.0, 0.0, 0.0], [0.0, 0.5, 0.5]] {
-            let point = SurfacePoint::on_triangle(line, weights).start;
+        for barycentrics in [[1.0, 0.0, 0.0], [0.0, 0.5, 0.5]] {
+            let point = SurfacePoint::on_triangle(line, barycentrics).start;
             assert!(point.is_finite() && (0.0..=3.0).contains(&point.x), "{point}");
         }
         let point = SurfacePoint::on_triangle([DVec3::ONE; 3], [1.0, 0.0, 0.0]).start;

@@ -15,8 +15,8 @@ pub struct Triangle(pub [DVec3; 3]);
 pub(crate) struct TriangleHit {
     /// Distance along the ray.
     pub t: f64,
-    /// Barycentric coordinates of the second and third corner; that of the first is 1 minus both.
-    pub weights: [f64; 2],
+    /// The barycentrics v and w, of the second and third corner; u is 1 - v - w.
+    pub barycentrics: [f64; 2],
 }
 
 impl Triangle {

@@ -182,12 +182,12 @@ impl WoopTest {
         // Ahead by the exact test, whatever the sign of the rounded distance.
         let t = if is_near { t.max(f64::MIN_POSITIVE) } else { t };
         (ray.t_min < t && t < ray.t_max)
-            .then_some(TriangleHit { t, weights: [weight_b * share, weight_c * share] })
+            .then_some(TriangleHit { t, barycentrics: [weight_b * share, weight_c * share] })
     }
 }
 
 impl Sheared {
-    /// The edge functions, each proportional to the weight of the corner opposite.
+    /// The edge functions, each proportional to the barycentric of the corner opposite.
     #[inline(always)]
     pub(crate) fn weights(&self) -> [f64; 3] {
         let [[ax, ay], [bx, by], [cx, cy]] = self.sheared_xy;

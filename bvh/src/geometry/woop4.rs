@@ -217,7 +217,7 @@ pub(crate) fn hit_four<S: Simd>(
         hit: inside & passes & within & !behind & !undecided,
         undecided,
         t: S::d4_array(t),
-        weights: [S::d4_array(S::d4_mul(weight_b, share)), S::d4_array(S::d4_mul(weight_c, share))],
+        barycentrics: [S::d4_array(S::d4_mul(weight_b, share)), S::d4_array(S::d4_mul(weight_c, share))],
     }
 }
 

@@ -121,7 +121,7 @@ impl Point {
     fn new(accelerator: &dyn Accelerator, ray: &Ray, hit: &Hit) -> Self {
         let (surface, normal) = match accelerator.primitive(hit.slot) {
             Primitive::Triangle(triangle) => {
-                let [v, w] = hit.weights;
+                let [v, w] = hit.barycentrics;
                 let surface = SurfacePoint::on_triangle(triangle.0, [1.0 - v - w, v, w]);
                 (surface, triangle.normal().try_normalize().unwrap_or(-ray.direction))
             }

@@ -148,7 +148,9 @@ impl<'a> Lights<'a> {
     fn emission_texel(&self, sample: &EmitterSample) -> DVec3 {
         let texture = emission_texture(&self.world.materials[sample.material as usize]);
         let Some(texture) = texture.filter(|_| self.texture_use.material_textures) else { return DVec3::ONE };
-        let Some(uv) = self.world.uv(sample.object, sample.id, sample.weights) else { return DVec3::ONE };
+        let Some(uv) = self.world.uv(sample.object, sample.id, sample.barycentrics) else {
+            return DVec3::ONE;
+        };
         let (image, filter) =
             (&self.world.images[texture.image.0 as usize], self.texture_use.filter(&texture));
         let point = TexturePoint { uv, ..TexturePoint::default() };

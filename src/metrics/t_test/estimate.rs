@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::film::layers::Layers;
+use crate::film::channels::ExrChannels;
 use crate::film::{ColourPipeline, FilterShape};
 use crate::scene::PixelSampler;
 
@@ -38,26 +38,26 @@ impl Estimate {
     /// [`Error::Input`] if the file cannot be read, a channel is missing or has impossible values, or its settings say that its
     /// samples are not independent and equally distributed linear light.
     pub fn open(file: &Path) -> Result<Self> {
-        Self::of(&Layers::open(file)?).map_err(|what| Error::input(file, what, HINT))
+        Self::of(&ExrChannels::open(file)?).map_err(|what| Error::input(file, what, HINT))
     }
 
-    fn of(layers: &Layers) -> std::result::Result<Self, String> {
-        check_settings(layers)?;
-        let channel = |name: &str| match layers.channel(name) {
+    fn of(channels: &ExrChannels) -> std::result::Result<Self, String> {
+        check_settings(channels)?;
+        let channel = |name: &str| match channels.channel(name) {
             Some(values) => Ok(values.to_vec()),
-            None => Err(format!("without the layer `{name}`, which a t-test needs")),
+            None => Err(format!("without the channel `{name}`, which a t-test needs")),
         };
         let all = |prefix: &str| -> std::result::Result<[Vec<f32>; 3], String> {
             let [r, g, b] = CHANNELS.map(|name| channel(&format!("{prefix}{name}")));
             Ok([r?, g?, b?])
         };
         let estimate = Estimate {
-            width: layers.width,
-            height: layers.height,
+            width: channels.width,
+            height: channels.height,
             means: all("")?,
             variances: all("Variance.")?,
             counts: channel("Samples.X")?,
-            seed: layers.setting("kiln:seed").and_then(|seed| seed.parse().ok()),
+            seed: channels.setting("kiln:seed").and_then(|seed| seed.parse().ok()),
         };
         estimate.check_values()?;
         Ok(estimate)
@@ -91,24 +91,24 @@ impl Estimate {
 }
 
 /// Checks the settings of kiln; those of other programs are not known.
-fn check_settings(layers: &Layers) -> std::result::Result<(), String> {
+fn check_settings(channels: &ExrChannels) -> std::result::Result<(), String> {
     let is_linear = |colour: &str| colour == ColourPipeline::Linear.name();
-    if let Some(colour) = layers.setting("kiln:colour").filter(|colour| !is_linear(colour)) {
+    if let Some(colour) = channels.setting("kiln:colour").filter(|colour| !is_linear(colour)) {
         return Err(format!(
             "clamped values of `--colour {colour}`, whose means differ though the light does not"
         ));
     }
-    if layers.setting("kiln:noise").is_some() {
+    if channels.setting("kiln:noise").is_some() {
         return Err("sampled with `--noise`, so the number of samples depends on their values".into());
     }
-    let filter = layers.setting("kiln:filter").unwrap_or_default();
+    let filter = channels.setting("kiln:filter").unwrap_or_default();
     if filter.split(' ').next() == Some(FilterShape::Mitchell.name()) {
         return Err(
             "seen through a filter with negative lobes, so pixels are not the mean of their samples".into()
         );
     }
-    let is_kilns = layers.setting("kiln:samples").is_some();
-    if is_kilns && layers.setting("kiln:sampler") != Some(PixelSampler::Independent.name()) {
+    let is_kilns = channels.setting("kiln:samples").is_some();
+    if is_kilns && channels.setting("kiln:sampler") != Some(PixelSampler::Independent.name()) {
         return Err("its samples are not independent (`--sampler sobol`)".into());
     }
     Ok(())
@@ -118,9 +118,9 @@ fn check_settings(layers: &Layers) -> std::result::Result<(), String> {
 mod tests {
     use super::*;
 
-    fn layers(settings: &[(&str, &str)]) -> Layers {
+    fn channels(settings: &[(&str, &str)]) -> ExrChannels {
         let names = ["R", "G", "B", "Variance.R", "Variance.G", "Variance.B", "Samples.X"];
-        Layers {
+        ExrChannels {
             width: 2,
             height: 1,
             channels: names.iter().map(|&name| (name.to_owned(), vec![2.0, 3.0])).collect(),
@@ -131,13 +131,13 @@ mod tests {
     #[test]
     fn what_cannot_be_tested_is_refused_with_the_reason() {
         let own = [("kiln:samples", "8"), ("kiln:filter", "gaussian 1.5"), ("kiln:sampler", "independent")];
-        assert!(Estimate::of(&layers(&own)).is_ok() && Estimate::of(&layers(&[])).is_ok());
-        let with = |key, value| Estimate::of(&layers(&[&own[..], &[(key, value)]].concat()));
+        assert!(Estimate::of(&channels(&own)).is_ok() && Estimate::of(&channels(&[])).is_ok());
+        let with = |key, value| Estimate::of(&channels(&[&own[..], &[(key, value)]].concat()));
         for (result, part) in [
-            (Estimate::of(&layers(&own[..2])), "not independent"),
+            (Estimate::of(&channels(&own[..2])), "not independent"),
             (with("kiln:noise", "0.01"), "--noise"),
             (with("kiln:colour", "display"), "--colour display"),
-            (Estimate::of(&layers(&[("kiln:filter", "mitchell 2")])), "negative lobes"),
+            (Estimate::of(&channels(&[("kiln:filter", "mitchell 2")])), "negative lobes"),
         ] {
             assert!(result.as_ref().is_err_and(|what| what.contains(part)), "{result:?}");
         }
@@ -148,13 +148,13 @@ mod tests {
             (4, -0.5, "a variance of -0.5 at (1, 0) in `Variance.G`"),
             (5, f32::INFINITY, "a variance of inf"),
         ] {
-            let mut broken = layers(&own);
+            let mut broken = channels(&own);
             broken.channels[channel].1[1] = value;
             let result = Estimate::of(&broken);
             assert!(result.as_ref().is_err_and(|what| what.contains(part)), "{result:?}");
         }
-        let mut few = layers(&own);
+        let mut few = channels(&own);
         few.channels.remove(3);
-        assert_eq!(Estimate::of(&few), Err("without the layer `Variance.R`, which a t-test needs".into()));
+        assert_eq!(Estimate::of(&few), Err("without the channel `Variance.R`, which a t-test needs".into()));
     }
 }

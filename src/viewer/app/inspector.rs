@@ -18,7 +18,7 @@ pub(crate) fn to_json(inspection: &Inspection) -> Value {
             "position": surface_info.position.to_array(),
             "geometric_normal": surface_info.geometric_normal.to_array(),
             "shading_normal": surface_info.shading_normal.to_array(),
-            "barycentric": surface_info.barycentric,
+            "barycentrics": surface_info.barycentrics,
             "material": surface_info.material,
         })
     });
@@ -71,8 +71,8 @@ fn surface(ui: &mut Ui, inspection: &Inspection) {
         row("position", vector(surface_info.position));
         row("geometric normal", vector(surface_info.geometric_normal));
         row("shading normal", vector(surface_info.shading_normal));
-        if let Some([u, v, w]) = surface_info.barycentric {
-            row("barycentric", format!("{u:.6} {v:.6} {w:.6}"));
+        if let Some([u, v, w]) = surface_info.barycentrics {
+            row("barycentrics", format!("{u:.6} {v:.6} {w:.6}"));
         }
         if let Some(uv) = surface_info.uv {
             row("texture", format!("{:.6} {:.6}", uv.x, uv.y));

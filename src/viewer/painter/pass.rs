@@ -115,7 +115,7 @@ impl<'a> Side<'a> {
     pub(crate) fn pass(&mut self, index: usize, cancel: &AtomicBool) -> Result<Option<PassOutput>> {
         let Some(&pass) = self.passes.get(index) else { return Ok(None) };
         let start = Instant::now();
-        let watch = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
+        let control = RenderControl { cancel, progress: &|_, _| (), time_stages: false };
         let is_last = index + 1 == self.passes.len();
         let pipeline = self.prepared.job.pipeline();
         let (factor, sampling) = match pass {
@@ -125,7 +125,7 @@ impl<'a> Side<'a> {
             Pass::Whole => (1, self.settings.choices.sampling),
         };
         let size = self.request.size.map(|side| side.div_ceil(factor));
-        let (film, statistics) = self.render(&self.prepared, size, sampling, &watch)?;
+        let (film, statistics) = self.render(&self.prepared, size, sampling, &control)?;
         let mut pixels = rows(&film);
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
             mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
@@ -135,7 +135,7 @@ impl<'a> Side<'a> {
         let (image, legend) = match self.request.display_mode {
             DisplayMode::Picture => (image(&pixels, size, pipeline, display), None),
             _ => {
-                let FalseColours { pixels, legend } = self.false_colours(&film, size, &watch)?;
+                let FalseColours { pixels, legend } = self.false_colours(&film, size, &control)?;
                 (ColorImage::from_rgb(size.map(|side| side as usize), pixels.as_flattened()), Some(legend))
             }
         };

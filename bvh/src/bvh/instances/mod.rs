@@ -165,7 +165,8 @@ impl<T: Tier> Instances<T> {
                         let prepared = prepared.get_or_insert_with(|| T::prepare(ray));
                         if let Some(hit) = T::hit_triangle(prepared, ray, &corners) {
                             let (prim, slot) = (instance.prim(*triangle), SlotId(slot + triangle));
-                            match found(Hit { t: hit.t, prim, slot, weights: hit.weights }, corners) {
+                            match found(Hit { t: hit.t, prim, slot, barycentrics: hit.barycentrics }, corners)
+                            {
                                 Some(t) => t_max.set(t),
                                 None => return Next::Stop,
                             }

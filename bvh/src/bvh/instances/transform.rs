@@ -65,7 +65,7 @@ pub(crate) struct Transform {
 /// The distance of a hit from its triangle, relative to the distance from the ray's origin and to the triangle's size.
 ///
 /// In the tiers that decide in f64, a hit's distance is clamped to the bounds of its triangle up to 1 + 2^-26
-/// (`clamp_to_bounds` of [`crate::geometry`]), its weights are good to 2^-32, and transforming a ray takes a few
+/// (`clamp_to_bounds` of [`crate::geometry`]), its barycentrics are good to 2^-32, and transforming a ray takes a few
 /// 2^-53: 2^-25 is more than all together. In `fast` it is clamped to these bounds up to 1 + 2^-21, and may be
 /// anywhere in them.
 fn share_of_distance(numerics: Numerics) -> f64 {

@@ -40,7 +40,7 @@ pub(crate) enum BestHit {
 
 impl Default for BestHits {
     fn default() -> Self {
-        let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId(0), weights: [0.0; 2] };
+        let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId(0), barycentrics: [0.0; 2] };
         BestHits {
             near: [[f32::NEG_INFINITY; BLOCK]; BLOCKS],
             far: [[f32::NEG_INFINITY; BLOCK]; BLOCKS],

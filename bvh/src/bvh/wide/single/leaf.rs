@@ -50,7 +50,12 @@ pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
             for index in shapes {
                 let (shape, prim) = &wide.analytic[index as usize];
                 let Some(t) = hit_analytic::<T>(ray, shape) else { continue };
-                match found(Hit { t, prim: *prim, slot: wide.slot_of_analytic(index), weights: [0.0; 2] }) {
+                match found(Hit {
+                    t,
+                    prim: *prim,
+                    slot: wide.slot_of_analytic(index),
+                    barycentrics: [0.0; 2],
+                }) {
                     Next::Stop => return Next::Stop,
                     Next::Shorten(t) => next = Next::Shorten(t),
                     Next::Continue => {}
@@ -71,7 +76,7 @@ pub(crate) fn hit_triangle<T: Tier>(
 ) -> Option<Hit> {
     let lane = slot.0 as usize % LANES4;
     let hit = T::hit_triangle(prepared, ray, &leaf.corners.triangle(lane))?;
-    Some(Hit { t: hit.t, prim: PrimId(leaf.ids[lane]), slot, weights: hit.weights })
+    Some(Hit { t: hit.t, prim: PrimId(leaf.ids[lane]), slot, barycentrics: hit.barycentrics })
 }
 
 /// The distance of an analytic shape. A analytic shape of radius 0, left by a refit, is missed.

@@ -9,9 +9,9 @@ use super::read::{Read, ReadError, exr_reader, max_block_bytes};
 use crate::error::{Result, contain};
 use crate::limits;
 
-/// The channels of an image file.
+/// The channels and text attributes of an OpenEXR file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Layers {
+pub struct ExrChannels {
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
@@ -22,7 +22,7 @@ pub struct Layers {
     pub settings: Vec<(String, String)>,
 }
 
-impl Layers {
+impl ExrChannels {
     /// Reads an OpenEXR file.
     ///
     /// # Errors
@@ -43,9 +43,9 @@ impl Layers {
     }
 }
 
-fn decode(bytes: &[u8]) -> Read<Layers> {
+fn decode(bytes: &[u8]) -> Read<ExrChannels> {
     if !bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) {
-        return Err(ReadError::Damaged("not an EXR picture, so it has no layers".into()));
+        return Err(ReadError::Damaged("not an EXR picture, so it has no channels".into()));
     }
     for header in exr_reader(bytes)?.headers() {
         let [width, height] = [header.layer_size.width(), header.layer_size.height()].map(|side| side as u64);
@@ -79,7 +79,7 @@ fn decode(bytes: &[u8]) -> Read<Layers> {
     let channel = |channel: exr::prelude::AnyChannel<exr::prelude::FlatSamples>| {
         (channel.name.to_string(), channel.sample_data.values_as_f32().collect())
     };
-    Ok(Layers {
+    Ok(ExrChannels {
         width: layer.size.width() as u32,
         height: layer.size.height() as u32,
         channels: layer.channel_data.list.into_iter().map(channel).collect(),
@@ -102,11 +102,11 @@ mod tests {
         let mut bytes = Vec::new();
         let metadata = [("kiln:samples".to_owned(), "16".to_owned())];
         encode(&picture, &metadata, Format::Exr, &mut bytes).unwrap();
-        let layers = decode(&bytes).unwrap();
-        assert_eq!((layers.width, layers.height, layers.channels.len()), (2, 2, 4));
-        assert_eq!(layers.channel("G"), Some(&[1.0, 4.0, 7.0, 10.0][..]));
-        assert_eq!(layers.channel("Variance.R"), Some(&[0.5, f32::INFINITY, 0.25, 1.0][..]));
-        assert_eq!((layers.setting("kiln:samples"), layers.setting("kiln:seed")), (Some("16"), None));
+        let image = decode(&bytes).unwrap();
+        assert_eq!((image.width, image.height, image.channels.len()), (2, 2, 4));
+        assert_eq!(image.channel("G"), Some(&[1.0, 4.0, 7.0, 10.0][..]));
+        assert_eq!(image.channel("Variance.R"), Some(&[0.5, f32::INFINITY, 0.25, 1.0][..]));
+        assert_eq!((image.setting("kiln:samples"), image.setting("kiln:seed")), (Some("16"), None));
         for length in 0..bytes.len() {
             assert!(decode(&bytes[..length]).is_err(), "{length} bytes");
         }
