@@ -23,8 +23,8 @@ none below; *alone* is what the whole picture saves without it. What `adaptive` 
 ";
 
 const TABLE_HEAD: &str = "
-| effect | what calls for it | adds ms | share of the picture | adds rays | source |
-| --- | --- | --: | --: | --: | --- |
+| effect | what calls for it | ms saved without it | rays that it adds | source |
+| --- | --- | --: | --: | --- |
 ";
 
 /// Largest picture of the page, in bytes.
@@ -64,14 +64,14 @@ pub fn run(kiln: &Kiln) -> Result<()> {
     Ok(())
 }
 
-/// The row of the table for an effect: what calls for it in its scene and what it adds to that picture.
+/// The row of the table for an effect: what calls for it in its scene and what it costs there.
 fn row(kiln: &Kiln, name: &str, scene: &str, source: &str) -> Result<String> {
     let measured: Value =
         serde_json::from_str(&said(kiln, &["explain", scene, "--measure", "--rounds", "9", "--json"])?)?;
     let effect = list(&measured["effects"]).iter().find(|effect| effect["name"] == name);
     let effect = effect.ok_or_else(|| format!("{scene} does not list {name}"))?;
     let number = |value: &Value| value.as_f64().unwrap_or(f64::NAN);
-    let [milliseconds, share] = [number(&effect["adds"]["ms"]["median"]), 100.0 * number(&effect["share"])];
-    let (why, rays) = (effect["why"].as_str().unwrap_or_default(), number(&effect["adds"]["rays"]));
-    Ok(format!("| [{name}](#{name}) | {why} | {milliseconds:.1} | {share:.0} % | {rays} | {source} |\n"))
+    let [saved, rays] = [number(&effect["alone_ms"]["median"]), number(&effect["adds"]["rays"])];
+    let why = effect["why"].as_str().unwrap_or_default();
+    Ok(format!("| [{name}](#{name}) | {why} | {saved:.1} | {rays} | {source} |\n"))
 }
