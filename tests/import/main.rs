@@ -4,4 +4,5 @@
 mod common;
 
 mod import;
+mod mutations;
 mod shared_meshes;
