@@ -11,6 +11,7 @@ mod hard_determinism;
 mod hard_lights;
 mod hard_lit;
 mod hard_meshes;
+mod hard_paths;
 mod hard_rays;
 mod hard_scale;
 mod hard_scenes;
