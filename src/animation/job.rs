@@ -87,6 +87,7 @@ impl AnimationJob {
                 format!("frame {frame} is not in the animation: its frames are 0 to {}", timeline.last());
             return Err(Error::usage(what, "give other --frames, or a longer animation"));
         }
+        let needs_headlight = job::needs_headlight(&scene, settings);
         let mut resolved = job::resolve_for(scene, None, camera.clone(), size, settings)?;
         let mine = list.frames().iter().enumerate().filter(|(place, _)| request.share.has(*place));
         let mine: Vec<i32> = mine.map(|(_, &frame)| frame).collect();
@@ -99,13 +100,13 @@ impl AnimationJob {
         };
         let scene = std::mem::take(&mut resolved.scene);
         job::check_memory(&scene, &resolved.choices, resolved.numerics)?;
-        let is_lit = resolved.choices.shading.uses_lights() && resolved.headlight;
-        if scene.lights.is_empty() && is_lit {
+        if needs_headlight {
             warnings.note(job::HEADLIGHT);
         }
         building(warnings);
         let ResolvedJob { pipeline, structure, numerics, .. } = &resolved;
-        let animation = PreparedAnimation::new(scene, &camera, is_lit, *pipeline, *structure, *numerics)?;
+        let animation =
+            PreparedAnimation::new(scene, &camera, needs_headlight, *pipeline, *structure, *numerics)?;
         let animation = Some(animation);
         let mut made = AnimationJob { animation, timeline, frames, skipped, effects_on: 0, resolved };
         // Errors and warnings of the first frame come before any is rendered.

@@ -98,8 +98,18 @@ fn initial_view(
     let pipeline = requested.colour.or(scene.colour).unwrap_or_default();
     let display = requested.display.or(scene.display);
     check_display(display, pipeline, true)?;
-    let RenderSettings { projection, preset, shading, sampling, transport, clamp, with, without, .. } =
-        requested;
+    let RenderSettings {
+        projection,
+        preset,
+        shading,
+        sampling,
+        transport,
+        clamp,
+        with,
+        without,
+        environment,
+        ..
+    } = requested;
     let settings = Settings {
         choices: Choices {
             shading,
@@ -117,5 +127,5 @@ fn initial_view(
         display,
         headlight: requested.headlight.or(scene.headlight).unwrap_or(true),
     };
-    Ok(Opened { scene, camera_source, projection, size, settings, preset })
+    Ok(Opened { scene, camera_source, projection, size, settings, environment, preset })
 }

@@ -239,15 +239,27 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
     let size = viewpoint.size(settings, &scene);
     let camera = viewpoint.camera(settings, &scene, size)?;
-    let transport = settings.transport.or(scene.transport);
-    let is_path = transport.map_or(scene.environment.is_some(), |transport| transport == Transport::Path);
-    let is_lit = !scene.lights.is_empty() || is_path && (scene.environment.is_some() || scene.emits());
-    let has_headlight = settings.headlight.or(scene.headlight).unwrap_or(!is_lit);
-    if has_headlight && scene.lights.is_empty() && settings.shading.uses_lights() {
+    if needs_headlight(&scene, settings) {
         scene.lights.extend(headlight(&camera));
         warnings.note(HEADLIGHT);
     }
     resolve_for(scene, recentering, camera, size, settings)
+}
+
+/// Whether a scene is given a headlight: one without lights, if settings or scene ask for it or nothing else lights it.
+pub(crate) fn needs_headlight(scene: &Scene, settings: &RenderSettings) -> bool {
+    let asked_for = settings.headlight.or(scene.headlight);
+    settings.shading.uses_lights()
+        && scene.lights.is_empty()
+        && asked_for.unwrap_or_else(|| !is_lit(scene, settings.transport))
+}
+
+/// Whether a scene has light: lights, or in path tracing an environment or surfaces that emit. `transport` is that of the
+/// settings.
+pub(crate) fn is_lit(scene: &Scene, transport: Option<Transport>) -> bool {
+    let transport = transport.or(scene.transport);
+    let is_path = transport.map_or(scene.environment.is_some(), |transport| transport == Transport::Path);
+    !scene.lights.is_empty() || is_path && (scene.environment.is_some() || scene.emits())
 }
 
 /// [`resolve`] for a scene that is recentered and has lights, with a given camera.
@@ -399,5 +411,28 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
         plan.decisions.iter().filter(|d| !d.on && choices.with.iter().any(|name| *name == d.effect.name()))
     {
         warnings.push(format!("--with {} changes nothing: {}", decision.effect, decision.why));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Environment, EnvironmentSource};
+
+    /// An environment is light in path tracing, its default, and no headlight is added; local shading does not see it.
+    #[test]
+    fn a_headlight_is_added_where_nothing_else_is_light() {
+        let wanted = |scene: &Scene, headlight, transport| {
+            needs_headlight(scene, &RenderSettings { headlight, transport, ..RenderSettings::default() })
+        };
+        let (path, whitted) = (Some(Transport::Path), Some(Transport::Whitted));
+        let mut scene = Scene::default();
+        assert!(wanted(&scene, None, None) && wanted(&scene, None, path) && !wanted(&scene, Some(false), None));
+        let source = EnvironmentSource::Sky;
+        scene.environment = Some(Environment { source, rotation: 0.0, intensity: 1.0, is_hidden: false });
+        assert!(!wanted(&scene, None, None) && !wanted(&scene, None, path) && wanted(&scene, None, whitted));
+        assert!(wanted(&scene, Some(true), None));
+        scene.headlight = Some(false);
+        assert!(!wanted(&scene, None, whitted));
     }
 }

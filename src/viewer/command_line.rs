@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::film::{ColourPipeline, DisplaySettings};
+use crate::job::EnvironmentSettings;
 use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, Transport, default_size};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
@@ -93,6 +94,8 @@ pub struct RenderCommand<'a> {
     pub clamp: Option<f64>,
     /// Whether a ground is put under the scene.
     pub has_ground: bool,
+    /// Settings of the environment.
+    pub environment: &'a EnvironmentSettings,
     /// Output file.
     pub output: &'a Path,
 }
@@ -167,6 +170,12 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     }
     if let Some(clamp) = command.clamp.filter(|_| command.clamp != defaults.clamp) {
         option("--clamp", &clamp.to_string());
+    }
+    let EnvironmentSettings { source, rotation, hide } = command.environment;
+    source.iter().for_each(|source| option("--environment", source));
+    rotation.iter().for_each(|degrees| option("--environment-rotation", &degrees.to_string()));
+    if *hide {
+        words.push("--hide-environment".to_owned());
     }
     if command.has_ground && !defaults.has_ground {
         words.push("--ground".to_owned());
@@ -251,6 +260,9 @@ mod tests {
     use crate::film::tone::{Exposure, ToneMap};
     use crate::scene::PixelSampler;
 
+    const NO_ENVIRONMENT: EnvironmentSettings =
+        EnvironmentSettings { source: None, rotation: None, hide: false };
+
     /// Arguments into which `sh` splits the line.
     fn read_by_sh(line: &str) -> Vec<String> {
         let script = format!("kiln() {{ printf '%s\\0' kiln \"$@\"; }}; {line}");
@@ -292,6 +304,7 @@ mod tests {
             transport: None,
             clamp: None,
             has_ground: false,
+            environment: &NO_ENVIRONMENT,
             output: Path::new("picture.png"),
         }
     }
@@ -375,13 +388,19 @@ mod tests {
             transport: Some(Transport::Path),
             clamp: Some(2.5),
             has_ground: true,
+            environment: &EnvironmentSettings {
+                source: Some("garden one.hdr".into()),
+                rotation: Some(-90.0),
+                hide: true,
+            },
             ..plain
         };
         assert_eq!(
             line(&command),
             "--size 320x200 --shading ambient --with glaze=every-bounce --without shadows --without textures --numerics \
              watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --sampler independent \
-             --exposure=-1.5 --tone-map agx --light none --transport path --clamp 2.5 --ground"
+             --exposure=-1.5 --tone-map agx --light none --transport path --clamp 2.5 \
+             --environment 'garden one.hdr' --environment-rotation=-90 --hide-environment --ground"
         );
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::bvh::Preset;
 use crate::effects::{Choices, EffectId};
 use crate::film::{ColourPipeline, DisplaySettings};
-use crate::job::{CameraChoice, RenderSettings};
+use crate::job::{CameraChoice, EnvironmentSettings, RenderSettings};
 use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Scene};
 use crate::world::StandardView;
 
@@ -76,6 +76,8 @@ pub struct Opened {
     pub size: [u32; 2],
     /// Initial render settings.
     pub settings: Settings,
+    /// Settings of the environment, which the scene has already.
+    pub environment: EnvironmentSettings,
     /// Preset of the tree build.
     pub preset: Preset,
 }
@@ -125,7 +127,7 @@ impl RenderRequest {
             without: choices.without.clone(),
             colour: Some(*pipeline),
             display: display.in_pipeline(*pipeline),
-            headlight: Some(*headlight),
+            headlight: (!headlight).then_some(false),
             ..RenderSettings::default()
         }
     }

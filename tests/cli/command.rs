@@ -624,6 +624,7 @@ fn what_is_seen_is_rendered_by_its_line() {
         transport: None,
         clamp: None,
         has_ground: false,
+        environment: &Default::default(),
         output: Path::new("seen.png"),
     };
     let words = command_line::arguments(&command);

@@ -180,6 +180,7 @@ impl App {
             transport: settings.choices.transport,
             clamp: settings.choices.clamp,
             has_ground: opened.scene.ground.is_some(),
+            environment: &opened.environment,
             output,
         });
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));

@@ -7,7 +7,7 @@ use crate::bvh::Layout;
 use crate::effects::{Choices, Decision, EFFECTS, Plan};
 use crate::error::{Error, Result};
 use crate::film::ColourPipeline;
-use crate::job::RenderJob;
+use crate::job::{self, RenderJob};
 use crate::scene::{Camera, Numerics, Sampling, Scene};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
@@ -84,8 +84,8 @@ impl RenderCache {
         };
         lens.projection = request.projection.unwrap_or(lens.projection);
         let mut world = Arc::clone(&frame.world);
-        let has_lights = !world.lights.is_empty() || !world.area_lights.names.is_empty();
-        if settings.headlight && !has_lights && settings.choices.shading.uses_lights() {
+        let is_lit = job::is_lit(&request.opened.scene, settings.choices.transport);
+        if settings.headlight && !is_lit && settings.choices.shading.uses_lights() {
             world = Arc::new(world.under(headlight(&lens).into_iter().collect()));
         }
         let sampling = settings.choices.sampling;
