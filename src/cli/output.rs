@@ -221,6 +221,10 @@ pub(crate) fn warn_about_picture(
         warnings
             .push(format!("{non_finite} pixel(s) are not finite numbers, the first at {}", places.join(" ")));
     }
+    if statistics.discarded_samples > 0 {
+        let count = statistics.discarded_samples;
+        warnings.push(format!("{count} sample(s) of light are not finite numbers and were left out"));
+    }
     let primary = statistics.rays(RayKind::PRIMARY);
     // A part of a picture may be empty.
     if is_part {

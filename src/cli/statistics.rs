@@ -77,6 +77,7 @@ pub(crate) fn to_json(
         "tests": { "nodes": statistics.tests.nodes, "primitives": statistics.tests.primitives },
         "stages": stages,
         "non_finite_pixels": statistics.non_finite.0,
+        "discarded_samples": statistics.discarded_samples,
         "peak_memory_bytes": memory::peak(),
         "warnings": warnings.messages(),
         "notes": warnings.notes(),

@@ -90,6 +90,8 @@ pub struct Tile {
     pub shading: Box<Scratch>,
     /// For each object, whether a primary ray has hit it.
     pub visible_objects: Vec<bool>,
+    /// Samples of light that were left out because they were not finite numbers.
+    pub discarded_samples: u64,
     /// Records every ray; `None` while pictures are rendered.
     pub recorder: Option<Box<RayRecorder>>,
     /// The buffers of effects, one type each.

@@ -427,7 +427,9 @@ mod tests {
         };
         let (path, whitted) = (Some(Transport::Path), Some(Transport::Whitted));
         let mut scene = Scene::default();
-        assert!(wanted(&scene, None, None) && wanted(&scene, None, path) && !wanted(&scene, Some(false), None));
+        assert!(
+            wanted(&scene, None, None) && wanted(&scene, None, path) && !wanted(&scene, Some(false), None)
+        );
         let source = EnvironmentSource::Sky;
         scene.environment = Some(Environment { source, rotation: 0.0, intensity: 1.0, is_hidden: false });
         assert!(!wanted(&scene, None, None) && !wanted(&scene, None, path) && wanted(&scene, None, whitted));

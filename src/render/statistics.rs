@@ -25,6 +25,8 @@ pub struct Statistics {
     pub visible_objects: Vec<bool>,
     /// The number of pixels that are not finite, and columns and rows of the first ten.
     pub non_finite: (usize, Vec<(u32, u32)>),
+    /// The number of samples of light that were left out because they were not finite.
+    pub discarded_samples: u64,
     /// The exposure in EV that `auto` came to, for pictures of display values.
     pub auto_exposure: Option<f64>,
 }
@@ -68,6 +70,7 @@ impl Statistics {
             base_bytes: workers.iter().map(|worker| worker.tile.bytes()).max().unwrap_or(0),
             visible_objects: Vec::new(),
             non_finite: (non_finite.len(), non_finite.into_iter().take(10).collect()),
+            discarded_samples: workers.iter().map(|worker| worker.tile.discarded_samples).sum(),
             auto_exposure: None,
         };
         for Tile { rays, traversal, visible_objects, .. } in workers.iter().map(|worker| &worker.tile) {
@@ -115,6 +118,7 @@ impl Statistics {
             own.hit += other.hit;
         }
         self.tests += other.tests;
+        self.discarded_samples += other.discarded_samples;
         for (own, other) in self.effect_costs.iter_mut().zip(&other.effect_costs) {
             own.stages = own.stages.max(other.stages);
             own.rays += other.rays;

@@ -60,7 +60,7 @@ impl Buffers {
         self.shadow_rays.clear();
         self.light_paths.clear();
         let lights = Lights::new(context.world, stage.technique, stage.texture_use);
-        self.add_missed(generation, context, &lights, stage, depth);
+        let mut discarded = self.add_missed(generation, context, &lights, stage, depth);
         for index in 0..generation.surfaces.len() {
             let ray = generation.surfaces.ray_of()[index] as usize;
             let Some(hit) = generation.hits[ray] else { continue };
@@ -70,14 +70,26 @@ impl Buffers {
             let numbers = Numbers { sample, seed, sampler, depth: depth as u32 };
             let surface = generation.surfaces.get(index);
             let vertex = Vertex::new(context.world, &lights, surface, &hit, path);
-            self.radiance[path.camera_ray as usize] += stage.clamped(vertex.emitted, depth);
+            if vertex.emitted.is_finite() {
+                self.radiance[path.camera_ray as usize] += stage.clamped(vertex.emitted, depth);
+            } else {
+                discarded += 1;
+            }
             let Some(bsdf) = vertex.bsdf.as_ref().filter(|_| (depth as u32) < stage.depth) else { continue };
             if let Some((shadow_ray, radiance)) = vertex.sample_light(bsdf, &lights, &numbers) {
-                let radiance = stage.clamped(radiance, depth + 1);
-                self.shadow_rays.push(shadow_ray);
-                self.light_paths.push(LightPath { camera_ray: path.camera_ray, radiance });
+                if radiance.is_finite() {
+                    let radiance = stage.clamped(radiance, depth + 1);
+                    self.shadow_rays.push(shadow_ray);
+                    self.light_paths.push(LightPath { camera_ray: path.camera_ray, radiance });
+                } else {
+                    discarded += 1;
+                }
             }
             if let Some((ray, path)) = vertex.continue_path(bsdf, &numbers) {
+                if !path.throughput.is_finite() {
+                    discarded += 1;
+                    continue;
+                }
                 next.soa.set(next.rays.len(), &ray);
                 next.rays.push(ray);
                 next.sources.push(index as u32);
@@ -85,10 +97,11 @@ impl Buffers {
             }
         }
         std::mem::swap(&mut self.paths, &mut self.next);
+        tile.discarded_samples += discarded;
     }
 
     /// Adds the radiance from infinitely far away to the paths whose ray missed. Camera rays see the background where
-    /// the scene has no environment or hides it, and no directional lights.
+    /// the scene has no environment or hides it, and no directional lights. Returns how many were not finite.
     fn add_missed(
         &mut self,
         generation: &RayGeneration,
@@ -96,9 +109,10 @@ impl Buffers {
         lights: &Lights,
         stage: &Scatter,
         depth: usize,
-    ) {
+    ) -> u64 {
+        let mut discarded = 0;
         if generation.surfaces.len() == generation.rays.len() {
-            return;
+            return discarded;
         }
         let missed = generation.hits.iter().enumerate().filter(|(_, hit)| hit.is_none());
         for (ray, _) in missed {
@@ -109,8 +123,14 @@ impl Buffers {
             } else {
                 lights.radiance_from_infinity(direction, path.pdf)
             };
-            self.radiance[path.camera_ray as usize] += stage.clamped(path.throughput * radiance, depth);
+            let radiance = path.throughput * radiance;
+            if radiance.is_finite() {
+                self.radiance[path.camera_ray as usize] += stage.clamped(radiance, depth);
+            } else {
+                discarded += 1;
+            }
         }
+        discarded
     }
 }
 
@@ -183,7 +203,7 @@ impl<'a> Vertex<'a> {
         let (value, bsdf_pdf) = self.eval(bsdf, direction);
         let weight = pdf.map_or(1.0, |pdf| light_weight(lights.technique, pdf, bsdf_pdf) / pdf);
         let radiance = self.path.throughput * value * radiance * weight;
-        if radiance == DVec3::ZERO || !radiance.is_finite() {
+        if radiance == DVec3::ZERO {
             return None;
         }
         Some((target.ray(self.origin(direction), direction, self.world.numerics())?, radiance))
@@ -210,7 +230,7 @@ impl<'a> Vertex<'a> {
             }
             throughput /= survival;
         }
-        if !throughput.is_finite() || throughput.max_element() <= 0.0 {
+        if throughput == DVec3::ZERO {
             return None;
         }
         let pdf = if sample.is_delta { f64::INFINITY } else { sample.pdf };

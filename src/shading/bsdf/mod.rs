@@ -287,7 +287,7 @@ impl Bsdf {
                     (direction, scattered / pdf, pdf, false)
                 }
             };
-        let possible = weight.is_finite() && pdf.is_finite() && direction.z != 0.0;
+        let possible = direction.z != 0.0 && (is_delta || pdf > 0.0);
         possible.then_some(BsdfSample {
             direction,
             weight,
