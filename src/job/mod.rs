@@ -282,6 +282,7 @@ pub fn resolve_for(
         without: settings.without.clone(),
         even_idle: false,
         light_technique: Default::default(),
+        path: Default::default(),
     };
     let layers = &settings.layers;
     let display = settings.display.or(scene.display);

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::advice::brief;
 use super::data::{NoiseFloor, SettingRow, Study};
-use super::html::{against, escaped, geometry, scientific, steps, table, with_code};
+use super::html::{against, escaped, geometry, scientific, steps, table, technique_tests, with_code};
 use super::pictures::PageImages;
 use super::plot::{error_against_time, error_against_twin};
 use crate::error::Result;
@@ -21,6 +21,7 @@ pub fn page(study: &Study, pictures: &PageImages) -> Result<String> {
     html += &summary(study);
     html += &plots(study)?;
     html += &geometry(&study.geometry);
+    html += &technique_tests(&study.technique_tests);
     html += &steps(study);
     html += &viewer(study, pictures);
     html += &table(study);
@@ -106,6 +107,10 @@ pub fn facts(study: &Study) -> Vec<String> {
             geometry.numerics, wrong, geometry.rays
         ));
     }
+    lines.extend(study.technique_tests.iter().map(|test| {
+        let found = if test.passed { "no difference found" } else { "different" };
+        format!("t-test, {} against both (MIS), {} samples: {found}.", test.name, test.samples)
+    }));
     for row in study.rows.iter().filter(|row| row.non_finite > 0) {
         lines.push(format!(
             "{}: {} pixel(s) are no finite numbers; no error was computed.",
@@ -174,10 +179,13 @@ fn methods(study: &Study) -> String {
     html += "<p>Every error is preceded by a check that all pixels are finite numbers. It has no spread: equal settings give equal bits, so a second \
         study gives the same errors. Times have one: the median of all rounds stands before the quartiles in brackets. A time is that of the \
         picture alone, without reading files, building, planning and writing.</p>\n<ul>\n";
-    for NoiseFloor { filter, samples, rmse } in &study.floors {
+    for NoiseFloor { filter, samples, rmse, bounces } in &study.floors {
+        let paths = bounces.map_or(String::new(), |bounces| {
+            format!(", paths of at most {bounces} bounces without a clamp of indirect light")
+        });
         let _ = writeln!(
             html,
-            "<li>The limit for the filter {}: <code>exact</code>, {samples} samples a pixel. Its own error is {} (root mean square), half the \
+            "<li>The limit for the filter {}: <code>exact</code>, {samples} samples a pixel{paths}. Its own error is {} (root mean square), half the \
              difference of its two halves, which have seeds of their own.</li>",
             escaped(filter),
             scientific(*rmse)

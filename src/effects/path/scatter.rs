@@ -5,22 +5,19 @@ use glam::DVec3;
 use super::lights::{LightConnection, Lights};
 use super::{Buffers, LightPath, Path, Scatter};
 use crate::bvh::Primitive;
-use crate::effects::LightTechnique;
 use crate::effects::random;
 use crate::effects::samples::SampleIndex;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
+use crate::effects::{LightTechnique, PathSettings};
 use crate::geometry::{Hit, Ray};
 use crate::scene::{Material, Phong, PixelSampler};
 use crate::shading::bsdf::{Bsdf, BsdfParameters};
 use crate::world::{PreparedMaterial, SurfaceInteraction, World};
 
-/// Bounces before Russian roulette starts.
-const ROULETTE_FROM: usize = 3;
-
 /// The highest probability with which roulette lets a path continue.
 const MAX_SURVIVAL: f64 = 0.95;
 
-/// The two-dimensional random numbers of a path vertex.
+/// The two-dimensional random numbers of a path vertex; of its light samples, those of the first.
 #[derive(Clone, Copy)]
 #[repr(u32)]
 enum Dimension {
@@ -32,6 +29,9 @@ enum Dimension {
 
 /// Dimensions a vertex.
 const DIMENSIONS: u32 = 4;
+
+/// The first dimension of further light samples, beyond those of the longest path.
+const FURTHER_LIGHT_SAMPLES: u32 = 1 << 20;
 
 /// The random numbers of a path vertex.
 struct Numbers {
@@ -47,6 +47,19 @@ impl Numbers {
         let dimension = 1 + self.depth * DIMENSIONS + dimension as u32;
         random::pair_of(self.sampler, [x, y], self.seed, sample, dimension).map(f64::from)
     }
+
+    /// The numbers for the choice of a light and of a point on it, for light sample `index` of the vertex.
+    fn of_light(&self, index: u32) -> [[f64; 2]; 2] {
+        if index == 0 {
+            return [Dimension::LightChoice, Dimension::LightPoint].map(|dimension| self.of(dimension));
+        }
+        let SampleIndex { x, y, sample } = self.sample;
+        let place = self.depth * PathSettings::MAX_LIGHT_SAMPLES + index;
+        [0, 1].map(|part| {
+            let dimension = FURTHER_LIGHT_SAMPLES + 2 * place + part;
+            random::pair_of(self.sampler, [x, y], self.seed, sample, dimension).map(f64::from)
+        })
+    }
 }
 
 impl Buffers {
@@ -59,7 +72,7 @@ impl Buffers {
         self.next.clear();
         self.shadow_rays.clear();
         self.light_paths.clear();
-        let lights = Lights::new(context.world, stage.technique, stage.texture_use);
+        let lights = Lights::new(context.world, stage);
         self.add_missed(generation, context, &lights, stage, depth);
         for index in 0..generation.surfaces.len() {
             let ray = generation.surfaces.ray_of()[index] as usize;
@@ -72,12 +85,8 @@ impl Buffers {
             let vertex = Vertex::new(context.world, &lights, surface, &hit, path);
             self.radiance[path.camera_ray as usize] += stage.clamped(vertex.emitted, depth);
             let Some(bsdf) = vertex.bsdf.as_ref().filter(|_| (depth as u32) < stage.depth) else { continue };
-            if let Some((shadow_ray, radiance)) = vertex.sample_light(bsdf, &lights, &numbers) {
-                let radiance = stage.clamped(radiance, depth + 1);
-                self.shadow_rays.push(shadow_ray);
-                self.light_paths.push(LightPath { camera_ray: path.camera_ray, radiance });
-            }
-            if let Some((ray, path)) = vertex.continue_path(bsdf, &numbers) {
+            self.sample_lights(&vertex, bsdf, &lights, &numbers, stage);
+            if let Some((ray, path)) = vertex.continue_path(bsdf, &numbers, stage.settings.roulette_from) {
                 next.soa.set(next.rays.len(), &ray);
                 next.rays.push(ray);
                 next.sources.push(index as u32);
@@ -85,6 +94,28 @@ impl Buffers {
             }
         }
         std::mem::swap(&mut self.paths, &mut self.next);
+    }
+
+    /// Lists the shadow rays to the lights that are sampled at a vertex.
+    fn sample_lights(
+        &mut self,
+        vertex: &Vertex,
+        bsdf: &Bsdf,
+        lights: &Lights,
+        numbers: &Numbers,
+        stage: &Scatter,
+    ) {
+        // Each sample is limited to its share of the clamp.
+        let samples = f64::from(stage.settings.light_samples);
+        for index in 0..stage.settings.light_samples {
+            let Some((shadow_ray, radiance)) = vertex.sample_light(bsdf, lights, numbers.of_light(index))
+            else {
+                continue;
+            };
+            let radiance = stage.clamped(radiance * samples, numbers.depth as usize + 1) / samples;
+            self.shadow_rays.push(shadow_ray);
+            self.light_paths.push(LightPath { camera_ray: vertex.path.camera_ray, radiance });
+        }
     }
 
     /// Adds the radiance from infinitely far away to the paths whose ray missed. Camera rays see the background where
@@ -172,14 +203,18 @@ impl<'a> Vertex<'a> {
     }
 
     /// The shadow ray to a sampled light, and the radiance that the path gains if it is not occluded.
-    fn sample_light(&self, bsdf: &Bsdf, lights: &Lights, numbers: &Numbers) -> Option<(Ray, DVec3)> {
+    fn sample_light(
+        &self,
+        bsdf: &Bsdf,
+        lights: &Lights,
+        [choice, numbers]: [[f64; 2]; 2],
+    ) -> Option<(Ray, DVec3)> {
         if bsdf.is_delta() {
             return None;
         }
         let position = self.surface.point.position;
-        let choice = numbers.of(Dimension::LightChoice);
         let LightConnection { direction, radiance, pdf, target } =
-            lights.sample(position, choice, numbers.of(Dimension::LightPoint))?;
+            lights.sample(position, choice, numbers)?;
         let (value, bsdf_pdf) = self.eval(bsdf, direction);
         let weight = pdf.map_or(1.0, |pdf| light_weight(lights.technique, pdf, bsdf_pdf) / pdf);
         let radiance = self.path.throughput * value * radiance * weight;
@@ -190,9 +225,9 @@ impl<'a> Vertex<'a> {
     }
 
     /// The ray and state with which the path continues; `None` where it ends.
-    fn continue_path(&self, bsdf: &Bsdf, numbers: &Numbers) -> Option<(Ray, Path)> {
+    fn continue_path(&self, bsdf: &Bsdf, numbers: &Numbers, roulette_from: u32) -> Option<(Ray, Path)> {
         let [x, y] = numbers.of(Dimension::Direction);
-        let has_roulette = numbers.depth as usize >= ROULETTE_FROM;
+        let has_roulette = numbers.depth >= roulette_from;
         let [lobe, roulette] =
             if has_roulette || bsdf.has_choice() { numbers.of(Dimension::LobeAndRoulette) } else { [0.0; 2] };
         let sample = bsdf.sample([lobe, x, y])?;

@@ -1,0 +1,77 @@
+//! The ambient term that stands in for indirect light: its intensity is fitted to the limit, so that ambient occlusion is
+//! not charged for a wrong brightness.
+
+use std::sync::Arc;
+
+use super::measure::StudySubject;
+use super::setting::Setting;
+use super::sweep::Candidate;
+use super::work::{MeasuredSetting, StudyRun, prepare};
+use crate::error::Result;
+use crate::metrics::ComparedImage;
+
+/// Halvings of the interval of the intensity: to a relative width of 1e-4.
+const HALVINGS: u32 = 13;
+
+/// The largest intensity that is looked at, as a power of two.
+const MAX_DOUBLINGS: u32 = 10;
+
+/// Sets the ambient intensity of all settings of local shading so that the mean of their picture is that of the limit.
+///
+/// # Errors
+/// Those of rendering.
+pub(crate) fn fit(
+    run: &StudyRun,
+    candidates: &mut [Candidate],
+    settings: &mut [MeasuredSetting],
+    limit: &ComparedImage,
+) -> Result<()> {
+    let is_local = |setting: &&Setting| setting.path.ambient.is_some();
+    let Some(first) = settings.iter().map(|measured| &measured.setting).find(is_local) else {
+        return Ok(());
+    };
+    let intensity = intensity(
+        run,
+        run.subject,
+        &Setting { sampling: run.subject.base.sampling, ..first.clone() },
+        mean(limit),
+    )?;
+    let own = candidates.iter_mut().map(|candidate| &mut candidate.setting);
+    for setting in own.chain(settings.iter_mut().map(|measured| &mut measured.setting)) {
+        setting.path.ambient = setting.path.ambient.map(|_| intensity);
+    }
+    Ok(())
+}
+
+/// Mean of all channels.
+fn mean(picture: &ComparedImage) -> f64 {
+    let channels = picture.pixels.as_flattened();
+    channels.iter().map(|&channel| f64::from(channel)).sum::<f64>() / channels.len().max(1) as f64
+}
+
+/// The intensity at which the mean of the picture is `target`, by bisection: the mean never falls with it. The bounds of
+/// the search where no intensity gives that mean.
+fn intensity(run: &StudyRun, subject: &StudySubject, setting: &Setting, target: f64) -> Result<f64> {
+    let mut setting = setting.clone();
+    (setting.sampling.samples, setting.sampling.noise) = (Some(1), None);
+    let mut job = prepare(subject, &setting)?;
+    let mut mean_at = |intensity: f64| {
+        if let Some(world) = Arc::get_mut(&mut job.world) {
+            world.ambient = intensity;
+        }
+        let (film, _) = run.render::<[f32; 3]>(&job, &setting)?;
+        Ok::<_, crate::error::Error>(mean(&ComparedImage::of_film(&film, setting.pipeline)))
+    };
+    let (mut low, mut high) = (0.0, 1.0);
+    for _ in 0..MAX_DOUBLINGS {
+        if mean_at(high)? >= target {
+            break;
+        }
+        (low, high) = (high, 2.0 * high);
+    }
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if mean_at(middle)? < target { low = middle } else { high = middle }
+    }
+    Ok(high)
+}
