@@ -36,6 +36,9 @@ pub(crate) fn fit(
         &Setting { sampling: run.subject.base.sampling, ..first.clone() },
         mean(limit),
     )?;
+    for candidate in candidates.iter_mut().filter(|candidate| candidate.setting.path.ambient.is_some()) {
+        candidate.name = format!("ambient light of {intensity:.3}, {}", candidate.name);
+    }
     let own = candidates.iter_mut().map(|candidate| &mut candidate.setting);
     for setting in own.chain(settings.iter_mut().map(|measured| &mut measured.setting)) {
         setting.path.ambient = setting.path.ambient.map(|_| intensity);

@@ -117,7 +117,10 @@ pub(crate) fn steps(study: &Study) -> String {
         let (Some(from), Some(to)) = (study.rows.get(step.from), study.rows.get(step.to)) else { continue };
         let time = if step.time_is_apart { format!("× {:.2}", step.time_ratio) } else { "alike".into() };
         let error = |error: Option<f64>| {
-            error.map_or("–".into(), |error| if error == 0.0 { "0".into() } else { scientific(error) })
+            let unit = if step.is_relative { " relMSE" } else { "" };
+            let number =
+                |error| if error == 0.0 { "0".into() } else { format!("{}{unit}", scientific(error)) };
+            error.map_or("–".into(), number)
         };
         let buys = match (step.error_before, step.error_after) {
             _ if from.fingerprint == to.fingerprint => "same picture".to_owned(),

@@ -6,7 +6,7 @@ use super::advice::brief;
 use super::data::{NoiseFloor, SettingRow, Study};
 use super::html::{against, escaped, geometry, scientific, steps, table, technique_tests, with_code};
 use super::pictures::PageImages;
-use super::plot::{error_against_time, error_against_twin};
+use super::plot::{error_against_time, error_against_twin, error_of_paths};
 use crate::error::Result;
 
 const STYLE: &str = include_str!("page.css");
@@ -123,11 +123,17 @@ pub fn facts(study: &Study) -> Vec<String> {
 
 fn plots(study: &Study) -> Result<String> {
     let floor = study.floors.first().map(|floor| floor.rmse);
+    let paths = error_of_paths(&study.rows)?.map_or(String::new(), |plot| {
+        format!(
+            "\n<figure>{plot}<figcaption>Samples and the settings of path tracing: the error of each pixel relative to its own value, so that \
+             visible lights and their edges do not outweigh what they light.</figcaption></figure>"
+        )
+    });
     Ok(format!(
         "<h2>Error against time</h2>\n<div class=\"two\">\n<figure>{}<figcaption>Everything that a picture of so few samples gets wrong, \
          against the limit. Filled: no other setting is both quicker and closer; the line joins these. Hollow: dominated. Horizontal strokes \
          reach from the lower to the upper quartile.</figcaption></figure>\n<figure>{}<figcaption>What a knob alone gets wrong: the same \
-         sample points in <code>exact</code> are the measure. On the line 0 the pictures are the same.</figcaption></figure>\n</div>\n",
+         sample points in <code>exact</code> are the measure. On the line 0 the pictures are the same.</figcaption></figure>{paths}\n</div>\n",
         error_against_time(&study.rows, floor)?,
         error_against_twin(&study.rows)?
     ))
