@@ -1,19 +1,18 @@
-//! The ambient term that stands in for indirect light: its intensity is fitted to the limit, so that ambient occlusion is
-//! not charged for a wrong brightness.
+//! The ambient term that stands in for indirect light. Its intensity is fitted to the limit, so that the error of ambient
+//! occlusion is not that of a wrong brightness.
 
 use std::sync::Arc;
 
-use super::measure::StudySubject;
 use super::setting::Setting;
 use super::sweep::Candidate;
 use super::work::{MeasuredSetting, StudyRun, prepare};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::metrics::ComparedImage;
 
-/// Halvings of the interval of the intensity: to a relative width of 1e-4.
+/// Halvings of the interval of the intensity: to 1e-4 of its upper bound.
 const HALVINGS: u32 = 13;
 
-/// The largest intensity that is looked at, as a power of two.
+/// The base-2 logarithm of the largest intensity.
 const MAX_DOUBLINGS: u32 = 10;
 
 /// Sets the ambient intensity of all settings of local shading so that the mean of their picture is that of the limit.
@@ -30,12 +29,7 @@ pub(crate) fn fit(
     let Some(first) = settings.iter().map(|measured| &measured.setting).find(is_local) else {
         return Ok(());
     };
-    let intensity = intensity(
-        run,
-        run.subject,
-        &Setting { sampling: run.subject.base.sampling, ..first.clone() },
-        mean(limit),
-    )?;
+    let intensity = intensity(run, first.clone(), mean(limit))?;
     for candidate in candidates.iter_mut().filter(|candidate| candidate.setting.path.ambient.is_some()) {
         candidate.name = format!("ambient light of {intensity:.3}, {}", candidate.name);
     }
@@ -52,18 +46,17 @@ fn mean(picture: &ComparedImage) -> f64 {
     channels.iter().map(|&channel| f64::from(channel)).sum::<f64>() / channels.len().max(1) as f64
 }
 
-/// The intensity at which the mean of the picture is `target`, by bisection: the mean never falls with it. The bounds of
-/// the search where no intensity gives that mean.
-fn intensity(run: &StudyRun, subject: &StudySubject, setting: &Setting, target: f64) -> Result<f64> {
-    let mut setting = setting.clone();
+/// The intensity at which the mean of a picture of one sample is `target`, by bisection: the mean never falls with it.
+/// The nearest bound of the search, 0 or 1024, where no intensity gives that mean.
+fn intensity(run: &StudyRun, mut setting: Setting, target: f64) -> Result<f64> {
     (setting.sampling.samples, setting.sampling.noise) = (Some(1), None);
-    let mut job = prepare(subject, &setting)?;
+    let mut job = prepare(run.subject, &setting)?;
     let mut mean_at = |intensity: f64| {
         if let Some(world) = Arc::get_mut(&mut job.world) {
             world.ambient = intensity;
         }
         let (film, _) = run.render::<[f32; 3]>(&job, &setting)?;
-        Ok::<_, crate::error::Error>(mean(&ComparedImage::of_film(&film, setting.pipeline)))
+        Ok::<_, Error>(mean(&ComparedImage::of_film(&film, setting.pipeline)))
     };
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..MAX_DOUBLINGS {

@@ -27,6 +27,9 @@ const CLAMP: &str = "clamp";
 pub(super) const TECHNIQUE: &str = "light technique";
 const LIGHT_SAMPLES: &str = "light samples";
 
+/// Name of the setting of local shading with ambient occlusion.
+const AMBIENT: &str = "ambient occlusion";
+
 /// Names of the parameters.
 pub(super) const PARAMETERS: [&str; 6] = [BOUNCES, INDIRECT, ROULETTE, CLAMP, TECHNIQUE, LIGHT_SAMPLES];
 
@@ -86,23 +89,23 @@ impl SweepBuilder<'_> {
         for (name, roulette_from) in [("off", u32::MAX), ("after 3 bounces", 3), ("after 1 bounce", 1)] {
             let estimator = PathSettings { roulette_from, ..own.estimator };
             let name = format!("{name}, at most {deep}");
-            self.path(ROULETTE, name, samples, PathVariation { estimator, depth: Some(deep), ..own });
+            self.path(ROULETTE, &name, samples, PathVariation { estimator, depth: Some(deep), ..own });
         }
         for clamp in CLAMPS {
-            self.path(CLAMP, clamp.to_string(), samples, PathVariation { clamp: Some(clamp), ..own });
+            self.path(CLAMP, &clamp.to_string(), samples, PathVariation { clamp: Some(clamp), ..own });
         }
-        self.path(CLAMP, "none".into(), samples, PathVariation { clamp: None, ..own });
+        self.path(CLAMP, "none", samples, PathVariation { clamp: None, ..own });
         self.techniques(scene, samples);
         for light_samples in [1, 2, 4, 8] {
             let estimator = PathSettings { light_samples, ..own.estimator };
             let name = format!("{light_samples} a surface");
-            self.path(LIGHT_SAMPLES, name, samples, PathVariation { estimator, ..own });
+            self.path(LIGHT_SAMPLES, &name, samples, PathVariation { estimator, ..own });
         }
         self.few_samples(samples);
     }
 
     /// Adds a setting of path tracing.
-    fn path(&mut self, parameter: &'static str, name: String, samples: u32, path: PathVariation) {
+    fn path(&mut self, parameter: &'static str, name: &str, samples: u32, path: PathVariation) {
         let setting = Setting { path, ..self.sampled(samples) };
         let name = format!("{name} ({})", samples_named(samples));
         self.add(parameter, name, ReferenceKind::Limit, setting);
@@ -115,7 +118,7 @@ impl SweepBuilder<'_> {
         depths.dedup();
         for depth in depths {
             let path = PathVariation { depth: Some(depth), ..self.base.path };
-            self.path(BOUNCES, bounces_named(depth), samples, path);
+            self.path(BOUNCES, &bounces_named(depth), samples, path);
         }
     }
 
@@ -123,9 +126,9 @@ impl SweepBuilder<'_> {
     fn indirect(&mut self, samples: u32) {
         let own = self.base.path;
         // The intensity is fitted once there is a limit.
-        self.path(INDIRECT, AMBIENT.into(), samples, PathVariation { ambient: Some(1.0), ..own });
-        self.path(INDIRECT, "none".into(), samples, PathVariation { depth: Some(1), ..own });
-        self.path(INDIRECT, "paths".into(), samples, own);
+        self.path(INDIRECT, AMBIENT, samples, PathVariation { ambient: Some(1.0), ..own });
+        self.path(INDIRECT, "none", samples, PathVariation { depth: Some(1), ..own });
+        self.path(INDIRECT, "paths", samples, own);
     }
 
     fn techniques(&mut self, scene: &Scene, samples: u32) {
@@ -136,7 +139,7 @@ impl SweepBuilder<'_> {
         }
         for technique in [LightTechnique::BsdfSamples, LightTechnique::LightSamples, LightTechnique::Both] {
             let path = PathVariation { technique, ..self.base.path };
-            self.path(TECHNIQUE, technique_named(technique).into(), samples, path);
+            self.path(TECHNIQUE, technique_named(technique), samples, path);
         }
     }
 
@@ -148,18 +151,15 @@ impl SweepBuilder<'_> {
         }
         for depth in [1, 2, 4] {
             let path = PathVariation { depth: Some(depth), ..own };
-            self.path("together", bounces_named(depth), FEW_SAMPLES, path);
+            self.path("together", &bounces_named(depth), FEW_SAMPLES, path);
         }
         let path = PathVariation { clamp: Some(CLAMPS[1]), ..own };
-        self.path("together", format!("clamp {}", CLAMPS[1]), FEW_SAMPLES, path);
+        self.path("together", &format!("clamp {}", CLAMPS[1]), FEW_SAMPLES, path);
         for light_samples in [2, 4] {
             let estimator = PathSettings { light_samples, ..own.estimator };
             let name = format!("{light_samples} light samples");
-            self.path("together", name, FEW_SAMPLES, PathVariation { estimator, ..own });
+            self.path("together", &name, FEW_SAMPLES, PathVariation { estimator, ..own });
         }
-        self.path("together", AMBIENT.into(), FEW_SAMPLES, PathVariation { ambient: Some(1.0), ..own });
+        self.path("together", AMBIENT, FEW_SAMPLES, PathVariation { ambient: Some(1.0), ..own });
     }
 }
-
-/// Name of the setting of local shading with ambient occlusion.
-const AMBIENT: &str = "ambient occlusion";
