@@ -220,13 +220,14 @@ pub struct PlanSpec {
     pub path: PathSettings,
 }
 
-/// How paths are estimated: noise and time depend on it, the expected picture does not. For the library and `kiln study`; no
-/// option of the command line sets it.
+/// How paths are estimated: noise and time depend on it, the expected picture does not. For the library and `kiln study`;
+/// no option of the command line sets it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PathSettings {
     /// The bounces of a path before Russian roulette starts; [`u32::MAX`] for none.
     pub roulette_from: u32,
-    /// Light samples, each with a shadow ray, at a surface: 1 to [`PathSettings::MAX_LIGHT_SAMPLES`]. Others count as the nearest.
+    /// Light samples, each with a shadow ray, at a surface: 1 to [`PathSettings::MAX_LIGHT_SAMPLES`]. Other numbers count as
+    /// the nearest of these.
     pub light_samples: u32,
 }
 

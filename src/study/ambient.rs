@@ -1,5 +1,5 @@
-//! The ambient term that stands in for indirect light. Its intensity is fitted to the limit, so that the error of ambient
-//! occlusion is not that of a wrong brightness.
+//! The ambient term that stands in for indirect light. Its intensity is fitted to the limit, so that the error of
+//! ambient occlusion is not that of a wrong brightness.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Settings of path tracing: bounces, roulette, clamp, techniques of direct light, and what stands in for indirect light.
+//! Settings of path tracing: bounces, roulette, clamp, techniques of direct light, substitutes of indirect light.
 //! Varied only where the plan traces paths.
 
 use super::data::ReferenceKind;

@@ -18,8 +18,8 @@ const BLOCK: u32 = 4;
 /// The least samples a pixel.
 const MIN_SAMPLES: u32 = 16;
 
-/// The t-tests. Samples are independent, and light is added linearly: where colours are clamped before the mean is taken,
-/// techniques differ.
+/// The t-tests. Samples are independent, and light is added linearly: where colours are clamped before the mean is
+/// taken, techniques differ.
 ///
 /// # Errors
 /// Those of rendering.
