@@ -36,8 +36,8 @@ pub(super) struct LightConnection {
     /// The incident radiance; for lights without size divided by the expected number of samples of the light. Not yet
     /// divided by `pdf`.
     pub(super) radiance: DVec3,
-    /// The density per solid angle, times the expected number of samples of the light (Veach 1997, section 9.2.2); `None` for lights without size, which
-    /// no BSDF sample reaches.
+    /// The density per solid angle, times the expected number of samples of the light (Veach 1997, section 9.2.2); `None`
+    /// for lights without size, which no BSDF sample reaches.
     pub(super) pdf: Option<f64>,
     /// Where the shadow ray ends.
     pub(super) target: Target,
