@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::{Path, Scatter};
 use super::scatter::bsdf_weight;
+use super::{Path, Scatter};
 use crate::effects::{LightTechnique, TextureUse};
 use crate::geometry::{Hit, Numerics, Ray};
 use crate::scene::TexelEncoding;
@@ -128,8 +128,9 @@ impl<'a> Lights<'a> {
     pub(super) fn radiance_from_infinity(&self, direction: DVec3, pdf: f64) -> DVec3 {
         let discs = self.world.lights.iter().filter_map(|light| light.disc.as_ref());
         let seen = discs.filter(|disc| disc.contains(direction));
-        let mut radiance: DVec3 =
-            seen.map(|disc| disc.radiance * bsdf_weight(self.technique, pdf, disc.density() / self.per_sample)).sum();
+        let mut radiance: DVec3 = seen
+            .map(|disc| disc.radiance * bsdf_weight(self.technique, pdf, disc.density() / self.per_sample))
+            .sum();
         if let Some(environment) = &self.world.environment {
             let light_pdf = environment.pdf(direction) / self.per_sample;
             radiance += environment.eval(direction) * bsdf_weight(self.technique, pdf, light_pdf);
