@@ -17,7 +17,8 @@ use crate::import;
 use crate::job::{RenderSettings, ResolvedJob};
 use crate::render::RenderControl;
 use crate::study::{
-    Options, Pools, Setting, Study, StudySubject, error_against_time, facts, page, study, to_csv,
+    Options, PathVariation, Pools, Setting, Study, StudySubject, error_against_time, facts, page, study,
+    to_csv,
 };
 
 /// Default length of the picture's longer side in pixels.
@@ -164,6 +165,7 @@ fn subject(arguments: &Arguments, job: ResolvedJob) -> StudySubject {
         bounces: None,
         textures: None,
         without: Vec::new(),
+        path: PathVariation::of(&choices),
     };
     StudySubject {
         name: inputs.join(" "),

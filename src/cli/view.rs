@@ -121,6 +121,7 @@ fn initial_view(
             without,
             even_idle: false,
             light_technique: Default::default(),
+            path: Default::default(),
         },
         numerics: requested.numerics.or(scene.numerics).unwrap_or_default(),
         pipeline,

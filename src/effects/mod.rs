@@ -218,6 +218,33 @@ pub struct PlanSpec {
     /// Which samples of light count in path tracing.
     #[doc(hidden)]
     pub light_technique: LightTechnique,
+    /// How paths are estimated.
+    pub path: PathSettings,
+}
+
+/// How paths are estimated: noise and time depend on it, the expected picture does not. For the library and `kiln study`;
+/// no option of the command line sets it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PathSettings {
+    /// The bounces of a path before Russian roulette starts; [`u32::MAX`] for none.
+    pub roulette_from: u32,
+    /// Light samples, each with a shadow ray, at a surface: 1 to [`PathSettings::MAX_LIGHT_SAMPLES`]. Other numbers count as
+    /// the nearest of these.
+    pub light_samples: u32,
+}
+
+impl PathSettings {
+    /// The most light samples at a surface.
+    pub const MAX_LIGHT_SAMPLES: u32 = 64;
+
+    /// The bounces of a path where none are asked for.
+    pub const DEFAULT_DEPTH: u32 = 8;
+}
+
+impl Default for PathSettings {
+    fn default() -> Self {
+        PathSettings { roulette_from: 3, light_samples: 1 }
+    }
 }
 
 /// Which samples count of the light that both BSDF samples and light samples reach. The expected picture is the same; tests compare

@@ -7,8 +7,8 @@ use super::tile::{RenderContext, Tile};
 use super::transparency::Transparency;
 use super::variance::PixelStatistics;
 use super::{
-    EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, LightTechnique, PlanSpec, RayClass, RayKind,
-    Stage, TextureUse, closest_hits, id, local, pixels, primary_rays, ray_origins,
+    EFFECTS, Effect, EffectContext, EffectId, EffectValue, Hook, LightTechnique, PathSettings, PlanSpec,
+    RayClass, RayKind, Stage, TextureUse, closest_hits, id, local, pixels, primary_rays, ray_origins,
 };
 use crate::error::{Error, Result};
 use crate::film::Window;
@@ -39,6 +39,8 @@ pub struct Choices {
     /// Which samples of light count in path tracing.
     #[doc(hidden)]
     pub light_technique: LightTechnique,
+    /// How paths are estimated.
+    pub path: PathSettings,
 }
 
 /// Whether an effect is computed, and why.
@@ -100,22 +102,22 @@ impl Plan {
                 (decisions[i].on, decisions[i].why) = (false, format!("there is no {base}"));
             }
         }
-        let Choices { shading, sampling, light_technique, clamp, .. } = *choices;
-        Ok(Plan::of(world, (shading, light_technique), (sampling, clamp), decisions))
+        let Choices { shading, sampling, light_technique, clamp, path, .. } = *choices;
+        Ok(Plan::of(world, (shading, light_technique, path), (sampling, clamp), decisions))
     }
 
     /// This plan with only those effects that `keep` accepts by their index in [`Plan::decisions`].
     pub fn keeping(&self, world: &World, keep: impl Fn(usize) -> bool) -> Plan {
         let mut decisions = self.decisions.clone();
         decisions.iter_mut().enumerate().for_each(|(i, decision)| decision.on &= keep(i));
-        let shading = (self.shading, self.spec.light_technique);
+        let shading = (self.shading, self.spec.light_technique, self.spec.path);
         Plan::of(world, shading, (self.sampling, self.clamp), decisions)
     }
 
     /// The plan for a decision on each of [`EFFECTS`].
     fn of(
         world: &World,
-        (shading, light_technique): (ShadingMode, LightTechnique),
+        (shading, light_technique, path): (ShadingMode, LightTechnique, PathSettings),
         (sampling, clamp): (Sampling, Option<f64>),
         decisions: Vec<Decision>,
     ) -> Plan {
@@ -133,6 +135,7 @@ impl Plan {
             own_camera_rays: false,
             adaptive: false,
             light_technique,
+            path,
         };
         let mut effects: Vec<(&Effect, EffectContext)> = Vec::new();
         for (effect, decision) in EFFECTS.iter().zip(&decisions).filter(|(_, decision)| decision.on) {

@@ -47,7 +47,7 @@ pub struct Origin<'a> {
 pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     let &Origin { recentering, camera, size, window, choices, pipeline, numerics, aovs, display, headlight } =
         origin;
-    // The technique does not change the expected picture, and no option sets it.
+    // The technique and the settings of paths do not change the expected picture, and no option sets them.
     let Choices {
         shading,
         sampling,
@@ -58,6 +58,7 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
         without,
         even_idle: _,
         light_technique: _,
+        path: _,
     } = choices;
     // Folders are omitted, so that metadata does not depend on where files lie.
     let name = |input: &std::path::PathBuf| {

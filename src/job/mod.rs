@@ -294,6 +294,7 @@ pub fn resolve_for(
         without: settings.without.clone(),
         even_idle: false,
         light_technique: Default::default(),
+        path: Default::default(),
     };
     let aovs = &settings.aovs;
     let display = settings.display.or(scene.display);

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::data::{Quartiles, SettingRow, Significance};
 use super::pareto::front;
+use super::path_sweep;
 
 /// The fastest setting below an error bound.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -30,10 +31,19 @@ pub struct ParameterStep {
     pub time_ratio: f64,
     /// Whether the quartile ranges of the times are disjoint.
     pub time_is_apart: bool,
-    /// RMS error of the first row.
+    /// Error of the first row: RMS, or relMSE if `is_relative`.
     pub error_before: Option<f64>,
-    /// RMS error of the second row.
+    /// Error of the second row.
     pub error_after: Option<f64>,
+    /// Whether errors are relMSE, as for path tracing: bright pixels dominate its RMS error.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub is_relative: bool,
+}
+
+/// For serde.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes fields by reference")]
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// Rows that can be compared with each other: those with finite pixels and the filter of the first row.
@@ -127,14 +137,19 @@ pub fn steps(rows: &[SettingRow]) -> Vec<ParameterStep> {
     pairs
         .map(|pair| {
             let [from, to] = [&pair[0], &pair[1]];
+            let is_relative = path_sweep::PARAMETERS.contains(&from.parameter.as_str());
+            let error = |row: &SettingRow| {
+                row.errors().map(|errors| if is_relative { errors.rel_mse } else { errors.rmse })
+            };
             ParameterStep {
                 parameter: from.parameter.clone(),
                 from: from.id,
                 to: to.id,
                 time_ratio: to.trace_ms.median / from.trace_ms.median,
                 time_is_apart: to.trace_ms.is_apart_from(&from.trace_ms),
-                error_before: from.errors().map(|errors| errors.rmse),
-                error_after: to.errors().map(|errors| errors.rmse),
+                error_before: error(from),
+                error_after: error(to),
+                is_relative,
             }
         })
         .collect()

@@ -46,6 +46,45 @@ pub struct Study {
     pub advice: Vec<Advice>,
     /// Comparisons of adjacent settings.
     pub steps: Vec<ParameterStep>,
+    /// Tests of the techniques of direct light in path tracing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub technique_tests: Vec<TechniqueTest>,
+}
+
+/// A t-test of a technique of direct light against multiple importance sampling ([`crate::metrics::t_test`]).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TechniqueTest {
+    /// Name of the technique; `control` for multiple importance sampling with another seed.
+    pub name: String,
+    /// Samples per pixel of both pictures.
+    pub samples: u32,
+    /// Side in pixels of the blocks that are tested.
+    pub block: u32,
+    /// Whether no difference was found.
+    pub passed: bool,
+    /// The probability below which a difference is reported.
+    pub threshold: f64,
+    /// The result of each channel.
+    pub channels: Vec<ChannelAgreement>,
+}
+
+/// The result of a [`TechniqueTest`] for a channel.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ChannelAgreement {
+    /// Name of the channel.
+    pub channel: String,
+    /// Number of blocks tested.
+    pub tested: u64,
+    /// Their p-values in bins of equal width from 0 to 1.
+    pub histogram: Vec<u64>,
+    /// Probability of a histogram at least as uneven if the pictures converge to the same one; `None` for few blocks.
+    pub uniform: Option<f64>,
+    /// Mean of the tested picture less that of the reference.
+    pub difference: f64,
+    /// Standard error of the difference.
+    pub standard_error: f64,
+    /// Probability of a difference at least as large if the means are equal.
+    pub equal_means: f64,
 }
 
 /// Quartiles of repeated measurements.
@@ -81,6 +120,9 @@ pub struct NoiseFloor {
     pub samples: u32,
     /// Standard error, RMS over channels and pixels: half the RMS difference of the two halves.
     pub rmse: f64,
+    /// Maximum number of bounces, where paths are traced.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bounces: Option<u32>,
 }
 
 /// Kind of reference picture.

@@ -3,7 +3,9 @@
 use std::fmt::Write;
 
 use super::advice::{brief, comparable, points};
-use super::data::{GeometryErrors, ReferenceKind, SettingRow, Significance, Study};
+use super::data::{
+    ChannelAgreement, GeometryErrors, ReferenceKind, SettingRow, Significance, Study, TechniqueTest,
+};
 use super::errors::PictureErrors;
 use super::pareto::front;
 
@@ -41,6 +43,70 @@ pub(crate) fn geometry(tiers: &[GeometryErrors]) -> String {
     html + "</table></div>\n"
 }
 
+/// Table of the tests of techniques, with histograms; empty if there are none.
+pub(crate) fn technique_tests(tests: &[TechniqueTest]) -> String {
+    let Some(first) = tests.first() else { return String::new() };
+    let mut html = format!(
+        "<h2>Do the techniques agree?</h2>\n<p class=\"note\">BSDF samples and samples of lights against both by multiple importance sampling: \
+         Welch's t-test of blocks of {0} × {0} pixels, {1} samples a pixel. If both converge to the same picture, the p-values are even; the dashed line \
+         is what is expected of a bin. The control, two seeds of one technique, comes first: what bends its histogram is no bias. Where a technique rarely \
+         finds a light, means and variances are too small together, and the histogram bends until there are enough samples.</p>\n\
+         <div class=\"scroll\"><table><tr><th class=\"left\">against both</th><th class=\"left\">channel</th><th>blocks</th><th>difference of means</th>\
+         <th>its standard error</th><th>p of equal means</th><th>p of an even histogram</th><th class=\"left\">p-values from 0 to 1</th><th class=\"left\">result</th></tr>\n",
+        first.block, first.samples
+    );
+    for test in tests {
+        for channel in &test.channels {
+            let even = channel.uniform.map_or("–".into(), scientific);
+            let (class, result) =
+                if test.passed { ("left", "no difference") } else { ("left bad", "different") };
+            let _ = writeln!(
+                html,
+                "<tr><td class=\"left\">{}</td><td class=\"left\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{even}</td>\
+                 <td class=\"left\">{}</td><td class=\"{class}\">{result}</td></tr>",
+                escaped(&test.name),
+                escaped(&channel.channel),
+                channel.tested,
+                scientific(channel.difference),
+                scientific(channel.standard_error),
+                scientific(channel.equal_means),
+                histogram(channel)
+            );
+        }
+    }
+    html + "</table></div>\n"
+}
+
+/// Bars of the p-values; half the height is the expected count, twice that and more is the full height.
+fn histogram(channel: &ChannelAgreement) -> String {
+    const WIDTH: usize = 6;
+    const HEIGHT: f64 = 28.0;
+    let bins = channel.histogram.len();
+    let expected = channel.tested as f64 / bins.max(1) as f64;
+    let mut svg = format!(
+        "<svg role=\"img\" aria-label=\"histogram of p-values\" width=\"{0}\" height=\"{HEIGHT}\" viewBox=\"0 0 {0} {HEIGHT}\">",
+        WIDTH * bins
+    );
+    for (bin, &count) in channel.histogram.iter().enumerate() {
+        let share = if expected > 0.0 { (count as f64 / (2.0 * expected)).min(1.0) } else { 0.0 };
+        let _ = write!(
+            svg,
+            "<rect x=\"{}\" y=\"{:.1}\" width=\"{}\" height=\"{:.1}\" fill=\"#0072b2\"/>",
+            WIDTH * bin,
+            HEIGHT * (1.0 - share),
+            WIDTH - 1,
+            HEIGHT * share
+        );
+    }
+    let _ = write!(
+        svg,
+        "<path d=\"M0 {0}H{1}\" stroke=\"currentColor\" stroke-dasharray=\"3 3\"/></svg>",
+        HEIGHT / 2.0,
+        WIDTH * bins
+    );
+    svg
+}
+
 /// Table of comparisons of adjacent settings, and list of omitted parameters.
 pub(crate) fn steps(study: &Study) -> String {
     let mut html = "<h2>What the next step costs and buys</h2>\n<p class=\"note\">Along each knob, from one setting to the next. Times that \
@@ -51,7 +117,10 @@ pub(crate) fn steps(study: &Study) -> String {
         let (Some(from), Some(to)) = (study.rows.get(step.from), study.rows.get(step.to)) else { continue };
         let time = if step.time_is_apart { format!("× {:.2}", step.time_ratio) } else { "alike".into() };
         let error = |error: Option<f64>| {
-            error.map_or("–".into(), |error| if error == 0.0 { "0".into() } else { scientific(error) })
+            let unit = if step.is_relative { " relMSE" } else { "" };
+            let number =
+                |error| if error == 0.0 { "0".into() } else { format!("{}{unit}", scientific(error)) };
+            error.map_or("–".into(), number)
         };
         let buys = match (step.error_before, step.error_after) {
             _ if from.fingerprint == to.fingerprint => "same picture".to_owned(),

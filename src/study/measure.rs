@@ -8,7 +8,7 @@ use super::pictures::{PageImages, png};
 use super::setting::Setting;
 use super::sweep::{Candidate, sweep};
 use super::work::{MeasuredSetting, StudyRun, filters, prepare};
-use super::{advice, machine, steps};
+use super::{advice, ambient, machine, path_sweep, steps, techniques};
 use crate::bench::Clock;
 use crate::effects::{Choices, RayKind};
 use crate::error::{Error, Result};
@@ -83,10 +83,21 @@ pub fn study(
     pools: &Pools,
     control: &RenderControl,
 ) -> Result<(Study, PageImages)> {
-    let (mut candidates, mut left_out, machine) = pools.wide.install(|| {
+    let (mut candidates, mut left_out, reference, machine) = pools.wide.install(|| {
         let job = prepare(subject, &subject.base)?;
         let (candidates, left_out) = sweep(&subject.scene, &subject.base, &job.plan, options.most_samples);
-        Ok::<_, Error>((candidates, left_out, machine::machine(&*job.world.accelerator)))
+        let reference = path_sweep::reference(&subject.base, &job.plan);
+        let left_out = left_out.into_iter().filter(|(parameter, _)| {
+            // Of a picture without paths, the page does not list what paths have, unless it was asked for.
+            let is_of_paths = path_sweep::PARAMETERS.contains(parameter);
+            !is_of_paths || path_sweep::traces_paths(&job.plan) || options.parameters.contains(parameter)
+        });
+        Ok::<_, Error>((
+            candidates,
+            left_out.collect::<Vec<_>>(),
+            reference,
+            machine::machine(&*job.world.accelerator),
+        ))
     })?;
     let is_wanted =
         |parameter: &str| options.parameters.is_empty() || options.parameters.contains(&parameter);
@@ -108,15 +119,22 @@ pub fn study(
     let needs_limit =
         candidates.iter().any(|candidate| !candidate.base && candidate.reference == ReferenceKind::Limit);
     let filters = if needs_limit { filters(&settings) } else { Vec::new() };
-    let work = StudyRun { subject, options, meter: ProgressMeter::new(control) };
+    let work = StudyRun { subject, options, reference, meter: ProgressMeter::new(control) };
     work.set_total_work(&settings, filters.len());
 
     let (limits, twins, geometry) = pools.wide.install(|| {
         let geometry = work.geometry(control)?;
         let limits = work.limits(&filters)?;
+        let base_filter = subject.base.sampling.shape_and_radius();
+        if let Some(limit) = limits.iter().find(|limit| limit.filter == base_filter) {
+            ambient::fit(&work, &mut candidates, &mut settings, &limit.picture)?;
+        }
         Ok::<_, Error>((limits, work.twins(&settings)?, geometry))
     })?;
     pools.wide.install(|| work.compare_images(&mut settings, &limits, &twins))?;
+    let has_techniques = candidates.iter().any(|candidate| candidate.parameter == path_sweep::TECHNIQUE);
+    let technique_tests =
+        if has_techniques { pools.wide.install(|| techniques::agreement(&work))? } else { Vec::new() };
     let load_ms = pools.timed.install(|| work.time_renders(&mut settings, load))?;
 
     let threads = pools.timed.current_num_threads();
@@ -140,6 +158,7 @@ pub fn study(
         left_out: left_out.into_iter().map(|(parameter, why)| [parameter.to_owned(), why]).collect(),
         advice: advice(&rows),
         steps: steps(&rows),
+        technique_tests,
         rows,
     };
     let shown = candidates.iter().map(|candidate| {

@@ -4,12 +4,14 @@
 //! every round, so that other load on the machine affects all settings equally. Each picture is compared with two
 //! references:
 //!
-//! - the *limit*: a converged picture in the tier `exact`, with known noise (`reference`);
+//! - the *limit*: a converged picture in the tier `exact`, with known noise (`reference`), where paths are traced without
+//!   a clamp and with many bounces (`path_sweep`);
 //! - the *twin*: the picture in `exact` at the same sample points, so that only the parameter differs.
 //!
 //! `geometry` compares the ray hits of the tiers with `exact`. [`page`] returns the results as an HTML page.
 
 mod advice;
+mod ambient;
 mod data;
 mod errors;
 mod geometry;
@@ -19,6 +21,7 @@ mod machine;
 mod measure;
 mod meter;
 mod pareto;
+mod path_sweep;
 mod pictures;
 mod plot;
 mod reference;
@@ -26,16 +29,20 @@ mod report;
 mod setting;
 mod sweep;
 mod table;
+mod techniques;
 mod work;
 
 pub use advice::{Advice, ParameterStep, advice, steps};
-pub use data::{GeometryErrors, NoiseFloor, Quartiles, ReferenceKind, SettingRow, Significance, Study};
+pub use data::{
+    ChannelAgreement, GeometryErrors, NoiseFloor, Quartiles, ReferenceKind, SettingRow, Significance, Study,
+    TechniqueTest,
+};
 pub use errors::PictureErrors;
 pub use measure::{Options, Pools, StudySubject, study};
 pub use pareto::front;
 pub use pictures::{PageImages, RowImages};
 pub use plot::error_against_time;
 pub use report::{facts, page};
-pub use setting::Setting;
+pub use setting::{PathVariation, Setting};
 pub use sweep::{Candidate, Omitted, parameters, sweep};
 pub use table::{from_csv, to_csv};

@@ -6,6 +6,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::advice::{comparable, points};
 use super::data::SettingRow;
 use super::pareto::front;
+use super::path_sweep;
 use crate::bench::plot::{Drawn, GRID, INK, PALETTE, decades, failed, text};
 use crate::error::Result;
 
@@ -84,6 +85,35 @@ pub(crate) fn error_against_twin(rows: &[SettingRow]) -> Result<String> {
         error: "error (RMSE, same sample points in exact)",
     };
     render_svg(&plot)
+}
+
+/// Plot of relMSE against the limit over the render time, for samples and the parameters of path tracing, with the Pareto
+/// front; `None` where no path is traced. RMSE is dominated by what is bright, such as the edges of visible lights.
+///
+/// # Errors
+/// [`Error::Failed`](crate::error::Error::Failed) if plotters fails.
+pub(crate) fn error_of_paths(rows: &[SettingRow]) -> Result<Option<String>> {
+    if !rows.iter().any(|row| path_sweep::PARAMETERS.contains(&row.parameter.as_str())) {
+        return Ok(None);
+    }
+    let groups = parameters(rows);
+    let others = ["samples", "together"];
+    let is_shown = |row: &&SettingRow| {
+        let parameter = row.parameter.as_str();
+        path_sweep::PARAMETERS.contains(&parameter) || others.contains(&parameter)
+    };
+    let rows: Vec<&SettingRow> = comparable(rows).into_iter().filter(is_shown).collect();
+    let error = |row: &&SettingRow| row.limit.map_or(f64::NAN, |limit| limit.rel_mse);
+    let all: Vec<[f64; 2]> = rows.iter().map(|row| [row.trace_ms.median, error(row)]).collect();
+    let best = front(&all);
+    let plot = Plot {
+        marks: marks(&groups, &rows, &all, &best),
+        groups,
+        front: best.iter().map(|&i| all[i]).collect(),
+        floor: None,
+        error: "error (relMSE against the limit)",
+    };
+    render_svg(&plot).map(Some)
 }
 
 /// All parameters in order, so that each has the same colour in every plot.

@@ -39,13 +39,13 @@ pub(crate) fn halves(base: &Setting, filter: (FilterShape, f64), samples: u32) -
 }
 
 impl ConvergedReference {
-    /// The mean of two halves; `None` if a pixel is not finite.
+    /// The mean of two halves, of `samples` samples per pixel and at most `bounces` bounces of paths each; `None` if a pixel is not finite.
     ///
     /// # Errors
     /// Those of the metrics.
     pub(crate) fn new(
         filter: (FilterShape, f64),
-        samples: u32,
+        (samples, bounces): (u32, Option<u32>),
         [a, b]: &[ComparedImage; 2],
     ) -> Result<Option<Self>> {
         let Some(errors) = PictureErrors::between(a, b)? else { return Ok(None) };
@@ -54,8 +54,12 @@ impl ConvergedReference {
         };
         let picture =
             ComparedImage { pixels: a.pixels.iter().zip(&b.pixels).map(mean).collect(), ..a.clone() };
-        let floor =
-            NoiseFloor { filter: filter.0.name().into(), samples: 2 * samples, rmse: errors.rmse / 2.0 };
+        let floor = NoiseFloor {
+            filter: filter.0.name().into(),
+            samples: 2 * samples,
+            rmse: errors.rmse / 2.0,
+            bounces,
+        };
         Ok(Some(ConvergedReference { filter, picture, floor }))
     }
 
@@ -81,9 +85,14 @@ mod tests {
     #[test]
     fn the_noise_is_half_the_difference_of_the_halves() {
         let filter = (FilterShape::Box, 0.5);
-        let limit = ConvergedReference::new(filter, 8, &[uniform(0.25), uniform(0.75)]).unwrap().unwrap();
+        let limit =
+            ConvergedReference::new(filter, (8, None), &[uniform(0.25), uniform(0.75)]).unwrap().unwrap();
         assert_eq!((limit.floor.rmse, limit.floor.samples), (0.25, 16));
         assert_eq!(limit.picture, uniform(0.5));
-        assert!(ConvergedReference::new(filter, 8, &[uniform(0.25), uniform(f32::NAN)]).unwrap().is_none());
+        assert!(
+            ConvergedReference::new(filter, (8, None), &[uniform(0.25), uniform(f32::NAN)])
+                .unwrap()
+                .is_none()
+        );
     }
 }

@@ -4,9 +4,9 @@ use std::fmt::Write;
 
 use super::advice::brief;
 use super::data::{NoiseFloor, SettingRow, Study};
-use super::html::{against, escaped, geometry, scientific, steps, table, with_code};
+use super::html::{against, escaped, geometry, scientific, steps, table, technique_tests, with_code};
 use super::pictures::PageImages;
-use super::plot::{error_against_time, error_against_twin};
+use super::plot::{error_against_time, error_against_twin, error_of_paths};
 use crate::error::Result;
 
 const STYLE: &str = include_str!("page.css");
@@ -21,6 +21,7 @@ pub fn page(study: &Study, pictures: &PageImages) -> Result<String> {
     html += &summary(study);
     html += &plots(study)?;
     html += &geometry(&study.geometry);
+    html += &technique_tests(&study.technique_tests);
     html += &steps(study);
     html += &viewer(study, pictures);
     html += &table(study);
@@ -106,6 +107,10 @@ pub fn facts(study: &Study) -> Vec<String> {
             geometry.numerics, wrong, geometry.rays
         ));
     }
+    lines.extend(study.technique_tests.iter().map(|test| {
+        let found = if test.passed { "no difference found" } else { "different" };
+        format!("t-test, {} against both (MIS), {} samples: {found}.", test.name, test.samples)
+    }));
     for row in study.rows.iter().filter(|row| row.non_finite > 0) {
         lines.push(format!(
             "{}: {} pixel(s) are no finite numbers; no error was computed.",
@@ -118,11 +123,17 @@ pub fn facts(study: &Study) -> Vec<String> {
 
 fn plots(study: &Study) -> Result<String> {
     let floor = study.floors.first().map(|floor| floor.rmse);
+    let paths = error_of_paths(&study.rows)?.map_or(String::new(), |plot| {
+        format!(
+            "\n<figure>{plot}<figcaption>Samples and the settings of path tracing: the error of each pixel relative to its own value, so that \
+             visible lights and their edges do not outweigh what they light.</figcaption></figure>"
+        )
+    });
     Ok(format!(
         "<h2>Error against time</h2>\n<div class=\"two\">\n<figure>{}<figcaption>Everything that a picture of so few samples gets wrong, \
          against the limit. Filled: no other setting is both quicker and closer; the line joins these. Hollow: dominated. Horizontal strokes \
          reach from the lower to the upper quartile.</figcaption></figure>\n<figure>{}<figcaption>What a knob alone gets wrong: the same \
-         sample points in <code>exact</code> are the measure. On the line 0 the pictures are the same.</figcaption></figure>\n</div>\n",
+         sample points in <code>exact</code> are the measure. On the line 0 the pictures are the same.</figcaption></figure>{paths}\n</div>\n",
         error_against_time(&study.rows, floor)?,
         error_against_twin(&study.rows)?
     ))
@@ -174,10 +185,13 @@ fn methods(study: &Study) -> String {
     html += "<p>Every error is preceded by a check that all pixels are finite numbers. It has no spread: equal settings give equal bits, so a second \
         study gives the same errors. Times have one: the median of all rounds stands before the quartiles in brackets. A time is that of the \
         picture alone, without reading files, building, planning and writing.</p>\n<ul>\n";
-    for NoiseFloor { filter, samples, rmse } in &study.floors {
+    for NoiseFloor { filter, samples, rmse, bounces } in &study.floors {
+        let paths = bounces.map_or(String::new(), |bounces| {
+            format!(", paths of at most {bounces} bounces without a clamp of indirect light")
+        });
         let _ = writeln!(
             html,
-            "<li>The limit for the filter {}: <code>exact</code>, {samples} samples a pixel. Its own error is {} (root mean square), half the \
+            "<li>The limit for the filter {}: <code>exact</code>, {samples} samples a pixel{paths}. Its own error is {} (root mean square), half the \
              difference of its two halves, which have seeds of their own.</li>",
             escaped(filter),
             scientific(*rmse)

@@ -1,10 +1,10 @@
 //! Settings: the values of all parameters that a study varies.
 
 use crate::bvh::Layout;
-use crate::effects::{Choices, EffectId, id};
+use crate::effects::{Choices, EffectId, LightTechnique, PathSettings, id};
 use crate::film::ColourPipeline;
 use crate::geometry::Numerics;
-use crate::scene::{Material, Sampling, Scene, TextureFilter};
+use crate::scene::{Material, Sampling, Scene, TextureFilter, Transport};
 
 /// Values of all varied parameters.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +23,55 @@ pub struct Setting {
     pub textures: Option<TextureFilter>,
     /// Effects turned off.
     pub without: Vec<EffectId>,
+    /// Path tracing.
+    pub path: PathVariation,
+}
+
+/// Values of the parameters of path tracing.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PathVariation {
+    /// Maximum number of bounces; `None` for that of the picture.
+    pub depth: Option<u32>,
+    /// Largest radiance that a path adds by indirect light; none if `None`.
+    pub clamp: Option<f64>,
+    /// Which samples of light count.
+    #[doc(hidden)]
+    pub technique: LightTechnique,
+    /// Roulette and light samples.
+    pub estimator: PathSettings,
+    /// Intensity of the ambient light, for local shading with ambient occlusion instead of paths.
+    pub ambient: Option<f64>,
+}
+
+impl PathVariation {
+    /// The values that are asked for.
+    pub fn of(asked: &Choices) -> Self {
+        let &Choices { clamp, light_technique: technique, path: estimator, .. } = asked;
+        PathVariation { depth: None, clamp, technique, estimator, ambient: None }
+    }
+
+    /// Sets these values.
+    fn apply(&self, choices: &mut Choices) {
+        let &PathVariation { depth, clamp, technique, estimator, ambient } = self;
+        (choices.clamp, choices.light_technique, choices.path) = (clamp, technique, estimator);
+        choices.with.extend(depth.map(|depth| id::PATH.with_value(depth)));
+        if ambient.is_some() {
+            choices.transport = Some(Transport::Whitted);
+            choices.without.retain(|name| name != id::AMBIENT_OCCLUSION.name());
+            choices.with.push(id::AMBIENT_OCCLUSION.name().to_owned());
+        }
+    }
+
+    /// Options that change the values of the base to these; `None` if there are none that do.
+    fn options(&self, base: &PathVariation) -> Option<Vec<String>> {
+        let like_base = PathVariation { depth: self.depth, clamp: self.clamp, ..*base };
+        if *self != like_base || self.clamp.is_none() && base.clamp.is_some() {
+            return None;
+        }
+        let depth = self.depth.map(|depth| format!("--depth {depth}"));
+        let clamp = self.clamp.filter(|_| self.clamp != base.clamp).map(|clamp| format!("--clamp {clamp}"));
+        Some(depth.into_iter().chain(clamp).collect())
+    }
 }
 
 /// Part of a setting that determines the prepared scene.
@@ -32,13 +81,14 @@ pub struct WorldKey {
     structure: Layout,
     pipeline: ColourPipeline,
     bounces: Option<u32>,
+    ambient: Option<f64>,
 }
 
 impl Setting {
     /// The part that determines the prepared scene.
     pub fn world_key(&self) -> WorldKey {
         let &Setting { numerics, structure, pipeline, bounces, .. } = self;
-        WorldKey { numerics, structure, pipeline, bounces }
+        WorldKey { numerics, structure, pipeline, bounces, ambient: self.path.ambient }
     }
 
     /// The twin: the base in `exact` at the sample points of this setting, without rounding to 8 bits in every step.
@@ -54,9 +104,10 @@ impl Setting {
         self
     }
 
-    /// The scene with the glaze bounces of this setting.
+    /// The scene with the glaze bounces and the ambient light of this setting.
     pub fn scene(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();
+        scene.ambient = self.path.ambient.or(scene.ambient);
         if let Some(most) = self.bounces {
             let glazes = scene.materials.iter_mut().filter_map(|material| match material {
                 Material::Phong(phong) => phong.glaze.as_mut(),
@@ -74,6 +125,7 @@ impl Setting {
             choices.with.retain(|typed| typed.split('=').next() != Some(effect.name()));
             choices.without.push(effect.name().to_owned());
         }
+        self.path.apply(&mut choices);
         if let Some(filter) = self.textures {
             choices.with.push(id::TEXTURES.with_value(filter.name()));
         }
@@ -95,6 +147,7 @@ impl Setting {
             let preset = self.structure.preset().filter(|&preset| self.structure == Layout::Wide(preset))?;
             options.push(format!("--bvh {}", preset.name()));
         }
+        options.extend(self.path.options(&base.path)?);
         options.extend(self.sampling_options(&base.sampling)?);
         options
             .extend(self.textures.map(|filter| format!("--with {}", id::TEXTURES.with_value(filter.name()))));

@@ -2,6 +2,7 @@
 //! with the reason.
 
 use super::data::ReferenceKind;
+use super::path_sweep;
 use super::setting::Setting;
 use crate::bvh::{Layout, Preset};
 use crate::effects::{EFFECTS, Effect, EffectId, Plan, id};
@@ -15,8 +16,8 @@ const MAX_BRUTE_FORCE: usize = 256;
 /// Standard errors for adaptive sampling: 5, 2.5 and 1 steps of 8 bits.
 const NOISE: [f64; 3] = [0.02, 0.01, 0.004];
 
-/// Samples per pixel for the comparison of filters, enough that noise does not dominate.
-const FILTER_SAMPLES: u32 = 16;
+/// Samples per pixel for the comparison of filters and of path tracing, enough that noise does not dominate.
+pub(super) const FILTER_SAMPLES: u32 = 16;
 
 /// A setting of the sweep.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +41,8 @@ pub type Omitted = (&'static str, String);
 pub fn parameters() -> Vec<&'static str> {
     let own = EFFECTS.iter().filter(|effect| effect.is_study_switch).map(Effect::name);
     let first = ["numerics", "bvh", "colour", "glaze bounces"];
-    first.into_iter().chain(own).chain(["picture filter", "samples", "filter", "noise", "together"]).collect()
+    let last = ["picture filter", "samples", "filter", "noise", "together"];
+    first.into_iter().chain(own).chain(path_sweep::PARAMETERS).chain(last).collect()
 }
 
 /// The settings of the sweep, beginning with `base`, and the omitted parameters. `plan` is the plan of the base.
@@ -59,6 +61,7 @@ pub fn sweep(scene: &Scene, base: &Setting, plan: &Plan, most: u32) -> (Vec<Cand
     list.glaze(scene, plan);
     list.effects(plan);
     list.textures(plan);
+    list.paths(scene, plan, most);
     list.samples(most);
     list.together(most);
     (list.candidates, list.omitted)
@@ -74,14 +77,15 @@ fn describe_sampling(sampling: &Sampling) -> String {
     }
 }
 
-struct SweepBuilder<'a> {
-    base: &'a Setting,
+/// The sweep so far.
+pub(super) struct SweepBuilder<'a> {
+    pub(super) base: &'a Setting,
     candidates: Vec<Candidate>,
-    omitted: Vec<Omitted>,
+    pub(super) omitted: Vec<Omitted>,
 }
 
 impl SweepBuilder<'_> {
-    fn add(
+    pub(super) fn add(
         &mut self,
         parameter: &'static str,
         name: impl Into<String>,
@@ -226,7 +230,7 @@ impl SweepBuilder<'_> {
     }
 
     /// The base with `samples` samples per pixel.
-    fn sampled(&self, samples: u32) -> Setting {
+    pub(super) fn sampled(&self, samples: u32) -> Setting {
         let mut setting = self.base.clone();
         (setting.sampling.samples, setting.sampling.noise) = (Some(samples), None);
         setting
@@ -239,16 +243,16 @@ fn counts(most: u32) -> impl Iterator<Item = u32> {
         .take_while(move |&samples| samples <= most)
 }
 
-fn samples_named(samples: u32) -> String {
+pub(super) fn samples_named(samples: u32) -> String {
     if samples == 1 { "1 sample".into() } else { format!("{samples} samples") }
 }
 
-fn bounces_named(bounces: u32) -> String {
+pub(super) fn bounces_named(bounces: u32) -> String {
     if bounces == 1 { "1 bounce".into() } else { format!("{bounces} bounces") }
 }
 
 /// The reason why an effect is off; `None` if it is on.
-fn reason_off(plan: &Plan, effect: EffectId) -> Option<String> {
+pub(super) fn reason_off(plan: &Plan, effect: EffectId) -> Option<String> {
     let decision = plan.decisions.iter().find(|decision| decision.effect == effect);
     decision.map_or(Some("this kiln was built without it".into()), |d| (!d.on).then(|| d.why.clone()))
 }

@@ -75,6 +75,8 @@ pub(crate) struct StudyRun<'a> {
     pub subject: &'a StudySubject,
     /// Extent of the study.
     pub options: &'a Options,
+    /// Setting of the limits, but for their samples.
+    pub reference: Setting,
     /// Progress.
     pub meter: ProgressMeter<'a>,
 }
@@ -140,7 +142,12 @@ impl StudyRun<'_> {
         self.render(&job.with_choices(setting.choices(&self.subject.choices))?, setting)
     }
 
-    fn render<P: Pixel>(&self, job: &RenderJob, setting: &Setting) -> Result<(Film<P>, Statistics)> {
+    /// Renders a prepared setting.
+    pub(crate) fn render<P: Pixel>(
+        &self,
+        job: &RenderJob,
+        setting: &Setting,
+    ) -> Result<(Film<P>, Statistics)> {
         let step = |_: usize, _: usize| self.meter.step(effort(setting));
         let cancel = self.meter.control.cancel;
         job.render(&RenderControl { cancel, progress: &step, time_stages: false })
@@ -151,11 +158,11 @@ impl StudyRun<'_> {
         let mut limits = Vec::new();
         for (index, &filter) in filters.iter().enumerate() {
             let samples = self.options.samples_of_limit(index);
-            let [a, b] = halves(&self.subject.base, filter, samples).map(|half| {
+            let [a, b] = halves(&self.reference, filter, samples).map(|half| {
                 let (film, _) = self.render::<[f32; 3]>(&prepare(self.subject, &half)?, &half)?;
                 Ok::<_, Error>(ComparedImage::of_film(&film, half.pipeline))
             });
-            limits.extend(ConvergedReference::new(filter, samples, &[a?, b?])?);
+            limits.extend(ConvergedReference::new(filter, (samples, self.reference.path.depth), &[a?, b?])?);
         }
         Ok(limits)
     }

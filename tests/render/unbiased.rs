@@ -9,7 +9,7 @@
 use crate::common::picture::parse;
 use crate::path::room_file;
 use crate::t_test::{estimate, settings};
-use kiln::effects::{Choices, LightTechnique};
+use kiln::effects::{Choices, LightTechnique, PathSettings};
 use kiln::error::Warnings;
 use kiln::job::prepare;
 use kiln::metrics::t_test::{Estimate, TTest};
@@ -32,9 +32,18 @@ fn room(emission: f64) -> String {
 }
 
 fn render(emission: f64, technique: LightTechnique, depth: u32, seed: u32) -> Estimate {
+    render_by(PathSettings::default(), emission, technique, (depth, seed))
+}
+
+fn render_by(
+    path: PathSettings,
+    emission: f64,
+    technique: LightTechnique,
+    (depth, seed): (u32, u32),
+) -> Estimate {
     let job = prepare(parse(&room(emission)), &settings(96, depth, seed), &mut Warnings::default());
     let job = job.expect("a job");
-    let choices = Choices { light_technique: technique, ..job.choices.clone() };
+    let choices = Choices { light_technique: technique, path, ..job.choices.clone() };
     estimate(&job.with_choices(choices).expect("the job with another technique"))
 }
 
@@ -69,6 +78,47 @@ fn techniques_converge_to_the_same_picture() {
             assert!(seen < 0.02, "depth {depth}, {pair:?}: {seen}");
         }
     }
+}
+
+/// Neither where roulette starts nor the number of light samples changes what pictures converge to, in any technique.
+#[test]
+fn roulette_and_light_samples_converge_to_the_same_picture() {
+    let usual = render(6.0, LightTechnique::Both, 6, 21);
+    let of = |roulette_from, light_samples| PathSettings { roulette_from, light_samples };
+    let cases = [
+        (of(3, 1), LightTechnique::Both),
+        (of(0, 1), LightTechnique::Both),
+        (of(u32::MAX, 1), LightTechnique::Both),
+        (of(3, 2), LightTechnique::Both),
+        (of(3, 5), LightTechnique::Both),
+        (of(3, 5), LightTechnique::LightSamples),
+        (of(3, 5), LightTechnique::BsdfSamples),
+    ];
+    for (seed, (path, technique)) in (22..).zip(cases) {
+        let test = test(&usual, &render_by(path, 6.0, technique, (6, seed)));
+        assert!(test.passed, "{path:?}, {technique:?}: {test:?}");
+        let seen = sensitivity(&usual, &test);
+        assert!(seen < 0.02, "{path:?}, {technique:?}: {seen}");
+    }
+}
+
+/// Further light samples of a light without noise are all the same: a point light, seen by one bounce.
+#[test]
+fn light_samples_share_the_light() {
+    let scene = "[[camera]]\nposition = [0, 2, 3]\nlook_at = [0, 0, 0]\nvertical_fov = 40\n\
+         [material.floor]\ncolour = '#d0b8a0'\n\
+         [[light]]\ntype = 'point'\nposition = [1, 2, 1]\nintensity = 2\n\
+         [[sphere]]\nmaterial = 'floor'\ncentre = [0, 0, 0]\nradius = 0.8\n";
+    let job = prepare(parse(scene), &settings(4, 1, 1), &mut Warnings::default()).expect("a job");
+    let picture = |light_samples| {
+        let path = PathSettings { light_samples, ..PathSettings::default() };
+        let choices = Choices { path, ..job.choices.clone() };
+        estimate(&job.with_choices(choices).expect("the job with other samples"))
+    };
+    // A quarter of the light four times is the light, without rounding: both are powers of two.
+    let [one, four] = [1, 4].map(picture);
+    assert_eq!(one.means, four.means);
+    assert!(one.means[0].iter().any(|&mean| mean > 0.1));
 }
 
 /// The lamp is 2 % brighter in one of the pictures. All light comes from it.

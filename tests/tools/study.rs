@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use crate::common::repository;
-use kiln::study::{ReferenceKind, Study, from_csv, to_csv};
+use kiln::study::{ReferenceKind, SettingRow, Study, from_csv, to_csv};
 
 /// A study of the assignment scene, small and quick, in a folder that goes when the tests end.
 fn made(inputs: &[&str], more: &[&str]) -> (tempfile::TempDir, Output) {
@@ -91,6 +91,11 @@ fn parameters_without_anything_to_do_are_left_out_with_a_reason() {
     for [parameter, _] in &study.left_out {
         assert!(study.rows.iter().all(|row| row.parameter != *parameter), "{parameter}");
     }
+    // No path is traced: what varies paths is not listed, and nothing is tested or limited by bounces.
+    let of_paths = |name: &str| PATHS.contains(&name);
+    assert!(!study.left_out.iter().any(|[name, _]| of_paths(name)), "{:?}", study.left_out);
+    assert!(!study.rows.iter().any(|row| of_paths(&row.parameter)));
+    assert!(study.technique_tests.is_empty() && study.floors.iter().all(|floor| floor.bounces.is_none()));
 }
 
 #[test]
@@ -260,6 +265,138 @@ fn the_options_of_a_row_make_its_picture() {
         let none = |name: &str| study.rows.iter().any(|row| row.name() == name && !row.has_options);
         assert!(none("bvh: layout bvh2"));
     }
+}
+
+/// The parameters of path tracing.
+const PATHS: [&str; 6] =
+    ["path bounces", "indirect light", "roulette", "clamp", "light technique", "light samples"];
+
+/// A study of a room of paths, for all tests.
+fn room() -> &'static (tempfile::TempDir, Output) {
+    static ROOM: OnceLock<(tempfile::TempDir, Output)> = OnceLock::new();
+    ROOM.get_or_init(|| {
+        let knobs = PATHS.iter().chain(&["samples", "together"]).flat_map(|knob| ["--knob", knob]);
+        let size = ["--size", "48x36", "--samples", "4"];
+        made(&["scenes/effects/path.toml"], &size.into_iter().chain(knobs).collect::<Vec<_>>())
+    })
+}
+
+/// The rows of a parameter.
+fn rows_of<'a>(study: &'a Study, parameter: &str) -> Vec<&'a SettingRow> {
+    let rows: Vec<_> = study.rows.iter().filter(|row| row.parameter == parameter).collect();
+    assert!(!rows.is_empty(), "{parameter}");
+    rows
+}
+
+fn relative(row: &SettingRow) -> f64 {
+    row.limit.expect("finite").rel_mse
+}
+
+#[test]
+fn paths_are_priced_against_a_limit_of_many_bounces() {
+    let study = read(room().0.path());
+    assert_eq!(study.floors[0].bounces, Some(128));
+    let count = |parameter| rows_of(&study, parameter).len();
+    // Bounces 0, 1, 2, 4, 6 of the scene, 8, 16; ambient occlusion, none, paths; ...
+    assert_eq!(PATHS.map(count), [7, 3, 3, 4, 3, 4]);
+    for row in PATHS.iter().flat_map(|parameter| rows_of(&study, parameter)) {
+        assert_eq!(row.reference, ReferenceKind::Limit, "{}", row.name());
+        assert!(row.trace_ms.median > 0.0 && relative(row) > 0.0, "{}", row.name());
+        assert_eq!(row.samples_per_pixel, 16.0, "{}", row.name());
+    }
+    let samples: Vec<f64> = rows_of(&study, "samples").into_iter().map(relative).collect();
+    assert!(samples[0] > 4.0 * samples[4], "1 and 16 samples: {samples:?}");
+}
+
+/// Only the lamp is seen without bounces. Each bounce of the first few adds light and rays.
+#[test]
+fn errors_fall_with_bounces() {
+    let study = read(room().0.path());
+    let bounces = rows_of(&study, "path bounces");
+    let errors: Vec<f64> = bounces.iter().map(|row| relative(row)).collect();
+    assert!(errors[0] > 2.0 * errors[1] && errors[1] > errors[2] && errors[2] > errors[3], "{errors:?}");
+    let rays: Vec<u64> = bounces.iter().map(|row| row.rays).collect();
+    assert!(rays.windows(2).all(|pair| pair[0] < pair[1]), "{rays:?}");
+    let indirect = rows_of(&study, "indirect light");
+    let [ambient, none, paths] = [indirect[0], indirect[1], indirect[2]];
+    assert!(ambient.setting.contains("ambient occlusion") && none.setting.starts_with("none"));
+    assert!(relative(paths) < relative(none) && relative(paths) < relative(ambient));
+    // One bounce is direct light alone.
+    assert_eq!(none.fingerprint, bounces[1].fingerprint);
+}
+
+/// Of a box that is closed but for one side, roulette ends paths that others follow for up to 32 bounces.
+#[test]
+fn roulette_and_light_samples_change_rays() {
+    let study = read(room().0.path());
+    let rays = |parameter| rows_of(&study, parameter).iter().map(|row| row.rays).collect::<Vec<_>>();
+    let roulette = rays("roulette");
+    assert!(roulette[0] > roulette[1] && roulette[1] > roulette[2], "{roulette:?}");
+    // The light samples of the others are so many as those of the first, times their number; no other rays are added.
+    let lights = rays("light samples");
+    let shadow_rays = lights[1] - lights[0];
+    let expected = [0, 1, 3, 7].map(|more| lights[0] + more * shadow_rays);
+    // Samples that give no light, such as those from below the horizon, cast no ray: they vary.
+    let near = |(a, b): (&u64, &u64)| a.abs_diff(*b) * 100 < *b;
+    assert!(lights.iter().zip(&expected).all(near), "{lights:?} {expected:?}");
+    let errors: Vec<f64> = rows_of(&study, "light samples").into_iter().map(relative).collect();
+    assert!(errors[3] < errors[0], "{errors:?}");
+    let techniques = rows_of(&study, "light technique");
+    assert!(relative(techniques[0]) > 2.0 * relative(techniques[2]), "the lamp is small");
+}
+
+#[test]
+fn techniques_are_tested_for_agreement() {
+    let (folder, output) = room();
+    let study = read(folder.path());
+    let names: Vec<&str> = study.technique_tests.iter().map(|test| test.name.as_str()).collect();
+    assert_eq!(names, ["control", "BSDF samples", "samples of lights"]);
+    let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
+    assert!(page.contains("Do the techniques agree?"));
+    for test in &study.technique_tests {
+        // 48 x 36 pixels are 12 x 9 blocks of 4 x 4. The front of the room is 2 wide and 3.6 away, where 48 pixels are
+        // 2 * 3.6 * tan(15 degrees) * 4 / 3 = 2.57: of the 5.3 black columns of pixels on each side, 4 are a column of blocks.
+        let tested = test.channels.iter().map(|channel| channel.tested).collect::<Vec<_>>();
+        assert!(tested == [108 - 2 * 9; 3], "{tested:?}");
+        for channel in &test.channels {
+            assert_eq!(channel.histogram.iter().sum::<u64>(), channel.tested);
+            assert!(channel.equal_means >= test.threshold, "{test:?}");
+        }
+        assert!(String::from_utf8_lossy(&output.stdout).contains(&format!("t-test, {}", test.name)));
+    }
+}
+
+#[test]
+fn the_options_of_paths_make_their_pictures() {
+    use std::hash::{DefaultHasher, Hash, Hasher};
+    let (folder, _) = room();
+    let study = read(folder.path());
+    let has_options = |parameter: &str| rows_of(&study, parameter)[0].has_options;
+    assert_eq!(PATHS.map(has_options), [true, false, false, true, false, true]);
+    for name in ["path bounces: 2 bounces (16 samples)", "clamp: 1 (16 samples)"] {
+        let row = study.rows.iter().find(|row| row.name() == name).expect("a row");
+        let file = folder.path().join("row.exr");
+        let output = Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
+            .current_dir(repository("."))
+            .args(["render", "scenes/effects/path.toml", "--size", "48x36", "--progress", "none"])
+            .args(row.options.split_whitespace())
+            .arg("-o")
+            .arg(&file)
+            .output()
+            .expect("kiln runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let picture = kiln::film::read::read_picture(&file).expect("a picture");
+        let mut hasher = DefaultHasher::new();
+        picture.values.iter().flatten().for_each(|channel| channel.to_bits().hash(&mut hasher));
+        assert_eq!(format!("{:016x}", hasher.finish()), row.fingerprint, "{name}");
+    }
+}
+
+#[test]
+fn paths_that_are_asked_for_alone_are_left_out_with_a_reason() {
+    let (_, output) = made(&["scenes/assignment.toml"], &["--size", "20x12", "--knob", "clamp"]);
+    let printed = String::from_utf8_lossy(&output.stdout);
+    assert!(printed.contains("left out: clamp: the scene has no environment"), "{printed}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod accuracy;
 mod effects;
 mod licences;
+mod path_study;
 mod run;
 mod sampling;
 mod studies;
@@ -31,6 +32,7 @@ enum Task {
     CheckAccuracy(accuracy::Options),
     CompareSampling(sampling::Options),
     CompareTwoStudies(studies::Options),
+    MakePathStudy(path_study::Options),
     MakeStudy(study::Options),
     MakeEffects(effects::Options),
     ThirdPartyLicences(licences::Options),
@@ -44,6 +46,7 @@ fn task(arguments: &Arguments) -> run::Result<bool> {
         Task::CheckAccuracy(options) => accuracy::run(&kiln()?, options).map(|()| true),
         Task::CompareSampling(options) => sampling::run(&kiln()?, options).map(|()| true),
         Task::CompareTwoStudies(options) => studies::run(&kiln()?, options),
+        Task::MakePathStudy(options) => path_study::run(&kiln()?, options).map(|()| true),
         Task::MakeStudy(options) => study::run(&kiln()?, options).map(|()| true),
         Task::MakeEffects(_) => effects::run(&kiln()?).map(|()| true),
         Task::ThirdPartyLicences(options) => licences::run(options).map(|()| true),

@@ -42,7 +42,7 @@ struct Tier {
 }
 
 /// The study of a scene: made, or from an earlier run.
-fn study(kiln: &Kiln, scene: &str, folder: &Path, options: &[&str]) -> Result<Value> {
+pub fn study(kiln: &Kiln, scene: &str, folder: &Path, options: &[&str]) -> Result<Value> {
     if !folder.join("study.svg").exists() {
         output(kiln.command(&["study", scene, "--progress", "none"]).args(options).arg("-o").arg(folder))?;
     }
@@ -149,10 +149,10 @@ fn table(scenes: &BTreeMap<String, Vec<Tier>>) -> Result<String> {
     Ok(text)
 }
 
-/// Replaces the table of the page.
-fn into_page(table: &str) -> Result<()> {
+/// Replaces the table of the page that begins with the line `head`.
+pub fn into_page(head: &str, table: &str) -> Result<()> {
     let page = std::fs::read_to_string(PAGE)?;
-    let start = page.find(HEAD).ok_or_else(|| format!("{PAGE} lacks the line {HEAD}"))?;
+    let start = page.find(head).ok_or_else(|| format!("{PAGE} lacks the line {head}"))?;
     let old: usize =
         page[start..].split_inclusive('\n').take_while(|line| line.starts_with('|')).map(str::len).sum();
     std::fs::write(PAGE, format!("{}{table}\n{}", &page[..start], &page[start + old..]))?;
@@ -191,5 +191,5 @@ pub fn run(kiln: &Kiln, options: &Options) -> Result<()> {
     std::fs::write("assets/study/tiers.csv", lines)?;
     let table = table(&scenes)?;
     println!("{table}");
-    into_page(&table)
+    into_page(HEAD, &table)
 }

@@ -5,8 +5,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::Path;
 use super::scatter::bsdf_weight;
+use super::{Path, Scatter};
 use crate::effects::{LightTechnique, TextureUse};
 use crate::geometry::{Hit, Numerics, Ray};
 use crate::scene::TexelEncoding;
@@ -24,6 +24,8 @@ pub(super) struct Lights<'a> {
     texture_use: TextureUse,
     /// Punctual and directional lights, then the emitters if there are any, then the environment if there is one.
     count: usize,
+    /// The expected number of samples of each light at a surface is 1 over this.
+    per_sample: f64,
     pub(super) technique: LightTechnique,
 }
 
@@ -31,10 +33,11 @@ pub(super) struct Lights<'a> {
 pub(super) struct LightConnection {
     /// The unit vector towards the sampled point.
     pub(super) direction: DVec3,
-    /// The incident radiance divided by the probability of choosing the light; not yet divided by `pdf`.
+    /// The incident radiance; for lights without size divided by the expected number of samples of the light. Not yet
+    /// divided by `pdf`.
     pub(super) radiance: DVec3,
-    /// The density per solid angle, with the probability of choosing the light; `None` for lights without size, which
-    /// no BSDF sample reaches.
+    /// The density per solid angle, times the expected number of samples of the light (Veach 1997, section 9.2.2); `None`
+    /// for lights without size, which no BSDF sample reaches.
     pub(super) pdf: Option<f64>,
     /// Where the shadow ray ends.
     pub(super) target: Target,
@@ -64,26 +67,28 @@ impl Target {
 }
 
 impl<'a> Lights<'a> {
-    pub(super) fn new(world: &'a World, technique: LightTechnique, texture_use: TextureUse) -> Self {
+    pub(super) fn new(world: &'a World, stage: &Scatter) -> Self {
+        let &Scatter { technique, texture_use, settings, .. } = stage;
         let emitters = &*world.emitters;
         let count =
             world.lights.len() + usize::from(!emitters.is_empty()) + usize::from(world.environment.is_some());
-        Lights { world, emitters, texture_use, count, technique }
+        let per_sample = count as f64 / f64::from(settings.light_samples);
+        Lights { world, emitters, texture_use, count, per_sample, technique }
     }
 
-    /// Samples a light from a point; `None` where the sample gives no light there.
+    /// Takes one of the light samples of a point; `None` where the sample gives no light there.
     pub(super) fn sample(&self, from: DVec3, choice: [f64; 2], numbers: [f64; 2]) -> Option<LightConnection> {
         if self.count == 0 {
             return None;
         }
-        let probability = 1.0 / self.count as f64;
+        let expected = 1.0 / self.per_sample;
         let index = ((choice[0] * self.count as f64) as usize).min(self.count - 1);
         if let Some(light) = self.world.lights.get(index) {
             if let Some(disc) = &light.disc {
                 return Some(LightConnection {
                     direction: disc.sample(numbers),
                     radiance: disc.radiance,
-                    pdf: Some(disc.density() * probability),
+                    pdf: Some(disc.density() * expected),
                     target: Target::Direction,
                 });
             }
@@ -94,7 +99,7 @@ impl<'a> Lights<'a> {
                 Target::Direction
             };
             // An intensity of 1 gives a facing diffuse surface the radiance of its base colour, pi times that of the BSDF.
-            let radiance = PI * sample.radiance / probability;
+            let radiance = PI * sample.radiance / expected;
             return Some(LightConnection { direction: sample.direction, radiance, pdf: None, target });
         }
         if index == self.world.lights.len() && !self.emitters.is_empty() {
@@ -103,13 +108,13 @@ impl<'a> Lights<'a> {
             return Some(LightConnection {
                 direction: sample.direction,
                 radiance: sample.radiance * self.emission_texel(&sample),
-                pdf: Some(sample.pdf * probability),
+                pdf: Some(sample.pdf * expected),
                 target: Target::Point(end),
             });
         }
         let environment = self.world.environment.as_ref()?;
         let sample = environment.sample(numbers);
-        let pdf = sample.pdf * probability;
+        let pdf = sample.pdf * expected;
         (pdf > 0.0).then_some(LightConnection {
             direction: sample.direction,
             radiance: sample.radiance,
@@ -121,13 +126,13 @@ impl<'a> Lights<'a> {
     /// The radiance from infinitely far away for a BSDF sample of density `pdf`: of the environment and of the discs of
     /// directional lights, each weighted against its own light samples.
     pub(super) fn radiance_from_infinity(&self, direction: DVec3, pdf: f64) -> DVec3 {
-        let count = self.count as f64;
         let discs = self.world.lights.iter().filter_map(|light| light.disc.as_ref());
         let seen = discs.filter(|disc| disc.contains(direction));
-        let mut radiance: DVec3 =
-            seen.map(|disc| disc.radiance * bsdf_weight(self.technique, pdf, disc.density() / count)).sum();
+        let mut radiance: DVec3 = seen
+            .map(|disc| disc.radiance * bsdf_weight(self.technique, pdf, disc.density() / self.per_sample))
+            .sum();
         if let Some(environment) = &self.world.environment {
-            let light_pdf = environment.pdf(direction) / count;
+            let light_pdf = environment.pdf(direction) / self.per_sample;
             radiance += environment.eval(direction) * bsdf_weight(self.technique, pdf, light_pdf);
         }
         radiance
@@ -140,7 +145,7 @@ impl<'a> Lights<'a> {
         let primitive = self.world.accelerator.primitive(hit.slot);
         let local = hit.prim.0 - self.world.objects[surface.object as usize].first.0;
         let light_pdf = self.emitters.pdf(surface, &primitive, (local, emission), path.from);
-        bsdf_weight(self.technique, path.pdf, light_pdf / self.count as f64)
+        bsdf_weight(self.technique, path.pdf, light_pdf / self.per_sample)
     }
 
     /// The factor of the emission by its texture at a sampled point: the value that a path finds there, by the filter

@@ -2,7 +2,7 @@
 //! estimation, multiple importance sampling and Russian roulette (pbrt, 4th edition, chapter 13).
 //!
 //! A path of a pixel sample is one ray a generation. At each surface ([`scatter`]) it adds the emitted radiance, the radiance
-//! of one sampled light ([`lights`]), and continues in a direction sampled by the BSDF. Rays of a generation are traced
+//! of sampled lights ([`lights`]), one unless more are asked for, and continues in a direction sampled by the BSDF. Rays of a generation are traced
 //! together, and so are its shadow rays. Random numbers depend on pixel, sample, generation and seed.
 
 mod lights;
@@ -16,8 +16,8 @@ use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::transparency;
 use super::{
-    Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, RayKind, SecondaryRays, Stage,
-    TextureUse, id, named,
+    Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, PathSettings, RayKind, SecondaryRays,
+    Stage, TextureUse, id, named,
 };
 use crate::geometry::Ray;
 use crate::scene::{PixelSampler, Sampling, Transport};
@@ -30,7 +30,7 @@ pub const RAYS: RayKind = RayKind { name: "path", is_shadow: false, colour: [120
 pub const LIGHT_RAYS: RayKind = RayKind { name: "light-sample", is_shadow: true, colour: [120, 190, 255] };
 
 /// The bounces of a path where none are asked for.
-pub const DEFAULT_DEPTH: u32 = 8;
+pub const DEFAULT_DEPTH: u32 = PathSettings::DEFAULT_DEPTH;
 
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
@@ -130,11 +130,14 @@ struct Buffers {
     /// For each shadow ray, what it adds.
     light_paths: Vec<LightPath>,
     occluded: Vec<bool>,
+    /// Samples of light in the current generation that were not finite.
+    discarded: u64,
 }
 
 impl Buffers {
     fn bytes(&self) -> usize {
-        let Buffers { radiance, samples, paths, next, shadow_rays, light_paths, occluded } = self;
+        let Buffers { radiance, samples, paths, next, shadow_rays, light_paths, occluded, discarded: _ } =
+            self;
         size_of::<Buffers>()
             + vec_bytes(radiance)
             + vec_bytes(samples)
@@ -169,6 +172,8 @@ struct Scatter {
     continued: Option<RayKind>,
     sampler: PixelSampler,
     technique: LightTechnique,
+    /// Roulette and light samples.
+    settings: PathSettings,
     /// How textures are looked up.
     texture_use: TextureUse,
     /// The largest radiance that indirect light adds at a surface; infinite if there is no limit.
@@ -179,11 +184,14 @@ impl Scatter {
     fn new(context: &EffectContext) -> Self {
         let depth = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(DEFAULT_DEPTH);
         let Sampling { seed, sampler, .. } = *context.sampling;
+        let settings = context.spec.path;
+        let light_samples = settings.light_samples.clamp(1, PathSettings::MAX_LIGHT_SAMPLES);
         Scatter {
             depth,
             seed: seed.unwrap_or(0),
             sampler: sampler.unwrap_or_default(),
             technique: context.spec.light_technique,
+            settings: PathSettings { light_samples, ..settings },
             texture_use: context.spec.texture_use,
             continued: context.spec.continued.map(|kinds| kinds.shadow_rays),
             clamp: context.clamp.unwrap_or(f64::INFINITY),

@@ -5,22 +5,19 @@ use glam::DVec3;
 use super::lights::{LightConnection, Lights};
 use super::{Buffers, LightPath, Path, Scatter};
 use crate::bvh::Primitive;
-use crate::effects::LightTechnique;
 use crate::effects::random;
 use crate::effects::samples::SampleIndex;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
+use crate::effects::{LightTechnique, PathSettings};
 use crate::geometry::{Hit, Ray};
 use crate::scene::{Material, Phong, PixelSampler};
 use crate::shading::bsdf::{Bsdf, BsdfParameters};
 use crate::world::{PreparedMaterial, SurfaceInteraction, World};
 
-/// Bounces before Russian roulette starts.
-const ROULETTE_FROM: usize = 3;
-
 /// The highest probability with which roulette lets a path continue.
 const MAX_SURVIVAL: f64 = 0.95;
 
-/// The two-dimensional random numbers of a path vertex.
+/// The two-dimensional random numbers of a path vertex; of its light samples, those of the first.
 #[derive(Clone, Copy)]
 #[repr(u32)]
 enum Dimension {
@@ -32,6 +29,9 @@ enum Dimension {
 
 /// Dimensions a vertex.
 const DIMENSIONS: u32 = 4;
+
+/// The first dimension of further light samples, beyond those of the longest path.
+const FURTHER_LIGHT_SAMPLES: u32 = 1 << 20;
 
 /// The random numbers of a path vertex.
 struct Numbers {
@@ -47,6 +47,19 @@ impl Numbers {
         let dimension = 1 + self.depth * DIMENSIONS + dimension as u32;
         random::pair_of(self.sampler, [x, y], self.seed, sample, dimension).map(f64::from)
     }
+
+    /// The numbers for the choice of a light and of a point on it, for light sample `index` of the vertex.
+    fn of_light(&self, index: u32) -> [[f64; 2]; 2] {
+        if index == 0 {
+            return [Dimension::LightChoice, Dimension::LightPoint].map(|dimension| self.of(dimension));
+        }
+        let SampleIndex { x, y, sample } = self.sample;
+        let place = self.depth * PathSettings::MAX_LIGHT_SAMPLES + index;
+        [0, 1].map(|part| {
+            let dimension = FURTHER_LIGHT_SAMPLES + 2 * place + part;
+            random::pair_of(self.sampler, [x, y], self.seed, sample, dimension).map(f64::from)
+        })
+    }
 }
 
 impl Buffers {
@@ -59,8 +72,9 @@ impl Buffers {
         self.next.clear();
         self.shadow_rays.clear();
         self.light_paths.clear();
-        let lights = Lights::new(context.world, stage.technique, stage.texture_use);
-        let mut discarded = self.add_missed(generation, context, &lights, stage, depth);
+        let lights = Lights::new(context.world, stage);
+        self.discarded = 0;
+        self.add_missed(generation, context, &lights, stage, depth);
         for index in 0..generation.surfaces.len() {
             let ray = generation.surfaces.ray_of()[index] as usize;
             let Some(hit) = generation.hits[ray] else { continue };
@@ -70,24 +84,12 @@ impl Buffers {
             let numbers = Numbers { sample, seed, sampler, depth: depth as u32 };
             let surface = generation.surfaces.get(index);
             let vertex = Vertex::new(context.world, &lights, surface, &hit, path);
-            if vertex.emitted.is_finite() {
-                self.radiance[path.camera_ray as usize] += stage.clamped(vertex.emitted, depth);
-            } else {
-                discarded += 1;
-            }
+            self.add_radiance(path.camera_ray, vertex.emitted, stage, depth);
             let Some(bsdf) = vertex.bsdf.as_ref().filter(|_| (depth as u32) < stage.depth) else { continue };
-            if let Some((shadow_ray, radiance)) = vertex.sample_light(bsdf, &lights, &numbers) {
-                if radiance.is_finite() {
-                    let radiance = stage.clamped(radiance, depth + 1);
-                    self.shadow_rays.push(shadow_ray);
-                    self.light_paths.push(LightPath { camera_ray: path.camera_ray, radiance });
-                } else {
-                    discarded += 1;
-                }
-            }
-            if let Some((ray, path)) = vertex.continue_path(bsdf, &numbers) {
+            self.sample_lights(&vertex, bsdf, &lights, &numbers, stage);
+            if let Some((ray, path)) = vertex.continue_path(bsdf, &numbers, stage.settings.roulette_from) {
                 if !path.throughput.is_finite() {
-                    discarded += 1;
+                    self.discarded += 1;
                     continue;
                 }
                 next.soa.set(next.rays.len(), &ray);
@@ -97,11 +99,37 @@ impl Buffers {
             }
         }
         std::mem::swap(&mut self.paths, &mut self.next);
-        tile.discarded_samples += discarded;
+        tile.discarded_samples += self.discarded;
+    }
+
+    /// Lists the shadow rays to the lights that are sampled at a vertex.
+    fn sample_lights(
+        &mut self,
+        vertex: &Vertex,
+        bsdf: &Bsdf,
+        lights: &Lights,
+        numbers: &Numbers,
+        stage: &Scatter,
+    ) {
+        // Each sample is limited to its share of the clamp.
+        let samples = f64::from(stage.settings.light_samples);
+        for index in 0..stage.settings.light_samples {
+            let Some((shadow_ray, radiance)) = vertex.sample_light(bsdf, lights, numbers.of_light(index))
+            else {
+                continue;
+            };
+            if !radiance.is_finite() {
+                self.discarded += 1;
+                continue;
+            }
+            let radiance = stage.clamped(radiance * samples, numbers.depth as usize + 1) / samples;
+            self.shadow_rays.push(shadow_ray);
+            self.light_paths.push(LightPath { camera_ray: vertex.path.camera_ray, radiance });
+        }
     }
 
     /// Adds the radiance from infinitely far away to the paths whose ray missed. Camera rays see the background where
-    /// the scene has no environment or hides it, and no directional lights. Returns how many were not finite.
+    /// the scene has no environment or hides it, and no directional lights.
     fn add_missed(
         &mut self,
         generation: &RayGeneration,
@@ -109,28 +137,30 @@ impl Buffers {
         lights: &Lights,
         stage: &Scatter,
         depth: usize,
-    ) -> u64 {
-        let mut discarded = 0;
+    ) {
         if generation.surfaces.len() == generation.rays.len() {
-            return discarded;
+            return;
         }
         let missed = generation.hits.iter().enumerate().filter(|(_, hit)| hit.is_none());
         for (ray, _) in missed {
-            let path = &self.paths[ray];
+            let path = self.paths[ray];
             let direction = generation.rays[ray].direction;
             let radiance = if depth == 0 {
                 context.world.background_towards(direction)
             } else {
                 lights.radiance_from_infinity(direction, path.pdf)
             };
-            let radiance = path.throughput * radiance;
-            if radiance.is_finite() {
-                self.radiance[path.camera_ray as usize] += stage.clamped(radiance, depth);
-            } else {
-                discarded += 1;
-            }
+            self.add_radiance(path.camera_ray, path.throughput * radiance, stage, depth);
         }
-        discarded
+    }
+
+    /// Adds radiance to a camera ray, or counts it if it is not finite.
+    fn add_radiance(&mut self, camera_ray: u32, radiance: DVec3, stage: &Scatter, depth: usize) {
+        if radiance.is_finite() {
+            self.radiance[camera_ray as usize] += stage.clamped(radiance, depth);
+        } else {
+            self.discarded += 1;
+        }
     }
 }
 
@@ -192,14 +222,18 @@ impl<'a> Vertex<'a> {
     }
 
     /// The shadow ray to a sampled light, and the radiance that the path gains if it is not occluded.
-    fn sample_light(&self, bsdf: &Bsdf, lights: &Lights, numbers: &Numbers) -> Option<(Ray, DVec3)> {
+    fn sample_light(
+        &self,
+        bsdf: &Bsdf,
+        lights: &Lights,
+        [choice, numbers]: [[f64; 2]; 2],
+    ) -> Option<(Ray, DVec3)> {
         if bsdf.is_delta() {
             return None;
         }
         let position = self.surface.point.position;
-        let choice = numbers.of(Dimension::LightChoice);
         let LightConnection { direction, radiance, pdf, target } =
-            lights.sample(position, choice, numbers.of(Dimension::LightPoint))?;
+            lights.sample(position, choice, numbers)?;
         let (value, bsdf_pdf) = self.eval(bsdf, direction);
         let weight = pdf.map_or(1.0, |pdf| light_weight(lights.technique, pdf, bsdf_pdf) / pdf);
         let radiance = self.path.throughput * value * radiance * weight;
@@ -210,9 +244,9 @@ impl<'a> Vertex<'a> {
     }
 
     /// The ray and state with which the path continues; `None` where it ends.
-    fn continue_path(&self, bsdf: &Bsdf, numbers: &Numbers) -> Option<(Ray, Path)> {
+    fn continue_path(&self, bsdf: &Bsdf, numbers: &Numbers, roulette_from: u32) -> Option<(Ray, Path)> {
         let [x, y] = numbers.of(Dimension::Direction);
-        let has_roulette = numbers.depth as usize >= ROULETTE_FROM;
+        let has_roulette = numbers.depth >= roulette_from;
         let [lobe, roulette] =
             if has_roulette || bsdf.has_choice() { numbers.of(Dimension::LobeAndRoulette) } else { [0.0; 2] };
         let sample = bsdf.sample([lobe, x, y])?;

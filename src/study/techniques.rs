@@ -1,0 +1,92 @@
+//! Whether the techniques of direct light converge to the same picture: t-tests of BSDF samples and of light samples
+//! against both with multiple importance sampling, after a control of two seeds of the latter.
+
+use super::data::{ChannelAgreement, TechniqueTest};
+use super::path_sweep::technique_named;
+use super::setting::{PathVariation, Setting};
+use super::work::{StudyRun, prepare};
+use crate::effects::LightTechnique;
+use crate::error::{Error, Result};
+use crate::film::{ColourPipeline, Film, FilterShape};
+use crate::metrics::t_test::{CHANNELS, Estimate, TTest};
+use crate::render::aov::{self, AovSelection};
+use crate::scene::PixelSampler;
+
+/// Side in pixels of the blocks that are tested: their means are closer to normal than those of pixels.
+const BLOCK: u32 = 4;
+
+/// The least samples a pixel.
+const MIN_SAMPLES: u32 = 16;
+
+/// The t-tests. Samples are independent, and light is added linearly: where colours are clamped before the mean is
+/// taken, techniques differ.
+///
+/// # Errors
+/// Those of rendering.
+pub(crate) fn agreement(run: &StudyRun) -> Result<Vec<TechniqueTest>> {
+    let samples = (run.options.reference_samples / 8).max(MIN_SAMPLES);
+    let both = estimate(run, LightTechnique::Both, samples, 1)?;
+    let pairs = [
+        ("control", LightTechnique::Both),
+        ("", LightTechnique::BsdfSamples),
+        ("", LightTechnique::LightSamples),
+    ];
+    let test = |(seed, (name, technique)): (u32, (&str, LightTechnique))| {
+        let tested = estimate(run, technique, samples, seed)?;
+        let name = if name.is_empty() { technique_named(technique) } else { name };
+        let TTest { passed, threshold, channels, .. } = TTest::between(&both, &tested, BLOCK)?;
+        let channels = channels.into_iter().map(|own| ChannelAgreement {
+            channel: own.channel.to_owned(),
+            tested: own.tested,
+            histogram: own.histogram.to_vec(),
+            uniform: own.uniform,
+            difference: own.difference,
+            standard_error: own.standard_error,
+            equal_means: own.equal_means,
+        });
+        Ok(TechniqueTest {
+            name: name.into(),
+            samples,
+            block: BLOCK,
+            passed,
+            threshold,
+            channels: channels.collect(),
+        })
+    };
+    (2..).zip(pairs).map(test).collect()
+}
+
+/// The picture of a technique with the statistics of its samples.
+fn estimate(run: &StudyRun, technique: LightTechnique, samples: u32, seed: u32) -> Result<Estimate> {
+    let base = &run.subject.base;
+    let mut setting = Setting {
+        pipeline: ColourPipeline::Linear,
+        path: PathVariation { technique, clamp: None, ..base.path },
+        ..base.clone()
+    };
+    let sampling = &mut setting.sampling;
+    sampling.seed = Some(sampling.seed.unwrap_or(0).wrapping_add(seed));
+    (sampling.samples, sampling.noise) = (Some(samples), None);
+    (sampling.filter, sampling.filter_radius) = (Some(FilterShape::Box), None);
+    sampling.sampler = Some(PixelSampler::Independent);
+    let job = prepare(run.subject, &setting)?;
+    let (film, _): (Film, _) = run.render(&job, &setting)?;
+    let selection = AovSelection::new(&["samples".into(), "variance".into()])?;
+    let channels = aov::channels(&job.aov_source(Some(&film)), &selection, run.meter.control)?;
+    let values = |name: String| {
+        let channel = channels.iter().find(|channel| channel.name == name);
+        channel.map(|channel| channel.values.clone()).ok_or_else(|| Error::Failed {
+            what: format!("the picture has no layer {name}"),
+            hint: String::new(),
+        })
+    };
+    let [r, g, b] = CHANNELS.map(|channel| values(format!("Variance.{channel}")));
+    Ok(Estimate {
+        width: film.window().width,
+        height: film.window().height,
+        means: std::array::from_fn(|c| film.rows().map(|pixel: [f32; 3]| pixel[c]).collect()),
+        variances: [r?, g?, b?],
+        counts: values("Samples.X".into())?,
+        seed: setting.sampling.seed,
+    })
+}
