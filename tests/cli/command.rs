@@ -289,7 +289,7 @@ fn inputs_that_cannot_be_used_are_3() {
         ("bad.stl", "bad.stl:4: a vertex without three numbers", "correct the line"),
         ("empty.stl", "empty.stl: has no triangles to draw", "kiln info"),
         ("empty.obj", "empty.obj: has no triangles to draw", "kiln info"),
-        // The index times 3 is 2^64 - 1, which bounds checks of other parsers wrap round.
+        // The index times 3 is 2^64 - 1: tobj's bounds check wraps round, and it panics.
         (
             "panic.obj",
             "panic.obj:5: normal 6148914691236517206 does not exist; the file has 1",

@@ -258,9 +258,9 @@ fn smoothing_group(scanner: &mut Scanner) -> u32 {
     group.min(INHERITED - MISSING - 1)
 }
 
-/// Statements of OBJ that do not change what is drawn, or belong to curves and surfaces (Wavefront, "Object Files",
+/// Statements of OBJ, superseded ones included, that do not change what is drawn, or belong to curves and surfaces (Wavefront, "Object Files",
 /// Advanced Visualizer manual, appendix B1, 1995).
-const OTHERS: [&[u8]; 26] = [
+const OTHERS: [&[u8]; 30] = [
     b"vp",
     b"deg",
     b"bmat",
@@ -287,4 +287,8 @@ const OTHERS: [&[u8]; 26] = [
     b"call",
     b"csh",
     b"res",
+    b"bsp",
+    b"bzp",
+    b"cdc",
+    b"cdp",
 ];
