@@ -124,7 +124,7 @@ impl Chunk {
             }
             b"l" | b"p" => self.oddities.note(Oddity::Element, scanner.lines, String::new),
             b"curv" | b"curv2" | b"surf" => self.oddities.note(Oddity::FreeForm, scanner.lines, String::new),
-            _ if OTHERS.contains(&key) => {}
+            _ if OTHERS.split(' ').any(|other| other.as_bytes() == key) => {}
             _ => {
                 self.oddities.note(Oddity::Unknown, scanner.lines, || shown(key));
                 scanner.name();
@@ -260,35 +260,5 @@ fn smoothing_group(scanner: &mut Scanner) -> u32 {
 
 /// Statements of OBJ, superseded ones included, that do not change what is drawn, or belong to curves and surfaces (Wavefront, "Object Files",
 /// Advanced Visualizer manual, appendix B1, 1995).
-const OTHERS: [&[u8]; 30] = [
-    b"vp",
-    b"deg",
-    b"bmat",
-    b"step",
-    b"cstype",
-    b"parm",
-    b"trim",
-    b"hole",
-    b"scrv",
-    b"sp",
-    b"end",
-    b"con",
-    b"mg",
-    b"bevel",
-    b"c_interp",
-    b"d_interp",
-    b"lod",
-    b"usemap",
-    b"maplib",
-    b"shadow_obj",
-    b"trace_obj",
-    b"ctech",
-    b"stech",
-    b"call",
-    b"csh",
-    b"res",
-    b"bsp",
-    b"bzp",
-    b"cdc",
-    b"cdp",
-];
+const OTHERS: &str = "vp deg bmat step cstype parm trim hole scrv sp end con mg bevel c_interp d_interp lod usemap \
+    maplib shadow_obj trace_obj ctech stech call csh res bsp bzp cdc cdp";
