@@ -258,7 +258,7 @@ fn smoothing_group(scanner: &mut Scanner) -> u32 {
     group.min(INHERITED - MISSING - 1)
 }
 
-/// Statements of OBJ, superseded ones included, that do not change what is drawn, or belong to curves and surfaces (Wavefront, "Object Files",
-/// Advanced Visualizer manual, appendix B1, 1995).
+/// Statements of OBJ, superseded ones included, that do not change what is drawn or belong to curves and surfaces
+/// (Wavefront, "Object Files", Advanced Visualizer manual, appendix B1, 1995).
 const OTHERS: &str = "vp deg bmat step cstype parm trim hole scrv sp end con mg bevel c_interp d_interp lod usemap \
     maplib shadow_obj trace_obj ctech stech call csh res bsp bzp cdc cdp";
