@@ -106,9 +106,9 @@ fn table(file: &Path, kind: &str, runs: usize, python: Option<&String>) -> Resul
         let (median, peak) = (seconds[runs / 2], peaks.iter().fold(0.0, |a: f64, &b| a.max(b)));
         let (least, most) = (seconds[0], seconds[runs - 1]);
         println!(
-            "| `{kind}`, {megabytes:.0} MB | {loader} | {median:.2} ({least:.2} to {most:.2}) | {:.0} | {peak:.0} | {:.2} |",
-            megabytes / median,
-            peak / size_of_mesh,
+            "| `{kind}`, {megabytes:.0} MB | {loader} | {median:.2} ({least:.2} to {most:.2}) | {} | {peak:.0} | {} |",
+            (megabytes / median).round(),
+            (peak / size_of_mesh * 100.0).round() / 100.0,
         );
     }
     Ok(())

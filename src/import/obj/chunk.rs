@@ -1,5 +1,5 @@
-//! One part of an OBJ text, whole lines, as vectors. Nothing in it depends on the parts before; what does is encoded, and
-//! resolved by [`super::assembly`].
+//! One part of an OBJ text, whole lines, as vectors. Nothing in it depends on the parts before; what does is encoded,
+//! and resolved by [`super::assembly`].
 
 use glam::{DVec2, DVec3};
 
@@ -61,7 +61,8 @@ pub(super) struct Chunk {
 }
 
 impl Chunk {
-    /// Parses `text`. Indices are checked against `range` if it is given, and otherwise by the caller, against `needed`.
+    /// Parses `text`. Indices are checked against `range` if it is given, and otherwise by the caller, against
+    /// `needed`.
     pub(super) fn parse(&mut self, text: &[u8], range: Option<Range>) {
         self.clear();
         self.range = range;

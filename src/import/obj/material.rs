@@ -1,6 +1,6 @@
-//! Materials of MTL files. They become Phong: colour `Kd`, k_d = 1, k_s = maximum of `Ks`, n = `Ns`, k_a = 1. Colours are
-//! display values. Materials with `Pr`, `Pm`, `Ps` or `Pc` become metallic-roughness ([`pbr`]). `norm` and `bump` become
-//! normal maps.
+//! Materials of MTL files. They become Phong: colour `Kd`, k_d = 1, k_s = maximum of `Ks`, n = `Ns`, k_a = 1. Colours
+//! are display values. Materials with `Pr`, `Pm`, `Ps` or `Pc` become metallic-roughness ([`pbr`]). `norm` and `bump`
+//! become normal maps.
 
 use super::mtl::Definition;
 use super::pbr;

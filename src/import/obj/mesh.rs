@@ -1,5 +1,5 @@
-//! Meshes of the runs of faces of an OBJ text: polygons are triangulated, normals of smoothing groups computed, and each
-//! mesh keeps the vertices that it uses, in the order of the text.
+//! Meshes of the runs of faces of an OBJ text: polygons are triangulated, normals of smoothing groups computed, and
+//! each mesh keeps the vertices that it uses, in the order of the text.
 
 use std::borrow::Cow;
 

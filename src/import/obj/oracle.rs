@@ -9,7 +9,8 @@ use super::*;
 use crate::import::files::Files;
 use crate::import::polygon::Triangulator;
 
-/// Pseudorandom numbers below a bound (SplitMix64; Steele et al., "Fast Splittable Pseudorandom Number Generators", 2014).
+/// Pseudorandom numbers below a bound (SplitMix64; Steele et al., "Fast Splittable Pseudorandom Number Generators",
+/// 2014).
 struct Random(u64);
 
 impl Random {
@@ -89,8 +90,8 @@ pub(super) fn corners_of(mesh: &Mesh) -> Vec<Corner> {
     (0..mesh.triangles.len()).flat_map(|t| [0, 1, 2].map(|c| corner(t, c))).collect()
 }
 
-/// What tobj makes of a text, with polygons triangulated as elsewhere: the name, the corners and the number of positions
-/// of each model.
+/// What tobj makes of a text, with polygons triangulated as elsewhere: the name, the corners and the number of
+/// positions of each model.
 fn by_tobj(text: &str) -> Vec<(String, Vec<Corner>, usize)> {
     let no_materials = |_: &std::path::Path| Ok(Default::default());
     let read = tobj::load_obj_buf(&mut text.as_bytes(), &tobj::LoadOptions::default(), no_materials);

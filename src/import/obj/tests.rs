@@ -112,8 +112,8 @@ fn vertices_with_weights_colours_and_more() {
 
 #[test]
 fn what_is_not_drawn_is_said_once() {
-    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2 \\\n3\np 1\nl 1\ncstype bezier\ncurv 0 1 1 2\nparm u 0 \\\n1\nend\nfoo\n\
-        bar\nf 1 2 3\nusemtl m\n";
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2 \\\n3\np 1\nl 1\ncstype bezier\n\
+        curv 0 1 1 2\nparm u 0 \\\n1\nend\nfoo\nbar\nf 1 2 3\nusemtl m\n";
     let (scene, warnings) = load(text);
     assert_eq!(scene.objects.len(), 1);
     assert_eq!(

@@ -1,4 +1,5 @@
-//! OBJ and MTL texts in UTF-8, Latin-1, or UTF-16 with a byte order mark. A large text is read in windows of whole lines.
+//! OBJ and MTL texts in UTF-8, Latin-1, or UTF-16 with a byte order mark. A large text is read in windows of whole
+//! lines.
 
 use std::borrow::Cow;
 use std::io::{self, Cursor, Read};
