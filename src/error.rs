@@ -4,6 +4,7 @@
 //! and the place in it, what is wrong, and how to fix it.
 
 use std::cell::Cell;
+use std::collections::HashSet;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -124,34 +125,49 @@ impl fmt::Display for Place {
 /// omitted or replaced; `--strict` makes them fatal. *Notes* report automatic decisions.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Warnings {
-    messages: Vec<String>,
-    notes: Vec<String>,
+    messages: Once,
+    notes: Once,
+}
+
+/// Texts in order, each once.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+struct Once {
+    texts: Vec<String>,
+    known: HashSet<String>,
+}
+
+impl Once {
+    fn push(&mut self, text: String) {
+        if self.known.insert(text.clone()) {
+            self.texts.push(text);
+        }
+    }
 }
 
 impl Warnings {
     /// Adds a warning, unless it was added before.
     pub fn push(&mut self, message: impl Into<String>) {
-        push_once(&mut self.messages, message.into());
+        self.messages.push(message.into());
     }
 
     /// Adds a note, unless it was added before.
     pub fn note(&mut self, message: impl Into<String>) {
-        push_once(&mut self.notes, message.into());
+        self.notes.push(message.into());
     }
 
     /// The warnings so far.
     pub fn messages(&self) -> &[String] {
-        &self.messages
+        &self.messages.texts
     }
 
     /// The notes so far.
     pub fn notes(&self) -> &[String] {
-        &self.notes
+        &self.notes.texts
     }
 
     /// Whether there are no warnings; notes are not counted.
     pub fn is_empty(&self) -> bool {
-        self.messages.is_empty()
+        self.messages.texts.is_empty()
     }
 }
 
@@ -171,12 +187,6 @@ pub fn contain<T>(parse: impl FnOnce() -> T) -> Option<T> {
 /// Whether panics of this thread are caught by [`contain`]; panic hooks should then not report them.
 pub fn is_contained() -> bool {
     CONTAINED.get()
-}
-
-fn push_once(messages: &mut Vec<String>, message: String) {
-    if !messages.contains(&message) {
-        messages.push(message);
-    }
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::SystemTime;
 
-use crate::limits;
+use crate::limits::{self, RegularFile};
 
 /// A file that was opened or looked up.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -76,6 +76,12 @@ impl Files {
     pub(super) fn read(&self, file: &Path) -> std::io::Result<Vec<u8>> {
         self.add(file);
         limits::read_file(file)
+    }
+
+    /// Opens a file for reading.
+    pub(super) fn open(&self, file: &Path) -> std::io::Result<RegularFile> {
+        self.add(file);
+        RegularFile::open(file)
     }
 
     /// Whether the file exists.

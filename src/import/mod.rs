@@ -20,8 +20,6 @@ mod heights;
 mod images;
 mod lines;
 mod obj;
-mod obj_pbr;
-mod obj_text;
 mod ply;
 mod polygon;
 mod sanitise;
@@ -34,6 +32,7 @@ mod uri;
 pub use environment::environment;
 pub use scene_file::inline_camera;
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 pub use files::{FileRead, Stamp};
@@ -54,6 +53,8 @@ pub struct Importer {
     /// Magic bytes that identify the format on standard input. A format without any cannot be read from there, except
     /// scene files, which are the fallback.
     starts: &'static [&'static [u8]],
+    /// Whether the importer reads files by [`Source::stream`] rather than from [`Source::bytes`].
+    streams: bool,
     read: fn(&Source, &mut Warnings) -> Result<Scene>,
 }
 
@@ -64,15 +65,24 @@ pub const IMPORTERS: &[Importer] = &[
         endings: &["toml"],
         is_scene_file: true,
         starts: &[],
+        streams: false,
         read: scene_file::read,
     },
-    Importer { name: "Wavefront OBJ", endings: &["obj"], is_scene_file: false, starts: &[], read: obj::read },
+    Importer {
+        name: "Wavefront OBJ",
+        endings: &["obj"],
+        is_scene_file: false,
+        starts: &[],
+        streams: true,
+        read: obj::read,
+    },
     // Scene files (TOML) cannot begin with a brace, so `{` identifies JSON.
     Importer {
         name: "glTF",
         endings: &["gltf", "glb"],
         is_scene_file: false,
         starts: &[b"glTF", b"{"],
+        streams: false,
         read: gltf::read,
     },
     Importer {
@@ -80,9 +90,17 @@ pub const IMPORTERS: &[Importer] = &[
         endings: &["ply"],
         is_scene_file: false,
         starts: &[b"ply\n", b"ply\r"],
+        streams: false,
         read: ply::read,
     },
-    Importer { name: "STL", endings: &["stl"], is_scene_file: false, starts: &[], read: stl::read },
+    Importer {
+        name: "STL",
+        endings: &["stl"],
+        is_scene_file: false,
+        starts: &[],
+        streams: false,
+        read: stl::read,
+    },
 ];
 
 /// The extensions of all supported formats: `.toml, .obj, ...`.
@@ -118,7 +136,7 @@ fn join(names: &[String], last: &str) -> String {
 pub(crate) struct Source {
     /// Path as given by the user; `-` for standard input.
     pub file: PathBuf,
-    /// Its contents.
+    /// Its contents; empty if the importer reads it by [`Source::stream`].
     pub bytes: Vec<u8>,
     /// Opens referenced files.
     files: Files,
@@ -126,9 +144,26 @@ pub(crate) struct Source {
 
 impl Source {
     fn open(file: &Path, files: &Files) -> Result<Self> {
-        let read = if file == Path::new("-") { limits::read_standard_input() } else { files.read(file) };
+        let read = match importer_by_ending(file) {
+            _ if file == Path::new("-") => limits::read_standard_input(),
+            Some(importer) if importer.streams => Ok(Vec::new()),
+            _ => files.read(file),
+        };
         let bytes = read.map_err(|e| unreadable(file, &e))?;
         Ok(Source { file: file.to_owned(), bytes, files: files.clone() })
+    }
+
+    /// A stream of the contents from the beginning, and their length in bytes.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the file cannot be opened.
+    fn stream(&self) -> Result<(Box<dyn Read + Send + '_>, u64)> {
+        if !self.bytes.is_empty() {
+            return Ok((Box::new(self.bytes.as_slice()), self.bytes.len() as u64));
+        }
+        let file = self.files.open(&self.file).map_err(|e| unreadable(&self.file, &e))?;
+        let length = file.length();
+        Ok((Box::new(file), length))
     }
 
     /// The path of a file referenced by this one.
@@ -257,14 +292,18 @@ fn ending(file: &Path) -> String {
     file.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase()
 }
 
+fn importer_by_ending(file: &Path) -> Option<&'static Importer> {
+    let wanted = ending(file);
+    IMPORTERS.iter().find(|importer| importer.endings.contains(&wanted.as_str()))
+}
+
 fn importer_for(source: &Source) -> Result<&'static Importer> {
     let found = if source.file == Path::new("-") {
         let text = source.bytes.trim_ascii_start();
         let starts = |importer: &&Importer| importer.starts.iter().any(|start| text.starts_with(start));
         IMPORTERS.iter().find(starts).or_else(|| IMPORTERS.iter().find(|importer| importer.is_scene_file))
     } else {
-        let wanted = ending(&source.file);
-        IMPORTERS.iter().find(|importer| importer.endings.contains(&wanted.as_str()))
+        importer_by_ending(&source.file)
     };
     found.ok_or_else(|| {
         let hint = format!("it reads {}; convert the file to one of them", all_endings());

@@ -56,6 +56,12 @@ impl Cuts {
         self.intricate += usize::from(cut == Cut::Intricate);
     }
 
+    /// Adds other counts.
+    pub(crate) fn add(&mut self, other: &Cuts) {
+        self.crossing += other.crossing;
+        self.intricate += other.intricate;
+    }
+
     /// Adds warnings for the polygons of `file` that were split into fans.
     pub(crate) fn warn(&self, file: &Path, warnings: &mut Warnings) {
         let (file, Cuts { crossing, intricate }) = (file.display(), self);

@@ -11,7 +11,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use process::{ADDRESS_SPACE, Available, available, in_use, machine};
-pub use reading::{Refused, explain, read_file, read_standard_input, unreadable};
+pub use reading::{Refused, RegularFile, explain, read_file, read_standard_input, unreadable};
 
 /// Maximum bytes allocated for sizes claimed in a file, unless `--memory-limit` is given: 16 bytes (four channels of
 /// f32) for each of 16,384 x 16,384 pixels, the largest texture that GPUs support.

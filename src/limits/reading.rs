@@ -12,30 +12,62 @@ use crate::error::Error;
 /// # Errors
 /// Errors of the system; [`Refused`] as the cause of [`io::ErrorKind::Other`].
 pub fn read_file(file: &Path) -> io::Result<Vec<u8>> {
-    let metadata = std::fs::metadata(file)?;
-    if metadata.is_dir() {
-        return Err(io::ErrorKind::IsADirectory.into());
-    }
-    if !metadata.is_file() {
-        return Err(io::Error::other(Refused {
-            what: format!("is {}, not a regular file", kind_of(metadata.file_type())),
-            hint: "write what it holds to a file first; `-` reads standard input".into(),
-        }));
-    }
-    check(metadata.len()).map_err(|excess| {
+    let mut open = RegularFile::open(file)?;
+    check(open.length).map_err(|excess| {
         io::Error::other(Refused { what: format!("reading it {excess}"), hint: excess.hint() })
     })?;
-    // Virtual files may report a length of 0 and contain data.
     let mut bytes = Vec::new();
-    bytes.try_reserve_exact(metadata.len() as usize + 1)?;
-    std::fs::File::open(file)?.take(metadata.len() + 1).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > metadata.len() {
-        return Err(io::Error::other(Refused {
-            what: format!("is longer than the {} bytes that the system states", metadata.len()),
-            hint: "copy it to a file first; if it is being written, wait for that".into(),
-        }));
-    }
+    bytes.try_reserve_exact(open.length as usize + 1)?;
+    open.read_to_end(&mut bytes)?;
     Ok(bytes)
+}
+
+/// A regular file, open for reading. More bytes than the system states are an error: virtual files may report a length
+/// of 0 and contain data.
+#[derive(Debug)]
+pub struct RegularFile {
+    file: std::fs::File,
+    length: u64,
+    read: u64,
+}
+
+impl RegularFile {
+    /// Opens a regular file. Its memory is not checked.
+    ///
+    /// # Errors
+    /// Those of [`read_file`].
+    pub fn open(file: &Path) -> io::Result<Self> {
+        let metadata = std::fs::metadata(file)?;
+        if metadata.is_dir() {
+            return Err(io::ErrorKind::IsADirectory.into());
+        }
+        if !metadata.is_file() {
+            return Err(io::Error::other(Refused {
+                what: format!("is {}, not a regular file", kind_of(metadata.file_type())),
+                hint: "write what it holds to a file first; `-` reads standard input".into(),
+            }));
+        }
+        Ok(RegularFile { file: std::fs::File::open(file)?, length: metadata.len(), read: 0 })
+    }
+
+    /// Length in bytes.
+    pub fn length(&self) -> u64 {
+        self.length
+    }
+}
+
+impl Read for RegularFile {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.file.read(buffer)?;
+        self.read += count as u64;
+        if self.read > self.length {
+            return Err(io::Error::other(Refused {
+                what: format!("is longer than the {} bytes that the system states", self.length),
+                hint: "copy it to a file first; if it is being written, wait for that".into(),
+            }));
+        }
+        Ok(count)
+    }
 }
 
 /// Reads all of standard input, up to a third of the available memory.

@@ -1093,15 +1093,15 @@ fn frames_that_do_not_fit_are_refused_by_what_one_needs() {
 fn meshes_that_do_not_fit_are_refused_with_what_they_need() {
     let shop = Workshop::new();
     let faces = |count: usize| "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned() + &"f 1 2 3\n".repeat(count);
-    shop.write("large.obj", faces(600_000));
+    shop.write("large.obj", faces(6_000_000));
     shop.write("small.obj", faces(150_000));
-    // 4,800,024 bytes of text and an eighth, 3 x 160 for the vertices, 600,000 x 3 x 80 for the corners: 142.5 MiB.
+    // 6,000,000 x 12 bytes of triangles, and as much again for what is made of them: 137.3 MiB.
     for command in ["info large.obj", "render large.obj -o a.png"] {
         let (said, hint) = shop.fail(&format!("{command} --memory-limit 128M"), 3);
-        assert!(said.starts_with("large.obj: reading its meshes needs 143 MiB of memory; "), "{said}");
+        assert!(said.starts_with("large.obj: reading its meshes needs 138 MiB of memory; "), "{said}");
         assert!(hint.ends_with("give --memory-limit 2G"), "{hint}");
     }
-    // 150,000 x 416 bytes are 59.5 MiB; reading them takes 35.6.
+    // 150,000 x 416 bytes are 59.5 MiB; reading them takes 3.4.
     shop.succeed("info small.obj --memory-limit 128M");
     for command in ["render", "render --frames 0"] {
         let (said, hint) =

@@ -14,7 +14,7 @@ use kiln::film::{Colour, ColourPipeline, Window};
 use kiln::render::{RenderControl, render};
 use kiln::scene::Numerics;
 use kiln::scene::{
-    Camera, Falloff, Interpolation, LightKind, Material, Mesh, Minify, Projection, Scene, Shape,
+    Camera, Falloff, Interpolation, LightKind, Material, Mesh, Minify, Projection, Scene, Shape, Wrap,
 };
 use kiln::shading::ShadingMode;
 use kiln::world::{View, World};
@@ -423,6 +423,74 @@ fn mtl_of_glass() {
         let found = phong.refraction.map(|glass| (glass.ior, glass.filter));
         assert_eq!(found, glass.map(|(ior, filter)| (ior, Colour::Linear(filter.into()))), "{lines}");
     }
+}
+
+/// `-s 2 0.5 -o 0.25 -1` takes the coordinates (0.5, 0.5) to (1.25, -0.75), which is 1.75 from the top. `-clamp on` holds
+/// the edge of the picture; `-bm` scales the slopes of a bump map.
+#[test]
+fn mtl_options_of_maps() {
+    let folder = Folder::new();
+    folder.write(
+        "four.png",
+        std::fs::read(repository("assets/import/four.png")).expect("the fixture is there"),
+    );
+    let bump = image::GrayImage::from_fn(4, 4, |x, _| image::Luma([60 * x as u8]));
+    bump.save(folder.0.path().join("bump.png")).expect("a file");
+    let mtl = "newmtl moved\nmap_Kd -clamp on -s 2 0.5 -o 0.25 -1 four.png\nmap_bump -bm 3 -s 2 0.5 -o 0.25 -1 bump.png\n\
+        newmtl plain\nmap_Kd -mm 0.1 1 four.png\nbump bump.png\nmap_d -s 2 four.png\nmap_Ks four.png\nrefl -type sphere a.png\n";
+    folder.write("a.mtl", mtl);
+    let faces = "vt 0.5 0.5\nusemtl moved\nf 1/1 2/1 3/1\nusemtl plain\nf 1/1 2/1 3/1\n";
+    let obj = format!("mtllib a.mtl\n{OBJ_TRIANGLE}{faces}");
+    let (scene, warnings) = folder.load("a.obj", &obj);
+    assert_eq!(
+        warnings,
+        [
+            "a.mtl:5: the option -mm of `map_Kd` is left out",
+            "a.obj: material `plain` has maps of several -s or -o; drawn with those of the first",
+        ]
+    );
+    let uvs = |object| mesh(&scene, object).uvs.as_ref().expect("texture coordinates").values.clone();
+    assert_eq!((uvs(0), uvs(1)), (vec![DVec2::new(1.25, 1.75)], vec![DVec2::new(0.5, 0.5)]));
+    let phong = |object: usize| match &scene.materials[scene.objects[object].material.0 as usize] {
+        Material::Phong(phong) => phong,
+        other => panic!("{other:?}"),
+    };
+    let wrap = |object| phong(object).texture.expect("a texture").sampler.wrap_u;
+    assert_eq!((wrap(0), wrap(1)), (Wrap::ClampToEdge, Wrap::Repeat));
+    let slope = |object| phong(object).normal_map.expect("a normal map").scale;
+    assert_eq!(slope(0), 3.0 * slope(1));
+    let mut warnings = Warnings::default();
+    let file = folder.0.path().join("a.obj");
+    kiln::import::load(&[file], &mut warnings).expect("it was read before");
+    assert!(
+        warnings.notes().iter().any(|note| note.ends_with("a.mtl: not used: map_Ks, refl")),
+        "{warnings:?}"
+    );
+}
+
+#[test]
+fn mtl_files_in_one_line_in_any_encoding() {
+    let folder = Folder::new();
+    folder.write("a.mtl", b"newmtl gr\xFCn\nKd 0 1 0\n");
+    let utf16 = |text: &str| text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
+    folder.write("b.mtl", utf16("\u{feff}newmtl rot\r\nKd 1 0 0\r\n"));
+    folder.write("c d.mtl", "newmtl blau\nKd 0 0 1\n");
+    let faces = "usemtl gr\u{fc}n\nf 1 2 3\nusemtl rot\nf 1 2 3\nusemtl blau\nf 1 2 3\n";
+    let (scene, warnings) =
+        folder.load("a.obj", format!("mtllib a.mtl  b.mtl\nmtllib c d.mtl\n{OBJ_TRIANGLE}{faces}"));
+    assert_eq!(warnings, [""; 0]);
+    let colour = |object: &kiln::scene::Object| match &scene.materials[object.material.0 as usize] {
+        Material::Phong(phong) => phong.colour,
+        other => panic!("{other:?}"),
+    };
+    let colours: Vec<Colour> = scene.objects.iter().map(colour).collect();
+    assert_eq!(colours, [DVec3::Y, DVec3::X, DVec3::Z].map(Colour::Display));
+    // Without any file, every name is unknown.
+    let (scene, warnings) = folder.load("b.obj", format!("{OBJ_TRIANGLE}usemtl rot\nf 1 2 3\n"));
+    assert_eq!(
+        (scene.primitive_count(), warnings),
+        (1, vec!["b.obj: material `rot` is not defined; drawn in grey".into()])
+    );
 }
 
 #[test]

@@ -5,11 +5,12 @@
 
 use glam::DVec3;
 
-use super::Source;
-use super::images::{Channels, ImageLoader};
+use super::mtl::Definition;
 use crate::error::{Result, Warnings};
 use crate::film::Colour;
-use crate::scene::{Layers, MetallicRoughness, NormalMap, Refraction, Sampler, Scene, Texture, Volume};
+use crate::import::Source;
+use crate::import::images::{Channels, ImageLoader};
+use crate::scene::{Layers, MetallicRoughness, NormalMap, Refraction, Scene, Texture, Volume};
 
 /// Roughness of the sheen, which MTL cannot say: the default of Blender's Principled BSDF.
 const SHEEN_ROUGHNESS: f64 = 0.5;
@@ -37,13 +38,14 @@ pub(crate) fn is_physically_based(m: &tobj::Material) -> bool {
 
 /// Converts a physically based material with the texture of its colour and its normal map.
 pub(crate) fn convert(
-    m: &tobj::Material,
+    definition: &Definition,
     (texture, normal_map): (Option<Texture>, Option<NormalMap>),
     source: &Source,
     scene: &mut Scene,
     images: &mut ImageLoader,
     warnings: &mut Warnings,
 ) -> Result<MetallicRoughness> {
+    let m = &definition.material;
     let unit = |value: f64| value.clamp(0.0, 1.0);
     let unit_of = |key: &str, default: f64| unit(number(m, key).unwrap_or(default));
     let mut image = |key: &str| match m.unknown_param.get(key) {
@@ -52,7 +54,7 @@ pub(crate) fn convert(
     };
     let [roughness_map, metallic_map, emission_map] = [image("map_Pr")?, image("map_Pm")?, image("map_Ke")?];
     let both = images.metallic_roughness(scene, roughness_map, metallic_map, &source.file)?;
-    let on = |image| Texture { image, sampler: Sampler::default() };
+    let first = if roughness_map.is_some() { "map_Pr" } else { "map_Pm" };
     let colour = |value: Option<[f64; 3]>, default: f64| {
         Colour::Linear(value.map_or(DVec3::splat(default), DVec3::from))
     };
@@ -65,9 +67,9 @@ pub(crate) fn convert(
         base_colour_texture: texture,
         metallic: unit_of("Pm", if metallic_map.is_some() { 1.0 } else { 0.0 }),
         roughness: unit_of("Pr", 1.0),
-        metallic_roughness_texture: both.map(on),
+        metallic_roughness_texture: both.map(|image| definition.texture(image, first)),
         emission: colour(m.emissive, if emission_map.is_some() { 1.0 } else { 0.0 }),
-        emission_texture: emission_map.map(on),
+        emission_texture: emission_map.map(|image| definition.texture(image, "map_Ke")),
         normal_map,
         layers: Layers {
             ior: ior.unwrap_or(1.5),

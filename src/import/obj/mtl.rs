@@ -1,0 +1,288 @@
+//! MTL files, by `tobj`.
+//!
+//! tobj 4.0.5 knows the keys and keeps those that it does not, but panics on `Kd 0.5`, gives up the whole file for one
+//! bad line, and takes the options of maps for parts of their names. The text is therefore normalised first: lines that
+//! it would not understand are left out with a warning, and options are read here.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use glam::{DVec2, dvec2};
+
+use super::pbr;
+use super::text::{decode_name, without_mark};
+use crate::error::{Warnings, contain};
+use crate::import::Source;
+use crate::import::lines::Lines;
+use crate::limits::unreadable;
+use crate::scene::{ImageId, Sampler, Texture, Wrap};
+
+/// A material of an MTL file.
+#[derive(Debug, Default)]
+pub(super) struct Definition {
+    /// What tobj read.
+    pub material: tobj::Material,
+    /// Options of maps by the key of the map; those of bump maps by `bump`.
+    options: BTreeMap<String, MapOptions>,
+}
+
+/// Options of a map that are used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct MapOptions {
+    /// `-s`: factor of the texture coordinates.
+    scale: DVec2,
+    /// `-o`: added to them.
+    offset: DVec2,
+    /// `-clamp`.
+    is_clamped: bool,
+    /// `-bm`: factor of the heights of a bump map.
+    pub multiplier: f64,
+}
+
+impl Default for MapOptions {
+    fn default() -> Self {
+        MapOptions { scale: DVec2::ONE, offset: DVec2::ZERO, is_clamped: false, multiplier: 1.0 }
+    }
+}
+
+/// Maps that are read.
+const MAPS: [&str; 7] = ["map_Kd", "map_d", "bump", "norm", "map_Pr", "map_Pm", "map_Ke"];
+
+impl Definition {
+    /// The options of a map.
+    pub(super) fn options(&self, key: &str) -> MapOptions {
+        self.options.get(key).copied().unwrap_or_default()
+    }
+
+    /// A texture of the map `key`.
+    pub(super) fn texture(&self, image: ImageId, key: &str) -> Texture {
+        let wrap = if self.options(key).is_clamped { Wrap::ClampToEdge } else { Wrap::Repeat };
+        Texture { image, sampler: Sampler { wrap_u: wrap, wrap_v: wrap, ..Sampler::default() } }
+    }
+
+    /// Factor of the texture coordinates of the first map, and what is added to them, if that changes them. All maps of
+    /// a material have the same coordinates.
+    pub(super) fn transform(&self, file: &Path, warnings: &mut Warnings) -> Option<(DVec2, DVec2)> {
+        let of = |key: &&str| self.options.get(*key).map(|options| (options.scale, options.offset));
+        let mut all = MAPS.iter().filter_map(of);
+        let first = all.next()?;
+        if all.any(|other| other != first) {
+            let (file, name) = (file.display(), &self.material.name);
+            let what = "has maps of several -s or -o; drawn with those of the first";
+            warnings.push(format!("{file}: material `{name}` {what}"));
+        }
+        (first != (DVec2::ONE, DVec2::ZERO)).then_some(first)
+    }
+}
+
+/// Reads the MTL file that an OBJ names, or, if there is none, the files whose names stand side by side. A file that
+/// cannot be read is left out with a warning.
+pub(super) fn read(source: &Source, name: &str, warnings: &mut Warnings) -> Vec<Definition> {
+    let name = name.replace('\\', "/");
+    let several: Vec<&str> = name.split_whitespace().collect();
+    let is_mtl = |name: &&str| name.to_ascii_lowercase().ends_with(".mtl");
+    if several.len() > 1 && several.iter().all(is_mtl) && !source.files.has(&source.sibling(&name)) {
+        return several.into_iter().flat_map(|name| read_one(source, name, warnings)).collect();
+    }
+    read_one(source, &name, warnings)
+}
+
+fn read_one(source: &Source, name: &str, warnings: &mut Warnings) -> Vec<Definition> {
+    let path = source.sibling(name);
+    let bytes = match source.files.read(&path) {
+        Ok(bytes) => bytes,
+        Err(e) => {
+            let e = unreadable(&path, &e);
+            warnings.push(format!("{}: materials left out: {e}", source.file.display()));
+            return Vec::new();
+        }
+    };
+    let (text, options) = normalise(&bytes, &path.display().to_string(), warnings);
+    let read = contain(|| tobj::load_mtl_buf(&mut text.as_bytes()));
+    let mut materials = match read.unwrap_or(Err(tobj::LoadError::GenericFailure)) {
+        Ok((materials, _)) => materials,
+        Err(e) => {
+            warnings.push(format!("{}: materials left out: {e}", path.display()));
+            return Vec::new();
+        }
+    };
+    find_images(&mut materials, Path::new(name), source);
+    let options = options.into_iter().chain(std::iter::repeat_with(BTreeMap::new));
+    materials.into_iter().zip(options).map(|(material, options)| Definition { material, options }).collect()
+}
+
+/// Searches images beside the MTL file `name`, then beside the OBJ, because exporters write paths relative to either.
+fn find_images(materials: &mut [tobj::Material], name: &Path, source: &Source) {
+    let Some(folder) = name.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return };
+    let images = materials.iter_mut().flat_map(|m| {
+        let others = m.unknown_param.iter_mut();
+        let others = others.filter(|(key, _)| *key == "norm" || pbr::MAPS.contains(&key.as_str()));
+        let textures = [m.diffuse_texture.as_mut(), m.dissolve_texture.as_mut(), m.normal_texture.as_mut()];
+        let textures = textures.into_iter().flatten();
+        textures.chain(others.map(|(_, image)| image))
+    });
+    for image in images {
+        let beside = folder.join(&*image);
+        if source.files.has(&source.sibling(&beside)) {
+            *image = beside.to_string_lossy().into_owned();
+        }
+    }
+}
+
+/// Normalises the text of an MTL file. Returns it without invalid lines, of which it warns, and the options of the maps
+/// of each material.
+fn normalise(
+    bytes: &[u8],
+    file: &str,
+    warnings: &mut Warnings,
+) -> (String, Vec<BTreeMap<String, MapOptions>>) {
+    let mut out = String::with_capacity(bytes.len());
+    let mut options: Vec<BTreeMap<String, MapOptions>> = Vec::new();
+    let mut unused = BTreeSet::new();
+    for (number, line) in Lines::new(&without_mark(bytes), 0) {
+        let line = decode_name(line.trim_ascii());
+        let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
+        let rest = rest.trim();
+        let Some(value) = normalise_value(key, rest) else {
+            warnings.push(format!("{file}:{number}: `{line}` left out: not understood"));
+            continue;
+        };
+        out.push_str(&format!("{key} {value}\n"));
+        let map = if matches!(key, "map_Bump" | "map_bump") { "bump" } else { key };
+        if key == "newmtl" {
+            options.push(BTreeMap::new());
+        } else if MAPS.contains(&map) {
+            let (made, left_out, _) = split_options(rest);
+            for option in left_out {
+                warnings.push(format!("{file}:{number}: the option -{option} of `{key}` is left out"));
+            }
+            options.last_mut().map(|options| options.insert(map.into(), made));
+        } else if is_map(key) || key == "sharpness" {
+            unused.insert(key.to_owned());
+        }
+        if key == "d" && rest.starts_with("-halo") {
+            warnings.push(format!("{file}:{number}: the option -halo of `d` is left out"));
+        }
+    }
+    if !unused.is_empty() {
+        let unused: Vec<String> = unused.into_iter().collect();
+        warnings.note(format!("{file}: not used: {}", unused.join(", ")));
+    }
+    (out, options)
+}
+
+/// The value of a line as tobj reads it; `None` if it is invalid.
+fn normalise_value(key: &str, rest: &str) -> Option<String> {
+    let numbers = |rest: &str| -> Option<Vec<f64>> {
+        let numbers = rest.split('#').next().unwrap_or("");
+        numbers.split_whitespace().map(|word| word.parse().ok()).collect()
+    };
+    match key {
+        // tobj fails on the whole file for `newmtl` or a map without a name.
+        _ if key.is_empty() || key.starts_with('#') => Some(String::new()),
+        _ if rest.is_empty() => None,
+        "Ka" | "Kd" | "Ks" | "Ke" | "Tf" => match numbers(rest)?.as_slice() {
+            // MTL allows omitting green and blue, which then equal red.
+            [r] | [r, _] if is_colour(r) => Some(format!("{r} {r} {r}")),
+            [r, g, b, ..] if [r, g, b].into_iter().all(is_colour) => Some(format!("{r} {g} {b}")),
+            _ => None,
+        },
+        "Ns" | "Ni" | "d" | "Tr" => match numbers(rest.strip_prefix("-halo").unwrap_or(rest))?.as_slice() {
+            [x, ..] if x.is_finite() => Some(x.to_string()),
+            _ => None,
+        },
+        "illum" => match numbers(rest)?.as_slice() {
+            [x, ..] if (0.0..=10.0).contains(x) => Some((*x as u8).to_string()),
+            _ => None,
+        },
+        _ if is_map(key) => Some(split_options(rest).2),
+        _ => Some(rest.to_owned()),
+    }
+}
+
+/// Whether the value of a key is a file, with options before it.
+fn is_map(key: &str) -> bool {
+    key.starts_with("map_") || matches!(key, "bump" | "norm" | "disp" | "decal" | "refl")
+}
+
+/// Whether a value is a valid colour component. It may exceed 1 within the range of f32.
+fn is_colour(c: &f64) -> bool {
+    (0.0..=1e12).contains(c)
+}
+
+/// Splits the value of a map, such as `-s 1 1 1 wood.png`, into its options, the names of those that are left out and
+/// change the image, and the file name, which may contain spaces.
+fn split_options(value: &str) -> (MapOptions, Vec<&str>, String) {
+    let mut rest = value;
+    let (mut options, mut left_out) = (MapOptions::default(), Vec::new());
+    while let Some(option) = rest.strip_prefix('-') {
+        let mut words = option.split_whitespace();
+        let name = words.next().unwrap_or("");
+        let most = match name {
+            "s" | "o" | "t" => 3,
+            "mm" => 2,
+            "blendu" | "blendv" | "cc" | "clamp" | "imfchan" | "texres" | "bm" | "boost" | "type" => 1,
+            _ => break,
+        };
+        let is_value = |word: &&str| most == 1 || word.parse::<f64>().is_ok();
+        let values: Vec<&str> = words.take(most).take_while(is_value).collect();
+        let number = |i: usize, default: f64| {
+            let number = values.get(i).and_then(|word| word.parse().ok());
+            number.filter(|number: &f64| number.is_finite()).unwrap_or(default)
+        };
+        // What is not given of `-s` is 1, and of `-o` and `-t` 0.
+        match (name, values.first().copied()) {
+            ("s", _) => options.scale = dvec2(number(0, 1.0), number(1, 1.0)),
+            ("o", _) => options.offset = dvec2(number(0, 0.0), number(1, 0.0)),
+            ("bm", _) => options.multiplier = number(0, 1.0),
+            ("clamp", value) => options.is_clamped = value == Some("on"),
+            ("t", _) if (0..3).all(|i| number(i, 0.0) == 0.0) => {}
+            ("mm", _) if (number(0, 0.0), number(1, 1.0)) == (0.0, 1.0) => {}
+            ("blendu" | "blendv", Some("on")) | ("cc", Some("off")) | ("texres" | "type", _) => {}
+            _ => left_out.push(name),
+        }
+        let end = values.last().unwrap_or(&name);
+        rest = rest[end.as_ptr() as usize - rest.as_ptr() as usize + end.len()..].trim_start();
+    }
+    (options, left_out, rest.replace('\\', "/"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mtl_values() {
+        let mut warnings = Warnings::default();
+        let text = "newmtl a b\nKd 0.5\nKs xyz 1 1\nKa spectral f.rfl\nillum 2\n# map_Kd\nd -halo 0.25\n\
+            map_Kd -s 1 1 1 -clamp on d\\my tex.png\n";
+        let (clean, _) = normalise(text.as_bytes(), "m.mtl", &mut warnings);
+        assert_eq!(clean, "newmtl a b\nKd 0.5 0.5 0.5\nillum 2\n# \nd 0.25\nmap_Kd d/my tex.png\n");
+        assert_eq!(
+            warnings.messages(),
+            [
+                "m.mtl:3: `Ks xyz 1 1` left out: not understood",
+                "m.mtl:4: `Ka spectral f.rfl` left out: not understood",
+                "m.mtl:7: the option -halo of `d` is left out",
+            ]
+        );
+    }
+
+    #[test]
+    fn options_of_maps() {
+        let split = |value| {
+            let (MapOptions { scale, offset, is_clamped, multiplier }, left_out, file) = split_options(value);
+            (scale.to_array(), offset.to_array(), is_clamped, multiplier, left_out.join(" "), file)
+        };
+        let plain = ([1.0, 1.0], [0.0, 0.0], false, 1.0, String::new());
+        let with = |file: &str| (plain.0, plain.1, plain.2, plain.3, plain.4.clone(), file.to_owned());
+        assert_eq!(split("a b.png"), with("a b.png"));
+        assert_eq!(split("-blendu on -blendv on -mm 0 1 -t 0 -cc off -type sphere 2 a.png"), with("2 a.png"));
+        assert_eq!(split("-x.png"), with("-x.png"));
+        // A number after the least that an option takes is an argument of it.
+        let all =
+            "-s 2 -o 0.25 -0.5 0 -clamp on -bm 0.3 -mm 0 2 -t 1 -imfchan r -boost 2 -blendu off d\\a.png";
+        let left_out = "mm t imfchan boost blendu";
+        assert_eq!(split(all), ([2.0, 1.0], [0.25, -0.5], true, 0.3, left_out.into(), "d/a.png".into()));
+    }
+}

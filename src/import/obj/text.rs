@@ -1,0 +1,110 @@
+//! OBJ and MTL texts in UTF-8, Latin-1, or UTF-16 with a byte order mark. A large text is read in windows of whole
+//! lines.
+
+use std::borrow::Cow;
+use std::io::{self, Cursor, Read};
+use std::path::Path;
+
+use super::scanner::{last_line, next_line};
+use crate::error::{Error, Result};
+use crate::import::Source;
+use crate::limits::{self, unreadable};
+
+/// A name in UTF-8; if it is not, in Latin-1.
+pub(super) fn decode_name(name: &[u8]) -> String {
+    match std::str::from_utf8(name) {
+        Ok(name) => name.into(),
+        Err(_) => name.iter().copied().map(char::from).collect(),
+    }
+}
+
+/// A text in UTF-8 or Latin-1, from a text that may also be in UTF-16 with a byte order mark, which is removed.
+pub(super) fn without_mark(text: &[u8]) -> Cow<'_, [u8]> {
+    let unit = match text {
+        [0xFF, 0xFE, ..] => u16::from_le_bytes,
+        [0xFE, 0xFF, ..] => u16::from_be_bytes,
+        _ => return Cow::Borrowed(text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text)),
+    };
+    let units = text[2..].as_chunks().0.iter().map(|bytes| unit(*bytes));
+    let chars = char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER));
+    Cow::Owned(chars.collect::<String>().into_bytes())
+}
+
+/// Reads a text in windows of whole lines.
+pub(super) struct Windows<'a> {
+    file: &'a Path,
+    reader: Box<dyn Read + Send + 'a>,
+    size: usize,
+    /// Bytes read beyond the last window.
+    rest: Vec<u8>,
+    is_done: bool,
+    /// Length of the text in bytes.
+    pub length: u64,
+}
+
+impl<'a> Windows<'a> {
+    /// The text of `source`, in windows of `size` bytes or more.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it cannot be read.
+    pub(super) fn open(source: &'a Source, size: usize) -> Result<Self> {
+        let file = source.file.as_path();
+        let (mut reader, mut length) = source.stream()?;
+        let unread = |e: io::Error| unreadable(file, &e);
+        let mut rest = Vec::new();
+        reader.by_ref().take(3).read_to_end(&mut rest).map_err(unread)?;
+        if rest.starts_with(b"\xFF\xFE") || rest.starts_with(b"\xFE\xFF") {
+            // Two bytes of UTF-16 are at most three of UTF-8, in a vector that may have doubled.
+            limits::check(limits::product(&[length, 4])).map_err(|excess| too_large(file, &excess))?;
+            reader.read_to_end(&mut rest).map_err(unread)?;
+            let text = without_mark(&rest).into_owned();
+            (length, rest) = (text.len() as u64, Vec::new());
+            reader = Box::new(Cursor::new(text));
+        } else if rest == b"\xEF\xBB\xBF" {
+            rest.clear();
+        }
+        Ok(Windows { file, reader, size, rest, is_done: false, length })
+    }
+
+    /// Replaces the contents of `window` by the next lines; by nothing at the end of the text.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the text cannot be read, or one line exceeds the memory limit.
+    pub(super) fn next(&mut self, window: &mut Vec<u8>) -> Result<()> {
+        window.clear();
+        window.append(&mut self.rest);
+        while !self.is_done {
+            // A line that is longer than a window doubles it.
+            let wanted = self.size.max(window.len());
+            if wanted > self.size {
+                limits::check(2 * wanted as u64).map_err(|excess| too_large(self.file, &excess))?;
+            }
+            window.reserve_exact(wanted + 1);
+            let read = self.reader.by_ref().take(wanted as u64).read_to_end(window);
+            self.is_done = read.map_err(|e| unreadable(self.file, &e))? < wanted;
+            if let Some(end) = last_line(window).filter(|_| !self.is_done) {
+                self.rest.extend_from_slice(&window[end..]);
+                window.truncate(end);
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn too_large(file: &Path, excess: &limits::Excess) -> Error {
+    Error::input(file, format!("reading its meshes {excess}"), excess.hint())
+}
+
+/// Splits a window into parts of whole lines, of `size` bytes or more.
+pub(super) fn parts(window: &[u8], size: usize) -> Vec<&[u8]> {
+    let mut parts = Vec::new();
+    let mut rest = window;
+    while let Some(end) = next_line(rest, size).filter(|_| rest.len() > size) {
+        let (part, more) = rest.split_at(end);
+        parts.push(part);
+        rest = more;
+    }
+    parts.push(rest);
+    parts
+}
