@@ -78,6 +78,9 @@ impl Chunk {
             scanner.end_line();
         }
         self.lines = scanner.lines;
+        if let Some((line, word)) = scanner.odd_number {
+            self.oddities.note(Oddity::Number, line, || shown(word));
+        }
         if !self.colours.is_empty() {
             self.colours.resize(self.positions.len(), DVec3::ONE);
         }

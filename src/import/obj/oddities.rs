@@ -17,11 +17,13 @@ pub(super) enum Oddity {
     Surplus,
     /// A coordinate that is infinite or not a number.
     NotFinite,
+    /// A number that something else follows without a space.
+    Number,
 }
 
 /// The first line of each oddity, counted from 0, and the word or number that is odd.
 #[derive(Debug, Default)]
-pub(super) struct Oddities([Option<(usize, String)>; 5]);
+pub(super) struct Oddities([Option<(usize, String)>; 6]);
 
 impl Oddities {
     /// Records a line.
@@ -41,7 +43,7 @@ impl Oddities {
     /// Adds a warning or a note for each.
     pub(super) fn warn(&self, file: &Path, warnings: &mut Warnings) {
         let file = file.display();
-        let [element, free_form, unknown, surplus, not_finite] =
+        let [element, free_form, unknown, surplus, not_finite, number] =
             self.0.each_ref().map(|first| first.as_ref().map(|(line, text)| (line + 1, text)));
         if element.is_some() {
             warnings.push(format!("{file}: points and lines are not drawn"));
@@ -56,6 +58,9 @@ impl Oddities {
         if let Some((line, count)) = surplus {
             let what = "numbers; those beyond x y z, or x y z r g b, are left out";
             warnings.push(format!("{file}:{line}: a vertex of {count} {what}"));
+        }
+        if let Some((line, word)) = number {
+            warnings.push(format!("{file}:{line}: `{word}` is read up to its last sign"));
         }
         if let Some((line, _)) = not_finite {
             warnings.note(format!("{file}:{line}: the first vertex that is not finite"));

@@ -9,6 +9,8 @@ pub(super) struct Scanner<'a> {
     at: usize,
     /// Line ends passed.
     pub lines: usize,
+    /// The line of the first number that is followed by something else, and the word.
+    pub odd_number: Option<(usize, &'a [u8])>,
 }
 
 /// An index in a face that is not given.
@@ -17,7 +19,7 @@ pub(super) const NONE: i64 = i64::MIN;
 impl<'a> Scanner<'a> {
     /// The start of `text`.
     pub(super) fn new(text: &'a [u8]) -> Self {
-        Scanner { text, at: 0, lines: 0 }
+        Scanner { text, at: 0, lines: 0, odd_number: None }
     }
 
     /// Whether all lines have been passed.
@@ -73,14 +75,20 @@ impl<'a> Scanner<'a> {
         self.lines += usize::from(end > 0);
     }
 
-    /// The next number of the line.
+    /// The next number of the line. A sign ends it, as for C's `strtod`: `3.1+e2` is 3.1, and noted.
     ///
     /// # Errors
     /// The fault, if the next word is not a number.
     pub(super) fn number(&mut self) -> Result<Option<f64>, String> {
         let Some(word) = self.word() else { return Ok(None) };
-        let number = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
-        number.map(Some).ok_or_else(|| format!("`{}` is not a number", shown(word)))
+        let parsed = |word: &[u8]| std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
+        if let Some(number) = parsed(word) {
+            return Ok(Some(number));
+        }
+        let sign = word.iter().rposition(|byte| matches!(byte, b'+' | b'-')).unwrap_or(0);
+        let number = parsed(&word[..sign]).ok_or_else(|| format!("`{}` is not a number", shown(word)))?;
+        self.odd_number.get_or_insert((self.lines, word));
+        Ok(Some(number))
     }
 
     /// The next corner of a face, `v`, `v/vt`, `v//vn` or `v/vt/vn`: three indices, [`NONE`] where there is none.

@@ -36,7 +36,7 @@ fn faults_have_a_line() {
     assert_eq!(with("f 1/1 2/1 3/1"), "a.obj:4: texture coordinate 1 does not exist; the file has 0");
     assert_eq!(with("\n\\\nf 1 2 x"), "a.obj:6: `x` is not a corner of a face");
     assert_eq!(with("v 1.0D+00 0 0"), "a.obj:4: `1.0D+00` is not a number");
-    assert_eq!(with("v 1 2 3.1+e2"), "a.obj:4: `3.1+e2` is not a number");
+    assert_eq!(with("v 1 2 +-"), "a.obj:4: `+-` is not a number");
     assert_eq!(with("v 1 2 3 1 red 0"), "a.obj:4: `red` is not a number");
     assert_eq!(with("vn 0 1"), "a.obj:4: `vn` with 2 of 3 numbers");
 }
@@ -45,6 +45,14 @@ fn faults_have_a_line() {
 fn numbers_that_are_not_finite_are_noted_with_their_line() {
     let (_, warnings) = load("v 0 0 0\nv 1e400 0 0\nv nan 1 0\nf 1 2 3\n");
     assert_eq!(warnings.notes(), ["a.obj:2: the first vertex that is not finite"]);
+}
+
+#[test]
+fn a_sign_ends_a_number() {
+    let (scene, warnings) = load("v 0 0 0\nv 3.1+e2 0 0\nv 0 2-1 0\nf 1 2 3\n");
+    let positions = format!("{:?}", meshes(&scene));
+    assert!(positions.contains("3.1") && positions.contains("2.0"), "{positions}");
+    assert_eq!(warnings.messages(), ["a.obj:2: `3.1+e2` is read up to its last sign"]);
 }
 
 #[test]
