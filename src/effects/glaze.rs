@@ -265,15 +265,23 @@ impl Stage for Combine {
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let (generation, next) = tile.this_and_next();
-        for (i, &ray) in next.surfaces.ray_of().iter().enumerate() {
-            let source = next.sources[ray as usize] as usize;
+        let world = context.world;
+        let mut mix = |ray: usize, mirrored: DVec3| {
+            let source = next.sources[ray] as usize;
             let material = generation.surfaces.materials()[source] as usize;
-            if let Some(glaze) = context.world.materials[material].glaze() {
-                let (own, mirrored) = (generation.colours.get(source), next.colours.get(i));
-                let mixed =
-                    context.world.pipeline.weighted_combine(own, mirrored, glaze.own_weight, glaze.weight);
+            if let Some(glaze) = world.materials[material].glaze() {
+                let own = generation.colours.get(source);
+                let mixed = world.pipeline.weighted_combine(own, mirrored, glaze.own_weight, glaze.weight);
                 generation.colours.set(source, mixed);
             }
+        };
+        for (i, &ray) in next.surfaces.ray_of().iter().enumerate() {
+            mix(ray as usize, next.colours.get(i));
+        }
+        // Mirrored rays see the environment, as scattered ones do in path tracing, even where it is no background.
+        let Some(environment) = &world.environment else { return };
+        for (ray, mirrored) in next.rays.iter().enumerate().filter(|(ray, _)| next.hits[*ray].is_none()) {
+            mix(ray, environment.eval(mirrored.direction));
         }
     }
 }

@@ -4,7 +4,7 @@ use super::Stage;
 use super::tile::{RenderContext, Tile};
 use crate::world::{RAYS_PER_BATCH, Vec3Soa, simd_dispatch};
 
-/// Gives every pixel the colour of its surface, or the background's.
+/// Gives every pixel the colour of its surface, of the environment, or of the background.
 pub(crate) struct WritePixels;
 
 impl Stage for WritePixels {
@@ -24,6 +24,12 @@ impl Stage for WritePixels {
                 || write_all(&generation.colours, pixels),
             );
             return;
+        }
+        if context.world.environment.is_some() {
+            for (ray, &source) in generation.rays.iter().zip(&generation.sources) {
+                pixels[source as usize] =
+                    context.world.background_towards(ray.direction).as_vec3().to_array();
+            }
         }
         for (i, &ray) in surfaces.ray_of().iter().enumerate() {
             pixels[generation.sources[ray as usize] as usize] =

@@ -46,7 +46,7 @@ use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
 use crate::scene::{Camera, Material, MetallicRoughness, Numerics, Sampling, Scene, Transport};
-use crate::world::{PreparedMaterial, Recentering, View, World, headlight, recenter};
+use crate::world::{PreparedMaterial, Recentering, View, World, has_radiance, headlight, recenter};
 use camera::Viewpoint;
 
 /// A picture that is ready to be rendered.
@@ -246,6 +246,14 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     resolve_for(scene, recentering, camera, size, settings)
 }
 
+/// Warns of lights that have an area and no radiance, because their extent is too small or too large.
+fn warn_of_dark_lights(scene: &Scene, warnings: &mut Warnings) {
+    for light in scene.lights.iter().filter(|light| !has_radiance(light)) {
+        warnings
+            .push(format!("light `{}` is too small, too large or turned to no side; left out", light.name));
+    }
+}
+
 /// Whether a scene is given a headlight: one without lights, if settings or scene ask for it or nothing else lights it.
 pub(crate) fn needs_headlight(scene: &Scene, settings: &RenderSettings) -> bool {
     let asked_for = settings.headlight.or(scene.headlight);
@@ -419,6 +427,27 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
 mod tests {
     use super::*;
     use crate::scene::{Environment, EnvironmentSource};
+
+    /// The radiance of a rectangle is the intensity times pi over its area: beyond f64 where that underflows.
+    #[test]
+    fn lights_without_an_extent_are_named() {
+        let light = |name: &str, size: f64, intensity: f64| crate::scene::Light {
+            name: name.into(),
+            colour: crate::film::Colour::Linear(glam::DVec3::ONE),
+            intensity,
+            kind: crate::scene::LightKind::Rectangle {
+                position: glam::DVec3::ZERO,
+                direction: glam::DVec3::Z,
+                up: glam::DVec3::Y,
+                size: [size; 2],
+            },
+        };
+        let lights = vec![light("lamp", 1.0, 1.0), light("speck", 1e-200, 1.0), light("off", 1e-200, 0.0)];
+        let mut warnings = Warnings::default();
+        warn_of_dark_lights(&Scene { lights, ..Scene::default() }, &mut warnings);
+        let [warning] = warnings.messages() else { panic!("{:?}", warnings.messages()) };
+        assert!(warning.contains("`speck`"), "{warning}");
+    }
 
     /// An environment is light in path tracing, its default, and no headlight is added; local shading does not see it.
     #[test]

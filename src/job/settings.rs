@@ -65,6 +65,7 @@ impl RenderSettings {
     /// # Errors
     /// Those of [`EnvironmentSettings::apply`], and [`Error::Input`] for a ground under a scene without objects.
     pub fn complete(&self, scene: &mut Scene, warnings: &mut Warnings) -> Result<()> {
+        super::warn_of_dark_lights(scene, warnings);
         self.environment.apply(scene, warnings)?;
         if !self.ground.or(scene.has_ground).unwrap_or(false) {
             return Ok(());

@@ -47,6 +47,14 @@ impl AreaLights {
     }
 }
 
+/// Whether a light that has an area, and is not black or off, has a radiance that is finite and not zero.
+pub(crate) fn has_radiance(light: &Light) -> bool {
+    let is_off = light.intensity == 0.0 || light.colour.to_pipeline(ColourPipeline::Linear) == DVec3::ZERO;
+    let factor = surface(&light.kind).map_or(0.0, |(.., factor)| factor);
+    let radiance = light.intensity * factor;
+    !light.kind.is_area() || is_off || radiance.is_finite() && radiance != 0.0
+}
+
 /// The surface of a light, and its radiance for an intensity of 1. A point light of intensity I with inverse-square
 /// falloff gives a facing surface at a distance d the irradiance pi I / d^2; far away, a sphere of radiance L gives pi
 /// L radius^2 / d^2 and a rectangle L area / d^2.

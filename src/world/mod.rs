@@ -26,7 +26,7 @@ mod view;
 pub use differential::{Differential, TexturePoint};
 use environment::PreparedEnvironment;
 
-pub(crate) use area_lights::AreaLights;
+pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;
 pub(crate) use emitters::{EmitterSample, Emitters, emission_texture, sampled_emission};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};

@@ -317,6 +317,27 @@ fn an_environment_calls_for_paths() {
     assert!(traced(None) && traced(Some(Transport::Path)) && !traced(Some(Transport::Whitted)));
 }
 
+/// Local shading: the background is the environment, and so is what a perfect mirror shows, also where it is hidden. The
+/// pixels besides are the scene's background.
+#[test]
+fn local_shading_sees_the_environment() {
+    let pixel = |hide: bool, x: u32| {
+        let scene = format!(
+            "[image]\ntransport = 'whitted'\ncolour = 'linear'\nbackground = '#000000'\n\
+             [[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\nvertical_fov = 30\n\
+             [environment]\ncolour = '#ffffff'\nintensity = 0.5\nhide = {hide}\n[ambient]\nintensity = 0\n\
+             [material.mirror]\ncolour = '#000000'\nspecular = 0\nglaze = {{ weight = 1, own_weight = 0 }}\n\
+             [[sphere]]\nmaterial = 'mirror'\ncentre = [0, 0, 0]\nradius = 0.5\n"
+        );
+        let settings =
+            RenderSettings { size: Some([9; 2]), headlight: Some(false), ..RenderSettings::default() };
+        let job = prepare(parse(&scene), &settings, &mut Warnings::default()).expect("a job");
+        job.render::<[f32; 3]>(&RenderControl::default()).expect("a picture").0.pixel(x, 4)
+    };
+    assert_eq!([pixel(false, 0), pixel(false, 4)], [[0.5; 3]; 2]);
+    assert_eq!([pixel(true, 0), pixel(true, 4)], [[0.0; 3], [0.5; 3]]);
+}
+
 /// A ball of a material in a white environment, seen so that it fills most of the picture.
 fn furnace(material: &str, environment: &str) -> String {
     format!(
