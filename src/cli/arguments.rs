@@ -12,7 +12,7 @@ use crate::film::tone::{Exposure, ToneMap};
 use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
 use crate::job::{CameraChoice, EnvironmentSettings, RenderSettings};
-use crate::scene::{Numerics, Projection, Transport, check_clamp};
+use crate::scene::{ClipTime, Numerics, Projection, Transport, check_clamp};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -77,6 +77,13 @@ pub(crate) struct Arguments {
     /// Show the background instead of the environment
     #[arg(long)]
     hide_environment: bool,
+    /// Pose what the clips of the input files animate at this time, in seconds; before the first and after the last
+    /// keyframe, their values hold [default: at rest]
+    #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = |text: &str| crate::cli::numbers::number::<f64>(text, "seconds, such as 1.5"))]
+    time: Option<f64>,
+    /// The clip, by its name or its number from 0 [default: the first]
+    #[arg(long, value_name = "NAME|INDEX")]
+    clip: Option<String>,
     #[command(flatten)]
     pub sampling: SamplingArguments,
     /// Have an effect that would be off; may be given several times
@@ -140,6 +147,12 @@ fn named<T: Copy>(all: &[T], name: impl Fn(T) -> &'static str, typed: Option<&st
 }
 
 impl Arguments {
+    /// The moment of a clip that is asked for.
+    pub(crate) fn clip_time(&self) -> Option<ClipTime> {
+        let is_asked_for = self.time.is_some() || self.clip.is_some();
+        is_asked_for.then(|| ClipTime { clip: self.clip.clone(), time: self.time.unwrap_or(0.0) })
+    }
+
     /// The render settings.
     ///
     /// # Errors

@@ -46,7 +46,9 @@ pub(crate) fn load_and_prepare(
     show: &mut dyn FnMut(&str, &Warnings),
 ) -> Result<AnimationJob> {
     show("loading", warnings);
-    let scene = timed(&mut seconds.load, || import::load(&arguments.inputs, warnings))?;
+    let scene = timed(&mut seconds.load, || {
+        import::load_posed(&arguments.inputs, arguments.clip_time().as_ref(), warnings)
+    })?;
     show("preparing", warnings);
     AnimationJob::prepare(scene, settings, request, warnings, |warnings| show("building", warnings))
 }

@@ -84,6 +84,8 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
             "position": point(c.position), "target": point(c.target) })).collect::<Vec<_>>(),
         "lights": scene.lights.iter().map(|l| json!({ "name": l.name, "type": light_type(&l.kind),
             "intensity": l.intensity })).collect::<Vec<_>>(),
+        "clips": scene.clips.iter().map(|c| json!({ "name": c.name, "duration": c.duration, "channels": c.channels }))
+            .collect::<Vec<_>>(),
         "warnings": warnings.messages(),
         "notes": warnings.notes(),
     })
@@ -167,6 +169,9 @@ fn as_text(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> String {
     line("textures", list(scene.images.iter().map(|i| format!("{} ({} x {})", i.name, i.width, i.height))));
     line("cameras", list(scene.cameras.iter().map(|c| format!("{} ({})", c.name, c.projection.name()))));
     line("lights", list(scene.lights.iter().map(|l| format!("{} ({})", l.name, light_type(&l.kind)))));
+    if !scene.clips.is_empty() {
+        line("clips", list(scene.clips.iter().map(|c| format!("{} ({} s)", c.name, c.duration as f32))));
+    }
     let smooth = scene.objects.iter().filter(|o| o.shape.mesh().is_some_and(|m| m.normals.is_some())).count();
     line("normals", format!("{smooth} object(s) with normals, the others are flat or spheres"));
     for message in warnings.messages() {

@@ -18,7 +18,9 @@ pub(crate) fn load_and_resolve(
     show: &mut dyn FnMut(&str, &Warnings),
 ) -> Result<ResolvedJob> {
     show("loading", warnings);
-    let scene = timed(&mut seconds.load, || import::load(&arguments.inputs, warnings))?;
+    let scene = timed(&mut seconds.load, || {
+        import::load_posed(&arguments.inputs, arguments.clip_time().as_ref(), warnings)
+    })?;
     show("preparing", warnings);
     resolve(scene, settings, warnings)
 }

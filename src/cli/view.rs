@@ -62,7 +62,9 @@ fn open(
     inputs: &[PathBuf],
     warnings: &mut Warnings,
 ) -> (Result<Opened>, Vec<FileRead>) {
-    let (scene, files) = import::load_and_list(inputs, warnings);
+    // Like camera options, a clip does not apply to files that were dropped onto the window.
+    let pose = arguments.clip_time().filter(|_| arguments.inputs == inputs);
+    let (scene, files) = import::load_and_list(inputs, pose.as_ref(), warnings);
     (scene.and_then(|scene| initial_view(arguments, inputs, scene, warnings)), files)
 }
 
@@ -74,6 +76,7 @@ fn initial_view(
     warnings: &mut Warnings,
 ) -> Result<Opened> {
     let mut arguments = arguments.clone();
+    let clip_time = arguments.clip_time().filter(|_| arguments.inputs == inputs);
     if arguments.inputs != inputs {
         // Camera options do not apply to files that were dropped onto the window.
         (arguments.camera, arguments.view) = (None, None);
@@ -128,5 +131,5 @@ fn initial_view(
         display,
         headlight: requested.headlight.or(scene.headlight).unwrap_or(true),
     };
-    Ok(Opened { scene, camera_source, projection, size, settings, environment, preset })
+    Ok(Opened { scene, camera_source, projection, size, settings, environment, clip_time, preset })
 }

@@ -39,7 +39,7 @@ pub use files::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
 use crate::limits::{self, unreadable};
-use crate::scene::{Material, Mesh, Object, Phong, Scene, Shape};
+use crate::scene::{Clip, ClipTime, Material, Mesh, Object, Phong, Scene, Shape};
 use files::Files;
 
 /// A supported file format.
@@ -140,17 +140,19 @@ pub(crate) struct Source {
     pub bytes: Vec<u8>,
     /// Opens referenced files.
     files: Files,
+    /// The pose of what clips animate; at rest if `None`.
+    pose: Option<ClipTime>,
 }
 
 impl Source {
-    fn open(file: &Path, files: &Files) -> Result<Self> {
+    fn open(file: &Path, files: &Files, pose: Option<&ClipTime>) -> Result<Self> {
         let read = match importer_by_ending(file) {
             _ if file == Path::new("-") => limits::read_standard_input(),
             Some(importer) if importer.streams => Ok(Vec::new()),
             _ => files.read(file),
         };
         let bytes = read.map_err(|e| unreadable(file, &e))?;
-        Ok(Source { file: file.to_owned(), bytes, files: files.clone() })
+        Ok(Source { file: file.to_owned(), bytes, files: files.clone(), pose: pose.cloned() })
     }
 
     /// A stream of the contents from the beginning, and their length in bytes.
@@ -202,21 +204,55 @@ impl Source {
 /// # Errors
 /// [`Error::Input`] if a file cannot be used.
 pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
-    load_by(inputs, &Files::default(), warnings)
+    load_by(inputs, &Files::default(), None, warnings)
+}
+
+/// Reads all inputs as [`load`] does, posed by a clip at a time.
+///
+/// # Errors
+/// [`Error::Input`] if a file cannot be used, [`Error::Usage`] if none of them has the clip.
+pub fn load_posed(inputs: &[PathBuf], pose: Option<&ClipTime>, warnings: &mut Warnings) -> Result<Scene> {
+    load_by(inputs, &Files::default(), pose, warnings)
+}
+
+/// Checks that an input has the clip that is asked for.
+fn check_clip(scene: &Scene, pose: Option<&ClipTime>) -> Result<()> {
+    let Some(asked) = pose.filter(|asked| Clip::find(&scene.clips, asked.clip.as_deref()).is_none()) else {
+        return Ok(());
+    };
+    let names: Vec<String> = scene.clips.iter().map(|clip| format!("`{}`", clip.name)).collect();
+    Err(match &asked.clip {
+        Some(clip) if !names.is_empty() => Error::usage(
+            format!("no input has a clip `{clip}`"),
+            format!("their clips: {}", names.join(", ")),
+        ),
+        _ => {
+            Error::usage("no input has clips", "leave out --time and --clip, which choose a moment of a clip")
+        }
+    })
 }
 
 /// Reads all inputs as [`load`] does, and lists the files that the result depends on, whether a scene or an error: the
 /// inputs and the files that they reference, missing ones included. Standard input is not listed.
-pub fn load_and_list(inputs: &[PathBuf], warnings: &mut Warnings) -> (Result<Scene>, Vec<FileRead>) {
+pub fn load_and_list(
+    inputs: &[PathBuf],
+    pose: Option<&ClipTime>,
+    warnings: &mut Warnings,
+) -> (Result<Scene>, Vec<FileRead>) {
     let files = Files::default();
-    let scene = load_by(inputs, &files, warnings);
+    let scene = load_by(inputs, &files, pose, warnings);
     (scene, files.list())
 }
 
-fn load_by(inputs: &[PathBuf], files: &Files, warnings: &mut Warnings) -> Result<Scene> {
+fn load_by(
+    inputs: &[PathBuf],
+    files: &Files,
+    pose: Option<&ClipTime>,
+    warnings: &mut Warnings,
+) -> Result<Scene> {
     let mut scene = Scene { inputs: inputs.to_vec(), ..Scene::default() };
     for (index, file) in inputs.iter().enumerate() {
-        let mut one = read_one(&Source::open(file, files)?, warnings)?;
+        let mut one = read_one(&Source::open(file, files, pose)?, warnings)?;
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
         warn_of_unused_textures(&one, file, warnings);
@@ -240,6 +276,7 @@ fn load_by(inputs: &[PathBuf], files: &Files, warnings: &mut Warnings) -> Result
     if scene.animation.is_some() {
         scene.at(0.0)?;
     }
+    check_clip(&scene, pose)?;
     Ok(scene)
 }
 

@@ -175,7 +175,10 @@ mod tests {
 
     fn read_bytes(bytes: Vec<u8>) -> Result<(Vec<(String, Mesh)>, Warnings)> {
         let mut warnings = Warnings::default();
-        let scene = read(&Source { file: "a.stl".into(), bytes, files: Files::default() }, &mut warnings)?;
+        let scene = read(
+            &Source { file: "a.stl".into(), bytes, files: Files::default(), pose: None },
+            &mut warnings,
+        )?;
         let mesh = |shape: Shape| if let Shape::Mesh(mesh) = shape { mesh } else { panic!("a mesh") };
         Ok((scene.objects.into_iter().map(|object| (object.name, mesh(object.shape))).collect(), warnings))
     }

@@ -63,6 +63,8 @@ impl Fingerprint {
             effects,
             animation,
             inputs: _,
+            // Posed objects are.
+            clips: _,
             // In the fingerprint of a picture as far as they change it (`job::metadata`).
             display: _,
             headlight: _,

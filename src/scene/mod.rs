@@ -26,6 +26,7 @@
 pub mod animation;
 mod camera;
 mod camera_text;
+mod clip;
 mod colour_value;
 mod effects;
 mod environment;
@@ -45,6 +46,7 @@ pub use crate::geometry::{
 pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
+pub use clip::{Clip, ClipTime};
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
@@ -108,6 +110,8 @@ pub struct Scene {
     pub effects: file::EffectsSection,
     /// Animation tracks, if any.
     pub animation: Option<Animation>,
+    /// Clips of the input files. Objects, cameras and lights are posed by one of them, or at rest.
+    pub clips: Vec<Clip>,
     /// Exposure and tone map of 8-bit pictures.
     pub display: DisplaySettings,
     /// Whether a scene without lights gets a headlight.
@@ -266,6 +270,7 @@ impl Scene {
             inputs: _,
             effects,
             animation,
+            clips,
             display,
             headlight,
             has_ground,
@@ -286,6 +291,7 @@ impl Scene {
         self.lights.extend(lights);
         self.effects = std::mem::take(&mut self.effects).or(effects);
         self.animation = self.animation.take().or(animation);
+        self.clips.extend(clips);
         self.display = self.display.or(display);
         self.headlight = self.headlight.or(headlight);
         self.has_ground = self.has_ground.or(has_ground);

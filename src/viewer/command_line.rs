@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 
 use crate::film::{ColourPipeline, DisplaySettings};
 use crate::job::EnvironmentSettings;
-use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Sampling, Scene, Transport, default_size};
+use crate::scene::{
+    Camera, ClipTime, INLINE_NAME, Numerics, Projection, Sampling, Scene, Transport, default_size,
+};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -96,6 +98,8 @@ pub struct RenderCommand<'a> {
     pub has_ground: bool,
     /// Settings of the environment.
     pub environment: &'a EnvironmentSettings,
+    /// The moment of a clip at which the scene is posed.
+    pub clip_time: Option<&'a ClipTime>,
     /// Output file.
     pub output: &'a Path,
 }
@@ -174,6 +178,10 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     let EnvironmentSettings { source, rotation, hide } = command.environment;
     source.iter().for_each(|source| option("--environment", source));
     rotation.iter().for_each(|degrees| option("--environment-rotation", &degrees.to_string()));
+    if let Some(ClipTime { clip, time }) = command.clip_time {
+        option("--time", &time.to_string());
+        clip.iter().for_each(|clip| option("--clip", clip));
+    }
     if *hide {
         words.push("--hide-environment".to_owned());
     }
@@ -305,6 +313,7 @@ mod tests {
             clamp: None,
             has_ground: false,
             environment: &NO_ENVIRONMENT,
+            clip_time: None,
             output: Path::new("picture.png"),
         }
     }
@@ -393,6 +402,7 @@ mod tests {
                 rotation: Some(-90.0),
                 hide: true,
             },
+            clip_time: Some(&ClipTime { clip: Some("Walk".into()), time: -0.5 }),
             ..plain
         };
         assert_eq!(
@@ -400,7 +410,7 @@ mod tests {
             "--size 320x200 --shading ambient --with glaze=every-bounce --without shadows --without textures --numerics \
              watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --sampler independent \
              --exposure=-1.5 --tone-map agx --light none --transport path --clamp 2.5 \
-             --environment 'garden one.hdr' --environment-rotation=-90 --hide-environment --ground"
+             --environment 'garden one.hdr' --environment-rotation=-90 --time=-0.5 --clip Walk --hide-environment --ground"
         );
     }
 

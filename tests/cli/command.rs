@@ -625,6 +625,7 @@ fn what_is_seen_is_rendered_by_its_line() {
         clamp: None,
         has_ground: false,
         environment: &Default::default(),
+        clip_time: None,
         output: Path::new("seen.png"),
     };
     let words = command_line::arguments(&command);

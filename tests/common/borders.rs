@@ -182,6 +182,13 @@ impl Model {
         self.json["meshes"][0]["primitives"][0]["attributes"][name] = json!(index);
     }
 
+    /// Replaces the first bytes of an accessor's numbers.
+    pub fn set_bytes(&mut self, accessor: usize, bytes: &[u8]) {
+        let view = self.json["accessors"][accessor]["bufferView"].as_u64().expect("a buffer view") as usize;
+        let offset = self.json["bufferViews"][view]["byteOffset"].as_u64().expect("an offset") as usize;
+        self.bytes[offset..offset + bytes.len()].copy_from_slice(bytes);
+    }
+
     /// The file as .glb (glTF 2.0, section 4.4): a header of 12 bytes, then chunks padded to four bytes.
     pub fn binary(&self) -> Vec<u8> {
         let mut json = self.json.clone();

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod clips;
 mod import;
 mod mutations;
 mod shared_meshes;

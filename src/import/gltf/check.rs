@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use glam::{DMat4, DQuat};
+use glam::DMat4;
 use gltf::accessor::{DataType, Dimensions};
 
-use super::{dvec3, instancing, layers};
+use super::animation::Pose;
+use super::{instancing, layers};
 use crate::error::{Error, Place, Result, Warnings, contain};
 use crate::import::Source;
 use crate::import::uri::{self, Resource};
@@ -244,6 +245,7 @@ pub(super) fn load_buffers(
 /// are each referenced twice.
 pub(super) fn world_transforms(
     document: &gltf::Document,
+    pose: &Pose,
     file: &Path,
     warnings: &mut Warnings,
 ) -> Result<Vec<Option<DMat4>>> {
@@ -266,23 +268,10 @@ pub(super) fn world_transforms(
             warnings.push(format!("{file}: node {index} is in the scene more than once; drawn once"));
             continue;
         }
-        let transform = world_from_parent * parent_from_node(&node);
+        let transform = world_from_parent * pose.parent_from_node(&node);
         world_from_node[index] = Some(transform);
         parent_of[index] = parent;
         open.extend(node.children().map(|child| (child, transform, Some(index))));
     }
     Ok(world_from_node)
-}
-
-fn parent_from_node(node: &gltf::Node) -> DMat4 {
-    match node.transform() {
-        gltf::scene::Transform::Matrix { matrix } => glam::Mat4::from_cols_array_2d(&matrix).as_dmat4(),
-        gltf::scene::Transform::Decomposed { translation, rotation, scale } => {
-            let rotation = DQuat::from_array(rotation.map(f64::from));
-            // A quaternion that is not normalised would scale.
-            let rotation =
-                if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
-            DMat4::from_scale_rotation_translation(dvec3(scale), rotation, dvec3(translation))
-        }
-    }
 }

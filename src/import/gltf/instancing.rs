@@ -48,18 +48,21 @@ impl Loader<'_> {
         mesh: &gltf::Mesh,
         primitive: &gltf::Primitive,
         name: &str,
+        weights: &[f64],
         places: &[DMat4],
     ) -> Result<Vec<Shape>> {
-        if self.shared.places.get(&mesh.index()).is_none_or(|&places| places < 2) {
-            let [world_from_mesh] = places else { return Ok(Vec::new()) };
-            let own = self.primitive(primitive, name)?;
-            return Ok(own.map(|own| moved(own, world_from_mesh)).into_iter().collect());
+        let is_placed_once = self.shared.places.get(&mesh.index()).is_none_or(|&places| places < 2);
+        // Nodes weigh the morph targets of a mesh differently.
+        if is_placed_once || primitive.morph_targets().len() > 0 {
+            let own = self.primitive(primitive, name, weights)?;
+            let Some(own) = own else { return Ok(Vec::new()) };
+            return Ok(places.iter().map(|world_from_mesh| moved(own.clone(), world_from_mesh)).collect());
         }
         let key = (mesh.index(), primitive.index());
         let shared = match self.shared.read.get(&key) {
             Some(shared) => shared.clone(),
             None => {
-                let shared = self.primitive(primitive, name)?.map(Arc::new);
+                let shared = self.primitive(primitive, name, weights)?.map(Arc::new);
                 self.shared.read.insert(key, shared.clone());
                 shared
             }

@@ -1,9 +1,11 @@
 //! glTF 2.0 importer, .gltf and .glb, on the `gltf` crate.
 //!
 //! Buffers and images are opened here, because `gltf::import` rejects the whole file for one missing image. The node
-//! hierarchy is flattened into world space; skins are evaluated in the rest pose of their joints. This file walks the
-//! document; `check` validates it, `triangles` reads meshes, `look` materials, cameras and lights.
+//! hierarchy is flattened into world space, at rest or posed by a clip at a time, with skins and morph targets. This file
+//! walks the document; `check` validates it, `animation` poses nodes, `triangles` reads meshes, `look` materials, cameras
+//! and lights.
 
+mod animation;
 mod check;
 mod instancing;
 mod layers;
@@ -18,6 +20,7 @@ use glam::{DMat4, DVec3};
 use super::Source;
 use crate::error::{Result, Warnings};
 use crate::scene::{ImageId, Material, MaterialId, MetallicRoughness, Object, Scene, Shape};
+use animation::Pose;
 use check::{check_accessors, check_images, check_memory, load_buffers, world_transforms};
 use instancing::SharedMeshes;
 use layers::AlphaUse;
@@ -48,7 +51,9 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         let material = loader.material(&material, &document)?;
         loader.scene.add_material(material);
     }
-    let world_from_node = world_transforms(&document, &source.file, loader.warnings)?;
+    loader.scene.clips = loader.clips(&document);
+    let pose = loader.pose_of_nodes(&document);
+    let world_from_node = world_transforms(&document, &pose, &source.file, loader.warnings)?;
     let mut placed = Vec::new();
     for node in document.nodes() {
         if let Some(world_from_node) = &world_from_node[node.index()] {
@@ -60,7 +65,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         }
     }
     for (node, transform, places) in placed {
-        loader.node(&node, transform, &places, &world_from_node)?;
+        loader.node(&node, transform, &places, &world_from_node, &pose)?;
     }
     let mut scene = loader.scene;
     place_targets(&mut scene);
@@ -85,8 +90,9 @@ impl Loader<'_> {
     }
 
     fn warn_of_what_is_not_drawn(&mut self, document: &gltf::Document) {
-        if document.animations().next().is_some() {
-            self.warn("it has animations; drawn at rest");
+        if self.source.pose.is_none() && document.animations().next().is_some() {
+            let message = "it has clips; drawn at rest, `--time SECONDS` draws them";
+            self.warnings.note(format!("{}: {message}", self.source.file.display()));
         }
         const READ: [&str; 4] = [
             "KHR_lights_punctual",
@@ -113,6 +119,7 @@ impl Loader<'_> {
         world_from_node: &DMat4,
         places: &[DMat4],
         world_from_nodes: &[Option<DMat4>],
+        pose: &Pose,
     ) -> Result<()> {
         let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
         if let Some(camera) = node.camera() {
@@ -124,17 +131,18 @@ impl Loader<'_> {
         let Some(mesh) = node.mesh() else { return Ok(()) };
         // In order of placements, with all primitives of each, as if every placement were a node.
         let mut shapes: Vec<(usize, MaterialId, Shape)> = Vec::new();
+        let weights = pose.weights(node);
         for primitive in mesh.primitives() {
             let pose = node.skin().and_then(|skin| self.pose(&skin, &primitive, world_from_nodes));
             let placed = match pose {
                 Some(matrices) => {
-                    let posed = self.primitive(&primitive, &name)?.map(|mut triangles| {
+                    let posed = self.primitive(&primitive, &name, &weights)?.map(|mut triangles| {
                         deform(&mut triangles, &matrices);
                         Shape::Mesh(triangles)
                     });
                     posed.into_iter().collect()
                 }
-                None => self.placed(&mesh, &primitive, &name, places)?,
+                None => self.placed(&mesh, &primitive, &name, &weights, places)?,
             };
             if placed.is_empty() {
                 continue;

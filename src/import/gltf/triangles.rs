@@ -8,8 +8,14 @@ use crate::import::tangents::make_tangents;
 use crate::scene::{Attribute, Mesh, moved_tangent};
 
 impl Loader<'_> {
-    /// Reads a primitive in the local space of its mesh; `None` for points and lines.
-    pub(super) fn primitive(&mut self, primitive: &gltf::Primitive, name: &str) -> Result<Option<Mesh>> {
+    /// Reads a primitive in the local space of its mesh, its morph targets added by their weights; `None` for points and
+    /// lines.
+    pub(super) fn primitive(
+        &mut self,
+        primitive: &gltf::Primitive,
+        name: &str,
+        weights: &[f64],
+    ) -> Result<Option<Mesh>> {
         use gltf::mesh::Mode;
         if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
             self.warn(format!("{name}: points and lines are not drawn"));
@@ -69,16 +75,51 @@ impl Loader<'_> {
             positions,
             triangles,
         };
+        if !self.morph(primitive, weights, &mut mesh) {
+            self.warn(format!("{name}: morph targets that differ from its positions in number are left out"));
+        }
         if primitive.material().normal_texture().is_some() {
             make_tangents(&mut mesh);
-        }
-        if primitive.morph_targets().next().is_some() {
-            self.warn(format!("{name}: morph targets are not used"));
         }
         if out_of_range > 0 {
             self.warn(format!("{name}: left out {out_of_range} triangle(s) with an index out of range"));
         }
         Ok(Some(mesh))
+    }
+
+    /// Adds the displacements of morph targets by their weights (glTF 2.0, section 3.7.2.2). Returns whether all fit.
+    fn morph(&self, primitive: &gltf::Primitive, weights: &[f64], mesh: &mut Mesh) -> bool {
+        let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
+        let count = mesh.positions.len();
+        let fits = |accessor: Option<gltf::Accessor>| {
+            use gltf::accessor::{DataType, Dimensions};
+            accessor.is_none_or(|accessor| {
+                let kind = (accessor.data_type(), accessor.dimensions());
+                kind == (DataType::F32, Dimensions::Vec3) && accessor.count() == count
+            })
+        };
+        let mut all_fit = true;
+        let targets = reader.read_morph_targets().zip(primitive.morph_targets());
+        for (((positions, normals, tangents), target), &weight) in targets.zip(weights) {
+            if weight == 0.0 || !weight.is_finite() {
+                continue;
+            }
+            if ![target.positions(), target.normals(), target.tangents()].into_iter().all(fits) {
+                all_fit = false;
+                continue;
+            }
+            let by = |value: [f32; 3]| dvec3(value) * weight;
+            for (position, value) in mesh.positions.iter_mut().zip(positions.into_iter().flatten()) {
+                *position += by(value);
+            }
+            let of_mesh = mesh.normals.iter_mut().flat_map(|normals| &mut normals.values);
+            of_mesh.zip(normals.into_iter().flatten()).for_each(|(normal, value)| *normal += by(value));
+            let of_mesh = mesh.tangents.iter_mut().flat_map(|tangents| &mut tangents.values);
+            for (tangent, value) in of_mesh.zip(tangents.into_iter().flatten()) {
+                *tangent += by(value).extend(0.0);
+            }
+        }
+        all_fit
     }
 
     /// The texture coordinate set of a material; kiln supports one set for all textures of a material.

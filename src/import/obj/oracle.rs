@@ -250,7 +250,7 @@ fn large_files_are_read_in_windows() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("a.obj");
     std::fs::write(&file, &text).expect("a file");
-    let source = Source { file, bytes: Vec::new(), files: Files::default() };
+    let source = Source { file, bytes: Vec::new(), files: Files::default(), pose: None };
     let scene = read(&source, &mut Warnings::default()).unwrap_or_else(|e| panic!("{e}"));
     let [mesh] = meshes(&scene)[..] else { panic!("one mesh") };
     let expected = (0..BLOCKS as u32).map(|i| [i + 1, 0, i]);

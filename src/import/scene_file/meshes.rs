@@ -90,8 +90,8 @@ impl Builder<'_> {
     /// and settings of the mesh file are ignored.
     fn read_mesh(&mut self, start: usize, file: &str, warnings: &mut Warnings) -> Result<Vec<Object>> {
         let path = self.source.sibling(file);
-        let read =
-            Source::open(&path, &self.source.files).and_then(|source| import::read_one(&source, warnings));
+        let read = Source::open(&path, &self.source.files, self.source.pose.as_ref())
+            .and_then(|source| import::read_one(&source, warnings));
         let part = read.map_err(|e| match e {
             Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {
                 let what = format!("mesh {place}: {what}");
@@ -104,8 +104,8 @@ impl Builder<'_> {
         }
         let is_shared = self.meshes.places.get(file).is_some_and(|&places| places > 1);
         let first_material = self.scene.materials.len() as u32;
-        let Scene { objects, materials, images, .. } = part;
-        self.scene.append(Scene { materials, images, ..Scene::default() });
+        let Scene { objects, materials, images, clips, .. } = part;
+        self.scene.append(Scene { materials, images, clips, ..Scene::default() });
         Ok(objects
             .into_iter()
             .map(|object| Object {

@@ -1,0 +1,261 @@
+//! Clips: the local transforms and morph weights of nodes at a time (glTF 2.0, section 3.11).
+
+use glam::{DMat4, DQuat, DVec3};
+use gltf::accessor::{DataType, Dimensions};
+use gltf::animation::util::ReadOutputs;
+use gltf::animation::{Interpolation, Property};
+
+use super::{Loader, dvec3};
+use crate::scene::Clip;
+
+/// What a clip sets of a node; `None` for what it leaves at rest.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct NodePose {
+    translation: Option<DVec3>,
+    rotation: Option<DQuat>,
+    scale: Option<DVec3>,
+    weights: Option<Vec<f64>>,
+}
+
+/// The poses of nodes by index, or those at rest.
+#[derive(Debug, Default)]
+pub(super) struct Pose(Vec<NodePose>);
+
+impl Pose {
+    /// The transform from a node to its parent.
+    pub(super) fn parent_from_node(&self, node: &gltf::Node) -> DMat4 {
+        let pose = self.0.get(node.index()).cloned().unwrap_or_default();
+        if let (
+            gltf::scene::Transform::Matrix { matrix },
+            NodePose { translation: None, rotation: None, scale: None, .. },
+        ) = (node.transform(), &pose)
+        {
+            return glam::Mat4::from_cols_array_2d(&matrix).as_dmat4();
+        }
+        let (translation, rotation, scale) = node.transform().decomposed();
+        let rotation = pose.rotation.unwrap_or_else(|| unit(rotation.map(f64::from)));
+        let translation = pose.translation.unwrap_or_else(|| dvec3(translation));
+        DMat4::from_scale_rotation_translation(
+            pose.scale.unwrap_or_else(|| dvec3(scale)),
+            rotation,
+            translation,
+        )
+    }
+
+    /// The weights of the morph targets of a node's mesh: those of the clip, of the node, or of the mesh.
+    pub(super) fn weights(&self, node: &gltf::Node) -> Vec<f64> {
+        let weights = |weights: &[f32]| weights.iter().map(|&weight| f64::from(weight)).collect();
+        let of_clip = self.0.get(node.index()).and_then(|pose| pose.weights.clone());
+        let of_node = || node.weights().map(weights);
+        let of_mesh = || node.mesh().and_then(|mesh| mesh.weights().map(weights));
+        of_clip.or_else(of_node).or_else(of_mesh).unwrap_or_default()
+    }
+}
+
+/// A unit quaternion. One that is not normalised would scale.
+fn unit(xyzw: [f64; 4]) -> DQuat {
+    let quaternion = DQuat::from_array(xyzw);
+    if quaternion.length_squared() > 0.0 { quaternion.normalize() } else { DQuat::IDENTITY }
+}
+
+impl Loader<'_> {
+    /// The clips of the document: names, or the index of an unnamed one, and durations.
+    pub(super) fn clips(&self, document: &gltf::Document) -> Vec<Clip> {
+        let clip = |animation: gltf::Animation| {
+            let ends = animation.channels().filter_map(|channel| self.times(&channel)?.last().copied());
+            Clip {
+                name: animation.name().map_or_else(|| animation.index().to_string(), str::to_owned),
+                duration: ends.fold(0.0, f64::max),
+                channels: animation.channels().count(),
+            }
+        };
+        document.animations().map(clip).collect()
+    }
+
+    /// The poses at the time that is asked for; at rest if none is, or the document has no such clip.
+    pub(super) fn pose_of_nodes(&mut self, document: &gltf::Document) -> Pose {
+        let Some(asked) = self.source.pose.clone() else { return Pose::default() };
+        let index = Clip::find(&self.scene.clips, asked.clip.as_deref());
+        let Some(animation) = index.and_then(|index| document.animations().nth(index)) else {
+            return Pose::default();
+        };
+        let name = animation.name().map_or_else(|| animation.index().to_string(), str::to_owned);
+        let mut poses = vec![NodePose::default(); document.nodes().len()];
+        for (number, channel) in animation.channels().enumerate() {
+            let node = channel.target().node().index();
+            match self.value(&channel, asked.time) {
+                Some(value) => set(&mut poses[node], channel.target().property(), value),
+                None => self
+                    .warn(format!("clip `{name}`, channel {number}: its keyframes cannot be read; left out")),
+            }
+        }
+        Pose(poses)
+    }
+
+    /// The times of a channel's keyframes in seconds, ascending; `None` if they are not.
+    fn times(&self, channel: &gltf::animation::Channel) -> Option<Vec<f64>> {
+        let input = channel.sampler().input();
+        let is_time = (input.data_type(), input.dimensions()) == (DataType::F32, Dimensions::Scalar);
+        let reader = channel.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
+        let times: Vec<f64> = reader.read_inputs().filter(|_| is_time)?.map(f64::from).collect();
+        times.is_sorted_by(|a, b| a < b).then_some(times)
+    }
+
+    /// The value of a channel at a time; `None` if its keyframes cannot be used.
+    fn value(&self, channel: &gltf::animation::Channel, time: f64) -> Option<Vec<f64>> {
+        let property = channel.target().property();
+        let output = channel.sampler().output();
+        let is_known = matches!(
+            (property, output.data_type(), output.dimensions()),
+            (Property::Translation | Property::Scale, DataType::F32, Dimensions::Vec3)
+                | (
+                    Property::Rotation,
+                    DataType::F32 | DataType::I8 | DataType::U8 | DataType::I16 | DataType::U16,
+                    Dimensions::Vec4
+                )
+                | (
+                    Property::MorphTargetWeights,
+                    DataType::F32 | DataType::I8 | DataType::U8 | DataType::I16 | DataType::U16,
+                    Dimensions::Scalar
+                )
+        );
+        let times = self.times(channel)?;
+        let reader = channel.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
+        let values: Vec<f64> = match reader.read_outputs().filter(|_| is_known)? {
+            ReadOutputs::Translations(values) => values.flatten().map(f64::from).collect(),
+            ReadOutputs::Scales(values) => values.flatten().map(f64::from).collect(),
+            ReadOutputs::Rotations(values) => values.into_f32().flatten().map(f64::from).collect(),
+            ReadOutputs::MorphTargetWeights(values) => values.into_f32().map(f64::from).collect(),
+        };
+        let interpolation = channel.sampler().interpolation();
+        interpolated(&times, &values, interpolation, property == Property::Rotation, time)
+    }
+}
+
+fn set(pose: &mut NodePose, property: Property, value: Vec<f64>) {
+    match (property, value.as_slice()) {
+        (Property::Translation, &[x, y, z]) => pose.translation = Some(DVec3::new(x, y, z)),
+        (Property::Scale, &[x, y, z]) => pose.scale = Some(DVec3::new(x, y, z)),
+        (Property::Rotation, &[x, y, z, w]) => pose.rotation = Some(unit([x, y, z, w])),
+        (Property::MorphTargetWeights, _) => pose.weights = Some(value),
+        _ => {}
+    }
+}
+
+/// The value of keyframes at a time (glTF 2.0, section 3.11 and appendix C): of the first before it, of the last after it.
+/// `values` has as many numbers for each key, and for cubic splines an in-tangent, a value and an out-tangent each. `None` if
+/// that does not come out even, or a number is not finite.
+fn interpolated(
+    times: &[f64],
+    values: &[f64],
+    interpolation: Interpolation,
+    is_rotation: bool,
+    time: f64,
+) -> Option<Vec<f64>> {
+    let parts = if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
+    let keys = parts * times.len();
+    if times.is_empty()
+        || values.is_empty()
+        || values.len() % keys != 0
+        || !values.iter().all(|v| v.is_finite())
+    {
+        return None;
+    }
+    let width = values.len() / keys;
+    let part = |key: usize, part: usize| &values[(key * parts + part) * width..][..width];
+    let value = |key: usize| part(key, parts / 2);
+    let next = times.partition_point(|&key| key <= time);
+    if next == 0 || next == times.len() {
+        return Some(value(next.saturating_sub(1)).to_vec());
+    }
+    let last = next - 1;
+    let step = times[next] - times[last];
+    let t = (time - times[last]) / step;
+    let (from, to) = (value(last), value(next));
+    Some(match interpolation {
+        Interpolation::Step => from.to_vec(),
+        Interpolation::Linear if is_rotation => {
+            let rotation = |v: &[f64]| <[f64; 4]>::try_from(v).map(unit).ok();
+            // The shorter way round, as section 3.11 asks for.
+            rotation(from)?.slerp(rotation(to)?, t).to_array().to_vec()
+        }
+        Interpolation::Linear => from.iter().zip(to).map(|(a, b)| a + (b - a) * t).collect(),
+        Interpolation::CubicSpline => {
+            let (leaving, entering) = (part(last, 2), part(next, 0));
+            let (t2, t3) = (t * t, t * t * t);
+            let weights = [
+                2.0 * t3 - 3.0 * t2 + 1.0,
+                step * (t3 - 2.0 * t2 + t),
+                3.0 * t2 - 2.0 * t3,
+                step * (t3 - t2),
+            ];
+            (0..width)
+                .map(|i| {
+                    weights[0] * from[i]
+                        + weights[1] * leaving[i]
+                        + weights[2] * to[i]
+                        + weights[3] * entering[i]
+                })
+                .collect()
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(time: f64, values: &[f64], interpolation: Interpolation) -> Vec<f64> {
+        interpolated(&[1.0, 3.0], values, interpolation, false, time).expect("a value")
+    }
+
+    #[test]
+    fn the_first_and_last_values_hold_outside() {
+        for (interpolation, values) in [
+            (Interpolation::Step, vec![1.0, 2.0, 5.0, 7.0]),
+            (Interpolation::Linear, vec![1.0, 2.0, 5.0, 7.0]),
+            (Interpolation::CubicSpline, vec![9.0, 9.0, 1.0, 2.0, 9.0, 9.0, 9.0, 9.0, 5.0, 7.0, 9.0, 9.0]),
+        ] {
+            assert_eq!(at(0.0, &values, interpolation), [1.0, 2.0]);
+            assert_eq!(at(1.0, &values, interpolation), [1.0, 2.0]);
+            assert_eq!(at(3.0, &values, interpolation), [5.0, 7.0]);
+            assert_eq!(at(9.0, &values, interpolation), [5.0, 7.0]);
+        }
+    }
+
+    #[test]
+    fn steps_and_lines() {
+        assert_eq!(at(2.9, &[1.0, 2.0, 5.0, 7.0], Interpolation::Step), [1.0, 2.0]);
+        // A quarter of the way from 1 to 5 and from 2 to 7.
+        assert_eq!(at(1.5, &[1.0, 2.0, 5.0, 7.0], Interpolation::Linear), [2.0, 3.25]);
+    }
+
+    /// In the middle, appendix C gives (v0 + v1) / 2 + step (b0 - a1) / 8: (1 + 5) / 2 + 2 (3 - 7) / 8 = 2.
+    #[test]
+    fn cubic_splines() {
+        assert_eq!(at(2.0, &[0.0, 1.0, 3.0, 7.0, 5.0, 0.0], Interpolation::CubicSpline), [2.0]);
+    }
+
+    /// A quarter of a turn of 90 degrees about z is 22.5 degrees, also where the second quaternion is that of the longer way.
+    #[test]
+    fn rotations_take_the_shorter_way() {
+        let (half, eighth) = (std::f64::consts::FRAC_PI_4, std::f64::consts::PI / 16.0);
+        for sign in [1.0, -1.0] {
+            let values = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, sign * half.sin(), sign * half.cos()];
+            let q = interpolated(&[0.0, 4.0], &values, Interpolation::Linear, true, 1.0).expect("a rotation");
+            let found = DQuat::from_slice(&q);
+            assert!(found.dot(DQuat::from_rotation_z(2.0 * eighth)).abs() > 1.0 - 1e-12, "{found}");
+        }
+    }
+
+    #[test]
+    fn keyframes_that_do_not_come_out_even_have_no_value() {
+        let none = |times: &[f64], values: &[f64], interpolation| {
+            interpolated(times, values, interpolation, false, 0.0)
+        };
+        assert_eq!(none(&[], &[], Interpolation::Linear), None);
+        assert_eq!(none(&[0.0, 1.0], &[1.0, 2.0, 3.0], Interpolation::Linear), None);
+        assert_eq!(none(&[0.0, 1.0], &[1.0, 2.0], Interpolation::CubicSpline), None);
+        assert_eq!(none(&[0.0], &[f64::NAN], Interpolation::Step), None);
+    }
+}

@@ -1,0 +1,185 @@
+//! Clips of glTF files: poses of nodes, skins, morph targets and cameras at a time, against poses worked out by hand.
+
+use glam::DVec3;
+use kiln::error::{Error, Result, Warnings};
+use kiln::import::load_posed;
+use kiln::scene::{ClipTime, Scene, Shape};
+use serde_json::json;
+
+use crate::common::borders::Model;
+use crate::common::models;
+
+/// Adds an accessor of numbers that is no attribute; its index.
+fn accessor<const N: usize>(model: &mut Model, values: &[[f32; N]]) -> usize {
+    model.attribute("_VALUES", values);
+    let attributes =
+        model.json["meshes"][0]["primitives"][0]["attributes"].as_object_mut().expect("attributes");
+    let index = attributes.remove("_VALUES").and_then(|index| index.as_u64()).expect("an index") as usize;
+    if N == 1 {
+        model.json["accessors"][index]["type"] = json!("SCALAR");
+    }
+    index
+}
+
+/// Adds a clip with one channel.
+fn clip<const N: usize>(
+    model: &mut Model,
+    node: usize,
+    path: &str,
+    times: &[f32],
+    values: &[[f32; N]],
+    name: &str,
+) {
+    let times: Vec<[f32; 1]> = times.iter().map(|&time| [time]).collect();
+    let (input, output) = (accessor(model, &times), accessor(model, values));
+    if !model.json["animations"].is_array() {
+        model.json["animations"] = json!([]);
+    }
+    let animation = json!({
+        "name": name,
+        "samplers": [{ "input": input, "output": output }],
+        "channels": [{ "sampler": 0, "target": { "node": node, "path": path } }],
+    });
+    model.json["animations"].as_array_mut().expect("a list").push(animation);
+}
+
+fn posed(model: &Model, time: Option<f64>, clip: Option<&str>) -> Result<Scene> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("model.glb");
+    std::fs::write(&file, model.binary()).expect("the file is written");
+    let asked = ClipTime { clip: clip.map(str::to_owned), time: time.unwrap_or(0.0) };
+    let pose = (time.is_some() || clip.is_some()).then_some(&asked);
+    load_posed(&[file], pose, &mut Warnings::default())
+}
+
+fn positions(scene: &Scene) -> &[DVec3] {
+    let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("a mesh") };
+    &mesh.positions
+}
+
+fn assert_near(found: DVec3, expected: [f64; 3]) {
+    assert!((found - DVec3::from(expected)).length() < 1e-6, "{found} {expected:?}");
+}
+
+const TRIANGLE: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+#[test]
+fn a_node_moves_and_its_children_with_it() {
+    let mut model = Model::new(&TRIANGLE);
+    model.json["nodes"] =
+        json!([{ "children": [1], "translation": [0, 5, 0] }, { "mesh": 0, "translation": [0, 0, 2] }]);
+    clip(&mut model, 0, "translation", &[1.0, 3.0], &[[0.0, 0.0, 0.0], [8.0, 0.0, 0.0]], "Walk");
+    let first = |time| positions(&posed(&model, time, None).expect("a scene"))[0];
+    assert_near(first(None), [0.0, 5.0, 2.0]);
+    // A quarter of the way; before the first and after the last keyframe, their values hold.
+    assert_near(first(Some(1.5)), [2.0, 0.0, 2.0]);
+    assert_near(first(Some(-1.0)), [0.0, 0.0, 2.0]);
+    assert_near(first(Some(99.0)), [8.0, 0.0, 2.0]);
+    let scene = posed(&model, None, None).expect("a scene");
+    assert_eq!(
+        (scene.clips[0].name.as_str(), scene.clips[0].duration, scene.clips[0].channels),
+        ("Walk", 3.0, 1)
+    );
+}
+
+/// A joint at (1, 0, 0) turns by 90 degrees about z: its vertex, at (2, 0, 0) at rest, comes to (1, 1, 0). The vertices of the
+/// other joint stay; the transform of the skinned node does not count (section 3.7.3.3).
+#[test]
+fn a_skin_bends_at_its_joint() {
+    let mut model = Model::new(&[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    model.attribute("JOINTS_0", &[[0.0f32; 4]; 3]);
+    model.attribute("WEIGHTS_0", &[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]);
+    // Joints 0, 1, 0, 0 for every vertex, as bytes.
+    let joints = model.json["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"]
+        .as_u64()
+        .expect("an index") as usize;
+    model.json["accessors"][joints]["componentType"] = json!(5121);
+    model.json["accessors"][joints]["min"] = json!([0, 0, 0, 0]);
+    model.set_bytes(joints, &[[0, 1, 0, 0]; 3].concat());
+    let unmoved = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0f32];
+    let mut back = unmoved;
+    back[12] = -1.0;
+    let matrices = accessor(&mut model, &[unmoved, back]);
+    model.json["accessors"][matrices]["type"] = json!("MAT4");
+    model.json["skins"] = json!([{ "joints": [1, 2], "inverseBindMatrices": matrices }]);
+    model.json["nodes"] = json!([
+        { "mesh": 0, "skin": 0, "translation": [100, 0, 0] }, { "children": [2] }, { "translation": [1, 0, 0] },
+    ]);
+    model.json["scenes"] = json!([{ "nodes": [0, 1] }]);
+    let half = std::f32::consts::FRAC_1_SQRT_2;
+    clip(&mut model, 2, "rotation", &[0.0, 1.0], &[[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, half, half]], "Bend");
+    let rest = posed(&model, None, None).expect("a scene");
+    assert_near(positions(&rest)[1], [2.0, 0.0, 0.0]);
+    let bent = posed(&model, Some(1.0), None).expect("a scene");
+    assert_near(positions(&bent)[0], [0.0, 0.0, 0.0]);
+    assert_near(positions(&bent)[1], [1.0, 1.0, 0.0]);
+    assert_near(positions(&bent)[2], [0.0, 1.0, 0.0]);
+}
+
+/// Two targets move the first vertex by (4, 0, 0) and (0, 4, 0). The mesh weighs them by 0.5 and 0, the clip by 0 to 1 and 0.25.
+#[test]
+fn morph_targets_are_weighed_by_mesh_node_and_clip() {
+    let mut model = Model::new(&TRIANGLE);
+    let none = [0.0f32; 3];
+    let targets = [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0]].map(|by| accessor(&mut model, &[by, none, none]));
+    model.json["meshes"][0]["primitives"][0]["targets"] =
+        json!([{ "POSITION": targets[0] }, { "POSITION": targets[1] }]);
+    model.json["meshes"][0]["weights"] = json!([0.5, 0.0]);
+    clip(&mut model, 0, "weights", &[0.0, 2.0], &[[0.0], [0.25], [1.0], [0.25]], "Smile");
+    let first = |model: &Model, time| positions(&posed(model, time, None).expect("a scene"))[0];
+    assert_near(first(&model, None), [2.0, 0.0, 0.0]);
+    assert_near(first(&model, Some(1.0)), [2.0, 1.0, 0.0]);
+    model.json["nodes"][0]["weights"] = json!([0.0, 1.0]);
+    assert_near(first(&model, None), [0.0, 4.0, 0.0]);
+}
+
+#[test]
+fn cameras_follow_their_node() {
+    let mut model = Model::new(&TRIANGLE);
+    model.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 1.0, "znear": 0.1 } }]);
+    model.json["nodes"] = json!([{ "mesh": 0 }, { "camera": 0, "translation": [0, 0, 9] }]);
+    model.json["scenes"] = json!([{ "nodes": [0, 1] }]);
+    clip(&mut model, 1, "translation", &[0.0, 4.0], &[[0.0, 0.0, 9.0], [4.0, 0.0, 9.0]], "Pan");
+    assert_near(posed(&model, Some(1.0), None).expect("a scene").cameras[0].position, [1.0, 0.0, 9.0]);
+}
+
+#[test]
+fn clips_are_chosen_by_name_or_number() {
+    let mut model = Model::new(&TRIANGLE);
+    for (name, x) in [("Walk", 1.0), ("Run", 2.0)] {
+        clip(&mut model, 0, "translation", &[0.0], &[[x, 0.0, 0.0]], name);
+    }
+    let x = |clip| posed(&model, None, clip).map(|scene| positions(&scene)[0].x);
+    assert_eq!(x(Some("Run")).expect("a scene"), 2.0);
+    assert_eq!(x(Some("1")).expect("a scene"), 2.0);
+    let error = x(Some("Fly")).expect_err("there is none");
+    assert!(matches!(error, Error::Usage { .. }));
+    assert_eq!(
+        (error.to_string().as_str(), error.hint()),
+        ("no input has a clip `Fly`", "their clips: `Walk`, `Run`")
+    );
+    let none = posed(&Model::new(&TRIANGLE), Some(1.0), None).expect_err("no clips");
+    assert_eq!(none.to_string(), "no input has clips");
+}
+
+/// Three clips of a real, skinned model, each at three times: finite, not as at rest, and each different.
+#[test]
+fn the_fox_moves() {
+    let Some(folder) = models("the_fox_moves") else { return };
+    let file = folder.join("Fox.glb");
+    let at = |pose: Option<ClipTime>| {
+        let scene = load_posed(std::slice::from_ref(&file), pose.as_ref(), &mut Warnings::default())
+            .expect("a scene");
+        scene.bounds().expect("bounds")
+    };
+    let mut bounds = vec![at(None)];
+    for clip in ["Survey", "Walk", "Run"] {
+        for time in [0.1, 0.3, 0.5] {
+            bounds.push(at(Some(ClipTime { clip: Some(clip.into()), time })));
+        }
+    }
+    for (i, (min, max)) in bounds.iter().enumerate() {
+        assert!(min.is_finite() && max.is_finite() && (*max - *min).length() < 400.0);
+        assert!(bounds[..i].iter().all(|other| other != &(*min, *max)), "{i}");
+    }
+}
