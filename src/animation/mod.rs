@@ -12,5 +12,5 @@ pub mod video;
 pub use frames::{FileNames, FrameList};
 pub use job::{AnimationJob, FrameRequest};
 pub use order::in_order;
-pub use prepared::{FrameWorld, PreparedAnimation, turntable};
+pub use prepared::{FrameWorld, PreparedAnimation, play_clip, turntable};
 pub use video::{FrameData, Quality, VideoFormat, VideoSpec, VideoWriter};

@@ -7,10 +7,11 @@
 use std::sync::Arc;
 
 use crate::bvh::Layout;
-use crate::error::Result;
+use crate::error::{Result, Warnings};
 use crate::film::ColourPipeline;
+use crate::import;
 use crate::scene::animation::{Motion, Property, Target, Track};
-use crate::scene::{Animation, Camera, Numerics, Projection, Scene};
+use crate::scene::{Animation, Camera, Clip, ClipTime, Numerics, Projection, Scene};
 use crate::world::{Recentering, StandardView, World, headlight, recenter, turntable_camera};
 
 /// The default duration of a turntable in seconds, and its frames per second.
@@ -98,7 +99,10 @@ impl PreparedAnimation {
     /// # Errors
     /// [`crate::error::Error::Input`] where a track takes a property out of its range.
     pub fn at(&self, time: f64) -> Result<FrameWorld> {
-        let mut scene = self.scene.at(time)?;
+        let mut scene = match self.scene.animation.as_ref().and_then(|animation| animation.clip.as_ref()) {
+            Some(clip) => self.posed(clip, time)?,
+            None => self.scene.at(time)?,
+        };
         let recentering = match (self.structure, &self.recentering) {
             (Some(_), _) => recenter(&mut scene),
             (None, recentering) => {
@@ -117,6 +121,30 @@ impl PreparedAnimation {
         };
         Ok(FrameWorld { world: Arc::new(world), camera, cameras, recentering })
     }
+}
+
+impl PreparedAnimation {
+    /// The scene posed by a clip: imported again, with what the settings have added to it.
+    fn posed(&self, clip: &Clip, time: f64) -> Result<Scene> {
+        let own = &self.scene;
+        let duration = own.animation.as_ref().map_or(0.0, |animation| animation.duration);
+        let moment = ClipTime { clip: Some(clip.name.clone()), time: time * duration };
+        let mut scene = import::load_posed(&own.inputs, Some(&moment), &mut Warnings::default())?;
+        let added = own.cameras.iter().skip(scene.cameras.len()).cloned();
+        scene.cameras.extend(added);
+        Ok(Scene { environment: own.environment.clone(), ground: own.ground, ..scene })
+    }
+}
+
+/// Makes an animation of a scene without one: it plays a clip of its files, by name or index, or the first. Without any
+/// nothing changes.
+pub fn play_clip(scene: &mut Scene, clip: Option<&str>) {
+    let Some(index) = Clip::find(&scene.clips, clip).filter(|_| scene.animation.is_none()) else { return };
+    let clip = scene.clips[index].clone();
+    let (_, fps) = TURNTABLE;
+    // At least one frame.
+    let duration = clip.duration.max(1.0 / fps);
+    scene.animation = Some(Animation { fps, duration, repeat: true, tracks: Vec::new(), clip: Some(clip) });
 }
 
 /// Adds an animation to the scene: `camera` orbits once around the point it looks at. Without a camera, one that sees
@@ -145,6 +173,6 @@ pub fn turntable(
     scene.cameras.push(camera.clone());
     let (duration, fps) = TURNTABLE;
     let tracks = vec![orbit(Property::Position), orbit(Property::LookAt)];
-    scene.animation = Some(Animation { fps, duration, repeat: true, tracks });
+    scene.animation = Some(Animation { fps, duration, repeat: true, tracks, clip: None });
     Some(camera)
 }

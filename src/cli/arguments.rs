@@ -147,6 +147,16 @@ fn named<T: Copy>(all: &[T], name: impl Fn(T) -> &'static str, typed: Option<&st
 }
 
 impl Arguments {
+    /// The clip that is asked for.
+    pub(crate) fn clip(&self) -> Option<&str> {
+        self.clip.as_deref()
+    }
+
+    /// Whether frames do not play a clip, but show one moment.
+    pub(crate) fn is_still(&self) -> bool {
+        self.time.is_some()
+    }
+
     /// The moment of a clip that is asked for.
     pub(crate) fn clip_time(&self) -> Option<ClipTime> {
         let is_asked_for = self.time.is_some() || self.clip.is_some();

@@ -11,7 +11,7 @@ use super::prepare::timed;
 use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
 use super::{WarningPrinter, exposure, output};
-use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order};
+use crate::animation::{AnimationJob, FileNames, FrameList, FrameRequest, in_order, play_clip};
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::look;
@@ -46,9 +46,12 @@ pub(crate) fn load_and_prepare(
     show: &mut dyn FnMut(&str, &Warnings),
 ) -> Result<AnimationJob> {
     show("loading", warnings);
-    let scene = timed(&mut seconds.load, || {
+    let mut scene = timed(&mut seconds.load, || {
         import::load_posed(&arguments.inputs, arguments.clip_time().as_ref(), warnings)
     })?;
+    if !arguments.is_still() {
+        play_clip(&mut scene, arguments.clip());
+    }
     show("preparing", warnings);
     AnimationJob::prepare(scene, settings, request, warnings, |warnings| show("building", warnings))
 }

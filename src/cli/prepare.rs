@@ -21,6 +21,9 @@ pub(crate) fn load_and_resolve(
     let scene = timed(&mut seconds.load, || {
         import::load_posed(&arguments.inputs, arguments.clip_time().as_ref(), warnings)
     })?;
+    if !scene.clips.is_empty() && arguments.clip_time().is_none() {
+        warnings.note("the scene has clips and is drawn at rest; `--time SECONDS` draws a moment of them");
+    }
     show("preparing", warnings);
     resolve(scene, settings, warnings)
 }

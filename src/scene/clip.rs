@@ -9,6 +9,8 @@ pub struct Clip {
     pub duration: f64,
     /// The number of properties that it animates.
     pub channels: usize,
+    /// A hash of its keyframes and of what they animate.
+    pub digest: String,
 }
 
 /// The moment of a clip at which a scene is posed.

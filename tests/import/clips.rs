@@ -1,8 +1,11 @@
 //! Clips of glTF files: poses of nodes, skins, morph targets and cameras at a time, against poses worked out by hand.
 
 use glam::DVec3;
+use kiln::animation::{AnimationJob, FrameRequest, play_clip};
 use kiln::error::{Error, Result, Warnings};
 use kiln::import::load_posed;
+use kiln::job::{CameraChoice, RenderSettings};
+use kiln::render::RenderControl;
 use kiln::scene::{ClipTime, Scene, Shape};
 use serde_json::json;
 
@@ -141,6 +144,41 @@ fn cameras_follow_their_node() {
     model.json["scenes"] = json!([{ "nodes": [0, 1] }]);
     clip(&mut model, 1, "translation", &[0.0, 4.0], &[[0.0, 0.0, 9.0], [4.0, 0.0, 9.0]], "Pan");
     assert_near(posed(&model, Some(1.0), None).expect("a scene").cameras[0].position, [1.0, 0.0, 9.0]);
+}
+
+/// Frame 15 of 30 a second is the picture of 0.5 seconds; the clip moves the triangle out of the middle by then.
+#[test]
+fn frames_play_a_clip() {
+    let mut model = Model::new(&TRIANGLE);
+    clip(&mut model, 0, "translation", &[0.0, 1.0], &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], "Walk");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("model.glb");
+    std::fs::write(&file, model.binary()).expect("the file is written");
+    let inputs = [file];
+    let camera =
+        kiln::import::inline_camera("{ position = [0, 0, 5], look_at = [0.3, 0.3, 0] }").expect("a camera");
+    let settings = RenderSettings {
+        camera: CameraChoice::Given(camera),
+        size: Some([32; 2]),
+        ..RenderSettings::default()
+    };
+    let still = |time: f64| {
+        let moment = ClipTime { clip: None, time };
+        let scene = load_posed(&inputs, Some(&moment), &mut Warnings::default()).expect("a scene");
+        let job = kiln::job::prepare(scene, &settings, &mut Warnings::default()).expect("a job");
+        job.render::<[u8; 3]>(&RenderControl::default()).expect("a picture").0.bytes()
+    };
+    let mut scene = load_posed(&inputs, None, &mut Warnings::default()).expect("a scene");
+    play_clip(&mut scene, None);
+    let request = FrameRequest::all(None, None, None);
+    let animation = AnimationJob::prepare(scene, &settings, &request, &mut Warnings::default(), |_| ())
+        .expect("an animation");
+    assert_eq!(animation.frames.len(), 30);
+    let frame = |number| {
+        let job = animation.frame(number).expect("a frame");
+        job.render::<[u8; 3]>(&RenderControl::default()).expect("a picture").0.bytes()
+    };
+    assert!(frame(0) == still(0.0) && frame(15) == still(0.5) && frame(0) != frame(15));
 }
 
 #[test]

@@ -67,9 +67,25 @@ impl Loader<'_> {
                 name: animation.name().map_or_else(|| animation.index().to_string(), str::to_owned),
                 duration: ends.fold(0.0, f64::max),
                 channels: animation.channels().count(),
+                digest: self.digest(&animation),
             }
         };
         document.animations().map(clip).collect()
+    }
+
+    /// A hash of the keyframes of a clip and of what they animate.
+    fn digest(&self, animation: &gltf::Animation) -> String {
+        let mut hasher = blake3::Hasher::new();
+        for channel in animation.channels() {
+            let target = channel.target();
+            let what = (target.node().index(), target.property(), channel.sampler().interpolation());
+            hasher.update(format!("{what:?}").as_bytes());
+            let numbers = [self.times(&channel), self.values(&channel)];
+            for number in numbers.iter().flatten().flatten() {
+                hasher.update(&number.to_le_bytes());
+            }
+        }
+        hasher.finalize().to_string()
     }
 
     /// The poses at the time that is asked for; at rest if none is, or the document has no such clip.
@@ -103,6 +119,13 @@ impl Loader<'_> {
 
     /// The value of a channel at a time; `None` if its keyframes cannot be used.
     fn value(&self, channel: &gltf::animation::Channel, time: f64) -> Option<Vec<f64>> {
+        let is_rotation = channel.target().property() == Property::Rotation;
+        let interpolation = channel.sampler().interpolation();
+        interpolated(&self.times(channel)?, &self.values(channel)?, interpolation, is_rotation, time)
+    }
+
+    /// The numbers of a channel's keyframes, one after the other; `None` if they are not of the property's type.
+    fn values(&self, channel: &gltf::animation::Channel) -> Option<Vec<f64>> {
         let property = channel.target().property();
         let output = channel.sampler().output();
         let is_known = matches!(
@@ -119,16 +142,13 @@ impl Loader<'_> {
                     Dimensions::Scalar
                 )
         );
-        let times = self.times(channel)?;
         let reader = channel.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
-        let values: Vec<f64> = match reader.read_outputs().filter(|_| is_known)? {
+        Some(match reader.read_outputs().filter(|_| is_known)? {
             ReadOutputs::Translations(values) => values.flatten().map(f64::from).collect(),
             ReadOutputs::Scales(values) => values.flatten().map(f64::from).collect(),
             ReadOutputs::Rotations(values) => values.into_f32().flatten().map(f64::from).collect(),
             ReadOutputs::MorphTargetWeights(values) => values.into_f32().map(f64::from).collect(),
-        };
-        let interpolation = channel.sampler().interpolation();
-        interpolated(&times, &values, interpolation, property == Property::Rotation, time)
+        })
     }
 }
 

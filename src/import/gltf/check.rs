@@ -1,5 +1,6 @@
 //! Validation of glTF documents before their data is read.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use glam::DMat4;
@@ -253,7 +254,11 @@ pub(super) fn world_transforms(
     let mut parent_of: Vec<Option<usize>> = vec![None; world_from_node.len()];
     let roots: Vec<gltf::Node> = match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => scene.nodes().collect(),
-        None => document.nodes().collect(),
+        None => {
+            let children: HashSet<usize> =
+                document.nodes().flat_map(|node| node.children().map(|child| child.index())).collect();
+            document.nodes().filter(|node| !children.contains(&node.index())).collect()
+        }
     };
     let mut open: Vec<(gltf::Node, DMat4, Option<usize>)> =
         roots.into_iter().rev().map(|node| (node, DMat4::IDENTITY, None)).collect();

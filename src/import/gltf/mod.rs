@@ -90,10 +90,6 @@ impl Loader<'_> {
     }
 
     fn warn_of_what_is_not_drawn(&mut self, document: &gltf::Document) {
-        if self.source.pose.is_none() && document.animations().next().is_some() {
-            let message = "it has clips; drawn at rest, `--time SECONDS` draws them";
-            self.warnings.note(format!("{}: {message}", self.source.file.display()));
-        }
         const READ: [&str; 4] = [
             "KHR_lights_punctual",
             "KHR_materials_emissive_strength",

@@ -13,6 +13,7 @@ pub use motion::{Goal, Key, Motion, Value};
 pub use target::{Property, Target};
 pub use timeline::Timeline;
 
+use super::Clip;
 use super::Scene;
 use crate::error::{Error, Place, Result};
 
@@ -27,6 +28,8 @@ pub struct Animation {
     pub repeat: bool,
     /// Tracks in the order of the file; each acts on the result of those before it.
     pub tracks: Vec<Track>,
+    /// The clip of the input files that is played, in seconds from its beginning; its last pose holds.
+    pub clip: Option<Clip>,
 }
 
 /// A motion and its target.
@@ -46,11 +49,12 @@ impl Animation {
     pub fn moves_surfaces(&self, scene: &Scene) -> bool {
         let is_area =
             |name: &str| scene.lights.iter().any(|light| light.name == name && light.kind.is_area());
-        self.tracks.iter().any(|track| match &track.target {
-            Target::Object(_) => true,
-            Target::Light(name) => is_area(name),
-            Target::Camera(_) => false,
-        })
+        self.clip.is_some()
+            || self.tracks.iter().any(|track| match &track.target {
+                Target::Object(_) => true,
+                Target::Light(name) => is_area(name),
+                Target::Camera(_) => false,
+            })
     }
 
     /// The same animation with look-at objects, which must not move, replaced by the points where they are.

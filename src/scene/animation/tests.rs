@@ -26,6 +26,7 @@ fn scene(motion: Motion, target: Target) -> Scene {
             object("m/b", Shape::Placed(placed)),
         ],
         animation: Some(Animation {
+            clip: None,
             fps: 10.0,
             duration: 4.0,
             repeat: false,
