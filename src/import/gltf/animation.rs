@@ -176,7 +176,7 @@ fn interpolated(
     let keys = parts * times.len();
     if times.is_empty()
         || values.is_empty()
-        || values.len() % keys != 0
+        || !values.len().is_multiple_of(keys)
         || !values.iter().all(|v| v.is_finite())
     {
         return None;
