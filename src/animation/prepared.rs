@@ -7,11 +7,11 @@
 use std::sync::Arc;
 
 use crate::bvh::Layout;
-use crate::error::{Result, Warnings};
+use crate::error::{Error, Result, Warnings};
 use crate::film::ColourPipeline;
 use crate::import;
 use crate::scene::animation::{Motion, Property, Target, Track};
-use crate::scene::{Animation, Camera, Clip, ClipTime, Numerics, Projection, Scene};
+use crate::scene::{Animation, Camera, Clip, ClipChoice, ClipTime, Numerics, Projection, Scene};
 use crate::world::{Recentering, StandardView, World, headlight, recenter, turntable_camera};
 
 /// The default duration of a turntable in seconds, and its frames per second.
@@ -128,7 +128,7 @@ impl PreparedAnimation {
     fn posed(&self, clip: &Clip, time: f64) -> Result<Scene> {
         let own = &self.scene;
         let duration = own.animation.as_ref().map_or(0.0, |animation| animation.duration);
-        let moment = ClipTime { clip: Some(clip.name.clone()), time: time * duration };
+        let moment = ClipTime { clip: ClipChoice::Index(clip.index), time: time * duration };
         let mut scene = import::load_posed(&own.inputs, Some(&moment), &mut Warnings::default())?;
         let added = own.cameras.iter().skip(scene.cameras.len()).cloned();
         scene.cameras.extend(added);
@@ -138,13 +138,25 @@ impl PreparedAnimation {
 
 /// Makes an animation of a scene without one: it plays a clip of its files, by name or index, or the first. Without any
 /// nothing changes.
-pub fn play_clip(scene: &mut Scene, clip: Option<&str>) {
-    let Some(index) = Clip::find(&scene.clips, clip).filter(|_| scene.animation.is_none()) else { return };
-    let clip = scene.clips[index].clone();
+///
+/// # Errors
+/// [`Error::Usage`] for a scene from standard input, which cannot be read again.
+pub fn play_clip(scene: &mut Scene, clip: &ClipChoice) -> Result<()> {
+    let Some(clip) = clip.find(&scene.clips).filter(|_| scene.animation.is_none()).cloned() else {
+        return Ok(());
+    };
+    if scene.inputs.iter().any(|input| input.as_os_str() == "-") {
+        let hint = "name a file, or hold one moment by --time";
+        return Err(Error::usage(
+            "a clip of standard input cannot be played: each frame reads the file again",
+            hint,
+        ));
+    }
     let (_, fps) = TURNTABLE;
     // At least one frame.
     let duration = clip.duration.max(1.0 / fps);
     scene.animation = Some(Animation { fps, duration, repeat: true, tracks: Vec::new(), clip: Some(clip) });
+    Ok(())
 }
 
 /// Adds an animation to the scene: `camera` orbits once around the point it looks at. Without a camera, one that sees

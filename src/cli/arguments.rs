@@ -12,7 +12,7 @@ use crate::film::tone::{Exposure, ToneMap};
 use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
 use crate::job::{CameraChoice, EnvironmentSettings, RenderSettings};
-use crate::scene::{ClipTime, Numerics, Projection, Transport, check_clamp};
+use crate::scene::{ClipChoice, ClipTime, Numerics, Projection, Transport, check_clamp};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -79,7 +79,7 @@ pub(crate) struct Arguments {
     hide_environment: bool,
     /// Pose what the clips of the input files animate at this time, in seconds; before the first and after the last
     /// keyframe, their values hold [default: at rest]
-    #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = |text: &str| crate::cli::numbers::number::<f64>(text, "seconds, such as 1.5"))]
+    #[arg(long, allow_hyphen_values = true, value_name = "SECONDS", value_parser = parse_seconds)]
     time: Option<f64>,
     /// The clip, by its name or its number from 0 [default: the first]
     #[arg(long, value_name = "NAME|INDEX")]
@@ -119,6 +119,11 @@ fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     Ok([number(width)?, number(height)?])
 }
 
+fn parse_seconds(text: &str) -> std::result::Result<f64, String> {
+    let seconds = crate::cli::numbers::number::<f64>(text, "seconds, such as 1.5")?;
+    if seconds.is_finite() { Ok(seconds) } else { Err("give seconds, such as 1.5".into()) }
+}
+
 fn parse_degrees(text: &str) -> std::result::Result<f64, String> {
     let degrees = crate::cli::numbers::number::<f64>(text, "a number of degrees")?;
     if degrees.is_finite() { Ok(degrees) } else { Err("give a number of degrees".into()) }
@@ -148,8 +153,8 @@ fn named<T: Copy>(all: &[T], name: impl Fn(T) -> &'static str, typed: Option<&st
 
 impl Arguments {
     /// The clip that is asked for.
-    pub(crate) fn clip(&self) -> Option<&str> {
-        self.clip.as_deref()
+    pub(crate) fn clip(&self) -> ClipChoice {
+        self.clip.clone().map_or(ClipChoice::First, ClipChoice::Named)
     }
 
     /// Whether frames do not play a clip, but show one moment.
@@ -160,7 +165,7 @@ impl Arguments {
     /// The moment of a clip that is asked for.
     pub(crate) fn clip_time(&self) -> Option<ClipTime> {
         let is_asked_for = self.time.is_some() || self.clip.is_some();
-        is_asked_for.then(|| ClipTime { clip: self.clip.clone(), time: self.time.unwrap_or(0.0) })
+        is_asked_for.then(|| ClipTime { clip: self.clip(), time: self.time.unwrap_or(0.0) })
     }
 
     /// The render settings.

@@ -50,7 +50,7 @@ pub(crate) fn load_and_prepare(
         import::load_posed(&arguments.inputs, arguments.clip_time().as_ref(), warnings)
     })?;
     if !arguments.is_still() {
-        play_clip(&mut scene, arguments.clip());
+        play_clip(&mut scene, &arguments.clip())?;
     }
     show("preparing", warnings);
     AnimationJob::prepare(scene, settings, request, warnings, |warnings| show("building", warnings))

@@ -39,7 +39,7 @@ pub use files::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
 use crate::limits::{self, unreadable};
-use crate::scene::{Clip, ClipTime, Material, Mesh, Object, Phong, Scene, Shape};
+use crate::scene::{ClipChoice, ClipTime, Material, Mesh, Object, Phong, Scene, Shape};
 use files::Files;
 
 /// A supported file format.
@@ -217,12 +217,12 @@ pub fn load_posed(inputs: &[PathBuf], pose: Option<&ClipTime>, warnings: &mut Wa
 
 /// Checks that an input has the clip that is asked for.
 fn check_clip(scene: &Scene, pose: Option<&ClipTime>) -> Result<()> {
-    let Some(asked) = pose.filter(|asked| Clip::find(&scene.clips, asked.clip.as_deref()).is_none()) else {
+    let Some(asked) = pose.filter(|asked| asked.clip.find(&scene.clips).is_none()) else {
         return Ok(());
     };
     let names: Vec<String> = scene.clips.iter().map(|clip| format!("`{}`", clip.name)).collect();
     Err(match &asked.clip {
-        Some(clip) if !names.is_empty() => Error::usage(
+        ClipChoice::Named(clip) if !names.is_empty() => Error::usage(
             format!("no input has a clip `{clip}`"),
             format!("their clips: {}", names.join(", ")),
         ),

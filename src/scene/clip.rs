@@ -3,8 +3,10 @@
 /// A clip of an input file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clip {
-    /// Its name, or its index if it has none.
+    /// Its name, or its index if it has none. Names may repeat.
     pub name: String,
+    /// Its index in the file.
+    pub index: usize,
     /// The time of its last keyframe in seconds.
     pub duration: f64,
     /// The number of properties that it animates.
@@ -13,20 +15,38 @@ pub struct Clip {
     pub digest: String,
 }
 
+/// The choice of a clip.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub enum ClipChoice {
+    /// The first.
+    #[default]
+    First,
+    /// By its name, or, where none has that name, by its index.
+    Named(String),
+    /// By its index.
+    Index(usize),
+}
+
 /// The moment of a clip at which a scene is posed.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ClipTime {
-    /// Name or index of the clip; the first if `None`.
-    pub clip: Option<String>,
+    /// The clip of each file.
+    pub clip: ClipChoice,
     /// Seconds from its beginning. Before the first and after the last keyframe, their values hold.
     pub time: f64,
 }
 
-impl Clip {
-    /// The index of a clip by its name, or else by its index; the first for `None`.
-    pub fn find(clips: &[Clip], wanted: Option<&str>) -> Option<usize> {
-        let Some(wanted) = wanted else { return (!clips.is_empty()).then_some(0) };
-        let by_name = clips.iter().position(|clip| clip.name == wanted);
-        by_name.or_else(|| wanted.parse().ok().filter(|&index: &usize| index < clips.len()))
+impl ClipChoice {
+    /// The first of `clips` that is chosen.
+    pub fn find<'a>(&self, clips: &'a [Clip]) -> Option<&'a Clip> {
+        let by_index = |index: usize| clips.iter().find(|clip| clip.index == index);
+        match self {
+            ClipChoice::First => clips.first(),
+            ClipChoice::Index(index) => by_index(*index),
+            ClipChoice::Named(name) => {
+                let by_name = clips.iter().find(|clip| clip.name == *name);
+                by_name.or_else(|| by_index(name.parse().ok()?))
+            }
+        }
     }
 }

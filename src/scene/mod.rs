@@ -46,7 +46,7 @@ pub use crate::geometry::{
 pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
-pub use clip::{Clip, ClipTime};
+pub use clip::{Clip, ClipChoice, ClipTime};
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::film::{ColourPipeline, DisplaySettings};
 use crate::job::EnvironmentSettings;
 use crate::scene::{
-    Camera, ClipTime, INLINE_NAME, Numerics, Projection, Sampling, Scene, Transport, default_size,
+    Camera, ClipChoice, ClipTime, INLINE_NAME, Numerics, Projection, Sampling, Scene, Transport, default_size,
 };
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
@@ -180,7 +180,11 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     rotation.iter().for_each(|degrees| option("--environment-rotation", &degrees.to_string()));
     if let Some(ClipTime { clip, time }) = command.clip_time {
         option("--time", &time.to_string());
-        clip.iter().for_each(|clip| option("--clip", clip));
+        match clip {
+            ClipChoice::First => {}
+            ClipChoice::Named(name) => option("--clip", name),
+            ClipChoice::Index(index) => option("--clip", &index.to_string()),
+        }
     }
     if *hide {
         words.push("--hide-environment".to_owned());
@@ -402,7 +406,7 @@ mod tests {
                 rotation: Some(-90.0),
                 hide: true,
             },
-            clip_time: Some(&ClipTime { clip: Some("Walk".into()), time: -0.5 }),
+            clip_time: Some(&ClipTime { clip: ClipChoice::Named("Walk".into()), time: -0.5 }),
             ..plain
         };
         assert_eq!(

@@ -6,7 +6,7 @@ use kiln::error::{Error, Result, Warnings};
 use kiln::import::load_posed;
 use kiln::job::{CameraChoice, RenderSettings};
 use kiln::render::RenderControl;
-use kiln::scene::{ClipTime, Scene, Shape};
+use kiln::scene::{ClipChoice, ClipTime, Scene, Shape};
 use serde_json::json;
 
 use crate::common::borders::Model;
@@ -50,7 +50,8 @@ fn posed(model: &Model, time: Option<f64>, clip: Option<&str>) -> Result<Scene> 
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("model.glb");
     std::fs::write(&file, model.binary()).expect("the file is written");
-    let asked = ClipTime { clip: clip.map(str::to_owned), time: time.unwrap_or(0.0) };
+    let choice = clip.map_or(ClipChoice::First, |clip| ClipChoice::Named(clip.into()));
+    let asked = ClipTime { clip: choice, time: time.unwrap_or(0.0) };
     let pose = (time.is_some() || clip.is_some()).then_some(&asked);
     load_posed(&[file], pose, &mut Warnings::default())
 }
@@ -146,11 +147,47 @@ fn cameras_follow_their_node() {
     assert_near(posed(&model, Some(1.0), None).expect("a scene").cameras[0].position, [1.0, 0.0, 9.0]);
 }
 
+/// Channels of KHR_animation_pointer name no node; the others are played, and a warning names the extension.
+#[test]
+fn channels_without_a_node_are_left_out() {
+    let mut model = Model::new(&TRIANGLE);
+    clip(&mut model, 0, "translation", &[0.0, 1.0], &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], "Walk");
+    let pointer = json!({ "pointer": "/materials/0/pbrMetallicRoughness/roughnessFactor" });
+    let target = json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": pointer } });
+    let channels = model.json["animations"][0]["channels"].as_array_mut().expect("a list");
+    channels.push(json!({ "sampler": 0, "target": target }));
+    for key in ["extensionsUsed", "extensionsRequired"] {
+        model.json[key] = json!(["KHR_animation_pointer"]);
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("model.glb");
+    std::fs::write(&file, model.binary()).expect("the file is written");
+    let (moment, mut warnings) = (ClipTime { clip: ClipChoice::First, time: 0.5 }, Warnings::default());
+    let scene = load_posed(&[file], Some(&moment), &mut warnings).expect("a scene");
+    assert_near(positions(&scene)[0], [1.0, 0.0, 0.0]);
+    let [warning] = warnings.messages() else { panic!("{:?}", warnings.messages()) };
+    assert!(warning.ends_with("extension KHR_animation_pointer is not used"), "{warning}");
+}
+
+/// Without scenes, nodes without a parent are drawn, with what is below them.
+#[test]
+fn without_scenes_the_hierarchy_stands() {
+    let mut model = Model::new(&TRIANGLE);
+    model.json["nodes"] = json!([{ "mesh": 0 }, { "translation": [1, 0, 0], "children": [0] }]);
+    let json = model.json.as_object_mut().expect("an object");
+    json.remove("scene");
+    json.remove("scenes");
+    assert_near(positions(&posed(&model, None, None).expect("a scene"))[0], [1.0, 0.0, 0.0]);
+}
+
 /// Frame 15 of 30 a second is the picture of 0.5 seconds; the clip moves the triangle out of the middle by then.
 #[test]
 fn frames_play_a_clip() {
     let mut model = Model::new(&TRIANGLE);
+    // Two clips of one name: the second is chosen by its index.
+    clip(&mut model, 0, "translation", &[0.0, 1.0], &[[9.0, 0.0, 0.0], [9.0, 0.0, 0.0]], "Walk");
     clip(&mut model, 0, "translation", &[0.0, 1.0], &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], "Walk");
+    let second = ClipChoice::Named("1".into());
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("model.glb");
     std::fs::write(&file, model.binary()).expect("the file is written");
@@ -163,13 +200,13 @@ fn frames_play_a_clip() {
         ..RenderSettings::default()
     };
     let still = |time: f64| {
-        let moment = ClipTime { clip: None, time };
+        let moment = ClipTime { clip: second.clone(), time };
         let scene = load_posed(&inputs, Some(&moment), &mut Warnings::default()).expect("a scene");
         let job = kiln::job::prepare(scene, &settings, &mut Warnings::default()).expect("a job");
         job.render::<[u8; 3]>(&RenderControl::default()).expect("a picture").0.bytes()
     };
     let mut scene = load_posed(&inputs, None, &mut Warnings::default()).expect("a scene");
-    play_clip(&mut scene, None);
+    play_clip(&mut scene, &second).expect("it is a file");
     let request = FrameRequest::all(None, None, None);
     let animation = AnimationJob::prepare(scene, &settings, &request, &mut Warnings::default(), |_| ())
         .expect("an animation");
@@ -213,7 +250,7 @@ fn the_fox_moves() {
     let mut bounds = vec![at(None)];
     for clip in ["Survey", "Walk", "Run"] {
         for time in [0.1, 0.3, 0.5] {
-            bounds.push(at(Some(ClipTime { clip: Some(clip.into()), time })));
+            bounds.push(at(Some(ClipTime { clip: ClipChoice::Named(clip.into()), time })));
         }
     }
     for (i, (min, max)) in bounds.iter().enumerate() {

@@ -65,6 +65,7 @@ impl Loader<'_> {
             let ends = animation.channels().filter_map(|channel| self.times(&channel)?.last().copied());
             Clip {
                 name: animation.name().map_or_else(|| animation.index().to_string(), str::to_owned),
+                index: animation.index(),
                 duration: ends.fold(0.0, f64::max),
                 channels: animation.channels().count(),
                 digest: self.digest(&animation),
@@ -91,11 +92,10 @@ impl Loader<'_> {
     /// The poses at the time that is asked for; at rest if none is, or the document has no such clip.
     pub(super) fn pose_of_nodes(&mut self, document: &gltf::Document) -> Pose {
         let Some(asked) = self.source.pose.clone() else { return Pose::default() };
-        let index = Clip::find(&self.scene.clips, asked.clip.as_deref());
-        let Some(animation) = index.and_then(|index| document.animations().nth(index)) else {
+        let Some(Clip { name, index, .. }) = asked.clip.find(&self.scene.clips).cloned() else {
             return Pose::default();
         };
-        let name = animation.name().map_or_else(|| animation.index().to_string(), str::to_owned);
+        let Some(animation) = document.animations().nth(index) else { return Pose::default() };
         let mut poses = vec![NodePose::default(); document.nodes().len()];
         for (number, channel) in animation.channels().enumerate() {
             let node = channel.target().node().index();
@@ -114,7 +114,8 @@ impl Loader<'_> {
         let is_time = (input.data_type(), input.dimensions()) == (DataType::F32, Dimensions::Scalar);
         let reader = channel.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
         let times: Vec<f64> = reader.read_inputs().filter(|_| is_time)?.map(f64::from).collect();
-        times.is_sorted_by(|a, b| a < b).then_some(times)
+        let is_usable = times.is_sorted_by(|a, b| a < b) && times.iter().all(|time| time.is_finite());
+        is_usable.then_some(times)
     }
 
     /// The value of a channel at a time; `None` if its keyframes cannot be used.

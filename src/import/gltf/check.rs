@@ -17,6 +17,8 @@ use crate::limits;
 /// of that crate is reported as an error of the file.
 pub(super) fn open(bytes: &[u8], file: &Path) -> Result<gltf::Gltf> {
     let failed = || Error::input(file, "not a usable glTF file", "export it again as glTF 2.0");
+    let without_pointers = contain(|| without_pointers(bytes)).flatten();
+    let bytes = without_pointers.as_deref().unwrap_or(bytes);
     let read = || gltf::Gltf::from_slice_without_validation(bytes);
     let gltf::Gltf { document, blob } = contain(read).ok_or_else(failed)?.map_err(|e| explain(file, e))?;
     let mut json = document.into_json();
@@ -24,6 +26,36 @@ pub(super) fn open(bytes: &[u8], file: &Path) -> Result<gltf::Gltf> {
     check_positions(&json, file)?;
     let document = contain(|| gltf::Document::from_json(json)).ok_or_else(failed)?;
     Ok(gltf::Gltf { document: document.map_err(|e| explain(file, e))?, blob })
+}
+
+/// The extension whose channels name a property instead of a node.
+const ANIMATION_POINTER: &str = "KHR_animation_pointer";
+
+/// The document without the channels of KHR_animation_pointer, which the `gltf` crate refuses because they name no node;
+/// `None` where there are none, or the document cannot be read.
+fn without_pointers(bytes: &[u8]) -> Option<Vec<u8>> {
+    bytes
+        .windows(ANIMATION_POINTER.len())
+        .any(|window| window == ANIMATION_POINTER.as_bytes())
+        .then_some(())?;
+    let glb =
+        if bytes.starts_with(b"glTF") { Some(gltf::binary::Glb::from_slice(bytes).ok()?) } else { None };
+    let json = glb.as_ref().map_or(bytes, |glb| &glb.json);
+    let mut root: serde_json::Value = serde_json::from_slice(json).ok()?;
+    let animations = root.get_mut("animations").and_then(|list| list.as_array_mut());
+    for animation in animations.into_iter().flatten() {
+        if let Some(channels) = animation.get_mut("channels").and_then(|list| list.as_array_mut()) {
+            channels.retain(|channel| channel["target"]["node"].is_u64());
+        }
+    }
+    if let Some(required) = root.get_mut("extensionsRequired").and_then(|list| list.as_array_mut()) {
+        required.retain(|name| name != ANIMATION_POINTER);
+    }
+    let json = serde_json::to_vec(&root).ok()?;
+    match glb {
+        Some(glb) => gltf::binary::Glb { json: json.into(), ..glb }.to_vec().ok(),
+        None => Some(json),
+    }
 }
 
 /// Checks that primitives have positions. The validation of gltf-json 1.4.1 accesses them without a check
@@ -44,7 +76,7 @@ fn check_positions(json: &gltf::json::Root, file: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Checks the memory limit for meshes and placements. Primitives may share accessors, and accessors without a buffer
+/// Checks the memory limit for meshes, placements and keyframes. Primitives may share accessors, and accessors without a buffer
 /// view take no bytes in the file, so the file size does not bound memory.
 pub(super) fn check_memory(document: &gltf::Document, file: &Path) -> Result<()> {
     // Bytes per vertex: positions, normals and colours are three f64, texture coordinates two, tangents four; joints
@@ -70,12 +102,14 @@ pub(super) fn check_memory(document: &gltf::Document, file: &Path) -> Result<()>
             .fold([0u64; 2], add)
     };
     let mut sums = [0u64; 2];
-    // A mesh is read once for all nodes without a skin, and once for each skinned node.
+    // A mesh is read once for all nodes, and once for each node with a skin or morph targets.
     let mut times = vec![0u64; document.meshes().len()];
     for node in document.nodes() {
         let Some(mesh) = node.mesh() else { continue };
         let time = &mut times[mesh.index()];
-        *time = if node.skin().is_some() { *time + 1 } else { (*time).max(1) };
+        let is_own =
+            node.skin().is_some() || mesh.primitives().any(|primitive| primitive.morph_targets().len() > 0);
+        *time = if is_own { *time + 1 } else { (*time).max(1) };
         if let Some(accessor) = instancing::first_accessor(&node, document) {
             let each = PLACE + object * mesh.primitives().len() as u64;
             let bytes = limits::product(&[accessor.count() as u64, each]);
@@ -86,6 +120,14 @@ pub(super) fn check_memory(document: &gltf::Document, file: &Path) -> Result<()>
         for primitive in mesh.primitives() {
             let [there, claimed] = of_primitive(&primitive).map(|bytes| limits::product(&[bytes, times]));
             sums = add(add(sums, (there, false)), (claimed, true));
+        }
+    }
+    // A keyframe is read as f64.
+    for sampler in document.animations().flat_map(|animation| animation.samplers().collect::<Vec<_>>()) {
+        for accessor in [sampler.input(), sampler.output()] {
+            let numbers = accessor.dimensions().multiplicity() as u64;
+            let bytes = limits::product(&[accessor.count() as u64, numbers, 8]);
+            sums = add(sums, (bytes, accessor.view().is_none()));
         }
     }
     let [there, claimed] = sums;

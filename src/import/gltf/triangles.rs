@@ -118,6 +118,9 @@ impl Loader<'_> {
             for (tangent, value) in of_mesh.zip(tangents.into_iter().flatten()) {
                 *tangent += by(value).extend(0.0);
             }
+            for normal in mesh.normals.iter_mut().flat_map(|normals| &mut normals.values) {
+                *normal = normal.try_normalize().unwrap_or(*normal);
+            }
         }
         all_fit
     }
@@ -143,8 +146,14 @@ impl Loader<'_> {
     ) -> Option<Vec<DMat4>> {
         let get = |buffer: gltf::Buffer| self.buffers.get(buffer.index()).map(Vec::as_slice);
         let reader = primitive.reader(get);
-        let joints: Vec<[u16; 4]> = reader.read_joints(0)?.into_u16().collect();
-        let weights: Vec<[f32; 4]> = reader.read_weights(0)?.into_f32().collect();
+        // Each set has four joints a vertex.
+        let sets: Vec<(Vec<[u16; 4]>, Vec<[f32; 4]>)> = (0..)
+            .map_while(|set| {
+                let (joints, weights) = (reader.read_joints(set)?, reader.read_weights(set)?);
+                Some((joints.into_u16().collect(), weights.into_f32().collect()))
+            })
+            .collect();
+        let count = sets.iter().map(|(joints, weights)| joints.len().min(weights.len())).min()?;
         let joint_from_mesh: Option<Vec<DMat4>> = skin
             .reader(get)
             .read_inverse_bind_matrices()
@@ -158,15 +167,17 @@ impl Loader<'_> {
                 world_from_joint * inverse_bind.unwrap_or(DMat4::IDENTITY)
             })
             .collect();
-        let blend = |(joints, weights): (&[u16; 4], &[f32; 4])| {
+        let blend = |vertex: usize| {
             let mut sum = DMat4::ZERO;
-            for (&joint, &weight) in joints.iter().zip(weights) {
-                sum += *world_from_mesh.get(joint as usize)? * f64::from(weight);
+            for (joints, weights) in &sets {
+                for (&joint, &weight) in joints[vertex].iter().zip(&weights[vertex]) {
+                    sum += *world_from_mesh.get(joint as usize)? * f64::from(weight);
+                }
             }
             // The w component of the blended matrix is the sum of the weights.
             (sum.w_axis.w > 0.0).then(|| sum * (1.0 / sum.w_axis.w))
         };
-        let matrices: Option<Vec<DMat4>> = joints.iter().zip(&weights).map(blend).collect();
+        let matrices: Option<Vec<DMat4>> = (0..count).map(blend).collect();
         if matrices.is_none() {
             self.warn("a skin refers to joints it does not have; drawn without it");
         }
