@@ -147,10 +147,10 @@ impl Loader<'_> {
         let get = |buffer: gltf::Buffer| self.buffers.get(buffer.index()).map(Vec::as_slice);
         let reader = primitive.reader(get);
         // Each set has four joints a vertex.
-        let sets: Vec<(Vec<[u16; 4]>, Vec<[f32; 4]>)> = (0..)
+        let sets: Vec<_> = (0..)
             .map_while(|set| {
                 let (joints, weights) = (reader.read_joints(set)?, reader.read_weights(set)?);
-                Some((joints.into_u16().collect(), weights.into_f32().collect()))
+                Some((joints.into_u16().collect::<Vec<_>>(), weights.into_f32().collect::<Vec<_>>()))
             })
             .collect();
         let count = sets.iter().map(|(joints, weights)| joints.len().min(weights.len())).min()?;
