@@ -5,8 +5,8 @@ use std::path::Path;
 
 use exr::prelude::{AttributeValue, ReadChannels, ReadLayers, Text, read};
 
-use super::read::{Read, ReadError, exr_reader, max_block_bytes};
-use crate::error::{Result, contain};
+use super::read::{Read, ReadError, contained, exr_reader, max_block_bytes};
+use crate::error::Result;
 use crate::limits;
 
 /// The channels and text attributes of an OpenEXR file.
@@ -65,9 +65,7 @@ fn decode(bytes: &[u8]) -> Read<ExrChannels> {
             .from_buffered(Cursor::new(bytes))
             .map_err(|e| format!("damaged: {e}"))
     };
-    let picture = contain(parse)
-        .unwrap_or_else(|| Err("damaged: its decoder failed".to_owned()))
-        .map_err(ReadError::Damaged)?;
+    let picture = contained(parse)?;
     let layer = picture.layer_data;
     let text = |(name, value): (&Text, &AttributeValue)| match value {
         AttributeValue::Text(text) => Some((name.to_string(), text.to_string())),

@@ -40,6 +40,13 @@ pub enum ReadError {
     },
 }
 
+/// Calls a decoder; its panic is reported as damage, as is its error.
+pub(super) fn contained<T>(parse: impl FnOnce() -> std::result::Result<T, String>) -> Read<T> {
+    contain(parse)
+        .unwrap_or_else(|| Err("damaged: its decoder failed".to_owned()))
+        .map_err(ReadError::Damaged)
+}
+
 impl ReadError {
     /// The error for an image of `width` by `height` pixels.
     pub(super) fn too_large(width: u64, height: u64, excess: &Excess) -> Self {
@@ -179,9 +186,7 @@ fn read_exr(bytes: Vec<u8>) -> Read<Pixels> {
             .from_buffered(Cursor::new(bytes))
             .map_err(|e| format!("damaged, or without the channels R, G and B: {e}"))
     };
-    let picture = contain(parse)
-        .unwrap_or_else(|| Err("damaged: its decoder failed".to_owned()))
-        .map_err(ReadError::Damaged)?;
+    let picture = contained(parse)?;
     let layer = picture.layer_data;
     let said = layer.attributes.other.get(&Text::from("kiln:colour"));
     let display = matches!(said, Some(AttributeValue::Text(name)) if name.eq("display") || name.eq("u8"));

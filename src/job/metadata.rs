@@ -115,7 +115,7 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     }
     metadata.push((FINGERPRINT.to_owned(), fingerprint.finish()));
     if !aovs.is_empty() {
-        // The key is hashed, too: with another one, files would no longer match their scenes.
+        // The key is part of the hash: renaming it would change the fingerprint of every picture.
         add_to_fingerprint(&mut metadata, "layers", &aovs);
     }
     // Only what is set, so that fingerprints of other pictures do not depend on these settings.

@@ -254,7 +254,7 @@ fn warn_of_dark_lights(scene: &Scene, warnings: &mut Warnings) {
     }
 }
 
-/// Whether a scene is given a headlight: one without lights, if settings or scene ask for it or nothing else lights it.
+/// Whether a headlight is added: the scene has no lights, and settings or scene ask for one, or no other light exists.
 pub(crate) fn needs_headlight(scene: &Scene, settings: &RenderSettings) -> bool {
     let asked_for = settings.headlight.or(scene.headlight);
     settings.shading.uses_lights()

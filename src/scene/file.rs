@@ -279,7 +279,7 @@ pub struct LayersSection {
     /// Whether the surface encloses a volume, which refracts; if not, it is a thin wall.
     #[serde(default)]
     pub volume: bool,
-    /// What is left of white light in the volume after `attenuation_distance`; white if not given.
+    /// Transmittance of the volume over `attenuation_distance`; white if not given.
     pub attenuation_colour: Option<ColourValue>,
     /// The distance of `attenuation_colour`; infinite if not given.
     pub attenuation_distance: Option<f64>,

@@ -30,7 +30,7 @@ pub struct Layers<C = Colour> {
 /// A homogeneous medium that absorbs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Volume<C = Colour> {
-    /// What is left of white light after `attenuation_distance`.
+    /// Transmittance of the medium, by channel, over `attenuation_distance`.
     pub attenuation_colour: C,
     /// A distance above 0, which may be infinite.
     pub attenuation_distance: f64,

@@ -213,23 +213,17 @@ impl Emitters {
         let &Emitter { ref shape, id, object, material, luminance } = &self.emitters[index];
         let radiance = sampled_emission(&materials[material as usize])?;
         let density = luminance / total;
-        match shape {
+        let (direction, point, normal, barycentrics, pdf) = match shape {
             EmitterShape::Rectangle(index, halves) => {
                 let rectangle = &self.rectangles[*index];
                 let (point, normal) = in_halves(halves, rectangle.sample(from, numbers)?)?;
                 let direction = (point.position - from).try_normalize()?;
+                // Only the front emits.
+                if direction.dot(normal) >= 0.0 {
+                    return None;
+                }
                 let pdf = density * rectangle.area() * rectangle.pdf(from, point.position);
-                (direction.dot(normal) < 0.0 && pdf.is_finite()).then_some(EmitterSample {
-                    direction,
-                    point,
-                    normal,
-                    radiance,
-                    pdf,
-                    id,
-                    object,
-                    material,
-                    barycentrics: [0.0; 3],
-                })
+                (direction, point, normal, [0.0; 3], pdf)
             }
             EmitterShape::Primitive(Primitive::Triangle(triangle)) => {
                 let (point, normal, barycentrics) = on_triangle(triangle, numbers)?;
@@ -239,37 +233,19 @@ impl Emitters {
                 let normal = if cosine < 0.0 { -normal } else { normal };
                 // Area density 1 / area times the choice's area * luminance / total; converted to solid angle.
                 let pdf = density * to_light.length_squared() / cosine.abs();
-                (pdf.is_finite() && pdf > 0.0).then_some(EmitterSample {
-                    direction,
-                    point,
-                    normal,
-                    radiance,
-                    pdf,
-                    id,
-                    object,
-                    material,
-                    barycentrics,
-                })
+                (direction, point, normal, barycentrics, pdf)
             }
             EmitterShape::Primitive(Primitive::Analytic(shape)) => {
                 let (direction, distance) = shape.sample_solid_angle(from, numbers)?;
                 let (point, outward) = shape.surface(from + direction * distance);
                 let normal = if outward.dot(direction) > 0.0 { -outward } else { outward };
                 let pdf = density * shape.area() / shape.solid_angle(from);
-                let barycentrics = [1.0, 0.0, 0.0];
-                Some(EmitterSample {
-                    direction,
-                    point,
-                    normal,
-                    radiance,
-                    pdf,
-                    id,
-                    object,
-                    material,
-                    barycentrics,
-                })
+                (direction, point, normal, [1.0, 0.0, 0.0], pdf)
             }
-        }
+        };
+        let sample =
+            EmitterSample { direction, point, normal, radiance, pdf, id, object, material, barycentrics };
+        (pdf.is_finite() && pdf > 0.0).then_some(sample)
     }
 
     /// The density per solid angle with which [`Emitters::sample`] from `from` chooses the point of a surface that a

@@ -183,7 +183,7 @@ impl<'a> Vertex<'a> {
         let material = &world.materials[surface.material as usize];
         // A bent normal that is turned away from the view has no local frame.
         let cosine = surface.shading_normal.dot(surface.view);
-        let normal = if cosine > 1e-3 { surface.shading_normal } else { surface.geometric_normal };
+        let normal = if cosine > 0.0 { surface.shading_normal } else { surface.geometric_normal };
         let (tangent, bitangent) = normal.any_orthonormal_pair();
         let frame = [tangent, bitangent, normal];
         let (parameters, mut throughput) = parameters(world, material, &surface, hit);

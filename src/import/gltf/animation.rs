@@ -197,7 +197,7 @@ fn interpolated(
         Interpolation::Step => from.to_vec(),
         Interpolation::Linear if is_rotation => {
             let rotation = |v: &[f64]| <[f64; 4]>::try_from(v).map(unit).ok();
-            // The shorter way round, as section 3.11 asks for.
+            // Along the shorter arc (section 3.11 and appendix C.4).
             rotation(from)?.slerp(rotation(to)?, t).to_array().to_vec()
         }
         Interpolation::Linear => from.iter().zip(to).map(|(a, b)| a + (b - a) * t).collect(),

@@ -1,6 +1,6 @@
 //! MTL files, by `tobj`.
 //!
-//! tobj 4.0.5 knows the keys and keeps those that it does not, but panics on `Kd 0.5`, gives up the whole file for one
+//! tobj 4.0.5 parses the common keys and returns the others as text, but panics on `Kd 0.5`, gives up the whole file for one
 //! bad line, and takes the options of maps for parts of their names. The text is therefore normalised first: lines that
 //! it would not understand are left out with a warning, and options are read here.
 
