@@ -17,7 +17,7 @@ use super::table::Table;
 const NODES: [usize; 2] = [46, 44];
 
 /// Points of the quadrature of a node: azimuths of half a turn, and polar positions.
-const POINTS: [usize; 2] = [24, 20];
+const POINTS: [usize; 2] = [24, 40];
 
 /// The directional albedos of the reflection lobe of one roughness and view.
 #[derive(Debug, Clone, Copy)]

@@ -99,7 +99,7 @@ fn smooth_glass_loses_nothing_at_all() {
 #[test]
 fn thin_walls_lose_nothing() {
     for ior in [1.0, 1.2, 1.5, 2.4] {
-        loses_nothing(&BsdfParameters { ior, thin_walled: true, ..glass(false) }, 0.01);
+        loses_nothing(&BsdfParameters { ior, thin_walled: true, ..glass(false) }, 5e-3);
     }
 }
 
@@ -129,9 +129,7 @@ fn nothing_gains_energy() {
         for cos in [0.05, 0.6] {
             let result = albedo(&p, cos, SAMPLES / 2, 1e-4);
             let what = format!("cosine {cos}, {p:?}");
-            // The table of glass has errors of up to 1 %.
-            let tolerance = if p.transmission > 0.0 { 1e-2 } else { 1e-3 };
-            assert!(result.exact.max_element() < 1.0 + tolerance, "{what}: {}", result.exact);
+            assert!(result.exact.max_element() < 1.001, "{what}: {}", result.exact);
             check_samples(&result, 1e-3, &what);
             let by_tables = Bsdf::new(&p, view(cos)).albedo();
             assert!(
