@@ -133,9 +133,12 @@ fn load(loader: &str, file: &Path) -> Result<()> {
 
 /// Size of a mesh in bytes.
 fn size(mesh: &Mesh) -> usize {
-    fn of<T>(attribute: &Option<Attribute<T>>) -> usize {
-        let Some(attribute) = attribute else { return 0 };
-        size_of_val(&attribute.values[..]) + attribute.triangles.as_ref().map_or(0, |t| size_of_val(&t[..]))
+    fn of<'a, T: 'a>(attributes: impl IntoIterator<Item = &'a Attribute<T>>) -> usize {
+        let of_one = |attribute: &Attribute<T>| {
+            let triangles = attribute.triangles.as_ref().map_or(0, |t| size_of_val(&t[..]));
+            size_of_val(&attribute.values[..]) + triangles
+        };
+        attributes.into_iter().map(of_one).sum()
     }
     let own = size_of_val(&mesh.positions[..]) + size_of_val(&mesh.triangles[..]);
     own + of(&mesh.normals) + of(&mesh.uvs) + of(&mesh.colours)

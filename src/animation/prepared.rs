@@ -11,7 +11,9 @@ use crate::error::{Error, Result, Warnings};
 use crate::film::ColourPipeline;
 use crate::import;
 use crate::scene::animation::{Motion, Property, Target, Track};
-use crate::scene::{Animation, Camera, Clip, ClipChoice, ClipTime, Numerics, Projection, Scene};
+use crate::scene::{
+    Animation, Camera, Clip, ClipChoice, ClipTime, ImportOptions, Numerics, Projection, Scene,
+};
 use crate::world::{Recentering, StandardView, World, headlight, recenter, turntable_camera};
 
 /// The default duration of a turntable in seconds, and its frames per second.
@@ -129,7 +131,8 @@ impl PreparedAnimation {
         let own = &self.scene;
         let duration = own.animation.as_ref().map_or(0.0, |animation| animation.duration);
         let moment = ClipTime { clip: ClipChoice::Index(clip.index), time: time * duration };
-        let mut scene = import::load_posed(&own.inputs, Some(&moment), &mut Warnings::default())?;
+        let options = ImportOptions { pose: Some(moment), ..own.import_options.clone() };
+        let mut scene = import::load_with(&own.inputs, &options, &mut Warnings::default())?;
         let added = own.cameras.iter().skip(scene.cameras.len()).cloned();
         scene.cameras.extend(added);
         Ok(Scene { environment: own.environment.clone(), ground: own.ground, ..scene })

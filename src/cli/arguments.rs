@@ -12,7 +12,7 @@ use crate::film::tone::{Exposure, ToneMap};
 use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
 use crate::job::{CameraChoice, EnvironmentSettings, RenderSettings};
-use crate::scene::{ClipChoice, ClipTime, Numerics, Projection, Transport, check_clamp};
+use crate::scene::{ClipChoice, ClipTime, ImportOptions, Numerics, Projection, Transport, check_clamp};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -84,6 +84,12 @@ pub(crate) struct Arguments {
     /// The clip, by its name or its number from 0 [default: the first]
     #[arg(long, value_name = "NAME|INDEX")]
     clip: Option<String>,
+    /// The variant of the materials of glTF files, by its name (KHR_materials_variants) [default: the file's materials]
+    #[arg(long, value_name = "NAME")]
+    variant: Option<String>,
+    /// Read glTF files that require extensions which kiln does not read; what depends on them is missing or wrong
+    #[arg(long)]
+    ignore_required_extensions: bool,
     #[command(flatten)]
     pub sampling: SamplingArguments,
     /// Have an effect that would be off; may be given several times
@@ -162,10 +168,14 @@ impl Arguments {
         self.time.is_some()
     }
 
-    /// The moment of a clip that is asked for.
-    pub(crate) fn clip_time(&self) -> Option<ClipTime> {
-        let is_asked_for = self.time.is_some() || self.clip.is_some();
-        is_asked_for.then(|| ClipTime { clip: self.clip(), time: self.time.unwrap_or(0.0) })
+    /// What is asked of the input files.
+    pub(crate) fn import_options(&self) -> ImportOptions {
+        let is_posed = self.time.is_some() || self.clip.is_some();
+        ImportOptions {
+            pose: is_posed.then(|| ClipTime { clip: self.clip(), time: self.time.unwrap_or(0.0) }),
+            variant: self.variant.clone(),
+            ignore_required_extensions: self.ignore_required_extensions,
+        }
     }
 
     /// The render settings.

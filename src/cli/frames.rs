@@ -47,7 +47,7 @@ pub(crate) fn load_and_prepare(
 ) -> Result<AnimationJob> {
     show("loading", warnings);
     let mut scene = timed(&mut seconds.load, || {
-        import::load_posed(&arguments.inputs, arguments.clip_time().as_ref(), warnings)
+        import::load_with(&arguments.inputs, &arguments.import_options(), warnings)
     })?;
     if !arguments.is_still() {
         play_clip(&mut scene, &arguments.clip())?;

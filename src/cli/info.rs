@@ -44,7 +44,7 @@ fn describe(inputs: &[PathBuf], scene: &Scene, warnings: &Warnings) -> Value {
     let attributes = |mesh: &Mesh| {
         json!({
             "normals": mesh.normals.is_some(),
-            "texture_coordinates": mesh.uvs.is_some(),
+            "texture_coordinates": !mesh.uvs.is_empty(),
             "colours": mesh.colours.is_some(),
         })
     };

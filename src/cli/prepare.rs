@@ -19,9 +19,9 @@ pub(crate) fn load_and_resolve(
 ) -> Result<ResolvedJob> {
     show("loading", warnings);
     let scene = timed(&mut seconds.load, || {
-        import::load_posed(&arguments.inputs, arguments.clip_time().as_ref(), warnings)
+        import::load_with(&arguments.inputs, &arguments.import_options(), warnings)
     })?;
-    if !scene.clips.is_empty() && arguments.clip_time().is_none() {
+    if !scene.clips.is_empty() && scene.import_options.pose.is_none() {
         warnings.note("the scene has clips and is drawn at rest; `--time SECONDS` draws a moment of them");
     }
     show("preparing", warnings);

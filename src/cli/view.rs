@@ -11,7 +11,7 @@ use crate::error::{Error, Result, Warnings};
 use crate::import::{self, FileRead};
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
 use crate::job::{RenderSettings, check_display};
-use crate::scene::Scene;
+use crate::scene::{ImportOptions, Scene};
 use crate::viewer::{self, CameraSource, Opened, Settings, Start};
 
 #[derive(Args)]
@@ -62,9 +62,10 @@ fn open(
     inputs: &[PathBuf],
     warnings: &mut Warnings,
 ) -> (Result<Opened>, Vec<FileRead>) {
-    // Like camera options, a clip does not apply to files that were dropped onto the window.
-    let pose = arguments.clip_time().filter(|_| arguments.inputs == inputs);
-    let (scene, files) = import::load_and_list(inputs, pose.as_ref(), warnings);
+    // Like camera options, these do not apply to files that were dropped onto the window.
+    let is_own = arguments.inputs == inputs;
+    let options = if is_own { arguments.import_options() } else { ImportOptions::default() };
+    let (scene, files) = import::load_and_list(inputs, &options, warnings);
     (scene.and_then(|scene| initial_view(arguments, inputs, scene, warnings)), files)
 }
 
@@ -76,7 +77,6 @@ fn initial_view(
     warnings: &mut Warnings,
 ) -> Result<Opened> {
     let mut arguments = arguments.clone();
-    let clip_time = arguments.clip_time().filter(|_| arguments.inputs == inputs);
     if arguments.inputs != inputs {
         // Camera options do not apply to files that were dropped onto the window.
         (arguments.camera, arguments.view) = (None, None);
@@ -131,5 +131,5 @@ fn initial_view(
         display,
         headlight: requested.headlight.or(scene.headlight).unwrap_or(true),
     };
-    Ok(Opened { scene, camera_source, projection, size, settings, environment, clip_time, preset })
+    Ok(Opened { scene, camera_source, projection, size, settings, environment, preset })
 }

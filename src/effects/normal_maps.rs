@@ -81,10 +81,6 @@ impl Stage for NormalMaps {
 
 impl NormalMaps {
     fn perturb(&self, own: &Buffers, tile: &mut Tile, world: &World, unperturbed: &mut Vec<(u32, DVec3)>) {
-        let points = own.points(tile.depth);
-        if points.is_empty() {
-            return;
-        }
         let RayGeneration { surfaces, hits, .. } = &mut tile.generations[tile.depth];
         for part in 0..surfaces.by_material().len() {
             let (material, range) = surfaces.by_material()[part].clone();
@@ -92,6 +88,10 @@ impl NormalMaps {
             let texture = &map.texture;
             let image = &world.images[texture.image.0 as usize];
             let filter = self.texture_use.filter(texture);
+            let points = own.points(tile.depth, texture.coordinates);
+            if points.is_empty() {
+                continue;
+            }
             for i in range {
                 let (Some(point), Some(hit)) = (&points[i], &hits[surfaces.ray_of()[i] as usize]) else {
                     continue;

@@ -3,6 +3,8 @@
 //! Where a filter needs the footprint of a pixel, rays have differentials ([`crate::world::Differential`]): those of camera rays
 //! follow from the direction, those of mirrored rays from the ray and surface before. Surfaces without a texture are skipped.
 
+use std::collections::BTreeSet;
+
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{EffectContext, Hook, Stage, TextureUse};
 use crate::scene::{Filter, TexelEncoding, Texture};
@@ -19,20 +21,23 @@ pub(crate) struct Buffers {
 struct GenerationBuffers {
     /// For each ray, its differential. Empty in generation 0 and where no footprints are needed.
     differentials: Vec<Differential>,
-    /// See [`Buffers::points`].
-    points: Vec<Option<TexturePoint>>,
+    /// See [`Buffers::points`], by set of texture coordinates.
+    points: Vec<Vec<Option<TexturePoint>>>,
 }
 
 impl Buffers {
-    /// For each surface of a generation, its texture point; `None` for surfaces without texture, empty where all are.
-    pub(crate) fn points(&self, depth: usize) -> &[Option<TexturePoint>] {
-        &self.generations[depth].points
+    /// For each surface of a generation, its texture point by a set of texture coordinates; `None` for surfaces without a
+    /// texture on that set, empty where all are.
+    pub(crate) fn points(&self, depth: usize, set: u8) -> &[Option<TexturePoint>] {
+        self.generations[depth].points.get(usize::from(set)).map_or(&[], Vec::as_slice)
     }
 
     /// Bytes of memory.
     pub(crate) fn bytes(&self) -> usize {
-        let own =
-            |buffers: &GenerationBuffers| vec_bytes(&buffers.differentials) + vec_bytes(&buffers.points);
+        let own = |buffers: &GenerationBuffers| {
+            let points = buffers.points.iter().map(vec_bytes).sum::<usize>();
+            vec_bytes(&buffers.differentials) + vec_bytes(&buffers.points) + points
+        };
         let generations = self.generations.iter().map(own).sum::<usize>();
         size_of::<Buffers>() + vec_bytes(&self.generations) + generations
     }
@@ -89,8 +94,8 @@ pub(crate) fn stages(
 
 /// Computes the texture points of the surfaces of a generation.
 struct FindTexturePoints {
-    /// For each material, whether it has a texture that is looked up.
-    is_textured: Vec<bool>,
+    /// For each material, the sets of texture coordinates of the textures that are looked up.
+    sets: Vec<Vec<u8>>,
     /// Whether footprints are needed.
     footprints: bool,
     /// Whether paths are traced. Their rays beyond the first have no differentials: they sample a lobe, and one texel is a sample
@@ -105,8 +110,12 @@ impl FindTexturePoints {
         let (world, texture_use) = (context.world, context.spec.texture_use);
         texture_use.make_mip_maps(world);
         let of = |material| texture_use.of(material);
+        let sets = |material| {
+            let sets: BTreeSet<u8> = of(material).map(|(texture, _)| texture.coordinates).collect();
+            sets.into_iter().collect()
+        };
         FindTexturePoints {
-            is_textured: world.materials.iter().map(|material| of(material).next().is_some()).collect(),
+            sets: world.materials.iter().map(sets).collect(),
             footprints: world
                 .materials_in_use()
                 .flat_map(of)
@@ -148,9 +157,15 @@ impl FindTexturePoints {
             differentials.clear();
             differentials.extend(mirrored(context.world, from, generation, differential));
         }
-        points.clear();
+        points.iter_mut().for_each(Vec::clear);
         let surfaces = &generation.surfaces;
-        for (_, range) in surfaces.by_material().iter().filter(|(m, _)| self.is_textured[*m as usize]) {
+        let parts = surfaces.by_material().iter();
+        let parts = parts.flat_map(|(m, range)| self.sets[*m as usize].iter().map(move |set| (*set, range)));
+        for (set, range) in parts {
+            if points.len() <= usize::from(set) {
+                points.resize_with(usize::from(set) + 1, Vec::new);
+            }
+            let points = &mut points[usize::from(set)];
             points.resize(surfaces.len(), None);
             for i in range.clone() {
                 let ray = surfaces.ray_of()[i] as usize;
@@ -158,8 +173,8 @@ impl FindTexturePoints {
                 let differential =
                     footprints.then(|| self.differential(context, generation, differentials, ray));
                 let surface = surfaces.get(i);
-                points[i] =
-                    context.world.texture_point(&surface, hit, &generation.rays[ray], differential.as_ref());
+                let ray = &generation.rays[ray];
+                points[i] = context.world.texture_point(&surface, hit, ray, differential.as_ref(), set);
             }
         }
     }

@@ -74,19 +74,16 @@ impl Stage for Textures {
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         tile.with_buffers(|own: &mut Buffers, tile| {
-            let points = own.points(tile.depth);
-            if points.is_empty() {
-                return;
-            }
+            let points = |set: u8| own.points(tile.depth, set);
             let RayGeneration { surfaces, .. } = &mut tile.generations[tile.depth];
             let mut texels = std::mem::take(&mut surfaces.texels);
             let mut further = std::mem::take(&mut surfaces.further_texels);
             let is_path = self.texture_use.is_path;
-            self.look_up(context.world, surfaces, points, slots, &mut texels);
+            self.look_up(context.world, surfaces, &points, slots, &mut texels);
             self.look_up(
                 context.world,
                 surfaces,
-                points,
+                &points,
                 |material| further_slots(material, is_path),
                 &mut further,
             );
@@ -97,16 +94,20 @@ impl Stage for Textures {
 
 impl Textures {
     /// Looks up the textures in `slots` of each surface's material into `texels`, which stay empty without any.
-    fn look_up<'a, T: Clone + Default, S: Iterator<Item = Slot<T>>>(
+    fn look_up<'a, 'p, T: Clone + Default, S: Iterator<Item = Slot<T>>>(
         &self,
         world: &'a World,
         surfaces: &InteractionSoa,
-        points: &[Option<TexturePoint>],
+        points: &dyn Fn(u8) -> &'p [Option<TexturePoint>],
         slots: impl Fn(&'a PreparedMaterial) -> S,
         texels: &mut Vec<T>,
     ) {
         for (material, range) in surfaces.by_material() {
             for (texture, encoding, store) in slots(&world.materials[*material as usize]) {
+                let points = points(texture.coordinates);
+                if points.is_empty() {
+                    continue;
+                }
                 texels.resize(surfaces.len(), T::default());
                 let image = &world.images[texture.image.0 as usize];
                 let filter = self.texture_use.filter(&texture);

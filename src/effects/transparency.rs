@@ -54,7 +54,7 @@ pub(crate) fn opacity(world: &World, hit: &Hit) -> f64 {
     let Some(opacity) = world.materials[object.material as usize].opacity() else { return 1.0 };
     let (mut alpha, [v, w]) = (opacity.factor, hit.barycentrics);
     if let Some(texture) = opacity.texture
-        && let Some(uv) = world.uv(index, hit.prim, [1.0 - v - w, v, w])
+        && let Some(uv) = world.uv(index, hit.prim, [1.0 - v - w, v, w], texture.coordinates)
     {
         let image = &world.images[texture.image.0 as usize];
         let magnify = texture.sampler.magnify.unwrap_or(Interpolation::Linear);

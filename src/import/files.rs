@@ -123,7 +123,7 @@ mod tests {
     /// ones.
     fn listed(folder: &tempfile::TempDir, inputs: &[&str]) -> (bool, Vec<String>) {
         let inputs: Vec<PathBuf> = inputs.iter().map(|name| folder.path().join(name)).collect();
-        let (scene, files) = load_and_list(&inputs, None, &mut Warnings::default());
+        let (scene, files) = load_and_list(&inputs, &Default::default(), &mut Warnings::default());
         let name = |read: &FileRead| {
             let name = read.file.strip_prefix(folder.path()).expect("a file of the folder").display();
             if read.stamp.is_some() { name.to_string() } else { format!("!{name}") }

@@ -39,7 +39,7 @@ pub use files::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
 use crate::limits::{self, unreadable};
-use crate::scene::{ClipChoice, ClipTime, Material, Mesh, Object, Phong, Scene, Shape};
+use crate::scene::{ClipChoice, ClipTime, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape};
 use files::Files;
 
 /// A supported file format.
@@ -140,19 +140,19 @@ pub(crate) struct Source {
     pub bytes: Vec<u8>,
     /// Opens referenced files.
     files: Files,
-    /// The pose of what clips animate; at rest if `None`.
-    pose: Option<ClipTime>,
+    /// What is asked of it.
+    options: ImportOptions,
 }
 
 impl Source {
-    fn open(file: &Path, files: &Files, pose: Option<&ClipTime>) -> Result<Self> {
+    fn open(file: &Path, files: &Files, options: &ImportOptions) -> Result<Self> {
         let read = match importer_by_ending(file) {
             _ if file == Path::new("-") => limits::read_standard_input(),
             Some(importer) if importer.streams => Ok(Vec::new()),
             _ => files.read(file),
         };
         let bytes = read.map_err(|e| unreadable(file, &e))?;
-        Ok(Source { file: file.to_owned(), bytes, files: files.clone(), pose: pose.cloned() })
+        Ok(Source { file: file.to_owned(), bytes, files: files.clone(), options: options.clone() })
     }
 
     /// A stream of the contents from the beginning, and their length in bytes.
@@ -204,15 +204,31 @@ impl Source {
 /// # Errors
 /// [`Error::Input`] if a file cannot be used.
 pub fn load(inputs: &[PathBuf], warnings: &mut Warnings) -> Result<Scene> {
-    load_by(inputs, &Files::default(), None, warnings)
+    load_with(inputs, &ImportOptions::default(), warnings)
 }
 
-/// Reads all inputs as [`load`] does, posed by a clip at a time.
+/// Reads all inputs as [`load`] does, with options.
 ///
 /// # Errors
-/// [`Error::Input`] if a file cannot be used, [`Error::Usage`] if none of them has the clip.
-pub fn load_posed(inputs: &[PathBuf], pose: Option<&ClipTime>, warnings: &mut Warnings) -> Result<Scene> {
-    load_by(inputs, &Files::default(), pose, warnings)
+/// [`Error::Input`] if a file cannot be used, [`Error::Usage`] if none of them has the clip or the variant.
+pub fn load_with(inputs: &[PathBuf], options: &ImportOptions, warnings: &mut Warnings) -> Result<Scene> {
+    load_by(inputs, &Files::default(), options, warnings)
+}
+
+/// Checks that an input has the variant that is asked for.
+fn check_variant(scene: &Scene, options: &ImportOptions) -> Result<()> {
+    let Some(name) = options.variant.as_ref().filter(|name| !scene.variants.contains(name)) else {
+        return Ok(());
+    };
+    Err(if scene.variants.is_empty() {
+        Error::usage("no input has variants of its materials", "leave out --variant")
+    } else {
+        let names: Vec<String> = scene.variants.iter().map(|name| format!("`{name}`")).collect();
+        Error::usage(
+            format!("no input has a variant `{name}`"),
+            format!("their variants: {}", names.join(", ")),
+        )
+    })
 }
 
 /// Checks that an input has the clip that is asked for.
@@ -236,23 +252,23 @@ fn check_clip(scene: &Scene, pose: Option<&ClipTime>) -> Result<()> {
 /// inputs and the files that they reference, missing ones included. Standard input is not listed.
 pub fn load_and_list(
     inputs: &[PathBuf],
-    pose: Option<&ClipTime>,
+    options: &ImportOptions,
     warnings: &mut Warnings,
 ) -> (Result<Scene>, Vec<FileRead>) {
     let files = Files::default();
-    let scene = load_by(inputs, &files, pose, warnings);
+    let scene = load_by(inputs, &files, options, warnings);
     (scene, files.list())
 }
 
 fn load_by(
     inputs: &[PathBuf],
     files: &Files,
-    pose: Option<&ClipTime>,
+    options: &ImportOptions,
     warnings: &mut Warnings,
 ) -> Result<Scene> {
-    let mut scene = Scene { inputs: inputs.to_vec(), ..Scene::default() };
+    let mut scene = Scene { inputs: inputs.to_vec(), import_options: options.clone(), ..Scene::default() };
     for (index, file) in inputs.iter().enumerate() {
-        let mut one = read_one(&Source::open(file, files, pose)?, warnings)?;
+        let mut one = read_one(&Source::open(file, files, options)?, warnings)?;
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
         warn_of_unused_textures(&one, file, warnings);
@@ -276,7 +292,8 @@ fn load_by(
     if scene.animation.is_some() {
         scene.at(0.0)?;
     }
-    check_clip(&scene, pose)?;
+    check_clip(&scene, options.pose.as_ref())?;
+    check_variant(&scene, options)?;
     Ok(scene)
 }
 
@@ -302,7 +319,7 @@ pub fn check_drawable(scene: &Scene) -> Result<()> {
 fn warn_of_unused_textures(scene: &Scene, file: &Path, warnings: &mut Warnings) {
     for object in &scene.objects {
         let material = &scene.materials[object.material.0 as usize];
-        if material.is_textured() && object.shape.mesh().is_none_or(|mesh| mesh.uvs.is_none()) {
+        if material.is_textured() && object.shape.mesh().is_none_or(|mesh| mesh.uvs.is_empty()) {
             warnings.push(format!(
                 "{}: `{}` has no texture coordinates; drawn without the pictures of its material `{}`",
                 file.display(),

@@ -55,7 +55,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
             None => *plain.get_or_insert_with(|| scene.add_material(Material::Phong(Phong::default()))),
         };
         if scene.materials[material.0 as usize].normal_map().is_some() {
-            make_tangents(&mut mesh);
+            make_tangents(&mut mesh, 0);
         }
         scene.objects.push(Object { name: run.name, input: 0, material, shape: Shape::Mesh(mesh) });
     }
@@ -99,8 +99,8 @@ fn read_materials(
 
 /// Applies a transform to the texture coordinates of a mesh, in which v points down.
 fn transform_uvs(mesh: &mut Mesh, transform: Transform) {
-    if let (Some((scale, offset)), Some(uvs)) = (transform, &mut mesh.uvs) {
-        for uv in &mut uvs.values {
+    if let Some((scale, offset)) = transform {
+        for uv in mesh.uvs.iter_mut().flat_map(|uvs| &mut uvs.values) {
             let up = DVec2::new(uv.x, 1.0 - uv.y) * scale + offset;
             *uv = DVec2::new(up.x, 1.0 - up.y);
         }

@@ -162,12 +162,12 @@ fn clean_shared(mesh: &mut Mesh, count: &mut Count) {
 /// Replaces attributes that are not finite in f32 by neutral values: no normal (the geometric normal is used), uv (0,
 /// 0), white, opaque. Negative colours and opacities beyond 0 to 1 are also replaced. Returns the number of replacements.
 fn replace_unusable(mesh: &mut Mesh) -> usize {
-    fn replace<T: Copy>(
-        attribute: &mut Option<Attribute<T>>,
+    fn replace<'a, T: Copy + 'a>(
+        attribute: impl IntoIterator<Item = &'a mut Attribute<T>>,
         usable: impl Fn(T) -> bool,
         neutral: T,
     ) -> usize {
-        let values = attribute.iter_mut().flat_map(|attribute| &mut attribute.values);
+        let values = attribute.into_iter().flat_map(|attribute| &mut attribute.values);
         values.filter(|value| !usable(**value)).map(|value| *value = neutral).count()
     }
     replace(&mut mesh.normals, |n| n.is_finite(), DVec3::ZERO)

@@ -176,7 +176,7 @@ mod tests {
     fn read_bytes(bytes: Vec<u8>) -> Result<(Vec<(String, Mesh)>, Warnings)> {
         let mut warnings = Warnings::default();
         let scene = read(
-            &Source { file: "a.stl".into(), bytes, files: Files::default(), pose: None },
+            &Source { file: "a.stl".into(), bytes, files: Files::default(), options: Default::default() },
             &mut warnings,
         )?;
         let mesh = |shape: Shape| if let Shape::Mesh(mesh) = shape { mesh } else { panic!("a mesh") };

@@ -6,10 +6,10 @@ use glam::{DVec3, DVec4};
 
 use crate::scene::{Attribute, Mesh};
 
-/// Computes missing tangents of a mesh with a normal map; does nothing without texture coordinates. A mesh without
-/// normals gets those of its triangles, which define the side that the map applies to.
-pub(crate) fn make_tangents(mesh: &mut Mesh) {
-    if mesh.uvs.is_none() || mesh.triangles.is_empty() {
+/// Computes missing tangents of a mesh with a normal map on one of its sets of texture coordinates; does nothing without
+/// that set. A mesh without normals gets those of its triangles, which define the side that the map applies to.
+pub(crate) fn make_tangents(mesh: &mut Mesh, set: u8) {
+    if mesh.uvs.len() <= usize::from(set) || mesh.triangles.is_empty() {
         return;
     }
     if mesh.normals.is_none() {
@@ -18,8 +18,12 @@ pub(crate) fn make_tangents(mesh: &mut Mesh) {
     if mesh.tangents.is_some() {
         return;
     }
-    let mut corners =
-        Corners { mesh, origin: mesh.positions[mesh.triangles[0][0] as usize], made: Vec::new() };
+    let mut corners = Corners {
+        mesh,
+        set: set.into(),
+        origin: mesh.positions[mesh.triangles[0][0] as usize],
+        made: Vec::new(),
+    };
     corners.made.resize(mesh.triangles.len(), [DVec4::ZERO; 3]);
     // `generate_tangents` has no failure today; if it fails, the mesh gets no tangents.
     if generate_tangents(&mut corners).is_ok() {
@@ -41,14 +45,16 @@ fn normals_of_triangles(mesh: &Mesh) -> Attribute<DVec3> {
 /// Adapter of a mesh to MikkTSpace.
 struct Corners<'a> {
     mesh: &'a Mesh,
+    /// The index of the texture coordinates.
+    set: usize,
     /// Subtracted from all positions, which may be too far from the origin for f32.
     origin: DVec3,
     made: Vec<[DVec4; 3]>,
 }
 
 impl Corners<'_> {
-    fn of<T: Copy>(&self, attribute: &Option<Attribute<T>>, face: usize, corner: usize) -> Option<T> {
-        let attribute = attribute.as_ref()?;
+    fn of<T: Copy>(&self, attribute: Option<&Attribute<T>>, face: usize, corner: usize) -> Option<T> {
+        let attribute = attribute?;
         let triangles = attribute.triangles.as_ref().unwrap_or(&self.mesh.triangles);
         Some(attribute.values[triangles[face][corner] as usize])
     }
@@ -69,12 +75,12 @@ impl Geometry for Corners<'_> {
     }
 
     fn normal(&self, face: usize, corner: usize) -> [f32; 3] {
-        let normal = self.of(&self.mesh.normals, face, corner).unwrap_or_default();
+        let normal = self.of(self.mesh.normals.as_ref(), face, corner).unwrap_or_default();
         normal.normalize_or_zero().as_vec3().to_array()
     }
 
     fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
-        let uv = self.of(&self.mesh.uvs, face, corner).unwrap_or_default();
+        let uv = self.of(self.mesh.uvs.get(self.set), face, corner).unwrap_or_default();
         // v points up in MikkTSpace and down in glTF and in [`Mesh`].
         [uv.x as f32, (1.0 - uv.y) as f32]
     }

@@ -63,8 +63,10 @@ impl Fingerprint {
             effects,
             animation,
             inputs: _,
-            // Posed objects are.
+            // What they change is.
             clips: _,
+            variants: _,
+            import_options: _,
             // In the fingerprint of a picture as far as they change it (`job::metadata`).
             display: _,
             headlight: _,
@@ -128,7 +130,7 @@ impl Fingerprint {
         self.bytes("positions", bytemuck::cast_slice(positions));
         self.bytes("triangles", bytemuck::cast_slice(triangles));
         self.attribute("normals", normals.as_ref());
-        self.attribute("uvs", uvs.as_ref());
+        uvs.iter().for_each(|uvs| self.attribute("uvs", Some(uvs)));
         self.attribute("colours", colours.as_ref());
         self.attribute("alphas", alphas.as_ref());
         self.attribute("tangents", tangents.as_ref());
@@ -159,12 +161,12 @@ mod tests {
         let mut scene = Scene::default();
         let pixels: Arc<[[u8; 3]]> = vec![[1, 2, 3]; 4].into();
         scene.add_image(DecodedImage { name: "a.png".into(), width: 2, height: 2, pixels });
-        let texture = Texture { image: ImageId(0), sampler: Sampler::default() };
+        let texture = Texture { image: ImageId(0), sampler: Sampler::default(), coordinates: 0 };
         scene.add_material(Material::Phong(Phong { texture: Some(texture), ..Phong::default() }));
         let mesh = Mesh {
             positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
             triangles: vec![[0, 1, 2]],
-            uvs: Some(Attribute::per_position(vec![DVec2::ZERO, DVec2::X, DVec2::Y])),
+            uvs: vec![Attribute::per_position(vec![DVec2::ZERO, DVec2::X, DVec2::Y])],
             ..Mesh::default()
         };
         let object = |shape| Object { name: "a".into(), input: 0, material: MaterialId(0), shape };
@@ -194,7 +196,7 @@ mod tests {
             },
             |scene| {
                 let Shape::Mesh(mesh) = &mut scene.objects[0].shape else { panic!("a mesh") };
-                mesh.uvs.as_mut().expect("it has some").values[2].y = -1.0;
+                mesh.uvs[0].values[2].y = -1.0;
             },
             |scene| {
                 let Shape::Placed(placed) = &mut scene.objects[2].shape else { panic!("a placed mesh") };

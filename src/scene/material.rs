@@ -116,6 +116,8 @@ pub struct Texture {
     pub image: ImageId,
     /// Wrap modes and filters.
     pub sampler: Sampler,
+    /// The index of its texture coordinates in [`super::Mesh::uvs`].
+    pub coordinates: u8,
 }
 
 /// Tangent-space normal map: red, green and blue encode x (along u), y (against v) and z (along the normal), each from

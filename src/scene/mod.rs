@@ -33,6 +33,7 @@ mod environment;
 pub mod file;
 mod fingerprint;
 mod ground;
+mod import_options;
 mod layers;
 mod material;
 mod sampler;
@@ -50,6 +51,7 @@ pub use clip::{Clip, ClipChoice, ClipTime};
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
+pub use import_options::ImportOptions;
 pub use layers::{FurtherTexture, Layers, TextureSlot, Volume};
 pub use material::{
     DecodedImage, Glaze, Material, MetallicRoughness, NormalMap, Opacity, Phong, Refraction, TexelEncoding,
@@ -112,6 +114,10 @@ pub struct Scene {
     pub animation: Option<Animation>,
     /// Clips of the input files. Objects, cameras and lights are posed by one of them, or at rest.
     pub clips: Vec<Clip>,
+    /// The names of the variants of its materials (KHR_materials_variants), those of each input once.
+    pub variants: Vec<String>,
+    /// What was asked of the input files.
+    pub import_options: ImportOptions,
     /// Exposure and tone map of 8-bit pictures.
     pub display: DisplaySettings,
     /// Whether a scene without lights gets a headlight.
@@ -271,6 +277,9 @@ impl Scene {
             effects,
             animation,
             clips,
+            variants,
+            // Of the whole scene.
+            import_options: _,
             display,
             headlight,
             has_ground,
@@ -292,6 +301,7 @@ impl Scene {
         self.effects = std::mem::take(&mut self.effects).or(effects);
         self.animation = self.animation.take().or(animation);
         self.clips.extend(clips);
+        self.variants.extend(variants);
         self.display = self.display.or(display);
         self.headlight = self.headlight.or(headlight);
         self.has_ground = self.has_ground.or(has_ground);

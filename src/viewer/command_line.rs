@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use crate::film::{ColourPipeline, DisplaySettings};
 use crate::job::EnvironmentSettings;
 use crate::scene::{
-    Camera, ClipChoice, ClipTime, INLINE_NAME, Numerics, Projection, Sampling, Scene, Transport, default_size,
+    Camera, ClipChoice, ClipTime, INLINE_NAME, ImportOptions, Numerics, Projection, Sampling, Scene,
+    Transport, default_size,
 };
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
@@ -98,8 +99,8 @@ pub struct RenderCommand<'a> {
     pub has_ground: bool,
     /// Settings of the environment.
     pub environment: &'a EnvironmentSettings,
-    /// The moment of a clip at which the scene is posed.
-    pub clip_time: Option<&'a ClipTime>,
+    /// What was asked of the input files.
+    pub import_options: &'a ImportOptions,
     /// Output file.
     pub output: &'a Path,
 }
@@ -178,13 +179,18 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     let EnvironmentSettings { source, rotation, hide } = command.environment;
     source.iter().for_each(|source| option("--environment", source));
     rotation.iter().for_each(|degrees| option("--environment-rotation", &degrees.to_string()));
-    if let Some(ClipTime { clip, time }) = command.clip_time {
+    let ImportOptions { pose, variant, ignore_required_extensions } = command.import_options;
+    if let Some(ClipTime { clip, time }) = pose {
         option("--time", &time.to_string());
         match clip {
             ClipChoice::First => {}
             ClipChoice::Named(name) => option("--clip", name),
             ClipChoice::Index(index) => option("--clip", &index.to_string()),
         }
+    }
+    variant.iter().for_each(|variant| option("--variant", variant));
+    if *ignore_required_extensions {
+        words.push("--ignore-required-extensions".to_owned());
     }
     if *hide {
         words.push("--hide-environment".to_owned());
@@ -272,6 +278,9 @@ mod tests {
     use crate::film::tone::{Exposure, ToneMap};
     use crate::scene::PixelSampler;
 
+    static NO_IMPORT_OPTIONS: ImportOptions =
+        ImportOptions { pose: None, variant: None, ignore_required_extensions: false };
+
     const NO_ENVIRONMENT: EnvironmentSettings =
         EnvironmentSettings { source: None, rotation: None, hide: false };
 
@@ -317,7 +326,7 @@ mod tests {
             clamp: None,
             has_ground: false,
             environment: &NO_ENVIRONMENT,
-            clip_time: None,
+            import_options: &NO_IMPORT_OPTIONS,
             output: Path::new("picture.png"),
         }
     }
@@ -406,7 +415,11 @@ mod tests {
                 rotation: Some(-90.0),
                 hide: true,
             },
-            clip_time: Some(&ClipTime { clip: ClipChoice::Named("Walk".into()), time: -0.5 }),
+            import_options: &ImportOptions {
+                pose: Some(ClipTime { clip: ClipChoice::Named("Walk".into()), time: -0.5 }),
+                variant: Some("red shoe".into()),
+                ignore_required_extensions: true,
+            },
             ..plain
         };
         assert_eq!(
@@ -414,7 +427,8 @@ mod tests {
             "--size 320x200 --shading ambient --with glaze=every-bounce --without shadows --without textures --numerics \
              watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --sampler independent \
              --exposure=-1.5 --tone-map agx --light none --transport path --clamp 2.5 \
-             --environment 'garden one.hdr' --environment-rotation=-90 --time=-0.5 --clip Walk --hide-environment --ground"
+             --environment 'garden one.hdr' --environment-rotation=-90 --time=-0.5 --clip Walk --variant 'red shoe' \
+             --ignore-required-extensions --hide-environment --ground"
         );
     }
 

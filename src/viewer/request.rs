@@ -6,7 +6,7 @@ use crate::bvh::Preset;
 use crate::effects::{Choices, EffectId};
 use crate::film::{ColourPipeline, DisplaySettings};
 use crate::job::{CameraChoice, EnvironmentSettings, RenderSettings};
-use crate::scene::{Camera, ClipTime, INLINE_NAME, Numerics, Projection, Scene};
+use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Scene};
 use crate::world::StandardView;
 
 /// Camera of the viewer.
@@ -78,8 +78,6 @@ pub struct Opened {
     pub settings: Settings,
     /// Settings of the environment, which the scene has already.
     pub environment: EnvironmentSettings,
-    /// The moment of a clip at which the scene is posed.
-    pub clip_time: Option<ClipTime>,
     /// Preset of the tree build.
     pub preset: Preset,
 }

@@ -19,7 +19,7 @@ pub(crate) struct Attributes {
 #[derive(Default)]
 struct AttributeArrays {
     normals: Option<Corners<Vec3>>,
-    uvs: Option<Corners<Vec2>>,
+    uvs: Vec<Corners<Vec2>>,
     colours: Option<Corners<Vec3>>,
     alphas: Option<Corners<f32>>,
     /// Only for materials with a normal map.
@@ -75,10 +75,10 @@ impl Attributes {
         }
     }
 
-    /// The texture coordinates at a triangle's corners.
+    /// The texture coordinates at a triangle's corners, of the set with this index.
     #[inline]
-    pub(crate) fn uvs(&self, triangle: u32) -> Option<[Vec2; 3]> {
-        Some(self.arrays.uvs.as_ref()?.of(triangle))
+    pub(crate) fn uvs(&self, triangle: u32, set: u8) -> Option<[Vec2; 3]> {
+        Some(self.arrays.uvs.get(usize::from(set))?.of(triangle))
     }
 
     /// The opacities at a triangle's corners.
@@ -114,7 +114,7 @@ impl Attributes {
     pub(crate) fn are_none(&self) -> bool {
         let AttributeArrays { normals, uvs, colours, .. } = &*self.arrays;
         let placed = self.placed.as_ref().is_some_and(|placed| placed.mesh.normals.is_some());
-        normals.is_none() && uvs.is_none() && colours.is_none() && !placed
+        normals.is_none() && uvs.is_empty() && colours.is_none() && !placed
     }
 
     /// The colours at a triangle's corners.
@@ -157,7 +157,7 @@ impl SharedAttributes {
                 // `placed` keeps the mesh alive, so its address is not reused.
                 let arrays = self.0.entry(Arc::as_ptr(&placed.mesh)).or_insert_with(|| {
                     let Mesh { uvs, colours, alphas, triangles, .. } = &*placed.mesh;
-                    let is_kept = uvs.is_some() || colours.is_some() || alphas.is_some();
+                    let is_kept = !uvs.is_empty() || colours.is_some() || alphas.is_some();
                     let own: Arc<[[u32; 3]]> =
                         if is_kept { triangles.clone().into() } else { Arc::default() };
                     Arc::new(without_normals(uvs.clone(), colours.clone(), alphas.clone(), &own))
@@ -175,13 +175,13 @@ fn corners<A, B>(a: Attribute<A>, own: &Arc<[[u32; 3]]>, convert: impl Fn(A) -> 
 }
 
 fn without_normals(
-    uvs: Option<Attribute<DVec2>>,
+    uvs: Vec<Attribute<DVec2>>,
     colours: Option<Attribute<DVec3>>,
     alphas: Option<Attribute<f64>>,
     own: &Arc<[[u32; 3]]>,
 ) -> AttributeArrays {
     AttributeArrays {
-        uvs: uvs.map(|a| corners(a, own, |uv| uv.as_vec2())),
+        uvs: uvs.into_iter().map(|a| corners(a, own, |uv| uv.as_vec2())).collect(),
         colours: colours.map(|a| corners(a, own, |c| c.as_vec3())),
         alphas: alphas.map(|a| corners(a, own, |alpha| alpha as f32)),
         ..AttributeArrays::default()

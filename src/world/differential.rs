@@ -55,24 +55,25 @@ impl Differential {
 }
 
 impl World {
-    /// The texture coordinates at a point of a triangle of an object; `None` without any.
-    pub(crate) fn uv(&self, object: u32, prim: PrimId, barycentrics: [f64; 3]) -> Option<DVec2> {
+    /// The texture coordinates of a set at a point of a triangle of an object; `None` without any.
+    pub(crate) fn uv(&self, object: u32, prim: PrimId, barycentrics: [f64; 3], set: u8) -> Option<DVec2> {
         let object = &self.objects[object as usize];
-        let [a, b, c] = object.attributes.uvs(prim.0 - object.first.0)?.map(|uv| uv.as_dvec2());
+        let [a, b, c] = object.attributes.uvs(prim.0 - object.first.0, set)?.map(|uv| uv.as_dvec2());
         Some(a * barycentrics[0] + b * barycentrics[1] + c * barycentrics[2])
     }
 
-    /// The texture point at `hit`; `None` without texture coordinates. `differential` is that of the ray; without it the footprint
-    /// is zero.
+    /// The texture point at `hit` by a set of texture coordinates; `None` without them. `differential` is that of the ray;
+    /// without it the footprint is zero.
     pub fn texture_point(
         &self,
         surface: &SurfaceInteraction,
         hit: &Hit,
         ray: &Ray,
         differential: Option<&Differential>,
+        set: u8,
     ) -> Option<TexturePoint> {
         let object = &self.objects[surface.object as usize];
-        let [a, b, c] = object.attributes.uvs(hit.prim.0 - object.first.0)?.map(|uv| uv.as_dvec2());
+        let [a, b, c] = object.attributes.uvs(hit.prim.0 - object.first.0, set)?.map(|uv| uv.as_dvec2());
         let [v, w] = hit.barycentrics;
         let mut point = TexturePoint { uv: a * (1.0 - v - w) + b * v + c * w, ..TexturePoint::default() };
         if let Some(differential) = differential

@@ -93,7 +93,7 @@ fn textured(object: &Object, material: &PreparedMaterial, images: &[Image]) -> O
         Shape::Placed(placed) => &placed.mesh,
         Shape::Analytic(_) => return None,
     };
-    let Attribute { values, triangles } = mesh.uvs.as_ref()?;
+    let Attribute { values, triangles } = mesh.uvs.get(usize::from(texture.coordinates))?;
     let mean = MeanEmission::new(&images[texture.image.0 as usize], texture.sampler, emission);
     let triangles = triangles.as_ref().unwrap_or(&mesh.triangles);
     Some(triangles.iter().map(|t| mean.over(t.map(|i| values[i as usize])) as f32).collect())

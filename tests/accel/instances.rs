@@ -41,7 +41,7 @@ fn decorated(level: u32) -> Mesh {
         |f: fn(DVec3) -> DVec3| Some(Attribute::per_position(mesh.positions.iter().map(|&p| f(p)).collect()));
     let (normals, colours) = (values(|p| p * 3.0), values(|p| p.abs() / 2.0));
     (mesh.normals, mesh.colours) = (normals, colours);
-    mesh.uvs = Some(Attribute::per_position(mesh.positions.iter().map(|p| DVec2::new(p.x, p.y)).collect()));
+    mesh.uvs = vec![Attribute::per_position(mesh.positions.iter().map(|p| DVec2::new(p.x, p.y)).collect())];
     let tangent = |p: &DVec3| DVec4::new(p.z, 0.0, -p.x, if p.y < 0.0 { -1.0 } else { 1.0 });
     mesh.tangents = Some(Attribute::per_position(mesh.positions.iter().map(tangent).collect()));
     mesh
@@ -54,7 +54,7 @@ fn object(shape: Shape) -> Object {
 fn scene_of(shapes: impl IntoIterator<Item = Shape>) -> Scene {
     let texel = |i: u32| [i * 37 % 256, i * 101 % 256, 128 + i % 128].map(|c| c as u8);
     let image = DecodedImage { name: "it".into(), width: 9, height: 6, pixels: (0..54).map(texel).collect() };
-    let texture = Texture { image: ImageId(0), sampler: Sampler::default() };
+    let texture = Texture { image: ImageId(0), sampler: Sampler::default(), coordinates: 0 };
     let phong = Phong {
         specular: 0.5,
         glaze: Some(Glaze::default()),

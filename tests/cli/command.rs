@@ -625,7 +625,7 @@ fn what_is_seen_is_rendered_by_its_line() {
         clamp: None,
         has_ground: false,
         environment: &Default::default(),
-        clip_time: None,
+        import_options: &kiln::scene::ImportOptions::default(),
         output: Path::new("seen.png"),
     };
     let words = command_line::arguments(&command);

@@ -3,10 +3,10 @@
 use glam::DVec3;
 use kiln::animation::{AnimationJob, FrameRequest, play_clip};
 use kiln::error::{Error, Result, Warnings};
-use kiln::import::load_posed;
+use kiln::import::load_with;
 use kiln::job::{CameraChoice, RenderSettings};
 use kiln::render::RenderControl;
-use kiln::scene::{ClipChoice, ClipTime, Scene, Shape};
+use kiln::scene::{ClipChoice, ClipTime, ImportOptions, Material, Scene, Shape};
 use serde_json::json;
 
 use crate::common::borders::Model;
@@ -52,8 +52,12 @@ fn posed(model: &Model, time: Option<f64>, clip: Option<&str>) -> Result<Scene> 
     std::fs::write(&file, model.binary()).expect("the file is written");
     let choice = clip.map_or(ClipChoice::First, |clip| ClipChoice::Named(clip.into()));
     let asked = ClipTime { clip: choice, time: time.unwrap_or(0.0) };
-    let pose = (time.is_some() || clip.is_some()).then_some(&asked);
-    load_posed(&[file], pose, &mut Warnings::default())
+    let pose = (time.is_some() || clip.is_some()).then_some(asked);
+    load_with(&[file], &options(pose), &mut Warnings::default())
+}
+
+fn options(pose: Option<ClipTime>) -> ImportOptions {
+    ImportOptions { pose, ..ImportOptions::default() }
 }
 
 fn positions(scene: &Scene) -> &[DVec3] {
@@ -147,26 +151,111 @@ fn cameras_follow_their_node() {
     assert_near(posed(&model, Some(1.0), None).expect("a scene").cameras[0].position, [1.0, 0.0, 9.0]);
 }
 
-/// Channels of KHR_animation_pointer name no node; the others are played, and a warning names the extension.
-#[test]
-fn channels_without_a_node_are_left_out() {
-    let mut model = Model::new(&TRIANGLE);
-    clip(&mut model, 0, "translation", &[0.0, 1.0], &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], "Walk");
-    let pointer = json!({ "pointer": "/materials/0/pbrMetallicRoughness/roughnessFactor" });
-    let target = json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": pointer } });
-    let channels = model.json["animations"][0]["channels"].as_array_mut().expect("a list");
-    channels.push(json!({ "sampler": 0, "target": target }));
-    for key in ["extensionsUsed", "extensionsRequired"] {
-        model.json[key] = json!(["KHR_animation_pointer"]);
-    }
+/// The file at `time` of its first clip, with the warnings.
+fn at(model: &Model, time: f64) -> (Scene, Vec<String>) {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("model.glb");
     std::fs::write(&file, model.binary()).expect("the file is written");
-    let (moment, mut warnings) = (ClipTime { clip: ClipChoice::First, time: 0.5 }, Warnings::default());
-    let scene = load_posed(&[file], Some(&moment), &mut warnings).expect("a scene");
+    let mut warnings = Warnings::default();
+    let asked = options(Some(ClipTime { clip: ClipChoice::First, time }));
+    let scene = load_with(&[file], &asked, &mut warnings).expect("a scene");
+    (scene, warnings.messages().to_vec())
+}
+
+/// Animates the property at a JSON pointer by keyframes of numbers or vectors.
+fn animate_pointer<const N: usize>(model: &mut Model, pointer: &str, times: &[f32], values: &[[f32; N]]) {
+    let times: Vec<[f32; 1]> = times.iter().map(|&time| [time]).collect();
+    let (input, output) = (accessor(model, &times), accessor(model, values));
+    if !model.json["animations"].is_array() {
+        model.json["animations"] = json!([{ "samplers": [], "channels": [] }]);
+    }
+    let animation = &mut model.json["animations"][0];
+    let samplers = animation["samplers"].as_array_mut().expect("a list");
+    samplers.push(json!({ "input": input, "output": output }));
+    let target =
+        json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": { "pointer": pointer } } });
+    let channel = json!({ "sampler": samplers.len() - 1, "target": target });
+    animation["channels"].as_array_mut().expect("a list").push(channel);
+    for key in ["extensionsUsed", "extensionsRequired"] {
+        model.json[key] = json!(["KHR_animation_pointer"]);
+    }
+}
+
+/// Materials, cameras, lights and nodes at a quarter of the way between two keyframes, and the channel of a node beside
+/// them. What the pointers do not name keeps its value.
+#[test]
+fn pointers_animate_properties() {
+    let mut model = Model::new(&TRIANGLE);
+    clip(&mut model, 0, "translation", &[0.0, 2.0], &[[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]], "Walk");
+    model.json["materials"] = json!([{ "pbrMetallicRoughness": { "metallicFactor": 0.25 } }]);
+    model.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    model.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 1.0, "znear": 0.1 } }]);
+    let light = json!({ "type": "point", "intensity": 1.0, "color": [1, 0, 0] });
+    model.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [light] } });
+    let lit = json!({ "KHR_lights_punctual": { "light": 0 } });
+    let nodes = model.json["nodes"].as_array_mut().expect("a list");
+    nodes.extend([json!({ "camera": 0 }), json!({ "extensions": lit })]);
+    model.json["scenes"] = json!([{ "nodes": [0, 1, 2] }]);
+    let times = [0.0, 2.0];
+    let colours = [[0.0, 0.0, 0.0, 1.0], [0.8, 0.4, 0.0, 1.0]];
+    animate_pointer(&mut model, "/materials/0/pbrMetallicRoughness/baseColorFactor", &times, &colours);
+    animate_pointer(&mut model, "/cameras/0/perspective/yfov", &times, &[[0.5], [1.5]]);
+    let intensity = "/extensions/KHR_lights_punctual/lights/0/intensity";
+    animate_pointer(&mut model, intensity, &times, &[[0.0], [4.0]]);
+    animate_pointer(&mut model, "/nodes/2/translation", &times, &[[0.0, 0.0, 0.0], [0.0, 8.0, 0.0]]);
+    let (scene, warnings) = at(&model, 0.5);
+    assert_eq!(warnings, [] as [&str; 0]);
+    assert_eq!((scene.clips[0].channels, scene.clips[0].duration), (5, 2.0));
     assert_near(positions(&scene)[0], [1.0, 0.0, 0.0]);
-    let [warning] = warnings.messages() else { panic!("{:?}", warnings.messages()) };
-    assert!(warning.ends_with("extension KHR_animation_pointer is not used"), "{warning}");
+    let Material::MetallicRoughness(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
+    let kiln::film::Colour::Linear(colour) = material.base_colour else { panic!("{material:?}") };
+    assert!((colour - DVec3::new(0.2, 0.1, 0.0)).length() < 1e-7, "{colour}");
+    assert_eq!(material.metallic, 0.25);
+    // 0.75 rad; the camera looks at the point nearest to the middle of the scene, and its height scales along.
+    let camera = &scene.cameras[0];
+    assert!((camera.view_height / camera.viewpoint_distance - 2.0 * 0.375f64.tan()).abs() < 1e-7);
+    // Candela are divided by pi.
+    assert!((scene.lights[0].intensity * std::f64::consts::PI - 1.0).abs() < 1e-7);
+    let kiln::scene::LightKind::Point { position, .. } = scene.lights[0].kind else {
+        panic!("a point light")
+    };
+    assert_near(position, [0.0, 2.0, 0.0]);
+}
+
+/// A property that does not exist, or that may not be animated: a warning, and the rest is played.
+#[test]
+fn pointers_that_cannot_be_played_are_left_out() {
+    let mut model = Model::new(&TRIANGLE);
+    clip(&mut model, 0, "translation", &[0.0, 1.0], &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], "Walk");
+    let pointers = ["/materials/7/alphaCutoff", "/accessors/0/count", "/nodes/0/mesh"];
+    animate_pointer(&mut model, pointers[0], &[0.0, 1.0], &[[0.0], [1.0]]);
+    animate_pointer(&mut model, pointers[1], &[0.0, 1.0], &[[9e9], [9e9]]);
+    let (scene, warnings) = at(&model, 0.5);
+    assert_near(positions(&scene)[0], [1.0, 0.0, 0.0]);
+    let ends = pointers.map(|pointer| format!(": the animation of {pointer} cannot be played; left out"));
+    assert!(
+        warnings.len() == 2 && warnings.iter().zip(&ends).all(|(w, end)| w.ends_with(end)),
+        "{warnings:?}"
+    );
+    // A document that is no longer valid is drawn without any of them.
+    animate_pointer(&mut model, pointers[2], &[0.0, 1.0], &[[0.5], [0.5]]);
+    let (scene, warnings) = at(&model, 0.5);
+    assert_near(positions(&scene)[0], [1.0, 0.0, 0.0]);
+    assert!(warnings[2].contains("properties that clip 0 animates are at rest"), "{warnings:?}");
+}
+
+/// KHR_node_visibility holds for all nodes below, and a pointer may animate it. Hidden joints still move their skins.
+#[test]
+fn hidden_nodes_are_not_drawn() {
+    let visible = |is: bool| json!({ "KHR_node_visibility": { "visible": is } });
+    let mut model = Model::new(&TRIANGLE);
+    model.json["nodes"] = json!([{ "children": [1], "extensions": visible(false) }, { "mesh": 0, "extensions": visible(true) }]);
+    model.json["scenes"] = json!([{ "nodes": [0] }]);
+    let pointer = "/nodes/0/extensions/KHR_node_visibility/visible";
+    animate_pointer(&mut model, pointer, &[0.0, 1.0], &[[0.0], [1.0]]);
+    model.json["animations"][0]["samplers"][0]["interpolation"] = json!("STEP");
+    assert_eq!(at(&model, 0.0).0.objects.len(), 0);
+    assert_eq!(at(&model, 1.0).0.objects.len(), 1);
 }
 
 /// Without scenes, nodes without a parent are drawn, with what is below them.
@@ -201,11 +290,11 @@ fn frames_play_a_clip() {
     };
     let still = |time: f64| {
         let moment = ClipTime { clip: second.clone(), time };
-        let scene = load_posed(&inputs, Some(&moment), &mut Warnings::default()).expect("a scene");
+        let scene = load_with(&inputs, &options(Some(moment)), &mut Warnings::default()).expect("a scene");
         let job = kiln::job::prepare(scene, &settings, &mut Warnings::default()).expect("a job");
         job.render::<[u8; 3]>(&RenderControl::default()).expect("a picture").0.bytes()
     };
-    let mut scene = load_posed(&inputs, None, &mut Warnings::default()).expect("a scene");
+    let mut scene = load_with(&inputs, &options(None), &mut Warnings::default()).expect("a scene");
     play_clip(&mut scene, &second).expect("it is a file");
     let request = FrameRequest::all(None, None, None);
     let animation = AnimationJob::prepare(scene, &settings, &request, &mut Warnings::default(), |_| ())
@@ -243,7 +332,7 @@ fn the_fox_moves() {
     let Some(folder) = models("the_fox_moves") else { return };
     let file = folder.join("Fox.glb");
     let at = |pose: Option<ClipTime>| {
-        let scene = load_posed(std::slice::from_ref(&file), pose.as_ref(), &mut Warnings::default())
+        let scene = load_with(std::slice::from_ref(&file), &options(pose), &mut Warnings::default())
             .expect("a scene");
         scene.bounds().expect("bounds")
     };

@@ -4,6 +4,7 @@
 mod common;
 
 mod clips;
+mod gltf_features;
 mod import;
 mod mutations;
 mod shared_meshes;

@@ -30,7 +30,7 @@ fn square(size: f64, repeats: f64, world_from_square: DMat4) -> Mesh {
     let mut mesh = Mesh {
         positions: corners.iter().map(|c| (*c * size).extend(0.0)).collect(),
         triangles: vec![[0, 1, 2], [0, 2, 3]],
-        uvs: Some(Attribute::per_position(corners.iter().map(uv).collect())),
+        uvs: vec![Attribute::per_position(corners.iter().map(uv).collect())],
         ..Mesh::default()
     };
     mesh.transform(&world_from_square);
@@ -38,7 +38,7 @@ fn square(size: f64, repeats: f64, world_from_square: DMat4) -> Mesh {
 }
 
 fn textured(sampler: Sampler) -> Material {
-    let texture = Some(Texture { image: kiln::scene::ImageId(0), sampler });
+    let texture = Some(Texture { image: kiln::scene::ImageId(0), sampler, coordinates: 0 });
     Material::Phong(Phong { colour: kiln::film::Colour::from_u8([255; 3]), texture, ..Phong::default() })
 }
 
@@ -383,7 +383,7 @@ fn without_textures() {
     assert_eq!(prepared.render(without).0.pixel(1, 1)[0], 1.0);
     // A mesh without texture coordinates has its material's colour.
     if let Shape::Mesh(mesh) = &mut scene.objects[0].shape {
-        mesh.uvs = None;
+        mesh.uvs.clear();
     }
     let bare = prepare(scene.clone(), [4, 4], Numerics::Watertight);
     assert_eq!(red(&bare, TextureFilter::Mipmap, 1, 1), 1.0);

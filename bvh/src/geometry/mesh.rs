@@ -11,8 +11,8 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// Shading normals; need not have length 1. A zero normal means "the triangle's own".
     pub normals: Option<Attribute<DVec3>>,
-    /// Texture coordinates, (0, 0) at the picture's top left corner.
-    pub uvs: Option<Attribute<DVec2>>,
+    /// Sets of texture coordinates, (0, 0) at the picture's top left corner.
+    pub uvs: Vec<Attribute<DVec2>>,
     /// Vertex colours in linear light, multiplied with the material's.
     pub colours: Option<Attribute<DVec3>>,
     /// Vertex opacities, 0 to 1, multiplied with the material's.
@@ -73,11 +73,11 @@ impl Mesh {
         let attributes = [
             self.tangents.as_mut().and_then(|a| a.triangles.as_mut()),
             self.normals.as_mut().and_then(|a| a.triangles.as_mut()),
-            self.uvs.as_mut().and_then(|a| a.triangles.as_mut()),
             self.colours.as_mut().and_then(|a| a.triangles.as_mut()),
             self.alphas.as_mut().and_then(|a| a.triangles.as_mut()),
         ];
-        for triangles in attributes.into_iter().flatten() {
+        let uvs = self.uvs.iter_mut().filter_map(|a| a.triangles.as_mut());
+        for triangles in attributes.into_iter().flatten().chain(uvs) {
             retain_by(triangles, &kept);
         }
     }
@@ -141,14 +141,14 @@ mod tests {
         let mut mesh = Mesh {
             positions: vec![DVec3::ZERO; 3],
             triangles: vec![[0, 1, 2], [1, 2, 0], [2, 0, 1]],
-            uvs: Some(Attribute {
+            uvs: vec![Attribute {
                 values: vec![DVec2::ZERO; 9],
                 triangles: Some(vec![[0; 3], [1; 3], [2; 3]]),
-            }),
+            }],
             ..Mesh::default()
         };
         mesh.retain(|i| i != 1);
         assert_eq!(mesh.triangles, [[0, 1, 2], [2, 0, 1]]);
-        assert_eq!(mesh.uvs.unwrap().triangles.unwrap(), [[0; 3], [2; 3]]);
+        assert_eq!(mesh.uvs[0].triangles, Some(vec![[0; 3], [2; 3]]));
     }
 }

@@ -1,10 +1,10 @@
 //! Clips: the local transforms and morph weights of nodes at a time (glTF 2.0, section 3.11).
 
 use glam::{DMat4, DQuat, DVec3};
-use gltf::accessor::{DataType, Dimensions};
-use gltf::animation::util::ReadOutputs;
-use gltf::animation::{Interpolation, Property};
+use gltf::accessor::Dimensions;
+use gltf::animation::{Interpolation, Property, Sampler};
 
+use super::pointer::PointerChannel;
 use super::{Loader, dvec3};
 use crate::scene::Clip;
 
@@ -60,28 +60,35 @@ fn unit(xyzw: [f64; 4]) -> DQuat {
 
 impl Loader<'_> {
     /// The clips of the document: names, or the index of an unnamed one, and durations.
-    pub(super) fn clips(&self, document: &gltf::Document) -> Vec<Clip> {
+    pub(super) fn clips(&self, document: &gltf::Document, pointers: &[PointerChannel]) -> Vec<Clip> {
         let clip = |animation: gltf::Animation| {
-            let ends = animation.channels().filter_map(|channel| self.times(&channel)?.last().copied());
+            let of_nodes = animation.channels().map(|channel| {
+                let target = channel.target();
+                (format!("{:?}", (target.node().index(), target.property())), channel.sampler())
+            });
+            let of_pointers = pointers
+                .iter()
+                .filter_map(|channel| Some((channel.pointer.clone(), channel.sampler_of(&animation)?)));
+            let channels: Vec<(String, Sampler)> = of_nodes.chain(of_pointers).collect();
+            let ends =
+                channels.iter().filter_map(|(_, sampler)| self.times(&sampler.input())?.last().copied());
             Clip {
                 name: animation.name().map_or_else(|| animation.index().to_string(), str::to_owned),
                 index: animation.index(),
                 duration: ends.fold(0.0, f64::max),
-                channels: animation.channels().count(),
-                digest: self.digest(&animation),
+                channels: channels.len(),
+                digest: self.digest(&channels),
             }
         };
         document.animations().map(clip).collect()
     }
 
     /// A hash of the keyframes of a clip and of what they animate.
-    fn digest(&self, animation: &gltf::Animation) -> String {
+    fn digest(&self, channels: &[(String, Sampler)]) -> String {
         let mut hasher = blake3::Hasher::new();
-        for channel in animation.channels() {
-            let target = channel.target();
-            let what = (target.node().index(), target.property(), channel.sampler().interpolation());
-            hasher.update(format!("{what:?}").as_bytes());
-            let numbers = [self.times(&channel), self.values(&channel)];
+        for (target, sampler) in channels {
+            hasher.update(format!("{target} {:?}", sampler.interpolation()).as_bytes());
+            let numbers = [self.times(&sampler.input()), self.numbers(&sampler.output())];
             for number in numbers.iter().flatten().flatten() {
                 hasher.update(&number.to_le_bytes());
             }
@@ -91,7 +98,7 @@ impl Loader<'_> {
 
     /// The poses at the time that is asked for; at rest if none is, or the document has no such clip.
     pub(super) fn pose_of_nodes(&mut self, document: &gltf::Document) -> Pose {
-        let Some(asked) = self.source.pose.clone() else { return Pose::default() };
+        let Some(asked) = self.source.options.pose.clone() else { return Pose::default() };
         let Some(Clip { name, index, .. }) = asked.clip.find(&self.scene.clips).cloned() else {
             return Pose::default();
         };
@@ -108,48 +115,24 @@ impl Loader<'_> {
         Pose(poses)
     }
 
-    /// The times of a channel's keyframes in seconds, ascending; `None` if they are not.
-    fn times(&self, channel: &gltf::animation::Channel) -> Option<Vec<f64>> {
-        let input = channel.sampler().input();
-        let is_time = (input.data_type(), input.dimensions()) == (DataType::F32, Dimensions::Scalar);
-        let reader = channel.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
-        let times: Vec<f64> = reader.read_inputs().filter(|_| is_time)?.map(f64::from).collect();
+    /// The times of keyframes in seconds, ascending; `None` if they are not.
+    pub(super) fn times(&self, input: &gltf::Accessor) -> Option<Vec<f64>> {
+        let times = self.vectors::<1>(input)?.into_flattened();
         let is_usable = times.is_sorted_by(|a, b| a < b) && times.iter().all(|time| time.is_finite());
         is_usable.then_some(times)
     }
 
     /// The value of a channel at a time; `None` if its keyframes cannot be used.
     fn value(&self, channel: &gltf::animation::Channel, time: f64) -> Option<Vec<f64>> {
-        let is_rotation = channel.target().property() == Property::Rotation;
-        let interpolation = channel.sampler().interpolation();
-        interpolated(&self.times(channel)?, &self.values(channel)?, interpolation, is_rotation, time)
-    }
-
-    /// The numbers of a channel's keyframes, one after the other; `None` if they are not of the property's type.
-    fn values(&self, channel: &gltf::animation::Channel) -> Option<Vec<f64>> {
-        let property = channel.target().property();
-        let output = channel.sampler().output();
-        let is_known = matches!(
-            (property, output.data_type(), output.dimensions()),
-            (Property::Translation | Property::Scale, DataType::F32, Dimensions::Vec3)
-                | (
-                    Property::Rotation,
-                    DataType::F32 | DataType::I8 | DataType::U8 | DataType::I16 | DataType::U16,
-                    Dimensions::Vec4
-                )
-                | (
-                    Property::MorphTargetWeights,
-                    DataType::F32 | DataType::I8 | DataType::U8 | DataType::I16 | DataType::U16,
-                    Dimensions::Scalar
-                )
-        );
-        let reader = channel.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
-        Some(match reader.read_outputs().filter(|_| is_known)? {
-            ReadOutputs::Translations(values) => values.flatten().map(f64::from).collect(),
-            ReadOutputs::Scales(values) => values.flatten().map(f64::from).collect(),
-            ReadOutputs::Rotations(values) => values.into_f32().flatten().map(f64::from).collect(),
-            ReadOutputs::MorphTargetWeights(values) => values.into_f32().map(f64::from).collect(),
-        })
+        let (property, sampler) = (channel.target().property(), channel.sampler());
+        let shape = match property {
+            Property::Translation | Property::Scale => Dimensions::Vec3,
+            Property::Rotation => Dimensions::Vec4,
+            Property::MorphTargetWeights => Dimensions::Scalar,
+        };
+        let values = self.numbers(&sampler.output()).filter(|_| sampler.output().dimensions() == shape)?;
+        let is_rotation = property == Property::Rotation;
+        interpolated(&self.times(&sampler.input())?, &values, sampler.interpolation(), is_rotation, time)
     }
 }
 
@@ -166,7 +149,7 @@ fn set(pose: &mut NodePose, property: Property, value: Vec<f64>) {
 /// The value of keyframes at a time (glTF 2.0, section 3.11 and appendix C): of the first before it, of the last after it.
 /// `values` has as many numbers for each key, and for cubic splines an in-tangent, a value and an out-tangent each. `None` if
 /// that does not come out even, or a number is not finite.
-fn interpolated(
+pub(super) fn interpolated(
     times: &[f64],
     values: &[f64],
     interpolation: Interpolation,

@@ -4,77 +4,16 @@ use std::collections::HashSet;
 use std::path::Path;
 
 use glam::DMat4;
+use gltf::Semantic;
 use gltf::accessor::{DataType, Dimensions};
 
 use super::animation::Pose;
-use super::{instancing, layers};
-use crate::error::{Error, Place, Result, Warnings, contain};
+use super::document::{QUANTIZATION, VISIBILITY};
+use super::instancing;
+use crate::error::{Error, Place, Result, Warnings};
 use crate::import::Source;
 use crate::import::uri::{self, Resource};
 use crate::limits;
-
-/// Parses a document, which may require EXT_mesh_gpu_instancing although the `gltf` crate does not support it. A panic
-/// of that crate is reported as an error of the file.
-pub(super) fn open(bytes: &[u8], file: &Path) -> Result<gltf::Gltf> {
-    let failed = || Error::input(file, "not a usable glTF file", "export it again as glTF 2.0");
-    let without_pointers = contain(|| without_pointers(bytes)).flatten();
-    let bytes = without_pointers.as_deref().unwrap_or(bytes);
-    let read = || gltf::Gltf::from_slice_without_validation(bytes);
-    let gltf::Gltf { document, blob } = contain(read).ok_or_else(failed)?.map_err(|e| explain(file, e))?;
-    let mut json = document.into_json();
-    json.extensions_required.retain(|name| name != instancing::NAME && !layers::ALL.contains(&name.as_str()));
-    check_positions(&json, file)?;
-    let document = contain(|| gltf::Document::from_json(json)).ok_or_else(failed)?;
-    Ok(gltf::Gltf { document: document.map_err(|e| explain(file, e))?, blob })
-}
-
-/// The extension whose channels name a property instead of a node.
-const ANIMATION_POINTER: &str = "KHR_animation_pointer";
-
-/// The document without the channels of KHR_animation_pointer, which the `gltf` crate refuses because they name no node;
-/// `None` where there are none, or the document cannot be read.
-fn without_pointers(bytes: &[u8]) -> Option<Vec<u8>> {
-    bytes
-        .windows(ANIMATION_POINTER.len())
-        .any(|window| window == ANIMATION_POINTER.as_bytes())
-        .then_some(())?;
-    let glb =
-        if bytes.starts_with(b"glTF") { Some(gltf::binary::Glb::from_slice(bytes).ok()?) } else { None };
-    let json = glb.as_ref().map_or(bytes, |glb| &glb.json);
-    let mut root: serde_json::Value = serde_json::from_slice(json).ok()?;
-    let animations = root.get_mut("animations").and_then(|list| list.as_array_mut());
-    for animation in animations.into_iter().flatten() {
-        if let Some(channels) = animation.get_mut("channels").and_then(|list| list.as_array_mut()) {
-            channels.retain(|channel| channel["target"]["node"].is_u64());
-        }
-    }
-    if let Some(required) = root.get_mut("extensionsRequired").and_then(|list| list.as_array_mut()) {
-        required.retain(|name| name != ANIMATION_POINTER);
-    }
-    let json = serde_json::to_vec(&root).ok()?;
-    match glb {
-        Some(glb) => gltf::binary::Glb { json: json.into(), ..glb }.to_vec().ok(),
-        None => Some(json),
-    }
-}
-
-/// Checks that primitives have positions. The validation of gltf-json 1.4.1 accesses them without a check
-/// (`primitive_validate_hook` in its mesh.rs) and panics.
-fn check_positions(json: &gltf::json::Root, file: &Path) -> Result<()> {
-    use gltf::json::validation::Checked;
-    let positions = Checked::Valid(gltf::Semantic::Positions);
-    for (mesh_index, mesh) in json.meshes.iter().enumerate() {
-        for (index, primitive) in mesh.primitives.iter().enumerate() {
-            let accessor = primitive.attributes.get(&positions).map(|accessor| accessor.value());
-            if let Some(accessor) = accessor.filter(|&accessor| accessor >= json.accessors.len()) {
-                let item = Place::item(file, format!("mesh {mesh_index}, primitive {index}"));
-                let what = format!("POSITION is accessor {accessor}; there are {}", json.accessors.len());
-                return Err(Error::input(item, what, "export the file again"));
-            }
-        }
-    }
-    Ok(())
-}
 
 /// Checks the memory limit for meshes, placements and keyframes. Primitives may share accessors, and accessors without a buffer
 /// view take no bytes in the file, so the file size does not bound memory.
@@ -140,31 +79,6 @@ fn add([there, claimed]: [u64; 2], (bytes, is_claimed): (u64, bool)) -> [u64; 2]
     if is_claimed { [there, claimed.saturating_add(bytes)] } else { [there.saturating_add(bytes), claimed] }
 }
 
-fn explain(file: &Path, e: gltf::Error) -> Error {
-    let text = e.to_string();
-    let gltf::Error::Validation(faults) = e else {
-        return Error::input(file, format!("not a usable glTF file: {text}"), "export it again as glTF 2.0");
-    };
-    let unread: Vec<String> = faults
-        .iter()
-        .filter(|(_, fault)| *fault == gltf::json::validation::Error::Unsupported)
-        .filter_map(|(path, _)| {
-            // The path has the form `extensionsRequired[0] = "NAME"`.
-            let name = path.as_str().strip_prefix("extensionsRequired")?.split('"').nth(1)?;
-            Some(name.to_owned())
-        })
-        .collect();
-    if !unread.is_empty() {
-        let what = format!("requires glTF extensions that kiln does not read: {}", unread.join(", "));
-        let hint = "export it without compression or quantisation (for example with `gltf-transform copy` or \
-                    `gltfpack -noq`)";
-        return Error::input(file, what, hint);
-    }
-    let (path, fault) = &faults[0];
-    let what = format!("not a usable glTF file: {path}: {fault}");
-    Error::input(file, what, "export it again as glTF 2.0")
-}
-
 /// Checks accessors, which the `gltf` crate does not: missing views or sums beyond 64 bits make it panic or wrap
 /// around, and strides shorter than an element or types that the format forbids make it read invalid data.
 pub(super) fn check_accessors(document: &gltf::Document, file: &Path) -> Result<()> {
@@ -200,16 +114,44 @@ pub(super) fn check_accessors(document: &gltf::Document, file: &Path) -> Result<
             if primitive.indices().is_some_and(|indices| !is_index(&indices)) {
                 return Err(wrong("its indices are not unsigned integers".into()));
             }
-            for (semantic, accessor) in primitive.attributes() {
-                if !is_allowed(&semantic, &accessor) {
-                    let (kind, shape) = (accessor.data_type(), accessor.dimensions());
-                    let name = semantic.to_string();
-                    return Err(wrong(format!("{name} of type {kind:?} {shape:?} is not glTF")));
-                }
+            if let Some(positions) = primitive.get(&Semantic::Positions)
+                && !is_allowed(&Semantic::Positions, &positions)
+            {
+                return Err(wrong(format!("its positions are of type {}", type_of(&positions))));
             }
         }
     }
     Ok(())
+}
+
+/// Warns of attributes of types that the format does not give them: those that cannot be read, and integers without the
+/// extension that allows them.
+pub(super) fn warn_of_types(document: &gltf::Document, mut warn: impl FnMut(String)) {
+    let is_quantized = document.extensions_used().any(|name| name == QUANTIZATION);
+    for mesh in document.meshes() {
+        for primitive in mesh.primitives() {
+            let mut of_primitive = |(semantic, accessor): (Semantic, gltf::Accessor), what: &str| {
+                let (name, kind) = (semantic.to_string(), type_of(&accessor));
+                warn(format!(
+                    "mesh {}, primitive {}: {name} of type {kind} is not glTF{what}",
+                    mesh.index(),
+                    primitive.index()
+                ));
+            };
+            for (semantic, accessor) in primitive.attributes() {
+                if !is_allowed(&semantic, &accessor) {
+                    of_primitive((semantic, accessor), "; not used");
+                } else if !is_quantized && !is_core(&semantic, &accessor) {
+                    of_primitive((semantic, accessor), &format!(" without {QUANTIZATION}"));
+                }
+            }
+        }
+    }
+}
+
+/// The type of an accessor, such as `F32 Vec3`.
+fn type_of(accessor: &gltf::Accessor) -> String {
+    format!("{:?} {:?}", accessor.data_type(), accessor.dimensions())
 }
 
 fn is_index(accessor: &gltf::Accessor) -> bool {
@@ -218,14 +160,23 @@ fn is_index(accessor: &gltf::Accessor) -> bool {
 }
 
 /// Whether the type of an attribute is one that glTF 2.0 (section 3.7.2.1) allows for its semantic.
-fn is_allowed(semantic: &gltf::Semantic, accessor: &gltf::Accessor) -> bool {
-    use gltf::Semantic;
+fn is_core(semantic: &Semantic, accessor: &gltf::Accessor) -> bool {
+    let float_or_unsigned = matches!(accessor.data_type(), DataType::F32 | DataType::U8 | DataType::U16);
+    match semantic {
+        Semantic::Positions | Semantic::Normals | Semantic::Tangents => accessor.data_type() == DataType::F32,
+        Semantic::TexCoords(_) => float_or_unsigned,
+        _ => true,
+    }
+}
+
+/// Whether the type of an attribute is one that glTF 2.0 or KHR_mesh_quantization allows for its semantic.
+pub(super) fn is_allowed(semantic: &Semantic, accessor: &gltf::Accessor) -> bool {
     let (kind, shape) = (accessor.data_type(), accessor.dimensions());
     let float_or_unsigned = matches!(kind, DataType::F32 | DataType::U8 | DataType::U16);
     match semantic {
-        Semantic::Positions | Semantic::Normals => kind == DataType::F32 && shape == Dimensions::Vec3,
-        Semantic::Tangents => kind == DataType::F32 && shape == Dimensions::Vec4,
-        Semantic::TexCoords(_) => float_or_unsigned && shape == Dimensions::Vec2,
+        Semantic::Positions | Semantic::Normals => kind != DataType::U32 && shape == Dimensions::Vec3,
+        Semantic::Tangents => kind != DataType::U32 && shape == Dimensions::Vec4,
+        Semantic::TexCoords(_) => kind != DataType::U32 && shape == Dimensions::Vec2,
         Semantic::Colors(_) => float_or_unsigned && matches!(shape, Dimensions::Vec3 | Dimensions::Vec4),
         Semantic::Joints(_) => matches!(kind, DataType::U8 | DataType::U16) && shape == Dimensions::Vec4,
         Semantic::Weights(_) => float_or_unsigned && shape == Dimensions::Vec4,
@@ -282,18 +233,25 @@ pub(super) fn load_buffers(
     document.buffers().map(load).collect()
 }
 
-/// World transform of each node, or `None` for nodes that are not in the scene.
+/// Where a node is.
+pub(super) struct NodePlace {
+    pub(super) world_from_node: DMat4,
+    /// Whether it and all above it are visible (KHR_node_visibility).
+    pub(super) is_visible: bool,
+}
+
+/// The place of each node, or `None` for nodes that are not in the scene.
 ///
 /// Every node is visited once: walking all paths would not end in a cycle, and takes 2^n steps if n successive nodes
 /// are each referenced twice.
-pub(super) fn world_transforms(
+pub(super) fn node_places(
     document: &gltf::Document,
     pose: &Pose,
     file: &Path,
     warnings: &mut Warnings,
-) -> Result<Vec<Option<DMat4>>> {
-    let mut world_from_node = vec![None; document.nodes().count()];
-    let mut parent_of: Vec<Option<usize>> = vec![None; world_from_node.len()];
+) -> Result<Vec<Option<NodePlace>>> {
+    let mut places: Vec<Option<NodePlace>> = document.nodes().map(|_| None).collect();
+    let mut parent_of: Vec<Option<usize>> = vec![None; places.len()];
     let roots: Vec<gltf::Node> = match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => scene.nodes().collect(),
         None => {
@@ -302,11 +260,11 @@ pub(super) fn world_transforms(
             document.nodes().filter(|node| !children.contains(&node.index())).collect()
         }
     };
-    let mut open: Vec<(gltf::Node, DMat4, Option<usize>)> =
-        roots.into_iter().rev().map(|node| (node, DMat4::IDENTITY, None)).collect();
-    while let Some((node, world_from_parent, parent)) = open.pop() {
+    let mut open: Vec<(gltf::Node, (DMat4, bool), Option<usize>)> =
+        roots.into_iter().rev().map(|node| (node, (DMat4::IDENTITY, true), None)).collect();
+    while let Some((node, (world_from_parent, is_parent_visible), parent)) = open.pop() {
         let index = node.index();
-        if world_from_node[index].is_some() {
+        if places[index].is_some() {
             if std::iter::successors(parent, |&above| parent_of[above]).any(|above| above == index) {
                 let item = Place::item(file, format!("node {index}"));
                 return Err(Error::input(item, "the nodes contain themselves", "correct the hierarchy"));
@@ -315,10 +273,12 @@ pub(super) fn world_transforms(
             warnings.push(format!("{file}: node {index} is in the scene more than once; drawn once"));
             continue;
         }
-        let transform = world_from_parent * pose.parent_from_node(&node);
-        world_from_node[index] = Some(transform);
+        let world_from_node = world_from_parent * pose.parent_from_node(&node);
+        let own = node.extension_value(VISIBILITY).and_then(|value| value.get("visible")?.as_bool());
+        let is_visible = is_parent_visible && own.unwrap_or(true);
+        places[index] = Some(NodePlace { world_from_node, is_visible });
         parent_of[index] = parent;
-        open.extend(node.children().map(|child| (child, transform, Some(index))));
+        open.extend(node.children().map(|child| (child, (world_from_node, is_visible), Some(index))));
     }
-    Ok(world_from_node)
+    Ok(places)
 }

@@ -4,9 +4,8 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DMat4, DQuat, DVec3, DVec4};
-use gltf::accessor::{DataType, Dimensions, Iter};
 
-use super::{Loader, dvec3};
+use super::Loader;
 use crate::error::{Error, Place, Result};
 use crate::scene::{Mesh, Placed, Placement, Shape};
 
@@ -100,16 +99,18 @@ impl Loader<'_> {
         }
         let vectors = |accessor: Option<gltf::Accessor>, default: DVec3| match accessor {
             None => Some(vec![default; count]),
-            Some(accessor) => self.vectors(accessor),
+            Some(accessor) => Some(self.vectors(&accessor)?.into_iter().map(DVec3::from_array).collect()),
         };
         let (Some(translations), Some(scales)) =
             (vectors(translation, DVec3::ZERO), vectors(scale, DVec3::ONE))
         else {
-            return fault("its translations or scales are not three floating-point numbers each");
+            return fault("its translations or scales are not three numbers each");
         };
-        let rotations = match rotation {
+        // A quaternion that is not normalised would scale.
+        let unit = |q: [f64; 4]| DVec4::from(q).try_normalize().map_or(DQuat::IDENTITY, DQuat::from_vec4);
+        let rotations: Option<Vec<DQuat>> = match rotation {
             None => Some(vec![DQuat::IDENTITY; count]),
-            Some(accessor) => self.rotations(accessor),
+            Some(accessor) => self.vectors(&accessor).map(|all| all.into_iter().map(unit).collect()),
         };
         let Some(rotations) = rotations else { return fault("its rotations are not quaternions") };
         Ok(translations
@@ -120,40 +121,6 @@ impl Loader<'_> {
                 *world_from_node * DMat4::from_scale_rotation_translation(*scale, *rotation, *translation)
             })
             .collect())
-    }
-
-    fn vectors(&self, accessor: gltf::Accessor) -> Option<Vec<DVec3>> {
-        if (accessor.data_type(), accessor.dimensions()) != (DataType::F32, Dimensions::Vec3) {
-            return None;
-        }
-        Some(self.elements::<[f32; 3]>(accessor)?.map(dvec3).collect())
-    }
-
-    /// Quaternions in floating point or in normalised integers (glTF 2.0, section 3.6.2.2).
-    fn rotations(&self, accessor: gltf::Accessor) -> Option<Vec<DQuat>> {
-        if accessor.dimensions() != Dimensions::Vec4 {
-            return None;
-        }
-        let numbers: Vec<[f64; 4]> = match accessor.data_type() {
-            DataType::F32 => self.elements::<[f32; 4]>(accessor)?.map(|q| q.map(f64::from)).collect(),
-            DataType::I16 => {
-                self.elements::<[i16; 4]>(accessor)?.map(|q| q.map(|x| f64::from(x) / 32767.0)).collect()
-            }
-            DataType::I8 => {
-                self.elements::<[i8; 4]>(accessor)?.map(|q| q.map(|x| f64::from(x) / 127.0)).collect()
-            }
-            _ => return None,
-        };
-        // A quaternion that is not normalised would scale.
-        let unit = |q: [f64; 4]| DVec4::from_array(q.map(|x| x.max(-1.0))).try_normalize();
-        Some(numbers.into_iter().map(|q| unit(q).map_or(DQuat::IDENTITY, DQuat::from_vec4)).collect())
-    }
-
-    fn elements<'a, T: gltf::accessor::Item + 'a>(
-        &'a self,
-        accessor: gltf::Accessor<'a>,
-    ) -> Option<Iter<'a, T>> {
-        Iter::new(accessor, |buffer| self.buffers.get(buffer.index()).map(Vec::as_slice))
     }
 }
 

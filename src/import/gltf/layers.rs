@@ -4,7 +4,7 @@
 use glam::DVec3;
 use gltf::json::Value;
 
-use super::triangles::texture_set;
+use super::texture::OCCLUSION;
 use super::{Loader, specular_glossiness};
 use crate::error::Result;
 use crate::film::Colour;
@@ -97,25 +97,17 @@ pub(super) fn has_coat_normals(material: &gltf::Material) -> bool {
     material.extension_value(CLEARCOAT).is_some_and(|value| value.get("clearcoatNormalTexture").is_some())
 }
 
-/// A texture that an extension names, and its set of texture coordinates.
-pub(super) fn named<'a>(value: &Value, document: &'a gltf::Document) -> Option<(gltf::Texture<'a>, u32)> {
-    let index = usize::try_from(value.get("index")?.as_u64()?).ok()?;
-    let set = value.get("texCoord").and_then(Value::as_u64).unwrap_or(0);
-    Some((document.textures().nth(index)?, u32::try_from(set).ok()?))
+/// The textures of the extensions, by JSON pointers from a material.
+pub(super) fn pointers() -> impl Iterator<Item = String> {
+    TEXTURES.into_iter().map(|(extension, key, ..)| pointer(extension, key))
 }
 
-/// The set of texture coordinates of the first texture of a material's extensions.
-pub(super) fn first_set(material: &gltf::Material) -> Option<u32> {
-    let of = |extension, key| {
-        material.extension_value(extension)?.get(key)?.get("texCoord").map_or(Some(0), Value::as_u64)
-    };
-    let set = TEXTURES.into_iter().find_map(|(extension, key, ..)| of(extension, key))?;
-    u32::try_from(set).ok()
+fn pointer(extension: &str, key: &str) -> String {
+    format!("/extensions/{extension}/{key}")
 }
 
 impl Loader<'_> {
-    /// The textures of occlusion and of a material's extensions. One that does not exist, or lies on another set of
-    /// texture coordinates than the material's, is left out with a warning.
+    /// The textures of occlusion and of a material's extensions. One that does not exist is left out with a warning.
     pub(super) fn further_textures(
         &mut self,
         material: &gltf::Material,
@@ -126,67 +118,42 @@ impl Loader<'_> {
         if material.unlit() {
             return Ok(further);
         }
-        if let Some(occlusion) = material.occlusion_texture().filter(|occlusion| occlusion.strength() > 0.0) {
-            let named = Some((occlusion.texture(), occlusion.tex_coord()));
-            let texture = self.on_own_set(material, "occlusionTexture", named);
-            let texture = texture.and_then(|texture| self.texture(&texture));
+        if material.occlusion_texture().is_some_and(|occlusion| occlusion.strength() > 0.0) {
+            let texture = self.texture_at(material, OCCLUSION, document);
             further.extend(texture.map(|texture| FurtherTexture { slot: TextureSlot::Occlusion, texture }));
         }
         for (extension, key, slot, is_alpha) in TEXTURES {
-            let Some(value) = material.extension_value(extension).and_then(|value| value.get(key)) else {
-                continue;
-            };
             if is_zero(slot, layers) {
                 continue;
             }
-            let Some(texture) = self.on_own_set(material, key, named(value, document)) else { continue };
+            let pointer = pointer(extension, key);
             let texture = if is_alpha {
-                self.alpha_texture(&texture, AlphaUse::Plain)?
+                self.alpha_texture_at(material, &pointer, document, AlphaUse::Plain)?
             } else {
-                self.texture(&texture)
+                self.texture_at(material, &pointer, document)
             };
             further.extend(texture.map(|texture| FurtherTexture { slot, texture }));
         }
         Ok(further)
     }
 
-    /// The texture if it is on the set of texture coordinates that all textures of the material share; otherwise `None`
-    /// with a warning.
-    pub(super) fn on_own_set<'a>(
+    /// The alpha channel of the texture that a JSON pointer names, as a grey texture; `None` without one.
+    pub(super) fn alpha_texture_at(
         &mut self,
         material: &gltf::Material,
-        key: &str,
-        named: Option<(gltf::Texture<'a>, u32)>,
-    ) -> Option<gltf::Texture<'a>> {
-        let name = material.name().unwrap_or("without a name");
-        let Some((texture, set)) = named else {
-            self.warn(format!("material {name}: its {key} does not exist; left out"));
-            return None;
-        };
-        let own = texture_set(material);
-        if set != own {
-            self.warn(format!(
-                "material {name}: its {key} is on set {set} of texture coordinates, others on set {own}; left out"
-            ));
-            return None;
-        }
-        Some(texture)
-    }
-
-    /// The alpha channel of a texture as a grey texture; `None` without one.
-    pub(super) fn alpha_texture(
-        &mut self,
-        texture: &gltf::Texture,
+        pointer: &str,
+        document: &gltf::Document,
         alpha_use: AlphaUse,
     ) -> Result<Option<Texture>> {
-        let Some(colour) = self.texture(texture) else { return Ok(None) };
+        let Some((texture, coordinates)) = self.named(material, pointer, document) else { return Ok(None) };
+        let Some(colour) = self.texture(&texture) else { return Ok(None) };
         let key = (texture.source().index(), alpha_use);
         let image = match self.alphas.get(&key) {
             Some(known) => *known,
             None => self.alpha_of(&texture.source(), |alpha| alpha_use.value(alpha))?,
         };
         self.alphas.insert(key, image);
-        Ok(image.map(|image| Texture { image, ..colour }))
+        Ok(image.map(|image| Texture { image, coordinates, ..colour }))
     }
 }
 

@@ -6,6 +6,7 @@ use glam::{DMat4, DVec3};
 use gltf::material::AlphaMode;
 
 use super::layers::AlphaUse;
+use super::texture::{BASE_COLOUR, EMISSION, METALLIC_ROUGHNESS, NORMAL};
 use super::{Loader, dvec3};
 use crate::error::{Place, Result};
 use crate::film::Colour;
@@ -68,6 +69,7 @@ impl Loader<'_> {
         images::alpha_of_bytes(&mut self.scene, place, &bytes, value)
     }
 
+    /// A texture, with the first texture coordinates.
     pub(super) fn texture(&self, texture: &gltf::Texture) -> Option<Texture> {
         use Interpolation::{Linear, Nearest};
         use gltf::texture::{MagFilter, MinFilter, WrappingMode};
@@ -80,6 +82,7 @@ impl Loader<'_> {
         let sampler = texture.sampler();
         Some(Texture {
             image,
+            coordinates: 0,
             sampler: Sampler {
                 wrap_u: wrap(sampler.wrap_s()),
                 wrap_v: wrap(sampler.wrap_t()),
@@ -111,16 +114,14 @@ impl Loader<'_> {
         let mut material = MetallicRoughness {
             name: m.name().map_or_else(|| format!("material {}", m.index().unwrap_or(0)), str::to_owned),
             base_colour: Colour::Linear(colour([r, g, b])),
-            base_colour_texture: pbr.base_color_texture().and_then(|t| self.texture(&t.texture())),
+            base_colour_texture: self.texture_at(m, BASE_COLOUR, document),
             metallic: f64::from(pbr.metallic_factor()).clamp(0.0, 1.0),
             roughness: f64::from(pbr.roughness_factor()).clamp(0.0, 1.0),
-            metallic_roughness_texture: pbr
-                .metallic_roughness_texture()
-                .and_then(|t| self.texture(&t.texture())),
+            metallic_roughness_texture: self.texture_at(m, METALLIC_ROUGHNESS, document),
             emission: Colour::Linear(emission),
-            emission_texture: m.emissive_texture().and_then(|t| self.texture(&t.texture())),
+            emission_texture: self.texture_at(m, EMISSION, document),
             unlit: m.unlit(),
-            opacity: self.opacity(m)?,
+            opacity: self.opacity(m, document)?,
             layers,
             occlusion_strength: m
                 .occlusion_texture()
@@ -128,7 +129,7 @@ impl Loader<'_> {
             further_textures,
             normal_map: m.normal_texture().and_then(|t| {
                 let scale = f64::from(t.scale());
-                let texture = self.texture(&t.texture())?;
+                let texture = self.texture_at(m, NORMAL, document)?;
                 Some(NormalMap { texture, scale: if scale.is_finite() { scale } else { 1.0 } })
             }),
         };
@@ -137,7 +138,7 @@ impl Loader<'_> {
     }
 
     /// The opacity of a material: the alpha of its base colour (glTF 2.0, section 3.9.4); `None` for an opaque one.
-    fn opacity(&mut self, m: &gltf::Material) -> Result<Option<Opacity>> {
+    fn opacity(&mut self, m: &gltf::Material, document: &gltf::Document) -> Result<Option<Opacity>> {
         let cutoff = match m.alpha_mode() {
             AlphaMode::Opaque => return Ok(None),
             AlphaMode::Mask => Some(f64::from(m.alpha_cutoff().unwrap_or(0.5))),
@@ -145,10 +146,7 @@ impl Loader<'_> {
         };
         let pbr = m.pbr_metallic_roughness();
         let [.., alpha] = pbr.base_color_factor();
-        let texture = match pbr.base_color_texture() {
-            Some(info) => self.alpha_texture(&info.texture(), AlphaUse::Plain)?,
-            None => None,
-        };
+        let texture = self.alpha_texture_at(m, BASE_COLOUR, document, AlphaUse::Plain)?;
         Ok(Some(Opacity { factor: f64::from(alpha).clamp(0.0, 1.0), texture, cutoff }))
     }
 
@@ -227,7 +225,7 @@ impl Loader<'_> {
 }
 
 /// The bytes of a buffer view; `None` if it lies outside its buffer.
-fn bytes_of<'a>(buffers: &'a [Vec<u8>], view: &gltf::buffer::View) -> Option<&'a [u8]> {
+pub(super) fn bytes_of<'a>(buffers: &'a [Vec<u8>], view: &gltf::buffer::View) -> Option<&'a [u8]> {
     let range = view.offset()..view.offset().saturating_add(view.length());
     buffers.get(view.buffer().index())?.get(range)
 }

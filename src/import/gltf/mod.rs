@@ -2,26 +2,35 @@
 //!
 //! Buffers and images are opened here, because `gltf::import` rejects the whole file for one missing image. The node
 //! hierarchy is flattened into world space, at rest or posed by a clip at a time, with skins and morph targets. This file
-//! walks the document; `check` validates it, `animation` poses nodes, `triangles` reads meshes, `look` materials, cameras
-//! and lights.
+//! walks the document; `document` parses and validates its JSON, `check` what refers to buffers, `animation` poses nodes,
+//! `triangles` reads meshes, `look` materials, cameras and lights.
 
+mod accessor;
 mod animation;
 mod check;
+mod document;
 mod instancing;
 mod layers;
 mod look;
+mod pointer;
 mod specular_glossiness;
+mod texture;
 mod triangles;
+mod variants;
 
 use std::collections::HashMap;
 
 use glam::{DMat4, DVec3};
+use serde_json::Value;
 
 use super::Source;
 use crate::error::{Result, Warnings};
 use crate::scene::{ImageId, Material, MaterialId, MetallicRoughness, Object, Scene, Shape};
 use animation::Pose;
-use check::{check_accessors, check_images, check_memory, load_buffers, world_transforms};
+use check::{
+    NodePlace, check_accessors, check_images, check_memory, load_buffers, node_places, warn_of_types,
+};
+use document::{Json, parse, validated};
 use instancing::SharedMeshes;
 use layers::AlphaUse;
 use look::place_targets;
@@ -29,14 +38,24 @@ use triangles::deform;
 
 /// Reads a .gltf or .glb file.
 pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
+    let (file, options) = (&source.file, &source.options);
     let bytes = source.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&source.bytes);
-    let gltf::Gltf { document, blob } = check::open(bytes, &source.file)?;
-    check_accessors(&document, &source.file)?;
+    let Json { mut root, blob, pointers } = parse(bytes, file, warnings)?;
+    let variants = variants::names(&root);
+    let variant = options.variant.as_ref().and_then(|asked| variants.iter().position(|name| name == asked));
+    if let Some(variant) = variant {
+        variants::choose(&mut root, variant);
+    }
+    let ignore_required = options.ignore_required_extensions;
+    let mut document = validated(&root, file, ignore_required, warnings)?;
+    check_accessors(&document, file)?;
+    warn_of_types(&document, |what| warnings.push(format!("{}: {what}", file.display())));
     check_images(&document, &source.file)?;
     check_memory(&document, &source.file)?;
     let buffers = load_buffers(&document, blob, source)?;
     let mut loader = Loader {
         source,
+        root: &Value::Null,
         buffers,
         images: Vec::new(),
         scene: Scene::default(),
@@ -45,18 +64,32 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         alphas: HashMap::new(),
         shared: SharedMeshes::default(),
     };
-    loader.warn_of_what_is_not_drawn(&document);
+    loader.warn_of_unread(&document);
+    loader.scene.clips = loader.clips(&document, &pointers);
+    loader.scene.variants = variants;
+    let clip =
+        options.pose.as_ref().and_then(|pose| Some((pose.clip.find(&loader.scene.clips)?.index, pose.time)));
+    if let Some((clip, time)) = clip
+        && let Some(animation) = document.animations().nth(clip)
+        && loader.set_pointers(&mut root, &animation, &pointers, time)
+    {
+        match validated(&root, file, ignore_required, &mut Warnings::default()) {
+            Ok(posed) => document = posed,
+            Err(e) => loader.warn(format!("properties that clip {clip} animates are at rest: {e}")),
+        }
+    }
+    let (document, root) = (document, root);
+    loader.root = &root;
     loader.images = loader.load_images(&document)?;
     for material in document.materials() {
         let material = loader.material(&material, &document)?;
         loader.scene.add_material(material);
     }
-    loader.scene.clips = loader.clips(&document);
     let pose = loader.pose_of_nodes(&document);
-    let world_from_node = world_transforms(&document, &pose, &source.file, loader.warnings)?;
+    let nodes = node_places(&document, &pose, file, loader.warnings)?;
     let mut placed = Vec::new();
     for node in document.nodes() {
-        if let Some(world_from_node) = &world_from_node[node.index()] {
+        if let Some(NodePlace { world_from_node, is_visible: true }) = &nodes[node.index()] {
             let places = loader.places_of(&node, world_from_node, &document)?;
             if let Some(mesh) = node.mesh() {
                 loader.shared.count(&mesh, places.len());
@@ -65,7 +98,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         }
     }
     for (node, transform, places) in placed {
-        loader.node(&node, transform, &places, &world_from_node, &pose)?;
+        loader.node(&node, transform, &places, &nodes, &pose)?;
     }
     let mut scene = loader.scene;
     place_targets(&mut scene);
@@ -74,6 +107,8 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
 
 struct Loader<'a> {
     source: &'a Source,
+    /// The JSON of the document.
+    root: &'a Value,
     buffers: Vec<Vec<u8>>,
     images: Vec<Option<ImageId>>,
     scene: Scene,
@@ -89,32 +124,12 @@ impl Loader<'_> {
         self.warnings.push(format!("{}: {what}", self.source.file.display()));
     }
 
-    fn warn_of_what_is_not_drawn(&mut self, document: &gltf::Document) {
-        const READ: [&str; 4] = [
-            "KHR_lights_punctual",
-            "KHR_materials_emissive_strength",
-            "KHR_materials_unlit",
-            instancing::NAME,
-        ];
-        let unread: Vec<&str> = document
-            .extensions_used()
-            .filter(|name| !READ.contains(name) && !layers::ALL.contains(name))
-            .collect();
-        for name in unread {
-            self.warn(format!("extension {name} is not used"));
-        }
-        let coats = document.materials().filter(layers::has_coat_normals).count();
-        if coats > 0 {
-            self.warn(format!("{coats} material(s) have a normal map of their clear coat; not used"));
-        }
-    }
-
     fn node(
         &mut self,
         node: &gltf::Node,
         world_from_node: &DMat4,
         places: &[DMat4],
-        world_from_nodes: &[Option<DMat4>],
+        nodes: &[Option<NodePlace>],
         pose: &Pose,
     ) -> Result<()> {
         let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
@@ -129,7 +144,7 @@ impl Loader<'_> {
         let mut shapes: Vec<(usize, MaterialId, Shape)> = Vec::new();
         let weights = pose.weights(node);
         for primitive in mesh.primitives() {
-            let pose = node.skin().and_then(|skin| self.pose(&skin, &primitive, world_from_nodes));
+            let pose = node.skin().and_then(|skin| self.pose(&skin, &primitive, nodes));
             let placed = match pose {
                 Some(matrices) => {
                     let posed = self.primitive(&primitive, &name, &weights)?.map(|mut triangles| {

@@ -6,26 +6,21 @@
 //! of the extension, diffuse (1 - max(specular)) (1 - F), becomes the base below a dielectric layer: diffuse scaled by
 //! what the layer leaves.
 
-use glam::DVec3;
-use gltf::json::Value;
-
 use super::Loader;
-use super::layers::{AlphaUse, named, number, unit_colour};
+use super::layers::{AlphaUse, number, unit_colour};
 use crate::error::Result;
 use crate::film::Colour;
 use crate::scene::{FurtherTexture, MetallicRoughness, Opacity, TextureSlot};
+use glam::DVec3;
 
 pub(super) const NAME: &str = "KHR_materials_pbrSpecularGlossiness";
 
-const DIFFUSE: &str = "diffuseTexture";
-const SPECULAR: &str = "specularGlossinessTexture";
+const DIFFUSE: &str = "/extensions/KHR_materials_pbrSpecularGlossiness/diffuseTexture";
+const SPECULAR: &str = "/extensions/KHR_materials_pbrSpecularGlossiness/specularGlossinessTexture";
 
-/// The sets of texture coordinates of the textures of a material's extension; none without the extension.
-pub(super) fn sets(material: &gltf::Material) -> [Option<u32>; 2] {
-    [DIFFUSE, SPECULAR].map(|key| {
-        let texture = material.extension_value(NAME)?.get(key)?;
-        texture.get("texCoord").map_or(Some(0), Value::as_u64)?.try_into().ok()
-    })
+/// The textures of the extension, by JSON pointers from a material.
+pub(super) fn pointers() -> [String; 2] {
+    [DIFFUSE, SPECULAR].map(str::to_owned)
 }
 
 impl Loader<'_> {
@@ -41,14 +36,10 @@ impl Loader<'_> {
         let colour = |key| Colour::Linear(unit_colour(value.get(key), DVec3::ONE));
         let glossiness = number(value.get("glossinessFactor"), 1.0).clamp(0.0, 1.0);
         material.base_colour = colour("diffuseFactor");
-        material.base_colour_texture =
-            value.get(DIFFUSE).and_then(|info| self.texture(&named(info, document)?.0));
+        material.base_colour_texture = self.texture_at(of, DIFFUSE, document);
         if let Some(cutoff) = material.opacity.map(|opacity| opacity.cutoff) {
             let alpha = value.get("diffuseFactor").and_then(|factor| factor.get(3));
-            let texture = match value.get(DIFFUSE).and_then(|info| named(info, document)) {
-                Some((texture, _)) => self.alpha_texture(&texture, AlphaUse::Plain)?,
-                None => None,
-            };
+            let texture = self.alpha_texture_at(of, DIFFUSE, document, AlphaUse::Plain)?;
             material.opacity = Some(Opacity { factor: number(alpha, 1.0).clamp(0.0, 1.0), texture, cutoff });
         }
         material.metallic = 0.0;
@@ -58,13 +49,12 @@ impl Loader<'_> {
         material.layers.specular_colour = colour("specularFactor");
         let is_specular = |slot| matches!(slot, TextureSlot::Specular | TextureSlot::SpecularColour);
         material.further_textures.retain(|further| !is_specular(further.slot));
-        let Some(info) = value.get(SPECULAR) else { return Ok(()) };
-        let Some(texture) = self.on_own_set(of, SPECULAR, named(info, document)) else { return Ok(()) };
-        let colours = self.texture(&texture);
         let slot = TextureSlot::SpecularColour;
+        let colours = self.texture_at(of, SPECULAR, document);
         material.further_textures.extend(colours.map(|texture| FurtherTexture { slot, texture }));
         // Without an alpha channel the glossiness is its factor.
-        if let Some(roughness) = self.alpha_texture(&texture, AlphaUse::roughness(glossiness))? {
+        let roughness = AlphaUse::roughness(glossiness);
+        if let Some(roughness) = self.alpha_texture_at(of, SPECULAR, document, roughness)? {
             material.roughness = 1.0;
             material.metallic_roughness_texture = Some(roughness);
         }

@@ -1,8 +1,11 @@
 //! Meshes: positions, indices, attributes and skins.
 
-use glam::{DMat4, DVec2, DVec3, DVec4};
+use glam::{DMat4, DVec3, DVec4};
+use gltf::Semantic;
+use gltf::accessor::{DataType, Dimensions};
 
-use super::{Loader, dvec3, layers, specular_glossiness};
+use super::Loader;
+use super::check::{NodePlace, is_allowed};
 use crate::error::{Error, Place, Result};
 use crate::import::tangents::make_tangents;
 use crate::scene::{Attribute, Mesh, moved_tangent};
@@ -21,55 +24,50 @@ impl Loader<'_> {
             self.warn(format!("{name}: points and lines are not drawn"));
             return Ok(None);
         }
-        let uv_set = self.uv_set(&primitive.material());
-        let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
         let fault = |what: &str| {
             let item = Place::item(&self.source.file, format!("{name}, primitive {}", primitive.index()));
             Error::input(item, what, "export the file again")
         };
-        if let Some(accessor) = primitive.get(&gltf::Semantic::Positions) {
-            use gltf::accessor::{DataType, Dimensions};
-            if (accessor.data_type(), accessor.dimensions()) != (DataType::F32, Dimensions::Vec3) {
-                return Err(fault("its positions are not three floating-point numbers each"));
-            }
-        }
-        let positions: Vec<DVec3> = match reader.read_positions() {
-            Some(positions) => positions.map(dvec3).collect(),
-            None if primitive.get(&gltf::Semantic::Positions).is_none() => {
-                self.warn(format!("{name}: a mesh without positions is not drawn"));
-                return Ok(None);
-            }
-            None => return Err(fault("its positions lie outside their buffer")),
+        let Some(positions) = primitive.get(&Semantic::Positions) else {
+            self.warn(format!("{name}: a mesh without positions is not drawn"));
+            return Ok(None);
         };
+        let positions =
+            self.dvec3s(&positions).ok_or_else(|| fault("its positions lie outside their buffer"))?;
         let count = positions.len();
-        let order: Vec<u32> = match (reader.read_indices(), primitive.indices()) {
-            (Some(indices), _) => indices.into_u32().collect(),
-            (None, Some(_)) => return Err(fault("its indices lie outside their buffer")),
-            (None, None) => (0..count as u32).collect(),
+        let order: Vec<u32> = match primitive.indices() {
+            Some(indices) => {
+                let indices = self.vectors::<1>(&indices);
+                let indices = indices.ok_or_else(|| fault("its indices lie outside their buffer"))?;
+                indices.into_iter().map(|[index]| index as u32).collect()
+            }
+            None => (0..count as u32).collect(),
         };
         let mut triangles = into_triangles(&order, primitive.mode());
         let before = triangles.len();
         triangles.retain(|t| t.iter().all(|&i| (i as usize) < count));
         let out_of_range = before - triangles.len();
 
-        // Attributes whose count differs from that of the positions are ignored.
-        let normals = reader.read_normals().map(|values| values.map(dvec3).collect::<Vec<_>>());
-        let uvs = reader.read_tex_coords(uv_set).map(|uvs| {
-            uvs.into_f32().map(|[u, v]| DVec2::new(f64::from(u), f64::from(v))).collect::<Vec<_>>()
-        });
-        let colours = reader.read_colors(0).map(|c| c.into_rgb_f32().map(dvec3).collect::<Vec<_>>());
-        let is_opaque = primitive.material().alpha_mode() == gltf::material::AlphaMode::Opaque;
-        let alphas = reader.read_colors(0).filter(|_| !is_opaque && has_alpha(primitive));
-        let alphas = alphas.map(|c| c.into_rgba_f32().map(|[.., a]| f64::from(a)).collect::<Vec<_>>());
-        let tangents = primitive.material().normal_texture().and_then(|_| {
-            let values = reader.read_tangents()?.map(|t| DVec4::from(t.map(f64::from))).collect::<Vec<_>>();
-            // Tangents without normals are ignored (glTF 2.0, section 3.7.2.1).
-            (values.len() == count && normals.is_some()).then(|| Attribute::per_position(values))
-        });
+        let material = primitive.material();
+        let (colours, alphas) = self.colours(primitive);
+        let normals = self.attribute(primitive, &Semantic::Normals).and_then(|normals| self.dvec3s(&normals));
+        let normals = normals.filter(|normals| normals.len() == count);
+        // Tangents without normals are ignored (glTF 2.0, section 3.7.2.1).
+        let tangents = self
+            .attribute(primitive, &Semantic::Tangents)
+            .filter(|_| normals.is_some() && material.normal_texture().is_some())
+            .and_then(|tangents| self.vectors(&tangents));
+        let tangents = tangents.map(|all| all.into_iter().map(DVec4::from_array).collect::<Vec<_>>());
+        let differing = primitive.attributes().filter(|(_, accessor)| accessor.count() != count).count();
+        if differing > 0 {
+            self.warn(format!(
+                "{name}: {differing} attribute(s) of another count than its positions are not used"
+            ));
+        }
         let mut mesh = Mesh {
-            tangents,
-            normals: normals.filter(|v| v.len() == count).map(Attribute::per_position),
-            uvs: uvs.filter(|v| v.len() == count).map(Attribute::per_position),
+            tangents: tangents.filter(|v| v.len() == count).map(Attribute::per_position),
+            normals: normals.map(Attribute::per_position),
+            uvs: self.uvs(primitive, name, count),
             colours: colours.filter(|v| v.len() == count).map(Attribute::per_position),
             alphas: alphas.filter(|v| v.len() == count).map(Attribute::per_position),
             positions,
@@ -78,8 +76,8 @@ impl Loader<'_> {
         if !self.morph(primitive, weights, &mut mesh) {
             self.warn(format!("{name}: morph targets that differ from its positions in number are left out"));
         }
-        if primitive.material().normal_texture().is_some() {
-            make_tangents(&mut mesh);
+        if let Some(coordinates) = self.coordinates_of_normal_map(&material) {
+            make_tangents(&mut mesh, coordinates);
         }
         if out_of_range > 0 {
             self.warn(format!("{name}: left out {out_of_range} triangle(s) with an index out of range"));
@@ -87,37 +85,67 @@ impl Loader<'_> {
         Ok(Some(mesh))
     }
 
+    /// The accessor of an attribute of a type that it may have.
+    pub(super) fn attribute<'b>(
+        &self,
+        primitive: &gltf::Primitive<'b>,
+        semantic: &Semantic,
+    ) -> Option<gltf::Accessor<'b>> {
+        primitive.get(semantic).filter(|accessor| is_allowed(semantic, accessor))
+    }
+
+    /// The elements of an accessor of three components.
+    fn dvec3s(&self, accessor: &gltf::Accessor) -> Option<Vec<DVec3>> {
+        Some(self.vectors(accessor)?.into_iter().map(DVec3::from_array).collect())
+    }
+
+    /// The colours of vertices, and, where the material is not opaque, their opacities.
+    fn colours(&self, primitive: &gltf::Primitive) -> (Option<Vec<DVec3>>, Option<Vec<f64>>) {
+        let Some(accessor) = self.attribute(primitive, &Semantic::Colors(0)) else { return (None, None) };
+        // Integers are normalised, whether the accessor says so or not (section 3.7.2.1).
+        let scale = match accessor.data_type() {
+            DataType::U8 if !accessor.normalized() => 255.0,
+            DataType::U16 if !accessor.normalized() => 65535.0,
+            _ => 1.0,
+        };
+        if accessor.dimensions() == Dimensions::Vec3 {
+            let colours = self.dvec3s(&accessor);
+            return (colours.map(|all| all.into_iter().map(|colour| colour / scale).collect()), None);
+        }
+        let Some(all) = self.vectors::<4>(&accessor) else { return (None, None) };
+        let is_opaque = primitive.material().alpha_mode() == gltf::material::AlphaMode::Opaque;
+        let alphas = (!is_opaque).then(|| all.iter().map(|[.., alpha]| alpha / scale).collect());
+        (Some(all.into_iter().map(|[r, g, b, _]| DVec3::new(r, g, b) / scale).collect()), alphas)
+    }
+
     /// Adds the displacements of morph targets by their weights (glTF 2.0, section 3.7.2.2). Returns whether all fit.
     fn morph(&self, primitive: &gltf::Primitive, weights: &[f64], mesh: &mut Mesh) -> bool {
-        let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
         let count = mesh.positions.len();
-        let fits = |accessor: Option<gltf::Accessor>| {
-            use gltf::accessor::{DataType, Dimensions};
-            accessor.is_none_or(|accessor| {
-                let kind = (accessor.data_type(), accessor.dimensions());
-                kind == (DataType::F32, Dimensions::Vec3) && accessor.count() == count
-            })
-        };
         let mut all_fit = true;
-        let targets = reader.read_morph_targets().zip(primitive.morph_targets());
-        for (((positions, normals, tangents), target), &weight) in targets.zip(weights) {
+        for (target, &weight) in primitive.morph_targets().zip(weights) {
             if weight == 0.0 || !weight.is_finite() {
                 continue;
             }
-            if ![target.positions(), target.normals(), target.tangents()].into_iter().all(fits) {
+            let accessors = [target.positions(), target.normals(), target.tangents()];
+            if accessors.iter().flatten().any(|accessor| accessor.count() != count) {
                 all_fit = false;
                 continue;
             }
-            let by = |value: [f32; 3]| dvec3(value) * weight;
-            for (position, value) in mesh.positions.iter_mut().zip(positions.into_iter().flatten()) {
-                *position += by(value);
+            let read =
+                |accessor: Option<gltf::Accessor>| Some(accessor.map(|accessor| self.dvec3s(&accessor)));
+            let [Some(positions), Some(normals), Some(tangents)] = accessors.map(read) else { continue };
+            if [&positions, &normals, &tangents].into_iter().flatten().any(Option::is_none) {
+                all_fit = false;
+                continue;
             }
+            let by = |values: Option<Option<Vec<DVec3>>>| {
+                values.flatten().into_iter().flatten().map(move |value| value * weight)
+            };
+            mesh.positions.iter_mut().zip(by(positions)).for_each(|(position, value)| *position += value);
             let of_mesh = mesh.normals.iter_mut().flat_map(|normals| &mut normals.values);
-            of_mesh.zip(normals.into_iter().flatten()).for_each(|(normal, value)| *normal += by(value));
+            of_mesh.zip(by(normals)).for_each(|(normal, value)| *normal += value);
             let of_mesh = mesh.tangents.iter_mut().flat_map(|tangents| &mut tangents.values);
-            for (tangent, value) in of_mesh.zip(tangents.into_iter().flatten()) {
-                *tangent += by(value).extend(0.0);
-            }
+            of_mesh.zip(by(tangents)).for_each(|(tangent, value)| *tangent += value.extend(0.0));
             for normal in mesh.normals.iter_mut().flat_map(|normals| &mut normals.values) {
                 *normal = normal.try_normalize().unwrap_or(*normal);
             }
@@ -125,53 +153,37 @@ impl Loader<'_> {
         all_fit
     }
 
-    /// The texture coordinate set of a material; kiln supports one set for all textures of a material.
-    fn uv_set(&mut self, material: &gltf::Material) -> u32 {
-        let first = texture_set(material);
-        if core_sets(material).any(|set| set != first) {
-            let name = material.name().unwrap_or("without a name");
-            self.warn(format!(
-                "material {name} has pictures by several sets of texture coordinates; all drawn by set {first}"
-            ));
-        }
-        first
-    }
-
-    /// Skinning matrix of each vertex, from the rest pose of a skin's joints (glTF 2.0, section 3.7.3).
+    /// Skinning matrix of each vertex, from the pose of a skin's joints (glTF 2.0, section 3.7.3).
     pub(super) fn pose(
         &mut self,
         skin: &gltf::Skin,
         primitive: &gltf::Primitive,
-        world_from_nodes: &[Option<DMat4>],
+        nodes: &[Option<NodePlace>],
     ) -> Option<Vec<DMat4>> {
-        let get = |buffer: gltf::Buffer| self.buffers.get(buffer.index()).map(Vec::as_slice);
-        let reader = primitive.reader(get);
         // Each set has four joints a vertex.
         let sets: Vec<_> = (0..)
             .map_while(|set| {
-                let (joints, weights) = (reader.read_joints(set)?, reader.read_weights(set)?);
-                Some((joints.into_u16().collect::<Vec<_>>(), weights.into_f32().collect::<Vec<_>>()))
+                let joints = self.vectors::<4>(&self.attribute(primitive, &Semantic::Joints(set))?)?;
+                Some((joints, self.vectors::<4>(&self.attribute(primitive, &Semantic::Weights(set))?)?))
             })
             .collect();
         let count = sets.iter().map(|(joints, weights)| joints.len().min(weights.len())).min()?;
-        let joint_from_mesh: Option<Vec<DMat4>> = skin
-            .reader(get)
-            .read_inverse_bind_matrices()
-            .map(|matrices| matrices.map(|m| glam::Mat4::from_cols_array_2d(&m).as_dmat4()).collect());
+        let inverse_binds = skin.inverse_bind_matrices().and_then(|accessor| self.vectors::<16>(&accessor));
         let world_from_mesh: Vec<DMat4> = skin
             .joints()
             .enumerate()
             .map(|(i, joint)| {
-                let world_from_joint = world_from_nodes[joint.index()].unwrap_or(DMat4::IDENTITY);
-                let inverse_bind = joint_from_mesh.as_ref().and_then(|m| m.get(i)).copied();
-                world_from_joint * inverse_bind.unwrap_or(DMat4::IDENTITY)
+                let place = nodes[joint.index()].as_ref();
+                let world_from_joint = place.map_or(DMat4::IDENTITY, |place| place.world_from_node);
+                let inverse_bind = inverse_binds.as_ref().and_then(|matrices| matrices.get(i));
+                world_from_joint * inverse_bind.map_or(DMat4::IDENTITY, DMat4::from_cols_array)
             })
             .collect();
         let blend = |vertex: usize| {
             let mut sum = DMat4::ZERO;
             for (joints, weights) in &sets {
                 for (&joint, &weight) in joints[vertex].iter().zip(&weights[vertex]) {
-                    sum += *world_from_mesh.get(joint as usize)? * f64::from(weight);
+                    sum += *world_from_mesh.get(joint as usize)? * weight;
                 }
             }
             // The w component of the blended matrix is the sum of the weights.
@@ -207,12 +219,6 @@ pub(super) fn deform(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
     }
 }
 
-/// Whether the vertex colours of a primitive have an alpha channel.
-fn has_alpha(primitive: &gltf::Primitive) -> bool {
-    let colours = primitive.get(&gltf::Semantic::Colors(0));
-    colours.is_some_and(|accessor| accessor.dimensions() == gltf::accessor::Dimensions::Vec4)
-}
-
 fn into_triangles(order: &[u32], mode: gltf::mesh::Mode) -> Vec<[u32; 3]> {
     use gltf::mesh::Mode;
     match mode {
@@ -224,27 +230,6 @@ fn into_triangles(order: &[u32], mode: gltf::mesh::Mode) -> Vec<[u32; 3]> {
         Mode::TriangleFan => order.windows(2).skip(1).map(|w| [order[0], w[0], w[1]]).collect(),
         _ => order.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect(),
     }
-}
-
-/// The texture coordinate sets of the textures of glTF's core model, or of KHR_materials_pbrSpecularGlossiness, but
-/// occlusion.
-fn core_sets(material: &gltf::Material) -> impl Iterator<Item = u32> {
-    let pbr = material.pbr_metallic_roughness();
-    let [colour, other] = if material.extension_value(specular_glossiness::NAME).is_some() {
-        specular_glossiness::sets(material)
-    } else {
-        let other = pbr.metallic_roughness_texture().map(|t| t.tex_coord());
-        [pbr.base_color_texture().map(|t| t.tex_coord()), other]
-    };
-    let normal = material.normal_texture().map(|t| t.tex_coord());
-    let emission = material.emissive_texture().map(|t| t.tex_coord());
-    [colour, normal, other, emission].into_iter().flatten()
-}
-
-/// The texture coordinate set that all textures of a material are looked up by: that of its first texture.
-pub(super) fn texture_set(material: &gltf::Material) -> u32 {
-    let occlusion = || material.occlusion_texture().map(|t| t.tex_coord());
-    core_sets(material).next().or_else(|| layers::first_set(material)).or_else(occlusion).unwrap_or(0)
 }
 
 #[cfg(test)]

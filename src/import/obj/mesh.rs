@@ -196,7 +196,7 @@ fn mesh(
     Mesh {
         positions: positions_used,
         triangles: positions,
-        uvs: uv_values.map(|values| Attribute { values, triangles: Some(uvs) }),
+        uvs: uv_values.map(|values| Attribute { values, triangles: Some(uvs) }).into_iter().collect(),
         normals: normal_values.map(|values| Attribute { values, triangles: Some(normals) }),
         colours,
         alphas: None,

@@ -57,7 +57,8 @@ impl Definition {
     /// A texture of the map `key`.
     pub(super) fn texture(&self, image: ImageId, key: &str) -> Texture {
         let wrap = if self.options(key).is_clamped { Wrap::ClampToEdge } else { Wrap::Repeat };
-        Texture { image, sampler: Sampler { wrap_u: wrap, wrap_v: wrap, ..Sampler::default() } }
+        let sampler = Sampler { wrap_u: wrap, wrap_v: wrap, ..Sampler::default() };
+        Texture { image, sampler, coordinates: 0 }
     }
 
     /// Factor of the texture coordinates of the first map, and what is added to them, if that changes them. All maps of

@@ -82,7 +82,7 @@ pub(super) fn corners_of(mesh: &Mesh) -> Vec<Corner> {
     };
     let corner = |t: usize, c: usize| {
         let position = mesh.triangles[t][c] as usize;
-        let uv = mesh.uvs.as_ref().map(|uvs| uvs.values[index(&uvs.triangles, t, c)].to_array());
+        let uv = mesh.uvs.first().map(|uvs| uvs.values[index(&uvs.triangles, t, c)].to_array());
         let normal = mesh.normals.as_ref().map(|n| n.values[index(&n.triangles, t, c)].to_array());
         let colour = mesh.colours.as_ref().map(|colours| colours.values[position].to_array());
         (mesh.positions[position].to_array(), uv, normal, colour)
@@ -250,7 +250,7 @@ fn large_files_are_read_in_windows() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("a.obj");
     std::fs::write(&file, &text).expect("a file");
-    let source = Source { file, bytes: Vec::new(), files: Files::default(), pose: None };
+    let source = Source { file, bytes: Vec::new(), files: Files::default(), options: Default::default() };
     let scene = read(&source, &mut Warnings::default()).unwrap_or_else(|e| panic!("{e}"));
     let [mesh] = meshes(&scene)[..] else { panic!("one mesh") };
     let expected = (0..BLOCKS as u32).map(|i| [i + 1, 0, i]);

@@ -8,7 +8,7 @@ use crate::error::Error;
 use crate::import::files::Files;
 
 pub(super) fn source(text: impl Into<Vec<u8>>) -> Source {
-    Source { file: "a.obj".into(), bytes: text.into(), files: Files::default(), pose: None }
+    Source { file: "a.obj".into(), bytes: text.into(), files: Files::default(), options: Default::default() }
 }
 
 pub(super) fn load(text: impl Into<Vec<u8>>) -> (Scene, Warnings) {

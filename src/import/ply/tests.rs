@@ -7,8 +7,10 @@ use proptest::prelude::*;
 
 fn read_bytes(bytes: Vec<u8>) -> Result<(Mesh, Warnings)> {
     let mut warnings = Warnings::default();
-    let mut scene =
-        read(&Source { file: "a.ply".into(), bytes, files: Files::default(), pose: None }, &mut warnings)?;
+    let mut scene = read(
+        &Source { file: "a.ply".into(), bytes, files: Files::default(), options: Default::default() },
+        &mut warnings,
+    )?;
     let Some(Shape::Mesh(mesh)) = scene.objects.pop().map(|object| object.shape) else { panic!("one mesh") };
     Ok((mesh, warnings))
 }

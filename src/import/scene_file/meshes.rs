@@ -90,7 +90,7 @@ impl Builder<'_> {
     /// and settings of the mesh file are ignored.
     fn read_mesh(&mut self, start: usize, file: &str, warnings: &mut Warnings) -> Result<Vec<Object>> {
         let path = self.source.sibling(file);
-        let read = Source::open(&path, &self.source.files, self.source.pose.as_ref())
+        let read = Source::open(&path, &self.source.files, &self.source.options)
             .and_then(|source| import::read_one(&source, warnings));
         let part = read.map_err(|e| match e {
             Error::Input { place, what, hint } if place.file == path && place.line.is_none() => {

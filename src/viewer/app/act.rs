@@ -181,7 +181,7 @@ impl App {
             clamp: settings.choices.clamp,
             has_ground: opened.scene.ground.is_some(),
             environment: &opened.environment,
-            clip_time: opened.clip_time.as_ref(),
+            import_options: &opened.scene.import_options,
             output,
         });
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));

@@ -1,0 +1,209 @@
+//! glTF documents as JSON: parsed, repaired where viewers commonly draw what the format forbids, and validated.
+//!
+//! Everything that does not depend on buffers is changed here, in the JSON, so that the rest of the importer reads a
+//! document that the `gltf` crate has validated.
+
+use std::path::Path;
+
+use gltf::json::validation::{Error as Fault, Validate};
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::pointer::{self, PointerChannel};
+use super::{Loader, instancing, layers, variants};
+use crate::error::{Error, Place, Result, Warnings, contain};
+
+pub(super) const VISIBILITY: &str = "KHR_node_visibility";
+pub(super) const TEXTURE_TRANSFORM: &str = "KHR_texture_transform";
+pub(super) const QUANTIZATION: &str = "KHR_mesh_quantization";
+pub(super) const XMP: &str = "KHR_xmp_json_ld";
+
+/// The extensions that are read, but those of [`layers::ALL`].
+const EXTENSIONS: [&str; 10] = [
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_unlit",
+    QUANTIZATION,
+    instancing::NAME,
+    pointer::NAME,
+    variants::NAME,
+    VISIBILITY,
+    TEXTURE_TRANSFORM,
+    XMP,
+];
+
+/// Whether an extension is read.
+pub(super) fn is_read(extension: &str) -> bool {
+    EXTENSIONS.contains(&extension) || layers::ALL.contains(&extension)
+}
+
+/// A parsed document.
+pub(super) struct Json {
+    /// The JSON, without the channels in `pointers`.
+    pub(super) root: Value,
+    /// The binary chunk of a GLB file.
+    pub(super) blob: Option<Vec<u8>>,
+    /// The channels of KHR_animation_pointer.
+    pub(super) pointers: Vec<PointerChannel>,
+}
+
+fn unusable(file: &Path, why: impl std::fmt::Display) -> Error {
+    Error::input(file, format!("not a usable glTF file: {why}"), "export it again as glTF 2.0")
+}
+
+/// Parses a .gltf or .glb file and repairs its JSON; warns of each repair.
+pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Result<Json> {
+    let damaged = || Error::input(file, "not a usable glTF file", "export it again as glTF 2.0");
+    let (json, blob) = if bytes.starts_with(b"glTF") {
+        let glb = contain(|| gltf::binary::Glb::from_slice(bytes)).ok_or_else(damaged)?;
+        let glb = glb.map_err(|e| unusable(file, e))?;
+        (glb.json, glb.bin.map(std::borrow::Cow::into_owned))
+    } else {
+        (bytes.into(), None)
+    };
+    let mut root: Value = serde_json::from_slice(&json).map_err(|e| unusable(file, e))?;
+    let pointers = pointer::take_channels(&mut root);
+    repair(&mut root, |what| warnings.push(format!("{}: {what}", file.display())));
+    Ok(Json { root, blob, pointers })
+}
+
+/// The items of a list, none without it.
+pub(super) fn items<'a>(parent: &'a mut Value, key: &str) -> impl Iterator<Item = &'a mut Value> {
+    parent.get_mut(key).and_then(Value::as_array_mut).into_iter().flatten()
+}
+
+/// Removes what the `gltf` crate refuses and the format tolerates or every viewer ignores.
+fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
+    for scene in items(root, "scenes").filter_map(Value::as_object_mut) {
+        scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
+    }
+    for view in items(root, "bufferViews").filter_map(Value::as_object_mut) {
+        if view.get("byteStride").and_then(Value::as_u64) == Some(0) {
+            view.remove("byteStride");
+        }
+    }
+    // A channel without a node is to be ignored (section 5.8, animation.channel.target.node).
+    for animation in items(root, "animations") {
+        if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
+            channels.retain(|channel| channel["target"]["node"].is_u64());
+        }
+    }
+    let mut unknown = std::collections::BTreeSet::new();
+    for mesh in items(root, "meshes") {
+        for primitive in items(mesh, "primitives") {
+            if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) {
+                attributes.retain(|name, _| {
+                    let keep = is_attribute(name);
+                    if !keep && !name.starts_with('_') {
+                        unknown.insert(name.clone());
+                    }
+                    keep
+                });
+            }
+        }
+    }
+    for name in unknown {
+        warn(format!("attribute {name} is not one of glTF's, and custom ones begin with `_`; not used"));
+    }
+}
+
+/// Whether an attribute is one of section 3.7.2.1.
+fn is_attribute(name: &str) -> bool {
+    let is_numbered = |(kind, number): (&str, &str)| {
+        ["TEXCOORD", "COLOR", "JOINTS", "WEIGHTS"].contains(&kind) && number.parse::<u32>().is_ok()
+    };
+    ["POSITION", "NORMAL", "TANGENT"].contains(&name) || name.rsplit_once('_').is_some_and(is_numbered)
+}
+
+/// The validated document. Required extensions that are not read are an error, or a warning where they are to be
+/// ignored.
+pub(super) fn validated(
+    root: &Value,
+    file: &Path,
+    ignore_required: bool,
+    warnings: &mut Warnings,
+) -> Result<gltf::Document> {
+    let damaged = || Error::input(file, "not a usable glTF file", "export it again as glTF 2.0");
+    let json = contain(|| gltf::json::Root::deserialize(root)).ok_or_else(damaged)?;
+    let mut json = json.map_err(|e| unusable(file, e))?;
+    json.extensions_required.retain(|name| !is_read(name));
+    if !json.extensions_required.is_empty() {
+        let names = json.extensions_required.join(", ");
+        let what = format!("requires glTF extensions that kiln does not read: {names}");
+        if !ignore_required {
+            let hint = "export it without them (`gltf-transform copy` undoes compression), or try \
+                        --ignore-required-extensions";
+            return Err(Error::input(file, what, hint));
+        }
+        warnings.push(format!("{}: {what}; ignored", file.display()));
+        json.extensions_required.clear();
+    }
+    check_positions(&json, file)?;
+    let mut faults: Vec<(gltf::json::Path, Fault)> = Vec::new();
+    contain(|| {
+        json.validate(&json, gltf::json::Path::new, &mut |path, fault| {
+            let path = path();
+            if !is_tolerated(path.as_str(), &fault) {
+                faults.push((path, fault));
+            }
+        });
+    })
+    .ok_or_else(damaged)?;
+    match faults.first() {
+        Some((path, fault)) => Err(unusable(file, format!("{path}: {fault}"))),
+        None => Ok(gltf::Document::from_json_without_validation(json)),
+    }
+}
+
+/// Whether a fault is none to kiln: bounds of positions are not used, and accessors without a buffer view are zeros.
+fn is_tolerated(path: &str, fault: &Fault) -> bool {
+    let is_bounds = path.ends_with("[\"POSITION\"].min") || path.ends_with("[\"POSITION\"].max");
+    is_bounds
+        || (*fault == Fault::Missing && path.starts_with("accessors[") && path.ends_with("].bufferView"))
+}
+
+/// Checks that primitives have positions. The validation of gltf-json 1.4.1 accesses them without a check
+/// (`primitive_validate_hook` in its mesh.rs) and panics.
+fn check_positions(json: &gltf::json::Root, file: &Path) -> Result<()> {
+    use gltf::json::validation::Checked;
+    let positions = Checked::Valid(gltf::Semantic::Positions);
+    for (mesh_index, mesh) in json.meshes.iter().enumerate() {
+        for (index, primitive) in mesh.primitives.iter().enumerate() {
+            let accessor = primitive.attributes.get(&positions).map(|accessor| accessor.value());
+            if let Some(accessor) = accessor.filter(|&accessor| accessor >= json.accessors.len()) {
+                let item = Place::item(file, format!("mesh {mesh_index}, primitive {index}"));
+                let what = format!("POSITION is accessor {accessor}; there are {}", json.accessors.len());
+                return Err(Error::input(item, what, "export the file again"));
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Loader<'_> {
+    /// Warns of extensions that are used and not read.
+    pub(super) fn warn_of_unread(&mut self, document: &gltf::Document) {
+        for name in document.extensions_used().filter(|name| !is_read(name)) {
+            self.warn(format!("extension {name} is not used"));
+        }
+        let coats = document.materials().filter(layers::has_coat_normals).count();
+        if coats > 0 {
+            self.warn(format!("{coats} material(s) have a normal map of their clear coat; not used"));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn attributes_of_the_format() {
+        for name in ["POSITION", "TEXCOORD_0", "COLOR_12", "JOINTS_1"] {
+            assert!(is_attribute(name), "{name}");
+        }
+        for name in ["BARYCENTRIC", "TEXCOORD", "TEXCOORD_x", "_ID", "POSITION_0", ""] {
+            assert!(!is_attribute(name), "{name}");
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! What is asked of the files of a scene when they are read.
+
+use super::ClipTime;
+
+/// Choices that importers take.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct ImportOptions {
+    /// The moment of a clip at which the scene is posed; at rest if `None`.
+    pub pose: Option<ClipTime>,
+    /// The name of a variant of the materials (KHR_materials_variants); as the file has them if `None`.
+    pub variant: Option<String>,
+    /// Whether glTF files are read although they require extensions that kiln does not read.
+    pub ignore_required_extensions: bool,
+}
