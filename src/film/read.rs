@@ -49,7 +49,7 @@ pub(super) fn contained<T>(parse: impl FnOnce() -> std::result::Result<T, String
 
 impl ReadError {
     /// The error for an image of `width` by `height` pixels.
-    pub(super) fn too_large(width: u64, height: u64, excess: &Excess) -> Self {
+    pub(crate) fn too_large(width: u64, height: u64, excess: &Excess) -> Self {
         ReadError::TooLarge {
             what: format!("a picture of {width} x {height} pixels {excess}"),
             hint: excess.hint(),
@@ -97,7 +97,7 @@ fn read_bytes(bytes: &[u8]) -> Read<Pixels> {
     Ok(Pixels { width, height, values, pipeline })
 }
 
-/// Decodes a PNG or JPEG image; the caller will allocate another `bytes_each` per pixel.
+/// Decodes a PNG, JPEG, WebP or Radiance HDR image; the caller will allocate another `bytes_each` per pixel.
 ///
 /// # Errors
 /// [`ReadError`].

@@ -157,7 +157,16 @@ const HEIGHTS: u64 = 2 + 3 + TEXTURE;
 
 fn open(files: &Files, file: &Path, bytes_each: u64) -> std::result::Result<DynamicImage, ReadError> {
     let bytes = files.read(file).map_err(|e| ReadError::Damaged(limits::explain(&e).0))?;
-    read::decode(&bytes, bytes_each)
+    decode(&bytes, bytes_each)
+}
+
+/// Decodes an image; the caller will allocate another `bytes_each` per pixel.
+fn decode(bytes: &[u8], bytes_each: u64) -> std::result::Result<DynamicImage, ReadError> {
+    #[cfg(feature = "codecs")]
+    if super::ktx2::is_ktx2(bytes) {
+        return super::ktx2::decode(bytes, bytes_each);
+    }
+    read::decode(bytes, bytes_each)
 }
 
 fn is_grey(image: &DynamicImage) -> bool {
@@ -184,7 +193,7 @@ pub(crate) fn of_bytes(
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     let name = place.to_string();
-    let decoded = read::decode(bytes, TEXTURE).map(|image| into_texture(&name, &image, Channels::Colour));
+    let decoded = decode(bytes, TEXTURE).map(|image| into_texture(&name, &image, Channels::Colour));
     keep(scene, decoded, place, warnings)
 }
 
@@ -201,7 +210,7 @@ pub(crate) fn alpha_of_bytes(
 ) -> Result<Option<ImageId>> {
     // Other formats than 8-bit RGBA are converted first.
     const RGBA: u64 = 4;
-    let image = match read::decode(bytes, RGBA + TEXTURE) {
+    let image = match decode(bytes, RGBA + TEXTURE) {
         Ok(image) => image,
         Err(ReadError::TooLarge { what, hint }) => return Err(Error::input(place, what, hint)),
         Err(ReadError::Damaged(_)) => return Ok(None),

@@ -18,6 +18,8 @@ mod files;
 mod gltf;
 mod heights;
 mod images;
+#[cfg(feature = "codecs")]
+mod ktx2;
 mod lines;
 mod obj;
 mod ply;

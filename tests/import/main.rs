@@ -4,6 +4,7 @@
 mod common;
 
 mod clips;
+mod codecs;
 mod gltf_features;
 mod import;
 mod mutations;

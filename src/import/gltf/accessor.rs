@@ -12,6 +12,9 @@ impl Loader<'_> {
         if accessor.dimensions().multiplicity() != N {
             return None;
         }
+        if let Some(decoded) = self.decoded.get(&accessor.index()) {
+            return Some(decoded.as_chunks().0.to_vec());
+        }
         let scale = |most: f64| if accessor.normalized() { most } else { 1.0 };
         // The least integers are below -1.
         let signed = |x: f64, most: f64| if accessor.normalized() { (x / most).max(-1.0) } else { x };

@@ -7,6 +7,8 @@ use glam::DMat4;
 use gltf::Semantic;
 use gltf::accessor::{DataType, Dimensions};
 
+use serde_json::Value;
+
 use super::animation::Pose;
 use super::document::{QUANTIZATION, VISIBILITY};
 use super::instancing;
@@ -201,6 +203,7 @@ pub(super) fn check_images(document: &gltf::Document, file: &Path) -> Result<()>
 
 pub(super) fn load_buffers(
     document: &gltf::Document,
+    root: &Value,
     mut blob: Option<Vec<u8>>,
     source: &Source,
 ) -> Result<Vec<Vec<u8>>> {
@@ -210,6 +213,13 @@ pub(super) fn load_buffers(
             Error::input(Place::item(&source.file, item.clone()), what, "export the file again")
         };
         let data = match buffer.source() {
+            gltf::buffer::Source::Bin if is_fallback(&root["buffers"][buffer.index()]) => {
+                let length = buffer.length();
+                limits::check_claim(length as u64).map_err(|excess| {
+                    Error::input(&*source.file, format!("{item} {excess}"), excess.hint())
+                })?;
+                vec![0; length]
+            }
             gltf::buffer::Source::Bin => {
                 blob.take().ok_or_else(|| fault("the binary part of the file is missing".into()))?
             }
@@ -231,6 +241,12 @@ pub(super) fn load_buffers(
         Ok(data)
     };
     document.buffers().map(load).collect()
+}
+
+/// Whether a buffer holds nothing but what compressed views are decoded to (EXT_meshopt_compression).
+fn is_fallback(buffer: &Value) -> bool {
+    let extensions = buffer["extensions"].as_object().into_iter().flatten();
+    extensions.into_iter().any(|(_, extension)| extension["fallback"] == true)
 }
 
 /// Where a node is.

@@ -18,8 +18,13 @@ pub(super) const TEXTURE_TRANSFORM: &str = "KHR_texture_transform";
 pub(super) const QUANTIZATION: &str = "KHR_mesh_quantization";
 pub(super) const XMP: &str = "KHR_xmp_json_ld";
 
+const WEBP: &str = "EXT_texture_webp";
+#[cfg(feature = "codecs")]
+const BASIS: &str = "KHR_texture_basisu";
+
 /// The extensions that are read, but those of [`layers::ALL`].
-const EXTENSIONS: [&str; 10] = [
+const EXTENSIONS: &[&str] = &[
+    WEBP,
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_unlit",
@@ -30,6 +35,21 @@ const EXTENSIONS: [&str; 10] = [
     VISIBILITY,
     TEXTURE_TRANSFORM,
     XMP,
+    #[cfg(feature = "codecs")]
+    BASIS,
+    #[cfg(feature = "codecs")]
+    super::draco::NAME,
+    #[cfg(feature = "codecs")]
+    super::meshopt::NAMES[0],
+    #[cfg(feature = "codecs")]
+    super::meshopt::NAMES[1],
+];
+
+/// The extensions that name another image of a texture, the best first.
+const TEXTURE_SOURCES: &[&str] = &[
+    #[cfg(feature = "codecs")]
+    BASIS,
+    WEBP,
 ];
 
 /// Whether an extension is read.
@@ -88,6 +108,26 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
             channels.retain(|channel| channel["target"]["node"].is_u64());
         }
     }
+    let images = root.get("images").and_then(Value::as_array).map_or(0, Vec::len);
+    let mut without_image = false;
+    for texture in items(root, "textures") {
+        let extensions = &texture["extensions"];
+        let of_extension = TEXTURE_SOURCES.iter().find_map(|name| extensions[*name]["source"].as_u64());
+        if let Some(source) = of_extension {
+            texture["source"] = source.into();
+        } else if texture.get("source").is_none() {
+            texture["source"] = images.into();
+            without_image = true;
+        }
+    }
+    // The `gltf` crate wants an image for each texture.
+    if without_image && let Some(root) = root.as_object_mut() {
+        let images = root.entry("images").or_insert_with(|| Value::Array(Vec::new()));
+        images
+            .as_array_mut()
+            .into_iter()
+            .for_each(|images| images.push(serde_json::json!({ "uri": "data:," })));
+    }
     let mut unknown = std::collections::BTreeSet::new();
     for mesh in items(root, "meshes") {
         for primitive in items(mesh, "primitives") {
@@ -131,8 +171,11 @@ pub(super) fn validated(
         let names = json.extensions_required.join(", ");
         let what = format!("requires glTF extensions that kiln does not read: {names}");
         if !ignore_required {
-            let hint = "export it without them (`gltf-transform copy` undoes compression), or try \
-                        --ignore-required-extensions";
+            let hint = if cfg!(feature = "codecs") {
+                "export it without them, or try --ignore-required-extensions"
+            } else {
+                "compressed meshes and textures need a kiln with the feature `codecs`; or export it without them"
+            };
             return Err(Error::input(file, what, hint));
         }
         warnings.push(format!("{}: {what}; ignored", file.display()));

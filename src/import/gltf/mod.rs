@@ -9,9 +9,13 @@ mod accessor;
 mod animation;
 mod check;
 mod document;
+#[cfg(feature = "codecs")]
+mod draco;
 mod instancing;
 mod layers;
 mod look;
+#[cfg(feature = "codecs")]
+mod meshopt;
 mod pointer;
 mod specular_glossiness;
 mod texture;
@@ -52,11 +56,14 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     warn_of_types(&document, |what| warnings.push(format!("{}: {what}", file.display())));
     check_images(&document, &source.file)?;
     check_memory(&document, &source.file)?;
-    let buffers = load_buffers(&document, blob, source)?;
+    let buffers = load_buffers(&document, &root, blob, source)?;
+    #[cfg(feature = "codecs")]
+    let buffers = meshopt::decode_views(&root, buffers, file)?;
     let mut loader = Loader {
         source,
         root: &Value::Null,
         buffers,
+        decoded: HashMap::new(),
         images: Vec::new(),
         scene: Scene::default(),
         warnings,
@@ -65,6 +72,8 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         shared: SharedMeshes::default(),
     };
     loader.warn_of_unread(&document);
+    #[cfg(feature = "codecs")]
+    loader.decode_draco(&document)?;
     loader.scene.clips = loader.clips(&document, &pointers);
     loader.scene.variants = variants;
     let clip =
@@ -110,6 +119,8 @@ struct Loader<'a> {
     /// The JSON of the document.
     root: &'a Value,
     buffers: Vec<Vec<u8>>,
+    /// The components of accessors that are stored compressed, by the index of the accessor.
+    decoded: HashMap<usize, Vec<f64>>,
     images: Vec<Option<ImageId>>,
     scene: Scene,
     warnings: &'a mut Warnings,

@@ -43,7 +43,11 @@ impl Loader<'_> {
             }
             None => (0..count as u32).collect(),
         };
-        let mut triangles = into_triangles(&order, primitive.mode());
+        // Compressed indices are those of separate triangles, whatever the mode.
+        let is_decoded =
+            primitive.indices().is_some_and(|indices| self.decoded.contains_key(&indices.index()));
+        let mode = if is_decoded { Mode::Triangles } else { primitive.mode() };
+        let mut triangles = into_triangles(&order, mode);
         let before = triangles.len();
         triangles.retain(|t| t.iter().all(|&i| (i as usize) < count));
         let out_of_range = before - triangles.len();

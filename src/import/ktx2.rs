@@ -1,0 +1,42 @@
+//! KTX2 images of Basis Universal (KHR_texture_basisu), decoded by `basisu`.
+
+use basisu::{DecodeFlags, TargetFormat, Transcoder};
+use image::{DynamicImage, RgbaImage};
+
+use crate::error::contain;
+use crate::film::read::{Read, ReadError};
+use crate::limits;
+
+/// The first bytes of a KTX2 file (KTX File Format Specification 2.0, section 3.1).
+const IDENTIFIER: [u8; 12] = [0xAB, b'K', b'T', b'X', b' ', b'2', b'0', 0xBB, b'\r', b'\n', 0x1A, b'\n'];
+
+/// Whether bytes are a KTX2 file.
+pub(super) fn is_ktx2(bytes: &[u8]) -> bool {
+    bytes.starts_with(&IDENTIFIER)
+}
+
+/// Decodes the full-size image; the caller will allocate another `bytes_each` per pixel.
+///
+/// # Errors
+/// [`ReadError`].
+pub(super) fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
+    let damaged = || ReadError::Damaged("not a KTX2 picture of Basis Universal, or damaged".to_owned());
+    let number = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
+    let (width, height) = number(20).zip(number(24)).ok_or_else(damaged)?;
+    // Decoded texels, and 16 bytes for 16 of them where the level is compressed once more.
+    let needed = limits::product(&[width.into(), height.into(), 4 + 1 + bytes_each]);
+    limits::check_claim(needed)
+        .map_err(|excess| ReadError::too_large(width.into(), height.into(), &excess))?;
+    // The length of the first level before that compression (section 3.9.6) is at most its blocks and their alpha.
+    let length = bytes.get(96..104).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
+    let most = limits::product(&[u64::from(width).div_ceil(4), u64::from(height).div_ceil(4), 32]);
+    if length.is_none_or(|length| length > most) {
+        return Err(damaged());
+    }
+    let transcode = || {
+        let texture = Transcoder::new(bytes).ok()?;
+        texture.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE).ok()
+    };
+    let texels = contain(transcode).flatten().ok_or_else(damaged)?;
+    RgbaImage::from_raw(width, height, texels).map(DynamicImage::ImageRgba8).ok_or_else(damaged)
+}

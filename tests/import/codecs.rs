@@ -1,0 +1,113 @@
+//! Compressed meshes and textures of glTF beside the same model without compression. `assets/import/codecs/make.mjs`
+//! made the files by the reference encoders.
+#![cfg(feature = "codecs")]
+
+use glam::DVec3;
+use kiln::scene::{DecodedImage, Mesh, Scene, Shape};
+
+use crate::common::repository;
+
+fn load(name: &str) -> Scene {
+    let file = repository(&format!("assets/import/codecs/{name}.glb"));
+    let mut warnings = kiln::error::Warnings::default();
+    let scene = kiln::import::load(&[file], &mut warnings).unwrap_or_else(|e| panic!("{name}: {e}"));
+    assert_eq!(warnings.messages(), [] as [&str; 0], "{name}");
+    scene
+}
+
+fn mesh(scene: &Scene) -> &Mesh {
+    let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("{:?}", scene.objects[0].name) };
+    mesh
+}
+
+/// The triangles of a mesh by the vertices of `plain` that are nearest to their corners, each from its least vertex on,
+/// sorted; the attributes of matching vertices differ by at most the steps of the encoders' defaults.
+fn triangles(mesh: &Mesh, plain: &Mesh) -> Vec<[usize; 3]> {
+    // 14 bits of a range of 2, rounded.
+    let step = 2.0 / f64::from((1 << 14) - 1);
+    let nearest = |index: u32| {
+        let at = mesh.positions[index as usize];
+        let distance = |i: &usize| (plain.positions[*i] - at).abs().max_element();
+        let vertex = (0..plain.positions.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let vertex = vertex.expect("a vertex");
+        assert!(distance(&vertex) <= step, "{at} is not a vertex");
+        let (i, v) = (index as usize, vertex);
+        let values = |mesh: &Mesh, i: usize| {
+            let normal: DVec3 = mesh.normals.as_ref().expect("normals").values[i];
+            let colour = mesh.colours.as_ref().expect("colours").values[i];
+            (
+                normal.normalize(),
+                colour,
+                mesh.uvs[0].values[i],
+                mesh.alphas.as_ref().expect("alphas").values[i],
+            )
+        };
+        let (is, expected) = (values(mesh, i), values(plain, v));
+        // 8 bits for a normal's octahedron, whose steps are at most twice as long on the sphere; 12 for coordinates.
+        assert!((is.0 - expected.0).length() < 2.0 * 2.0 / 127.0, "{} {}", is.0, expected.0);
+        assert!((is.1 - expected.1).abs().max_element() <= 1.0 / 255.0, "{} {}", is.1, expected.1);
+        assert!((is.2 - expected.2).abs().max_element() <= 1.0 / 4095.0, "{} {}", is.2, expected.2);
+        assert_eq!(is.3, expected.3);
+        vertex
+    };
+    let mut triangles: Vec<[usize; 3]> = mesh
+        .triangles
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.map(nearest);
+            *[[a, b, c], [b, c, a], [c, a, b]].iter().min().expect("three")
+        })
+        .collect();
+    triangles.sort_unstable();
+    triangles
+}
+
+#[test]
+fn compressed_meshes() {
+    let plain = load("plain");
+    let expected = triangles(mesh(&plain), mesh(&plain));
+    assert_eq!(expected.len(), 8 * 6 * 2);
+    for name in ["meshopt", "draco", "draco-sequential"] {
+        assert_eq!(triangles(mesh(&load(name)), mesh(&plain)), expected, "{name}");
+    }
+}
+
+/// The greatest difference of two images in steps of 255.
+fn difference(a: &DecodedImage, b: &DecodedImage) -> u8 {
+    assert_eq!((a.width, a.height), (b.width, b.height));
+    let pairs = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened());
+    pairs.map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0)
+}
+
+/// Images of colours and of alpha. An ETC1S block of 4 x 4 texels has one hue in four intensities; within a block of the
+/// texture red and green change independently by 3 x 17, which is the greatest error.
+#[test]
+fn compressed_textures() {
+    let plain = load("plain");
+    for (name, most) in [("webp", 0), ("uastc", 6), ("etc1s", 51)] {
+        let scene = load(name);
+        assert_eq!(scene.images.len(), 2, "{name}");
+        for (image, expected) in scene.images.iter().zip(&plain.images) {
+            let found = difference(image, expected);
+            assert!(found <= most, "{name}, {}: {found}", image.name);
+        }
+    }
+}
+
+/// Each file with bytes of its binary part changed: drawn or refused, without a panic.
+#[test]
+fn damaged_codes_are_drawn_or_refused() {
+    for name in ["meshopt", "draco", "draco-sequential", "uastc", "etc1s", "webp"] {
+        let bytes = std::fs::read(repository(&format!("assets/import/codecs/{name}.glb"))).expect("the file");
+        let json = u32::from_le_bytes(bytes[12..16].try_into().expect("four bytes")) as usize;
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = folder.path().join("damaged.glb");
+        for at in (20 + json + 8..bytes.len()).step_by(37) {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0xff;
+            std::fs::write(&file, &damaged).expect("the file is written");
+            let mut warnings = kiln::error::Warnings::default();
+            let _ = kiln::import::load(std::slice::from_ref(&file), &mut warnings);
+        }
+    }
+}
