@@ -66,6 +66,7 @@ impl Fingerprint {
             // What they change is.
             clips: _,
             variants: _,
+            metadata: _,
             import_options: _,
             // In the fingerprint of a picture as far as they change it (`job::metadata`).
             display: _,

@@ -116,6 +116,8 @@ pub struct Scene {
     pub clips: Vec<Clip>,
     /// The names of the variants of its materials (KHR_materials_variants), those of each input once.
     pub variants: Vec<String>,
+    /// What the input files say of themselves, such as their generator and copyright: names and values.
+    pub metadata: Vec<(String, String)>,
     /// What was asked of the input files.
     pub import_options: ImportOptions,
     /// Exposure and tone map of 8-bit pictures.
@@ -278,6 +280,7 @@ impl Scene {
             animation,
             clips,
             variants,
+            metadata,
             // Of the whole scene.
             import_options: _,
             display,
@@ -302,6 +305,7 @@ impl Scene {
         self.animation = self.animation.take().or(animation);
         self.clips.extend(clips);
         self.variants.extend(variants);
+        self.metadata.extend(metadata);
         self.display = self.display.or(display);
         self.headlight = self.headlight.or(headlight);
         self.has_ground = self.has_ground.or(has_ground);

@@ -264,3 +264,78 @@ fn missing_sets_of_texture_coordinates() {
     assert_eq!(material.emission_texture.map(|texture| texture.coordinates), Some(1));
     assert_eq!(mesh(&scene).uvs[1].values, [DVec2::ZERO; 4]);
 }
+
+/// The rows of a table of `docs/gltf.md` below a heading: their cells.
+fn table(heading: &str) -> Vec<Vec<String>> {
+    let page = std::fs::read_to_string(crate::common::repository("docs/gltf.md")).expect("the page");
+    let section = page.split(&format!("\n## {heading}\n")).nth(1).expect("the heading");
+    let section = section.split("\n## ").next().expect("its text");
+    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect();
+    let rows: Vec<Vec<String>> = section.lines().filter(|line| line.starts_with('|')).map(cells).collect();
+    // Without the heading and the line below it.
+    rows[2..].to_vec()
+}
+
+/// Each extension of the table does what it says: one that is read may be required, without a warning; one that is not
+/// is named by a warning where it is used, and by an error where it is required.
+#[test]
+fn the_table_of_extensions_is_true() {
+    let rows = table("Extensions");
+    assert!(rows.len() > 30);
+    for row in rows {
+        let name = row[0].trim_matches('`');
+        let mut model = Model::new(&TRIANGLE);
+        model.json["extensionsUsed"] = json!([name]);
+        let (scene, warnings) = read(&model);
+        assert_eq!(scene.objects.len(), 1, "{name}");
+        model.json["extensionsRequired"] = json!([name]);
+        let required = load(&model, &ImportOptions::default());
+        match row[1].as_str() {
+            "yes" | "partly" => {
+                assert_eq!(warnings, [] as [&str; 0], "{name}");
+                assert_eq!(required.expect("it is read").1, [] as [&str; 0], "{name}");
+                assert!(row[1] == "yes" || !row[2].is_empty(), "{name}: which part?");
+            }
+            "no" => {
+                assert_eq!(warnings, [format!("extension {name} is not used")]);
+                let e = required.expect_err("it is not read").to_string();
+                let end = format!(": requires glTF extensions that kiln does not read: {name}");
+                assert!(e.ends_with(&end), "{e}");
+            }
+            other => panic!("{name}: {other}"),
+        }
+    }
+}
+
+/// Each feature of the format has a test, which exists, and one that is not whole has a note.
+#[test]
+fn the_table_of_the_format_names_tests() {
+    let tests: String = ["import", "render"]
+        .into_iter()
+        .flat_map(|folder| {
+            let folder = crate::common::repository(&format!("tests/{folder}"));
+            std::fs::read_dir(folder).expect("the tests")
+        })
+        .map(|entry| std::fs::read_to_string(entry.expect("a file").path()).unwrap_or_default())
+        .collect();
+    for row in table("The format") {
+        let test = row[2].trim_matches('`');
+        assert!(tests.contains(&format!("\nfn {test}() {{")), "{}: there is no test {test}", row[0]);
+        assert!(["yes", "partly", "no"].contains(&row[1].as_str()), "{}: {}", row[0], row[1]);
+        assert!(row[1] == "yes" || !row[3].is_empty(), "{}: which part?", row[0]);
+    }
+}
+
+/// A triangle seen from behind is drawn, whether it is `doubleSided` or not.
+#[test]
+fn the_same_mesh_from_both_sides() {
+    let mut model = square(&json!({ "index": 0 }), [[0.0; 2]; 4]);
+    let front = pixels(&model);
+    // Half a turn about x through the middle of the square: seen from behind, upside down.
+    model.json["nodes"][0]["rotation"] = json!([1, 0, 0, 0]);
+    model.json["nodes"][0]["translation"] = json!([0, 1, 0]);
+    let behind = pixels(&model);
+    assert_eq!(behind, [front[2], front[3], front[0], front[1]]);
+    model.json["materials"][0]["doubleSided"] = json!(true);
+    assert_eq!(pixels(&model), behind);
+}

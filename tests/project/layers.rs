@@ -106,6 +106,7 @@ const NOT_EFFECTS: &[(&str, &str)] = &[
     ("import/scene_file/metallic_roughness.rs", "glaze"),
     // The images of a file.
     ("cli/info.rs", "textures"),
+    ("import/gltf/document.rs", "textures"),
     // A transport.
     ("scene/transport.rs", "path"),
     // A kind of ray of the benchmark.

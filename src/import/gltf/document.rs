@@ -223,6 +223,21 @@ fn check_positions(json: &gltf::json::Root, file: &Path) -> Result<()> {
     Ok(())
 }
 
+/// What a document says of itself: generator, copyright, and its metadata by KHR_xmp_json_ld.
+pub(super) fn metadata(root: &Value) -> Vec<(String, String)> {
+    let asset = &root["asset"];
+    let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let of_asset = ["generator", "copyright"].into_iter().filter_map(|key| Some((key, asset.get(key)?)));
+    let packet = asset["extensions"][XMP]["packet"].as_u64().and_then(|packet| usize::try_from(packet).ok());
+    let packet = packet.and_then(|packet| root["extensions"][XMP]["packets"].get(packet)?.as_object());
+    // Names that begin with @ are of JSON-LD itself.
+    let of_packet = packet.into_iter().flatten().filter(|(key, _)| !key.starts_with('@'));
+    of_asset
+        .chain(of_packet.map(|(key, value)| (key.as_str(), value)))
+        .map(|(key, value)| (key.to_owned(), text(value)))
+        .collect()
+}
+
 impl Loader<'_> {
     /// Warns of extensions that are used and not read.
     pub(super) fn warn_of_unread(&mut self, document: &gltf::Document) {
@@ -239,6 +254,21 @@ impl Loader<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn metadata_of_the_asset_and_its_packet() {
+        let packet =
+            serde_json::json!({ "@context": {}, "dc:title": "Shoe", "dc:creator": { "@list": ["A"] } });
+        let root = serde_json::json!({
+            "asset": { "version": "2.0", "generator": "me", "extensions": { XMP: { "packet": 1 } } },
+            "extensions": { XMP: { "packets": [{}, packet] } },
+        });
+        let found = metadata(&root);
+        let found: Vec<(&str, &str)> =
+            found.iter().map(|(key, value)| (key.as_str(), value.as_str())).collect();
+        let creator = r#"{"@list":["A"]}"#;
+        assert_eq!(found, [("generator", "me"), ("dc:creator", creator), ("dc:title", "Shoe")]);
+    }
 
     #[test]
     fn attributes_of_the_format() {

@@ -76,6 +76,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     loader.decode_draco(&document)?;
     loader.scene.clips = loader.clips(&document, &pointers);
     loader.scene.variants = variants;
+    loader.scene.metadata = document::metadata(&root);
     let clip =
         options.pose.as_ref().and_then(|pose| Some((pose.clip.find(&loader.scene.clips)?.index, pose.time)));
     if let Some((clip, time)) = clip
