@@ -38,6 +38,7 @@ mod material;
 mod sampler;
 mod sampling;
 pub mod support;
+pub mod topology;
 mod transport;
 
 pub use crate::geometry::{
