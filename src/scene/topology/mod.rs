@@ -107,12 +107,12 @@ impl Topology {
     /// All findings, with a name and what they are, for people.
     pub fn findings(&self) -> [(&'static str, &Findings, &'static str); 7] {
         [
-            ("boundary_edges", &self.boundary_edges, "boundary edge(s), of one triangle only"),
+            ("boundary_edges", &self.boundary_edges, "boundary edge(s) of one triangle only"),
             ("non_manifold_edges", &self.non_manifold_edges, "edge(s) of more than two triangles"),
             (
                 "inconsistent_edges",
                 &self.inconsistent_edges,
-                "edge(s) between two triangles that are wound in opposite senses",
+                "edge(s) with inconsistent winding, between a front and a back side",
             ),
             ("t_junctions", &self.t_junctions, "T-junction(s), vertices inside a boundary edge"),
             (
@@ -123,7 +123,7 @@ impl Topology {
             (
                 "inverted_components",
                 &self.inverted_components,
-                "closed component(s) inside out, if not the inner wall of a hollow body",
+                "closed component(s) inside out, unless they are inner walls of hollow bodies",
             ),
             (
                 "opposed_to_normals",
