@@ -51,13 +51,13 @@ impl Edges {
 
     /// Counts the edges by kind, joins the triangles that share one, and returns those of one triangle.
     pub(super) fn classify(
-        &mut self,
+        &self,
         mesh: &Welded,
         topology: &mut Topology,
         components: &mut Components,
     ) -> Vec<BoundaryEdge> {
         let mut boundary = Vec::new();
-        for uses in self.0.chunk_by_mut(|a, b| a.edge == b.edge) {
+        for uses in self.0.chunk_by(|a, b| a.edge == b.edge) {
             let EdgeUse { triangle, is_forward, .. } = uses[0];
             let [low, high] = uses[0].vertices();
             let middle = || (mesh.position(low) + mesh.position(high)) / 2.0;
@@ -88,7 +88,7 @@ impl Edges {
 
 /// Counts the triangles on an edge that have the vertices of an earlier one, where the edge is that of the lower two
 /// vertices, so that each is counted once.
-fn count_duplicates(uses: &mut [EdgeUse], mesh: &Welded, topology: &mut Topology) {
+fn count_duplicates(uses: &[EdgeUse], mesh: &Welded, topology: &mut Topology) {
     let [low, high] = uses[0].vertices();
     let mut opposites: Vec<(u32, u32)> = match uses {
         [_] => return,

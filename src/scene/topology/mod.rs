@@ -92,7 +92,7 @@ impl Topology {
     pub fn of_triangles(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
         let corners = weld::welded_corners(positions, triangles);
         let mesh = Welded { positions, corners: &corners };
-        let mut edges = Edges::new(&mesh);
+        let edges = Edges::new(&mesh);
         let mut components = Components::new(triangles.len());
         let mut topology =
             Topology { vertices: weld::count_vertices(&corners, positions.len()), ..Self::default() };

@@ -39,15 +39,16 @@ fn equal_positions_are_one_vertex() {
     let triangles = [[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]];
     let topology = Topology::of_triangles(&positions, &triangles);
     assert_eq!((counts(&topology), found(&topology)), ([4, 6, 1, 1], [0; 7]));
-    // The next number after 0 is another vertex: the triangles at the origin come apart there. Of the three edges to the
-    // origin, the two of the first triangle are doubled.
+    // The next number after 0 is another vertex: the triangles at the origin come apart there. Of the three edges to
+    // the origin, the two of the first triangle are doubled.
     positions[0] = DVec3::new(f64::from_bits(1), 0.0, 0.0);
     let topology = Topology::of_triangles(&positions, &triangles);
     assert_eq!(counts(&topology), [5, 8, 1, 0]);
     assert_eq!((topology.boundary_edges.count, topology.holes), (4, 1));
 }
 
-/// A cube has 12 edges and a diagonal in each of its 6 faces. Without a face it has 12 and 5, four of them around the hole.
+/// A cube has 12 edges and a diagonal in each of its 6 faces. Without a face it has 12 and 5, four of them around the
+/// hole.
 #[test]
 fn a_cube_without_a_face_has_a_hole_of_four_edges() {
     let corner = |i: u32| DVec3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2));
