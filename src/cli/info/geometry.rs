@@ -29,6 +29,7 @@ pub(super) fn to_json(scene: &Scene, topology: &Result<Topology>) -> Value {
             firsts.insert(key.into(), first);
         }
     }
+    counts.insert("t_junctions_cut_off".into(), json!(topology.t_junctions_cut_off));
     counts.insert("first".into(), Value::Object(firsts));
     Value::Object(counts)
 }
@@ -43,13 +44,14 @@ pub(super) fn add(lines: &mut Lines, scene: &Scene, topology: &Result<Topology>)
     let Topology { vertices, edges, components, closed_components, holes, .. } = topology;
     let parts = format!("{components} connected component(s), {closed_components} of them closed");
     lines.add("geometry", format!("{vertices} vertices, {edges} edges, {parts}"));
-    for (_, findings, what) in topology.findings() {
+    for (key, findings, what) in topology.findings() {
         let Some(Location { object, position, .. }) = findings.first else { continue };
-        let holes = match findings.first == topology.boundary_edges.first {
-            true => format!(", around {holes} hole(s) or open side(s)"),
-            false => String::new(),
+        let (least, holes) = match key {
+            "boundary_edges" => ("", format!(", around {holes} hole(s) or open side(s)")),
+            "t_junctions" if topology.t_junctions_cut_off => ("at least ", String::new()),
+            _ => ("", String::new()),
         };
         let first = format!("the first in `{}` at {}", scene.objects[object].name, short(position));
-        lines.add("geometry", format!("{} {what}{holes}; {first}", findings.count));
+        lines.add("geometry", format!("{least}{} {what}{holes}; {first}", findings.count));
     }
 }

@@ -44,7 +44,7 @@ pub(super) fn add(lines: &mut Lines, scene: &Scene) {
         if !textures.is_empty() {
             texts.push(format!("textures: {}", textures.join(", ")));
         }
-        if used == 0 {
+        if used == 0 && !texts.is_empty() {
             texts.push("no object has it".into());
         }
         let texts = texts.join("; ");

@@ -44,6 +44,8 @@ pub struct Topology {
     pub inconsistent_edges: Findings,
     /// Vertices of the boundary that lie in the interior of a boundary edge, by an exact collinearity test.
     pub t_junctions: Findings,
+    /// Whether there may be more T-junctions, because the search was cut off: too many edges lie along one line.
+    pub t_junctions_cut_off: bool,
     /// Triangles with the vertices of an earlier triangle, in any order.
     pub duplicate_triangles: Findings,
     /// Sets of triangles that are connected by edges.
@@ -100,7 +102,7 @@ impl Topology {
         drop(edges);
         components.measure(&mesh, &mut topology);
         topology.holes = components::count_connected(&boundary, positions.len());
-        topology.t_junctions = t_junctions::find(&mesh, &boundary);
+        (topology.t_junctions, topology.t_junctions_cut_off) = t_junctions::find(&mesh, &boundary);
         topology
     }
 

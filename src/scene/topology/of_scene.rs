@@ -11,7 +11,7 @@ use crate::limits;
 use crate::scene::{Mesh, Placed, Scene, Shape};
 
 /// Upper bounds of the memory for a triangle and for a position, in bytes.
-const BYTES: [u64; 2] = [128, 96];
+const BYTES: [u64; 2] = [176, 96];
 
 impl Topology {
     /// Topology of the meshes of a scene. Those with a copy of their own are welded together, because importers split
@@ -73,6 +73,7 @@ impl Topology {
         self.holes += times * other.holes;
         self.components += times * other.components;
         self.closed_components += times * other.closed_components;
+        self.t_junctions_cut_off |= other.t_junctions_cut_off;
         for (findings, other) in self.all_findings().into_iter().zip(other.all_findings()) {
             findings.add_all(other, times);
         }

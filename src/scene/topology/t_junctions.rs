@@ -2,6 +2,8 @@
 //! both sides. Found with a k-d tree over the vertices of the boundary (Bentley, Multidimensional Binary Search Trees
 //! Used for Associative Searching, 1975).
 
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -14,30 +16,52 @@ const LEAF: usize = 8;
 /// Vertices below which a subtree is built by one thread.
 const SERIAL: usize = 4096;
 
-pub(super) fn find(mesh: &Welded, boundary: &[BoundaryEdge]) -> Findings {
+/// Edges that are searched in parallel before the number of tests is checked.
+const BATCH: usize = 1024;
+
+/// Vertices tested for an edge, on average, above which the search ends. Ordinary meshes need less than 50; only long
+/// edges that all lie along one line need as many as there are vertices.
+const MAX_TESTS: usize = 1000;
+
+/// Finds T-junctions, and tells whether the search ended before the last edge.
+pub(super) fn find(mesh: &Welded, boundary: &[BoundaryEdge]) -> (Findings, bool) {
+    find_within(mesh, boundary, MAX_TESTS * boundary.len().max(BATCH))
+}
+
+/// [`find`], ending after a batch with which more than `budget` vertices were tested. The result does not depend on
+/// the number of threads.
+pub(super) fn find_within(mesh: &Welded, boundary: &[BoundaryEdge], budget: usize) -> (Findings, bool) {
     let mut vertices: Vec<u32> = boundary.iter().flat_map(|edge| edge.vertices).collect();
     vertices.par_sort_unstable();
     vertices.dedup();
-    let Some(tree) = Node::new(mesh, &mut vertices) else { return Findings::default() };
-    let of_edge = |edge: &BoundaryEdge| {
-        let mut found = Vec::new();
+    let Some(tree) = Node::new(mesh, &mut vertices) else { return (Findings::default(), false) };
+    // For each vertex, the lowest triangle with an edge that it lies on.
+    let lowest: Vec<AtomicU32> = mesh.positions.iter().map(|_| AtomicU32::new(u32::MAX)).collect();
+    let search = |edge: &BoundaryEdge| {
+        let mut tests = 0;
         let segment = Segment::new(edge.vertices.map(|vertex| mesh.position(vertex)));
         tree.visit(&segment, &mut |vertex| {
+            tests += 1;
             if !edge.vertices.contains(&vertex) && segment.has(mesh.position(vertex)) {
-                found.push((vertex, edge.triangle));
+                lowest[vertex as usize].fetch_min(edge.triangle, Ordering::Relaxed);
             }
         });
-        found
+        tests
     };
-    let mut found: Vec<(u32, u32)> = boundary.par_iter().flat_map_iter(of_edge).collect();
-    found.par_sort_unstable();
-    // A vertex inside several edges is one T-junction.
-    found.dedup_by_key(|(vertex, _)| *vertex);
-    let mut findings = Findings::default();
-    for (vertex, triangle) in found {
-        findings.add(triangle, || mesh.position(vertex));
+    let (mut tests, mut is_cut_off) = (0, false);
+    for batch in boundary.chunks(BATCH) {
+        if tests > budget {
+            is_cut_off = true;
+            break;
+        }
+        tests += batch.par_iter().map(search).sum::<usize>();
     }
-    findings
+    let mut findings = Findings::default();
+    let lowest = lowest.into_iter().map(AtomicU32::into_inner);
+    for (&position, triangle) in mesh.positions.iter().zip(lowest).filter(|(_, lowest)| *lowest != u32::MAX) {
+        findings.add(triangle, || position);
+    }
+    (findings, is_cut_off)
 }
 
 /// A line segment.

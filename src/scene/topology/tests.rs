@@ -164,8 +164,24 @@ fn t_junctions_are_those_of_brute_force() {
         let expected = used.iter().filter(|&&i| boundary.iter().any(|e| is_inside(positions[i as usize], e)));
         let mesh = Welded { positions: &positions, corners: &[] };
         let expected = expected.count();
-        assert_eq!(t_junctions::find(&mesh, &boundary).count, expected, "{side}");
+        let (findings, is_cut_off) = t_junctions::find(&mesh, &boundary);
+        assert_eq!((findings.count, is_cut_off), (expected, false), "{side}");
         assert!(side > 7 || expected > 0);
+    }
+}
+
+/// Edges from 0 to 299, all over each other, and those between neighbours on the way. Each of the former tests all 300
+/// vertices: too many for the second batch of 1024 edges, with a budget of as many as the first batch of 1024 needs.
+#[test]
+fn a_search_without_end_is_cut_off() {
+    let positions: Vec<DVec3> = (0..300).map(|i| DVec3::X * f64::from(i)).collect();
+    let long = (0..2048).map(|triangle| BoundaryEdge { vertices: [0, 299], triangle });
+    let short = (0..299).map(|i| BoundaryEdge { vertices: [i, i + 1], triangle: i });
+    let boundary: Vec<BoundaryEdge> = long.chain(short).collect();
+    let mesh = Welded { positions: &positions, corners: &[] };
+    for (budget, expected) in [(1023 * 300, true), (usize::MAX, false)] {
+        let (findings, is_cut_off) = t_junctions::find_within(&mesh, &boundary, budget);
+        assert_eq!((findings.count, is_cut_off), (298, expected));
     }
 }
 
