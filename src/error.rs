@@ -127,6 +127,7 @@ impl fmt::Display for Place {
 pub struct Warnings {
     messages: Once,
     notes: Once,
+    left_out: Once,
 }
 
 /// Texts in order, each once.
@@ -153,6 +154,25 @@ impl Warnings {
     /// Adds a note, unless it was added before.
     pub fn note(&mut self, message: impl Into<String>) {
         self.notes.push(message.into());
+    }
+
+    /// Adds a warning about content of an input that is not drawn or not used.
+    pub fn left_out(&mut self, message: impl Into<String>) {
+        let message = message.into();
+        self.left_out.push(message.clone());
+        self.push(message);
+    }
+
+    /// Adds a note about content of an input that is not drawn or not used.
+    pub fn note_left_out(&mut self, message: impl Into<String>) {
+        let message = message.into();
+        self.left_out.push(message.clone());
+        self.note(message);
+    }
+
+    /// The warnings and notes so far about content that is not drawn or not used.
+    pub fn all_left_out(&self) -> &[String] {
+        &self.left_out.texts
     }
 
     /// The warnings so far.
@@ -192,6 +212,20 @@ pub fn is_contained() -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_left_out_is_a_warning_or_a_note_too() {
+        let mut warnings = Warnings::default();
+        warnings.push("replaced");
+        warnings.left_out("curves");
+        warnings.note_left_out("map_Ka");
+        warnings.left_out("curves");
+        assert_eq!(warnings.all_left_out(), ["curves", "map_Ka"]);
+        assert_eq!(
+            (warnings.messages(), warnings.notes()),
+            (&["replaced".into(), "curves".into()][..], &["map_Ka".into()][..])
+        );
+    }
 
     #[test]
     fn panics_of_parsers_end_where_they_are_called() {

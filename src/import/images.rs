@@ -239,7 +239,7 @@ fn keep(
         Ok(image) => Ok(Some(scene.add_image(image))),
         Err(ReadError::TooLarge { what, hint }) => Err(Error::input(place, what, hint)),
         Err(ReadError::Damaged(why)) => {
-            warnings.push(format!("{}: texture left out: {why}", place.into()));
+            warnings.left_out(format!("{}: texture left out: {why}", place.into()));
             Ok(None)
         }
     }

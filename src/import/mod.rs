@@ -322,7 +322,7 @@ fn warn_of_unused_textures(scene: &Scene, file: &Path, warnings: &mut Warnings) 
     for object in &scene.objects {
         let material = &scene.materials[object.material.0 as usize];
         if material.is_textured() && object.shape.mesh().is_none_or(|mesh| mesh.uvs.is_empty()) {
-            warnings.push(format!(
+            warnings.left_out(format!(
                 "{}: `{}` has no texture coordinates; drawn without the pictures of its material `{}`",
                 file.display(),
                 object.name,

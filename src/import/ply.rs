@@ -41,15 +41,18 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     body.end();
     let file = source.file.display();
     if mesh.triangles.is_empty() && !mesh.positions.is_empty() {
-        warnings
-            .push(format!("{file}: {} vertices without faces; points are not drawn", mesh.positions.len()));
+        warnings.left_out(format!(
+            "{file}: {} vertices without faces; points are not drawn",
+            mesh.positions.len()
+        ));
     }
     if faces.too_small > 0 {
-        warnings.push(format!("{file}: left out {} face(s) of fewer than three corners", faces.too_small));
+        warnings
+            .left_out(format!("{file}: left out {} face(s) of fewer than three corners", faces.too_small));
     }
     if body.longer > 0 {
         let what = "line(s) hold more values than the header says; the rest of them is left out";
-        warnings.push(format!("{file}: {} {what}", body.longer));
+        warnings.left_out(format!("{file}: {} {what}", body.longer));
     }
     faces.cuts.warn(&source.file, warnings);
     Ok(source.scene_of(vec![(None, mesh)]))

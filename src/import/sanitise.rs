@@ -45,7 +45,7 @@ pub(crate) fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) 
     });
     let mut say = |n: usize, what: &str| {
         if n > 0 {
-            warnings.push(format!("{}: left out {n} {what}", file.display()));
+            warnings.left_out(format!("{}: left out {n} {what}", file.display()));
         }
     };
     say(count.non_finite, "triangle(s) with a vertex that is not a finite number");

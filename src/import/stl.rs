@@ -72,7 +72,8 @@ fn read_binary(source: &Source, warnings: &mut Warnings) -> Result<Mesh> {
     }
     if bytes.len() > HEAD + count * FACET {
         let rest = bytes.len() - HEAD - count * FACET;
-        warnings.push(format!("{}: left out {rest} byte(s) after the last triangle", source.file.display()));
+        warnings
+            .left_out(format!("{}: left out {rest} byte(s) after the last triangle", source.file.display()));
     }
     let each = size_of::<[u32; 3]>() + 3 * size_of::<DVec3>();
     // The count was checked against the file size.

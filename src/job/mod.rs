@@ -249,8 +249,10 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
 /// Warns of lights that have an area and no radiance, because their extent is too small or too large.
 fn warn_of_dark_lights(scene: &Scene, warnings: &mut Warnings) {
     for light in scene.lights.iter().filter(|light| !has_radiance(light)) {
-        warnings
-            .push(format!("light `{}` is too small, too large or turned to no side; left out", light.name));
+        warnings.left_out(format!(
+            "light `{}` is too small, too large or turned to no side; left out",
+            light.name
+        ));
     }
 }
 
@@ -390,7 +392,7 @@ fn needs_path(material: &PreparedMaterial) -> bool {
 pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     let RenderJob { world, plan, choices, .. } = job;
     if world.too_small > 0 {
-        warnings.push(format!(
+        warnings.left_out(format!(
             "{} sphere(s) have a radius that is 0 in the numbers of `--numerics {}`; left out",
             world.too_small,
             world.numerics().name()
@@ -406,14 +408,15 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
     if let (false, true, Some(name)) =
         (is_path, choices.shading == ShadingMode::Full, world.area_lights.names.first())
     {
-        warnings.push(format!("area lights such as `{name}` light nothing without path tracing"));
+        warnings.left_out(format!("area lights such as `{name}` light nothing without path tracing"));
     }
     if !is_path {
         let layered = world.materials_in_use().filter(|material| needs_path(material));
         let names: Vec<&str> = layered.map(|material| material.name()).collect();
         if let Some(names) = named("material", &names) {
-            warnings
-                .note(format!("glass, clear coat or sheen of {names} is drawn by --transport path alone"));
+            warnings.note_left_out(format!(
+                "glass, clear coat or sheen of {names} is drawn by --transport path alone"
+            ));
         }
     }
     for decision in

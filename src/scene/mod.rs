@@ -39,6 +39,7 @@ mod material;
 mod sampler;
 mod sampling;
 pub mod support;
+pub mod topology;
 mod transport;
 
 pub use crate::geometry::{

@@ -1,4 +1,4 @@
-//! The command `kiln`: exit codes, messages, files, signals, animations, farms, exposure, builds without the window.
+//! The command `kiln`: exit codes, messages, files, signals, `kiln info`, animations, farms, exposure, builds without the window.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -6,5 +6,6 @@ mod common;
 mod animation;
 mod command;
 mod farm;
+mod info;
 mod tone;
 mod viewer;

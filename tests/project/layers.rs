@@ -105,7 +105,9 @@ const NOT_EFFECTS: &[(&str, &str)] = &[
     ("viewer/inspect.rs", "glaze"),
     ("import/scene_file/metallic_roughness.rs", "glaze"),
     // The images of a file.
-    ("cli/info.rs", "textures"),
+    ("cli/info/contents.rs", "textures"),
+    ("cli/info/materials.rs", "textures"),
+    ("cli/info/rendering.rs", "textures"),
     ("import/gltf/document.rs", "textures"),
     // A transport.
     ("scene/transport.rs", "path"),

@@ -108,8 +108,9 @@ impl Loader<'_> {
             let node = channel.target().node().index();
             match self.value(&channel, asked.time) {
                 Some(value) => set(&mut poses[node], channel.target().property(), value),
-                None => self
-                    .warn(format!("clip `{name}`, channel {number}: its keyframes cannot be read; left out")),
+                None => self.left_out(format!(
+                    "clip `{name}`, channel {number}: its keyframes cannot be read; left out"
+                )),
             }
         }
         Pose(poses)

@@ -128,23 +128,23 @@ pub(super) fn check_accessors(document: &gltf::Document, file: &Path) -> Result<
 
 /// Warns of attributes of types that the format does not give them: those that cannot be read, and integers without the
 /// extension that allows them.
-pub(super) fn warn_of_types(document: &gltf::Document, mut warn: impl FnMut(String)) {
+pub(super) fn warn_of_types(document: &gltf::Document, file: &Path, warnings: &mut Warnings) {
     let is_quantized = document.extensions_used().any(|name| name == QUANTIZATION);
     for mesh in document.meshes() {
         for primitive in mesh.primitives() {
-            let mut of_primitive = |(semantic, accessor): (Semantic, gltf::Accessor), what: &str| {
-                let (name, kind) = (semantic.to_string(), type_of(&accessor));
-                warn(format!(
-                    "mesh {}, primitive {}: {name} of type {kind} is not glTF{what}",
-                    mesh.index(),
-                    primitive.index()
-                ));
-            };
             for (semantic, accessor) in primitive.attributes() {
+                let (place, kind) = ((mesh.index(), primitive.index()), type_of(&accessor));
+                let what = format!(
+                    "{}: mesh {}, primitive {}: {} of type {kind} is not glTF",
+                    file.display(),
+                    place.0,
+                    place.1,
+                    semantic.to_string()
+                );
                 if !is_allowed(&semantic, &accessor) {
-                    of_primitive((semantic, accessor), "; not used");
+                    warnings.left_out(format!("{what}; not used"));
                 } else if !is_quantized && !is_core(&semantic, &accessor) {
-                    of_primitive((semantic, accessor), &format!(" without {QUANTIZATION}"));
+                    warnings.push(format!("{what} without {QUANTIZATION}"));
                 }
             }
         }

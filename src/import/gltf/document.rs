@@ -83,7 +83,7 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
     };
     let mut root: Value = serde_json::from_slice(&json).map_err(|e| unusable(file, e))?;
     let pointers = pointer::take_channels(&mut root);
-    repair(&mut root, |what| warnings.push(format!("{}: {what}", file.display())));
+    repair(&mut root, |what| warnings.left_out(format!("{}: {what}", file.display())));
     Ok(Json { root, blob, pointers })
 }
 
@@ -178,7 +178,7 @@ pub(super) fn validated(
             };
             return Err(Error::input(file, what, hint));
         }
-        warnings.push(format!("{}: {what}; ignored", file.display()));
+        warnings.left_out(format!("{}: {what}; ignored", file.display()));
         json.extensions_required.clear();
     }
     check_positions(&json, file)?;
@@ -242,11 +242,11 @@ impl Loader<'_> {
     /// Warns of extensions that are used and not read.
     pub(super) fn warn_of_unread(&mut self, document: &gltf::Document) {
         for name in document.extensions_used().filter(|name| !is_read(name)) {
-            self.warn(format!("extension {name} is not used"));
+            self.left_out(format!("extension {name} is not used"));
         }
         let coats = document.materials().filter(layers::has_coat_normals).count();
         if coats > 0 {
-            self.warn(format!("{coats} material(s) have a normal map of their clear coat; not used"));
+            self.left_out(format!("{coats} material(s) have a normal map of their clear coat; not used"));
         }
     }
 }

@@ -28,7 +28,7 @@ impl Loader<'_> {
         match image.source() {
             gltf::image::Source::View { view, .. } => {
                 let Some(bytes) = bytes_of(&self.buffers, &view) else {
-                    self.warnings.push(format!("{place}: texture left out: it lies outside its buffer"));
+                    self.warnings.left_out(format!("{place}: texture left out: it lies outside its buffer"));
                     return Ok(None);
                 };
                 images::of_bytes(&mut self.scene, place, bytes, self.warnings)
@@ -40,7 +40,7 @@ impl Loader<'_> {
                     files.of_file(&mut self.scene, &file, Channels::Colour, self.warnings)
                 }
                 Err(what) => {
-                    self.warnings.push(format!("{place}: texture left out: {what}"));
+                    self.warnings.left_out(format!("{place}: texture left out: {what}"));
                     Ok(None)
                 }
             },
@@ -154,7 +154,7 @@ impl Loader<'_> {
         let position = world_from_node.w_axis.truncate();
         let axis = |v: DVec3| world_from_node.transform_vector3(v).try_normalize();
         let (Some(forward), Some(up)) = (axis(DVec3::NEG_Z), axis(DVec3::Y)) else {
-            self.warn(format!("camera {name} has no size; left out"));
+            self.left_out(format!("camera {name} has no size; left out"));
             return;
         };
         let (projection, view_height, view_width) = match camera.projection() {
@@ -169,7 +169,7 @@ impl Loader<'_> {
         };
         let sizes = [view_height, view_width.unwrap_or(1.0)];
         if !position.is_finite() || sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
-            self.warn(format!("camera {name} sees nothing; left out"));
+            self.left_out(format!("camera {name} sees nothing; left out"));
             return;
         }
         let target = position + forward;
@@ -211,11 +211,14 @@ impl Loader<'_> {
         // shows a surface in its own colour.
         let intensity = f64::from(light.intensity()) / std::f64::consts::PI;
         if !(intensity.is_finite() && position.is_finite()) {
-            self.warn(format!("light {name} is not finite; left out"));
+            self.left_out(format!("light {name} is not finite; left out"));
             return;
         }
         if intensity < 0.0 {
-            self.warn(format!("light {name} takes light away (intensity {}); left out", light.intensity()));
+            self.left_out(format!(
+                "light {name} takes light away (intensity {}); left out",
+                light.intensity()
+            ));
             return;
         }
         let colour = Colour::Linear(dvec3(light.color()).clamp(DVec3::ZERO, DVec3::ONE));

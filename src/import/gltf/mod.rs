@@ -53,7 +53,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let ignore_required = options.ignore_required_extensions;
     let mut document = validated(&root, file, ignore_required, warnings)?;
     check_accessors(&document, file)?;
-    warn_of_types(&document, |what| warnings.push(format!("{}: {what}", file.display())));
+    warn_of_types(&document, file, warnings);
     check_images(&document, &source.file)?;
     check_memory(&document, &source.file)?;
     let buffers = load_buffers(&document, &root, blob, source)?;
@@ -85,7 +85,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     {
         match validated(&root, file, ignore_required, &mut Warnings::default()) {
             Ok(posed) => document = posed,
-            Err(e) => loader.warn(format!("properties that clip {clip} animates are at rest: {e}")),
+            Err(e) => loader.left_out(format!("properties that clip {clip} animates are at rest: {e}")),
         }
     }
     let (document, root) = (document, root);
@@ -132,8 +132,9 @@ struct Loader<'a> {
 }
 
 impl Loader<'_> {
-    fn warn(&mut self, what: impl std::fmt::Display) {
-        self.warnings.push(format!("{}: {what}", self.source.file.display()));
+    /// Warns of content that is not drawn or not used.
+    fn left_out(&mut self, what: impl std::fmt::Display) {
+        self.warnings.left_out(format!("{}: {what}", self.source.file.display()));
     }
 
     fn node(

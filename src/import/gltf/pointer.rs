@@ -72,7 +72,7 @@ impl Loader<'_> {
             });
             let is_set = value.is_some_and(|value| set(root, &channel.pointer, &value));
             if !is_set {
-                self.warn(format!("the animation of {} cannot be played; left out", channel.pointer));
+                self.left_out(format!("the animation of {} cannot be played; left out", channel.pointer));
             }
             any |= is_set;
         }

@@ -81,7 +81,7 @@ impl<'a> Loader<'a> {
         if texture.is_none() {
             let name = material.name().unwrap_or("without a name");
             let key = pointer.rsplit('/').next().unwrap_or(pointer);
-            self.warn(format!("material {name}: its {key} does not exist; left out"));
+            self.left_out(format!("material {name}: its {key} does not exist; left out"));
         }
         Some((texture?, u8::try_from(place).ok()?))
     }
@@ -128,7 +128,7 @@ impl<'a> Loader<'a> {
         }
         if let Some(missing) = all.iter().position(Option::is_none) {
             let set = coordinates[missing].set;
-            self.warn(format!("{name}: a texture of its material is on set {set} of texture coordinates, which it does not have"));
+            self.left_out(format!("{name}: a texture of its material is on set {set} of texture coordinates, which it does not have"));
         }
         let or_zero = |values: Option<_>| values.unwrap_or_else(|| vec![DVec2::ZERO; count]);
         all.into_iter().map(|values| Attribute::per_position(or_zero(values))).collect()

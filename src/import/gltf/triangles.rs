@@ -21,7 +21,7 @@ impl Loader<'_> {
     ) -> Result<Option<Mesh>> {
         use gltf::mesh::Mode;
         if matches!(primitive.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
-            self.warn(format!("{name}: points and lines are not drawn"));
+            self.left_out(format!("{name}: points and lines are not drawn"));
             return Ok(None);
         }
         let fault = |what: &str| {
@@ -29,7 +29,7 @@ impl Loader<'_> {
             Error::input(item, what, "export the file again")
         };
         let Some(positions) = primitive.get(&Semantic::Positions) else {
-            self.warn(format!("{name}: a mesh without positions is not drawn"));
+            self.left_out(format!("{name}: a mesh without positions is not drawn"));
             return Ok(None);
         };
         let positions =
@@ -64,7 +64,7 @@ impl Loader<'_> {
         let tangents = tangents.map(|all| all.into_iter().map(DVec4::from_array).collect::<Vec<_>>());
         let differing = primitive.attributes().filter(|(_, accessor)| accessor.count() != count).count();
         if differing > 0 {
-            self.warn(format!(
+            self.left_out(format!(
                 "{name}: {differing} attribute(s) of another count than its positions are not used"
             ));
         }
@@ -78,13 +78,15 @@ impl Loader<'_> {
             triangles,
         };
         if !self.morph(primitive, weights, &mut mesh) {
-            self.warn(format!("{name}: morph targets that differ from its positions in number are left out"));
+            self.left_out(format!(
+                "{name}: morph targets that differ from its positions in number are left out"
+            ));
         }
         if let Some(coordinates) = self.coordinates_of_normal_map(&material) {
             make_tangents(&mut mesh, coordinates);
         }
         if out_of_range > 0 {
-            self.warn(format!("{name}: left out {out_of_range} triangle(s) with an index out of range"));
+            self.left_out(format!("{name}: left out {out_of_range} triangle(s) with an index out of range"));
         }
         Ok(Some(mesh))
     }
@@ -195,7 +197,7 @@ impl Loader<'_> {
         };
         let matrices: Option<Vec<DMat4>> = (0..count).map(blend).collect();
         if matrices.is_none() {
-            self.warn("a skin refers to joints it does not have; drawn without it");
+            self.left_out("a skin refers to joints it does not have; drawn without it");
         }
         matrices
     }

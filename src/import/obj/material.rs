@@ -42,7 +42,8 @@ pub(super) fn convert(
     }
     if m.unknown_param.contains_key("map_Ke") {
         let (file, name) = (source.file.display(), &m.name);
-        warnings.push(format!("{file}: material `{name}` has a map_Ke without Pr or Pm; drawn without it"));
+        warnings
+            .left_out(format!("{file}: material `{name}` has a map_Ke without Pr or Pm; drawn without it"));
     }
     let emission = m.emissive.filter(|ke| ke.iter().any(|&c| c > 0.0));
     let refraction = pbr::refraction(m);
@@ -101,7 +102,8 @@ fn convert_normal_map(
     if let Some(name) = m.unknown_param.get("norm") {
         if m.normal_texture.is_some() {
             let (file, name) = (source.file.display(), &m.name);
-            warnings.push(format!("{file}: material `{name}` has a normal map; drawn without its bump map"));
+            warnings
+                .left_out(format!("{file}: material `{name}` has a normal map; drawn without its bump map"));
         }
         let image = images.of_file(scene, &source.sibling(name), Channels::Colour, warnings)?;
         return Ok(image.map(|image| NormalMap { texture: definition.texture(image, "norm"), scale: 1.0 }));

@@ -70,7 +70,7 @@ impl Definition {
         if all.any(|other| other != first) {
             let (file, name) = (file.display(), &self.material.name);
             let what = "has maps of several -s or -o; drawn with those of the first";
-            warnings.push(format!("{file}: material `{name}` {what}"));
+            warnings.left_out(format!("{file}: material `{name}` {what}"));
         }
         (first != (DVec2::ONE, DVec2::ZERO)).then_some(first)
     }
@@ -94,7 +94,7 @@ fn read_one(source: &Source, name: &str, warnings: &mut Warnings) -> Vec<Definit
         Ok(bytes) => bytes,
         Err(e) => {
             let e = unreadable(&path, &e);
-            warnings.push(format!("{}: materials left out: {e}", source.file.display()));
+            warnings.left_out(format!("{}: materials left out: {e}", source.file.display()));
             return Vec::new();
         }
     };
@@ -103,7 +103,7 @@ fn read_one(source: &Source, name: &str, warnings: &mut Warnings) -> Vec<Definit
     let mut materials = match read.unwrap_or(Err(tobj::LoadError::GenericFailure)) {
         Ok((materials, _)) => materials,
         Err(e) => {
-            warnings.push(format!("{}: materials left out: {e}", path.display()));
+            warnings.left_out(format!("{}: materials left out: {e}", path.display()));
             return Vec::new();
         }
     };
@@ -145,7 +145,7 @@ fn normalise(
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
         let rest = rest.trim();
         let Some(value) = normalise_value(key, rest) else {
-            warnings.push(format!("{file}:{number}: `{line}` left out: not understood"));
+            warnings.left_out(format!("{file}:{number}: `{line}` left out: not understood"));
             continue;
         };
         out.push_str(&format!("{key} {value}\n"));
@@ -155,19 +155,19 @@ fn normalise(
         } else if MAPS.contains(&map) {
             let (made, left_out, _) = split_options(rest);
             for option in left_out {
-                warnings.push(format!("{file}:{number}: the option -{option} of `{key}` is left out"));
+                warnings.left_out(format!("{file}:{number}: the option -{option} of `{key}` is left out"));
             }
             options.last_mut().map(|options| options.insert(map.into(), made));
         } else if is_map(key) || key == "sharpness" {
             unused.insert(key.to_owned());
         }
         if key == "d" && rest.starts_with("-halo") {
-            warnings.push(format!("{file}:{number}: the option -halo of `d` is left out"));
+            warnings.left_out(format!("{file}:{number}: the option -halo of `d` is left out"));
         }
     }
     if !unused.is_empty() {
         let unused: Vec<String> = unused.into_iter().collect();
-        warnings.note(format!("{file}: not used: {}", unused.join(", ")));
+        warnings.note_left_out(format!("{file}: not used: {}", unused.join(", ")));
     }
     (out, options)
 }

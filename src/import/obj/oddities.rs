@@ -46,18 +46,18 @@ impl Oddities {
         let [element, free_form, unknown, surplus, not_finite, number] =
             self.0.each_ref().map(|first| first.as_ref().map(|(line, text)| (line + 1, text)));
         if element.is_some() {
-            warnings.push(format!("{file}: points and lines are not drawn"));
+            warnings.left_out(format!("{file}: points and lines are not drawn"));
         }
         if let Some((line, _)) = free_form {
-            warnings.push(format!("{file}:{line}: free-form curves and surfaces are not drawn"));
+            warnings.left_out(format!("{file}:{line}: free-form curves and surfaces are not drawn"));
         }
         if let Some((line, word)) = unknown {
             let what = "is not a word of OBJ files; such lines are left out";
-            warnings.push(format!("{file}:{line}: `{word}` {what}"));
+            warnings.left_out(format!("{file}:{line}: `{word}` {what}"));
         }
         if let Some((line, count)) = surplus {
             let what = "numbers; those beyond x y z, or x y z r g b, are left out";
-            warnings.push(format!("{file}:{line}: a vertex of {count} {what}"));
+            warnings.left_out(format!("{file}:{line}: a vertex of {count} {what}"));
         }
         if let Some((line, word)) = number {
             warnings.push(format!("{file}:{line}: `{word}` is read up to its last sign"));

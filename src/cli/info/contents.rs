@@ -1,0 +1,195 @@
+//! What a scene consists of.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::DVec3;
+use serde_json::{Value, json};
+
+use super::{Lines, lights, materials};
+use crate::geometry::Triangle;
+use crate::scene::{Camera, Mesh, Object, Projection, Scene, Shape};
+
+pub(super) fn to_json(inputs: &[PathBuf], scene: &Scene) -> Value {
+    json!({
+        "schema": 1,
+        "inputs": inputs.iter().map(|i| i.display().to_string()).collect::<Vec<_>>(),
+        "primitives": scene.primitive_count(),
+        "triangles": triangles(scene),
+        "triangles_without_area": degenerate_triangles(scene),
+        "spheres": scene.primitive_count() - triangles(scene),
+        "bounds": scene.bounds().map(|(min, max)| json!({ "min": point(min), "max": point(max) })),
+        "objects": scene.objects.iter().map(|object| object_to_json(inputs, scene, object)).collect::<Vec<_>>(),
+        "materials": materials::to_json(scene),
+        "textures": scene.images.iter().map(|i| json!({ "name": i.name, "width": i.width, "height": i.height,
+            "bytes": size_of_val(&*i.pixels) })).collect::<Vec<_>>(),
+        "cameras": scene.cameras.iter().map(camera_to_json).collect::<Vec<_>>(),
+        "lights": scene.lights.iter().map(|l| json!({ "name": l.name, "type": lights::type_name(&l.kind),
+            "intensity": l.intensity })).collect::<Vec<_>>(),
+        "environment": scene.environment.as_ref().map(lights::environment_to_json),
+        "clips": scene.clips.iter().map(|c| json!({ "name": c.name, "duration": c.duration, "channels": c.channels }))
+            .collect::<Vec<_>>(),
+        "variants": scene.variants,
+        "metadata": scene.metadata.iter().map(|(key, value)| json!({ "name": key, "value": value }))
+            .collect::<Vec<_>>(),
+    })
+}
+
+fn object_to_json(inputs: &[PathBuf], scene: &Scene, object: &Object) -> Value {
+    let attributes = |mesh: &Mesh| {
+        json!({
+            "normals": mesh.normals.is_some(),
+            "texture_coordinates": !mesh.uvs.is_empty(),
+            "colours": mesh.colours.is_some(),
+        })
+    };
+    let (kind, attributes) = match &object.shape {
+        Shape::Analytic(shape) => (shape.name(), json!({})),
+        Shape::Mesh(mesh) => ("mesh", attributes(mesh)),
+        Shape::Placed(placed) => ("mesh", attributes(&placed.mesh)),
+    };
+    json!({
+        "name": object.name,
+        "input": inputs[object.input].display().to_string(),
+        "kind": kind,
+        "primitives": object.shape.primitive_count(),
+        "material": scene.materials[object.material.0 as usize].name(),
+        "attributes": attributes,
+        "shared": matches!(object.shape, Shape::Placed(_)),
+    })
+}
+
+/// The vertical field of view of a perspective camera in degrees.
+fn field_of_view(camera: &Camera) -> Option<f64> {
+    let half = camera.view_height / 2.0 / camera.viewpoint_distance;
+    (camera.projection == Projection::Perspective).then(|| 2.0 * half.atan().to_degrees())
+}
+
+fn camera_to_json(camera: &Camera) -> Value {
+    json!({
+        "name": camera.name,
+        "projection": camera.projection.name(),
+        "position": point(camera.position),
+        "target": point(camera.target),
+        "field_of_view": field_of_view(camera),
+        "view_height": camera.view_height,
+    })
+}
+
+fn camera_text(camera: &Camera) -> String {
+    let (name, projection) = (&camera.name, camera.projection.name());
+    match field_of_view(camera) {
+        Some(degrees) => format!("{name} ({projection}, {degrees:.1} degrees high)"),
+        None => format!("{name} ({projection}, {} high)", camera.view_height as f32),
+    }
+}
+
+pub(super) fn point(p: DVec3) -> Value {
+    json!(p.to_array())
+}
+
+fn triangles(scene: &Scene) -> usize {
+    scene.objects.iter().filter(|o| o.shape.mesh().is_some()).map(|o| o.shape.primitive_count()).sum()
+}
+
+/// Number of triangles with collinear vertices. They are kept, because those that close a T-vertex can be hit.
+fn degenerate_triangles(scene: &Scene) -> usize {
+    let of_shape = |shape: &Shape| match shape {
+        Shape::Analytic(_) => 0,
+        Shape::Mesh(mesh) => {
+            let corners = |t: &[u32; 3]| Triangle(t.map(|i| mesh.positions[i as usize]));
+            mesh.triangles.iter().filter(|t| corners(t).is_degenerate()).count()
+        }
+        Shape::Placed(placed) => {
+            let all = 0..placed.triangle_count() as u32;
+            all.filter(|&t| Triangle(placed.corners_of(t)).is_degenerate()).count()
+        }
+    };
+    scene.objects.iter().map(|object| of_shape(&object.shape)).sum()
+}
+
+/// Meshes with placed instances: number of instances, and triangles per instance.
+fn instanced_meshes(scene: &Scene) -> HashMap<*const Mesh, (usize, usize)> {
+    let mut shared = HashMap::new();
+    for object in &scene.objects {
+        if let Shape::Placed(placed) = &object.shape {
+            let entry = shared.entry(Arc::as_ptr(&placed.mesh)).or_insert((0, placed.mesh.triangles.len()));
+            entry.0 += 1;
+        }
+    }
+    shared
+}
+
+/// Adds counts and bounds.
+pub(super) fn add_sizes(lines: &mut Lines, inputs: &[PathBuf], scene: &Scene) {
+    let names: Vec<String> = inputs.iter().map(|i| i.display().to_string()).collect();
+    let spheres = scene.primitive_count() - triangles(scene);
+    lines.add("input", names.join(" "));
+    let objects = scene.objects.len();
+    lines.add("objects", format!("{objects} ({} triangles, {spheres} spheres)", triangles(scene)));
+    let shared = instanced_meshes(scene);
+    if !shared.is_empty() {
+        let (places, kept) = shared.values().fold((0, 0), |(p, k), (places, mesh)| (p + places, k + mesh));
+        let meshes = shared.len();
+        lines.add("shared", format!("{places} objects are places of {meshes} mesh(es) of {kept} triangles"));
+    }
+    if let flat @ 1.. = degenerate_triangles(scene) {
+        lines.add("no area", format!("{flat} triangle(s), kept because they may close T-vertices"));
+    }
+    match scene.bounds() {
+        None => lines.add("bounds", "nothing that can be seen"),
+        Some((min, max)) => {
+            lines.add("bounds", format!("{} to {}", short(min), short(max)));
+            lines.add("size", short(max - min));
+        }
+    }
+}
+
+/// Adds the names of materials, textures, cameras, lights and clips, with what matters of each.
+pub(super) fn add_names(lines: &mut Lines, scene: &Scene) {
+    lines.add("materials", list(scene.materials.iter().map(|m| m.name().to_owned())));
+    materials::add(lines, scene);
+    let folders: Vec<&Path> = scene.inputs.iter().filter_map(|input| input.parent()).collect();
+    let short_name = |name: &str| {
+        let inside = folders.iter().find_map(|folder| Path::new(name).strip_prefix(folder).ok());
+        inside.map_or_else(|| name.to_owned(), |inside| inside.display().to_string())
+    };
+    let textures = scene.images.iter();
+    lines.add(
+        "textures",
+        list(textures.map(|i| format!("{} ({} x {})", short_name(&i.name), i.width, i.height))),
+    );
+    lines.add("cameras", list(scene.cameras.iter().map(camera_text)));
+    lines.add("lights", list(scene.lights.iter().map(lights::text)));
+    if let Some(environment) = &scene.environment {
+        lines.add("environment", lights::environment_text(environment));
+    }
+    if !scene.clips.is_empty() {
+        lines.add("clips", list(scene.clips.iter().map(|c| format!("{} ({} s)", c.name, c.duration as f32))));
+    }
+    if !scene.variants.is_empty() {
+        lines.add("variants", list(scene.variants.iter().cloned()));
+    }
+    for (name, value) in &scene.metadata {
+        lines.add("metadata", format!("{name}: {value}"));
+    }
+    let smooth = scene.objects.iter().filter(|o| o.shape.mesh().is_some_and(|m| m.normals.is_some())).count();
+    lines.add("normals", format!("{smooth} object(s) with normals, the others are flat or spheres"));
+}
+
+pub(super) fn short(v: DVec3) -> String {
+    format!("({}, {}, {})", v.x as f32, v.y as f32, v.z as f32)
+}
+
+/// The first names of a list, and the number of the others.
+fn list(names: impl ExactSizeIterator<Item = String>) -> String {
+    const MOST: usize = 8;
+    let count = names.len();
+    let shown: Vec<String> = names.take(MOST).collect();
+    match count {
+        0 => "none".into(),
+        n if n > MOST => format!("{n}: {}, …", shown.join(", ")),
+        n => format!("{n}: {}", shown.join(", ")),
+    }
+}

@@ -1,0 +1,57 @@
+//! Defects of the meshes.
+
+use serde_json::{Map, Value, json};
+
+use super::Lines;
+use super::contents::{point, short};
+use crate::error::Result;
+use crate::scene::Scene;
+use crate::scene::topology::{Location, Topology};
+
+pub(super) fn to_json(scene: &Scene, topology: &Result<Topology>) -> Value {
+    let Ok(topology) = topology else { return Value::Null };
+    let mut counts = Map::new();
+    let mut firsts = Map::new();
+    for (key, count) in [
+        ("vertices", topology.vertices),
+        ("edges", topology.edges),
+        ("components", topology.components),
+        ("closed_components", topology.closed_components),
+        ("holes", topology.holes),
+    ] {
+        counts.insert(key.into(), json!(count));
+    }
+    for (key, findings, _) in topology.findings() {
+        counts.insert(key.into(), json!(findings.count));
+        if let Some(Location { object, triangle, position }) = findings.first {
+            let name = &scene.objects[object].name;
+            let first = json!({ "object": name, "triangle": triangle, "position": point(position) });
+            firsts.insert(key.into(), first);
+        }
+    }
+    counts.insert("t_junctions_cut_off".into(), json!(topology.t_junctions_cut_off));
+    counts.insert("first".into(), Value::Object(firsts));
+    Value::Object(counts)
+}
+
+/// Adds a line on what the triangles are connected to, and one for each kind of defect.
+pub(super) fn add(lines: &mut Lines, scene: &Scene, topology: &Result<Topology>) {
+    let topology = match topology {
+        Ok(topology) if topology.components == 0 => return,
+        Ok(topology) => topology,
+        Err(error) => return lines.add("geometry", format!("not analysed: {error}")),
+    };
+    let Topology { vertices, edges, components, closed_components, holes, .. } = topology;
+    let parts = format!("{components} connected component(s), {closed_components} of them closed");
+    lines.add("geometry", format!("{vertices} vertices, {edges} edges, {parts}"));
+    for (key, findings, what) in topology.findings() {
+        let Some(Location { object, position, .. }) = findings.first else { continue };
+        let (least, holes) = match key {
+            "boundary_edges" => ("", format!(", around {holes} hole(s) or open side(s)")),
+            "t_junctions" if topology.t_junctions_cut_off => ("at least ", String::new()),
+            _ => ("", String::new()),
+        };
+        let first = format!("the first in `{}` at {}", scene.objects[object].name, short(position));
+        lines.add("geometry", format!("{least}{} {what}{holes}; {first}", findings.count));
+    }
+}

@@ -1,0 +1,82 @@
+//! `kiln info`: contents, defects, sizes, cost and warnings of files.
+
+mod contents;
+mod geometry;
+mod lights;
+mod materials;
+mod rendering;
+
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::arguments::inputs_help;
+use super::print;
+use crate::effects::check_scene;
+use crate::error::{Result, Warnings};
+use crate::import;
+use crate::scene::ImportOptions;
+use crate::scene::topology::Topology;
+use rendering::{Memory, Rendering};
+
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Files to look at.
+    #[arg(required = true, value_name = "INPUT", help = inputs_help("Files to look at"))]
+    inputs: Vec<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+    /// Read glTF files that require extensions which kiln does not read
+    #[arg(long)]
+    ignore_required_extensions: bool,
+    /// Build the acceleration structure of large scenes, too, to measure time and memory instead of estimating them
+    #[arg(long)]
+    build: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<()> {
+    let mut warnings = Warnings::default();
+    let ignore_required_extensions = arguments.ignore_required_extensions;
+    let options = ImportOptions { ignore_required_extensions, ..ImportOptions::default() };
+    let scene = import::load_with(&arguments.inputs, &options, &mut warnings)?;
+    check_scene(&scene.effects)?;
+    let after_loading = Memory::now();
+    let topology = Topology::of_scene(&scene);
+    let (mut report, mut lines) = (contents::to_json(&arguments.inputs, &scene), Lines::default());
+    contents::add_sizes(&mut lines, &arguments.inputs, &scene);
+    geometry::add(&mut lines, &scene, &topology);
+    contents::add_names(&mut lines, &scene);
+    report["geometry"] = geometry::to_json(&scene, &topology);
+    let rendering = Rendering::of(scene, arguments.build, &after_loading);
+    rendering.add(&mut lines);
+    rendering.add_to_json(&mut report);
+    let (of_render, left_out) = (rendering.warnings(), left_out(&warnings, &rendering));
+    for text in warnings.messages().iter().chain(of_render.messages()) {
+        lines.add("warning", text);
+    }
+    for text in warnings.notes().iter().chain(of_render.notes()) {
+        lines.add("note", text);
+    }
+    report["warnings"] = json!(warnings.messages());
+    report["notes"] = json!(warnings.notes());
+    report["left_out"] = json!(left_out);
+    if arguments.json { print(&format!("{report:#}\n")) } else { print(&lines.0) }
+}
+
+/// What of the inputs is not drawn or not used, by the importers and by a render without options.
+fn left_out(warnings: &Warnings, rendering: &Rendering) -> Vec<String> {
+    [warnings, rendering.warnings()].into_iter().flat_map(Warnings::all_left_out).cloned().collect()
+}
+
+/// Lines of text, each with a label.
+#[derive(Default)]
+struct Lines(String);
+
+impl Lines {
+    fn add(&mut self, label: &str, value: impl std::fmt::Display) {
+        let _ = writeln!(self.0, "{label:<12}{value}");
+    }
+}
