@@ -44,6 +44,9 @@ pub(super) fn add(lines: &mut Lines, scene: &Scene, topology: &Result<Topology>)
     let Topology { vertices, edges, components, closed_components, holes, .. } = topology;
     let parts = format!("{components} connected component(s), {closed_components} of them closed");
     lines.add("geometry", format!("{vertices} vertices, {edges} edges, {parts}"));
+    if topology.t_junctions_cut_off {
+        lines.add("geometry", "not all T-junctions are found: too many long edges lie along one line");
+    }
     for (key, findings, what) in topology.findings() {
         let Some(Location { object, position, .. }) = findings.first else { continue };
         let (least, holes) = match key {
