@@ -132,7 +132,7 @@ impl PreparedAnimation {
         let duration = own.animation.as_ref().map_or(0.0, |animation| animation.duration);
         let moment = ClipTime { clip: ClipChoice::Index(clip.index), time: time * duration };
         let options = ImportOptions { pose: Some(moment), ..own.import_options.clone() };
-        let mut scene = import::load_with(&own.inputs, &options, &mut Warnings::default())?;
+        let mut scene = import::reload(own, &options, &mut Warnings::default())?;
         let added = own.cameras.iter().skip(scene.cameras.len()).cloned();
         scene.cameras.extend(added);
         Ok(Scene { environment: own.environment.clone(), ground: own.ground, ..scene })

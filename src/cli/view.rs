@@ -6,6 +6,7 @@ use std::time::Duration;
 use clap::Args;
 
 use super::arguments::{self, Arguments};
+use crate::animation::play_clip;
 use crate::effects::{Choices, check_scene};
 use crate::error::{Error, Result, Warnings};
 use crate::import::{self, FileRead};
@@ -66,7 +67,16 @@ fn open(
     let is_own = arguments.inputs == inputs;
     let options = if is_own { arguments.import_options() } else { ImportOptions::default() };
     let (scene, files) = import::load_and_list(inputs, &options, warnings);
-    (scene.and_then(|scene| initial_view(arguments, inputs, scene, warnings)), files)
+    let scene = scene.and_then(|mut scene| {
+        // The bar plays a clip, unless a moment of it is asked for.
+        let is_still = is_own && arguments.is_still();
+        if !is_still && inputs.iter().all(|input| input != Path::new("-")) {
+            let pose = scene.import_options.pose.take();
+            play_clip(&mut scene, &pose.map(|pose| pose.clip).unwrap_or_default())?;
+        }
+        initial_view(arguments, inputs, scene, warnings)
+    });
+    (scene, files)
 }
 
 /// Initial camera and settings of a scene.

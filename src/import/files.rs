@@ -3,13 +3,14 @@
 //! Importers open and look up files only through [`Files`], which records them for detecting changes.
 
 use std::cell::RefCell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::fs::Metadata;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::SystemTime;
 
 use crate::limits::{self, RegularFile};
+use crate::scene::{DecodedImage, Scene};
 
 /// A file that was opened or looked up.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -69,9 +70,22 @@ fn identity(metadata: &Metadata) -> Identity {
 #[derive(Clone, Default)]
 pub(super) struct Files {
     record: Rc<RefCell<BTreeMap<PathBuf, Option<Stamp>>>>,
+    /// Images that were decoded when the same files were read before, by their names.
+    images: Rc<HashMap<String, DecodedImage>>,
 }
 
 impl Files {
+    /// Files that were read before into a scene, whose images need not be decoded again.
+    pub(super) fn of_scene(scene: &Scene) -> Self {
+        let images = scene.images.iter().map(|image| (image.name.clone(), image.clone()));
+        Files { images: Rc::new(images.collect()), ..Files::default() }
+    }
+
+    /// The image of this name that was decoded before.
+    pub(super) fn image(&self, name: &str) -> Option<DecodedImage> {
+        self.images.get(name).cloned()
+    }
+
     /// Reads a file.
     pub(super) fn read(&self, file: &Path) -> std::io::Result<Vec<u8>> {
         self.add(file);

@@ -60,8 +60,12 @@ impl ImageLoader {
         if let Some(&known) = self.known.get(&key) {
             return Ok(known);
         }
-        let name = file.display().to_string();
-        let decoded = open(&self.files, file, TEXTURE).map(|image| into_texture(&name, &image, channels));
+        let name = match channels {
+            Channels::Colour => file.display().to_string(),
+            Channels::AlphaOrGrey => format!("{}, alpha or grey", file.display()),
+        };
+        let decode = || open(&self.files, file, TEXTURE).map(|image| into_texture(&name, &image, channels));
+        let decoded = self.files.image(&name).map_or_else(decode, Ok);
         let image = keep(scene, decoded, file, warnings)?;
         self.known.insert(key, image);
         Ok(image)
@@ -88,7 +92,7 @@ impl ImageLoader {
                     Err(ReadError::Damaged(_)) => None,
                 };
                 let made = grey.map(|image| {
-                    let (image, steepest) = of_heights(&file.display().to_string(), image);
+                    let (image, steepest) = of_heights(&format!("{}, normals", file.display()), image);
                     (scene.add_image(image), steepest)
                 });
                 self.heights.insert(file.to_owned(), made);
@@ -188,16 +192,18 @@ fn of_heights(name: &str, image: DynamicImage) -> (DecodedImage, f64) {
 /// [`Error::Input`] where it is too large.
 pub(crate) fn of_bytes(
     scene: &mut Scene,
+    files: &Files,
     place: Place,
     bytes: &[u8],
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     let name = place.to_string();
-    let decoded = decode(bytes, TEXTURE).map(|image| into_texture(&name, &image, Channels::Colour));
+    let decode = || decode(bytes, TEXTURE).map(|image| into_texture(&name, &image, Channels::Colour));
+    let decoded = files.image(&name).map_or_else(decode, Ok);
     keep(scene, decoded, place, warnings)
 }
 
-/// Decodes the alpha channel of an image in memory into a grey image, `value` of each; returns `None` if all are white (255), as
+/// Decodes the alpha channel of an image in memory into a grey image called `name`, `value` of each; returns `None` if all are white (255), as
 /// without an alpha channel, or it cannot be decoded, of which [`of_bytes`] warns.
 ///
 /// # Errors
@@ -205,6 +211,7 @@ pub(crate) fn of_bytes(
 pub(crate) fn alpha_of_bytes(
     scene: &mut Scene,
     place: Place,
+    name: String,
     bytes: &[u8],
     value: impl Fn(u8) -> u8,
 ) -> Result<Option<ImageId>> {
@@ -225,7 +232,6 @@ pub(crate) fn alpha_of_bytes(
     if pixels.iter().all(|&pixel| pixel == [255; 3]) {
         return Ok(None);
     }
-    let name = format!("{place}, alpha");
     Ok(Some(scene.add_image(DecodedImage { name, width, height, pixels })))
 }
 

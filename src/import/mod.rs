@@ -217,6 +217,15 @@ pub fn load_with(inputs: &[PathBuf], options: &ImportOptions, warnings: &mut War
     load_by(inputs, &Files::default(), options, warnings)
 }
 
+/// Reads the inputs of a scene again, in another pose or variant. Images that it has by the same names are not decoded
+/// again.
+///
+/// # Errors
+/// As those of [`load_with`].
+pub fn reload(scene: &Scene, options: &ImportOptions, warnings: &mut Warnings) -> Result<Scene> {
+    load_by(&scene.inputs, &Files::of_scene(scene), options, warnings)
+}
+
 /// Checks that an input has the variant that is asked for.
 fn check_variant(scene: &Scene, options: &ImportOptions) -> Result<()> {
     let Some(name) = options.variant.as_ref().filter(|name| !scene.variants.contains(name)) else {

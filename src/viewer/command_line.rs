@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use crate::film::{ColourPipeline, DisplaySettings};
 use crate::job::EnvironmentSettings;
 use crate::scene::{
-    Camera, ClipChoice, ClipTime, INLINE_NAME, ImportOptions, Numerics, Projection, Sampling, Scene,
+    Camera, Clip, ClipChoice, ClipTime, INLINE_NAME, ImportOptions, Numerics, Projection, Sampling, Scene,
     Transport, default_size,
 };
 use crate::shading::ShadingMode;
@@ -101,6 +101,8 @@ pub struct RenderCommand<'a> {
     pub environment: &'a EnvironmentSettings,
     /// What was asked of the input files.
     pub import_options: &'a ImportOptions,
+    /// The clip that is played.
+    pub clip: Option<&'a Clip>,
     /// Output file.
     pub output: &'a Path,
 }
@@ -187,6 +189,10 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
             ClipChoice::Named(name) => option("--clip", name),
             ClipChoice::Index(index) => option("--clip", &index.to_string()),
         }
+    }
+    // The first clip is played without being named.
+    if let Some(clip) = command.clip.filter(|clip| clip.index > 0) {
+        option("--clip", &clip.index.to_string());
     }
     variant.iter().for_each(|variant| option("--variant", variant));
     if *ignore_required_extensions {
@@ -327,6 +333,7 @@ mod tests {
             has_ground: false,
             environment: &NO_ENVIRONMENT,
             import_options: &NO_IMPORT_OPTIONS,
+            clip: None,
             output: Path::new("picture.png"),
         }
     }

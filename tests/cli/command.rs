@@ -626,6 +626,7 @@ fn what_is_seen_is_rendered_by_its_line() {
         has_ground: false,
         environment: &Default::default(),
         import_options: &kiln::scene::ImportOptions::default(),
+        clip: None,
         output: Path::new("seen.png"),
     };
     let words = command_line::arguments(&command);

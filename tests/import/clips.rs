@@ -258,6 +258,29 @@ fn hidden_nodes_are_not_drawn() {
     assert_eq!(at(&model, 1.0).0.objects.len(), 1);
 }
 
+/// Another pose of the same files takes the images that the scene has: the image is damaged in between.
+#[test]
+fn another_pose_keeps_the_images() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let image = folder.path().join("a.png");
+    image::RgbImage::from_pixel(1, 1, image::Rgb([1, 2, 3])).save(&image).expect("a file");
+    let mut model = Model::new(&TRIANGLE);
+    model.attribute("TEXCOORD_0", &[[0.0, 0.0]; 3]);
+    model.json["images"] = json!([{ "uri": "a.png" }]);
+    model.json["textures"] = json!([{ "source": 0 }]);
+    model.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }]);
+    clip(&mut model, 0, "translation", &[0.0, 1.0], &[[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], "Walk");
+    let file = folder.path().join("model.glb");
+    std::fs::write(&file, model.binary()).expect("the file is written");
+    let mut warnings = Warnings::default();
+    let scene = load_with(&[file], &options(None), &mut warnings).expect("a scene");
+    std::fs::write(&image, "damaged").expect("the file is written");
+    let moment = options(Some(ClipTime { clip: ClipChoice::First, time: 0.5 }));
+    let posed = kiln::import::reload(&scene, &moment, &mut warnings).expect("a scene");
+    assert_near(positions(&posed)[0], [1.0, 0.0, 0.0]);
+    assert_eq!((&posed.images, warnings.messages().len()), (&scene.images, 0));
+}
+
 /// Without scenes, nodes without a parent are drawn, with what is below them.
 #[test]
 fn without_scenes_the_hierarchy_stands() {

@@ -150,7 +150,7 @@ impl Loader<'_> {
         let key = (texture.source().index(), alpha_use);
         let image = match self.alphas.get(&key) {
             Some(known) => *known,
-            None => self.alpha_of(&texture.source(), |alpha| alpha_use.value(alpha))?,
+            None => self.alpha_of(&texture.source(), alpha_use)?,
         };
         self.alphas.insert(key, image);
         Ok(image.map(|image| Texture { image, coordinates, ..colour }))
@@ -172,10 +172,20 @@ impl AlphaUse {
         AlphaUse::Roughness(glossiness.to_bits())
     }
 
-    fn value(self, alpha: u8) -> u8 {
+    pub(super) fn value(self, alpha: u8) -> u8 {
         match self {
             AlphaUse::Plain => alpha,
             AlphaUse::Roughness(factor) => (255.0 - f64::from_bits(factor) * f64::from(alpha)).round() as u8,
+        }
+    }
+}
+
+/// For the name of the image.
+impl std::fmt::Display for AlphaUse {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            AlphaUse::Plain => write!(f, "alpha"),
+            AlphaUse::Roughness(factor) => write!(f, "roughness by glossiness {}", f64::from_bits(*factor)),
         }
     }
 }

@@ -31,10 +31,12 @@ impl Loader<'_> {
                     self.warnings.left_out(format!("{place}: texture left out: it lies outside its buffer"));
                     return Ok(None);
                 };
-                images::of_bytes(&mut self.scene, place, bytes, self.warnings)
+                images::of_bytes(&mut self.scene, &self.source.files, place, bytes, self.warnings)
             }
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
-                Ok(Resource::Data(bytes)) => images::of_bytes(&mut self.scene, place, &bytes, self.warnings),
+                Ok(Resource::Data(bytes)) => {
+                    images::of_bytes(&mut self.scene, &self.source.files, place, &bytes, self.warnings)
+                }
                 Ok(Resource::File(file)) => {
                     let file = self.source.sibling(file);
                     files.of_file(&mut self.scene, &file, Channels::Colour, self.warnings)
@@ -47,14 +49,14 @@ impl Loader<'_> {
         }
     }
 
-    /// The alpha channel of an image as a grey image, each value through `value`; `None` without one. An image that
-    /// cannot be read has its warning from [`Loader::load_images`].
-    pub(super) fn alpha_of(
-        &mut self,
-        image: &gltf::Image,
-        value: impl Fn(u8) -> u8,
-    ) -> Result<Option<ImageId>> {
+    /// The alpha channel of an image as a grey image; `None` without one. An image that cannot be read has its warning
+    /// from [`Loader::load_images`].
+    pub(super) fn alpha_of(&mut self, image: &gltf::Image, alpha_use: AlphaUse) -> Result<Option<ImageId>> {
         let place = Place::item(&self.source.file, format!("image {}", image.index()));
+        let name = format!("{place}, {alpha_use}");
+        if let Some(known) = self.source.files.image(&name) {
+            return Ok(Some(self.scene.add_image(known)));
+        }
         let bytes = match image.source() {
             gltf::image::Source::View { view, .. } => bytes_of(&self.buffers, &view).map(Cow::Borrowed),
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
@@ -66,7 +68,7 @@ impl Loader<'_> {
             },
         };
         let Some(bytes) = bytes else { return Ok(None) };
-        images::alpha_of_bytes(&mut self.scene, place, &bytes, value)
+        images::alpha_of_bytes(&mut self.scene, place, name, &bytes, |alpha| alpha_use.value(alpha))
     }
 
     /// A texture, with the first texture coordinates.

@@ -182,6 +182,7 @@ impl App {
             has_ground: opened.scene.ground.is_some(),
             environment: &opened.environment,
             import_options: &opened.scene.import_options,
+            clip: opened.scene.animation.as_ref().and_then(|animation| animation.clip.as_ref()),
             output,
         });
         let frame = timeline(opened).map(|timeline| controls.frame(&timeline));
