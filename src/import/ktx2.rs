@@ -10,6 +10,12 @@ use crate::limits;
 /// The first bytes of a KTX2 file (KTX File Format Specification 2.0, section 3.1).
 const IDENTIFIER: [u8; 12] = [0xAB, b'K', b'T', b'X', b' ', b'2', b'0', 0xBB, b'\r', b'\n', 0x1A, b'\n'];
 
+/// Texels of an image of any content: 8192 x 8192.
+const ALWAYS: u64 = 1 << 26;
+
+/// The most texels for each compressed byte of larger images; photographs have about 8.
+const TEXELS_A_BYTE: u64 = 256;
+
 /// Whether bytes are a KTX2 file.
 pub(super) fn is_ktx2(bytes: &[u8]) -> bool {
     bytes.starts_with(&IDENTIFIER)
@@ -27,6 +33,11 @@ pub(super) fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
     let needed = limits::product(&[width.into(), height.into(), 4 + 1 + bytes_each]);
     limits::check_claim(needed)
         .map_err(|excess| ReadError::too_large(width.into(), height.into(), &excess))?;
+    // A few bytes may stand for any number of equal texels.
+    let length = bytes.get(88..96).and_then(|bytes| bytes.try_into().ok()).map_or(0, u64::from_le_bytes);
+    if limits::product(&[width.into(), height.into()]) > length.saturating_mul(TEXELS_A_BYTE).max(ALWAYS) {
+        return Err(damaged());
+    }
     // The length of the first level before that compression (section 3.9.6) is at most its blocks and their alpha.
     let length = bytes.get(96..104).and_then(|bytes| bytes.try_into().ok()).map(u64::from_le_bytes);
     let most = limits::product(&[u64::from(width).div_ceil(4), u64::from(height).div_ceil(4), 32]);

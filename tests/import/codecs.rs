@@ -111,3 +111,19 @@ fn damaged_codes_are_drawn_or_refused() {
         }
     }
 }
+
+/// Twenty bytes that claim to be 16 x 4194320 texels: refused, not decoded for seconds.
+#[test]
+fn textures_of_a_few_bytes_are_not_endless() {
+    let mut bytes = std::fs::read(repository("assets/import/codecs/etc1s.glb")).expect("the file");
+    let identifier = bytes.windows(8).position(|bytes| bytes == b"\xABKTX 20\xBB").expect("a KTX2 image");
+    bytes[identifier + 24..identifier + 28].copy_from_slice(&4_194_320u32.to_le_bytes());
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("a.glb");
+    std::fs::write(&file, bytes).expect("the file is written");
+    let mut warnings = kiln::error::Warnings::default();
+    let scene = kiln::import::load(&[file], &mut warnings).expect("a scene");
+    assert_eq!((scene.images.len(), warnings.messages().len()), (0, 1));
+    let end = "image 0: texture left out: not a KTX2 picture of Basis Universal, or damaged";
+    assert!(warnings.messages()[0].ends_with(end), "{:?}", warnings.messages());
+}
