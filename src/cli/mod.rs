@@ -54,6 +54,10 @@ struct Arguments {
     /// one file gives]
     #[arg(long, global = true, value_name = "SIZE", value_parser = limits::parse_limit)]
     memory_limit: Option<u64>,
+    /// The most that input files may hold: triangles=N (with spheres), texels=N or nodes=N; may be given several times
+    /// [default: triangles=4294967295, texels=4294967296, nodes=16777216]
+    #[arg(long, global = true, value_name = "KIND=N", value_parser = limits::parse_count)]
+    limit: Vec<(limits::Counted, u64)>,
 }
 
 #[derive(Subcommand)]
@@ -104,6 +108,7 @@ pub fn main() -> ExitCode {
     if let Some(bytes) = arguments.memory_limit {
         limits::set_memory_limit(bytes);
     }
+    arguments.limit.iter().for_each(|(counted, most)| counted.set_limit(*most));
     std::panic::set_hook(Box::new(|panic| {
         if is_contained() {
             return;

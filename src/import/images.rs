@@ -11,7 +11,7 @@ use super::files::Files;
 use super::heights::normals_of_heights;
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::read::{self, ReadError};
-use crate::limits;
+use crate::limits::{self, Counted};
 use crate::scene::{DecodedImage, ImageId, Scene};
 
 /// What of an image becomes a texture.
@@ -242,7 +242,12 @@ fn keep(
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     match decoded {
-        Ok(image) => Ok(Some(scene.add_image(image))),
+        Ok(image) => {
+            let before: u64 = scene.images.iter().map(|image| image.pixels.len() as u64).sum();
+            let texels = Counted::Texels.check(before.saturating_add(image.pixels.len() as u64));
+            texels.map_err(|(what, hint)| Error::input(place, what, hint))?;
+            Ok(Some(scene.add_image(image)))
+        }
         Err(ReadError::TooLarge { what, hint }) => Err(Error::input(place, what, hint)),
         Err(ReadError::Damaged(why)) => {
             warnings.left_out(format!("{}: texture left out: {why}", place.into()));

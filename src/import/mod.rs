@@ -40,7 +40,7 @@ use std::path::{Path, PathBuf};
 pub use files::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
-use crate::limits::{self, unreadable};
+use crate::limits::{self, Counted, unreadable};
 use crate::scene::{ClipChoice, ClipTime, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape};
 use files::Files;
 
@@ -293,10 +293,12 @@ fn load_by(
         // Degenerate triangles count, because the acceleration structure numbers them too.
         let count = |object: &Object| object.shape.mesh().map_or(1, |mesh| mesh.triangles.len() as u64);
         let count: u64 = scene.objects.iter().map(count).sum();
-        if u32::try_from(count).is_err() {
-            let what = format!("{count} triangles and spheres are more than kiln can number");
-            let hint = "give at most 4,294,967,295: fewer placements, or meshes of fewer triangles";
-            return Err(Error::input(file.as_path(), what, hint));
+        let texels = scene.images.iter().map(|image| image.pixels.len() as u64).sum();
+        let placements = scene.objects.len() as u64;
+        for (counted, count) in
+            [(Counted::Triangles, count), (Counted::Texels, texels), (Counted::Nodes, placements)]
+        {
+            counted.check(count).map_err(|(what, hint)| Error::input(file.as_path(), what, hint))?;
         }
     }
     // Applying the tracks at time 0 reports invalid tracks.

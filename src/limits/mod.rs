@@ -4,12 +4,14 @@
 //! pictures to render, and of data present in a file, are checked by [`check`]. Both use one limit per process, which
 //! [`set_memory_limit`] replaces. Depends on `error` only.
 
+mod counts;
 mod process;
 mod reading;
 
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+pub use counts::{Counted, parse_count};
 use process::{ADDRESS_SPACE, Available, available, in_use, machine};
 pub use reading::{Refused, RegularFile, explain, read_file, read_standard_input, unreadable};
 

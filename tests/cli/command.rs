@@ -1113,3 +1113,24 @@ fn meshes_that_do_not_fit_are_refused_with_what_they_need() {
         assert!(hint.ends_with("give --memory-limit 2G"), "{hint}");
     }
 }
+
+/// Each limit refuses what it counts and names the file; the next greater number lets it pass. The model has 96
+/// triangles, an image of 16 x 16 texels and another of its alpha, and one node.
+#[test]
+fn limits_of_what_files_hold() {
+    let shop = Workshop::new();
+    let model = crate::common::repository("assets/import/codecs/plain.glb");
+    let model = model.to_str().expect("UTF-8");
+    for (kind, count) in [("triangles", 96), ("texels", 512), ("nodes", 1)] {
+        shop.succeed(&format!("info {model} --limit {kind}={count}"));
+        let less = count - 1;
+        let (said, hint) = shop.fail(&format!("info {model} --limit {kind}={less}"), 3);
+        assert!(
+            said.contains("plain.glb") && said.contains(&format!("{count} {kind}; the limit is {less}")),
+            "{said}"
+        );
+        assert!(hint.ends_with(&format!("give --limit {kind}={count}")), "{hint}");
+    }
+    let (said, _) = shop.fail(&format!("info {model} --limit points=3"), 2);
+    assert!(said.contains("give triangles=N, texels=N or nodes=N"), "{said}");
+}

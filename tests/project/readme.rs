@@ -207,6 +207,7 @@ fn defined_options(help: &str) -> BTreeSet<String> {
     found.remove("--help");
     found.remove("--version");
     found.remove("--memory-limit");
+    found.remove("--limit");
     found
 }
 
@@ -255,7 +256,7 @@ fn faults_of_command(line: &str, commands: &[String]) -> Option<String> {
     if known.is_empty() && command == "view" {
         return None;
     }
-    known.insert("--memory-limit".to_owned());
+    known.extend(["--memory-limit", "--limit"].map(str::to_owned));
     let unknown = options(line).into_iter().find(|option| !known.contains(option))?;
     Some(format!("`{line}`: kiln {command} has no option {unknown}"))
 }

@@ -20,6 +20,8 @@ use crate::limits;
 /// Checks the memory limit for meshes, placements and keyframes. Primitives may share accessors, and accessors without a buffer
 /// view take no bytes in the file, so the file size does not bound memory.
 pub(super) fn check_memory(document: &gltf::Document, file: &Path) -> Result<()> {
+    let nodes = limits::Counted::Nodes.check(document.nodes().len() as u64);
+    nodes.map_err(|(what, hint)| Error::input(file, what, hint))?;
     // Bytes per vertex: positions, normals and colours are three f64, texture coordinates two, tangents four; joints
     // are 8 bytes, weights 16, and skinning matrices 128. An index is read as u32 and stored in a triangle.
     let bytes_of = |semantic: &gltf::Semantic| match semantic {

@@ -1,0 +1,95 @@
+//! Limits on what files may hold, in numbers rather than bytes, for files that are not trusted.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// What is counted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Counted {
+    /// Triangles and spheres of all inputs, those of an instanced mesh for each of its placements.
+    Triangles,
+    /// Texels of all textures.
+    Texels,
+    /// Nodes of a glTF file, and placements.
+    Nodes,
+}
+
+/// The limits, in the order of [`Counted::ALL`]. Triangles are numbered in 32 bits.
+static MOST: [AtomicU64; 3] =
+    [AtomicU64::new(u32::MAX as u64), AtomicU64::new(1 << 32), AtomicU64::new(1 << 24)];
+
+impl Counted {
+    /// All of them.
+    pub const ALL: [Counted; 3] = [Counted::Triangles, Counted::Texels, Counted::Nodes];
+
+    /// Name on the command line and in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Counted::Triangles => "triangles",
+            Counted::Texels => "texels",
+            Counted::Nodes => "nodes",
+        }
+    }
+
+    /// Replaces the limit of this process.
+    pub fn set_limit(self, most: u64) {
+        MOST[self as usize].store(most, Ordering::Relaxed);
+    }
+
+    /// Checks a number of them.
+    ///
+    /// # Errors
+    /// What is wrong and what to do, if there are more than the limit.
+    pub fn check(self, count: u64) -> Result<(), (String, String)> {
+        let most = MOST[self as usize].load(Ordering::Relaxed);
+        let name = self.name();
+        if count <= most {
+            return Ok(());
+        }
+        let hint = match self {
+            Counted::Triangles if count > u64::from(u32::MAX) => {
+                "kiln numbers at most 4,294,967,295: fewer placements, or meshes of fewer triangles"
+                    .to_owned()
+            }
+            _ => format!("if the file is to be trusted, give --limit {name}={count}"),
+        };
+        Err((format!("{count} {name}; the limit is {most}"), hint))
+    }
+}
+
+/// Parses a limit, such as `triangles=1000000`.
+///
+/// # Errors
+/// A message that states the valid form.
+pub fn parse_count(text: &str) -> Result<(Counted, u64), String> {
+    let form = || "give triangles=N, texels=N or nodes=N, such as triangles=1000000".to_owned();
+    let (name, number) = text.split_once('=').ok_or_else(form)?;
+    let counted = Counted::ALL.into_iter().find(|counted| counted.name() == name).ok_or_else(form)?;
+    let most: u64 = number.parse().map_err(|_| form())?;
+    if counted == Counted::Triangles && most > u64::from(u32::MAX) {
+        return Err("kiln numbers at most 4294967295 triangles".to_owned());
+    }
+    Ok((counted, most))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_are_parsed() {
+        assert_eq!(parse_count("triangles=12"), Ok((Counted::Triangles, 12)));
+        assert_eq!(parse_count("nodes=0"), Ok((Counted::Nodes, 0)));
+        for bad in ["", "triangles", "vertices=1", "texels=-1", "texels=1e9", "triangles=4294967296"] {
+            assert!(parse_count(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn counts_beyond_the_default_are_refused() {
+        assert_eq!(Counted::Texels.check(1 << 32), Ok(()));
+        let (what, hint) = Counted::Texels.check((1 << 32) + 1).expect_err("too many");
+        assert_eq!(what, "4294967297 texels; the limit is 4294967296");
+        assert!(hint.ends_with("give --limit texels=4294967297"), "{hint}");
+        assert!(Counted::Triangles.check(1 << 32).expect_err("too many").1.contains("numbers at most"));
+    }
+}
