@@ -153,7 +153,8 @@ impl<'a> Lights<'a> {
     fn emission_texel(&self, sample: &EmitterSample) -> DVec3 {
         let texture = emission_texture(&self.world.materials[sample.material as usize]);
         let Some(texture) = texture.filter(|_| self.texture_use.material_textures) else { return DVec3::ONE };
-        let Some(uv) = self.world.uv(sample.object, sample.id, sample.barycentrics, texture.coordinates) else {
+        let Some(uv) = self.world.uv(sample.object, sample.id, sample.barycentrics, texture.coordinates)
+        else {
             return DVec3::ONE;
         };
         let (image, filter) =
