@@ -170,6 +170,31 @@ fn invalid_files_that_are_drawn() {
     assert_eq!(read(&model).0.objects.len(), 0);
 }
 
+/// Lists of the document whose items are no objects: an error of the file.
+#[test]
+fn items_that_are_no_objects() {
+    let lists =
+        ["accessors", "animations", "bufferViews", "materials", "meshes", "nodes", "scenes", "textures"];
+    for key in lists {
+        // serde takes a list for the fields of an object in order.
+        let mut model = Model::new(&TRIANGLE);
+        model.json[key] = json!([[]]);
+        drop(load(&model, &ImportOptions::default()));
+        for item in [json!(1), Value::Null, json!("a")] {
+            let mut model = Model::new(&TRIANGLE);
+            model.json[key] = json!([item]);
+            let e = load(&model, &ImportOptions::default()).expect_err("it is not glTF");
+            assert!(e.to_string().contains("not a usable glTF file: "), "{key} = [{item}]: {e}");
+        }
+    }
+    // The same inside of a mesh and of an animation.
+    let mut model = Model::new(&TRIANGLE);
+    model.json["meshes"] = json!([{ "primitives": [7] }]);
+    assert!(load(&model, &ImportOptions::default()).is_err());
+    model.json["animations"] = json!([{ "channels": [7], "samplers": [] }]);
+    assert!(load(&model, &ImportOptions::default()).is_err());
+}
+
 /// A PNG of 2 by 2 texels as a data URI: red, green / blue, white.
 fn texels() -> String {
     let pixels = [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255; 3]].concat();

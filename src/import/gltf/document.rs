@@ -110,13 +110,13 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
     }
     let images = root.get("images").and_then(Value::as_array).map_or(0, Vec::len);
     let mut without_image = false;
-    for texture in items(root, "textures") {
-        let extensions = &texture["extensions"];
+    for texture in items(root, "textures").filter_map(Value::as_object_mut) {
+        let extensions = texture.get("extensions").unwrap_or(&Value::Null);
         let of_extension = TEXTURE_SOURCES.iter().find_map(|name| extensions[*name]["source"].as_u64());
         if let Some(source) = of_extension {
-            texture["source"] = source.into();
-        } else if texture.get("source").is_none() {
-            texture["source"] = images.into();
+            texture.insert("source".to_owned(), source.into());
+        } else if !texture.contains_key("source") {
+            texture.insert("source".to_owned(), images.into());
             without_image = true;
         }
     }

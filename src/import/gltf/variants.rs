@@ -23,8 +23,9 @@ pub(super) fn choose(root: &mut Value, variant: usize) {
                 variants.into_iter().flatten().any(|index| index.as_u64() == Some(variant as u64))
             };
             let mapping = mappings.and_then(|mappings| mappings.iter().find(has_variant));
-            if let Some(material) = mapping.map(|mapping| mapping["material"].clone()) {
-                primitive["material"] = material;
+            let material = mapping.map(|mapping| mapping["material"].clone());
+            if let (Some(material), Some(primitive)) = (material, primitive.as_object_mut()) {
+                primitive.insert("material".to_owned(), material);
             }
         }
     }
