@@ -13,7 +13,7 @@ use crate::scene::{EnvironmentImage, EnvironmentSource};
 /// The source of an environment as typed: `sky`, a colour (`#808080` or `808080`), or a file.
 ///
 /// # Errors
-/// [`Error::Input`] for a file that cannot be used.
+/// [`Error::Input`] for a file that cannot be used, [`Error::Usage`] for a colour that is none.
 pub fn environment(typed: &str, warnings: &mut Warnings) -> Result<EnvironmentSource> {
     if typed == "sky" {
         return Ok(EnvironmentSource::Sky);
@@ -21,10 +21,18 @@ pub fn environment(typed: &str, warnings: &mut Warnings) -> Result<EnvironmentSo
     if let Some(colour) = ColourValue::of_digits(typed) {
         return Ok(EnvironmentSource::Colour(Colour::from_u8(colour.0)));
     }
-    image(&Files::default(), Path::new(typed), warnings)
+    let file = Path::new(typed);
+    if typed.starts_with('#') && !file.exists() {
+        let what = format!("`{typed}` is neither a colour nor a file");
+        return Err(Error::usage(
+            what,
+            "give a colour as #rrggbb, such as #808080, `sky`, or a .hdr or .exr file",
+        ));
+    }
+    image(&Files::default(), file, warnings)
 }
 
-/// An equirectangular image.
+/// An equirectangular image. Values of 8 and 16 bits are decoded from sRGB, with a note, because they end at white.
 ///
 /// # Errors
 /// [`Error::Input`] if it is missing, damaged, too large, or of another format.
@@ -35,6 +43,10 @@ pub(super) fn image(files: &Files, file: &Path, warnings: &mut Warnings) -> Resu
             Error::Input { place, what, .. } => Error::input(place, what, "give an image in .hdr or .exr"),
             other => other,
         })?;
+    if pipeline != ColourPipeline::Linear {
+        let what = "an environment whose lights end at white; .hdr and .exr hold brighter ones";
+        warnings.note(format!("{}: {what}", file.display()));
+    }
     let mut unusable = 0;
     for value in values.as_flattened_mut() {
         if pipeline != ColourPipeline::Linear {

@@ -1504,6 +1504,22 @@ fn environments_are_read_or_refused() {
     }
     let (missing, _) = fails("file = 'no.hdr'");
     assert!(missing.starts_with("no.hdr: "), "{missing}");
+    let e = kiln::import::environment("#12345", &mut Warnings::default()).expect_err("five digits");
+    assert!(matches!(e, Error::Usage { .. }), "{e:?}");
+    assert_eq!(e.to_string(), "`#12345` is neither a colour nor a file");
+}
+
+/// An 8-bit image is an environment, decoded from sRGB, with a note: 188 is ((188 / 255 + 0.055) / 1.055)^2.4 = 0.5029.
+#[test]
+fn environments_of_eight_bits() {
+    let folder = Folder::new();
+    let file = folder.0.path().join("a.png");
+    image::RgbImage::from_pixel(2, 1, image::Rgb([188; 3])).save(&file).expect("a file");
+    let mut warnings = Warnings::default();
+    let source = kiln::import::environment(file.to_str().expect("UTF-8"), &mut warnings).expect("an image");
+    let kiln::scene::EnvironmentSource::Image(image) = source else { panic!("{source:?}") };
+    assert!((image.pixels[0][0] - 0.5029).abs() < 1e-4, "{:?}", image.pixels);
+    assert!(warnings.notes()[0].contains("lights end at white"), "{:?}", warnings.notes());
 }
 
 #[test]
