@@ -80,6 +80,14 @@ impl<'a> Scanner<'a> {
     /// # Errors
     /// The fault, if the next word is not a number.
     pub(super) fn number(&mut self) -> Result<Option<f64>, String> {
+        self.skip_blanks();
+        let rest = &self.text[self.at..];
+        if let Ok((number, length)) = fast_float2::parse_partial(rest)
+            && rest.get(length).is_none_or(|&byte| byte <= b' ')
+        {
+            self.at += length;
+            return Ok(Some(number));
+        }
         let Some(word) = self.word() else { return Ok(None) };
         let parsed = |word: &[u8]| std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
         if let Some(number) = parsed(word) {
