@@ -87,7 +87,7 @@ impl AnimationJob {
                 format!("frame {frame} is not in the animation: its frames are 0 to {}", timeline.last());
             return Err(Error::usage(what, "give other --frames, or a longer animation"));
         }
-        let needs_headlight = job::needs_headlight(&scene, settings);
+        let light = job::added_light(&scene, settings);
         let mut resolved = job::resolve_for(scene, None, camera.clone(), size, settings)?;
         let mine = list.frames().iter().enumerate().filter(|(place, _)| request.share.has(*place));
         let mine: Vec<i32> = mine.map(|(_, &frame)| frame).collect();
@@ -100,13 +100,12 @@ impl AnimationJob {
         };
         let scene = std::mem::take(&mut resolved.scene);
         job::check_memory(&scene, &resolved.choices, resolved.numerics)?;
-        if needs_headlight {
-            warnings.note(job::HEADLIGHT);
+        if let Some(light) = light {
+            light.note(warnings);
         }
         building(warnings);
         let ResolvedJob { pipeline, structure, numerics, .. } = &resolved;
-        let animation =
-            PreparedAnimation::new(scene, &camera, needs_headlight, *pipeline, *structure, *numerics)?;
+        let animation = PreparedAnimation::new(scene, &camera, light, *pipeline, *structure, *numerics)?;
         let animation = Some(animation);
         let mut made = AnimationJob { animation, timeline, frames, skipped, effects_on: 0, resolved };
         // Errors and warnings of the first frame come before any is rendered.
@@ -142,13 +141,23 @@ impl AnimationJob {
             return Err(Error::Failed { what: "no frame is to be made".into(), hint: String::new() });
         };
         let FrameWorld { world, camera, recentering, .. } = animation.at(self.timeline.time(frame))?;
-        let ResolvedJob { camera: resolved, size, window, share, choices, metadata, display, .. } =
-            &self.resolved;
+        let ResolvedJob {
+            camera: resolved,
+            size,
+            window,
+            share,
+            choices,
+            metadata,
+            display,
+            is_transparent,
+            ..
+        } = &self.resolved;
         let camera = Camera { projection: resolved.projection, ..camera };
         let job = RenderJob::new(Arc::clone(&world), recentering, camera, *size, choices.clone())?;
         let mut metadata = metadata.clone();
         metadata.push((FRAME.to_owned(), frame.to_string()));
-        Ok(RenderJob { window: *window, share: *share, metadata, display: *display, ..job })
+        let (window, share, is_transparent) = (*window, *share, *is_transparent);
+        Ok(RenderJob { window, share, metadata, display: *display, is_transparent, ..job })
     }
 }
 

@@ -10,11 +10,12 @@ use crate::bvh::Layout;
 use crate::error::{Error, Result, Warnings};
 use crate::film::ColourPipeline;
 use crate::import;
+use crate::job::AddedLight;
 use crate::scene::animation::{Motion, Property, Target, Track};
 use crate::scene::{
     Animation, Camera, Clip, ClipChoice, ClipTime, ImportOptions, Numerics, Projection, Scene,
 };
-use crate::world::{Recentering, StandardView, World, headlight, recenter, turntable_camera};
+use crate::world::{Recentering, StandardView, World, recenter, turntable_camera};
 
 /// The default duration of a turntable in seconds, and its frames per second.
 const TURNTABLE: (f64, f64) = (10.0, 30.0);
@@ -25,8 +26,8 @@ pub struct PreparedAnimation {
     scene: Scene,
     /// The index of the camera.
     camera: usize,
-    /// Whether a headlight follows the camera.
-    headlight: bool,
+    /// The light that follows the camera.
+    light: Option<AddedLight>,
     world: World,
     /// How `world` was recentered.
     recentering: Option<Recentering>,
@@ -48,14 +49,14 @@ pub struct FrameWorld {
 
 impl PreparedAnimation {
     /// Prepares what all frames share. `camera` is one of the scene's or another, in the scene's coordinates.
-    /// `headlight` adds a light that follows the camera to a scene without lights.
+    /// `light` is added, and follows the camera.
     ///
     /// # Errors
     /// [`crate::error::Error::Input`] for a track whose target does not exist.
     pub fn new(
         mut scene: Scene,
         camera: &Camera,
-        headlight: bool,
+        light: Option<AddedLight>,
         pipeline: ColourPipeline,
         structure: Layout,
         numerics: Numerics,
@@ -77,7 +78,7 @@ impl PreparedAnimation {
         let recentering = recenter(&mut base);
         let world = World::prepare(base, pipeline, structure, numerics);
         Ok(PreparedAnimation {
-            headlight: headlight && scene.lights.is_empty(),
+            light: light.filter(|_| scene.lights.is_empty()),
             scene,
             camera,
             world,
@@ -114,9 +115,7 @@ impl PreparedAnimation {
         };
         let cameras = std::mem::take(&mut scene.cameras);
         let camera = cameras[self.camera].clone();
-        if self.headlight {
-            scene.lights.extend(headlight(&camera));
-        }
+        scene.lights.extend(self.light.and_then(|light| light.at(&camera)));
         let world = match self.structure {
             Some(structure) => self.world.prepare_another(scene, structure),
             None => self.world.under(scene.lights),
@@ -135,7 +134,8 @@ impl PreparedAnimation {
         let mut scene = import::reload(own, &options, &mut Warnings::default())?;
         let added = own.cameras.iter().skip(scene.cameras.len()).cloned();
         scene.cameras.extend(added);
-        Ok(Scene { environment: own.environment.clone(), ground: own.ground, ..scene })
+        let Scene { background, ambient, fill, ground, .. } = *own;
+        Ok(Scene { environment: own.environment.clone(), background, ambient, fill, ground, ..scene })
     }
 }
 

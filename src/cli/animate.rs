@@ -89,6 +89,7 @@ fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         let (arguments, length, list) = (&command.arguments, &command.length, command.frames.as_ref());
         return frames::write_frames(arguments, length, list, &pictures, interrupted);
     }
+    super::output::check_alpha(&command.arguments, "a film", false)?;
     let quality = match command.quality {
         QualityName::High => Quality::High,
         QualityName::Low => Quality::Low,

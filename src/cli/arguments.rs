@@ -11,8 +11,11 @@ use crate::error::{Error, Result};
 use crate::film::tone::{Exposure, ToneMap};
 use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
-use crate::job::{CameraChoice, EnvironmentSettings, RenderSettings};
-use crate::scene::{ClipChoice, ClipTime, ImportOptions, Numerics, Projection, Transport, check_clamp};
+use crate::job::{Background, CameraChoice, EnvironmentSettings, Look, RenderSettings};
+use crate::scene::file::ColourValue;
+use crate::scene::{
+    ClipChoice, ClipTime, ImportOptions, Numerics, Projection, Transport, UpAxis, check_clamp,
+};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -90,6 +93,9 @@ pub(crate) struct Arguments {
     /// Read glTF files that require extensions which kiln does not read; what depends on them is missing or wrong
     #[arg(long)]
     ignore_required_extensions: bool,
+    /// The axis that points up in the files, but scene files [default: y]
+    #[arg(long, allow_hyphen_values = true, value_name = "AXIS", value_parser = UpAxis::ALL.map(UpAxis::name))]
+    up: Option<String>,
     #[command(flatten)]
     pub sampling: SamplingArguments,
     /// Have an effect that would be off; may be given several times
@@ -114,6 +120,21 @@ pub(crate) struct Arguments {
     /// Put a grey square under the scene, at its lowest point; a camera that fits does not look at it
     #[arg(long)]
     ground: bool,
+    /// What rays that hit nothing see; `transparent` gives .png and .exr an alpha channel [default: the scene's; a light grey for files that have none]
+    #[arg(long, value_name = "COLOUR|transparent", value_parser = parse_background)]
+    background: Option<Background>,
+    /// Files without a scene file as fast as possible: one sample a pixel, a headlight, no ground
+    #[arg(long)]
+    draft: bool,
+}
+
+fn parse_background(text: &str) -> std::result::Result<Background, String> {
+    if text == "transparent" {
+        return Ok(Background::Transparent);
+    }
+    ColourValue::of_digits(text)
+        .map(|colour| Background::Colour(colour.0))
+        .ok_or_else(|| "give a colour as #rrggbb, such as #ffffff, or transparent".into())
 }
 
 fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
@@ -158,6 +179,11 @@ fn named<T: Copy>(all: &[T], name: impl Fn(T) -> &'static str, typed: Option<&st
 }
 
 impl Arguments {
+    /// Whether the background is transparent.
+    pub(crate) fn is_transparent(&self) -> bool {
+        self.background == Some(Background::Transparent)
+    }
+
     /// The clip that is asked for.
     pub(crate) fn clip(&self) -> ClipChoice {
         self.clip.clone().map_or(ClipChoice::First, ClipChoice::Named)
@@ -175,6 +201,7 @@ impl Arguments {
             pose: is_posed.then(|| ClipTime { clip: self.clip(), time: self.time.unwrap_or(0.0) }),
             variant: self.variant.clone(),
             ignore_required_extensions: self.ignore_required_extensions,
+            up: named(&UpAxis::ALL, UpAxis::name, self.up.as_deref()),
         }
     }
 
@@ -224,6 +251,8 @@ impl Arguments {
             },
             headlight: self.light.as_deref().map(|light| light == "head"),
             ground: self.ground.then_some(true),
+            background: self.background,
+            look: if self.draft { Look::Draft } else { Look::Studio },
         })
     }
 }

@@ -175,6 +175,7 @@ pub(crate) fn write_frames(
     pictures: &FrameSeries,
     interrupted: &AtomicBool,
 ) -> Result<()> {
+    output::check_alpha(arguments, ".jpg", pictures.format != Format::Jpeg)?;
     let pool = super::pool(arguments.threads)?;
     let mut reporter = FrameReporter::new(pictures.progress);
     let is_there = |frame: i32, metadata: &Metadata| {
@@ -205,8 +206,13 @@ pub(crate) fn write_frames(
     let checks = FrameChecks::default();
     let needs = |effects_on: usize| {
         let channels = pictures.selection.channel_count(effects_on) as u64;
-        let bytes = output::bytes_per_pixel(pictures.format, &pictures.selection, channels, display)
-            + write::bytes_per_pixel(pictures.format, channels);
+        let bytes = output::bytes_per_pixel(
+            pictures.format,
+            &pictures.selection,
+            channels,
+            display,
+            animation.resolved.is_transparent,
+        ) + write::bytes_per_pixel(pictures.format, channels);
         (channels, bytes)
     };
     let make = |frame: i32, job: &RenderJob, control: &RenderControl| {

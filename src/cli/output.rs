@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use super::arguments::Arguments;
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::{self, FileState};
 use crate::film::output::describe;
 use crate::film::part::{self, part_name, write_part};
 use crate::film::tone::METER_BYTES;
-use crate::film::write::{self, Format, OutputImage, encode, write_picture};
+use crate::film::write::{self, Channel, Format, OutputImage, encode, write_picture};
 use crate::film::{self, DisplaySettings, Film, Pixel, Share, Window};
 use crate::job::RenderJob;
 use crate::limits;
@@ -123,7 +124,8 @@ pub(crate) fn check_memory(
     };
     let sampling = if has_accuracy { sample_count::BYTES_PER_PIXEL } else { 0 };
     let format = target.film_format();
-    let each = bytes_per_pixel(format, selection, channels, job.display).max(sampling) + writing;
+    let each =
+        bytes_per_pixel(format, selection, channels, job.display, job.is_transparent).max(sampling) + writing;
     check_memory_of(job.window, channels, each)
 }
 
@@ -133,11 +135,14 @@ pub(crate) fn bytes_per_pixel(
     selection: &AovSelection,
     channels: u64,
     display: DisplaySettings,
+    is_transparent: bool,
 ) -> u64 {
     match format {
         Format::Exr => 4 * (3 + channels) + if channels > 0 { selection.bytes_per_pixel() } else { 0 },
         // An automatic exposure is computed from the whole picture in `f32`.
         Format::Png | Format::Jpeg if display.is_auto() => 12 + 3 + METER_BYTES,
+        // With alpha, the picture is kept in `f32` first.
+        Format::Png if is_transparent => 2 * 12 + 4 + 4,
         Format::Png | Format::Jpeg => 3,
     }
 }
@@ -164,13 +169,43 @@ pub(crate) fn render_image(
     selection: &AovSelection,
     control: &RenderControl,
 ) -> Result<(OutputImage, Statistics)> {
-    if format != Format::Exr {
+    if format != Format::Exr && !job.is_transparent {
         let (film, statistics) = job.render(control)?;
         return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
     }
     let (film, statistics) = job.render(control)?;
-    let channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
+    let alpha = if job.is_transparent { Some(job.coverage(control)?) } else { None };
+    if let (Some(alpha), true) = (&alpha, format != Format::Exr) {
+        return Ok((displayed_with_alpha(job, &film, alpha)?, statistics));
+    }
+    let mut channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
+    channels.extend(alpha.map(|values| Channel { name: "A".into(), values }));
     Ok((OutputImage::Float(film, channels), statistics))
+}
+
+/// The display values of a picture on a black background with its alpha, by which they are divided.
+fn displayed_with_alpha(job: &RenderJob, film: &Film, alpha: &[f32]) -> Result<OutputImage> {
+    let straight = |(pixel, &alpha): ([f32; 3], &f32)| {
+        if alpha > 0.0 { pixel.map(|channel| channel / alpha) } else { [0.0; 3] }
+    };
+    let pixels: Vec<[f32; 3]> = film.rows().zip(alpha).map(straight).collect();
+    let mut bytes = vec![[0; 3]; pixels.len()];
+    let display = job.display.in_pipeline(job.pipeline()).transform_of(pixels.iter().copied());
+    Pixel::develop(&pixels, job.pipeline(), display, &mut bytes);
+    let alpha = alpha.iter().map(|alpha| (alpha * 255.0).round() as u8).collect();
+    Ok(OutputImage::Rgba8(Film::from_rows(film.window(), &bytes)?, alpha, job.pipeline()))
+}
+
+/// Checks that a picture with a transparent background can be written. `target` says what it is.
+///
+/// # Errors
+/// [`Error::Usage`] for anything but whole pictures in PNG and OpenEXR.
+pub(crate) fn check_alpha(arguments: &Arguments, target: &str, has_alpha: bool) -> Result<()> {
+    if arguments.is_transparent() && !has_alpha {
+        let what = format!("{target} has no alpha channel for a transparent background");
+        return Err(Error::usage(what, "write .png or .exr, or give --background a colour"));
+    }
+    Ok(())
 }
 
 /// Renders with the number of samples that the requested accuracy or budget needs, and reports it as a note or warning.

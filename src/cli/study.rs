@@ -14,7 +14,7 @@ use super::{WarningPrinter, print};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
-use crate::job::{RenderSettings, ResolvedJob};
+use crate::job::{Look, RenderSettings, ResolvedJob};
 use crate::render::RenderControl;
 use crate::study::{
     Options, PathVariation, Pools, Setting, Study, StudySubject, error_against_time, facts, page, study,
@@ -56,7 +56,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     let with_notes = command.progress != Mode::None;
 
     let longest = (!command.full).then_some(LONGEST);
-    let settings = RenderSettings { longest_side: longest, ..arguments.settings()? };
+    let settings = RenderSettings { longest_side: longest, look: Look::Draft, ..arguments.settings()? };
     let resolved = wide.install(|| {
         let show = &mut |phase: &str, warnings: &Warnings| {
             progress.pause(|| printer.print(warnings, with_notes));

@@ -9,9 +9,9 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use super::samples::{SampleIndex, list_samples};
+use super::samples::SurfaceNumbers;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
-use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, Stage, id, random};
+use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, Stage, id};
 use crate::geometry::Ray;
 use crate::scene::PixelSampler;
 use crate::world::World;
@@ -58,21 +58,24 @@ pub const EFFECT: Effect = Effect {
     },
     bytes: |tile| {
         let factors = tile.generations.iter().map(|generation| vec_bytes(&generation.surfaces.ambient));
-        let own = tile.buffers::<Buffers>().map_or(0, |Buffers { samples, rays, occluded }| {
-            size_of::<Buffers>() + vec_bytes(samples) + vec_bytes(rays) + vec_bytes(occluded)
+        let own = tile.buffers::<Buffers>().map_or(0, |Buffers { numbers, rays, occluded }| {
+            numbers.bytes() + 2 * size_of::<Vec<Ray>>() + vec_bytes(rays) + vec_bytes(occluded)
         });
         own + factors.sum::<usize>()
     },
 };
 
-/// Nothing in a scene needs it: it is an approximation that is asked for.
+/// Constant ambient light does without, unless it is asked for.
 fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
     let name = id::AMBIENT_OCCLUSION.name();
+    if world.fill.is_some() {
+        return Ok("the fill light has no shadows of its own".into());
+    }
     let typed = choices.with.iter().any(|typed| typed.split('=').next() == Some(name));
     if !typed && !choices.scene.get(name).is_some_and(|value| value.is_on()) {
         return Err("nothing asks for it".into());
     }
-    if world.ambient == 0.0 {
+    if !world.has_ambient() {
         return Err("there is no ambient light".into());
     }
     Ok(format!("`{name}` is asked for"))
@@ -81,7 +84,7 @@ fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
 /// Temporary buffers.
 #[derive(Default)]
 struct Buffers {
-    samples: Vec<SampleIndex>,
+    numbers: SurfaceNumbers,
     /// One ray of each surface.
     rays: Vec<Ray>,
     occluded: Vec<bool>,
@@ -99,22 +102,14 @@ struct TestHemispheres {
 impl TestHemispheres {
     fn new(context: &EffectContext) -> Self {
         let radius = context.value.as_ref().and_then(|value| value.parse().ok()).unwrap_or(RADIUS);
+        // Adaptive sampling adds samples where one ray each is not enough.
+        let most = if context.spec.adaptive { 1 } else { RAYS_PER_PIXEL };
         TestHemispheres {
             radius: radius * context.world.diagonal,
-            count: RAYS_PER_PIXEL.div_ceil(context.spec.samples.max(1)),
+            count: RAYS_PER_PIXEL.div_ceil(context.spec.samples.max(1)).min(most),
             sampler: context.sampling.sampler.unwrap_or_default(),
             seed: context.sampling.seed.unwrap_or(0),
         }
-    }
-
-    /// Uniform numbers of ray `k` of a surface.
-    fn numbers(&self, samples: &[SampleIndex], generation: &RayGeneration, ray: usize, k: u32) -> [f64; 2] {
-        let (pixel, sample) = match samples.get(ray) {
-            Some(&SampleIndex { x, y, sample }) => ([x, y], sample),
-            None => (random::bits_of_ray(&generation.rays[ray], self.seed), 0),
-        };
-        let index = sample.wrapping_mul(self.count).wrapping_add(k);
-        random::pair_of(self.sampler, pixel, self.seed, index, DIMENSION).map(f64::from)
     }
 }
 
@@ -125,11 +120,8 @@ impl Stage for TestHemispheres {
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         tile.with_buffers(|own: &mut Buffers, tile| {
-            let Buffers { samples, rays, occluded } = own;
-            samples.clear();
-            if tile.depth == 0 {
-                list_samples(tile, samples);
-            }
+            let Buffers { numbers, rays, occluded } = own;
+            numbers.start(tile);
             let Tile { generations, depth, traversal, .. } = tile;
             let generation = &mut generations[*depth];
             let mut factors = std::mem::take(&mut generation.surfaces.ambient);
@@ -142,8 +134,9 @@ impl Stage for TestHemispheres {
                 rays.clear();
                 rays.extend((0..surfaces.len()).map(|i| {
                     let ray = surfaces.ray_of()[i] as usize;
-                    let numbers = self.numbers(samples, generation, ray, k);
-                    let direction = above(surfaces.geometric_normal.get(i), numbers);
+                    let sequence = (self.sampler, self.seed, DIMENSION);
+                    let pair = numbers.pair(sequence, (&generation.rays, ray), (k, self.count));
+                    let direction = above(surfaces.geometric_normal.get(i), pair);
                     precision.ray(origins.get(i), direction, 0.0, self.radius)
                 }));
                 occluded.clear();
@@ -163,7 +156,9 @@ impl Stage for TestHemispheres {
 
 /// A direction above a surface with a density proportional to the cosine (Malley's method; pbrt, 4th edition, section A.5.3).
 fn above(normal: DVec3, [x, y]: [f64; 2]) -> DVec3 {
-    let (sin, cos) = (TAU * x).sin_cos();
+    // The numbers are of f32, and so is the direction about the normal.
+    let (sin, cos) = ((TAU * x) as f32).sin_cos();
+    let (sin, cos) = (f64::from(sin), f64::from(cos));
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let radius = y.sqrt();
     (tangent * (radius * cos) + bitangent * (radius * sin) + normal * (1.0 - y).sqrt()).normalize()

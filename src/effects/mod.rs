@@ -58,6 +58,7 @@ registry! {
     "alpha" => alpha ALPHA,
     "path" => path PATH,
     "shadows" => shadows SHADOWS,
+    "soft-shadows" => soft_shadows SOFT_SHADOWS,
     "terminator" => terminator TERMINATOR,
     "ambient-occlusion" => ambient_occlusion AMBIENT_OCCLUSION,
     "glaze" => glaze GLAZE,
@@ -207,6 +208,8 @@ pub struct PlanSpec {
     pub smooth: bool,
     /// Whether shadow rays are cast.
     pub shadow_rays: bool,
+    /// Whether shadow rays go to sampled points of lights with an apparent diameter, not to their centres.
+    pub soft_shadows: bool,
     /// On how many ray generations, from the first, rays leave the surfaces.
     pub generations_with_origins: u32,
     /// The secondary rays; `None` for a plan with primary rays only.

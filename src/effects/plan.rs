@@ -130,6 +130,7 @@ impl Plan {
             texture_use: TextureUse::default(),
             smooth: false,
             shadow_rays: false,
+            soft_shadows: false,
             generations_with_origins: 0,
             secondary: None,
             own_camera_rays: false,

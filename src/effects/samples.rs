@@ -9,11 +9,12 @@ use glam::DVec3;
 
 use super::EffectContext;
 use super::convergence::Criterion;
-use super::random::{Point, Purpose, Scramble, independent_pair};
+use super::random::{self, Point, Purpose, Scramble, independent_pair};
 use super::region::SampledRegion;
 use super::tile::{Tile, vec_bytes};
 use super::variance::SampleVariance;
 use crate::film::{ColourPipeline, Filter, Window};
+use crate::geometry::Ray;
 use crate::scene::PixelSampler;
 use crate::world::{RAYS_PER_BATCH, simd_dispatch};
 
@@ -81,6 +82,43 @@ pub(crate) fn list_samples(tile: &Tile, into: &mut Vec<SampleIndex>) {
             SampleIndex { x: window.x + i % window.width, y: window.y + i / window.width, sample: 0 }
         })),
         (None, None) => {}
+    }
+}
+
+/// The random numbers of rays from the surfaces of a generation.
+#[derive(Default)]
+pub(crate) struct SurfaceNumbers {
+    /// The samples of the camera rays; empty for other generations.
+    samples: Vec<SampleIndex>,
+}
+
+impl SurfaceNumbers {
+    /// Lists the samples of a tile's generation.
+    pub(crate) fn start(&mut self, tile: &Tile) {
+        self.samples.clear();
+        if tile.depth == 0 {
+            list_samples(tile, &mut self.samples);
+        }
+    }
+
+    /// Uniform numbers of ray `k` of `count` from a surface, which the ray `index` of `rays` has hit.
+    pub(crate) fn pair(
+        &self,
+        (sampler, seed, dimension): (PixelSampler, u32, u32),
+        (rays, index): (&[Ray], usize),
+        (k, count): (u32, u32),
+    ) -> [f64; 2] {
+        let (pixel, sample) = match self.samples.get(index) {
+            Some(&SampleIndex { x, y, sample }) => ([x, y], sample),
+            None => (random::bits_of_ray(&rays[index], seed), 0),
+        };
+        let number = sample.wrapping_mul(count).wrapping_add(k);
+        random::pair_of(sampler, pixel, seed, number, dimension).map(f64::from)
+    }
+
+    /// Bytes of memory held.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of::<Self>() + vec_bytes(&self.samples)
     }
 }
 

@@ -5,9 +5,10 @@
 
 use glam::DVec3;
 
+use super::soft_shadows::DiscPoints;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::transparency::transmittance;
-use super::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
+use super::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named};
 use crate::geometry::{Numerics, Ray};
 use crate::shading::{LightSample, LightSoa};
 use crate::world::{InteractionSoa, RaySoa, Vec3Soa, World, simd_dispatch};
@@ -40,7 +41,8 @@ pub const EFFECT: Effect = Effect {
     },
     stages: |context: &EffectContext, hook| match hook {
         Hook::AfterLighting(_) => {
-            vec![Box::new(Shadows { continued: context.spec.continued.map(|kinds| kinds.shadow_rays) })]
+            let PlanSpec { continued, soft_shadows, .. } = context.spec;
+            vec![Box::new(Shadows { continued: continued.map(|kinds| kinds.shadow_rays), soft_shadows })]
         }
         _ => Vec::new(),
     },
@@ -72,6 +74,8 @@ struct Buffers {
 struct Shadows {
     /// The kind that shadow rays behind surfaces are counted as; `None` where all surfaces are opaque.
     continued: Option<RayKind>,
+    /// Whether shadow rays go to the sampled points of lights with an apparent diameter.
+    soft_shadows: bool,
 }
 
 impl Stage for Shadows {
@@ -80,11 +84,24 @@ impl Stage for Shadows {
     }
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
-        tile.with_buffers(|own: &mut Buffers, tile| test_occlusion(own, tile, context, self.continued));
+        tile.with_buffers(|own: &mut Buffers, tile| {
+            if !self.soft_shadows {
+                return test_occlusion(own, tile, context, self.continued, None);
+            }
+            tile.with_buffers(|points: &mut DiscPoints, tile| {
+                test_occlusion(own, tile, context, self.continued, Some(points));
+            });
+        });
     }
 }
 
-fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext, continued: Option<RayKind>) {
+fn test_occlusion(
+    own: &mut Buffers,
+    tile: &mut Tile,
+    context: &RenderContext,
+    continued: Option<RayKind>,
+    points: Option<&DiscPoints>,
+) {
     let Tile { generations, depth, lights, traversal, recorder, .. } = tile;
     let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*depth];
     let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
@@ -96,6 +113,12 @@ fn test_occlusion(own: &mut Buffers, tile: &mut Tile, context: &RenderContext, c
             continue;
         }
         shadow_rays(light, surfaces, origins, context.world.numerics(), soa);
+        if let Some(directions) = points.and_then(|points| points.of_light(index)) {
+            let precision = context.world.numerics().ray_precision();
+            for (i, direction) in directions.iter().enumerate() {
+                soa.set(i, &precision.ray(origins.get(i), *direction, 0.0, f64::INFINITY));
+            }
+        }
         if tested.len() == surfaces.len() {
             soa.to_rays(surfaces.len(), rays);
         } else {

@@ -54,6 +54,8 @@ pub type Metadata = [(String, String)];
 pub enum OutputImage {
     /// 8-bit display values for PNG or JPEG, and the pipeline that they come from.
     Rgb8(Film<[u8; 3]>, ColourPipeline),
+    /// The same with alpha, row by row from the top, for PNG. Colours are not multiplied by it.
+    Rgba8(Film<[u8; 3]>, Vec<u8>, ColourPipeline),
     /// Floating-point values for OpenEXR, and further channels.
     Float(Film, Vec<Channel>),
 }
@@ -86,7 +88,8 @@ pub fn encode(
 ) -> std::io::Result<()> {
     match picture {
         OutputImage::Rgb8(film, _) if format == Format::Jpeg => write_jpeg(film, out),
-        OutputImage::Rgb8(film, pipeline) => write_png(film, *pipeline, metadata, out),
+        OutputImage::Rgb8(film, pipeline) => write_png(film, None, *pipeline, metadata, out),
+        OutputImage::Rgba8(film, alpha, pipeline) => write_png(film, Some(alpha), *pipeline, metadata, out),
         OutputImage::Float(film, more) => write_exr(film, more, metadata, out),
     }
 }
@@ -105,13 +108,14 @@ pub fn bytes_per_pixel(format: Format, channels: u64) -> u64 {
 
 fn write_png(
     film: &Film<[u8; 3]>,
+    alpha: Option<&Vec<u8>>,
     pipeline: ColourPipeline,
     metadata: &Metadata,
     out: impl Write,
 ) -> std::io::Result<()> {
     let window = film.window();
     let mut encoder = png::Encoder::new(out, window.width, window.height);
-    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_color(if alpha.is_some() { png::ColorType::Rgba } else { png::ColorType::Rgb });
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fast);
     if pipeline == ColourPipeline::Linear {
@@ -123,10 +127,17 @@ fn write_png(
     let mut writer = encoder.write_header()?;
     // Encoding row by row avoids a copy of the picture.
     let mut rows = writer.stream_writer()?;
-    let mut row = Vec::with_capacity(window.width as usize * 3);
+    let mut row = Vec::with_capacity(window.width as usize * 4);
     for y in 0..window.height {
         row.clear();
-        film.row(y).for_each(|part| row.extend_from_slice(part.as_flattened()));
+        match alpha.map(|alpha| alpha.chunks(window.width as usize)) {
+            None => film.row(y).for_each(|part| row.extend_from_slice(part.as_flattened())),
+            Some(mut alpha) => {
+                let alpha = alpha.nth(y as usize).unwrap_or_default();
+                let pixels = film.row(y).flatten().zip(alpha);
+                pixels.for_each(|([r, g, b], alpha)| row.extend([*r, *g, *b, *alpha]));
+            }
+        }
         rows.write_all(&row)?;
     }
     rows.finish()?;

@@ -29,6 +29,7 @@ mod scene_file;
 mod sharing;
 mod stl;
 mod tangents;
+mod up;
 mod uri;
 
 pub use environment::environment;
@@ -279,7 +280,14 @@ fn load_by(
 ) -> Result<Scene> {
     let mut scene = Scene { inputs: inputs.to_vec(), import_options: options.clone(), ..Scene::default() };
     for (index, file) in inputs.iter().enumerate() {
-        let mut one = read_one(&Source::open(file, files, options)?, warnings)?;
+        let source = Source::open(file, files, options)?;
+        let mut one = read_one(&source, warnings)?;
+        drop(source);
+        match options.up {
+            Some(up) if !one.has_settings => one.turn(up),
+            Some(_) => {}
+            None => note_up(&one, file, warnings),
+        }
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);
         warn_of_unused_textures(&one, file, warnings);
@@ -340,6 +348,18 @@ fn warn_of_unused_textures(scene: &Scene, file: &Path, warnings: &mut Warnings) 
                 material.name()
             ));
         }
+    }
+}
+
+/// Says which way may be up in a file, where that does not seem to be y. glTF says that it is.
+fn note_up(scene: &Scene, file: &Path, warnings: &mut Warnings) {
+    if scene.has_settings || !scene.cameras.is_empty() || ["gltf", "glb"].contains(&ending(file).as_str()) {
+        return;
+    }
+    if let Some(up) = up::guess(scene) {
+        let name = up.name();
+        warnings
+            .note(format!("{}: seems to stand upright with {name} up; --up {name} turns it", file.display()));
     }
 }
 

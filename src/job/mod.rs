@@ -22,16 +22,19 @@
 //! ```
 
 pub mod camera;
+mod coverage;
 mod memory;
 pub mod metadata;
+mod outside;
 mod settings;
+mod studio;
 
 pub use crate::effects::Choices;
 pub use crate::render::{RenderControl, Statistics};
 pub use crate::shading::ShadingMode;
 pub use memory::check_memory;
 pub use metadata::Metadata;
-pub use settings::{CameraChoice, EnvironmentSettings, RenderSettings, check_display};
+pub use settings::{Background, CameraChoice, EnvironmentSettings, Look, RenderSettings, check_display};
 
 use std::sync::Arc;
 
@@ -45,8 +48,11 @@ use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Share, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
-use crate::scene::{Camera, Material, MetallicRoughness, Numerics, Sampling, Scene, Transport};
-use crate::world::{PreparedMaterial, Recentering, View, World, has_radiance, headlight, recenter};
+use crate::scene::{Camera, Light, Material, MetallicRoughness, Numerics, Sampling, Scene, Transport};
+use crate::world::{
+    PreparedMaterial, Recentering, StandardView, View, World, has_radiance, headlight, key_light, opening,
+    recenter,
+};
 use camera::Viewpoint;
 
 /// A picture that is ready to be rendered.
@@ -71,6 +77,8 @@ pub struct RenderJob {
     pub metadata: Metadata,
     /// Exposure and tone map of pictures of display values.
     pub display: DisplaySettings,
+    /// Whether the picture has an alpha channel ([`RenderJob::coverage`]).
+    pub is_transparent: bool,
 }
 
 impl RenderJob {
@@ -89,7 +97,19 @@ impl RenderJob {
         let plan = Plan::new(&world, &choices)?;
         let window = Window { x: 0, y: 0, width: size[0], height: size[1] };
         let (share, metadata, display) = (Share::ALL, Metadata::new(), DisplaySettings::default());
-        Ok(RenderJob { world, recentering, camera, view, window, share, choices, plan, metadata, display })
+        Ok(RenderJob {
+            world,
+            recentering,
+            camera,
+            view,
+            window,
+            share,
+            choices,
+            plan,
+            metadata,
+            display,
+            is_transparent: false,
+        })
     }
 
     /// The same picture with other choices; the world is shared.
@@ -110,6 +130,7 @@ impl RenderJob {
             plan,
             metadata: metadata.clone(),
             display: self.display,
+            is_transparent: self.is_transparent,
         })
     }
 
@@ -120,7 +141,7 @@ impl RenderJob {
     pub fn with_size(&self, size: [u32; 2]) -> Result<Self> {
         let RenderJob { world, recentering, camera, choices, .. } = self;
         let job = RenderJob::new(Arc::clone(world), *recentering, camera.clone(), size, choices.clone())?;
-        Ok(RenderJob { display: self.display, ..job })
+        Ok(RenderJob { display: self.display, is_transparent: self.is_transparent, ..job })
     }
 
     /// Replaces the sampling settings and updates the plan.
@@ -215,6 +236,8 @@ pub struct ResolvedJob {
     pub headlight: bool,
     /// Whether lights are in physical units.
     pub has_physical_lights: bool,
+    /// Whether the picture has an alpha channel.
+    pub is_transparent: bool,
 }
 
 /// Prepares a scene for rendering.
@@ -237,11 +260,22 @@ pub fn resolve(mut scene: Scene, settings: &RenderSettings, warnings: &mut Warni
     let recentering = recenter(&mut scene);
     warn_of_recentering(recentering.as_ref(), warnings);
     let viewpoint = Viewpoint::of(&settings.camera, &scene, recentering.as_ref())?;
+    if matches!(viewpoint, Viewpoint::Fitted(StandardView::Auto)) && opening(&scene).is_some() {
+        warnings.note("the surface is open to one side; the view is from there");
+    }
     let size = viewpoint.size(settings, &scene);
     let camera = viewpoint.camera(settings, &scene, size)?;
-    if needs_headlight(&scene, settings) {
-        scene.lights.extend(headlight(&camera));
-        warnings.note(HEADLIGHT);
+    if scene.ground.is_some_and(|ground| scene.has_key_light && camera.position.y <= ground.centre.y) {
+        scene.ground = None;
+    }
+    // Files place their objects for their cameras; a scene file is written by hand.
+    if scene.has_settings {
+        let projection = settings.projection.unwrap_or(camera.projection);
+        outside::warn(&scene, &View::new(&camera, projection, size)?, recentering.as_ref(), warnings);
+    }
+    if let Some(light) = added_light(&scene, settings) {
+        scene.lights.extend(light.at(&camera));
+        light.note(warnings);
     }
     resolve_for(scene, recentering, camera, size, settings)
 }
@@ -256,12 +290,46 @@ fn warn_of_dark_lights(scene: &Scene, warnings: &mut Warnings) {
     }
 }
 
-/// Whether a headlight is added: the scene has no lights, and settings or scene ask for one, or no other light exists.
-pub(crate) fn needs_headlight(scene: &Scene, settings: &RenderSettings) -> bool {
+/// Whether a scene gets a headlight: it has no lights, and settings or scene ask for one, or no other light exists.
+fn needs_headlight(scene: &Scene, settings: &RenderSettings) -> bool {
     let asked_for = settings.headlight.or(scene.headlight);
     settings.shading.uses_lights()
         && scene.lights.is_empty()
         && asked_for.unwrap_or_else(|| !is_lit(scene, settings.transport))
+}
+
+/// The light that is added to a scene, and follows the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AddedLight {
+    /// That of a scene without lights.
+    Headlight,
+    /// That of the default look.
+    Key,
+}
+
+impl AddedLight {
+    /// The light for a camera.
+    pub(crate) fn at(self, camera: &Camera) -> Option<Light> {
+        match self {
+            AddedLight::Headlight => headlight(camera),
+            AddedLight::Key => Some(key_light(camera)),
+        }
+    }
+
+    /// Reports a headlight; the default look is reported where it is decided.
+    pub(crate) fn note(self, warnings: &mut Warnings) {
+        if self == AddedLight::Headlight {
+            warnings.note(HEADLIGHT);
+        }
+    }
+}
+
+/// The light that a scene gets, if any.
+pub(crate) fn added_light(scene: &Scene, settings: &RenderSettings) -> Option<AddedLight> {
+    match scene.has_key_light {
+        true => Some(AddedLight::Key),
+        false => needs_headlight(scene, settings).then_some(AddedLight::Headlight),
+    }
 }
 
 /// Whether a scene has light: lights, or in path tracing an environment or surfaces that emit. `transport` is that of the
@@ -323,7 +391,11 @@ pub fn resolve_for(
         display,
         headlight,
     };
-    let metadata = metadata::metadata(&scene, &origin);
+    let mut metadata = metadata::metadata(&scene, &origin);
+    let is_transparent = settings.background == Some(Background::Transparent);
+    if is_transparent {
+        metadata::add_to_fingerprint(&mut metadata, "transparent", &true);
+    }
     choices.scene = std::mem::take(&mut scene.effects);
     let has_physical_lights = scene.has_physical_lights;
     let (share, structure) = (settings.share, Layout::Wide(settings.preset));
@@ -342,6 +414,7 @@ pub fn resolve_for(
         display,
         headlight,
         has_physical_lights,
+        is_transparent,
     })
 }
 
@@ -352,12 +425,22 @@ impl ResolvedJob {
     /// As [`check_memory`] and [`RenderJob::new`].
     pub fn build(self, warnings: &mut Warnings) -> Result<RenderJob> {
         let ResolvedJob {
-            scene, recentering, camera, size, window, share, choices, metadata, display, ..
+            scene,
+            recentering,
+            camera,
+            size,
+            window,
+            share,
+            choices,
+            metadata,
+            display,
+            is_transparent,
+            ..
         } = self;
         check_memory(&scene, &choices, self.numerics)?;
         let world = World::prepare(scene, self.pipeline, self.structure, self.numerics);
         let job = RenderJob::new(Arc::new(world), recentering, camera, size, choices)?;
-        let job = RenderJob { window, share, metadata, display, ..job };
+        let job = RenderJob { window, share, metadata, display, is_transparent, ..job };
         warn_of_job(&job, warnings);
         Ok(job)
     }

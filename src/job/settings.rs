@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
 use crate::error::{Error, Result, Warnings};
-use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
+use crate::film::{Colour, ColourPipeline, DisplaySettings, Share, Window};
 use crate::import;
 use crate::scene::{Camera, Environment, Ground, Numerics, Projection, Sampling, Scene, Transport};
 use crate::shading::ShadingMode;
@@ -56,17 +56,58 @@ pub struct RenderSettings {
     pub headlight: Option<bool>,
     /// Whether a ground is put under the scene; false if neither settings nor scene say.
     pub ground: Option<bool>,
+    /// The background, instead of the scene's.
+    pub background: Option<Background>,
+    /// What scenes without a scene file get that their files do not have.
+    pub look: Look,
+}
+
+/// What rays that hit nothing see.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Background {
+    /// A colour of 8-bit sRGB values.
+    Colour([u8; 3]),
+    /// Black, with an alpha channel in the picture.
+    Transparent,
+}
+
+impl Background {
+    /// The colour.
+    pub fn colour(self) -> Colour {
+        match self {
+            Background::Colour(colour) => Colour::from_u8(colour),
+            Background::Transparent => Colour::from_u8([0; 3]),
+        }
+    }
+}
+
+/// What scenes without a scene file get that their files do not have. Scene files say themselves how they look.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Look {
+    /// A headlight and ambient light, on a dark background, with one sample a pixel.
+    #[default]
+    Draft,
+    /// Antialiasing; where files have no light, a key light and fill light; where they have no camera, too, a ground and
+    /// a light background. No light, ground or background where the settings choose one of environment, headlight, ground and
+    /// background.
+    Studio,
 }
 
 impl RenderSettings {
-    /// Gives a scene, in its own coordinates and before anything moves, the environment and the ground that are asked
-    /// for.
+    /// Gives a scene, in its own coordinates and before anything moves, the environment, background and ground that are
+    /// asked for, and the look.
     ///
     /// # Errors
     /// Those of [`EnvironmentSettings::apply`], and [`Error::Input`] for a ground under a scene without objects.
     pub fn complete(&self, scene: &mut Scene, warnings: &mut Warnings) -> Result<()> {
         super::warn_of_dark_lights(scene, warnings);
         self.environment.apply(scene, warnings)?;
+        scene.background = self.background.map(Background::colour).or(scene.background);
+        if self.look == Look::Studio {
+            super::studio::complete(scene, self, warnings);
+        }
         if !self.ground.or(scene.has_ground).unwrap_or(false) {
             return Ok(());
         }

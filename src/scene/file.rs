@@ -11,7 +11,7 @@ use toml::Spanned;
 use super::animation::file::AnimationSection;
 pub use super::colour_value::ColourValue;
 pub use super::effects::{EffectValue, EffectsSection};
-use super::{Numerics, PixelSampler, Projection, Transport};
+use super::{Numerics, PixelSampler, Projection, Transport, UpAxis};
 use crate::error::{Error, Place, Result};
 use crate::film::tone::{Exposure, ExposureValue, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
@@ -341,6 +341,13 @@ pub struct MeshSection {
     pub name: Option<String>,
     /// Mesh file, relative to the scene file unless absolute, in any mesh format that `kiln render --help` lists.
     pub file: String,
+    /// The axis of the file that points up; y if not given.
+    pub up: Option<UpAxis>,
+    /// The point that the mesh stands on, after everything else: that in the middle of its bounds at their lower side. Instead
+    /// of `translate`.
+    pub at: Option<[f64; 3]>,
+    /// Size to which the longest side of its bounds is scaled, after `scale` and `rotate`. The mesh stands on the origin, or on `at`.
+    pub fit: Option<f64>,
     /// Translation.
     pub translate: Option<[f64; 3]>,
     /// Rotation about the x, then the y, then the z axis, in degrees.

@@ -54,6 +54,7 @@ impl Fingerprint {
             clamp: _,
             sampling,
             ambient,
+            fill,
             environment,
             cameras,
             lights,
@@ -70,7 +71,10 @@ impl Fingerprint {
             import_options: _,
             // In the fingerprint of a picture as far as they change it (`job::metadata`).
             display: _,
+            has_settings: _,
             headlight: _,
+            // A light of the picture.
+            has_key_light: _,
             has_ground: _,
             ground,
             has_physical_lights: _,
@@ -97,6 +101,9 @@ impl Fingerprint {
                 Shape::Mesh(mesh) => self.mesh(mesh),
                 Shape::Placed(placed) => self.placed(placed, &mut shared),
             }
+        }
+        if let Some(fill) = fill {
+            self.value("fill", fill);
         }
         if let Some(ground) = ground {
             self.value("ground", ground);

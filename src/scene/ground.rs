@@ -13,6 +13,9 @@ const REACH: f64 = 20.0;
 /// steps of 2^-19.
 const GAP: f64 = 1.0 / 65_536.0;
 
+/// The albedo of a ground that is asked for.
+const ALBEDO: f64 = 0.5;
+
 /// A horizontal grey square under a scene: not one of its objects, so that cameras are not fitted to it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ground {
@@ -20,6 +23,8 @@ pub struct Ground {
     pub centre: DVec3,
     /// Half its side.
     pub half_side: f64,
+    /// Its albedo, of all channels.
+    pub albedo: f64,
 }
 
 impl Ground {
@@ -27,7 +32,7 @@ impl Ground {
     pub fn under((min, max): (DVec3, DVec3)) -> Option<Self> {
         let (middle, radius) = (min / 2.0 + max / 2.0, (max / 2.0 - min / 2.0).length());
         let centre = DVec3::new(middle.x, min.y - GAP * radius, middle.z);
-        let ground = Ground { centre, half_side: REACH * radius };
+        let ground = Ground { centre, half_side: REACH * radius, albedo: ALBEDO };
         (radius > 0.0 && ground.half_side.is_finite()).then_some(ground)
     }
 
@@ -39,9 +44,9 @@ impl Ground {
         Object { name: "ground".into(), input: 0, material, shape: Shape::Mesh(mesh) }
     }
 
-    /// Its material: diffuse, of the albedo 0.5.
-    pub(crate) fn material() -> Material {
-        let colour = Colour::Linear(DVec3::splat(0.5));
+    /// Its material, which is diffuse.
+    pub(crate) fn material(&self) -> Material {
+        let colour = Colour::Linear(DVec3::splat(self.albedo));
         Material::Phong(Phong { name: "ground".into(), colour, ..Phong::default() })
     }
 }

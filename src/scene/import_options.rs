@@ -1,6 +1,6 @@
 //! What is asked of the files of a scene when they are read.
 
-use super::ClipTime;
+use super::{ClipTime, UpAxis};
 
 /// Choices that importers take.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -11,4 +11,6 @@ pub struct ImportOptions {
     pub variant: Option<String>,
     /// Whether glTF files are read although they require extensions that kiln does not read.
     pub ignore_required_extensions: bool,
+    /// The axis that points up in files that are no scene files; +y if `None`.
+    pub up: Option<UpAxis>,
 }

@@ -31,6 +31,7 @@ mod colour_value;
 mod effects;
 mod environment;
 pub mod file;
+mod fill;
 mod fingerprint;
 mod ground;
 mod import_options;
@@ -41,6 +42,7 @@ mod sampling;
 pub mod support;
 pub mod topology;
 mod transport;
+mod up;
 
 pub use crate::geometry::{
     AnalyticShape, Attribute, Mesh, Numerics, Placed, Placement, Sphere, Step, moved_tangent, normal_matrix,
@@ -50,6 +52,7 @@ pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
 pub use clip::{Clip, ClipChoice, ClipTime};
 pub use environment::{Environment, EnvironmentImage, EnvironmentSource};
+pub use fill::Fill;
 pub use fingerprint::Fingerprint;
 pub use ground::Ground;
 pub use import_options::ImportOptions;
@@ -61,6 +64,7 @@ pub use material::{
 pub use sampler::{Filter, Interpolation, Minify, Sampler, TextureFilter, Wrap};
 pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
 pub use transport::{Transport, check_clamp};
+pub use up::UpAxis;
 
 use support::AffineFunction;
 
@@ -95,6 +99,8 @@ pub struct Scene {
     pub sampling: Sampling,
     /// Intensity of the ambient light, per unit of a material's ambient coefficient.
     pub ambient: Option<f64>,
+    /// Further ambient light.
+    pub fill: Option<Fill>,
     /// Light from infinitely far away.
     pub environment: Option<Environment>,
     /// Named cameras; the first is the default.
@@ -123,8 +129,12 @@ pub struct Scene {
     pub import_options: ImportOptions,
     /// Exposure and tone map of 8-bit pictures.
     pub display: DisplaySettings,
+    /// Whether a scene file is among the inputs. Such scenes are rendered as they say.
+    pub has_settings: bool,
     /// Whether a scene without lights gets a headlight.
     pub headlight: Option<bool>,
+    /// Whether the scene gets the key light of the default look, which follows the camera.
+    pub has_key_light: bool,
     /// Whether a ground is put under the scene.
     pub has_ground: Option<bool>,
     /// That ground, as it is under the objects before anything moves.
@@ -270,6 +280,7 @@ impl Scene {
             clamp,
             sampling,
             ambient,
+            fill,
             environment,
             cameras,
             lights,
@@ -285,7 +296,9 @@ impl Scene {
             // Of the whole scene.
             import_options: _,
             display,
+            has_settings,
             headlight,
+            has_key_light,
             has_ground,
             ground,
             has_physical_lights,
@@ -299,6 +312,7 @@ impl Scene {
         self.clamp = self.clamp.or(clamp);
         self.sampling = self.sampling.or(sampling);
         self.ambient = self.ambient.or(ambient);
+        self.fill = self.fill.or(fill);
         self.environment = self.environment.take().or(environment);
         self.cameras.extend(cameras);
         self.lights.extend(lights);
@@ -308,7 +322,9 @@ impl Scene {
         self.variants.extend(variants);
         self.metadata.extend(metadata);
         self.display = self.display.or(display);
+        self.has_settings |= has_settings;
         self.headlight = self.headlight.or(headlight);
+        self.has_key_light |= has_key_light;
         self.has_ground = self.has_ground.or(has_ground);
         self.ground = self.ground.or(ground);
         self.has_physical_lights |= has_physical_lights;
@@ -337,28 +353,22 @@ impl Scene {
 
     /// Bounding box of all objects, or `None` for an empty scene.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        let value = |axis: usize, sign: f64| move |p: DVec3| sign * p[axis];
-        let of_sphere =
-            |axis: usize, sign: f64| move |centre: DVec3, radius: f64| sign * (centre[axis] + sign * radius);
-        let sides = [0, 1, 2].map(|axis| [1.0, -1.0].map(|sign| (axis, sign)));
-        let functions = sides.as_flattened().iter().map(|&(axis, sign)| {
-            let weight = DVec3::AXES[axis];
-            (value(axis, sign), of_sphere(axis, sign), weight * sign, weight)
-        });
-        let functions: Vec<_> = functions.collect();
-        let functions: Vec<AffineFunction> = functions
-            .iter()
-            .map(|(value, of_sphere, gradient, weight)| AffineFunction {
-                value,
-                of_sphere,
-                gradient: *gradient,
-                weight: *weight,
-                offset: DVec3::ZERO,
-            })
-            .collect();
-        let far = support::maxima(&self.objects, &functions);
-        let [max, min] = [0, 1].map(|k| DVec3::new(far[k], far[2 + k], far[4 + k]));
-        (max.x > f64::NEG_INFINITY).then_some((-min, max))
+        bounds(&self.objects)
+    }
+
+    /// Calls `each` with the corners of every triangle, in the order of the description.
+    pub(crate) fn for_each_triangle(&self, mut each: impl FnMut([DVec3; 3])) {
+        for object in &self.objects {
+            match &object.shape {
+                Shape::Mesh(mesh) => {
+                    mesh.triangles.iter().for_each(|t| each(t.map(|i| mesh.positions[i as usize])));
+                }
+                Shape::Placed(placed) => {
+                    (0..placed.triangle_count() as u32).for_each(|t| each(placed.corners_of(t)));
+                }
+                Shape::Analytic(_) => {}
+            }
+        }
     }
 
     /// Replaces every placed mesh for which `is_baked` holds by a mesh with its own transformed triangles.
@@ -371,6 +381,32 @@ impl Scene {
             }
         }
     }
+}
+
+/// Bounding box of objects, or `None` where there is none.
+pub(crate) fn bounds(objects: &[Object]) -> Option<(DVec3, DVec3)> {
+    let value = |axis: usize, sign: f64| move |p: DVec3| sign * p[axis];
+    let of_sphere =
+        |axis: usize, sign: f64| move |centre: DVec3, radius: f64| sign * (centre[axis] + sign * radius);
+    let sides = [0, 1, 2].map(|axis| [1.0, -1.0].map(|sign| (axis, sign)));
+    let functions = sides.as_flattened().iter().map(|&(axis, sign)| {
+        let weight = DVec3::AXES[axis];
+        (value(axis, sign), of_sphere(axis, sign), weight * sign, weight)
+    });
+    let functions: Vec<_> = functions.collect();
+    let functions: Vec<AffineFunction> = functions
+        .iter()
+        .map(|(value, of_sphere, gradient, weight)| AffineFunction {
+            value,
+            of_sphere,
+            gradient: *gradient,
+            weight: *weight,
+            offset: DVec3::ZERO,
+        })
+        .collect();
+    let far = support::maxima(objects, &functions);
+    let [max, min] = [0, 1].map(|k| DVec3::new(far[k], far[2 + k], far[4 + k]));
+    (max.x > f64::NEG_INFINITY).then_some((-min, max))
 }
 
 impl Shape {

@@ -4,15 +4,15 @@
 //! A light of intensity 1 shows a diffuse surface that faces it in its base colour, so every term is pi times the BSDF
 //! of the specification. Ambient light is constant over the sphere; its reflection is approximated by the diffuse
 //! colour plus the reflectance at normal incidence, and times the occlusion texture, which attenuates no other light
-//! (glTF 2.0, section 3.9.3).
+//! (glTF 2.0, section 3.9.3). Fill light is reflected by the albedo of the lobe.
 
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::bsdf::reflectances;
+use super::bsdf::{Ggx, GgxAlbedo, reflectances};
 use super::{LightSample, ShadingMode};
-use crate::scene::MetallicRoughness;
+use crate::scene::{Fill, MetallicRoughness};
 use crate::world::{SurfaceInteraction, World};
 
 /// The lower limit of the roughness, since a perfect mirror reflects point lights in no pixel. It gives a highlight of about one
@@ -41,7 +41,12 @@ pub(crate) fn shade(
     let [f0, f90] = [f0.lerp(base, metallic), f90.lerp(DVec3::ONE, metallic)];
     let emission = material.emission * surface.texels.emission;
     let unoccluded = 1.0 + material.occlusion_strength * (surface.further_texels.occlusion - 1.0);
-    let mut sum = emission + world.ambient * surface.ambient * unoccluded * (diffuse + f0);
+    let mut ambient = world.ambient * (diffuse + f0);
+    if let Some(fill) = &world.fill {
+        ambient += diffuse * fill.diffuse(surface.shading_normal);
+        ambient += reflected_fill(fill, surface, [f0, f90], roughness);
+    }
+    let mut sum = emission + surface.ambient * unoccluded * ambient;
     for light in lights {
         let mut returned = diffuse;
         if mode == ShadingMode::Full {
@@ -50,6 +55,18 @@ pub(crate) fn shade(
         sum += returned * light.radiance * light.cosine;
     }
     world.pipeline.clamp(sum)
+}
+
+/// The fill light that the GGX lobe reflects: the radiance from the lobe's dominant direction (Lagarde and de Rousiers, Moving
+/// Frostbite to Physically Based Rendering, 2014, section 4.9.3) times the lobe's directional albedo.
+fn reflected_fill(fill: &Fill, surface: &SurfaceInteraction, [f0, f90]: [DVec3; 2], roughness: f64) -> DVec3 {
+    let (normal, view) = (surface.shading_normal, surface.view);
+    let ggx = Ggx::new(roughness.max(MIN_ROUGHNESS));
+    let cosine = normal.dot(view).clamp(0.0, 1.0);
+    let smoothness = 1.0 - ggx.alpha();
+    let mirrored = 2.0 * normal.dot(view) * normal - view;
+    let towards = normal.lerp(mirrored, smoothness * (smoothness.sqrt() + ggx.alpha())).normalize_or(normal);
+    GgxAlbedo::new(ggx, cosine).of(f0, f90) * fill.radiance(towards)
 }
 
 /// pi times the product of the GGX distribution, Smith's height-correlated visibility (Heitz, Understanding the Masking-Shadowing

@@ -28,7 +28,8 @@ pub(crate) fn shade(
     if mode == ShadingMode::Flat {
         return world.pipeline.clamp(colour);
     }
-    let mut light = DVec3::splat(material.ambient * world.ambient * surface.ambient);
+    let ambient = world.ambient_at(surface.shading_normal);
+    let mut light = DVec3::splat(material.ambient * ambient * surface.ambient);
     for sample in lights {
         let mut returned = material.diffuse * sample.cosine;
         if has_highlight(material, mode) {
@@ -94,8 +95,14 @@ pub(crate) fn shade_all(
     }
     let ambient = DVec3::splat(material.ambient * world.ambient);
     range.clone().for_each(|i| colours.set(i, ambient));
+    if world.fill.is_some() {
+        range.clone().for_each(|i| {
+            let ambient = world.ambient_at(surfaces.shading_normal.get(i));
+            colours.set(i, DVec3::splat(material.ambient * ambient));
+        });
+    }
     if !surfaces.ambient.is_empty() {
-        range.clone().for_each(|i| colours.set(i, ambient * surfaces.ambient[i]));
+        range.clone().for_each(|i| colours.set(i, colours.get(i) * surfaces.ambient[i]));
     }
     for light in lights {
         if !light.reaches[range.clone()].contains(&true) {

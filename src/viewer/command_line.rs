@@ -95,7 +95,7 @@ pub struct RenderCommand<'a> {
     pub transport: Option<Transport>,
     /// Clamp of indirect light.
     pub clamp: Option<f64>,
-    /// Whether a ground is put under the scene.
+    /// Whether a ground is put under the scene, other than that of the default look.
     pub has_ground: bool,
     /// Settings of the environment.
     pub environment: &'a EnvironmentSettings,
@@ -181,7 +181,7 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     let EnvironmentSettings { source, rotation, hide } = command.environment;
     source.iter().for_each(|source| option("--environment", source));
     rotation.iter().for_each(|degrees| option("--environment-rotation", &degrees.to_string()));
-    let ImportOptions { pose, variant, ignore_required_extensions } = command.import_options;
+    let ImportOptions { pose, variant, ignore_required_extensions, up } = command.import_options;
     if let Some(ClipTime { clip, time }) = pose {
         option("--time", &time.to_string());
         match clip {
@@ -194,6 +194,7 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     if let Some(clip) = command.clip.filter(|clip| clip.index > 0) {
         option("--clip", &clip.index.to_string());
     }
+    up.iter().for_each(|up| option("--up", up.name()));
     variant.iter().for_each(|variant| option("--variant", variant));
     if *ignore_required_extensions {
         words.push("--ignore-required-extensions".to_owned());
@@ -276,6 +277,7 @@ fn quoted(word: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use crate::scene::UpAxis;
     use glam::DVec3;
     use proptest::prelude::*;
 
@@ -285,7 +287,7 @@ mod tests {
     use crate::scene::PixelSampler;
 
     static NO_IMPORT_OPTIONS: ImportOptions =
-        ImportOptions { pose: None, variant: None, ignore_required_extensions: false };
+        ImportOptions { pose: None, variant: None, ignore_required_extensions: false, up: None };
 
     const NO_ENVIRONMENT: EnvironmentSettings =
         EnvironmentSettings { source: None, rotation: None, hide: false };
@@ -426,6 +428,7 @@ mod tests {
                 pose: Some(ClipTime { clip: ClipChoice::Named("Walk".into()), time: -0.5 }),
                 variant: Some("red shoe".into()),
                 ignore_required_extensions: true,
+                up: Some(UpAxis::MinusZ),
             },
             ..plain
         };
@@ -434,7 +437,7 @@ mod tests {
             "--size 320x200 --shading ambient --with glaze=every-bounce --without shadows --without textures --numerics \
              watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --sampler independent \
              --exposure=-1.5 --tone-map agx --light none --transport path --clamp 2.5 \
-             --environment 'garden one.hdr' --environment-rotation=-90 --time=-0.5 --clip Walk --variant 'red shoe' \
+             --environment 'garden one.hdr' --environment-rotation=-90 --time=-0.5 --clip Walk --up=-z --variant 'red shoe' \
              --ignore-required-extensions --hide-environment --ground"
         );
     }

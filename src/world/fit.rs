@@ -20,7 +20,7 @@ const MARGIN: f64 = 0.05;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum StandardView {
-    /// From 35 degrees to the right of the front and 20 degrees up: the default.
+    /// From 35 degrees to the right of the front and 20 degrees up; into a surface that is open to one side. The default.
     Auto,
     /// Along -z, from +z.
     Front,
@@ -67,10 +67,6 @@ impl StandardView {
 
     /// The unit vector from the scene towards the camera.
     fn backwards(self) -> DVec3 {
-        let from = |azimuth: f64, elevation: f64| {
-            let ((sa, ca), (se, ce)) = (azimuth.sin_cos(), elevation.sin_cos());
-            DVec3::new(sa * ce, se, ca * ce)
-        };
         match self {
             StandardView::Auto => from(35f64.to_radians(), 20f64.to_radians()),
             StandardView::Front => DVec3::Z,
@@ -84,6 +80,32 @@ impl StandardView {
     }
 }
 
+/// The least share of its area by which a surface is open sideways, for a view into it.
+const OPEN_SHARE: f64 = 0.08;
+
+/// The view into a scene whose surface is open to one side, such as a room without a wall: the unit vector towards a camera 12
+/// degrees beside and 10 above the opening. `None` for other scenes.
+///
+/// The sum of area times normal over a closed surface is zero. That of a surface without a part is the opposite of the part's: where
+/// normals point into a room, it points out of the missing wall.
+pub(crate) fn opening(scene: &Scene) -> Option<DVec3> {
+    let (mut sum, mut area) = (DVec3::ZERO, 0.0);
+    scene.for_each_triangle(|[a, b, c]| {
+        let twice = (b - a).cross(c - a);
+        sum += twice;
+        area += twice.length();
+    });
+    let sideways = DVec2::new(sum.x, sum.z);
+    (sideways.length() > OPEN_SHARE * area && area.is_finite())
+        .then(|| from(sideways.x.atan2(sideways.y) + 12f64.to_radians(), 10f64.to_radians()))
+}
+
+/// The unit vector at an azimuth, from +z towards +x, and an elevation, in radians.
+fn from(azimuth: f64, elevation: f64) -> DVec3 {
+    let ((sa, ca), (se, ce)) = (azimuth.sin_cos(), elevation.sin_cos());
+    DVec3::new(sa * ce, se, ca * ce)
+}
+
 /// A camera that looks at the whole scene from a standard view, with 5 % of the picture free on the tightest sides.
 /// `aspect` is the picture's width divided by its height. `None` for a scene without extent.
 pub fn fitted_camera(
@@ -92,7 +114,11 @@ pub fn fitted_camera(
     aspect: f64,
     projection: Projection,
 ) -> Option<Camera> {
-    let [u, v, w] = basis(view.backwards(), DVec3::ZERO, DVec3::Y)?;
+    let backwards = match view {
+        StandardView::Auto => opening(scene).unwrap_or(view.backwards()),
+        _ => view.backwards(),
+    };
+    let [u, v, w] = basis(backwards, DVec3::ZERO, DVec3::Y)?;
     let (min, max) = scene.bounds()?;
     // Relative to the centre of the scene, to avoid cancellation for scenes far from the origin.
     let middle = min / 2.0 + max / 2.0;
@@ -253,6 +279,35 @@ pub fn headlight(camera: &Camera) -> Option<Light> {
     })
 }
 
+/// The sine of the height above the horizon of the key light: 52 degrees.
+const KEY_SINE: f64 = 0.788_010_753_606_722;
+
+/// The intensity of the key light.
+const KEY_INTENSITY: f64 = 0.72;
+
+/// What a white surface that faces up reflects of the key light.
+pub(crate) const KEY_IRRADIANCE: f64 = KEY_INTENSITY * KEY_SINE;
+
+/// The key light of the default look: a directional light of 10 degrees from 40 degrees left of the camera and 52 degrees
+/// above the horizon. Its height is that above +y, so that it lights a ground alike from every side.
+pub(crate) fn key_light(camera: &Camera) -> Light {
+    let backwards = camera.position - camera.target;
+    let horizontal = |v: DVec3| DVec3::new(v.x, 0.0, v.z).try_normalize();
+    // A camera that looks straight down has its lower edge in front.
+    let level = backwards.y.abs() < 0.999 * backwards.length();
+    let front = if level { horizontal(backwards) } else { horizontal(-camera.up) };
+    let front = front.unwrap_or(DVec3::Z);
+    let (sin, cos) = 40f64.to_radians().sin_cos();
+    let aside = DVec3::new(front.x * cos - front.z * sin, 0.0, front.z * cos + front.x * sin);
+    let towards = aside * (1.0 - KEY_SINE * KEY_SINE).sqrt() + DVec3::Y * KEY_SINE;
+    Light {
+        name: "key".into(),
+        colour: Colour::Display(DVec3::ONE),
+        intensity: KEY_INTENSITY,
+        kind: LightKind::Directional { direction: -towards.normalize(), angle: 10f64.to_radians() },
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -339,6 +394,53 @@ mod tests {
     #[test]
     fn nothing_to_fit_is_no_camera() {
         assert!(fitted_camera(&Scene::default(), StandardView::Auto, 1.0, Projection::Perspective).is_none());
+    }
+
+    /// A room of four walls and a floor, whose normals point inwards, is open towards the wall that is missing; a closed box
+    /// and the room's outer side are not.
+    #[test]
+    fn the_view_goes_into_a_room() {
+        let corners = [
+            [-1, -1, -1],
+            [1, -1, -1],
+            [1, 1, -1],
+            [-1, 1, -1],
+            [-1, -1, 1],
+            [1, -1, 1],
+            [1, 1, 1],
+            [-1, 1, 1],
+        ];
+        let positions: Vec<DVec3> = corners.map(|c: [i32; 3]| DVec3::from(c.map(f64::from))).into();
+        // Counterclockwise seen from inside: back, left, floor, ceiling, right; then the front.
+        let quads = [[0, 1, 2, 3], [4, 0, 3, 7], [4, 5, 1, 0], [3, 2, 6, 7], [1, 5, 6, 2], [5, 4, 7, 6]];
+        let room = |walls: &[usize]| {
+            let quads = walls.iter().map(|&w| quads[w]);
+            let triangles = quads.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+            scene_of(Shape::Mesh(Mesh { positions: positions.clone(), triangles, ..Mesh::default() }))
+        };
+        assert_eq!(opening(&room(&[0, 1, 2, 3, 4, 5])), None);
+        let towards = |walls: &[usize]| opening(&room(walls)).expect("an opening");
+        assert!((towards(&[0, 1, 2, 3, 4]) - from(12f64.to_radians(), 10f64.to_radians())).length() < 1e-12);
+        // Without the right wall, towards +x.
+        assert!(towards(&[0, 1, 2, 3, 5]).dot(DVec3::X) > 0.95);
+        // Without a ceiling, no side is open.
+        assert_eq!(opening(&room(&[0, 1, 2, 4, 5])), None);
+    }
+
+    /// From every camera but one that looks straight down, 40 degrees to its left and 52 above the horizon.
+    #[test]
+    fn the_key_light_comes_from_above_left() {
+        for (position, up, azimuth) in [
+            (DVec3::Z, DVec3::Y, -40.0),
+            (DVec3::new(3.0, 2.0, 0.0), DVec3::Y, 50.0),
+            (DVec3::Y, -DVec3::Z, -40.0f64),
+        ] {
+            let camera = Camera::from_field_of_view("c".into(), position * 5.0, DVec3::ZERO, up, 1.0);
+            let LightKind::Directional { direction, .. } = key_light(&camera).kind else { panic!() };
+            let angle = (-direction.x).atan2(-direction.z).to_degrees();
+            assert!((direction.y + 52f64.to_radians().sin()).abs() < 1e-12, "{direction}");
+            assert!((angle - azimuth).abs() < 1e-9, "{angle} {azimuth}");
+        }
     }
 
     #[test]

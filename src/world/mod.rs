@@ -29,6 +29,7 @@ use environment::PreparedEnvironment;
 pub(crate) use area_lights::{AreaLights, has_radiance};
 pub(crate) use directional::LightDisc;
 pub(crate) use emitters::{EmitterSample, Emitters, emission_texture, sampled_emission};
+pub(crate) use fit::{KEY_IRRADIANCE, key_light, opening};
 pub use fit::{StandardView, fitted_camera, headlight, turntable_camera};
 pub use image::Image;
 pub use interaction::{FurtherTexels, SurfaceInteraction, Texels};
@@ -46,7 +47,7 @@ use glam::DVec3;
 use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Primitive, Slot};
 use crate::film::ColourPipeline;
 use crate::geometry::{Numerics, PrimId, Triangle};
-use crate::scene::{Ground, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
+use crate::scene::{Fill, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
 
 /// The intensity of the ambient light where no input sets it.
 pub const DEFAULT_AMBIENT: f64 = 0.25;
@@ -71,6 +72,8 @@ pub struct World {
     pub pipeline: ColourPipeline,
     /// The intensity of the ambient light.
     pub ambient: f64,
+    /// Further ambient light, of local shading.
+    pub(crate) fill: Option<Fill>,
     /// The diagonal of the box around all objects.
     pub(crate) diagonal: f64,
     /// The colour of rays that hit nothing, in the numbers of the pipeline.
@@ -153,7 +156,7 @@ impl World {
         let mut materials: Vec<PreparedMaterial> =
             std::mem::take(&mut scene.materials).into_iter().map(to_pipeline).collect();
         if let Some(ground) = &scene.ground {
-            materials.push(to_pipeline(Ground::material()));
+            materials.push(to_pipeline(ground.material()));
             scene.objects.push(ground.object(MaterialId((materials.len() - 1) as u32)));
         }
         let mut area_lights = AreaLights::add_surfaces(&mut scene, &mut materials, pipeline);
@@ -192,6 +195,7 @@ impl World {
             lights: world_lights(scene.lights, pipeline),
             pipeline,
             ambient: scene.ambient.unwrap_or(DEFAULT_AMBIENT),
+            fill: scene.fill,
             diagonal,
             background: scene.background.unwrap_or(fit::BACKGROUND).to_pipeline(pipeline),
             too_small,
@@ -202,6 +206,17 @@ impl World {
     /// The tier of numerics.
     pub fn numerics(&self) -> Numerics {
         self.accelerator.numerics()
+    }
+
+    /// Whether there is ambient light.
+    pub fn has_ambient(&self) -> bool {
+        self.ambient > 0.0 || self.fill.is_some()
+    }
+
+    /// The ambient light that a white diffuse surface with this shading normal reflects where nothing is near.
+    #[inline]
+    pub(crate) fn ambient_at(&self, normal: DVec3) -> f64 {
+        self.ambient + self.fill.map_or(0.0, |fill| fill.diffuse(normal))
     }
 
     /// The materials that objects use.

@@ -110,8 +110,15 @@ fn picture(world: &World, camera: &Camera) -> Film<[u8; 3]> {
 fn same_as_from_nothing(scene: &Scene, camera: usize) {
     let (pipeline, numerics) = (ColourPipeline::Linear, Numerics::default());
     let described = scene.cameras[camera].clone();
-    let animation =
-        PreparedAnimation::new(scene.clone(), &described, true, pipeline, STRUCTURE, numerics).unwrap();
+    let animation = PreparedAnimation::new(
+        scene.clone(),
+        &described,
+        Some(kiln::job::AddedLight::Headlight),
+        pipeline,
+        STRUCTURE,
+        numerics,
+    )
+    .unwrap();
     let mut pictures = Vec::new();
     for time in [0.0, 0.3, 0.75] {
         let frame = animation.at(time).unwrap();

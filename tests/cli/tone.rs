@@ -289,11 +289,11 @@ fn a_clipped_picture_under_physical_lights_names_an_exposure() {
 fn a_headlight_can_be_left_out() {
     let workshop = Workshop::new();
     workshop.write("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    let said = workshop.succeed("render a.obj -o head.png --size 8x8 --light head");
+    let said = workshop.succeed("render a.obj --draft -o head.png --size 8x8 --light head");
     assert!(said.contains("added a headlight"), "{said}");
-    workshop.succeed("render a.obj -o default.png --size 8x8");
+    workshop.succeed("render a.obj --draft -o default.png --size 8x8");
     assert_eq!(workshop.bytes("head.png"), workshop.bytes("default.png"));
-    let said = workshop.succeed("render a.obj -o none.png --size 8x8 --light none");
+    let said = workshop.succeed("render a.obj --draft -o none.png --size 8x8 --light none");
     assert!(!said.contains("headlight"), "{said}");
     let sum = |name: &str| workshop.pixels(name).into_iter().flatten().map(u64::from).sum::<u64>();
     assert!(sum("none.png") < sum("head.png"), "{} {}", sum("none.png"), sum("head.png"));
@@ -305,8 +305,8 @@ fn a_headlight_can_be_left_out() {
     workshop.succeed("render dark.toml -o lit.png --size 8x8 --light head");
     assert_eq!(workshop.pixels("lit.png"), workshop.pixels("head.png"));
     // The same for frames, and for fingerprints.
-    workshop.succeed("render a.obj -o f_#.png --frames 0 --size 8x8 --light none");
-    let said = workshop.succeed("render a.obj -o f_#.png --frames 0 --size 8x8 --skip-existing");
+    workshop.succeed("render a.obj --draft -o f_#.png --frames 0 --size 8x8 --light none");
+    let said = workshop.succeed("render a.obj --draft -o f_#.png --frames 0 --size 8x8 --skip-existing");
     assert!(said.contains("wrote 1 frame(s)"), "{said}");
     // A light of the file is kept.
     workshop.succeed("render scene.toml -o scene.png");

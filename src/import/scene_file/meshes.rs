@@ -5,14 +5,14 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
-use glam::{DMat4, DQuat};
+use glam::{DMat4, DQuat, DVec3};
 use toml::Spanned;
 
 use super::Builder;
 use crate::error::{Error, Place, Result, Warnings};
 use crate::import::{self, Source};
 use crate::scene::file::{MeshSection, PlacementValue, ScaleValue, SceneFile, line_of};
-use crate::scene::{MaterialId, Object, Placed, Placement, Scene, Shape, Step};
+use crate::scene::{MaterialId, Object, Placed, Placement, Scene, Shape};
 
 /// Cache of mesh files.
 pub(super) struct Meshes {
@@ -62,17 +62,20 @@ impl Builder<'_> {
         // The last placement takes ownership of the objects; the others clone them, without copying shared meshes.
         let first = self.scene.objects.len();
         let mut objects = Some(objects);
+        let y_from_file = s.up.unwrap_or_default().world_from_file();
         for (index, world_from_mesh) in placements.iter().enumerate() {
             let own = if index + 1 == placements.len() {
                 objects.take().map(Rc::unwrap_or_clone)
             } else {
                 objects.as_deref().cloned()
             };
+            let world_from_file = *world_from_mesh * y_from_file;
             self.scene.objects.extend(own.into_iter().flatten().map(|mut object| {
-                transform(&mut object.shape, world_from_mesh);
+                object.shape.transform(&world_from_file);
                 object
             }));
         }
+        self.stand(start, s, first)?;
         if let Some(name) = &s.name {
             let named = &mut self.scene.objects[first..];
             let is_one = named.len() == 1;
@@ -114,6 +117,43 @@ impl Builder<'_> {
                 ..object
             })
             .collect())
+    }
+
+    /// Moves the objects from `first` on so that they stand on `at`, with the size `fit`, where the section has one of
+    /// these keys.
+    fn stand(&mut self, start: usize, s: &MeshSection, first: usize) -> Result<()> {
+        if s.at.is_none() && s.fit.is_none() {
+            return Ok(());
+        }
+        let other = [("translate", s.translate.is_some()), ("placements", s.placements.is_some())];
+        if let Some((key, _)) = other.into_iter().find(|(_, given)| *given) {
+            let what = format!("`{key}` beside `at` or `fit`");
+            return Err(self.error(start, what, "`at` is where the mesh stands; leave the other key out"));
+        }
+        let at = DVec3::from(s.at.unwrap_or_default());
+        self.finite(start, "at", &at.to_array())?;
+        let objects = self.scene.objects.split_off(first);
+        let mut part = Scene { objects, ..Scene::default() };
+        if let Some((min, max)) = part.bounds() {
+            let factor = match (s.fit, (max - min).max_element()) {
+                (None, _) => 1.0,
+                (Some(size), longest) if size > 0.0 && (size / longest).is_normal() => size / longest,
+                (Some(_), _) => {
+                    return Err(self.error(
+                        start,
+                        "`fit` is no size of this mesh",
+                        "give a size above 0, such as 2",
+                    ));
+                }
+            };
+            let foot = DVec3::new(min.x / 2.0 + max.x / 2.0, min.y, min.z / 2.0 + max.z / 2.0);
+            let world_from_part = DMat4::from_translation(at)
+                * DMat4::from_scale(DVec3::splat(factor))
+                * DMat4::from_translation(-foot);
+            part.objects.iter_mut().for_each(|object| object.shape.transform(&world_from_part));
+        }
+        self.scene.objects.append(&mut part.objects);
+        Ok(())
     }
 
     /// The placements of a mesh: the list `placements`, or the one given by its own keys.
@@ -162,14 +202,5 @@ fn share(shape: Shape) -> Shape {
     match shape {
         Shape::Mesh(mesh) => Shape::Placed(Placed::new(Arc::new(mesh), Placement::default())),
         other => other,
-    }
-}
-
-/// Transforms a shape of a mesh file.
-fn transform(shape: &mut Shape, world_from_mesh: &DMat4) {
-    match shape {
-        Shape::Mesh(mesh) => mesh.transform(world_from_mesh),
-        Shape::Placed(placed) => placed.placement.then(Step::Affine(*world_from_mesh)),
-        Shape::Analytic(_) => {}
     }
 }

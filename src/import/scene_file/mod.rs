@@ -140,6 +140,7 @@ impl Builder<'_> {
         self.scene.clamp = self.checked(image.clamp.as_ref(), "clamp", check_clamp)?;
         self.scene.sampling = self.sampling(&image)?;
         self.scene.display = DisplaySettings { exposure: image.exposure, tone_map: image.tone_map };
+        self.scene.has_settings = true;
         self.scene.headlight = image.headlight;
         self.scene.has_ground = image.ground;
         if let Some(section) = &file.ambient

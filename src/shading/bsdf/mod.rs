@@ -40,12 +40,12 @@ mod tests;
 
 use glam::DVec3;
 
-use albedo::GgxAlbedo;
+pub(crate) use albedo::GgxAlbedo;
 use clearcoat::Clearcoat;
 pub(crate) use dielectric::reflectances;
 use diffuse::Diffuse;
 use fresnel::{Fresnel, Interface, relative_index};
-use ggx::Ggx;
+pub(crate) use ggx::Ggx;
 use glass::Glass;
 use lobe::{Lobe, LobeSample, Value};
 use sheen::Sheen;

@@ -179,7 +179,7 @@ impl App {
             headlight: settings.headlight,
             transport: settings.choices.transport,
             clamp: settings.choices.clamp,
-            has_ground: opened.scene.ground.is_some(),
+            has_ground: opened.scene.ground.is_some() && !opened.scene.has_key_light,
             environment: &opened.environment,
             import_options: &opened.scene.import_options,
             clip: opened.scene.animation.as_ref().and_then(|animation| animation.clip.as_ref()),

@@ -7,12 +7,12 @@ use crate::bvh::Layout;
 use crate::effects::{Choices, Decision, EFFECTS, Plan};
 use crate::error::{Error, Result};
 use crate::film::ColourPipeline;
-use crate::job::{self, RenderJob};
+use crate::job::{self, AddedLight, RenderJob};
 use crate::scene::{Camera, Numerics, Sampling, Scene};
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
 use crate::viewer::request::{CameraSource, Opened, RenderRequest, Settings};
-use crate::world::{Recentering, StandardView, fitted_camera, headlight};
+use crate::world::{Recentering, StandardView, fitted_camera};
 
 /// Number of cached worlds: two sides of a comparison and the exact reference.
 const MAX_WORLDS: usize = 3;
@@ -85,8 +85,12 @@ impl RenderCache {
         lens.projection = request.projection.unwrap_or(lens.projection);
         let mut world = Arc::clone(&frame.world);
         let is_lit = job::is_lit(&request.opened.scene, settings.choices.transport);
-        if settings.headlight && !is_lit && settings.choices.shading.uses_lights() {
-            world = Arc::new(world.under(headlight(&lens).into_iter().collect()));
+        let light = match (request.opened.scene.has_key_light, settings.headlight && !is_lit) {
+            (true, _) => Some(AddedLight::Key),
+            (false, wanted) => wanted.then_some(AddedLight::Headlight),
+        };
+        if let Some(light) = light.filter(|_| settings.choices.shading.uses_lights()) {
+            world = Arc::new(world.under(light.at(&lens).into_iter().collect()));
         }
         let sampling = settings.choices.sampling;
         let whole = Plan::new(&world, &settings.choices)?;
@@ -120,7 +124,7 @@ impl RenderCache {
             let camera = scene.cameras.first().cloned().unwrap_or_else(|| placeholder_camera(&scene));
             let (pipeline, structure) = (settings.pipeline, Layout::Wide(opened.preset));
             let animation =
-                PreparedAnimation::new(scene, &camera, false, pipeline, structure, settings.numerics)?;
+                PreparedAnimation::new(scene, &camera, None, pipeline, structure, settings.numerics)?;
             self.animations.push((key, Arc::new(animation)));
         }
         Ok(Arc::clone(&self.animations[self.animations.len() - 1].1))

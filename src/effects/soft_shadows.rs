@@ -1,0 +1,104 @@
+//! Soft shadows: directional lights with an apparent diameter are blocked in part.
+//!
+//! Shadow rays go to points of the light's disc, uniform in its solid angle, one for each sample of a pixel. Their mean
+//! is the share of the disc that is visible, by which the light of its centre is multiplied. A direction below the
+//! horizon of the triangle is mirrored above it, so that a surface does not shade itself.
+
+use glam::DVec3;
+
+use super::samples::SurfaceNumbers;
+use super::tile::{RenderContext, Tile, vec_bytes};
+use super::{Effect, EffectContext, Hook, Stage, id, named};
+use crate::scene::PixelSampler;
+use crate::world::World;
+
+/// The registry's entry.
+pub const EFFECT: Effect = Effect {
+    id: id::SOFT_SHADOWS,
+    summary: "lights with an apparent diameter have soft shadows",
+    source: "Cook, Porter and Carpenter, Distributed Ray Tracing, 1984",
+    builds_on: Some(id::SHADOWS),
+    needs_lights: true,
+    is_shading: true,
+    decides_samples: false,
+    is_study_switch: false,
+    whitted_only: true,
+    rays: &[],
+    value: None,
+    called_for: |world: &World, choices| {
+        let discs = world.lights.iter().filter(|light| light.disc.is_some());
+        let names: Vec<&str> = discs.map(|light| light.name.as_str()).collect();
+        let Some(names) = named("light", &names) else {
+            return Err("no directional light has an `angle`".into());
+        };
+        if !choices.sampling.is_wanted() {
+            return Err("one sample a pixel has no soft shadow; --samples asks for more".into());
+        }
+        Ok(format!("the apparent diameter of {names}"))
+    },
+    specify: |_, spec| spec.soft_shadows = spec.shadow_rays,
+    stages: |context: &EffectContext, hook| match hook {
+        Hook::BeforeLighting(_) if context.spec.soft_shadows => {
+            let (sampler, seed) = (context.sampling.sampler.unwrap_or_default(), context.sampling.seed);
+            vec![Box::new(SampleDiscs { sampler, seed: seed.unwrap_or(0) })]
+        }
+        _ => Vec::new(),
+    },
+    bytes: |tile| tile.buffers::<DiscPoints>().map_or(0, DiscPoints::bytes),
+};
+
+/// The dimension of the random numbers of the first light; each further light has the one before.
+const DIMENSION: u32 = u32::MAX - 2;
+
+/// For each light with an apparent diameter, the directions of its shadow rays from the surfaces of a generation.
+#[derive(Default)]
+pub(super) struct DiscPoints {
+    numbers: SurfaceNumbers,
+    /// For each light, unit directions; empty for lights without a diameter.
+    directions: Vec<Vec<DVec3>>,
+}
+
+impl DiscPoints {
+    /// The directions to a light; `None` for one without a diameter.
+    pub(super) fn of_light(&self, index: usize) -> Option<&[DVec3]> {
+        self.directions.get(index).map(Vec::as_slice).filter(|directions| !directions.is_empty())
+    }
+
+    fn bytes(&self) -> usize {
+        let directions: usize = self.directions.iter().map(vec_bytes).sum();
+        self.numbers.bytes() + vec_bytes(&self.directions) + directions
+    }
+}
+
+/// Samples the discs of the lights at the surfaces of a generation.
+struct SampleDiscs {
+    sampler: PixelSampler,
+    seed: u32,
+}
+
+impl Stage for SampleDiscs {
+    fn name(&self) -> &'static str {
+        "soft shadows"
+    }
+
+    fn run(&self, tile: &mut Tile, context: &RenderContext) {
+        tile.with_buffers(|DiscPoints { numbers, directions }: &mut DiscPoints, tile| {
+            numbers.start(tile);
+            let generation = &tile.generations[tile.depth];
+            let surfaces = &generation.surfaces;
+            directions.resize_with(context.world.lights.len(), Vec::new);
+            for (index, (directions, light)) in directions.iter_mut().zip(&context.world.lights).enumerate() {
+                directions.clear();
+                let Some(disc) = &light.disc else { continue };
+                let sequence = (self.sampler, self.seed, DIMENSION - index as u32);
+                directions.extend((0..surfaces.len()).map(|i| {
+                    let ray = surfaces.ray_of()[i] as usize;
+                    let towards = disc.sample(numbers.pair(sequence, (&generation.rays, ray), (0, 1)));
+                    // The geometric normal is on the side of the ray origin.
+                    let normal = surfaces.geometric_normal.get(i);
+                    towards - 2.0 * towards.dot(normal).min(0.0) * normal
+                }));
+            }
+        });
+    }
+}

@@ -1,0 +1,110 @@
+//! [`UpAxis`]: the axis of a file that points up, and turning scenes so that it is +y.
+
+use glam::{DMat4, DVec3, DVec4};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{LightKind, Scene, Shape, Step};
+
+/// The axis that points up in a file. In a scene it is +y.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum UpAxis {
+    /// +x.
+    #[serde(rename = "x")]
+    X,
+    /// +y.
+    #[default]
+    #[serde(rename = "y")]
+    Y,
+    /// +z.
+    #[serde(rename = "z")]
+    Z,
+    /// -z.
+    #[serde(rename = "-z")]
+    MinusZ,
+}
+
+impl UpAxis {
+    /// Every axis.
+    pub const ALL: [UpAxis; 4] = [UpAxis::X, UpAxis::Y, UpAxis::Z, UpAxis::MinusZ];
+
+    /// The name as typed by users.
+    pub fn name(self) -> &'static str {
+        match self {
+            UpAxis::X => "x",
+            UpAxis::Y => "y",
+            UpAxis::Z => "z",
+            UpAxis::MinusZ => "-z",
+        }
+    }
+
+    /// The unit vector in the file.
+    pub fn vector(self) -> DVec3 {
+        match self {
+            UpAxis::X => DVec3::X,
+            UpAxis::Y => DVec3::Y,
+            UpAxis::Z => DVec3::Z,
+            UpAxis::MinusZ => DVec3::NEG_Z,
+        }
+    }
+
+    /// The rotation by a quarter turn that makes the axis +y; exact, as it only exchanges coordinates and signs.
+    pub fn world_from_file(self) -> DMat4 {
+        let [x, y, z] = match self {
+            UpAxis::X => [DVec3::Y, DVec3::NEG_X, DVec3::Z],
+            UpAxis::Y => DVec3::AXES,
+            UpAxis::Z => [DVec3::X, DVec3::NEG_Z, DVec3::Y],
+            UpAxis::MinusZ => [DVec3::X, DVec3::Z, DVec3::NEG_Y],
+        };
+        DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), DVec4::W)
+    }
+}
+
+impl Shape {
+    /// Transforms a shape of a mesh file; analytic shapes, which such files do not have, stay.
+    pub(crate) fn transform(&mut self, world_from_mesh: &DMat4) {
+        match self {
+            Shape::Mesh(mesh) => mesh.transform(world_from_mesh),
+            Shape::Placed(placed) => placed.placement.then(Step::Affine(*world_from_mesh)),
+            Shape::Analytic(_) => {}
+        }
+    }
+}
+
+impl Scene {
+    /// Turns the objects, cameras and lights of a mesh file so that `up` is +y.
+    pub(crate) fn turn(&mut self, up: UpAxis) {
+        let rotation = up.world_from_file();
+        let turned = |v: &mut DVec3| *v = rotation.transform_vector3(*v);
+        self.objects.iter_mut().for_each(|object| object.shape.transform(&rotation));
+        for camera in &mut self.cameras {
+            [&mut camera.position, &mut camera.target, &mut camera.up].into_iter().for_each(turned);
+        }
+        for light in &mut self.lights {
+            match &mut light.kind {
+                LightKind::Point { position, .. } | LightKind::Sphere { position, .. } => turned(position),
+                LightKind::Directional { direction, .. } => turned(direction),
+                LightKind::Spot { position, direction, .. } => {
+                    [position, direction].into_iter().for_each(turned)
+                }
+                LightKind::Rectangle { position, direction, up, .. } => {
+                    [position, direction, up].into_iter().for_each(turned);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_axis_becomes_y_without_mirroring() {
+        for up in UpAxis::ALL {
+            let rotation = up.world_from_file();
+            assert_eq!(rotation.transform_vector3(up.vector()), DVec3::Y, "{}", up.name());
+            assert_eq!(rotation.determinant(), 1.0, "{}", up.name());
+        }
+    }
+}
