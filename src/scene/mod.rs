@@ -39,6 +39,7 @@ mod material;
 mod sampler;
 mod sampling;
 pub mod support;
+mod toml_error;
 pub mod topology;
 mod transport;
 
