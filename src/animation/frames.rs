@@ -117,7 +117,8 @@ impl FrameRange {
         let number = |text: &str| {
             text.parse::<i32>().map_err(|_| match text {
                 "" => format!("`{item}` lacks a frame; write ranges as 1-10 or 1-10:2"),
-                _ => format!("`{text}` in `{item}` is not the number of a frame"),
+                "all" => "write the frames as a list, such as 0-299; without --frames, `kiln animate` makes all".into(),
+                _ => format!("`{text}` in `{item}` is not the number of a frame; write frames as 1-10, 1-10:2 or 3,7,9-12"),
             })
         };
         let (first, last) = match split {
@@ -278,13 +279,16 @@ mod tests {
             (" , ", "no frame is named; give frames such as 1-10 or 3,7,9-12"),
             ("1-", "`1-` lacks a frame; write ranges as 1-10 or 1-10:2"),
             ("..4", "`..4` lacks a frame; write ranges as 1-10 or 1-10:2"),
-            ("1-b", "`b` in `1-b` is not the number of a frame"),
-            ("1.5", "`1.5` in `1.5` is not the number of a frame"),
+            ("1-b", "`b` in `1-b` is not the number of a frame; write frames as 1-10, 1-10:2 or 3,7,9-12"),
+            ("1.5", "`1.5` in `1.5` is not the number of a frame; write frames as 1-10, 1-10:2 or 3,7,9-12"),
             ("1-10:0", "`0` in `1-10:0` is not a step; give 1 or more"),
             ("1-10:", "`` in `1-10:` is not a step; give 1 or more"),
             ("1-10:-1", "`1-10:-1` steps away from its last frame"),
             ("5:2", "`5:2` has a step and no range"),
-            ("1-9999999999", "`9999999999` in `1-9999999999` is not the number of a frame"),
+            (
+                "1-9999999999",
+                "`9999999999` in `1-9999999999` is not the number of a frame; write frames as 1-10, 1-10:2 or 3,7,9-12",
+            ),
             ("-2147483648-2147483647", "`-2147483648-2147483647` makes more than 1000000 frames"),
         ] {
             assert_eq!(text.parse::<FrameList>().unwrap_err(), message);

@@ -38,6 +38,9 @@ pub(crate) struct Command {
     /// Only these frames, such as 1-10, 1-10:2 or 3,7,9-12 [default: all]
     #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     frames: Option<FrameList>,
+    /// Not an option of this command: named so that the error can say which command has it.
+    #[arg(long, value_name = "I/N", hide = true)]
+    shard: Option<String>,
     /// What frames on standard output are: YUV4MPEG2, which says its size and speed itself, or bare red, green and blue
     #[arg(long, value_enum, default_value = "y4m")]
     raw: RawName,
@@ -71,6 +74,12 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
 
 fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
+    if let Some(share) = &command.shard {
+        let hint = format!(
+            "`kiln render INPUT --frames 0-299 --shard {share} -o frame_####.png` renders a share of them"
+        );
+        return Err(Error::usage("--shard is not an option of `kiln animate`, which makes all frames", hint));
+    }
     let names = FileNames::parse(&command.output).map_err(|what| Error::usage(what, "give one ####"))?;
     if let Some(names) = names {
         let format = Format::from_path(&command.output)?;

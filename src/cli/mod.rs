@@ -185,7 +185,13 @@ fn report_usage_error(e: &clap::Error) -> ExitCode {
     let text = e.render().to_string();
     let mut lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
     let mut first = lines.next().unwrap_or("wrong usage").trim_start_matches("error: ").to_owned();
-    let mut hint = "`kiln help` and `kiln help COMMAND` list what there is".to_owned();
+    let mut hint = match first.as_str() {
+        unknown if unknown.starts_with("unrecognized subcommand") && unknown.contains('.') => {
+            "name the command first: kiln render INPUT -o picture.png"
+        }
+        _ => "`kiln help` and `kiln help COMMAND` list what there is",
+    }
+    .to_owned();
     for line in lines {
         // An unknown option is not meant as a file name, as clap's tip suggests.
         if let Some(tip) = line.strip_prefix("tip: ").filter(|tip| !tip.starts_with("to pass ")) {
@@ -197,6 +203,9 @@ fn report_usage_error(e: &clap::Error) -> ExitCode {
         } else if line.starts_with("[possible values") {
             hint = line.trim_matches(['[', ']']).to_owned();
         }
+    }
+    if first.ends_with("--output <OUT>") {
+        hint = "name the file to write, such as -o picture.png".to_owned();
     }
     print_stderr(format_args!("kiln: error: {first}\nhint: {hint}"));
     ExitCode::from(2)

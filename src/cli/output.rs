@@ -6,7 +6,7 @@ use super::arguments::Arguments;
 use crate::effects::RayKind;
 use crate::error::{Error, Result, Warnings};
 use crate::film::check::{self, FileState};
-use crate::film::output::describe;
+use crate::film::output::{WholeFile, describe};
 use crate::film::part::{self, part_name, write_part};
 use crate::film::tone::METER_BYTES;
 use crate::film::write::{self, Channel, Format, OutputImage, encode, write_picture};
@@ -73,6 +73,17 @@ impl OutputTarget {
         match self {
             OutputTarget::File(file, _) | OutputTarget::Part(file, ..) => file,
             OutputTarget::StandardOutput => Path::new("-"),
+        }
+    }
+
+    /// Checks that a file can be made in the folder, before time is spent on rendering.
+    ///
+    /// # Errors
+    /// Those of [`WholeFile::create`].
+    pub(crate) fn check_writable(&self) -> Result<()> {
+        match self {
+            OutputTarget::File(file, _) | OutputTarget::Part(file, ..) => WholeFile::create(file).map(drop),
+            OutputTarget::StandardOutput => Ok(()),
         }
     }
 

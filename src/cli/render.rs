@@ -186,6 +186,7 @@ fn render_to(
         progress.finish(&format!("{} is there", target.file().display()));
         return Ok(());
     }
+    target.check_writable()?;
     let has_physical_lights = resolved.has_physical_lights;
     progress.phase("building");
     let mut job = timed(&mut seconds.build, || resolved.build(&mut warnings))?;

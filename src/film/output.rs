@@ -75,7 +75,12 @@ impl WholeFile {
                 .permissions_like_any_file()
                 .tempfile_in(folder_of(name))
         };
-        let (temporary, unfinished) = Unfinished::new(make).map_err(|e| Error::output(name, describe(&e)))?;
+        let (temporary, unfinished) = Unfinished::new(make).map_err(|e| {
+            // Folders such as /proc exist, and report that a new file in them does not.
+            let is_refused = e.kind() == std::io::ErrorKind::NotFound && folder_of(name).is_dir();
+            let refused = || "cannot be written: its folder takes no files; name another folder".to_owned();
+            Error::output(name, if is_refused { refused() } else { describe(&e) })
+        })?;
         let writer = BufWriter::with_capacity(1 << 18, temporary);
         Ok(WholeFile { name: name.to_owned(), writer, why: None, _unfinished: unfinished })
     }

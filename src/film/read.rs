@@ -102,7 +102,7 @@ fn read_bytes(bytes: &[u8]) -> Read<Pixels> {
 /// # Errors
 /// [`ReadError`].
 pub fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
-    let unsupported = || ReadError::Damaged("not a PNG, JPEG or EXR picture".to_owned());
+    let unsupported = || ReadError::Damaged(not_read(bytes));
     let damaged = |e: image::ImageError| match e {
         image::ImageError::Unsupported(_) => unsupported(),
         other => ReadError::Damaged(format!("damaged picture: {other}")),
@@ -140,6 +140,19 @@ pub fn decode(bytes: &[u8], bytes_each: u64) -> Read<DynamicImage> {
         (0, _) | (_, 0) => Err(ReadError::Damaged("a picture without pixels".to_owned())),
         _ => Ok(picture),
     }
+}
+
+/// The message for a picture of a format that is not read.
+fn not_read(bytes: &[u8]) -> String {
+    let ending = image::guess_format(bytes).ok().and_then(|format| format.extensions_str().first());
+    let what = match ending {
+        Some(ending) => format!("a .{ending} picture, which is not read here"),
+        None => "not a picture of a format that is read".to_owned(),
+    };
+    format!(
+        "{what}; convert it to .png, for example with ImageMagick: `magick in.{} out.png`",
+        ending.unwrap_or(&"tga")
+    )
 }
 
 /// Width and height of a PNG, the first fields of its first chunk (PNG, third edition, 5.6 and 11.2.1).

@@ -13,6 +13,7 @@
 //! # Ok::<(), kiln::error::Error>(())
 //! ```
 
+mod converters;
 mod environment;
 mod files;
 mod gltf;
@@ -393,7 +394,8 @@ fn importer_for(source: &Source) -> Result<&'static Importer> {
         importer_by_ending(&source.file)
     };
     found.ok_or_else(|| {
-        let hint = format!("it reads {}; convert the file to one of them", all_endings());
+        let advice = converters::advice_on(&ending(&source.file));
+        let hint = format!("kiln reads {}; {advice}", all_endings());
         Error::input(source.file.as_path(), "not a kind of file that kiln reads", hint)
     })
 }

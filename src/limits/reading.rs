@@ -1,11 +1,26 @@
 //! Reading of whole regular files and of standard input within the memory limits.
 
-use std::io::{self, Read};
+use std::io::{self, Read, Seek};
 use std::path::Path;
 
 use super::process::{available, in_use};
 use super::{Bytes, check};
 use crate::error::Error;
+
+/// First line of a Git LFS pointer, and the largest size of one in bytes (Git LFS Specification, "The Pointer").
+const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/v1";
+const LARGEST_LFS_POINTER: u64 = 1024;
+
+/// Refuses the contents of a file that Git LFS has not fetched yet.
+fn refuse_lfs_pointer(start: &[u8]) -> io::Result<()> {
+    if !start.starts_with(LFS_POINTER) {
+        return Ok(());
+    }
+    Err(io::Error::other(Refused {
+        what: "is a Git LFS pointer; `git lfs pull` fetches the file itself".into(),
+        hint: "run `git lfs pull` in the folder of the file; Git LFS must be installed".into(),
+    }))
+}
 
 /// Reads a regular file. Pipes, devices and sockets may be endless and are rejected.
 ///
@@ -47,7 +62,14 @@ impl RegularFile {
                 hint: "write what it holds to a file first; `-` reads standard input".into(),
             }));
         }
-        Ok(RegularFile { file: std::fs::File::open(file)?, length: metadata.len(), read: 0 })
+        let mut opened = std::fs::File::open(file)?;
+        if metadata.len() <= LARGEST_LFS_POINTER {
+            let mut start = Vec::new();
+            (&mut opened).take(LFS_POINTER.len() as u64).read_to_end(&mut start)?;
+            refuse_lfs_pointer(&start)?;
+            opened.rewind()?;
+        }
+        Ok(RegularFile { file: opened, length: metadata.len(), read: 0 })
     }
 
     /// Length in bytes.
@@ -80,6 +102,7 @@ pub fn read_standard_input() -> io::Result<Vec<u8>> {
     let most = available.as_ref().map_or(u64::MAX, |available| available.left / 3);
     let mut bytes = Vec::new();
     io::stdin().lock().take(most).read_to_end(&mut bytes)?;
+    refuse_lfs_pointer(&bytes)?;
     match available {
         Some(available) if bytes.len() as u64 == most => Err(io::Error::other(Refused {
             what: format!(

@@ -18,19 +18,16 @@ impl ColourValue {
 impl<'de> Deserialize<'de> for ColourValue {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> std::result::Result<Self, D::Error> {
         #[derive(Deserialize)]
-        #[serde(
-            untagged,
-            expecting = "expected a colour: [r, g, b] with integers from 0 to 255, or \"#rrggbb\""
-        )]
+        #[serde(untagged, expecting = "expected a colour")]
         enum Form {
             Numbers([u8; 3]),
             Text(String),
         }
         match Form::deserialize(deserializer)? {
             Form::Numbers(rgb) => Ok(ColourValue(rgb)),
-            Form::Text(text) => parse_hex(&text).map(ColourValue).ok_or_else(|| {
-                serde::de::Error::custom(format!("\"{text}\" is not a colour like \"#7c0a02\""))
-            }),
+            Form::Text(text) => {
+                parse_hex(&text).map(ColourValue).ok_or_else(|| serde::de::Error::custom("expected a colour"))
+            }
         }
     }
 }

@@ -11,6 +11,7 @@ use toml::Spanned;
 use super::animation::file::AnimationSection;
 pub use super::colour_value::ColourValue;
 pub use super::effects::{EffectValue, EffectsSection};
+use super::toml_error::explain;
 use super::{Numerics, PixelSampler, Projection, Transport, UpAxis};
 use crate::error::{Error, Place, Result};
 use crate::film::tone::{Exposure, ExposureValue, ToneMap};
@@ -308,15 +309,30 @@ pub struct GlazeSection {
 /// An analytic sphere.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = add_names_of_centre)]
 pub struct SphereSection {
     /// Name, used in messages.
     pub name: Option<String>,
-    /// Its centre.
+    /// Its centre; `center` and `position` are other names of this key.
+    #[serde(alias = "center", alias = "position")]
     pub centre: [f64; 3],
     /// Its radius, above 0.
     pub radius: f64,
     /// The name of its material; a light grey if not given.
     pub material: Option<String>,
+}
+
+/// Adds the other names of `centre` to the schema, which has to name every accepted key; exactly one is required.
+fn add_names_of_centre(schema: &mut schemars::Schema) {
+    const NAMES: [&str; 3] = ["centre", "center", "position"];
+    let Some(properties) = schema.get_mut("properties") else { return };
+    let centre = properties["centre"].clone();
+    NAMES.iter().for_each(|name| properties[*name] = centre.clone());
+    if let Some(required) = schema.get_mut("required").and_then(|required| required.as_array_mut()) {
+        required.retain(|name| name != "centre");
+    }
+    schema
+        .insert("oneOf".into(), NAMES.map(|name| serde_json::json!({ "required": [name] })).to_vec().into());
 }
 
 /// A triangle list.
@@ -389,9 +405,9 @@ impl CameraSection {
     /// # Errors
     /// A message and a hint; for an unknown key, the hint names the nearest known key.
     pub fn parse_inline(text: &str) -> std::result::Result<Self, (String, String)> {
-        toml::de::ValueDeserializer::parse(text.trim())
-            .and_then(CameraSection::deserialize)
-            .map_err(|e| explain(e.message()))
+        let text = text.trim();
+        let section = toml::de::ValueDeserializer::parse(text).and_then(CameraSection::deserialize);
+        section.map_err(|e| explain(e, text)).map_err(|e| (e.what, e.hint))
     }
 }
 
@@ -402,9 +418,8 @@ impl SceneFile {
     /// [`Error::Input`] with the line; for an unknown key also the nearest known key.
     pub fn parse(text: &str, file: &Path) -> Result<Self> {
         toml::from_str(text).map_err(|e| {
-            let line = line_of(text, e.span().map_or(0, |span| span.start));
-            let (what, hint) = explain(e.message());
-            Error::input(Place::line(file, line), what, hint)
+            let e = explain(e, text);
+            Error::input(Place::line(file, line_of(text, e.offset)), e.what, e.hint)
         })
     }
 
@@ -417,28 +432,6 @@ impl SceneFile {
 /// Line number, counted from 1, of the byte at `offset`.
 pub fn line_of(text: &str, offset: usize) -> usize {
     1 + text.bytes().take(offset).filter(|&b| b == b'\n').count()
-}
-
-/// Splits a parser message into message and hint; for an unknown key the hint names the nearest known key.
-fn explain(message: &str) -> (String, String) {
-    let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-    let what = message.split(", expected").next().unwrap_or(message).lines().next().unwrap_or(message);
-    let known = names.get(1..).unwrap_or(&[]);
-    let unknown = message.starts_with("unknown field") || message.starts_with("unknown variant");
-    match names.first() {
-        Some(typed) if unknown && !known.is_empty() => {
-            let what = what.replacen("unknown field", "unknown key", 1).replacen(
-                "unknown variant",
-                "unknown value",
-                1,
-            );
-            (what, nearest_name(typed, known))
-        }
-        _ => (
-            message.lines().next().unwrap_or(message).replacen("missing field", "missing key", 1),
-            String::new(),
-        ),
-    }
 }
 
 /// "did you mean `x`?" if a known name is similar to `typed`, else the list of all known names.
@@ -478,6 +471,21 @@ mod tests {
         assert_eq!(e.to_string(), "a.toml:4: missing key `centre`");
         let e = error_of("[[sphere]]\ncentre = [0, 0]\nradius = 1.0\n");
         assert!(e.to_string().starts_with("a.toml:2: "), "{e}");
+    }
+
+    #[test]
+    fn a_centre_has_three_names() {
+        let parse =
+            |keys: &str| SceneFile::parse(&format!("[[sphere]]\nradius = 1\n{keys}"), Path::new("a.toml"));
+        for name in ["centre", "center", "position"] {
+            let file = parse(&format!("{name} = [1, 2, 3]\n")).unwrap();
+            assert_eq!(file.sphere[0].get_ref().centre, [1.0, 2.0, 3.0]);
+            let schema = &SceneFile::schema()["$defs"]["SphereSection"];
+            assert!(schema["properties"][name].is_object(), "{schema}");
+        }
+        assert_eq!(SceneFile::schema()["$defs"]["SphereSection"]["required"], serde_json::json!(["radius"]));
+        let e = parse("centre = [1, 2, 3]\nposition = [1, 2, 3]\n").unwrap_err();
+        assert_eq!(e.to_string(), "a.toml:1: `centre` is given twice");
     }
 
     #[test]

@@ -40,6 +40,7 @@ mod material;
 mod sampler;
 mod sampling;
 pub mod support;
+mod toml_error;
 pub mod topology;
 mod transport;
 mod up;

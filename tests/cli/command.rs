@@ -8,7 +8,7 @@ use crate::common::repository;
 use serde_json::{Value, json};
 
 /// A temporary folder with a small scene, deleted at the end of the test.
-struct Workshop(tempfile::TempDir);
+pub(super) struct Workshop(tempfile::TempDir);
 
 /// A sphere over a quarter of the picture, under a point light, before a grey background, in the pipeline `display`.
 const SCENE: &str = "
@@ -39,13 +39,13 @@ material = 'red'
 ";
 
 impl Workshop {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let workshop = Workshop(tempfile::tempdir().expect("a temporary folder can be made"));
         workshop.write("scene.toml", SCENE);
         workshop
     }
 
-    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
+    pub(super) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) {
         std::fs::write(self.path(name), bytes).expect("the temporary folder can be written to");
     }
 
@@ -59,12 +59,12 @@ impl Workshop {
         command
     }
 
-    fn run(&self, arguments: &str) -> Output {
+    pub(super) fn run(&self, arguments: &str) -> Output {
         self.command().args(arguments.split_whitespace()).output().expect("the command starts")
     }
 
     /// Runs with `input` on standard input.
-    fn run_with(&self, arguments: &str, input: &[u8]) -> Output {
+    pub(super) fn run_with(&self, arguments: &str, input: &[u8]) -> Output {
         let mut command = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
         command.current_dir(self.0.path()).args(arguments.split_whitespace()).write_stdin(input);
         command.output().expect("the command starts")
@@ -106,13 +106,13 @@ impl Workshop {
     }
 }
 
-fn text(bytes: &[u8]) -> String {
+pub(super) fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec()).expect("the command writes UTF-8")
 }
 
 /// Checks that the error is one line `kiln: error: ...` and at most one `hint: ...`, without Rust's debug output.
 #[track_caller]
-fn check_error(said: &str) -> (&str, &str) {
+pub(super) fn check_error(said: &str) -> (&str, &str) {
     // Warnings and notes may precede the error, each on its own line.
     let is_other = |line: &&str| line.starts_with("kiln: warning: ") || line.starts_with("kiln: note: ");
     let mut lines = said.lines().skip_while(is_other);

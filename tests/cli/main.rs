@@ -7,5 +7,6 @@ mod animation;
 mod command;
 mod farm;
 mod info;
+mod mistakes;
 mod tone;
 mod viewer;

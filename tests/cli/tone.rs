@@ -188,9 +188,9 @@ fn wrong_exposures_are_one_clear_line() {
     }
     for (lines, what) in [
         ("\nexposure = 99", "own.toml:4: the exposure is 99; give a number of EV from -64 to 64"),
-        ("\nexposure = 'car'", "own.toml:4: expected a number of EV or \"auto\""),
+        ("\nexposure = 'car'", "own.toml:4: `exposure` is 'car', expected a number of EV or \"auto\""),
         ("\ntone_map = 'agz'", "own.toml:4: unknown value `agz`"),
-        ("\nheadlight = 1", "own.toml:4: invalid type"),
+        ("\nheadlight = 1", "own.toml:4: `headlight` is 1, expected true or false"),
     ] {
         workshop.write("own.toml", &SCENE.replace("[image]", &format!("[image]\n{lines}")));
         workshop.fail("render own.toml -o a.png", 3, [what, ""]);

@@ -177,7 +177,7 @@ fn what_is_wrong_with_a_place_is_said_with_its_line() {
             "a.toml:4: unknown key `rotation`",
             "did you mean `rotate`?",
         ),
-        ("placements = 3", "a.toml:3: invalid type", ""),
+        ("placements = 3", "a.toml:3: `placements` is 3, expected a list", ""),
         (
             "scale = 2\nplacements = [{}]",
             "a.toml:1: `scale` beside `placements`",

@@ -71,17 +71,32 @@ fn unusable(file: &Path, why: impl std::fmt::Display) -> Error {
     Error::input(file, format!("not a usable glTF file: {why}"), "export it again as glTF 2.0")
 }
 
+/// The error for glTF 1.0, whose JSON has another structure.
+fn version_1(file: &Path) -> Error {
+    let hint =
+        "convert it to glTF 2.0, for example with gltf-pipeline: `gltf-pipeline -i in.gltf -o out.glb`";
+    Error::input(file, "a file of glTF 1.0; kiln reads glTF 2.0", hint)
+}
+
 /// Parses a .gltf or .glb file and repairs its JSON; warns of each repair.
 pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Result<Json> {
     let damaged = || Error::input(file, "not a usable glTF file", "export it again as glTF 2.0");
-    let (json, blob) = if bytes.starts_with(b"glTF") {
+    let (json, blob) = if bytes.starts_with(b"glTF\x01\0\0\0") {
+        return Err(version_1(file));
+    } else if bytes.starts_with(b"glTF") {
         let glb = contain(|| gltf::binary::Glb::from_slice(bytes)).ok_or_else(damaged)?;
         let glb = glb.map_err(|e| unusable(file, e))?;
         (glb.json, glb.bin.map(std::borrow::Cow::into_owned))
     } else {
         (bytes.into(), None)
     };
-    let mut root: Value = serde_json::from_slice(&json).map_err(|e| unusable(file, e))?;
+    let mut root: Value = serde_json::from_slice(&json).map_err(|e| {
+        let what = format!("its JSON ends or is damaged at line {}, column {}", e.line(), e.column());
+        unusable(file, what)
+    })?;
+    if root["asset"]["version"].as_str().is_some_and(|version| version.starts_with("1.")) {
+        return Err(version_1(file));
+    }
     let pointers = pointer::take_channels(&mut root);
     repair(&mut root, |what| warnings.left_out(format!("{}: {what}", file.display())));
     Ok(Json { root, blob, pointers })

@@ -79,6 +79,14 @@ impl Entry<'_> {
             Entry::Mesh(s) => s.span().start,
         }
     }
+
+    fn name(&self) -> Option<&str> {
+        match self {
+            Entry::Sphere(s) => s.get_ref().name.as_deref(),
+            Entry::Triangles(s) => s.get_ref().name.as_deref(),
+            Entry::Mesh(s) => s.get_ref().name.as_deref(),
+        }
+    }
 }
 
 struct Builder<'a> {
@@ -98,6 +106,27 @@ impl Builder<'_> {
 
     fn place(&self, start: usize) -> Place {
         Place::line(&self.source.file, line_of(self.text, start))
+    }
+
+    /// Warns once of each name that is given more than once: tracks of an animation move all that have the name.
+    fn warn_of_equal_names<'b>(
+        &self,
+        noun: &str,
+        named: impl Iterator<Item = (Option<&'b str>, usize)>,
+        warnings: &mut Warnings,
+    ) {
+        // Line numbers are counted only for warnings, because counting takes time in proportion to the offset.
+        let mut known: HashMap<&str, (usize, usize)> = HashMap::new();
+        for (name, start) in named.filter_map(|(name, start)| Some((name?, start))) {
+            let (first, count) = known.entry(name).or_insert((start, 0));
+            *count += 1;
+            if *count == 2 {
+                let line = line_of(self.text, *first);
+                let what = format!("a second {noun} named `{name}`, like that of line {line}");
+                let hint = "tracks move both; give each its own name";
+                warnings.push(format!("{}: {what}; {hint}", self.place(start)));
+            }
+        }
     }
 
     fn finite(&self, start: usize, key: &str, values: &[f64]) -> Result<()> {
@@ -163,6 +192,8 @@ impl Builder<'_> {
             }
             self.scene.cameras.push(camera);
         }
+        let named = file.light.iter().map(|s| (s.get_ref().name.as_deref(), s.span().start));
+        self.warn_of_equal_names("light", named, warnings);
         for (index, section) in file.light.iter().enumerate() {
             let light = self.light(index, section)?;
             self.scene.lights.push(light);
@@ -186,6 +217,10 @@ impl Builder<'_> {
             None => None,
             Some(g) => {
                 let weight = number("glaze.weight", g.weight, Glaze::default().weight)?;
+                if g.own_weight.is_none() && weight > 1.0 {
+                    let what = format!("`glaze.weight` is {weight}");
+                    return Err(self.error(start, what, "give a number from 0 to 1"));
+                }
                 let own_weight = number("glaze.own_weight", g.own_weight, 1.0 - weight)?;
                 if weight + own_weight > 1.0 {
                     let what = format!(
@@ -269,6 +304,8 @@ impl Builder<'_> {
         entries.extend(file.triangles.iter().map(Entry::Triangles));
         entries.extend(file.mesh.iter().map(Entry::Mesh));
         entries.sort_by_key(Entry::start);
+        let named = entries.iter().map(|entry| (entry.name(), entry.start()));
+        self.warn_of_equal_names("object", named, warnings);
         for entry in entries {
             match entry {
                 Entry::Sphere(section) => self.sphere(section)?,

@@ -1,0 +1,590 @@
+//! The commonest mistakes in scene files, on the command line and in input files: message, hint and exit
+//! code. To add one, add a row to [`MISTAKES`].
+
+use super::command::{Workshop, check_error, text};
+
+/// Where a mistake is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum In {
+    /// The text of the scene file `a.toml`, which is rendered.
+    Scene,
+    /// The arguments of kiln, where `scene.toml` is a valid scene.
+    Command,
+    /// The name of an input file and, after a line break, its contents.
+    Input,
+    /// The same, of a texture of a mesh.
+    Texture,
+}
+
+use In::{Command, Input, Scene, Texture};
+
+/// What is written, the message, words of the hint, and the exit code. At exit code 0 the message is a warning with the
+/// words of the hint.
+type Mistake = (In, &'static str, &'static str, &'static str, i32);
+
+const POINTER: &str = "is a Git LFS pointer; `git lfs pull` fetches the file itself";
+
+const MISTAKES: &[Mistake] = &[
+    // Scene files: numbers.
+    (
+        Scene,
+        "[[sphere]]\ncentre = [0, 0, 0]\nradius = 'big'",
+        "a.toml:3: `radius` is 'big', expected a number",
+        "write a number, such as 1.5",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]]\ncentre = [0, 0, 0]\nradius = \"75\"",
+        "a.toml:3: `radius` is \"75\", expected a number",
+        "write the number without quotes: 75",
+        3,
+    ),
+    (
+        Scene,
+        "[image]\nwidth = \"640\"",
+        "a.toml:2: `width` is \"640\", expected a whole number that is 0 or more",
+        "write the number without quotes: 640",
+        3,
+    ),
+    (
+        Scene,
+        "[image]\nwidth = 480.5",
+        "a.toml:2: `width` is 480.5, expected a whole number that is 0 or more",
+        "such as 3",
+        3,
+    ),
+    (
+        Scene,
+        "[image]\nwidth = -640",
+        "a.toml:2: `width` is -640, expected a whole number that is 0 or more",
+        "such as 3",
+        3,
+    ),
+    (Scene, "[image]\nsamples = 1.5", "a.toml:2: `samples` is 1.5, expected a whole number", "such as 3", 3),
+    (Scene, "[image]\nwidth = 640px", "a.toml:2: `640px` is not a number", "write digits alone", 3),
+    (
+        Scene,
+        "[ambient]\nintensity = 1.1.1",
+        "a.toml:2: `1.1.1` is a number with two points",
+        "write one point",
+        3,
+    ),
+    (Scene, "[ambient]\nintensity = .5", "a.toml:2: `.5` lacks a digit", "such as 0.5", 3),
+    (Scene, "[ambient]\nintensity = 5.", "a.toml:2: `5.` lacks a digit", "on both sides of the point", 3),
+    (Scene, "[image]\nwidth = 0640", "a.toml:2: `0640` begins with 0", "leave out the zeros", 3),
+    (
+        Scene,
+        "[ambient]\nintensity = 0,5",
+        "a.toml:2: `intensity` has more than one value: 0,5",
+        "write decimals with a point, 0.5",
+        3,
+    ),
+    // Lists of numbers.
+    (
+        Scene,
+        "[[sphere]]\ncentre = [0, 0]\nradius = 1",
+        "a.toml:2: `centre` is [0, 0], expected 3 numbers",
+        "write them in brackets: [0, 0, 0]",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]]\ncentre = 0\nradius = 1",
+        "a.toml:2: `centre` is 0, expected 3 numbers",
+        "[0, 0, 0]",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]]\ncentre = [0, 'a', 0]\nradius = 1",
+        "a.toml:2: `centre` holds 'a', expected a number",
+        "such as 1.5",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]]\ncentre = [0, 0 0]\nradius = 1",
+        "a.toml:2: `0 0` is not a number",
+        "commas separate",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]]\ncentre = (0, 0, 0)\nradius = 1",
+        "a.toml:2: `centre` has more than one value: (0, 0, 0)",
+        "lists in brackets, [1, 2, 3]",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]]\ncentre = [0, 0, 0\nradius = 1",
+        "a.toml:3: a list without its end, or without a comma",
+        "] at its end",
+        3,
+    ),
+    (
+        Scene,
+        "[[camera]]\nposition = { x = 0, y = 1, z = 2 }\nlook_at = [0, 0, 0]",
+        "a.toml:2: `position` is { x = 0, y = 1, z = 2 }, expected 3 numbers",
+        "[0, 0, 0]",
+        3,
+    ),
+    (
+        Scene,
+        "[[mesh]]\nfile = 'a.obj'\nplacements = [3]",
+        "a.toml:3: `placements` holds 3, expected keys in braces",
+        "write { KEY = VALUE }, of the keys rotate, scale, translate",
+        3,
+    ),
+    // Colours.
+    (
+        Scene,
+        "[image]\nbackground = [0.5, 0.2, 0.1]",
+        "a.toml:2: `background` is [0.5, 0.2, 0.1], expected a colour",
+        "whole numbers from 0 to 255, or \"#rrggbb\": [128, 51, 26] or \"#80331a\"",
+        3,
+    ),
+    (
+        Scene,
+        "[image]\nbackground = 'red'",
+        "a.toml:2: `background` is 'red', expected a colour",
+        "write [r, g, b] in whole numbers from 0 to 255, or \"#rrggbb\"",
+        3,
+    ),
+    (
+        Scene,
+        "[image]\nbackground = [1, 2, 256]",
+        "a.toml:2: `background` is [1, 2, 256], expected a colour",
+        "from 0 to 255",
+        3,
+    ),
+    (
+        Scene,
+        "[image]\nbackground = #ff0000",
+        "a.toml:2: `background` has no value, because # begins a comment",
+        "write it in quotes: \"#ff0000\"",
+        3,
+    ),
+    // Texts, switches and names.
+    (Scene, "[[mesh]]\nfile = a.obj", "a.toml:2: `a.obj` is not in quotes", "write \"a.obj\"", 3),
+    (
+        Scene,
+        "[[mesh]]\nfile = C:\\m\\a.obj",
+        "a.toml:2: `C:\\m\\a.obj` is not in quotes",
+        "write 'C:\\m\\a.obj'",
+        3,
+    ),
+    (
+        Scene,
+        "[[mesh]]\nfile = \"m\\cow.obj\"",
+        "a.toml:2: the text of `file` has a backslash",
+        "in single quotes",
+        3,
+    ),
+    (Scene, "[[mesh]]\nfile = \"a.obj", "a.toml:2: a text without its closing quote", "at both ends", 3),
+    (
+        Scene,
+        "[[mesh]]\nfile = ['a.obj']",
+        "a.toml:2: `file` is ['a.obj'], expected one text",
+        "write file = \"",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\nmaterial = 3",
+        "a.toml:4: `material` is 3, expected a text",
+        "write it in quotes: \"3\"",
+        3,
+    ),
+    (Scene, "[image]\nheadlight = True", "a.toml:2: `True` is neither true nor false", "small letters", 3),
+    (
+        Scene,
+        "[image]\nheadlight = 1",
+        "a.toml:2: `headlight` is 1, expected true or false",
+        "without quotes",
+        3,
+    ),
+    (Scene, "[image]\ncolour = 3", "a.toml:2: `colour` is 3, expected a name", "in quotes", 3),
+    (Scene, "[image]\ncolour = 'lineal'", "a.toml:2: unknown value `lineal`", "did you mean `linear`?", 3),
+    (
+        Scene,
+        "[[mesh]]\nfile = 'a.obj'\nscale = '2'",
+        "a.toml:3: `scale` is '2', expected a number or [x, y, z]",
+        "",
+        3,
+    ),
+    // Keys and sections.
+    (Scene, "[image]\nheigth = 480", "a.toml:2: unknown key `heigth`", "did you mean `height`?", 3),
+    (Scene, "[[spheres]]\nradius = 1", "a.toml:1: unknown key `spheres`", "did you mean `sphere`?", 3),
+    (
+        Scene,
+        "[[sphere]]\nradius = 1",
+        "a.toml:1: missing key `centre`",
+        "give [[sphere]] a line or an entry `centre = ...`",
+        3,
+    ),
+    (Scene, "[image]\nwidth: 640", "a.toml:2: `width: 640` has no `=` and no value", "write KEY = VALUE", 3),
+    (Scene, "{ \"image\": 3 }", "a.toml:1: `{ \"image\": 3 }` has no `=` and no value", "is TOML", 3),
+    (Scene, "[image]\n// big", "a.toml:2: `// big` has no `=` and no value", "comments after #", 3),
+    (
+        Scene,
+        "[image]\nwidth = 4 height = 3",
+        "a.toml:2: the line goes on after the value of `width`",
+        "one KEY = VALUE in each line",
+        3,
+    ),
+    (Scene, "[image]\nwidth =\nheight = 3", "a.toml:2: `width` has no value", "write width = VALUE", 3),
+    (Scene, "[image]\nwidth = 3\nwidth = 4", "a.toml:3: `width` is given twice", "keep one", 3),
+    (
+        Scene,
+        "[light]\ntype = 'point'",
+        "a.toml:1: `[light]` is one table, expected a list",
+        "write [[light]] for each",
+        3,
+    ),
+    (
+        Scene,
+        "[camera]\nname = 'a'",
+        "a.toml:1: `[camera]` is one table, expected a list",
+        "write [[camera]]",
+        3,
+    ),
+    (
+        Scene,
+        "[sphere]\nradius = 1",
+        "a.toml:1: `[sphere]` is one table, expected a list",
+        "write [[sphere]]",
+        3,
+    ),
+    (
+        Scene,
+        "[mesh]\nfile = 'a.obj'",
+        "a.toml:1: `[mesh]` is one table, expected a list",
+        "write [[mesh]]",
+        3,
+    ),
+    (
+        Scene,
+        "[triangles]\nindices = []",
+        "a.toml:1: `[triangles]` is one table, expected a list",
+        "[[triangles]]",
+        3,
+    ),
+    (
+        Scene,
+        "[light]\ntype = 'point'\n[light]\ntype = 'point'",
+        "a.toml:3: `[light]` is given twice",
+        "write [[light]] for each",
+        3,
+    ),
+    (
+        Scene,
+        "[[image]]\nwidth = 3",
+        "a.toml:1: `[[image]]` is a list, expected one table",
+        "write [image], once",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]\nradius = 1",
+        "a.toml:1: `[[sphere]` is not closed",
+        "[[NAME]] where there may be several",
+        3,
+    ),
+    (
+        Scene,
+        "[material]\ncolour = '#ff0000'",
+        "a.toml:2: a material without a name",
+        "write [material.NAME]",
+        3,
+    ),
+    (Scene, "[[material]]\nname = 'a'", "a.toml:1: a material without a name", "write [material.NAME]", 3),
+    (
+        Scene,
+        "[material.clay]\ncolour = '#808080'\nglaze = 0.3",
+        "a.toml:3: `glaze` is 0.3, expected keys in braces",
+        "write glaze = { KEY = VALUE }, of the keys bounces, own_weight, weight",
+        3,
+    ),
+    (
+        Scene,
+        "[material.clay]\ncolour = '#808080'\nglaze = { weight = 3 }",
+        "a.toml:1: `glaze.weight` is 3",
+        "give a number from 0 to 1",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]]\ncentre = [0, 0, 0]\nposition = [0, 0, 0]\nradius = 1",
+        "a.toml:1: `centre` is given twice",
+        "keep one of `centre` and its other names",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]]\ncenter = [0, 0, 0]\nradius = 1\nmaterial = 'clay'",
+        "a.toml:1: there is no material `clay`",
+        "add [material.clay]",
+        3,
+    ),
+    (
+        Scene,
+        "[[sphere]]\nname = 'a'\nposition = [0, 0, 0]\nradius = 1\n\
+         [[sphere]]\nname = 'a'\ncenter = [3, 0, 0]\nradius = 1",
+        "a.toml:5: a second object named `a`, like that of line 1",
+        "give each its own name",
+        0,
+    ),
+    (
+        Scene,
+        "[[sphere]]\ncentre = [0, 0, 0]\nradius = 1\n[[light]]\nname = 'a'\ntype = 'point'\nposition = [0, 9, 0]\n\
+         [[light]]\nname = 'a'\ntype = 'point'\nposition = [0, 8, 0]",
+        "a.toml:8: a second light named `a`, like that of line 4",
+        "give each its own name",
+        0,
+    ),
+    // The command line.
+    (Command, "rendr scene.toml", "unrecognized subcommand 'rendr'", "render", 2),
+    (Command, "scene.toml", "unrecognized subcommand 'scene.toml'", "kiln render INPUT -o picture.png", 2),
+    (
+        Command,
+        "render scene.toml",
+        "were not provided: --output <OUT>",
+        "name the file to write, such as -o",
+        2,
+    ),
+    (Command, "render scene.toml -o a.png --siz 3x3", "unexpected argument '--siz'", "--size", 2),
+    (Command, "render scene.toml -o a.png --size 640", "give it as WIDTHxHEIGHT, such as 640x480", "", 2),
+    (
+        Command,
+        "render scene.toml -o a.png --camera frnt",
+        "there is no camera `frnt`",
+        "did you mean `front`?",
+        2,
+    ),
+    (
+        Command,
+        "render scene.toml -o a.png --camera {position=[0,0,'5'],look_at=[0,0,0]}",
+        "no camera in braces: `position` holds '5', expected a number",
+        "write the number without quotes: 5",
+        2,
+    ),
+    (
+        Command,
+        "render scene.toml -o a.gif",
+        "a.gif: not a picture format that can be written",
+        ".png, .jpg or .exr",
+        2,
+    ),
+    (
+        Command,
+        "render scene.toml -o gone/a.png",
+        "gone/a.png: cannot be written: its folder does not exist",
+        "",
+        4,
+    ),
+    (
+        Command,
+        "render scene.toml -o f_####.png --frames all",
+        "write the frames as a list, such as 0-299; without --frames, `kiln animate` makes all",
+        "",
+        2,
+    ),
+    (
+        Command,
+        "render scene.toml -o f_####.png --frames 1to9",
+        "write frames as 1-10, 1-10:2 or 3,7,9-12",
+        "",
+        2,
+    ),
+    (Command, "render scene.toml -o f.png --frames 1-3", "f.png: one name for 3 frames", "frame_####.png", 2),
+    (Command, "render scene.toml -o f.png --shard 5/4", "such as 2/7", "", 2),
+    (
+        Command,
+        "animate scene.toml -o f.mp4 --shard 1/4",
+        "--shard is not an option of `kiln animate`",
+        "`kiln render INPUT --frames 0-299 --shard 1/4 -o frame_####.png`",
+        2,
+    ),
+    (Command, "render gone.obj -o a.png", "gone.obj: no such file", "check the name and the folder", 3),
+    // Input files.
+    (
+        Input,
+        "a.fbx\nx",
+        "a.fbx: not a kind of file that kiln reads",
+        "`assimp export in.fbx out.glb -fglb2`",
+        3,
+    ),
+    (
+        Input,
+        "a.dae\nx",
+        "a.dae: not a kind of file that kiln reads",
+        "`assimp export in.dae out.glb -fglb2`",
+        3,
+    ),
+    (
+        Input,
+        "a.3DS\nx",
+        "a.3DS: not a kind of file that kiln reads",
+        "`assimp export in.3ds out.glb -fglb2`",
+        3,
+    ),
+    (Input, "a.3mf\nx", "a.3mf: not a kind of file that kiln reads", "assimp", 3),
+    (Input, "a.x3d\nx", "a.x3d: not a kind of file that kiln reads", "assimp", 3),
+    (Input, "a.blend\nx", "a.blend: not a kind of file that kiln reads", "Blender", 3),
+    (Input, "a.usd\nx", "a.usd: not a kind of file that kiln reads", "Blender", 3),
+    (Input, "a.usda\nx", "a.usda: not a kind of file that kiln reads", "Blender", 3),
+    (Input, "a.usdz\nx", "a.usdz: not a kind of file that kiln reads", "Blender", 3),
+    (Input, "a.step\nx", "a.step: not a kind of file that kiln reads", "FreeCAD", 3),
+    (Input, "a.stp\nx", "a.stp: not a kind of file that kiln reads", "FreeCAD", 3),
+    (Input, "a.zip\nx", "a.zip: not a kind of file that kiln reads", "unpack it first", 3),
+    (Input, "a.hdr\nx", "a.hdr: not a kind of file that kiln reads", "--environment", 3),
+    (
+        Input,
+        "a.gltf\n{\"asset\": {\"version\": \"1.0\"}, \"meshes\": {}}",
+        "a.gltf: a file of glTF 1.0; kiln reads glTF 2.0",
+        "gltf-pipeline -i in.gltf -o out.glb",
+        3,
+    ),
+    (Input, "a.glb\nglTF\x01\0\0\0", "a.glb: a file of glTF 1.0; kiln reads glTF 2.0", "gltf-pipeline", 3),
+    (
+        Input,
+        "a.gltf\n{\"asset\":",
+        "a.gltf: not a usable glTF file: its JSON ends or is damaged at line 1",
+        "export",
+        3,
+    ),
+    (Input, "a.obj\nLFS", "a.obj: is a Git LFS pointer", "`git lfs pull`", 3),
+    (Input, "a.gltf\nLFS", "a.gltf: is a Git LFS pointer", "`git lfs pull`", 3),
+    (Input, "a.glb\nLFS", "a.glb: is a Git LFS pointer", "`git lfs pull`", 3),
+    (Input, "a.ply\nLFS", "a.ply: is a Git LFS pointer", "`git lfs pull`", 3),
+    (Input, "a.stl\nLFS", "a.stl: is a Git LFS pointer", "`git lfs pull`", 3),
+    (Input, "a.toml\nLFS", "a.toml: is a Git LFS pointer", "`git lfs pull`", 3),
+    (Texture, "t.png\nLFS", "t.png: texture left out: is a Git LFS pointer", "`git lfs pull`", 0),
+    (
+        Texture,
+        "t.dds\nDDS |",
+        "t.dds: texture left out: a .dds picture, which is not read here",
+        "`magick in.dds out.png`",
+        0,
+    ),
+    (
+        Texture,
+        "t.tif\nII*\0",
+        "t.tif: texture left out: a .tiff picture, which is not read here",
+        "`magick in.tiff out.png`",
+        0,
+    ),
+    (
+        Texture,
+        "t.tga\n\0\0\x02",
+        "t.tga: texture left out: not a picture of a format that is read",
+        "ImageMagick",
+        0,
+    ),
+    (
+        Texture,
+        "t.avif\n\0\0\0 ftypavif\0\0\0\0",
+        "t.avif: texture left out: a .avif picture",
+        "ImageMagick",
+        0,
+    ),
+    (Texture, "t.png\n", "t.png: texture left out: not a picture of a format that is read", "ImageMagick", 0),
+];
+
+/// The first lines of a Git LFS pointer.
+const LFS: &str = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n";
+
+/// Words of parsers and of Rust, which are not those of a user.
+const FOREIGN: &[&str] = &[
+    "f64",
+    "u32",
+    "i64",
+    "struct ",
+    "Section",
+    "map,",
+    "sequence",
+    "variant",
+    "field",
+    "invalid type",
+    "integer",
+];
+
+/// What is wrong with the answer to a mistake, if anything.
+fn fault((place, typed, message, hint, code): &Mistake) -> Option<String> {
+    let workshop = Workshop::new();
+    let file =
+        typed.split_once('\n').map(|(name, contents)| (name, if contents == "LFS" { LFS } else { contents }));
+    let arguments = match (place, file) {
+        (Command, _) => (*typed).to_owned(),
+        (Scene, _) => {
+            workshop.write("a.toml", format!("{typed}\n"));
+            "render a.toml -o a.png --size 4x4".into()
+        }
+        (_, None) => return Some(format!("{typed}: no contents")),
+        (Input, Some((name, contents))) => {
+            workshop.write(name, contents);
+            format!("render {name} -o a.png --size 4x4")
+        }
+        (Texture, Some((name, contents))) => {
+            workshop.write(name, contents);
+            workshop.write("a.mtl", format!("newmtl m\nmap_Kd {name}\n"));
+            let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n";
+            workshop.write("a.obj", obj);
+            "render a.obj -o a.png --size 4x4".into()
+        }
+    };
+    let output = workshop.run(&arguments);
+    let said = text(&output.stderr);
+    let (what, advice) = match code {
+        0 => {
+            let warning =
+                said.lines().find_map(|line| line.strip_prefix("kiln: warning: ")).unwrap_or_default();
+            (warning, warning)
+        }
+        _ => check_error(&said),
+    };
+    let is_foreign = FOREIGN.iter().any(|word| what.contains(word) || advice.contains(word));
+    // Messages about files begin with their name; those of options have it behind.
+    let is_said = if *place == Command { what.contains(message) } else { what.starts_with(message) };
+    let is_right = is_said && advice.contains(hint) && output.status.code() == Some(*code) && !is_foreign;
+    (!is_right).then(|| format!("{place:?} {typed}\n{said}\nnot {message} | {hint} | {code}\n"))
+}
+
+#[test]
+fn mistakes_are_answered_in_the_words_of_users() {
+    assert!(MISTAKES.len() >= 40);
+    let faults: Vec<String> = MISTAKES.iter().filter_map(fault).collect();
+    assert!(faults.is_empty(), "{} of {}:\n{}", faults.len(), MISTAKES.len(), faults.join("\n"));
+}
+
+#[test]
+fn a_wrong_answer_is_noticed() {
+    let right = &(Command, "render gone.obj -o a.png", "gone.obj: no such file", "check the name", 3);
+    assert_eq!(fault(right), None);
+    let (place, typed, message, hint, code) = *right;
+    for wrong in [
+        (place, typed, "gone", "no hint", code),
+        (place, typed, "no words", hint, code),
+        (place, typed, message, hint, 2),
+    ] {
+        assert!(fault(&wrong).is_some(), "{wrong:?}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn folders_that_take_no_files_are_named() {
+    let workshop = Workshop::new();
+    let output = workshop.run("render scene.toml -o /proc/x.png");
+    let said = text(&output.stderr);
+    let expected = "/proc/x.png: cannot be written: its folder takes no files; name another folder";
+    assert_eq!((check_error(&said).0, output.status.code()), (expected, Some(4)));
+}
+
+#[test]
+fn standard_input_is_no_pointer() {
+    let output = Workshop::new().run_with("render - -o a.png", LFS.as_bytes());
+    assert_eq!(check_error(&text(&output.stderr)).0, format!("-: {POINTER}"));
+}
