@@ -96,6 +96,10 @@ pub(crate) struct Arguments {
     /// The axis that points up in the files, but scene files [default: y]
     #[arg(long, allow_hyphen_values = true, value_name = "AXIS", value_parser = UpAxis::ALL.map(UpAxis::name))]
     up: Option<String>,
+    /// Shade meshes without normals smoothly, but for edges where triangles turn by more than this many degrees; in files
+    /// that are no scene files [default without a number: 30]
+    #[arg(long, value_name = "DEG", num_args = 0..=1, default_missing_value = "30", value_parser = parse_crease)]
+    smooth: Option<f64>,
     #[command(flatten)]
     pub sampling: SamplingArguments,
     /// Have an effect that would be off; may be given several times
@@ -156,6 +160,11 @@ fn parse_degrees(text: &str) -> std::result::Result<f64, String> {
     if degrees.is_finite() { Ok(degrees) } else { Err("give a number of degrees".into()) }
 }
 
+fn parse_crease(text: &str) -> std::result::Result<f64, String> {
+    let degrees = crate::cli::numbers::number::<f64>(text, "degrees from 0 to 180")?;
+    if (0.0..=180.0).contains(&degrees) { Ok(degrees) } else { Err("give degrees from 0 to 180".into()) }
+}
+
 fn parse_crop(text: &str) -> std::result::Result<Window, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|s| s.trim().parse().ok()).collect();
     match numbers.as_deref() {
@@ -201,6 +210,7 @@ impl Arguments {
             pose: is_posed.then(|| ClipTime { clip: self.clip(), time: self.time.unwrap_or(0.0) }),
             variant: self.variant.clone(),
             ignore_required_extensions: self.ignore_required_extensions,
+            smooth: self.smooth.map(f64::to_radians),
             up: named(&UpAxis::ALL, UpAxis::name, self.up.as_deref()),
         }
     }

@@ -28,6 +28,7 @@ mod polygon;
 mod sanitise;
 mod scene_file;
 mod sharing;
+mod smooth;
 mod stl;
 mod tangents;
 mod up;
@@ -288,6 +289,9 @@ fn load_by(
             Some(up) if !one.has_settings => one.turn(up),
             Some(_) => {}
             None => note_up(&one, file, warnings),
+        }
+        if let Some(crease) = options.smooth.filter(|_| !one.has_settings) {
+            smooth::smooth(&mut one, crease);
         }
         sharing::bake_small(&mut one);
         sanitise::sanitise(&mut one, file, warnings);

@@ -13,4 +13,7 @@ pub struct ImportOptions {
     pub ignore_required_extensions: bool,
     /// The axis that points up in files that are no scene files; +y if `None`.
     pub up: Option<UpAxis>,
+    /// The greatest angle in radians between triangles that are shaded as one smooth surface, for meshes without normals of
+    /// files that are no scene files; flat if `None`.
+    pub smooth: Option<f64>,
 }

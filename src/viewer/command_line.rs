@@ -181,7 +181,7 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     let EnvironmentSettings { source, rotation, hide } = command.environment;
     source.iter().for_each(|source| option("--environment", source));
     rotation.iter().for_each(|degrees| option("--environment-rotation", &degrees.to_string()));
-    let ImportOptions { pose, variant, ignore_required_extensions, up } = command.import_options;
+    let ImportOptions { pose, variant, ignore_required_extensions, up, smooth } = command.import_options;
     if let Some(ClipTime { clip, time }) = pose {
         option("--time", &time.to_string());
         match clip {
@@ -195,6 +195,7 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
         option("--clip", &clip.index.to_string());
     }
     up.iter().for_each(|up| option("--up", up.name()));
+    smooth.iter().for_each(|crease| option("--smooth", &crease.to_degrees().to_string()));
     variant.iter().for_each(|variant| option("--variant", variant));
     if *ignore_required_extensions {
         words.push("--ignore-required-extensions".to_owned());
@@ -286,8 +287,13 @@ mod tests {
     use crate::film::tone::{Exposure, ToneMap};
     use crate::scene::PixelSampler;
 
-    static NO_IMPORT_OPTIONS: ImportOptions =
-        ImportOptions { pose: None, variant: None, ignore_required_extensions: false, up: None };
+    static NO_IMPORT_OPTIONS: ImportOptions = ImportOptions {
+        pose: None,
+        variant: None,
+        ignore_required_extensions: false,
+        up: None,
+        smooth: None,
+    };
 
     const NO_ENVIRONMENT: EnvironmentSettings =
         EnvironmentSettings { source: None, rotation: None, hide: false };
@@ -429,6 +435,7 @@ mod tests {
                 variant: Some("red shoe".into()),
                 ignore_required_extensions: true,
                 up: Some(UpAxis::MinusZ),
+                smooth: Some(0.5f64.to_radians()),
             },
             ..plain
         };
@@ -437,7 +444,7 @@ mod tests {
             "--size 320x200 --shading ambient --with glaze=every-bounce --without shadows --without textures --numerics \
              watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --sampler independent \
              --exposure=-1.5 --tone-map agx --light none --transport path --clamp 2.5 \
-             --environment 'garden one.hdr' --environment-rotation=-90 --time=-0.5 --clip Walk --up=-z --variant 'red shoe' \
+             --environment 'garden one.hdr' --environment-rotation=-90 --time=-0.5 --clip Walk --up=-z --smooth 0.5 --variant 'red shoe' \
              --ignore-required-extensions --hide-environment --ground"
         );
     }

@@ -10,6 +10,7 @@ use super::assembly::{Assembly, Run};
 use super::faces::{Faces, MISSING};
 use crate::film::colour::srgb_decode;
 use crate::import::polygon::{Cuts, Triangulator};
+use crate::import::smooth::weighted_normals;
 use crate::scene::{Attribute, Mesh};
 
 /// Number of polygons triangulated by one thread.
@@ -155,17 +156,6 @@ fn smooth(triangles: &mut [Triangles], positions: &[DVec3], normals: &mut Vec<DV
         }
     }
     normals[first..].iter_mut().for_each(|normal| *normal = normal.normalize_or_zero());
-}
-
-/// The unit normal of a triangle times its angle at each corner; zero where it has none.
-fn weighted_normals(corners: [DVec3; 3]) -> [DVec3; 3] {
-    std::array::from_fn(|i| {
-        let [a, b, c] = [0, 1, 2].map(|k| corners[(i + k) % 3]);
-        let (b, c) = ((b - a).normalize_or_zero(), (c - a).normalize_or_zero());
-        let normal = b.cross(c);
-        // An angle of 0 or 180 degrees has no normal.
-        normal.normalize_or_zero() * normal.length().atan2(b.dot(c))
-    })
 }
 
 /// The mesh of `triangles`, with the values that they use.
