@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use clap::builder::PossibleValue;
 
 use super::sampling::SamplingArguments;
 use crate::bvh::Preset;
@@ -51,7 +52,7 @@ pub(crate) struct Arguments {
     #[arg(long, allow_hyphen_values = true, value_name = "N", value_parser = crate::cli::numbers::whole(1..=u16::MAX))]
     pub threads: Option<u16>,
     /// How exactly it is decided what a ray hits [default: the scene's, or watertight]
-    #[arg(long, value_name = "TIER", value_parser = ["fast", "watertight", "double", "exact"])]
+    #[arg(long, value_name = "TIER", value_parser = tiers())]
     numerics: Option<String>,
     /// How much work is spent on building the tree that rays go through; the picture does not depend on it
     #[arg(long, value_name = "PRESET", value_parser = Preset::ALL.map(Preset::name), default_value = Preset::default().name())]
@@ -139,6 +140,14 @@ fn parse_background(text: &str) -> std::result::Result<Background, String> {
     ColourValue::of_digits(text)
         .map(|colour| Background::Colour(colour.0))
         .ok_or_else(|| "give a colour as #rrggbb, such as #ffffff, or transparent".into())
+}
+
+/// The names of the tiers, and the former name of one.
+fn tiers() -> [PossibleValue; 4] {
+    let value = |tier: Numerics| PossibleValue::new(tier.name());
+    let [naive, others @ ..] = Numerics::ALL.map(value);
+    let [watertight, double, exact] = others;
+    [naive.alias("fast"), watertight, double, exact]
 }
 
 fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
@@ -241,7 +250,7 @@ impl Arguments {
             crop: self.crop,
             share: Share::ALL,
             sampling: self.sampling.settings(),
-            numerics: named(&Numerics::ALL, Numerics::name, self.numerics.as_deref()),
+            numerics: self.numerics.as_deref().and_then(Numerics::named),
             preset: Preset::named(&self.bvh).unwrap_or_default(),
             shading: named(&ShadingMode::ALL, ShadingMode::name, Some(&self.shading)).unwrap_or_default(),
             transport: named(&Transport::ALL, Transport::name, self.transport.as_deref()),

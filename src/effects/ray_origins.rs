@@ -24,9 +24,9 @@ impl Stage for RayOrigins {
         let origins = origins.get_or_insert_default();
         // The tier is passed as a constant, so that the loops have no branch on it.
         match context.world.numerics() {
-            Numerics::Fast => simd_dispatch(
+            Numerics::Naive => simd_dispatch(
                 #[inline(always)]
-                || find_origins(surfaces, origins, Numerics::Fast),
+                || find_origins(surfaces, origins, Numerics::Naive),
             ),
             _ => simd_dispatch(
                 #[inline(always)]

@@ -162,9 +162,9 @@ fn shadow_rays(
 ) {
     // The tier is passed as a constant, so that the loops have no branch on it.
     match numerics {
-        Numerics::Fast => simd_dispatch(
+        Numerics::Naive => simd_dispatch(
             #[inline(always)]
-            || rays_to(light, surfaces, origins, Numerics::Fast, rays),
+            || rays_to(light, surfaces, origins, Numerics::Naive, rays),
         ),
         Numerics::Watertight => simd_dispatch(
             #[inline(always)]

@@ -74,7 +74,7 @@ pub struct World {
     pub ambient: f64,
     /// Further ambient light, of local shading.
     pub(crate) fill: Option<Fill>,
-    /// The diagonal of the box around all objects.
+    /// The diagonal of the box around the objects, without the ground and lights with an area.
     pub(crate) diagonal: f64,
     /// The colour of rays that hit nothing, in the numbers of the pipeline.
     pub background: DVec3,
@@ -152,6 +152,7 @@ impl World {
         structure: Layout,
         numerics: Numerics,
     ) -> World {
+        let diagonal = scene.bounds().map_or(0.0, |(min, max)| min.distance(max));
         let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         let mut materials: Vec<PreparedMaterial> =
             std::mem::take(&mut scene.materials).into_iter().map(to_pipeline).collect();
@@ -162,7 +163,6 @@ impl World {
         let mut area_lights = AreaLights::add_surfaces(&mut scene, &mut materials, pipeline);
         let normal_mapped: Vec<bool> = materials.iter().map(|m| m.normal_map().is_some()).collect();
         let Partition { instances, shared, firsts } = instances(&scene.objects, structure, numerics);
-        let diagonal = scene.bounds().map_or(0.0, |(min, max)| min.distance(max));
         let mut kept = 0;
         let slots = slots(&scene.objects, &firsts, &shared, numerics).inspect(|_| kept += 1);
         let instanced: usize = instances.iter().map(|i| i.placed.triangle_count()).sum();

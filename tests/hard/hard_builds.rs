@@ -71,7 +71,7 @@ fn c4_mixed_scales_are_traced() {
 /// 500 nested clusters of needles, the last 145 times as large as the first, and a small triangle in the middle: each
 /// cluster is on the traversal stack while the next one is visited.
 ///
-/// In `fast`, the error of a distance may exceed the size of the part of a triangle that a leaf holds, so the hit may
+/// In `naive`, the error of a distance may exceed the size of the part of a triangle that a leaf holds, so the hit may
 /// lie outside the box of that part. Trees that cut triangles must report the same closest hit nevertheless.
 #[test]
 fn c5_deep_stacks_lose_nothing() {
@@ -95,7 +95,7 @@ fn c5_deep_stacks_lose_nothing() {
 }
 
 /// A mesh with spheres, scaled by powers of two from 2^-40 to 2^40, the range in which scenes are not rescaled. Hits
-/// are the same, bit for bit. (The tier `fast` multiplies three lengths in f32: below 2^-34, the last digits of the
+/// are the same, bit for bit. (The tier `naive` multiplies three lengths in f32: below 2^-34, the last digits of the
 /// product are below the least f32.)
 #[test]
 fn c6_every_scale_that_is_let_in_is_the_same() {
@@ -109,7 +109,7 @@ fn c6_every_scale_that_is_let_in_is_the_same() {
     let rays = from_around(DVec3::ZERO, 2.0, &aimed, &mut numbers);
     let tiers = [Numerics::Watertight, Numerics::Double, Numerics::Exact];
     scales_to_the_bit("scales", &slots, &rays, &[-40, -27, -10, 10, 27, 40], &tiers);
-    scales_to_the_bit("scales", &slots, &rays, &[-30, -20, -10, 10, 27, 40], &[Numerics::Fast]);
+    scales_to_the_bit("scales", &slots, &rays, &[-30, -20, -10, 10, 27, 40], &[Numerics::Naive]);
 }
 
 /// A mesh scaled by powers of two over the whole range that import accepts, and recentered as scenes are. Hits are

@@ -31,7 +31,7 @@ use stored_slot::StoredSlot;
 use glam::{DVec3, Vec3};
 
 use crate::geometry::{
-    AnalyticShape, Bounds, Double, Exact, Fast, Hit, Numerics, Precision, PrimId, Ray, SlotId, Tier,
+    AnalyticShape, Bounds, Double, Exact, Hit, Naive, Numerics, Precision, PrimId, Ray, SlotId, Tier,
     Triangle, Watertight,
 };
 
@@ -135,7 +135,7 @@ fn build_from(
         }
     }
     match numerics {
-        Numerics::Fast => of::<Fast>(slots, layout),
+        Numerics::Naive => of::<Naive>(slots, layout),
         Numerics::Watertight => of::<Watertight>(slots, layout),
         Numerics::Double => of::<Double>(slots, layout),
         Numerics::Exact => of::<Exact>(slots, layout),
@@ -171,7 +171,7 @@ fn over_instances(
     numerics: Numerics,
 ) -> Box<dyn Accelerator> {
     match numerics {
-        Numerics::Fast => Box::new(Instances::<Fast>::new(flat, instances, preset)),
+        Numerics::Naive => Box::new(Instances::<Naive>::new(flat, instances, preset)),
         Numerics::Watertight => Box::new(Instances::<Watertight>::new(flat, instances, preset)),
         Numerics::Double => Box::new(Instances::<Double>::new(flat, instances, preset)),
         Numerics::Exact => Box::new(Instances::<Exact>::new(flat, instances, preset)),

@@ -35,7 +35,7 @@ pub(crate) trait Intersector: Copy {
     /// The test in f64.
     fn hit(&self, ray: &Ray) -> Option<f64>;
 
-    /// The test in f32, of the tier `fast`.
+    /// The test in f32, of the tier `naive`.
     fn hit_fast(&self, ray: &Ray) -> Option<f64>;
 
     /// The test decided exactly, of the tier `exact`; the distance is good to [`super::exact::TOLERANCE`].

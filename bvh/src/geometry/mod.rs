@@ -5,7 +5,7 @@
 //!
 //! | tier | rays and corners | boxes tested in | triangles | spheres |
 //! | ---- | ---------------- | --------------- | --------- | ------- |
-//! | [`Fast`] | f32 | f32 | Möller and Trumbore, f32 | Haines and others, f32 |
+//! | [`Naive`] | f32 | f32 | Möller and Trumbore, f32 | Haines and others, f32 |
 //! | [`Watertight`] | rays f64, corners f32 | f32, in trees of two f64 | Woop, Benthin and Wald, f64 | Haines and others, f64 |
 //! | [`Double`] | f64 | f64 | the same | the same |
 //! | [`Exact`] | f64 | f64 | the same with error bounds, then exact | the same with error bounds, then exact |
@@ -26,9 +26,9 @@ mod distance;
 mod double;
 mod exact;
 pub(crate) mod expansion;
-mod fast;
 pub(crate) mod four;
 mod mesh;
+mod naive;
 mod numerics;
 mod placed;
 mod ray;
@@ -57,8 +57,8 @@ pub(crate) use analytic::Intersector;
 pub(crate) use bounds::{PRUNE_MARGIN, round_down};
 pub(crate) use double::Double;
 pub(crate) use exact::Exact;
-pub(crate) use fast::Fast;
 pub(crate) use four::Triangle4;
+pub(crate) use naive::Naive;
 pub(crate) use numerics::{Corner, Stored, Tier};
 pub(crate) use triangle::TriangleHit;
 pub(crate) use watertight::Watertight;

@@ -73,7 +73,7 @@ impl Numerics {
     #[inline]
     pub fn precision(self) -> Precision {
         match self {
-            Numerics::Fast | Numerics::Watertight => Precision::Single,
+            Numerics::Naive | Numerics::Watertight => Precision::Single,
             Numerics::Double | Numerics::Exact => Precision::Double,
         }
     }
@@ -82,7 +82,7 @@ impl Numerics {
     #[inline]
     pub fn ray_precision(self) -> Precision {
         match self {
-            Numerics::Fast => Precision::Single,
+            Numerics::Naive => Precision::Single,
             Numerics::Watertight | Numerics::Double | Numerics::Exact => Precision::Double,
         }
     }
@@ -284,7 +284,7 @@ mod tests {
         assert_eq!(ray.direction.to_array().map(f64::to_bits), [0.0, -1.0, 1e-20].map(f64::to_bits));
     }
 
-    use crate::geometry::{Double, Exact, Fast, Watertight};
+    use crate::geometry::{Double, Exact, Naive, Watertight};
 
     /// What a tier says of a ray from `origin` and a triangle.
     fn hit_of<T: Tier>(corners: [DVec3; 3], ray: impl Fn(Precision) -> Ray) -> Option<TriangleHit> {
@@ -294,7 +294,7 @@ mod tests {
 
     fn hits(corners: [DVec3; 3], ray: impl Fn(Precision) -> Ray) -> [Option<TriangleHit>; 4] {
         [
-            hit_of::<Fast>(corners, &ray),
+            hit_of::<Naive>(corners, &ray),
             hit_of::<Watertight>(corners, &ray),
             hit_of::<Double>(corners, &ray),
             hit_of::<Exact>(corners, &ray),

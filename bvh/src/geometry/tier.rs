@@ -5,8 +5,9 @@
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize, schemars::JsonSchema))]
 #[cfg_attr(feature = "serde", serde(rename_all = "lowercase"))]
 pub enum Numerics {
-    /// f32 throughout. Rays may slip between triangles.
-    Fast,
+    /// f32 throughout, without error bounds. Rays may slip between triangles. Formerly `fast`.
+    #[cfg_attr(feature = "serde", serde(alias = "fast"))]
+    Naive,
     /// Corners in f32, rays and decisions in f64. Closed meshes stay closed: docs/closed-meshes.md.
     #[default]
     Watertight,
@@ -18,15 +19,21 @@ pub enum Numerics {
 
 impl Numerics {
     /// Every tier.
-    pub const ALL: [Numerics; 4] = [Numerics::Fast, Numerics::Watertight, Numerics::Double, Numerics::Exact];
+    pub const ALL: [Numerics; 4] = [Numerics::Naive, Numerics::Watertight, Numerics::Double, Numerics::Exact];
 
     /// The name as typed by users.
     pub fn name(self) -> &'static str {
         match self {
-            Numerics::Fast => "fast",
+            Numerics::Naive => "naive",
             Numerics::Watertight => "watertight",
             Numerics::Double => "double",
             Numerics::Exact => "exact",
         }
+    }
+
+    /// The tier of this name, also of its former one.
+    pub fn named(name: &str) -> Option<Self> {
+        let name = if name == "fast" { "naive" } else { name };
+        Self::ALL.into_iter().find(|tier| tier.name() == name)
     }
 }

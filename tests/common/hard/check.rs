@@ -7,7 +7,7 @@
 //! - `Watertight` and `Double`, on data that f32 can hold, so that both are given the numbers that the oracle is given:
 //!   where a hit is not the exact one, the ray passes an edge or starts off a plane within a derived rounding error
 //!   ([`oracle::is_clear`]); distances are within a derived error of the exact ones.
-//! - `Fast`: nothing more. A tier is held against the oracle only where its numbers are the oracle's.
+//! - `Naive`: nothing more. A tier is held against the oracle only where its numbers are the oracle's.
 
 use std::collections::BTreeMap;
 
@@ -97,7 +97,7 @@ pub fn judge_in(
             let first =
                 answer.all.iter().copied().min_by(|a, b| order(a).partial_cmp(&order(b)).expect("numbers"));
             faults.check(answer.closest == first, || format!("{ray:?}: {first:?}, not {:?}", answer.closest));
-            if tier != Numerics::Fast {
+            if tier != Numerics::Naive {
                 judge_rounded(ray, &by_id, exact, answer, &mut faults, &mut summary);
             }
         }
@@ -217,7 +217,7 @@ fn distance_error(ray: &Ray, primitive: &Primitive) -> f64 {
 }
 
 fn rounds(tier: Numerics) -> bool {
-    matches!(tier, Numerics::Fast | Numerics::Watertight)
+    matches!(tier, Numerics::Naive | Numerics::Watertight)
 }
 
 fn is_single(slot: &Slot) -> bool {

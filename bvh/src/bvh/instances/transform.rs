@@ -66,11 +66,11 @@ pub(crate) struct Transform {
 ///
 /// In the tiers that decide in f64, a hit's distance is clamped to the bounds of its triangle up to 1 + 2^-26
 /// (`clamp_to_bounds` of [`crate::geometry`]), its barycentrics are good to 2^-32, and transforming a ray takes a few
-/// 2^-53: 2^-25 is more than all together. In `fast` it is clamped to these bounds up to 1 + 2^-21, and may be
+/// 2^-53: 2^-25 is more than all together. In `naive` it is clamped to these bounds up to 1 + 2^-21, and may be
 /// anywhere in them.
 fn share_of_distance(numerics: Numerics) -> f64 {
     match numerics {
-        Numerics::Fast => 1.0 / (1u32 << 20) as f64,
+        Numerics::Naive => 1.0 / (1u32 << 20) as f64,
         Numerics::Watertight | Numerics::Double | Numerics::Exact => 1.0 / (1u32 << 25) as f64,
     }
 }
@@ -107,7 +107,7 @@ impl Transform {
         let residual =
             (box_from_world * world_from_box - DMat3::IDENTITY).abs() + (back * out) * (8.0 * f64::EPSILON);
         let mut box_error = back * (error + rounding + off_the_triangle) + residual * DVec3::ONE;
-        if numerics == Numerics::Fast {
+        if numerics == Numerics::Naive {
             // A hit anywhere in the bounds of its triangle may lie that far outside the mesh, where f32 rounds.
             box_error += spread(&back, &out) * DVec3::splat(4.0 * f64::from(f32::EPSILON));
         }

@@ -1,4 +1,4 @@
-//! Analytic spheres and their intersection tests: in f64 for one ray and for four here, in f32 in `fast`, exactly in
+//! Analytic spheres and their intersection tests: in f64 for one ray and for four here, in f32 in `naive`, exactly in
 //! `exact`.
 //!
 //! The textbook discriminant `(d.e)^2 - (d.d)(e.e - r^2)` cancels for small or distant spheres. Haines, Günther and
@@ -6,7 +6,7 @@
 //! instead, and compute the root that cancels from the product of both.
 
 mod exact;
-mod fast;
+mod naive;
 mod sampling;
 
 use glam::DVec3;
@@ -69,7 +69,7 @@ impl Intersector for Sphere {
 
     #[inline(always)]
     fn hit_fast(&self, ray: &Ray) -> Option<f64> {
-        fast::hit(ray, self)
+        naive::hit(ray, self)
     }
 
     #[inline(always)]

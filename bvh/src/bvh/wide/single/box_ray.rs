@@ -14,7 +14,7 @@ use crate::geometry::{PRUNE_MARGIN, Ray, round_down};
 use glam::Vec3;
 
 /// The factor by which the distance at which a ray leaves a box is enlarged: [`PRUNE_MARGIN`], within which the tier
-/// `fast` clamps hits to their own bounds, and 8 u for the different arithmetic here.
+/// `naive` clamps hits to their own bounds, and 8 u for the different arithmetic here.
 pub(crate) const MARGIN: f32 = PRUNE_MARGIN + 4.0 * f32::EPSILON;
 
 /// The share of itself by which an offset is moved. It is off by up to 2 u (an f64 origin is rounded, then

@@ -1,4 +1,4 @@
-//! The tier `fast`: f32 throughout, not watertight.
+//! The tier `naive`: f32 throughout, not watertight.
 //!
 //! Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, Journal of Graphics Tools 2(1) 1997, without
 //! the threshold on small determinants that it suggests, which depends on scale. Its two barycentrics are
@@ -14,7 +14,7 @@ use super::{AnalyticShape, Corner, Ray, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f32.
-pub(crate) struct Fast;
+pub(crate) struct Naive;
 
 /// A ray in f32.
 #[derive(Clone, Copy)]
@@ -24,8 +24,8 @@ pub(crate) struct FastTest {
     pub(super) boxes: SingleBoxTest,
 }
 
-impl Tier for Fast {
-    const NUMERICS: Numerics = Numerics::Fast;
+impl Tier for Naive {
+    const NUMERICS: Numerics = Numerics::Naive;
     const IS_TIGHT: bool = false;
     type Corner = Vec3;
     type Boxes = SingleBoxTest;
