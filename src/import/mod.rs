@@ -44,7 +44,9 @@ pub use files::{FileRead, Stamp};
 
 use crate::error::{Error, Result, Warnings};
 use crate::limits::{self, Counted, unreadable};
-use crate::scene::{ClipChoice, ClipTime, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape};
+use crate::scene::{
+    ClipChoice, ClipTime, ImportOptions, Material, Mesh, Object, Phong, Scene, Shape, UpAxis,
+};
 use files::Files;
 
 /// A supported file format.
@@ -361,10 +363,16 @@ fn note_up(scene: &Scene, file: &Path, warnings: &mut Warnings) {
     if scene.has_settings || !scene.cameras.is_empty() || ["gltf", "glb"].contains(&ending(file).as_str()) {
         return;
     }
-    if let Some(up) = up::guess(scene) {
-        let name = up.name();
-        warnings
-            .note(format!("{}: seems to stand upright with {name} up; --up {name} turns it", file.display()));
+    let file_name = file.display();
+    match up::guess(scene).map(UpAxis::name) {
+        Some(name) => {
+            warnings
+                .note(format!("{file_name}: seems to stand upright with {name} up; --up {name} turns it"));
+        }
+        None if ending(file) == "stl" => {
+            warnings.note(format!("{file_name}: most STL files have z up; --up z turns it"));
+        }
+        None => {}
     }
 }
 
