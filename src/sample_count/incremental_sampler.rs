@@ -9,8 +9,24 @@ use crate::error::{Error, Result};
 use crate::film::{ColourPipeline, Film, TILE, Window};
 use crate::job::RenderJob;
 use crate::metrics::Values;
+use crate::render::aov::{self, AovSelection};
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
+
+/// The number of pixels whose centre ray hits an object other than the ground; of all pixels where there are none, or where
+/// the background is an environment.
+fn subject_pixels(job: &RenderJob, control: &RenderControl) -> Result<usize> {
+    let world = &job.world;
+    let all = job.window.area();
+    if world.environment.as_ref().is_some_and(|environment| !environment.is_hidden) {
+        return Ok(all);
+    }
+    let objects = aov::channels(&job.aov_source(None), &AovSelection::new(&["object".to_owned()])?, control)?;
+    let ground = world.ground.map(|index| index as f32);
+    let is_subject = |&&object: &&f32| object >= 0.0 && Some(object) != ground;
+    let count = objects[0].values.iter().filter(is_subject).count();
+    Ok(if count == 0 { all } else { count })
+}
 
 /// Renders ranges of the picture's samples, and accumulates their statistics.
 pub(crate) struct IncrementalSampler<'a> {
@@ -33,6 +49,7 @@ impl<'a> IncrementalSampler<'a> {
         };
         let tiles = ErrorTiles::new(job.window.width, job.window.height);
         let start = Instant::now();
+        let tiles = tiles.with_subject(subject_pixels(job, control)?);
         job.set_sampling(sampling.part(0, 1))?;
         if !job.plan.takes_samples() {
             let effect = id::ANTIALIASING;

@@ -8,6 +8,9 @@
 //! estimated from their difference without further rays (`split_error`), on error tiles selected by importance sampling
 //! (`tile_error`).
 //!
+//! Mean errors are those of the pixels whose centre ray hits an object other than the ground, so that a large
+//! background does not hide a jagged object; of all pixels where there are none, or where an environment is seen.
+//!
 //! Let v(n) be the variance of the mean of n samples, r = v(2n) / v(n), and A and B the means of the halves of 2n
 //! samples. From v(2n) = (v(n) + cov) / 2 and E|A - B|^2 = 2 (v(n) - cov) follows v(2n) = E|A - B|^2 * r / (4 (1 - r)).
 //! Independent samples have r = 1/2; samples stratified over edges have r = 2^(-3/2) (Mitchell, Consequences of
@@ -88,8 +91,8 @@ impl Metric {
     /// Error from the sum of the contributions of all parts, or from their maximum for [`Metric::Max`].
     fn error_of_total(self, total: f64, tiles: &ErrorTiles) -> f64 {
         match self {
-            Metric::Flip => total / tiles.pixels(),
-            Metric::Rmse => (total / (3.0 * tiles.pixels())).sqrt(),
+            Metric::Flip => total / tiles.subject_pixels(),
+            Metric::Rmse => (total / (3.0 * tiles.subject_pixels())).sqrt(),
             Metric::Max => total,
         }
     }

@@ -33,11 +33,18 @@ const QUANTILE_95: f64 = 1.645;
 pub(crate) struct ErrorTiles {
     width: u32,
     height: u32,
+    /// The number of pixels that mean errors are of.
+    subject_pixels: f64,
 }
 
 impl ErrorTiles {
     pub(crate) fn new(width: u32, height: u32) -> Self {
-        ErrorTiles { width, height }
+        ErrorTiles { width, height, subject_pixels: f64::from(width) * f64::from(height) }
+    }
+
+    /// The same with mean errors over `subject_pixels` pixels, at least 1, of which all errors are.
+    pub(crate) fn with_subject(self, subject_pixels: usize) -> Self {
+        ErrorTiles { subject_pixels: subject_pixels.max(1) as f64, ..self }
     }
 
     fn across(&self) -> u32 {
@@ -49,9 +56,9 @@ impl ErrorTiles {
         (self.across() * self.height.div_ceil(SIDE)) as usize
     }
 
-    /// Number of pixels of the picture.
-    pub(crate) fn pixels(&self) -> f64 {
-        f64::from(self.width) * f64::from(self.height)
+    /// Number of pixels that mean errors are of.
+    pub(crate) fn subject_pixels(&self) -> f64 {
+        self.subject_pixels
     }
 
     /// Width of the picture in pixels.

@@ -66,6 +66,8 @@ pub struct World {
     pub materials: Vec<PreparedMaterial>,
     /// The images of the textures.
     pub images: Arc<[Image]>,
+    /// The index of the object that is the ground put under the scene.
+    pub(crate) ground: Option<u32>,
     /// The lights with radiance above 0 that are not surfaces.
     pub lights: Vec<WorldLight>,
     /// The colour pipeline.
@@ -156,6 +158,7 @@ impl World {
         let to_pipeline = |material: Material| material.map_colours(|colour| colour.to_pipeline(pipeline));
         let mut materials: Vec<PreparedMaterial> =
             std::mem::take(&mut scene.materials).into_iter().map(to_pipeline).collect();
+        let ground = scene.ground.map(|_| scene.objects.len() as u32);
         if let Some(ground) = &scene.ground {
             materials.push(to_pipeline(ground.material()));
             scene.objects.push(ground.object(MaterialId((materials.len() - 1) as u32)));
@@ -188,6 +191,7 @@ impl World {
             accelerator: accelerator.into(),
             objects,
             materials,
+            ground,
             environment,
             emitters: emitters.into(),
             area_lights: area_lights.into(),
