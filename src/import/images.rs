@@ -203,7 +203,7 @@ pub(crate) fn of_bytes(
     keep(scene, decoded, place, warnings)
 }
 
-/// Decodes the alpha channel of an image in memory into a grey image called `name`, `value` of each; returns `None` if all are white (255), as
+/// Decodes the alpha channel of an image in memory into a grey image called `name`, `value` of each; returns `None` if all are opaque (255), as
 /// without an alpha channel, or it cannot be decoded, of which [`of_bytes`] warns.
 ///
 /// # Errors
@@ -227,11 +227,11 @@ pub(crate) fn alpha_of_bytes(
     }
     let (width, height) = image.dimensions();
     let rgba = image.into_rgba8();
-    let pixels: Arc<[[u8; 3]]> =
-        rgba.as_raw().as_chunks().0.iter().map(|&[_, _, _, a]| [value(a); 3]).collect();
-    if pixels.iter().all(|&pixel| pixel == [255; 3]) {
+    let alphas = || rgba.as_raw().as_chunks().0.iter().map(|&[_, _, _, a]: &[u8; 4]| a);
+    if alphas().all(|alpha| alpha == 255) {
         return Ok(None);
     }
+    let pixels: Arc<[[u8; 3]]> = alphas().map(|alpha| [value(alpha); 3]).collect();
     Ok(Some(scene.add_image(DecodedImage { name, width, height, pixels })))
 }
 

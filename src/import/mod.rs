@@ -147,7 +147,7 @@ pub(crate) struct Source {
     pub bytes: Vec<u8>,
     /// Opens referenced files.
     files: Files,
-    /// What is asked of it.
+    /// Import options.
     options: ImportOptions,
 }
 
@@ -231,7 +231,7 @@ pub fn reload(scene: &Scene, options: &ImportOptions, warnings: &mut Warnings) -
     load_by(&scene.inputs, &Files::of_scene(scene), options, warnings)
 }
 
-/// Checks that an input has the variant that is asked for.
+/// Checks that an input has the requested variant.
 fn check_variant(scene: &Scene, options: &ImportOptions) -> Result<()> {
     let Some(name) = options.variant.as_ref().filter(|name| !scene.variants.contains(name)) else {
         return Ok(());
@@ -247,7 +247,7 @@ fn check_variant(scene: &Scene, options: &ImportOptions) -> Result<()> {
     })
 }
 
-/// Checks that an input has the clip that is asked for.
+/// Checks that an input has the requested clip.
 fn check_clip(scene: &Scene, pose: Option<&ClipTime>) -> Result<()> {
     let Some(asked) = pose.filter(|asked| asked.clip.find(&scene.clips).is_none()) else {
         return Ok(());

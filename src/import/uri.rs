@@ -31,7 +31,7 @@ pub(crate) fn resolve(uri: &str) -> Result<Resource, String> {
         .iter()
         .any(|scheme| strip_prefix_ignoring_case(uri, scheme).is_some())
     {
-        return Err(format!("`{uri}` is not a file beside it; kiln fetches nothing"));
+        return Err(format!("`{uri}` is not a relative path; kiln reads local files only"));
     }
     let path = percent_encoding::percent_decode_str(uri)
         .decode_utf8()

@@ -50,7 +50,7 @@ impl Counted {
                 "kiln numbers at most 4,294,967,295: fewer placements, or meshes of fewer triangles"
                     .to_owned()
             }
-            _ => format!("if the file is to be trusted, give --limit {name}={count}"),
+            _ => format!("if you trust the file, give --limit {name}={count}"),
         };
         Err((format!("{count} {name}; the limit is {most}"), hint))
     }

@@ -67,7 +67,7 @@ impl Excess {
             _ if machine().is_some_and(|machine| self.needed > machine.all.saturating_mul(16)) => {
                 "more than 16 times the memory of this machine: the file is probably damaged".into()
             }
-            Limit::Claim => format!("if the file is to be trusted, {}", self.remedy()),
+            Limit::Claim => format!("if you trust the file, {}", self.remedy()),
             Limit::Process(_) => format!("make it smaller, or {}", self.remedy()),
         }
     }
@@ -170,7 +170,7 @@ pub fn parse_limit(text: &str) -> Result<u64, String> {
     match bytes {
         Some(bytes) if bytes >= MIN_LIMIT => Ok(bytes),
         Some(_) => Err(format!(
-            "{} of it are kept free, for threads and encoders; give at least {}M",
+            "{} of it are reserved for threads and encoders; give at least {}M",
             Bytes(RESERVE),
             MIN_LIMIT >> 20
         )),
@@ -218,7 +218,7 @@ mod tests {
             assert!(said.starts_with("give a whole number "), "{bad}: {said}");
         }
         // Half of the least limit is kept free.
-        let said = "64 MiB of it are kept free, for threads and encoders; give at least 128M";
+        let said = "64 MiB of it are reserved for threads and encoders; give at least 128M";
         for small in ["0", "64M", "134217727"] {
             assert_eq!(parse_limit(small), Err(said.into()), "{small}");
         }

@@ -1053,7 +1053,7 @@ fn pictures_that_do_not_fit_are_refused_with_what_they_need() {
     assert!(said.ends_with(" MiB of 128 MiB are left (--memory-limit)"), "{said}");
     assert!(hint.ends_with("or give --memory-limit 2G"), "{hint}");
     for (limit, why) in [
-        ("64M", "64 MiB of it are kept free, for threads and encoders; give at least 128M"),
+        ("64M", "64 MiB of it are reserved for threads and encoders; give at least 128M"),
         ("1.5G", "give a whole number with K, M, G or T, such as 1536M or 16G"),
         ("4X", "give a whole number with K, M, G or T, such as 1536M or 16G"),
     ] {

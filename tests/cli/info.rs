@@ -174,7 +174,7 @@ fn materials_cameras_and_lights_are_described() {
     let said = workshop.info("scene.toml");
     for line in [
         "material    glass (metallic-roughness): opacity by blend, factor 0.5; transmission 1; ior 1.33; volume\n",
-        "material    lamp (phong): emission (3, 3, 3); no object has it\n",
+        "material    lamp (phong): emission (3, 3, 3); unused\n",
         "cameras     2: wide (perspective, 90.0 degrees high), flat (orthographic, 3 high)\n",
         "lights      1: sun (directional, intensity 2.5)\n",
         "effects     alpha, shadows\n",

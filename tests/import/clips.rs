@@ -370,3 +370,66 @@ fn the_fox_moves() {
         assert!(bounds[..i].iter().all(|other| other != &(*min, *max)), "{i}");
     }
 }
+
+/// The normal is that of the sum of all targets, whichever comes first: (0, 0, 1) + (4, 0, 0) + (0, 4, 0), normalised.
+#[test]
+fn normals_are_normalised_after_all_morph_targets() {
+    let normal = |order: [usize; 2]| {
+        let mut model = Model::new(&TRIANGLE);
+        model.attribute("NORMAL", &[[0.0f32, 0.0, 1.0]; 3]);
+        let none = [0.0f32; 3];
+        let targets = [[4.0, 0.0, 0.0], [0.0, 4.0, 0.0]].map(|by| accessor(&mut model, &[by, none, none]));
+        model.json["meshes"][0]["primitives"][0]["targets"] =
+            json!([{ "NORMAL": targets[order[0]] }, { "NORMAL": targets[order[1]] }]);
+        model.json["meshes"][0]["weights"] = json!([1.0, 1.0]);
+        let scene = posed(&model, None, None).expect("a scene");
+        let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("a mesh") };
+        mesh.normals.as_ref().expect("normals").values[0]
+    };
+    let expected = DVec3::new(4.0, 4.0, 1.0).normalize();
+    assert!((normal([0, 1]) - expected).length() < 1e-12, "{}", normal([0, 1]));
+    assert_eq!(normal([0, 1]), normal([1, 0]));
+}
+
+/// The rotation of a texture transform is an angle: half way from 0 to 1 it is 0.5.
+#[test]
+fn pointers_animate_angles_of_texture_transforms() {
+    let mut model = Model::new(&TRIANGLE);
+    model.attribute("TEXCOORD_0", &[[0.0f32, 0.0], [1.0, 0.0], [0.0, 1.0]]);
+    let image = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
+    model.json["images"] = json!([{ "uri": image }]);
+    model.json["textures"] = json!([{ "source": 0 }]);
+    let transform = json!({ "KHR_texture_transform": { "rotation": 0.0 } });
+    let texture = json!({ "index": 0, "extensions": transform });
+    model.json["materials"] = json!([{ "pbrMetallicRoughness": { "baseColorTexture": texture } }]);
+    model.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    let pointer =
+        "/materials/0/pbrMetallicRoughness/baseColorTexture/extensions/KHR_texture_transform/rotation";
+    animate_pointer(&mut model, pointer, &[0.0, 2.0], &[[0.0], [1.0]]);
+    let (scene, warnings) = at(&model, 1.0);
+    assert_eq!(warnings, [""; 0]);
+    let Shape::Mesh(mesh) = &scene.objects[0].shape else { panic!("a mesh") };
+    // (1, 0) turned by 0.5: u = cos, v = -sin (KHR_texture_transform).
+    let turned = mesh.uvs[0].values[1];
+    assert!((turned.x - 0.5f64.cos()).abs() < 1e-6 && (turned.y + 0.5f64.sin()).abs() < 1e-6, "{turned}");
+}
+
+/// A vertex whose weights are 0 moves with the first joint; the others as their weights say.
+#[test]
+fn a_vertex_without_weights_does_not_undo_its_skin() {
+    let mut model = Model::new(&TRIANGLE);
+    model.attribute("JOINTS_0", &[[0.0f32; 4]; 3]);
+    model.attribute("WEIGHTS_0", &[[0.0f32; 4], [1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]);
+    let joints = model.json["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"]
+        .as_u64()
+        .expect("an index") as usize;
+    model.json["accessors"][joints]["componentType"] = json!(5121);
+    model.json["accessors"][joints]["min"] = json!([0, 0, 0, 0]);
+    model.set_bytes(joints, &[[0u8; 4]; 3].concat());
+    model.json["skins"] = json!([{ "joints": [1] }]);
+    model.json["nodes"] = json!([{ "mesh": 0, "skin": 0 }, { "translation": [5, 0, 0] }]);
+    model.json["scenes"] = json!([{ "nodes": [0, 1] }]);
+    let scene = posed(&model, None, None).expect("a scene");
+    assert_near(positions(&scene)[0], [5.0, 0.0, 0.0]);
+    assert_near(positions(&scene)[1], [6.0, 0.0, 0.0]);
+}

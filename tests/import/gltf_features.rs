@@ -164,7 +164,7 @@ fn invalid_files_that_are_drawn() {
     model.json["meshes"][0]["primitives"][0]["attributes"]["_MINE"] = json!(0);
     let (scene, warnings) = read(&model);
     assert_eq!(mesh(&scene).positions, TRIANGLE.map(|p| DVec3::from(p.map(f64::from))));
-    let warning = "attribute BATCHID is not one of glTF's, and custom ones begin with `_`; not used";
+    let warning = "attribute BATCHID is not an attribute semantic of glTF; application-specific ones begin with `_`; not used";
     assert_eq!(warnings, [warning]);
     model.json["scenes"] = json!([{ "name": "empty" }]);
     assert_eq!(read(&model).0.objects.len(), 0);
@@ -363,4 +363,48 @@ fn the_same_mesh_from_both_sides() {
     assert_eq!(behind, [front[2], front[3], front[0], front[1]]);
     model.json["materials"][0]["doubleSided"] = json!(true);
     assert_eq!(pixels(&model), behind);
+}
+
+/// KHR_node_visibility hides meshes and lights, not cameras.
+#[test]
+fn cameras_of_hidden_nodes_stay() {
+    let mut model = Model::new(&TRIANGLE);
+    model.json["cameras"] = json!([{ "type": "perspective", "perspective": { "yfov": 1.0, "znear": 0.1 } }]);
+    let hidden = json!({ "KHR_node_visibility": { "visible": false } });
+    model.json["nodes"] = json!([{ "mesh": 0 }, { "mesh": 0, "camera": 0, "extensions": hidden }]);
+    model.json["scenes"] = json!([{ "nodes": [0, 1] }]);
+    model.json["extensionsUsed"] = json!(["KHR_node_visibility"]);
+    let (scene, _) = read(&model);
+    assert_eq!((scene.objects.len(), scene.cameras.len()), (1, 1));
+}
+
+/// A file says the least version that it needs by `minVersion`, else `version`; minor versions are compatible (section 3.2).
+#[test]
+fn versions_beyond_2_0_are_refused() {
+    let of = |version: &str, least: Option<&str>| {
+        let mut model = Model::new(&TRIANGLE);
+        model.json["asset"] = json!({ "version": version });
+        if let Some(least) = least {
+            model.json["asset"]["minVersion"] = json!(least);
+        }
+        load(&model, &ImportOptions::default()).map(|_| ()).map_err(|e| e.to_string())
+    };
+    assert!(of("2.0", None).is_ok() && of("2.3", None).is_ok() && of("2.3", Some("2.0")).is_ok());
+    for (version, least, named) in
+        [("3.0", None, "3.0"), ("2.5", Some("2.5"), "2.5"), ("3.1", Some("3.0"), "3.0")]
+    {
+        let e = of(version, least).expect_err("a later version");
+        assert!(e.contains(&format!("a file of glTF {named}; kiln reads glTF 2.0")), "{e}");
+    }
+}
+
+/// EXT_mesh_gpu_instancing with custom attributes alone: the node's mesh once.
+#[test]
+fn instances_without_places_are_the_node() {
+    let mut model = Model::new(&TRIANGLE);
+    let index = model.json["meshes"][0]["primitives"][0]["attributes"]["POSITION"].clone();
+    let instancing = json!({ "EXT_mesh_gpu_instancing": { "attributes": { "_ID": index } } });
+    model.json["nodes"] = json!([{ "mesh": 0, "extensions": instancing }]);
+    model.json["extensionsUsed"] = json!(["EXT_mesh_gpu_instancing"]);
+    assert_eq!(read(&model).0.objects.len(), 1);
 }

@@ -502,8 +502,10 @@ fn mtl_lines_that_others_stumble_over() {
     let Material::Phong(material) = &scene.materials[0] else { panic!("{:?}", scene.materials) };
     assert_eq!(material.colour, Colour::Display(DVec3::splat(0.5)));
     assert_eq!((material.specular, material.shininess), (0.0, 20.0));
-    let expected =
-        ["a.mtl:3: `Ks xyz 1 1` left out: not understood", "a.mtl:5: `Ke nan 0 0` left out: not understood"];
+    let expected = [
+        "a.mtl:3: `Ks xyz 1 1` left out: an invalid value",
+        "a.mtl:5: `Ke nan 0 0` left out: an invalid value",
+    ];
     assert_eq!(warnings, expected);
 }
 
@@ -516,7 +518,7 @@ fn a_bad_mtl_line_loses_only_itself() {
     let names: Vec<&str> = scene.materials.iter().map(Material::name).collect();
     assert_eq!(names, ["a", "b"]);
     assert_eq!(warnings.len(), 3, "{warnings:?}");
-    assert_eq!(warnings[0], "a.mtl:3: `map_Kd` left out: not understood");
+    assert_eq!(warnings[0], "a.mtl:3: `map_Kd` left out: an invalid value");
 }
 
 #[test]
@@ -1122,8 +1124,8 @@ fn gltf_uris_that_cannot_be_followed() {
         ("../a.bin", "a.gltf: buffer 0: `../a.bin` leaves the file's folder"),
         ("/etc/hostname", "a.gltf: buffer 0: `/etc/hostname` leaves the file's folder"),
         ("%2e%2e/a.bin", "a.gltf: buffer 0: `%2e%2e/a.bin` leaves the file's folder"),
-        ("https://example.org/a.bin", "kiln fetches nothing"),
-        ("data:application/octet-stream;base64,AAAA", "a.gltf: buffer 0: 3 of 36 bytes are there"),
+        ("https://example.org/a.bin", "kiln reads local files only"),
+        ("data:application/octet-stream;base64,AAAA", "a.gltf: buffer 0: has 3 bytes; byteLength is 36"),
         ("data:application/octet-stream;base64,!", "a damaged data URI"),
     ] {
         let e = Model::triangle().with("buffers", json!([{ "byteLength": length, "uri": uri }])).fails();
@@ -1207,8 +1209,8 @@ fn gltf_attributes_of_types_that_the_format_does_not_give_are_not_used() {
         assert_eq!(message(&model.fails()), expected);
     }
     for (image, fault) in [
-        (json!({}), "a picture that is nowhere"),
-        (json!({ "bufferView": 0 }), "a picture in a buffer without its type"),
+        (json!({}), "has neither `uri` nor `bufferView`"),
+        (json!({ "bufferView": 0 }), "has a `bufferView` but no `mimeType`"),
     ] {
         let model = Model::triangle().with("images", json!([image]));
         assert_eq!(message(&model.fails()), format!("a.gltf: image 0: {fault}"));
@@ -1251,7 +1253,7 @@ fn gltf_nodes_that_contain_themselves_are_an_error() {
     ];
     for nodes in cycles {
         let e = Model::triangle().with("nodes", nodes.clone()).fails();
-        assert!(message(&e).ends_with("the nodes contain themselves"), "{nodes}: {e}");
+        assert!(message(&e).ends_with("the node is its own ancestor"), "{nodes}: {e}");
     }
 }
 
@@ -2126,4 +2128,29 @@ fn inputs_that_are_not_there_or_not_known() {
     assert!(e.hint().contains(".toml, .obj, .gltf, .glb, .ply, .stl"), "{}", e.hint());
     std::fs::create_dir(folder.0.path().join("folder.obj")).expect("the folder can be made");
     assert_eq!(message(&fails("folder.obj")), "folder.obj: is a folder");
+}
+
+#[test]
+fn obj_faces_of_two_corners_are_reported() {
+    let (scene, warnings) = Folder::new().load("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n");
+    assert_eq!(scene.primitive_count(), 1);
+    assert_eq!(warnings, ["a.obj:5: a face of 2 corner(s); such faces are not drawn"]);
+}
+
+/// A scene file passes on the variants of its meshes, so that one can be chosen.
+#[test]
+fn variants_of_meshes_of_scene_files_can_be_chosen() {
+    let folder = Folder::new();
+    let mut model = Model::triangle();
+    model.json["extensionsUsed"] = json!(["KHR_materials_variants"]);
+    model.json["extensions"] = json!({ "KHR_materials_variants": { "variants": [{ "name": "red" }] } });
+    model.json["materials"] = json!([{ "name": "plain" }, { "name": "painted" }]);
+    let mappings = json!({ "KHR_materials_variants": { "mappings": [{ "material": 1, "variants": [0] }] } });
+    model.json["meshes"][0]["primitives"][0]["material"] = json!(0);
+    model.json["meshes"][0]["primitives"][0]["extensions"] = mappings;
+    folder.write("a.gltf", model.text());
+    let file = folder.write("a.toml", "[[mesh]]\nfile = 'a.gltf'\n");
+    let options = kiln::scene::ImportOptions { variant: Some("red".into()), ..Default::default() };
+    let scene = kiln::import::load_with(&[file], &options, &mut Warnings::default()).expect("a scene");
+    assert_eq!(scene.materials[scene.objects[0].material.0 as usize].name(), "painted");
 }

@@ -138,7 +138,7 @@ pub(super) fn add_sizes(lines: &mut Lines, inputs: &[PathBuf], scene: &Scene) {
         lines.add("no area", format!("{flat} triangle(s), kept because they may close T-vertices"));
     }
     match scene.bounds() {
-        None => lines.add("bounds", "nothing that can be seen"),
+        None => lines.add("bounds", "none: no primitives"),
         Some((min, max)) => {
             lines.add("bounds", format!("{} to {}", short(min), short(max)));
             lines.add("size", short(max - min));

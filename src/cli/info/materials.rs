@@ -45,7 +45,7 @@ pub(super) fn add(lines: &mut Lines, scene: &Scene) {
             texts.push(format!("textures: {}", textures.join(", ")));
         }
         if used == 0 && !texts.is_empty() {
-            texts.push("no object has it".into());
+            texts.push("unused".into());
         }
         let texts = texts.join("; ");
         (!texts.is_empty()).then(|| format!("{} ({}): {texts}", material.name(), model(material)))

@@ -11,7 +11,7 @@ use crate::bench::memory;
 use crate::bvh::Description;
 use crate::effects::Decision;
 use crate::error::{Error, Warnings};
-use crate::job::{self, RenderSettings};
+use crate::job::{self, Look, RenderSettings};
 use crate::limits::Bytes;
 use crate::scene::{Attribute, Mesh, Object, Scene, Shape};
 
@@ -179,7 +179,8 @@ impl Rendering {
 fn build(scene: Scene, after_loading: &Memory, warnings: &mut Warnings) -> Result<Built, Error> {
     memory::reset_peak();
     let before = memory::resident();
-    let resolved = job::resolve(scene, &RenderSettings::default(), warnings)?;
+    let settings = RenderSettings { look: Look::Studio, ..RenderSettings::default() };
+    let resolved = job::resolve(scene, &settings, warnings)?;
     let start = Instant::now();
     let job = resolved.build(warnings)?;
     let seconds = start.elapsed().as_secs_f64();

@@ -96,7 +96,7 @@ impl Loader<'_> {
         hasher.finalize().to_string()
     }
 
-    /// The poses at the time that is asked for; at rest if none is, or the document has no such clip.
+    /// The poses at the requested time; at rest without one, or the document has no such clip.
     pub(super) fn pose_of_nodes(&mut self, document: &gltf::Document) -> Pose {
         let Some(asked) = self.source.options.pose.clone() else { return Pose::default() };
         let Some(Clip { name, index, .. }) = asked.clip.find(&self.scene.clips).cloned() else {

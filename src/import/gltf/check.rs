@@ -194,8 +194,8 @@ pub(super) fn check_images(document: &gltf::Document, file: &Path) -> Result<()>
     for (index, image) in document.as_json().images.iter().enumerate() {
         let fault = match (&image.uri, &image.buffer_view, &image.mime_type) {
             (Some(_), ..) | (None, Some(_), Some(_)) => continue,
-            (None, Some(_), None) => "a picture in a buffer without its type",
-            (None, None, _) => "a picture that is nowhere",
+            (None, Some(_), None) => "has a `bufferView` but no `mimeType`",
+            (None, None, _) => "has neither `uri` nor `bufferView`",
         };
         let item = Place::item(file, format!("image {index}"));
         return Err(Error::input(item, fault, "export the file again"));
@@ -238,7 +238,7 @@ pub(super) fn load_buffers(
             },
         };
         if data.len() < buffer.length() {
-            return Err(fault(format!("{} of {} bytes are there", data.len(), buffer.length())));
+            return Err(fault(format!("has {} bytes; byteLength is {}", data.len(), buffer.length())));
         }
         Ok(data)
     };
@@ -285,7 +285,7 @@ pub(super) fn node_places(
         if places[index].is_some() {
             if std::iter::successors(parent, |&above| parent_of[above]).any(|above| above == index) {
                 let item = Place::item(file, format!("node {index}"));
-                return Err(Error::input(item, "the nodes contain themselves", "correct the hierarchy"));
+                return Err(Error::input(item, "the node is its own ancestor", "correct the hierarchy"));
             }
             let file = file.display();
             warnings.push(format!("{file}: node {index} is in the scene more than once; drawn once"));

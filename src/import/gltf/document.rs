@@ -97,6 +97,19 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
     if root["asset"]["version"].as_str().is_some_and(|version| version.starts_with("1.")) {
         return Err(version_1(file));
     }
+    // Section 3.2: the least version that the file needs, else the major version.
+    let needed = ["minVersion", "version"].into_iter().find_map(|key| root["asset"][key].as_str());
+    let number = |text: &str| -> Option<(u32, u32)> {
+        let (major, minor) = text.split_once('.')?;
+        Some((major.parse().ok()?, minor.parse().ok()?))
+    };
+    let is_min = root["asset"]["minVersion"].is_string();
+    if let Some((needed, (major, minor))) = needed.and_then(|text| Some((text, number(text)?)))
+        && (major > 2 || is_min && (major, minor) > (2, 0))
+    {
+        let what = format!("a file of glTF {needed}; kiln reads glTF 2.0");
+        return Err(Error::input(file, what, "export it as glTF 2.0"));
+    }
     let pointers = pointer::take_channels(&mut root);
     repair(&mut root, |what| warnings.left_out(format!("{}: {what}", file.display())));
     Ok(Json { root, blob, pointers })
@@ -158,7 +171,9 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
         }
     }
     for name in unknown {
-        warn(format!("attribute {name} is not one of glTF's, and custom ones begin with `_`; not used"));
+        warn(format!(
+            "attribute {name} is not an attribute semantic of glTF; application-specific ones begin with `_`; not used"
+        ));
     }
 }
 
@@ -213,7 +228,7 @@ pub(super) fn validated(
     }
 }
 
-/// Whether a fault is none to kiln: bounds of positions are not used, and accessors without a buffer view are zeros.
+/// Whether a validation error is ignored: bounds of positions are not used, and accessors without a buffer view are zeros.
 fn is_tolerated(path: &str, fault: &Fault) -> bool {
     let is_bounds = path.ends_with("[\"POSITION\"].min") || path.ends_with("[\"POSITION\"].max");
     is_bounds

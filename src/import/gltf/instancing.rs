@@ -55,7 +55,13 @@ impl Loader<'_> {
         if is_placed_once || primitive.morph_targets().len() > 0 {
             let own = self.primitive(primitive, name, weights)?;
             let Some(own) = own else { return Ok(Vec::new()) };
-            return Ok(places.iter().map(|world_from_mesh| moved(own.clone(), world_from_mesh)).collect());
+            if let [world_from_mesh] = places {
+                return Ok(vec![moved(own, world_from_mesh)]);
+            }
+            let own = Arc::new(own);
+            let place =
+                |matrix: &DMat4| Shape::Placed(Placed::new(Arc::clone(&own), Placement::new(*matrix)));
+            return Ok(places.iter().map(place).collect());
         }
         let key = (mesh.index(), primitive.index());
         let shared = match self.shared.read.get(&key) {
@@ -93,7 +99,10 @@ impl Loader<'_> {
         }
         let [translation, rotation, scale] = accessors.map(Option::flatten);
         let counts = [&translation, &rotation, &scale].map(|accessor| accessor.as_ref().map(|a| a.count()));
-        let Some(count) = counts.into_iter().flatten().next() else { return fault("it gives no places") };
+        let Some(count) = counts.into_iter().flatten().next() else {
+            // Custom attributes alone do not place anything.
+            return Ok(vec![*world_from_node]);
+        };
         if counts.into_iter().flatten().any(|other| other != count) {
             return fault("its attributes differ in number");
         }

@@ -156,7 +156,7 @@ impl Loader<'_> {
         let position = world_from_node.w_axis.truncate();
         let axis = |v: DVec3| world_from_node.transform_vector3(v).try_normalize();
         let (Some(forward), Some(up)) = (axis(DVec3::NEG_Z), axis(DVec3::Y)) else {
-            self.left_out(format!("camera {name} has no size; left out"));
+            self.left_out(format!("camera {name} has a degenerate transform; left out"));
             return;
         };
         let (projection, view_height, view_width) = match camera.projection() {
@@ -171,7 +171,9 @@ impl Loader<'_> {
         };
         let sizes = [view_height, view_width.unwrap_or(1.0)];
         if !position.is_finite() || sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
-            self.left_out(format!("camera {name} sees nothing; left out"));
+            self.left_out(format!(
+                "camera {name} has a field of view or magnification of 0, or is not finite; left out"
+            ));
             return;
         }
         let target = position + forward;
@@ -218,7 +220,7 @@ impl Loader<'_> {
         }
         if intensity < 0.0 {
             self.left_out(format!(
-                "light {name} takes light away (intensity {}); left out",
+                "light {name} has a negative intensity ( {}); left out",
                 light.intensity()
             ));
             return;

@@ -27,10 +27,13 @@ pub(super) fn decode_views(root: &Value, mut buffers: Vec<Vec<u8>>, file: &Path)
             Error::input(item, what, "export the file again")
         };
         let decoded = decode(value, &buffers).map_err(&fault)?;
-        let (buffer, place) = place(view).ok_or_else(|| fault("its place is not one".into()))?;
+        let (buffer, place) =
+            place(view).ok_or_else(|| fault("its byteOffset or byteLength is invalid".into()))?;
         let place = buffers.get_mut(buffer).and_then(|buffer| buffer.get_mut(place));
         let place = place.filter(|place| place.len() == decoded.len());
-        place.ok_or_else(|| fault("it is not as long as its data".into()))?.copy_from_slice(&decoded);
+        place
+            .ok_or_else(|| fault("byteLength is not count times byteStride".into()))?
+            .copy_from_slice(&decoded);
     }
     Ok(buffers)
 }
@@ -51,8 +54,7 @@ fn decode(value: &Value, buffers: &[Vec<u8>]) -> std::result::Result<Vec<u8>, St
     };
     let source = place(value).and_then(|(buffer, bytes)| buffers.get(buffer)?.get(bytes));
     let source = source.ok_or("its data lies outside its buffer")?;
-    let size = count.checked_mul(stride).filter(|&size| size as u64 <= crate::limits::MAX_CLAIM);
-    let size = size.ok_or("it is too large")?;
+    let size = count.checked_mul(stride).ok_or("it is too large")?;
     crate::limits::check_claim(size as u64).map_err(|excess| format!("its data {excess}"))?;
     let mut decoded = vec![0; size];
     let run = || -> std::result::Result<(), meshopt::Error> {

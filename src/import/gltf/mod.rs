@@ -99,7 +99,12 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     let nodes = node_places(&document, &pose, file, loader.warnings)?;
     let mut placed = Vec::new();
     for node in document.nodes() {
-        if let Some(NodePlace { world_from_node, is_visible: true }) = &nodes[node.index()] {
+        let Some(NodePlace { world_from_node, is_visible }) = &nodes[node.index()] else { continue };
+        // Visibility does not affect cameras (KHR_node_visibility).
+        if let Some(camera) = node.camera() {
+            loader.camera(&camera, name_of(&node), world_from_node);
+        }
+        if *is_visible {
             let places = loader.places_of(&node, world_from_node, &document)?;
             if let Some(mesh) = node.mesh() {
                 loader.shared.count(&mesh, places.len());
@@ -145,10 +150,7 @@ impl Loader<'_> {
         nodes: &[Option<NodePlace>],
         pose: &Pose,
     ) -> Result<()> {
-        let name = node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned);
-        if let Some(camera) = node.camera() {
-            self.camera(&camera, name.clone(), world_from_node);
-        }
+        let name = name_of(node);
         if let Some(light) = node.light() {
             self.light(&light, name.clone(), world_from_node);
         }
@@ -196,6 +198,11 @@ impl Loader<'_> {
             }))
         })
     }
+}
+
+/// The name of a node, or its index.
+fn name_of(node: &gltf::Node) -> String {
+    node.name().map_or_else(|| format!("node {}", node.index()), str::to_owned)
 }
 
 fn dvec3(v: [f32; 3]) -> DVec3 {

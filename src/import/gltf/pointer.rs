@@ -65,7 +65,9 @@ impl Loader<'_> {
         let mut any = false;
         for channel in pointers {
             let Some(sampler) = channel.sampler_of(animation) else { continue };
-            let is_rotation = channel.pointer.ends_with("/rotation");
+            // That of a node is a quaternion; that of a texture transform is an angle.
+            let is_rotation =
+                channel.pointer.starts_with("/nodes/") && channel.pointer.ends_with("/rotation");
             let value = self.times(&sampler.input()).zip(self.numbers(&sampler.output()));
             let value = value.and_then(|(times, values)| {
                 interpolated(&times, &values, sampler.interpolation(), is_rotation, time)

@@ -152,9 +152,10 @@ impl Loader<'_> {
             of_mesh.zip(by(normals)).for_each(|(normal, value)| *normal += value);
             let of_mesh = mesh.tangents.iter_mut().flat_map(|tangents| &mut tangents.values);
             of_mesh.zip(by(tangents)).for_each(|(tangent, value)| *tangent += value.extend(0.0));
-            for normal in mesh.normals.iter_mut().flat_map(|normals| &mut normals.values) {
-                *normal = normal.try_normalize().unwrap_or(*normal);
-            }
+        }
+        // After the sum over all targets (glTF 2.0, section 3.7.2.2).
+        for normal in mesh.normals.iter_mut().flat_map(|normals| &mut normals.values) {
+            *normal = normal.try_normalize().unwrap_or(*normal);
         }
         all_fit
     }
@@ -192,8 +193,10 @@ impl Loader<'_> {
                     sum += *world_from_mesh.get(joint as usize)? * weight;
                 }
             }
-            // The w component of the blended matrix is the sum of the weights.
-            (sum.w_axis.w > 0.0).then(|| sum * (1.0 / sum.w_axis.w))
+            // The w component of the blended matrix is the sum of the weights. A vertex without weights moves with the
+            // first joint.
+            let first = world_from_mesh.first().copied();
+            if sum.w_axis.w > 0.0 { Some(sum * (1.0 / sum.w_axis.w)) } else { first }
         };
         let matrices: Option<Vec<DMat4>> = (0..count).map(blend).collect();
         if matrices.is_none() {

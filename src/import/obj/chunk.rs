@@ -181,7 +181,9 @@ impl Chunk {
             self.is_plain[2] &= missing != INHERITED;
         }
         match corners[..] {
-            [] | [_] | [_, _] => {}
+            [] | [_] | [_, _] => {
+                self.oddities.note(Oddity::FewCorners, scanner.lines, || corners.len().to_string());
+            }
             [a, b, c] => self.triangle(a, b, c),
             _ => {
                 let first_corner = self.faces.corners.len();

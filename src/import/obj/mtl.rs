@@ -145,7 +145,7 @@ fn normalise(
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
         let rest = rest.trim();
         let Some(value) = normalise_value(key, rest) else {
-            warnings.left_out(format!("{file}:{number}: `{line}` left out: not understood"));
+            warnings.left_out(format!("{file}:{number}: `{line}` left out: an invalid value"));
             continue;
         };
         out.push_str(&format!("{key} {value}\n"));
@@ -262,8 +262,8 @@ mod tests {
         assert_eq!(
             warnings.messages(),
             [
-                "m.mtl:3: `Ks xyz 1 1` left out: not understood",
-                "m.mtl:4: `Ka spectral f.rfl` left out: not understood",
+                "m.mtl:3: `Ks xyz 1 1` left out: an invalid value",
+                "m.mtl:4: `Ka spectral f.rfl` left out: an invalid value",
                 "m.mtl:7: the option -halo of `d` is left out",
             ]
         );

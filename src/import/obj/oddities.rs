@@ -19,11 +19,13 @@ pub(super) enum Oddity {
     NotFinite,
     /// A number that something else follows without a space.
     Number,
+    /// A face of fewer than three corners.
+    FewCorners,
 }
 
 /// The first line of each oddity, counted from 0, and the word or number that is odd.
 #[derive(Debug, Default)]
-pub(super) struct Oddities([Option<(usize, String)>; 6]);
+pub(super) struct Oddities([Option<(usize, String)>; 7]);
 
 impl Oddities {
     /// Records a line.
@@ -43,7 +45,7 @@ impl Oddities {
     /// Adds a warning or a note for each.
     pub(super) fn warn(&self, file: &Path, warnings: &mut Warnings) {
         let file = file.display();
-        let [element, free_form, unknown, surplus, not_finite, number] =
+        let [element, free_form, unknown, surplus, not_finite, number, few_corners] =
             self.0.each_ref().map(|first| first.as_ref().map(|(line, text)| (line + 1, text)));
         if element.is_some() {
             warnings.left_out(format!("{file}: points and lines are not drawn"));
@@ -58,6 +60,10 @@ impl Oddities {
         if let Some((line, count)) = surplus {
             let what = "numbers; those beyond x y z, or x y z r g b, are left out";
             warnings.left_out(format!("{file}:{line}: a vertex of {count} {what}"));
+        }
+        if let Some((line, count)) = few_corners {
+            warnings
+                .left_out(format!("{file}:{line}: a face of {count} corner(s); such faces are not drawn"));
         }
         if let Some((line, word)) = number {
             warnings.push(format!("{file}:{line}: `{word}` is read up to its last sign"));

@@ -107,8 +107,8 @@ impl Builder<'_> {
         }
         let is_shared = self.meshes.places.get(file).is_some_and(|&places| places > 1);
         let first_material = self.scene.materials.len() as u32;
-        let Scene { objects, materials, images, clips, .. } = part;
-        self.scene.append(Scene { materials, images, clips, ..Scene::default() });
+        let Scene { objects, materials, images, clips, variants, metadata, .. } = part;
+        self.scene.append(Scene { materials, images, clips, variants, metadata, ..Scene::default() });
         Ok(objects
             .into_iter()
             .map(|object| Object {
