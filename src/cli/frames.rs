@@ -25,7 +25,7 @@ use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
 
 /// Frame rate and duration that override the scene's.
-#[derive(Args, Default)]
+#[derive(Args)]
 pub(crate) struct LengthArguments {
     /// Frames a second [default: the scene's, or 30]
     #[arg(long, allow_hyphen_values = true, value_name = "N")]

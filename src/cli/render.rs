@@ -33,6 +33,8 @@ pub(crate) struct Command {
     /// in which nothing moves is gone round once
     #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["accuracy", "budget"])]
     frames: Option<FrameList>,
+    #[command(flatten)]
+    length: LengthArguments,
     /// Render only the I-th of N shares, from 1: of --frames every N-th; of one picture every N-th tile, into OUT with
     /// the ending .IofN.part, for `kiln merge`
     #[arg(long, allow_hyphen_values = true, value_name = "I/N", conflicts_with_all = ["accuracy", "budget"])]
@@ -78,6 +80,7 @@ fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     if let Some(list) = &command.frames {
         return render_frames(command, list, interrupted);
     }
+    check_still(&command.length)?;
     let mut target = OutputTarget::new(&command.output)?;
     check_skipping(command, target.format())?;
     if let Some(share) = command.shard {
@@ -101,6 +104,19 @@ fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     }
     let pool = super::pool(command.arguments.threads)?;
     pool.install(|| render_to(command, &target, &selection, interrupted))
+}
+
+/// Checks that a single picture has neither a frame rate nor a duration.
+fn check_still(length: &LengthArguments) -> Result<()> {
+    let given = [("--fps", length.fps), ("--duration", length.duration)];
+    match given.iter().find(|(_, value)| value.is_some()) {
+        None => Ok(()),
+        Some((option, _)) => {
+            let what = format!("{option} is of the frames of an animation, and this is one picture");
+            let hint = "name the frames, such as --frames 0-59 -o frame_####.png; --time is the moment of one picture";
+            Err(Error::usage(what, hint))
+        }
+    }
 }
 
 fn check_skipping(command: &Command, format: Format) -> Result<()> {
@@ -149,8 +165,7 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
         strict: command.strict,
     };
     check_folder(&command.output)?;
-    let length = LengthArguments::default();
-    frames::write_frames(&command.arguments, &length, Some(list), &pictures, interrupted)
+    frames::write_frames(&command.arguments, &command.length, Some(list), &pictures, interrupted)
 }
 
 fn render_to(

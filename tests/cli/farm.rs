@@ -169,6 +169,44 @@ fn shares_of_frames_are_dealt_out_in_turn() {
     }
 }
 
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+#[test]
+fn frames_of_a_turntable_have_a_rate_and_a_duration() {
+    let workshop = Workshop::new();
+    workshop.write("a.obj", TRIANGLE);
+    let length = "--fps 10 --duration 1";
+    let small = "a.obj --size 8x8 --draft";
+    let render =
+        |more: &str| workshop.ends(0, &format!("render {small} -o f_###.png --progress plain {more}"));
+    // 2 of the 10 frames of a second are a fifth of a turn of 360 degrees.
+    let note = "kiln: note: 2 of 10 frames: 72 of the turn's 360 degrees; --duration sets its seconds\n";
+    assert!(render(&format!("--frames 0-1 {length}")).contains(note));
+    assert!(
+        render(&format!("--frames 4,5 {length} --shard 2/2")).contains(note),
+        "of the list, not the share"
+    );
+    // 3 of 300 frames, 30 a second for 10 seconds.
+    assert!(render("--frames 150-152").contains("3 of 300 frames: 3.6 of the turn's"));
+    for list in ["0-9", "3", "0-8:2"] {
+        let said = render(&format!("--frames {list} {length}"));
+        assert!(said.contains("goes once round") && !said.contains(" of the turn's"), "{list}: {said}");
+    }
+    let said = workshop.ends(0, "render scene.toml --frames 0-1 -o s_#.png --progress plain");
+    assert!(!said.contains(" of the turn's"), "an animation of its own: {said}");
+
+    render(&format!("--frames 0-9 {length}"));
+    workshop.ends(0, &format!("verify {small} {length} -o f_###.png"));
+    workshop.ends(1, &format!("verify {small} -o f_###.png --frames 0-9"));
+    workshop.ends(0, &format!("animate {small} {length} -o g_###.png --progress none"));
+    assert!(workshop.bytes("f_003.png") == workshop.bytes("g_003.png"));
+    // Frame 3 of 10 and frame 90 of 300 are at the same time, 0.3 of the turn.
+    let pixels = |name: &str| image::open(workshop.path(name)).expect("a picture").into_rgb8();
+    render("--frames 90");
+    assert_eq!(pixels("f_003.png"), pixels("f_090.png"));
+    assert_ne!(pixels("f_003.png"), pixels("f_002.png"));
+}
+
 #[test]
 fn only_whole_frames_of_the_same_settings_are_skipped() {
     for ending in ["png", "exr"] {

@@ -407,6 +407,8 @@ const MISTAKES: &[Mistake] = &[
         "`kiln render INPUT --frames 0-299 --shard 1/4 -o frame_####.png`",
         2,
     ),
+    (Command, "render scene.toml -o f.png --fps 24", "--fps is of the frames", "--frames 0-59", 2),
+    (Command, "render scene.toml -o f.png --duration 2", "--duration is of the frames", "--frames 0-59", 2),
     (Command, "render gone.obj -o a.png", "gone.obj: no such file", "check the name and the folder", 3),
     // Input files.
     (
