@@ -1,6 +1,6 @@
 //! `kiln render`: renders files to a picture.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
@@ -82,7 +82,9 @@ fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     }
     check_still(&command.length)?;
     let mut target = OutputTarget::new(&command.output)?;
-    check_skipping(command, target.format())?;
+    if command.skip_existing {
+        output::check_skipping(&command.output, target.format())?;
+    }
     if let Some(share) = command.shard {
         target = target.part(share)?;
     }
@@ -119,18 +121,6 @@ fn check_still(length: &LengthArguments) -> Result<()> {
     }
 }
 
-fn check_skipping(command: &Command, format: Format) -> Result<()> {
-    if command.skip_existing && format == Format::Jpeg {
-        let what =
-            format!("{}: a JPEG does not say what made it, nor that it is whole", command.output.display());
-        return Err(Error::usage(what, "with --skip-existing, name a file that ends in .png or .exr"));
-    }
-    if command.skip_existing && command.output == Path::new("-") {
-        return Err(Error::usage("standard output is not there before", "leave --skip-existing out"));
-    }
-    Ok(())
-}
-
 fn check_aov_format(command: &Command, format: Format) -> Result<()> {
     if !command.aov.is_empty() && format != Format::Exr {
         let what = format!("{}: only .exr holds AOVs", command.output.display());
@@ -146,7 +136,9 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
     }
     let format = Format::from_path(&command.output)?;
     check_aov_format(command, format)?;
-    check_skipping(command, format)?;
+    if command.skip_existing {
+        output::check_skipping(&command.output, format)?;
+    }
     let share = command.shard.unwrap_or(Share::ALL);
     let names = file_names(&command.output, list)?;
     if command.list_outputs {

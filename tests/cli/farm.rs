@@ -169,6 +169,28 @@ fn shares_of_frames_are_dealt_out_in_turn() {
     }
 }
 
+/// `kiln animate` deals out and skips numbered frames as `kiln render --frames` does, with the same bytes.
+#[test]
+fn animate_shares_and_skips_frames() {
+    let workshop = Workshop::new();
+    let animate = "animate scene.toml -o f_##.png --skip-existing --progress plain --shard";
+    workshop.ends(0, &format!("{animate} 2/3"));
+    // Of the frames 0 to 11, every third from the second.
+    assert_eq!(workshop.names(), ["f_01.png", "f_04.png", "f_07.png", "f_10.png", "scene.toml"]);
+    assert!(workshop.ends(0, &format!("{animate} 2/3")).contains("no frame to render; 4 were there"));
+    let said = workshop.ends(0, &format!("{animate} 1/1"));
+    assert!(
+        said.contains("wrote 8 frame(s), f_00.png to f_11.png") && said.contains("; 4 were there"),
+        "{said}"
+    );
+    workshop.ends(0, "verify scene.toml -o f_##.png");
+    workshop.ends(0, "render scene.toml --frames 0-11 -o g_##.png --progress none");
+    for frame in 0..12 {
+        let [ours, theirs] = ["f", "g"].map(|name| workshop.bytes(&format!("{name}_{frame:02}.png")));
+        assert!(ours == theirs, "frame {frame}");
+    }
+}
+
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 
 #[test]
