@@ -173,7 +173,9 @@ fn note_of_part(list: &FrameList, timeline: &Timeline) -> Option<String> {
         return None;
     }
     let degrees = (3600.0 * timeline.time(count)).round() / 10.0;
-    Some(format!("{count} of {total} frames: {degrees} of the turn's 360 degrees; --duration sets its seconds"))
+    Some(format!(
+        "{count} of {total} frames: {degrees} of the turn's 360 degrees; --duration sets its seconds"
+    ))
 }
 
 /// The camera and the size of the frames. A scene without animation becomes a turntable.

@@ -10,7 +10,7 @@ use super::arguments::{self, Arguments};
 use super::frames::{self, FrameChecks, FrameReporter, FrameSeries, LengthArguments};
 use super::output::{check_folder, check_skipping};
 use super::prepare::timed;
-use super::progress::{Mode, Progress};
+use super::progress::Mode;
 use crate::animation::{
     FileNames, FrameData, FrameList, FrameRequest, Quality, VideoFormat, VideoSpec, VideoWriter,
 };
@@ -73,10 +73,6 @@ enum RawName {
 }
 
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    animate(command, interrupted).inspect_err(|e| Progress::fail(command.progress, e))
-}
-
-fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
     let names = FileNames::parse(&command.output).map_err(|what| Error::usage(what, "give one ####"))?;
     if let Some(names) = names {

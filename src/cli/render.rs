@@ -72,10 +72,6 @@ fn aov_help() -> String {
 }
 
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    render(command, interrupted).inspect_err(|e| Progress::fail(command.progress, e))
-}
-
-fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
     if let Some(list) = &command.frames {
         return render_frames(command, list, interrupted);
