@@ -87,6 +87,9 @@ impl AnimationJob {
                 format!("frame {frame} is not in the animation: its frames are 0 to {}", timeline.last());
             return Err(Error::usage(what, "give other --frames, or a longer animation"));
         }
+        if is_turntable && let Some(note) = note_of_part(&list, &timeline) {
+            warnings.note(note);
+        }
         let light = job::added_light(&scene, settings);
         let mut resolved = job::resolve_for(scene, None, camera.clone(), size, settings)?;
         let mine = list.frames().iter().enumerate().filter(|(place, _)| request.share.has(*place));
@@ -159,6 +162,20 @@ impl AnimationJob {
         let (window, share, is_transparent) = (*window, *share, *is_transparent);
         Ok(RenderJob { window, share, metadata, display: *display, is_transparent, ..job })
     }
+}
+
+/// The note for consecutive frames of a turntable that are a part of the turn. A single frame has none: it does not look
+/// like a turn.
+fn note_of_part(list: &FrameList, timeline: &Timeline) -> Option<String> {
+    let (count, total) = (list.frames().len() as i32, timeline.last() + 1);
+    let is_consecutive = list.frames().windows(2).all(|pair| pair[1] == pair[0] + 1);
+    if count < 2 || count == total || !is_consecutive {
+        return None;
+    }
+    let degrees = (3600.0 * timeline.time(count)).round() / 10.0;
+    Some(format!(
+        "{count} of {total} frames: {degrees} of the turn's 360 degrees; --duration sets its seconds"
+    ))
 }
 
 /// The camera and the size of the frames. A scene without animation becomes a turntable.

@@ -8,9 +8,9 @@ use clap::Args;
 
 use super::arguments::{self, Arguments};
 use super::frames::{self, FrameChecks, FrameReporter, FrameSeries, LengthArguments};
-use super::output::check_folder;
+use super::output::{check_folder, check_skipping};
 use super::prepare::timed;
-use super::progress::{Mode, Progress};
+use super::progress::Mode;
 use crate::animation::{
     FileNames, FrameData, FrameList, FrameRequest, Quality, VideoFormat, VideoSpec, VideoWriter,
 };
@@ -38,9 +38,13 @@ pub(crate) struct Command {
     /// Only these frames, such as 1-10, 1-10:2 or 3,7,9-12 [default: all]
     #[arg(long, value_name = "LIST", allow_hyphen_values = true)]
     frames: Option<FrameList>,
-    /// Not an option of this command: named so that the error can say which command has it.
-    #[arg(long, value_name = "I/N", hide = true)]
-    shard: Option<String>,
+    /// Of numbered frames, render only the I-th of N shares, from 1: every N-th
+    #[arg(long, allow_hyphen_values = true, value_name = "I/N")]
+    shard: Option<Share>,
+    /// Of numbered frames, leave what is there, whole, and made of the same scene with the same settings; .png and .exr
+    /// say so themselves
+    #[arg(long)]
+    skip_existing: bool,
     /// What frames on standard output are: YUV4MPEG2, which says its size and speed itself, or bare red, green and blue
     #[arg(long, value_enum, default_value = "y4m")]
     raw: RawName,
@@ -69,20 +73,13 @@ enum RawName {
 }
 
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    animate(command, interrupted).inspect_err(|e| Progress::fail(command.progress, e))
-}
-
-fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
-    if let Some(share) = &command.shard {
-        let hint = format!(
-            "`kiln render INPUT --frames 0-299 --shard {share} -o frame_####.png` renders a share of them"
-        );
-        return Err(Error::usage("--shard is not an option of `kiln animate`, which makes all frames", hint));
-    }
     let names = FileNames::parse(&command.output).map_err(|what| Error::usage(what, "give one ####"))?;
     if let Some(names) = names {
         let format = Format::from_path(&command.output)?;
+        if command.skip_existing {
+            check_skipping(&command.output, format)?;
+        }
         check_folder(&command.output)?;
         let selection = AovSelection::new(&[])?;
         let pictures = FrameSeries {
@@ -90,14 +87,15 @@ fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
             format,
             selection,
             aovs: Vec::new(),
-            share: Share::ALL,
-            skip_existing: false,
+            share: command.shard.unwrap_or(Share::ALL),
+            skip_existing: command.skip_existing,
             progress: command.progress,
             strict: command.strict,
         };
         let (arguments, length, list) = (&command.arguments, &command.length, command.frames.as_ref());
         return frames::write_frames(arguments, length, list, &pictures, interrupted);
     }
+    check_whole(command)?;
     super::output::check_alpha(&command.arguments, "a film", false)?;
     let quality = match command.quality {
         QualityName::High => Quality::High,
@@ -116,6 +114,21 @@ fn animate(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         check_folder(&command.output)?;
     }
     film(command, format, is_stream, interrupted)
+}
+
+/// Checks that a film is made as a whole: options of single frames are errors that name the command for frames.
+fn check_whole(command: &Command) -> Result<()> {
+    let (option, given) = match (command.shard, command.skip_existing) {
+        (Some(share), _) => ("--shard", format!("--shard {share}")),
+        (None, true) => ("--skip-existing", "--skip-existing".to_owned()),
+        (None, false) => return Ok(()),
+    };
+    let inputs: Vec<_> = command.arguments.inputs.iter().map(|input| input.display().to_string()).collect();
+    let stem = command.output.file_stem().filter(|stem| *stem != "-").unwrap_or("frame".as_ref());
+    let names = command.output.with_file_name(format!("{}_####.png", stem.to_string_lossy()));
+    let hint =
+        format!("write numbered frames: `kiln animate {} {given} -o {}`", inputs.join(" "), names.display());
+    Err(Error::usage(format!("{option} is of numbered frames, and a film is made as a whole"), hint))
 }
 
 fn film(command: &Command, format: VideoFormat, is_stream: bool, interrupted: &AtomicBool) -> Result<()> {

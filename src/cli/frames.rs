@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use clap::Args;
 
 use super::arguments::Arguments;
+use super::message::Message;
 use super::prepare::timed;
 use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
@@ -25,7 +26,7 @@ use crate::render::aov::AovSelection;
 use crate::render::{RenderControl, Statistics};
 
 /// Frame rate and duration that override the scene's.
-#[derive(Args, Default)]
+#[derive(Args)]
 pub(crate) struct LengthArguments {
     /// Frames a second [default: the scene's, or 30]
     #[arg(long, allow_hyphen_values = true, value_name = "N")]
@@ -226,7 +227,10 @@ pub(crate) fn write_frames(
         if let OutputImage::Rgb8(film, _) = &picture {
             checks.add_film(frame, film, &animation, job, control)?;
         }
-        write_picture(&picture, &job.metadata, pictures.format, &pictures.names.of(frame))
+        let file = pictures.names.of(frame);
+        write_picture(&picture, &job.metadata, pictures.format, &file)?;
+        Message::Frame(frame, &file).print();
+        Ok(())
     };
     let mut took = 0.0;
     let needs = needs(animation.effects_on);

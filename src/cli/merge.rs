@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::message::Message;
 use super::output::{check_folder, same_file};
 use crate::error::{Error, Result};
 use crate::film::part::join;
@@ -31,6 +32,6 @@ pub(crate) fn run(command: &Command) -> Result<()> {
     }
     let (picture, metadata) = join(parts, format)?;
     write_picture(&picture, &metadata, format, output)?;
-    super::print_stderr(format_args!("kiln: wrote {} from {} part(s)", output.display(), parts.len()));
+    Message::Done(&format!("wrote {} from {} part(s)", output.display(), parts.len())).print();
     Ok(())
 }

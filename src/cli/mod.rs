@@ -16,6 +16,7 @@ mod frames;
 mod info;
 mod interrupt;
 mod merge;
+mod message;
 mod numbers;
 mod output;
 mod prepare;
@@ -35,8 +36,10 @@ use std::sync::atomic::Ordering;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
+use message::{Message, WarningPrinter, print_stderr};
+
 use crate::effects;
-use crate::error::{Error, Result, Warnings, is_contained};
+use crate::error::{Error, Result, is_contained};
 use crate::limits;
 
 #[derive(Parser)]
@@ -101,6 +104,7 @@ enum Command {
 
 /// Parses the arguments, runs the command and returns its exit code.
 pub fn main() -> ExitCode {
+    message::set_syntax(std::env::args_os());
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(e) => return report_usage_error(&e),
@@ -114,9 +118,8 @@ pub fn main() -> ExitCode {
             return;
         }
         let place = panic.location().map(|l| format!(" ({}:{})", l.file(), l.line())).unwrap_or_default();
-        print_stderr(format_args!(
-            "kiln: error: a fault in kiln itself{place}\nhint: please report it with the command and the input"
-        ));
+        let hint = "please report it with the command and the input";
+        Message::Error { what: &format!("a fault in kiln itself{place}"), hint, exit_code: 1 }.print();
     }));
     let interrupted = interrupt::install();
     let result = std::panic::catch_unwind(|| {
@@ -149,13 +152,12 @@ pub fn main() -> ExitCode {
     match result {
         Ok(Ok(code)) => ExitCode::from(code),
         // Errors after an interrupt are consequences of it.
-        Ok(Err(_)) if interrupted.load(Ordering::Relaxed) => ExitCode::from(interrupt::exit_code()),
-        Ok(Err(Error::Interrupted)) => ExitCode::from(interrupt::exit_code()),
+        Ok(Err(e)) if e == Error::Interrupted || interrupted.load(Ordering::Relaxed) => {
+            Message::Interrupted { exit_code: interrupt::exit_code() }.print();
+            ExitCode::from(interrupt::exit_code())
+        }
         Ok(Err(e)) => {
-            print_stderr(format_args!("kiln: error: {e}"));
-            if !e.hint().is_empty() {
-                print_stderr(format_args!("hint: {}", e.hint()));
-            }
+            Message::Error { what: &e.to_string(), hint: e.hint(), exit_code: exit_code(&e) }.print();
             ExitCode::from(exit_code(&e))
         }
         Err(_) => ExitCode::from(1),
@@ -179,7 +181,8 @@ fn report_usage_error(e: &clap::Error) -> ExitCode {
         return if e.print().is_ok() { ExitCode::SUCCESS } else { ExitCode::from(4) };
     }
     if e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        print_stderr(format_args!("kiln: error: no command given\nhint: `kiln --help` lists them"));
+        let hint = "`kiln --help` lists them";
+        Message::Error { what: "no command given", hint, exit_code: 2 }.print();
         return ExitCode::from(2);
     }
     let text = e.render().to_string();
@@ -207,7 +210,7 @@ fn report_usage_error(e: &clap::Error) -> ExitCode {
     if first.ends_with("--output <OUT>") {
         hint = "name the file to write, such as -o picture.png".to_owned();
     }
-    print_stderr(format_args!("kiln: error: {first}\nhint: {hint}"));
+    Message::Error { what: &first, hint: &hint, exit_code: 2 }.print();
     ExitCode::from(2)
 }
 
@@ -236,29 +239,4 @@ fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
     builder
         .build()
         .map_err(|e| Error::Failed { what: format!("threads cannot be started: {e}"), hint: String::new() })
-}
-
-/// Writes a line to standard error and ignores errors, unlike `eprintln!`, which panics on a closed pipe or a full
-/// disk.
-fn print_stderr(line: std::fmt::Arguments) {
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
-}
-
-/// Prints new warnings and notes, each once. The fields count those already printed.
-#[derive(Default)]
-struct WarningPrinter {
-    warnings: usize,
-    notes: usize,
-}
-
-impl WarningPrinter {
-    fn print(&mut self, warnings: &Warnings, with_notes: bool) {
-        for message in &warnings.messages()[self.warnings..] {
-            print_stderr(format_args!("kiln: warning: {message}"));
-        }
-        for message in warnings.notes()[self.notes..].iter().filter(|_| with_notes) {
-            print_stderr(format_args!("kiln: note: {message}"));
-        }
-        (self.warnings, self.notes) = (warnings.messages().len(), warnings.notes().len());
-    }
 }

@@ -115,6 +115,21 @@ pub(crate) fn check_folder(output: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Checks that existing files of that name can be recognised, so that they can be skipped.
+///
+/// # Errors
+/// [`Error::Usage`] for JPEG and standard output.
+pub(crate) fn check_skipping(output: &Path, format: Format) -> Result<()> {
+    if format == Format::Jpeg {
+        let what = format!("{}: a JPEG does not say what made it, nor that it is whole", output.display());
+        return Err(Error::usage(what, "with --skip-existing, name a file that ends in .png or .exr"));
+    }
+    if output == Path::new("-") {
+        return Err(Error::usage("standard output is not there before", "leave --skip-existing out"));
+    }
+    Ok(())
+}
+
 /// Checks that the memory limit suffices for a picture, before it is rendered.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! Progress on standard error: a bar, plain lines or JSON lines.
+//! Progress on standard error: a bar, or messages.
 
 use std::io::IsTerminal;
 use std::sync::{Mutex, OnceLock};
@@ -6,8 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::print_stderr;
-use crate::error::Error;
+use super::message::Message;
 
 /// How progress is shown.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -18,9 +17,9 @@ pub(crate) enum Mode {
     Bar,
     /// At most a line a second
     Plain,
-    /// At most a line a second, each a JSON object
+    /// A JSON object a line, also for warnings and errors
     Json,
-    /// Lines that workers of Open Job Description read: openjd_progress, openjd_status, openjd_fail
+    /// The messages of Open Job Description, also for errors: openjd_progress, openjd_status, openjd_fail
     Openjd,
     /// Nothing
     None,
@@ -93,24 +92,10 @@ impl Progress {
         *last = (Instant::now(), done);
         // The estimate starts at the first tile, so that it excludes loading.
         let elapsed = self.first_tile.get_or_init(Instant::now).elapsed().as_secs_f64();
-        let left = elapsed * (total - done) as f64 / done as f64;
+        let eta = elapsed * (total - done) as f64 / done as f64;
         let percent = done * 100 / total;
         let (done, total) = (done / steps, total / steps);
-        match self.mode {
-            Mode::Json => print_stderr(format_args!(
-                "{{\"event\":\"progress\",\"done\":{done},\"total\":{total},\"unit\":\"{unit}\",\"elapsed\":{elapsed:.1},\"eta\":{left:.1}}}"
-            )),
-            // Open Job Description, How Jobs Are Run, Stdout/Stderr Messages.
-            Mode::Openjd => print_stderr(format_args!("openjd_progress: {percent}")),
-            _ => print_stderr(format_args!("kiln: {percent} % ({done} of {total} {unit}), {left:.0} s left")),
-        }
-    }
-
-    /// Reports an error in the mode [`Mode::Openjd`], whose reader parses lines.
-    pub(crate) fn fail(mode: Mode, e: &Error) {
-        if mode == Mode::Openjd && *e != Error::Interrupted {
-            print_stderr(format_args!("openjd_fail: {e}"));
-        }
+        Message::Progress { done, total, unit, percent, elapsed, eta }.print();
     }
 
     /// Calls `print` while the bar is hidden.
@@ -131,13 +116,8 @@ impl Progress {
     /// Removes the bar and prints a final line.
     pub(crate) fn finish(&self, line: &str) {
         self.clear();
-        match self.mode {
-            Mode::None => {}
-            Mode::Json => {
-                print_stderr(format_args!("{}", serde_json::json!({ "event": "done", "message": line })));
-            }
-            Mode::Openjd => print_stderr(format_args!("openjd_progress: 100\nopenjd_status: {line}")),
-            _ => print_stderr(format_args!("kiln: {line}")),
+        if self.mode != Mode::None {
+            Message::Done(line).print();
         }
     }
 }

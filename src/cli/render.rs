@@ -1,6 +1,6 @@
 //! `kiln render`: renders files to a picture.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 
 use clap::Args;
@@ -33,6 +33,8 @@ pub(crate) struct Command {
     /// in which nothing moves is gone round once
     #[arg(long, value_name = "LIST", allow_hyphen_values = true, conflicts_with_all = ["accuracy", "budget"])]
     frames: Option<FrameList>,
+    #[command(flatten)]
+    length: LengthArguments,
     /// Render only the I-th of N shares, from 1: of --frames every N-th; of one picture every N-th tile, into OUT with
     /// the ending .IofN.part, for `kiln merge`
     #[arg(long, allow_hyphen_values = true, value_name = "I/N", conflicts_with_all = ["accuracy", "budget"])]
@@ -70,16 +72,15 @@ fn aov_help() -> String {
 }
 
 pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
-    render(command, interrupted).inspect_err(|e| Progress::fail(command.progress, e))
-}
-
-fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     arguments::check(&command.arguments)?;
     if let Some(list) = &command.frames {
         return render_frames(command, list, interrupted);
     }
+    check_still(&command.length)?;
     let mut target = OutputTarget::new(&command.output)?;
-    check_skipping(command, target.format())?;
+    if command.skip_existing {
+        output::check_skipping(&command.output, target.format())?;
+    }
     if let Some(share) = command.shard {
         target = target.part(share)?;
     }
@@ -103,16 +104,17 @@ fn render(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     pool.install(|| render_to(command, &target, &selection, interrupted))
 }
 
-fn check_skipping(command: &Command, format: Format) -> Result<()> {
-    if command.skip_existing && format == Format::Jpeg {
-        let what =
-            format!("{}: a JPEG does not say what made it, nor that it is whole", command.output.display());
-        return Err(Error::usage(what, "with --skip-existing, name a file that ends in .png or .exr"));
+/// Checks that a single picture has neither a frame rate nor a duration.
+fn check_still(length: &LengthArguments) -> Result<()> {
+    let given = [("--fps", length.fps), ("--duration", length.duration)];
+    match given.iter().find(|(_, value)| value.is_some()) {
+        None => Ok(()),
+        Some((option, _)) => {
+            let what = format!("{option} is of the frames of an animation, and this is one picture");
+            let hint = "name the frames, such as --frames 0-59 -o frame_####.png; --time is the moment of one picture";
+            Err(Error::usage(what, hint))
+        }
     }
-    if command.skip_existing && command.output == Path::new("-") {
-        return Err(Error::usage("standard output is not there before", "leave --skip-existing out"));
-    }
-    Ok(())
 }
 
 fn check_aov_format(command: &Command, format: Format) -> Result<()> {
@@ -130,7 +132,9 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
     }
     let format = Format::from_path(&command.output)?;
     check_aov_format(command, format)?;
-    check_skipping(command, format)?;
+    if command.skip_existing {
+        output::check_skipping(&command.output, format)?;
+    }
     let share = command.shard.unwrap_or(Share::ALL);
     let names = file_names(&command.output, list)?;
     if command.list_outputs {
@@ -149,8 +153,7 @@ fn render_frames(command: &Command, list: &FrameList, interrupted: &AtomicBool) 
         strict: command.strict,
     };
     check_folder(&command.output)?;
-    let length = LengthArguments::default();
-    frames::write_frames(&command.arguments, &length, Some(list), &pictures, interrupted)
+    frames::write_frames(&command.arguments, &command.length, Some(list), &pictures, interrupted)
 }
 
 fn render_to(

@@ -85,7 +85,7 @@ impl Scene {
                 LightKind::Point { position, .. } | LightKind::Sphere { position, .. } => turned(position),
                 LightKind::Directional { direction, .. } => turned(direction),
                 LightKind::Spot { position, direction, .. } => {
-                    [position, direction].into_iter().for_each(turned)
+                    [position, direction].into_iter().for_each(turned);
                 }
                 LightKind::Rectangle { position, direction, up, .. } => {
                     [position, direction, up].into_iter().for_each(turned);

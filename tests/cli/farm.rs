@@ -1,6 +1,7 @@
 //! Features for render farms: metadata of pictures, division of a picture into shares and merging to the same bytes,
 //! skipping of frames that are up to date, and termination by signals.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -167,6 +168,66 @@ fn shares_of_frames_are_dealt_out_in_turn() {
     for wrong in ["0/4", "5/4", "2"] {
         workshop.ends(2, &format!("render scene.toml --frames 1-3 -o f_%03d.png --shard {wrong}"));
     }
+}
+
+/// `kiln animate` deals out and skips numbered frames as `kiln render --frames` does, with the same bytes.
+#[test]
+fn animate_shares_and_skips_frames() {
+    let workshop = Workshop::new();
+    let animate = "animate scene.toml -o f_##.png --skip-existing --progress plain --shard";
+    workshop.ends(0, &format!("{animate} 2/3"));
+    // Of the frames 0 to 11, every third from the second.
+    assert_eq!(workshop.names(), ["f_01.png", "f_04.png", "f_07.png", "f_10.png", "scene.toml"]);
+    assert!(workshop.ends(0, &format!("{animate} 2/3")).contains("no frame to render; 4 were there"));
+    let said = workshop.ends(0, &format!("{animate} 1/1"));
+    assert!(
+        said.contains("wrote 8 frame(s), f_00.png to f_11.png") && said.contains("; 4 were there"),
+        "{said}"
+    );
+    workshop.ends(0, "verify scene.toml -o f_##.png");
+    workshop.ends(0, "render scene.toml --frames 0-11 -o g_##.png --progress none");
+    for frame in 0..12 {
+        let [ours, theirs] = ["f", "g"].map(|name| workshop.bytes(&format!("{name}_{frame:02}.png")));
+        assert!(ours == theirs, "frame {frame}");
+    }
+}
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+#[test]
+fn frames_of_a_turntable_have_a_rate_and_a_duration() {
+    let workshop = Workshop::new();
+    workshop.write("a.obj", TRIANGLE);
+    let length = "--fps 10 --duration 1";
+    let small = "a.obj --size 8x8 --draft";
+    let render =
+        |more: &str| workshop.ends(0, &format!("render {small} -o f_###.png --progress plain {more}"));
+    // 2 of the 10 frames of a second are a fifth of a turn of 360 degrees.
+    let note = "kiln: note: 2 of 10 frames: 72 of the turn's 360 degrees; --duration sets its seconds\n";
+    assert!(render(&format!("--frames 0-1 {length}")).contains(note));
+    assert!(
+        render(&format!("--frames 4,5 {length} --shard 2/2")).contains(note),
+        "of the list, not the share"
+    );
+    // 3 of 300 frames, 30 a second for 10 seconds.
+    assert!(render("--frames 150-152").contains("3 of 300 frames: 3.6 of the turn's"));
+    for list in ["0-9", "3", "0-8:2"] {
+        let said = render(&format!("--frames {list} {length}"));
+        assert!(said.contains("goes once round") && !said.contains(" of the turn's"), "{list}: {said}");
+    }
+    let said = workshop.ends(0, "render scene.toml --frames 0-1 -o s_#.png --progress plain");
+    assert!(!said.contains(" of the turn's"), "an animation of its own: {said}");
+
+    render(&format!("--frames 0-9 {length}"));
+    workshop.ends(0, &format!("verify {small} {length} -o f_###.png"));
+    workshop.ends(1, &format!("verify {small} -o f_###.png --frames 0-9"));
+    workshop.ends(0, &format!("animate {small} {length} -o g_###.png --progress none"));
+    assert!(workshop.bytes("f_003.png") == workshop.bytes("g_003.png"));
+    // Frame 3 of 10 and frame 90 of 300 are at the same time, 0.3 of the turn.
+    let pixels = |name: &str| image::open(workshop.path(name)).expect("a picture").into_rgb8();
+    render("--frames 90");
+    assert_eq!(pixels("f_003.png"), pixels("f_090.png"));
+    assert_ne!(pixels("f_003.png"), pixels("f_002.png"));
 }
 
 #[test]
@@ -346,16 +407,171 @@ fn progress_is_in_the_words_of_who_reads_it() {
     assert!(!said.contains("openjd_fail"), "{said}");
     let Said(code, out, err) = workshop.run("render none.toml -o f_####.png --frames 0-11 --progress openjd");
     assert_eq!((code, out.as_str()), (3, ""));
-    assert!(err.contains("openjd_fail: none.toml: no such file\n"), "{err}");
-    let said = workshop
-        .ends(0, "render scene.toml -o a.png --samples 512 --size 480x320 --threads 1 --progress json");
-    for line in said.lines().filter(|line| line.contains("\"progress\"")) {
-        let event: Value = serde_json::from_str(line).expect("JSON");
-        for key in ["done", "total", "elapsed", "eta"] {
-            assert!(event[key].is_number(), "{line}");
-        }
+    let lines: Vec<&str> = err.lines().collect();
+    assert_eq!(lines[0], "openjd_fail: none.toml: no such file");
+    assert!(lines.len() == 2 && lines[1].starts_with("hint: "), "{err}");
+    workshop.write("a.obj", format!("{TRIANGLE}l 1 2\n"));
+    let said = workshop.ends(0, "render a.obj --draft --size 8x8 --frames 0-1 -o g_#.png --progress openjd");
+    for line in said.lines() {
+        let is_known = ["kiln: note: ", "kiln: warning: ", "openjd_progress: ", "openjd_status: "];
+        assert!(is_known.iter().any(|start| line.starts_with(start)), "{line}");
     }
-    assert!(said.contains("\"progress\""), "{said}");
+    for expected in
+        ["kiln: warning: a.obj", "openjd_status: wrote g_0.png\n", "openjd_status: wrote g_1.png\n"]
+    {
+        assert!(said.contains(expected), "{expected}: {said}");
+    }
+    assert!(workshop.ends(2, "render --progress openjd --sise").starts_with("openjd_fail: "));
+}
+
+// --------------------------------------------------------------------------------------------------------- JSON lines
+
+/// The events of the table in `docs/farms.md`, each with its keys.
+fn documented_events() -> BTreeMap<String, BTreeSet<String>> {
+    let page = std::fs::read_to_string(repository("docs/farms.md")).expect("the page");
+    let table = page.split("| event |").nth(1).expect("a table of events");
+    let rows = table.lines().skip(2).take_while(|line| line.starts_with('|'));
+    let spans = |cell: &str| cell.split('`').skip(1).step_by(2).map(str::to_owned).collect::<Vec<_>>();
+    rows.map(|row| {
+        let cells: Vec<&str> = row.split('|').collect();
+        (spans(cells[1])[0].clone(), spans(cells[2]).into_iter().chain(["event".to_owned()]).collect())
+    })
+    .collect()
+}
+
+/// Standard error as JSON lines: each is one of the documented events with all of its keys, and the last one, and no
+/// other, says how the run ended.
+#[track_caller]
+fn events(said: &str) -> Vec<Value> {
+    let known = documented_events();
+    let parse = |line: &str| serde_json::from_str::<Value>(line).unwrap_or_else(|e| panic!("{line}: {e}"));
+    let events: Vec<Value> = said.lines().map(parse).collect();
+    for (i, event) in events.iter().enumerate() {
+        let name = event["event"].as_str().unwrap_or_else(|| panic!("{event} has a name"));
+        let keys: BTreeSet<String> = event.as_object().expect("an object").keys().cloned().collect();
+        assert_eq!(Some(&keys), known.get(name), "{event}");
+        let is_end = ["error", "interrupted", "done"].contains(&name);
+        assert_eq!(is_end, i + 1 == events.len(), "{said}");
+    }
+    events
+}
+
+/// The events of a name.
+fn named<'a>(events: &'a [Value], name: &str) -> Vec<&'a Value> {
+    events.iter().filter(|event| event["event"] == name).collect()
+}
+
+#[test]
+fn standard_error_is_json_lines_to_the_end() {
+    let workshop = Workshop::new();
+    workshop.write("a.obj", format!("{TRIANGLE}l 1 2\n"));
+    let run = |code: i32, arguments: &str| {
+        let Said(found, out, err) = workshop.run(arguments);
+        assert_eq!((found, out.as_str()), (code, ""), "{arguments}: {err}");
+        let found = events(&err);
+        assert!(!found.is_empty(), "{arguments}");
+        found
+    };
+    // A picture with a warning, about the line, and notes, about the light.
+    let render = "render a.obj --size 32x24 -o a.png --progress json";
+    let found = run(0, render);
+    assert!(
+        named(&found, "warning")[0]["message"].as_str().is_some_and(|m| m.starts_with("a.obj")),
+        "{found:?}"
+    );
+    assert!(!named(&found, "note").is_empty(), "{found:?}");
+    assert_eq!(named(&found, "done").len(), 1);
+    let found = run(1, &format!("{render} --strict"));
+    assert_eq!((named(&found, "warning").len(), &found[found.len() - 1]["exit_code"]), (1, &1.into()));
+
+    // Frames, in any order.
+    for command in ["render scene.toml --frames 0-5", "animate scene.toml --frames 0-5"] {
+        let found = run(0, &format!("{command} -o f_#.png --progress=json"));
+        let mut frames: Vec<_> =
+            named(&found, "frame").iter().map(|e| (e["frame"].as_u64(), e["file"].as_str())).collect();
+        frames.sort();
+        let names: Vec<String> = (0..6).map(|frame| format!("f_{frame}.png")).collect();
+        assert!(
+            frames.into_iter().eq((0..).zip(&names).map(|(frame, name)| (Some(frame), Some(name.as_str()))))
+        );
+    }
+
+    // Errors: an unusable input, unwritable outputs, wrong usage.
+    std::fs::create_dir(workshop.path("g_1.png")).expect("a folder");
+    for (code, arguments, message, has_hint) in [
+        (3, "render none.toml -o a.png", "none.toml: no such file", true),
+        (
+            4,
+            "render scene.toml -o gone/a.png",
+            "gone/a.png: cannot be written: its folder does not exist",
+            false,
+        ),
+        (4, "render scene.toml --frames 0-2 -o g_#.png", "g_1.png: is a folder; name a file in it", false),
+        (2, "animate scene.toml -o a.gif --shard 1/2", "--shard is of numbered frames", true),
+        (2, "render scene.toml --sise 2x2", "unexpected argument '--sise' found", true),
+        (2, "rendr scene.toml", "unrecognized subcommand 'rendr'", true),
+        (2, "info scene.toml", "unexpected argument '--progress' found", true),
+    ] {
+        let found = run(code, &format!("{arguments} --progress json"));
+        let error = named(&found, "error")[0];
+        assert!(error["message"].as_str().is_some_and(|said| said.starts_with(message)), "{error}");
+        assert_eq!((&error["exit_code"], error["hint"].is_string()), (&code.into(), has_hint), "{error}");
+    }
+
+    let found = run(0, "render scene.toml -o a.png --samples 512 --size 480x320 --threads 1 --progress json");
+    for progress in named(&found, "progress") {
+        assert!(
+            ["done", "total", "elapsed", "eta"].iter().all(|key| progress[key].is_number()),
+            "{progress}"
+        );
+    }
+    assert!(!named(&found, "progress").is_empty(), "it takes more than a second");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupt_is_the_last_of_the_json_lines() {
+    let workshop = Workshop::new();
+    let mut command = workshop
+        .command("render scene.toml -o f_####.png --frames 0-11 --samples 64 --size 480x320 --progress json");
+    let child = command.stderr(Stdio::piped()).spawn().expect("the command starts");
+    let start = Instant::now();
+    while !workshop.names().iter().any(|name| name.ends_with(".png")) && start.elapsed().as_secs() < 60 {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let sent = Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status();
+    assert!(sent.expect("kill is there").success());
+    let output = child.wait_with_output().expect("the child can be waited for");
+    assert_eq!(output.status.code(), Some(130));
+    let found = events(&String::from_utf8(output.stderr).expect("UTF-8"));
+    assert_eq!(
+        named(&found, "interrupted"),
+        [&serde_json::json!({ "event": "interrupted", "exit_code": 130 })]
+    );
+    for frame in named(&found, "frame") {
+        assert!(workshop.path(frame["file"].as_str().expect("a name")).exists(), "{frame}");
+    }
+}
+
+/// A reader that stops reading does not keep the process from ending.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_pipe_does_not_hold_an_interrupt_up() {
+    let workshop = Workshop::new();
+    let (reader, mut writer) = std::io::pipe().expect("a pipe");
+    // Linux: 16 pages of 4096 bytes; what kiln adds then blocks.
+    std::io::Write::write_all(&mut writer, &[b'x'; 16 * 4096]).expect("they fit");
+    let mut command = workshop.command("render none.toml -o a.png --progress json");
+    let mut child = command.stderr(writer).spawn().expect("the command starts");
+    std::thread::sleep(Duration::from_millis(500));
+    assert!(child.try_wait().expect("the child can be waited for").is_none(), "it waits to write its error");
+    let sent = Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status();
+    assert!(sent.expect("kill is there").success());
+    let start = Instant::now();
+    assert_eq!(child.wait().expect("the child can be waited for").code(), Some(130));
+    // It takes at most a second on a machine that is not busy.
+    assert!(start.elapsed() < Duration::from_secs(2), "{:?}", start.elapsed());
+    drop(reader);
 }
 
 #[cfg(target_os = "linux")]

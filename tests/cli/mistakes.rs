@@ -403,10 +403,33 @@ const MISTAKES: &[Mistake] = &[
     (
         Command,
         "animate scene.toml -o f.mp4 --shard 1/4",
-        "--shard is not an option of `kiln animate`",
-        "`kiln render INPUT --frames 0-299 --shard 1/4 -o frame_####.png`",
+        "--shard is of numbered frames, and a film is made as a whole",
+        "`kiln animate scene.toml --shard 1/4 -o f_####.png`",
         2,
     ),
+    (
+        Command,
+        "animate scene.toml -o out/f.gif --skip-existing",
+        "--skip-existing is of numbered frames",
+        "`kiln animate scene.toml --skip-existing -o out/f_####.png`",
+        2,
+    ),
+    (
+        Command,
+        "animate scene.toml -o - --shard 2/2",
+        "--shard is of numbered frames",
+        "-o frame_####.png`",
+        2,
+    ),
+    (
+        Command,
+        "animate scene.toml -o f_##.jpg --skip-existing",
+        "f_##.jpg: a JPEG does not",
+        ".png or .exr",
+        2,
+    ),
+    (Command, "render scene.toml -o f.png --fps 24", "--fps is of the frames", "--frames 0-59", 2),
+    (Command, "render scene.toml -o f.png --duration 2", "--duration is of the frames", "--frames 0-59", 2),
     (Command, "render gone.obj -o a.png", "gone.obj: no such file", "check the name and the folder", 3),
     // Input files.
     (
