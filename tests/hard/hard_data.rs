@@ -227,7 +227,7 @@ fn i1_gltf_factors_beyond_the_format_make_light_or_none() {
             model.json["extensions"] = json!({ "KHR_lights_punctual": { "lights": [light] } });
             model.json["extensionsUsed"] = json!(["KHR_lights_punctual", "KHR_materials_emissive_strength"]);
             let (scene, warnings) = Folder::new().load("a.glb", model.binary());
-            let negative = format!("a.glb: light node 1 has a negative intensity ( {x}); left out");
+            let negative = format!("a.glb: light node 1 has a negative intensity ({x}); left out");
             assert_eq!(warnings.contains(&negative), light["intensity"] == -1.0, "{warnings:?}");
             films(&scene, SIZE);
         }

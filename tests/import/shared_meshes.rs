@@ -284,7 +284,7 @@ fn a_file_that_shares_may_be_placed_again() {
 fn places_of_a_node_that_are_not_usable_are_errors() {
     let folder = Folder::new();
     for (attributes, message) in [
-        (json!({}), "it gives no places"),
+        (json!({}), "has no attributes"),
         (json!({ "TRANSLATION": 9 }), "it names an accessor that is not there"),
         (json!({ "ROTATION": 0 }), "its rotations are not quaternions"),
         (json!({ "TRANSLATION": 2 }), "its translations or scales are not three numbers each"),

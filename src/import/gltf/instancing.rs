@@ -101,7 +101,8 @@ impl Loader<'_> {
         let counts = [&translation, &rotation, &scale].map(|accessor| accessor.as_ref().map(|a| a.count()));
         let Some(count) = counts.into_iter().flatten().next() else {
             // Custom attributes alone do not place anything.
-            return Ok(vec![*world_from_node]);
+            let is_empty = value.get("attributes").and_then(|a| a.as_object()).is_none_or(|a| a.is_empty());
+            return if is_empty { fault("has no attributes") } else { Ok(vec![*world_from_node]) };
         };
         if counts.into_iter().flatten().any(|other| other != count) {
             return fault("its attributes differ in number");

@@ -219,10 +219,7 @@ impl Loader<'_> {
             return;
         }
         if intensity < 0.0 {
-            self.left_out(format!(
-                "light {name} has a negative intensity ( {}); left out",
-                light.intensity()
-            ));
+            self.left_out(format!("light {name} has a negative intensity ({}); left out", light.intensity()));
             return;
         }
         let colour = Colour::Linear(dvec3(light.color()).clamp(DVec3::ZERO, DVec3::ONE));
