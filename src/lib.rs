@@ -35,7 +35,7 @@
 // Documentation of modules links to what they are made of.
 #![allow(rustdoc::private_intra_doc_links)]
 
-pub use kiln_bvh::{bvh, geometry};
+pub use kiln_bvh::{bvh, geometry, glam};
 
 // The interface of the library.
 #[cfg(feature = "import")]
