@@ -15,6 +15,7 @@ mod clock;
 pub mod effects;
 #[allow(unsafe_code)]
 mod embree;
+mod envelope;
 pub mod generate;
 mod icosphere;
 mod kiln;
@@ -35,6 +36,7 @@ pub mod tiers;
 mod tinybvh;
 
 pub use clock::Clock;
+pub use envelope::Envelope;
 pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
 pub use numbers::Numbers;
 pub use rays::{LeakRayKind, ray};
