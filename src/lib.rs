@@ -38,6 +38,8 @@
 pub use kiln_bvh::{bvh, geometry, glam};
 
 // The interface of the library.
+#[cfg(feature = "bench")]
+pub mod bench;
 #[cfg(feature = "import")]
 pub mod error;
 #[cfg(feature = "import")]
@@ -53,9 +55,6 @@ pub mod scene;
 #[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod animation;
-#[cfg(feature = "bench")]
-#[doc(hidden)]
-pub mod bench;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;

@@ -1,4 +1,5 @@
-//! Comparison of kiln's acceleration structures with other libraries on the same meshes and rays.
+//! Comparison of kiln's acceleration structures with other libraries on the same meshes and rays. Its interface may
+//! change between versions more than that of the other modules.
 //!
 //! An [`Engine`] builds a [`Built`] structure over a [`Mesh`], which leak tests query. To add an engine: a file here,
 //! and a line in [`engines`].
