@@ -35,9 +35,11 @@
 // Documentation of modules links to what they are made of.
 #![allow(rustdoc::private_intra_doc_links)]
 
-pub use kiln_bvh::{bvh, geometry};
+pub use kiln_bvh::{bvh, geometry, glam};
 
 // The interface of the library.
+#[cfg(feature = "bench")]
+pub mod bench;
 #[cfg(feature = "import")]
 pub mod error;
 #[cfg(feature = "import")]
@@ -53,9 +55,6 @@ pub mod scene;
 #[cfg(feature = "render")]
 #[doc(hidden)]
 pub mod animation;
-#[cfg(feature = "bench")]
-#[doc(hidden)]
-pub mod bench;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;

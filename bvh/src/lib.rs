@@ -9,3 +9,6 @@
 
 pub mod bvh;
 pub mod geometry;
+
+/// The vectors of the interface; with this export, users need no dependency of the same version.
+pub use glam;

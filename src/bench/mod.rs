@@ -1,4 +1,5 @@
-//! Comparison of kiln's acceleration structures with other libraries on the same meshes and rays.
+//! Comparison of kiln's acceleration structures with other libraries on the same meshes and rays. Its interface may
+//! change between versions more than that of the other modules.
 //!
 //! An [`Engine`] builds a [`Built`] structure over a [`Mesh`], which leak tests query. To add an engine: a file here,
 //! and a line in [`engines`].
@@ -15,6 +16,7 @@ mod clock;
 pub mod effects;
 #[allow(unsafe_code)]
 mod embree;
+mod envelope;
 pub mod generate;
 mod icosphere;
 mod kiln;
@@ -35,6 +37,7 @@ pub mod tiers;
 mod tinybvh;
 
 pub use clock::Clock;
+pub use envelope::Envelope;
 pub use icosphere::{Icosphere, Mesh, PLACEMENTS, Placement};
 pub use numbers::Numbers;
 pub use rays::{LeakRayKind, ray};

@@ -102,6 +102,16 @@ enum Command {
     },
 }
 
+/// The typed command, quoted for a shell.
+fn typed() -> String {
+    let word = |word: String| match word.chars().all(|c| c.is_ascii_alphanumeric() || "-_./=,:".contains(c)) {
+        true => word,
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    };
+    let rest = std::env::args_os().skip(1).map(|argument| word(argument.to_string_lossy().into_owned()));
+    std::iter::once("kiln".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")
+}
+
 /// Parses the arguments, runs the command and returns its exit code.
 pub fn main() -> ExitCode {
     message::set_syntax(std::env::args_os());

@@ -10,7 +10,7 @@ use super::arguments::{self, Arguments};
 use super::prepare::load_and_resolve;
 use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
-use super::{WarningPrinter, print};
+use super::{WarningPrinter, print, typed};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
@@ -178,16 +178,6 @@ fn subject(arguments: &Arguments, job: ResolvedJob) -> StudySubject {
         base,
         metadata,
     }
-}
-
-/// The typed command, quoted for a shell.
-fn typed() -> String {
-    let word = |word: String| match word.chars().all(|c| c.is_ascii_alphanumeric() || "-_./=,:".contains(c)) {
-        true => word,
-        false => format!("'{}'", word.replace('\'', r"'\''")),
-    };
-    let rest = std::env::args_os().skip(1).map(|argument| word(argument.to_string_lossy().into_owned()));
-    std::iter::once("kiln".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")
 }
 
 /// The study's advice and notes as text.

@@ -69,7 +69,9 @@ pub use up::UpAxis;
 
 use support::AffineFunction;
 
+use crate::bvh::{Bvh, NotFinite, Preset, Primitive};
 use crate::film::{Colour, ColourPipeline, DisplaySettings};
+use crate::geometry::{PrimId, Triangle};
 use glam::DVec3;
 
 /// Index of a material in [`Scene::materials`].
@@ -347,6 +349,34 @@ impl Scene {
         self.objects.iter().map(|object| object.shape.primitive_count()).sum()
     }
 
+    /// All primitives in order, so that the index of each is its [`PrimId`]. Placed meshes are expanded.
+    pub fn primitives(&self) -> impl Iterator<Item = Primitive> + '_ {
+        self.objects.iter().flat_map(|object| object.shape.primitives())
+    }
+
+    /// An acceleration structure over [`Scene::primitives`] for ray queries, with the scene's tier or the default one.
+    /// For a preset or another tier: `Bvh::with(scene.primitives(), preset, numerics)`. Coordinates are those of the
+    /// scene. Every triangle of a placed mesh is stored, so scenes with many places take more memory than to render.
+    ///
+    /// # Errors
+    /// [`NotFinite::Primitive`] for coordinates and radii that are not finite in f32.
+    pub fn bvh(&self) -> Result<Bvh, NotFinite> {
+        Bvh::with(self.primitives(), Preset::default(), self.numerics.unwrap_or_default())
+    }
+
+    /// The object that a primitive belongs to, as an index into [`Scene::objects`], and the primitive's index in it;
+    /// `None` if there is no such primitive. Takes time in proportion to the number of objects.
+    pub fn object_of(&self, prim: PrimId) -> Option<(usize, usize)> {
+        let mut index = prim.0 as usize;
+        for (object, count) in self.objects.iter().map(|object| object.shape.primitive_count()).enumerate() {
+            if index < count {
+                return Some((object, index));
+            }
+            index -= count;
+        }
+        None
+    }
+
     /// Whether an object emits light.
     pub fn emits(&self) -> bool {
         self.objects.iter().any(|object| self.materials[object.material.0 as usize].emits())
@@ -417,6 +447,20 @@ impl Shape {
             Shape::Analytic(_) => 1,
             Shape::Mesh(mesh) => mesh.triangles.len(),
             Shape::Placed(placed) => placed.triangle_count(),
+        }
+    }
+
+    /// The primitives in order, with instances placed.
+    pub fn primitives(&self) -> Box<dyn Iterator<Item = Primitive> + '_> {
+        let triangle = |corners| Primitive::Triangle(Triangle(corners));
+        match self {
+            Shape::Analytic(shape) => Box::new(std::iter::once(Primitive::Analytic(*shape))),
+            Shape::Mesh(mesh) => {
+                Box::new(mesh.triangles.iter().map(move |t| triangle(t.map(|i| mesh.positions[i as usize]))))
+            }
+            Shape::Placed(placed) => {
+                Box::new((0..placed.triangle_count() as u32).map(move |t| triangle(placed.corners_of(t))))
+            }
         }
     }
 

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::advice::{Advice, ParameterStep};
 use super::errors::PictureErrors;
-use crate::bench::Spread;
+use crate::bench::{Envelope, Spread};
 
 /// Version of the JSON schema, incremented when a field is removed or changes its meaning.
 pub(crate) const SCHEMA: u32 = 1;
@@ -12,16 +12,9 @@ pub(crate) const SCHEMA: u32 = 1;
 /// Results of a study.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Study {
-    /// Version of the schema, [`SCHEMA`].
-    pub schema: u32,
-    /// Version of kiln.
-    pub kiln: String,
-    /// Name of the scene, such as the input files.
-    pub subject: String,
-    /// The command line.
-    pub command: String,
-    /// Properties of the machine, as names and values.
-    pub machine: Vec<[String; 2]>,
+    /// Schema ([`SCHEMA`]), version, scene, command line and machine.
+    #[serde(flatten)]
+    pub envelope: Envelope,
     /// Metadata of the pictures, as names and values.
     pub settings: Vec<[String; 2]>,
     /// Width and height of the pictures in pixels.

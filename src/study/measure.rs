@@ -8,8 +8,8 @@ use super::pictures::{PageImages, png};
 use super::setting::Setting;
 use super::sweep::{Candidate, sweep};
 use super::work::{MeasuredSetting, StudyRun, filters, prepare};
-use super::{advice, ambient, machine, path_sweep, steps, techniques};
-use crate::bench::Clock;
+use super::{advice, ambient, path_sweep, steps, techniques};
+use crate::bench::{Clock, Envelope};
 use crate::effects::{Choices, RayKind};
 use crate::error::{Error, Result};
 use crate::film::Window;
@@ -83,7 +83,7 @@ pub fn study(
     pools: &Pools,
     control: &RenderControl,
 ) -> Result<(Study, PageImages)> {
-    let (mut candidates, mut left_out, reference, machine) = pools.wide.install(|| {
+    let (mut candidates, mut left_out, reference, envelope) = pools.wide.install(|| {
         let job = prepare(subject, &subject.base)?;
         let (candidates, left_out) = sweep(&subject.scene, &subject.base, &job.plan, options.most_samples);
         let reference = path_sweep::reference(&subject.base, &job.plan);
@@ -96,7 +96,12 @@ pub fn study(
             candidates,
             left_out.collect::<Vec<_>>(),
             reference,
-            machine::machine(&*job.world.accelerator),
+            Envelope::new(
+                SCHEMA,
+                subject.name.clone(),
+                subject.command.clone(),
+                Some(job.world.accelerator.describe().isa),
+            ),
         ))
     })?;
     let is_wanted =
@@ -142,11 +147,7 @@ pub fn study(
     let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| [a.clone(), b.clone()]).collect();
     let base_limit = limits.iter().find(|limit| limit.filter == subject.base.sampling.shape_and_radius());
     let study = Study {
-        schema: SCHEMA,
-        kiln: env!("CARGO_PKG_VERSION").into(),
-        subject: subject.name.clone(),
-        command: subject.command.clone(),
-        machine,
+        envelope,
         settings: pairs(&subject.metadata),
         size: [subject.window.width, subject.window.height],
         rounds: options.rounds,

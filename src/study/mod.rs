@@ -17,7 +17,6 @@ mod errors;
 mod geometry;
 mod html;
 mod leaks;
-mod machine;
 mod measure;
 mod meter;
 mod pareto;

@@ -47,7 +47,7 @@ fn embedded(value: &serde_json::Value) -> String {
 }
 
 fn head(study: &Study) -> String {
-    let title = format!("What accuracy costs: {}", escaped(&study.subject));
+    let title = format!("What accuracy costs: {}", escaped(&study.envelope.subject));
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><meta name=\"color-scheme\" content=\"light dark\">\
@@ -59,7 +59,7 @@ fn head(study: &Study) -> String {
         study.threads,
         study.clock,
         if study.rounds == 1 { "1 round".into() } else { format!("{} rounds", study.rounds) },
-        escaped(&study.kiln)
+        escaped(&study.envelope.kiln)
     )
 }
 
@@ -174,14 +174,14 @@ fn methods(study: &Study) -> String {
     let mut fact = |name: &str, value: &str| {
         let _ = writeln!(html, "<dt>{}</dt><dd>{}</dd>", escaped(name), escaped(value));
     };
-    for [name, value] in study.machine.iter().chain(&study.settings) {
+    for [name, value] in study.envelope.machine.iter().chain(&study.settings) {
         fact(name, value);
     }
     if let Some(load) = study.load_ms {
         fact("reading the inputs", &format!("{} ms", brief(load)));
     }
     html += "</dl>\n<p>Made by</p>\n";
-    let _ = writeln!(html, "<pre>{}</pre>", escaped(&study.command));
+    let _ = writeln!(html, "<pre>{}</pre>", escaped(&study.envelope.command));
     html += "<p>Every error is preceded by a check that all pixels are finite numbers. It has no spread: equal settings give equal bits, so a second \
         study gives the same errors. Times have one: the median of all rounds stands before the quartiles in brackets. A time is that of the \
         picture alone, without reading files, building, planning and writing.</p>\n<ul>\n";

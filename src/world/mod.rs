@@ -44,9 +44,9 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Primitive, Slot};
+use crate::bvh::{self, Accelerator, Instance, Layout, MeshSpace, Slot};
 use crate::film::ColourPipeline;
-use crate::geometry::{Numerics, PrimId, Triangle};
+use crate::geometry::{Numerics, PrimId};
 use crate::scene::{Fill, Light, LightKind, Material, MaterialId, Mesh, Object, Scene, Shape};
 
 /// The intensity of the ambient light where no input sets it.
@@ -311,18 +311,8 @@ fn slots(
 ) -> impl Iterator<Item = Slot> {
     let own = objects.iter().zip(firsts).zip(shared).filter(|(_, shared)| !**shared);
     own.flat_map(move |((object, first), _)| {
-        let triangle = |corners| Primitive::Triangle(Triangle(corners));
-        let primitives: Box<dyn Iterator<Item = Primitive> + '_> = match &object.shape {
-            Shape::Mesh(mesh) => {
-                Box::new(mesh.triangles.iter().map(move |t| triangle(t.map(|i| mesh.positions[i as usize]))))
-            }
-            Shape::Placed(placed) => {
-                Box::new((0..placed.triangle_count() as u32).map(move |t| triangle(placed.corners_of(t))))
-            }
-            Shape::Analytic(shape) => Box::new(std::iter::once(Primitive::Analytic(*shape))),
-        };
         let precision = numerics.precision();
-        (first.0..).zip(primitives).filter_map(move |(id, primitive)| {
+        (first.0..).zip(object.shape.primitives()).filter_map(move |(id, primitive)| {
             Some(Slot { primitive: primitive.rounded(precision)?, id: PrimId(id) })
         })
     })

@@ -6,6 +6,7 @@ mod common;
 mod exact;
 mod exact_oracle;
 mod instances;
+mod library;
 mod oracle;
 mod packets;
 mod refit;

@@ -91,11 +91,21 @@ fn a_broken_file_is_told_what_is_wrong_with_it() {
         (&firsts["inverted_components"]["object"], &firsts["inverted_components"]["triangle"]),
         (&json!("inside-out"), &json!(0))
     );
+    // Each object by itself, with the triangles that it has.
+    let objects = report["objects"].as_array().expect("a list");
+    let facts = |index: usize| {
+        let keys = ["name", "primitives", "triangles", "closed"];
+        keys.map(|key| objects[index][key].clone())
+    };
+    assert_eq!(facts(0), [json!("box"), json!(10), json!(10), json!(false)]);
+    assert_eq!(facts(1), [json!("inside-out"), json!(4), json!(4), json!(true)]);
     let curve = "broken.obj:25: free-form curves and surfaces are not drawn";
     assert_eq!((&report["left_out"], &report["warnings"]), (&json!([curve]), &json!([curve])));
     // The first triangle of the tetrahedron is (5, 0, 0), (6, 0, 0), (5, 1, 0), whose middle is (16/3, 1/3, 0).
     let said = workshop.info("broken.obj");
     for line in [
+        "object      box: 10 triangles, open\n",
+        "object      inside-out: 4 triangles, closed\n",
         "geometry    12 vertices, 23 edges, 2 connected component(s), 1 of them closed\n",
         "geometry    4 boundary edge(s) of one triangle only, around 1 hole(s) or open side(s); the first in `box` at ",
         "inner walls of hollow bodies; the first in `inside-out` at (5.3333335, 0.33333334, 0)\n",
@@ -181,8 +191,45 @@ fn materials_cameras_and_lights_are_described() {
     ] {
         assert!(said.contains(line), "{line} is not in: {said}");
     }
-    // Spheres have no topology.
+    // Spheres have no topology, but are closed.
+    let sphere = &report["objects"][0];
+    assert_eq!((&sphere["triangles"], &sphere["closed"]), (&json!(0), &json!(true)));
+    assert!(said.contains(": sphere, closed\n"), "{said}");
     assert!(!said.contains("geometry "), "{said}");
+}
+
+/// The text has names; JSON has the paths as they were given.
+#[test]
+fn the_text_has_file_names_and_json_has_paths() {
+    let workshop = Workshop::with("broken.obj", BROKEN);
+    let folder = workshop.0.path().join("a folder");
+    std::fs::create_dir(&folder).expect("a folder in it");
+    std::fs::rename(workshop.0.path().join("broken.obj"), folder.join("broken.obj")).expect("it is moved");
+    let path = folder.join("broken.obj").display().to_string();
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("kiln"));
+    let output = command.args(["info", &path]).stdin(Stdio::null()).output().expect("the command starts");
+    let said = String::from_utf8(output.stdout).expect("UTF-8");
+    assert!(said.starts_with("input       broken.obj\n"), "{said}");
+    assert!(said.contains("\nwarning     broken.obj:25: free-form curves"), "{said}");
+    assert!(!said.contains("a folder"), "{said}");
+    let output = Command::new(assert_cmd::cargo::cargo_bin!("kiln")).args(["info", "--json", &path]).output();
+    let report: Value = serde_json::from_slice(&output.expect("the command starts").stdout).expect("JSON");
+    assert_eq!(report["inputs"], json!([path]));
+    assert_eq!(report["objects"][0]["input"], json!(path));
+    assert!(report["warnings"][0].as_str().is_some_and(|text| text.starts_with(&path)));
+}
+
+#[test]
+fn of_many_objects_the_first_are_listed() {
+    let mut text = String::new();
+    for index in 0..18 {
+        text += &format!("o part{index}\nv {index} 0 0\nv {index} 1 0\nv {index} 0 1\nf -3 -2 -1\n");
+    }
+    let workshop = Workshop::with("parts.obj", &text);
+    let said = workshop.info("parts.obj");
+    assert_eq!(said.matches("\nobject      part").count(), 16, "{said}");
+    assert!(said.contains("\nobject      2 more, 0 of them closed; --json lists all\n"), "{said}");
+    assert_eq!(workshop.json("parts.obj")["objects"].as_array().map(Vec::len), Some(18));
 }
 
 /// An image of 2 by 2 texels of 3 bytes, and the level of one texel of 6 bytes.

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod examples;
 mod layers;
 mod readme;
 mod test_files;

@@ -411,8 +411,18 @@ fn names_no_file(span: &str, sources: &[String]) -> bool {
     if path.contains(['*', '…', '#', '%', '<', ':']) || path.contains("NAME") {
         return false;
     }
-    let in_folder =
-        ["tests/", "benches/", "assets/", "scenes/", "docs/", "src/", "bvh/src/", "xtask/", ".ci/"];
+    let in_folder = [
+        "tests/",
+        "benches/",
+        "assets/",
+        "scenes/",
+        "docs/",
+        "src/",
+        "bvh/src/",
+        "xtask/",
+        ".ci/",
+        "examples/",
+    ];
     if in_folder.iter().any(|folder| path.starts_with(folder)) {
         return !repository(path).exists();
     }

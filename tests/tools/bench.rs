@@ -96,11 +96,27 @@ fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).expect("the command writes UTF-8")
 }
 
+/// The rows of a report, whose envelope states this subject and command.
+#[track_caller]
+fn rows(output: &Output, subject: &str, command: &str) -> Vec<Value> {
+    let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    let keys: Vec<&str> = report.as_object().expect("an object").keys().map(String::as_str).collect();
+    assert_eq!(keys, ["command", "kiln", "machine", "rows", "schema", "subject"]);
+    assert_eq!((&report["schema"], &report["kiln"]), (&1.into(), &env!("CARGO_PKG_VERSION").into()));
+    assert_eq!(
+        (&report["subject"], &report["command"]),
+        (&subject.into(), &format!("kiln {command}").into())
+    );
+    let facts = report["machine"].as_array().expect("names and values");
+    assert!(facts.iter().any(|fact| fact[0] == "processor" && fact[1].is_string()), "{facts:?}");
+    report["rows"].as_array().expect("rows").clone()
+}
+
 #[test]
 fn json_rows_have_the_keys_that_others_rely_on() {
     let output = run("--triangles 500 --size 32 --runs 2 --json");
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), ""));
-    let rows: Vec<Value> = serde_json::from_slice(&output.stdout).expect("an array");
+    let rows = rows(&output, "a bumpy sphere", "bench --triangles 500 --size 32 --runs 2 --json");
     let keys = [
         "engine",
         "layout",
@@ -193,7 +209,7 @@ fn scaling_has_a_row_for_every_mesh_and_a_plot() {
     let arguments = format!("scaling --largest 10000 --size 16 --runs 1 --json --plot {}", plot.display());
     let output = run(&arguments);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-    let rows: Vec<Value> = serde_json::from_slice(&output.stdout).expect("an array");
+    let rows = rows(&output, "generated meshes", &format!("bench {arguments}"));
     let subjects: Vec<&str> = rows.iter().filter_map(|row| row["subject"].as_str()).collect();
     assert_eq!(subjects, ["sphere", "sphere", "soup", "soup", "thin", "thin"]);
     assert!(rows.iter().all(|row| row["engine"] == "kiln" && row["wrong_hits"].is_null()));

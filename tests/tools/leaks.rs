@@ -70,11 +70,18 @@ fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).expect("the command writes UTF-8")
 }
 
+/// The rows of a report.
+fn rows_of(output: &Output) -> Vec<Value> {
+    let report: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!((&report["schema"], &report["subject"]), (&1.into(), &"generated meshes".into()));
+    report["rows"].as_array().expect("rows").clone()
+}
+
 #[test]
 fn the_command_prints_json_with_a_row_for_each_layout_and_placement() {
     let output = run("--rays 1000 --json --engine kiln --engine obvhs", None);
     assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), ""));
-    let rows: Vec<Value> = serde_json::from_slice(&output.stdout).expect("an array");
+    let rows = rows_of(&output);
     for (engine, layout, triangles) in [
         // 20 * 4^2 and 20 * 4^6.
         ("kiln", "brute-force", 320),
@@ -122,7 +129,7 @@ fn engines_that_are_not_there_are_named_with_the_reason() {
     let said = text(&output.stdout);
     assert!(said.contains("\nembree: not measured: /gone/libembree4.so: "), "{said}");
     let output = run("--rays 1 --json", None);
-    let rows: Vec<Value> = serde_json::from_slice(&output.stdout).expect("an array");
+    let rows = rows_of(&output);
     let embree = rows.iter().find(|row| row["engine"] == "embree").expect("a row all the same");
     assert_eq!((&embree["rays"], &embree["leaks"]), (&0.into(), &Value::Null));
     let reason = embree["skipped_reason"].as_str().expect("a reason");

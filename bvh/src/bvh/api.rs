@@ -29,7 +29,7 @@ pub enum Update {
 pub enum NotFinite {
     /// In a primitive.
     Primitive(usize),
-    /// In a ray, or its direction is zero.
+    /// In a ray, or its direction is zero, or its maximum distance is not above 0.
     Ray,
 }
 
@@ -41,7 +41,8 @@ impl std::fmt::Display for NotFinite {
                 "primitive {index} has a coordinate or a radius that is not finite, or too large for f32"
             ),
             NotFinite::Ray => f.write_str(
-                "a ray needs an origin of finite f32 numbers and a direction of finite numbers, not all of them 0",
+                "a ray needs an origin of finite f32 numbers, a direction of finite numbers, not all of them 0, and a \
+                 maximum distance above 0",
             ),
         }
     }
@@ -91,14 +92,29 @@ impl Bvh {
     /// # Errors
     /// [`NotFinite::Ray`], also for an origin that exceeds f32.
     pub fn ray(&self, origin: impl Into<DVec3>, direction: impl Into<DVec3>) -> Result<Ray, NotFinite> {
+        self.ray_within(origin, direction, f64::INFINITY)
+    }
+
+    /// [`Bvh::ray`] with a maximum distance: hits have 0 < t < `t_max`, open at both ends. A shadow ray to a light has
+    /// the distance of the light as `t_max`.
+    ///
+    /// # Errors
+    /// [`NotFinite::Ray`], also if `t_max` is NaN or not above 0. It may be infinite.
+    pub fn ray_within(
+        &self,
+        origin: impl Into<DVec3>,
+        direction: impl Into<DVec3>,
+        t_max: f64,
+    ) -> Result<Ray, NotFinite> {
         let (origin, direction) = (origin.into(), direction.into());
         let largest = direction.abs().max_element();
-        if !origin.as_vec3().is_finite() || !direction.is_finite() || largest == 0.0 {
+        let is_valid = origin.as_vec3().is_finite() && direction.is_finite() && largest > 0.0 && t_max > 0.0;
+        if !is_valid {
             return Err(NotFinite::Ray);
         }
         // Divided first: the square of the length could overflow or underflow.
         let direction = (direction / largest).normalize();
-        Ok(self.numerics.ray_precision().ray(origin, direction, 0.0, f64::INFINITY))
+        Ok(self.numerics.ray_precision().ray(origin, direction, 0.0, t_max))
     }
 
     /// The closest hit; of hits at equal t, the one with the lowest id.
@@ -109,6 +125,36 @@ impl Bvh {
     /// Whether the ray hits anything between `t_min` and `t_max`.
     pub fn occluded(&self, ray: &Ray, traversal: &mut Traversal) -> bool {
         self.accelerator.is_occluded(ray, traversal)
+    }
+
+    /// Every primitive that the ray hits between `t_min` and `t_max`, sorted by t, those at equal t by id.
+    ///
+    /// - A primitive has one hit: of a sphere the nearer of two. A ray with `t_min` beyond that hit finds the other.
+    /// - On a shared edge or corner, every triangle that has it is hit. Their t are equal up to rounding, and no hit is
+    ///   merged: to count the crossings of a surface, merge hits of adjacent triangles, or take rays that meet no edge.
+    /// - Primitives at the same place are all hit, at equal t.
+    ///
+    /// The first hit is [`Bvh::closest_hit`]. In the tier `exact` only up to rounding: it decides which hit is closest
+    /// by exact distances, of which t is the rounded value.
+    pub fn all_hits(&self, ray: &Ray, traversal: &mut Traversal) -> Vec<Hit> {
+        let mut hits = Vec::new();
+        self.accelerator.all_hits(ray, &mut hits, traversal);
+        hits.sort_unstable_by(|a, b| a.t.total_cmp(&b.t).then(a.prim.cmp(&b.prim)));
+        hits
+    }
+
+    /// The geometric normal at a hit of the ray, of length 1: for a triangle `(b - a) x (c - a)` normalised, for a
+    /// sphere outwards. It is not turned towards the ray: the front was hit if its dot product with the ray's direction
+    /// is negative. It is that of the primitive as stored, with corners rounded to the precision of the tier.
+    ///
+    /// `None` for a triangle without area, or too thin for its corners ([`Triangle::unit_normal`]).
+    ///
+    /// `hit` must come from this structure, after its last [`Bvh::update`]; slots change when it is rebuilt.
+    pub fn geometric_normal(&self, ray: &Ray, hit: &Hit) -> Option<DVec3> {
+        match self.accelerator.primitive(hit.slot) {
+            Primitive::Triangle(triangle) => triangle.unit_normal(),
+            Primitive::Analytic(shape) => Some(shape.surface(ray.at(hit.t)).1),
+        }
     }
 
     /// The closest hit of every ray. Fastest for batches of 64 and more rays with a common origin, end or direction.

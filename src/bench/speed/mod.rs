@@ -4,7 +4,8 @@
 //! on the machine affects all of them. Rays are converted to an engine's format beforehand; only its queries are timed.
 //! The hits of every contender are compared with those of kiln's tier `exact`.
 //!
-//! To add a contender: implement [`Contender`] in the engine's file, and add a line to [`contenders`].
+//! To add a contender: implement [`Contender`] in the engine's file, and add a line to [`contenders`]. Another crate
+//! passes its own to [`measure`] beside those: `examples/compare_bvh.rs`.
 
 mod measure;
 mod page;
@@ -20,7 +21,7 @@ pub use rays::{BATCH, Kind, RaySets, ViewSetup};
 pub use reference::ReferenceHits;
 pub use scaling::{ScalingStep, plot as scaling_plot, scaling, sizes};
 pub use setting::{Triangles, Viewpoint, scene, triangles, view_setup};
-pub(super) use singly::singly;
+pub use singly::singly;
 
 use super::{Mesh, Unavailable, embree, kiln, obvhs};
 use crate::bvh::Tests;
@@ -33,7 +34,7 @@ pub const NAMES: [&str; 6] = ["kiln", "obvhs", "bvh", "parry3d", "tinybvh", "emb
 /// Name of a contender.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Label {
-    /// The library: one of [`NAMES`].
+    /// The library: one of [`NAMES`], or that of another crate.
     pub engine: &'static str,
     /// Layout of its structure, or query functions.
     pub layout: &'static str,

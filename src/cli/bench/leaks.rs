@@ -44,7 +44,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
         measure(&engines, arguments.rays, control)
     })?;
     if arguments.json {
-        print(&format!("{:#}\n", as_json(&rows, &absent)))
+        print(&super::report("generated meshes", as_json(&rows, &absent)))
     } else {
         print(&as_text(&rows, &absent, arguments.rays))
     }

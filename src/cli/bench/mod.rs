@@ -9,8 +9,11 @@ use std::io::IsTerminal;
 use std::sync::atomic::AtomicBool;
 
 use clap::{Args, Subcommand};
+use serde_json::Value;
 
 use super::progress::{Mode, Progress};
+use super::typed;
+use crate::bench::Envelope;
 use crate::error::Result;
 use crate::render::RenderControl;
 
@@ -40,6 +43,15 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
         Some(Test::Numerics(arguments)) => numerics::run(arguments, interrupted),
         Some(Test::Scaling(arguments)) => scaling::run(arguments, interrupted),
     }
+}
+
+/// Version of the JSON schema of all benchmarks, incremented when a field is removed or changes its meaning.
+const SCHEMA: u32 = 1;
+
+/// The JSON of a benchmark: its rows in an [`Envelope`].
+fn report(subject: &str, rows: Value) -> String {
+    // Instruction sets are stated by row.
+    format!("{:#}\n", Envelope::new(SCHEMA, subject.to_owned(), typed(), None).around(rows))
 }
 
 /// Runs `work` on a thread pool, with a progress bar on a terminal.

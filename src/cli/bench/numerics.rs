@@ -32,7 +32,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
         tiers(arguments.rays, arguments.runs, control)
     })?;
     if arguments.json {
-        print(&format!("{:#}\n", as_json(&rows, arguments)))
+        print(&super::report("generated meshes", as_json(&rows, arguments)))
     } else {
         print(&as_text(&rows, arguments))
     }

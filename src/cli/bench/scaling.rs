@@ -56,7 +56,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
         write_whole(file, |out| out.write_all(svg.as_bytes()))?;
     }
     print(&if arguments.json {
-        format!("{:#}\n", as_json(&steps, arguments))
+        super::report("generated meshes", as_json(&steps, arguments))
     } else {
         as_text(&steps, arguments)
     })

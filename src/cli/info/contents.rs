@@ -1,13 +1,13 @@
 //! What a scene consists of.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use super::{Lines, lights, materials};
+use super::{FileNames, Lines, lights, materials};
 use crate::geometry::Triangle;
 use crate::scene::{Camera, Mesh, Object, Projection, Scene, Shape};
 
@@ -122,10 +122,9 @@ fn instanced_meshes(scene: &Scene) -> HashMap<*const Mesh, (usize, usize)> {
 }
 
 /// Adds counts and bounds.
-pub(super) fn add_sizes(lines: &mut Lines, inputs: &[PathBuf], scene: &Scene) {
-    let names: Vec<String> = inputs.iter().map(|i| i.display().to_string()).collect();
+pub(super) fn add_sizes(lines: &mut Lines, names: &FileNames, scene: &Scene) {
     let spheres = scene.primitive_count() - triangles(scene);
-    lines.add("input", names.join(" "));
+    lines.add("input", names.inputs());
     let objects = scene.objects.len();
     lines.add("objects", format!("{objects} ({} triangles, {spheres} spheres)", triangles(scene)));
     let shared = instanced_meshes(scene);
@@ -147,23 +146,18 @@ pub(super) fn add_sizes(lines: &mut Lines, inputs: &[PathBuf], scene: &Scene) {
 }
 
 /// Adds the names of materials, textures, cameras, lights and clips, with what matters of each.
-pub(super) fn add_names(lines: &mut Lines, scene: &Scene) {
+pub(super) fn add_names(lines: &mut Lines, names: &FileNames, scene: &Scene) {
     lines.add("materials", list(scene.materials.iter().map(|m| m.name().to_owned())));
     materials::add(lines, scene);
-    let folders: Vec<&Path> = scene.inputs.iter().filter_map(|input| input.parent()).collect();
-    let short_name = |name: &str| {
-        let inside = folders.iter().find_map(|folder| Path::new(name).strip_prefix(folder).ok());
-        inside.map_or_else(|| name.to_owned(), |inside| inside.display().to_string())
-    };
     let textures = scene.images.iter();
     lines.add(
         "textures",
-        list(textures.map(|i| format!("{} ({} x {})", short_name(&i.name), i.width, i.height))),
+        list(textures.map(|i| format!("{} ({} x {})", names.shorten(&i.name), i.width, i.height))),
     );
     lines.add("cameras", list(scene.cameras.iter().map(camera_text)));
     lines.add("lights", list(scene.lights.iter().map(lights::text)));
     if let Some(environment) = &scene.environment {
-        lines.add("environment", lights::environment_text(environment));
+        lines.add("environment", names.shorten(&lights::environment_text(environment)));
     }
     if !scene.clips.is_empty() {
         lines.add("clips", list(scene.clips.iter().map(|c| format!("{} ({} s)", c.name, c.duration as f32))));

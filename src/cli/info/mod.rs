@@ -4,6 +4,8 @@ mod contents;
 mod geometry;
 mod lights;
 mod materials;
+mod names;
+mod objects;
 mod rendering;
 
 use std::fmt::Write;
@@ -19,6 +21,7 @@ use crate::error::{Result, Warnings};
 use crate::import;
 use crate::scene::ImportOptions;
 use crate::scene::topology::Topology;
+use names::FileNames;
 use rendering::{Memory, Rendering};
 
 #[derive(Args)]
@@ -46,19 +49,22 @@ pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let after_loading = Memory::now();
     let topology = Topology::of_scene(&scene);
     let (mut report, mut lines) = (contents::to_json(&arguments.inputs, &scene), Lines::default());
-    contents::add_sizes(&mut lines, &arguments.inputs, &scene);
+    let names = FileNames::of(&arguments.inputs);
+    contents::add_sizes(&mut lines, &names, &scene);
+    objects::add(&mut lines, &scene, &topology);
+    objects::add_to_json(&mut report, &scene, &topology);
     geometry::add(&mut lines, &scene, &topology);
-    contents::add_names(&mut lines, &scene);
+    contents::add_names(&mut lines, &names, &scene);
     report["geometry"] = geometry::to_json(&scene, &topology);
     let rendering = Rendering::of(scene, arguments.build, &after_loading);
-    rendering.add(&mut lines);
+    rendering.add(&mut lines, &names);
     rendering.add_to_json(&mut report);
     let (of_render, left_out) = (rendering.warnings(), left_out(&warnings, &rendering));
     for text in warnings.messages().iter().chain(of_render.messages()) {
-        lines.add("warning", text);
+        lines.add("warning", names.shorten(text));
     }
     for text in warnings.notes().iter().chain(of_render.notes()) {
-        lines.add("note", text);
+        lines.add("note", names.shorten(text));
     }
     report["warnings"] = json!(warnings.messages());
     report["notes"] = json!(warnings.notes());

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 
-use super::Lines;
+use super::{FileNames, Lines};
 use crate::bench::memory;
 use crate::bvh::Description;
 use crate::effects::Decision;
@@ -105,10 +105,12 @@ impl Rendering {
     }
 
     /// Adds the lines on time, memory and effects.
-    pub(super) fn add(&self, lines: &mut Lines) {
+    pub(super) fn add(&self, lines: &mut Lines, names: &FileNames) {
         let count = self.primitives;
         match &self.outcome {
-            Outcome::Failed(error) => lines.add("render", format!("not possible: {error}")),
+            Outcome::Failed(error) => {
+                lines.add("render", format!("not possible: {}", names.shorten(&error.to_string())));
+            }
             Outcome::Estimated => {
                 lines.add("build", format!("not measured with {count} primitives; --build does"));
             }

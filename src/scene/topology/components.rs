@@ -66,8 +66,9 @@ impl Components {
         self.is_open[triangle as usize] = true;
     }
 
-    /// Counts the components, the closed and the inverted ones.
-    pub(super) fn measure(mut self, mesh: &Welded, topology: &mut Topology) {
+    /// Counts the components, the closed and the inverted ones, and finds the closed objects, given by their first
+    /// triangles.
+    pub(super) fn measure(mut self, mesh: &Welded, firsts: &[u32], topology: &mut Topology) {
         let mut number = vec![u32::MAX; mesh.corners.len()];
         let mut volumes: Vec<(u32, Volume)> = Vec::new();
         for triangle in (0..mesh.corners.len()).filter(|&triangle| mesh.is_valid(triangle)) {
@@ -98,6 +99,14 @@ impl Components {
             topology.inverted_components.add(*triangle, middle);
         }
         topology.closed_components = volumes.iter().filter(|(_, volume)| !volume.is_open).count();
+        let ends = firsts.iter().skip(1).copied().chain([mesh.corners.len() as u32]);
+        let objects = firsts.iter().zip(ends).map(|(&first, end)| {
+            let mut triangles = (first..end).filter(|&triangle| mesh.is_valid(triangle as usize)).peekable();
+            triangles.peek()?;
+            let mut component = |triangle| volumes[number[self.sets.find(triangle) as usize] as usize].1;
+            Some(triangles.all(|triangle| !component(triangle).is_open))
+        });
+        topology.closed_objects = objects.collect();
     }
 }
 

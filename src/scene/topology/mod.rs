@@ -52,6 +52,9 @@ pub struct Topology {
     pub components: usize,
     /// Components that use each edge as often in one direction as in the other, so that they enclose a volume.
     pub closed_components: usize,
+    /// For each object of the scene, in order, whether all of its triangles are in closed components, which may go on in
+    /// other objects; `None` for an object without triangles of three distinct vertices.
+    pub closed_objects: Vec<Option<bool>>,
     /// Closed components of negative signed volume: their normals point inwards. The inner wall of a hollow body is
     /// one by design.
     pub inverted_components: Findings,
@@ -89,9 +92,14 @@ impl Findings {
 }
 
 impl Topology {
-    /// Topology of triangles, without [`Topology::opposed_to_normals`]. Positions must be finite. Takes time
-    /// O(n log n), in parallel.
+    /// Topology of triangles as one object, without [`Topology::opposed_to_normals`]. Positions must be finite. Takes
+    /// time O(n log n), in parallel.
     pub fn of_triangles(positions: &[DVec3], triangles: &[[u32; 3]]) -> Self {
+        Topology::of_objects(positions, triangles, &[0])
+    }
+
+    /// [`Topology::of_triangles`] of objects, given by the first triangle of each, in order.
+    fn of_objects(positions: &[DVec3], triangles: &[[u32; 3]], firsts: &[u32]) -> Self {
         let corners = weld::welded_corners(positions, triangles);
         let mesh = Welded { positions, corners: &corners };
         let edges = Edges::new(&mesh);
@@ -100,7 +108,7 @@ impl Topology {
             Topology { vertices: weld::count_vertices(&corners, positions.len()), ..Self::default() };
         let boundary = edges.classify(&mesh, &mut topology, &mut components);
         drop(edges);
-        components.measure(&mesh, &mut topology);
+        components.measure(&mesh, firsts, &mut topology);
         topology.holes = components::count_connected(&boundary, positions.len());
         (topology.t_junctions, topology.t_junctions_cut_off) = t_junctions::find(&mesh, &boundary);
         topology

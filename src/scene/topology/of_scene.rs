@@ -39,6 +39,11 @@ impl Topology {
             check_memory(count)?;
         }
         let mut topology = of_meshes(&own, together);
+        let mut closed_objects = vec![None; scene.objects.len()];
+        own.iter()
+            .zip(&topology.closed_objects)
+            .for_each(|((index, _), closed)| closed_objects[*index] = *closed);
+        let mut closed_meshes: HashMap<*const Mesh, Option<bool>> = HashMap::new();
         let mut shared: Vec<_> = shared.into_values().collect();
         shared.sort_unstable_by_key(|(object, ..)| *object);
         for (object, placed, places) in shared {
@@ -50,7 +55,14 @@ impl Topology {
                 }
             }
             topology.add(&mut of_mesh, places);
+            closed_meshes.insert(Arc::as_ptr(&placed.mesh), of_mesh.closed_objects[0]);
         }
+        for (object, closed) in scene.objects.iter().zip(&mut closed_objects) {
+            if let Shape::Placed(placed) = &object.shape {
+                *closed = closed_meshes[&Arc::as_ptr(&placed.mesh)];
+            }
+        }
+        topology.closed_objects = closed_objects;
         Ok(topology)
     }
 
@@ -104,7 +116,7 @@ fn of_meshes(meshes: &[(usize, &Mesh)], [triangle_count, position_count]: [usize
         }
         opposed.add_all(&own, 1);
     }
-    let mut topology = Topology::of_triangles(&positions, &triangles);
+    let mut topology = Topology::of_objects(&positions, &triangles, &firsts);
     for findings in topology.all_findings() {
         if let Some(first) = &mut findings.first {
             // Of meshes with the same first triangle all but the last are empty.

@@ -3,7 +3,9 @@ use std::sync::Arc;
 use glam::{DMat4, DVec3};
 
 use super::{BoundaryEdge, Topology, Welded, t_junctions};
-use crate::scene::{Attribute, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Scene, Shape};
+use crate::scene::{
+    Attribute, Material, MaterialId, Mesh, Object, Phong, Placed, Placement, Scene, Shape, Sphere,
+};
 
 /// Corners at the origin and at 1 on each axis; normals point outwards.
 const TETRAHEDRON: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
@@ -206,6 +208,9 @@ fn a_scene_is_welded_across_its_objects() {
     };
     let topology = parts(&TETRAHEDRON[2..]);
     assert_eq!((counts(&topology), found(&topology)), ([4, 6, 1, 1], [0; 7]));
+    // Both parts are of a closed component; the empty object between them is of none.
+    assert_eq!(topology.closed_objects, [Some(true), None, Some(true)]);
+    assert_eq!(parts(&TETRAHEDRON[3..]).closed_objects, [Some(false), None, Some(false)]);
     // The last triangle of the third object again.
     let topology = parts(&[TETRAHEDRON[2], TETRAHEDRON[3], TETRAHEDRON[3]]);
     let first = topology.duplicate_triangles.first.expect("one");
@@ -222,10 +227,46 @@ fn a_shared_mesh_counts_for_each_place() {
     };
     let topology = Topology::of_scene(&scene_of([10.0, 20.0, 30.0].map(place).into())).expect("it fits");
     assert_eq!((counts(&topology), found(&topology)), ([12, 18, 3, 0], [9, 0, 0, 0, 0, 0, 0]));
-    assert_eq!(topology.holes, 3);
+    assert_eq!((topology.holes, &topology.closed_objects[..]), (3, &[Some(false); 3][..]));
     // The missing triangle is that of x, y and z; the first triangle has the edge from x to y.
     let first = topology.boundary_edges.first.expect("one");
     assert_eq!(first.position, DVec3::new(10.5, 0.5, 0.0));
+}
+
+/// A closed and an open tetrahedron, far from each other in one object, then each in its own, a sphere between them;
+/// then two places of a closed one, and triangles without three distinct vertices.
+#[test]
+fn an_object_is_closed_if_all_its_components_are() {
+    let far = |mesh: Mesh| Mesh { positions: mesh.positions.iter().map(|p| p + 9.0).collect(), ..mesh };
+    let (closed, open) = (tetrahedron(&TETRAHEDRON), far(tetrahedron(&TETRAHEDRON[1..])));
+    let both = Mesh {
+        positions: [&closed.positions[..], &open.positions].concat(),
+        triangles: closed
+            .triangles
+            .iter()
+            .copied()
+            .chain(TETRAHEDRON[1..].iter().map(|t| t.map(|i| i + 4)))
+            .collect(),
+        ..Mesh::default()
+    };
+    let closed_objects =
+        |shapes: Vec<Shape>| Topology::of_scene(&scene_of(shapes)).expect("it fits").closed_objects;
+    assert_eq!(closed_objects(vec![Shape::Mesh(both)]), [Some(false)]);
+    let ball = Sphere { centre: DVec3::ZERO, radius: 1.0 };
+    let place = |x: f64| {
+        let placement = Placement::new(DMat4::from_translation(DVec3::X * x));
+        Shape::Placed(Placed::new(Arc::new(closed.clone()), placement))
+    };
+    let shapes = vec![
+        Shape::Mesh(open),
+        Shape::Analytic(ball.into()),
+        place(20.0),
+        Shape::Mesh(closed.clone()),
+        Shape::Mesh(tetrahedron(&[[0, 0, 1]])),
+        place(30.0),
+    ];
+    let expected = [Some(false), None, Some(true), Some(true), None, Some(true)];
+    assert_eq!(closed_objects(shapes), expected);
 }
 
 /// All normals point to +z, as the triangle from 0 to x to y does; normals of zero say nothing.

@@ -78,7 +78,7 @@ pub(crate) fn run(arguments: &Arguments, interrupted: &AtomicBool) -> Result<()>
         let html = page(&rows, &absent, &subject, arguments.runs)?;
         write_whole(file, |out| out.write_all(html.as_bytes()))?;
     }
-    print(&if arguments.json { format!("{:#}\n", json::rows(&report)) } else { text::tables(&report) })
+    print(&if arguments.json { super::report(&subject, json::rows(&report)) } else { text::tables(&report) })
 }
 
 /// Name of the mesh and viewpoint.

@@ -1,0 +1,239 @@
+//! `Bvh` for library users: maximum distances, all hits, geometric normals, and a scene as its source.
+
+use std::sync::Arc;
+
+use crate::common::Numbers;
+use kiln::bvh::{Bvh, Layout, NotFinite, Preset, Primitive, Slot, Traversal, build};
+use kiln::film::ColourPipeline;
+use kiln::geometry::{Hit, Numerics, PrimId, Triangle};
+use kiln::glam::{DMat4, DVec3};
+use kiln::scene::{Material, Mesh, Object, Phong, Placed, Placement, Scene, Shape, Sphere as SceneSphere};
+use kiln::world::World;
+
+/// Each tier with each preset.
+fn settings() -> impl Iterator<Item = (Numerics, Preset)> {
+    Numerics::ALL.into_iter().flat_map(|numerics| Preset::ALL.map(|preset| (numerics, preset)))
+}
+
+/// Ids and distances of all hits of a ray.
+fn all(bvh: &Bvh, origin: [f64; 3], direction: [f64; 3]) -> Vec<(u32, f64)> {
+    let ray = bvh.ray(origin, direction).expect("finite");
+    let hits = bvh.all_hits(&ray, &mut Traversal::default());
+    hits.into_iter().map(|hit| (hit.prim.0, hit.t)).collect()
+}
+
+/// The square from -1 to 1 in x and y at a height, as two triangles that share a diagonal. Counter-clockwise from +z.
+fn square(z: f64) -> [Primitive; 2] {
+    let [a, b, c, d] = [[-1.0, -1.0, z], [1.0, -1.0, z], [1.0, 1.0, z], [-1.0, 1.0, z]];
+    [[a, b, c].into(), [a, c, d].into()]
+}
+
+/// Coordinates are small integers, so that every tier computes the distance 4 exactly.
+#[test]
+fn hits_are_before_the_maximum_distance() {
+    let ball = Primitive::from(([0.0, 0.0, 5.0], 1.0));
+    for (numerics, preset) in settings() {
+        for primitives in [vec![ball], square(4.0).to_vec()] {
+            let bvh = Bvh::with(primitives, preset, numerics).expect("finite");
+            let is_hit = |t_max: f64| {
+                let ray = bvh.ray_within([0.25, 0.0, 0.0], [0.0, 0.0, 2.0], t_max).expect("finite");
+                let hits = bvh.all_hits(&ray, &mut Traversal::default()).len();
+                let is_hit = bvh.occluded(&ray, &mut Traversal::default());
+                assert_eq!(hits > 0, is_hit, "{t_max}");
+                is_hit
+            };
+            // The ball is met at 5 - sqrt(1 - 1/16) = 4.03, the square at 4.
+            assert!(!is_hit(3.9) && is_hit(4.1) && is_hit(f64::INFINITY), "{}", numerics.name());
+        }
+        let bvh = Bvh::with(square(4.0), preset, numerics).expect("finite");
+        // Open: what is exactly at t_max is not hit.
+        let ray = bvh.ray_within([0.5, 0.0, 0.0], [0.0, 0.0, 1.0], 4.0).expect("finite");
+        assert!(!bvh.occluded(&ray, &mut Traversal::default()), "{}", numerics.name());
+        for t_max in [f64::NAN, 0.0, -1.0, f64::NEG_INFINITY] {
+            assert_eq!(bvh.ray_within([0.0; 3], [1.0; 3], t_max), Err(NotFinite::Ray));
+        }
+    }
+}
+
+/// Squares at the heights 3, 1 and 2, the last of them twice, and a ball from 5 to 7.
+#[test]
+fn all_hits_are_sorted_by_distance_and_id() {
+    let ball = Primitive::from(([0.0, 0.0, 6.0], 1.0));
+    let primitives: Vec<Primitive> =
+        [square(3.0), square(1.0), square(2.0), square(2.0)].concat().into_iter().chain([ball]).collect();
+    for (numerics, preset) in settings() {
+        let bvh = Bvh::with(primitives.iter().copied(), preset, numerics).expect("finite");
+        let up = [0.0, 0.0, 1.0];
+        // Below the diagonal x = y: the first triangle of each square. The ball has its nearer hit alone, at
+        // 6 - sqrt(1 - (1/4 + 1/16)) = 6 - sqrt(11) / 4.
+        let hits = all(&bvh, [0.5, 0.25, 0.0], up);
+        assert_eq!(hits[..4], [(2, 1.0), (4, 2.0), (6, 2.0), (0, 3.0)], "{}", numerics.name());
+        assert_eq!((hits.len(), hits[4].0), (5, 8));
+        assert!((hits[4].1 - (6.0 - 11f64.sqrt() / 4.0)).abs() < 1e-6, "{}", numerics.name());
+        // On the diagonal: both triangles of each square, at equal t.
+        let hits = all(&bvh, [0.5, 0.5, 0.0], up);
+        let expected = [(2, 1.0), (3, 1.0), (4, 2.0), (5, 2.0), (6, 2.0), (7, 2.0), (0, 3.0), (1, 3.0)];
+        assert_eq!(hits[..8], expected, "{}", numerics.name());
+        // At a corner of both triangles, backwards, from between the squares; the ball is behind.
+        assert_eq!(all(&bvh, [1.0, 1.0, 1.5], [0.0, 0.0, -1.0]), [(2, 0.5), (3, 0.5)]);
+        assert_eq!(all(&bvh, [2.0, 0.0, 0.0], up), []);
+        // From inside the ball its farther hit is the nearer one in front.
+        assert_eq!(all(&bvh, [0.0, 0.0, 6.0], up), [(8, 1.0)]);
+    }
+}
+
+/// Triangles and balls at random, some of them large, which `best-trace` splits.
+fn crowd(numbers: &mut Numbers) -> Vec<Primitive> {
+    let mut primitive = |index: usize| {
+        let middle = numbers.vector();
+        let size = if index.is_multiple_of(50) { 2.0 } else { 0.2 };
+        match index % 10 {
+            9 => Primitive::from((middle.to_array(), 0.1)),
+            _ => Primitive::from([0; 3].map(|_| (middle + numbers.vector() * size).to_array())),
+        }
+    };
+    (0..400).map(&mut primitive).collect()
+}
+
+/// A hit without its slot, which differs between structures.
+fn bits(hit: &Hit) -> (u64, PrimId, [u64; 2]) {
+    (hit.t.to_bits(), hit.prim, hit.barycentrics.map(f64::to_bits))
+}
+
+#[test]
+fn all_hits_are_those_of_brute_force() {
+    let mut numbers = Numbers::new(91);
+    let primitives = crowd(&mut numbers);
+    for (numerics, preset) in settings() {
+        let bvh = Bvh::with(primitives.iter().copied(), preset, numerics).expect("finite");
+        let rounded = primitives.iter().filter_map(|primitive| primitive.rounded(numerics.precision()));
+        let slots = (0..).zip(rounded).map(|(id, primitive)| Slot { primitive, id: PrimId(id) });
+        let oracle = build(slots, Layout::BruteForce, numerics);
+        let (mut traversal, mut count) = (Traversal::default(), 0);
+        for index in 0..300 {
+            let origin = numbers.vector() * 2.0;
+            // Through the middle of the crowd.
+            let direction = numbers.vector() * 0.5 - origin;
+            let t_max = if index % 3 == 0 { f64::INFINITY } else { 2.0 };
+            let ray = bvh.ray_within(origin, direction, t_max).expect("finite");
+            let mut expected = Vec::new();
+            oracle.all_hits(&ray, &mut expected, &mut traversal);
+            // Positive numbers are ordered as their bits are.
+            let mut expected: Vec<_> = expected.iter().map(bits).collect();
+            expected.sort_unstable();
+            let hits = bvh.all_hits(&ray, &mut traversal);
+            assert_eq!(
+                hits.iter().map(bits).collect::<Vec<_>>(),
+                expected,
+                "{}, {preset:?}",
+                numerics.name()
+            );
+            let closest = bvh.closest_hit(&ray, &mut traversal);
+            assert_eq!(closest.map(|hit| hit.prim), hits.first().map(|hit| hit.prim));
+            count += hits.len();
+        }
+        assert!(count > 300, "{count} hits");
+    }
+}
+
+#[test]
+fn the_normal_is_that_of_the_winding_or_outwards() {
+    // 3-4-5: (4, 0, 0) x (0, 4, 3) = (0, -12, 16), of length 20.
+    let ramp = Primitive::from([[-1.0, -1.0, 0.0], [3.0, -1.0, 0.0], [-1.0, 3.0, 3.0]]);
+    let turned = Primitive::from([[-1.0, -1.0, 0.0], [-1.0, 3.0, 3.0], [3.0, -1.0, 0.0]]);
+    let ball = Primitive::from(([0.0, 0.0, 0.0], 5.0));
+    let normal = |numerics, primitive, origin: [f64; 3], direction: [f64; 3]| {
+        let bvh = Bvh::with([primitive], Preset::default(), numerics).expect("finite");
+        let ray = bvh.ray(origin, direction).expect("finite");
+        let hit = bvh.closest_hit(&ray, &mut Traversal::default()).expect("a hit");
+        bvh.geometric_normal(&ray, &hit)
+    };
+    let is_near =
+        |found: Option<DVec3>, expected: [f64; 3]| found.expect("a normal").distance(expected.into()) < 1e-6;
+    for numerics in Numerics::ALL {
+        for (origin, direction) in [([0.0, 0.0, 9.0], [0.0, 0.0, -1.0]), ([0.0, 0.0, -9.0], [0.0, 0.0, 1.0])]
+        {
+            assert!(is_near(normal(numerics, ramp, origin, direction), [0.0, -0.6, 0.8]));
+            assert!(is_near(normal(numerics, turned, origin, direction), [0.0, 0.6, -0.8]));
+        }
+        // At (3, 0, 4) from outside, and from inside.
+        assert!(is_near(normal(numerics, ball, [3.0, 0.0, 9.0], [0.0, 0.0, -1.0]), [0.6, 0.0, 0.8]));
+        assert!(is_near(normal(numerics, ball, [0.0; 3], [3.0, 0.0, 4.0]), [0.6, 0.0, 0.8]));
+    }
+    // A triangle without area is hit where exact arithmetic says so, and has no normal.
+    let flat = Primitive::from([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]);
+    let bvh = Bvh::new([flat]).expect("finite");
+    let ray = bvh.ray([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]).expect("finite");
+    for hit in bvh.all_hits(&ray, &mut Traversal::default()) {
+        assert_eq!(bvh.geometric_normal(&ray, &hit), None);
+    }
+}
+
+/// A triangle at z = 1, a ball from 2 to 4, and the triangle again, placed at z = 5 and at z = 6.
+fn scene() -> Scene {
+    let mut scene = Scene::default();
+    let material = scene.add_material(Material::Phong(Phong::default()));
+    let mesh = Mesh {
+        positions: [[-9.0, -9.0, 1.0], [9.0, -9.0, 1.0], [0.0, 9.0, 1.0]].map(DVec3::from).into(),
+        triangles: vec![[0, 1, 2]],
+        ..Mesh::default()
+    };
+    let shared = Arc::new(mesh.clone());
+    let placed = |z: f64| {
+        let placement = Placement::new(DMat4::from_translation(DVec3::Z * z));
+        Shape::Placed(Placed::new(Arc::clone(&shared), placement))
+    };
+    let ball = SceneSphere { centre: DVec3::Z * 3.0, radius: 1.0 };
+    for shape in [Shape::Mesh(mesh), Shape::Analytic(ball.into()), placed(4.0), placed(5.0)] {
+        scene.objects.push(Object { name: String::new(), input: 0, material, shape });
+    }
+    scene
+}
+
+#[test]
+fn a_scene_is_queried_by_the_numbers_of_its_primitives() {
+    let scene = scene();
+    assert_eq!(scene.primitives().count(), scene.primitive_count());
+    let up = [0.0, 0.0, 1.0];
+    let expected = [(0, 1.0), (1, 2.0), (2, 5.0), (3, 6.0)];
+    assert_eq!(all(&scene.bvh().expect("finite"), [0.0; 3], up), expected);
+    let objects = (0..5).map(|prim| scene.object_of(PrimId(prim))).collect::<Vec<_>>();
+    assert_eq!(objects, [Some((0, 0)), Some((1, 0)), Some((2, 0)), Some((3, 0)), None]);
+    // The tier is the scene's.
+    for numerics in Numerics::ALL {
+        let scene = Scene { numerics: Some(numerics), ..scene.clone() };
+        assert_eq!(scene.bvh().expect("finite").accelerator().numerics(), numerics);
+    }
+    // A picture's structure hits the same.
+    let world = World::prepare(scene, ColourPipeline::Linear, Layout::default(), Numerics::default());
+    let ray = Numerics::default().ray_precision().ray(DVec3::ZERO, DVec3::Z, 0.0, f64::INFINITY);
+    let mut hits = Vec::new();
+    world.accelerator.all_hits(&ray, &mut hits, &mut Traversal::default());
+    let mut hits: Vec<_> = hits.into_iter().map(|hit| (hit.prim.0, hit.t)).collect();
+    hits.sort_unstable_by_key(|hit| hit.0);
+    assert_eq!(hits, expected);
+    // An unchecked scene is an error by the number of its primitive.
+    let mut broken = scene_with_nan();
+    assert_eq!(broken.bvh().err(), Some(NotFinite::Primitive(1)));
+    broken.objects.pop();
+    assert!(broken.bvh().is_ok());
+}
+
+fn scene_with_nan() -> Scene {
+    let mut scene = scene();
+    scene.objects.truncate(1);
+    let mut object = scene.objects[0].clone();
+    let mut positions = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+    positions[2].x = f64::NAN;
+    object.shape = Shape::Mesh(Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() });
+    scene.objects.push(object);
+    scene
+}
+
+/// Triangles keep their corners: what is queried is what the scene has, in f64.
+#[test]
+fn primitives_of_a_scene_are_not_rounded() {
+    let corners = [[0.1, 0.2, 0.3], [1.1, 0.2, 0.3], [0.1, 1.2, 0.3]].map(DVec3::from);
+    let mesh = Mesh { positions: corners.into(), triangles: vec![[0, 1, 2]], ..Mesh::default() };
+    assert_eq!(Shape::Mesh(mesh).primitives().collect::<Vec<_>>(), [Primitive::Triangle(Triangle(corners))]);
+}
