@@ -1,8 +1,10 @@
 //! PLY (Turk, "The PLY Polygon File Format", 1994): ASCII and binary in either byte order.
 //!
-//! Read are the position, normal (`nx ny nz`) and colour (`red green blue`) of vertices and the polygon
-//! (`vertex_indices` or `vertex_index`) of faces. All other elements and properties are skipped. Colours are display
-//! values, as in OBJ files: integers are divided by 255 (16 bits by 65535) and decoded from sRGB.
+//! Read are the position, normal (`nx ny nz`), texture coordinates (`u v`, `s t` or `texture_u texture_v`) and colour
+//! (`red green blue`) of vertices, the polygon (`vertex_indices` or `vertex_index`) of faces, and triangle strips
+//! (`tristrips`), in which a negative index begins a new strip. All other elements and properties are skipped. Colours
+//! are display values, as in OBJ files: integers are divided by 255 (16 bits by 65535) and decoded from sRGB. As in OBJ
+//! files, v points up in the image.
 //!
 //! No crate is used: ply-rs-bw 3.0.3, the maintained one, rejects files with `nan`, `.5` or `1.` in a vertex, property
 //! names with a bracket (as CloudCompare writes) and headers that are not UTF-8, and its errors have no byte offset for
@@ -10,7 +12,7 @@
 
 mod header;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::Source;
 use super::lines::{Lines, parse_number, shown, take_word};
@@ -35,6 +37,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
             }
             "vertex" => body.vertices(element, &mut mesh)?,
             "face" => body.faces(element, &mut mesh, &mut faces)?,
+            "tristrips" => body.strips(element, &mut mesh)?,
             _ => body.skip(element)?,
         }
     }
@@ -50,6 +53,10 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
         warnings
             .left_out(format!("{file}: left out {} face(s) of fewer than three corners", faces.too_small));
     }
+    if faces.has_uvs {
+        let what = "texture coordinates of faces (`texcoord`) are left out";
+        warnings.left_out(format!("{file}: {what}; those of vertices (`u`, `v`) are read"));
+    }
     if body.longer > 0 {
         let what = "line(s) hold more values than the header says; the rest of them is left out";
         warnings.left_out(format!("{file}: {} {what}", body.longer));
@@ -63,6 +70,8 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
 struct Faces {
     cuts: Cuts,
     too_small: usize,
+    /// Whether faces have texture coordinates of their own.
+    has_uvs: bool,
 }
 
 /// Reader of the values after the header.
@@ -203,7 +212,7 @@ impl<'a> Body<'a> {
     }
 
     fn vertices(&mut self, element: &Element, mesh: &mut Mesh) -> Result<()> {
-        const NAMES: [&[&str]; 9] = [
+        const NAMES: [&[&str]; 11] = [
             &["x"],
             &["y"],
             &["z"],
@@ -213,14 +222,16 @@ impl<'a> Body<'a> {
             &["red", "diffuse_red"],
             &["green", "diffuse_green"],
             &["blue", "diffuse_blue"],
+            &["u", "s", "texture_u"],
+            &["v", "t", "texture_v"],
         ];
         let slot = |property: &Property| {
             let name = property.name.as_str();
             NAMES.iter().position(|names| names.contains(&name)).filter(|_| property.length.is_none())
         };
         let slots: Vec<Option<usize>> = element.properties.iter().map(slot).collect();
-        let has = |of: [usize; 3]| of.iter().all(|slot| slots.contains(&Some(*slot)));
-        if !has([0, 1, 2]) {
+        let has = |of: &[usize]| of.iter().all(|slot| slots.contains(&Some(*slot)));
+        if !has(&[0, 1, 2]) {
             let place = Place::line(&self.source.file, element.line);
             return Err(Error::input(
                 place,
@@ -233,16 +244,18 @@ impl<'a> Body<'a> {
             property.map_or(1.0, |index| element.properties[index].scalar.white())
         };
         let white = DVec3::new(white(6), white(7), white(8));
-        let (has_normals, has_colours) = (has([3, 4, 5]), has([6, 7, 8]));
-        let each = 1 + usize::from(has_normals) + usize::from(has_colours);
-        self.check_memory(element, each * size_of::<DVec3>())?;
+        let (has_normals, has_colours, has_uvs) = (has(&[3, 4, 5]), has(&[6, 7, 8]), has(&[9, 10]));
+        let vectors = 1 + usize::from(has_normals) + usize::from(has_colours);
+        let uv_bytes = if has_uvs { size_of::<DVec2>() } else { 0 };
+        self.check_memory(element, vectors * size_of::<DVec3>() + uv_bytes)?;
         // The count was checked against the file size and the memory limit.
         let count = element.count as usize;
         let list = |is_there: bool| Vec::with_capacity(if is_there { count } else { 0 });
         let (mut positions, mut normals, mut colours) = (list(true), list(has_normals), list(has_colours));
+        let mut uvs = Vec::with_capacity(if has_uvs { count } else { 0 });
         for _ in 0..count {
             self.begin()?;
-            let mut values = [0.0; 9];
+            let mut values = [0.0; 11];
             for (property, slot) in element.properties.iter().zip(&slots) {
                 match slot {
                     Some(slot) => values[*slot] = self.next(property.scalar)?,
@@ -257,10 +270,14 @@ impl<'a> Body<'a> {
                 let display = DVec3::from_slice(&values[6..]) / white;
                 colours.push(DVec3::from(display.to_array().map(srgb_decode)));
             }
+            if has_uvs {
+                uvs.push(DVec2::new(values[9], 1.0 - values[10]));
+            }
         }
         mesh.positions = positions;
         mesh.normals = has_normals.then(|| Attribute::per_position(normals));
         mesh.colours = has_colours.then(|| Attribute::per_position(colours));
+        mesh.uvs.extend(has_uvs.then(|| Attribute::per_position(uvs)));
         Ok(())
     }
 
@@ -272,6 +289,8 @@ impl<'a> Body<'a> {
             let place = Place::line(&self.source.file, element.line);
             return Err(Error::input(place, "its faces have no `vertex_indices`", "export the file again"));
         }
+        let is_uv = |property: &Property| property.name == "texcoord";
+        faces.has_uvs |= element.count > 0 && element.properties.iter().any(is_uv);
         self.check_memory(element, size_of::<[u32; 3]>())?;
         mesh.triangles.reserve(element.count as usize);
         let mut triangulator = Triangulator::new();
@@ -300,9 +319,40 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
+    /// Reads triangle strips, of which every second triangle is turned.
+    fn strips(&mut self, element: &Element, mesh: &mut Mesh) -> Result<()> {
+        for _ in 0..element.count {
+            self.begin()?;
+            for property in &element.properties {
+                let Some(length) = property.length.filter(|_| property.name == "vertex_indices") else {
+                    self.skip_property(property)?;
+                    continue;
+                };
+                let mut strip = Vec::new();
+                for _ in 0..self.length(length)? {
+                    let index = self.next(property.scalar)?;
+                    if index < 0.0 {
+                        strip.clear();
+                        continue;
+                    }
+                    strip.push(self.checked(index, mesh.positions.len())?);
+                    if let &[.., a, b, c] = strip.as_slice() {
+                        mesh.triangles.push(if strip.len() % 2 == 1 { [a, b, c] } else { [b, a, c] });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Reads a vertex index, below `count`.
     fn vertex(&mut self, scalar: Scalar, count: usize) -> Result<u32> {
         let index = self.next(scalar)?;
+        self.checked(index, count)
+    }
+
+    /// A vertex index, below `count`.
+    fn checked(&self, index: f64, count: usize) -> Result<u32> {
         if index >= 0.0 && index < count as f64 && index.fract() == 0.0 && index <= f64::from(u32::MAX) {
             Ok(index as u32)
         } else {

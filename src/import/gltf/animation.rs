@@ -116,10 +116,11 @@ impl Loader<'_> {
         Pose(poses)
     }
 
-    /// The times of keyframes in seconds, ascending; `None` if they are not.
+    /// The times of keyframes in seconds, ascending; `None` if they are not. Of keys at equal times, which the
+    /// specification forbids, the last holds from there on.
     pub(super) fn times(&self, input: &gltf::Accessor) -> Option<Vec<f64>> {
         let times = self.vectors::<1>(input)?.into_flattened();
-        let is_usable = times.is_sorted_by(|a, b| a < b) && times.iter().all(|time| time.is_finite());
+        let is_usable = times.is_sorted() && times.iter().all(|time| time.is_finite());
         is_usable.then_some(times)
     }
 
@@ -233,6 +234,15 @@ mod tests {
         assert_eq!(at(2.9, &[1.0, 2.0, 5.0, 7.0], Interpolation::Step), [1.0, 2.0]);
         // A quarter of the way from 1 to 5 and from 2 to 7.
         assert_eq!(at(1.5, &[1.0, 2.0, 5.0, 7.0], Interpolation::Linear), [2.0, 3.25]);
+    }
+
+    /// Exporters write a jump as two keys at one time.
+    #[test]
+    fn of_keys_at_one_time_the_last_holds() {
+        let at = |time| {
+            interpolated(&[0.0, 2.0, 2.0, 4.0], &[0.0, 4.0, 10.0, 12.0], Interpolation::Linear, false, time)
+        };
+        assert_eq!([1.0, 2.0, 3.0].map(at), [Some(vec![2.0]), Some(vec![10.0]), Some(vec![11.0])]);
     }
 
     /// In the middle, appendix C gives (v0 + v1) / 2 + step (b0 - a1) / 8: (1 + 5) / 2 + 2 (3 - 7) / 8 = 2.

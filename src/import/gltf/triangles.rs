@@ -176,6 +176,9 @@ impl Loader<'_> {
             .collect();
         let count = sets.iter().map(|(joints, weights)| joints.len().min(weights.len())).min()?;
         let inverse_binds = skin.inverse_bind_matrices().and_then(|accessor| self.vectors::<16>(&accessor));
+        if skin.joints().any(|joint| nodes[joint.index()].is_none()) {
+            self.left_out("a skin has joints outside the scene; drawn as if they stood at the origin");
+        }
         let world_from_mesh: Vec<DMat4> = skin
             .joints()
             .enumerate()

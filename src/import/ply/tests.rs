@@ -51,6 +51,44 @@ fn file(encoding: &str, end: &str) -> Vec<u8> {
     out
 }
 
+/// Corner (0, 0) of the file is the lower left of the image, where v of the scene is 1.
+#[test]
+fn texture_coordinates_of_vertices() {
+    for [u, v] in [["u", "v"], ["s", "t"], ["texture_u", "texture_v"]] {
+        let text = format!(
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+             property float {u}\nproperty float {v}\nelement face 1\nproperty list uchar int vertex_indices\n\
+             end_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 0.75\n3 0 1 2\n"
+        );
+        let (mesh, warnings) = read_bytes(text.into_bytes()).expect("a mesh");
+        let uvs = [[0.0, 1.0], [1.0, 1.0], [0.0, 0.25]].map(DVec2::from_array);
+        assert_eq!(mesh.uvs[0].values, uvs);
+        assert!(warnings.is_empty());
+    }
+}
+
+/// Of a strip, every second triangle is turned, so that all have the orientation of the first; -1 begins a new strip.
+#[test]
+fn triangle_strips() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+                element tristrips 1\nproperty list int int vertex_indices\nend_header\n\
+                0 0 0\n1 0 0\n0 1 0\n1 1 0\n0 2 0\n9 0 1 2 3 4 -1 2 3 4\n";
+    let (mesh, _) = read_bytes(text.into()).expect("a mesh");
+    assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 3], [2, 3, 4], [2, 3, 4]]);
+    let fault = read_bytes(text.replace("3 4 -1", "3 5 -1").into()).expect_err("no such vertex");
+    assert!(fault.to_string().contains("vertex 5 does not exist"), "{fault}");
+}
+
+#[test]
+fn texture_coordinates_of_faces_are_named() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n\
+                0 0 0\n1 0 0\n0 1 0\n3 0 1 2 6 0 0 1 0 0 1\n";
+    let (mesh, warnings) = read_bytes(text.into()).expect("a mesh");
+    assert_eq!(mesh.triangles.len(), 1);
+    assert!(format!("{warnings:?}").contains("texcoord"));
+}
+
 #[test]
 fn every_encoding_and_line_end_says_the_same() {
     let positions = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (-2.5, 0.5)];
