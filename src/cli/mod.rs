@@ -104,12 +104,17 @@ enum Command {
 
 /// The typed command, quoted for a shell.
 fn typed() -> String {
+    typed_words().join(" ")
+}
+
+/// The words of the command line, quoted for a shell.
+fn typed_words() -> Vec<String> {
     let word = |word: String| match word.chars().all(|c| c.is_ascii_alphanumeric() || "-_./=,:".contains(c)) {
         true => word,
         false => format!("'{}'", word.replace('\'', r"'\''")),
     };
     let rest = std::env::args_os().skip(1).map(|argument| word(argument.to_string_lossy().into_owned()));
-    std::iter::once("kiln".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")
+    std::iter::once("kiln".to_owned()).chain(rest).collect()
 }
 
 /// Parses the arguments, runs the command and returns its exit code.

@@ -10,7 +10,7 @@ use super::arguments::{self, Arguments};
 use super::prepare::load_and_resolve;
 use super::progress::{Mode, Progress};
 use super::statistics::Seconds;
-use super::{WarningPrinter, print, typed};
+use super::{WarningPrinter, print, typed, typed_words};
 use crate::error::{Error, Result, Warnings};
 use crate::film::output::write_whole;
 use crate::import;
@@ -88,7 +88,7 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
     write("index.html", &page(&study, &pictures)?)?;
     write("study.csv", &to_csv(&study.rows))?;
     write("study.json", &format!("{:#}\n", serde_json::json!(study)))?;
-    write("study.svg", &error_against_time(&study.rows, study.floors.first().map(|floor| floor.rmse))?)?;
+    write("study.svg", &error_against_time(&study.rows, study.noise_floor())?)?;
     progress.clear();
     print(&text(&study))?;
     progress.finish(&format!("wrote {}", command.output.join("index.html").display()));
@@ -170,6 +170,7 @@ fn subject(arguments: &Arguments, job: ResolvedJob) -> StudySubject {
     StudySubject {
         name: inputs.join(" "),
         command: typed(),
+        render_command: render_command(arguments, size),
         scene,
         camera,
         size,
@@ -178,6 +179,31 @@ fn subject(arguments: &Arguments, job: ResolvedJob) -> StudySubject {
         base,
         metadata,
     }
+}
+
+/// The words of the command line that renders the same inputs with the same options, at the study's size.
+fn render_command(arguments: &Arguments, [width, height]: [u32; 2]) -> Vec<String> {
+    let mut words = vec!["kiln".to_owned(), "render".to_owned()];
+    let mut typed = typed_words().into_iter().skip_while(|word| word != "study").skip(1);
+    while let Some(word) = typed.next() {
+        match word.split_once('=').map_or(word.as_str(), |(name, _)| name) {
+            "--full" => {}
+            "-o" | "--output" | "--rounds" | "--knob" | "--progress" => {
+                if !word.contains('=') {
+                    typed.next();
+                }
+            }
+            name if name.starts_with("-o") && !name.starts_with("--") => {}
+            _ => words.push(word),
+        }
+    }
+    words.extend(arguments.size.is_none().then(|| format!("--size={width}x{height}")));
+    let has_look =
+        arguments.inputs.iter().any(|input| input.extension().is_some_and(|ending| ending == "toml"));
+    // The study adds no light but a headlight.
+    words.extend((!has_look && !words.iter().any(|word| word == "--draft")).then(|| "--draft".to_owned()));
+    words.extend(["-o".to_owned(), "picture.png".to_owned()]);
+    words
 }
 
 /// The study's advice and notes as text.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::data::{Quartiles, SettingRow, Significance};
-use super::pareto::front;
+use super::pareto::Point;
 use super::path_sweep;
 
 /// The fastest setting below an error bound.
@@ -46,33 +46,42 @@ fn is_false(value: &bool) -> bool {
     !value
 }
 
-/// Rows that can be compared with each other: those with finite pixels and the filter of the first row.
+/// Rows whose accuracy can be compared: those with finite pixels and the filter of the first row, without an effect
+/// turned off, which is another picture, and without acceleration structures, which all give the same picture.
 pub(crate) fn comparable(rows: &[SettingRow]) -> Vec<&SettingRow> {
     let filter = rows.first().map(|row| row.filter.clone());
-    rows.iter().filter(|row| row.limit.is_some() && Some(&row.filter) == filter.as_ref()).collect()
+    let is_comparable = |row: &&SettingRow| {
+        let is_accuracy = !row.has_effect_off && row.parameter != "bvh";
+        is_accuracy && row.limit.is_some() && Some(&row.filter) == filter.as_ref()
+    };
+    rows.iter().filter(is_comparable).collect()
 }
 
-/// Median time in ms and RMS error against the limit of each row.
-pub(crate) fn points(rows: &[&SettingRow]) -> Vec<[f64; 2]> {
-    rows.iter().map(|row| [row.trace_ms.median, row.limit.map_or(f64::NAN, |limit| limit.rmse)]).collect()
+/// Time and RMS error against the limit of each row.
+pub(crate) fn points(rows: &[&SettingRow]) -> Vec<Point> {
+    let point = |row: &&SettingRow| Point {
+        time: row.trace_ms,
+        error: row.limit.map_or(f64::NAN, |limit| limit.rmse),
+    };
+    rows.iter().map(point).collect()
 }
 
 /// Recommendations for round error bounds between the smallest and the largest measured error.
 pub fn advice(rows: &[SettingRow]) -> Vec<Advice> {
     let rows = comparable(rows);
-    let points = points(&rows);
-    let front = front(&points);
-    let worst = points.iter().map(|point| point[1]).fold(0.0, f64::max);
-    let best = points.iter().map(|point| point[1]).fold(f64::INFINITY, f64::min);
+    let error = |row: &SettingRow| row.limit.map_or(f64::NAN, |limit| limit.rmse);
+    let worst = rows.iter().map(|row| error(row)).fold(0.0, f64::max);
+    let best = rows.iter().map(|row| error(row)).fold(f64::INFINITY, f64::min);
     let mut advice = Vec::new();
     for below in round_errors(best, worst) {
-        let row = front.iter().find(|&&i| points[i][1] < below).map(|&i| rows[i]);
+        let good = rows.iter().copied().filter(|row| error(row) < below);
+        let row = good.min_by(|a, b| a.trace_ms.median.total_cmp(&b.trace_ms.median));
         let text = match row {
             Some(row) => format!(
                 "for an error below {below} (root mean square; 1 is white), the cheapest setting measured was {}: {} ms, error {:.1e}{}{}{}",
                 row.name(),
                 brief(row.trace_ms),
-                row.limit.map_or(f64::NAN, |limit| limit.rmse),
+                error(row),
                 if row.significance == Significance::Insignificant {
                     ", which the reference's own error blurs"
                 } else {

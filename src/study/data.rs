@@ -31,6 +31,15 @@ pub struct Study {
     pub floors: Vec<NoiseFloor>,
     /// Differences in ray hits between each tier and `exact`.
     pub geometry: Vec<GeometryErrors>,
+    /// Render time of the limit of the base's filter in ms; `None` if there is no limit.
+    #[serde(default)]
+    pub limit_ms: Option<f64>,
+    /// Options of `kiln render` for a picture like the limit; `None` if there are none.
+    #[serde(default)]
+    pub limit_options: Option<String>,
+    /// The command line of `kiln render` with the study's inputs and options, in words.
+    #[serde(default)]
+    pub render_command: Vec<String>,
     /// One row per setting.
     pub rows: Vec<SettingRow>,
     /// Parameters without effect on the scene, with the reason.
@@ -42,6 +51,32 @@ pub struct Study {
     /// Tests of the techniques of direct light in path tracing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub technique_tests: Vec<TechniqueTest>,
+}
+
+impl Study {
+    /// Noise of the limit of the base's filter; 0 if there is no limit.
+    pub fn noise_floor(&self) -> f64 {
+        self.floors.first().map_or(0.0, |floor| floor.rmse)
+    }
+
+    /// The command line that renders with the study's options and `options` of a setting.
+    pub fn command_with(&self, options: &str) -> String {
+        let own: Vec<&str> = options.split_whitespace().collect();
+        let is_repeatable = |name: &str| name == "--with" || name == "--without";
+        let mut words: Vec<&str> = Vec::new();
+        let mut given = self.render_command.iter().map(String::as_str);
+        while let Some(word) = given.next() {
+            let (name, value) =
+                word.split_once('=').map_or((word, None), |(name, value)| (name, Some(value)));
+            if !name.starts_with("--") || is_repeatable(name) || !own.contains(&name) {
+                words.push(word);
+            } else if value.is_none() {
+                given.next();
+            }
+        }
+        words.extend(own);
+        words.join(" ")
+    }
 }
 
 /// A t-test of a technique of direct light against multiple importance sampling ([`crate::metrics::t_test`]).
@@ -156,6 +191,9 @@ pub struct SettingRow {
     pub options: String,
     /// Whether such options exist; not every parameter has one.
     pub has_options: bool,
+    /// Whether an effect of the base is turned off.
+    #[serde(default)]
+    pub has_effect_off: bool,
     /// Numerics tier.
     pub numerics: String,
     /// Layout of the acceleration structure.
@@ -205,7 +243,7 @@ impl SettingRow {
         }
     }
 
-    /// Knob and setting in a few words.
+    /// Parameter and setting in a few words.
     pub fn name(&self) -> String {
         format!("{}: {}", self.parameter, self.setting)
     }

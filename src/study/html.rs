@@ -13,7 +13,8 @@ use super::pareto::front;
 pub(crate) fn geometry(tiers: &[GeometryErrors]) -> String {
     let mut html = "<h2>Geometry</h2>\n<p class=\"note\">Rays through the centres of a larger picture's pixels, each tier in its own numbers, \
         against <code>exact</code>, before any shading. t in units of the last place of f32; angles between normals in degrees: median, 99.9 %, \
-        worst.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">tier</th><th>rays</th><th>false hits</th><th>false misses</th>\
+        worst. Leaks: of rays from inside closed meshes, aimed at their edges and vertices, those that hit nothing. Rays of a picture seldom meet an edge \
+        exactly, so a tier can leak without a false miss.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">tier</th><th>rays</th><th>false hits</th><th>false misses</th>\
         <th>wrong primitive</th><th>not finite</th><th>t error, ulp</th><th>normals, °</th><th>leaks per million</th></tr>\n"
         .to_owned();
     for tier in tiers {
@@ -109,9 +110,9 @@ fn histogram(channel: &ChannelAgreement) -> String {
 
 /// Table of comparisons of adjacent settings, and list of omitted parameters.
 pub(crate) fn steps(study: &Study) -> String {
-    let mut html = "<h2>What the next step costs and buys</h2>\n<p class=\"note\">Along each knob, from one setting to the next. Times that \
-        differ by no more than their quartiles are called alike.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">knob</th>\
-        <th class=\"left\">from</th><th class=\"left\">to</th><th>time</th><th>error before</th><th>error after</th><th class=\"left\">buys</th></tr>\n"
+    let mut html = "<h2>What the next step costs and gains</h2>\n<p class=\"note\">Along each parameter, from one setting to the next. Times that \
+        differ by no more than their quartiles are called alike.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">parameter</th>\
+        <th class=\"left\">from</th><th class=\"left\">to</th><th>time</th><th>error before</th><th>error after</th><th class=\"left\">gain</th></tr>\n"
         .to_owned();
     for step in &study.steps {
         let (Some(from), Some(to)) = (study.rows.get(step.from), study.rows.get(step.to)) else { continue };
@@ -166,11 +167,11 @@ pub(crate) fn against(reference: ReferenceKind) -> &'static str {
 /// Table of all settings.
 pub(crate) fn table(study: &Study) -> String {
     let alternatives = comparable(&study.rows);
-    let best: Vec<usize> = front(&points(&alternatives)).into_iter().map(|i| alternatives[i].id).collect();
-    let mut html = "<h2>All settings</h2>\n<p class=\"note\">● on the Pareto front of time and error against the limit, ○ dominated; settings of another \
-        filter have another limit and no mark. Errors: against what the column says. Quartiles of building are in the CSV. A row shows its picture when it is clicked.</p>\n\
-        <div class=\"scroll\"><table><tr><th class=\"left\">setting</th><th>build ms</th><th>picture ms</th><th>rays</th><th>samples a pixel</th>\
-        <th>structure KB</th><th class=\"left\">against</th><th>RMSE</th><th>max</th><th>PSNR dB</th><th>relMSE</th><th>FLIP</th><th>pixels that differ</th>\
+    let best: Vec<usize> =
+        front(&points(&alternatives), study.noise_floor()).into_iter().map(|i| alternatives[i].id).collect();
+    let mut html = "<h2>All settings</h2>\n<p class=\"note\">● on the Pareto front of time and error against the limit, ○ dominated or tied. No mark: another filter, \
+        which has another limit, acceleration structures, and settings with an effect turned off. Errors: against the limit, or against <code>exact</code> at the same sample points.  A row shows its picture when it is clicked.</p>\n\
+        <div class=\"scroll\"><table><tr><th class=\"left\">setting</th><th>build ms</th><th>picture ms</th><th>samples a pixel</th><th class=\"left\">against</th><th>RMSE</th><th>max</th><th>PSNR dB</th><th>relMSE</th><th>FLIP</th><th>pixels that differ</th>\
         <th>RMSE to limit</th></tr>\n"
         .to_owned();
     for row in &study.rows {
@@ -189,16 +190,17 @@ pub(crate) fn table(study: &Study) -> String {
         };
         let _ = writeln!(
             html,
-            "<tr class=\"{class}\" data-row=\"{}\"><td class=\"left\">{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.1}</td><td>{:.1}</td>\
+            "<tr class=\"{class}\" data-row=\"{}\"><td class=\"left\">{}</td><td>{}</td><td>{}</td><td>{:.1}</td>\
              <td class=\"left\">{}</td>{}<td>{limit}</td></tr>",
             row.id,
             escaped(&row.name()),
             scientific(row.build_ms.median),
             brief(row.trace_ms),
-            row.rays,
             row.samples_per_pixel,
-            row.structure_bytes as f64 / 1024.0,
-            against(row.reference),
+            match row.reference {
+                ReferenceKind::Limit => "limit",
+                ReferenceKind::Twin => "exact",
+            },
             cells(row)
         );
     }

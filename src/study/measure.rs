@@ -5,6 +5,8 @@ use rayon::ThreadPool;
 use super::data::{Quartiles, ReferenceKind, SCHEMA, SettingRow, Study};
 use super::meter::ProgressMeter;
 use super::pictures::{PageImages, png};
+use super::reference::ConvergedReference;
+use super::selection::select;
 use super::setting::Setting;
 use super::sweep::{Candidate, sweep};
 use super::work::{MeasuredSetting, StudyRun, filters, prepare};
@@ -13,6 +15,7 @@ use crate::bench::{Clock, Envelope};
 use crate::effects::{Choices, RayKind};
 use crate::error::{Error, Result};
 use crate::film::Window;
+use crate::geometry::Numerics;
 use crate::job::Metadata;
 use crate::render::RenderControl;
 use crate::scene::{Camera, Scene};
@@ -23,6 +26,8 @@ pub struct StudySubject {
     pub name: String,
     /// The command line.
     pub command: String,
+    /// The command line of `kiln render` with the same inputs and options, in words.
+    pub render_command: Vec<String>,
     /// The scene.
     pub scene: Scene,
     /// The camera, with the projection to use.
@@ -124,17 +129,19 @@ pub fn study(
     let needs_limit =
         candidates.iter().any(|candidate| !candidate.base && candidate.reference == ReferenceKind::Limit);
     let filters = if needs_limit { filters(&settings) } else { Vec::new() };
-    let work = StudyRun { subject, options, reference, meter: ProgressMeter::new(control) };
+    let threads = pools.timed.current_num_threads();
+    let work =
+        StudyRun { subject, options, reference, timed_threads: threads, meter: ProgressMeter::new(control) };
     work.set_total_work(&settings, filters.len());
 
-    let (limits, twins, geometry) = pools.wide.install(|| {
+    let (limits, limit_ms, twins, geometry) = pools.wide.install(|| {
         let geometry = work.geometry(control)?;
-        let limits = work.limits(&filters)?;
+        let (limits, limit_ms) = work.limits(&filters)?;
         let base_filter = subject.base.sampling.shape_and_radius();
         if let Some(limit) = limits.iter().find(|limit| limit.filter == base_filter) {
             ambient::fit(&work, &mut candidates, &mut settings, &limit.picture)?;
         }
-        Ok::<_, Error>((limits, work.twins(&settings)?, geometry))
+        Ok::<_, Error>((limits, limit_ms, work.twins(&settings)?, geometry))
     })?;
     pools.wide.install(|| work.compare_images(&mut settings, &limits, &twins))?;
     let has_techniques = candidates.iter().any(|candidate| candidate.parameter == path_sweep::TECHNIQUE);
@@ -142,7 +149,6 @@ pub fn study(
         if has_techniques { pools.wide.install(|| techniques::agreement(&work))? } else { Vec::new() };
     let load_ms = pools.timed.install(|| work.time_renders(&mut settings, load))?;
 
-    let threads = pools.timed.current_num_threads();
     let rows = rows(&candidates, &settings, subject);
     let pairs = |pairs: &[(String, String)]| pairs.iter().map(|(a, b)| [a.clone(), b.clone()]).collect();
     let base_limit = limits.iter().find(|limit| limit.filter == subject.base.sampling.shape_and_radius());
@@ -160,18 +166,34 @@ pub fn study(
         advice: advice(&rows),
         steps: steps(&rows),
         technique_tests,
+        limit_ms,
+        limit_options: limit_options(&work, limits.first()),
+        render_command: subject.render_command.clone(),
         rows,
     };
     let shown = candidates.iter().map(|candidate| {
         let measured = settings.iter().position(|measured| measured.setting == candidate.setting)?;
         Some((measured, candidate.reference))
     });
+    let place = select(&study).and_then(|selection| {
+        let candidate = candidates.get(selection.quick)?;
+        let measured = settings.iter().find(|measured| measured.setting == candidate.setting)?;
+        measured.result.as_ref()?.images.limit.as_ref()?.worst_place()
+    });
     let pictures = PageImages::new(
         base_limit.map(|limit| png(&limit.picture)).transpose()?,
         &shown.collect::<Vec<_>>(),
         &settings.into_iter().map(|measured| measured.result.map(|result| result.images)).collect::<Vec<_>>(),
     );
-    Ok((study, pictures))
+    Ok((study, PageImages { place, ..pictures }))
+}
+
+/// Options for a picture of the samples of both halves of the limit.
+fn limit_options(work: &StudyRun, limit: Option<&ConvergedReference>) -> Option<String> {
+    let StudySubject { base, choices, .. } = work.subject;
+    let mut setting = Setting { numerics: Numerics::Exact, ..work.reference.clone() };
+    (setting.sampling.samples, setting.sampling.noise) = (Some(limit?.floor.samples), None);
+    setting.options(base, choices)
 }
 
 fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudySubject) -> Vec<SettingRow> {
@@ -198,6 +220,7 @@ fn rows(candidates: &[Candidate], settings: &[MeasuredSetting], subject: &StudyS
             base: candidate.base,
             has_options: options.is_some(),
             options: options.unwrap_or_default(),
+            has_effect_off: setting.has_effect_off(&subject.base),
             numerics: setting.numerics.name().into(),
             layout: result.layout.into(),
             preset: setting.structure.preset().map(|preset| preset.name().into()),

@@ -25,6 +25,7 @@ mod pictures;
 mod plot;
 mod reference;
 mod report;
+mod selection;
 mod setting;
 mod sweep;
 mod table;
@@ -38,7 +39,7 @@ pub use data::{
 };
 pub use errors::PictureErrors;
 pub use measure::{Options, Pools, StudySubject, study};
-pub use pareto::front;
+pub use pareto::{Point, front};
 pub use pictures::{PageImages, RowImages};
 pub use plot::error_against_time;
 pub use report::{facts, page};

@@ -3,6 +3,23 @@
   const data = JSON.parse(document.getElementById("pictures").textContent);
   const rows = JSON.parse(document.getElementById("rows").textContent);
   const $ = (id) => document.getElementById(id);
+
+  // Draws a square of pixels around a place, each as large as there is room for.
+  const crop = (file, [x, y], side, canvas = document.createElement("canvas")) => {
+    canvas.width = canvas.height = side;
+    const image = new Image();
+    image.onload = () => {
+      const hold = (at, size) => Math.max(0, Math.min(at - (side >> 1), size - side));
+      canvas.getContext("2d").drawImage(image, hold(x, image.width), hold(y, image.height), side, side, 0, 0, side, side);
+    };
+    image.src = file;
+    return canvas;
+  };
+  document.querySelectorAll("canvas[data-file]").forEach((canvas) => {
+    const { file, x, y } = canvas.dataset;
+    crop(data.files[file], [Number(x), Number(y)], 64, canvas);
+  });
+
   const choice = $("choice");
   if (!choice) return;
   const slider = $("slider"), top = slider.querySelector(".top");
@@ -26,19 +43,6 @@
   });
   addEventListener("resize", place);
 
-  // A square of 25 pixels around a place, each as large as there is room for.
-  const SIDE = 25;
-  const crop = (file, [x, y]) => {
-    const canvas = document.createElement("canvas");
-    canvas.width = canvas.height = SIDE;
-    const image = new Image();
-    image.onload = () => {
-      const hold = (at, size) => Math.max(0, Math.min(at - (SIDE >> 1), size - SIDE));
-      canvas.getContext("2d").drawImage(image, hold(x, image.width), hold(y, image.height), SIDE, SIDE, 0, 0, SIDE, SIDE);
-    };
-    image.src = file;
-    return canvas;
-  };
 
   const show = (id) => {
     const picture = data.rows[id], row = rows[id];
@@ -64,7 +68,7 @@
       ["reference", row.name, "difference"].forEach((text) => crops.append(head(text)));
       for (const at of picture.worst) {
         for (const file of [picture.reference, picture.own, picture.heat]) {
-          const canvas = crop(data.files[file], at);
+          const canvas = crop(data.files[file], at, 25);
           canvas.title = `around column ${at[0]}, row ${at[1]}`;
           crops.append(canvas);
         }

@@ -30,6 +30,11 @@ pub struct Comparison {
 }
 
 impl Comparison {
+    /// Column and row of the worst pixel; `None` if the pictures are equal.
+    pub(crate) fn worst_place(&self) -> Option<[u32; 2]> {
+        self.worst.first().copied()
+    }
+
     /// `None` if a pixel is not finite.
     ///
     /// # Errors
@@ -91,6 +96,8 @@ pub struct PageImages {
     pub files: Vec<String>,
     /// File index of the limit of the base.
     pub limit: Option<usize>,
+    /// Column and row where the quick setting of the page differs most from the limit.
+    pub place: Option<[u32; 2]>,
     /// Images of each row; `None` if left out.
     pub rows: Vec<Option<RowImages>>,
 }
@@ -135,7 +142,7 @@ impl PageImages {
             });
             pictures.push(picture);
         }
-        PageImages { files: files.list, limit, rows: pictures }
+        PageImages { files: files.list, limit, place: None, rows: pictures }
     }
 }
 

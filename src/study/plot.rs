@@ -1,11 +1,13 @@
 //! Plots of error against time as SVG, by plotters. Colours are fixed; the page's CSS overrides them in dark mode.
 
+use std::cell::RefCell;
+
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::advice::{comparable, points};
-use super::data::SettingRow;
-use super::pareto::front;
+use super::data::{Quartiles, SettingRow};
+use super::pareto::{Point, front};
 use super::path_sweep;
 use crate::bench::plot::{Drawn, GRID, INK, PALETTE, decades, failed, text};
 use crate::error::Result;
@@ -14,10 +16,8 @@ use crate::error::Result;
 struct Mark {
     /// Index of its group, which determines the colour.
     group: usize,
-    /// Median time in ms.
-    time: f64,
-    /// Quartiles of the time in ms.
-    spread: [f64; 2],
+    /// Time in ms.
+    time: Quartiles,
     /// Error; 0 is drawn on a separate line below all others.
     error: f64,
     /// Label, if not dominated.
@@ -29,7 +29,7 @@ struct Plot {
     groups: Vec<String>,
     marks: Vec<Mark>,
     /// Points of the Pareto front.
-    front: Vec<[f64; 2]>,
+    front: Vec<Point>,
     /// Noise of the reference.
     floor: Option<f64>,
     /// Label of the error axis.
@@ -45,21 +45,21 @@ const COLOURS: usize = PALETTE.len() - 1;
 /// Height of a legend line in pixels.
 const LEGEND: i32 = 18;
 
-/// Plot of the error against the limit over the render time, for all settings with the same limit, with the Pareto
-/// front.
+/// Plot of the error against the limit over the render time, for all comparable settings, with the Pareto front. `floor`
+/// is the noise of the limit.
 ///
 /// # Errors
 /// [`Error::Failed`](crate::error::Error::Failed) if plotters fails.
-pub fn error_against_time(rows: &[SettingRow], floor: Option<f64>) -> Result<String> {
+pub fn error_against_time(rows: &[SettingRow], floor: f64) -> Result<String> {
     let groups = parameters(rows);
     let rows = comparable(rows);
     let all = points(&rows);
-    let best = front(&all);
+    let best = front(&all, floor);
     let plot = Plot {
         marks: marks(&groups, &rows, &all, &best),
         groups,
         front: best.iter().map(|&i| all[i]).collect(),
-        floor: floor.filter(|floor| *floor > 0.0),
+        floor: Some(floor).filter(|floor| *floor > 0.0),
         error: "error (RMSE against the limit)",
     };
     render_svg(&plot)
@@ -72,11 +72,12 @@ pub fn error_against_time(rows: &[SettingRow], floor: Option<f64>) -> Result<Str
 /// [`Error::Failed`](crate::error::Error::Failed) if plotters fails.
 pub(crate) fn error_against_twin(rows: &[SettingRow]) -> Result<String> {
     let groups = parameters(rows);
-    let rows: Vec<&SettingRow> =
-        rows.iter().filter(|row| row.reference == super::ReferenceKind::Twin && row.twin.is_some()).collect();
-    let all: Vec<[f64; 2]> =
-        rows.iter().map(|row| [row.trace_ms.median, row.twin.map_or(f64::NAN, |twin| twin.rmse)]).collect();
-    let wrong: Vec<usize> = (0..rows.len()).filter(|&i| all[i][1] > 0.0).collect();
+    let is_shown = |row: &&SettingRow| {
+        row.reference == super::ReferenceKind::Twin && row.twin.is_some() && !row.has_effect_off
+    };
+    let rows: Vec<&SettingRow> = rows.iter().filter(is_shown).collect();
+    let all = points_of(&rows, |row| row.twin.map(|twin| twin.rmse));
+    let wrong: Vec<usize> = (0..rows.len()).filter(|&i| all[i].error > 0.0).collect();
     let plot = Plot {
         marks: marks(&groups, &rows, &all, &wrong),
         groups,
@@ -103,9 +104,8 @@ pub(crate) fn error_of_paths(rows: &[SettingRow]) -> Result<Option<String>> {
         path_sweep::PARAMETERS.contains(&parameter) || others.contains(&parameter)
     };
     let rows: Vec<&SettingRow> = comparable(rows).into_iter().filter(is_shown).collect();
-    let error = |row: &&SettingRow| row.limit.map_or(f64::NAN, |limit| limit.rel_mse);
-    let all: Vec<[f64; 2]> = rows.iter().map(|row| [row.trace_ms.median, error(row)]).collect();
-    let best = front(&all);
+    let all = points_of(&rows, |row| row.limit.map(|limit| limit.rel_mse));
+    let best = front(&all, 0.0);
     let plot = Plot {
         marks: marks(&groups, &rows, &all, &best),
         groups,
@@ -114,6 +114,11 @@ pub(crate) fn error_of_paths(rows: &[SettingRow]) -> Result<Option<String>> {
         error: "error (relMSE against the limit)",
     };
     render_svg(&plot).map(Some)
+}
+
+/// Time and error of each row; NaN for a missing error.
+fn points_of(rows: &[&SettingRow], error: impl Fn(&SettingRow) -> Option<f64>) -> Vec<Point> {
+    rows.iter().map(|row| Point { time: row.trace_ms, error: error(row).unwrap_or(f64::NAN) }).collect()
 }
 
 /// All parameters in order, so that each has the same colour in every plot.
@@ -127,15 +132,20 @@ fn parameters(rows: &[SettingRow]) -> Vec<String> {
     parameters
 }
 
-fn marks(parameters: &[String], rows: &[&SettingRow], points: &[[f64; 2]], labelled: &[usize]) -> Vec<Mark> {
-    let mark = |(i, (row, &[time, error])): (usize, (&&SettingRow, &[f64; 2]))| Mark {
+fn marks(parameters: &[String], rows: &[&SettingRow], points: &[Point], labelled: &[usize]) -> Vec<Mark> {
+    let mark = |(i, (row, &Point { time, error })): (usize, (&&SettingRow, &Point))| Mark {
         group: parameters.iter().position(|parameter| *parameter == row.parameter).unwrap_or(0),
         time,
-        spread: [row.trace_ms.lower, row.trace_ms.upper],
         error,
-        label: labelled.contains(&i).then(|| row.setting.clone()),
+        label: labelled.contains(&i).then(|| label(row)),
     };
     rows.iter().zip(points).enumerate().map(mark).collect()
+}
+
+/// Short name of a setting: without what is in brackets, and with its parameter if it begins with a number that is not a count.
+fn label(row: &SettingRow) -> String {
+    let name = row.setting.split(" (").next().unwrap_or_default();
+    if name.parse::<f64>().is_ok() { format!("{} {name}", row.parameter) } else { name.to_owned() }
 }
 
 fn render_svg(plot: &Plot) -> Result<String> {
@@ -155,6 +165,52 @@ fn round_time(time: f64) -> String {
     if is_round { format!("{}", (time * 1e4).round() / 1e4) } else { String::new() }
 }
 
+/// Advance width of a label's character in pixels, at most, on average.
+const LABEL_ADVANCE: i32 = 7;
+/// Height of a label in pixels.
+const LABEL_HEIGHT: i32 = 15;
+
+/// A rectangle in pixels.
+#[derive(Clone, Copy)]
+struct PixelBox {
+    x: i32,
+    y: i32,
+    width: i32,
+    height: i32,
+}
+
+impl PixelBox {
+    /// The box of a mark.
+    fn around((x, y): (i32, i32)) -> Self {
+        PixelBox { x: x - 4, y: y - 4, width: 9, height: 9 }
+    }
+
+    fn overlaps(&self, other: &PixelBox) -> bool {
+        let is_beside = self.x + self.width <= other.x || other.x + other.width <= self.x;
+        let is_above = self.y + self.height <= other.y || other.y + other.height <= self.y;
+        !is_beside && !is_above
+    }
+
+    fn contains(&self, other: &PixelBox) -> bool {
+        (self.x..=self.x + self.width - other.width).contains(&other.x)
+            && (self.y..=self.y + self.height - other.height).contains(&other.y)
+    }
+}
+
+/// A place for a label of this size beside the mark at `(x, y)`, inside the plot and without overlaps; `None` if there is
+/// none. To the lower left of a point of the front there are no other points.
+fn free_place(
+    (x, y): (i32, i32),
+    (width, height): (i32, i32),
+    inside: &PixelBox,
+    taken: &[PixelBox],
+) -> Option<PixelBox> {
+    let (left, right, above, below) = (x - 6 - width, x + 6, y - 2 - height, y + 2);
+    let corners = [(left, below), (right, above), (left, above), (right, below), (x - width / 2, y + 6)];
+    let boxes = corners.map(|(x, y)| PixelBox { x, y, width, height });
+    boxes.into_iter().find(|label| inside.contains(label) && !taken.iter().any(|other| label.overlaps(other)))
+}
+
 fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
     let columns = 3;
     let present: Vec<usize> =
@@ -172,7 +228,7 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
     // Position of the error 0, which has no logarithm.
     let zero = 10f64.powf((errors.start.log10() - 0.6).floor());
     let errors = if has_zero { zero * 0.6..errors.end } else { errors };
-    let times = plot.marks.iter().flat_map(|mark| mark.spread);
+    let times = plot.marks.iter().flat_map(|mark| [mark.time.lower, mark.time.upper]);
     let times = decades(times);
     let times = times.start..times.end * 1.6;
     let position = |error: f64| if error > 0.0 { error } else { zero };
@@ -188,6 +244,7 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
         }
         format!("{error:.0e}")
     };
+    let last_time = RefCell::new(String::new());
     chart
         .configure_mesh()
         .light_line_style(WHITE)
@@ -196,7 +253,11 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
         // Enough labels that plotters includes all digits of each power of ten.
         .x_labels(40)
         .y_labels(8)
-        .x_label_formatter(&|time| round_time(*time))
+        .x_label_formatter(&|time| {
+            // plotters returns some times twice.
+            let label = round_time(*time);
+            if last_time.replace(label.clone()) == label { String::new() } else { label }
+        })
         .y_label_formatter(&error_label)
         .x_desc("milliseconds")
         .y_desc(plot.error)
@@ -214,39 +275,44 @@ fn draw<'a>(svg: &'a mut String, plot: &Plot) -> Drawn<'a> {
         )])?;
     }
     let steps = plot.front.windows(2).flat_map(|pair| {
-        let [[a, b], [c, d]] = [pair[0], pair[1]];
-        [(a, position(b)), (c, position(b)), (c, position(d))]
+        let [(a, b), (c, d)] = [pair[0], pair[1]].map(|point| (point.time.median, position(point.error)));
+        [(a, b), (c, b), (c, d)]
     });
-    let start = plot.front.first().map(|&[time, error]| (time, position(error)));
+    let start = plot.front.first().map(|point| (point.time.median, position(point.error)));
     chart.draw_series(LineSeries::new(start.into_iter().chain(steps), INK.stroke_width(1)))?;
     for mark in &plot.marks {
-        let (colour, y) = (colour(mark.group), position(mark.error));
-        let spread = [(mark.spread[0], y), (mark.spread[1], y)];
+        let (colour, x, y) = (colour(mark.group), mark.time.median, position(mark.error));
+        let spread = [(mark.time.lower, y), (mark.time.upper, y)];
         chart.draw_series([PathElement::new(spread, colour.stroke_width(1))])?;
         let style = if mark.label.is_some() { colour.filled() } else { colour.stroke_width(1) };
         // Parameters beyond the number of colours have triangles.
         match mark.group / COLOURS {
-            0 => chart.draw_series([Circle::new((mark.time, y), 4, style)])?,
+            0 => chart.draw_series([Circle::new((x, y), 4, style)])?,
             // `TriangleMarker` is always filled.
             _ if mark.label.is_none() => {
                 let outline = PathElement::new([(0, -5), (4, 3), (-4, 3), (0, -5)], style);
-                chart.draw_series([EmptyElement::at((mark.time, y)) + outline])?
+                chart.draw_series([EmptyElement::at((x, y)) + outline])?
             }
-            _ => chart.draw_series([TriangleMarker::new((mark.time, y), 5, style)])?,
+            _ => chart.draw_series([TriangleMarker::new((x, y), 5, style)])?,
         };
     }
-    let mut labels: Vec<(i32, i32)> = Vec::new();
+    let place = |mark: &Mark| chart.backend_coord(&(mark.time.median, position(mark.error)));
+    let (x_range, y_range) = chart.plotting_area().get_pixel_range();
+    let inside = PixelBox {
+        x: x_range.start,
+        y: y_range.start,
+        width: x_range.len() as i32,
+        height: y_range.len() as i32,
+    };
+    let mut taken: Vec<PixelBox> = plot.marks.iter().map(|mark| PixelBox::around(place(mark))).collect();
     for mark in &plot.marks {
         let Some(label) = &mark.label else { continue };
-        let point = (mark.time, position(mark.error));
-        let at = chart.backend_coord(&point);
-        // Overlapping labels are omitted.
-        if labels.iter().any(|other| (other.1 - at.1).abs() < 15 && (other.0 - at.0).abs() < 110) {
-            continue;
+        let size = (LABEL_ADVANCE * label.chars().count() as i32, LABEL_HEIGHT);
+        if let Some(free) = free_place(place(mark), size, &inside, &taken) {
+            let style = text(14).pos(Pos::new(HPos::Left, VPos::Top));
+            root.draw(&Text::new(label.clone(), (free.x, free.y), style))?;
+            taken.push(free);
         }
-        labels.push(at);
-        let style = text(14).pos(Pos::new(HPos::Left, VPos::Bottom));
-        chart.draw_series([EmptyElement::at(point) + Text::new(label.clone(), (6, -3), style)])?;
     }
     for (place, &index) in present.iter().enumerate() {
         let (column, line, group) = (place % columns, place / columns, &plot.groups[index]);

@@ -7,6 +7,7 @@ use super::data::{NoiseFloor, SettingRow, Study};
 use super::html::{against, escaped, geometry, scientific, steps, table, technique_tests, with_code};
 use super::pictures::PageImages;
 use super::plot::{error_against_time, error_against_twin, error_of_paths};
+use super::selection::{Selection, select};
 use crate::error::Result;
 
 const STYLE: &str = include_str!("page.css");
@@ -18,8 +19,9 @@ const SCRIPT: &str = include_str!("page.js");
 /// [`Error::Failed`](crate::error::Error::Failed) if a plot cannot be drawn.
 pub fn page(study: &Study, pictures: &PageImages) -> Result<String> {
     let mut html = head(study);
-    html += &summary(study);
+    html += &selection(study, pictures);
     html += &plots(study)?;
+    html += &summary(study);
     html += &geometry(&study.geometry);
     html += &technique_tests(&study.technique_tests);
     html += &steps(study);
@@ -63,6 +65,57 @@ fn head(study: &Study) -> String {
     )
 }
 
+/// Crops of the quick setting, the recommended one and the limit, with their times, errors and commands.
+fn selection(study: &Study, pictures: &PageImages) -> String {
+    let image = |row: usize| Some(pictures.rows.get(row)?.as_ref()?.own);
+    let shown = select(study).zip(pictures.limit).zip(pictures.place);
+    let Some(((Selection { quick, recommended, is_below_a_step }, limit), [x, y])) = shown else {
+        return String::new();
+    };
+    let mut html = "<div class=\"three\">\n".to_owned();
+    let mut figure = |title: &str,
+                      name: &str,
+                      image: Option<usize>,
+                      numbers: &str,
+                      command: Option<String>| {
+        let command = command
+            .map_or(String::new(), |command| format!("<code class=\"command\">{}</code>", escaped(&command)));
+        if let Some(image) = image {
+            let _ = writeln!(
+                html,
+                "<figure><canvas data-file=\"{image}\" data-x=\"{x}\" data-y=\"{y}\" role=\"img\" aria-label=\"{title}\"></canvas>\
+                 <figcaption><b>{title}</b>: {}<br>{numbers}{command}</figcaption></figure>",
+                escaped(name)
+            );
+        }
+    };
+    let mut row = |title: &str, row: &SettingRow| {
+        let errors = row.limit.map_or(String::new(), |limit| {
+            format!(", RMSE {}, FLIP {}", scientific(limit.rmse), scientific(limit.flip))
+        });
+        let numbers = format!("{} ms{errors}", brief(row.trace_ms));
+        figure(title, &row.name(), image(row.id), &numbers, Some(study.command_with(&row.options)));
+    };
+    row("Quick", &study.rows[quick]);
+    if recommended != quick {
+        row("Recommended", &study.rows[recommended]);
+    }
+    let samples = study.floors.first().map_or(0, |floor| floor.samples);
+    let time = study.limit_ms.map_or(String::new(), |ms| format!("{ms:.0} ms, "));
+    let numbers = format!("{time}RMSE of its noise {}", scientific(study.noise_floor()));
+    let command = study.limit_options.as_ref().map(|options| study.command_with(options));
+    figure("Limit", &format!("exact, {samples} samples"), Some(limit), &numbers, command);
+    let recommended = if is_below_a_step {
+        "the fastest whose root mean square error is below one of 255 steps of a display"
+    } else {
+        "the most accurate that was measured"
+    };
+    html + &format!(
+        "</div>\n<p class=\"note\">Quick: the fastest setting. Recommended: {recommended}. Limit: the reference of both. Cropped where the quick picture \
+         differs most. Times: median (and quartiles).</p>\n"
+    )
+}
+
 fn summary(study: &Study) -> String {
     let mut html = "<h2>In short</h2>\n<ul>\n".to_owned();
     for advice in &study.advice {
@@ -100,7 +153,7 @@ pub fn facts(study: &Study) -> Vec<String> {
         let wrong = geometry.false_hits + geometry.false_misses + geometry.wrong_primitives;
         let leaks = geometry.leaks_per_million.map_or(String::new(), |leaks| {
             let leaks = if leaks < 1000.0 { scientific(leaks) } else { format!("{leaks:.0}") };
-            format!("; {leaks} leaks per million")
+            format!("; {leaks} leaks per million of rays aimed at edges from inside")
         });
         lines.push(format!(
             "{}: {} of {} rays find something else than in `exact`{leaks}.",
@@ -122,7 +175,7 @@ pub fn facts(study: &Study) -> Vec<String> {
 }
 
 fn plots(study: &Study) -> Result<String> {
-    let floor = study.floors.first().map(|floor| floor.rmse);
+    let floor = study.noise_floor();
     let paths = error_of_paths(&study.rows)?.map_or(String::new(), |plot| {
         format!(
             "\n<figure>{plot}<figcaption>Samples and the settings of path tracing: the error of each pixel relative to its own value, so that \
@@ -131,8 +184,9 @@ fn plots(study: &Study) -> Result<String> {
     });
     Ok(format!(
         "<h2>Error against time</h2>\n<div class=\"two\">\n<figure>{}<figcaption>Everything that a picture of so few samples gets wrong, \
-         against the limit. Filled: no other setting is both quicker and closer; the line joins these. Hollow: dominated. Horizontal strokes \
-         reach from the lower to the upper quartile.</figcaption></figure>\n<figure>{}<figcaption>What a knob alone gets wrong: the same \
+         against the limit. Filled: no other setting is better in time or error and as good in the other; the line joins these. Hollow: dominated. Times with \
+         overlapping quartiles (horizontal strokes) are ties, and so are errors that differ by less than the limit's own. Settings without an effect of the \
+         scene are other pictures and not drawn; acceleration structures give the same picture.</figcaption></figure>\n<figure>{}<figcaption>What a parameter alone gets wrong: the same \
          sample points in <code>exact</code> are the measure. On the line 0 the pictures are the same.</figcaption></figure>{paths}\n</div>\n",
         error_against_time(&study.rows, floor)?,
         error_against_twin(&study.rows)?

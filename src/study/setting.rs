@@ -104,6 +104,11 @@ impl Setting {
         self
     }
 
+    /// Whether an effect is turned off that the base has.
+    pub fn has_effect_off(&self, base: &Setting) -> bool {
+        self.without.len() > base.without.len() || self.bounces == Some(0)
+    }
+
     /// The scene with the glaze bounces and the ambient light of this setting.
     pub fn scene(&self, scene: &Scene) -> Scene {
         let mut scene = scene.clone();

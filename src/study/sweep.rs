@@ -202,29 +202,13 @@ impl SweepBuilder<'_> {
         }
     }
 
-    /// Combinations of sample counts with cheaper or more expensive values of other parameters.
+    /// Combinations of sample counts with the other tiers.
     fn together(&mut self, most: u32) {
-        let has_glaze = self.candidates.iter().any(|candidate| candidate.parameter == "glaze bounces");
-        let has_shadows = self.candidates.iter().any(|candidate| candidate.parameter == id::SHADOWS.name());
         for samples in [4, 16].into_iter().filter(|&samples| samples <= most) {
             let sampled = self.sampled(samples);
             for numerics in Numerics::ALL.into_iter().filter(|&numerics| numerics != self.base.numerics) {
                 let name = format!("{}, {}", numerics.name(), samples_named(samples));
                 self.add("together", name, ReferenceKind::Limit, Setting { numerics, ..sampled.clone() });
-            }
-            if has_glaze {
-                let name = format!("no glaze, {}", samples_named(samples));
-                self.add(
-                    "together",
-                    name,
-                    ReferenceKind::Limit,
-                    Setting { bounces: Some(0), ..sampled.clone() },
-                );
-            }
-            if has_shadows {
-                let name = format!("no shadows, {}", samples_named(samples));
-                let without = [sampled.without.as_slice(), &[id::SHADOWS]].concat();
-                self.add("together", name, ReferenceKind::Limit, Setting { without, ..sampled });
             }
         }
     }

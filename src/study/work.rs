@@ -77,6 +77,8 @@ pub(crate) struct StudyRun<'a> {
     pub options: &'a Options,
     /// Setting of the limits, but for their samples.
     pub reference: Setting,
+    /// Number of threads of timed renders, which determines the clock.
+    pub timed_threads: usize,
     /// Progress.
     pub meter: ProgressMeter<'a>,
 }
@@ -153,18 +155,26 @@ impl StudyRun<'_> {
         job.render(&RenderControl { cancel, progress: &step, time_stages: false })
     }
 
-    /// Renders the limit of every filter.
-    pub(crate) fn limits(&self, filters: &[(FilterShape, f64)]) -> Result<Vec<ConvergedReference>> {
-        let mut limits = Vec::new();
+    /// Renders the limit of every filter; returns them with the render time of the first in ms.
+    pub(crate) fn limits(
+        &self,
+        filters: &[(FilterShape, f64)],
+    ) -> Result<(Vec<ConvergedReference>, Option<f64>)> {
+        let (mut limits, mut first_ms) = (Vec::new(), None);
         for (index, &filter) in filters.iter().enumerate() {
             let samples = self.options.samples_of_limit(index);
+            let mut milliseconds = 0.0;
             let [a, b] = halves(&self.reference, filter, samples).map(|half| {
-                let (film, _) = self.render::<[f32; 3]>(&prepare(self.subject, &half)?, &half)?;
+                let job = prepare(self.subject, &half)?;
+                let clock = Clock::start(self.timed_threads);
+                let (film, _) = self.render::<[f32; 3]>(&job, &half)?;
+                milliseconds += 1e3 * clock.seconds();
                 Ok::<_, Error>(ComparedImage::of_film(&film, half.pipeline))
             });
+            first_ms.get_or_insert(milliseconds);
             limits.extend(ConvergedReference::new(filter, (samples, self.reference.path.depth), &[a?, b?])?);
         }
-        Ok(limits)
+        Ok((limits, first_ms))
     }
 
     /// Renders every distinct twin.

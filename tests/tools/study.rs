@@ -175,11 +175,46 @@ fn advice_is_printed_and_is_that_of_the_front() {
         let Some(row) = advice.row.map(|row| &study.rows[row]) else { continue };
         assert!(row.limit.expect("finite").rmse < advice.below);
         // Nothing that is as good is quicker.
-        let quicker = study.rows.iter().filter(|other| other.filter == row.filter).find(|other| {
+        let is_comparable = |other: &&SettingRow| {
+            other.filter == row.filter && !other.has_effect_off && other.parameter != "bvh"
+        };
+        let quicker = study.rows.iter().filter(is_comparable).find(|other| {
             other.limit.is_some_and(|limit| limit.rmse < advice.below)
                 && other.trace_ms.median < row.trace_ms.median
         });
         assert!(quicker.is_none(), "{}: {:?}", advice.text, quicker.map(|row| row.name()));
+    }
+}
+
+/// The page begins with crops of a quick picture, a recommended one and the limit, each with a command that makes it.
+#[test]
+fn the_page_begins_with_three_pictures_and_their_commands() {
+    let (folder, _) = tiny();
+    let study = read(folder.path());
+    let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
+    let begin = page.split("<h2>").next().expect("text");
+    assert_eq!(begin.matches("<canvas data-file=").count(), 3);
+    assert!(["Quick", "Recommended", "Limit"].iter().all(|title| begin.contains(&format!("<b>{title}</b>"))));
+    // The limit: two halves of 512 samples each.
+    let limit = study.command_with(study.limit_options.as_deref().expect("options"));
+    let expected =
+        "kiln render scenes/assignment.toml --size 48x48 -o picture.png --numerics exact --samples 1024";
+    assert!(limit == expected && begin.contains(expected), "{limit}");
+    assert!(study.limit_ms.is_some_and(|ms| ms > 0.0));
+}
+
+/// Settings without shadows or glaze are other pictures; structures give the same one: neither is advised or marked.
+#[test]
+fn what_is_no_accuracy_is_not_on_the_front() {
+    let (folder, _) = tiny();
+    let study = read(folder.path());
+    let off = |row: &&SettingRow| row.has_effect_off;
+    let names: Vec<String> = study.rows.iter().filter(off).map(SettingRow::name).collect();
+    assert_eq!(names, ["glaze bounces: 0 bounces", "shadows: off"]);
+    let page = std::fs::read_to_string(folder.path().join("index.html")).expect("a page");
+    for row in study.rows.iter().filter(|row| row.has_effect_off || row.parameter == "bvh") {
+        assert!(page.contains(&format!("<tr class=\"\" data-row=\"{}\">", row.id)), "{}", row.name());
+        assert!(study.advice.iter().all(|advice| advice.row != Some(row.id)), "{}", row.name());
     }
 }
 
@@ -191,6 +226,9 @@ fn a_mesh_alone_can_be_studied() {
     let left_out: Vec<&str> = study.left_out.iter().map(|[parameter, _]| parameter.as_str()).collect();
     assert!(left_out.contains(&"glaze bounces") && left_out.contains(&"colour"), "{left_out:?}");
     assert!(String::from_utf8_lossy(&output.stdout).contains("left out: glaze bounces: "));
+    // Without the default look of meshes.
+    let command = study.command_with("--samples 2");
+    assert_eq!(command, "kiln render assets/import/l.obj --size 24x24 --draft -o picture.png --samples 2");
 }
 
 #[test]
@@ -215,13 +253,11 @@ fn a_folder_that_cannot_be_made_is_said_before_any_work() {
     assert!(old.exists());
 }
 
-/// Of the options before and those of a row, those that make the row's picture: one of the same name takes the place of
-/// another.
-fn together(given: &[&str], options: &str) -> Vec<String> {
-    let own: Vec<&str> = options.split_whitespace().collect();
-    let adds = |name: &str| name == "--with" || name == "--without";
-    let pairs = given.chunks(2).filter(|pair| adds(pair[0]) || !own.contains(&pair[0]));
-    pairs.flatten().copied().chain(own.iter().copied()).map(str::to_owned).collect()
+/// The arguments of a study's command with the options of a row, and another output.
+fn arguments_with(study: &Study, options: &str, output: &Path) -> Vec<String> {
+    let command = study.command_with(options);
+    let words = command.strip_prefix("kiln ").expect("a command").split_whitespace();
+    words.map(|word| word.replace("picture.png", &output.display().to_string())).collect()
 }
 
 #[test]
@@ -245,11 +281,9 @@ fn the_options_of_a_row_make_its_picture() {
                 continue;
             }
             let file = folder.path().join("row.exr");
-            let options = together(&small, &row.options);
+            let options = arguments_with(&study, &row.options, &file);
             let output = Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
                 .current_dir(repository("."))
-                .args(["render", "scenes/assignment.toml", "--progress", "none", "-o"])
-                .arg(&file)
                 .args(&options)
                 .output()
                 .expect("kiln runs");
@@ -378,10 +412,7 @@ fn the_options_of_paths_make_their_pictures() {
         let file = folder.path().join("row.exr");
         let output = Command::new(assert_cmd::cargo::cargo_bin!("kiln"))
             .current_dir(repository("."))
-            .args(["render", "scenes/effects/path.toml", "--size", "48x36", "--progress", "none"])
-            .args(row.options.split_whitespace())
-            .arg("-o")
-            .arg(&file)
+            .args(arguments_with(&study, &row.options, &file))
             .output()
             .expect("kiln runs");
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
