@@ -7,13 +7,13 @@ use clap::Args;
 
 use super::arguments::{self, Arguments};
 use crate::animation::play_clip;
-use crate::effects::{Choices, check_scene};
+use crate::effects::check_scene;
 use crate::error::{Error, Result, Warnings};
 use crate::import::{self, FileRead};
 use crate::job::camera::{Viewpoint, nothing_to_look_at};
 use crate::job::{RenderSettings, check_display};
 use crate::scene::{ImportOptions, Scene};
-use crate::viewer::{self, CameraSource, Opened, Settings, Start};
+use crate::viewer::{self, CameraSource, Opened, Start};
 
 #[derive(Args)]
 pub(crate) struct Command {
@@ -83,7 +83,7 @@ fn open(
 fn initial_view(
     arguments: &Arguments,
     inputs: &[PathBuf],
-    mut scene: Scene,
+    scene: Scene,
     warnings: &mut Warnings,
 ) -> Result<Opened> {
     let mut arguments = arguments.clone();
@@ -98,7 +98,9 @@ fn initial_view(
         return Err(nothing_to_look_at(&scene));
     }
     let requested = arguments.settings()?;
-    requested.complete(&mut scene, warnings)?;
+    // The window completes the scene for each side; here for what it says of it.
+    let mut completed = scene.clone();
+    requested.complete(&mut completed, warnings)?;
     let viewpoint = Viewpoint::of(&requested.camera, &scene, None)?;
     let size = viewpoint.size(&requested, &scene);
     let camera_source = match viewpoint {
@@ -109,37 +111,9 @@ fn initial_view(
         },
     };
     let pipeline = requested.colour.or(scene.colour).unwrap_or_default();
-    let display = requested.display.or(scene.display);
-    check_display(display, pipeline, true)?;
-    let RenderSettings {
-        projection,
-        preset,
-        shading,
-        sampling,
-        transport,
-        clamp,
-        with,
-        without,
-        environment,
-        ..
-    } = requested;
-    let settings = Settings {
-        choices: Choices {
-            shading,
-            sampling: sampling.or(scene.sampling),
-            scene: std::mem::take(&mut scene.effects),
-            transport: transport.or(scene.transport),
-            clamp: clamp.or(scene.clamp),
-            with,
-            without,
-            even_idle: false,
-            light_technique: Default::default(),
-            path: Default::default(),
-        },
-        numerics: requested.numerics.or(scene.numerics).unwrap_or_default(),
-        pipeline,
-        display,
-        headlight: requested.headlight.or(scene.headlight).unwrap_or(true),
-    };
-    Ok(Opened { scene, camera_source, projection, size, settings, environment, preset })
+    check_display(requested.display.or(completed.display), pipeline, true)?;
+    let numerics = requested.numerics.or(scene.numerics).unwrap_or_default();
+    let projection = requested.projection;
+    let settings = RenderSettings { numerics: Some(numerics), colour: Some(pipeline), ..requested };
+    Ok(Opened { scene, camera_source, projection, size, settings })
 }

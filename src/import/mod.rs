@@ -22,6 +22,7 @@ mod images;
 #[cfg(feature = "codecs")]
 mod ktx2;
 mod lines;
+mod names;
 mod obj;
 mod ply;
 mod polygon;
@@ -35,6 +36,7 @@ mod up;
 mod uri;
 
 pub use environment::environment;
+pub(crate) use names::FileNames;
 pub use scene_file::inline_camera;
 
 use std::io::Read;
@@ -386,6 +388,11 @@ pub fn is_scene_file(file: &Path) -> bool {
     IMPORTERS
         .iter()
         .any(|importer| importer.is_scene_file && importer.endings.contains(&ending(file).as_str()))
+}
+
+/// Whether a file has the extension of a format.
+pub(crate) fn has_known_ending(file: &Path) -> bool {
+    importer_by_ending(file).is_some()
 }
 
 fn ending(file: &Path) -> String {

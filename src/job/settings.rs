@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::bvh::Preset;
+use crate::effects::EffectId;
 use crate::error::{Error, Result, Warnings};
 use crate::film::{Colour, ColourPipeline, DisplaySettings, Share, Window};
 use crate::import;
@@ -96,6 +97,32 @@ pub enum Look {
 }
 
 impl RenderSettings {
+    /// Turns an effect on or off, overriding the scene.
+    pub fn switch(&mut self, effect: EffectId, on: bool) {
+        self.set_switch(effect, if on { Some(None) } else { None });
+    }
+
+    /// Turns an effect on with a value; `None` for its default value.
+    pub fn set(&mut self, effect: EffectId, value: Option<&str>) {
+        self.set_switch(effect, Some(value));
+    }
+
+    fn set_switch(&mut self, effect: EffectId, on: Option<Option<&str>>) {
+        let RenderSettings { with, without, .. } = self;
+        with.retain(|typed| typed.split('=').next() != Some(effect.name()));
+        without.retain(|name| *name != effect.name());
+        match on {
+            Some(Some(value)) => with.push(effect.with_value(value)),
+            Some(None) => with.push(effect.name().to_owned()),
+            None => without.push(effect.name().to_owned()),
+        }
+    }
+
+    /// The value that the settings give an effect.
+    pub fn value(&self, effect: EffectId) -> Option<&str> {
+        self.with.iter().rev().find_map(|typed| typed.strip_prefix(effect.name())?.strip_prefix('='))
+    }
+
     /// Gives a scene, in its own coordinates and before anything moves, the environment, background and ground that are
     /// asked for, and the look.
     ///
@@ -191,4 +218,22 @@ pub fn check_display(display: DisplaySettings, pipeline: ColourPipeline, is_whol
         return Err(Error::usage(what, hint));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::id;
+
+    #[test]
+    fn the_last_word_on_an_effect_counts() {
+        let mut settings = RenderSettings { with: vec!["glaze=every-bounce".into()], ..Default::default() };
+        assert_eq!(settings.value(id::GLAZE), Some("every-bounce"));
+        settings.switch(id::GLAZE, false);
+        assert_eq!((settings.with.len(), settings.without.as_slice()), (0, &["glaze".to_owned()][..]));
+        settings.set(id::GLAZE, Some("2"));
+        assert_eq!((settings.value(id::GLAZE), settings.without.len()), (Some("2"), 0));
+        settings.switch(id::GLAZE, true);
+        assert_eq!((settings.value(id::GLAZE), settings.with.as_slice()), (None, &["glaze".to_owned()][..]));
+    }
 }

@@ -43,8 +43,7 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
     }
     let is_path = settings.transport.map_or(scene.environment.is_some(), |t| t == Transport::Path)
         || scene.lights.iter().any(|light| light.kind.is_area());
-    let Sampling { samples, filter, filter_radius, noise, min_samples, .. } = settings.sampling;
-    if (samples, filter, noise, min_samples) == (None, None, None, None) && filter_radius.is_none() {
+    if !settings.sampling.says_quality() {
         let most = if is_path { PATH_SAMPLES } else { SAMPLES };
         scene.sampling = Sampling { noise: Some(NOISE), samples: Some(most), ..scene.sampling };
     }
@@ -72,9 +71,9 @@ pub(super) fn complete(scene: &mut Scene, settings: &RenderSettings, warnings: &
         scene.fill = Some(FILL);
     }
     let is_of_file = match &settings.camera {
-        CameraChoice::Default => !scene.cameras.is_empty(),
+        CameraChoice::Default | CameraChoice::Given(_) => !scene.cameras.is_empty(),
         CameraChoice::Named(_) => true,
-        CameraChoice::Fitted(_) | CameraChoice::Given(_) => false,
+        CameraChoice::Fitted(_) => false,
     };
     if is_of_file {
         if pipeline == ColourPipeline::Linear {

@@ -86,9 +86,20 @@ impl Sampling {
         samples.is_some_and(|n| n > 1) || filter.is_some() || filter_radius.is_some() || noise.is_some()
     }
 
+    /// Whether the settings say how many samples are taken or how they are filtered.
+    pub fn says_quality(&self) -> bool {
+        let Sampling { samples, filter, filter_radius, noise, min_samples, .. } = self;
+        samples.or(*min_samples).is_some() || filter.is_some() || filter_radius.or(*noise).is_some()
+    }
+
     /// Samples per pixel; with `noise`, the maximum.
     pub fn max_samples(&self) -> u32 {
         self.samples.unwrap_or(if self.noise.is_some() { DEFAULT_MAX_SAMPLES } else { DEFAULT_SAMPLES })
+    }
+
+    /// Samples per pixel that are taken, at most: 1 without antialiasing.
+    pub fn samples_taken(&self) -> u32 {
+        if self.is_wanted() { self.max_samples() } else { 1 }
     }
 
     /// Shape and radius in pixels of the filter.

@@ -8,6 +8,7 @@ use super::data::{
 };
 use super::errors::PictureErrors;
 use super::pareto::front;
+use crate::effects::EFFECTS;
 
 /// Table of differences in ray hits between the tiers and `exact`.
 pub(crate) fn geometry(tiers: &[GeometryErrors]) -> String {
@@ -149,7 +150,10 @@ pub(crate) fn steps(study: &Study) -> String {
     if !study.left_out.is_empty() {
         html += "<h3>Left out, having nothing to do here</h3>\n<ul>\n";
         for [parameter, why] in &study.left_out {
-            let _ = writeln!(html, "<li>{}: {}</li>", escaped(parameter), with_code(why));
+            let effect = EFFECTS.iter().find(|effect| effect.name() == parameter.as_str());
+            let meaning = effect.map_or(String::new(), |effect| format!(" ({})", effect.summary));
+            let _ =
+                writeln!(html, "<li>{}{}: {}</li>", escaped(parameter), with_code(&meaning), with_code(why));
         }
         html += "</ul>\n";
     }

@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::film::{ColourPipeline, DisplaySettings};
-use crate::job::EnvironmentSettings;
+use crate::job::{Background, EnvironmentSettings, Look, RenderSettings};
 use crate::scene::{
     Camera, Clip, ClipChoice, ClipTime, INLINE_NAME, ImportOptions, Numerics, Projection, Sampling, Scene,
     Transport, default_size,
@@ -23,10 +23,11 @@ pub struct SceneDefaults {
     colour: ColourPipeline,
     sampling: Sampling,
     display: DisplaySettings,
-    no_headlight: bool,
+    headlight: Option<bool>,
     transport: Option<Transport>,
     clamp: Option<f64>,
     has_ground: bool,
+    has_look: bool,
 }
 
 impl SceneDefaults {
@@ -39,10 +40,11 @@ impl SceneDefaults {
             colour: scene.colour.unwrap_or_default(),
             sampling: scene.sampling,
             display: scene.display,
-            no_headlight: scene.headlight == Some(false),
+            headlight: scene.headlight,
             transport: scene.transport,
             clamp: scene.clamp,
             has_ground: scene.has_ground == Some(true),
+            has_look: scene.has_settings,
         }
     }
 
@@ -75,30 +77,8 @@ pub struct RenderCommand<'a> {
     pub projection: Projection,
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Shading mode.
-    pub shading: ShadingMode,
-    /// Enabled effects, as `NAME` or `NAME=VALUE`.
-    pub with: &'a [String],
-    /// Disabled effects.
-    pub without: &'a [String],
-    /// Numerics tier.
-    pub numerics: Numerics,
-    /// Colour pipeline.
-    pub colour: ColourPipeline,
-    /// Sampling settings that override the scene's; `None` fields are left to the scene.
-    pub sampling: Sampling,
-    /// Exposure and tone map.
-    pub display: DisplaySettings,
-    /// Whether a scene without lights gets a headlight.
-    pub headlight: bool,
-    /// Transport of light; `None` for what the scene calls for.
-    pub transport: Option<Transport>,
-    /// Clamp of indirect light.
-    pub clamp: Option<f64>,
-    /// Whether a ground is put under the scene, other than that of the default look.
-    pub has_ground: bool,
-    /// Settings of the environment.
-    pub environment: &'a EnvironmentSettings,
+    /// All other settings; camera, projection and size of these are not used.
+    pub settings: &'a RenderSettings,
     /// What was asked of the input files.
     pub import_options: &'a ImportOptions,
     /// The clip that is played.
@@ -126,7 +106,7 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
             words.extend([name.to_owned(), value.to_owned()]);
         }
     };
-    let defaults = command.defaults;
+    let (defaults, settings) = (command.defaults, command.settings);
     let projection = camera_option(command, &mut option);
     if command.projection != projection {
         option("--projection", command.projection.name());
@@ -134,19 +114,19 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     if command.size != defaults.size(command.viewpoint) {
         option("--size", &format!("{}x{}", command.size[0], command.size[1]));
     }
-    if command.shading != ShadingMode::default() {
-        option("--shading", command.shading.name());
+    if settings.shading != ShadingMode::default() {
+        option("--shading", settings.shading.name());
     }
-    command.with.iter().for_each(|effect| option("--with", effect));
-    command.without.iter().for_each(|effect| option("--without", effect));
-    if command.numerics != defaults.numerics {
-        option("--numerics", command.numerics.name());
+    settings.with.iter().for_each(|effect| option("--with", effect));
+    settings.without.iter().for_each(|effect| option("--without", effect));
+    if let Some(numerics) = settings.numerics.filter(|numerics| *numerics != defaults.numerics) {
+        option("--numerics", numerics.name());
     }
-    if command.colour != defaults.colour {
-        option("--colour", command.colour.name());
+    if let Some(colour) = settings.colour.filter(|colour| *colour != defaults.colour) {
+        option("--colour", colour.name());
     }
     let Sampling { samples, filter, filter_radius, noise, min_samples, seed, sampler, first: _ } =
-        command.sampling;
+        settings.sampling;
     let scene = &defaults.sampling;
     let number = |n: Option<u32>, of_scene: Option<u32>| n.filter(|_| n != of_scene).map(|n| n.to_string());
     let real = |x: Option<f64>, of_scene: Option<f64>| x.filter(|_| x != of_scene).map(|x| x.to_string());
@@ -162,25 +142,30 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     ] {
         value.iter().for_each(|value| option(name, value));
     }
-    let (display, of_scene) = (command.display, defaults.display);
-    if display.exposure() != of_scene.exposure() {
-        option("--exposure", &display.exposure.map_or("0".into(), |exposure| exposure.to_string()));
+    let display = settings.display.in_pipeline(settings.colour.unwrap_or(defaults.colour));
+    if let Some(exposure) = display.exposure.filter(|_| display.exposure != defaults.display.exposure) {
+        option("--exposure", &exposure.to_string());
     }
-    if display.tone_map() != of_scene.tone_map() {
-        option("--tone-map", display.tone_map.unwrap_or_default().name());
+    if let Some(map) = display.tone_map.filter(|_| display.tone_map != defaults.display.tone_map) {
+        option("--tone-map", map.name());
     }
-    if command.headlight == defaults.no_headlight {
-        option("--light", if command.headlight { "head" } else { "none" });
+    if let Some(headlight) = settings.headlight.filter(|_| settings.headlight != defaults.headlight) {
+        option("--light", if headlight { "head" } else { "none" });
     }
-    if let Some(transport) = command.transport.filter(|_| command.transport != defaults.transport) {
+    if let Some(transport) = settings.transport.filter(|_| settings.transport != defaults.transport) {
         option("--transport", transport.name());
     }
-    if let Some(clamp) = command.clamp.filter(|_| command.clamp != defaults.clamp) {
+    if let Some(clamp) = settings.clamp.filter(|_| settings.clamp != defaults.clamp) {
         option("--clamp", &clamp.to_string());
     }
-    let EnvironmentSettings { source, rotation, hide } = command.environment;
+    let EnvironmentSettings { source, rotation, hide } = &settings.environment;
     source.iter().for_each(|source| option("--environment", source));
     rotation.iter().for_each(|degrees| option("--environment-rotation", &degrees.to_string()));
+    match settings.background {
+        Some(Background::Colour([r, g, b])) => option("--background", &format!("#{r:02x}{g:02x}{b:02x}")),
+        Some(Background::Transparent) => option("--background", "transparent"),
+        None => {}
+    }
     let ImportOptions { pose, variant, ignore_required_extensions, up, smooth } = command.import_options;
     if let Some(ClipTime { clip, time }) = pose {
         option("--time", &time.to_string());
@@ -203,8 +188,11 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     if *hide {
         words.push("--hide-environment".to_owned());
     }
-    if command.has_ground && !defaults.has_ground {
+    if settings.ground == Some(true) && !defaults.has_ground {
         words.push("--ground".to_owned());
+    }
+    if settings.look == Look::Draft && !defaults.has_look {
+        words.push("--draft".to_owned());
     }
     words
 }
@@ -278,6 +266,8 @@ fn quoted(word: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::LazyLock;
+
     use crate::scene::UpAxis;
     use glam::DVec3;
     use proptest::prelude::*;
@@ -295,8 +285,8 @@ mod tests {
         smooth: None,
     };
 
-    const NO_ENVIRONMENT: EnvironmentSettings =
-        EnvironmentSettings { source: None, rotation: None, hide: false };
+    static STUDIO: LazyLock<RenderSettings> =
+        LazyLock::new(|| RenderSettings { look: Look::Studio, ..RenderSettings::default() });
 
     /// Arguments into which `sh` splits the line.
     fn read_by_sh(line: &str) -> Vec<String> {
@@ -328,18 +318,7 @@ mod tests {
             viewpoint,
             projection: Projection::Perspective,
             size: defaults.size(viewpoint),
-            shading: ShadingMode::Full,
-            with: &[],
-            without: &[],
-            numerics: defaults.numerics,
-            colour: defaults.colour,
-            sampling: Sampling::default(),
-            display: DisplaySettings::default(),
-            headlight: true,
-            transport: None,
-            clamp: None,
-            has_ground: false,
-            environment: &NO_ENVIRONMENT,
+            settings: &STUDIO,
             import_options: &NO_IMPORT_OPTIONS,
             clip: None,
             output: Path::new("picture.png"),
@@ -403,13 +382,12 @@ mod tests {
         defaults.sampling = Sampling { samples: Some(4), noise: Some(0.01), ..Sampling::default() };
         defaults.numerics = Numerics::Exact;
         let plain = plain(&defaults, &inputs, CommandCamera::Camera(&defaults.cameras[0]));
-        let command = RenderCommand {
-            size: [320, 200],
+        let settings = RenderSettings {
             shading: ShadingMode::Ambient,
-            with: &["glaze=every-bounce".into()],
-            without: &["shadows".into(), "textures".into()],
-            numerics: Numerics::Watertight,
-            colour: ColourPipeline::U8,
+            with: vec!["glaze=every-bounce".into()],
+            without: vec!["shadows".into(), "textures".into()],
+            numerics: Some(Numerics::Watertight),
+            colour: Some(ColourPipeline::Linear),
             sampling: Sampling {
                 samples: Some(4),
                 filter: Some(FilterShape::Tent),
@@ -421,15 +399,21 @@ mod tests {
                 first: None,
             },
             display: DisplaySettings { exposure: Some(Exposure::Ev(-1.5)), tone_map: Some(ToneMap::Agx) },
-            headlight: false,
+            headlight: Some(false),
             transport: Some(Transport::Path),
             clamp: Some(2.5),
-            has_ground: true,
-            environment: &EnvironmentSettings {
+            ground: Some(true),
+            background: Some(Background::Colour([255, 128, 0])),
+            environment: EnvironmentSettings {
                 source: Some("garden one.hdr".into()),
                 rotation: Some(-90.0),
                 hide: true,
             },
+            ..RenderSettings::default()
+        };
+        let command = RenderCommand {
+            size: [320, 200],
+            settings: &settings,
             import_options: &ImportOptions {
                 pose: Some(ClipTime { clip: ClipChoice::Named("Walk".into()), time: -0.5 }),
                 variant: Some("red shoe".into()),
@@ -442,10 +426,10 @@ mod tests {
         assert_eq!(
             line(&command),
             "--size 320x200 --shading ambient --with glaze=every-bounce --without shadows --without textures --numerics \
-             watertight --colour u8 --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --sampler independent \
+             watertight --colour linear --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --sampler independent \
              --exposure=-1.5 --tone-map agx --light none --transport path --clamp 2.5 \
-             --environment 'garden one.hdr' --environment-rotation=-90 --time=-0.5 --clip Walk --up=-z --smooth 0.5 --variant 'red shoe' \
-             --ignore-required-extensions --hide-environment --ground"
+             --environment 'garden one.hdr' --environment-rotation=-90 --background '#ff8000' --time=-0.5 --clip Walk --up=-z --smooth 0.5 --variant 'red shoe' \
+             --ignore-required-extensions --hide-environment --ground --draft"
         );
     }
 

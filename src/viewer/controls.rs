@@ -8,7 +8,8 @@ use glam::{DVec2, DVec3};
 use super::false_colour::DisplayMode;
 use super::keys::CameraMotion;
 use super::navigate;
-use super::request::{CameraSource, Opened, RenderRequest, Settings};
+use super::request::{CameraSource, Opened, RenderRequest};
+use crate::job::RenderSettings;
 use crate::scene::animation::Timeline;
 use crate::scene::{Camera, Numerics, Projection};
 use crate::shading::ShadingMode;
@@ -23,6 +24,9 @@ const TURN: f64 = 1.2;
 /// Binary logarithm of the zoom factor of a key press.
 const ZOOM: f64 = 0.125;
 
+/// Samples of the second side of a comparison, if the first has one.
+const COMPARED_SAMPLES: u32 = 16;
+
 /// State of the controls.
 pub(crate) struct Controls {
     /// Camera.
@@ -36,7 +40,7 @@ pub(crate) struct Controls {
     /// Displayed quantity.
     pub display_mode: DisplayMode,
     /// Render settings: one entry, or two for a comparison.
-    pub sides: Vec<Settings>,
+    pub sides: Vec<RenderSettings>,
     /// Index of the side that the panel edits.
     pub side: usize,
     /// Position of the line between two sides, as a fraction of the width.
@@ -44,7 +48,7 @@ pub(crate) struct Controls {
     /// Vertical field of view of the last perspective camera, in radians.
     angle: f64,
     /// Initial camera, projection and settings of the opened files.
-    start: (CameraSource, Option<Projection>, Settings),
+    start: (CameraSource, Option<Projection>, RenderSettings),
 }
 
 impl Controls {
@@ -79,13 +83,9 @@ impl Controls {
         }
         for side in &mut self.sides {
             let new = &opened.settings;
-            side.choices.scene = new.choices.scene.clone();
-            update_unchanged(&mut side.choices.shading, settings.choices.shading, new.choices.shading);
+            // The others are those of the command line, which stays.
             update_unchanged(&mut side.numerics, settings.numerics, new.numerics);
-            update_unchanged(&mut side.pipeline, settings.pipeline, new.pipeline);
-            update_unchanged(&mut side.display, settings.display, new.display);
-            update_unchanged(&mut side.headlight, settings.headlight, new.headlight);
-            update_unchanged(&mut side.choices.sampling, settings.choices.sampling, new.choices.sampling);
+            update_unchanged(&mut side.colour, settings.colour, new.colour);
         }
         if opened.scene.animation.is_none() {
             (self.time, self.playing) = (0.0, None);
@@ -94,7 +94,7 @@ impl Controls {
     }
 
     /// The settings of the side that the panel edits.
-    pub(crate) fn settings(&mut self) -> &mut Settings {
+    pub(crate) fn settings(&mut self) -> &mut RenderSettings {
         &mut self.sides[self.side]
     }
 
@@ -201,21 +201,25 @@ impl Controls {
 
     /// Selects the next shading mode.
     pub(crate) fn next_shading(&mut self) {
-        let shading = &mut self.settings().choices.shading;
+        let shading = &mut self.settings().shading;
         *shading = next(&ShadingMode::ALL, *shading);
     }
 
     /// Selects the next numerics tier.
     pub(crate) fn next_tier(&mut self) {
         let numerics = &mut self.settings().numerics;
-        *numerics = next(&Numerics::ALL, *numerics);
+        *numerics = Some(next(&Numerics::ALL, numerics.unwrap_or_default()));
     }
 
-    /// Starts or ends a comparison.
-    pub(crate) fn switch_comparison(&mut self) {
+    /// Starts or ends a comparison. The second side has antialiasing, or none if the first has; `samples` is the number of
+    /// samples of the first.
+    pub(crate) fn switch_comparison(&mut self, samples: u32) {
         match self.sides.len() {
             1 => {
-                self.sides.push(self.sides[0].clone());
+                let mut second = self.sides[0].clone();
+                second.sampling.samples = Some(if samples > 1 { 1 } else { COMPARED_SAMPLES });
+                second.sampling.noise = None;
+                self.sides.push(second);
                 self.side = 1;
             }
             _ => {

@@ -32,6 +32,8 @@ pub(crate) enum Action {
     Step(i32),
     /// Shows the animation's first frame.
     Rewind,
+    /// Shows or hides the list of files to open.
+    Open,
     /// Saves the picture.
     SavePicture,
     /// Saves the camera.
@@ -75,6 +77,7 @@ const fn control(key: Key, action: Action) -> Binding {
 
 /// Bindings with modifiers come first, because a binding without modifiers also matches a key with modifiers.
 const BINDINGS: &[Binding] = &[
+    control(Key::O, Action::Open),
     control(Key::S, Action::SavePicture),
     control(Key::K, Action::SaveCamera),
     control(Key::L, Action::CopyCommand),
@@ -138,6 +141,7 @@ pub(crate) const LIST: &[(&str, &str)] = &[
     ("F2 to F4, F6 to F9", "effects on and off, in the panel's order"),
     ("Space", "play or pause the animation"),
     (", and .", "one frame back or forth; Backspace for the first"),
+    ("Ctrl + O", "open a file"),
     ("Ctrl + S", "save the picture"),
     ("Ctrl + K", "save the camera, for a scene file"),
     ("Ctrl + L", "copy the command line that renders the picture"),

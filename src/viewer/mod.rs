@@ -14,6 +14,7 @@ pub mod inspect;
 mod keys;
 mod loader;
 pub mod navigate;
+mod open_dialog;
 mod overlay;
 mod painter;
 mod panel;
@@ -25,7 +26,7 @@ mod trace;
 pub mod watch;
 
 pub use app::run;
-pub use request::{CameraSource, Opened, Settings};
+pub use request::{CameraSource, Opened};
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;

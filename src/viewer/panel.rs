@@ -1,19 +1,20 @@
 //! The side panel: camera, render settings, and the cost of each effect.
 
-use egui::{ComboBox, DragValue, Grid, RichText, Slider, Ui};
+use egui::{CollapsingHeader, ComboBox, DragValue, Grid, RichText, Slider, Ui};
 
 use super::controls::Controls;
 use super::false_colour::DisplayMode;
 use super::keys::Action;
 use super::navigate;
 use super::painter::{Comparison, RenderedImage};
-use super::request::{CameraSource, Opened, Settings};
+use super::request::{CameraSource, Opened};
 use super::trace::Trace;
-use crate::effects::{Decision, RayKind, id};
+use crate::effects::{Decision, EFFECTS, RayKind, id};
 use crate::film::tone::{Exposure, MAX_EXPOSURE, ToneMap};
 use crate::film::{ColourPipeline, FilterShape};
+use crate::job::{Background, Look, RenderSettings};
 use crate::render::grouped;
-use crate::scene::{Camera, Numerics, Projection};
+use crate::scene::{Camera, Numerics, Projection, Sampling};
 use crate::shading::ShadingMode;
 use crate::world::StandardView;
 
@@ -28,6 +29,11 @@ pub(crate) struct PanelContents<'a> {
 }
 
 impl PanelContents<'_> {
+    /// Samples per pixel of the left side, at most.
+    fn samples_taken(&self) -> u32 {
+        self.rendered[0].map_or(1, |rendered| rendered.prepared.choices.sampling.samples_taken())
+    }
+
     fn displayed_camera(&self) -> Option<&Camera> {
         self.rendered[0].map(|rendered| &rendered.prepared.camera)
     }
@@ -40,7 +46,9 @@ pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Control
     ui.separator();
     comparison(ui, contents, controls, trace);
     let rendered = contents.rendered[controls.side];
-    render_settings(ui, controls, trace);
+    look(ui, contents, controls, trace);
+    ui.separator();
+    render_settings(ui, rendered, controls, trace);
     ui.separator();
     if let Some(rendered) = rendered {
         effects(ui, rendered, controls.settings(), trace);
@@ -50,6 +58,7 @@ pub(crate) fn show(ui: &mut Ui, contents: &PanelContents, controls: &mut Control
 /// Shows the buttons. Returns the action of a clicked button.
 pub(crate) fn buttons(ui: &mut Ui, trace: &mut Trace) -> Option<Action> {
     let all = [
+        ("Open file", "a scene, a mesh or a glTF file (Ctrl + O); files can be dropped, too", Action::Open),
         ("Save picture", "as a PNG in this folder (Ctrl + S)", Action::SavePicture),
         ("Save camera", "as TOML, for a scene file (Ctrl + K)", Action::SaveCamera),
         ("Copy command", "the command line that renders this (Ctrl + L)", Action::CopyCommand),
@@ -144,7 +153,7 @@ fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, tr
             ui.checkbox(&mut compares, "Compare").on_hover_text("beside a second setting (X); drag the line");
         place(ui, trace, "compare", &check);
         if check.changed() {
-            controls.switch_comparison();
+            controls.switch_comparison(contents.samples_taken());
         }
         if controls.sides.len() > 1 {
             for (side, name) in ["left", "right"].into_iter().enumerate() {
@@ -174,32 +183,151 @@ fn comparison(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, tr
     }
 }
 
-fn render_settings(ui: &mut Ui, controls: &mut Controls, trace: &mut Trace) {
+/// Light, ground and background, as the options of `kiln render` choose them.
+fn look(ui: &mut Ui, contents: &PanelContents, controls: &mut Controls, trace: &mut Trace) {
+    let has_settings = contents.opened.scene.has_settings;
     let settings = controls.settings();
-    choice(ui, trace, "shading", &mut settings.choices.shading, &ShadingMode::ALL, ShadingMode::name);
-    choice(ui, trace, "numerics", &mut settings.numerics, &Numerics::ALL, Numerics::name);
+    let own = if has_settings || !contents.opened.scene.lights.is_empty() { "the file's" } else { "studio" };
+    let mut light = LightChoice::of(settings);
+    let list = ComboBox::from_label("light").selected_text(light.name(own)).show_ui(ui, |ui| {
+        for choice in LightChoice::ALL {
+            ui.selectable_value(&mut light, choice, choice.name(own)).on_hover_text(choice.meaning());
+        }
+    });
+    place(ui, trace, "light", &list.response);
+    if light != LightChoice::of(settings) {
+        light.apply(settings);
+    }
+    ui.horizontal(|ui| {
+        let mut has_colour = settings.background.is_some();
+        let check = ui.checkbox(&mut has_colour, "background");
+        place(ui, trace, "background", &check);
+        let mut colour = match settings.background {
+            Some(Background::Colour(colour)) => colour,
+            Some(Background::Transparent) => [0; 3],
+            None => DEFAULT_BACKGROUND,
+        };
+        if check.changed() {
+            settings.background = has_colour.then_some(Background::Colour(colour));
+        }
+        if has_colour && ui.color_edit_button_srgb(&mut colour).changed() {
+            settings.background = Some(Background::Colour(colour));
+        }
+        let mut has_ground = settings.ground == Some(true);
+        let check = ui.checkbox(&mut has_ground, "ground").on_hover_text("a matt plane under the scene");
+        place(ui, trace, "ground", &check);
+        if check.changed() {
+            settings.ground = has_ground.then_some(true);
+        }
+    });
+}
+
+/// The colour that the control of the background begins with, sRGB.
+const DEFAULT_BACKGROUND: [u8; 3] = [255; 3];
+
+/// What lights a scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum LightChoice {
+    /// The lights of the file, or those of the default look.
+    Own,
+    Headlight,
+    Sky,
+    /// Another environment, which the command line named.
+    Environment,
+    None,
+}
+
+impl LightChoice {
+    const ALL: [LightChoice; 4] =
+        [LightChoice::Own, LightChoice::Headlight, LightChoice::Sky, LightChoice::None];
+
+    fn of(settings: &RenderSettings) -> Self {
+        match (settings.environment.source.as_deref(), settings.headlight, settings.look) {
+            (Some("sky"), ..) => LightChoice::Sky,
+            (Some(_), ..) => LightChoice::Environment,
+            (None, Some(true), _) | (None, None, Look::Draft) => LightChoice::Headlight,
+            (None, Some(false), _) => LightChoice::None,
+            (None, None, Look::Studio) => LightChoice::Own,
+        }
+    }
+
+    fn name(self, own: &'static str) -> &'static str {
+        match self {
+            LightChoice::Own => own,
+            LightChoice::Headlight => "headlight",
+            LightChoice::Sky => "sky",
+            LightChoice::Environment => "environment",
+            LightChoice::None => "none",
+        }
+    }
+
+    fn meaning(self) -> &'static str {
+        match self {
+            LightChoice::Own => "the lights of the file; without any, a key light, fill light and a ground",
+            LightChoice::Headlight => "a light at the camera, where the file has none (--light head)",
+            LightChoice::Sky => "a clear sky with the sun (--environment sky)",
+            LightChoice::Environment => "the environment of the command line",
+            LightChoice::None => "no light but the file's (--light none)",
+        }
+    }
+
+    fn apply(self, settings: &mut RenderSettings) {
+        (settings.look, settings.headlight, settings.environment.source) = (Look::Studio, None, None);
+        match self {
+            LightChoice::Own | LightChoice::Environment => {}
+            LightChoice::Headlight => settings.headlight = Some(true),
+            LightChoice::Sky => settings.environment.source = Some("sky".to_owned()),
+            LightChoice::None => settings.headlight = Some(false),
+        }
+    }
+}
+
+fn render_settings(
+    ui: &mut Ui,
+    rendered: Option<&RenderedImage>,
+    controls: &mut Controls,
+    trace: &mut Trace,
+) {
+    let settings = controls.settings();
+    choice(ui, trace, "shading", &mut settings.shading, &ShadingMode::ALL, ShadingMode::name);
+    let mut numerics = settings.numerics.unwrap_or_default();
+    choice(ui, trace, "numerics", &mut numerics, &Numerics::ALL, Numerics::name);
     let pipelines = [ColourPipeline::Display, ColourPipeline::U8, ColourPipeline::Linear];
-    choice(ui, trace, "colour", &mut settings.pipeline, &pipelines, ColourPipeline::name);
-    if settings.pipeline == ColourPipeline::Linear {
-        let mut map = settings.display.tone_map.unwrap_or_default();
+    let mut pipeline = settings.colour.unwrap_or_default();
+    choice(ui, trace, "colour", &mut pipeline, &pipelines, ColourPipeline::name);
+    (settings.numerics, settings.colour) = (Some(numerics), Some(pipeline));
+    if pipeline == ColourPipeline::Linear {
+        // What the file or the look says, where nothing else was chosen.
+        let display =
+            settings.display.or(rendered.map(|rendered| rendered.prepared.job.display).unwrap_or_default());
+        let mut map = display.tone_map.unwrap_or_default();
         choice(ui, trace, "tone map", &mut map, &ToneMap::ALL, ToneMap::name);
-        if settings.display.tone_map.unwrap_or_default() != map {
+        if display.tone_map.unwrap_or_default() != map {
             settings.display.tone_map = Some(map);
         }
-        exposure(ui, trace, &mut settings.display.exposure);
+        let mut own = display.exposure;
+        exposure(ui, trace, &mut own);
+        if own != display.exposure {
+            settings.display.exposure = own;
+        }
     }
-    let sampling = &mut settings.choices.sampling;
-    let mut samples = if sampling.is_wanted() { sampling.max_samples() } else { 1 };
+    let own = rendered.map(|rendered| rendered.prepared.choices.sampling).unwrap_or_default();
+    let sampling = &mut settings.sampling;
+    let mut samples = sampling.samples.unwrap_or_else(|| own.samples_taken());
     ui.horizontal(|ui| {
         let drag = ui.add(DragValue::new(&mut samples).range(1..=crate::scene::MAX_SAMPLES).speed(0.2));
         place(ui, trace, "samples", &drag);
         if drag.changed() {
             sampling.samples = Some(samples);
         }
-        ui.label("samples a pixel");
+        ui.label(if own.noise.is_some() && samples > 1 {
+            "samples a pixel at most"
+        } else {
+            "samples a pixel"
+        });
     });
     if samples > 1 {
-        let shape = sampling.shape_and_radius().0;
+        let shape = sampling.or(own).shape_and_radius().0;
         let mut chosen = shape;
         choice(ui, trace, "filter", &mut chosen, &FilterShape::ALL, FilterShape::name);
         if chosen != shape {
@@ -244,25 +372,30 @@ fn choice<T: PartialEq + Copy>(
     place(ui, trace, label, &list.response);
 }
 
-fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut Settings, trace: &mut Trace) {
-    let statistics = &rendered.statistics;
+fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut RenderSettings, trace: &mut Trace) {
+    let (statistics, decisions) = (&rendered.statistics, &rendered.prepared.decisions);
     Grid::new("effects").num_columns(3).spacing([14.0, 4.0]).striped(true).show(ui, |ui| {
         ui.label(RichText::new("effect").weak());
         ui.label(RichText::new("rays").weak());
-        ui.label(RichText::new("thread ms").weak());
+        ui.label(RichText::new("CPU ms").weak()).on_hover_text("processor time of all threads together");
         ui.end_row();
         ui.label("every picture");
         ui.label(count(statistics.rays(RayKind::PRIMARY).cast));
         let base = statistics.stages.iter().filter(|stage| stage.effect.is_none()).map(|stage| stage.time);
         ui.label(milliseconds(base.sum()));
         ui.end_row();
-        for (decision, can) in &rendered.prepared.decisions {
-            effect(ui, decision, *can, settings, trace);
+        for (decision, _) in decisions.iter().filter(|(_, can)| *can) {
+            effect(ui, decision, true, settings, trace);
             let cost =
                 statistics.effect_costs.iter().find(|cost| cost.effect == decision.effect && decision.on);
             ui.label(cost.filter(|cost| cost.rays > 0).map_or(String::new(), |cost| count(cost.rays)));
             ui.label(cost.and_then(|cost| cost.time).map_or(String::new(), milliseconds));
             ui.end_row();
+        }
+    });
+    CollapsingHeader::new("not called for by the scene").show(ui, |ui| {
+        for (decision, _) in decisions.iter().filter(|(_, can)| !can) {
+            effect(ui, decision, false, settings, trace);
         }
     });
     if rendered.prepared.decisions.iter().any(|(decision, _)| decision.effect == id::GLAZE && decision.on) {
@@ -284,42 +417,51 @@ fn effects(ui: &mut Ui, rendered: &RenderedImage, settings: &mut Settings, trace
 }
 
 /// Shows an effect's checkbox. `can` is whether the scene uses the effect; otherwise the checkbox is disabled.
-fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut Settings, trace: &mut Trace) {
+fn effect(ui: &mut Ui, decision: &Decision, can: bool, settings: &mut RenderSettings, trace: &mut Trace) {
     // A change that is not rendered yet is already displayed.
-    let is_without = settings.choices.without.iter().any(|name| *name == decision.effect.name());
-    let has =
-        settings.choices.with.iter().any(|typed| typed.split('=').next() == Some(decision.effect.name()));
+    let is_without = settings.without.iter().any(|name| *name == decision.effect.name());
+    let has = settings.with.iter().any(|typed| typed.split('=').next() == Some(decision.effect.name()));
     let mut on = can && (has || decision.on && !is_without);
     let check = ui.add_enabled(can, egui::Checkbox::new(&mut on, decision.effect.name()));
-    let check = check.on_hover_text(&decision.why).on_disabled_hover_text(&decision.why);
+    let meaning =
+        EFFECTS.iter().find(|effect| effect.id == decision.effect).map_or("", |effect| effect.summary);
+    let text = format!("{meaning}\n{}", decision.why);
+    let check = check.on_hover_text(&text).on_disabled_hover_text(&text);
     place(ui, trace, &format!("effect {}", decision.effect), &check);
     if check.changed() {
         settings.switch(decision.effect, on);
     }
 }
 
-/// Names of the settings, one entry each.
-pub(crate) fn setting_names(settings: &Settings) -> Vec<String> {
-    let Settings { choices, numerics, pipeline, display, headlight } = settings;
-    let sampling = choices.sampling;
-    let samples = if sampling.is_wanted() { sampling.max_samples() } else { 1 };
+/// Names of the settings of a side, one entry each. `sampling` is that of its picture.
+pub(crate) fn setting_names(settings: &RenderSettings, sampling: &Sampling) -> Vec<String> {
+    let RenderSettings { shading, with, without, .. } = settings;
+    let (numerics, pipeline) = (settings.numerics.unwrap_or_default(), settings.colour.unwrap_or_default());
+    let samples = settings.sampling.samples.unwrap_or_else(|| sampling.samples_taken());
     let mut words = vec![
-        choices.shading.name().to_owned(),
+        shading.name().to_owned(),
         numerics.name().into(),
         pipeline.name().into(),
         if samples == 1 { "1 sample".into() } else { format!("{samples} samples") },
     ];
     if samples > 1 {
-        words.push(sampling.shape_and_radius().0.name().into());
+        words.push(settings.sampling.or(*sampling).shape_and_radius().0.name().into());
     }
-    let display = display.in_pipeline(*pipeline);
+    let display = settings.display.in_pipeline(pipeline);
     words.extend(display.exposure().map(|exposure| format!("exposure {exposure}")));
     words.extend(display.tone_map().map(|map| map.name().to_owned()));
-    if !headlight {
-        words.push("no headlight".into());
+    let light = LightChoice::of(settings);
+    if light != LightChoice::Own {
+        words.push(format!("light: {}", light.name("")));
     }
-    words.extend(choices.with.iter().map(|effect| format!("with {effect}")));
-    words.extend(choices.without.iter().map(|effect| format!("without {effect}")));
+    if let Some(Background::Colour([r, g, b])) = settings.background {
+        words.push(format!("background #{r:02x}{g:02x}{b:02x}"));
+    }
+    if settings.ground == Some(true) {
+        words.push("ground".to_owned());
+    }
+    words.extend(with.iter().map(|effect| format!("with {effect}")));
+    words.extend(without.iter().map(|effect| format!("without {effect}")));
     words
 }
 

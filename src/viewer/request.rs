@@ -2,11 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::bvh::Preset;
-use crate::effects::{Choices, EffectId};
-use crate::film::{ColourPipeline, DisplaySettings};
-use crate::job::{CameraChoice, EnvironmentSettings, RenderSettings};
-use crate::scene::{Camera, INLINE_NAME, Numerics, Projection, Scene};
+use crate::job::{CameraChoice, RenderSettings};
+use crate::scene::{Camera, INLINE_NAME, Projection, Scene};
 use crate::world::StandardView;
 
 /// Camera of the viewer.
@@ -20,53 +17,10 @@ pub enum CameraSource {
     Free(Camera),
 }
 
-/// Render settings that the two sides of a comparison may differ in.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Shading mode, sampling and effects.
-    pub choices: Choices,
-    /// Numerics tier of intersection.
-    pub numerics: Numerics,
-    /// Colour pipeline: number format of radiance.
-    pub pipeline: ColourPipeline,
-    /// Exposure and tone map, used if the pipeline is linear.
-    pub display: DisplaySettings,
-    /// Whether a scene without lights gets a headlight.
-    pub headlight: bool,
-}
-
-impl Settings {
-    /// Enables or disables an effect, overriding the scene.
-    pub fn switch(&mut self, effect: EffectId, on: bool) {
-        self.set_switch(effect, if on { Some(None) } else { None });
-    }
-
-    /// Enables an effect with a value; `None` for its default value.
-    pub fn set(&mut self, effect: EffectId, value: Option<&str>) {
-        self.set_switch(effect, Some(value));
-    }
-
-    fn set_switch(&mut self, effect: EffectId, on: Option<Option<&str>>) {
-        let Choices { with, without, .. } = &mut self.choices;
-        with.retain(|typed| typed.split('=').next() != Some(effect.name()));
-        without.retain(|name| *name != effect.name());
-        match on {
-            Some(Some(value)) => with.push(effect.with_value(value)),
-            Some(None) => with.push(effect.name().to_owned()),
-            None => without.push(effect.name().to_owned()),
-        }
-    }
-
-    /// The value that the user set for an effect.
-    pub fn value(&self, effect: EffectId) -> Option<&str> {
-        self.choices.with.iter().rev().find_map(|typed| typed.strip_prefix(effect.name())?.strip_prefix('='))
-    }
-}
-
 /// Opened input files.
 #[derive(Debug)]
 pub struct Opened {
-    /// Scene of all files.
+    /// Scene of all files, before [`RenderSettings::complete`].
     pub scene: Scene,
     /// Initial camera.
     pub camera_source: CameraSource,
@@ -74,12 +28,8 @@ pub struct Opened {
     pub projection: Option<Projection>,
     /// Width and height in pixels that the scene specifies.
     pub size: [u32; 2],
-    /// Initial render settings.
-    pub settings: Settings,
-    /// Settings of the environment, which the scene has already.
-    pub environment: EnvironmentSettings,
-    /// Preset of the tree build.
-    pub preset: Preset,
+    /// Initial render settings, with numerics and colour pipeline.
+    pub settings: RenderSettings,
 }
 
 /// Request for a picture.
@@ -99,37 +49,22 @@ pub(crate) struct RenderRequest {
     pub display_mode: super::false_colour::DisplayMode,
     /// Whether the animation plays, so that this picture has the time of one frame.
     pub is_playing: bool,
-    /// Render settings: one entry, or two for a comparison.
-    pub sides: Vec<Settings>,
+    /// Render settings but for camera, projection and size: one entry, or two for a comparison.
+    pub sides: Vec<RenderSettings>,
 }
 
 impl RenderRequest {
-    /// The settings of `kiln render` for the picture of `sides[side]`.
-    pub(crate) fn render_settings(&self, side: usize) -> RenderSettings {
-        let Settings { choices, numerics, pipeline, display, headlight } = &self.sides[side];
-        RenderSettings {
-            camera: match &self.camera_source {
-                CameraSource::Scene(index) => CameraChoice::Named(index.to_string()),
-                CameraSource::Fitted(view) => CameraChoice::Fitted(*view),
-                CameraSource::Free(camera) => {
-                    CameraChoice::Given(Camera { name: INLINE_NAME.to_owned(), ..camera.clone() })
-                }
-            },
-            projection: self.projection,
-            size: Some(self.size),
-            sampling: choices.sampling,
-            numerics: Some(*numerics),
-            preset: self.opened.preset,
-            shading: choices.shading,
-            transport: choices.transport,
-            clamp: choices.clamp,
-            with: choices.with.clone(),
-            without: choices.without.clone(),
-            colour: Some(*pipeline),
-            display: display.in_pipeline(*pipeline),
-            headlight: (!headlight).then_some(false),
-            ..RenderSettings::default()
-        }
+    /// The settings of `kiln render` for the picture of a side.
+    pub(crate) fn render_settings(&self, side: &RenderSettings) -> RenderSettings {
+        let camera = match &self.camera_source {
+            CameraSource::Scene(index) => CameraChoice::Named(index.to_string()),
+            CameraSource::Fitted(view) => CameraChoice::Fitted(*view),
+            CameraSource::Free(camera) => {
+                CameraChoice::Given(Camera { name: INLINE_NAME.to_owned(), ..camera.clone() })
+            }
+        };
+        let display = side.display.in_pipeline(side.colour.unwrap_or_default());
+        RenderSettings { camera, projection: self.projection, size: Some(self.size), display, ..side.clone() }
     }
 }
 
@@ -143,35 +78,5 @@ impl PartialEq for RenderRequest {
             && self.display_mode == other.display_mode
             && self.is_playing == other.is_playing
             && self.sides == other.sides
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::effects::id;
-
-    #[test]
-    fn the_last_word_on_an_effect_counts() {
-        let mut settings = Settings {
-            choices: Choices { with: vec!["glaze=every-bounce".into()], ..Choices::default() },
-            numerics: Numerics::default(),
-            pipeline: ColourPipeline::default(),
-            display: DisplaySettings::default(),
-            headlight: true,
-        };
-        assert_eq!(settings.value(id::GLAZE), Some("every-bounce"));
-        settings.switch(id::GLAZE, false);
-        assert_eq!(
-            (settings.choices.with.len(), settings.choices.without.as_slice()),
-            (0, &["glaze".to_owned()][..])
-        );
-        settings.set(id::GLAZE, Some("2"));
-        assert_eq!((settings.value(id::GLAZE), settings.choices.without.len()), (Some("2"), 0));
-        settings.switch(id::GLAZE, true);
-        assert_eq!(
-            (settings.value(id::GLAZE), settings.choices.with.as_slice()),
-            (None, &["glaze".to_owned()][..])
-        );
     }
 }

@@ -7,7 +7,7 @@ use egui::ColorImage;
 
 use super::name_of;
 use super::painter::Prepared;
-use super::request::{RenderRequest, Settings};
+use super::request::RenderRequest;
 use crate::error::{Result, Warnings};
 use crate::film::output::write_whole;
 use crate::film::write::{Format, OutputImage, write_picture};
@@ -15,7 +15,6 @@ use crate::film::{ColourPipeline, Film, Window};
 use crate::job::metadata::{add_to_fingerprint, set_auto_exposure};
 use crate::job::resolve;
 use crate::render::RenderControl;
-use crate::scene::Scene;
 
 /// The first of `STEM.ENDING`, `STEM-2.ENDING`, ... that neither exists nor is being saved.
 pub(crate) fn free_name(stem: &str, ending: &str, saving: &[PathBuf]) -> PathBuf {
@@ -59,11 +58,10 @@ pub(crate) fn picture(
     file: &Path,
 ) -> Result<()> {
     let RenderRequest { opened, time, sides, .. } = request;
-    let Settings { choices, .. } = &sides[side];
-    let job = prepared.job.with_choices(choices.clone())?;
+    let job = prepared.job.with_choices(prepared.choices.clone())?;
     let (film, statistics) = job.render(&RenderControl::default())?;
-    let scene = Scene { effects: choices.scene.clone(), ..opened.scene.clone() };
-    let mut metadata = resolve(scene, &request.render_settings(side), &mut Warnings::default())?.metadata;
+    let settings = request.render_settings(&sides[side]);
+    let mut metadata = resolve(opened.scene.clone(), &settings, &mut Warnings::default())?.metadata;
     if *time != 0.0 {
         add_to_fingerprint(&mut metadata, "time", time);
     }

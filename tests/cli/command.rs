@@ -608,24 +608,14 @@ fn what_is_seen_is_rendered_by_its_line() {
     navigate::orbit(&mut camera, glam::DVec2::new(0.3, 0.2));
     navigate::zoom(&mut camera, 1.3);
     navigate::pan(&mut camera, glam::DVec2::new(0.1, -0.05), 1.5);
+    let settings = kiln::job::RenderSettings { without: vec!["shadows".into()], ..Default::default() };
     let command = command_line::RenderCommand {
         inputs: &[PathBuf::from("scene.toml")],
         defaults: &defaults,
         viewpoint: command_line::CommandCamera::Camera(&camera),
         projection: camera.projection,
         size: [48, 32],
-        shading: Default::default(),
-        with: &[],
-        without: &["shadows".into()],
-        numerics: Default::default(),
-        colour: kiln::film::ColourPipeline::Display,
-        sampling: Default::default(),
-        display: Default::default(),
-        headlight: true,
-        transport: None,
-        clamp: None,
-        has_ground: false,
-        environment: &Default::default(),
+        settings: &settings,
         import_options: &kiln::scene::ImportOptions::default(),
         clip: None,
         output: Path::new("seen.png"),

@@ -4,7 +4,6 @@ mod contents;
 mod geometry;
 mod lights;
 mod materials;
-mod names;
 mod objects;
 mod rendering;
 
@@ -18,10 +17,9 @@ use super::arguments::inputs_help;
 use super::print;
 use crate::effects::check_scene;
 use crate::error::{Result, Warnings};
-use crate::import;
+use crate::import::{self, FileNames};
 use crate::scene::ImportOptions;
 use crate::scene::topology::Topology;
-use names::FileNames;
 use rendering::{Memory, Rendering};
 
 #[derive(Args)]

@@ -15,6 +15,7 @@ use crate::viewer::controls::next;
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::inspect::inspect;
 use crate::viewer::keys::{self, Action, CameraMotion, Focus};
+use crate::viewer::open_dialog::{Answer, OpenDialog};
 use crate::viewer::overlay::Notice;
 use crate::viewer::request::CameraSource;
 use crate::viewer::{message_with_hint, navigate, save};
@@ -53,6 +54,13 @@ impl App {
         match action {
             Action::Panel => self.visible.panel = !self.visible.panel,
             Action::Help => self.visible.keys = !self.visible.keys,
+            Action::Open => {
+                let inputs = &self.inputs;
+                self.open_dialog = match self.open_dialog {
+                    Some(_) => None,
+                    None => Some(OpenDialog::beside(inputs.first().map(PathBuf::as_path))),
+                };
+            }
             Action::Reload => self.loader.load(self.inputs.clone()),
             Action::FullScreen => {
                 let is_full = context.input(|input| input.viewport().fullscreen.unwrap_or(false));
@@ -64,7 +72,7 @@ impl App {
             }),
             Action::Close => {
                 self.visible.keys = false;
-                (self.notice, self.inspection) = (None, None);
+                (self.notice, self.inspection, self.open_dialog) = (None, None, None);
             }
             Action::SavePicture => self.save_picture(context),
             Action::SaveCamera => self.save_camera(),
@@ -75,8 +83,31 @@ impl App {
                     self.show_notice("copied the command line that renders this".into());
                 }
             }
+            Action::Compare => {
+                self.control(action);
+                self.explain_comparison();
+            }
             _ => self.control(action),
         }
+    }
+
+    /// Says how to change a comparison that was just started.
+    pub(super) fn explain_comparison(&mut self) {
+        if self.controls.as_ref().is_some_and(|controls| controls.sides.len() > 1) {
+            let how = "the panel changes the side that is chosen there, left or right; drag the line; X ends the comparison";
+            self.show_notice(format!("comparing with another number of samples\n{how}"));
+        }
+    }
+
+    /// Shows the list of files to open, and opens the chosen one.
+    pub(super) fn choose_file(&mut self, context: &Context) {
+        let Some(dialog) = &mut self.open_dialog else { return };
+        match dialog.show(context, &mut self.trace) {
+            Answer::Open => return,
+            Answer::Picked(file) => self.loader.load(vec![file]),
+            Answer::Closed => {}
+        }
+        self.open_dialog = None;
     }
 
     /// Performs an action that changes the render request.
@@ -91,7 +122,10 @@ impl App {
             (Action::Standard(view), _) => controls.fit_standard_view(view),
             (Action::NextCamera, _) => controls.next_camera(opened.scene.cameras.len()),
             (Action::NextShown, _) => controls.display_mode = next(&DisplayMode::ALL, controls.display_mode),
-            (Action::Compare, _) => controls.switch_comparison(),
+            (Action::Compare, _) => {
+                let prepared = self.canvas.prepared(0);
+                controls.switch_comparison(prepared.map_or(1, |p| p.choices.sampling.samples_taken()));
+            }
             (Action::NextTier, _) => controls.next_tier(),
             (Action::NextShading, _) => controls.next_shading(),
             (Action::Effect(index), _) => {
@@ -140,6 +174,7 @@ impl App {
             controls.navigate(Some(&prepared.camera), |camera| navigate::focus(camera, point));
         }
         self.inspection = Some((prepared, found));
+        self.visible.panel = true;
     }
 
     /// File name for the next saved picture.
@@ -169,18 +204,7 @@ impl App {
             },
             projection: prepared.job.camera.projection,
             size: prepared.job.view.size(),
-            shading: settings.choices.shading,
-            with: &settings.choices.with,
-            without: &settings.choices.without,
-            numerics: settings.numerics,
-            colour: settings.pipeline,
-            sampling: settings.choices.sampling,
-            display: settings.display.in_pipeline(settings.pipeline),
-            headlight: settings.headlight,
-            transport: settings.choices.transport,
-            clamp: settings.choices.clamp,
-            has_ground: opened.scene.ground.is_some() && !opened.scene.has_key_light,
-            environment: &opened.environment,
+            settings,
             import_options: &opened.scene.import_options,
             clip: opened.scene.animation.as_ref().and_then(|animation| animation.clip.as_ref()),
             output,

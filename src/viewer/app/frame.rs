@@ -42,12 +42,16 @@ impl App {
 
     pub(super) fn panels(&mut self, ui: &mut Ui) {
         Panel::bottom("status").show(ui, |ui| self.status(ui));
-        let App { controls, opened, canvas, comparison, trace, visible, .. } = self;
+        let App { controls, opened, canvas, comparison, trace, visible, inspection, names, .. } = self;
         let (Some(controls), Some(opened)) = (controls, opened) else { return };
-        let mut clicked = None;
+        let (mut clicked, before) = (None, controls.sides.len());
+        let mut is_inspecting = true;
         if visible.panel {
             Panel::right("panel").exact_size(PANEL_WIDTH).show(ui, |ui| {
                 ScrollArea::vertical().show(ui, |ui| {
+                    if let Some((_, found)) = inspection {
+                        is_inspecting = inspector::show(ui, found, names);
+                    }
                     let rendered = [canvas.rendered(0), canvas.rendered(1)];
                     panel::show(
                         ui,
@@ -59,10 +63,17 @@ impl App {
                 });
             });
         }
+        if !is_inspecting {
+            *inspection = None;
+        }
+        let has_begun = controls.sides.len() > before;
         if let (Some(timeline), Some(animation)) = (timeline(opened), &opened.scene.animation) {
             Panel::bottom("timeline").show(ui, |ui| {
                 bar::show(ui, &timeline, animation.duration, controls, trace);
             });
+        }
+        if has_begun {
+            self.explain_comparison();
         }
         if let Some(action) = clicked {
             self.act(&ui.ctx().clone(), action);
@@ -89,9 +100,6 @@ impl App {
         if let Some((of, found)) = &self.inspection {
             if let Some(prepared) = self.canvas.prepared(0) {
                 inspector::draw(&ui.painter_at(rect), rect, prepared, of, found);
-            }
-            if !inspector::window(&context, rect, found) {
-                self.inspection = None;
             }
         }
         if !self.fit_window(&context, size) {
@@ -121,8 +129,11 @@ impl App {
     /// Labels of the two sides of a comparison: the settings in which they differ.
     fn side_names(&self) -> [String; 2] {
         let Some(controls) = &self.controls else { return Default::default() };
-        let [a, b] =
-            [0, 1].map(|side| controls.sides.get(side).map(panel::setting_names).unwrap_or_default());
+        let [a, b] = [0, 1].map(|side| {
+            let sampling = self.canvas.prepared(side).map(|prepared| prepared.choices.sampling);
+            let settings = controls.sides.get(side);
+            settings.map(|s| panel::setting_names(s, &sampling.unwrap_or_default())).unwrap_or_default()
+        });
         let only = |own: &[String], other: &[String]| {
             let mut own: Vec<String> = own.iter().filter(|word| !other.contains(word)).cloned().collect();
             let lacks = other.iter().filter_map(|word| word.strip_prefix("without "));

@@ -1,11 +1,15 @@
-//! Pixel inspector: its window, and the pixel's rays drawn over the picture.
+//! Pixel inspector: its part of the panel, and the pixel's rays drawn over the picture.
 
-use egui::{Color32, Context, Grid, Painter, Pos2, Rect, RichText, Stroke, Ui, Window, vec2};
+use egui::{Color32, Grid, Painter, Pos2, Rect, RichText, Stroke, Ui, vec2};
 use glam::DVec2;
 use serde_json::{Value, json};
 
+use crate::import::FileNames;
 use crate::viewer::inspect::{Inspection, RaySegment};
 use crate::viewer::painter::Prepared;
+
+/// Width of the values in points, so that they fit the panel.
+const VALUE_WIDTH: f32 = 172.0;
 
 /// The inspection as JSON, for the event trace.
 pub(crate) fn to_json(inspection: &Inspection) -> Value {
@@ -30,71 +34,81 @@ pub(crate) fn to_json(inspection: &Inspection) -> Value {
     json!({ "pixel": inspection.pixel, "displayed": inspection.displayed, "seen": seen, "rays": rays })
 }
 
-/// Shows the inspector window. Returns `false` when the user closed it.
-pub(crate) fn window(context: &Context, rect: Rect, inspection: &Inspection) -> bool {
-    let mut open = true;
-    let [x, y] = inspection.pixel;
-    let window =
-        Window::new(format!("Pixel {x}, {y}")).id(egui::Id::unique("pixel")).open(&mut open).resizable(false);
-    window.default_pos(rect.left_top() + vec2(12.0, 60.0)).constrain_to(rect).show(context, |ui| {
-        let [r, g, b] = inspection.displayed;
-        ui.horizontal(|ui| {
-            let (swatch, _) = ui.allocate_exact_size(vec2(28.0, 14.0), egui::Sense::hover());
-            ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(r, g, b));
-            ui.label(format!("{r} {g} {b}  (#{r:02x}{g:02x}{b:02x})"));
-        });
-        surface(ui, inspection);
-        ui.separator();
-        rays(ui, &inspection.rays);
+/// Shows the inspection at the top of the panel. Returns `false` when the user closed it.
+pub(crate) fn show(ui: &mut Ui, inspection: &Inspection, names: &FileNames) -> bool {
+    let (mut is_open, [x, y], [r, g, b]) = (true, inspection.pixel, inspection.displayed);
+    ui.add_space(8.0);
+    ui.horizontal(|ui| {
+        let (swatch, _) = ui.allocate_exact_size(vec2(28.0, 14.0), egui::Sense::hover());
+        ui.painter().rect_filled(swatch, 2.0, Color32::from_rgb(r, g, b));
+        ui.label(RichText::new(format!("Pixel {x}, {y}")).strong());
+        ui.label(format!("#{r:02x}{g:02x}{b:02x}")).on_hover_text(format!("{r} {g} {b}"));
+        is_open = !ui.small_button("x").on_hover_text("Esc").clicked();
     });
-    open
+    surface(ui, inspection, names);
+    rays(ui, &inspection.rays, names);
+    ui.separator();
+    is_open
 }
 
-fn surface(ui: &mut Ui, inspection: &Inspection) {
+fn surface(ui: &mut Ui, inspection: &Inspection, names: &FileNames) {
     let Some(surface_info) = &inspection.surface else {
         ui.label("the background");
         return;
     };
-    let vector = |v: glam::DVec3| format!("{:.6} {:.6} {:.6}", v.x, v.y, v.z);
-    Grid::new("seen").num_columns(2).striped(true).show(ui, |ui| {
-        let mut row = |name: &str, value: String| {
-            ui.label(RichText::new(name).weak());
-            ui.label(RichText::new(value).monospace());
-            ui.end_row();
-        };
-        row("object", surface_info.object_name.clone());
-        row(
-            surface_info.kind,
-            format!("{} ({} of the object)", surface_info.primitive, surface_info.primitive_of_object),
-        );
-        row("t", format!("{:.9}", surface_info.distance));
-        row("position", vector(surface_info.position));
-        row("geometric normal", vector(surface_info.geometric_normal));
-        row("shading normal", vector(surface_info.shading_normal));
-        if let Some([u, v, w]) = surface_info.barycentrics {
-            row("barycentrics", format!("{u:.6} {v:.6} {w:.6}"));
-        }
-        if let Some(uv) = surface_info.uv {
-            row("texture", format!("{:.6} {:.6}", uv.x, uv.y));
-        }
-        row("material", surface_info.material.clone());
-        for (name, value) in &surface_info.material_values {
-            row(name, value.clone());
-        }
-        row("tests", format!("{} boxes, {} primitives", inspection.tests.nodes, inspection.tests.primitives));
-    });
+    let vector = |v: glam::DVec3| v.to_array().map(digits).join(" ");
+    Grid::new("seen").num_columns(2).max_col_width(VALUE_WIDTH).spacing([8.0, 4.0]).striped(true).show(
+        ui,
+        |ui| {
+            let mut row = |name: &str, value: String| {
+                ui.label(RichText::new(name).weak());
+                ui.label(RichText::new(value).monospace().size(11.0));
+                ui.end_row();
+            };
+            row("object", names.shorten(&surface_info.object_name));
+            row(
+                surface_info.kind,
+                format!("{} ({} of the object)", surface_info.primitive, surface_info.primitive_of_object),
+            );
+            row("t", format!("{:.9}", surface_info.distance));
+            row("position", vector(surface_info.position));
+            row("geometric normal", vector(surface_info.geometric_normal));
+            row("shading normal", vector(surface_info.shading_normal));
+            if let Some([u, v, w]) = surface_info.barycentrics {
+                row("barycentrics", [u, v, w].map(digits).join(" "));
+            }
+            if let Some(uv) = surface_info.uv {
+                row("texture", uv.to_array().map(digits).join(" "));
+            }
+            row("material", names.shorten(&surface_info.material));
+            for (name, value) in &surface_info.material_values {
+                row(name, value.clone());
+            }
+            row(
+                "tests",
+                format!("{} boxes, {} primitives", inspection.tests.nodes, inspection.tests.primitives),
+            );
+        },
+    );
 }
 
-fn rays(ui: &mut Ui, rays: &[RaySegment]) {
+/// The number with six significant digits, at most six of them after the point.
+fn digits(x: f64) -> String {
+    let before = if x.abs() >= 1.0 && x.is_finite() { x.abs().log10() as usize + 1 } else { 0 };
+    format!("{x:.*}", 6usize.saturating_sub(before.max(1)))
+}
+
+fn rays(ui: &mut Ui, rays: &[RaySegment], names: &FileNames) {
     for ray in rays {
-        let result = match (&ray.object, &ray.light) {
+        let object = ray.object.as_ref().map(|object| names.shorten(object));
+        let result = match (&object, &ray.light) {
             (Some(object), Some(light)) => format!("towards `{light}`, blocked by `{object}`"),
             (None, Some(light)) => format!("reaches `{light}`"),
             (Some(object), None) => format!("hits `{object}`"),
             (None, None) if ray.hit => "blocked".into(),
             (None, None) => "hits nothing".into(),
         };
-        ui.horizontal(|ui| {
+        ui.horizontal_wrapped(|ui| {
             ui.add_space(10.0 * ray.depth as f32);
             ui.label(RichText::new(ray.kind.name).color(colour(ray)));
             ui.label(result);

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::App;
 use crate::error::Error;
-use crate::import::FileRead;
+use crate::import::{FileNames, FileRead};
 use crate::viewer::controls::Controls;
 use crate::viewer::loader::Loaded;
 use crate::viewer::overlay::Notice;
@@ -73,8 +73,10 @@ impl App {
             let title = inputs.first().map_or("kiln".into(), |input| name_of(input));
             context.send_viewport_cmd(ViewportCommand::Title(format!("{title} - kiln")));
             (self.inputs, self.inspection) = (inputs, None);
+            self.names = FileNames::of(&self.inputs);
         }
-        self.warnings = warnings.messages().iter().chain(warnings.notes()).cloned().collect();
+        let texts = warnings.messages().iter().chain(warnings.notes());
+        self.warnings = texts.map(|text| self.names.shorten(text)).collect();
         self.notice.take_if(|notice| notice.is_error);
         self.trace.event("opened", json!({ "files": watched }));
         self.opened = Some(opened);

@@ -19,6 +19,7 @@ use super::controls::Controls;
 use super::inspect::Inspection;
 use super::keys::HeldKeys;
 use super::loader::Loader;
+use super::open_dialog::OpenDialog;
 use super::overlay::{self, Notice};
 use super::painter::{Comparison, Message, Painter, Prepared};
 use super::request::{Opened, RenderRequest};
@@ -26,11 +27,15 @@ use super::trace::{Pauses, Trace};
 use super::watch::Watcher;
 use super::{Start, display, name_of};
 use crate::error::{Error, Result};
+use crate::import::FileNames;
 use crate::scene::animation::Timeline;
 use frame::PANEL_WIDTH;
 
 /// Height of the status bar in points, for the initial window size.
 const FOOTER_HEIGHT: f32 = 30.0;
+
+/// Part of the screen that the window may take, on each axis; the rest is for its frame and for bars of the desktop.
+const SCREEN_SHARE: f32 = 0.92;
 
 /// Maximum number of frames in which the window is resized to its initial size.
 const MAX_FIT_ATTEMPTS: u32 = 6;
@@ -99,6 +104,10 @@ struct App {
     /// Files that are being written.
     saving: Vec<PathBuf>,
     inputs: Vec<PathBuf>,
+    /// Shortens paths in texts.
+    names: FileNames,
+    /// The list of files to open, if shown.
+    open_dialog: Option<OpenDialog>,
     opened: Option<Arc<Opened>>,
     controls: Option<Controls>,
     canvas: Canvas,
@@ -176,6 +185,8 @@ impl App {
             changed: Arc::default(),
             saved: channel(),
             saving: Vec::new(),
+            names: FileNames::of(&start.inputs),
+            open_dialog: None,
             inputs: start.inputs,
             opened: None,
             controls: None,
@@ -205,7 +216,7 @@ impl App {
     fn fit_window(&mut self, context: &Context, size: [u32; 2]) -> bool {
         let wanted = match (&self.first_size, &self.opened) {
             (FirstSize::Given(size), _) => *size,
-            (FirstSize::Scene, Some(opened)) => opened.size,
+            (FirstSize::Scene, Some(opened)) => within_screen(context, opened.size, size),
             _ => return false,
         };
         self.fit_attempts += 1;
@@ -256,6 +267,19 @@ impl App {
     }
 }
 
+/// The size of a picture that fits the screen with the other parts of the window, of the same aspect ratio. `size` is that
+/// of the picture in the window now.
+fn within_screen(context: &Context, wanted: [u32; 2], size: [u32; 2]) -> [u32; 2] {
+    let Some(screen) = context.input(|input| input.viewport().monitor_size) else { return wanted };
+    let (scale, window) = (context.pixels_per_point(), context.viewport_rect().size());
+    let room = |axis: usize, screen: f32, window: f32| {
+        let others = window * scale - size[axis] as f32;
+        (screen * scale * SCREEN_SHARE - others).max(1.0) / wanted[axis] as f32
+    };
+    let factor = room(0, screen.x, window.x).min(room(1, screen.y, window.y)).min(1.0);
+    wanted.map(|side| ((side as f32 * factor) as u32).max(1))
+}
+
 /// The frames of the scene's animation; `None` without one.
 fn timeline(opened: &Opened) -> Option<Timeline> {
     let animation = opened.scene.animation.as_ref()?;
@@ -278,6 +302,7 @@ impl eframe::App for App {
         self.play(&context);
         self.panels(ui);
         CentralPanel::default().frame(Frame::NONE).show(ui, |ui| self.picture(ui));
+        self.choose_file(&context);
         let mut open = self.visible.keys;
         overlay::keys(&context, &mut open);
         self.visible.keys = open;

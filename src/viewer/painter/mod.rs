@@ -19,9 +19,10 @@ use egui::ColorImage;
 
 use super::false_colour::{DisplayMode, Legend};
 use super::refine::first_factor;
-use super::request::{RenderRequest, Settings};
+use super::request::RenderRequest;
 use crate::error::Error;
 use crate::film::DisplayTransform;
+use crate::job::RenderSettings;
 use crate::render::Statistics;
 use crate::scene::Numerics;
 use pass::PipelineImage;
@@ -242,12 +243,12 @@ impl RenderTask<'_> {
             if self.is_outdated() {
                 return Err(Error::Interrupted);
             }
-            let exact = Settings { numerics: Numerics::Exact, ..settings.clone() };
+            let exact = RenderSettings { numerics: Some(Numerics::Exact), ..settings.clone() };
             let exact = match request.display_mode {
                 DisplayMode::ErrorAgainstExact => Some(cache.prepare(request, &exact)?),
                 _ => None,
             };
-            sides.push(pass::Side::new(request, cache.prepare(request, settings)?, exact, settings, factor));
+            sides.push(pass::Side::new(request, cache.prepare(request, settings)?, exact, factor));
         }
         let passes = sides.iter().map(pass::Side::passes).max().unwrap_or(0);
         for index in 0..passes {

@@ -16,7 +16,7 @@ use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 use crate::viewer::false_colour::{DisplayMode, FalseColours, Legend, error_against_exact, false_colours};
 use crate::viewer::refine::{Pass, SamplingKind, passes};
-use crate::viewer::request::{RenderRequest, Settings};
+use crate::viewer::request::RenderRequest;
 
 /// An image in the values of its colour pipeline, row by row from the top.
 pub(crate) struct PipelineImage {
@@ -33,7 +33,6 @@ pub(crate) struct PipelineImage {
 /// One side of a request, with its progress.
 pub(crate) struct Side<'a> {
     request: &'a RenderRequest,
-    settings: &'a Settings,
     prepared: Arc<Prepared>,
     /// The same scene in the tier `exact`, for [`DisplayMode::ErrorAgainstExact`].
     exact: Option<Arc<Prepared>>,
@@ -88,14 +87,13 @@ impl<'a> Side<'a> {
         request: &'a RenderRequest,
         prepared: Arc<Prepared>,
         exact: Option<Arc<Prepared>>,
-        settings: &'a Settings,
         factor: u32,
     ) -> Self {
         // AOVs are computed at pixel centres.
         let kind =
             if request.display_mode == DisplayMode::Picture { prepared.kind } else { SamplingKind::Centres };
         let passes = passes(factor, kind);
-        Side { request, settings, prepared, exact, passes, kind, spent: None, picture: None }
+        Side { request, prepared, exact, passes, kind, spent: None, picture: None }
     }
 
     /// Number of passes.
@@ -120,9 +118,9 @@ impl<'a> Side<'a> {
         let pipeline = self.prepared.job.pipeline();
         let (factor, sampling) = match pass {
             Pass::Coarse(factor) => (factor, Sampling::default()),
-            Pass::Samples(from, to) => (1, self.settings.choices.sampling.part(from, to)),
+            Pass::Samples(from, to) => (1, self.prepared.choices.sampling.part(from, to)),
             Pass::Whole if self.request.display_mode != DisplayMode::Picture => (1, Sampling::default()),
-            Pass::Whole => (1, self.settings.choices.sampling),
+            Pass::Whole => (1, self.prepared.choices.sampling),
         };
         let size = self.request.size.map(|side| side.div_ceil(factor));
         let (film, statistics) = self.render(&self.prepared, size, sampling, &control)?;
@@ -143,7 +141,7 @@ impl<'a> Side<'a> {
         let most = match self.kind {
             SamplingKind::Centres => 1,
             SamplingKind::Samples(samples) => samples,
-            SamplingKind::Adaptive => self.settings.choices.sampling.max_samples(),
+            SamplingKind::Adaptive => self.prepared.choices.sampling.max_samples(),
         };
         let is_once = matches!(pass, Pass::Coarse(_)) || most == 1;
         let seconds_per_pixel = is_once.then(|| time.as_secs_f64() / (pixels.len() as f64));

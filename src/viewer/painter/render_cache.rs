@@ -5,20 +5,41 @@ use std::sync::Arc;
 use crate::animation::{FrameWorld, PreparedAnimation};
 use crate::bvh::Layout;
 use crate::effects::{Choices, Decision, EFFECTS, Plan};
+use crate::error::Warnings;
 use crate::error::{Error, Result};
-use crate::film::ColourPipeline;
-use crate::job::{self, AddedLight, RenderJob};
-use crate::scene::{Camera, Numerics, Sampling, Scene};
+use crate::film::DisplaySettings;
+use crate::job::{self, AddedLight, CameraChoice, RenderJob, RenderSettings};
+use crate::scene::{Camera, Sampling, Scene};
+use crate::shading::ShadingMode;
 use crate::viewer::false_colour::DisplayMode;
 use crate::viewer::refine::SamplingKind;
-use crate::viewer::request::{CameraSource, Opened, RenderRequest, Settings};
+use crate::viewer::request::{CameraSource, Opened, RenderRequest};
 use crate::world::{Recentering, StandardView, fitted_camera};
 
 /// Number of cached worlds: two sides of a comparison and the exact reference.
 const MAX_WORLDS: usize = 3;
 
-/// Settings that a world depends on besides the scene.
-type Key = (Numerics, ColourPipeline);
+/// What a world depends on besides the scene.
+#[derive(Clone, PartialEq)]
+struct Key {
+    /// The settings, with defaults for what no world depends on.
+    settings: RenderSettings,
+    /// Whether the camera is below the ground of the default look, which is then left out.
+    is_below_ground: bool,
+}
+
+/// A completed scene as an animation.
+#[derive(Clone)]
+struct CachedScene {
+    animation: Arc<PreparedAnimation>,
+    /// The light that follows the camera.
+    light: Option<AddedLight>,
+    /// Sampling and display of the scene, or of the default look.
+    sampling: Sampling,
+    display: DisplaySettings,
+    /// Height of the ground of the default look, in world coordinates.
+    ground: Option<f64>,
+}
 
 /// A scene that is prepared for a request.
 pub(crate) struct Prepared {
@@ -26,17 +47,20 @@ pub(crate) struct Prepared {
     pub job: RenderJob,
     /// The camera, in scene coordinates.
     pub camera: Camera,
-    /// Decision about each effect with the request's sampling, and whether the scene or the sampling uses the effect.
+    /// Decision about each effect with the request's sampling, and whether the scene or the sampling uses the effect;
+    /// those that are used come first.
     pub decisions: Vec<(Decision, bool)>,
-    /// Sampling of the final image.
+    /// How the final image is sampled.
     pub kind: SamplingKind,
+    /// Effects and sampling of the final image.
+    pub choices: Choices,
 }
 
 /// Cached data of the opened files.
 #[derive(Default)]
 pub(crate) struct RenderCache {
     opened: Option<Arc<Opened>>,
-    animations: Vec<(Key, Arc<PreparedAnimation>)>,
+    scenes: Vec<(Key, CachedScene)>,
     frames: Vec<(Key, f64, Arc<FrameWorld>)>,
     /// The recentered scene, if the worlds are recentered.
     recentered_scene: Option<Arc<Scene>>,
@@ -50,7 +74,10 @@ impl RenderCache {
     /// Whether the trees of all sides of a request are cached.
     pub(crate) fn has_worlds(&self, request: &RenderRequest) -> bool {
         let same = self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened));
-        let has = |settings: &Settings| self.animations.iter().any(|(key, _)| *key == key_of(settings));
+        let has = |side: &RenderSettings| {
+            let settings = key_settings(&request.render_settings(side));
+            self.scenes.iter().any(|(key, _)| key.settings == settings)
+        };
         same && request.sides.iter().all(has)
     }
 
@@ -68,83 +95,108 @@ impl RenderCache {
     }
 
     /// Prepares the scene for a request with the settings of one side.
-    pub(crate) fn prepare(&mut self, request: &RenderRequest, settings: &Settings) -> Result<Arc<Prepared>> {
+    pub(crate) fn prepare(
+        &mut self,
+        request: &RenderRequest,
+        side: &RenderSettings,
+    ) -> Result<Arc<Prepared>> {
         if !self.opened.as_ref().is_some_and(|opened| Arc::ptr_eq(opened, &request.opened)) {
             *self = RenderCache { opened: Some(Arc::clone(&request.opened)), ..RenderCache::default() };
         }
-        let animation = self.animation(&request.opened, settings)?;
-        let frame = self.frame(&animation, settings, request.time)?;
+        let settings = request.render_settings(side);
+        let mut key = Key { settings: key_settings(&settings), is_below_ground: false };
+        let mut cached = self.scene(&request.opened, &key)?;
+        let mut frame = self.frame(&cached.animation, &key, request.time)?;
         let recentering = frame.recentering;
         let mut lens = match &request.camera_source {
             CameraSource::Scene(index) => frame.cameras.get(*index).unwrap_or(&frame.camera).clone(),
-            CameraSource::Fitted(view) => self.fit(request, *view, animation.range())?,
+            CameraSource::Fitted(view) => self.fit(request, *view, cached.animation.range())?,
             CameraSource::Free(camera) => {
                 recentering.map_or_else(|| camera.clone(), |recentering| recentering.moved(camera))
             }
         };
         lens.projection = request.projection.unwrap_or(lens.projection);
+        if cached.ground.is_some_and(|ground| lens.position.y <= ground) {
+            key.is_below_ground = true;
+            cached = self.scene(&request.opened, &key)?;
+            frame = self.frame(&cached.animation, &key, request.time)?;
+        }
         let mut world = Arc::clone(&frame.world);
-        let is_lit = job::is_lit(&request.opened.scene, settings.choices.transport);
-        let light = match (request.opened.scene.has_key_light, settings.headlight && !is_lit) {
-            (true, _) => Some(AddedLight::Key),
-            (false, wanted) => wanted.then_some(AddedLight::Headlight),
-        };
-        if let Some(light) = light.filter(|_| settings.choices.shading.uses_lights()) {
+        if let Some(light) = cached.light {
             world = Arc::new(world.under(light.at(&lens).into_iter().collect()));
         }
-        let sampling = settings.choices.sampling;
-        let whole = Plan::new(&world, &settings.choices)?;
+        let scene = &request.opened.scene;
+        let sampling =
+            settings.sampling.or(if side.sampling.says_quality() { scene.sampling } else { cached.sampling });
+        let RenderSettings { shading, transport, clamp, with, without, .. } = settings;
+        let choices = Choices {
+            shading,
+            sampling,
+            scene: scene.effects.clone(),
+            transport: transport.or(scene.transport),
+            clamp: clamp.or(scene.clamp),
+            with,
+            without,
+            ..Choices::default()
+        };
+        let whole = Plan::new(&world, &choices)?;
         let kind = match (whole.takes_samples(), whole.is_adaptive()) {
             (false, _) => SamplingKind::Centres,
             (true, false) => SamplingKind::Samples(sampling.max_samples()),
             (true, true) => SamplingKind::Adaptive,
         };
         let decisions = EFFECTS.iter().zip(whole.decisions);
-        let decisions = decisions
-            .map(|(effect, decision)| (decision, (effect.called_for)(&world, &settings.choices).is_ok()))
+        let mut decisions: Vec<(Decision, bool)> = decisions
+            .map(|(effect, decision)| (decision, (effect.called_for)(&world, &choices).is_ok()))
             .collect();
+        decisions.sort_by_key(|(_, can)| !can);
         let camera = match &request.camera_source {
             CameraSource::Free(camera) => Camera { projection: lens.projection, ..camera.clone() },
             _ => recentering.map_or_else(|| lens.clone(), |recentering| recentering.moved_back(&lens)),
         };
-        let centres = Choices { sampling: Sampling::default(), ..settings.choices.clone() };
+        let centres = Choices { sampling: Sampling::default(), ..choices.clone() };
         let job = RenderJob::new(world, recentering, lens, request.size, centres)?;
-        let job = RenderJob { display: settings.display, ..job };
-        Ok(Arc::new(Prepared { job, camera, decisions, kind }))
+        let job = RenderJob { display: settings.display.or(cached.display), ..job };
+        Ok(Arc::new(Prepared { job, camera, decisions, kind, choices }))
     }
 
-    fn animation(&mut self, opened: &Arc<Opened>, settings: &Settings) -> Result<Arc<PreparedAnimation>> {
-        let key = key_of(settings);
-        if let Some(at) = self.animations.iter().position(|(known, _)| *known == key) {
-            let found = self.animations.remove(at);
-            self.animations.push(found);
+    /// The scene of a key, completed as for `kiln render`.
+    fn scene(&mut self, opened: &Arc<Opened>, key: &Key) -> Result<CachedScene> {
+        if let Some(at) = self.scenes.iter().position(|(known, _)| known == key) {
+            let found = self.scenes.remove(at);
+            self.scenes.push(found);
         } else {
-            self.animations.drain(..self.animations.len().saturating_sub(MAX_WORLDS - 1));
-            let scene = opened.scene.clone();
+            self.scenes.drain(..self.scenes.len().saturating_sub(MAX_WORLDS - 1));
+            let mut scene = opened.scene.clone();
+            key.settings.complete(&mut scene, &mut Warnings::default())?;
+            let (sampling, display) = (scene.sampling, scene.display);
+            let light = job::added_light(&scene, &key.settings);
+            if key.is_below_ground {
+                scene.ground = None;
+            }
+            let ground = scene.ground.filter(|_| scene.has_key_light);
             let camera = scene.cameras.first().cloned().unwrap_or_else(|| placeholder_camera(&scene));
-            let (pipeline, structure) = (settings.pipeline, Layout::Wide(opened.preset));
-            let animation =
-                PreparedAnimation::new(scene, &camera, None, pipeline, structure, settings.numerics)?;
-            self.animations.push((key, Arc::new(animation)));
+            let pipeline = key.settings.colour.unwrap_or_default();
+            let numerics = key.settings.numerics.unwrap_or_default();
+            let structure = Layout::Wide(key.settings.preset);
+            let animation = PreparedAnimation::new(scene, &camera, None, pipeline, structure, numerics)?;
+            let height = |y: f64| animation.range().map_or(y, |range| (y - range.middle.y) * range.scale);
+            let ground = ground.map(|ground| height(ground.centre.y));
+            let animation = Arc::new(animation);
+            self.scenes.push((key.clone(), CachedScene { animation, light, sampling, display, ground }));
         }
-        Ok(Arc::clone(&self.animations[self.animations.len() - 1].1))
+        Ok(self.scenes[self.scenes.len() - 1].1.clone())
     }
 
-    fn frame(
-        &mut self,
-        animation: &PreparedAnimation,
-        settings: &Settings,
-        time: f64,
-    ) -> Result<Arc<FrameWorld>> {
-        let key = key_of(settings);
-        let is_it = |(known, at, _): &(Key, f64, Arc<FrameWorld>)| (*known, *at) == (key, time);
+    fn frame(&mut self, animation: &PreparedAnimation, key: &Key, time: f64) -> Result<Arc<FrameWorld>> {
+        let is_it = |(known, at, _): &(Key, f64, Arc<FrameWorld>)| (known, *at) == (key, time);
         if let Some((_, _, frame)) = self.frames.iter().find(|frame| is_it(frame)) {
             return Ok(Arc::clone(frame));
         }
-        self.frames.retain(|(known, ..)| *known != key);
+        self.frames.retain(|(known, ..)| known != key);
         self.frames.drain(..self.frames.len().saturating_sub(MAX_WORLDS - 1));
         let frame = Arc::new(animation.at(time)?);
-        self.frames.push((key, time, Arc::clone(&frame)));
+        self.frames.push((key.clone(), time, Arc::clone(&frame)));
         Ok(frame)
     }
 
@@ -178,8 +230,27 @@ impl RenderCache {
     }
 }
 
-fn key_of(settings: &Settings) -> Key {
-    (settings.numerics, settings.pipeline)
+/// The settings that a world depends on: of the camera, whether it is the files'; of the shading, whether it has lights.
+fn key_settings(settings: &RenderSettings) -> RenderSettings {
+    let camera = match settings.camera {
+        CameraChoice::Default | CameraChoice::Given(_) => CameraChoice::Default,
+        CameraChoice::Named(_) => CameraChoice::Named(String::new()),
+        CameraChoice::Fitted(_) => CameraChoice::Fitted(StandardView::Auto),
+    };
+    RenderSettings {
+        camera,
+        shading: if settings.shading.uses_lights() { ShadingMode::Full } else { ShadingMode::Flat },
+        numerics: settings.numerics,
+        colour: settings.colour,
+        preset: settings.preset,
+        transport: settings.transport,
+        environment: settings.environment.clone(),
+        headlight: settings.headlight,
+        ground: settings.ground,
+        background: settings.background,
+        look: settings.look,
+        ..RenderSettings::default()
+    }
 }
 
 /// A valid camera for [`PreparedAnimation::new`] if the scene has none. It is never rendered.

@@ -1,9 +1,10 @@
-//! File names in the text of `kiln info`, instead of whole paths.
+//! File names in texts for people, instead of whole paths.
 
 use std::path::PathBuf;
 
 /// The folders of the inputs, and their names.
-pub(super) struct FileNames {
+#[derive(Default)]
+pub(crate) struct FileNames {
     /// With the separator at the end, longest first.
     folders: Vec<String>,
     inputs: String,
@@ -11,7 +12,7 @@ pub(super) struct FileNames {
 
 impl FileNames {
     /// Of the files that were given.
-    pub(super) fn of(inputs: &[PathBuf]) -> Self {
+    pub(crate) fn of(inputs: &[PathBuf]) -> Self {
         let prefix = |file: &PathBuf| {
             let (file, name) = (file.to_str()?, file.file_name()?.to_str()?);
             file.strip_suffix(name).filter(|folder| !folder.is_empty()).map(str::to_owned)
@@ -27,12 +28,12 @@ impl FileNames {
     }
 
     /// The names of the inputs.
-    pub(super) fn inputs(&self) -> &str {
+    pub(crate) fn inputs(&self) -> &str {
         &self.inputs
     }
 
     /// A text that may begin with the path of a file in the folder of an input, without that folder.
-    pub(super) fn shorten(&self, text: &str) -> String {
+    pub(crate) fn shorten(&self, text: &str) -> String {
         let inside = self.folders.iter().find_map(|folder| text.strip_prefix(folder.as_str()));
         inside.unwrap_or(text).to_owned()
     }

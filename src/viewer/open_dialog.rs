@@ -1,0 +1,137 @@
+//! A window that lists files to open. No crate is used: egui-file-dialog 0.15 is for another egui, and rfd brings a D-Bus
+//! client on Linux.
+
+use std::path::{Path, PathBuf};
+
+use egui::{Context, Key, ScrollArea, TextEdit, Window};
+
+use super::trace::Trace;
+use crate::import;
+
+/// The list of a folder's files that kiln reads.
+pub(crate) struct OpenDialog {
+    /// The path as typed, absolute or relative to `folder`.
+    typed: String,
+    folder: PathBuf,
+    /// Names of folders, with a slash, and of files, sorted.
+    names: Vec<String>,
+    /// Why the folder cannot be listed.
+    error: Option<String>,
+}
+
+/// What the user did.
+pub(crate) enum Answer {
+    Open,
+    Picked(PathBuf),
+    Closed,
+}
+
+impl OpenDialog {
+    /// Lists the folder of a file.
+    pub(crate) fn beside(file: Option<&Path>) -> Self {
+        let folder = file.and_then(Path::parent).filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.map_or_else(|| PathBuf::from("."), Path::to_owned);
+        let mut dialog =
+            OpenDialog { typed: String::new(), folder: PathBuf::new(), names: Vec::new(), error: None };
+        dialog.enter(folder.canonicalize().unwrap_or(folder));
+        dialog
+    }
+
+    /// Lists a folder.
+    fn enter(&mut self, folder: PathBuf) {
+        let listed = std::fs::read_dir(&folder).map(|entries| {
+            let name = |entry: std::fs::DirEntry| {
+                let name = entry.file_name().to_string_lossy().into_owned();
+                let is_hidden = name.starts_with('.');
+                match entry.path().is_dir() {
+                    true => Some(format!("{name}/")),
+                    false => import::has_known_ending(&entry.path()).then_some(name),
+                }
+                .filter(|_| !is_hidden)
+            };
+            let mut names: Vec<String> = entries.flatten().filter_map(name).collect();
+            names.sort_by_key(|name| (!name.ends_with('/'), name.to_lowercase()));
+            names
+        });
+        match listed {
+            Ok(names) => {
+                (self.names, self.error) = (names, None);
+                (self.folder, self.typed) = (folder, String::new());
+            }
+            Err(e) => self.error = Some(format!("{}: {e}", folder.display())),
+        }
+    }
+
+    /// Enters a folder, or returns a file.
+    fn pick(&mut self, name: &str) -> Option<PathBuf> {
+        let path = self.folder.join(name.trim());
+        if path.is_dir() {
+            self.enter(path);
+            return None;
+        }
+        Some(path)
+    }
+
+    /// Shows the window.
+    pub(crate) fn show(&mut self, context: &Context, trace: &mut Trace) -> Answer {
+        let (mut is_open, mut chosen) = (true, None);
+        Window::new("Open file").open(&mut is_open).default_size([420.0, 360.0]).show(context, |ui| {
+            ui.label(self.folder.display().to_string());
+            let edit = TextEdit::singleline(&mut self.typed).hint_text("a path").desired_width(f32::INFINITY);
+            let field = ui.add(edit);
+            trace.place("open path", field.rect, ui.ctx().pixels_per_point());
+            if field.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter)) && !self.typed.is_empty()
+            {
+                chosen = Some(self.typed.clone());
+            }
+            if let Some(error) = &self.error {
+                ui.colored_label(ui.visuals().error_fg_color, error);
+            }
+            ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+                if self.folder.parent().is_some() && ui.selectable_label(false, "../").clicked() {
+                    chosen = Some("..".to_owned());
+                }
+                for name in &self.names {
+                    let row = ui.selectable_label(false, name);
+                    trace.place(&format!("open {name}"), row.rect, ui.ctx().pixels_per_point());
+                    if row.clicked() {
+                        chosen = Some(name.clone());
+                    }
+                }
+            });
+        });
+        let picked = chosen.and_then(|name| match name.as_str() {
+            ".." => {
+                self.enter(self.folder.parent().map_or(self.folder.clone(), Path::to_owned));
+                None
+            }
+            name => self.pick(name),
+        });
+        match (picked, is_open) {
+            (Some(file), _) => Answer::Picked(file),
+            (None, true) => Answer::Open,
+            (None, false) => Answer::Closed,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_come_first_and_other_files_are_not_listed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        for name in ["b.obj", "A.glb", "notes.txt", ".hidden.obj"] {
+            std::fs::write(folder.path().join(name), "").expect("a file");
+        }
+        std::fs::create_dir(folder.path().join("sub")).expect("a folder");
+        let mut dialog = OpenDialog::beside(Some(&folder.path().join("b.obj")));
+        assert_eq!(dialog.names, ["sub/", "A.glb", "b.obj"]);
+        assert_eq!(dialog.pick("sub/"), None);
+        assert!(dialog.names.is_empty() && dialog.folder.ends_with("sub"));
+        dialog.enter(folder.path().join("none"));
+        assert!(dialog.error.is_some() && dialog.folder.ends_with("sub"));
+        assert_eq!(dialog.pick("../b.obj"), Some(dialog.folder.join("../b.obj")));
+    }
+}
