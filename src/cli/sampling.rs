@@ -92,6 +92,7 @@ impl SamplingArguments {
             seed: self.seed,
             sampler: self.sampler.as_ref().and_then(sampler),
             first: None,
+            total: None,
         }
     }
 

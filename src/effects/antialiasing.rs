@@ -38,7 +38,7 @@ pub const EFFECT: Effect = Effect {
         spec.own_camera_rays = true;
         let sampling = context.sampling;
         let least = if sampling.first.is_some() { SAMPLES_OF_PARTS } else { 1 };
-        spec.samples = sampling.max_samples().max(least);
+        spec.samples = sampling.total.unwrap_or_else(|| sampling.max_samples().max(least));
     },
     stages: |context: &EffectContext, hook| match hook {
         Hook::Rays => vec![Box::new(SampleRays(Sampler::new(context)))],

@@ -144,7 +144,7 @@ impl<'a> IncrementalSampler<'a> {
         let Sampling { seed, sampler, .. } = self.sampling;
         self.job.set_sampling(match samples {
             1 => Sampling { seed, sampler, ..Sampling::default() },
-            samples => Sampling { first: None, ..self.sampling.part(0, samples) },
+            samples => Sampling { first: None, total: None, ..self.sampling.part(0, samples) },
         })?;
         let Some(statistics) = self.statistics else {
             let hint = String::new();

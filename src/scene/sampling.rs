@@ -63,6 +63,9 @@ pub struct Sampling {
     pub sampler: Option<PixelSampler>,
     /// Index of the first sample, below `samples`, if another render takes those before it. Not with `noise`.
     pub first: Option<u32>,
+    /// Samples per pixel of the whole picture, if these are a part of it: the rays and texture footprints of a sample depend
+    /// on it. `samples` if not given.
+    pub total: Option<u32>,
 }
 
 impl Sampling {
@@ -77,6 +80,7 @@ impl Sampling {
             seed: self.seed.or(other.seed),
             sampler: self.sampler.or(other.sampler),
             first: self.first.or(other.first),
+            total: self.total.or(other.total),
         }
     }
 
@@ -116,6 +120,7 @@ impl Sampling {
         Sampling {
             samples: Some(to),
             first: Some(from),
+            total: self.total.or(self.samples),
             filter: Some(shape),
             filter_radius: Some(radius),
             noise: None,

@@ -125,7 +125,7 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     if let Some(colour) = settings.colour.filter(|colour| *colour != defaults.colour) {
         option("--colour", colour.name());
     }
-    let Sampling { samples, filter, filter_radius, noise, min_samples, seed, sampler, first: _ } =
+    let Sampling { samples, filter, filter_radius, noise, min_samples, seed, sampler, first: _, total: _ } =
         settings.sampling;
     let scene = &defaults.sampling;
     let number = |n: Option<u32>, of_scene: Option<u32>| n.filter(|_| n != of_scene).map(|n| n.to_string());
@@ -397,6 +397,7 @@ mod tests {
                 seed: Some(u32::MAX),
                 sampler: Some(PixelSampler::Independent),
                 first: None,
+                total: None,
             },
             display: DisplaySettings { exposure: Some(Exposure::Ev(-1.5)), tone_map: Some(ToneMap::Agx) },
             headlight: Some(false),

@@ -13,6 +13,9 @@ const PLAYBACK_PASS_SECONDS: f64 = 0.03;
 /// Maximum factor of a coarse pass.
 const MAX_FACTOR: u32 = 32;
 
+/// Number of passes for adaptive sampling, each of an equal part of the tiles.
+pub(crate) const BATCHES: usize = 8;
+
 /// Factor of the first pass before any render time was measured.
 const DEFAULT_FACTOR: u32 = 8;
 
@@ -23,8 +26,10 @@ pub(crate) enum Pass {
     Coarse(u32),
     /// A range of sample numbers of every pixel, the end excluded.
     Samples(u32, u32),
-    /// Full size with all samples.
+    /// One sample at the centre of each pixel.
     Whole,
+    /// All samples of the tiles whose index has this remainder by [`BATCHES`].
+    Tiles(usize),
 }
 
 /// Sampling of a picture, which determines its passes.
@@ -56,7 +61,10 @@ pub(crate) fn passes(first: u32, kind: SamplingKind) -> Vec<Pass> {
     }
     match kind {
         SamplingKind::Centres => passes.push(Pass::Whole),
-        SamplingKind::Adaptive => passes.extend([Pass::Coarse(1), Pass::Whole]),
+        SamplingKind::Adaptive => {
+            passes.push(Pass::Coarse(1));
+            passes.extend((0..BATCHES).map(Pass::Tiles));
+        }
         SamplingKind::Samples(samples) => {
             let (mut from, mut to) = (0, 1);
             while from < samples {
@@ -85,7 +93,7 @@ mod tests {
 
     #[test]
     fn passes_end_with_what_was_asked_for() {
-        use Pass::{Coarse, Samples, Whole};
+        use Pass::{Coarse, Samples, Tiles, Whole};
         assert_eq!(passes(8, SamplingKind::Centres), [Coarse(8), Coarse(2), Whole]);
         assert_eq!(passes(16, SamplingKind::Centres), [Coarse(16), Coarse(4), Whole]);
         assert_eq!(passes(1, SamplingKind::Centres), [Whole]);
@@ -93,7 +101,9 @@ mod tests {
             passes(1, SamplingKind::Samples(6)),
             [Samples(0, 1), Samples(1, 2), Samples(2, 4), Samples(4, 6)]
         );
-        assert_eq!(passes(2, SamplingKind::Adaptive), [Coarse(2), Coarse(1), Whole]);
+        let adaptive = passes(2, SamplingKind::Adaptive);
+        assert_eq!(adaptive[..3], [Coarse(2), Coarse(1), Tiles(0)]);
+        assert_eq!(adaptive.last(), Some(&Tiles(BATCHES - 1)));
         for samples in [1, 2, 3, 64, 100, 65_536] {
             let mut next = 0;
             for pass in passes(1, SamplingKind::Samples(samples)) {

@@ -32,6 +32,7 @@ impl Builder<'_> {
             noise: self.checked(image.noise.as_ref(), "noise", Sampling::check_noise)?,
             min_samples,
             first: None,
+            total: None,
             seed: image.seed,
             sampler: image.sampler,
         })

@@ -10,12 +10,12 @@ use rayon::prelude::*;
 use super::RenderedImage;
 use super::render_cache::Prepared;
 use crate::error::Result;
-use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel};
+use crate::film::{ColourPipeline, DisplayTransform, Film, Pixel, TILE};
 use crate::metrics;
 use crate::render::{RenderControl, Statistics};
 use crate::scene::Sampling;
 use crate::viewer::false_colour::{DisplayMode, FalseColours, Legend, error_against_exact, false_colours};
-use crate::viewer::refine::{Pass, SamplingKind, passes};
+use crate::viewer::refine::{BATCHES, Pass, SamplingKind, passes};
 use crate::viewer::request::RenderRequest;
 
 /// An image in the values of its colour pipeline, row by row from the top.
@@ -41,6 +41,8 @@ pub(crate) struct Side<'a> {
     /// Sum of time and statistics of all passes of full size.
     spent: Option<(Duration, Statistics)>,
     picture: Option<PipelineImage>,
+    /// The pixels of a coarse pass of full size.
+    centres: Option<Vec<[f32; 3]>>,
 }
 
 /// Result of a pass.
@@ -93,7 +95,7 @@ impl<'a> Side<'a> {
         let kind =
             if request.display_mode == DisplayMode::Picture { prepared.kind } else { SamplingKind::Centres };
         let passes = passes(factor, kind);
-        Side { request, prepared, exact, passes, kind, spent: None, picture: None }
+        Side { request, prepared, exact, passes, kind, spent: None, picture: None, centres: None }
     }
 
     /// Number of passes.
@@ -119,12 +121,19 @@ impl<'a> Side<'a> {
         let (factor, sampling) = match pass {
             Pass::Coarse(factor) => (factor, Sampling::default()),
             Pass::Samples(from, to) => (1, self.prepared.choices.sampling.part(from, to)),
-            Pass::Whole if self.request.display_mode != DisplayMode::Picture => (1, Sampling::default()),
-            Pass::Whole => (1, self.prepared.choices.sampling),
+            Pass::Whole => (1, Sampling::default()),
+            Pass::Tiles(_) => (1, self.prepared.choices.sampling),
         };
         let size = self.request.size.map(|side| side.div_ceil(factor));
-        let (film, statistics) = self.render(&self.prepared, size, sampling, &control)?;
+        let is_selected = |tile: usize| !matches!(pass, Pass::Tiles(batch) if tile % BATCHES != batch);
+        let (film, statistics) = self.render(&self.prepared, size, sampling, &is_selected, &control)?;
         let mut pixels = rows(&film);
+        if let Pass::Tiles(_) = pass {
+            let before = self.picture.take().map(|picture| picture.pixels).or(self.centres.take());
+            if let Some(before) = before {
+                keep_unselected(&mut pixels, &before, size, &is_selected);
+            }
+        }
         if let (Pass::Samples(from, to), Some(before)) = (pass, &self.picture) {
             mix(&mut pixels, &before.pixels, f64::from(from) / f64::from(to));
         }
@@ -148,9 +157,10 @@ impl<'a> Side<'a> {
         let taken = match pass {
             Pass::Coarse(_) => 1,
             Pass::Samples(_, to) => to,
-            Pass::Whole => most,
+            Pass::Whole | Pass::Tiles(_) => most,
         };
-        let (time, statistics) = if let Pass::Coarse(_) = pass {
+        let (time, statistics) = if let Pass::Coarse(factor) = pass {
+            self.centres = (factor == 1).then_some(pixels);
             (time, statistics)
         } else {
             self.picture = Some(PipelineImage { size, pixels, pipeline, display });
@@ -189,7 +199,7 @@ impl<'a> Side<'a> {
     fn false_colours(&self, film: &Film, size: [u32; 2], control: &RenderControl) -> Result<FalseColours> {
         let job = &self.prepared.job;
         if let Some(exact) = &self.exact {
-            let (exact, _) = self.render(exact, size, Sampling::default(), control)?;
+            let (exact, _) = self.render(exact, size, Sampling::default(), &|_| true, control)?;
             let [picture, exact] =
                 [film, &exact].map(|film| metrics::ComparedImage::of_film(film, job.pipeline()));
             return error_against_exact(&picture, &exact);
@@ -202,6 +212,7 @@ impl<'a> Side<'a> {
         prepared: &Prepared,
         size: [u32; 2],
         sampling: Sampling,
+        is_selected: &(dyn Fn(usize) -> bool + Sync),
         control: &RenderControl,
     ) -> Result<(Film, Statistics)> {
         let control = RenderControl { time_stages: true, ..*control };
@@ -209,7 +220,7 @@ impl<'a> Side<'a> {
         if sampling != Sampling::default() {
             job.set_sampling(sampling)?;
         }
-        job.render(&control)
+        job.render_selected(|tile, _| is_selected(tile), &control)
     }
 }
 
@@ -226,6 +237,25 @@ fn rows(film: &Film) -> Vec<[f32; 3]> {
         }
     });
     pixels
+}
+
+/// Copies the tiles that were not rendered from the picture `before`.
+fn keep_unselected(
+    pixels: &mut [[f32; 3]],
+    before: &[[f32; 3]],
+    [width, height]: [u32; 2],
+    is_selected: &(dyn Fn(usize) -> bool + Sync),
+) {
+    let (tile, columns) = (TILE as usize, width.div_ceil(TILE) as usize);
+    for y in 0..height as usize {
+        let row = y * width as usize..(y + 1) * width as usize;
+        let pairs = pixels[row.clone()].chunks_mut(tile).zip(before[row].chunks(tile));
+        for (column, (new, old)) in pairs.enumerate() {
+            if !is_selected(y / tile * columns + column) {
+                new.copy_from_slice(old);
+            }
+        }
+    }
 }
 
 /// Weighted mean: `before` has weight `share` (0 to 1), `pixels` the rest.
