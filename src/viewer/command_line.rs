@@ -380,7 +380,7 @@ mod tests {
     fn everything_else_is_said_where_it_differs() {
         let (mut defaults, inputs) = (defaults(), [PathBuf::from("a.toml")]);
         defaults.sampling = Sampling { samples: Some(4), noise: Some(0.01), ..Sampling::default() };
-        defaults.numerics = Numerics::Exact;
+        (defaults.numerics, defaults.colour) = (Numerics::Exact, ColourPipeline::Display);
         let plain = plain(&defaults, &inputs, CommandCamera::Camera(&defaults.cameras[0]));
         let settings = RenderSettings {
             shading: ShadingMode::Ambient,

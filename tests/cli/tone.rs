@@ -85,6 +85,43 @@ impl Workshop {
 
 /// The pixels of a PNG are the display transform of those of the EXR of the same picture, which no option of it
 /// changes.
+/// A square covers the left of the picture up to the middle of column 20. Its own colour stays in PNG, whose alpha is
+/// straight; EXR has it times alpha. Beside it all is 0.
+#[test]
+fn a_transparent_background_has_alpha_of_the_part_that_is_covered() {
+    let workshop = Workshop::new();
+    workshop.write(
+        "half.toml",
+        "[image]\nwidth = 41\nheight = 9\nbackground = '#00ff00'\ncolour = 'linear'\n\
+         [[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\nprojection = 'orthographic'\nviewing_height = 9\nviewpoint_distance = 5\n\
+         [material.m]\ncolour = '#c06020'\n\
+         [[triangles]]\nmaterial = 'm'\nvertices = [[-30, -30, 0], [0, -30, 0], [0, 30, 0], [-30, 30, 0]]\n\
+         indices = [[0, 1, 2], [0, 2, 3]]\n",
+    );
+    let options = "--background transparent --shading flat --samples 64 --filter box";
+    for file in ["a.png", "a.exr"] {
+        workshop.succeed(&format!("render half.toml {options} -o {file}"));
+    }
+    let png = image::open(workshop.path("a.png")).expect("a picture").into_rgba8();
+    let [inside, edge, outside] = [3, 20, 37].map(|x| png.get_pixel(x, 4).0);
+    assert_eq!(inside, [0xc0, 0x60, 0x20, 255]);
+    assert_eq!(outside, [0; 4]);
+    // 64 stratified samples: at most a column of 8 is on the wrong side.
+    assert!((f64::from(edge[3]) / 255.0 - 0.5).abs() <= 1.0 / 8.0, "{edge:?}");
+    assert!(edge.iter().zip(inside).take(3).all(|(a, b)| a.abs_diff(b) <= 1), "{edge:?}");
+    let exr = read_picture(&workshop.path("a.exr")).expect("a picture");
+    let [inside, edge, outside] = [3, 20, 37].map(|x| exr.values[4 * 41 + x]);
+    for channel in 0..3 {
+        let share = edge[channel] / inside[channel];
+        assert!((share - 0.5).abs() <= 1.0 / 8.0 && outside[channel] == 0.0, "{edge:?} of {inside:?}");
+    }
+    workshop.fail(
+        "render half.toml --background transparent -o a.jpg",
+        2,
+        ["no alpha channel", ".png or .exr"],
+    );
+}
+
 #[test]
 fn png_is_the_display_transform_of_exr() {
     let workshop = Workshop::new();

@@ -223,6 +223,48 @@ fn penumbrae_have_the_light_of_the_part_that_is_seen() {
     }
 }
 
+/// Local shading, under a directional light of 40 degrees and the same sheet: the part of the disc's solid angle that is
+/// seen, half of it for an edge at 0; without the effect all or nothing.
+#[test]
+fn soft_shadows_have_the_part_of_the_disc_that_is_seen() {
+    let tangent = 20f64.to_radians().tan();
+    let whole = 2.0 * PI * (1.0 - 20f64.to_radians().cos());
+    let local = |without: &[&str]| RenderSettings {
+        transport: Some(Transport::Whitted),
+        with: Vec::new(),
+        without: without.iter().map(|name| (*name).to_owned()).collect(),
+        ..settings(256, 1)
+    };
+    let light = "type = 'directional'\ndirection = [0, -1, 0]\nangle = 40\n";
+    let no_ambient = "[ambient]\nintensity = 0\n";
+    let scene = |edge: f64| {
+        format!(
+            "{}{no_ambient}[[triangles]]\nvertices = [[{edge}, 1, -60], [{edge}, 1, 60], [-60, 1, 0]]\n\
+             material = 'lamp_black'\n[material.lamp_black]\ncolour = '#000000'\n",
+            under(light)
+        )
+    };
+    let open = mean(&render(parse(&format!("{}{no_ambient}", under(light))), &local(&[]))).0;
+    for edge in [0.0, 0.1, -0.2, 0.3] {
+        // A solid angle is (1 + p^2 + q^2)^(-3/2) dp dq in the tangents p and q.
+        let count = 2000;
+        let at = |i: i32| tangent * ((2.0 * f64::from(i) + 1.0) / f64::from(count) - 1.0);
+        let cell = (2.0 * tangent / f64::from(count)).powi(2);
+        let points = (0..count).flat_map(|i| (0..count).map(move |j| (at(i), at(j))));
+        let inside = points.filter(|(p, q)| p.hypot(*q) < tangent && *p > edge);
+        let seen = inside.map(|(p, q)| (1.0 + p * p + q * q).powf(-1.5)).sum::<f64>() * cell / whole;
+        assert!(edge != 0.0 || (seen - 0.5).abs() < 1e-3, "{seen}");
+        let (mean, error) = mean(&render(parse(&scene(edge)), &local(&[])));
+        assert!(error < 0.004 * open, "{error}");
+        assert!(
+            (mean / open - seen).abs() < 4.0 * error / open + 1e-3,
+            "{edge}: {mean} of {open}, expected {seen}"
+        );
+    }
+    let hard = mean(&render(parse(&scene(0.1)), &local(&["soft-shadows"]))).0;
+    assert_eq!(hard, 0.0, "the centre of the light is behind the sheet");
+}
+
 /// Many lights of every kind add up.
 #[test]
 fn lights_of_all_kinds_add_up() {
