@@ -502,10 +502,13 @@ pub fn warn_of_job(job: &RenderJob, warnings: &mut Warnings) {
             ));
         }
     }
-    for decision in
-        plan.decisions.iter().filter(|d| !d.on && choices.with.iter().any(|name| *name == d.effect.name()))
-    {
-        warnings.push(format!("--with {} changes nothing: {}", decision.effect, decision.why));
+    for decision in plan.decisions.iter().filter(|decision| !decision.on) {
+        let name = |typed: &&String| typed.split('=').next() == Some(decision.effect.name());
+        if let Some(typed) = choices.with.iter().find(name) {
+            let is_depth = decision.effect == id::PATH && typed.contains('=');
+            let option = if is_depth { "--depth".to_owned() } else { format!("--with {typed}") };
+            warnings.push(format!("{option} changes nothing: {}", decision.why));
+        }
     }
 }
 

@@ -7,11 +7,12 @@ use std::path::Path;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use toml::Spanned;
+use toml::de::DeTable;
 
 use super::animation::file::AnimationSection;
 pub use super::colour_value::ColourValue;
 pub use super::effects::{EffectValue, EffectsSection};
-use super::toml_error::explain;
+use super::toml_error::{TomlError, check_lists, explain};
 use super::{Numerics, PixelSampler, Projection, Transport, UpAxis};
 use crate::error::{Error, Place, Result};
 use crate::film::tone::{Exposure, ExposureValue, ToneMap};
@@ -417,10 +418,14 @@ impl SceneFile {
     /// # Errors
     /// [`Error::Input`] with the line; for an unknown key also the nearest known key.
     pub fn parse(text: &str, file: &Path) -> Result<Self> {
-        toml::from_str(text).map_err(|e| {
-            let e = explain(e, text);
-            Error::input(Place::line(file, line_of(text, e.offset)), e.what, e.hint)
-        })
+        let fault = |e: TomlError| Error::input(Place::line(file, line_of(text, e.offset)), e.what, e.hint);
+        let table = DeTable::parse(text).map_err(|e| fault(explain(e, text)))?;
+        table
+            .get_ref()
+            .iter()
+            .try_for_each(|(key, value)| check_lists(key.get_ref(), value))
+            .map_err(fault)?;
+        SceneFile::deserialize(toml::Deserializer::from(table)).map_err(|e| fault(explain(e, text)))
     }
 
     /// The JSON schema of scene files.

@@ -1,6 +1,9 @@
 //! Translates errors of the TOML parser and of serde into the words of scene files: the key and the value as typed, what
 //! is expected, and how to write it. Called by `file` for scene files and for cameras of the command line.
 
+use toml::Spanned;
+use toml::de::DeValue;
+
 use super::file::{SceneFile, nearest_name};
 
 /// An error in a text.
@@ -32,6 +35,28 @@ pub(super) fn explain(mut e: toml::de::Error, text: &str) -> TomlError {
     let (what, hint) = explained.unwrap_or_else(|| of_syntax(&message, &at));
     TomlError { offset: span.start, what, hint }
 }
+
+/// Checks that no list of numbers has more than are read: serde ignores the rest.
+pub(super) fn check_lists(key: &str, value: &Spanned<DeValue>) -> Result<(), TomlError> {
+    match value.get_ref() {
+        DeValue::Table(table) => table.iter().try_for_each(|(key, value)| check_lists(key.get_ref(), value)),
+        DeValue::Array(list) => {
+            let is_number =
+                |item: &Spanned<DeValue>| matches!(item.get_ref(), DeValue::Integer(_) | DeValue::Float(_));
+            let most = if PAIRS.contains(&key) { 2 } else { 3 };
+            if list.len() > most && list.iter().all(is_number) {
+                let what = format!("`{key}` has {} numbers, expected {most}", list.len());
+                let hint = format!("leave out all but {most}");
+                return Err(TomlError { offset: value.span().start, what, hint });
+            }
+            list.iter().try_for_each(|item| check_lists(key, item))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Keys of lists of two numbers; all others have three.
+const PAIRS: [&str; 2] = ["viewing_rectangle", "size"];
 
 /// The place of an error: the text in question, what surrounds it, and the path of its key, which is empty for errors
 /// of syntax.

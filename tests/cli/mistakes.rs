@@ -28,6 +28,20 @@ const MISTAKES: &[Mistake] = &[
     // Scene files: numbers.
     (
         Scene,
+        "[[sphere]]\ncentre = [0, 0, 0, 7]\nradius = 1",
+        "a.toml:2: `centre` has 4 numbers, expected 3",
+        "leave out all but 3",
+        3,
+    ),
+    (
+        Scene,
+        "[[camera]]\nposition = [0, 0, 1]\nlook_at = [0, 0, 0]\nviewing_rectangle = [1, 2, 3]",
+        "a.toml:4: `viewing_rectangle` has 3 numbers, expected 2",
+        "leave out all but 2",
+        3,
+    ),
+    (
+        Scene,
         "[[sphere]]\ncentre = [0, 0, 0]\nradius = 'big'",
         "a.toml:3: `radius` is 'big', expected a number",
         "write a number, such as 1.5",

@@ -53,9 +53,17 @@ pub struct Triangles {
 pub fn triangles(scene: &Scene) -> Triangles {
     let mut taken = Triangles { mesh: Mesh::default(), spheres: 0 };
     for object in &scene.objects {
-        let Shape::Mesh(mesh) = &object.shape else {
-            taken.spheres += 1;
-            continue;
+        let baked;
+        let mesh = match &object.shape {
+            Shape::Mesh(mesh) => mesh,
+            Shape::Placed(placed) => {
+                baked = placed.bake();
+                &baked
+            }
+            Shape::Analytic(_) => {
+                taken.spheres += 1;
+                continue;
+            }
         };
         let first = taken.mesh.positions.len() as u32;
         let positions: Vec<_> = mesh.positions.iter().map(|p| p.as_vec3()).collect();
@@ -117,4 +125,33 @@ fn light_inside((min, max): (DVec3, DVec3)) -> DVec3 {
 fn light_outside(camera: &Camera, (min, max): (DVec3, DVec3)) -> DVec3 {
     let right = (camera.target - camera.position).cross(camera.up).normalize_or(DVec3::X);
     camera.position + (max - min).length() / 2.0 * (right + camera.up.normalize_or(DVec3::Y))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DMat4;
+
+    use super::*;
+    use crate::scene::{Placed, Placement};
+
+    /// A shared mesh is measured once for each of its placements.
+    #[test]
+    fn placed_meshes_are_measured() {
+        let corners = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let mesh = Arc::new(scene::Mesh {
+            positions: corners.into(),
+            triangles: vec![[0, 1, 2]],
+            ..scene::Mesh::default()
+        });
+        let object = |x: f64| {
+            let placement = Placement::new(DMat4::from_translation(DVec3::X * x));
+            let shape = Shape::Placed(Placed::new(Arc::clone(&mesh), placement));
+            Object { name: "copy".into(), input: 0, material: MaterialId(0), shape }
+        };
+        let found = triangles(&Scene { objects: vec![object(0.0), object(5.0)], ..Scene::default() });
+        assert_eq!((found.spheres, found.mesh.triangles), (0, vec![[0, 1, 2], [3, 4, 5]]));
+        assert_eq!(found.mesh.positions[4], glam::vec3(6.0, 0.0, 0.0));
+    }
 }
