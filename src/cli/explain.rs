@@ -133,6 +133,8 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
         let on = if decision.on { "on" } else { "off" };
         line(decision.effect.name(), on, &numbers, &decision.why);
     }
+    let meanings = EFFECTS.iter().map(|effect| format!("{:<width$}{}\n", effect.name(), effect.summary));
+    let meanings = format!("\n{:<width$}what it does\n{}", "effect", meanings.collect::<String>());
     if let Some(costs) = costs {
         line("whole", "", &numbers(&costs.whole, costs, None), "");
         let share = costs.sum_ms() / costs.whole.ms.median * 100.0;
@@ -147,7 +149,7 @@ fn to_text(decisions: &[Decision], costs: Option<&Costs>) -> String {
             costs.whole.ms.upper
         );
     }
-    text
+    text + &meanings
 }
 
 /// Total width of the numeric columns.

@@ -12,7 +12,7 @@ use crate::film::{ColourPipeline, DisplayTransform};
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
     id: id::ADAPTIVE,
-    summary: "pixels that are certain enough take fewer samples than others",
+    summary: "pixels with little noise take fewer samples than others",
     source: "Dammertz and others, A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination, 2010",
     builds_on: Some(id::ANTIALIASING),
     needs_lights: false,
