@@ -29,16 +29,16 @@ struct Embree {
 pub(crate) fn contenders(threads: usize) -> std::result::Result<Vec<Box<dyn Contender>>, Unavailable> {
     let device = Device::find(&format!("threads={threads}"))?;
     let single = |quality, robust| Embree { device, quality, robust, calls: Calls::Single, coherent: false };
-    let mut ways =
-        vec![single(Quality::Medium, false), single(Quality::High, false), single(Quality::Medium, true)];
+    // Robust mode builds the same tree in both qualities.
+    let all = [(Quality::Medium, false), (Quality::High, false), (Quality::Medium, true)];
+    let mut ways: Vec<Embree> = all.map(|(quality, robust)| single(quality, robust)).into();
     let packets: &[Calls] = match device.property(NATIVE_RAY16) {
         0 => &[Calls::Eight],
         _ => &[Calls::Eight, Calls::Sixteen],
     };
     for &calls in packets {
         for coherent in [false, true] {
-            let way = |quality| Embree { device, quality, robust: false, calls, coherent };
-            ways.extend([Quality::Medium, Quality::High].map(way));
+            ways.extend(all.map(|(quality, robust)| Embree { device, quality, robust, calls, coherent }));
         }
     }
     Ok(ways.into_iter().map(|way| Box::new(way) as Box<dyn Contender>).collect())

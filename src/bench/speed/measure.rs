@@ -85,12 +85,16 @@ impl SpeedRow {
     }
 }
 
-/// The fastest row of a library for a kind of rays; for kiln, among those in the default tier.
-pub fn best<'a>(rows: &'a [SpeedRow], engine: &str, kind: Kind) -> Option<&'a SpeedRow> {
+/// The fastest of `rows` of a library for a kind of rays; for kiln, among those in the default tier.
+pub fn best<'a>(
+    rows: impl IntoIterator<Item = &'a SpeedRow>,
+    engine: &str,
+    kind: Kind,
+) -> Option<&'a SpeedRow> {
     let median = |row: &SpeedRow| row.mrays_per_s(kind).map_or(0.0, |spread| spread.median);
     let default = Some(Numerics::default().name());
     let of_engine = rows
-        .iter()
+        .into_iter()
         .filter(|row| row.label.engine == engine && (engine != "kiln" || row.label.tier == default));
     of_engine.max_by(|a, b| median(a).total_cmp(&median(b)))
 }

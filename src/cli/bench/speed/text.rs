@@ -81,7 +81,8 @@ fn structures(rows: &[SpeedRow]) -> String {
     text
 }
 
-/// Comparison of kiln in its default tier with the fastest row of each other library, per kind of ray.
+/// Comparison of kiln in its default tier with two rows of each other library, per kind of ray: the fastest, and the
+/// fastest without a wrong answer in the run, if that is another.
 fn comparison(rows: &[SpeedRow]) -> String {
     let mut engines: Vec<&str> =
         rows.iter().map(|row| row.label.engine).filter(|name| *name != "kiln").collect();
@@ -90,29 +91,35 @@ fn comparison(rows: &[SpeedRow]) -> String {
     for kind in Kind::ALL {
         let Some(own) = best(rows, "kiln", kind) else { continue };
         for engine in &engines {
-            let Some(other) = best(rows, engine, kind) else { continue };
-            let Some(ratio) = own.ratio(other, kind) else { continue };
-            let what = |row: &SpeedRow| {
-                let label = &row.label;
-                [Some(label.layout), label.tier, label.preset]
-                    .into_iter()
-                    .flatten()
-                    .collect::<Vec<_>>()
-                    .join(" ")
-            };
-            let times = format!("{:.2} ({:.2}-{:.2})", ratio.median, ratio.lower, ratio.upper);
-            lines.push(vec![kind.name().to_owned(), what(own), format!("{engine} {}", what(other)), times]);
+            let fastest = best(rows, engine, kind);
+            let right = best(rows.iter().filter(|row| row.all_wrong() == Some(0)), engine, kind);
+            let is_other = |row: &&SpeedRow| fastest.is_none_or(|fastest| fastest.label != row.label);
+            for other in fastest.into_iter().chain(right.filter(is_other)) {
+                let Some(ratio) = own.ratio(other, kind) else { continue };
+                let times = format!("{:.2} ({:.2}-{:.2})", ratio.median, ratio.lower, ratio.upper);
+                let wrong = or_dash(other.all_wrong(), grouped);
+                let other = format!("{engine} {}", words(other));
+                lines.push(vec![kind.name().to_owned(), words(own), other, wrong, times]);
+            }
         }
     }
     if lines.is_empty() {
         return String::new();
     }
-    let titles = ["rays", "kiln", "the fastest of another library", "times as fast"].map(str::to_owned);
-    lines.insert(0, titles.to_vec());
+    let titles = ["rays", "kiln", "the fastest of another library", "wrong", "times as fast"];
+    lines.insert(0, titles.map(str::to_owned).to_vec());
     format!(
-        "\nkiln in its default tier beside the fastest of each library, round by round: median (quartiles).\n\n{}",
+        "\nkiln in its default tier beside the fastest of each library, and beside its fastest without a wrong answer in this \
+         run,\nround by round: median (quartiles).\n\n{}",
         aligned(&lines, 3)
     )
+}
+
+/// Layout, tier and preset of a row.
+fn words(row: &SpeedRow) -> String {
+    let label = &row.label;
+    let words = [Some(label.layout), label.tier, label.preset];
+    words.into_iter().flatten().collect::<Vec<_>>().join(" ")
 }
 
 fn or_dash<T>(value: Option<T>, show: impl Fn(T) -> String) -> String {
