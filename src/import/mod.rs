@@ -391,6 +391,7 @@ pub fn is_scene_file(file: &Path) -> bool {
 }
 
 /// Whether a file has the extension of a format.
+#[cfg(feature = "viewer")]
 pub(crate) fn has_known_ending(file: &Path) -> bool {
     importer_by_ending(file).is_some()
 }

@@ -97,10 +97,8 @@ impl App {
         if let Some(legend) = self.canvas.rendered(0).and_then(|rendered| rendered.legend.as_ref()) {
             overlay::legend(&context, rect, legend);
         }
-        if let Some((of, found)) = &self.inspection {
-            if let Some(prepared) = self.canvas.prepared(0) {
-                inspector::draw(&ui.painter_at(rect), rect, prepared, of, found);
-            }
+        if let (Some((of, found)), Some(prepared)) = (&self.inspection, self.canvas.prepared(0)) {
+            inspector::draw(&ui.painter_at(rect), rect, prepared, of, found);
         }
         if !self.fit_window(&context, size) {
             self.request(&context, size);
