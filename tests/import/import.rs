@@ -827,6 +827,38 @@ fn gltf_base_colour_factor_picture_and_vertex_colours() {
     assert_eq!((green, white), ([0, 188, 0], [255, 188, 137]));
 }
 
+/// A texture without an image, and one of a set of coordinates that the mesh lacks.
+#[test]
+fn gltf_textures_that_cannot_be_drawn_are_named() {
+    let folder = Folder::new();
+    folder.write("half.png", half_transparent_png());
+    for (texture, set, expected) in [
+        (
+            json!({}),
+            0,
+            "a.gltf: texture left out: it names no image, or only one of a format that is not read",
+        ),
+        (json!({ "source": 0 }), 1, "a.gltf: `node 0` lacks the texture coordinates of its material `m`"),
+    ] {
+        let mut model = Model::new();
+        let position = model.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]);
+        let uv = model.floats(&[[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]]);
+        let attributes = json!({ "POSITION": position, "TEXCOORD_0": uv });
+        let pbr = json!({ "baseColorTexture": { "index": 0, "texCoord": set } });
+        let (_, warnings) = folder.load(
+            "a.gltf",
+            model
+                .with("nodes", json!([{ "mesh": 0 }]))
+                .with("meshes", json!([{ "primitives": [{ "attributes": attributes, "material": 0 }] }]))
+                .with("images", json!([{ "uri": "half.png" }]))
+                .with("textures", json!([texture]))
+                .with("materials", json!([{ "name": "m", "pbrMetallicRoughness": pbr }]))
+                .text(),
+        );
+        assert!(warnings.len() == 1 && warnings[0].contains(expected), "{warnings:?}");
+    }
+}
+
 /// A PNG of 2 by 1 white pixels whose alpha is 0 on the left and 204 (0.8) on the right.
 fn half_transparent_png() -> Vec<u8> {
     let mut png = std::io::Cursor::new(Vec::new());

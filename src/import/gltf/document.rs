@@ -115,6 +115,9 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
     Ok(Json { root, blob, pointers })
 }
 
+/// The URI of the image of textures that name none.
+pub(super) const NO_IMAGE: &str = "data:,";
+
 /// The items of a list, none without it.
 pub(super) fn items<'a>(parent: &'a mut Value, key: &str) -> impl Iterator<Item = &'a mut Value> {
     parent.get_mut(key).and_then(Value::as_array_mut).into_iter().flatten()
@@ -154,7 +157,7 @@ fn repair(root: &mut Value, mut warn: impl FnMut(String)) {
         images
             .as_array_mut()
             .into_iter()
-            .for_each(|images| images.push(serde_json::json!({ "uri": "data:," })));
+            .for_each(|images| images.push(serde_json::json!({ "uri": NO_IMAGE })));
     }
     let mut unknown = std::collections::BTreeSet::new();
     for mesh in items(root, "meshes") {

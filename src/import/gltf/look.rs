@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use glam::{DMat4, DVec3};
 use gltf::material::AlphaMode;
 
+use super::document::NO_IMAGE;
 use super::layers::AlphaUse;
 use super::texture::{BASE_COLOUR, EMISSION, METALLIC_ROUGHNESS, NORMAL};
 use super::{Loader, dvec3};
@@ -32,6 +33,12 @@ impl Loader<'_> {
                     return Ok(None);
                 };
                 images::of_bytes(&mut self.scene, &self.source.files, place, bytes, self.warnings)
+            }
+            gltf::image::Source::Uri { uri: NO_IMAGE, .. } => {
+                let file = self.source.file.display();
+                let what = "texture left out: it names no image, or only one of a format that is not read";
+                self.warnings.left_out(format!("{file}: {what}"));
+                Ok(None)
             }
             gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
                 Ok(Resource::Data(bytes)) => {
