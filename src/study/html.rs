@@ -112,12 +112,12 @@ fn histogram(channel: &ChannelAgreement) -> String {
 /// Table of comparisons of adjacent settings, and list of omitted parameters.
 pub(crate) fn steps(study: &Study) -> String {
     let mut html = "<h2>What the next step costs and gains</h2>\n<p class=\"note\">Along each parameter, from one setting to the next. Times that \
-        differ by no more than their quartiles are called alike.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">parameter</th>\
+        differ by no more than their quartiles are equal.</p>\n<div class=\"scroll\"><table><tr><th class=\"left\">parameter</th>\
         <th class=\"left\">from</th><th class=\"left\">to</th><th>time</th><th>error before</th><th>error after</th><th class=\"left\">gain</th></tr>\n"
         .to_owned();
     for step in &study.steps {
         let (Some(from), Some(to)) = (study.rows.get(step.from), study.rows.get(step.to)) else { continue };
-        let time = if step.time_is_apart { format!("× {:.2}", step.time_ratio) } else { "alike".into() };
+        let time = if step.time_is_apart { format!("× {:.2}", step.time_ratio) } else { "equal".into() };
         let error = |error: Option<f64>| {
             let unit = if step.is_relative { " relMSE" } else { "" };
             let number =
@@ -148,7 +148,7 @@ pub(crate) fn steps(study: &Study) -> String {
     }
     html += "</table></div>\n";
     if !study.left_out.is_empty() {
-        html += "<h3>Left out, having nothing to do here</h3>\n<ul>\n";
+        html += "<h3>Parameters without effect on this scene</h3>\n<ul>\n";
         for [parameter, why] in &study.left_out {
             let effect = EFFECTS.iter().find(|effect| effect.name() == parameter.as_str());
             let meaning = effect.map_or(String::new(), |effect| format!(" ({})", effect.summary));
@@ -214,10 +214,7 @@ pub(crate) fn table(study: &Study) -> String {
 
 fn cells(row: &SettingRow) -> String {
     if row.non_finite > 0 {
-        return format!(
-            "<td colspan=\"6\" class=\"bad\">{} pixels are no finite numbers</td>",
-            row.non_finite
-        );
+        return format!("<td colspan=\"6\" class=\"bad\">{} pixels are not finite</td>", row.non_finite);
     }
     match row.errors() {
         None => "<td colspan=\"6\">–</td>".into(),

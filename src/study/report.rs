@@ -117,7 +117,7 @@ fn selection(study: &Study, pictures: &PageImages) -> String {
 }
 
 fn summary(study: &Study) -> String {
-    let mut html = "<h2>In short</h2>\n<ul>\n".to_owned();
+    let mut html = "<h2>Recommendations and differences</h2>\n<ul>\n".to_owned();
     for advice in &study.advice {
         let _ = writeln!(html, "<li>{}</li>", with_code(&advice.text));
     }
@@ -166,7 +166,7 @@ pub fn facts(study: &Study) -> Vec<String> {
     }));
     for row in study.rows.iter().filter(|row| row.non_finite > 0) {
         lines.push(format!(
-            "{}: {} pixel(s) are no finite numbers; no error was computed.",
+            "{}: {} pixel(s) are not finite; no error was computed.",
             row.name(),
             row.non_finite
         ));
@@ -200,7 +200,7 @@ fn viewer(study: &Study, pictures: &PageImages) -> String {
         return String::new();
     }
     let first = shown.iter().find(|row| row.base).unwrap_or(&shown[0]).id;
-    let mut html = "<h2 id=\"look\">Look at it</h2>\n<p><label>Setting <select id=\"choice\">".to_owned();
+    let mut html = "<h2 id=\"look\">Pictures</h2>\n<p><label>Setting <select id=\"choice\">".to_owned();
     for row in &shown {
         let selected = if row.id == first { " selected" } else { "" };
         let _ = write!(html, "<option value=\"{}\"{selected}>{}</option>", row.id, escaped(&row.name()));
