@@ -98,7 +98,7 @@ fn initial_view(
         return Err(nothing_to_look_at(&scene));
     }
     let requested = arguments.settings()?;
-    // The window completes the scene for each side; here for what it says of it.
+    // Notes and errors of the completed scene. The painter completes the scene again with the settings of each side.
     let mut completed = scene.clone();
     requested.complete(&mut completed, warnings)?;
     let viewpoint = Viewpoint::of(&requested.camera, &scene, None)?;

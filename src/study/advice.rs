@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::data::{Quartiles, SettingRow, Significance};
-use super::pareto::Point;
+use super::pareto::TimedError;
 use super::path_sweep;
 
 /// The fastest setting below an error bound.
@@ -58,8 +58,8 @@ pub(crate) fn comparable(rows: &[SettingRow]) -> Vec<&SettingRow> {
 }
 
 /// Time and RMS error against the limit of each row.
-pub(crate) fn points(rows: &[&SettingRow]) -> Vec<Point> {
-    let point = |row: &&SettingRow| Point {
+pub(crate) fn points(rows: &[&SettingRow]) -> Vec<TimedError> {
+    let point = |row: &&SettingRow| TimedError {
         time: row.trace_ms,
         error: row.limit.map_or(f64::NAN, |limit| limit.rmse),
     };

@@ -39,7 +39,7 @@ pub use data::{
 };
 pub use errors::PictureErrors;
 pub use measure::{Options, Pools, StudySubject, study};
-pub use pareto::{Point, front};
+pub use pareto::{TimedError, front};
 pub use pictures::{PageImages, RowImages};
 pub use plot::error_against_time;
 pub use report::{facts, page};

@@ -4,7 +4,7 @@ use super::data::Quartiles;
 
 /// A setting's time and error.
 #[derive(Debug, Clone, Copy)]
-pub struct Point {
+pub struct TimedError {
     /// Time in ms.
     pub time: Quartiles,
     /// Error, at least 0; NaN is excluded.
@@ -15,7 +15,7 @@ pub struct Point {
 /// ranges overlap, errors if they differ by at most `tolerance`. A point dominates another if it is better or tied in
 /// both values, and better in one; of points that are tied in both,
 /// the first in the order of `points` is returned.
-pub fn front(points: &[Point], tolerance: f64) -> Vec<usize> {
+pub fn front(points: &[TimedError], tolerance: f64) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).filter(|&i| !points[i].error.is_nan()).collect();
     order.sort_by(|&a, &b| {
         let (a, b) = (&points[a], &points[b]);
@@ -23,7 +23,7 @@ pub fn front(points: &[Point], tolerance: f64) -> Vec<usize> {
     });
     let mut front: Vec<usize> = Vec::new();
     for candidate in order {
-        let Point { time, error } = points[candidate];
+        let TimedError { time, error } = points[candidate];
         // All of the front have a smaller median time, and the last the smallest error.
         if let Some(last) = front.last_mut().filter(|last| points[**last].error <= error + tolerance) {
             let is_tied =
@@ -45,7 +45,7 @@ mod tests {
 
     /// The front of points of lower quartile, median, upper quartile and error.
     fn front_of(points: &[[f64; 4]], tolerance: f64) -> Vec<usize> {
-        let point = |&[lower, median, upper, error]: &[f64; 4]| Point {
+        let point = |&[lower, median, upper, error]: &[f64; 4]| TimedError {
             time: Quartiles { lower, median, upper },
             error,
         };

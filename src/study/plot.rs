@@ -7,7 +7,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::advice::{comparable, points};
 use super::data::{Quartiles, SettingRow};
-use super::pareto::{Point, front};
+use super::pareto::{TimedError, front};
 use super::path_sweep;
 use crate::bench::plot::{Drawn, GRID, INK, PALETTE, decades, failed, text};
 use crate::error::Result;
@@ -29,7 +29,7 @@ struct Plot {
     groups: Vec<String>,
     marks: Vec<Mark>,
     /// Points of the Pareto front.
-    front: Vec<Point>,
+    front: Vec<TimedError>,
     /// Noise of the reference.
     floor: Option<f64>,
     /// Label of the error axis.
@@ -117,8 +117,8 @@ pub(crate) fn error_of_paths(rows: &[SettingRow]) -> Result<Option<String>> {
 }
 
 /// Time and error of each row; NaN for a missing error.
-fn points_of(rows: &[&SettingRow], error: impl Fn(&SettingRow) -> Option<f64>) -> Vec<Point> {
-    rows.iter().map(|row| Point { time: row.trace_ms, error: error(row).unwrap_or(f64::NAN) }).collect()
+fn points_of(rows: &[&SettingRow], error: impl Fn(&SettingRow) -> Option<f64>) -> Vec<TimedError> {
+    rows.iter().map(|row| TimedError { time: row.trace_ms, error: error(row).unwrap_or(f64::NAN) }).collect()
 }
 
 /// All parameters in order, so that each has the same colour in every plot.
@@ -132,8 +132,13 @@ fn parameters(rows: &[SettingRow]) -> Vec<String> {
     parameters
 }
 
-fn marks(parameters: &[String], rows: &[&SettingRow], points: &[Point], labelled: &[usize]) -> Vec<Mark> {
-    let mark = |(i, (row, &Point { time, error })): (usize, (&&SettingRow, &Point))| Mark {
+fn marks(
+    parameters: &[String],
+    rows: &[&SettingRow],
+    points: &[TimedError],
+    labelled: &[usize],
+) -> Vec<Mark> {
+    let mark = |(i, (row, &TimedError { time, error })): (usize, (&&SettingRow, &TimedError))| Mark {
         group: parameters.iter().position(|parameter| *parameter == row.parameter).unwrap_or(0),
         time,
         error,
