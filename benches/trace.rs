@@ -108,7 +108,8 @@ fn trace(c: &mut Criterion) {
         group.sample_size(20);
 
         let count = world.accelerator.describe().slots as u32;
-        let slot = |index| Slot { primitive: world.accelerator.primitive(SlotId(index)), id: PrimId(index) };
+        let slot =
+            |index| Slot { primitive: world.accelerator.primitive(SlotId::new(index)), id: PrimId(index) };
         let slots: Vec<Slot> = (0..count).map(slot).collect();
         group.throughput(Throughput::Elements(slots.len() as u64));
         group.bench_function("build", |b| {

@@ -146,7 +146,7 @@ impl BuiltContender for BuiltKiln {
             let occluded = with_mapped_capacity(rays.len(), true);
             return Box::new(Shadows { accelerator, rays, occluded, traversal: Traversal::default() });
         }
-        let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId(0), barycentrics: [0.0; 2] };
+        let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] };
         let hits = with_mapped_capacity(rays.len(), Some(nothing));
         Box::new(Closest { accelerator, rays, hits, traversal: Traversal::default() })
     }
@@ -169,9 +169,7 @@ struct Closest<'a> {
 
 impl RayQueue for Closest<'_> {
     fn run(&mut self) {
-        for batch in self.rays.chunks(speed::BATCH) {
-            self.accelerator.closest_hits(batch, &mut self.hits, &mut self.traversal);
-        }
+        self.accelerator.closest_hits(self.rays, &mut self.hits, &mut self.traversal);
     }
 
     fn hits(&self) -> Vec<Option<u32>> {
@@ -193,9 +191,7 @@ struct Shadows<'a> {
 
 impl RayQueue for Shadows<'_> {
     fn run(&mut self) {
-        for batch in self.rays.chunks(speed::BATCH) {
-            self.accelerator.are_occluded(batch, &mut self.occluded, &mut self.traversal);
-        }
+        self.accelerator.are_occluded(self.rays, &mut self.occluded, &mut self.traversal);
     }
 
     fn hits(&self) -> Vec<Option<u32>> {

@@ -225,7 +225,7 @@ mod tests {
     use crate::geometry::{PrimId, SlotId};
 
     fn hit(t: f64, prim: u32) -> Hit {
-        Hit { t, prim: PrimId(prim), slot: SlotId(0), barycentrics: [0.0; 2] }
+        Hit { t, prim: PrimId(prim), slot: SlotId::new(0), barycentrics: [0.0; 2] }
     }
 
     #[test]

@@ -44,7 +44,7 @@ impl<T: Tier> Accelerator for BruteForce<T> {
     }
 
     fn primitive(&self, slot: SlotId) -> Primitive {
-        self.slots[slot.0 as usize].primitive()
+        self.slots[slot.index() as usize].primitive()
     }
 
     fn numerics(&self) -> Numerics {

@@ -69,13 +69,13 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
                 TriangleHit { t: T::hit_analytic(self.ray, shape)?, barycentrics: [0.0; 2] }
             }
         };
-        Some(Hit { t, prim: slot.id, slot: SlotId(index), barycentrics })
+        Some(Hit { t, prim: slot.id, slot: SlotId::new(index), barycentrics })
     }
 
     /// Whether `hit` comes before the best hit so far; both are on primitives of `slots`.
     #[inline(always)]
     pub(crate) fn is_better(&self, hit: &Hit, best: Option<&Hit>, slots: &[StoredSlot<T>]) -> bool {
-        let primitive = |hit: &Hit| &slots[hit.slot.0 as usize].primitive;
+        let primitive = |hit: &Hit| &slots[hit.slot.index() as usize].primitive;
         // A split triangle is in several slots.
         best.is_none_or(|best| {
             hit.prim != best.prim && T::is_before(self.ray, [(hit, primitive(hit)), (best, primitive(best))])

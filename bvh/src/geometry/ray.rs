@@ -1,5 +1,7 @@
 //! [`Ray`], [`Hit`] and the indices of primitives.
 
+use std::num::NonZeroU32;
+
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
@@ -22,9 +24,23 @@ pub struct Ray {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PrimId(pub u32);
 
-/// A primitive's index in an acceleration structure.
+/// A primitive's index in an acceleration structure. Stored plus 1, so that `Option<Hit>` is no larger than [`Hit`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct SlotId(pub u32);
+pub struct SlotId(NonZeroU32);
+
+impl SlotId {
+    /// The slot of an index, at most `u32::MAX - 1`.
+    #[inline(always)]
+    pub const fn new(index: u32) -> Self {
+        SlotId(NonZeroU32::MIN.saturating_add(index))
+    }
+
+    /// Its index.
+    #[inline(always)]
+    pub const fn index(self) -> u32 {
+        self.0.get() - 1
+    }
+}
 
 /// The result of an intersection test. The surface interaction is computed from it once, for the closest hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,8 +77,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn no_hit_takes_no_room() {
+        assert_eq!(size_of::<Option<Hit>>(), size_of::<Hit>());
+        assert_eq!([0, 7, u32::MAX - 1].map(|index| SlotId::new(index).index()), [0, 7, u32::MAX - 1]);
+    }
+
+    #[test]
     fn ties_go_to_the_lowest_id() {
-        let hit = |t, prim| Hit { t, prim: PrimId(prim), slot: SlotId(0), barycentrics: [0.0; 2] };
+        let hit = |t, prim| Hit { t, prim: PrimId(prim), slot: SlotId::new(0), barycentrics: [0.0; 2] };
         assert!(hit(1.0, 5).is_before(&hit(2.0, 1)));
         assert!(hit(1.0, 1).is_before(&hit(1.0, 2)));
         assert!(!hit(1.0, 2).is_before(&hit(1.0, 2)));

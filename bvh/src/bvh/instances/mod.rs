@@ -164,7 +164,7 @@ impl<T: Tier> Instances<T> {
                         let corners = corners.map(corner);
                         let prepared = prepared.get_or_insert_with(|| T::prepare(ray));
                         if let Some(hit) = T::hit_triangle(prepared, ray, &corners) {
-                            let (prim, slot) = (instance.prim(*triangle), SlotId(slot + triangle));
+                            let (prim, slot) = (instance.prim(*triangle), SlotId::new(slot + triangle));
                             match found(Hit { t: hit.t, prim, slot, barycentrics: hit.barycentrics }, corners)
                             {
                                 Some(t) => t_max.set(t),
@@ -249,11 +249,11 @@ impl<T: Tier> Accelerator for Instances<T> {
     }
 
     fn primitive(&self, slot: SlotId) -> Primitive {
-        let after = self.instances.partition_point(|instance| instance.slot <= slot.0);
+        let after = self.instances.partition_point(|instance| instance.slot <= slot.index());
         match after.checked_sub(1).map(|index| &self.instances[index]) {
             None => self.flat.primitive(slot),
             Some(prepared) => {
-                let corners = prepared.instance.placed.corners_of(slot.0 - prepared.slot);
+                let corners = prepared.instance.placed.corners_of(slot.index() - prepared.slot);
                 Primitive::Triangle(Triangle(corners.map(|p| T::Corner::from_dvec3(p).to_dvec3())))
             }
         }

@@ -32,7 +32,7 @@ pub(crate) fn test<T: Tier, S: Simd>(
         prepared.fill::<S>(four);
         let triangles = wide.triangles.iter().enumerate().flat_map(|(index, leaf)| {
             let occupied = (0..LANES4).filter(|&lane| leaf.ids[lane] != NO_PRIMITIVE);
-            occupied.map(move |lane| (leaf, lane, SlotId((index * LANES4 + lane) as u32)))
+            occupied.map(move |lane| (leaf, lane, SlotId::new((index * LANES4 + lane) as u32)))
         });
         for (leaf, lane, slot) in triangles {
             tests.primitives += u64::from(u32::count_ones(active));

@@ -44,8 +44,11 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 
     fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
-        for rays in rays.chunks(PACKET) {
-            if T::IS_TIGHT && rays.len() >= MIN_PACKET && packet_closest(self, rays, hits, traversal) {
+        for [rays, following] in packets(rays) {
+            if T::IS_TIGHT
+                && rays.len() >= MIN_PACKET
+                && packet_closest(self, [rays, following], hits, traversal)
+            {
                 continue;
             }
             let first = hits.len();
@@ -61,8 +64,11 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 
     fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
-        for rays in rays.chunks(PACKET) {
-            if T::IS_TIGHT && rays.len() >= MIN_PACKET && packet_occluded(self, rays, occluded, traversal) {
+        for [rays, following] in packets(rays) {
+            if T::IS_TIGHT
+                && rays.len() >= MIN_PACKET
+                && packet_occluded(self, [rays, following], occluded, traversal)
+            {
                 continue;
             }
             let first = occluded.len();
@@ -115,10 +121,16 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 }
 
+/// The packets of a batch, each with the one after it.
+fn packets(rays: &[Ray]) -> impl Iterator<Item = [&[Ray]; 2]> {
+    let following = rays.chunks(PACKET).skip(1).chain([&[][..]]);
+    rays.chunks(PACKET).zip(following).map(|(rays, following)| [rays, following])
+}
+
 /// [`packet::closest`] with the instruction set of the machine.
 fn packet_closest<T: Tier>(
     wide: &Wide<T>,
-    rays: &[Ray],
+    rays: [&[Ray]; 2],
     hits: &mut Vec<Option<Hit>>,
     traversal: &mut Traversal,
 ) -> bool {
@@ -133,7 +145,7 @@ fn packet_closest<T: Tier>(
 /// [`packet::occluded`] with the instruction set of the machine.
 fn packet_occluded<T: Tier>(
     wide: &Wide<T>,
-    rays: &[Ray],
+    rays: [&[Ray]; 2],
     occluded: &mut Vec<bool>,
     traversal: &mut Traversal,
 ) -> bool {

@@ -48,13 +48,13 @@ impl<T: Tier> Wide<T> {
     /// The slot of an analytic shape.
     #[inline(always)]
     pub(crate) fn slot_of_analytic(&self, index: u32) -> SlotId {
-        SlotId((self.triangles.len() * LANES4) as u32 + index)
+        SlotId::new((self.triangles.len() * LANES4) as u32 + index)
     }
 
     /// The primitive in a slot, in the precision of the tier.
     #[inline(always)]
     pub(crate) fn stored(&self, slot: SlotId) -> Stored<T::Corner> {
-        let slot = slot.0 as usize;
+        let slot = slot.index() as usize;
         match self.triangles.get(slot / LANES4) {
             Some(leaf) => Stored::Triangle(leaf.corners.triangle(slot % LANES4)),
             None => Stored::Analytic(self.analytic[slot - self.triangles.len() * LANES4].0),

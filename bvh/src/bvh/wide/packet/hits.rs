@@ -40,7 +40,7 @@ pub(crate) enum BestHit {
 
 impl Default for BestHits {
     fn default() -> Self {
-        let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId(0), barycentrics: [0.0; 2] };
+        let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] };
         BestHits {
             near: [[f32::NEG_INFINITY; BLOCK]; BLOCKS],
             far: [[f32::NEG_INFINITY; BLOCK]; BLOCKS],
@@ -127,7 +127,7 @@ impl BestHits {
         match self.slots[ray / BLOCK % BLOCKS][ray % BLOCK] {
             NONE => BestHit::None,
             RESOLVED => BestHit::Resolved(self.hits[ray]),
-            slot => BestHit::Unresolved(SlotId(slot)),
+            slot => BestHit::Unresolved(SlotId::new(slot)),
         }
     }
 }

@@ -40,11 +40,12 @@ use hits::BestHits;
 use projected_triangles::BlockBounds;
 use rays::{BLOCK, BLOCKS, PacketRays};
 
-/// Appends the closest hits of the rays. `false`, with nothing appended, if they must be traced otherwise.
+/// Appends the closest hits of the rays. `false`, with nothing appended, if they must be traced otherwise. The
+/// `following` rays are prefetched.
 #[inline(always)]
 pub(crate) fn closest<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    rays: &[Ray],
+    [rays, following]: [&[Ray]; 2],
     hits: &mut Vec<Option<Hit>>,
     scratch: &mut Scratch,
     stack: &mut Vec<(Child, f32)>,
@@ -53,17 +54,20 @@ pub(crate) fn closest<T: Tier, S: Simd>(
     S::run(
         #[inline(always)]
         || {
-            let Some(mut packet) = Packet::<T, false>::new::<S>(rays, scratch) else { return false };
+            let Some(mut packet) = Packet::<T, false>::new::<S>(rays, following, scratch) else {
+                return false;
+            };
             packet.traverse::<S>(wide, stack, tests) && packet.resolve_all::<S>(wide, hits)
         },
     )
 }
 
-/// Appends whether each ray hits anything. `false`, with nothing appended, if they must be traced otherwise.
+/// Appends whether each ray hits anything. `false`, with nothing appended, if they must be traced otherwise. The
+/// `following` rays are prefetched.
 #[inline(always)]
 pub(crate) fn occluded<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    rays: &[Ray],
+    [rays, following]: [&[Ray]; 2],
     occluded: &mut Vec<bool>,
     scratch: &mut Scratch,
     stack: &mut Vec<(Child, f32)>,
@@ -72,7 +76,9 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
     S::run(
         #[inline(always)]
         || {
-            let Some(mut packet) = Packet::<T, true>::new::<S>(rays, scratch) else { return false };
+            let Some(mut packet) = Packet::<T, true>::new::<S>(rays, following, scratch) else {
+                return false;
+            };
             if !packet.traverse::<S>(wide, stack, tests) {
                 return false;
             }
@@ -137,9 +143,9 @@ struct Packet<'a, T: Tier, const ANY: bool> {
 impl<'a, T: Tier, const ANY: bool> Packet<'a, T, ANY> {
     /// A packet of rays with a common origin, or (`ANY`) a common end, or direction; `None` for other rays.
     #[inline(always)]
-    fn new<S: Simd>(rays: &'a [Ray], scratch: &'a mut Scratch) -> Option<Self> {
+    fn new<S: Simd>(rays: &'a [Ray], following: &[Ray], scratch: &'a mut Scratch) -> Option<Self> {
         debug_assert!(rays.len() <= PACKET);
-        let frustum = Frustum::new::<S>(rays, ANY, &mut scratch.rays)?;
+        let frustum = Frustum::new::<S>(rays, following, ANY, &mut scratch.rays)?;
         let blocks = scratch.rays.blocks;
         for (k, [least, most]) in scratch.block_bounds.iter_mut().enumerate() {
             for block in 0..blocks {

@@ -5,7 +5,7 @@ use crate::bvh::wide::layout::WIDTH;
 use crate::bvh::wide::single::box_ray::MARGIN;
 use crate::geometry::Ray;
 use crate::geometry::four::{LANES4, Ray4};
-use crate::geometry::simd::Simd;
+use crate::geometry::simd::{Simd, prefetch};
 
 /// Rays per block: the lanes of [`Simd::F8`].
 pub(crate) const BLOCK: usize = WIDTH;
@@ -77,16 +77,17 @@ pub(crate) struct Common {
 
 impl PacketRays {
     /// Loads directions and ends of at least one ray. Looks for a common end if `to_end`, else for a common origin.
+    /// Prefetches the packet of rays that comes after them.
     #[inline(always)]
-    pub(crate) fn fill<S: Simd>(&mut self, rays: &[Ray], to_end: bool) -> Common {
+    pub(crate) fn fill<S: Simd>(&mut self, rays: &[Ray], following: &[Ray], to_end: bool) -> Common {
         self.blocks = rays.len().div_ceil(BLOCK);
         let (mut starts, mut ends) = (Extent::<S>::empty(), Extent::<S>::empty());
         let (mut reach, mut nearest) = (S::d4_splat(0.0), S::d4_splat(f64::INFINITY));
         let mut latest = S::d4_splat(0.0);
         let mut directions = [[S::f8_splat(f32::INFINITY), S::f8_splat(f32::NEG_INFINITY)]; 3];
         for block in 0..self.blocks {
-            for ahead in 0..BLOCK {
-                S::prefetch(rays, rays, false, (block + 4) * BLOCK + ahead);
+            for index in (block * BLOCK..following.len()).take(BLOCK) {
+                prefetch(following, index);
             }
             let low = Ray4::<S>::new(rays, block * BLOCK);
             let high = Ray4::<S>::new(rays, block * BLOCK + LANES4);
@@ -231,7 +232,7 @@ mod tests {
                 })
                 .collect();
             let mut packet = PacketRays::default();
-            let frustum = Frustum::new::<Portable>(&rays, false, &mut packet).expect("one start");
+            let frustum = Frustum::new::<Portable>(&rays, &[], false, &mut packet).expect("one start");
             assert_eq!(frustum.axes[2], 2);
             for (index, ray) in rays.iter().enumerate() {
                 let depth = ray.direction.z * ray.t_max;
@@ -246,7 +247,7 @@ mod tests {
         let endless = Ray { origin: DVec3::ZERO, direction: DVec3::Z, t_min: 0.0, t_max: f64::INFINITY };
         let askew = Ray { direction: DVec3::new(0.6, 0.0, 0.8), ..endless };
         let mut packet = PacketRays::default();
-        Frustum::new::<Portable>(&[endless, askew], false, &mut packet).expect("one start");
+        Frustum::new::<Portable>(&[endless, askew], &[], false, &mut packet).expect("one start");
         assert_eq!(packet.depths::<Portable>(0), [[f32::INFINITY; BLOCK]; 2]);
     }
 }

@@ -7,7 +7,7 @@ use super::rays::BLOCK;
 use crate::bvh::wide::layout::Wide;
 use crate::bvh::wide::single::leaf::hit_triangle;
 use crate::geometry::four::{Hit4, LANES4, MASK4, Ray4};
-use crate::geometry::simd::Simd;
+use crate::geometry::simd::{Simd, prefetch};
 use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
 
 /// A triangle that rays certainly hit.
@@ -36,7 +36,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
         let mut unknown = certain & !(nearer | farther);
         if !ANY {
             if nearer != 0 {
-                self.scratch.best.set_unresolved::<S>(block, nearer, triangle.slot.0, depths);
+                self.scratch.best.set_unresolved::<S>(block, nearer, triangle.slot.index(), depths);
             }
             return (unknown, nearer != 0);
         }
@@ -150,7 +150,11 @@ impl<T: Tier> Packet<'_, T, false> {
         let (rays, before) = (self.rays, hits.len());
         let fours = rays.len().div_ceil(LANES4);
         let mut unresolved = 0u64;
+        hits.reserve(rays.len());
         for index in 0..fours {
+            for lane in 0..LANES4 {
+                prefetch(hits, before + index * LANES4 + lane);
+            }
             if self.scratch.best.slots4(index * LANES4).into_iter().any(BestHits::is_unresolved) {
                 unresolved |= 1 << index;
                 self.prepared::<S>(index);
@@ -161,25 +165,23 @@ impl<T: Tier> Packet<'_, T, false> {
                 self.scratch.resolved[index] = self.resolve4::<S>(wide, index);
             }
         }
-        hits.reserve(rays.len());
+        // One push per case: a hit that is joined from several cases is written to the stack and then copied.
         for (index, ray) in rays.iter().enumerate() {
-            let best = match self.scratch.best.get(index) {
-                BestHit::None => None,
-                BestHit::Resolved(hit) => Some(hit),
+            match self.scratch.best.get(index) {
+                BestHit::None => hits.push(None),
+                BestHit::Resolved(hit) => hits.push(Some(hit)),
                 BestHit::Unresolved(slot) => {
                     let (four, lane) = (&self.scratch.resolved[index / LANES4], index % LANES4);
-                    let hit = if four.hit >> lane & 1 != 0 {
-                        Some(four.at(lane, PrimId(prim_in_slot(wide, slot)), slot))
-                    } else if four.undecided >> lane & 1 != 0 {
-                        hit_in_slot(wide, ray, slot)
-                    } else {
-                        None
-                    };
+                    if four.hit >> lane & 1 != 0 {
+                        hits.push(Some(four.at(lane, PrimId(prim_in_slot(wide, slot)), slot)));
+                        continue;
+                    }
+                    let is_undecided = four.undecided >> lane & 1 != 0;
+                    let hit = if is_undecided { hit_in_slot(wide, ray, slot) } else { None };
                     self.is_inconsistent |= hit.is_none();
-                    hit
+                    hits.push(hit);
                 }
-            };
-            hits.push(best);
+            }
         }
         if self.is_inconsistent {
             hits.truncate(before);
@@ -210,13 +212,13 @@ impl<T: Tier> Packet<'_, T, false> {
 
 /// The tier's hit of a ray on the triangle in a slot.
 pub(crate) fn hit_in_slot<T: Tier>(wide: &Wide<T>, ray: &Ray, slot: SlotId) -> Option<Hit> {
-    hit_triangle::<T>(&T::prepare(ray), ray, &wide.triangles[slot.0 as usize / LANES4], slot)
+    hit_triangle::<T>(&T::prepare(ray), ray, &wide.triangles[slot.index() as usize / LANES4], slot)
 }
 
 /// The primitive id of the triangle in a slot.
 #[inline(always)]
 fn prim_in_slot<T: Tier>(wide: &Wide<T>, slot: SlotId) -> u32 {
-    wide.triangles[slot.0 as usize / LANES4].ids[slot.0 as usize % LANES4]
+    wide.triangles[slot.index() as usize / LANES4].ids[slot.index() as usize % LANES4]
 }
 
 /// The plane of a triangle, which decides on which side of the triangle rays start.

@@ -76,7 +76,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize % LANES4;
             lanes &= lanes - 1;
-            let slot = SlotId(index * LANES4 as u32 + lane as u32);
+            let slot = SlotId::new(index * LANES4 as u32 + lane as u32);
             let mut blocks = projected.blocks(lane, &self.scratch.block_bounds);
             let (nearest, corners) = (projected.nearest[lane], leaf.corners.corners_f64(lane));
             while blocks != 0 {

@@ -28,7 +28,7 @@ pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize % LANES4;
                     lanes &= lanes - 1;
-                    let slot = SlotId(index * LANES4 as u32 + lane as u32);
+                    let slot = SlotId::new(index * LANES4 as u32 + lane as u32);
                     let hit = if four.undecided >> lane & 1 == 0 {
                         four.at(lane, PrimId(leaf.ids[lane]), slot)
                     } else {
@@ -74,7 +74,7 @@ pub(crate) fn hit_triangle<T: Tier>(
     leaf: &TriangleLeaf<T::Corner>,
     slot: SlotId,
 ) -> Option<Hit> {
-    let lane = slot.0 as usize % LANES4;
+    let lane = slot.index() as usize % LANES4;
     let hit = T::hit_triangle(prepared, ray, &leaf.corners.triangle(lane))?;
     Some(Hit { t: hit.t, prim: PrimId(leaf.ids[lane]), slot, barycentrics: hit.barycentrics })
 }
