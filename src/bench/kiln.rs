@@ -38,6 +38,7 @@ impl Engine for Kiln {
             Layout::BruteForce => "brute-force",
             Layout::Bvh2(_) => "bvh2",
             Layout::Wide(_) => "bvh8",
+            Layout::Avx2(_) => "bvh8-avx2",
             Layout::Portable(_) => "bvh8-portable",
         }
     }
@@ -89,6 +90,7 @@ pub(crate) fn contenders() -> Vec<Box<dyn Contender>> {
     let numerics = Numerics::default();
     let presets = [
         Layout::Bvh2(Preset::default()),
+        Layout::Avx2(Preset::default()),
         Layout::Portable(Preset::default()),
         Layout::Wide(Preset::FastBuild),
         Layout::Wide(Preset::BestTrace),
@@ -113,7 +115,9 @@ impl Contender for Kiln {
     fn label(&self) -> Label {
         let preset = match self.structure {
             Layout::BruteForce => None,
-            Layout::Bvh2(preset) | Layout::Wide(preset) | Layout::Portable(preset) => Some(preset.name()),
+            Layout::Bvh2(preset) | Layout::Wide(preset) | Layout::Avx2(preset) | Layout::Portable(preset) => {
+                Some(preset.name())
+            }
         };
         Label {
             engine: self.name(),

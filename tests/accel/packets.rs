@@ -198,9 +198,10 @@ fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {
         let (mut all, mut hit, mut lit, mut dark) = (0, 0, 0, 0);
         let mut tiles = tiles(&slots, scale, offset, precision);
         tiles.extend(parallel_tiles(&slots, scale, precision));
-        let trees: Vec<_> = [Layout::default(), Layout::Portable(Default::default())]
-            .map(|structure| (structure, build(slots.iter().copied(), structure, numerics)))
-            .into();
+        let trees: Vec<_> =
+            [Layout::default(), Layout::Avx2(Default::default()), Layout::Portable(Default::default())]
+                .map(|structure| (structure, build(slots.iter().copied(), structure, numerics)))
+                .into();
         for (index, rays) in tiles.iter().enumerate() {
             let expected: Vec<_> = rays.iter().map(|ray| oracle.closest_hit(ray, &mut traversal)).collect();
             let seen: Vec<_> =
@@ -304,7 +305,9 @@ fn ends_on_both_sides_of_a_triangle() {
             .collect();
         let expected: Vec<_> = rays.iter().map(|ray| oracle.is_occluded(ray, &mut traversal)).collect();
         assert_eq!(expected, (0..TILE).map(|i| i % 2 == 1).collect::<Vec<_>>());
-        for structure in [Layout::default(), Layout::Portable(Default::default())] {
+        for structure in
+            [Layout::default(), Layout::Avx2(Default::default()), Layout::Portable(Default::default())]
+        {
             let tree = build(slots.iter().copied(), structure, numerics);
             let mut occluded = Vec::new();
             tree.are_occluded(&rays, &mut occluded, &mut traversal);

@@ -72,7 +72,7 @@ fn bits(hit: Option<Hit>) -> Option<(PrimId, u64, [u64; 2])> {
 fn a_refitted_structure_answers_as_brute_force_does() {
     let mut numbers = Numbers::new(71);
     for (numerics, preset) in Numerics::ALL.into_iter().flat_map(|n| Preset::ALL.map(|preset| (n, preset))) {
-        for structure in [Layout::Wide(preset), Layout::Portable(preset)] {
+        for structure in [Layout::Wide(preset), Layout::Avx2(preset), Layout::Portable(preset)] {
             let first = crowd(500, &mut numbers);
             let mut refitted = build(slots(&first, numerics), structure, numerics);
             // There and on, and back to where it came from: what has shrunk to nothing is there again.

@@ -18,7 +18,7 @@ use super::splitmix64::{GOLDEN, splitmix64};
 use super::stored_slot::StoredSlot;
 use super::wide::{Wide, convert};
 use super::{Preset, Primitive};
-use crate::geometry::simd::prefetch;
+use crate::geometry::simd::{InstructionSet, prefetch};
 use crate::geometry::{Bounds, Tier};
 
 /// How much the parts of split triangles are enlarged. obvhs leaves gaps of up to 9.7 ulp (measured) at a cut.
@@ -59,13 +59,17 @@ fn with_leaves(mut tree: obvhs::bvh2::Bvh2, parameters: BvhBuildParams) -> (Vec<
 }
 
 /// Builds a tree of eight children per node, whose leaves [`convert`] chooses.
-pub(crate) fn build_wide<T: Tier>(slots: &[StoredSlot<T>], preset: Preset, simd: bool) -> Wide<T> {
+pub(crate) fn build_wide<T: Tier>(
+    slots: &[StoredSlot<T>],
+    preset: Preset,
+    instructions: InstructionSet,
+) -> Wide<T> {
     if slots.is_empty() {
-        return convert(&obvhs::bvh2::Bvh2::default(), &[], slots, simd);
+        return convert(&obvhs::bvh2::Bvh2::default(), &[], slots, instructions);
     }
     let Ploc { mut tree, of_slot, parameters } = ploc_over_slots(slots, preset);
     ReinsertionOptimizer::default().run(&mut tree, parameters.reinsertion_batch_ratio, None);
-    convert(&tree, &of_slot, slots, simd)
+    convert(&tree, &of_slot, slots, instructions)
 }
 
 /// PLOC's tree, one box per leaf, not yet optimised.

@@ -30,6 +30,7 @@ use stored_slot::StoredSlot;
 
 use glam::{DVec3, Vec3};
 
+use crate::geometry::simd::InstructionSet;
 use crate::geometry::{
     AnalyticShape, Bounds, Double, Exact, Hit, Naive, Numerics, Precision, PrimId, Ray, SlotId, Tier,
     Triangle, Watertight,
@@ -79,8 +80,10 @@ pub struct Slot {
 pub enum Layout {
     /// obvhs's binary tree.
     Bvh2(Preset),
-    /// The binary tree converted to nodes of eight children, traversed by AVX2 where the machine has it.
+    /// The binary tree converted to nodes of eight children, traversed by AVX-512 or AVX2 where the machine has it.
     Wide(Preset),
+    /// The same, traversed by AVX2 at most.
+    Avx2(Preset),
     /// The same, traversed by portable code.
     Portable(Preset),
     /// No structure: every ray is tested against every primitive.
@@ -91,7 +94,9 @@ impl Layout {
     /// The build preset; `None` for brute force, which has no trees and no instances.
     pub fn preset(self) -> Option<Preset> {
         match self {
-            Layout::Bvh2(preset) | Layout::Wide(preset) | Layout::Portable(preset) => Some(preset),
+            Layout::Bvh2(preset) | Layout::Wide(preset) | Layout::Avx2(preset) | Layout::Portable(preset) => {
+                Some(preset)
+            }
             Layout::BruteForce => None,
         }
     }
@@ -106,7 +111,8 @@ impl Default for Layout {
 impl Layout {
     /// Every layout except brute force, with every preset.
     pub fn trees() -> impl Iterator<Item = Layout> {
-        [Layout::Bvh2, Layout::Wide, Layout::Portable].into_iter().flat_map(|layout| Preset::ALL.map(layout))
+        let layouts = [Layout::Bvh2, Layout::Wide, Layout::Avx2, Layout::Portable];
+        layouts.into_iter().flat_map(|layout| Preset::ALL.map(layout))
     }
 }
 
@@ -129,8 +135,11 @@ fn build_from(
         let stored: Vec<StoredSlot<T>> = slots.map(StoredSlot::new).collect();
         match layout {
             Layout::Bvh2(preset) => Box::new(build::build(&stored, preset)),
-            Layout::Wide(preset) => Box::new(build::build_wide(&stored, preset, wide::is_accelerated())),
-            Layout::Portable(preset) => Box::new(build::build_wide(&stored, preset, false)),
+            Layout::Wide(preset) => Box::new(build::build_wide(&stored, preset, InstructionSet::widest())),
+            Layout::Avx2(preset) => Box::new(build::build_wide(&stored, preset, InstructionSet::avx2())),
+            Layout::Portable(preset) => {
+                Box::new(build::build_wide(&stored, preset, InstructionSet::Portable))
+            }
             Layout::BruteForce => Box::new(BruteForce::new(stored)),
         }
     }
@@ -193,7 +202,7 @@ pub(crate) enum Next<D = f64> {
 pub struct Traversal {
     stack: Vec<(u32, f32)>,
     children: Vec<(wide::Child, f32)>,
-    packet: Box<wide::Scratch>,
+    packet: wide::Scratches,
     stacks: wide::Stacks,
     /// The nodes at which the rays of a batch start, with entry distances.
     entries: Vec<(u32, f32)>,

@@ -4,8 +4,8 @@
 use glam::DVec3;
 
 use super::distance::Distance;
-use super::four::{Hit4, Ray4};
-use super::simd::Simd;
+use super::lanes::{HitN, RayN};
+use super::simd::Doubles;
 use super::spawn::SurfacePoint;
 use super::{Bounds, Precision, Ray, Sphere};
 
@@ -46,8 +46,8 @@ pub(crate) trait Intersector: Copy {
 
     /// [`Intersector::hit`] for four rays. Undecided lanes are tested by `hit`.
     #[inline(always)]
-    fn hit_ray4<S: Simd>(&self, _rays: &Ray4<S>) -> Hit4 {
-        Hit4::UNDECIDED
+    fn hit_n<D: Doubles>(&self, _rays: &RayN<D>) -> HitN<D> {
+        HitN::UNDECIDED
     }
 
     /// The point of the surface nearest to `point`, and the outward unit normal there.
@@ -127,8 +127,8 @@ impl AnalyticShape {
     }
 
     #[inline(always)]
-    pub(crate) fn hit_ray4<S: Simd>(&self, rays: &Ray4<S>) -> Hit4 {
-        each!(self, shape => shape.hit_ray4(rays))
+    pub(crate) fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
+        each!(self, shape => shape.hit_n(rays))
     }
 
     pub(crate) fn rounded(&self, precision: Precision) -> Option<Self> {

@@ -6,8 +6,8 @@
 use glam::DVec3;
 
 use super::bounds::DoubleBoxTest;
-use super::four::Hit4;
-use super::simd::Simd;
+use super::lanes::HitN;
+use super::simd::Doubles;
 use super::woop::WoopTest;
 use super::{AnalyticShape, Ray, Tier, Triangle4, TriangleHit};
 use crate::geometry::Numerics;
@@ -20,7 +20,7 @@ impl Tier for Double {
     type Corner = DVec3;
     type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
-    const HAS_RAY4: bool = true;
+    const HAS_RAY_N: bool = true;
 
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {
@@ -33,8 +33,8 @@ impl Tier for Double {
     }
 
     #[inline(always)]
-    fn hit_triangle4<S: Simd>(test: &WoopTest, triangles: &Triangle4<DVec3>) -> Hit4 {
-        test.hit_triangle4::<S, _>(triangles)
+    fn hit_triangle4<D: Doubles>(test: &WoopTest, triangles: &Triangle4<DVec3>) -> HitN<D> {
+        test.hit_triangle4(triangles)
     }
 
     #[inline(always)]

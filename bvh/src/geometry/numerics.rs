@@ -3,9 +3,9 @@
 use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::BoxTest;
-use super::four::{Hit4, LANES4, Ray4, Triangle4};
-use super::simd::Simd;
-use super::woop4::PreparedRay4;
+use super::lanes::{HitN, RayN, Triangle4};
+use super::simd::Doubles;
+use super::woop_n::PreparedRayN;
 use super::{AnalyticShape, Bounds, Hit, Ray, TriangleHit};
 use crate::geometry::Numerics;
 
@@ -96,8 +96,10 @@ pub(crate) trait Corner: Copy + Send + Sync + 'static {
     const NAN: Self::Scalar;
     /// x, y and z.
     fn to_array(self) -> [Self::Scalar; 3];
-    /// Four coordinates converted to f64.
-    fn to_d4<S: Simd>(numbers: [Self::Scalar; LANES4]) -> S::D4;
+    /// The first coordinates of a slice, converted to f64.
+    fn load<D: Doubles>(coordinates: &[Self::Scalar]) -> D;
+    /// Coordinates converted to f64, one for each lane.
+    fn gather<D: Doubles>(lane: impl Fn(usize) -> Self::Scalar) -> D;
     /// From x, y and z.
     fn from_array(array: [Self::Scalar; 3]) -> Self;
     /// The nearest corner of this precision.
@@ -118,8 +120,13 @@ impl Corner for Vec3 {
     const NAN: f32 = f32::NAN;
 
     #[inline(always)]
-    fn to_d4<S: Simd>(numbers: [f32; LANES4]) -> S::D4 {
-        S::d4_from_f32(numbers)
+    fn load<D: Doubles>(coordinates: &[f32]) -> D {
+        D::load_f32(coordinates)
+    }
+
+    #[inline(always)]
+    fn gather<D: Doubles>(lane: impl Fn(usize) -> f32) -> D {
+        D::from_f32(lane)
     }
 
     #[inline(always)]
@@ -158,8 +165,13 @@ impl Corner for DVec3 {
     const NAN: f64 = f64::NAN;
 
     #[inline(always)]
-    fn to_d4<S: Simd>(numbers: [f64; LANES4]) -> S::D4 {
-        S::d4(numbers)
+    fn load<D: Doubles>(coordinates: &[f64]) -> D {
+        D::load_slice(coordinates)
+    }
+
+    #[inline(always)]
+    fn gather<D: Doubles>(lane: impl Fn(usize) -> f64) -> D {
+        D::from_f64(lane)
     }
 
     #[inline(always)]
@@ -215,24 +227,24 @@ pub(crate) trait Tier: Send + Sync + 'static {
     type Prepared: Copy;
 
     /// Whether the tier decides hits by the test of Woop, Benthin and Wald and the f64 tests of analytic shapes, of which there
-    /// are versions for four rays. Else those return [`Hit4::UNDECIDED`].
-    const HAS_RAY4: bool = false;
+    /// are versions for several rays. Else those return [`HitN::UNDECIDED`].
+    const HAS_RAY_N: bool = false;
 
-    /// [`Tier::hit_triangle`] for four rays and one triangle. `ahead`: the caller knows that no hit lies behind a
+    /// [`Tier::hit_triangle`] for a ray in each lane and one triangle. `ahead`: the caller knows that no hit lies behind a
     /// ray's origin.
     #[inline(always)]
-    fn hit_triangle_ray4<S: Simd>(rays: &PreparedRay4, corners: &[[f64; 3]; 3], ahead: bool) -> Hit4 {
-        if Self::HAS_RAY4 { rays.hit::<S>(corners, ahead) } else { Hit4::UNDECIDED }
+    fn hit_triangle_n<D: Doubles>(rays: &PreparedRayN<D>, corners: &[[f64; 3]; 3], ahead: bool) -> HitN<D> {
+        if Self::HAS_RAY_N { rays.hit(corners, ahead) } else { HitN::UNDECIDED }
     }
 
-    /// [`Tier::hit_triangle`] for four rays with a triangle each, given as a lane of a [`Triangle4`] and known to lie
-    /// ahead.
+    /// [`Tier::hit_triangle`] for a ray in each lane with a triangle of its own, given as a lane of a [`Triangle4`]
+    /// and known to lie ahead.
     #[inline(always)]
-    fn hit_triangles_ray4<S: Simd>(
-        rays: &PreparedRay4,
-        triangles: &[(&Triangle4<Self::Corner>, usize); LANES4],
-    ) -> Hit4 {
-        if Self::HAS_RAY4 { rays.hit_each::<S, _>(triangles) } else { Hit4::UNDECIDED }
+    fn hit_triangles_n<'a, D: Doubles>(
+        rays: &PreparedRayN<D>,
+        triangle: impl Fn(usize) -> (&'a Triangle4<Self::Corner>, usize),
+    ) -> HitN<D> {
+        if Self::HAS_RAY_N { rays.hit_each(triangle) } else { HitN::UNDECIDED }
     }
 
     /// Prepares a ray for triangles.
@@ -243,19 +255,19 @@ pub(crate) trait Tier: Send + Sync + 'static {
     fn hit_triangle(prepared: &Self::Prepared, ray: &Ray, corners: &[Self::Corner; 3])
     -> Option<TriangleHit>;
 
-    /// [`Tier::hit_triangle`] for one ray and four triangles.
+    /// [`Tier::hit_triangle`] for one ray and four triangles. `D` has four lanes.
     #[inline(always)]
-    fn hit_triangle4<S: Simd>(_: &Self::Prepared, _triangles: &Triangle4<Self::Corner>) -> Hit4 {
-        Hit4::UNDECIDED
+    fn hit_triangle4<D: Doubles>(_: &Self::Prepared, _triangles: &Triangle4<Self::Corner>) -> HitN<D> {
+        HitN::UNDECIDED
     }
 
     /// The test of [`Intersector`] that belongs to the tier.
     fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64>;
 
-    /// [`Tier::hit_analytic`] for four rays.
+    /// [`Tier::hit_analytic`] for a ray in each lane.
     #[inline(always)]
-    fn hit_analytic_ray4<S: Simd>(rays: &Ray4<S>, shape: &AnalyticShape) -> Hit4 {
-        if Self::HAS_RAY4 { shape.hit_ray4(rays) } else { Hit4::UNDECIDED }
+    fn hit_analytic_n<D: Doubles>(rays: &RayN<D>, shape: &AnalyticShape) -> HitN<D> {
+        if Self::HAS_RAY_N { shape.hit_n(rays) } else { HitN::UNDECIDED }
     }
 
     /// Whether the first of two hits is nearer, or equally near with the lower primitive id.

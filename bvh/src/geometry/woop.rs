@@ -11,15 +11,15 @@
 //! inside: no ray passes between two triangles that share an edge, and none hits beside a triangle seen edge-on.
 //! Without FMA, which would break the symmetry between the two sides of an edge.
 //!
-//! In the bounds, u = 2^-53. The test for four pairs at once is in [`super::woop4`].
+//! In the bounds, u = 2^-53. The test for four pairs at once is in [`super::woop_n`].
 
 use glam::DVec3;
 
 use super::bounds::clamp_to_bounds;
 use super::expansion::{Expansion, two_product, two_sum};
-use super::four::{Hit4, MASK4, Triangle4};
-use super::simd::Simd;
-use super::woop4::{Sheared4, hit_four};
+use super::lanes::{HitN, MASK4, Triangle4};
+use super::simd::Doubles;
+use super::woop_n::{ShearedN, hit_lanes};
 use super::{Corner, Ray, Triangle, TriangleHit};
 
 /// A ray prepared for triangles.
@@ -63,7 +63,9 @@ impl MajorAxis {
     /// The even permutation of the axes with this one last.
     #[inline(always)]
     pub(crate) fn axes(self) -> [usize; 3] {
-        [[1, 2, 0], [2, 0, 1], [0, 1, 2]][self as usize]
+        // A reference: else the table is copied to the stack before it is read.
+        const AXES: &[[usize; 3]; 3] = &[[1, 2, 0], [2, 0, 1], [0, 1, 2]];
+        AXES[self as usize]
     }
 
     /// A vector with its axes permuted by [`MajorAxis::axes`]; written out, so that it stays in registers.
@@ -120,35 +122,35 @@ impl WoopTest {
 
     /// The hits on four triangles, with the bits of [`WoopTest::hit`].
     #[inline(always)]
-    pub(crate) fn hit_triangle4<S: Simd, C: Corner>(&self, triangles: &Triangle4<C>) -> Hit4 {
-        hit_four::<S>(&self.relative::<S, C>(triangles), &self.splat::<S>(), self.zero_direction_mask, false)
+    pub(crate) fn hit_triangle4<D: Doubles, C: Corner>(&self, triangles: &Triangle4<C>) -> HitN<D> {
+        hit_lanes(&self.relative::<D, C>(triangles), &self.splat::<D>(), self.zero_direction_mask, false)
     }
 
     /// The corners of four triangles relative to the ray's origin, axes permuted.
     #[inline(always)]
-    fn relative<S: Simd, C: Corner>(&self, triangles: &Triangle4<C>) -> [[S::D4; 3]; 3] {
+    fn relative<D: Doubles, C: Corner>(&self, triangles: &Triangle4<C>) -> [[D; 3]; 3] {
         let axes = self.major.axes();
         let [x, y, z] = self.origin.to_array();
-        let origin = [S::d4_splat(x), S::d4_splat(y), S::d4_splat(z)];
+        let origin = [D::splat(x), D::splat(y), D::splat(z)];
         let mut moved = [origin; 3];
         for (corner, moved) in triangles.corners.iter().zip(&mut moved) {
             for place in 0..3 {
-                moved[place] = S::d4_sub(C::to_d4::<S>(corner[axes[place]]), origin[place]);
+                moved[place] = C::load::<D>(&corner[axes[place]]) - origin[place];
             }
         }
         moved
     }
 
-    /// This ray in all four lanes.
+    /// This ray in all lanes.
     #[inline(always)]
-    fn splat<S: Simd>(&self) -> Sheared4<S> {
+    fn splat<D: Doubles>(&self) -> ShearedN<D> {
         let [[sx, sy, _], [x, y, z]] = [self.shear, self.inverse];
-        let inverse = [S::d4_splat(x), S::d4_splat(y), S::d4_splat(z)];
-        Sheared4 {
-            shear: [S::d4_splat(sx), S::d4_splat(sy), inverse[2]],
+        let inverse = [D::splat(x), D::splat(y), D::splat(z)];
+        ShearedN {
+            shear: [D::splat(sx), D::splat(sy), inverse[2]],
             inverse,
-            t_min: S::d4_splat(self.t_min),
-            t_max: S::d4_splat(self.t_max),
+            t_min: D::splat(self.t_min),
+            t_max: D::splat(self.t_max),
         }
     }
 
@@ -219,7 +221,7 @@ fn is_behind<C: Corner>(ray: &Ray, corners: &[C; 3], sheared: &Sheared, sum: f64
     let corners = corners.map(Corner::to_dvec3);
     let [a, b, c] = sheared.corners;
     let reach = |v: DVec3| v.abs().max_element();
-    // Sheared coordinates are off by 3 u of their corner's reach and no larger than twice that; see `side` in `woop4`.
+    // Sheared coordinates are off by 3 u of their corner's reach and no larger than twice that; see `side` in `woop_n`.
     let bound = 128.0 * f64::EPSILON * reach(a) * reach(b) * reach(c);
     let determinant = a.dot(b.cross(c));
     if determinant.abs() > bound {

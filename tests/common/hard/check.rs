@@ -19,13 +19,14 @@ use super::single;
 use crate::common::oracle::{self, Distance};
 
 /// Brute force, and the trees that differ most.
-pub const STRUCTURES: [Layout; 7] = [
+pub const STRUCTURES: [Layout; 8] = [
     Layout::BruteForce,
     Layout::Bvh2(Preset::FastBuild),
     Layout::Bvh2(Preset::Balanced),
     Layout::Bvh2(Preset::BestTrace),
     Layout::Wide(Preset::Balanced),
     Layout::Wide(Preset::BestTrace),
+    Layout::Avx2(Preset::Balanced),
     Layout::Portable(Preset::FastBuild),
 ];
 

@@ -1,12 +1,12 @@
-//! Every ray against every primitive, four rays at once: for incoherent rays in scenes so small that traversal costs
+//! Every ray against every primitive, several rays at once: for incoherent rays in scenes so small that traversal costs
 //! more than it saves.
 
 use super::layout::{NO_PRIMITIVE, Wide};
-use super::single::leaf::{hit_analytic, hit_analytic_ray4, hit_triangle};
+use super::single::leaf::{hit_analytic, hit_analytic_n, hit_triangle};
 use crate::bvh::{Next, Tests};
-use crate::geometry::four::{Hit4, LANES4, Ray4};
-use crate::geometry::simd::Simd;
-use crate::geometry::woop4::PreparedRay4;
+use crate::geometry::lanes::{HitN, LANES4, RayN};
+use crate::geometry::simd::{Doubles, Simd, Vector};
+use crate::geometry::woop_n::PreparedRayN;
 use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
 
 /// The most triangle leaves, and the most analytic shapes, that all rays are tested against.
@@ -14,7 +14,7 @@ const MAX_LEAVES: usize = 4;
 
 /// Whether the scene is small enough.
 pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
-    T::HAS_RAY4 && wide.triangles.len() <= MAX_LEAVES && wide.analytic.len() <= MAX_LEAVES
+    T::HAS_RAY_N && wide.triangles.len() <= MAX_LEAVES && wide.analytic.len() <= MAX_LEAVES
 }
 
 /// Calls `found` with the index of a ray and each of its hits, until it returns [`Next::Stop`] for that ray.
@@ -22,21 +22,21 @@ pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
 pub(crate) fn test<T: Tier, S: Simd>(
     wide: &Wide<T>,
     rays: &[Ray],
-    prepared: &mut PreparedRay4,
     tests: &mut Tests,
     mut found: impl FnMut(usize, Hit) -> Next,
 ) {
-    for (index, four) in rays.chunks(LANES4).enumerate() {
-        let first = index * LANES4;
-        let mut active = (1 << four.len()) - 1;
-        prepared.fill::<S>(four);
+    let mut prepared = PreparedRayN::<S::D>::default();
+    for (index, group) in rays.chunks(S::D::LANES).enumerate() {
+        let first = index * S::D::LANES;
+        let mut active = (1 << group.len()) - 1;
+        prepared.fill(group);
         let triangles = wide.triangles.iter().enumerate().flat_map(|(index, leaf)| {
             let occupied = (0..LANES4).filter(|&lane| leaf.ids[lane] != NO_PRIMITIVE);
             occupied.map(move |lane| (leaf, lane, SlotId::new((index * LANES4 + lane) as u32)))
         });
         for (leaf, lane, slot) in triangles {
             tests.primitives += u64::from(u32::count_ones(active));
-            let hits = T::hit_triangle_ray4::<S>(prepared, &leaf.corners.corners_f64(lane), false);
+            let hits = T::hit_triangle_n(&prepared, &leaf.corners.corners_f64(lane), false);
             active = each_hit(
                 active,
                 &hits,
@@ -45,17 +45,17 @@ pub(crate) fn test<T: Tier, S: Simd>(
                     if hits.undecided >> place & 1 == 0 {
                         return Some(hits.at(place, PrimId(leaf.ids[lane]), slot));
                     }
-                    let ray = &four[place % four.len()];
+                    let ray = &group[place % group.len()];
                     hit_triangle::<T>(&T::prepare(ray), ray, leaf, slot)
                 },
                 #[inline(always)]
                 |place, hit| found(first + place, hit),
             );
         }
-        let ray4 = Ray4::<S>::new(four, 0);
+        let ray_n = RayN::<S::D>::new(group, 0);
         for (index, (shape, prim)) in (0..).zip(&wide.analytic) {
             tests.primitives += u64::from(u32::count_ones(active));
-            let hits = hit_analytic_ray4::<T, S>(&ray4, shape);
+            let hits = hit_analytic_n::<T, S::D>(&ray_n, shape);
             active = each_hit(
                 active,
                 &hits,
@@ -63,7 +63,7 @@ pub(crate) fn test<T: Tier, S: Simd>(
                 |place| {
                     let mut hit = hits.at(place, *prim, wide.slot_of_analytic(index));
                     if hits.undecided >> place & 1 != 0 {
-                        hit.t = hit_analytic::<T>(&four[place % four.len()], shape)?;
+                        hit.t = hit_analytic::<T>(&group[place % group.len()], shape)?;
                     }
                     Some(hit)
                 },
@@ -76,15 +76,15 @@ pub(crate) fn test<T: Tier, S: Simd>(
 
 /// Calls `found` with the hits of the active lanes, as `hit` decides them; returns the lanes that are still active.
 #[inline(always)]
-fn each_hit(
+fn each_hit<D: Doubles>(
     mut active: u32,
-    hits: &Hit4,
+    hits: &HitN<D>,
     hit: impl Fn(usize) -> Option<Hit>,
     mut found: impl FnMut(usize, Hit) -> Next,
 ) -> u32 {
     let mut lanes = (hits.hit | hits.undecided) & active;
     while lanes != 0 {
-        let place = lanes.trailing_zeros() as usize % LANES4;
+        let place = lanes.trailing_zeros() as usize % D::LANES;
         lanes &= lanes - 1;
         let Some(hit) = hit(place) else { continue };
         if let Next::Stop = found(place, hit) {

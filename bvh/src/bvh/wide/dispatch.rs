@@ -6,30 +6,52 @@
 use super::layout::Wide;
 use super::packet::{self, PACKET};
 use super::single;
-#[cfg(target_arch = "x86_64")]
 use super::{all_pairs, stream};
 use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
-use crate::geometry::simd::Portable;
 #[cfg(target_arch = "x86_64")]
-use crate::geometry::simd::{Avx2, Simd};
+use crate::geometry::simd::{Avx2, Avx512};
+use crate::geometry::simd::{InstructionSet, Portable, Simd};
 use crate::geometry::{Corner, Hit, Numerics, PrimId, Ray, SlotId, Stored, Tier, Triangle};
 
 /// Batches of fewer rays are not traced as packets.
 const MIN_PACKET: usize = 16;
 
-/// Calls `single::$function` with the instruction set and box test that serve the ray.
-macro_rules! single {
-    ($function:ident($wide:expr, $ray:expr $(, $argument:expr)*)) => {{
-        #[cfg(target_arch = "x86_64")]
-        if $wide.simd {
-            return if has_no_zeros($ray) {
-                single::$function::<T, Avx2, true>($wide, $ray $(, $argument)*)
-            } else {
-                single::$function::<T, Avx2, false>($wide, $ray $(, $argument)*)
-            };
+/// Evaluates an expression with `$simd` as the instruction set of the tree.
+macro_rules! with {
+    ($set:expr, $simd:ident => $value:expr) => {
+        match $set {
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx512 => {
+                type $simd = Avx512;
+                $value
+            }
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx2 => {
+                type $simd = Avx2;
+                $value
+            }
+            InstructionSet::Portable => {
+                type $simd = Portable;
+                $value
+            }
         }
-        single::$function::<T, Portable, false>($wide, $ray $(, $argument)*)
-    }};
+    };
+}
+
+/// Calls `single::$function` with the instruction set and box test that serve the ray. AVX-512 has nothing for single
+/// rays.
+macro_rules! single {
+    ($function:ident($wide:expr, $ray:expr $(, $argument:expr)*)) => {
+        match $wide.instructions {
+            InstructionSet::Portable => {
+                single::$function::<T, Portable, false>($wide, $ray $(, $argument)*)
+            }
+            #[cfg(target_arch = "x86_64")]
+            _ if has_no_zeros($ray) => single::$function::<T, Avx2, true>($wide, $ray $(, $argument)*),
+            #[cfg(target_arch = "x86_64")]
+            _ => single::$function::<T, Avx2, false>($wide, $ray $(, $argument)*),
+        }
+    };
 }
 
 impl<T: Tier> Accelerator for Wide<T> {
@@ -127,7 +149,7 @@ fn packets(rays: &[Ray]) -> impl Iterator<Item = [&[Ray]; 2]> {
     rays.chunks(PACKET).zip(following).map(|(rays, following)| [rays, following])
 }
 
-/// [`packet::closest`] with the instruction set of the machine.
+/// [`packet::closest`] with the instruction set of the tree.
 fn packet_closest<T: Tier>(
     wide: &Wide<T>,
     rays: [&[Ray]; 2],
@@ -135,14 +157,10 @@ fn packet_closest<T: Tier>(
     traversal: &mut Traversal,
 ) -> bool {
     let Traversal { children, tests, packet, .. } = traversal;
-    #[cfg(target_arch = "x86_64")]
-    if wide.simd {
-        return packet::closest::<T, Avx2>(wide, rays, hits, packet, children, tests);
-    }
-    packet::closest::<T, Portable>(wide, rays, hits, packet, children, tests)
+    with!(wide.instructions, S => packet::closest::<T, S>(wide, rays, hits, packet.of(), children, tests))
 }
 
-/// [`packet::occluded`] with the instruction set of the machine.
+/// [`packet::occluded`] with the instruction set of the tree.
 fn packet_occluded<T: Tier>(
     wide: &Wide<T>,
     rays: [&[Ray]; 2],
@@ -150,11 +168,7 @@ fn packet_occluded<T: Tier>(
     traversal: &mut Traversal,
 ) -> bool {
     let Traversal { children, tests, packet, .. } = traversal;
-    #[cfg(target_arch = "x86_64")]
-    if wide.simd {
-        return packet::occluded::<T, Avx2>(wide, rays, occluded, packet, children, tests);
-    }
-    packet::occluded::<T, Portable>(wide, rays, occluded, packet, children, tests)
+    with!(wide.instructions, S => packet::occluded::<T, S>(wide, rays, occluded, packet.of(), children, tests))
 }
 
 /// [`many`] for closest hits.
@@ -199,9 +213,8 @@ fn many_occluded<T: Tier>(
     )
 }
 
-/// Traces incoherent rays by all pairs or as a stream. `false`, with nothing traced, if the machine, the tree or the
-/// rays do not allow either.
-#[cfg(target_arch = "x86_64")]
+/// Traces incoherent rays by all pairs or as a stream. `false`, with nothing traced, if the instruction set, the tree
+/// or the rays do not allow either.
 #[inline(always)]
 fn many<T: Tier>(
     wide: &Wide<T>,
@@ -209,26 +222,25 @@ fn many<T: Tier>(
     traversal: &mut Traversal,
     found: impl FnMut(usize, Hit) -> Next,
 ) -> bool {
-    let is_small = all_pairs::applies(wide);
-    if !(wide.simd && (is_small || stream::applies(wide) && rays.iter().all(has_no_zeros))) {
+    let Traversal { stacks, tests, .. } = traversal;
+    if wide.instructions == InstructionSet::Portable {
         return false;
     }
-    Avx2::run(
-        #[inline(always)]
-        || {
-            let Traversal { stacks, tests, packet, .. } = traversal;
-            if is_small {
-                all_pairs::test::<T, Avx2>(wide, rays, packet.any_prepared(), tests, found);
-            } else {
-                stream::traverse::<T, Avx2>(wide, rays, stacks, tests, found);
-            }
-        },
-    );
-    true
-}
-
-#[cfg(not(target_arch = "x86_64"))]
-fn many<T: Tier>(_: &Wide<T>, _: &[Ray], _: &mut Traversal, _: impl FnMut(usize, Hit) -> Next) -> bool {
+    if all_pairs::applies(wide) {
+        with!(wide.instructions, S => S::run(
+            #[inline(always)]
+            move || all_pairs::test::<T, S>(wide, rays, tests, found),
+        ));
+        return true;
+    }
+    #[cfg(target_arch = "x86_64")]
+    if stream::applies(wide) && rays.iter().all(has_no_zeros) {
+        Avx2::run(
+            #[inline(always)]
+            move || stream::traverse::<T, Avx2>(wide, rays, stacks, tests, found),
+        );
+        return true;
+    }
     false
 }
 

@@ -12,8 +12,8 @@
 //! 3. All of them read the nodes and leaves of [`layout`] and decide hits by the primitive tests of the
 //!    [`Tier`](crate::geometry::Tier), so a hit has the same bits whichever traversal found it.
 //!
-//! Kernels are compiled for AVX2 with FMA and in portable Rust ([`Simd`](crate::geometry::simd::Simd)), with the same
-//! results.
+//! Kernels are compiled for AVX2 with FMA and in portable Rust, packets for AVX-512, too
+//! ([`Simd`](crate::geometry::simd::Simd)), with the same results.
 
 mod all_pairs;
 mod dispatch;
@@ -23,16 +23,5 @@ mod single;
 mod stream;
 
 pub(crate) use layout::{Child, Wide, convert};
-pub(crate) use packet::Scratch;
+pub(crate) use packet::Scratches;
 pub(crate) use stream::Stacks;
-
-#[cfg(target_arch = "x86_64")]
-use crate::geometry::simd::Avx2;
-
-/// Whether this machine has the instructions of [`Avx2`].
-pub(crate) fn is_accelerated() -> bool {
-    #[cfg(target_arch = "x86_64")]
-    return Avx2::is_supported();
-    #[cfg(not(target_arch = "x86_64"))]
-    return false;
-}

@@ -1,17 +1,69 @@
-//! Vectors of eight f32 or four f64: [`Simd`], with one implementation for AVX2 and FMA and one in portable Rust.
+//! Vectors of f32 and f64 numbers ([`Floats`], [`Doubles`]) and the instruction sets that have them ([`Simd`]).
 //!
-//! Kernels generic over [`Simd`] are compiled for both and give the same bits: every operation is one IEEE 754
-//! operation per lane, except [`Simd::mul_sub`] and [`Simd::mul_add`] on f32, which round once or twice. Those two
-//! are used for conservative bounds only, never for a decision.
+//! | [`Simd`] | eight children, four triangles | rays of packets |
+//! | --- | --- | --- |
+//! | [`Portable`] | arrays | 8 f32, 4 f64 |
+//! | [`Avx2`] | AVX2 and FMA | 8 f32, 4 f64 |
+//! | [`Avx512`] | AVX2 and FMA | 16 f32, 8 f64, by AVX-512 |
+//!
+//! Code generic over these gives the same bits with each: every operation is one IEEE 754 operation per lane, except
+//! [`Floats::mul_sub`] and [`Floats::mul_add`], which round once or twice. Those two are used for conservative bounds
+//! only, never for a decision.
 
 mod portable;
 #[cfg(target_arch = "x86_64")]
 #[allow(unsafe_code)]
 mod x86;
 
+use std::ops::{Add, Div, Index, IndexMut, Mul, Sub};
+
 pub(crate) use portable::Portable;
 #[cfg(target_arch = "x86_64")]
-pub(crate) use x86::Avx2;
+pub(crate) use x86::{Avx2, Avx512};
+
+/// An instruction set, chosen at run time. All give the same hits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum InstructionSet {
+    /// [`Portable`].
+    Portable,
+    /// [`Avx2`].
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// [`Avx512`].
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl InstructionSet {
+    /// [`Avx2`] if this machine supports it.
+    pub(crate) fn avx2() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if Avx2::is_supported() {
+            return InstructionSet::Avx2;
+        }
+        InstructionSet::Portable
+    }
+
+    /// Its name; `None` for what the compiler uses.
+    pub(crate) fn name(self) -> Option<&'static str> {
+        match self {
+            InstructionSet::Portable => None,
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx2 => Some("avx2"),
+            #[cfg(target_arch = "x86_64")]
+            InstructionSet::Avx512 => Some("avx512"),
+        }
+    }
+
+    /// The widest that this machine supports.
+    pub(crate) fn widest() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if Avx512::is_supported() {
+            return InstructionSet::Avx512;
+        }
+        Self::avx2()
+    }
+}
 
 /// Prefetches the first cache line of `items[index]`; the index may be out of range.
 #[inline(always)]
@@ -42,90 +94,239 @@ impl Side {
     }
 }
 
-/// An instruction set and its vectors. Masks have one bit per lane, the lowest for the first lane.
+/// A vector of numbers, with the operations of both types. Masks have one bit per lane, the lowest for the first lane.
+pub(crate) trait Vector:
+    Copy
+    + Send
+    + Sync
+    + 'static
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+{
+    /// The type of a number.
+    type Scalar: Copy + 'static;
+    /// An array of its numbers.
+    type Array: Copy
+        + Send
+        + Sync
+        + 'static
+        + Index<usize, Output = Self::Scalar>
+        + IndexMut<usize>
+        + AsRef<[Self::Scalar]>
+        + AsMut<[Self::Scalar]>;
+
+    /// The number of lanes.
+    const LANES: usize;
+    /// All lanes, as bits.
+    const ALL: u32 = u32::MAX >> (u32::BITS as usize - Self::LANES);
+    /// Zeros, as an array.
+    const ZEROS: Self::Array;
+
+    /// From an array.
+    fn load(x: Self::Array) -> Self;
+    /// To an array.
+    fn array(self) -> Self::Array;
+    /// From the first numbers of a slice.
+    fn load_slice(x: &[Self::Scalar]) -> Self;
+    /// One number in all lanes.
+    fn splat(x: Self::Scalar) -> Self;
+    /// `self > other ? self : other` per lane: `other` if either is NaN.
+    fn max(self, other: Self) -> Self;
+    /// `self < other ? self : other` per lane: `other` if either is NaN.
+    fn min(self, other: Self) -> Self;
+    /// The lanes with `self <= other`.
+    fn le(self, other: Self) -> u32;
+    /// The least lane; none may be NaN.
+    fn reduce_min(self) -> Self::Scalar;
+    /// The greatest lane; none may be NaN.
+    fn reduce_max(self) -> Self::Scalar;
+}
+
+/// A vector of f32 numbers.
+pub(crate) trait Floats: Vector<Scalar = f32> {
+    /// As many integers.
+    type Bits: Copy + Send + Sync + 'static + Index<usize, Output = u32> + IndexMut<usize>;
+
+    /// `self * b + c`, rounded once or twice.
+    fn mul_add(self, b: Self, c: Self) -> Self;
+    /// `self * b - c`, rounded once or twice.
+    fn mul_sub(self, b: Self, c: Self) -> Self;
+    /// `a` in the lanes of a mask, `b` in the others.
+    fn select(mask: u32, a: Self, b: Self) -> Self;
+    /// One integer in all lanes.
+    fn splat_bits(x: u32) -> Self::Bits;
+    /// Writes `x` to the lanes of a mask.
+    fn store_bits(mask: u32, x: u32, to: &mut Self::Bits);
+}
+
+/// A vector of f64 numbers.
+pub(crate) trait Doubles: Vector<Scalar = f64> {
+    /// A vector of twice as many f32 numbers.
+    type Floats: Floats;
+
+    /// From the first f32 numbers of a slice.
+    fn load_f32(x: &[f32]) -> Self;
+    /// From f32 numbers, one for each lane.
+    fn from_f32(lane: impl Fn(usize) -> f32) -> Self;
+    /// From f64 numbers, one for each lane.
+    fn from_f64(lane: impl Fn(usize) -> f64) -> Self;
+    /// The columns of a matrix with a row of eight numbers for each lane.
+    fn columns<'a>(row: impl Fn(usize) -> &'a [f64; 8]) -> [Self; 8];
+    /// To f32, rounded to nearest.
+    fn to_floats(low: Self, high: Self) -> Self::Floats;
+    /// The absolute value.
+    fn abs(self) -> Self;
+    /// The square root, rounded to nearest.
+    fn sqrt(self) -> Self;
+    /// The absolute value of `self` with the sign of `other`.
+    fn copysign(self, other: Self) -> Self;
+    /// The lanes with `self < other`.
+    fn lt(self, other: Self) -> u32;
+}
+
+/// An instruction set and its vectors.
 pub(crate) trait Simd: Copy + Send + Sync + 'static {
-    /// Eight f32 numbers.
-    type F8: Copy;
-    /// Four f64 numbers.
-    type D4: Copy;
+    /// Eight f32 numbers: the children of a node.
+    type F8: Floats<Array = [f32; 8], Bits = [u32; 8]>;
+    /// Four f64 numbers: the triangles of a leaf.
+    type D4: Doubles<Array = [f64; 4], Floats = Self::F8>;
+    /// f32 numbers of the rays of a packet.
+    type F: Floats;
+    /// f64 numbers of the rays of a packet, half as many.
+    type D: Doubles<Floats = Self::F>;
 
     /// Calls `f`, compiled for this instruction set if it is inlined.
     fn run<R>(f: impl FnOnce() -> R) -> R;
     /// Prefetches `b[index]` if `of_b`, else `a[index]`; the index may be out of range.
     fn prefetch<A, B>(a: &[A], b: &[B], of_b: bool, index: usize);
-
-    /// From an array.
-    fn f8(x: [f32; 8]) -> Self::F8;
     /// From one of two arrays.
-    fn f8_load(pair: &[[f32; 8]; 2], side: Side) -> Self::F8;
-    /// To an array.
-    fn f8_array(x: Self::F8) -> [f32; 8];
-    /// One number in all eight lanes.
-    fn f8_splat(x: f32) -> Self::F8;
-    /// a + b
-    fn f8_add(a: Self::F8, b: Self::F8) -> Self::F8;
-    /// a - b
-    fn f8_sub(a: Self::F8, b: Self::F8) -> Self::F8;
-    /// a b
-    fn f8_mul(a: Self::F8, b: Self::F8) -> Self::F8;
-    /// a / b
-    fn f8_div(a: Self::F8, b: Self::F8) -> Self::F8;
-    /// a b + c, rounded once or twice.
-    fn mul_add(a: Self::F8, b: Self::F8, c: Self::F8) -> Self::F8;
-    /// a b - c, rounded once or twice.
-    fn mul_sub(a: Self::F8, b: Self::F8, c: Self::F8) -> Self::F8;
-    /// `a > b ? a : b` per lane: b if either is NaN.
-    fn f8_max(a: Self::F8, b: Self::F8) -> Self::F8;
-    /// `a < b ? a : b` per lane: b if either is NaN.
-    fn f8_min(a: Self::F8, b: Self::F8) -> Self::F8;
-    /// The lanes with a <= b.
-    fn f8_le(a: Self::F8, b: Self::F8) -> u32;
-    /// a in the lanes of a mask, b in the others.
-    fn f8_select(mask: u32, a: Self::F8, b: Self::F8) -> Self::F8;
-    /// Writes `x` to the elements of a mask.
-    fn masked_store(mask: u32, x: u32, to: &mut [u32; 8]);
-    /// The least lane; none may be NaN.
-    fn f8_reduce_min(x: Self::F8) -> f32;
-    /// The greatest lane; none may be NaN.
-    fn f8_reduce_max(x: Self::F8) -> f32;
-    /// From eight f64, rounded to nearest.
-    fn f8_from_d4(low: Self::D4, high: Self::D4) -> Self::F8;
-
+    fn planes(pair: &[[f32; 8]; 2], side: Side) -> Self::F8;
     /// The number of lanes with `enter <= leave`, which are written to the front of `to`, sorted by descending
     /// `enter`. An element has the bits of `enter`, or of a number slightly below it, in its upper half and the lane
     /// of `of` in its lower. `enter` must not be negative. The remaining elements of `to` are unspecified.
     fn sort_entered(enter: Self::F8, leave: Self::F8, of: &[u32; 8], to: &mut [u64; 8]) -> usize;
+}
 
-    /// From an array.
-    fn d4(x: [f64; 4]) -> Self::D4;
-    /// The transpose of a 4 x 4 matrix.
-    fn d4_transposed(rows: [Self::D4; 4]) -> [Self::D4; 4];
-    /// From four f32.
-    fn d4_from_f32(x: [f32; 4]) -> Self::D4;
-    /// To an array.
-    fn d4_array(x: Self::D4) -> [f64; 4];
-    /// One number in all four lanes.
-    fn d4_splat(x: f64) -> Self::D4;
-    /// a + b
-    fn d4_add(a: Self::D4, b: Self::D4) -> Self::D4;
-    /// a - b
-    fn d4_sub(a: Self::D4, b: Self::D4) -> Self::D4;
-    /// a b
-    fn d4_mul(a: Self::D4, b: Self::D4) -> Self::D4;
-    /// a / b
-    fn d4_div(a: Self::D4, b: Self::D4) -> Self::D4;
-    /// `a > b ? a : b` per lane: b if either is NaN.
-    fn d4_max(a: Self::D4, b: Self::D4) -> Self::D4;
-    /// `a < b ? a : b` per lane: b if either is NaN.
-    fn d4_min(a: Self::D4, b: Self::D4) -> Self::D4;
-    /// |a|
-    fn d4_abs(a: Self::D4) -> Self::D4;
-    /// The square root, rounded to nearest.
-    fn d4_sqrt(a: Self::D4) -> Self::D4;
-    /// |a| with the sign of b.
-    fn d4_copysign(a: Self::D4, b: Self::D4) -> Self::D4;
-    /// The lanes with a <= b.
-    fn d4_le(a: Self::D4, b: Self::D4) -> u32;
-    /// The lanes with a < b.
-    fn d4_lt(a: Self::D4, b: Self::D4) -> u32;
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SPECIAL: [f64; 10] =
+        [0.0, -0.0, 1.0, -1.5, f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 1e-30, 3.0e30, -7.25];
+
+    /// Lanes of special numbers, every pair of them in turn.
+    fn pairs(lanes: usize) -> impl Iterator<Item = (Vec<f64>, Vec<f64>)> {
+        let number = |index: usize| SPECIAL[index % SPECIAL.len()];
+        (0..SPECIAL.len() * SPECIAL.len()).map(move |i| {
+            let pair = |lane: usize| (number(i + lane), number((i + 3 * lane) / SPECIAL.len() + lane));
+            (0..lanes).map(pair).unzip()
+        })
+    }
+
+    fn mask<T: Copy>(a: &[T], b: &[T], holds: impl Fn(T, T) -> bool) -> u32 {
+        a.iter().zip(b).enumerate().fold(0, |mask, (lane, (&a, &b))| mask | u32::from(holds(a, b)) << lane)
+    }
+
+    /// Every lane has the bits of `expected`, or both are NaN.
+    fn assert_lanes<V: Vector<Scalar: Into<f64>>>(found: V, expected: impl Fn(usize) -> V::Scalar) {
+        let found = found.array();
+        for lane in 0..V::LANES {
+            let (found, expected): (f64, f64) = (found[lane].into(), expected(lane).into());
+            assert!(
+                found.to_bits() == expected.to_bits() || found.is_nan() && expected.is_nan(),
+                "lane {lane}: {found}, not {expected}"
+            );
+        }
+    }
+
+    macro_rules! check_vector {
+        ($name:ident, $vector:ident, $scalar:ty) => {
+            fn $name<V: $vector>() {
+                for (a, b) in pairs(V::LANES) {
+                    let narrow = |x: Vec<f64>| x.into_iter().map(|x| x as $scalar).collect::<Vec<_>>();
+                    let (a, b) = (narrow(a), narrow(b));
+                    let (x, y) = (V::load_slice(&a), V::load_slice(&b));
+                    assert_lanes(V::load(x.array()), |lane| a[lane]);
+                    assert_lanes(x + y, |lane| a[lane] + b[lane]);
+                    assert_lanes(x - y, |lane| a[lane] - b[lane]);
+                    assert_lanes(x * y, |lane| a[lane] * b[lane]);
+                    assert_lanes(x / y, |lane| a[lane] / b[lane]);
+                    assert_lanes(x.max(y), |lane| if a[lane] > b[lane] { a[lane] } else { b[lane] });
+                    assert_lanes(x.min(y), |lane| if a[lane] < b[lane] { a[lane] } else { b[lane] });
+                    assert_eq!(x.le(y), mask(&a, &b, |a, b| a <= b));
+                    let some: Vec<_> = a.iter().map(|x| if x.is_nan() { 2.0 } else { *x }).collect();
+                    let numbers = V::load_slice(&some);
+                    assert_eq!(numbers.reduce_min(), some.iter().copied().fold(some[0], <$scalar>::min));
+                    assert_eq!(numbers.reduce_max(), some.iter().copied().fold(some[0], <$scalar>::max));
+                    assert_lanes(V::splat(a[0]), |_| a[0]);
+                }
+            }
+        };
+    }
+
+    check_vector!(check_numbers_f32, Floats, f32);
+    check_vector!(check_numbers_f64, Doubles, f64);
+
+    fn check_floats<F: Floats>() {
+        check_numbers_f32::<F>();
+        let a: Vec<f32> = (0..F::LANES).map(|lane| lane as f32 + 0.1).collect();
+        let (x, y) = (F::load_slice(&a), F::splat(3.3));
+        let every_third = 0x9249 & F::ALL;
+        let is_third = |lane: usize| lane.is_multiple_of(3);
+        assert_lanes(F::select(every_third, x, y), |lane| if is_third(lane) { a[lane] } else { 3.3 });
+        let mut bits = F::splat_bits(5);
+        F::store_bits(every_third, 7, &mut bits);
+        assert!((0..F::LANES).all(|lane| bits[lane] == if is_third(lane) { 7 } else { 5 }));
+        for (found, term) in [(x.mul_add(y, y).array(), 3.3f32), (x.mul_sub(y, y).array(), -3.3)] {
+            for lane in 0..F::LANES {
+                let once = (f64::from(a[lane]) * f64::from(3.3f32) + f64::from(term)) as f32;
+                assert!(found[lane] == once || found[lane] == a[lane] * 3.3 + term, "{}", found[lane]);
+            }
+        }
+    }
+
+    fn check_doubles<D: Doubles>() {
+        check_numbers_f64::<D>();
+        assert_eq!(D::Floats::LANES, 2 * D::LANES);
+        for (a, b) in pairs(D::LANES) {
+            let (x, y) = (D::load_slice(&a), D::load_slice(&b));
+            assert_eq!(x.lt(y), mask(&a, &b, |a, b| a < b));
+            assert_lanes(x.abs(), |lane| a[lane].abs());
+            assert_lanes(x.abs().sqrt(), |lane| a[lane].abs().sqrt());
+            assert_lanes(x.copysign(y), |lane| a[lane].copysign(b[lane]));
+            assert_lanes(D::from_f64(|lane| b[lane]), |lane| b[lane]);
+            assert_lanes(D::from_f32(|lane| b[lane] as f32), |lane| f64::from(b[lane] as f32));
+            let narrow: Vec<f32> = a.iter().map(|&x| x as f32).collect();
+            assert_lanes(D::load_f32(&narrow), |lane| f64::from(narrow[lane]));
+            let both = [a, b].concat();
+            assert_lanes(D::to_floats(x, y), |lane| both[lane] as f32);
+        }
+        let rows: Vec<[f64; 8]> =
+            (0..D::LANES).map(|row| std::array::from_fn(|column| (10 * row + column) as f64)).collect();
+        for (column, numbers) in D::columns(|row| &rows[row]).into_iter().enumerate() {
+            assert_lanes(numbers, |row| (10 * row + column) as f64);
+        }
+    }
+
+    fn check<S: Simd>() {
+        check_floats::<S::F8>();
+        check_floats::<S::F>();
+        check_doubles::<S::D4>();
+        check_doubles::<S::D>();
+    }
+
+    #[test]
+    fn vectors_compute_lane_by_lane() {
+        check::<Portable>();
+        #[cfg(target_arch = "x86_64")]
+        if Avx2::is_supported() {
+            check::<Avx2>();
+        }
+        #[cfg(target_arch = "x86_64")]
+        if Avx512::is_supported() {
+            check::<Avx512>();
+        }
+    }
 }

@@ -1,27 +1,199 @@
 //! [`Simd`] by arrays, for every machine.
 
-use super::{Side, Simd};
+use std::ops::{Add, Div, Mul, Sub};
+
+use super::{Doubles, Floats, Side, Simd, Vector};
 
 /// Portable Rust, left to the compiler's vectorisation.
 #[derive(Clone, Copy)]
 pub(crate) struct Portable;
 
-#[inline(always)]
-fn each<T: Copy, R, const N: usize>(a: [T; N], b: [T; N], f: impl Fn(T, T) -> R) -> [R; N] {
-    std::array::from_fn(
-        #[inline(always)]
-        |lane| f(a[lane], b[lane]),
-    )
+/// A vector as an array.
+#[derive(Clone, Copy)]
+pub(crate) struct Lanes<T, const N: usize>([T; N]);
+
+impl<T: Copy, const N: usize> Lanes<T, N> {
+    #[inline(always)]
+    fn with(self, other: Self, f: impl Fn(T, T) -> T) -> Self {
+        Lanes(std::array::from_fn(
+            #[inline(always)]
+            |lane| f(self.0[lane], other.0[lane]),
+        ))
+    }
+
+    #[inline(always)]
+    fn mask(self, other: Self, holds: impl Fn(T, T) -> bool) -> u32 {
+        (0..N).fold(0, |mask, lane| mask | (u32::from(holds(self.0[lane], other.0[lane])) << lane))
+    }
 }
 
-#[inline(always)]
-fn mask<T: Copy, const N: usize>(a: [T; N], b: [T; N], holds: impl Fn(T, T) -> bool) -> u32 {
-    (0..N).fold(0, |mask, lane| mask | (u32::from(holds(a[lane], b[lane])) << lane))
+macro_rules! operator {
+    ($operator:ident $function:ident) => {
+        impl<T: Copy + $operator<Output = T>, const N: usize> $operator for Lanes<T, N> {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $function(self, other: Self) -> Self {
+                self.with(other, T::$function)
+            }
+        }
+    };
+}
+
+operator!(Add add);
+operator!(Sub sub);
+operator!(Mul mul);
+operator!(Div div);
+
+macro_rules! vector {
+    ($scalar:ty) => {
+        impl<const N: usize> Vector for Lanes<$scalar, N> {
+            type Scalar = $scalar;
+            type Array = [$scalar; N];
+
+            const LANES: usize = N;
+            const ZEROS: [$scalar; N] = [0.0; N];
+
+            #[inline(always)]
+            fn load(x: [$scalar; N]) -> Self {
+                Lanes(x)
+            }
+
+            #[inline(always)]
+            fn array(self) -> [$scalar; N] {
+                self.0
+            }
+
+            #[inline(always)]
+            fn load_slice(x: &[$scalar]) -> Self {
+                Lanes(std::array::from_fn(|lane| x[lane]))
+            }
+
+            #[inline(always)]
+            fn splat(x: $scalar) -> Self {
+                Lanes([x; N])
+            }
+
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                self.with(other, |a, b| if a > b { a } else { b })
+            }
+
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                self.with(other, |a, b| if a < b { a } else { b })
+            }
+
+            #[inline(always)]
+            fn le(self, other: Self) -> u32 {
+                self.mask(other, |a, b| a <= b)
+            }
+
+            #[inline(always)]
+            fn reduce_min(self) -> $scalar {
+                self.0.into_iter().fold(<$scalar>::INFINITY, |a, b| if a < b { a } else { b })
+            }
+
+            #[inline(always)]
+            fn reduce_max(self) -> $scalar {
+                self.0.into_iter().fold(<$scalar>::NEG_INFINITY, |a, b| if a > b { a } else { b })
+            }
+        }
+    };
+}
+
+vector!(f32);
+vector!(f64);
+
+impl<const N: usize> Floats for Lanes<f32, N> {
+    type Bits = [u32; N];
+
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        self * b + c
+    }
+
+    #[inline(always)]
+    fn mul_sub(self, b: Self, c: Self) -> Self {
+        self * b - c
+    }
+
+    #[inline(always)]
+    fn select(mask: u32, a: Self, b: Self) -> Self {
+        Lanes(std::array::from_fn(|lane| if mask >> lane & 1 != 0 { a.0[lane] } else { b.0[lane] }))
+    }
+
+    #[inline(always)]
+    fn splat_bits(x: u32) -> [u32; N] {
+        [x; N]
+    }
+
+    #[inline(always)]
+    fn store_bits(mask: u32, x: u32, to: &mut [u32; N]) {
+        for (lane, to) in to.iter_mut().enumerate() {
+            if mask >> lane & 1 != 0 {
+                *to = x;
+            }
+        }
+    }
+}
+
+impl Doubles for Lanes<f64, 4> {
+    type Floats = Lanes<f32, 8>;
+
+    #[inline(always)]
+    fn load_f32(x: &[f32]) -> Self {
+        Self::from_f32(|lane| x[lane])
+    }
+
+    #[inline(always)]
+    fn from_f32(lane: impl Fn(usize) -> f32) -> Self {
+        Lanes([0, 1, 2, 3].map(|index| f64::from(lane(index))))
+    }
+
+    #[inline(always)]
+    fn from_f64(lane: impl Fn(usize) -> f64) -> Self {
+        Lanes([0, 1, 2, 3].map(lane))
+    }
+
+    #[inline(always)]
+    fn columns<'a>(row: impl Fn(usize) -> &'a [f64; 8]) -> [Self; 8] {
+        let rows = [0, 1, 2, 3].map(row);
+        std::array::from_fn(|column| Lanes(rows.map(|row| row[column])))
+    }
+
+    #[inline(always)]
+    fn to_floats(low: Self, high: Self) -> Lanes<f32, 8> {
+        let ([a, b, c, d], [e, f, g, h]) = (low.0, high.0);
+        Lanes([a, b, c, d, e, f, g, h].map(|x| x as f32))
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Lanes(self.0.map(f64::abs))
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Lanes(self.0.map(f64::sqrt))
+    }
+
+    #[inline(always)]
+    fn copysign(self, other: Self) -> Self {
+        self.with(other, f64::copysign)
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        self.mask(other, |a, b| a < b)
+    }
 }
 
 impl Simd for Portable {
-    type F8 = [f32; 8];
-    type D4 = [f64; 4];
+    type F8 = Lanes<f32, 8>;
+    type D4 = Lanes<f64, 4>;
+    type F = Self::F8;
+    type D = Self::D4;
 
     #[inline(always)]
     fn run<R>(f: impl FnOnce() -> R) -> R {
@@ -32,106 +204,16 @@ impl Simd for Portable {
     fn prefetch<A, B>(_: &[A], _: &[B], _: bool, _: usize) {}
 
     #[inline(always)]
-    fn f8(x: [f32; 8]) -> [f32; 8] {
-        x
+    fn planes(pair: &[[f32; 8]; 2], side: Side) -> Self::F8 {
+        Lanes(pair[usize::from(side != Side::new(false))])
     }
 
     #[inline(always)]
-    fn f8_load(pair: &[[f32; 8]; 2], side: Side) -> [f32; 8] {
-        pair[usize::from(side != Side::new(false))]
-    }
-
-    #[inline(always)]
-    fn f8_array(x: [f32; 8]) -> [f32; 8] {
-        x
-    }
-
-    #[inline(always)]
-    fn f8_splat(x: f32) -> [f32; 8] {
-        [x; 8]
-    }
-
-    #[inline(always)]
-    fn f8_add(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        each(a, b, |a, b| a + b)
-    }
-
-    #[inline(always)]
-    fn f8_sub(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        each(a, b, |a, b| a - b)
-    }
-
-    #[inline(always)]
-    fn f8_mul(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        each(a, b, |a, b| a * b)
-    }
-
-    #[inline(always)]
-    fn f8_div(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        each(a, b, |a, b| a / b)
-    }
-
-    #[inline(always)]
-    fn mul_add(a: [f32; 8], b: [f32; 8], c: [f32; 8]) -> [f32; 8] {
-        Self::f8_add(Self::f8_mul(a, b), c)
-    }
-
-    #[inline(always)]
-    fn mul_sub(a: [f32; 8], b: [f32; 8], c: [f32; 8]) -> [f32; 8] {
-        Self::f8_sub(Self::f8_mul(a, b), c)
-    }
-
-    #[inline(always)]
-    fn f8_max(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        each(a, b, |a, b| if a > b { a } else { b })
-    }
-
-    #[inline(always)]
-    fn f8_min(a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        each(a, b, |a, b| if a < b { a } else { b })
-    }
-
-    #[inline(always)]
-    fn f8_le(a: [f32; 8], b: [f32; 8]) -> u32 {
-        mask(a, b, |a, b| a <= b)
-    }
-
-    #[inline(always)]
-    fn f8_select(mask: u32, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        std::array::from_fn(|lane| if mask >> lane & 1 != 0 { a[lane] } else { b[lane] })
-    }
-
-    #[inline(always)]
-    fn masked_store(mask: u32, x: u32, to: &mut [u32; 8]) {
-        for (lane, to) in to.iter_mut().enumerate() {
-            if mask >> lane & 1 != 0 {
-                *to = x;
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn f8_reduce_min(x: [f32; 8]) -> f32 {
-        x.into_iter().fold(f32::INFINITY, |a, b| if a < b { a } else { b })
-    }
-
-    #[inline(always)]
-    fn f8_reduce_max(x: [f32; 8]) -> f32 {
-        x.into_iter().fold(f32::NEG_INFINITY, |a, b| if a > b { a } else { b })
-    }
-
-    #[inline(always)]
-    fn f8_from_d4(low: [f64; 4], high: [f64; 4]) -> [f32; 8] {
-        let ([a, b, c, d], [e, f, g, h]) = (low, high);
-        [a, b, c, d, e, f, g, h].map(|x| x as f32)
-    }
-
-    #[inline(always)]
-    fn sort_entered(enter: [f32; 8], leave: [f32; 8], of: &[u32; 8], to: &mut [u64; 8]) -> usize {
+    fn sort_entered(enter: Self::F8, leave: Self::F8, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
         let mut count = 0;
-        for lane in 0..8 {
-            if enter[lane] <= leave[lane] {
-                let item = u64::from(enter[lane].to_bits()) << 32 | u64::from(of[lane]);
+        for ((enter, leave), of) in enter.0.into_iter().zip(leave.0).zip(of) {
+            if enter <= leave {
+                let item = u64::from(enter.to_bits()) << 32 | u64::from(*of);
                 let mut place = count;
                 while place > 0 && to[place - 1] < item {
                     to[place] = to[place - 1];
@@ -142,85 +224,5 @@ impl Simd for Portable {
             }
         }
         count
-    }
-
-    #[inline(always)]
-    fn d4(x: [f64; 4]) -> [f64; 4] {
-        x
-    }
-
-    #[inline(always)]
-    fn d4_transposed(rows: [[f64; 4]; 4]) -> [[f64; 4]; 4] {
-        std::array::from_fn(|column| rows.map(|row| row[column]))
-    }
-
-    #[inline(always)]
-    fn d4_from_f32(x: [f32; 4]) -> [f64; 4] {
-        each(x, x, |x, _| f64::from(x))
-    }
-
-    #[inline(always)]
-    fn d4_array(x: [f64; 4]) -> [f64; 4] {
-        x
-    }
-
-    #[inline(always)]
-    fn d4_splat(x: f64) -> [f64; 4] {
-        [x; 4]
-    }
-
-    #[inline(always)]
-    fn d4_add(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        each(a, b, |a, b| a + b)
-    }
-
-    #[inline(always)]
-    fn d4_sub(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        each(a, b, |a, b| a - b)
-    }
-
-    #[inline(always)]
-    fn d4_mul(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        each(a, b, |a, b| a * b)
-    }
-
-    #[inline(always)]
-    fn d4_div(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        each(a, b, |a, b| a / b)
-    }
-
-    #[inline(always)]
-    fn d4_max(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        each(a, b, |a, b| if a > b { a } else { b })
-    }
-
-    #[inline(always)]
-    fn d4_min(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        each(a, b, |a, b| if a < b { a } else { b })
-    }
-
-    #[inline(always)]
-    fn d4_abs(a: [f64; 4]) -> [f64; 4] {
-        each(a, a, |a, _| a.abs())
-    }
-
-    #[inline(always)]
-    fn d4_sqrt(a: [f64; 4]) -> [f64; 4] {
-        each(a, a, |a, _| a.sqrt())
-    }
-
-    #[inline(always)]
-    fn d4_copysign(a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
-        each(a, b, |a, b| a.copysign(b))
-    }
-
-    #[inline(always)]
-    fn d4_le(a: [f64; 4], b: [f64; 4]) -> u32 {
-        mask(a, b, |a, b| a <= b)
-    }
-
-    #[inline(always)]
-    fn d4_lt(a: [f64; 4], b: [f64; 4]) -> u32 {
-        mask(a, b, |a, b| a < b)
     }
 }

@@ -14,8 +14,8 @@ use glam::DVec3;
 use super::analytic::Intersector;
 use super::bounds::{DOUBLE_MARGIN, clamp_to_bounds};
 use super::distance::Distance;
-use super::four::{Hit4, MASK4, Ray4};
-use super::simd::Simd;
+use super::lanes::{HitN, RayN};
+use super::simd::Doubles;
 use super::spawn::SurfacePoint;
 use super::{Bounds, Precision, Ray};
 
@@ -101,60 +101,59 @@ impl Intersector for Sphere {
 
     /// The same operations in the same order as [`Sphere::hit`].
     #[inline(always)]
-    fn hit_ray4<S: Simd>(&self, rays: &Ray4<S>) -> Hit4 {
+    fn hit_n<D: Doubles>(&self, rays: &RayN<D>) -> HitN<D> {
         let (d, centre) = (rays.direction, self.centre.to_array());
         let mut f = rays.origin;
         for (f, centre) in f.iter_mut().zip(centre) {
-            *f = S::d4_sub(*f, S::d4_splat(centre));
+            *f = *f - D::splat(centre);
         }
-        let a = dot::<S>(&d, &d);
+        let a = dot(&d, &d);
         // Times -1 instead of subtracted from 0: `hit` gets -0 for 0.
-        let b = S::d4_mul(dot::<S>(&f, &d), S::d4_splat(-1.0));
-        let share = S::d4_div(b, a);
+        let b = dot(&f, &d) * D::splat(-1.0);
+        let share = b / a;
         let mut nearest = f;
         for (nearest, d) in nearest.iter_mut().zip(d) {
-            *nearest = S::d4_add(*nearest, S::d4_mul(d, share));
+            *nearest = *nearest + d * share;
         }
-        let square = S::d4_splat(self.radius * self.radius);
-        let discriminant = S::d4_sub(square, dot::<S>(&nearest, &nearest));
-        let met = !S::d4_lt(discriminant, S::d4_splat(0.0)) & MASK4;
+        let square = D::splat(self.radius * self.radius);
+        let discriminant = square - dot(&nearest, &nearest);
+        let met = !discriminant.lt(D::splat(0.0)) & D::ALL;
         if met == 0 {
-            return Hit4::NONE;
+            return HitN::NONE;
         }
-        let q = S::d4_add(b, S::d4_copysign(S::d4_sqrt(S::d4_mul(a, discriminant)), b));
-        let c = S::d4_sub(dot::<S>(&f, &f), square);
-        let (t0, t1) = (S::d4_div(c, q), S::d4_div(q, a));
+        let q = b + (a * discriminant).sqrt().copysign(b);
+        let c = dot(&f, &f) - square;
+        let (t0, t1) = (c / q, q / a);
         // NaN roots have no order, and zero direction components give no distances: both are left to `hit`.
-        let mut sure = S::d4_le(t0, t1) | S::d4_le(t1, t0);
+        let mut sure = t0.le(t1) | t1.le(t0);
         // As `clamp_to_bounds`.
         let [min, max] = self.bounds_f64();
-        let mut enter = S::d4_splat(f64::NEG_INFINITY);
-        let mut leave = S::d4_splat(f64::INFINITY);
+        let mut enter = D::splat(f64::NEG_INFINITY);
+        let mut leave = D::splat(f64::INFINITY);
         for axis in 0..3 {
-            let inverse = S::d4_div(S::d4_splat(1.0), d[axis]);
-            sure &= S::d4_lt(S::d4_abs(inverse), S::d4_splat(f64::INFINITY));
-            let low = S::d4_mul(S::d4_sub(S::d4_splat(min[axis]), rays.origin[axis]), inverse);
-            let high = S::d4_mul(S::d4_sub(S::d4_splat(max[axis]), rays.origin[axis]), inverse);
-            enter = S::d4_max(S::d4_min(low, high), enter);
-            leave = S::d4_min(S::d4_max(low, high), leave);
+            let inverse = D::splat(1.0) / d[axis];
+            sure &= inverse.abs().lt(D::splat(f64::INFINITY));
+            let low = (D::splat(min[axis]) - rays.origin[axis]) * inverse;
+            let high = (D::splat(max[axis]) - rays.origin[axis]) * inverse;
+            enter = low.min(high).max(enter);
+            leave = low.max(high).min(leave);
         }
-        let passes = S::d4_le(enter, S::d4_mul(leave, S::d4_splat(DOUBLE_MARGIN)));
-        let clamped = [S::d4_min(t0, t1), S::d4_max(t0, t1)];
-        let clamped =
-            [S::d4_max(enter, S::d4_min(leave, clamped[0])), S::d4_max(enter, S::d4_min(leave, clamped[1]))];
+        let passes = enter.le(leave * D::splat(DOUBLE_MARGIN));
+        let clamped = [t0.min(t1), t0.max(t1)];
+        let clamped = [enter.max(leave.min(clamped[0])), enter.max(leave.min(clamped[1]))];
         let mut within = [met & sure & passes; 2];
         for (within, clamped) in within.iter_mut().zip(clamped) {
-            *within &= S::d4_lt(rays.t_min, clamped) & S::d4_lt(clamped, rays.t_max);
+            *within &= rays.t_min.lt(clamped) & clamped.lt(rays.t_max);
         }
         let [first, second] = within;
-        let mut hits = Hit4 { hit: first, undecided: met & !sure, t: S::d4_array(clamped[0]), ..Hit4::NONE };
+        let mut hits = HitN::<D> { hit: first, undecided: met & !sure, t: clamped[0].array(), ..HitN::NONE };
         let far = second & !first;
         if far != 0 {
             hits.hit |= far;
-            let from_inside = S::d4_array(clamped[1]);
-            for (lane, (t, from_inside)) in hits.t.iter_mut().zip(from_inside).enumerate() {
+            let from_inside = clamped[1].array();
+            for lane in 0..D::LANES {
                 if far >> lane & 1 != 0 {
-                    *t = from_inside;
+                    hits.t[lane] = from_inside[lane];
                 }
             }
         }
@@ -185,15 +184,17 @@ impl Intersector for Sphere {
 }
 
 #[inline(always)]
-fn dot<S: Simd>([ax, ay, az]: &[S::D4; 3], [bx, by, bz]: &[S::D4; 3]) -> S::D4 {
-    S::d4_add(S::d4_add(S::d4_mul(*ax, *bx), S::d4_mul(*ay, *by)), S::d4_mul(*az, *bz))
+fn dot<D: Doubles>([ax, ay, az]: &[D; 3], [bx, by, bz]: &[D; 3]) -> D {
+    *ax * *bx + *ay * *by + *az * *bz
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::Precision;
-    use crate::geometry::four::LANES4;
+    #[cfg(target_arch = "x86_64")]
+    use crate::geometry::simd::{Avx2, Avx512};
+    use crate::geometry::simd::{Portable, Simd, Vector};
 
     fn hit(sphere: &Sphere, origin: DVec3, direction: DVec3) -> Option<f64> {
         sphere.hit(&Precision::Single.ray(origin, direction, 0.0, f64::INFINITY))
@@ -225,14 +226,14 @@ mod tests {
         assert_eq!(hit(&BALL, DVec3::new(0.0, 0.0, 3.0), DVec3::Z), Some(4.0));
     }
 
-    /// Compares [`Sphere::hit_ray4`] with [`Sphere::hit`] bit by bit.
-    fn four_are_as_one<S: Simd>(sphere: &Sphere, rays: &[Ray]) {
-        for four in rays.chunks(LANES4) {
+    /// Compares [`Sphere::hit_n`] with [`Sphere::hit`] bit by bit.
+    fn each_is_as_one<S: Simd>(sphere: &Sphere, rays: &[Ray]) {
+        for group in rays.chunks(S::D::LANES) {
             let hits = S::run(
                 #[inline(always)]
-                || sphere.hit_ray4(&Ray4::<S>::new(four, 0)),
+                || sphere.hit_n(&RayN::<S::D>::new(group, 0)),
             );
-            for (lane, ray) in four.iter().enumerate() {
+            for (lane, ray) in group.iter().enumerate() {
                 if hits.undecided >> lane & 1 == 0 {
                     let found = (hits.hit >> lane & 1 != 0).then_some(hits.t[lane]);
                     assert_eq!(
@@ -252,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn four_rays_get_the_bits_of_one() {
+    fn several_rays_get_the_bits_of_one() {
         let mut state = 1u64;
         let mut unit = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -276,10 +277,14 @@ mod tests {
                 let ends = [(0.0, f64::INFINITY), (0.0, 2.0 * size), (1.5 * size, 3.0 * size)][i % 3];
                 rays.push(precision.ray(origin, direction, ends.0, ends.1));
             }
-            four_are_as_one::<crate::geometry::simd::Portable>(&sphere, &rays);
+            each_is_as_one::<Portable>(&sphere, &rays);
             #[cfg(target_arch = "x86_64")]
-            if crate::geometry::simd::Avx2::is_supported() {
-                four_are_as_one::<crate::geometry::simd::Avx2>(&sphere, &rays);
+            if Avx2::is_supported() {
+                each_is_as_one::<Avx2>(&sphere, &rays);
+            }
+            #[cfg(target_arch = "x86_64")]
+            if Avx512::is_supported() {
+                each_is_as_one::<Avx512>(&sphere, &rays);
             }
         }
     }

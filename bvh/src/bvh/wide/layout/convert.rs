@@ -11,8 +11,8 @@ use super::preorder::{Entry, EntryContent, Preorder};
 use super::{NO_PRIMITIVE, TriangleLeaf, Wide};
 use crate::bvh::build::MIN_PARALLEL;
 use crate::bvh::stored_slot::StoredSlot;
-use crate::geometry::four::LANES4;
-use crate::geometry::simd::prefetch;
+use crate::geometry::lanes::LANES4;
+use crate::geometry::simd::{InstructionSet, prefetch};
 use crate::geometry::{Corner, Stored, Tier, Triangle4};
 
 /// The primitives of a leaf: a range of [`Preorder::primitives`].
@@ -21,13 +21,18 @@ type Members = Range<u32>;
 /// Converts a binary tree with one primitive per leaf. A leaf refers to `slots[of_slot[tree.primitive_indices[i]]]`.
 ///
 /// Nodes are written by one thread, triangles in parallel. The result does not depend on the number of threads.
-pub(crate) fn convert<T: Tier>(tree: &Bvh2, of_slot: &[u32], slots: &[StoredSlot<T>], simd: bool) -> Wide<T> {
+pub(crate) fn convert<T: Tier>(
+    tree: &Bvh2,
+    of_slot: &[u32],
+    slots: &[StoredSlot<T>],
+    instructions: InstructionSet,
+) -> Wide<T> {
     let mut wide = Wide {
         nodes: Vec::new(),
         triangles: Vec::new(),
         analytic: Vec::new(),
         depth: 0,
-        simd,
+        instructions,
         cost_at_build: None,
     };
     if tree.nodes.is_empty() {

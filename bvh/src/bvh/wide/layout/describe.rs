@@ -40,7 +40,7 @@ impl<T: Tier> Wide<T> {
         let bytes = self.nodes.len() * size_of::<Node>()
             + self.triangles.len() * size_of::<TriangleLeaf<T::Corner>>()
             + self.analytic.len() * size_of::<(AnalyticShape, PrimId)>();
-        let isa = if self.simd { "avx2" } else { compiled_isa() };
+        let isa = self.instructions.name().unwrap_or(compiled_isa());
         Description { layout: "bvh8", isa, nodes: self.nodes.len(), slots, bytes }
     }
 }

@@ -14,7 +14,8 @@ mod refit;
 pub(crate) use convert::convert;
 pub(crate) use node::{Child, Content, Node, WIDTH};
 
-use crate::geometry::four::LANES4;
+use crate::geometry::lanes::LANES4;
+use crate::geometry::simd::InstructionSet;
 use crate::geometry::{AnalyticShape, Corner, Hit, PrimId, Ray, SlotId, Stored, Tier, Triangle4};
 
 /// A bounding volume hierarchy of eight children per node.
@@ -27,8 +28,8 @@ pub(crate) struct Wide<T: Tier> {
     pub analytic: Vec<(AnalyticShape, PrimId)>,
     /// The number of nodes on the longest path from the root.
     pub depth: usize,
-    /// Whether AVX2 is used.
-    pub simd: bool,
+    /// The instruction set of its traversals.
+    pub instructions: InstructionSet,
     /// The cost by the surface area heuristic before the first refit.
     cost_at_build: Option<f64>,
 }

@@ -6,7 +6,7 @@
 use obvhs::bvh2::Bvh2;
 
 use crate::geometry::Bounds;
-use crate::geometry::four::LANES4;
+use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::prefetch;
 
 /// The nodes in preorder, and the primitives of the leaves.

@@ -5,9 +5,8 @@ use super::frustum::Frustum;
 use super::projected_triangles::{
     PRODUCT_SLACK, ProjectedTriangles, UNDERFLOW, above, below, difference_of_products, norm1, to_f32,
 };
-use super::rays::BLOCK;
-use crate::geometry::four::{LANES4, MASK4};
-use crate::geometry::simd::Simd;
+use crate::geometry::lanes::{LANES4, MASK4};
+use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
 
 /// The edge functions a u + b v + c of four triangles. A ray is inside if all three are positive or, where the side
 /// of the triangle on which rays start is unknown, all three are negative.
@@ -52,7 +51,7 @@ pub(crate) struct Overlap<S: Simd> {
     /// The rays whose line certainly passes through the triangle.
     pub certain: u32,
     /// The sums of the edge functions.
-    sums: S::F8,
+    sums: S::F,
 }
 
 /// 16 u.
@@ -66,20 +65,20 @@ impl EdgeFunctions {
     pub(crate) fn new<S: Simd>(projected: &ProjectedTriangles<S>, frustum: &Frustum) -> Self {
         let reach = frustum.intervals.map(|[low, high]| f64::from(low.abs().max(high.abs())));
         let slopes = 1.0 + reach[0] + reach[1];
-        let reach = [S::d4_splat(reach[0]), S::d4_splat(reach[1])];
+        let reach = [S::D4::splat(reach[0]), S::D4::splat(reach[1])];
         let corners = &projected.corners;
         let sizes = [norm1::<S>(&corners[0]), norm1::<S>(&corners[1]), norm1::<S>(&corners[2])];
         let mut edges = [EdgeFunction4 { a_and_b: [0.0; 2 * LANES4], c_and_bound: [0.0; 2 * LANES4] }; 3];
-        let zero = S::d4_splat(0.0);
+        let zero = S::D4::splat(0.0);
         let (mut normal, mut bounds) = ([zero; 3], zero);
         let mut last = [zero; 3];
         for (k, edge) in edges.iter_mut().enumerate() {
             let (line, error) = line::<S>(projected, &sizes, frustum, slopes, k);
             let [a, b, c] = line;
-            let error = S::d4_add(error, S::d4_splat(UNDERFLOW * slopes));
+            let error = error + S::D4::splat(UNDERFLOW * slopes);
             let bound = edge.set::<S>(line, error, reach);
-            normal = [S::d4_add(normal[0], a), S::d4_add(normal[1], b), S::d4_add(normal[2], c)];
-            bounds = S::d4_add(bounds, bound);
+            normal = [normal[0] + a, normal[1] + b, normal[2] + c];
+            bounds = bounds + bound;
             last = line;
         }
         let bounds = to_f32::<S>(above::<S>(bounds));
@@ -89,64 +88,62 @@ impl EdgeFunctions {
         }
         // The last edge goes from the third corner to the first.
         let [x, y, z] = corners[1];
-        let volume =
-            S::d4_add(S::d4_add(S::d4_mul(x, last[0]), S::d4_mul(y, last[1])), S::d4_mul(z, last[2]));
+        let volume = x * last[0] + y * last[1] + z * last[2];
         let error = volume_error::<S>(&sizes, &normal, frustum, slopes);
-        let size = S::d4_abs(volume);
+        let size = volume.abs();
         let [smaller, larger] = QUOTIENT_MARGINS;
         // Clamped, because infinity would not be a lower bound.
-        let least = S::d4_mul(S::d4_sub(size, error), S::d4_splat(smaller));
-        let least = below::<S>(S::d4_min(S::d4_splat(f64::from(f32::MAX)), least));
-        let most = above::<S>(S::d4_mul(S::d4_add(size, error), S::d4_splat(larger)));
+        let least = (size - error) * S::D4::splat(smaller);
+        let least = below::<S>(S::D4::splat(f64::from(f32::MAX)).min(least));
+        let most = above::<S>((size + error) * S::D4::splat(larger));
         // Orients the edges so that V is positive.
-        let sign = S::d4_copysign(S::d4_splat(1.0), volume);
-        let signs = S::f8_from_d4(sign, sign);
+        let sign = S::D4::splat(1.0).copysign(volume);
+        let signs = S::D4::to_floats(sign, sign);
         for edge in &mut edges {
-            edge.a_and_b = S::f8_array(S::f8_mul(S::f8(edge.a_and_b), signs));
-            let one = S::d4_splat(1.0);
-            edge.c_and_bound = S::f8_array(S::f8_mul(S::f8(edge.c_and_bound), S::f8_from_d4(sign, one)));
+            edge.a_and_b = (S::F8::load(edge.a_and_b) * signs).array();
+            let one = S::D4::splat(1.0);
+            edge.c_and_bound = (S::F8::load(edge.c_and_bound) * S::D4::to_floats(sign, one)).array();
         }
-        let oriented = S::d4_lt(error, size);
+        let oriented = error.lt(size);
         let volumes = [to_f32::<S>(least), to_f32::<S>(most)];
         // A flipped depth axis mirrors the triangle.
-        let mirrored = S::d4_splat(if frustum.flipped { -1.0 } else { 1.0 });
-        EdgeFunctions { edges, volumes, bounds, oriented, signs: S::d4_array(S::d4_mul(sign, mirrored)) }
+        let mirrored = S::D4::splat(if frustum.flipped { -1.0 } else { 1.0 });
+        EdgeFunctions { edges, volumes, bounds, oriented, signs: (sign * mirrored).array() }
     }
 
     /// The rays of a block against the triangle in a lane.
     #[inline(always)]
-    pub(crate) fn overlap<S: Simd>(&self, lane: usize, u: [f32; BLOCK], v: [f32; BLOCK]) -> Overlap<S> {
-        let (u, v) = (S::f8(u), S::f8(v));
-        let zero = S::f8_splat(0.0);
+    pub(crate) fn overlap<S: Simd>(&self, lane: usize, u: S::F, v: S::F) -> Overlap<S> {
+        let zero = S::F::splat(0.0);
         let (mut values, mut bounds) = ([zero; 3], [zero; 3]);
         for (k, EdgeFunction4 { a_and_b, c_and_bound }) in self.edges.iter().enumerate() {
-            let (a, b) = (S::f8_splat(a_and_b[lane]), S::f8_splat(a_and_b[LANES4 + lane]));
-            let c = S::f8_splat(c_and_bound[lane]);
-            values[k] = S::mul_add(a, u, S::mul_add(b, v, c));
-            bounds[k] = S::f8_splat(c_and_bound[LANES4 + lane]);
+            let (a, b) = (S::F::splat(a_and_b[lane]), S::F::splat(a_and_b[LANES4 + lane]));
+            let c = S::F::splat(c_and_bound[lane]);
+            values[k] = a.mul_add(u, b.mul_add(v, c));
+            bounds[k] = S::F::splat(c_and_bound[LANES4 + lane]);
         }
         let ([x, y, z], [of_x, of_y, of_z]) = (values, bounds);
-        let least = S::f8_min(S::f8_min(S::f8_add(x, of_x), S::f8_add(y, of_y)), S::f8_add(z, of_z));
-        let mut possible = S::f8_le(zero, least);
+        let least = (x + of_x).min(y + of_y).min(z + of_z);
+        let mut possible = zero.le(least);
         if self.oriented >> lane & 1 == 0 {
-            let most = S::f8_max(S::f8_max(S::f8_sub(x, of_x), S::f8_sub(y, of_y)), S::f8_sub(z, of_z));
-            possible |= S::f8_le(most, zero);
+            let most = (x - of_x).max(y - of_y).max(z - of_z);
+            possible |= most.le(zero);
             return Overlap { possible, certain: 0, sums: zero };
         }
-        let least = S::f8_min(S::f8_min(S::f8_sub(x, of_x), S::f8_sub(y, of_y)), S::f8_sub(z, of_z));
-        Overlap { possible, certain: S::f8_le(zero, least), sums: S::f8_add(S::f8_add(x, y), z) }
+        let least = (x - of_x).min(y - of_y).min(z - of_z);
+        Overlap { possible, certain: zero.le(least), sums: x + y + z }
     }
 
     /// Bounds of the depths at which the certain rays of a block hit the triangle in a lane.
     #[inline(always)]
-    pub(crate) fn depths<S: Simd>(&self, lane: usize, overlap: &Overlap<S>) -> [S::F8; 2] {
-        let zero = S::f8_splat(0.0);
-        let bound = S::f8_splat(self.bounds[lane]);
+    pub(crate) fn depths<S: Simd>(&self, lane: usize, overlap: &Overlap<S>) -> [S::F; 2] {
+        let zero = S::F::splat(0.0);
+        let bound = S::F::splat(self.bounds[lane]);
         // A sum within its error bound may be 0.
-        let least = S::f8_max(S::f8_sub(overlap.sums, bound), zero);
-        let most = S::f8_add(overlap.sums, bound);
-        let [nearest, farthest] = [S::f8_splat(self.volumes[0][lane]), S::f8_splat(self.volumes[1][lane])];
-        [S::f8_div(nearest, most), S::f8_div(farthest, least)]
+        let least = (overlap.sums - bound).max(zero);
+        let most = overlap.sums + bound;
+        let [nearest, farthest] = [S::F::splat(self.volumes[0][lane]), S::F::splat(self.volumes[1][lane])];
+        [nearest / most, farthest / least]
     }
 }
 
@@ -155,14 +152,14 @@ impl EdgeFunction4 {
     /// |u| and |v|.
     #[inline(always)]
     fn set<S: Simd>(&mut self, [a, b, c]: [S::D4; 3], error: S::D4, reach: [S::D4; 2]) -> S::D4 {
-        let (of_u, of_v) = (S::d4_mul(S::d4_abs(a), reach[0]), S::d4_mul(S::d4_abs(b), reach[1]));
-        let size = S::d4_add(S::d4_add(of_u, of_v), S::d4_abs(c));
-        let bound = above::<S>(S::d4_add(S::d4_mul(size, S::d4_splat(EDGE_SLACK)), error));
-        self.a_and_b = S::f8_array(S::f8_from_d4(a, b));
-        self.c_and_bound = S::f8_array(S::f8_from_d4(c, bound));
+        let (of_u, of_v) = (a.abs() * reach[0], b.abs() * reach[1]);
+        let size = of_u + of_v + c.abs();
+        let bound = above::<S>(size * S::D4::splat(EDGE_SLACK) + error);
+        self.a_and_b = S::D4::to_floats(a, b).array();
+        self.c_and_bound = S::D4::to_floats(c, bound).array();
         // Where f32 overflows, every ray may be inside.
-        let largest = S::d4_max(S::d4_abs(a), S::d4_max(S::d4_abs(b), S::d4_max(size, bound)));
-        let mut overflows = !S::d4_lt(largest, S::d4_splat(f64::from(f32::MAX) / 2.0)) & MASK4;
+        let largest = a.abs().max(b.abs().max(size.max(bound)));
+        let mut overflows = !largest.lt(S::D4::splat(f64::from(f32::MAX) / 2.0)) & MASK4;
         while overflows != 0 {
             let lane = overflows.trailing_zeros() as usize % LANES4;
             overflows &= overflows - 1;
@@ -186,43 +183,39 @@ fn line<S: Simd>(
     let next = (k + 1) % 3;
     if frustum.shear.is_some() {
         let (p, q) = (projected.points[k], projected.points[next]);
-        let line = [
-            S::d4_sub(p[1], q[1]),
-            S::d4_sub(q[0], p[0]),
-            difference_of_products::<S>(p[0], q[1], p[1], q[0]),
-        ];
+        let line = [p[1] - q[1], q[0] - p[0], difference_of_products::<S>(p[0], q[1], p[1], q[0])];
         // A point is off by a few roundings of its corner and of the origins of the rays.
-        let size = S::d4_add(S::d4_add(sizes[k], sizes[next]), S::d4_splat(frustum.reach));
-        return (line, S::d4_mul(S::d4_mul(size, size), S::d4_splat(PRODUCT_SLACK)));
+        let size = sizes[k] + sizes[next] + S::D4::splat(frustum.reach);
+        return (line, size * size * S::D4::splat(PRODUCT_SLACK));
     }
     let (p, q) = (projected.corners[k], projected.corners[next]);
-    let rounding = S::d4_mul(S::d4_mul(sizes[k], sizes[next]), S::d4_splat(PRODUCT_SLACK));
+    let rounding = sizes[k] * sizes[next] * S::D4::splat(PRODUCT_SLACK);
     let error = if frustum.spread == 0.0 {
         rounding
     } else {
-        let along = [S::d4_sub(q[0], p[0]), S::d4_sub(q[1], p[1]), S::d4_sub(q[2], p[2])];
-        let length = S::d4_add(norm1::<S>(&along), S::d4_splat(frustum.spread));
-        S::d4_add(rounding, S::d4_mul(S::d4_splat(2.0 * frustum.spread), length))
+        let along = [q[0] - p[0], q[1] - p[1], q[2] - p[2]];
+        let length = norm1::<S>(&along) + S::D4::splat(frustum.spread);
+        rounding + S::D4::splat(2.0 * frustum.spread) * length
     };
     let line = [
         difference_of_products::<S>(p[1], q[2], p[2], q[1]),
         difference_of_products::<S>(p[2], q[0], p[0], q[2]),
         difference_of_products::<S>(p[0], q[1], p[1], q[0]),
     ];
-    (line, S::d4_mul(error, S::d4_splat(slopes)))
+    (line, error * S::D4::splat(slopes))
 }
 
 /// The error of V: see [`EdgeFunctions`]. `normal` is the sum of the edge functions' coefficients.
 #[inline(always)]
 fn volume_error<S: Simd>(sizes: &[S::D4; 3], normal: &[S::D4; 3], frustum: &Frustum, slopes: f64) -> S::D4 {
-    let product = S::d4_mul(S::d4_mul(sizes[0], sizes[1]), sizes[2]);
-    let error = S::d4_add(S::d4_mul(product, S::d4_splat(4.0 * PRODUCT_SLACK)), S::d4_splat(UNDERFLOW));
+    let product = sizes[0] * sizes[1] * sizes[2];
+    let error = product * S::D4::splat(4.0 * PRODUCT_SLACK) + S::D4::splat(UNDERFLOW);
     if frustum.spread == 0.0 {
         return error;
     }
-    let pairs = S::d4_mul(S::d4_add(sizes[0], sizes[1]), S::d4_add(sizes[1], sizes[2]));
-    let across = S::d4_add(S::d4_abs(normal[0]), S::d4_abs(normal[1]));
-    let total = S::d4_add(S::d4_mul(across, S::d4_splat(slopes)), S::d4_abs(normal[2]));
-    let total = S::d4_add(total, S::d4_mul(pairs, S::d4_splat(4.0 * PRODUCT_SLACK * slopes)));
-    S::d4_add(error, S::d4_mul(total, S::d4_splat(2.0 * frustum.spread)))
+    let pairs = (sizes[0] + sizes[1]) * (sizes[1] + sizes[2]);
+    let across = normal[0].abs() + normal[1].abs();
+    let total = across * S::D4::splat(slopes) + normal[2].abs();
+    let total = total + pairs * S::D4::splat(4.0 * PRODUCT_SLACK * slopes);
+    error + total * S::D4::splat(2.0 * frustum.spread)
 }

@@ -13,10 +13,10 @@
 //! Hits of a primitive lie within its bounds (see [`Tier`](crate::geometry::Tier)), so the boxes of a tree are
 //! conservative for rays, and for frusta around rays.
 
-use super::rays::{BLOCK, Common, PacketRays};
+use super::rays::{Common, PacketRays};
 use crate::bvh::wide::layout::{Node, WIDTH};
 use crate::bvh::wide::single::box_ray::LENGTHS;
-use crate::geometry::simd::Simd;
+use crate::geometry::simd::{Floats, Simd, Vector};
 use crate::geometry::{Ray, round_down, round_up};
 
 /// The relative amount by which bounds of intervals are moved outwards. A slope is off by 5 u (two components, a
@@ -62,7 +62,7 @@ impl Frustum {
         rays: &[Ray],
         following: &[Ray],
         to_end: bool,
-        packet: &mut PacketRays,
+        packet: &mut PacketRays<S>,
     ) -> Option<Self> {
         let first = rays.first()?;
         if rays[rays.len() / 2].direction == first.direction
@@ -74,13 +74,13 @@ impl Frustum {
         if !to_end && rays[rays.len() / 2].origin != first.origin {
             return None;
         }
-        let common = packet.fill::<S>(rays, following, to_end);
+        let common = packet.fill(rays, following, to_end);
         let (apex, spread) = if to_end { common.end? } else { (common.origin?, 0.0) };
         let depth = depth_axis(&common)?;
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
         let mut intervals = [[0.0; 2]; 2];
-        for (interval, [least, most]) in intervals.iter_mut().zip(packet.project::<S>(axes[0], to_end)) {
-            let (a, b) = (f64::from(S::f8_reduce_min(least)), f64::from(S::f8_reduce_max(most)));
+        for (interval, [least, most]) in intervals.iter_mut().zip(packet.project(axes[0], to_end)) {
+            let (a, b) = (f64::from(least.reduce_min()), f64::from(most.reduce_max()));
             *interval = [round_down(a - a.abs() * SLACK), round_up(b + b.abs() * SLACK)];
         }
         let around = |x: f64| [round_down(x - spread), round_up(x + spread)];
@@ -101,12 +101,12 @@ impl Frustum {
                 f32::INFINITY
             },
         };
-        packet.starts[..packet.blocks].fill([0.0; BLOCK]);
+        packet.starts[..packet.blocks].fill(S::F::ZEROS);
         frustum.intervals.as_flattened().iter().all(|slope| slope.is_finite()).then_some(frustum)
     }
 
     /// The frustum of parallel rays.
-    fn parallel(rays: &[Ray], packet: &mut PacketRays) -> Option<Self> {
+    fn parallel<S: Simd>(rays: &[Ray], packet: &mut PacketRays<S>) -> Option<Self> {
         let (direction, apex) = (rays[0].direction, rays[0].origin);
         let length = direction.abs();
         let depth = (0..3).fold(0, |best, axis| if length[axis] > length[best] { axis } else { best });
@@ -116,7 +116,7 @@ impl Frustum {
             return None;
         }
         let shear = [0, 1].map(|k| direction[axes[k]] / length[depth]);
-        packet.blocks = rays.len().div_ceil(BLOCK);
+        packet.blocks = rays.len().div_ceil(S::F::LANES);
         let mut frustum = Frustum {
             axes,
             flipped,
@@ -130,8 +130,8 @@ impl Frustum {
             max_depth: f32::INFINITY,
             inner_depth: f32::INFINITY,
         };
-        for i in 0..packet.blocks * BLOCK {
-            let (block, lane) = (i / BLOCK, i % BLOCK);
+        for i in 0..packet.blocks * S::F::LANES {
+            let (block, lane) = (i / S::F::LANES, i % S::F::LANES);
             let from_apex = rays[i.min(rays.len() - 1)].origin - apex;
             let start = if flipped { -from_apex[depth] } else { from_apex[depth] };
             for (k, interval) in frustum.intervals.iter_mut().enumerate() {
@@ -156,44 +156,43 @@ impl Frustum {
     pub(crate) fn enter<S: Simd>(&self, node: &Node) -> (u32, [f32; WIDTH]) {
         let [u, v, depth] = self.axes;
         let apex = self.apex_bounds[depth];
-        let [least, greatest] = [S::f8(node.planes[depth][0]), S::f8(node.planes[depth][1])];
+        let [least, greatest] = [S::F8::load(node.planes[depth][0]), S::F8::load(node.planes[depth][1])];
         // Least and greatest depth of each box, for any position of the apex in its bounds.
         let (near, far) = if self.flipped {
-            (S::f8_sub(S::f8_splat(apex[0]), greatest), S::f8_sub(S::f8_splat(apex[1]), least))
+            (S::F8::splat(apex[0]) - greatest, S::F8::splat(apex[1]) - least)
         } else {
-            (S::f8_sub(least, S::f8_splat(apex[1])), S::f8_sub(greatest, S::f8_splat(apex[0])))
+            (least - S::F8::splat(apex[1]), greatest - S::F8::splat(apex[0]))
         };
-        let start = S::f8_splat(self.min_depth);
-        let near = S::f8_max(near, start);
-        let mut mask = S::f8_le(start, far) & S::f8_le(near, S::f8_splat(self.max_depth));
+        let start = S::F8::splat(self.min_depth);
+        let near = near.max(start);
+        let mut mask = start.le(far) & near.le(S::F8::splat(self.max_depth));
         if let Some(shear) = self.shear {
             for (k, axis) in [u, v].into_iter().enumerate() {
-                let shear = S::f8_splat(shear[k] as f32);
-                let (a, b) = (S::f8_mul(shear, near), S::f8_mul(shear, far));
-                let (low, high) = (S::f8_min(a, b), S::f8_max(a, b));
-                let least = S::f8_sub(S::f8(node.planes[axis][0]), S::f8_splat(self.apex_bounds[axis][1]));
-                let most = S::f8_sub(S::f8(node.planes[axis][1]), S::f8_splat(self.apex_bounds[axis][0]));
+                let shear = S::F8::splat(shear[k] as f32);
+                let (a, b) = (shear * near, shear * far);
+                let (low, high) = (a.min(b), a.max(b));
+                let least = S::F8::load(node.planes[axis][0]) - S::F8::splat(self.apex_bounds[axis][1]);
+                let most = S::F8::load(node.planes[axis][1]) - S::F8::splat(self.apex_bounds[axis][0]);
                 // Each term is off by at most 3 u of itself (the shear, depth, product), and their difference by u.
-                let size = S::f8_add(max_abs::<S>(least, most), max_abs::<S>(low, high));
-                let error =
-                    S::f8_mul(S::f8_add(size, S::f8_splat(self.reach as f32)), S::f8_splat(SLACK as f32));
-                let error = S::f8_add(error, S::f8_splat(f32::MIN_POSITIVE));
+                let size = max_abs(least, most) + max_abs(low, high);
+                let error = (size + S::F8::splat(self.reach as f32)) * S::F8::splat(SLACK as f32);
+                let error = error + S::F8::splat(f32::MIN_POSITIVE);
                 let [first, last] = self.intervals[k];
-                mask &= S::f8_le(S::f8_sub(S::f8_sub(least, high), error), S::f8_splat(last));
-                mask &= S::f8_le(S::f8_splat(first), S::f8_add(S::f8_sub(most, low), error));
+                mask &= (least - high - error).le(S::F8::splat(last));
+                mask &= S::F8::splat(first).le(most - low + error);
             }
-            return (mask, S::f8_array(near));
+            return (mask, near.array());
         }
         for (k, axis) in [u, v].into_iter().enumerate() {
             let [apex_least, apex_most] = self.apex_bounds[axis];
             let [slope_least, slope_most] = self.intervals[k];
-            let (low, high) = (S::f8_splat(slope_least), S::f8_splat(slope_most));
-            let above = S::f8_sub(S::f8(node.planes[axis][0]), S::f8_splat(apex_most));
-            let below = S::f8_sub(S::f8(node.planes[axis][1]), S::f8_splat(apex_least));
-            mask &= S::f8_le(above, S::f8_max(S::f8_mul(high, near), S::f8_mul(high, far)));
-            mask &= S::f8_le(S::f8_min(S::f8_mul(low, near), S::f8_mul(low, far)), below);
+            let (low, high) = (S::F8::splat(slope_least), S::F8::splat(slope_most));
+            let above = S::F8::load(node.planes[axis][0]) - S::F8::splat(apex_most);
+            let below = S::F8::load(node.planes[axis][1]) - S::F8::splat(apex_least);
+            mask &= above.le((high * near).max(high * far));
+            mask &= (low * near).min(low * far).le(below);
         }
-        (mask, S::f8_array(near))
+        (mask, near.array())
     }
 }
 
@@ -219,7 +218,7 @@ fn depth_axis(common: &Common) -> Option<usize> {
 
 /// The greater of |a| and |b|.
 #[inline(always)]
-fn max_abs<S: Simd>(a: S::F8, b: S::F8) -> S::F8 {
-    let zero = S::f8_splat(0.0);
-    S::f8_max(S::f8_max(a, S::f8_sub(zero, a)), S::f8_max(b, S::f8_sub(zero, b)))
+fn max_abs<F: Floats>(a: F, b: F) -> F {
+    let zero = F::splat(0.0);
+    a.max(zero - a).max(b.max(zero - b))
 }

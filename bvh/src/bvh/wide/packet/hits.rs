@@ -5,19 +5,19 @@
 //! certainly farther, in which case it is dropped. Most rays are tested against one triangle only, after the
 //! traversal ([`super::resolve`]).
 
-use super::rays::{BLOCK, BLOCKS, PacketRays};
-use crate::geometry::four::LANES4;
-use crate::geometry::simd::Simd;
+use super::rays::{BLOCKS, OfBlock, PACKET, PacketRays};
+use crate::geometry::simd::{Floats, Simd, Vector};
 use crate::geometry::{Hit, PrimId, SlotId};
 
 /// The closest hits so far.
-pub(crate) struct BestHits {
+#[repr(C, align(64))]
+pub(crate) struct BestHits<S: Simd> {
     /// Lower bounds of the depths of the best hits; not bounds for parallel rays.
-    near: [[f32; BLOCK]; BLOCKS],
+    near: [OfBlock<S>; BLOCKS],
     /// Upper bounds of the depths of the best hits.
-    pub far: [[f32; BLOCK]; BLOCKS],
+    pub far: [OfBlock<S>; BLOCKS],
     /// The slot of an unresolved triangle, [`RESOLVED`] or [`NONE`].
-    slots: [[u32; BLOCK]; BLOCKS],
+    slots: [<S::F as Floats>::Bits; BLOCKS],
     /// The resolved hits.
     hits: Vec<Hit>,
 }
@@ -38,63 +38,57 @@ pub(crate) enum BestHit {
     Resolved(Hit),
 }
 
-impl Default for BestHits {
+impl<S: Simd> Default for BestHits<S> {
     fn default() -> Self {
         let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] };
         BestHits {
-            near: [[f32::NEG_INFINITY; BLOCK]; BLOCKS],
-            far: [[f32::NEG_INFINITY; BLOCK]; BLOCKS],
-            slots: [[NONE; BLOCK]; BLOCKS],
-            hits: vec![nothing; BLOCK * BLOCKS],
+            near: [S::F::ZEROS; BLOCKS],
+            far: [S::F::ZEROS; BLOCKS],
+            slots: [S::F::splat_bits(NONE); BLOCKS],
+            hits: vec![nothing; PACKET],
         }
     }
 }
 
-impl BestHits {
+impl<S: Simd> BestHits<S> {
     /// Removes all hits. Depths are bounded by the rays' `t_max`, off by up to `spread`.
     #[inline(always)]
-    pub(crate) fn reset<S: Simd>(&mut self, rays: &PacketRays, spread: f32) {
-        let spread = S::f8_splat(spread);
+    pub(crate) fn reset(&mut self, rays: &PacketRays<S>, spread: f32) {
+        let spread = S::F::splat(spread);
         for block in 0..rays.blocks {
-            let [near, far] = rays.depths::<S>(block);
-            self.near[block] = S::f8_array(S::f8_sub(near, spread));
-            self.far[block] = S::f8_array(S::f8_add(far, spread));
+            let [near, far] = rays.depths(block);
+            self.near[block] = (near - spread).array();
+            self.far[block] = (far + spread).array();
         }
-        self.slots[..rays.blocks].fill([NONE; BLOCK]);
+        self.slots[..rays.blocks].fill(S::F::splat_bits(NONE));
     }
 
     /// The rays of a block for which a triangle between two depths is certainly nearer than the best hit, and those
     /// for which it is certainly farther.
     #[inline(always)]
-    pub(crate) fn compare<S: Simd>(&self, block: usize, [near, far]: [S::F8; 2]) -> [u32; 2] {
-        [S::f8_le(far, S::f8(self.near[block])), S::f8_le(S::f8(self.far[block]), near)]
+    pub(crate) fn compare(&self, block: usize, [near, far]: [S::F; 2]) -> [u32; 2] {
+        [far.le(S::F::load(self.near[block])), S::F::load(self.far[block]).le(near)]
     }
 
     /// Makes the triangle in `slot` the unresolved best hit of some rays of a block.
     #[inline(always)]
-    pub(crate) fn set_unresolved<S: Simd>(
-        &mut self,
-        block: usize,
-        rays: u32,
-        slot: u32,
-        [near, far]: [S::F8; 2],
-    ) {
-        self.near[block] = S::f8_array(S::f8_select(rays, near, S::f8(self.near[block])));
-        self.far[block] = S::f8_array(S::f8_select(rays, far, S::f8(self.far[block])));
-        S::masked_store(rays, slot, &mut self.slots[block]);
+    pub(crate) fn set_unresolved(&mut self, block: usize, rays: u32, slot: u32, [near, far]: [S::F; 2]) {
+        self.near[block] = S::F::select(rays, near, S::F::load(self.near[block])).array();
+        self.far[block] = S::F::select(rays, far, S::F::load(self.far[block])).array();
+        S::F::store_bits(rays, slot, &mut self.slots[block]);
     }
 
     /// Makes every further hit of some rays of a block too far.
     #[inline(always)]
-    pub(crate) fn retire<S: Simd>(&mut self, block: usize, rays: u32) {
-        let nowhere = S::f8_splat(f32::NEG_INFINITY);
-        self.far[block] = S::f8_array(S::f8_select(rays, nowhere, S::f8(self.far[block])));
+    pub(crate) fn retire(&mut self, block: usize, rays: u32) {
+        let nowhere = S::F::splat(f32::NEG_INFINITY);
+        self.far[block] = S::F::select(rays, nowhere, S::F::load(self.far[block])).array();
     }
 
     /// Makes a hit found by the tier the best of its ray, with bounds of its depth.
     #[inline(always)]
     pub(crate) fn set_resolved(&mut self, ray: usize, hit: &Hit, [near, far]: [f32; 2]) {
-        let (block, lane) = (ray / BLOCK % BLOCKS, ray % BLOCK);
+        let (block, lane) = (ray / S::F::LANES % BLOCKS, ray % S::F::LANES);
         (self.near[block][lane], self.far[block][lane]) = (near, far);
         self.resolve(ray, hit);
     }
@@ -102,32 +96,29 @@ impl BestHits {
     /// Replaces the unresolved best hit of a ray by the tier's hit on the same triangle.
     #[inline(always)]
     pub(crate) fn resolve(&mut self, ray: usize, hit: &Hit) {
-        self.slots[ray / BLOCK % BLOCKS][ray % BLOCK] = RESOLVED;
+        self.slots[ray / S::F::LANES % BLOCKS][ray % S::F::LANES] = RESOLVED;
         self.hits[ray] = *hit;
     }
 
-    /// The slots of four rays from `first` on, a multiple of 4; see [`BestHits::is_unresolved`].
+    /// The slot of a ray; see [`is_unresolved`].
     #[inline(always)]
-    pub(crate) fn slots4(&self, first: usize) -> [u32; LANES4] {
-        let [low, high] = self.slots[first / BLOCK % BLOCKS].as_chunks().0 else {
-            unreachable!("two halves")
-        };
-        if first.is_multiple_of(BLOCK) { *low } else { *high }
-    }
-
-    /// Whether it is the slot of an unresolved triangle.
-    #[inline(always)]
-    pub(crate) fn is_unresolved(slot: u32) -> bool {
-        slot < RESOLVED
+    pub(crate) fn slot(&self, ray: usize) -> u32 {
+        self.slots[ray / S::F::LANES % BLOCKS][ray % S::F::LANES]
     }
 
     /// The best hit of a ray.
     #[inline(always)]
     pub(crate) fn get(&self, ray: usize) -> BestHit {
-        match self.slots[ray / BLOCK % BLOCKS][ray % BLOCK] {
+        match self.slot(ray) {
             NONE => BestHit::None,
             RESOLVED => BestHit::Resolved(self.hits[ray]),
             slot => BestHit::Unresolved(SlotId::new(slot)),
         }
     }
+}
+
+/// Whether it is the slot of an unresolved triangle.
+#[inline(always)]
+pub(crate) fn is_unresolved(slot: u32) -> bool {
+    slot < RESOLVED
 }

@@ -27,18 +27,19 @@ mod traverse;
 
 pub(crate) use rays::PACKET;
 
+use std::any::Any;
 use std::marker::PhantomData;
 
 use super::layout::{Child, Wide};
 use crate::bvh::Tests;
-use crate::geometry::four::{Hit4, LANES4};
-use crate::geometry::simd::Simd;
-use crate::geometry::woop4::PreparedRay4;
+use crate::geometry::lanes::HitN;
+use crate::geometry::simd::{Simd, Vector};
+use crate::geometry::woop_n::PreparedRayN;
 use crate::geometry::{Hit, Ray, Tier, round_up};
 use frustum::Frustum;
 use hits::BestHits;
 use projected_triangles::BlockBounds;
-use rays::{BLOCK, BLOCKS, PacketRays};
+use rays::{BLOCKS, PacketRays};
 
 /// Appends the closest hits of the rays. `false`, with nothing appended, if they must be traced otherwise. The
 /// `following` rays are prefetched.
@@ -47,17 +48,17 @@ pub(crate) fn closest<T: Tier, S: Simd>(
     wide: &Wide<T>,
     [rays, following]: [&[Ray]; 2],
     hits: &mut Vec<Option<Hit>>,
-    scratch: &mut Scratch,
+    scratch: &mut Scratch<S>,
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
 ) -> bool {
     S::run(
         #[inline(always)]
         || {
-            let Some(mut packet) = Packet::<T, false>::new::<S>(rays, following, scratch) else {
+            let Some(mut packet) = Packet::<T, S, false>::new(rays, following, scratch) else {
                 return false;
             };
-            packet.traverse::<S>(wide, stack, tests) && packet.resolve_all::<S>(wide, hits)
+            packet.traverse(wide, stack, tests) && packet.resolve_all(wide, hits)
         },
     )
 }
@@ -69,43 +70,60 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
     wide: &Wide<T>,
     [rays, following]: [&[Ray]; 2],
     occluded: &mut Vec<bool>,
-    scratch: &mut Scratch,
+    scratch: &mut Scratch<S>,
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
 ) -> bool {
     S::run(
         #[inline(always)]
         || {
-            let Some(mut packet) = Packet::<T, true>::new::<S>(rays, following, scratch) else {
+            let Some(mut packet) = Packet::<T, S, true>::new(rays, following, scratch) else {
                 return false;
             };
-            if !packet.traverse::<S>(wide, stack, tests) {
+            if !packet.traverse(wide, stack, tests) {
                 return false;
             }
             let active = &packet.scratch.active;
-            occluded.extend((0..rays.len()).map(|ray| active[ray / BLOCK] >> (ray % BLOCK) & 1 == 0));
+            occluded
+                .extend((0..rays.len()).map(|ray| active[ray / S::F::LANES] >> (ray % S::F::LANES) & 1 == 0));
             true
         },
     )
 }
 
+/// The [`Scratch`] of the instruction set that used it last.
+#[derive(Default)]
+pub(crate) struct Scratches(Option<Box<dyn Any + Send + Sync>>);
+
+impl Scratches {
+    /// The scratch of an instruction set, with what its last packet left.
+    #[inline(always)]
+    pub(crate) fn of<S: Simd>(&mut self) -> &mut Scratch<S> {
+        if !self.0.as_ref().is_some_and(|scratch| scratch.is::<Scratch<S>>()) {
+            self.0 = Some(Box::new(Scratch::<S>::default()));
+        }
+        let scratch = self.0.as_mut().and_then(|scratch| scratch.downcast_mut());
+        scratch.unwrap_or_else(|| unreachable!("of this type"))
+    }
+}
+
 /// The arrays of a packet, kept from one packet to the next.
-pub(crate) struct Scratch {
-    rays: PacketRays,
-    best: BestHits,
+pub(crate) struct Scratch<S: Simd> {
+    rays: PacketRays<S>,
+    best: BestHits<S>,
     /// Least and greatest u and v of every block.
     block_bounds: BlockBounds,
     /// For every block, a depth beyond which none of its rays needs a hit.
     depths: [f32; BLOCKS],
-    /// The rays that are still traced, one byte per block.
-    active: [u8; BLOCKS],
+    /// The rays that are still traced, one mask per block.
+    active: [u32; BLOCKS],
     /// Rays prepared for the tier's triangle test.
-    prepared: Vec<PreparedRay4>,
+    prepared: Vec<PreparedRayN<S::D>>,
     /// The tier's hits on unresolved triangles.
-    resolved: Vec<Hit4>,
+    resolved: Vec<HitN<S::D>>,
 }
 
-impl Default for Scratch {
+impl<S: Simd> Default for Scratch<S> {
     fn default() -> Self {
         Scratch {
             rays: PacketRays::default(),
@@ -113,26 +131,19 @@ impl Default for Scratch {
             block_bounds: [[[f32::INFINITY; BLOCKS], [f32::NEG_INFINITY; BLOCKS]]; 2],
             depths: [f32::NEG_INFINITY; BLOCKS],
             active: [0; BLOCKS],
-            prepared: vec![PreparedRay4::default(); PACKET / LANES4],
-            resolved: vec![Hit4::NONE; PACKET / LANES4],
+            prepared: vec![PreparedRayN::default(); PACKET / S::D::LANES],
+            resolved: vec![HitN::NONE; PACKET / S::D::LANES],
         }
-    }
-}
-
-impl Scratch {
-    /// Memory for four prepared rays, outside of packets.
-    pub(crate) fn any_prepared(&mut self) -> &mut PreparedRay4 {
-        &mut self.prepared[0]
     }
 }
 
 /// A packet of rays, traced for their closest hits, or (`ANY`) for any hit.
 ///
 /// Methods take the tree as a parameter: as a field, it would be reloaded after every store to `scratch`.
-struct Packet<'a, T: Tier, const ANY: bool> {
+struct Packet<'a, T: Tier, S: Simd, const ANY: bool> {
     rays: &'a [Ray],
     frustum: Frustum,
-    scratch: &'a mut Scratch,
+    scratch: &'a mut Scratch<S>,
     /// The entries of `scratch.prepared` that are filled, as bits.
     is_prepared: u64,
     /// Whether the tier missed a triangle that f32 certainly hit: the packet is abandoned.
@@ -140,70 +151,70 @@ struct Packet<'a, T: Tier, const ANY: bool> {
     tier: PhantomData<T>,
 }
 
-impl<'a, T: Tier, const ANY: bool> Packet<'a, T, ANY> {
+impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
     /// A packet of rays with a common origin, or (`ANY`) a common end, or direction; `None` for other rays.
     #[inline(always)]
-    fn new<S: Simd>(rays: &'a [Ray], following: &[Ray], scratch: &'a mut Scratch) -> Option<Self> {
+    fn new(rays: &'a [Ray], following: &[Ray], scratch: &'a mut Scratch<S>) -> Option<Self> {
         debug_assert!(rays.len() <= PACKET);
-        let frustum = Frustum::new::<S>(rays, following, ANY, &mut scratch.rays)?;
+        let frustum = Frustum::new(rays, following, ANY, &mut scratch.rays)?;
         let blocks = scratch.rays.blocks;
         for (k, [least, most]) in scratch.block_bounds.iter_mut().enumerate() {
             for block in 0..blocks {
-                let slopes = S::f8(scratch.rays.projected[k][block]);
+                let slopes = S::F::load(scratch.rays.projected[k][block]);
                 // NaN is left out.
-                least[block] = S::f8_reduce_min(S::f8_min(slopes, S::f8_splat(f32::INFINITY)));
-                most[block] = S::f8_reduce_max(S::f8_max(slopes, S::f8_splat(f32::NEG_INFINITY)));
+                least[block] = slopes.min(S::F::splat(f32::INFINITY)).reduce_min();
+                most[block] = slopes.max(S::F::splat(f32::NEG_INFINITY)).reduce_max();
             }
             least[blocks..].fill(f32::INFINITY);
             most[blocks..].fill(f32::NEG_INFINITY);
         }
         scratch.active = [0; BLOCKS];
-        scratch.active[..blocks].fill(u8::MAX);
+        scratch.active[..blocks].fill(S::F::ALL);
         scratch.depths = [f32::NEG_INFINITY; BLOCKS];
-        let in_last_block = rays.len() - (blocks - 1) * BLOCK;
-        scratch.active[blocks - 1] = u8::MAX >> (BLOCK - in_last_block);
-        scratch.rays.ends[blocks - 1][in_last_block..].fill(f32::NEG_INFINITY);
-        scratch.best.reset::<S>(&scratch.rays, round_up(frustum.spread));
+        let in_last_block = rays.len() - (blocks - 1) * S::F::LANES;
+        scratch.active[blocks - 1] = S::F::ALL >> (S::F::LANES - in_last_block);
+        scratch.rays.ends[blocks - 1].as_mut()[in_last_block..].fill(f32::NEG_INFINITY);
+        scratch.best.reset(&scratch.rays, round_up(frustum.spread));
         let mut packet =
             Packet { rays, frustum, scratch, is_prepared: 0, is_inconsistent: false, tier: PhantomData };
-        packet.update_depths::<S>(u32::MAX >> (BLOCKS - blocks));
+        packet.update_depths(u32::MAX >> (BLOCKS - blocks));
         Some(packet)
     }
 
     /// Updates the depths of the changed blocks, given as bits, and of the frustum, from those of the best hits.
     #[inline(always)]
-    fn update_depths<S: Simd>(&mut self, mut changed: u32) {
+    fn update_depths(&mut self, mut changed: u32) {
         if changed == 0 {
             return;
         }
         while changed != 0 {
             let block = changed.trailing_zeros() as usize % BLOCKS;
             changed &= changed - 1;
-            self.scratch.depths[block] = S::f8_reduce_max(S::f8(self.scratch.best.far[block]));
+            self.scratch.depths[block] = S::F::load(self.scratch.best.far[block]).reduce_max();
         }
-        let mut deepest = S::f8_splat(f32::NEG_INFINITY);
-        for some in self.scratch.depths.as_chunks().0 {
-            deepest = S::f8_max(S::f8(*some), deepest);
+        let mut deepest = S::F::splat(f32::NEG_INFINITY);
+        for first in (0..PACKET / S::F::LANES).step_by(S::F::LANES) {
+            deepest = S::F::load_slice(&self.scratch.depths[first..]).max(deepest);
         }
-        self.frustum.max_depth = S::f8_reduce_max(deepest);
+        self.frustum.max_depth = deepest.reduce_max();
     }
 
-    /// Four rays prepared for the tier's triangle test.
+    /// A group of rays, as many as [`Simd::D`] has lanes, prepared for the tier's triangle test.
     #[inline(always)]
-    fn prepared<S: Simd>(&mut self, index: usize) -> &PreparedRay4 {
-        let index = index % (PACKET / LANES4);
-        if T::HAS_RAY4 && self.is_prepared >> index & 1 == 0 {
+    fn prepared(&mut self, index: usize) -> &PreparedRayN<S::D> {
+        let index = index % (PACKET / S::D::LANES);
+        if T::HAS_RAY_N && self.is_prepared >> index & 1 == 0 {
             self.is_prepared |= 1 << index;
-            let (first, end) = (index * LANES4, self.rays.len().min((index + 1) * LANES4));
-            self.scratch.prepared[index].fill::<S>(&self.rays[first..end]);
+            let (first, end) = (index * S::D::LANES, self.rays.len().min((index + 1) * S::D::LANES));
+            self.scratch.prepared[index].fill(&self.rays[first..end]);
         }
         &self.scratch.prepared[index]
     }
 
     /// Ends the traversal of some rays of a block.
     #[inline(always)]
-    fn retire<S: Simd>(&mut self, block: usize, rays: u32) {
-        self.scratch.active[block] &= !(rays as u8);
-        self.scratch.best.retire::<S>(block, rays);
+    fn retire(&mut self, block: usize, rays: u32) {
+        self.scratch.active[block] &= !rays;
+        self.scratch.best.retire(block, rays);
     }
 }

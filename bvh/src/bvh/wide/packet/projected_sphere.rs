@@ -4,9 +4,8 @@ use glam::DVec3;
 
 use super::frustum::Frustum;
 use super::projected_triangles::UNDERFLOW;
-use super::rays::BLOCK;
 use crate::geometry::round_up;
-use crate::geometry::simd::Simd;
+use crate::geometry::simd::{Floats, Simd, Vector};
 
 /// A sphere relative to the apex of a frustum, in f32.
 ///
@@ -23,12 +22,12 @@ use crate::geometry::simd::Simd;
 /// and their sums are off by 20 u of themselves; 64 u are added.
 pub(crate) struct ProjectedSphere<S: Simd> {
     /// The centre across, and the factor of u and v: its depth, or 1 for parallel rays.
-    across: [S::F8; 2],
-    depth: S::F8,
+    across: [S::F; 2],
+    depth: S::F,
     /// The common direction of parallel rays.
-    shear: Option<[S::F8; 2]>,
+    shear: Option<[S::F; 2]>,
     /// The square of the enlarged radius.
-    radius_squared: S::F8,
+    radius_squared: S::F,
     /// Whether the test may overflow: then every ray may meet the sphere.
     overflows: bool,
 }
@@ -67,33 +66,31 @@ impl<S: Simd> ProjectedSphere<S> {
         let largest = (size + radius) * length;
         let mut shear = None;
         if let Some([u, v]) = frustum.shear {
-            shear = Some([S::f8_splat(u as f32), S::f8_splat(v as f32)]);
+            shear = Some([S::F::splat(u as f32), S::F::splat(v as f32)]);
         }
         ProjectedSphere {
-            across: [S::f8_splat(across[0] as f32), S::f8_splat(across[1] as f32)],
-            depth: S::f8_splat(factor as f32),
+            across: [S::F::splat(across[0] as f32), S::F::splat(across[1] as f32)],
+            depth: S::F::splat(factor as f32),
             shear,
-            radius_squared: S::f8_splat(round_up(radius * radius * SQUARE_MARGIN + UNDERFLOW)),
+            radius_squared: S::F::splat(round_up(radius * radius * SQUARE_MARGIN + UNDERFLOW)),
             overflows: largest.is_nan() || largest >= LARGEST,
         }
     }
 
     /// The rays of a block that may meet the sphere, as bits.
     #[inline(always)]
-    pub(crate) fn possible(&self, u: [f32; BLOCK], v: [f32; BLOCK]) -> u32 {
+    pub(crate) fn possible(&self, u: S::F, v: S::F) -> u32 {
         if self.overflows {
-            return u32::MAX >> (u32::BITS as usize - BLOCK);
+            return S::F::ALL;
         }
-        let (u, v) = (S::f8(u), S::f8(v));
-        let (e_u, e_v) =
-            (S::mul_sub(self.depth, u, self.across[0]), S::mul_sub(self.depth, v, self.across[1]));
+        let (e_u, e_v) = (self.depth.mul_sub(u, self.across[0]), self.depth.mul_sub(v, self.across[1]));
         let [d_u, d_v] = match self.shear {
             None => [u, v],
             Some(shear) => shear,
         };
-        let turn = S::mul_sub(e_u, d_v, S::f8_mul(e_v, d_u));
-        let square = S::mul_add(turn, turn, S::mul_add(e_u, e_u, S::f8_mul(e_v, e_v)));
-        let length = S::mul_add(d_u, d_u, S::mul_add(d_v, d_v, S::f8_splat(1.0)));
-        S::f8_le(square, S::f8_mul(self.radius_squared, length))
+        let turn = e_u.mul_sub(d_v, e_v * d_u);
+        let square = turn.mul_add(turn, e_u.mul_add(e_u, e_v * e_v));
+        let length = d_u.mul_add(d_u, d_v.mul_add(d_v, S::F::splat(1.0)));
+        square.le(self.radius_squared * length)
     }
 }

@@ -2,9 +2,9 @@
 //! that their bounds there overlap. The f64 helpers at the end are shared with [`super::edge_functions`].
 
 use super::frustum::Frustum;
-use super::rays::{BLOCK, BLOCKS};
-use crate::geometry::four::{LANES4, MASK4};
-use crate::geometry::simd::Simd;
+use super::rays::{BLOCKS, PACKET};
+use crate::geometry::lanes::{LANES4, MASK4};
+use crate::geometry::simd::{Doubles, Simd, Vector};
 use crate::geometry::{Corner, Tier, Triangle4};
 
 /// Least and greatest u, least and greatest v of every block of rays.
@@ -27,41 +27,40 @@ pub(crate) struct ProjectedTriangles<S: Simd> {
 impl<S: Simd> ProjectedTriangles<S> {
     #[inline(always)]
     pub(crate) fn new<T: Tier>(triangles: &Triangle4<T::Corner>, frustum: &Frustum) -> Self {
-        let zero = S::d4_splat(0.0);
+        let zero = S::D4::splat(0.0);
         let mut corners = [[zero; 3]; 3];
         let (mut least, mut most) = ([zero; 2], [zero; 2]);
         let (mut nearest, mut farthest) = (zero, zero);
         let mut points = [[zero; 2]; 3];
-        let (spread, depth) = (S::d4_splat(frustum.spread), S::d4_splat(f64::from(frustum.max_depth)));
+        let (spread, depth) = (S::D4::splat(frustum.spread), S::D4::splat(f64::from(frustum.max_depth)));
         for (k, corner) in corners.iter_mut().enumerate() {
             for (place, coordinate) in corner.iter_mut().enumerate() {
                 let axis = frustum.axes[place];
                 let (at, apex) =
-                    (T::Corner::to_d4::<S>(triangles.corners[k][axis]), S::d4_splat(frustum.apex[axis]));
+                    (T::Corner::load::<S::D4>(&triangles.corners[k][axis]), S::D4::splat(frustum.apex[axis]));
                 let flipped = place == 2 && frustum.flipped;
-                *coordinate = if flipped { S::d4_sub(apex, at) } else { S::d4_sub(at, apex) };
+                *coordinate = if flipped { apex - at } else { at - apex };
             }
             let (at, error) = match frustum.shear {
                 None => perspective::<S>(corner, spread),
                 Some(shear) => parallel::<S>(corner, shear, frustum.reach),
             };
             for place in 0..2 {
-                let (low, high) = (S::d4_sub(at[place], error[place]), S::d4_add(at[place], error[place]));
-                least[place] = if k == 0 { low } else { S::d4_min(low, least[place]) };
-                most[place] = if k == 0 { high } else { S::d4_max(high, most[place]) };
+                let (low, high) = (at[place] - error[place], at[place] + error[place]);
+                least[place] = if k == 0 { low } else { low.min(least[place]) };
+                most[place] = if k == 0 { high } else { high.max(most[place]) };
             }
             points[k] = at;
-            nearest = if k == 0 { corner[2] } else { S::d4_min(corner[2], nearest) };
-            farthest = if k == 0 { corner[2] } else { S::d4_max(corner[2], farthest) };
+            nearest = if k == 0 { corner[2] } else { corner[2].min(nearest) };
+            farthest = if k == 0 { corner[2] } else { corner[2].max(farthest) };
         }
         // A corner that is not clearly beyond the apex has no projection.
-        let clear =
-            if frustum.shear.is_some() { MASK4 } else { S::d4_lt(S::d4_add(spread, spread), nearest) };
+        let clear = if frustum.shear.is_some() { MASK4 } else { (spread + spread).lt(nearest) };
         let [[first_u, last_u], [first_v, last_v]] = frustum.intervals;
-        let mut across = S::d4_le(least[0], splat::<S>(last_u)) & S::d4_le(splat::<S>(first_u), most[0]);
-        across &= S::d4_le(least[1], splat::<S>(last_v)) & S::d4_le(splat::<S>(first_v), most[1]);
-        let start = S::d4_sub(S::d4_splat(f64::from(frustum.min_depth)), spread);
-        let in_depth = S::d4_le(start, farthest) & S::d4_le(nearest, depth);
+        let mut across = least[0].le(splat::<S>(last_u)) & splat::<S>(first_u).le(most[0]);
+        across &= least[1].le(splat::<S>(last_v)) & splat::<S>(first_v).le(most[1]);
+        let start = S::D4::splat(f64::from(frustum.min_depth)) - spread;
+        let in_depth = start.le(farthest) & nearest.le(depth);
         let [low_u, low_v] = [to_f32::<S>(below::<S>(least[0])), to_f32::<S>(below::<S>(least[1]))];
         let [high_u, high_v] = [to_f32::<S>(above::<S>(most[0])), to_f32::<S>(above::<S>(most[1]))];
         let mut projected = ProjectedTriangles {
@@ -91,11 +90,12 @@ impl<S: Simd> ProjectedTriangles<S> {
     #[inline(always)]
     pub(crate) fn blocks(&self, lane: usize, block_bounds: &BlockBounds) -> u32 {
         let mut blocks = 0;
-        for first in (0..BLOCKS).step_by(BLOCK) {
+        for first in (0..PACKET / S::F::LANES).step_by(S::F::LANES) {
             let mut mask = u32::MAX;
             for ([least, most], bounds) in block_bounds.iter().zip(&self.bounds) {
-                let (low, high) = (S::f8_splat(bounds[0][lane]), S::f8_splat(bounds[1][lane]));
-                mask &= S::f8_le(eight::<S>(least, first), high) & S::f8_le(low, eight::<S>(most, first));
+                let (low, high) = (S::F::splat(bounds[0][lane]), S::F::splat(bounds[1][lane]));
+                let (least, most) = (S::F::load_slice(&least[first..]), S::F::load_slice(&most[first..]));
+                mask &= least.le(high) & low.le(most);
             }
             blocks |= mask << first;
         }
@@ -106,27 +106,27 @@ impl<S: Simd> ProjectedTriangles<S> {
 /// A corner's (u, v) as seen from the apex, and its error.
 #[inline(always)]
 fn perspective<S: Simd>(corner: &[S::D4; 3], spread: S::D4) -> ([S::D4; 2], [S::D4; 2]) {
-    let share = S::d4_div(S::d4_splat(1.0), corner[2]);
+    let share = S::D4::splat(1.0) / corner[2];
     // For a ray that passes the apex at a distance, the corner is moved by that distance: across, and in depth, which
     // changes a slope by that share of itself, at most twice that at the depths that count.
-    let lateral = S::d4_mul(spread, share);
-    let relative = S::d4_add(S::d4_splat(SLOPE_SLACK), S::d4_add(lateral, lateral));
-    let (u, v) = (S::d4_mul(corner[0], share), S::d4_mul(corner[1], share));
-    let error_u = S::d4_add(S::d4_mul(S::d4_abs(u), relative), lateral);
-    let error_v = S::d4_add(S::d4_mul(S::d4_abs(v), relative), lateral);
+    let lateral = spread * share;
+    let relative = S::D4::splat(SLOPE_SLACK) + (lateral + lateral);
+    let (u, v) = (corner[0] * share, corner[1] * share);
+    let error_u = u.abs() * relative + lateral;
+    let error_v = v.abs() * relative + lateral;
     ([u, v], [error_u, error_v])
 }
 
 /// A corner's (u, v), moved along parallel rays to the plane of depth 0, and its error.
 #[inline(always)]
 fn parallel<S: Simd>(corner: &[S::D4; 3], shear: [f64; 2], reach: f64) -> ([S::D4; 2], [S::D4; 2]) {
-    let back_u = S::d4_mul(S::d4_splat(shear[0]), corner[2]);
-    let back_v = S::d4_mul(S::d4_splat(shear[1]), corner[2]);
-    let (u, v) = (S::d4_sub(corner[0], back_u), S::d4_sub(corner[1], back_v));
-    let largest = S::d4_max(S::d4_max(S::d4_abs(corner[0]), S::d4_abs(corner[1])), S::d4_abs(corner[2]));
-    let roundings = S::d4_mul(S::d4_add(largest, S::d4_splat(reach)), S::d4_splat(PRODUCT_SLACK));
-    let error_u = S::d4_add(S::d4_mul(S::d4_abs(u), S::d4_splat(SLOPE_SLACK)), roundings);
-    let error_v = S::d4_add(S::d4_mul(S::d4_abs(v), S::d4_splat(SLOPE_SLACK)), roundings);
+    let back_u = S::D4::splat(shear[0]) * corner[2];
+    let back_v = S::D4::splat(shear[1]) * corner[2];
+    let (u, v) = (corner[0] - back_u, corner[1] - back_v);
+    let largest = corner[0].abs().max(corner[1].abs()).max(corner[2].abs());
+    let roundings = (largest + S::D4::splat(reach)) * S::D4::splat(PRODUCT_SLACK);
+    let error_u = u.abs() * S::D4::splat(SLOPE_SLACK) + roundings;
+    let error_v = v.abs() * S::D4::splat(SLOPE_SLACK) + roundings;
     ([u, v], [error_u, error_v])
 }
 
@@ -139,51 +139,44 @@ pub(crate) const PRODUCT_SLACK: f64 = 16.0 * f64::EPSILON;
 /// A bound on underflow to f32: its least normal number.
 pub(crate) const UNDERFLOW: f64 = f32::MIN_POSITIVE as f64;
 
-#[inline(always)]
-fn eight<S: Simd>(list: &[f32; BLOCKS], first: usize) -> S::F8 {
-    let mut some = [0.0; BLOCK];
-    some.copy_from_slice(&list[first..first + BLOCK]);
-    S::f8(some)
-}
-
 /// An f32 in four f64 lanes.
 #[inline(always)]
 fn splat<S: Simd>(x: f32) -> S::D4 {
-    S::d4_splat(f64::from(x))
+    S::D4::splat(f64::from(x))
 }
 
 /// a b - c d
 #[inline(always)]
 pub(crate) fn difference_of_products<S: Simd>(a: S::D4, b: S::D4, c: S::D4, d: S::D4) -> S::D4 {
-    S::d4_sub(S::d4_mul(a, b), S::d4_mul(c, d))
+    a * b - c * d
 }
 
 /// |x| + |y| + |z|
 #[inline(always)]
 pub(crate) fn norm1<S: Simd>(v: &[S::D4; 3]) -> S::D4 {
-    S::d4_add(S::d4_add(S::d4_abs(v[0]), S::d4_abs(v[1])), S::d4_abs(v[2]))
+    v[0].abs() + v[1].abs() + v[2].abs()
 }
 
 /// Numbers that, rounded to f32, are not above `x`: rounding is off by u of `x`, or by underflow.
 #[inline(always)]
 pub(crate) fn below<S: Simd>(x: S::D4) -> S::D4 {
-    S::d4_sub(x, rounding::<S>(x))
+    x - rounding::<S>(x)
 }
 
 /// Numbers that, rounded to f32, are not below `x`.
 #[inline(always)]
 pub(crate) fn above<S: Simd>(x: S::D4) -> S::D4 {
-    S::d4_add(x, rounding::<S>(x))
+    x + rounding::<S>(x)
 }
 
 #[inline(always)]
 fn rounding<S: Simd>(x: S::D4) -> S::D4 {
-    S::d4_add(S::d4_mul(S::d4_abs(x), S::d4_splat(f64::from(f32::EPSILON))), S::d4_splat(UNDERFLOW))
+    x.abs() * S::D4::splat(f64::from(f32::EPSILON)) + S::D4::splat(UNDERFLOW)
 }
 
 /// Rounded to f32.
 #[inline(always)]
 pub(crate) fn to_f32<S: Simd>(x: S::D4) -> [f32; LANES4] {
-    let [a, b, c, d, ..] = S::f8_array(S::f8_from_d4(x, x));
+    let [a, b, c, d, ..] = S::D4::to_floats(x, x).array();
     [a, b, c, d]
 }

@@ -1,53 +1,53 @@
 //! [`PacketRays`]: the rays of a packet as structures of arrays, in blocks of eight, and what they have in common.
 
 use super::frustum::{MAX_SPREAD, SLACK};
-use crate::bvh::wide::layout::WIDTH;
 use crate::bvh::wide::single::box_ray::MARGIN;
 use crate::geometry::Ray;
-use crate::geometry::four::{LANES4, Ray4};
-use crate::geometry::simd::{Simd, prefetch};
-
-/// Rays per block: the lanes of [`Simd::F8`].
-pub(crate) const BLOCK: usize = WIDTH;
-
-/// Blocks per packet.
-pub(crate) const BLOCKS: usize = 32;
+use crate::geometry::lanes::RayN;
+use crate::geometry::simd::{Doubles, Floats, Simd, Vector, prefetch};
 
 /// Rays per packet: those of a tile.
-pub(crate) const PACKET: usize = BLOCK * BLOCKS;
+pub(crate) const PACKET: usize = 256;
 
-/// Rays in blocks of [`BLOCK`], one array per quantity. Lanes beyond the last ray repeat it.
-pub(crate) struct PacketRays {
+/// The most blocks per packet. A block has a ray for each lane of [`Simd::F`], 8 or more.
+pub(crate) const BLOCKS: usize = PACKET / 8;
+
+/// Rays in blocks, one array per quantity. Lanes beyond the last ray repeat it.
+#[repr(C, align(64))]
+pub(crate) struct PacketRays<S: Simd> {
     /// u, v and depth per unit of t of every ray; before [`PacketRays::project`], the components of its direction.
-    pub projected: [[[f32; BLOCK]; BLOCKS]; 3],
+    pub projected: [[OfBlock<S>; BLOCKS]; 3],
     /// An upper bound of the depth of every ray's origin.
-    pub starts: [[f32; BLOCK]; BLOCKS],
+    pub starts: [OfBlock<S>; BLOCKS],
     /// `t_max` of every ray, rounded to nearest.
-    pub ends: [[f32; BLOCK]; BLOCKS],
+    pub ends: [OfBlock<S>; BLOCKS],
     /// The number of blocks in use.
     pub blocks: usize,
 }
 
-impl Default for PacketRays {
+/// A number for every ray of a block.
+pub(crate) type OfBlock<S> = <<S as Simd>::F as Vector>::Array;
+
+impl<S: Simd> Default for PacketRays<S> {
     fn default() -> Self {
-        let zeros = [[0.0; BLOCK]; BLOCKS];
+        let zeros = [S::F::ZEROS; BLOCKS];
         PacketRays { projected: [zeros; 3], starts: zeros, ends: zeros, blocks: 0 }
     }
 }
 
 /// Least and greatest coordinates of points, per axis and lane.
-struct Extent<S: Simd>([[S::D4; 2]; 3]);
+struct Extent<D: Doubles>([[D; 2]; 3]);
 
-impl<S: Simd> Extent<S> {
+impl<D: Doubles> Extent<D> {
     #[inline(always)]
     fn empty() -> Self {
-        Extent([[S::d4_splat(f64::INFINITY), S::d4_splat(f64::NEG_INFINITY)]; 3])
+        Extent([[D::splat(f64::INFINITY), D::splat(f64::NEG_INFINITY)]; 3])
     }
 
     #[inline(always)]
-    fn include(&mut self, at: &[S::D4; 3]) {
+    fn include(&mut self, at: &[D; 3]) {
         for ([least, most], &at) in self.0.iter_mut().zip(at) {
-            (*least, *most) = (S::d4_min(at, *least), S::d4_max(at, *most));
+            (*least, *most) = (at.min(*least), at.max(*most));
         }
     }
 
@@ -56,7 +56,7 @@ impl<S: Simd> Extent<S> {
     fn reduce(&self) -> [[f64; 2]; 3] {
         let mut extent = [[0.0; 2]; 3];
         for (extent, &[least, most]) in extent.iter_mut().zip(&self.0) {
-            *extent = [reduce_min::<S>(least), reduce_max::<S>(most)];
+            *extent = [least.reduce_min(), most.reduce_max()];
         }
         extent
     }
@@ -75,42 +75,42 @@ pub(crate) struct Common {
     pub directions: [[f32; 2]; 3],
 }
 
-impl PacketRays {
+impl<S: Simd> PacketRays<S> {
     /// Loads directions and ends of at least one ray. Looks for a common end if `to_end`, else for a common origin.
     /// Prefetches the packet of rays that comes after them.
     #[inline(always)]
-    pub(crate) fn fill<S: Simd>(&mut self, rays: &[Ray], following: &[Ray], to_end: bool) -> Common {
-        self.blocks = rays.len().div_ceil(BLOCK);
-        let (mut starts, mut ends) = (Extent::<S>::empty(), Extent::<S>::empty());
-        let (mut reach, mut nearest) = (S::d4_splat(0.0), S::d4_splat(f64::INFINITY));
-        let mut latest = S::d4_splat(0.0);
-        let mut directions = [[S::f8_splat(f32::INFINITY), S::f8_splat(f32::NEG_INFINITY)]; 3];
+    pub(crate) fn fill(&mut self, rays: &[Ray], following: &[Ray], to_end: bool) -> Common {
+        self.blocks = rays.len().div_ceil(S::F::LANES);
+        let (mut starts, mut ends) = (Extent::<S::D>::empty(), Extent::<S::D>::empty());
+        let (mut reach, mut nearest) = (S::D::splat(0.0), S::D::splat(f64::INFINITY));
+        let mut latest = S::D::splat(0.0);
+        let mut directions = [[S::F::splat(f32::INFINITY), S::F::splat(f32::NEG_INFINITY)]; 3];
         for block in 0..self.blocks {
-            for index in (block * BLOCK..following.len()).take(BLOCK) {
+            for index in (block * S::F::LANES..following.len()).take(S::F::LANES) {
                 prefetch(following, index);
             }
-            let low = Ray4::<S>::new(rays, block * BLOCK);
-            let high = Ray4::<S>::new(rays, block * BLOCK + LANES4);
+            let low = RayN::<S::D>::new(rays, block * S::F::LANES);
+            let high = RayN::<S::D>::new(rays, block * S::F::LANES + S::D::LANES);
             for (axis, [least, most]) in directions.iter_mut().enumerate() {
-                let component = S::f8_from_d4(low.direction[axis], high.direction[axis]);
-                (*least, *most) = (S::f8_min(component, *least), S::f8_max(component, *most));
-                self.projected[axis][block] = S::f8_array(component);
+                let component = S::D::to_floats(low.direction[axis], high.direction[axis]);
+                (*least, *most) = (component.min(*least), component.max(*most));
+                self.projected[axis][block] = component.array();
             }
-            self.ends[block] = S::f8_array(S::f8_from_d4(low.t_max, high.t_max));
+            self.ends[block] = S::D::to_floats(low.t_max, high.t_max).array();
             for four in [&low, &high] {
-                latest = S::d4_max(S::d4_abs(four.t_min), latest);
+                latest = four.t_min.abs().max(latest);
                 if !to_end {
                     starts.include(&four.origin);
                     continue;
                 }
                 let mut end = four.origin;
                 for (end, &direction) in end.iter_mut().zip(&four.direction) {
-                    reach = S::d4_max(S::d4_abs(*end), reach);
-                    *end = S::d4_add(*end, S::d4_mul(four.t_max, direction));
+                    reach = (*end).abs().max(reach);
+                    *end = *end + four.t_max * direction;
                 }
                 ends.include(&end);
-                reach = S::d4_max(four.t_max, reach);
-                nearest = S::d4_min(four.t_max, nearest);
+                reach = four.t_max.max(reach);
+                nearest = four.t_max.min(nearest);
             }
         }
         let start = starts.reduce();
@@ -118,34 +118,31 @@ impl PacketRays {
         let same = !to_end && start.iter().all(|[least, most]| least == most);
         let mut intervals = [[0.0; 2]; 3];
         for (interval, [least, most]) in intervals.iter_mut().zip(directions) {
-            *interval = [S::f8_reduce_min(least), S::f8_reduce_max(most)];
+            *interval = [least.reduce_min(), most.reduce_max()];
         }
-        let end = if to_end {
-            common_end(ends.reduce(), reduce_max::<S>(reach), reduce_min::<S>(nearest))
-        } else {
-            None
-        };
+        let end =
+            if to_end { common_end(ends.reduce(), reach.reduce_max(), nearest.reduce_min()) } else { None };
         let origin = same.then(|| rays[0].origin.to_array());
-        Common { origin, end, starts_at_0: reduce_max::<S>(latest) == 0.0, directions: intervals }
+        Common { origin, end, starts_at_0: latest.reduce_max() == 0.0, directions: intervals }
     }
 
     /// Turns the directions, with `u_axis` the first of the axes (u, v, depth), into u, v and depth per unit of t.
     /// Returns the intervals of u and v. `to_end`: the directions point to the apex.
     #[inline(always)]
-    pub(crate) fn project<S: Simd>(&mut self, u_axis: usize, to_end: bool) -> [[S::F8; 2]; 2] {
+    pub(crate) fn project(&mut self, u_axis: usize, to_end: bool) -> [[S::F; 2]; 2] {
         self.projected.rotate_left(u_axis);
-        let sign = S::f8_splat(if to_end { -1.0 } else { 1.0 });
-        let one = S::f8_splat(1.0);
-        let mut intervals = [[S::f8_splat(f32::INFINITY), S::f8_splat(f32::NEG_INFINITY)]; 2];
+        let sign = S::F::splat(if to_end { -1.0 } else { 1.0 });
+        let one = S::F::splat(1.0);
+        let mut intervals = [[S::F::splat(f32::INFINITY), S::F::splat(f32::NEG_INFINITY)]; 2];
         for block in 0..self.blocks {
-            let depth = S::f8(self.projected[2][block]);
-            let depth = S::f8_max(depth, S::f8_sub(S::f8_splat(0.0), depth));
-            let share = S::f8_mul(sign, S::f8_div(one, depth));
-            self.projected[2][block] = S::f8_array(depth);
+            let depth = S::F::load(self.projected[2][block]);
+            let depth = depth.max(S::F::splat(0.0) - depth);
+            let share = sign * (one / depth);
+            self.projected[2][block] = depth.array();
             for (k, [least, most]) in intervals.iter_mut().enumerate() {
-                let slope = S::f8_mul(S::f8(self.projected[k][block]), share);
-                self.projected[k][block] = S::f8_array(slope);
-                (*least, *most) = (S::f8_min(slope, *least), S::f8_max(slope, *most));
+                let slope = S::F::load(self.projected[k][block]) * share;
+                self.projected[k][block] = slope.array();
+                (*least, *most) = (slope.min(*least), slope.max(*most));
             }
         }
         intervals
@@ -154,21 +151,21 @@ impl PacketRays {
     /// Depths before and beyond `t_max` of the rays of a block; without `t_max`, infinite. Where rays are parallel,
     /// the first is no bound.
     #[inline(always)]
-    pub(crate) fn depths<S: Simd>(&self, block: usize) -> [S::F8; 2] {
+    pub(crate) fn depths(&self, block: usize) -> [S::F; 2] {
         // Both factors, their product and the sum are rounded; underflow is below the least normal number.
-        let length = S::f8_mul(S::f8(self.projected[2][block]), S::f8(self.ends[block]));
-        let start = S::f8(self.starts[block]);
-        let near = S::f8_add(start, S::f8_mul(length, S::f8_splat(1.0 / MARGIN)));
-        let far = S::f8_add(start, S::f8_mul(length, S::f8_splat(MARGIN)));
+        let length = S::F::load(self.projected[2][block]) * S::F::load(self.ends[block]);
+        let start = S::F::load(self.starts[block]);
+        let near = start + length * S::F::splat(1.0 / MARGIN);
+        let far = start + length * S::F::splat(MARGIN);
         // If `t_max` is infinite the difference is NaN, which is not taken.
-        let near = S::f8_min(S::f8_sub(near, rounding::<S>(near)), near);
-        [near, S::f8_max(S::f8_add(far, rounding::<S>(far)), far)]
+        let near = (near - rounding(near)).min(near);
+        [near, (far + rounding(far)).max(far)]
     }
 
     /// Depths before and beyond `t` on one ray.
     #[inline(always)]
     pub(crate) fn depths_at(&self, ray: usize, t: f64) -> [f32; 2] {
-        let (block, lane) = (ray / BLOCK % BLOCKS, ray % BLOCK);
+        let (block, lane) = (ray / S::F::LANES % BLOCKS, ray % S::F::LANES);
         let (start, length) = (self.starts[block][lane], self.projected[2][block][lane] * t as f32);
         let (near, far) = (start + length * (1.0 / MARGIN), start + length * MARGIN);
         let rounding = |x: f32| x.abs() * SLACK as f32 + f32::MIN_POSITIVE;
@@ -178,23 +175,9 @@ impl PacketRays {
 
 /// A bound on the rounding of a depth.
 #[inline(always)]
-fn rounding<S: Simd>(depth: S::F8) -> S::F8 {
-    let size = S::f8_max(depth, S::f8_sub(S::f8_splat(0.0), depth));
-    S::f8_add(S::f8_mul(size, S::f8_splat(SLACK as f32)), S::f8_splat(f32::MIN_POSITIVE))
-}
-
-/// The least lane.
-#[inline(always)]
-fn reduce_min<S: Simd>(x: S::D4) -> f64 {
-    let [a, b, c, d] = S::d4_array(x);
-    a.min(b).min(c.min(d))
-}
-
-/// The greatest lane.
-#[inline(always)]
-fn reduce_max<S: Simd>(x: S::D4) -> f64 {
-    let [a, b, c, d] = S::d4_array(x);
-    a.max(b).max(c.max(d))
+fn rounding<F: Floats>(depth: F) -> F {
+    let size = depth.max(F::splat(0.0) - depth);
+    size * F::splat(SLACK as f32) + F::splat(f32::MIN_POSITIVE)
 }
 
 /// The centre of the rays' ends, and the largest distance on any axis at which a ray passes it; `None` if that is too
@@ -216,6 +199,8 @@ mod tests {
     use crate::geometry::simd::Portable;
     use glam::DVec3;
 
+    const LANES: usize = <Portable as Simd>::F::LANES;
+
     /// Depths of rays of several lengths, computed in f64, whose error is far below the bounds.
     #[test]
     fn depths_lie_within_their_bounds() {
@@ -225,19 +210,18 @@ mod tests {
             (state >> 11) as f64 / (1u64 << 53) as f64
         };
         for scale in [1e-30, 1.0, 1e30] {
-            let rays: Vec<Ray> = (0..BLOCK * BLOCKS)
+            let rays: Vec<Ray> = (0..PACKET)
                 .map(|_| {
                     let direction = DVec3::new(unit() - 0.5, unit() - 0.5, 2.0).normalize();
                     Ray { origin: DVec3::ONE, direction, t_min: 0.0, t_max: scale * (unit() + 0.5) }
                 })
                 .collect();
-            let mut packet = PacketRays::default();
-            let frustum = Frustum::new::<Portable>(&rays, &[], false, &mut packet).expect("one start");
+            let mut packet = PacketRays::<Portable>::default();
+            let frustum = Frustum::new(&rays, &[], false, &mut packet).expect("one start");
             assert_eq!(frustum.axes[2], 2);
             for (index, ray) in rays.iter().enumerate() {
                 let depth = ray.direction.z * ray.t_max;
-                let [near, far] =
-                    packet.depths::<Portable>(index / BLOCK).map(|d| f64::from(d[index % BLOCK]));
+                let [near, far] = packet.depths(index / LANES).map(|d| f64::from(d.array()[index % LANES]));
                 assert!(near < depth && depth < far, "{near} {depth} {far}");
                 let [near, far] = packet.depths_at(index, ray.t_max).map(f64::from);
                 assert!(near < depth && depth < far, "{near} {depth} {far}");
@@ -246,8 +230,8 @@ mod tests {
         }
         let endless = Ray { origin: DVec3::ZERO, direction: DVec3::Z, t_min: 0.0, t_max: f64::INFINITY };
         let askew = Ray { direction: DVec3::new(0.6, 0.0, 0.8), ..endless };
-        let mut packet = PacketRays::default();
-        Frustum::new::<Portable>(&[endless, askew], &[], false, &mut packet).expect("one start");
-        assert_eq!(packet.depths::<Portable>(0), [[f32::INFINITY; BLOCK]; 2]);
+        let mut packet = PacketRays::<Portable>::default();
+        Frustum::new(&[endless, askew], &[], false, &mut packet).expect("one start");
+        assert_eq!(packet.depths(0).map(Vector::array), [[f32::INFINITY; LANES]; 2]);
     }
 }

@@ -1,13 +1,12 @@
-//! The hits of a packet that f32 does not decide: tested by the tier, four rays at once where it can
-//! ([`Tier::hit_triangle_ray4`]), or by the side of a triangle's plane in f64 ([`TrianglePlane`]).
+//! The hits of a packet that f32 does not decide: tested by the tier, a group of rays at once where it can
+//! ([`Tier::hit_triangle_n`]), or by the side of a triangle's plane in f64 ([`TrianglePlane`]).
 
 use super::Packet;
-use super::hits::{BestHit, BestHits};
-use super::rays::BLOCK;
+use super::hits::{BestHit, is_unresolved};
 use crate::bvh::wide::layout::Wide;
 use crate::bvh::wide::single::leaf::hit_triangle;
-use crate::geometry::four::{Hit4, LANES4, MASK4, Ray4};
-use crate::geometry::simd::{Simd, prefetch};
+use crate::geometry::lanes::{HitN, LANES4, RayN};
+use crate::geometry::simd::{Doubles, Simd, Vector, prefetch};
 use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
 
 /// A triangle that rays certainly hit.
@@ -18,25 +17,25 @@ pub(crate) struct CertainHit<'a> {
     pub sign: f64,
 }
 
-impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
+impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     /// Records certain hits of rays of a block, between two depths. Returns the rays that must still be tested, and
     /// whether a best hit changed.
     #[inline(always)]
-    pub(super) fn record_certain<S: Simd>(
+    pub(super) fn record_certain(
         &mut self,
         block: usize,
         certain: u32,
         triangle: &CertainHit,
-        depths: [S::F8; 2],
+        depths: [S::F; 2],
     ) -> (u32, bool) {
-        let [nearer, farther] = self.scratch.best.compare::<S>(block, depths);
+        let [nearer, farther] = self.scratch.best.compare(block, depths);
         // Nearer to the apex the hit may be outside of the ray.
-        let within = certain & S::f8_le(S::f8_splat(self.frustum.inner_depth), depths[0]);
+        let within = certain & S::F::splat(self.frustum.inner_depth).le(depths[0]);
         let nearer = nearer & within;
         let mut unknown = certain & !(nearer | farther);
         if !ANY {
             if nearer != 0 {
-                self.scratch.best.set_unresolved::<S>(block, nearer, triangle.slot.index(), depths);
+                self.scratch.best.set_unresolved(block, nearer, triangle.slot.index(), depths);
             }
             return (unknown, nearer != 0);
         }
@@ -44,48 +43,48 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
         if unknown & within != 0 {
             // Shadow rays start close to the surface that they leave: f64 decides on which side of the triangle.
             let plane = TrianglePlane::new(triangle.corners, triangle.sign);
-            for half in 0..BLOCK / LANES4 {
-                let tested = unknown & within & (MASK4 << (half * LANES4));
+            for half in 0..2 {
+                let tested = unknown & within & (S::D::ALL << (half * S::D::LANES));
                 if tested == 0 {
                     continue;
                 }
-                let four = Ray4::<S>::new(self.rays, block * BLOCK + half * LANES4);
-                let [before, beyond] = plane.sides::<S>(&four);
-                unknown &= !((before | beyond) << (half * LANES4) & tested);
-                hit |= beyond << (half * LANES4) & tested;
+                let four = RayN::<S::D>::new(self.rays, block * S::F::LANES + half * S::D::LANES);
+                let [before, beyond] = plane.sides(&four);
+                unknown &= !((before | beyond) << (half * S::D::LANES) & tested);
+                hit |= beyond << (half * S::D::LANES) & tested;
             }
         }
         if hit != 0 {
-            self.retire::<S>(block, hit);
+            self.retire(block, hit);
         }
         (unknown, hit != 0)
     }
 
-    /// Tests some rays of a block, four at once, and records their hits. `test4` tests four rays from an index on;
-    /// `hit` makes the hit of a ray from a lane of the result. Returns whether a best hit changed.
+    /// Tests some rays of a block, half of it at once, and records their hits. `test` tests a group of rays from an
+    /// index on; `hit` makes the hit of a ray from a lane of the result. Returns whether a best hit changed.
     #[inline(always)]
-    pub(super) fn test_block<S: Simd>(
+    pub(super) fn test_block(
         &mut self,
         wide: &Wide<T>,
         block: usize,
         rays: u32,
-        test4: impl Fn(&mut Self, usize) -> Hit4,
-        hit: impl Fn(&Self, usize, &Hit4, usize) -> Option<Hit>,
+        test: impl Fn(&mut Self, usize) -> HitN<S::D>,
+        hit: impl Fn(&Self, usize, &HitN<S::D>, usize) -> Option<Hit>,
     ) -> bool {
         let mut changed = false;
-        for half in 0..BLOCK / LANES4 {
-            let tested = rays >> (half * LANES4) & MASK4;
+        for half in 0..2 {
+            let tested = rays >> (half * S::D::LANES) & S::D::ALL;
             if tested == 0 {
                 continue;
             }
-            let first = block * BLOCK + half * LANES4;
-            let four = test4(self, first);
+            let first = block * S::F::LANES + half * S::D::LANES;
+            let four = test(self, first);
             let mut lanes = (four.hit | four.undecided) & tested;
             while lanes != 0 {
-                let place = lanes.trailing_zeros() as usize % LANES4;
+                let place = lanes.trailing_zeros() as usize % S::D::LANES;
                 lanes &= lanes - 1;
                 let Some(hit) = hit(self, first + place, &four, place) else { continue };
-                changed |= self.record::<S>(wide, first + place, &hit);
+                changed |= self.record(wide, first + place, &hit);
             }
         }
         changed
@@ -100,9 +99,9 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
         }
         let mut left = rays;
         while rays != 0 {
-            let lane = rays.trailing_zeros() as usize % BLOCK;
+            let lane = rays.trailing_zeros() as usize % S::F::LANES;
             rays &= rays - 1;
-            let is_known = match self.scratch.best.get(block * BLOCK + lane) {
+            let is_known = match self.scratch.best.get(block * S::F::LANES + lane) {
                 BestHit::None => false,
                 BestHit::Unresolved(slot) => prim_in_slot(wide, slot) == prim,
                 BestHit::Resolved(hit) => hit.prim.0 == prim,
@@ -114,9 +113,9 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
 
     /// Records a hit found by the tier. Returns whether it is the new best hit.
     #[inline(always)]
-    fn record<S: Simd>(&mut self, wide: &Wide<T>, ray: usize, hit: &Hit) -> bool {
+    fn record(&mut self, wide: &Wide<T>, ray: usize, hit: &Hit) -> bool {
         if ANY {
-            self.retire::<S>(ray / BLOCK, 1 << (ray % BLOCK));
+            self.retire(ray / S::F::LANES, 1 << (ray % S::F::LANES));
             return true;
         }
         let best = match self.scratch.best.get(ray) {
@@ -140,29 +139,30 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
     }
 }
 
-impl<T: Tier> Packet<'_, T, false> {
+impl<T: Tier, S: Simd> Packet<'_, T, S, false> {
     /// Tests the unresolved best hits and appends the best hits of all rays. `false`, with nothing appended, if the
     /// tier missed a triangle that f32 certainly hit.
     ///
     /// One loop per step, so that independent results overlap.
     #[inline(always)]
-    pub(super) fn resolve_all<S: Simd>(&mut self, wide: &Wide<T>, hits: &mut Vec<Option<Hit>>) -> bool {
+    pub(super) fn resolve_all(&mut self, wide: &Wide<T>, hits: &mut Vec<Option<Hit>>) -> bool {
         let (rays, before) = (self.rays, hits.len());
-        let fours = rays.len().div_ceil(LANES4);
+        let groups = rays.len().div_ceil(S::D::LANES);
         let mut unresolved = 0u64;
         hits.reserve(rays.len());
-        for index in 0..fours {
-            for lane in 0..LANES4 {
-                prefetch(hits, before + index * LANES4 + lane);
+        for group in 0..groups {
+            let first = group * S::D::LANES;
+            for lane in 0..S::D::LANES {
+                prefetch(hits, before + first + lane);
             }
-            if self.scratch.best.slots4(index * LANES4).into_iter().any(BestHits::is_unresolved) {
-                unresolved |= 1 << index;
-                self.prepared::<S>(index);
+            if (first..first + S::D::LANES).any(|ray| is_unresolved(self.scratch.best.slot(ray))) {
+                unresolved |= 1 << group;
+                self.prepared(group);
             }
         }
-        for index in 0..fours {
-            if unresolved >> index & 1 != 0 {
-                self.scratch.resolved[index] = self.resolve4::<S>(wide, index);
+        for group in 0..groups {
+            if unresolved >> group & 1 != 0 {
+                self.scratch.resolved[group] = self.resolve_group(wide, group);
             }
         }
         // One push per case: a hit that is joined from several cases is written to the stack and then copied.
@@ -171,12 +171,12 @@ impl<T: Tier> Packet<'_, T, false> {
                 BestHit::None => hits.push(None),
                 BestHit::Resolved(hit) => hits.push(Some(hit)),
                 BestHit::Unresolved(slot) => {
-                    let (four, lane) = (&self.scratch.resolved[index / LANES4], index % LANES4);
-                    if four.hit >> lane & 1 != 0 {
-                        hits.push(Some(four.at(lane, PrimId(prim_in_slot(wide, slot)), slot)));
+                    let (group, lane) = (&self.scratch.resolved[index / S::D::LANES], index % S::D::LANES);
+                    if group.hit >> lane & 1 != 0 {
+                        hits.push(Some(group.at(lane, PrimId(prim_in_slot(wide, slot)), slot)));
                         continue;
                     }
-                    let is_undecided = four.undecided >> lane & 1 != 0;
+                    let is_undecided = group.undecided >> lane & 1 != 0;
                     let hit = if is_undecided { hit_in_slot(wide, ray, slot) } else { None };
                     self.is_inconsistent |= hit.is_none();
                     hits.push(hit);
@@ -189,26 +189,38 @@ impl<T: Tier> Packet<'_, T, false> {
         !self.is_inconsistent
     }
 
-    /// Tests four rays, some with unresolved best hits, against these triangles.
+    /// Tests a group of rays, some with unresolved best hits, against these triangles.
     #[inline(always)]
-    fn resolve4<S: Simd>(&mut self, wide: &Wide<T>, index: usize) -> Hit4 {
-        let slots = self.scratch.best.slots4(index * LANES4);
-        let Some(some) = slots.into_iter().find(|&slot| BestHits::is_unresolved(slot)) else {
-            return Hit4::NONE;
+    fn resolve_group(&mut self, wide: &Wide<T>, group: usize) -> HitN<S::D> {
+        let first = group * S::D::LANES;
+        let slot = |lane: usize| self.scratch.best.slot(first + lane);
+        let Some(some) = (0..S::D::LANES).map(slot).find(|&slot| is_unresolved(slot)) else {
+            return HitN::NONE;
         };
         // Other lanes are tested against any of the triangles.
-        let or_some = |slot: u32| if BestHits::is_unresolved(slot) { slot } else { some };
-        let tested = [or_some(slots[0]), or_some(slots[1]), or_some(slots[2]), or_some(slots[3])];
-        let place = |slot: u32| (&wide.triangles[slot as usize / LANES4].corners, slot as usize % LANES4);
-        let prepared = self.prepared::<S>(index);
-        if tested == [some; LANES4] {
-            let (triangles, lane) = place(some);
-            return T::hit_triangle_ray4::<S>(prepared, &triangles.corners_f64(lane), true);
+        let mut tested = [some; MAX_LANES];
+        let mut is_one = true;
+        for (lane, tested) in tested.iter_mut().enumerate().take(S::D::LANES) {
+            *tested = if is_unresolved(slot(lane)) { slot(lane) } else { some };
+            is_one &= *tested == some;
         }
-        let triangles = [place(tested[0]), place(tested[1]), place(tested[2]), place(tested[3])];
-        T::hit_triangles_ray4::<S>(prepared, &triangles)
+        let place = |slot: u32| (&wide.triangles[slot as usize / LANES4].corners, slot as usize % LANES4);
+        let prepared = self.prepared(group);
+        if is_one {
+            let (triangles, lane) = place(some);
+            return T::hit_triangle_n(prepared, &triangles.corners_f64(lane), true);
+        }
+        let triangles = tested.map(place);
+        T::hit_triangles_n(
+            prepared,
+            #[inline(always)]
+            |lane| triangles[lane],
+        )
     }
 }
+
+/// The most lanes of [`Simd::D`].
+const MAX_LANES: usize = 8;
 
 /// The tier's hit of a ray on the triangle in a slot.
 pub(crate) fn hit_in_slot<T: Tier>(wide: &Wide<T>, ray: &Ray, slot: SlotId) -> Option<Hit> {
@@ -226,7 +238,7 @@ fn prim_in_slot<T: Tier>(wide: &Wide<T>, slot: SlotId) -> u32 {
 /// For a point o, H = n . (A - o) with n = (B - A) x (C - A) is the signed distance to the plane times twice the area.
 /// In max norms, let M = |A - o|, p = |B - A| and q = |C - A|: no corner is farther from o than M, M + p and M + q.
 /// H as computed here is off by less than 48 u M p q: six products of three differences, with 8 roundings each.
-/// The tier's test has the sign of H if that is above 168 u M (M + p) (M + q) (see `side` in `geometry::woop4`);
+/// The tier's test has the sign of H if that is above 168 u M (M + p) (M + q) (see `side` in `geometry::woop_n`);
 /// u = 2^-53.
 struct TrianglePlane {
     corner: [f64; 3],
@@ -256,17 +268,17 @@ impl TrianglePlane {
 
     /// The rays that certainly start on the apex's side of the plane, and those that certainly start on the other side.
     #[inline(always)]
-    fn sides<S: Simd>(&self, rays: &Ray4<S>) -> [u32; 2] {
-        let nothing = S::d4_splat(0.0);
+    fn sides<D: Doubles>(&self, rays: &RayN<D>) -> [u32; 2] {
+        let nothing = D::splat(0.0);
         let (mut height, mut reach) = (nothing, nothing);
         for axis in 0..3 {
-            let to_corner = S::d4_sub(S::d4_splat(self.corner[axis]), rays.origin[axis]);
-            height = S::d4_add(S::d4_mul(S::d4_splat(self.normal[axis]), to_corner), height);
-            reach = S::d4_max(S::d4_abs(to_corner), reach);
+            let to_corner = D::splat(self.corner[axis]) - rays.origin[axis];
+            height = D::splat(self.normal[axis]) * to_corner + height;
+            reach = to_corner.abs().max(reach);
         }
-        let [p, q] = self.sizes.map(|size| S::d4_add(reach, S::d4_splat(size)));
-        let error = S::d4_mul(S::d4_mul(reach, S::d4_splat(SIDE_SLACK)), S::d4_mul(p, q));
-        [S::d4_lt(error, height), S::d4_lt(height, S::d4_sub(nothing, error))]
+        let [p, q] = self.sizes.map(|size| reach + D::splat(size));
+        let error = reach * D::splat(SIDE_SLACK) * (p * q);
+        [error.lt(height), height.lt(nothing - error)]
     }
 }
 
@@ -307,7 +319,8 @@ mod tests {
             let (v, w) = (unit(), unit());
             let origin = a + v * (b - a) + w * (c - a) + beside * (b - a).cross(c - a).normalize();
             let ray = Ray { origin, direction: DVec3::X, t_min: 0.0, t_max: 1.0 };
-            let [before, beyond] = TrianglePlane::new(&corners, 1.0).sides::<Portable>(&Ray4::new(&[ray], 0));
+            let [before, beyond] =
+                TrianglePlane::new(&corners, 1.0).sides(&RayN::<<Portable as Simd>::D>::new(&[ray], 0));
             match exact(&corners, origin) {
                 sign if before & 1 != 0 => assert!(sign > 0, "{corners:?} {origin:?}"),
                 sign if beyond & 1 != 0 => assert!(sign < 0, "{corners:?} {origin:?}"),

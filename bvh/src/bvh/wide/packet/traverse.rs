@@ -1,4 +1,4 @@
-//! The traversal of the tree by a packet: nodes are tested against the frustum, leaves against blocks of eight rays.
+//! The traversal of the tree by a packet: nodes are tested against the frustum, leaves against blocks of rays.
 
 use super::Packet;
 use super::edge_functions::EdgeFunctions;
@@ -8,19 +8,19 @@ use super::rays::BLOCKS;
 use super::resolve::{CertainHit, hit_in_slot};
 use crate::bvh::Tests;
 use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH, Wide};
-use crate::bvh::wide::single::leaf::{hit_analytic, hit_analytic_ray4};
-use crate::geometry::four::{LANES4, Ray4};
-use crate::geometry::simd::Simd;
+use crate::bvh::wide::single::leaf::{hit_analytic, hit_analytic_n};
+use crate::geometry::lanes::{LANES4, RayN};
+use crate::geometry::simd::{Simd, Vector};
 use crate::geometry::{PrimId, SlotId, Tier};
 
 /// The work per ray above which a packet is abandoned: 1 for each triangle leaf visited, 2 for each of its triangles
 /// that overlaps the frustum. Measurements: docs/decisions.md.
 const MAX_WORK_PER_RAY: usize = 2;
 
-impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
+impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     /// Finds the best hits of all rays. `false` if the packet is abandoned.
     #[inline(always)]
-    pub(super) fn traverse<S: Simd>(
+    pub(super) fn traverse(
         &mut self,
         wide: &Wide<T>,
         stack: &mut Vec<(Child, f32)>,
@@ -45,7 +45,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                     }
                     Content::Triangles(triangles) => {
                         for index in triangles {
-                            work += self.visit_triangles::<S>(wide, index, tests);
+                            work += self.visit_triangles(wide, index, tests);
                         }
                         if work > MAX_WORK_PER_RAY * self.rays.len() {
                             return false;
@@ -53,7 +53,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                     }
                     Content::Analytic(shapes) => {
                         for index in shapes {
-                            self.visit_analytic::<S>(wide, index, tests);
+                            self.visit_analytic(wide, index, tests);
                         }
                     }
                 }
@@ -63,7 +63,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
 
     /// Tests the four triangles of a leaf. Returns the work done.
     #[inline(always)]
-    fn visit_triangles<S: Simd>(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) -> usize {
+    fn visit_triangles(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) -> usize {
         let leaf = &wide.triangles[index as usize];
         let projected = ProjectedTriangles::<S>::new::<T>(&leaf.corners, &self.frustum);
         let mut lanes = projected.overlapping;
@@ -85,17 +85,17 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
                 if nearest > self.scratch.depths[block] {
                     continue;
                 }
-                let found = self.visit_block::<S>(wide, block, lane, (leaf, slot, &corners), &edges, tests);
+                let found = self.visit_block(wide, block, lane, (leaf, slot, &corners), &edges, tests);
                 changed |= u32::from(found) << block;
             }
         }
-        self.update_depths::<S>(changed);
+        self.update_depths(changed);
         1 + 2 * projected.overlapping.count_ones() as usize
     }
 
     /// Tests the rays of a block against one triangle. Returns whether a best hit changed.
     #[inline(always)]
-    fn visit_block<S: Simd>(
+    fn visit_block(
         &mut self,
         wide: &Wide<T>,
         block: usize,
@@ -105,8 +105,8 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
         tests: &mut Tests,
     ) -> bool {
         let [u, v, _] = &self.scratch.rays.projected;
-        let overlap = edges.overlap::<S>(lane, u[block], v[block]);
-        let active = u32::from(self.scratch.active[block]);
+        let overlap = edges.overlap::<S>(lane, S::F::load(u[block]), S::F::load(v[block]));
+        let active = self.scratch.active[block];
         let mut undecided = overlap.possible & active;
         if undecided == 0 {
             return false;
@@ -116,7 +116,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
         if certain != 0 {
             let depths = edges.depths(lane, &overlap);
             let hit = CertainHit { slot, corners, sign: edges.signs[lane] };
-            let (unknown, changed) = self.record_certain::<S>(block, certain, &hit, depths);
+            let (unknown, changed) = self.record_certain(block, certain, &hit, depths);
             (undecided, found) = (undecided & !certain | unknown, changed);
         }
         if undecided == 0 {
@@ -124,18 +124,16 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
         }
         let undecided = self.without_known(wide, block, undecided, leaf.ids[lane]);
         found
-            | self.test_block::<S>(
+            | self.test_block(
                 wide,
                 block,
                 undecided,
                 #[inline(always)]
-                |packet, first| {
-                    T::hit_triangle_ray4::<S>(packet.prepared::<S>(first / LANES4), corners, false)
-                },
+                |packet, first| T::hit_triangle_n(packet.prepared(first / S::D::LANES), corners, false),
                 #[inline(always)]
-                |packet, ray, four, place| {
-                    if four.undecided >> place & 1 == 0 {
-                        return Some(four.at(place, PrimId(leaf.ids[lane]), slot));
+                |packet, ray, group, place| {
+                    if group.undecided >> place & 1 == 0 {
+                        return Some(group.at(place, PrimId(leaf.ids[lane]), slot));
                     }
                     hit_in_slot(wide, &packet.rays[ray], slot)
                 },
@@ -144,27 +142,28 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
 
     /// Tests all rays against an analytic shape.
     #[inline(always)]
-    fn visit_analytic<S: Simd>(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) {
+    fn visit_analytic(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) {
         let (shape, prim) = &wide.analytic[index as usize];
         let projected = ProjectedSphere::<S>::new(shape.bounding_sphere(), &self.frustum);
         let mut changed = 0u32;
         for block in 0..self.scratch.rays.blocks % (BLOCKS + 1) {
             let [u, v, _] = &self.scratch.rays.projected;
-            let possible = projected.possible(u[block], v[block]) & u32::from(self.scratch.active[block]);
+            let possible =
+                projected.possible(S::F::load(u[block]), S::F::load(v[block])) & self.scratch.active[block];
             if possible == 0 {
                 continue;
             }
             tests.primitives += u64::from(possible.count_ones());
-            let found = self.test_block::<S>(
+            let found = self.test_block(
                 wide,
                 block,
                 possible,
                 #[inline(always)]
-                |packet, first| hit_analytic_ray4::<T, S>(&Ray4::new(packet.rays, first), shape),
+                |packet, first| hit_analytic_n::<T, S::D>(&RayN::new(packet.rays, first), shape),
                 #[inline(always)]
-                |packet, ray, four, lane| {
-                    let mut hit = four.at(lane, *prim, wide.slot_of_analytic(index));
-                    if four.undecided >> lane & 1 != 0 {
+                |packet, ray, group, lane| {
+                    let mut hit = group.at(lane, *prim, wide.slot_of_analytic(index));
+                    if group.undecided >> lane & 1 != 0 {
                         hit.t = hit_analytic::<T>(&packet.rays[ray], shape)?;
                     }
                     Some(hit)
@@ -172,7 +171,7 @@ impl<T: Tier, const ANY: bool> Packet<'_, T, ANY> {
             );
             changed |= u32::from(found) << block;
         }
-        self.update_depths::<S>(changed);
+        self.update_depths(changed);
     }
 }
 

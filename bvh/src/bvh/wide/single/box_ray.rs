@@ -9,7 +9,7 @@
 //! rays against the f32 boxes.
 
 use crate::bvh::wide::layout::{Node, WIDTH};
-use crate::geometry::simd::{Side, Simd};
+use crate::geometry::simd::{Floats, Side, Simd, Vector};
 use crate::geometry::{PRUNE_MARGIN, Ray, round_down};
 use glam::Vec3;
 
@@ -95,32 +95,32 @@ impl BoxRay {
     /// a point of the exact ray between `t_min` and `t_max` is entered.
     #[inline(always)]
     pub(crate) fn span<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (S::F8, S::F8) {
-        let mut enter = S::f8_splat(self.t_min);
-        let mut leave = S::f8_splat(t_max);
+        let mut enter = S::F8::splat(self.t_min);
+        let mut leave = S::F8::splat(t_max);
         for axis in 0..3 {
-            let (near, inverse) = (self.near[axis], S::f8_splat(self.inverse[axis]));
+            let (near, inverse) = (self.near[axis], S::F8::splat(self.inverse[axis]));
             let [near_offset, far_offset] = self.offsets[axis];
             // NaN, from a ray in a plane of the box, is never taken.
             let planes = &node.planes[axis];
-            let at_near = distances::<S, FUSED>(S::f8_load(planes, near), inverse, near_offset);
-            let at_far = distances::<S, FUSED>(S::f8_load(planes, near.other()), inverse, far_offset);
-            enter = S::f8_max(at_near, enter);
-            leave = S::f8_min(at_far, leave);
+            let at_near = distances::<S::F8, FUSED>(S::planes(planes, near), inverse, near_offset);
+            let at_far = distances::<S::F8, FUSED>(S::planes(planes, near.other()), inverse, far_offset);
+            enter = at_near.max(enter);
+            leave = at_far.min(leave);
         }
-        (enter, S::f8_mul(leave, S::f8_splat(MARGIN)))
+        (enter, leave * S::F8::splat(MARGIN))
     }
 
     /// The places of `node` whose boxes the ray enters, as bits, and the entry distances.
     #[inline(always)]
     pub(crate) fn enter<S: Simd, const FUSED: bool>(&self, node: &Node, t_max: f32) -> (u32, [f32; WIDTH]) {
         let (enter, leave) = self.span::<S, FUSED>(node, t_max);
-        (S::f8_le(enter, leave) & node.present, S::f8_array(enter))
+        (enter.le(leave) & node.present, enter.array())
     }
 }
 
 /// The distances to eight planes of one axis.
 #[inline(always)]
-fn distances<S: Simd, const FUSED: bool>(planes: S::F8, inverse: S::F8, offset: f32) -> S::F8 {
-    let offset = S::f8_splat(offset);
-    if FUSED { S::mul_sub(planes, inverse, offset) } else { S::f8_mul(S::f8_sub(planes, offset), inverse) }
+fn distances<F: Floats, const FUSED: bool>(planes: F, inverse: F, offset: f32) -> F {
+    let offset = F::splat(offset);
+    if FUSED { planes.mul_sub(inverse, offset) } else { (planes - offset) * inverse }
 }

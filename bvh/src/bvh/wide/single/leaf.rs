@@ -2,8 +2,8 @@
 
 use crate::bvh::wide::layout::{Child, Content, TriangleLeaf, Wide};
 use crate::bvh::{Next, Tests};
-use crate::geometry::four::{Hit4, LANES4, Ray4};
-use crate::geometry::simd::Simd;
+use crate::geometry::lanes::{HitN, LANES4, RayN};
+use crate::geometry::simd::{Doubles, Simd};
 use crate::geometry::{AnalyticShape, Hit, PrimId, Ray, SlotId, Tier};
 
 /// Calls `found` with every hit in a leaf until it returns [`Next::Stop`]. Returns what the traversal does next.
@@ -23,7 +23,7 @@ pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
             tests.primitives += triangles.len() as u64;
             for index in triangles {
                 let leaf = &wide.triangles[index as usize];
-                let four = T::hit_triangle4::<S>(prepared, &leaf.corners);
+                let four = T::hit_triangle4::<S::D4>(prepared, &leaf.corners);
                 let mut lanes = four.hit | four.undecided;
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize % LANES4;
@@ -85,8 +85,8 @@ pub(crate) fn hit_analytic<T: Tier>(ray: &Ray, shape: &AnalyticShape) -> Option<
     if shape.is_empty() { None } else { T::hit_analytic(ray, shape) }
 }
 
-/// [`hit_analytic`] for four rays.
+/// [`hit_analytic`] for a ray in each lane.
 #[inline(always)]
-pub(crate) fn hit_analytic_ray4<T: Tier, S: Simd>(rays: &Ray4<S>, shape: &AnalyticShape) -> Hit4 {
-    if shape.is_empty() { Hit4::NONE } else { T::hit_analytic_ray4(rays, shape) }
+pub(crate) fn hit_analytic_n<T: Tier, D: Doubles>(rays: &RayN<D>, shape: &AnalyticShape) -> HitN<D> {
+    if shape.is_empty() { HitN::NONE } else { T::hit_analytic_n(rays, shape) }
 }

@@ -1,46 +1,43 @@
-//! Four rays, four triangles and their four hits as structures of arrays: the operands of the four-wide primitive
-//! tests.
+//! Rays, triangles and hits as structures of arrays: the operands of the primitive tests of [`Doubles::LANES`] pairs
+//! at once.
 //!
-//! The tests themselves are in [`super::woop4`] and [`super::sphere`]; the traversals of `bvh/wide` call them through
+//! The tests themselves are in [`super::woop_n`] and [`super::sphere`]; the traversals of `bvh/wide` call them through
 //! [`Tier`](super::Tier).
 
-use super::simd::Simd;
+use super::simd::Doubles;
 use super::{Corner, Hit, PrimId, Ray, SlotId};
 
-/// Lanes of [`Ray4`], [`Triangle4`] and [`Hit4`].
+/// Lanes of [`Triangle4`].
 pub(crate) const LANES4: usize = 4;
 
 /// All four lanes, as bits.
 pub(crate) const MASK4: u32 = (1 << LANES4) - 1;
 
-/// Four rays.
-pub(crate) struct Ray4<S: Simd> {
+/// A ray in each lane.
+pub(crate) struct RayN<D: Doubles> {
     /// See [`Ray::origin`].
-    pub origin: [S::D4; 3],
+    pub origin: [D; 3],
     /// See [`Ray::direction`].
-    pub direction: [S::D4; 3],
+    pub direction: [D; 3],
     /// See [`Ray::t_min`].
-    pub t_min: S::D4,
+    pub t_min: D,
     /// See [`Ray::t_max`].
-    pub t_max: S::D4,
+    pub t_max: D,
 }
 
-impl<S: Simd> Ray4<S> {
-    /// Four rays of `rays` from index `first` on. Lanes beyond the end repeat the last ray.
+impl<D: Doubles> RayN<D> {
+    /// The rays of `rays` from index `first` on. Lanes beyond the end repeat the last ray.
     ///
     /// # Panics
     /// If `rays` is empty.
     #[inline(always)]
     pub(crate) fn new(rays: &[Ray], first: usize) -> Self {
         let last = rays.len() - 1;
-        let halves = |lane: usize| {
-            let [low, high]: [[f64; 4]; 2] = bytemuck::cast(rays[(first + lane).min(last)]);
-            (S::d4(low), S::d4(high))
-        };
-        let [a, b, c, d] = [halves(0), halves(1), halves(2), halves(3)];
-        let [ox, oy, oz, dx] = S::d4_transposed([a.0, b.0, c.0, d.0]);
-        let [dy, dz, t_min, t_max] = S::d4_transposed([a.1, b.1, c.1, d.1]);
-        Ray4 { origin: [ox, oy, oz], direction: [dx, dy, dz], t_min, t_max }
+        let [ox, oy, oz, dx, dy, dz, t_min, t_max] = D::columns(
+            #[inline(always)]
+            |lane| bytemuck::cast_ref(&rays[(first + lane).min(last)]),
+        );
+        RayN { origin: [ox, oy, oz], direction: [dx, dy, dz], t_min, t_max }
     }
 }
 
@@ -87,25 +84,24 @@ impl<C: Corner> Triangle4<C> {
     }
 }
 
-/// The hits of four ray-primitive pairs. Masks have one bit per lane.
+/// The hit of a ray-primitive pair in each lane. Masks have one bit per lane.
 #[derive(Clone, Copy)]
-pub(crate) struct Hit4 {
+pub(crate) struct HitN<D: Doubles> {
     /// Lanes that hit.
     pub hit: u32,
     /// Lanes that must be tested again by the tier's test for one ray.
     pub undecided: u32,
     /// Distances.
-    pub t: [f64; LANES4],
+    pub t: D::Array,
     /// The barycentrics v and w.
-    pub barycentrics: [[f64; LANES4]; 2],
+    pub barycentrics: [D::Array; 2],
 }
 
-impl Hit4 {
-    /// Four misses.
-    pub(crate) const NONE: Hit4 =
-        Hit4 { hit: 0, undecided: 0, t: [0.0; LANES4], barycentrics: [[0.0; LANES4]; 2] };
-    /// Four undecided lanes: the result of tiers without a four-wide test.
-    pub(crate) const UNDECIDED: Hit4 = Hit4 { undecided: MASK4, ..Hit4::NONE };
+impl<D: Doubles> HitN<D> {
+    /// Misses.
+    pub(crate) const NONE: Self = HitN { hit: 0, undecided: 0, t: D::ZEROS, barycentrics: [D::ZEROS; 2] };
+    /// Undecided lanes: the result of tiers without a test of several pairs.
+    pub(crate) const UNDECIDED: Self = HitN { undecided: D::ALL, ..Self::NONE };
 
     /// The hit in a lane, on primitive `prim` in `slot`.
     #[inline(always)]

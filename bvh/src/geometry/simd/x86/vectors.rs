@@ -1,0 +1,424 @@
+//! The vectors of [`Avx2`](super::Avx2) and [`Avx512`](super::Avx512). To be used only if these are supported: the
+//! safety of the intrinsics in this file depends on it, so the types are private to the crate.
+
+use std::arch::x86_64::*;
+use std::ops::{Add, Div, Mul, Sub};
+
+use crate::geometry::simd::{Doubles, Floats, Vector};
+
+/// Eight f32 numbers.
+#[derive(Clone, Copy)]
+pub(crate) struct F8(pub __m256);
+
+/// Four f64 numbers.
+#[derive(Clone, Copy)]
+pub(crate) struct D4(pub __m256d);
+
+/// Sixteen f32 numbers.
+#[derive(Clone, Copy)]
+pub(crate) struct F16(__m512);
+
+/// Eight f64 numbers.
+#[derive(Clone, Copy)]
+pub(crate) struct D8(__m512d);
+
+macro_rules! operators {
+    ($vector:ident $($operator:ident $function:ident $intrinsic:ident)*) => {$(
+        impl $operator for $vector {
+            type Output = Self;
+
+            #[inline(always)]
+            fn $function(self, other: Self) -> Self {
+                // SAFETY: see above.
+                $vector(unsafe { $intrinsic(self.0, other.0) })
+            }
+        }
+    )*};
+}
+
+operators!(F8 Add add _mm256_add_ps Sub sub _mm256_sub_ps Mul mul _mm256_mul_ps Div div _mm256_div_ps);
+operators!(D4 Add add _mm256_add_pd Sub sub _mm256_sub_pd Mul mul _mm256_mul_pd Div div _mm256_div_pd);
+operators!(F16 Add add _mm512_add_ps Sub sub _mm512_sub_ps Mul mul _mm512_mul_ps Div div _mm512_div_ps);
+operators!(D8 Add add _mm512_add_pd Sub sub _mm512_sub_pd Mul mul _mm512_mul_pd Div div _mm512_div_pd);
+
+/// The operations that differ in nothing but the names of intrinsics.
+macro_rules! vector {
+    ($vector:ident $register:ident [$scalar:ty; $lanes:literal] $load:ident $splat:ident $max:ident $min:ident {
+        le: |$a:ident, $b:ident| $le:expr,
+        reduce_min: |$x:ident| $reduce_min:expr,
+        reduce_max: |$y:ident| $reduce_max:expr,
+    }) => {
+        impl Vector for $vector {
+            type Scalar = $scalar;
+            type Array = [$scalar; $lanes];
+
+            const LANES: usize = $lanes;
+            const ZEROS: [$scalar; $lanes] = [0.0; $lanes];
+
+            #[inline(always)]
+            fn load(x: [$scalar; $lanes]) -> Self {
+                // SAFETY: any numbers make a vector.
+                $vector(unsafe { std::mem::transmute::<[$scalar; $lanes], $register>(x) })
+            }
+
+            #[inline(always)]
+            fn array(self) -> [$scalar; $lanes] {
+                // SAFETY: a vector has a number for each lane.
+                unsafe { std::mem::transmute::<$register, [$scalar; $lanes]>(self.0) }
+            }
+
+            #[inline(always)]
+            fn load_slice(x: &[$scalar]) -> Self {
+                // SAFETY: the slice has a number for each lane; see above.
+                $vector(unsafe { $load(x[..$lanes].as_ptr()) })
+            }
+
+            #[inline(always)]
+            fn splat(x: $scalar) -> Self {
+                // SAFETY: see above.
+                $vector(unsafe { $splat(x) })
+            }
+
+            #[inline(always)]
+            fn max(self, other: Self) -> Self {
+                // SAFETY: see above.
+                $vector(unsafe { $max(self.0, other.0) })
+            }
+
+            #[inline(always)]
+            fn min(self, other: Self) -> Self {
+                // SAFETY: see above.
+                $vector(unsafe { $min(self.0, other.0) })
+            }
+
+            #[inline(always)]
+            fn le(self, other: Self) -> u32 {
+                // SAFETY: see above.
+                unsafe {
+                    let ($a, $b) = (self.0, other.0);
+                    $le
+                }
+            }
+
+            #[inline(always)]
+            fn reduce_min(self) -> $scalar {
+                // SAFETY: see above.
+                unsafe {
+                    let $x = self.0;
+                    $reduce_min
+                }
+            }
+
+            #[inline(always)]
+            fn reduce_max(self) -> $scalar {
+                // SAFETY: see above.
+                unsafe {
+                    let $y = self.0;
+                    $reduce_max
+                }
+            }
+        }
+    };
+}
+
+vector!(F8 __m256 [f32; 8] _mm256_loadu_ps _mm256_set1_ps _mm256_max_ps _mm256_min_ps {
+    le: |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32,
+    reduce_min: |x| {
+        let x = _mm_min_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));
+        let x = _mm_min_ps(x, _mm_movehl_ps(x, x));
+        _mm_cvtss_f32(_mm_min_ss(x, _mm_movehdup_ps(x)))
+    },
+    reduce_max: |x| {
+        let x = _mm_max_ps(_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));
+        let x = _mm_max_ps(x, _mm_movehl_ps(x, x));
+        _mm_cvtss_f32(_mm_max_ss(x, _mm_movehdup_ps(x)))
+    },
+});
+
+vector!(D4 __m256d [f64; 4] _mm256_loadu_pd _mm256_set1_pd _mm256_max_pd _mm256_min_pd {
+    le: |a, b| _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LE_OQ>(a, b)) as u32,
+    reduce_min: |x| {
+        let x = _mm_min_pd(_mm256_castpd256_pd128(x), _mm256_extractf128_pd::<1>(x));
+        _mm_cvtsd_f64(_mm_min_sd(x, _mm_unpackhi_pd(x, x)))
+    },
+    reduce_max: |x| {
+        let x = _mm_max_pd(_mm256_castpd256_pd128(x), _mm256_extractf128_pd::<1>(x));
+        _mm_cvtsd_f64(_mm_max_sd(x, _mm_unpackhi_pd(x, x)))
+    },
+});
+
+vector!(F16 __m512 [f32; 16] _mm512_loadu_ps _mm512_set1_ps _mm512_max_ps _mm512_min_ps {
+    le: |a, b| u32::from(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b)),
+    reduce_min: |x| {
+        F8(_mm256_min_ps(_mm512_castps512_ps256(x), _mm512_extractf32x8_ps::<1>(x))).reduce_min()
+    },
+    reduce_max: |x| {
+        F8(_mm256_max_ps(_mm512_castps512_ps256(x), _mm512_extractf32x8_ps::<1>(x))).reduce_max()
+    },
+});
+
+vector!(D8 __m512d [f64; 8] _mm512_loadu_pd _mm512_set1_pd _mm512_max_pd _mm512_min_pd {
+    le: |a, b| u32::from(_mm512_cmp_pd_mask::<_CMP_LE_OQ>(a, b)),
+    reduce_min: |x| {
+        D4(_mm256_min_pd(_mm512_castpd512_pd256(x), _mm512_extractf64x4_pd::<1>(x))).reduce_min()
+    },
+    reduce_max: |x| {
+        D4(_mm256_max_pd(_mm512_castpd512_pd256(x), _mm512_extractf64x4_pd::<1>(x))).reduce_max()
+    },
+});
+
+/// All bits of the lanes whose bit in `mask` is set.
+#[inline]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt")]
+fn lanes_of(mask: u32) -> __m256i {
+    let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+    _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(mask as i32), bits), bits)
+}
+
+impl Floats for F8 {
+    type Bits = [u32; 8];
+
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        // SAFETY: see above.
+        F8(unsafe { _mm256_fmadd_ps(self.0, b.0, c.0) })
+    }
+
+    #[inline(always)]
+    fn mul_sub(self, b: Self, c: Self) -> Self {
+        // SAFETY: see above.
+        F8(unsafe { _mm256_fmsub_ps(self.0, b.0, c.0) })
+    }
+
+    #[inline(always)]
+    fn select(mask: u32, a: Self, b: Self) -> Self {
+        // SAFETY: see above.
+        F8(unsafe { _mm256_blendv_ps(b.0, a.0, _mm256_castsi256_ps(lanes_of(mask))) })
+    }
+
+    #[inline(always)]
+    fn splat_bits(x: u32) -> [u32; 8] {
+        [x; 8]
+    }
+
+    #[inline(always)]
+    fn store_bits(mask: u32, x: u32, to: &mut [u32; 8]) {
+        // As a whole: masked stores are slow on some processors.
+        // SAFETY: see above.
+        unsafe {
+            let now: __m256i = bytemuck::cast(*to);
+            *to = bytemuck::cast(_mm256_blendv_epi8(now, _mm256_set1_epi32(x as i32), lanes_of(mask)));
+        }
+    }
+}
+
+impl Floats for F16 {
+    type Bits = [u32; 16];
+
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        // SAFETY: see above.
+        F16(unsafe { _mm512_fmadd_ps(self.0, b.0, c.0) })
+    }
+
+    #[inline(always)]
+    fn mul_sub(self, b: Self, c: Self) -> Self {
+        // SAFETY: see above.
+        F16(unsafe { _mm512_fmsub_ps(self.0, b.0, c.0) })
+    }
+
+    #[inline(always)]
+    fn select(mask: u32, a: Self, b: Self) -> Self {
+        // SAFETY: see above.
+        F16(unsafe { _mm512_mask_blend_ps(mask as __mmask16, b.0, a.0) })
+    }
+
+    #[inline(always)]
+    fn splat_bits(x: u32) -> [u32; 16] {
+        [x; 16]
+    }
+
+    #[inline(always)]
+    fn store_bits(mask: u32, x: u32, to: &mut [u32; 16]) {
+        // As a whole: masked stores are slow on some processors.
+        // SAFETY: the array has a number for each lane; see above.
+        unsafe {
+            let now = _mm512_loadu_epi32(to.as_ptr().cast());
+            let then = _mm512_mask_set1_epi32(now, mask as __mmask16, x as i32);
+            _mm512_storeu_epi32(to.as_mut_ptr().cast(), then);
+        }
+    }
+}
+
+impl Doubles for D4 {
+    type Floats = F8;
+
+    #[inline(always)]
+    fn load_f32(x: &[f32]) -> Self {
+        // SAFETY: the slice has a number for each lane; see above.
+        D4(unsafe { _mm256_cvtps_pd(_mm_loadu_ps(x[..4].as_ptr())) })
+    }
+
+    #[inline(always)]
+    fn from_f32(lane: impl Fn(usize) -> f32) -> Self {
+        let x = [lane(0), lane(1), lane(2), lane(3)];
+        // SAFETY: see above.
+        D4(unsafe { _mm256_cvtps_pd(bytemuck::cast(x)) })
+    }
+
+    #[inline(always)]
+    fn from_f64(lane: impl Fn(usize) -> f64) -> Self {
+        D4::load([lane(0), lane(1), lane(2), lane(3)])
+    }
+
+    #[inline(always)]
+    fn columns<'a>(row: impl Fn(usize) -> &'a [f64; 8]) -> [Self; 8] {
+        let (a, b, c, d) = (row(0), row(1), row(2), row(3));
+        let [p, q, r, s] = transposed(a, b, c, d);
+        let [t, u, v, w] = transposed(&a[4..], &b[4..], &c[4..], &d[4..]);
+        [p, q, r, s, t, u, v, w]
+    }
+
+    #[inline(always)]
+    fn to_floats(low: Self, high: Self) -> F8 {
+        // SAFETY: see above.
+        F8(unsafe { _mm256_set_m128(_mm256_cvtpd_ps(high.0), _mm256_cvtpd_ps(low.0)) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: see above.
+        D4(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        // SAFETY: see above.
+        D4(unsafe { _mm256_sqrt_pd(self.0) })
+    }
+
+    #[inline(always)]
+    fn copysign(self, other: Self) -> Self {
+        // SAFETY: see above.
+        unsafe {
+            let sign = _mm256_set1_pd(-0.0);
+            D4(_mm256_or_pd(_mm256_andnot_pd(sign, self.0), _mm256_and_pd(sign, other.0)))
+        }
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        // SAFETY: see above.
+        unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
+    }
+}
+
+/// The columns of a matrix with four rows and at least four columns.
+#[inline(always)]
+fn transposed(a: &[f64], b: &[f64], c: &[f64], d: &[f64]) -> [D4; 4] {
+    let [a, b, c, d] = [D4::load_slice(a).0, D4::load_slice(b).0, D4::load_slice(c).0, D4::load_slice(d).0];
+    // SAFETY: see above.
+    unsafe {
+        let (ab_even, ab_odd) = (_mm256_unpacklo_pd(a, b), _mm256_unpackhi_pd(a, b));
+        let (cd_even, cd_odd) = (_mm256_unpacklo_pd(c, d), _mm256_unpackhi_pd(c, d));
+        [
+            D4(_mm256_permute2f128_pd::<0x20>(ab_even, cd_even)),
+            D4(_mm256_permute2f128_pd::<0x20>(ab_odd, cd_odd)),
+            D4(_mm256_permute2f128_pd::<0x31>(ab_even, cd_even)),
+            D4(_mm256_permute2f128_pd::<0x31>(ab_odd, cd_odd)),
+        ]
+    }
+}
+
+/// Two rows, element by element: those of even and those of odd columns.
+#[inline(always)]
+fn pairs(first: &[f64; 8], second: &[f64; 8]) -> [__m512d; 2] {
+    let (first, second) = (D8::load(*first).0, D8::load(*second).0);
+    // SAFETY: see above.
+    unsafe { [_mm512_unpacklo_pd(first, second), _mm512_unpackhi_pd(first, second)] }
+}
+
+/// Columns k, k + 4, k + 2 and k + 6 of eight rows, from their [`pairs`]: k is 0 or 1.
+#[inline(always)]
+fn every_second([ab, cd, ef, gh]: [__m512d; 4]) -> [D8; 4] {
+    // SAFETY: see above.
+    unsafe {
+        let low = _mm512_shuffle_f64x2::<0x88>(ab, cd);
+        let high = _mm512_shuffle_f64x2::<0x88>(ef, gh);
+        let low_between = _mm512_shuffle_f64x2::<0xdd>(ab, cd);
+        let high_between = _mm512_shuffle_f64x2::<0xdd>(ef, gh);
+        [
+            D8(_mm512_shuffle_f64x2::<0x88>(low, high)),
+            D8(_mm512_shuffle_f64x2::<0xdd>(low, high)),
+            D8(_mm512_shuffle_f64x2::<0x88>(low_between, high_between)),
+            D8(_mm512_shuffle_f64x2::<0xdd>(low_between, high_between)),
+        ]
+    }
+}
+
+impl Doubles for D8 {
+    type Floats = F16;
+
+    #[inline(always)]
+    fn load_f32(x: &[f32]) -> Self {
+        // SAFETY: the slice has a number for each lane; see above.
+        D8(unsafe { _mm512_cvtps_pd(_mm256_loadu_ps(x[..8].as_ptr())) })
+    }
+
+    #[inline(always)]
+    fn from_f32(lane: impl Fn(usize) -> f32) -> Self {
+        let x = [lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)];
+        // SAFETY: see above.
+        D8(unsafe { _mm512_cvtps_pd(bytemuck::cast(x)) })
+    }
+
+    #[inline(always)]
+    fn from_f64(lane: impl Fn(usize) -> f64) -> Self {
+        D8::load([lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)])
+    }
+
+    #[inline(always)]
+    fn columns<'a>(row: impl Fn(usize) -> &'a [f64; 8]) -> [Self; 8] {
+        let ([ab, cd], [ef, gh]) =
+            ([pairs(row(0), row(1)), pairs(row(2), row(3))], [pairs(row(4), row(5)), pairs(row(6), row(7))]);
+        let [p, t, r, v] = every_second([ab[0], cd[0], ef[0], gh[0]]);
+        let [q, u, s, w] = every_second([ab[1], cd[1], ef[1], gh[1]]);
+        [p, q, r, s, t, u, v, w]
+    }
+
+    #[inline(always)]
+    fn to_floats(low: Self, high: Self) -> F16 {
+        // SAFETY: see above.
+        unsafe {
+            let low = _mm512_castps256_ps512(_mm512_cvtpd_ps(low.0));
+            F16(_mm512_insertf32x8::<1>(low, _mm512_cvtpd_ps(high.0)))
+        }
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: see above.
+        D8(unsafe { _mm512_abs_pd(self.0) })
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        // SAFETY: see above.
+        D8(unsafe { _mm512_sqrt_pd(self.0) })
+    }
+
+    #[inline(always)]
+    fn copysign(self, other: Self) -> Self {
+        // SAFETY: see above.
+        unsafe {
+            let sign = _mm512_set1_pd(-0.0);
+            D8(_mm512_or_pd(_mm512_andnot_pd(sign, self.0), _mm512_and_pd(sign, other.0)))
+        }
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        // SAFETY: see above.
+        u32::from(unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, other.0) })
+    }
+}

@@ -1,0 +1,269 @@
+//! The watertight triangle test (`woop`) for a ray-triangle pair in each lane: rays and one triangle, rays with a
+//! triangle each, or one ray and four triangles (`WoopTest::hit_triangle4`).
+//!
+//! Operations and their order are those of the test for one ray, so the results have the same bits. Lanes where that
+//! test would branch off (cancellation, zero direction components, sides that f64 does not decide) come back undecided.
+
+use super::lanes::{HitN, RayN, Triangle4};
+use super::simd::Doubles;
+use super::woop::{CANCELLED, MajorAxis, NEAR};
+use super::{Corner, Ray};
+
+/// Rays prepared for triangles, axes permuted so that the major axis of the first ray is the third.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct PreparedRayN<D: Doubles> {
+    origin: [D::Array; 3],
+    shear: [D::Array; 2],
+    inverse: [D::Array; 3],
+    t_min: D::Array,
+    t_max: D::Array,
+    /// The permutation of the axes.
+    axes: [usize; 3],
+    /// Lanes that are never decided here: another major axis, or a zero direction component.
+    unsupported: u32,
+}
+
+impl<D: Doubles> Default for PreparedRayN<D> {
+    /// Unsupported lanes.
+    fn default() -> Self {
+        PreparedRayN {
+            origin: [D::ZEROS; 3],
+            shear: [D::ZEROS; 2],
+            inverse: [D::ZEROS; 3],
+            t_min: D::ZEROS,
+            t_max: D::ZEROS,
+            axes: [0, 1, 2],
+            unsupported: D::ALL,
+        }
+    }
+}
+
+impl<D: Doubles> PreparedRayN<D> {
+    /// Prepares the first of `rays`; lanes beyond the end repeat the last ray. As `WoopTest::new`, all lanes at once.
+    ///
+    /// # Panics
+    /// If `rays` is empty.
+    #[inline(always)]
+    pub(crate) fn fill(&mut self, rays: &[Ray]) {
+        let major = MajorAxis::of(&rays[0]);
+        let four = RayN::<D>::new(rays, 0);
+        self.axes = major.axes();
+        (self.t_min, self.t_max) = (four.t_min.array(), four.t_max.array());
+        let (zero, one) = (D::splat(0.0), D::splat(1.0));
+        let mut permuted = [zero; 3];
+        let mut zeros = 0;
+        for (axis, place) in major.places().into_iter().enumerate() {
+            let direction = four.direction[axis];
+            self.origin[place] = four.origin[axis].array();
+            self.inverse[place] = (one / direction).array();
+            permuted[place] = direction;
+            zeros |= direction.abs().le(zero);
+        }
+        let inverse = D::load(self.inverse[2]);
+        self.shear = [(permuted[0] * inverse).array(), (permuted[1] * inverse).array()];
+        let [x, y, z] = four.direction.map(D::abs);
+        let x_first = y.le(x) & z.le(x);
+        let y_first = z.le(y);
+        let same = match major {
+            MajorAxis::X => x_first,
+            MajorAxis::Y => !x_first & y_first,
+            MajorAxis::Z => !(x_first | y_first),
+        };
+        self.unsupported = (!same | zeros) & D::ALL;
+    }
+
+    /// The hits of the rays on one triangle. `ahead`: the caller knows that no hit lies behind a ray's origin,
+    /// and the test for that is left out.
+    #[inline(always)]
+    pub(crate) fn hit(&self, corners: &[[f64; 3]; 3], ahead: bool) -> HitN<D> {
+        let origin = load::<D>(&self.origin);
+        let mut from_origin = [[origin[0]; 3]; 3];
+        for (corner, from_origin) in corners.iter().zip(&mut from_origin) {
+            for place in 0..3 {
+                let at = D::splat(corner[self.axes[place] % 3]);
+                from_origin[place] = at - origin[place];
+            }
+        }
+        self.hit_from_origin(&from_origin, ahead)
+    }
+
+    /// The hits of each ray on a triangle of its own, given as a lane of a [`Triangle4`] and known to lie ahead.
+    #[inline(always)]
+    pub(crate) fn hit_each<'a, C: Corner>(
+        &self,
+        triangle: impl Fn(usize) -> (&'a Triangle4<C>, usize),
+    ) -> HitN<D> {
+        let origin = load::<D>(&self.origin);
+        let mut from_origin = [[origin[0]; 3]; 3];
+        for (k, from_origin) in from_origin.iter_mut().enumerate() {
+            for place in 0..3 {
+                let axis = self.axes[place] % 3;
+                let at = C::gather::<D>(
+                    #[inline(always)]
+                    |lane| {
+                        let (triangles, place) = triangle(lane);
+                        triangles.corners[k][axis][place]
+                    },
+                );
+                from_origin[place] = at - origin[place];
+            }
+        }
+        self.hit_from_origin(&from_origin, true)
+    }
+
+    #[inline(always)]
+    fn hit_from_origin(&self, corners: &[[D; 3]; 3], ahead: bool) -> HitN<D> {
+        let inverse = load::<D>(&self.inverse);
+        let rays = ShearedN {
+            shear: [D::load(self.shear[0]), D::load(self.shear[1]), inverse[2]],
+            inverse,
+            t_min: D::load(self.t_min),
+            t_max: D::load(self.t_max),
+        };
+        let mut hits = hit_lanes(corners, &rays, 0, ahead);
+        hits.hit &= !self.unsupported;
+        hits.undecided |= self.unsupported;
+        hits
+    }
+}
+
+/// The parameters of rays apart from their origins, from which corners are given.
+pub(crate) struct ShearedN<D: Doubles> {
+    /// The two shears, and the reciprocal of the direction along the third axis.
+    pub shear: [D; 3],
+    /// Reciprocals of the direction.
+    pub inverse: [D; 3],
+    /// See [`Ray::t_min`].
+    pub t_min: D,
+    /// See [`Ray::t_max`].
+    pub t_max: D,
+}
+
+/// The hits of ray-triangle pairs. `corners` are relative to the ray origins, axes permuted so that the major
+/// axis is the third. Lanes of `zero_direction_mask` come back undecided unless they miss. `ahead`: see
+/// [`PreparedRayN::hit`].
+///
+/// Longer than other functions: its parts share the registers of the corners.
+#[inline(always)]
+pub(crate) fn hit_lanes<D: Doubles>(
+    corners: &[[D; 3]; 3],
+    rays: &ShearedN<D>,
+    zero_direction_mask: u32,
+    ahead: bool,
+) -> HitN<D> {
+    let zero = D::splat(0.0);
+    let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = *corners;
+    let shear = &rays.shear;
+    let ((ax, ay), (bx, by), (cx, cy)) =
+        (sheared_xy(ax, ay, az, shear), sheared_xy(bx, by, bz, shear), sheared_xy(cx, cy, cz, shear));
+    let (weight_a, product_a) = edge(cx, by, cy, bx);
+    let (weight_b, product_b) = edge(ax, cy, ay, cx);
+    let (weight_c, product_c) = edge(bx, ay, by, ax);
+    let lowest = weight_a.min(weight_b).min(weight_c);
+    let highest = weight_a.max(weight_b).max(weight_c);
+    let inside = zero.le(lowest) | highest.le(zero);
+    // Most triangles are missed.
+    if inside == 0 {
+        return HitN::NONE;
+    }
+    let cancelled = nearly_cancel(weight_a, product_a)
+        | nearly_cancel(weight_b, product_b)
+        | nearly_cancel(weight_c, product_c);
+    let mut undecided = inside & (zero_direction_mask | cancelled);
+
+    let sum = weight_a + weight_b + weight_c;
+    let share = D::splat(1.0) / sum;
+    let (da, db, dc) = (weight_a * az, weight_b * bz, weight_c * cz);
+    let depth = (da + db + dc) * share;
+    let (mut least, mut most, mut reaches) = (corners[0], corners[0], [zero; 3]);
+    for (k, corner) in corners.iter().enumerate() {
+        for (axis, &coordinate) in corner.iter().enumerate() {
+            if k > 0 {
+                least[axis] = least[axis].min(coordinate);
+                most[axis] = most[axis].max(coordinate);
+            }
+            reaches[k] = coordinate.abs().max(reaches[k]);
+        }
+    }
+    let reach = reaches[0].max(reaches[1]).max(reaches[2]);
+    let near = depth.abs().lt(reach * D::splat(NEAR));
+    let mut behind = 0;
+    if !ahead && near & inside & !undecided != 0 {
+        let (is_behind, cannot_say) = side(corners, &reaches, sum * shear[2]);
+        behind = near & is_behind;
+        undecided |= near & inside & cannot_say;
+    }
+
+    // Clamped to the triangle's own bounds: see `clamp_to_bounds`.
+    let t = depth * shear[2];
+    let mut enter = D::splat(f64::NEG_INFINITY);
+    let mut leave = D::splat(f64::INFINITY);
+    for axis in 0..3 {
+        let inverse = rays.inverse[axis];
+        let (a, b) = (least[axis] * inverse, most[axis] * inverse);
+        enter = a.min(b).max(enter);
+        leave = a.max(b).min(leave);
+    }
+    let passes = enter.le(leave * D::splat(super::bounds::DOUBLE_MARGIN));
+    let t = enter.max(leave.min(t));
+    let after_start = rays.t_min.lt(t);
+    // Ahead by the exact test, but not by the rounded distance: see `WoopTest::hit`.
+    undecided |= near & inside & !behind & !after_start;
+    let within = after_start & t.lt(rays.t_max);
+    HitN {
+        hit: inside & passes & within & !behind & !undecided,
+        undecided,
+        t: t.array(),
+        barycentrics: [(weight_b * share).array(), (weight_c * share).array()],
+    }
+}
+
+/// Masks of the rays whose triangle contains the origin or lies behind it, and of those that f64 does not decide.
+/// `against` has the sign of the side from which a ray meets the triangle; `reaches` are the largest coordinates of
+/// each corner.
+///
+/// `is_behind` of the test for one ray takes the determinant of the corners as given or as sheared. Above the bound
+/// both have the sign of this one: shearing rounds each of two coordinates by 3 u of the corner's reach, in products
+/// of which no factor is more than twice its corner's reach, so it moves the determinant by 72 u of the product of
+/// the three reaches; and the 6 products here round by 16 u each.
+#[inline(always)]
+fn side<D: Doubles>([a, b, c]: &[[D; 3]; 3], reaches: &[D; 3], against: D) -> (u32, u32) {
+    let zero = D::splat(0.0);
+    let mut height = zero;
+    for (k, i, j) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
+        let (left, right) = (b[i] * c[j], b[j] * c[i]);
+        height = height + a[k] * (left - right);
+    }
+    let size = reaches[0] * reaches[1] * reaches[2];
+    let bound = size * D::splat(128.0 * f64::EPSILON);
+    let cannot_say = height.abs().le(bound);
+    // Signs are compared one by one: their product could underflow.
+    let (up, down) = (zero.le(height) & zero.le(against), height.le(zero) & against.le(zero));
+    (up | down, cannot_say)
+}
+
+#[inline(always)]
+fn load<D: Doubles>(axes: &[D::Array; 3]) -> [D; 3] {
+    [D::load(axes[0]), D::load(axes[1]), D::load(axes[2])]
+}
+
+/// A corner's x and y in the sheared plane.
+#[inline(always)]
+fn sheared_xy<D: Doubles>(x: D, y: D, z: D, shear: &[D; 3]) -> (D, D) {
+    (x - shear[0] * z, y - shear[1] * z)
+}
+
+/// The edge function `p.x * q.y - p.y * q.x`, and its first product.
+#[inline(always)]
+fn edge<D: Doubles>(px: D, qy: D, py: D, qx: D) -> (D, D) {
+    let product = px * qy;
+    (product - py * qx, product)
+}
+
+/// The lanes where the products of an edge function nearly cancel.
+#[inline(always)]
+fn nearly_cancel<D: Doubles>(weight: D, product: D) -> u32 {
+    let bound = D::splat(CANCELLED) * product.abs();
+    weight.abs().le(bound)
+}
