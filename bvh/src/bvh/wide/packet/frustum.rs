@@ -56,14 +56,9 @@ pub(crate) struct Frustum {
 
 impl Frustum {
     /// The frustum of rays with a common end (`to_end`) or origin, or of parallel rays, and their projection in
-    /// `packet`. `None` if the rays have nothing in common or diverge too far. `following`: see [`PacketRays::fill`].
+    /// `packet`. `None` if the rays have nothing in common or diverge too far.
     #[inline(always)]
-    pub(crate) fn new<S: Simd>(
-        rays: &[Ray],
-        following: &[Ray],
-        to_end: bool,
-        packet: &mut PacketRays<S>,
-    ) -> Option<Self> {
+    pub(crate) fn new<S: Simd>(rays: &[Ray], to_end: bool, packet: &mut PacketRays<S>) -> Option<Self> {
         let first = rays.first()?;
         if rays[rays.len() / 2].direction == first.direction
             && rays[rays.len() - 1].direction == first.direction
@@ -74,7 +69,7 @@ impl Frustum {
         if !to_end && rays[rays.len() / 2].origin != first.origin {
             return None;
         }
-        let common = packet.fill(rays, following, to_end);
+        let common = packet.fill(rays, to_end);
         let (apex, spread) = if to_end { common.end? } else { (common.origin?, 0.0) };
         let depth = depth_axis(&common)?;
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];

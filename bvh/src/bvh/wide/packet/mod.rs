@@ -33,13 +33,13 @@ use std::marker::PhantomData;
 use super::layout::{Child, Wide};
 use crate::bvh::Tests;
 use crate::geometry::lanes::HitN;
-use crate::geometry::simd::{Simd, Vector};
+use crate::geometry::simd::{Simd, Vector, prefetch};
 use crate::geometry::woop_n::PreparedRayN;
 use crate::geometry::{Hit, Ray, Tier, round_up};
 use frustum::Frustum;
 use hits::BestHits;
 use projected_triangles::BlockBounds;
-use rays::{BLOCKS, PacketRays};
+use rays::{BLOCKS, MAX_BLOCK, PacketRays};
 
 /// Appends the closest hits of the rays. `false`, with nothing appended, if they must be traced otherwise. The
 /// `following` rays are prefetched.
@@ -83,9 +83,12 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
             if !packet.traverse(wide, stack, tests) {
                 return false;
             }
-            let active = &packet.scratch.active;
-            occluded
-                .extend((0..rays.len()).map(|ray| active[ray / S::F::LANES] >> (ray % S::F::LANES) & 1 == 0));
+            for (block, rays) in rays.chunks(S::F::LANES).enumerate() {
+                packet.prefetch_following();
+                let active = packet.scratch.active[block];
+                let of_block: [bool; MAX_BLOCK] = std::array::from_fn(|lane| active >> lane & 1 == 0);
+                occluded.extend_from_slice(&of_block[..rays.len()]);
+            }
             true
         },
     )
@@ -142,6 +145,8 @@ impl<S: Simd> Default for Scratch<S> {
 /// Methods take the tree as a parameter: as a field, it would be reloaded after every store to `scratch`.
 struct Packet<'a, T: Tier, S: Simd, const ANY: bool> {
     rays: &'a [Ray],
+    /// The rays of the next packet, as far as they are not yet prefetched.
+    following: &'a [Ray],
     frustum: Frustum,
     scratch: &'a mut Scratch<S>,
     /// The entries of `scratch.prepared` that are filled, as bits.
@@ -154,9 +159,9 @@ struct Packet<'a, T: Tier, S: Simd, const ANY: bool> {
 impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
     /// A packet of rays with a common origin, or (`ANY`) a common end, or direction; `None` for other rays.
     #[inline(always)]
-    fn new(rays: &'a [Ray], following: &[Ray], scratch: &'a mut Scratch<S>) -> Option<Self> {
+    fn new(rays: &'a [Ray], following: &'a [Ray], scratch: &'a mut Scratch<S>) -> Option<Self> {
         debug_assert!(rays.len() <= PACKET);
-        let frustum = Frustum::new(rays, following, ANY, &mut scratch.rays)?;
+        let frustum = Frustum::new(rays, ANY, &mut scratch.rays)?;
         let blocks = scratch.rays.blocks;
         for (k, [least, most]) in scratch.block_bounds.iter_mut().enumerate() {
             for block in 0..blocks {
@@ -175,10 +180,27 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
         scratch.active[blocks - 1] = S::F::ALL >> (S::F::LANES - in_last_block);
         scratch.rays.ends[blocks - 1].as_mut()[in_last_block..].fill(f32::NEG_INFINITY);
         scratch.best.reset(&scratch.rays, round_up(frustum.spread));
-        let mut packet =
-            Packet { rays, frustum, scratch, is_prepared: 0, is_inconsistent: false, tier: PhantomData };
+        let mut packet = Packet {
+            rays,
+            following,
+            frustum,
+            scratch,
+            is_prepared: 0,
+            is_inconsistent: false,
+            tier: PhantomData,
+        };
         packet.update_depths(u32::MAX >> (BLOCKS - blocks));
         Some(packet)
+    }
+
+    /// Prefetches some rays of the next packet. Called from time to time: all at once, they would wait for memory.
+    #[inline(always)]
+    fn prefetch_following(&mut self) {
+        let (some, others) = self.following.split_at(self.following.len().min(S::F::LANES));
+        for index in 0..some.len() {
+            prefetch(some, index);
+        }
+        self.following = others;
     }
 
     /// Updates the depths of the changed blocks, given as bits, and of the frustum, from those of the best hits.

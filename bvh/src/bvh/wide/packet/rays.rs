@@ -4,13 +4,16 @@ use super::frustum::{MAX_SPREAD, SLACK};
 use crate::bvh::wide::single::box_ray::MARGIN;
 use crate::geometry::Ray;
 use crate::geometry::lanes::RayN;
-use crate::geometry::simd::{Doubles, Floats, Simd, Vector, prefetch};
+use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
 
 /// Rays per packet: those of a tile.
 pub(crate) const PACKET: usize = 256;
 
-/// The most blocks per packet. A block has a ray for each lane of [`Simd::F`], 8 or more.
+/// The most blocks per packet. A block has a ray for each lane of [`Simd::F`], from 8 to [`MAX_BLOCK`].
 pub(crate) const BLOCKS: usize = PACKET / 8;
+
+/// The most rays per block.
+pub(crate) const MAX_BLOCK: usize = 16;
 
 /// Rays in blocks, one array per quantity. Lanes beyond the last ray repeat it.
 #[repr(C, align(64))]
@@ -19,6 +22,8 @@ pub(crate) struct PacketRays<S: Simd> {
     pub projected: [[OfBlock<S>; BLOCKS]; 3],
     /// An upper bound of the depth of every ray's origin.
     pub starts: [OfBlock<S>; BLOCKS],
+    /// The origins of rays with a common end, exactly, half a block in each array.
+    pub origins: [[<S::D as Vector>::Array; 3]; 2 * BLOCKS],
     /// `t_max` of every ray, rounded to nearest.
     pub ends: [OfBlock<S>; BLOCKS],
     /// The number of blocks in use.
@@ -31,7 +36,13 @@ pub(crate) type OfBlock<S> = <<S as Simd>::F as Vector>::Array;
 impl<S: Simd> Default for PacketRays<S> {
     fn default() -> Self {
         let zeros = [S::F::ZEROS; BLOCKS];
-        PacketRays { projected: [zeros; 3], starts: zeros, ends: zeros, blocks: 0 }
+        PacketRays {
+            projected: [zeros; 3],
+            starts: zeros,
+            origins: [[S::D::ZEROS; 3]; 2 * BLOCKS],
+            ends: zeros,
+            blocks: 0,
+        }
     }
 }
 
@@ -77,18 +88,14 @@ pub(crate) struct Common {
 
 impl<S: Simd> PacketRays<S> {
     /// Loads directions and ends of at least one ray. Looks for a common end if `to_end`, else for a common origin.
-    /// Prefetches the packet of rays that comes after them.
     #[inline(always)]
-    pub(crate) fn fill(&mut self, rays: &[Ray], following: &[Ray], to_end: bool) -> Common {
+    pub(crate) fn fill(&mut self, rays: &[Ray], to_end: bool) -> Common {
         self.blocks = rays.len().div_ceil(S::F::LANES);
         let (mut starts, mut ends) = (Extent::<S::D>::empty(), Extent::<S::D>::empty());
         let (mut reach, mut nearest) = (S::D::splat(0.0), S::D::splat(f64::INFINITY));
         let mut latest = S::D::splat(0.0);
         let mut directions = [[S::F::splat(f32::INFINITY), S::F::splat(f32::NEG_INFINITY)]; 3];
         for block in 0..self.blocks {
-            for index in (block * S::F::LANES..following.len()).take(S::F::LANES) {
-                prefetch(following, index);
-            }
             let low = RayN::<S::D>::new(rays, block * S::F::LANES);
             let high = RayN::<S::D>::new(rays, block * S::F::LANES + S::D::LANES);
             for (axis, [least, most]) in directions.iter_mut().enumerate() {
@@ -97,12 +104,13 @@ impl<S: Simd> PacketRays<S> {
                 self.projected[axis][block] = component.array();
             }
             self.ends[block] = S::D::to_floats(low.t_max, high.t_max).array();
-            for four in [&low, &high] {
+            for (half, four) in [&low, &high].into_iter().enumerate() {
                 latest = four.t_min.abs().max(latest);
                 if !to_end {
                     starts.include(&four.origin);
                     continue;
                 }
+                self.origins[2 * block + half] = four.origin.map(Vector::array);
                 let mut end = four.origin;
                 for (end, &direction) in end.iter_mut().zip(&four.direction) {
                     reach = (*end).abs().max(reach);
@@ -217,7 +225,7 @@ mod tests {
                 })
                 .collect();
             let mut packet = PacketRays::<Portable>::default();
-            let frustum = Frustum::new(&rays, &[], false, &mut packet).expect("one start");
+            let frustum = Frustum::new(&rays, false, &mut packet).expect("one start");
             assert_eq!(frustum.axes[2], 2);
             for (index, ray) in rays.iter().enumerate() {
                 let depth = ray.direction.z * ray.t_max;
@@ -231,7 +239,7 @@ mod tests {
         let endless = Ray { origin: DVec3::ZERO, direction: DVec3::Z, t_min: 0.0, t_max: f64::INFINITY };
         let askew = Ray { direction: DVec3::new(0.6, 0.0, 0.8), ..endless };
         let mut packet = PacketRays::<Portable>::default();
-        Frustum::new(&[endless, askew], &[], false, &mut packet).expect("one start");
+        Frustum::new(&[endless, askew], false, &mut packet).expect("one start");
         assert_eq!(packet.depths(0).map(Vector::array), [[f32::INFINITY; LANES]; 2]);
     }
 }

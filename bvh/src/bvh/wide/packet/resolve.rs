@@ -3,9 +3,10 @@
 
 use super::Packet;
 use super::hits::{BestHit, is_unresolved};
+use super::rays::BLOCKS;
 use crate::bvh::wide::layout::Wide;
 use crate::bvh::wide::single::leaf::hit_triangle;
-use crate::geometry::lanes::{HitN, LANES4, RayN};
+use crate::geometry::lanes::{HitN, LANES4};
 use crate::geometry::simd::{Doubles, Simd, Vector, prefetch};
 use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
 
@@ -48,8 +49,8 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                 if tested == 0 {
                     continue;
                 }
-                let four = RayN::<S::D>::new(self.rays, block * S::F::LANES + half * S::D::LANES);
-                let [before, beyond] = plane.sides(&four);
+                let origins = self.scratch.rays.origins[2 * (block % BLOCKS) + half].map(S::D::load);
+                let [before, beyond] = plane.sides(origins);
                 unknown &= !((before | beyond) << (half * S::D::LANES) & tested);
                 hit |= beyond << (half * S::D::LANES) & tested;
             }
@@ -155,6 +156,7 @@ impl<T: Tier, S: Simd> Packet<'_, T, S, false> {
             for lane in 0..S::D::LANES {
                 prefetch(hits, before + first + lane);
             }
+            self.prefetch_following();
             if (first..first + S::D::LANES).any(|ray| is_unresolved(self.scratch.best.slot(ray))) {
                 unresolved |= 1 << group;
                 self.prepared(group);
@@ -268,11 +270,11 @@ impl TrianglePlane {
 
     /// The rays that certainly start on the apex's side of the plane, and those that certainly start on the other side.
     #[inline(always)]
-    fn sides<D: Doubles>(&self, rays: &RayN<D>) -> [u32; 2] {
+    fn sides<D: Doubles>(&self, origins: [D; 3]) -> [u32; 2] {
         let nothing = D::splat(0.0);
         let (mut height, mut reach) = (nothing, nothing);
         for axis in 0..3 {
-            let to_corner = D::splat(self.corner[axis]) - rays.origin[axis];
+            let to_corner = D::splat(self.corner[axis]) - origins[axis];
             height = D::splat(self.normal[axis]) * to_corner + height;
             reach = to_corner.abs().max(reach);
         }
@@ -318,9 +320,8 @@ mod tests {
             let beside = [0.0, 1e-16, 1e-15, 1e-13, 1e-7][i / 3 % 5] * (away + 1.0) * unit();
             let (v, w) = (unit(), unit());
             let origin = a + v * (b - a) + w * (c - a) + beside * (b - a).cross(c - a).normalize();
-            let ray = Ray { origin, direction: DVec3::X, t_min: 0.0, t_max: 1.0 };
             let [before, beyond] =
-                TrianglePlane::new(&corners, 1.0).sides(&RayN::<<Portable as Simd>::D>::new(&[ray], 0));
+                TrianglePlane::new(&corners, 1.0).sides(origin.to_array().map(<Portable as Simd>::D::splat));
             match exact(&corners, origin) {
                 sign if before & 1 != 0 => assert!(sign > 0, "{corners:?} {origin:?}"),
                 sign if beyond & 1 != 0 => assert!(sign < 0, "{corners:?} {origin:?}"),

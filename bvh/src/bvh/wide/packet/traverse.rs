@@ -32,8 +32,9 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         loop {
             tests.nodes += 1;
             let (mask, at) = self.frustum.enter::<S>(node);
-            push_children(node, mask, &at, stack);
+            push_children::<T, S>(wide, node, mask, &at, stack);
             loop {
+                self.prefetch_following();
                 let Some((child, at)) = stack.pop() else { return true };
                 if at > self.frustum.max_depth {
                     continue;
@@ -175,14 +176,21 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     }
 }
 
-/// Pushes the children in `mask`, the farthest first. `at` are the entry depths.
+/// Pushes the children in `mask`, the farthest first, and prefetches them. `at` are the entry depths.
 #[inline(always)]
-fn push_children(node: &Node, mut mask: u32, at: &[f32; WIDTH], stack: &mut Vec<(Child, f32)>) {
+fn push_children<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    node: &Node,
+    mut mask: u32,
+    at: &[f32; WIDTH],
+    stack: &mut Vec<(Child, f32)>,
+) {
     let first = stack.len();
     while mask != 0 {
         let place = mask.trailing_zeros() as usize % WIDTH;
         mask &= mask - 1;
         let item = (node.children[place], at[place]);
+        S::prefetch(&wide.nodes, &wide.triangles, item.0.is_leaf(), item.0.index());
         let mut after = stack.len();
         stack.push(item);
         while after > first && stack[after - 1].1 < item.1 {
