@@ -273,9 +273,9 @@ impl TrianglePlane {
     fn sides<D: Doubles>(&self, origins: [D; 3]) -> [u32; 2] {
         let nothing = D::splat(0.0);
         let (mut height, mut reach) = (nothing, nothing);
-        for axis in 0..3 {
-            let to_corner = D::splat(self.corner[axis]) - origins[axis];
-            height = D::splat(self.normal[axis]) * to_corner + height;
+        for ((corner, normal), origin) in self.corner.iter().zip(&self.normal).zip(origins) {
+            let to_corner = D::splat(*corner) - origin;
+            height = D::splat(*normal) * to_corner + height;
             reach = to_corner.abs().max(reach);
         }
         let [p, q] = self.sizes.map(|size| reach + D::splat(size));
