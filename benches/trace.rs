@@ -15,7 +15,7 @@ use kiln::effects::shadows::shadow_ray;
 use kiln::effects::{Choices, Plan};
 use kiln::error::Warnings;
 use kiln::film::{ColourPipeline, TILE, Window};
-use kiln::geometry::{Numerics, Precision, PrimId, Ray, SlotId};
+use kiln::geometry::{HitBuffer, Numerics, Precision, PrimId, RayBuffer, SlotId};
 use kiln::render::{RenderControl, render};
 use kiln::scene::{MaterialId, Mesh, Object, Scene, Shape};
 use kiln::shading::LightSample;
@@ -63,22 +63,23 @@ fn scenes() -> Vec<(&'static str, Scene)> {
 
 /// Rays of each kind for one picture.
 struct Rays {
-    primary: Vec<Ray>,
-    shadow: Vec<Ray>,
-    glaze: Vec<Ray>,
+    primary: RayBuffer,
+    shadow: RayBuffer,
+    glaze: RayBuffer,
 }
 
 fn rays(world: &World, view: &View) -> Rays {
     // In tiles, as in the renderer.
     let tiles = (0..SIZE[1] / TILE).flat_map(|y| (0..SIZE[0] / TILE).map(move |x| (x * TILE, y * TILE)));
     let pixels = tiles.flat_map(|(x, y)| (0..TILE * TILE).map(move |i| (x + i % TILE, y + i / TILE)));
-    let primary: Vec<Ray> = pixels.map(|(x, y)| view.ray(x, y, Precision::Double)).collect();
-    let mut hits = Vec::new();
-    world.accelerator.closest_hits(&primary, &mut hits, &mut Traversal::default());
+    let primary: RayBuffer = pixels.map(|(x, y)| view.ray(x, y, Precision::Double)).collect();
+    let mut hits = HitBuffer::default();
+    world.accelerator.closest_hits(primary.rays(), &mut hits, &mut Traversal::default());
     let surfaces: Vec<SurfaceInteraction> = primary
+        .rays()
         .iter()
-        .zip(&hits)
-        .filter_map(|(ray, hit)| Some(world.interaction(ray, hit.as_ref()?)))
+        .zip(hits.iter())
+        .filter_map(|(ray, hit)| Some(world.interaction(&ray, &hit?)))
         .collect();
     let origin = |s: &SurfaceInteraction| s.point.origin_towards(s.geometric_normal, Numerics::Watertight);
     let to_light = |s: &SurfaceInteraction| {
@@ -124,10 +125,10 @@ fn trace(c: &mut Criterion) {
         for (kind, rays) in [("primary", &primary), ("glaze", &glaze)] {
             group.throughput(Throughput::Elements(rays.len() as u64));
             group.bench_function(kind, |b| {
-                let mut hits = Vec::with_capacity(rays.len());
+                let mut hits = HitBuffer::default();
                 b.iter(|| {
                     hits.clear();
-                    for tile in rays.chunks(BATCH) {
+                    for tile in rays.rays().chunks(BATCH) {
                         world.accelerator.closest_hits(tile, &mut hits, &mut traversal);
                     }
                 });
@@ -138,7 +139,7 @@ fn trace(c: &mut Criterion) {
             let mut occluded = Vec::with_capacity(shadow.len());
             b.iter(|| {
                 occluded.clear();
-                for tile in shadow.chunks(BATCH) {
+                for tile in shadow.rays().chunks(BATCH) {
                     world.accelerator.are_occluded(tile, &mut occluded, &mut traversal);
                 }
             });

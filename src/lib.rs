@@ -17,6 +17,7 @@
 //!
 //! ```
 //! use kiln::bvh::{Bvh, Primitive, Traversal};
+//! use kiln::geometry::RayBuffer;
 //!
 //! let ball = Primitive::from(([0.0, 0.0, 5.0], 1.0));
 //! let floor = Primitive::from([[-9.0, -1.0, 0.0], [9.0, -1.0, 0.0], [0.0, -1.0, 9.0]]);
@@ -25,7 +26,8 @@
 //! let mut traversal = Traversal::default(); // one a thread; its memory is used again
 //! assert_eq!(bvh.closest_hit(&ray, &mut traversal).map(|hit| (hit.prim.0, hit.t)), Some((0, 4.0)));
 //! assert!(bvh.occluded(&ray, &mut traversal));
-//! assert_eq!(bvh.closest_hits(&[ray; 64], &mut traversal).len(), 64);
+//! let rays = RayBuffer::from_iter([ray; 64]);
+//! assert_eq!(bvh.closest_hits(rays.rays(), &mut traversal).len(), 64);
 //! bvh.update([Primitive::from(([0.0, 3.0, 5.0], 1.0)), floor])?;
 //! assert!(!bvh.occluded(&ray, &mut traversal));
 //! # Ok::<(), kiln::bvh::NotFinite>(())

@@ -12,7 +12,7 @@ use kiln::bench::Numbers;
 use kiln::bvh::{self, Accelerator, Layout, Primitive, Slot, Traversal};
 use kiln::film::TILE;
 use kiln::geometry::spawn::SurfacePoint;
-use kiln::geometry::{Hit, Numerics, Precision, PrimId, Ray, Triangle};
+use kiln::geometry::{Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Triangle};
 
 /// Width and height in pixels of the picture whose rays are traced.
 const SIDE: u32 = 256;
@@ -41,7 +41,7 @@ fn triangles() -> impl Iterator<Item = [DVec3; 3]> {
 }
 
 /// The rays of a picture, tile by tile.
-fn primary() -> Vec<Ray> {
+fn primary() -> RayBuffer {
     let tiles = (0..SIDE / TILE).flat_map(|y| (0..SIDE / TILE).map(move |x| (x * TILE, y * TILE)));
     let pixels = tiles.flat_map(|(x, y)| (0..TILE * TILE).map(move |i| (x + i % TILE, y + i / TILE)));
     let eye = DVec3::new(0.0, 0.0, 3.0);
@@ -51,12 +51,16 @@ fn primary() -> Vec<Ray> {
 }
 
 /// Secondary rays from the hits of the primary rays, repeated until there are as many as primary rays.
-fn leaving(tree: &dyn Accelerator, direction: impl Fn(u64, DVec3, DVec3) -> (DVec3, f64)) -> Vec<Ray> {
+fn leaving(tree: &dyn Accelerator, direction: impl Fn(u64, DVec3, DVec3) -> (DVec3, f64)) -> RayBuffer {
     let rays = primary();
-    let mut hits = Vec::new();
-    tree.closest_hits(&rays, &mut hits, &mut Traversal::default());
-    let points: Vec<(DVec3, DVec3)> =
-        rays.iter().zip(&hits).filter_map(|(ray, hit)| Some(origin(tree, ray, hit.as_ref()?))).collect();
+    let mut hits = HitBuffer::default();
+    tree.closest_hits(rays.rays(), &mut hits, &mut Traversal::default());
+    let points: Vec<(DVec3, DVec3)> = rays
+        .rays()
+        .iter()
+        .zip(hits.iter())
+        .filter_map(|(ray, hit)| Some(origin(tree, &ray, &hit?)))
+        .collect();
     let leave = |(index, &(origin, normal)): (u64, &(DVec3, DVec3))| {
         let (direction, length) = direction(index, origin, normal);
         Precision::Double.ray(origin, direction, 0.0, length)
@@ -74,12 +78,12 @@ fn origin(tree: &dyn Accelerator, ray: &Ray, hit: &Hit) -> (DVec3, DVec3) {
     (point.origin_towards(normal, Numerics::Watertight), normal)
 }
 
-fn shadow(tree: &dyn Accelerator) -> Vec<Ray> {
+fn shadow(tree: &dyn Accelerator) -> RayBuffer {
     leaving(tree, |_, origin, _| ((LIGHT - origin).normalize(), (LIGHT - origin).length()))
 }
 
 /// A cosine-weighted direction in the hemisphere about the normal.
-fn diffuse(tree: &dyn Accelerator) -> Vec<Ray> {
+fn diffuse(tree: &dyn Accelerator) -> RayBuffer {
     leaving(tree, |index, _, normal| {
         let mut numbers = Numbers::new(0, index);
         let (z, phi) = (2.0 * numbers.unit() - 1.0, TAU * numbers.unit());
@@ -106,10 +110,10 @@ fn main() {
         other => panic!("`{other}` is no kind of ray: primary, shadow or diffuse"),
     };
     let mut traversal = Traversal::default();
-    let (mut hits, mut occluded) = (Vec::with_capacity(BATCH), Vec::with_capacity(BATCH));
+    let (mut hits, mut occluded) = (HitBuffer::default(), Vec::with_capacity(BATCH));
     let mut met = 0;
     for _ in 0..rounds {
-        for batch in rays.chunks(BATCH) {
+        for batch in rays.rays().chunks(BATCH) {
             if kind == "shadow" {
                 occluded.clear();
                 tree.are_occluded(batch, &mut occluded, &mut traversal);

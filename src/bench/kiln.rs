@@ -6,7 +6,7 @@ use super::speed::{self, BuiltContender, Contender, Facts, Label, RayQueue};
 use super::{Built, Engine, Mesh};
 use crate::bvh::{self, Accelerator, Layout, Preset, Primitive, Slot, Tests, Traversal};
 use crate::error::Result;
-use crate::geometry::{Hit, Numerics, PrimId, Ray, SlotId, Triangle};
+use crate::geometry::{HitBuffer, Numerics, PrimId, Ray, RayBuffer, Triangle};
 
 /// A structure of kiln in a tier.
 struct Kiln {
@@ -145,35 +145,32 @@ impl BuiltContender for BuiltKiln {
     }
 
     fn queue<'a>(&'a self, kind: speed::Kind, rays: &'a [Ray]) -> Box<dyn RayQueue + 'a> {
-        let accelerator = &*self.0;
+        let (accelerator, traversal) = (&*self.0, Traversal::default());
+        let rays = RayBuffer::from(rays);
         if kind.is_any_hit() {
-            let occluded = with_mapped_capacity(rays.len(), true);
-            return Box::new(Shadows { accelerator, rays, occluded, traversal: Traversal::default() });
+            // Filled once, so that its memory pages are mapped.
+            let mut occluded = vec![true; rays.len()];
+            occluded.clear();
+            return Box::new(Shadows { accelerator, rays, occluded, traversal });
         }
-        let nothing = Hit { t: 0.0, prim: PrimId(0), slot: SlotId::new(0), barycentrics: [0.0; 2] };
-        let hits = with_mapped_capacity(rays.len(), Some(nothing));
-        Box::new(Closest { accelerator, rays, hits, traversal: Traversal::default() })
+        let mut hits = HitBuffer::default();
+        hits.resize(rays.len());
+        hits.clear();
+        Box::new(Closest { accelerator, rays, hits, traversal })
     }
-}
-
-/// An empty vector with a capacity of `count`, whose memory pages are mapped.
-fn with_mapped_capacity<T: Clone>(count: usize, with: T) -> Vec<T> {
-    let mut room = vec![with; count];
-    room.clear();
-    room
 }
 
 /// Closest-hit queries.
 struct Closest<'a> {
     accelerator: &'a dyn Accelerator,
-    rays: &'a [Ray],
-    hits: Vec<Option<Hit>>,
+    rays: RayBuffer,
+    hits: HitBuffer,
     traversal: Traversal,
 }
 
 impl RayQueue for Closest<'_> {
     fn run(&mut self) {
-        self.accelerator.closest_hits(self.rays, &mut self.hits, &mut self.traversal);
+        self.accelerator.closest_hits(self.rays.rays(), &mut self.hits, &mut self.traversal);
     }
 
     fn hits(&self) -> Vec<Option<u32>> {
@@ -188,14 +185,14 @@ impl RayQueue for Closest<'_> {
 /// Any-hit queries.
 struct Shadows<'a> {
     accelerator: &'a dyn Accelerator,
-    rays: &'a [Ray],
+    rays: RayBuffer,
     occluded: Vec<bool>,
     traversal: Traversal,
 }
 
 impl RayQueue for Shadows<'_> {
     fn run(&mut self) {
-        self.accelerator.are_occluded(self.rays, &mut self.occluded, &mut self.traversal);
+        self.accelerator.are_occluded(self.rays.rays(), &mut self.occluded, &mut self.traversal);
     }
 
     fn hits(&self) -> Vec<Option<u32>> {

@@ -12,7 +12,7 @@ use super::leaks::{Counts, measure_through};
 use super::{Icosphere, LEVEL, LeakRayKind, Mesh, Numbers, PLACEMENTS, is_nearest, kiln, ray};
 use crate::bvh::{Accelerator, Layout, Traversal};
 use crate::error::Result;
-use crate::geometry::{Hit, Numerics, Precision, Ray};
+use crate::geometry::{Hit, HitBuffer, Numerics, Precision, Ray, RayBuffer, Rays};
 use crate::render::RenderControl;
 
 /// Cost and errors of a tier.
@@ -170,13 +170,15 @@ fn times(sphere: &Icosphere, runs: u32) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
     };
     [&picture, &aimed]
         .map(|rays| {
-            let rays = accelerators.each_ref().map(|accelerator| of_tier(rays, &**accelerator));
+            let rays = accelerators
+                .each_ref()
+                .map(|accelerator| RayBuffer::from_iter(of_tier(rays, &**accelerator)));
             let mut ratios = vec![Vec::new(); accelerators.len()];
             for _ in 0..=runs {
                 let times: Vec<f64> = accelerators
                     .iter()
                     .zip(&rays)
-                    .map(|(accelerator, rays)| seconds(&**accelerator, rays))
+                    .map(|(accelerator, rays)| seconds(&**accelerator, rays.rays()))
                     .collect();
                 times.iter().zip(&mut ratios).for_each(|(time, ratios)| ratios.push(time / times[0]));
             }
@@ -186,9 +188,9 @@ fn times(sphere: &Icosphere, runs: u32) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
         .into()
 }
 
-fn seconds(accelerator: &dyn Accelerator, rays: &[Ray]) -> f64 {
-    let mut traversal = Traversal::default();
-    let mut hits = Vec::with_capacity(rays.len());
+fn seconds(accelerator: &dyn Accelerator, rays: Rays) -> f64 {
+    let (mut traversal, mut hits) = (Traversal::default(), HitBuffer::default());
+    hits.reserve(rays.len());
     let start = Instant::now();
     for tile in rays.chunks(BATCH) {
         accelerator.closest_hits(tile, &mut hits, &mut traversal);

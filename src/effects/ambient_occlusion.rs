@@ -12,9 +12,8 @@ use glam::DVec3;
 use super::samples::SurfaceNumbers;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Choices, Effect, EffectContext, EffectValue, Hook, RayKind, Stage, id};
-use crate::geometry::Ray;
 use crate::scene::PixelSampler;
-use crate::world::World;
+use crate::world::{RaySoa, World};
 
 /// Rays that test whether anything is near.
 pub const RAYS: RayKind = RayKind { name: "ambient-occlusion", is_shadow: false, colour: [170, 200, 140] };
@@ -59,7 +58,7 @@ pub const EFFECT: Effect = Effect {
     bytes: |tile| {
         let factors = tile.generations.iter().map(|generation| vec_bytes(&generation.surfaces.ambient));
         let own = tile.buffers::<Buffers>().map_or(0, |Buffers { numbers, rays, occluded }| {
-            numbers.bytes() + 2 * size_of::<Vec<Ray>>() + vec_bytes(rays) + vec_bytes(occluded)
+            numbers.bytes() + size_of::<Buffers>() + size_of_val(&**rays) + vec_bytes(occluded)
         });
         own + factors.sum::<usize>()
     },
@@ -86,7 +85,7 @@ fn called_for(world: &World, choices: &Choices) -> Result<String, String> {
 struct Buffers {
     numbers: SurfaceNumbers,
     /// One ray of each surface.
-    rays: Vec<Ray>,
+    rays: Box<RaySoa>,
     occluded: Vec<bool>,
 }
 
@@ -131,16 +130,16 @@ impl Stage for TestHemispheres {
             factors.clear();
             factors.resize(surfaces.len(), 0.0);
             for k in 0..self.count {
-                rays.clear();
-                rays.extend((0..surfaces.len()).map(|i| {
+                rays.set_len(surfaces.len());
+                for i in 0..surfaces.len() {
                     let ray = surfaces.ray_of()[i] as usize;
                     let sequence = (self.sampler, self.seed, DIMENSION);
                     let pair = numbers.pair(sequence, (&generation.rays, ray), (k, self.count));
                     let direction = above(surfaces.geometric_normal.get(i), pair);
-                    precision.ray(origins.get(i), direction, 0.0, self.radius)
-                }));
+                    rays.set(i, &precision.ray(origins.get(i), direction, 0.0, self.radius));
+                }
                 occluded.clear();
-                context.world.accelerator.are_occluded(rays, occluded, traversal);
+                context.world.accelerator.are_occluded(rays.rays(), occluded, traversal);
                 for (factor, &occluded) in factors.iter_mut().zip(&*occluded) {
                     *factor += f64::from(u8::from(!occluded));
                 }

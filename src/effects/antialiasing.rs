@@ -68,8 +68,7 @@ impl Stage for SampleRays {
             let (x, y) = samples.film_positions();
             let precision = context.world.numerics().ray_precision();
             let generation = tile.generation();
-            context.view.rays_through(x, y, precision, &mut generation.soa);
-            generation.soa.to_rays(x.len(), &mut generation.rays);
+            context.view.rays_through(x, y, precision, &mut generation.rays);
             generation.sources.clear();
             generation.sources.extend(0..x.len() as u32);
             tile.pixels.clear();

@@ -24,7 +24,7 @@ impl ClosestHits {
         let Tile { generations, depth, traversal, .. } = tile;
         let generation = &mut generations[*depth];
         generation.hits.clear();
-        world.accelerator.closest_hits(&generation.rays, &mut generation.hits, traversal);
+        world.accelerator.closest_hits(generation.rays.rays(), &mut generation.hits, traversal);
         true
     }
 }
@@ -39,7 +39,7 @@ impl Stage for ClosestHits {
         let is_first = self.find_hits(tile, world);
         let Tile { generations, depth, visible_objects, recorder, .. } = tile;
         let generation = &mut generations[*depth];
-        world.interactions(&generation.soa, &generation.hits, &mut generation.surfaces);
+        world.interactions(&generation.rays, &generation.hits, &mut generation.surfaces);
         if *depth == 0 {
             visible_objects.resize(world.objects.len(), false);
             let objects = generation.surfaces.objects().iter();

@@ -148,9 +148,9 @@ impl Reflect {
         let precision = world.numerics().ray_precision();
         let (generation, next) = tile.this_and_next();
         let RayGeneration { surfaces, origins, .. } = generation;
-        let RayGeneration { sources, rays, soa, .. } = next;
+        let RayGeneration { sources, rays, .. } = next;
         sources.clear();
-        rays.clear();
+        rays.set_len(0);
         let Some(origins) = origins else { return };
         let mut all_leave = true;
         for range in &own.glazed {
@@ -158,11 +158,11 @@ impl Reflect {
             all_leave &= match precision {
                 Precision::Single => simd_dispatch(
                     #[inline(always)]
-                    || mirrored_rays(surfaces, range, origins, Precision::Single, soa),
+                    || mirrored_rays(surfaces, range, origins, Precision::Single, rays),
                 ),
                 Precision::Double => simd_dispatch(
                     #[inline(always)]
-                    || mirrored_rays(surfaces, range, origins, Precision::Double, soa),
+                    || mirrored_rays(surfaces, range, origins, Precision::Double, rays),
                 ),
             };
         }
@@ -176,15 +176,10 @@ impl Reflect {
         if !all_leave {
             for &source in &*sources {
                 let source = source as usize;
-                soa.set(source, &mirrored_ray(origins.get(source), &surfaces.get(source), precision));
+                rays.set(source, &mirrored_ray(origins.get(source), &surfaces.get(source), precision));
             }
         }
-        if sources.len() < surfaces.len() {
-            for (to, &from) in sources.iter().enumerate() {
-                soa.set(to, &soa.get(from as usize));
-            }
-        }
-        soa.to_rays(sources.len(), rays);
+        rays.keep(sources);
     }
 
     /// Finds the surfaces whose material casts a ray at this depth; adjacent ranges are joined.
@@ -280,8 +275,8 @@ impl Stage for Combine {
         }
         // Mirrored rays see the environment, as scattered ones do in path tracing, even where it is no background.
         let Some(environment) = &world.environment else { return };
-        for (ray, mirrored) in next.rays.iter().enumerate().filter(|(ray, _)| next.hits[*ray].is_none()) {
-            mix(ray, environment.eval(mirrored.direction));
+        for (ray, _) in next.hits.iter().enumerate().filter(|(_, hit)| hit.is_none()) {
+            mix(ray, environment.eval(next.rays.direction.get(ray)));
         }
     }
 }

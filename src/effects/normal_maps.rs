@@ -93,11 +93,11 @@ impl NormalMaps {
                 continue;
             }
             for i in range {
-                let (Some(point), Some(hit)) = (&points[i], &hits[surfaces.ray_of()[i] as usize]) else {
+                let (Some(point), Some(hit)) = (&points[i], hits.get(surfaces.ray_of()[i] as usize)) else {
                     continue;
                 };
                 let surface = surfaces.get(i);
-                let Some([tangent, bitangent, normal]) = world.tangent_frame(&surface, hit) else { continue };
+                let Some([tangent, bitangent, normal]) = world.tangent_frame(&surface, &hit) else { continue };
                 let encoded = look_up(image, TexelEncoding::Data, &texture.sampler, &filter, point);
                 let n = decode(encoded, map.scale);
                 // On the back side bumps are dents.

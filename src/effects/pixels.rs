@@ -26,7 +26,7 @@ impl Stage for WritePixels {
             return;
         }
         if context.world.environment.is_some() {
-            for (ray, &source) in generation.rays.iter().zip(&generation.sources) {
+            for (ray, &source) in generation.rays.rays().iter().zip(&generation.sources) {
                 pixels[source as usize] =
                     context.world.background_towards(ray.direction).as_vec3().to_array();
             }

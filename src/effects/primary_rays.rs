@@ -15,8 +15,7 @@ impl Stage for PrimaryRays {
         let Some(window) = tile.window else { return };
         let precision = context.world.numerics().ray_precision();
         let generation = tile.generation();
-        context.view.rays(window, precision, &mut generation.soa);
-        generation.soa.to_rays(window.area(), &mut generation.rays);
+        context.view.rays(window, precision, &mut generation.rays);
         if generation.sources.len() != generation.rays.len() {
             generation.sources.clear();
             generation.sources.extend(0..generation.rays.len() as u32);

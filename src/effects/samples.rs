@@ -14,9 +14,8 @@ use super::region::SampledRegion;
 use super::tile::{Tile, vec_bytes};
 use super::variance::SampleVariance;
 use crate::film::{ColourPipeline, Filter, Window};
-use crate::geometry::Ray;
 use crate::scene::PixelSampler;
-use crate::world::{RAYS_PER_BATCH, simd_dispatch};
+use crate::world::{RAYS_PER_BATCH, RaySoa, simd_dispatch};
 
 /// How the pixels of a picture are sampled.
 #[derive(Debug, Clone)]
@@ -105,12 +104,12 @@ impl SurfaceNumbers {
     pub(crate) fn pair(
         &self,
         (sampler, seed, dimension): (PixelSampler, u32, u32),
-        (rays, index): (&[Ray], usize),
+        (rays, index): (&RaySoa, usize),
         (k, count): (u32, u32),
     ) -> [f64; 2] {
         let (pixel, sample) = match self.samples.get(index) {
             Some(&SampleIndex { x, y, sample }) => ([x, y], sample),
-            None => (random::bits_of_ray(&rays[index], seed), 0),
+            None => (random::bits_of_ray(&rays.get(index), seed), 0),
         };
         let number = sample.wrapping_mul(count).wrapping_add(k);
         random::pair_of(sampler, pixel, seed, number, dimension).map(f64::from)

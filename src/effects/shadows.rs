@@ -47,10 +47,9 @@ pub const EFFECT: Effect = Effect {
         _ => Vec::new(),
     },
     bytes: |tile| {
-        tile.buffers::<Buffers>().map_or(0, |Buffers { soa, rays, occluded, surfaces }| {
+        tile.buffers::<Buffers>().map_or(0, |Buffers { rays, occluded, surfaces }| {
             size_of::<Buffers>()
-                + size_of_val(&**soa)
-                + vec_bytes(rays)
+                + size_of_val(&**rays)
                 + vec_bytes(occluded)
                 + vec_bytes(surfaces)
         })
@@ -60,10 +59,8 @@ pub const EFFECT: Effect = Effect {
 /// Temporary buffers, reused for each light.
 #[derive(Default)]
 struct Buffers {
-    /// The shadow rays of all surfaces of a generation.
-    soa: Box<RaySoa>,
-    /// Those that are cast.
-    rays: Vec<Ray>,
+    /// The shadow rays of all surfaces of a generation, then those that are cast.
+    rays: Box<RaySoa>,
     /// For each ray that is cast, whether it is occluded.
     occluded: Vec<bool>,
     /// For each ray that is cast, its surface.
@@ -105,37 +102,33 @@ fn test_occlusion(
     let Tile { generations, depth, lights, traversal, recorder, .. } = tile;
     let RayGeneration { surfaces, origins, shadow_origins, .. } = &generations[*depth];
     let Some(origins) = shadow_origins.as_ref().or(origins.as_ref()) else { return };
-    let Buffers { soa, rays, occluded, surfaces: tested } = own;
+    let Buffers { rays, occluded, surfaces: tested } = own;
     let (mut cast, mut blocked, mut count) = (0, 0, 0);
     for (index, light) in lights.iter_mut().enumerate() {
         list_reached(&light.reaches[..surfaces.len()], tested);
         if tested.is_empty() {
             continue;
         }
-        shadow_rays(light, surfaces, origins, context.world.numerics(), soa);
+        shadow_rays(light, surfaces, origins, context.world.numerics(), rays);
         if let Some(directions) = points.and_then(|points| points.of_light(index)) {
             let precision = context.world.numerics().ray_precision();
             for (i, direction) in directions.iter().enumerate() {
-                soa.set(i, &precision.ray(origins.get(i), *direction, 0.0, f64::INFINITY));
+                rays.set(i, &precision.ray(origins.get(i), *direction, 0.0, f64::INFINITY));
             }
         }
-        if tested.len() == surfaces.len() {
-            soa.to_rays(surfaces.len(), rays);
-        } else {
-            soa.to_rays_at(tested, rays);
-        }
+        rays.keep(tested);
         occluded.clear();
-        context.world.accelerator.are_occluded(rays, occluded, traversal);
+        context.world.accelerator.are_occluded(rays.rays(), occluded, traversal);
         if continued.is_some() {
-            let blocked = tested.iter().zip(&*rays).zip(&mut *occluded).filter(|(_, occluded)| **occluded);
+            let blocked = tested.iter().zip(rays.rays().iter()).zip(&mut *occluded).filter(|(_, occluded)| **occluded);
             for ((&surface, ray), occluded) in blocked {
-                let transmittance = transmittance(context.world, ray, traversal, &mut count);
+                let transmittance = transmittance(context.world, &ray, traversal, &mut count);
                 light.scale(surface as usize, transmittance);
                 *occluded = transmittance == 0.0;
             }
         }
         if let Some(recorder) = recorder {
-            recorder.record_occlusion(RAYS, *depth, Some(index), tested, rays, occluded);
+            recorder.record_occlusion(RAYS, *depth, Some(index), tested, rays.rays(), occluded);
         }
         cast += occluded.len();
         let blocked_here = occluded.iter().filter(|&&blocked| blocked).count();

@@ -10,8 +10,8 @@
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
 use crate::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET};
-use crate::geometry::{Hit, Ray};
-use crate::world::{InteractionSoa, Vec3Soa, World};
+use crate::geometry::HitBuffer;
+use crate::world::{InteractionSoa, RaySoa, Vec3Soa, World};
 
 /// Occlusion tests between points and their lifted positions.
 pub const RAYS: RayKind = RayKind { name: "terminator", is_shadow: false, colour: [230, 150, 230] };
@@ -47,7 +47,7 @@ pub const EFFECT: Effect = Effect {
     bytes: |tile| {
         let lifted = tile.generations.iter().filter(|generation| generation.shadow_origins.is_some()).count();
         let own = tile.buffers::<Buffers>().map_or(0, |Buffers { rays, occluded, lifted }| {
-            size_of::<Buffers>() + vec_bytes(rays) + vec_bytes(occluded) + vec_bytes(lifted)
+            size_of::<Buffers>() + size_of_val(&**rays) + vec_bytes(occluded) + vec_bytes(lifted)
         });
         lifted * size_of::<Vec3Soa>() + own
     },
@@ -57,7 +57,7 @@ pub const EFFECT: Effect = Effect {
 #[derive(Default)]
 struct Buffers {
     /// Rays from the ray origins of surfaces to their lifted shadow ray origins.
-    rays: Vec<Ray>,
+    rays: Box<RaySoa>,
     /// For each ray, whether it is occluded.
     occluded: Vec<bool>,
     /// For each ray, its surface.
@@ -87,9 +87,9 @@ fn lift_origins(own: &mut Buffers, tile: &mut Tile, context: &RenderContext) {
     own.lift(world, surfaces, hits, origins, shadow_origins);
     let Buffers { rays, occluded, lifted } = own;
     occluded.clear();
-    world.accelerator.are_occluded(rays, occluded, traversal);
+    world.accelerator.are_occluded(rays.rays(), occluded, traversal);
     if let Some(recorder) = recorder {
-        recorder.record_occlusion(RAYS, *depth, None, lifted, rays, occluded);
+        recorder.record_occlusion(RAYS, *depth, None, lifted, rays.rays(), occluded);
     }
     let blocked = lifted.iter().zip(&*occluded).filter(|(_, blocked)| **blocked);
     let mut blocked_count = 0;
@@ -107,15 +107,15 @@ impl Buffers {
         &mut self,
         world: &World,
         surfaces: &InteractionSoa,
-        hits: &[Option<Hit>],
+        hits: &HitBuffer,
         origins: &Vec3Soa,
         shadow_origins: &mut Vec3Soa,
     ) {
         let numerics = world.numerics();
-        self.rays.clear();
+        self.rays.set_len(0);
         self.lifted.clear();
         for (index, (&ray, &object)) in surfaces.ray_of().iter().zip(surfaces.objects()).enumerate() {
-            let Some(hit) = &hits[ray as usize] else { continue };
+            let Some(hit) = &hits.get(ray as usize) else { continue };
             if !world.objects[object as usize].is_smooth() {
                 continue;
             }
@@ -132,7 +132,7 @@ impl Buffers {
             if let Some(direction) = way.try_normalize() {
                 // Beyond the new origin by the offset of both origins, to hit also the surface that it lies on.
                 let length = way.length() + 2.0 * ORIGIN_OFFSET * point.reach.max_element();
-                self.rays.push(numerics.ray_precision().ray(origins.get(index), direction, 0.0, length));
+                self.rays.push(&numerics.ray_precision().ray(origins.get(index), direction, 0.0, length));
                 self.lifted.push(index as u32);
             }
         }

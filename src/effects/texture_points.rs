@@ -169,12 +169,12 @@ impl FindTexturePoints {
             points.resize(surfaces.len(), None);
             for i in range.clone() {
                 let ray = surfaces.ray_of()[i] as usize;
-                let Some(hit) = &generation.hits[ray] else { continue };
+                let Some(hit) = generation.hits.get(ray) else { continue };
                 let differential =
                     footprints.then(|| self.differential(context, generation, differentials, ray));
                 let surface = surfaces.get(i);
-                let ray = &generation.rays[ray];
-                points[i] = context.world.texture_point(&surface, hit, ray, differential.as_ref(), set);
+                let ray = &generation.rays.get(ray);
+                points[i] = context.world.texture_point(&surface, &hit, ray, differential.as_ref(), set);
             }
         }
     }
@@ -189,7 +189,7 @@ impl FindTexturePoints {
     ) -> Differential {
         match secondary.get(ray) {
             Some(differential) => *differential,
-            None => context.view.differential(generation.rays[ray].direction).scaled(self.sample_width),
+            None => context.view.differential(generation.rays.direction.get(ray)).scaled(self.sample_width),
         }
     }
 }
@@ -205,8 +205,8 @@ fn mirrored<'a>(
     to.sources.iter().map(move |&source| {
         let ray = from.surfaces.ray_of()[source as usize] as usize;
         let surface = from.surfaces.get(source as usize);
-        from.hits[ray].map_or(Differential::default(), |hit| {
-            world.mirrored_differential(&surface, &hit, &from.rays[ray], &differential(ray))
+        from.hits.get(ray).map_or(Differential::default(), |hit| {
+            world.mirrored_differential(&surface, &hit, &from.rays.get(ray), &differential(ray))
         })
     })
 }

@@ -9,7 +9,7 @@ use std::any::Any;
 use super::RayKind;
 use crate::bvh::Traversal;
 use crate::film::{DisplayTransform, Window};
-use crate::geometry::{Hit, Ray};
+use crate::geometry::{Hit, HitBuffer, Ray, Rays};
 use crate::shading::{LightSoa, Scratch};
 use crate::world::{InteractionSoa, RaySoa, Vec3Soa, View, World};
 
@@ -27,13 +27,11 @@ pub struct RenderContext<'a> {
 #[derive(Default)]
 pub struct RayGeneration {
     /// The rays.
-    pub rays: Vec<Ray>,
-    /// The same rays as a structure of arrays.
-    pub soa: Box<RaySoa>,
+    pub rays: Box<RaySoa>,
     /// For each ray its source: in generation 0 a pixel of the tile, otherwise a surface of the generation before.
     pub sources: Vec<u32>,
     /// For each ray, its closest hit.
-    pub hits: Vec<Option<Hit>>,
+    pub hits: HitBuffer,
     /// The surface interactions of the rays that hit, in the order of the rays.
     pub surfaces: Box<InteractionSoa>,
     /// For each surface, the origin of the rays that leave it; `None` where no rays do.
@@ -47,12 +45,11 @@ pub struct RayGeneration {
 impl RayGeneration {
     /// Bytes of memory, without the buffers that effects add.
     pub fn bytes(&self) -> usize {
-        let RayGeneration { rays, soa, sources, hits, surfaces, origins, shadow_origins: _, colours } = self;
+        let RayGeneration { rays, sources, hits, surfaces, origins, shadow_origins: _, colours } = self;
         size_of::<RayGeneration>()
-            + vec_bytes(rays)
-            + size_of_val(&**soa)
+            + size_of_val(&**rays)
             + vec_bytes(sources)
-            + vec_bytes(hits)
+            + hits.bytes()
             + size_of_val(&**surfaces)
             + usize::from(origins.is_some()) * size_of::<Vec3Soa>()
             + size_of_val(&**colours)
@@ -137,8 +134,8 @@ impl RayRecorder {
     /// Records the rays of a generation with their closest hits.
     #[cold]
     pub fn record_generation(&mut self, kind: RayKind, depth: usize, generation: &RayGeneration) {
-        let rays = generation.rays.iter().zip(&generation.hits).zip(&generation.sources);
-        self.rays.extend(rays.map(|((&ray, hit), &source)| {
+        let rays = generation.rays.rays().iter().zip(generation.hits.iter()).zip(&generation.sources);
+        self.rays.extend(rays.map(|((ray, hit), &source)| {
             let result = hit.map_or(TraceResult::Miss, TraceResult::Closest);
             RecordedRay { kind, depth, source, light: None, ray, result }
         }));
@@ -152,11 +149,11 @@ impl RayRecorder {
         depth: usize,
         light: Option<usize>,
         surfaces: &[u32],
-        rays: &[Ray],
+        rays: Rays,
         occluded: &[bool],
     ) {
         let rays = rays.iter().zip(occluded).zip(surfaces);
-        self.rays.extend(rays.map(|((&ray, &occluded), &source)| {
+        self.rays.extend(rays.map(|((ray, &occluded), &source)| {
             let result = if occluded { TraceResult::Occluded } else { TraceResult::Miss };
             RecordedRay { kind, depth, source, light, ray, result }
         }));

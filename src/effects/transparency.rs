@@ -14,7 +14,7 @@ use super::samples::{SampleIndex, list_samples};
 use super::tile::{RenderContext, Tile, vec_bytes};
 use super::{RayKind, Stage};
 use crate::bvh::Traversal;
-use crate::geometry::{Hit, Ray};
+use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer};
 use crate::scene::{Interpolation, PixelSampler, TexelEncoding};
 use crate::shading::texture::look_up_full_size;
 use crate::world::World;
@@ -124,8 +124,8 @@ struct Passing {
 pub(crate) struct Buffers {
     passing: Vec<Passing>,
     /// The rays of `passing`, and their hits.
-    rays: Vec<Ray>,
-    hits: Vec<Option<Hit>>,
+    rays: RayBuffer,
+    hits: HitBuffer,
     samples: Vec<SampleIndex>,
     layers: Layers,
 }
@@ -149,8 +149,8 @@ impl Buffers {
         let Layers { next, opacity, transmittance, colour } = layers;
         size_of::<Buffers>()
             + vec_bytes(passing)
-            + vec_bytes(rays)
-            + vec_bytes(hits)
+            + rays.bytes()
+            + hits.bytes()
             + vec_bytes(samples)
             + vec_bytes(next)
             + vec_bytes(opacity)
@@ -172,7 +172,7 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
         }
         let generation = &mut tile.generations[tile.depth];
         generation.hits.clear();
-        generation.hits.resize(generation.rays.len(), None);
+        generation.hits.resize(generation.rays.len());
         if is_layered {
             own.layers.start(generation.rays.len(), is_first);
         }
@@ -208,35 +208,29 @@ impl Buffers {
             }
             None => random::of_ray(ray, seed),
         };
-        self.passing.extend(generation.rays.iter().enumerate().map(|(index, ray)| Passing {
+        self.passing.extend(generation.rays.rays().iter().enumerate().map(|(index, ray)| Passing {
             index: index as u32,
             distance: 0.0,
-            number: f64::from(number(index, ray)),
-            ray: *ray,
+            number: f64::from(number(index, &ray)),
+            ray,
         }));
     }
 
     /// Traces the rays on their way once. Rays that stop write their hit; the others stay in `passing`, behind the surface.
-    fn trace(
-        &mut self,
-        world: &World,
-        hits: &mut [Option<Hit>],
-        traversal: &mut Traversal,
-        is_layered: bool,
-    ) {
+    fn trace(&mut self, world: &World, hits: &mut HitBuffer, traversal: &mut Traversal, is_layered: bool) {
         let Buffers { passing, rays, hits: found, layers, .. } = self;
         rays.clear();
         rays.extend(passing.iter().map(|passing| passing.ray));
         found.clear();
-        world.accelerator.closest_hits(rays, found, traversal);
+        world.accelerator.closest_hits(rays.rays(), found, traversal);
         let mut found = found.iter();
         passing.retain_mut(|ray| {
             let Some(Some(hit)) = found.next() else { return false };
-            let alpha = opacity(world, hit);
+            let alpha = opacity(world, &hit);
             let stops = if is_layered { alpha > 0.0 } else { ray.number < alpha };
             let distance = ray.distance + hit.t;
             if stops {
-                hits[ray.index as usize] = Some(Hit { t: distance, ..*hit });
+                hits.set(ray.index as usize, Some(&Hit { t: distance, ..hit }));
                 if !is_layered || alpha == 1.0 {
                     return false;
                 }
@@ -245,7 +239,7 @@ impl Buffers {
                 // Uniform again, given that the ray passed.
                 ray.number = (ray.number - alpha) / (1.0 - alpha);
             }
-            (ray.ray, ray.distance) = (behind(world, &ray.ray, hit), distance);
+            (ray.ray, ray.distance) = (behind(world, &ray.ray, &hit), distance);
             if stops {
                 layers.next.push(*ray);
             }

@@ -276,19 +276,19 @@ fn of_tile(source: &AovSource, aovs: &[&Aov], tile: &mut Tile, window: Window) -
     let count = aovs.iter().map(|aov| aov.channels.len()).sum();
     let mut values = vec![vec![0.0; window.area()]; count];
     let Tile { generations, traversal, .. } = tile;
-    for (&pixel, ray) in generations[0].sources.iter().zip(&generations[0].rays) {
+    for (&pixel, ray) in generations[0].sources.iter().zip(generations[0].rays.rays().iter()) {
         let before = traversal.tests.nodes;
         let hit = if source.plan.is_transparent() {
-            closest_visible(world, ray, traversal)
+            closest_visible(world, &ray, traversal)
         } else {
-            world.accelerator.closest_hit(ray, traversal)
+            world.accelerator.closest_hit(&ray, traversal)
         };
         let input = AovInput {
             world,
             recentering: source.recentering,
             samples: samples[pixel as usize],
             node_tests: traversal.tests.nodes - before,
-            hit: hit.map(|hit| (hit.t, world.interaction(ray, &hit))),
+            hit: hit.map(|hit| (hit.t, world.interaction(&ray, &hit))),
         };
         let all = aovs.iter().flat_map(|aov| (aov.value)(&input).into_iter().take(aov.channels.len()));
         values.iter_mut().zip(all).for_each(|(channel, value)| channel[pixel as usize] = value);

@@ -11,7 +11,7 @@ use super::data::GeometryErrors;
 use super::leaks::ClosedMesh;
 use crate::bvh::Traversal;
 use crate::error::Result;
-use crate::geometry::Ray;
+use crate::geometry::{Hit, HitBuffer, Ray, RayBuffer};
 use crate::render::RenderControl;
 use crate::world::{View, World};
 
@@ -75,15 +75,18 @@ pub(crate) fn compare(
 
 fn trace(world: &World, view: &View, width: u32, pixels: &[u32]) -> Vec<Option<GeometryHit>> {
     let precision = world.numerics().ray_precision();
-    let rays: Vec<Ray> =
+    let rays: RayBuffer =
         pixels.iter().map(|pixel| view.ray(pixel % width, pixel / width, precision)).collect();
-    let (mut traversal, mut hits) = (Traversal::default(), Vec::new());
-    rays.chunks(BATCH).for_each(|rays| world.accelerator.closest_hits(rays, &mut hits, &mut traversal));
-    let found = |(ray, hit): (&Ray, &Option<crate::geometry::Hit>)| {
-        let hit = hit.as_ref()?;
-        Some(GeometryHit { t: hit.t, prim: hit.prim.0, normal: world.interaction(ray, hit).geometric_normal })
+    let (mut traversal, mut hits) = (Traversal::default(), HitBuffer::default());
+    rays.rays()
+        .chunks(BATCH)
+        .for_each(|rays| world.accelerator.closest_hits(rays, &mut hits, &mut traversal));
+    let found = |(ray, hit): (Ray, Option<Hit>)| {
+        let hit = hit?;
+        let normal = world.interaction(&ray, &hit).geometric_normal;
+        Some(GeometryHit { t: hit.t, prim: hit.prim.0, normal })
     };
-    rays.iter().zip(&hits).map(found).collect()
+    rays.rays().iter().zip(hits.iter()).map(found).collect()
 }
 
 /// Counts of differing hits.

@@ -12,7 +12,7 @@ use super::interaction::{FurtherTexels, SurfaceInteraction, Texels};
 use super::soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
 use crate::bvh::Primitive;
 use crate::geometry::spawn::{EdgeTest, SurfacePoint};
-use crate::geometry::{AnalyticShape, Hit, PrimId, SlotId, Triangle};
+use crate::geometry::{AnalyticShape, HitBuffer, PrimId, SlotId, Triangle};
 
 /// The shortest run of hits on one primitive that is computed in a loop of its own.
 const MIN_RUN: usize = 4;
@@ -179,14 +179,14 @@ impl InteractionSoa {
     }
 
     /// Compacts the hits and finds their runs.
-    fn gather(&mut self, rays: &RaySoa, hits: &[Option<Hit>]) {
+    fn gather(&mut self, rays: &RaySoa, hits: &HitBuffer) {
         assert!(hits.len() <= RAYS_PER_BATCH, "at most one ray per pixel of a tile");
         self.runs.clear();
         self.texels.clear();
         self.further_texels.clear();
         let mut len = 0;
         let mut last = None;
-        for (index, hit) in (0..).zip(hits) {
+        for (index, hit) in (0..).zip(hits.iter()) {
             let Some(hit) = hit else { continue };
             self.ray_of[len] = index;
             self.t[len] = hit.t;
@@ -215,7 +215,7 @@ impl InteractionSoa {
 
 impl World {
     /// Computes the surface interactions of the closest hits of `rays`, at most [`RAYS_PER_BATCH`].
-    pub fn interactions(&self, rays: &RaySoa, hits: &[Option<Hit>], surfaces: &mut InteractionSoa) {
+    pub fn interactions(&self, rays: &RaySoa, hits: &HitBuffer, surfaces: &mut InteractionSoa) {
         surfaces.gather(rays, hits);
         let mut end = surfaces.len();
         for index in (0..surfaces.runs.len()).rev() {
@@ -232,7 +232,7 @@ impl World {
         run: Run,
         end: usize,
         rays: &RaySoa,
-        hits: &[Option<Hit>],
+        hits: &HitBuffer,
         surfaces: &mut InteractionSoa,
     ) {
         let range = run.start..end;
@@ -266,7 +266,7 @@ impl World {
         }
         for i in range {
             let ray = surfaces.ray_of[i] as usize;
-            if let Some(hit) = &hits[ray] {
+            if let Some(hit) = &hits.get(ray) {
                 surfaces.set(i, &self.interaction(&rays.get(ray), hit));
             }
         }

@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use crate::film::TILE;
-use crate::geometry::Ray;
+use crate::geometry::{Ray, Rays};
 
 /// The most rays of a ray generation: one per pixel of a tile.
 pub const RAYS_PER_BATCH: usize = (TILE * TILE) as usize;
@@ -34,6 +34,11 @@ impl Vec3Soa {
         DVec3::new(self.x[i], self.y[i], self.z[i])
     }
 
+    /// The coordinates of the first `len` vectors.
+    fn first(&self, len: usize) -> [&[f64]; 3] {
+        [&self.x[..len], &self.y[..len], &self.z[..len]]
+    }
+
     /// Sets the vector at `i`.
     #[inline(always)]
     pub fn set(&mut self, i: usize, v: DVec3) {
@@ -41,25 +46,50 @@ impl Vec3Soa {
     }
 }
 
-/// The rays of a generation as a structure of arrays. Their `t_min` is 0.
+/// At most [`RAYS_PER_BATCH`] rays as a structure of arrays. Their `t_min` is 0.
 ///
-/// Traversal takes arrays of [`Ray`]s. [`RaySoa::to_rays`] makes them after the loops that compute the components, since
-/// scattering vector registers into structs costs more than those loops.
+/// The numbers of all [`RAYS_PER_BATCH`] may be written by [`RaySoa::set`]; those of the first [`RaySoa::len`] are rays.
 #[derive(Debug, Clone)]
 pub struct RaySoa {
+    len: usize,
     origin: Vec3Soa,
     /// The directions, of length 1 up to rounding.
     pub direction: Vec3Soa,
     t_max: [f64; RAYS_PER_BATCH],
 }
 
+/// `t_min` of all rays.
+static ZEROS: [f64; RAYS_PER_BATCH] = [0.0; RAYS_PER_BATCH];
+
 impl Default for RaySoa {
     fn default() -> Self {
-        RaySoa { origin: Vec3Soa::default(), direction: Vec3Soa::default(), t_max: [0.0; RAYS_PER_BATCH] }
+        let (origin, direction) = (Vec3Soa::default(), Vec3Soa::default());
+        RaySoa { len: 0, origin, direction, t_max: [0.0; RAYS_PER_BATCH] }
     }
 }
 
 impl RaySoa {
+    /// The number of rays.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Sets the number of rays, at most [`RAYS_PER_BATCH`].
+    pub fn set_len(&mut self, len: usize) {
+        self.len = len.min(RAYS_PER_BATCH);
+    }
+
+    /// The rays.
+    pub fn rays(&self) -> Rays<'_> {
+        let (origin, direction) = (self.origin.first(self.len), self.direction.first(self.len));
+        Rays::new(origin, direction, &ZEROS[..self.len], &self.t_max[..self.len])
+    }
+
     /// The ray at `i`.
     #[inline(always)]
     pub fn get(&self, i: usize) -> Ray {
@@ -75,16 +105,21 @@ impl RaySoa {
         self.t_max[i] = ray.t_max;
     }
 
-    /// Replaces `rays` by the first `len` rays.
-    pub fn to_rays(&self, len: usize, rays: &mut Vec<Ray>) {
-        rays.clear();
-        rays.extend((0..len.min(RAYS_PER_BATCH)).map(|i| self.get(i)));
+    /// Appends a ray, whose `t_min` must be 0.
+    ///
+    /// # Panics
+    /// If there are [`RAYS_PER_BATCH`].
+    pub fn push(&mut self, ray: &Ray) {
+        self.set(self.len, ray);
+        self.len += 1;
     }
 
-    /// Replaces `rays` by the rays at `indices`.
-    pub fn to_rays_at(&self, indices: &[u32], rays: &mut Vec<Ray>) {
-        rays.clear();
-        rays.extend(indices.iter().map(|&i| self.get(i as usize)));
+    /// Moves the rays at `indices`, which ascend, to the front; these are the rays then.
+    pub fn keep(&mut self, indices: &[u32]) {
+        for (to, &from) in indices.iter().enumerate().skip_while(|(to, from)| *to == **from as usize) {
+            self.set(to, &self.get(from as usize));
+        }
+        self.set_len(indices.len());
     }
 }
 

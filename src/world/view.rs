@@ -162,6 +162,7 @@ impl View {
             }
             (Orthographic, precision) => fill(self, rays, len, across, up, precision),
         }
+        rays.set_len(len);
     }
 
     /// The ray through a position in the viewing rectangle.

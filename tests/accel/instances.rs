@@ -13,7 +13,7 @@ use glam::{DMat4, DVec2, DVec3, DVec4};
 use kiln::bvh::{Layout, Preset, Traversal};
 use kiln::effects::{Choices, RayKind, glaze, shadows};
 use kiln::film::ColourPipeline;
-use kiln::geometry::{Numerics, PrimId, Ray, Sphere};
+use kiln::geometry::{Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, Sphere};
 use kiln::scene::{
     Attribute, DecodedImage, Glaze, ImageId, Material, MaterialId, Mesh, NormalMap, Object, Phong, Placed,
     Placement, Sampler, Scene, Shape, Step, Texture,
@@ -155,19 +155,19 @@ fn same_answers(what: &str, scene: &Scene, rays: usize, tiers: &[Numerics]) {
 fn same_surfaces(shared: &World, flat: &World, rays: &[Ray]) {
     let mut traversal = Traversal::default();
     let mut closest = |world: &World| {
-        let (mut hits, mut occluded) = (Vec::new(), Vec::new());
-        for batch in rays.chunks(64) {
+        let (mut hits, mut occluded) = (HitBuffer::default(), Vec::new());
+        for batch in RayBuffer::from(rays).rays().chunks(64) {
             world.accelerator.closest_hits(batch, &mut hits, &mut traversal);
             world.accelerator.are_occluded(batch, &mut occluded, &mut traversal);
         }
-        let surface = |(ray, hit): (&Ray, &Option<_>)| {
+        let surface = |(ray, hit): (&Ray, Option<Hit>)| {
             hit.as_ref().map(|hit| {
                 let surface = world.interaction(ray, hit);
                 let smooth = world.smooth_point(&surface, hit);
                 (surface.prim, surface.object, format!("{surface:?} {smooth:?} {:?}", hit.barycentrics))
             })
         };
-        (rays.iter().zip(&hits).map(surface).collect::<Vec<_>>(), occluded)
+        (rays.iter().zip(hits.iter()).map(surface).collect::<Vec<_>>(), occluded)
     };
     assert!(closest(shared) == closest(flat));
 }

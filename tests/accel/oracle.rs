@@ -4,7 +4,9 @@
 use crate::common::{self, Numbers, origin_on_border};
 use glam::DVec3;
 use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
-use kiln::geometry::{AnalyticShape, Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
+use kiln::geometry::{
+    AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Sphere, Triangle,
+};
 
 /// How many rays are asked about at once.
 const BATCH: usize = 64;
@@ -211,12 +213,12 @@ fn assert_equal_to_brute_force(slots: &[Slot], rays: &[Ray], what: &str, numeric
         assert_eq!(wrong, 0, "{what}, {structure:?}: {wrong} of {} rays differ from brute force", rays.len());
 
         // The same in batches, in which rays share their way down the tree.
-        let (mut hits, mut occluded) = (Vec::new(), Vec::new());
-        for batch in rays.chunks(BATCH) {
+        let (mut hits, mut occluded) = (HitBuffer::default(), Vec::new());
+        for batch in RayBuffer::from(rays).rays().chunks(BATCH) {
             tree.closest_hits(batch, &mut hits, &mut traversal);
             tree.are_occluded(batch, &mut occluded, &mut traversal);
         }
-        let found = hits.into_iter().zip(occluded);
+        let found = hits.iter().zip(occluded);
         let wrong =
             found.zip(&expected).filter(|((hit, blocked), e)| bits(*hit) != **e || *blocked != e.is_some());
         assert_eq!(wrong.count(), 0, "{what}, {structure:?}, in batches");

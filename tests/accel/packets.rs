@@ -3,7 +3,9 @@
 use crate::common::Numbers;
 use glam::DVec3;
 use kiln::bvh::{Layout, Primitive, Slot, Traversal, build};
-use kiln::geometry::{AnalyticShape, Hit, Numerics, Precision, PrimId, Ray, Sphere, Triangle};
+use kiln::geometry::{
+    AnalyticShape, Hit, HitBuffer, Numerics, Precision, PrimId, Ray, RayBuffer, Sphere, Triangle,
+};
 
 /// As many rays as a tile has.
 const TILE: usize = 256;
@@ -227,24 +229,24 @@ fn packets_answer_as_single_rays(scale: f64, offset: DVec3) {
             dark += blocked.iter().filter(|&&b| b).count();
             lit += blocked.iter().filter(|&&b| !b).count();
             for (structure, tree) in &trees {
-                let (mut hits, mut occluded) = (Vec::new(), Vec::new());
+                let (mut hits, mut occluded) = (HitBuffer::default(), Vec::new());
                 // Rays without an end have none in common.
-                tree.are_occluded(rays, &mut occluded, &mut traversal);
+                tree.are_occluded(RayBuffer::from(rays).rays(), &mut occluded, &mut traversal);
                 let expected_occluded: Vec<bool> = expected.iter().map(Option::is_some).collect();
                 assert_eq!(occluded, expected_occluded, "tile {index}, {structure:?}, {}", numerics.name());
                 occluded.clear();
-                tree.closest_hits(rays, &mut hits, &mut traversal);
-                tree.are_occluded(&shadows, &mut occluded, &mut traversal);
-                for ((ray, found), expected) in rays.iter().zip(&hits).zip(&expected) {
+                tree.closest_hits(RayBuffer::from(rays).rays(), &mut hits, &mut traversal);
+                tree.are_occluded(RayBuffer::from(&shadows).rays(), &mut occluded, &mut traversal);
+                for ((ray, found), expected) in rays.iter().zip(hits.iter()).zip(&expected) {
                     let what = format!("tile {index}, {structure:?}, {}: {ray:?}", numerics.name());
-                    assert_eq!(bits(found), bits(expected), "{what}");
+                    assert_eq!(bits(&found), bits(expected), "{what}");
                 }
-                let (mut short_hits, mut from_surface) = (Vec::new(), Vec::new());
-                tree.closest_hits(&short, &mut short_hits, &mut traversal);
-                tree.are_occluded(&on, &mut from_surface, &mut traversal);
-                for ((ray, found), expected) in short.iter().zip(&short_hits).zip(&expected_short) {
+                let (mut short_hits, mut from_surface) = (HitBuffer::default(), Vec::new());
+                tree.closest_hits(RayBuffer::from(&short).rays(), &mut short_hits, &mut traversal);
+                tree.are_occluded(RayBuffer::from(&on).rays(), &mut from_surface, &mut traversal);
+                for ((ray, found), expected) in short.iter().zip(short_hits.iter()).zip(&expected_short) {
                     let what = format!("tile {index}, {structure:?}, {}: {ray:?}", numerics.name());
-                    assert_eq!(bits(found), bits(expected), "cut short: {what}");
+                    assert_eq!(bits(&found), bits(expected), "cut short: {what}");
                 }
                 for ((ray, found), expected) in on.iter().zip(&from_surface).zip(&expected_on) {
                     let what = format!("tile {index}, {structure:?}, {}: {ray:?}", numerics.name());
@@ -310,7 +312,7 @@ fn ends_on_both_sides_of_a_triangle() {
         {
             let tree = build(slots.iter().copied(), structure, numerics);
             let mut occluded = Vec::new();
-            tree.are_occluded(&rays, &mut occluded, &mut traversal);
+            tree.are_occluded(RayBuffer::from(&rays).rays(), &mut occluded, &mut traversal);
             assert_eq!(occluded, expected, "{structure:?}, {}", numerics.name());
         }
     }

@@ -3,7 +3,7 @@
 use crate::common::Numbers;
 use glam::DVec3;
 use kiln::bvh::{Bvh, Layout, NotFinite, Preset, Primitive, Slot, Traversal, Update, build};
-use kiln::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray, Sphere, Triangle};
+use kiln::geometry::{AnalyticShape, Hit, HitBuffer, Numerics, PrimId, Ray, RayBuffer, Sphere, Triangle};
 
 /// Triangles with corners within 0.1 of a point of the cube, and a ball for every tenth.
 fn crowd(count: usize, numbers: &mut Numbers) -> Vec<Primitive> {
@@ -82,11 +82,13 @@ fn a_refitted_structure_answers_as_brute_force_does() {
                 let times_worse = refitted.refit(&|id| now[id.0 as usize]).expect("a structure that can");
                 assert!(times_worse.is_finite() && times_worse > 0.0, "{times_worse}");
                 let oracle = build(slots(now, numerics), Layout::BruteForce, numerics);
-                let (mut traversal, mut hits, mut expected) = (Traversal::default(), Vec::new(), Vec::new());
+                let (mut traversal, mut hits, mut expected) =
+                    (Traversal::default(), HitBuffer::default(), HitBuffer::default());
                 let rays = rays(now, numerics, &mut numbers);
-                refitted.closest_hits(&rays, &mut hits, &mut traversal);
-                oracle.closest_hits(&rays, &mut expected, &mut traversal);
-                for (ray, (hit, expected)) in rays.iter().zip(hits.into_iter().zip(expected)) {
+                let batch = RayBuffer::from(&rays);
+                refitted.closest_hits(batch.rays(), &mut hits, &mut traversal);
+                oracle.closest_hits(batch.rays(), &mut expected, &mut traversal);
+                for (ray, (hit, expected)) in rays.iter().zip(hits.iter().zip(expected.iter())) {
                     let what = format!("{structure:?}, {}, {ray:?}", numerics.name());
                     assert_eq!(bits(hit), bits(expected), "{what}");
                     assert_eq!(bits(refitted.closest_hit(ray, &mut traversal)), bits(expected), "{what}");
@@ -159,8 +161,8 @@ fn an_update_refits_what_it_can_and_builds_what_it_must() {
     let mut bvh = Bvh::new(first.iter().copied()).expect("finite");
     is_shared(&bvh);
     let hits = |bvh: &Bvh, rays: &[Ray]| {
-        let hits = bvh.closest_hits(rays, &mut Traversal::default());
-        hits.into_iter().map(bits).collect::<Vec<_>>()
+        let hits = bvh.closest_hits(RayBuffer::from(rays).rays(), &mut Traversal::default());
+        hits.iter().map(bits).collect::<Vec<_>>()
     };
     let mut held_to_fresh = |bvh: &mut Bvh, now: &[Primitive], refits: bool| {
         let update = bvh.update(now.iter().copied()).expect("finite");
@@ -169,7 +171,7 @@ fn an_update_refits_what_it_can_and_builds_what_it_must() {
         let rays = rays(now, Numerics::default(), &mut numbers);
         assert_eq!(hits(bvh, &rays), hits(&fresh, &rays));
         let expected: Vec<bool> = hits(&fresh, &rays).iter().map(Option::is_some).collect();
-        assert_eq!(bvh.are_occluded(&rays, &mut Traversal::default()), expected);
+        assert_eq!(bvh.are_occluded(RayBuffer::from(&rays).rays(), &mut Traversal::default()), expected);
     };
     // A step aside changes nothing but the numbers.
     let step = |p: &Primitive| match *p {

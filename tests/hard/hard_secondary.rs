@@ -12,7 +12,7 @@ use kiln::effects::shadows::shadow_ray;
 use kiln::effects::{Choices, terminator};
 use kiln::film::ColourPipeline;
 use kiln::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET, SurfacePoint};
-use kiln::geometry::{Numerics, PrimId, Ray, Triangle};
+use kiln::geometry::{HitBuffer, Numerics, PrimId, Ray, RayBuffer, Triangle};
 use kiln::scene::{Attribute, MaterialId, Mesh, Object, Placed, Placement, Scene, Shape};
 use kiln::shading::LightSample;
 use kiln::world::World;
@@ -481,8 +481,8 @@ fn leaving(
 
 /// The number of rays without a hit: traced singly, as a batch of closest hits, and as a batch of occlusion tests.
 fn escaped(world: &World, rays: &[Ray]) -> [usize; 3] {
-    let (mut traversal, mut hits, mut occluded) = (Traversal::default(), Vec::new(), Vec::new());
-    for batch in rays.chunks(256) {
+    let (mut traversal, mut hits, mut occluded) = (Traversal::default(), HitBuffer::default(), Vec::new());
+    for batch in RayBuffer::from(rays).rays().chunks(256) {
         world.accelerator.closest_hits(batch, &mut hits, &mut traversal);
         world.accelerator.are_occluded(batch, &mut occluded, &mut traversal);
     }

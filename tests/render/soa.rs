@@ -9,7 +9,7 @@ use crate::common::repository;
 use glam::DVec3;
 use kiln::bvh::Traversal;
 use kiln::film::Window;
-use kiln::geometry::{Hit, Ray};
+use kiln::geometry::{HitBuffer, Ray};
 use kiln::scene::{Numerics, Projection};
 use kiln::shading::{LightSample, LightSoa, Scratch, ShadingMode, shade, shade_all};
 use kiln::world::{InteractionSoa, RAYS_PER_BATCH, RaySoa, SurfaceInteraction, Vec3Soa};
@@ -60,13 +60,16 @@ fn bits_of(surface: &SurfaceInteraction) -> Vec<u64> {
 }
 
 /// A tile's rays and hits, one by one.
-fn hits(prepared: &Prepared, window: Window) -> (Vec<Ray>, Vec<Option<Hit>>) {
+fn hits(prepared: &Prepared, window: Window) -> (Vec<Ray>, HitBuffer) {
     let precision = prepared.world.numerics().ray_precision();
     let pixels =
         (0..window.area() as u32).map(|i| (window.x + i % window.width, window.y + i / window.width));
     let rays: Vec<Ray> = pixels.map(|(x, y)| prepared.view.ray(x, y, precision)).collect();
     let mut traversal = Traversal::default();
-    let hits = rays.iter().map(|ray| prepared.world.accelerator.closest_hit(ray, &mut traversal)).collect();
+    let mut hits = HitBuffer::default();
+    for ray in &rays {
+        hits.push(prepared.world.accelerator.closest_hit(ray, &mut traversal).as_ref());
+    }
     (rays, hits)
 }
 
@@ -80,15 +83,13 @@ fn check(prepared: &Prepared, what: &str) -> usize {
     for window in tiles() {
         let (rays, hits) = hits(prepared, window);
         prepared.view.rays(window, world.numerics().ray_precision(), &mut soa);
-        let mut woven = Vec::new();
-        soa.to_rays(rays.len(), &mut woven);
-        assert_eq!(woven, rays, "{what}");
+        assert_eq!(soa.rays().iter().collect::<Vec<_>>(), rays, "{what}");
 
         world.interactions(&soa, &hits, &mut surfaces);
         let expected: Vec<SurfaceInteraction> = rays
             .iter()
-            .zip(&hits)
-            .filter_map(|(ray, hit)| Some(world.interaction(ray, hit.as_ref()?)))
+            .zip(hits.iter())
+            .filter_map(|(ray, hit)| Some(world.interaction(ray, &hit?)))
             .collect();
         assert_eq!(surfaces.len(), expected.len());
         let parts: usize = surfaces.by_material().iter().map(|(_, range)| range.len()).sum();

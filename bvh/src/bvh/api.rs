@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::{Accelerator, Layout, Preset, Primitive, Slot, Traversal, build};
-use crate::geometry::{AnalyticShape, Hit, Numerics, PrimId, Ray, Sphere, Triangle};
+use crate::geometry::{AnalyticShape, Hit, HitBuffer, Numerics, PrimId, Ray, Rays, Sphere, Triangle};
 
 /// A bounding volume hierarchy over triangles and spheres. A primitive's id is its index in the list that it was
 /// built from. The [crate documentation](crate) has an example.
@@ -158,14 +158,14 @@ impl Bvh {
     }
 
     /// The closest hit of every ray. Fastest for batches of 64 and more rays with a common origin, end or direction.
-    pub fn closest_hits(&self, rays: &[Ray], traversal: &mut Traversal) -> Vec<Option<Hit>> {
-        let mut hits = Vec::with_capacity(rays.len());
+    pub fn closest_hits(&self, rays: Rays, traversal: &mut Traversal) -> HitBuffer {
+        let mut hits = HitBuffer::default();
         self.accelerator.closest_hits(rays, &mut hits, traversal);
         hits
     }
 
     /// Whether each ray hits anything.
-    pub fn are_occluded(&self, rays: &[Ray], traversal: &mut Traversal) -> Vec<bool> {
+    pub fn are_occluded(&self, rays: Rays, traversal: &mut Traversal) -> Vec<bool> {
         let mut occluded = Vec::with_capacity(rays.len());
         self.accelerator.are_occluded(rays, &mut occluded, traversal);
         occluded

@@ -9,7 +9,9 @@ use obvhs::bvh2::node::Bvh2Node;
 
 use super::stored_slot::{PrimitiveTest, StoredSlot};
 use super::{Accelerator, Description, Next, Primitive, Quality, Tests, Traversal, VisitedNode, quality};
-use crate::geometry::{Beam, BoxTest, Hit, Numerics, PRUNE_MARGIN, Ray, SlotId, Tier, round_up};
+use crate::geometry::{
+    Beam, BoxTest, Hit, HitBuffer, Numerics, PRUNE_MARGIN, Ray, Rays, SlotId, Tier, round_up,
+};
 
 /// A binary bounding volume hierarchy.
 pub(crate) struct Bvh2<T: Tier> {
@@ -25,7 +27,7 @@ impl<T: Tier> Bvh2<T> {
 
     /// Finds up to [`MAX_ENTRIES`] nodes, nearest first, that together contain everything that a batch of rays can
     /// hit. Coherent rays start there instead of at the root.
-    fn find_entries(&self, rays: &[Ray], traversal: &mut Traversal) {
+    fn find_entries(&self, rays: Rays, traversal: &mut Traversal) {
         let Traversal { entries, tests, .. } = traversal;
         entries.clear();
         let t_max = rays.iter().map(|ray| prune_distance(ray.t_max)).fold(0.0, f32::max);
@@ -218,16 +220,16 @@ impl<T: Tier> Accelerator for Bvh2<T> {
         self.occluded_below(ray, self.root(), &mut traversal.stack, &mut traversal.tests)
     }
 
-    fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
+    fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
         self.find_entries(rays, traversal);
         let Traversal { stack, entries, tests, .. } = traversal;
-        hits.extend(rays.iter().map(|ray| self.closest_below(ray, entries, stack, tests)));
+        rays.iter().for_each(|ray| hits.push(self.closest_below(&ray, entries, stack, tests).as_ref()));
     }
 
-    fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
+    fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
         self.find_entries(rays, traversal);
         let Traversal { stack, entries, tests, .. } = traversal;
-        occluded.extend(rays.iter().map(|ray| self.occluded_below(ray, entries, stack, tests)));
+        occluded.extend(rays.iter().map(|ray| self.occluded_below(&ray, entries, stack, tests)));
     }
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {

@@ -32,8 +32,8 @@ use glam::{DVec3, Vec3};
 
 use crate::geometry::simd::InstructionSet;
 use crate::geometry::{
-    AnalyticShape, Bounds, Double, Exact, Hit, Naive, Numerics, Precision, PrimId, Ray, SlotId, Tier,
-    Triangle, Watertight,
+    AnalyticShape, Bounds, Double, Exact, Hit, HitBuffer, Naive, Numerics, Precision, PrimId, Ray, RayBuffer,
+    Rays, SlotId, Tier, Triangle, Watertight,
 };
 
 /// The geometry of one primitive.
@@ -203,10 +203,12 @@ pub struct Traversal {
     stack: Vec<(u32, f32)>,
     children: Vec<(wide::Child, f32)>,
     packet: wide::Scratches,
-    stacks: wide::Stacks,
+    stream: wide::StreamScratch,
     /// The nodes at which the rays of a batch start, with entry distances.
     entries: Vec<(u32, f32)>,
     instances: instances::Stacks,
+    /// A copy of the last rays of a batch, filled up to whole vectors.
+    padded: RayBuffer,
     /// The number of tests so far.
     pub tests: Tests,
 }
@@ -260,13 +262,13 @@ pub trait Accelerator: Send + Sync {
     fn quality(&self) -> Option<Quality>;
 
     /// Appends the closest hit of every ray to `hits`, in order.
-    fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
-        hits.extend(rays.iter().map(|ray| self.closest_hit(ray, traversal)));
+    fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
+        rays.iter().for_each(|ray| hits.push(self.closest_hit(&ray, traversal).as_ref()));
     }
 
     /// Appends whether each ray hits anything to `occluded`, in order.
-    fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
-        occluded.extend(rays.iter().map(|ray| self.is_occluded(ray, traversal)));
+    fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
+        occluded.extend(rays.iter().map(|ray| self.is_occluded(&ray, traversal)));
     }
 }
 

@@ -78,7 +78,8 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
         let primitive = |hit: &Hit| &slots[hit.slot.index() as usize].primitive;
         // A split triangle is in several slots.
         best.is_none_or(|best| {
-            hit.prim != best.prim && T::is_before(self.ray, [(hit, primitive(hit)), (best, primitive(best))])
+            hit.prim != best.prim
+                && T::is_before(|| *self.ray, [(hit, primitive(hit)), (best, primitive(best))])
         })
     }
 }

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3A};
 
 use super::bounds::{PRUNE_MARGIN, round_down};
-use super::{Bounds, Ray};
+use super::{Bounds, Rays};
 
 /// The intervals that contain the origins, reciprocal directions and ends of a set of rays.
 ///
@@ -33,12 +33,12 @@ enum Axis {
 
 impl Beam {
     /// The beam of the given rays; `None` without rays. `t_max` is at least the largest `t_max` of the rays.
-    pub fn new(rays: &[Ray], t_max: f32) -> Option<Self> {
-        let first = rays.first()?;
+    pub fn new(rays: Rays, t_max: f32) -> Option<Self> {
+        let first = (!rays.is_empty()).then(|| rays.get(0))?;
         let mut origin = [first.origin; 2];
         let mut inverse = [first.direction.recip(); 2];
         let mut t_min = first.t_min;
-        for ray in &rays[1..] {
+        for ray in rays.iter().skip(1) {
             let (o, i) = (ray.origin, ray.direction.recip());
             origin = [origin[0].min(o), origin[1].max(o)];
             inverse = [inverse[0].min(i), inverse[1].max(i)];
@@ -93,7 +93,7 @@ impl Beam {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{BoxTest, DoubleBoxTest, Precision, SingleBoxTest};
+    use crate::geometry::{BoxTest, DoubleBoxTest, Precision, RayBuffer, SingleBoxTest};
     use proptest::prelude::*;
 
     fn component() -> impl Strategy<Value = f64> {
@@ -119,16 +119,16 @@ mod tests {
             let lead = rays[0].1;
             let (min, max) = (min.as_vec3a(), (min + DVec3::from(size)).as_vec3a());
             for precision in [Precision::Single, Precision::Double] {
-                let rays: Vec<Ray> = rays.iter().filter_map(|&(origin, direction)| {
+                let rays: RayBuffer = rays.iter().filter_map(|&(origin, direction)| {
                     let direction = (lead + spread * direction).try_normalize()?;
                     Some(precision.ray(origin, direction, 0.0, t_max))
                 }).collect();
                 prop_assume!(!rays.is_empty());
-                let beam = Beam::new(&rays, t_max as f32).expect("rays");
-                for ray in &rays {
+                let beam = Beam::new(rays.rays(), t_max as f32).expect("rays");
+                for ray in rays.rays().iter() {
                     let at = match precision {
-                        Precision::Single => SingleBoxTest::new(ray).enters(min, max, t_max as f32),
-                        Precision::Double => DoubleBoxTest::new(ray).enters(min, max, t_max as f32),
+                        Precision::Single => SingleBoxTest::new(&ray).enters(min, max, t_max as f32),
+                        Precision::Double => DoubleBoxTest::new(&ray).enters(min, max, t_max as f32),
                     };
                     if let Some(at) = at {
                         let beam_at = beam.enters(min, max);
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn a_narrow_beam_misses_what_lies_beside_it() {
-        let rays: Vec<Ray> = (0..16)
+        let rays: RayBuffer = (0..16)
             .map(|i| {
                 Precision::Single.ray(
                     DVec3::ZERO,
@@ -151,7 +151,7 @@ mod tests {
                 )
             })
             .collect();
-        let beam = Beam::new(&rays, f32::INFINITY).expect("rays");
+        let beam = Beam::new(rays.rays(), f32::INFINITY).expect("rays");
         let unit_box =
             |x: f32, y: f32, z: f32| beam.enters(Vec3A::new(x, y, z), Vec3A::new(x + 1.0, y + 1.0, z + 1.0));
         assert!(unit_box(0.0, 0.5, 10.0).is_some());

@@ -16,7 +16,7 @@ use super::bounds::DoubleBoxTest;
 use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
 use super::woop::{Sheared, WoopTest};
-use super::{AnalyticShape, Hit, Ray, Stored, Tier, TriangleHit};
+use super::{AnalyticShape, Hit, Ray, Rays, Stored, Tier, TriangleHit, WoopBatch};
 use crate::geometry::Numerics;
 
 /// f64 geometry, decided exactly.
@@ -38,6 +38,11 @@ impl Tier for Exact {
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {
         WoopTest::new(ray)
+    }
+
+    #[inline(always)]
+    fn prepare_at(_: Rays, batch: &WoopBatch, i: usize) -> WoopTest {
+        *batch.at(i)
     }
 
     #[inline(always)]
@@ -65,12 +70,12 @@ impl Tier for Exact {
     }
 
     #[inline(always)]
-    fn is_before(ray: &Ray, [a, b]: [(&Hit, &Stored<DVec3>); 2]) -> bool {
+    fn is_before(ray: impl FnOnce() -> Ray, [a, b]: [(&Hit, &Stored<DVec3>); 2]) -> bool {
         let gap = a.0.t - b.0.t;
         if gap.abs() > 4.0 * TOLERANCE * a.0.t.abs().max(b.0.t.abs()) {
             return gap < 0.0;
         }
-        is_exactly_before(ray, [a, b])
+        is_exactly_before(&ray(), [a, b])
     }
 }
 

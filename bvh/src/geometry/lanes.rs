@@ -5,40 +5,27 @@
 //! [`Tier`](super::Tier).
 
 use super::simd::Doubles;
-use super::{Corner, Hit, PrimId, Ray, SlotId};
+use super::{Corner, Hit, PrimId, SlotId};
 
 /// Lanes of [`Triangle4`].
 pub(crate) const LANES4: usize = 4;
+
+/// The most lanes of [`Doubles`].
+pub(crate) const MAX_LANES: usize = 8;
 
 /// All four lanes, as bits.
 pub(crate) const MASK4: u32 = (1 << LANES4) - 1;
 
 /// A ray in each lane.
 pub(crate) struct RayN<D: Doubles> {
-    /// See [`Ray::origin`].
+    /// See [`super::Ray::origin`].
     pub origin: [D; 3],
-    /// See [`Ray::direction`].
+    /// See [`super::Ray::direction`].
     pub direction: [D; 3],
-    /// See [`Ray::t_min`].
+    /// See [`super::Ray::t_min`].
     pub t_min: D,
-    /// See [`Ray::t_max`].
+    /// See [`super::Ray::t_max`].
     pub t_max: D,
-}
-
-impl<D: Doubles> RayN<D> {
-    /// The rays of `rays` from index `first` on. Lanes beyond the end repeat the last ray.
-    ///
-    /// # Panics
-    /// If `rays` is empty.
-    #[inline(always)]
-    pub(crate) fn new(rays: &[Ray], first: usize) -> Self {
-        let last = rays.len() - 1;
-        let [ox, oy, oz, dx, dy, dz, t_min, t_max] = D::columns(
-            #[inline(always)]
-            |lane| bytemuck::cast_ref(&rays[(first + lane).min(last)]),
-        );
-        RayN { origin: [ox, oy, oz], direction: [dx, dy, dz], t_min, t_max }
-    }
 }
 
 /// Up to four triangles: `corners[k][axis][lane]`. Coordinates of empty lanes are NaN, which no ray hits.

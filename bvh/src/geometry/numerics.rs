@@ -6,7 +6,7 @@ use super::bounds::BoxTest;
 use super::lanes::{HitN, RayN, Triangle4};
 use super::simd::Doubles;
 use super::woop_n::PreparedRayN;
-use super::{AnalyticShape, Bounds, Hit, Ray, TriangleHit};
+use super::{AnalyticShape, Bounds, Hit, Ray, Rays, TriangleHit, WoopBatch};
 use crate::geometry::Numerics;
 
 /// The floating-point format of rays or corners.
@@ -250,6 +250,12 @@ pub(crate) trait Tier: Send + Sync + 'static {
     /// Prepares a ray for triangles.
     fn prepare(ray: &Ray) -> Self::Prepared;
 
+    /// [`Tier::prepare`] for the ray at `i` of a batch.
+    #[inline(always)]
+    fn prepare_at(rays: Rays, _: &WoopBatch, i: usize) -> Self::Prepared {
+        Self::prepare(&rays.get(i))
+    }
+
     /// The hit of `ray`, for which `prepared` was made, on a triangle, with `t_min < t < t_max`. Two-sided; a ray in
     /// the triangle's plane misses.
     fn hit_triangle(prepared: &Self::Prepared, ray: &Ray, corners: &[Self::Corner; 3])
@@ -270,9 +276,9 @@ pub(crate) trait Tier: Send + Sync + 'static {
         if Self::HAS_RAY_N { shape.hit_n(rays) } else { HitN::UNDECIDED }
     }
 
-    /// Whether the first of two hits is nearer, or equally near with the lower primitive id.
+    /// Whether the first of two hits of a ray is nearer, or equally near with the lower primitive id.
     #[inline(always)]
-    fn is_before(_: &Ray, [a, b]: [(&Hit, &Stored<Self::Corner>); 2]) -> bool {
+    fn is_before(_: impl FnOnce() -> Ray, [a, b]: [(&Hit, &Stored<Self::Corner>); 2]) -> bool {
         a.0.is_before(b.0)
     }
 }

@@ -10,7 +10,7 @@ use super::bounds::DoubleBoxTest;
 use super::lanes::HitN;
 use super::simd::Doubles;
 use super::woop::WoopTest;
-use super::{AnalyticShape, Ray, Tier, Triangle4, TriangleHit};
+use super::{AnalyticShape, Ray, Rays, Tier, Triangle4, TriangleHit, WoopBatch};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f64.
@@ -26,6 +26,11 @@ impl Tier for Watertight {
     #[inline]
     fn prepare(ray: &Ray) -> WoopTest {
         WoopTest::new(ray)
+    }
+
+    #[inline(always)]
+    fn prepare_at(_: Rays, batch: &WoopBatch, i: usize) -> WoopTest {
+        *batch.at(i)
     }
 
     #[inline(always)]

@@ -23,7 +23,7 @@ use super::woop_n::{ShearedN, hit_lanes};
 use super::{Corner, Ray, Triangle, TriangleHit};
 
 /// A ray prepared for triangles.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct WoopTest {
     /// Axes permuted so that the major axis is the third.
     origin: DVec3,
@@ -51,13 +51,17 @@ pub(crate) enum MajorAxis {
 }
 
 impl MajorAxis {
-    /// The major axis of a ray. Without branches, which would be mispredicted.
+    /// The major axis of a direction. Without branches, which would be mispredicted.
     #[inline(always)]
-    pub(crate) fn of(ray: &Ray) -> Self {
-        let length = ray.direction.abs();
-        let x_first = length.x >= length.y && length.x >= length.z;
-        [[MajorAxis::Z, MajorAxis::Y], [MajorAxis::X; 2]][usize::from(x_first)]
-            [usize::from(length.y >= length.z)]
+    pub(crate) fn of(direction: DVec3) -> Self {
+        let length = direction.abs();
+        Self::of_order(length.x >= length.y && length.x >= length.z, length.y >= length.z)
+    }
+
+    /// The major axis of a direction whose x is not below the others (`x_first`), or whose y is not below its z.
+    #[inline(always)]
+    pub(crate) fn of_order(x_first: bool, y_first: bool) -> Self {
+        [[MajorAxis::Z, MajorAxis::Y], [MajorAxis::X; 2]][usize::from(x_first)][usize::from(y_first)]
     }
 
     /// The even permutation of the axes with this one last.
@@ -97,18 +101,25 @@ impl WoopTest {
     /// Prepares `ray`.
     #[inline(always)]
     pub(crate) fn new(ray: &Ray) -> Self {
-        let (d, major) = (ray.direction, MajorAxis::of(ray));
-        let permuted = major.permuted(d);
-        let inverse = permuted.recip();
-        WoopTest {
-            origin: major.permuted(ray.origin),
-            major,
-            shear: [permuted.x * inverse.z, permuted.y * inverse.z, inverse.z],
-            inverse: inverse.to_array(),
-            t_min: ray.t_min,
-            t_max: ray.t_max,
-            zero_direction_mask: if d.cmpeq(DVec3::ZERO).any() { MASK4 } else { 0 },
-        }
+        let major = MajorAxis::of(ray.direction);
+        let (origin, direction) = (major.permuted(ray.origin), major.permuted(ray.direction));
+        let inverse = direction.recip().to_array();
+        let zero_direction_mask = if direction.cmpeq(DVec3::ZERO).any() { MASK4 } else { 0 };
+        let test = Self::of_parts(major, [origin, direction], inverse, [ray.t_min, ray.t_max]);
+        WoopTest { zero_direction_mask, ..test }
+    }
+
+    /// Prepares a ray without zeros in its direction, given with permuted axes: origin and direction, and the
+    /// reciprocals of the direction.
+    #[inline(always)]
+    pub(crate) fn of_parts(
+        major: MajorAxis,
+        [origin, direction]: [DVec3; 2],
+        inverse: [f64; 3],
+        [t_min, t_max]: [f64; 2],
+    ) -> Self {
+        let shear = [direction.x * inverse[2], direction.y * inverse[2], inverse[2]];
+        WoopTest { origin, major, shear, inverse, t_min, t_max, zero_direction_mask: 0 }
     }
 
     /// The triangle relative to the ray.

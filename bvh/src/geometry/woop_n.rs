@@ -4,10 +4,10 @@
 //! Operations and their order are those of the test for one ray, so the results have the same bits. Lanes where that
 //! test would branch off (cancellation, zero direction components, sides that f64 does not decide) come back undecided.
 
-use super::lanes::{HitN, RayN, Triangle4};
+use super::lanes::{HitN, Triangle4};
 use super::simd::Doubles;
 use super::woop::{CANCELLED, MajorAxis, NEAR};
-use super::{Corner, Ray};
+use super::{Corner, Rays};
 
 /// Rays prepared for triangles, axes permuted so that the major axis of the first ray is the third.
 #[derive(Clone, Copy)]
@@ -40,14 +40,15 @@ impl<D: Doubles> Default for PreparedRayN<D> {
 }
 
 impl<D: Doubles> PreparedRayN<D> {
-    /// Prepares the first of `rays`; lanes beyond the end repeat the last ray. As `WoopTest::new`, all lanes at once.
+    /// Prepares rays from index `first` on; lanes beyond the end repeat the last ray. As `WoopTest::new`, all lanes at
+    /// once.
     ///
     /// # Panics
-    /// If `rays` is empty.
+    /// If there is no such ray.
     #[inline(always)]
-    pub(crate) fn fill(&mut self, rays: &[Ray]) {
-        let major = MajorAxis::of(&rays[0]);
-        let four = RayN::<D>::new(rays, 0);
+    pub(crate) fn fill(&mut self, rays: Rays, first: usize) {
+        let major = MajorAxis::of(rays.direction(first));
+        let four = rays.lanes::<D>(first);
         self.axes = major.axes();
         (self.t_min, self.t_max) = (four.t_min.array(), four.t_max.array());
         let (zero, one) = (D::splat(0.0), D::splat(1.0));
@@ -134,9 +135,9 @@ pub(crate) struct ShearedN<D: Doubles> {
     pub shear: [D; 3],
     /// Reciprocals of the direction.
     pub inverse: [D; 3],
-    /// See [`Ray::t_min`].
+    /// See [`super::Ray::t_min`].
     pub t_min: D,
-    /// See [`Ray::t_max`].
+    /// See [`super::Ray::t_max`].
     pub t_max: D,
 }
 

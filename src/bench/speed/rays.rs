@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::super::{Mesh, Numbers, kiln};
 use crate::bvh::{Accelerator, Layout, Primitive, Traversal};
 use crate::geometry::spawn::SurfacePoint;
-use crate::geometry::{Hit, Numerics, Precision, Ray};
+use crate::geometry::{Hit, HitBuffer, Numerics, Precision, Ray, RayBuffer};
 use crate::world::View;
 
 /// Kind of rays.
@@ -103,9 +103,9 @@ fn primary(setup: &ViewSetup) -> Vec<Ray> {
 
 fn closest_hits(accelerator: &dyn Accelerator, rays: &[Ray]) -> Vec<Option<Hit>> {
     let batch = |rays: &[Ray]| {
-        let mut hits = Vec::with_capacity(rays.len());
-        accelerator.closest_hits(rays, &mut hits, &mut Traversal::default());
-        hits
+        let (rays, mut hits) = (RayBuffer::from(rays), HitBuffer::default());
+        accelerator.closest_hits(rays.rays(), &mut hits, &mut Traversal::default());
+        hits.iter().collect::<Vec<_>>()
     };
     rays.par_chunks(BATCH).flat_map_iter(batch).collect()
 }

@@ -19,7 +19,7 @@ use super::{
     Choices, Effect, EffectContext, EffectValue, Hook, LightTechnique, PathSettings, RayKind, SecondaryRays,
     Stage, TextureUse, id, named,
 };
-use crate::geometry::Ray;
+use crate::geometry::RayBuffer;
 use crate::scene::{PixelSampler, Sampling, Transport};
 use crate::world::World;
 
@@ -126,7 +126,7 @@ struct Buffers {
     paths: Vec<Path>,
     /// The same for the next generation.
     next: Vec<Path>,
-    shadow_rays: Vec<Ray>,
+    shadow_rays: RayBuffer,
     /// For each shadow ray, what it adds.
     light_paths: Vec<LightPath>,
     occluded: Vec<bool>,
@@ -143,7 +143,7 @@ impl Buffers {
             + vec_bytes(samples)
             + vec_bytes(paths)
             + vec_bytes(next)
-            + vec_bytes(shadow_rays)
+            + shadow_rays.bytes()
             + vec_bytes(light_paths)
             + vec_bytes(occluded)
     }
@@ -235,12 +235,12 @@ impl Buffers {
     fn trace_shadow_rays(&mut self, tile: &mut Tile, world: &World, continued: Option<RayKind>) {
         let Buffers { shadow_rays, light_paths, occluded, radiance, .. } = self;
         occluded.clear();
-        world.accelerator.are_occluded(shadow_rays, occluded, &mut tile.traversal);
+        world.accelerator.are_occluded(shadow_rays.rays(), occluded, &mut tile.traversal);
         let mut count = 0;
-        for ((path, ray), occluded) in light_paths.iter().zip(&*shadow_rays).zip(&mut *occluded) {
+        for ((path, ray), occluded) in light_paths.iter().zip(shadow_rays.rays().iter()).zip(&mut *occluded) {
             let mut transmittance = f64::from(u8::from(!*occluded));
             if *occluded && continued.is_some() {
-                transmittance = transparency::transmittance(world, ray, &mut tile.traversal, &mut count);
+                transmittance = transparency::transmittance(world, &ray, &mut tile.traversal, &mut count);
                 *occluded = transmittance == 0.0;
             }
             if !*occluded {
@@ -252,7 +252,7 @@ impl Buffers {
         }
         if let Some(recorder) = &mut tile.recorder {
             let sources: Vec<u32> = light_paths.iter().map(|path| path.camera_ray).collect();
-            recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, &sources, shadow_rays, occluded);
+            recorder.record_occlusion(LIGHT_RAYS, tile.depth, None, &sources, shadow_rays.rays(), occluded);
         }
         tile.count(LIGHT_RAYS, occluded.len(), occluded.iter().filter(|&&occluded| occluded).count());
     }

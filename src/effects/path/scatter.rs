@@ -67,7 +67,7 @@ impl Buffers {
     pub(super) fn scatter(&mut self, tile: &mut Tile, context: &RenderContext, stage: &Scatter) {
         let depth = tile.depth;
         let (generation, next) = tile.this_and_next();
-        next.rays.clear();
+        next.rays.set_len(0);
         next.sources.clear();
         self.next.clear();
         self.shadow_rays.clear();
@@ -77,7 +77,7 @@ impl Buffers {
         self.add_missed(generation, context, &lights, stage, depth);
         for index in 0..generation.surfaces.len() {
             let ray = generation.surfaces.ray_of()[index] as usize;
-            let Some(hit) = generation.hits[ray] else { continue };
+            let Some(hit) = generation.hits.get(ray) else { continue };
             let path = self.paths[ray];
             let sample = self.samples[path.camera_ray as usize];
             let &Scatter { seed, sampler, .. } = stage;
@@ -92,8 +92,7 @@ impl Buffers {
                     self.discarded += 1;
                     continue;
                 }
-                next.soa.set(next.rays.len(), &ray);
-                next.rays.push(ray);
+                next.rays.push(&ray);
                 next.sources.push(index as u32);
                 self.next.push(path);
             }
@@ -123,7 +122,7 @@ impl Buffers {
                 continue;
             }
             let radiance = stage.clamped(radiance * samples, numbers.depth as usize + 1) / samples;
-            self.shadow_rays.push(shadow_ray);
+            self.shadow_rays.push(&shadow_ray);
             self.light_paths.push(LightPath { camera_ray: vertex.path.camera_ray, radiance });
         }
     }
@@ -144,7 +143,7 @@ impl Buffers {
         let missed = generation.hits.iter().enumerate().filter(|(_, hit)| hit.is_none());
         for (ray, _) in missed {
             let path = self.paths[ray];
-            let direction = generation.rays[ray].direction;
+            let direction = generation.rays.direction.get(ray);
             let radiance = if depth == 0 {
                 context.world.background_towards(direction)
             } else {

@@ -1,7 +1,7 @@
 //! The hits that an acceleration structure returns for a ray, and their comparison.
 
 use kiln::bvh::{Accelerator, Traversal};
-use kiln::geometry::{Hit, PrimId, Ray};
+use kiln::geometry::{Hit, HitBuffer, PrimId, Ray, RayBuffer};
 
 /// Rays per batch.
 const BATCH: usize = 64;
@@ -70,15 +70,16 @@ pub fn check_results(
     faults: &mut Faults,
 ) {
     let mut traversal = Traversal::default();
-    let (mut closest, mut occluded) = (Vec::new(), Vec::new());
-    for batch in rays.chunks(BATCH) {
+    let (mut closest, mut occluded) = (HitBuffer::default(), Vec::new());
+    for batch in RayBuffer::from(rays).rays().chunks(BATCH) {
         accelerator.closest_hits(batch, &mut closest, &mut traversal);
         accelerator.are_occluded(batch, &mut occluded, &mut traversal);
     }
     for (i, (ray, expected)) in rays.iter().zip(expected).enumerate() {
         let found = RayResults::of(accelerator, ray, &mut traversal);
         faults.check(found == *expected, || format!("{what}: {ray:?}: {}", found.unlike(expected)));
-        let in_batch = RayResults { closest: closest[i].as_ref().map(bits), occluded: occluded[i], ..found };
+        let in_batch =
+            RayResults { closest: closest.get(i).as_ref().map(bits), occluded: occluded[i], ..found };
         faults.check(in_batch == *expected, || {
             format!("{what}, in batches: {ray:?}: {}", in_batch.unlike(expected))
         });

@@ -21,7 +21,8 @@ use super::Preset;
 use super::build::build_nodes;
 use super::{Accelerator, Description, Next, Primitive, Quality, Slot, Traversal};
 use crate::geometry::{
-    Bounds, BoxTest, Corner, Hit, Numerics, PrimId, Ray, SlotId, Stored, Tier, Triangle, prune_distance,
+    Bounds, BoxTest, Corner, Hit, HitBuffer, Numerics, PrimId, Ray, Rays, SlotId, Stored, Tier, Triangle,
+    prune_distance,
 };
 use crate::geometry::{Mesh, Placed};
 use mesh_bvh::MeshBvh;
@@ -194,8 +195,9 @@ impl<T: Tier> Instances<T> {
         let t_max = best.map_or(ray.t_max, |(hit, _)| hit.t);
         self.each_hit(ray, t_max, traversal, |hit, corners| {
             let stored = Stored::Triangle(corners);
-            let is_better =
-                best.as_ref().is_none_or(|(other, with)| T::is_before(ray, [(&hit, &stored), (other, with)]));
+            let is_better = best
+                .as_ref()
+                .is_none_or(|(other, with)| T::is_before(|| *ray, [(&hit, &stored), (other, with)]));
             if is_better {
                 best = Some((hit, stored));
             }
@@ -224,19 +226,20 @@ impl<T: Tier> Accelerator for Instances<T> {
         self.flat.is_occluded(ray, traversal) || self.is_any_hit(ray, traversal)
     }
 
-    fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
+    fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
         let first = hits.len();
         self.flat.closest_hits(rays, hits, traversal);
-        for (ray, hit) in rays.iter().zip(&mut hits[first..]) {
-            *hit = self.closest(ray, *hit, traversal);
+        for (index, ray) in (first..).zip(rays.iter()) {
+            let hit = self.closest(&ray, hits.get(index), traversal);
+            hits.set(index, hit.as_ref());
         }
     }
 
-    fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
+    fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
         let first = occluded.len();
         self.flat.are_occluded(rays, occluded, traversal);
         for (ray, occluded) in rays.iter().zip(&mut occluded[first..]) {
-            *occluded = *occluded || self.is_any_hit(ray, traversal);
+            *occluded = *occluded || self.is_any_hit(&ray, traversal);
         }
     }
 

@@ -4,10 +4,10 @@
 use super::layout::{NO_PRIMITIVE, Wide};
 use super::single::leaf::{hit_analytic, hit_analytic_n, hit_triangle};
 use crate::bvh::{Next, Tests};
-use crate::geometry::lanes::{HitN, LANES4, RayN};
+use crate::geometry::lanes::{HitN, LANES4};
 use crate::geometry::simd::{Doubles, Simd, Vector};
 use crate::geometry::woop_n::PreparedRayN;
-use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
+use crate::geometry::{Hit, PrimId, Rays, SlotId, Tier};
 
 /// The most triangle leaves, and the most analytic shapes, that all rays are tested against.
 const MAX_LEAVES: usize = 4;
@@ -17,19 +17,19 @@ pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
     T::HAS_RAY_N && wide.triangles.len() <= MAX_LEAVES && wide.analytic.len() <= MAX_LEAVES
 }
 
-/// Calls `found` with the index of a ray and each of its hits, until it returns [`Next::Stop`] for that ray.
+/// Calls `found` with the index of a ray and each of its hits, until it returns [`Next::Stop`] for that ray. `rays`
+/// must be padded.
 #[inline(always)]
 pub(crate) fn test<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    rays: &[Ray],
+    rays: Rays,
     tests: &mut Tests,
     mut found: impl FnMut(usize, Hit) -> Next,
 ) {
     let mut prepared = PreparedRayN::<S::D>::default();
-    for (index, group) in rays.chunks(S::D::LANES).enumerate() {
-        let first = index * S::D::LANES;
-        let mut active = (1 << group.len()) - 1;
-        prepared.fill(group);
+    for first in (0..rays.len()).step_by(S::D::LANES) {
+        let mut active = S::D::ALL >> S::D::LANES.saturating_sub(rays.len() - first);
+        prepared.fill(rays, first);
         let triangles = wide.triangles.iter().enumerate().flat_map(|(index, leaf)| {
             let occupied = (0..LANES4).filter(|&lane| leaf.ids[lane] != NO_PRIMITIVE);
             occupied.map(move |lane| (leaf, lane, SlotId::new((index * LANES4 + lane) as u32)))
@@ -45,14 +45,14 @@ pub(crate) fn test<T: Tier, S: Simd>(
                     if hits.undecided >> place & 1 == 0 {
                         return Some(hits.at(place, PrimId(leaf.ids[lane]), slot));
                     }
-                    let ray = &group[place % group.len()];
+                    let ray = &rays.get(first + place);
                     hit_triangle::<T>(&T::prepare(ray), ray, leaf, slot)
                 },
                 #[inline(always)]
                 |place, hit| found(first + place, hit),
             );
         }
-        let ray_n = RayN::<S::D>::new(group, 0);
+        let ray_n = rays.lanes::<S::D>(first);
         for (index, (shape, prim)) in (0..).zip(&wide.analytic) {
             tests.primitives += u64::from(u32::count_ones(active));
             let hits = hit_analytic_n::<T, S::D>(&ray_n, shape);
@@ -63,7 +63,7 @@ pub(crate) fn test<T: Tier, S: Simd>(
                 |place| {
                     let mut hit = hits.at(place, *prim, wide.slot_of_analytic(index));
                     if hits.undecided >> place & 1 != 0 {
-                        hit.t = hit_analytic::<T>(&group[place % group.len()], shape)?;
+                        hit.t = hit_analytic::<T>(&rays.get(first + place), shape)?;
                     }
                     Some(hit)
                 },

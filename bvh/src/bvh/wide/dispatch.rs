@@ -11,7 +11,7 @@ use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::{Avx2, Avx512};
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
-use crate::geometry::{Corner, Hit, Numerics, PrimId, Ray, SlotId, Stored, Tier, Triangle};
+use crate::geometry::{Corner, Hit, HitBuffer, Numerics, PrimId, Ray, Rays, SlotId, Stored, Tier, Triangle};
 
 /// Batches of fewer rays are not traced as packets.
 const MIN_PACKET: usize = 16;
@@ -65,28 +65,28 @@ impl<T: Tier> Accelerator for Wide<T> {
         single!(occluded(self, ray, children, tests))
     }
 
-    fn closest_hits(&self, rays: &[Ray], hits: &mut Vec<Option<Hit>>, traversal: &mut Traversal) {
+    fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
+        let mut padded = std::mem::take(&mut traversal.padded);
         for [rays, following] in packets(rays) {
+            let rays = rays.padded(&mut padded);
             if T::IS_TIGHT
                 && rays.len() >= MIN_PACKET
                 && packet_closest(self, [rays, following], hits, traversal)
             {
                 continue;
             }
-            let first = hits.len();
-            hits.resize(first + rays.len(), None);
-            let of_packet = &mut hits[first..];
-            if many_closest(self, rays, of_packet, traversal) {
+            if many_closest(self, rays, hits, traversal) {
                 continue;
             }
-            for (ray, hit) in rays.iter().zip(of_packet) {
-                *hit = self.closest_hit(ray, traversal);
-            }
+            rays.iter().for_each(|ray| hits.push(self.closest_hit(&ray, traversal).as_ref()));
         }
+        traversal.padded = padded;
     }
 
-    fn are_occluded(&self, rays: &[Ray], occluded: &mut Vec<bool>, traversal: &mut Traversal) {
+    fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
+        let mut padded = std::mem::take(&mut traversal.padded);
         for [rays, following] in packets(rays) {
+            let rays = rays.padded(&mut padded);
             if T::IS_TIGHT
                 && rays.len() >= MIN_PACKET
                 && packet_occluded(self, [rays, following], occluded, traversal)
@@ -100,9 +100,10 @@ impl<T: Tier> Accelerator for Wide<T> {
                 continue;
             }
             for (ray, occluded) in rays.iter().zip(of_packet) {
-                *occluded = self.is_occluded(ray, traversal);
+                *occluded = self.is_occluded(&ray, traversal);
             }
         }
+        traversal.padded = padded;
     }
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {
@@ -144,16 +145,16 @@ impl<T: Tier> Accelerator for Wide<T> {
 }
 
 /// The packets of a batch, each with the one after it.
-fn packets(rays: &[Ray]) -> impl Iterator<Item = [&[Ray]; 2]> {
-    let following = rays.chunks(PACKET).skip(1).chain([&[][..]]);
+fn packets(rays: Rays) -> impl Iterator<Item = [Rays; 2]> {
+    let following = rays.chunks(PACKET).skip(1).chain([Rays::default()]);
     rays.chunks(PACKET).zip(following).map(|(rays, following)| [rays, following])
 }
 
 /// [`packet::closest`] with the instruction set of the tree.
 fn packet_closest<T: Tier>(
     wide: &Wide<T>,
-    rays: [&[Ray]; 2],
-    hits: &mut Vec<Option<Hit>>,
+    rays: [Rays; 2],
+    hits: &mut HitBuffer,
     traversal: &mut Traversal,
 ) -> bool {
     let Traversal { children, tests, packet, .. } = traversal;
@@ -163,7 +164,7 @@ fn packet_closest<T: Tier>(
 /// [`packet::occluded`] with the instruction set of the tree.
 fn packet_occluded<T: Tier>(
     wide: &Wide<T>,
-    rays: [&[Ray]; 2],
+    rays: [Rays; 2],
     occluded: &mut Vec<bool>,
     traversal: &mut Traversal,
 ) -> bool {
@@ -171,33 +172,38 @@ fn packet_occluded<T: Tier>(
     with!(wide.instructions, S => packet::occluded::<T, S>(wide, rays, occluded, packet.of(), children, tests))
 }
 
-/// [`many`] for closest hits.
+/// [`many`] for closest hits, which are appended.
 fn many_closest<T: Tier>(
     wide: &Wide<T>,
-    rays: &[Ray],
-    hits: &mut [Option<Hit>],
+    rays: Rays,
+    hits: &mut HitBuffer,
     traversal: &mut Traversal,
 ) -> bool {
-    many(
+    let first = hits.len();
+    hits.resize(first + rays.len());
+    let is_done = many(
         wide,
         rays,
         traversal,
         #[inline(always)]
         |ray, hit| {
-            let best = &mut hits[ray];
-            if !wide.is_better(&rays[ray], &hit, best.as_ref()) {
+            if !wide.is_better(|| rays.get(ray), &hit, hits.get(first + ray).as_ref()) {
                 return Next::Continue;
             }
-            *best = Some(hit);
+            hits.set(first + ray, Some(&hit));
             Next::Shorten(hit.t)
         },
-    )
+    );
+    if !is_done {
+        hits.resize(first);
+    }
+    is_done
 }
 
 /// [`many`] for any hit.
 fn many_occluded<T: Tier>(
     wide: &Wide<T>,
-    rays: &[Ray],
+    rays: Rays,
     occluded: &mut [bool],
     traversal: &mut Traversal,
 ) -> bool {
@@ -218,11 +224,11 @@ fn many_occluded<T: Tier>(
 #[inline(always)]
 fn many<T: Tier>(
     wide: &Wide<T>,
-    rays: &[Ray],
+    rays: Rays,
     traversal: &mut Traversal,
     found: impl FnMut(usize, Hit) -> Next,
 ) -> bool {
-    let Traversal { stacks, tests, .. } = traversal;
+    let Traversal { stream, tests, .. } = traversal;
     if wide.instructions == InstructionSet::Portable {
         return false;
     }
@@ -233,15 +239,16 @@ fn many<T: Tier>(
         ));
         return true;
     }
-    #[cfg(target_arch = "x86_64")]
-    if stream::applies(wide) && rays.iter().all(has_no_zeros) {
-        Avx2::run(
-            #[inline(always)]
-            move || stream::traverse::<T, Avx2>(wide, rays, stacks, tests, found),
-        );
-        return true;
-    }
-    false
+    with!(wide.instructions, S => S::run(
+        #[inline(always)]
+        move || {
+            let applies = stream::applies::<T, S>(wide, rays);
+            if applies {
+                stream::traverse::<T, S>(wide, rays, stream, tests, found);
+            }
+            applies
+        },
+    ))
 }
 
 /// Whether no component of the direction is 0 or NaN.

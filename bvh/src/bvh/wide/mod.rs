@@ -24,4 +24,4 @@ mod stream;
 
 pub(crate) use layout::{Child, Wide, convert};
 pub(crate) use packet::Scratches;
-pub(crate) use stream::Stacks;
+pub(crate) use stream::Scratch as StreamScratch;

@@ -87,6 +87,12 @@ impl Side {
         Side(usize::from(second) * Self::BYTES)
     }
 
+    /// The second array if `x` is negative, else the first.
+    #[inline(always)]
+    pub(crate) fn of_sign(x: f32) -> Self {
+        Side((x.to_bits() >> (u32::BITS - 1)) as usize * Self::BYTES)
+    }
+
     /// The other array.
     #[inline(always)]
     pub(crate) fn other(self) -> Self {
@@ -172,8 +178,6 @@ pub(crate) trait Doubles: Vector<Scalar = f64> {
     fn from_f32(lane: impl Fn(usize) -> f32) -> Self;
     /// From f64 numbers, one for each lane.
     fn from_f64(lane: impl Fn(usize) -> f64) -> Self;
-    /// The columns of a matrix with a row of eight numbers for each lane.
-    fn columns<'a>(row: impl Fn(usize) -> &'a [f64; 8]) -> [Self; 8];
     /// To f32, rounded to nearest.
     fn to_floats(low: Self, high: Self) -> Self::Floats;
     /// The absolute value.
@@ -302,11 +306,6 @@ mod tests {
             assert_lanes(D::load_f32(&narrow), |lane| f64::from(narrow[lane]));
             let both = [a, b].concat();
             assert_lanes(D::to_floats(x, y), |lane| both[lane] as f32);
-        }
-        let rows: Vec<[f64; 8]> =
-            (0..D::LANES).map(|row| std::array::from_fn(|column| (10 * row + column) as f64)).collect();
-        for (column, numbers) in D::columns(|row| &rows[row]).into_iter().enumerate() {
-            assert_lanes(numbers, |row| (10 * row + column) as f64);
         }
     }
 

@@ -157,12 +157,6 @@ impl Doubles for Lanes<f64, 4> {
     }
 
     #[inline(always)]
-    fn columns<'a>(row: impl Fn(usize) -> &'a [f64; 8]) -> [Self; 8] {
-        let rows = [0, 1, 2, 3].map(row);
-        std::array::from_fn(|column| Lanes(rows.map(|row| row[column])))
-    }
-
-    #[inline(always)]
     fn to_floats(low: Self, high: Self) -> Lanes<f32, 8> {
         let ([a, b, c, d], [e, f, g, h]) = (low.0, high.0);
         Lanes([a, b, c, d, e, f, g, h].map(|x| x as f32))

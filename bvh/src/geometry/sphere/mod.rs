@@ -195,6 +195,7 @@ mod tests {
     #[cfg(target_arch = "x86_64")]
     use crate::geometry::simd::{Avx2, Avx512};
     use crate::geometry::simd::{Portable, Simd, Vector};
+    use crate::geometry::{RayBuffer, Rays};
 
     fn hit(sphere: &Sphere, origin: DVec3, direction: DVec3) -> Option<f64> {
         sphere.hit(&Precision::Single.ray(origin, direction, 0.0, f64::INFINITY))
@@ -227,18 +228,18 @@ mod tests {
     }
 
     /// Compares [`Sphere::hit_n`] with [`Sphere::hit`] bit by bit.
-    fn each_is_as_one<S: Simd>(sphere: &Sphere, rays: &[Ray]) {
+    fn each_is_as_one<S: Simd>(sphere: &Sphere, rays: Rays) {
         for group in rays.chunks(S::D::LANES) {
             let hits = S::run(
                 #[inline(always)]
-                || sphere.hit_n(&RayN::<S::D>::new(group, 0)),
+                || sphere.hit_n(&group.lanes::<S::D>(0)),
             );
             for (lane, ray) in group.iter().enumerate() {
                 if hits.undecided >> lane & 1 == 0 {
                     let found = (hits.hit >> lane & 1 != 0).then_some(hits.t[lane]);
                     assert_eq!(
                         found.map(f64::to_bits),
-                        sphere.hit(ray).map(f64::to_bits),
+                        sphere.hit(&ray).map(f64::to_bits),
                         "{sphere:?} {ray:?}"
                     );
                 } else {
@@ -261,7 +262,7 @@ mod tests {
         };
         for (size, away) in [(1.0, 0.0), (1e-4, 1e4), (1e5, 1.0), (1.0, 3.0)] {
             let sphere = Sphere { centre: DVec3::new(unit(), unit(), unit()) * away, radius: size };
-            let mut rays = Vec::new();
+            let mut rays = RayBuffer::default();
             for i in 0..4000 {
                 let mut vector = || DVec3::new(unit(), unit(), unit());
                 let (on, other) = (vector().normalize() * size, vector().normalize() * size);
@@ -275,16 +276,16 @@ mod tests {
                 }
                 let precision = [Precision::Single, Precision::Double][i % 2];
                 let ends = [(0.0, f64::INFINITY), (0.0, 2.0 * size), (1.5 * size, 3.0 * size)][i % 3];
-                rays.push(precision.ray(origin, direction, ends.0, ends.1));
+                rays.push(&precision.ray(origin, direction, ends.0, ends.1));
             }
-            each_is_as_one::<Portable>(&sphere, &rays);
+            each_is_as_one::<Portable>(&sphere, rays.rays());
             #[cfg(target_arch = "x86_64")]
             if Avx2::is_supported() {
-                each_is_as_one::<Avx2>(&sphere, &rays);
+                each_is_as_one::<Avx2>(&sphere, rays.rays());
             }
             #[cfg(target_arch = "x86_64")]
             if Avx512::is_supported() {
-                each_is_as_one::<Avx512>(&sphere, &rays);
+                each_is_as_one::<Avx512>(&sphere, rays.rays());
             }
         }
     }

@@ -64,7 +64,7 @@ impl<T: Tier> Wide<T> {
 
     /// Whether `hit` comes before the best hit so far.
     #[inline(always)]
-    pub(crate) fn is_better(&self, ray: &Ray, hit: &Hit, best: Option<&Hit>) -> bool {
+    pub(crate) fn is_better(&self, ray: impl FnOnce() -> Ray, hit: &Hit, best: Option<&Hit>) -> bool {
         best.is_none_or(|best| {
             // A split triangle is in several slots.
             hit.prim != best.prim

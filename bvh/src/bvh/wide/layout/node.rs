@@ -24,7 +24,7 @@ pub(crate) struct Node {
 }
 
 /// A reference to a node or leaf, packed in 32 bits.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub(crate) struct Child(u32);
 

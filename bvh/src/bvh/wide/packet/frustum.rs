@@ -17,7 +17,7 @@ use super::rays::{Common, PacketRays};
 use crate::bvh::wide::layout::{Node, WIDTH};
 use crate::bvh::wide::single::box_ray::LENGTHS;
 use crate::geometry::simd::{Floats, Simd, Vector};
-use crate::geometry::{Ray, round_down, round_up};
+use crate::geometry::{Rays, round_down, round_up};
 
 /// The relative amount by which bounds of intervals are moved outwards. A slope is off by 5 u (two components, a
 /// reciprocal, a product and its rounding to f32), a difference by u, its product with the slope by u more, and the
@@ -58,15 +58,14 @@ impl Frustum {
     /// The frustum of rays with a common end (`to_end`) or origin, or of parallel rays, and their projection in
     /// `packet`. `None` if the rays have nothing in common or diverge too far.
     #[inline(always)]
-    pub(crate) fn new<S: Simd>(rays: &[Ray], to_end: bool, packet: &mut PacketRays<S>) -> Option<Self> {
-        let first = rays.first()?;
-        if rays[rays.len() / 2].direction == first.direction
-            && rays[rays.len() - 1].direction == first.direction
-        {
+    pub(crate) fn new<S: Simd>(rays: Rays, to_end: bool, packet: &mut PacketRays<S>) -> Option<Self> {
+        let last = rays.len().checked_sub(1)?;
+        let direction = rays.direction(0);
+        if rays.direction(rays.len() / 2) == direction && rays.direction(last) == direction {
             return Self::parallel(rays, packet);
         }
         // Rejects most incoherent packets early.
-        if !to_end && rays[rays.len() / 2].origin != first.origin {
+        if !to_end && rays.origin(rays.len() / 2) != rays.origin(0) {
             return None;
         }
         let common = packet.fill(rays, to_end);
@@ -74,14 +73,14 @@ impl Frustum {
         let depth = depth_axis(&common)?;
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
         let mut intervals = [[0.0; 2]; 2];
-        for (interval, [least, most]) in intervals.iter_mut().zip(packet.project(axes[0], to_end)) {
+        for (interval, [least, most]) in intervals.iter_mut().zip(packet.project(rays, axes, to_end)) {
             let (a, b) = (f64::from(least.reduce_min()), f64::from(most.reduce_max()));
             *interval = [round_down(a - a.abs() * SLACK), round_up(b + b.abs() * SLACK)];
         }
         let around = |x: f64| [round_down(x - spread), round_up(x + spread)];
         let frustum = Frustum {
             axes,
-            flipped: (first.direction[depth] < 0.0) != to_end,
+            flipped: (direction[depth] < 0.0) != to_end,
             apex,
             spread,
             apex_bounds: apex.map(around),
@@ -101,8 +100,8 @@ impl Frustum {
     }
 
     /// The frustum of parallel rays.
-    fn parallel<S: Simd>(rays: &[Ray], packet: &mut PacketRays<S>) -> Option<Self> {
-        let (direction, apex) = (rays[0].direction, rays[0].origin);
+    fn parallel<S: Simd>(rays: Rays, packet: &mut PacketRays<S>) -> Option<Self> {
+        let (direction, apex) = (rays.direction(0), rays.origin(0));
         let length = direction.abs();
         let depth = (0..3).fold(0, |best, axis| if length[axis] > length[best] { axis } else { best });
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
@@ -127,7 +126,8 @@ impl Frustum {
         };
         for i in 0..packet.blocks * S::F::LANES {
             let (block, lane) = (i / S::F::LANES, i % S::F::LANES);
-            let from_apex = rays[i.min(rays.len() - 1)].origin - apex;
+            let ray = rays.get(i.min(rays.len() - 1));
+            let from_apex = ray.origin - apex;
             let start = if flipped { -from_apex[depth] } else { from_apex[depth] };
             for (k, interval) in frustum.intervals.iter_mut().enumerate() {
                 let (lateral, sheared) = (from_apex[axes[k]], shear[k] * start);
@@ -138,7 +138,7 @@ impl Frustum {
                 frustum.reach = frustum.reach.max(lateral.abs() + sheared.abs());
             }
             packet.projected[2][block][lane] = length[depth] as f32;
-            packet.ends[block][lane] = rays[i.min(rays.len() - 1)].t_max as f32;
+            packet.ends[block][lane] = ray.t_max as f32;
             packet.starts[block][lane] = round_up(start + start.abs() * SLACK);
             frustum.min_depth = frustum.min_depth.min(round_down(start - start.abs() * SLACK));
             frustum.reach = frustum.reach.max(start.abs());

@@ -117,6 +117,12 @@ impl<S: Simd> BestHits<S> {
     }
 }
 
+/// Whether it is the slot of a resolved hit.
+#[inline(always)]
+pub(crate) fn is_resolved(slot: u32) -> bool {
+    slot == RESOLVED
+}
+
 /// Whether it is the slot of an unresolved triangle.
 #[inline(always)]
 pub(crate) fn is_unresolved(slot: u32) -> bool {

@@ -32,10 +32,9 @@ use std::marker::PhantomData;
 
 use super::layout::{Child, Wide};
 use crate::bvh::Tests;
-use crate::geometry::lanes::HitN;
-use crate::geometry::simd::{Simd, Vector, prefetch};
+use crate::geometry::simd::{Simd, Vector};
 use crate::geometry::woop_n::PreparedRayN;
-use crate::geometry::{Hit, Ray, Tier, round_up};
+use crate::geometry::{HitBuffer, PER_LINE, Rays, Tier, round_up};
 use frustum::Frustum;
 use hits::BestHits;
 use projected_triangles::BlockBounds;
@@ -46,8 +45,8 @@ use rays::{BLOCKS, MAX_BLOCK, PacketRays};
 #[inline(always)]
 pub(crate) fn closest<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    [rays, following]: [&[Ray]; 2],
-    hits: &mut Vec<Option<Hit>>,
+    [rays, following]: [Rays; 2],
+    hits: &mut HitBuffer,
     scratch: &mut Scratch<S>,
     stack: &mut Vec<(Child, f32)>,
     tests: &mut Tests,
@@ -58,7 +57,15 @@ pub(crate) fn closest<T: Tier, S: Simd>(
             let Some(mut packet) = Packet::<T, S, false>::new(rays, following, scratch) else {
                 return false;
             };
-            packet.traverse(wide, stack, tests) && packet.resolve_all(wide, hits)
+            let first = hits.len();
+            let is_traversed = packet.traverse(
+                wide,
+                stack,
+                tests,
+                #[inline(always)]
+                |index| hits.prefetch(first + index),
+            );
+            is_traversed && packet.resolve_all(wide, hits)
         },
     )
 }
@@ -68,7 +75,7 @@ pub(crate) fn closest<T: Tier, S: Simd>(
 #[inline(always)]
 pub(crate) fn occluded<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    [rays, following]: [&[Ray]; 2],
+    [rays, following]: [Rays; 2],
     occluded: &mut Vec<bool>,
     scratch: &mut Scratch<S>,
     stack: &mut Vec<(Child, f32)>,
@@ -80,14 +87,19 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
             let Some(mut packet) = Packet::<T, S, true>::new(rays, following, scratch) else {
                 return false;
             };
-            if !packet.traverse(wide, stack, tests) {
+            if !packet.traverse(wide, stack, tests, |_| {}) {
                 return false;
             }
-            for (block, rays) in rays.chunks(S::F::LANES).enumerate() {
-                packet.prefetch_following();
-                let active = packet.scratch.active[block];
+            for first in (0..rays.len()).step_by(S::F::LANES) {
+                packet.prefetch_following(|_| {});
+                let active = packet.scratch.active[first / S::F::LANES];
                 let of_block: [bool; MAX_BLOCK] = std::array::from_fn(|lane| active >> lane & 1 == 0);
-                occluded.extend_from_slice(&of_block[..rays.len()]);
+                // A constant number of bytes is copied without a call.
+                if first + S::F::LANES <= rays.len() {
+                    occluded.extend_from_slice(&of_block[..S::F::LANES]);
+                } else {
+                    occluded.extend_from_slice(&of_block[..rays.len() - first]);
+                }
             }
             true
         },
@@ -122,8 +134,6 @@ pub(crate) struct Scratch<S: Simd> {
     active: [u32; BLOCKS],
     /// Rays prepared for the tier's triangle test.
     prepared: Vec<PreparedRayN<S::D>>,
-    /// The tier's hits on unresolved triangles.
-    resolved: Vec<HitN<S::D>>,
 }
 
 impl<S: Simd> Default for Scratch<S> {
@@ -135,7 +145,6 @@ impl<S: Simd> Default for Scratch<S> {
             depths: [f32::NEG_INFINITY; BLOCKS],
             active: [0; BLOCKS],
             prepared: vec![PreparedRayN::default(); PACKET / S::D::LANES],
-            resolved: vec![HitN::NONE; PACKET / S::D::LANES],
         }
     }
 }
@@ -144,9 +153,10 @@ impl<S: Simd> Default for Scratch<S> {
 ///
 /// Methods take the tree as a parameter: as a field, it would be reloaded after every store to `scratch`.
 struct Packet<'a, T: Tier, S: Simd, const ANY: bool> {
-    rays: &'a [Ray],
-    /// The rays of the next packet, as far as they are not yet prefetched.
-    following: &'a [Ray],
+    rays: Rays<'a>,
+    /// The rays of the next packet, and the number of those that are prefetched.
+    following: Rays<'a>,
+    prefetched: usize,
     frustum: Frustum,
     scratch: &'a mut Scratch<S>,
     /// The entries of `scratch.prepared` that are filled, as bits.
@@ -159,7 +169,7 @@ struct Packet<'a, T: Tier, S: Simd, const ANY: bool> {
 impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
     /// A packet of rays with a common origin, or (`ANY`) a common end, or direction; `None` for other rays.
     #[inline(always)]
-    fn new(rays: &'a [Ray], following: &'a [Ray], scratch: &'a mut Scratch<S>) -> Option<Self> {
+    fn new(rays: Rays<'a>, following: Rays<'a>, scratch: &'a mut Scratch<S>) -> Option<Self> {
         debug_assert!(rays.len() <= PACKET);
         let frustum = Frustum::new(rays, ANY, &mut scratch.rays)?;
         let blocks = scratch.rays.blocks;
@@ -183,6 +193,7 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
         let mut packet = Packet {
             rays,
             following,
+            prefetched: 0,
             frustum,
             scratch,
             is_prepared: 0,
@@ -195,12 +206,12 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
 
     /// Prefetches some rays of the next packet. Called from time to time: all at once, they would wait for memory.
     #[inline(always)]
-    fn prefetch_following(&mut self) {
-        let (some, others) = self.following.split_at(self.following.len().min(S::F::LANES));
-        for index in 0..some.len() {
-            prefetch(some, index);
+    fn prefetch_following(&mut self, also: impl Fn(usize)) {
+        if self.prefetched < self.following.len() {
+            self.following.prefetch(self.prefetched);
+            also(self.prefetched);
+            self.prefetched += PER_LINE;
         }
-        self.following = others;
     }
 
     /// Updates the depths of the changed blocks, given as bits, and of the frustum, from those of the best hits.
@@ -227,8 +238,7 @@ impl<'a, T: Tier, S: Simd, const ANY: bool> Packet<'a, T, S, ANY> {
         let index = index % (PACKET / S::D::LANES);
         if T::HAS_RAY_N && self.is_prepared >> index & 1 == 0 {
             self.is_prepared |= 1 << index;
-            let (first, end) = (index * S::D::LANES, self.rays.len().min((index + 1) * S::D::LANES));
-            self.scratch.prepared[index].fill(&self.rays[first..end]);
+            self.scratch.prepared[index].fill(self.rays, index * S::D::LANES);
         }
         &self.scratch.prepared[index]
     }

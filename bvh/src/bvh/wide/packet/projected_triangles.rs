@@ -63,26 +63,21 @@ impl<S: Simd> ProjectedTriangles<S> {
         let in_depth = start.le(farthest) & nearest.le(depth);
         let [low_u, low_v] = [to_f32::<S>(below::<S>(least[0])), to_f32::<S>(below::<S>(least[1]))];
         let [high_u, high_v] = [to_f32::<S>(above::<S>(most[0])), to_f32::<S>(above::<S>(most[1]))];
-        let mut projected = ProjectedTriangles {
+        let mut bounds = [[low_u, high_u], [low_v, high_v]];
+        let mut unbounded = !clear & MASK4;
+        while unbounded != 0 {
+            let lane = unbounded.trailing_zeros() as usize % LANES4;
+            unbounded &= unbounded - 1;
+            for bounds in &mut bounds {
+                (bounds[0][lane], bounds[1][lane]) = (f32::NEG_INFINITY, f32::INFINITY);
+            }
+        }
+        ProjectedTriangles {
             corners,
             points,
             nearest: to_f32::<S>(below::<S>(nearest)),
-            bounds: [[low_u, high_u], [low_v, high_v]],
+            bounds,
             overlapping: in_depth & (across | !clear & MASK4),
-        };
-        projected.unbound(!clear & MASK4);
-        projected
-    }
-
-    /// Makes the intervals of some triangles infinite.
-    #[inline(always)]
-    fn unbound(&mut self, mut triangles: u32) {
-        while triangles != 0 {
-            let lane = triangles.trailing_zeros() as usize % LANES4;
-            triangles &= triangles - 1;
-            for bounds in &mut self.bounds {
-                (bounds[0][lane], bounds[1][lane]) = (f32::NEG_INFINITY, f32::INFINITY);
-            }
         }
     }
 

@@ -2,8 +2,7 @@
 
 use super::frustum::{MAX_SPREAD, SLACK};
 use crate::bvh::wide::single::box_ray::MARGIN;
-use crate::geometry::Ray;
-use crate::geometry::lanes::RayN;
+use crate::geometry::Rays;
 use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
 
 /// Rays per packet: those of a tile.
@@ -18,12 +17,10 @@ pub(crate) const MAX_BLOCK: usize = 16;
 /// Rays in blocks, one array per quantity. Lanes beyond the last ray repeat it.
 #[repr(C, align(64))]
 pub(crate) struct PacketRays<S: Simd> {
-    /// u, v and depth per unit of t of every ray; before [`PacketRays::project`], the components of its direction.
+    /// u, v and depth per unit of t of every ray.
     pub projected: [[OfBlock<S>; BLOCKS]; 3],
     /// An upper bound of the depth of every ray's origin.
     pub starts: [OfBlock<S>; BLOCKS],
-    /// The origins of rays with a common end, exactly, half a block in each array.
-    pub origins: [[<S::D as Vector>::Array; 3]; 2 * BLOCKS],
     /// `t_max` of every ray, rounded to nearest.
     pub ends: [OfBlock<S>; BLOCKS],
     /// The number of blocks in use.
@@ -36,13 +33,7 @@ pub(crate) type OfBlock<S> = <<S as Simd>::F as Vector>::Array;
 impl<S: Simd> Default for PacketRays<S> {
     fn default() -> Self {
         let zeros = [S::F::ZEROS; BLOCKS];
-        PacketRays {
-            projected: [zeros; 3],
-            starts: zeros,
-            origins: [[S::D::ZEROS; 3]; 2 * BLOCKS],
-            ends: zeros,
-            blocks: 0,
-        }
+        PacketRays { projected: [zeros; 3], starts: zeros, ends: zeros, blocks: 0 }
     }
 }
 
@@ -87,30 +78,25 @@ pub(crate) struct Common {
 }
 
 impl<S: Simd> PacketRays<S> {
-    /// Loads directions and ends of at least one ray. Looks for a common end if `to_end`, else for a common origin.
+    /// Loads the ends of at least one ray. Looks for a common end if `to_end`, else for a common origin.
     #[inline(always)]
-    pub(crate) fn fill(&mut self, rays: &[Ray], to_end: bool) -> Common {
+    pub(crate) fn fill(&mut self, rays: Rays, to_end: bool) -> Common {
         self.blocks = rays.len().div_ceil(S::F::LANES);
         let (mut starts, mut ends) = (Extent::<S::D>::empty(), Extent::<S::D>::empty());
         let (mut reach, mut nearest) = (S::D::splat(0.0), S::D::splat(f64::INFINITY));
         let mut latest = S::D::splat(0.0);
-        let mut directions = [[S::F::splat(f32::INFINITY), S::F::splat(f32::NEG_INFINITY)]; 3];
+        let mut directions = Extent::<S::D>::empty();
         for block in 0..self.blocks {
-            let low = RayN::<S::D>::new(rays, block * S::F::LANES);
-            let high = RayN::<S::D>::new(rays, block * S::F::LANES + S::D::LANES);
-            for (axis, [least, most]) in directions.iter_mut().enumerate() {
-                let component = S::D::to_floats(low.direction[axis], high.direction[axis]);
-                (*least, *most) = (component.min(*least), component.max(*most));
-                self.projected[axis][block] = component.array();
-            }
+            let low = rays.lanes::<S::D>(block * S::F::LANES);
+            let high = rays.lanes::<S::D>(block * S::F::LANES + S::D::LANES);
             self.ends[block] = S::D::to_floats(low.t_max, high.t_max).array();
-            for (half, four) in [&low, &high].into_iter().enumerate() {
+            for four in [&low, &high] {
                 latest = four.t_min.abs().max(latest);
+                directions.include(&four.direction);
                 if !to_end {
                     starts.include(&four.origin);
                     continue;
                 }
-                self.origins[2 * block + half] = four.origin.map(Vector::array);
                 let mut end = four.origin;
                 for (end, &direction) in end.iter_mut().zip(&four.direction) {
                     reach = (*end).abs().max(reach);
@@ -124,31 +110,27 @@ impl<S: Simd> PacketRays<S> {
         let start = starts.reduce();
         // NaN is not equal to itself.
         let same = !to_end && start.iter().all(|[least, most]| least == most);
-        let mut intervals = [[0.0; 2]; 3];
-        for (interval, [least, most]) in intervals.iter_mut().zip(directions) {
-            *interval = [least.reduce_min(), most.reduce_max()];
-        }
         let end =
             if to_end { common_end(ends.reduce(), reach.reduce_max(), nearest.reduce_min()) } else { None };
-        let origin = same.then(|| rays[0].origin.to_array());
-        Common { origin, end, starts_at_0: latest.reduce_max() == 0.0, directions: intervals }
+        let origin = same.then(|| rays.origin(0).to_array());
+        let directions = directions.reduce().map(|extent| extent.map(|x| x as f32));
+        Common { origin, end, starts_at_0: latest.reduce_max() == 0.0, directions }
     }
 
-    /// Turns the directions, with `u_axis` the first of the axes (u, v, depth), into u, v and depth per unit of t.
-    /// Returns the intervals of u and v. `to_end`: the directions point to the apex.
+    /// Computes u, v and depth per unit of t, whose axes are `axes`, from the directions. Returns the intervals of u
+    /// and v. `to_end`: the directions point to the apex.
     #[inline(always)]
-    pub(crate) fn project(&mut self, u_axis: usize, to_end: bool) -> [[S::F; 2]; 2] {
-        self.projected.rotate_left(u_axis);
+    pub(crate) fn project(&mut self, rays: Rays, axes: [usize; 3], to_end: bool) -> [[S::F; 2]; 2] {
         let sign = S::F::splat(if to_end { -1.0 } else { 1.0 });
         let one = S::F::splat(1.0);
         let mut intervals = [[S::F::splat(f32::INFINITY), S::F::splat(f32::NEG_INFINITY)]; 2];
         for block in 0..self.blocks {
-            let depth = S::F::load(self.projected[2][block]);
+            let depth = rays.direction_floats::<S::D>(axes[2], block * S::F::LANES);
             let depth = depth.max(S::F::splat(0.0) - depth);
             let share = sign * (one / depth);
             self.projected[2][block] = depth.array();
             for (k, [least, most]) in intervals.iter_mut().enumerate() {
-                let slope = S::F::load(self.projected[k][block]) * share;
+                let slope = rays.direction_floats::<S::D>(axes[k], block * S::F::LANES) * share;
                 self.projected[k][block] = slope.array();
                 (*least, *most) = (slope.min(*least), slope.max(*most));
             }
@@ -205,6 +187,7 @@ mod tests {
     use super::super::frustum::Frustum;
     use super::*;
     use crate::geometry::simd::Portable;
+    use crate::geometry::{Ray, RayBuffer};
     use glam::DVec3;
 
     const LANES: usize = <Portable as Simd>::F::LANES;
@@ -218,16 +201,16 @@ mod tests {
             (state >> 11) as f64 / (1u64 << 53) as f64
         };
         for scale in [1e-30, 1.0, 1e30] {
-            let rays: Vec<Ray> = (0..PACKET)
+            let rays: RayBuffer = (0..PACKET)
                 .map(|_| {
                     let direction = DVec3::new(unit() - 0.5, unit() - 0.5, 2.0).normalize();
                     Ray { origin: DVec3::ONE, direction, t_min: 0.0, t_max: scale * (unit() + 0.5) }
                 })
                 .collect();
             let mut packet = PacketRays::<Portable>::default();
-            let frustum = Frustum::new(&rays, false, &mut packet).expect("one start");
+            let frustum = Frustum::new(rays.rays(), false, &mut packet).expect("one start");
             assert_eq!(frustum.axes[2], 2);
-            for (index, ray) in rays.iter().enumerate() {
+            for (index, ray) in rays.rays().iter().enumerate() {
                 let depth = ray.direction.z * ray.t_max;
                 let [near, far] = packet.depths(index / LANES).map(|d| f64::from(d.array()[index % LANES]));
                 assert!(near < depth && depth < far, "{near} {depth} {far}");
@@ -239,7 +222,8 @@ mod tests {
         let endless = Ray { origin: DVec3::ZERO, direction: DVec3::Z, t_min: 0.0, t_max: f64::INFINITY };
         let askew = Ray { direction: DVec3::new(0.6, 0.0, 0.8), ..endless };
         let mut packet = PacketRays::<Portable>::default();
-        Frustum::new(&[endless, askew], false, &mut packet).expect("one start");
+        let (rays, mut padded) = (RayBuffer::from_iter([endless, askew]), RayBuffer::default());
+        Frustum::new(rays.rays().padded(&mut padded), false, &mut packet).expect("one start");
         assert_eq!(packet.depths(0).map(Vector::array), [[f32::INFINITY; LANES]; 2]);
     }
 }

@@ -2,13 +2,12 @@
 //! ([`Tier::hit_triangle_n`]), or by the side of a triangle's plane in f64 ([`TrianglePlane`]).
 
 use super::Packet;
-use super::hits::{BestHit, is_unresolved};
-use super::rays::BLOCKS;
+use super::hits::{BestHit, is_resolved, is_unresolved};
 use crate::bvh::wide::layout::Wide;
 use crate::bvh::wide::single::leaf::hit_triangle;
-use crate::geometry::lanes::{HitN, LANES4};
-use crate::geometry::simd::{Doubles, Simd, Vector, prefetch};
-use crate::geometry::{Hit, PrimId, Ray, SlotId, Tier};
+use crate::geometry::lanes::{HitN, LANES4, MAX_LANES};
+use crate::geometry::simd::{Doubles, Simd, Vector};
+use crate::geometry::{Hit, HitBuffer, NOTHING, Ray, SlotId, Tier};
 
 /// A triangle that rays certainly hit.
 pub(crate) struct CertainHit<'a> {
@@ -49,7 +48,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                 if tested == 0 {
                     continue;
                 }
-                let origins = self.scratch.rays.origins[2 * (block % BLOCKS) + half].map(S::D::load);
+                let origins = self.rays.origin_lanes::<S::D>(block * S::F::LANES + half * S::D::LANES);
                 let [before, beyond] = plane.sides(origins);
                 unknown &= !((before | beyond) << (half * S::D::LANES) & tested);
                 hit |= beyond << (half * S::D::LANES) & tested;
@@ -123,7 +122,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             BestHit::None => None,
             BestHit::Resolved(hit) => Some(hit),
             BestHit::Unresolved(slot) => {
-                let best = hit_in_slot(wide, &self.rays[ray], slot);
+                let best = hit_in_slot(wide, &self.rays.get(ray), slot);
                 match &best {
                     Some(best) => self.scratch.best.resolve(ray, best),
                     None => self.is_inconsistent = true,
@@ -131,7 +130,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                 best
             }
         };
-        if !wide.is_better(&self.rays[ray], hit, best.as_ref()) {
+        if !wide.is_better(|| self.rays.get(ray), hit, best.as_ref()) {
             return false;
         }
         let depths = self.scratch.rays.depths_at(ray, hit.t);
@@ -143,86 +142,85 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
 impl<T: Tier, S: Simd> Packet<'_, T, S, false> {
     /// Tests the unresolved best hits and appends the best hits of all rays. `false`, with nothing appended, if the
     /// tier missed a triangle that f32 certainly hit.
-    ///
-    /// One loop per step, so that independent results overlap.
     #[inline(always)]
-    pub(super) fn resolve_all(&mut self, wide: &Wide<T>, hits: &mut Vec<Option<Hit>>) -> bool {
-        let (rays, before) = (self.rays, hits.len());
-        let groups = rays.len().div_ceil(S::D::LANES);
-        let mut unresolved = 0u64;
-        hits.reserve(rays.len());
-        for group in 0..groups {
-            let first = group * S::D::LANES;
-            for lane in 0..S::D::LANES {
-                prefetch(hits, before + first + lane);
-            }
-            self.prefetch_following();
-            if (first..first + S::D::LANES).any(|ray| is_unresolved(self.scratch.best.slot(ray))) {
-                unresolved |= 1 << group;
-                self.prepared(group);
-            }
-        }
-        for group in 0..groups {
-            if unresolved >> group & 1 != 0 {
-                self.scratch.resolved[group] = self.resolve_group(wide, group);
-            }
-        }
-        // One push per case: a hit that is joined from several cases is written to the stack and then copied.
-        for (index, ray) in rays.iter().enumerate() {
-            match self.scratch.best.get(index) {
-                BestHit::None => hits.push(None),
-                BestHit::Resolved(hit) => hits.push(Some(hit)),
-                BestHit::Unresolved(slot) => {
-                    let (group, lane) = (&self.scratch.resolved[index / S::D::LANES], index % S::D::LANES);
-                    if group.hit >> lane & 1 != 0 {
-                        hits.push(Some(group.at(lane, PrimId(prim_in_slot(wide, slot)), slot)));
-                        continue;
-                    }
-                    let is_undecided = group.undecided >> lane & 1 != 0;
-                    let hit = if is_undecided { hit_in_slot(wide, ray, slot) } else { None };
-                    self.is_inconsistent |= hit.is_none();
-                    hits.push(hit);
-                }
-            }
+    pub(super) fn resolve_all(&mut self, wide: &Wide<T>, hits: &mut HitBuffer) -> bool {
+        let before = hits.len();
+        hits.reserve(self.rays.len());
+        for first in (0..self.rays.len()).step_by(S::D::LANES) {
+            self.prefetch_following(
+                #[inline(always)]
+                |index| hits.prefetch(before + index),
+            );
+            self.resolve_group(wide, first, hits);
         }
         if self.is_inconsistent {
-            hits.truncate(before);
+            hits.resize(before);
         }
         !self.is_inconsistent
     }
 
-    /// Tests a group of rays, some with unresolved best hits, against these triangles.
+    /// Tests the unresolved best hits of a group of rays, and appends their best hits.
     #[inline(always)]
-    fn resolve_group(&mut self, wide: &Wide<T>, group: usize) -> HitN<S::D> {
-        let first = group * S::D::LANES;
-        let slot = |lane: usize| self.scratch.best.slot(first + lane);
-        let Some(some) = (0..S::D::LANES).map(slot).find(|&slot| is_unresolved(slot)) else {
-            return HitN::NONE;
-        };
-        // Other lanes are tested against any of the triangles.
-        let mut tested = [some; MAX_LANES];
-        let mut is_one = true;
-        for (lane, tested) in tested.iter_mut().enumerate().take(S::D::LANES) {
-            *tested = if is_unresolved(slot(lane)) { slot(lane) } else { some };
-            is_one &= *tested == some;
+    fn resolve_group(&mut self, wide: &Wide<T>, first: usize, hits: &mut HitBuffer) {
+        let count = S::D::LANES.min(self.rays.len() - first);
+        let (mut slots, mut unresolved, mut resolved) = ([0; MAX_LANES], 0u32, 0u32);
+        for (lane, to) in slots.iter_mut().enumerate().take(S::D::LANES) {
+            let slot = self.scratch.best.slot(first + lane);
+            unresolved |= u32::from(is_unresolved(slot)) << lane;
+            resolved |= u32::from(is_resolved(slot)) << lane;
+            *to = slot;
         }
-        let place = |slot: u32| (&wide.triangles[slot as usize / LANES4].corners, slot as usize % LANES4);
-        let prepared = self.prepared(group);
-        if is_one {
-            let (triangles, lane) = place(some);
-            return T::hit_triangle_n(prepared, &triangles.corners_f64(lane), true);
+        let all = u32::MAX >> (u32::BITS as usize - count);
+        unresolved &= all;
+        let (mut group, mut prims) = (HitN::NONE, [NOTHING; MAX_LANES]);
+        if unresolved != 0 {
+            // Other lanes are tested against any of the triangles.
+            let some = slots[unresolved.trailing_zeros() as usize % MAX_LANES];
+            let mut is_one = true;
+            for (lane, slot) in slots.iter_mut().enumerate() {
+                *slot = if unresolved >> lane & 1 != 0 { *slot } else { some };
+                is_one &= *slot == some;
+            }
+            let place = |slot: u32| (&wide.triangles[slot as usize / LANES4], slot as usize % LANES4);
+            let prepared = self.prepared(first / S::D::LANES);
+            if is_one {
+                let (leaf, lane) = place(some);
+                group = T::hit_triangle_n(prepared, &leaf.corners.corners_f64(lane), true);
+                prims = [leaf.ids[lane]; MAX_LANES];
+            } else {
+                let triangles = slots.map(place);
+                group = T::hit_triangles_n(
+                    prepared,
+                    #[inline(always)]
+                    |lane| (&triangles[lane].0.corners, triangles[lane].1),
+                );
+                prims = triangles.map(|(leaf, lane)| leaf.ids[lane]);
+            }
+            group.hit &= unresolved;
+            for (lane, prim) in prims.iter_mut().enumerate() {
+                *prim = if group.hit >> lane & 1 != 0 { *prim } else { NOTHING };
+            }
         }
-        let triangles = tested.map(place);
-        T::hit_triangles_n(
-            prepared,
-            #[inline(always)]
-            |lane| triangles[lane],
-        )
+        let before = hits.len();
+        hits.append(count, &prims, &slots, &group);
+        // One by one: what the tier found before, and what it must decide by the test for one ray.
+        let mut others = (resolved | unresolved & !group.hit) & all;
+        while others != 0 {
+            let lane = others.trailing_zeros() as usize % MAX_LANES;
+            others &= others - 1;
+            let hit = match self.scratch.best.get(first + lane) {
+                BestHit::None => None,
+                BestHit::Resolved(hit) => Some(hit),
+                BestHit::Unresolved(slot) => {
+                    let hit = hit_in_slot(wide, &self.rays.get(first + lane), slot);
+                    self.is_inconsistent |= hit.is_none();
+                    hit
+                }
+            };
+            hits.set(before + lane, hit.as_ref());
+        }
     }
 }
-
-/// The most lanes of [`Simd::D`].
-const MAX_LANES: usize = 8;
 
 /// The tier's hit of a ray on the triangle in a slot.
 pub(crate) fn hit_in_slot<T: Tier>(wide: &Wide<T>, ray: &Ray, slot: SlotId) -> Option<Hit> {

@@ -9,7 +9,7 @@ use super::resolve::{CertainHit, hit_in_slot};
 use crate::bvh::Tests;
 use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::wide::single::leaf::{hit_analytic, hit_analytic_n};
-use crate::geometry::lanes::{LANES4, RayN};
+use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::{Simd, Vector};
 use crate::geometry::{PrimId, SlotId, Tier};
 
@@ -25,6 +25,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         wide: &Wide<T>,
         stack: &mut Vec<(Child, f32)>,
         tests: &mut Tests,
+        prefetch: impl Fn(usize),
     ) -> bool {
         stack.clear();
         let Some(mut node) = wide.nodes.first() else { return true };
@@ -34,7 +35,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             let (mask, at) = self.frustum.enter::<S>(node);
             push_children::<T, S>(wide, node, mask, &at, stack);
             loop {
-                self.prefetch_following();
+                self.prefetch_following(&prefetch);
                 let Some((child, at)) = stack.pop() else { return true };
                 if at > self.frustum.max_depth {
                     continue;
@@ -136,7 +137,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                     if group.undecided >> place & 1 == 0 {
                         return Some(group.at(place, PrimId(leaf.ids[lane]), slot));
                     }
-                    hit_in_slot(wide, &packet.rays[ray], slot)
+                    hit_in_slot(wide, &packet.rays.get(ray), slot)
                 },
             )
     }
@@ -160,12 +161,12 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                 block,
                 possible,
                 #[inline(always)]
-                |packet, first| hit_analytic_n::<T, S::D>(&RayN::new(packet.rays, first), shape),
+                |packet, first| hit_analytic_n::<T, S::D>(&packet.rays.lanes(first), shape),
                 #[inline(always)]
                 |packet, ray, group, lane| {
                     let mut hit = group.at(lane, *prim, wide.slot_of_analytic(index));
                     if group.undecided >> lane & 1 != 0 {
-                        hit.t = hit_analytic::<T>(&packet.rays[ray], shape)?;
+                        hit.t = hit_analytic::<T>(&packet.rays.get(ray), shape)?;
                     }
                     Some(hit)
                 },

@@ -19,7 +19,7 @@ pub(crate) const MARGIN: f32 = PRUNE_MARGIN + 4.0 * f32::EPSILON;
 
 /// The share of itself by which an offset is moved. It is off by up to 2 u (an f64 origin is rounded, then
 /// multiplied); this is 4 u. Underflow is covered by adding the least normal number.
-const WIDENING: f32 = 2.0 * f32::EPSILON;
+pub(crate) const WIDENING: f32 = 2.0 * f32::EPSILON;
 
 /// Largest direction components for which distances to planes stay far from the limits of f32.
 pub(crate) const LENGTHS: std::ops::RangeInclusive<f64> = 1.0 / 1024.0..=1024.0;
@@ -83,11 +83,19 @@ impl BoxRay {
         prepared
     }
 
+    /// A ray without zeros in its direction, which needs no scaling, from its prepared numbers.
+    #[inline(always)]
+    pub(crate) fn of_parts(inverse: [f32; 3], offsets: [[f32; 2]; 3], t_min: f32) -> Self {
+        let [x, y, z] = inverse;
+        let near = [Side::of_sign(x), Side::of_sign(y), Side::of_sign(z)];
+        BoxRay { inverse, near, offsets, t_min, scale: 1.0 }
+    }
+
     /// The distance beyond which no box around a hit at `t` is entered. Computed entry distances are at most 4 u too
     /// far, and rounding `t` takes u.
     #[inline(always)]
     pub(crate) fn prune_distance(&self, t: f64) -> f32 {
-        ((t * self.scale) as f32).max(f32::MIN_POSITIVE) * MARGIN
+        prune_distance(t * self.scale)
     }
 
     /// The distances at which the ray enters and leaves the boxes of `node`, clamped to `t_min` and `t_max`, the
@@ -116,6 +124,12 @@ impl BoxRay {
         let (enter, leave) = self.span::<S, FUSED>(node, t_max);
         (enter.le(leave) & node.present, enter.array())
     }
+}
+
+/// [`BoxRay::prune_distance`] of a ray that needs no scaling.
+#[inline(always)]
+pub(crate) fn prune_distance(t: f64) -> f32 {
+    (t as f32).max(f32::MIN_POSITIVE) * MARGIN
 }
 
 /// The distances to eight planes of one axis.

@@ -31,7 +31,7 @@ pub(crate) fn closest<T: Tier, S: Simd, const FUSED: bool>(
                 tests,
                 #[inline(always)]
                 |hit| {
-                    if !wide.is_better(ray, &hit, best.as_ref()) {
+                    if !wide.is_better(|| *ray, &hit, best.as_ref()) {
                         return Next::Continue;
                     }
                     best = Some(hit);
@@ -132,7 +132,7 @@ fn traverse<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
                 node = &wide.nodes[index as usize];
                 break;
             }
-            match hits_in_leaf::<T, S>(wide, ray, &prepared, child, tests, &mut found) {
+            match hits_in_leaf::<T, S>(wide, || *ray, || prepared, child, tests, &mut found) {
                 Next::Stop => return,
                 Next::Shorten(t) => t_max = boxes.prune_distance(t),
                 Next::Continue => {}

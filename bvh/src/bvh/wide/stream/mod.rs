@@ -2,44 +2,51 @@
 //!
 //! A single ray waits for memory and for branches that cannot be predicted. Here the memory of a ray's next node or
 //! leaf is prefetched while the other rays take their turns, and the children of a node are sorted without branches
-//! ([`Simd::sort_entered`]). [`state`] has the rays in flight, their stacks, and the queues of rays by what they
+//! ([`Simd::sort_entered`]). [`boxes`] has the rays prepared for boxes, [`state`] the rays in flight, their stacks, and the queues of rays by what they
 //! visit next.
 
+mod boxes;
 mod state;
 
 use super::layout::{Child, WIDTH, Wide};
+use super::single::box_ray::prune_distance;
 use super::single::leaf::hits_in_leaf;
 use crate::bvh::{Next, Tests};
-use crate::geometry::simd::Simd;
-use crate::geometry::{Hit, Ray, Tier};
-pub(crate) use state::Stacks;
-use state::{Queues, ROOM, STREAM_WIDTH, StreamRay};
+use crate::geometry::simd::{Simd, Vector};
+use crate::geometry::{Hit, Rays, Tier};
+use boxes::BoxBatch;
+pub(crate) use state::Scratch;
+use state::{Queues, ROOM, STREAM_WIDTH, Stacks, StreamRay};
 
-/// Whether the stacks have room for this tree.
-pub(crate) fn applies<T: Tier>(wide: &Wide<T>) -> bool {
-    !wide.nodes.is_empty() && (wide.depth + 2) * WIDTH <= ROOM
+/// Whether the stacks have room for this tree, and the rays are supported.
+#[inline(always)]
+pub(crate) fn applies<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays) -> bool {
+    !wide.nodes.is_empty() && (wide.depth + 2) * WIDTH <= ROOM && BoxBatch::supports::<S::D4>(rays)
 }
 
 /// Calls `found` with the index of a ray and each of its hits, nearest boxes first, until it returns [`Next::Stop`]
-/// for that ray. Directions must have no zeros, and the tree must fulfil [`applies`].
+/// for that ray. [`applies`] must hold; `rays` must be padded, and at most [`BATCH`].
 ///
 /// One function, because `queues` and `next` must stay in registers between the steps.
 #[inline(always)]
 pub(crate) fn traverse<T: Tier, S: Simd>(
     wide: &Wide<T>,
-    rays: &[Ray],
-    Stacks(stacks): &mut Stacks,
+    rays: Rays,
+    scratch: &mut Scratch,
     tests: &mut Tests,
     mut found: impl FnMut(usize, Hit) -> Next,
 ) {
-    let live = rays.len().min(STREAM_WIDTH);
-    if live == 0 {
-        return;
+    let Scratch { boxes, woop, stacks: Stacks(stacks) } = scratch;
+    for first in (0..rays.len()).step_by(S::F8::LANES) {
+        boxes.fill::<S>(rays, first);
+        woop.fill::<S::D4>(rays, first);
+        woop.fill::<S::D4>(rays, first + S::D4::LANES);
     }
+    let live = rays.len().min(STREAM_WIDTH);
     let mut queues = Queues::default();
-    let mut in_flight = [StreamRay::new::<T>(rays, 0, &mut stacks[0].items); STREAM_WIDTH];
+    let mut in_flight = [StreamRay::default(); STREAM_WIDTH];
     for (index, state) in in_flight.iter_mut().enumerate().take(live) {
-        *state = StreamRay::new::<T>(rays, index, &mut stacks[index].items);
+        *state = StreamRay::new(rays, index, &mut stacks[index].items);
         queues.push(index, state.child);
     }
     let mut next = live;
@@ -51,7 +58,7 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
             let index = usize::from(index) % STREAM_WIDTH;
             let (state, stack) = (&mut in_flight[index], &mut stacks[index].items);
             let node = &wide.nodes[state.child.index()];
-            let (enter, leave) = state.boxes.span::<S, true>(node, state.t_max);
+            let (enter, leave) = boxes.at(state.ray).span::<S, true>(node, state.t_max);
             debug_assert!(state.top < ROOM);
             let top = state.top % ROOM;
             let Some(to) = stack[top..top + WIDTH].first_chunk_mut() else { unreachable!("there is room") };
@@ -74,8 +81,8 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
                 let ray = state.ray;
                 let after = hits_in_leaf::<T, S>(
                     wide,
-                    &rays[ray],
-                    &state.prepared,
+                    || rays.get(ray),
+                    || T::prepare_at(rays, woop, ray),
                     state.child,
                     tests,
                     #[inline(always)]
@@ -83,7 +90,7 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
                 );
                 match after {
                     Next::Stop => state.top = 1,
-                    Next::Shorten(t) => state.t_max = state.boxes.prune_distance(t),
+                    Next::Shorten(t) => state.t_max = prune_distance(t),
                     Next::Continue => {}
                 }
                 state.pop(stack);
@@ -95,7 +102,7 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
         let (ready, len) = queues.take(Child::KIND_NOTHING);
         for &index in ready[..len].iter().take(rays.len() - next) {
             let index = usize::from(index) % STREAM_WIDTH;
-            in_flight[index] = StreamRay::new::<T>(rays, next, &mut stacks[index].items);
+            in_flight[index] = StreamRay::new(rays, next, &mut stacks[index].items);
             queues.push(index, in_flight[index].child);
             next += 1;
         }

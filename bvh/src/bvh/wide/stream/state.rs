@@ -1,14 +1,23 @@
 //! The state of a stream: rays in flight, their stacks, and the queues of rays by the kind of their next visit.
 
+use super::boxes::BoxBatch;
 use crate::bvh::wide::layout::{Child, WIDTH};
-use crate::bvh::wide::single::box_ray::BoxRay;
-use crate::geometry::{Ray, Tier};
+use crate::bvh::wide::single::box_ray::prune_distance;
+use crate::geometry::{Rays, WoopBatch};
 
 /// Rays in flight.
 pub(crate) const STREAM_WIDTH: usize = 32;
 
 /// Elements per stack. Every node on a path leaves at most seven children; deeper trees are traversed by single rays.
 pub(crate) const ROOM: usize = 256;
+
+/// The memory of streams: the prepared rays of a batch, and a stack for each ray in flight.
+#[derive(Default)]
+pub(crate) struct Scratch {
+    pub boxes: BoxBatch,
+    pub woop: WoopBatch,
+    pub stacks: Stacks,
+}
 
 /// One traversal stack per ray in flight. An element has a [`Child`] in its lower half and the bits of its entry
 /// distance in its upper half; positive f32 are ordered as their bits. The bottom element is [`Child::NOTHING`].
@@ -33,10 +42,8 @@ impl Default for Stacks {
 }
 
 /// A ray in flight.
-#[derive(Clone, Copy)]
-pub(crate) struct StreamRay<P: Copy> {
-    pub boxes: BoxRay,
-    pub prepared: P,
+#[derive(Clone, Copy, Default)]
+pub(crate) struct StreamRay {
     /// The index of the ray.
     pub ray: usize,
     /// The height of its stack.
@@ -47,21 +54,12 @@ pub(crate) struct StreamRay<P: Copy> {
     pub child: Child,
 }
 
-impl<P: Copy> StreamRay<P> {
+impl StreamRay {
     /// A ray at the root.
     #[inline(always)]
-    pub(crate) fn new<T: Tier<Prepared = P>>(rays: &[Ray], index: usize, stack: &mut Items) -> Self {
-        let ray = &rays[index];
-        let boxes = BoxRay::new(ray, true);
+    pub(crate) fn new(rays: Rays, ray: usize, stack: &mut Items) -> Self {
         stack[0] = u64::from(Child::NOTHING.as_bits());
-        StreamRay {
-            t_max: boxes.prune_distance(ray.t_max),
-            boxes,
-            prepared: T::prepare(ray),
-            ray: index,
-            top: 1,
-            child: Child::node(0),
-        }
+        StreamRay { ray, top: 1, t_max: prune_distance(rays.t_max(ray)), child: Child::node(0) }
     }
 
     /// Pops the next child that is entered before `t_max`.

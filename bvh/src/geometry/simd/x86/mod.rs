@@ -126,6 +126,55 @@ fn exchange<const GREATER: i32>(a: __m256i, b: __m256i) -> __m256i {
     _mm256_blend_epi32::<GREATER>(_mm256_min_epi32(a, b), _mm256_max_epi32(a, b))
 }
 
+/// [`sort_entered`] with masks and compression.
+#[inline]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
+fn sort_entered_512(enter: __m256, leave: __m256, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
+    let entered = _mm256_cmp_ps_mask::<_CMP_LE_OQ>(enter, leave);
+    let count = entered.count_ones() as usize;
+    let (number, lanes) = (_mm256_set1_epi32(!7), _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+    // `enter & number | lanes`. The other lanes become 0, which no key is below.
+    let keys = _mm256_ternarylogic_epi32::<0xf8>(lanes, _mm256_castps_si256(enter), number);
+    let keys = _mm256_maskz_compress_epi32(entered, keys);
+    let of: __m256i = bytemuck::cast(*of);
+    if count <= 4 {
+        let keys = _mm256_castsi256_si128(keys);
+        let keys = exchange_four_512::<0b0101>(keys, _mm_shuffle_epi32::<0b10_11_00_01>(keys));
+        let keys = exchange_four_512::<0b0011>(keys, _mm_shuffle_epi32::<0b01_00_11_10>(keys));
+        let keys = exchange_four_512::<0b0010>(keys, _mm_shuffle_epi32::<0b11_01_10_00>(keys));
+        let items = _mm256_castsi256_si128(_mm256_permutevar8x32_epi32(of, _mm256_castsi128_si256(keys)));
+        let at = _mm_and_si128(keys, _mm256_castsi256_si128(number));
+        to[..2].copy_from_slice(&bytemuck::cast::<_, [u64; 2]>(_mm_unpacklo_epi32(items, at)));
+        to[2..4].copy_from_slice(&bytemuck::cast::<_, [u64; 2]>(_mm_unpackhi_epi32(items, at)));
+        return count;
+    }
+    let keys = exchange_512::<0x99>(keys, _mm256_shuffle_epi32::<0b10_11_00_01>(keys));
+    let keys = exchange_512::<0xc3>(keys, _mm256_shuffle_epi32::<0b01_00_11_10>(keys));
+    let keys = exchange_512::<0xa5>(keys, _mm256_shuffle_epi32::<0b10_11_00_01>(keys));
+    let keys = exchange_512::<0x0f>(keys, _mm256_permute2x128_si256::<1>(keys, keys));
+    let keys = exchange_512::<0x33>(keys, _mm256_shuffle_epi32::<0b01_00_11_10>(keys));
+    let keys = exchange_512::<0x55>(keys, _mm256_shuffle_epi32::<0b10_11_00_01>(keys));
+    let items = _mm512_cvtepu32_epi64(_mm256_permutevar8x32_epi32(of, keys));
+    let at = _mm512_slli_epi64::<32>(_mm512_cvtepu32_epi64(_mm256_and_si256(keys, number)));
+    // SAFETY: the array has eight numbers.
+    unsafe { _mm512_storeu_si512(to.as_mut_ptr().cast(), _mm512_or_si512(items, at)) };
+    count
+}
+
+/// [`exchange_four`] with a mask.
+#[inline]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
+fn exchange_four_512<const GREATER: u8>(a: __m128i, b: __m128i) -> __m128i {
+    _mm_mask_max_epi32(_mm_min_epi32(a, b), GREATER, a, b)
+}
+
+/// [`exchange`] with a mask.
+#[inline]
+#[target_feature(enable = "avx2,fma,popcnt,bmi1,bmi2,lzcnt,avx512f,avx512vl,avx512dq,avx512bw")]
+fn exchange_512<const GREATER: u8>(a: __m256i, b: __m256i) -> __m256i {
+    _mm256_mask_max_epi32(_mm256_min_epi32(a, b), GREATER, a, b)
+}
+
 impl Simd for Avx2 {
     type F8 = F8;
     type D4 = D4;
@@ -186,6 +235,7 @@ impl Simd for Avx512 {
 
     #[inline(always)]
     fn sort_entered(enter: F8, leave: F8, of: &[u32; 8], to: &mut [u64; 8]) -> usize {
-        Avx2::sort_entered(enter, leave, of, to)
+        // SAFETY: see [`Avx512`].
+        unsafe { sort_entered_512(enter.0, leave.0, of, to) }
     }
 }

@@ -272,14 +272,6 @@ impl Doubles for D4 {
     }
 
     #[inline(always)]
-    fn columns<'a>(row: impl Fn(usize) -> &'a [f64; 8]) -> [Self; 8] {
-        let (a, b, c, d) = (row(0), row(1), row(2), row(3));
-        let [p, q, r, s] = transposed(a, b, c, d);
-        let [t, u, v, w] = transposed(&a[4..], &b[4..], &c[4..], &d[4..]);
-        [p, q, r, s, t, u, v, w]
-    }
-
-    #[inline(always)]
     fn to_floats(low: Self, high: Self) -> F8 {
         // SAFETY: see above.
         F8(unsafe { _mm256_set_m128(_mm256_cvtpd_ps(high.0), _mm256_cvtpd_ps(low.0)) })
@@ -313,49 +305,6 @@ impl Doubles for D4 {
     }
 }
 
-/// The columns of a matrix with four rows and at least four columns.
-#[inline(always)]
-fn transposed(a: &[f64], b: &[f64], c: &[f64], d: &[f64]) -> [D4; 4] {
-    let [a, b, c, d] = [D4::load_slice(a).0, D4::load_slice(b).0, D4::load_slice(c).0, D4::load_slice(d).0];
-    // SAFETY: see above.
-    unsafe {
-        let (ab_even, ab_odd) = (_mm256_unpacklo_pd(a, b), _mm256_unpackhi_pd(a, b));
-        let (cd_even, cd_odd) = (_mm256_unpacklo_pd(c, d), _mm256_unpackhi_pd(c, d));
-        [
-            D4(_mm256_permute2f128_pd::<0x20>(ab_even, cd_even)),
-            D4(_mm256_permute2f128_pd::<0x20>(ab_odd, cd_odd)),
-            D4(_mm256_permute2f128_pd::<0x31>(ab_even, cd_even)),
-            D4(_mm256_permute2f128_pd::<0x31>(ab_odd, cd_odd)),
-        ]
-    }
-}
-
-/// Two rows, element by element: those of even and those of odd columns.
-#[inline(always)]
-fn pairs(first: &[f64; 8], second: &[f64; 8]) -> [__m512d; 2] {
-    let (first, second) = (D8::load(*first).0, D8::load(*second).0);
-    // SAFETY: see above.
-    unsafe { [_mm512_unpacklo_pd(first, second), _mm512_unpackhi_pd(first, second)] }
-}
-
-/// Columns k, k + 4, k + 2 and k + 6 of eight rows, from their [`pairs`]: k is 0 or 1.
-#[inline(always)]
-fn every_second([ab, cd, ef, gh]: [__m512d; 4]) -> [D8; 4] {
-    // SAFETY: see above.
-    unsafe {
-        let low = _mm512_shuffle_f64x2::<0x88>(ab, cd);
-        let high = _mm512_shuffle_f64x2::<0x88>(ef, gh);
-        let low_between = _mm512_shuffle_f64x2::<0xdd>(ab, cd);
-        let high_between = _mm512_shuffle_f64x2::<0xdd>(ef, gh);
-        [
-            D8(_mm512_shuffle_f64x2::<0x88>(low, high)),
-            D8(_mm512_shuffle_f64x2::<0xdd>(low, high)),
-            D8(_mm512_shuffle_f64x2::<0x88>(low_between, high_between)),
-            D8(_mm512_shuffle_f64x2::<0xdd>(low_between, high_between)),
-        ]
-    }
-}
-
 impl Doubles for D8 {
     type Floats = F16;
 
@@ -375,15 +324,6 @@ impl Doubles for D8 {
     #[inline(always)]
     fn from_f64(lane: impl Fn(usize) -> f64) -> Self {
         D8::load([lane(0), lane(1), lane(2), lane(3), lane(4), lane(5), lane(6), lane(7)])
-    }
-
-    #[inline(always)]
-    fn columns<'a>(row: impl Fn(usize) -> &'a [f64; 8]) -> [Self; 8] {
-        let ([ab, cd], [ef, gh]) =
-            ([pairs(row(0), row(1)), pairs(row(2), row(3))], [pairs(row(4), row(5)), pairs(row(6), row(7))]);
-        let [p, t, r, v] = every_second([ab[0], cd[0], ef[0], gh[0]]);
-        let [q, u, s, w] = every_second([ab[1], cd[1], ef[1], gh[1]]);
-        [p, q, r, s, t, u, v, w]
     }
 
     #[inline(always)]

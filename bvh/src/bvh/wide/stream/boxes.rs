@@ -1,0 +1,61 @@
+//! [`BoxBatch`]: the rays of a batch prepared for the boxes of nodes.
+
+use crate::bvh::wide::single::box_ray::{BoxRay, LENGTHS, WIDENING};
+use crate::geometry::simd::{Doubles, Simd, Vector};
+use crate::geometry::{BATCH, Rays};
+
+/// A [`BoxRay`] for each ray.
+pub(crate) struct BoxBatch(Vec<BoxRay>);
+
+impl Default for BoxBatch {
+    fn default() -> Self {
+        BoxBatch(vec![BoxRay::of_parts([1.0; 3], [[0.0; 2]; 3], 0.0); BATCH])
+    }
+}
+
+impl BoxBatch {
+    /// Whether the directions have no zeros and need no scaling.
+    #[inline(always)]
+    pub(crate) fn supports<D: Doubles>(rays: Rays) -> bool {
+        let (zero, least, most) = (D::splat(0.0), D::splat(*LENGTHS.start()), D::splat(*LENGTHS.end()));
+        let mut supported = D::ALL;
+        for first in (0..rays.len()).step_by(D::LANES) {
+            let [x, y, z] = rays.direction_lanes::<D>(first);
+            let [x, y, z] = [x.abs(), y.abs(), z.abs()];
+            let longest = x.max(y).max(z);
+            supported &= zero.lt(x) & zero.lt(y) & zero.lt(z) & least.le(longest) & longest.le(most);
+        }
+        supported == D::ALL
+    }
+
+    /// Prepares the rays of a vector of f32 from index `first` on, as [`BoxRay::new`]. They must be supported.
+    #[inline(always)]
+    pub(crate) fn fill<S: Simd>(&mut self, rays: Rays, first: usize) {
+        let (zero, one) = (S::F8::splat(0.0), S::F8::splat(1.0));
+        let (mut inverses, mut offsets) = ([S::F8::ZEROS; 3], [[S::F8::ZEROS; 2]; 3]);
+        for axis in 0..3 {
+            let inverse = one / rays.direction_floats::<S::D4>(axis, first);
+            let offset = rays.origin_floats::<S::D4>(axis, first) * inverse;
+            let (of_offset, of_inverse) = (offset.max(zero - offset), inverse.max(zero - inverse));
+            let underflow = (of_inverse + one) * S::F8::splat(f32::MIN_POSITIVE);
+            let widening = of_offset * S::F8::splat(WIDENING) + underflow;
+            inverses[axis] = inverse.array();
+            offsets[axis] = [(offset + widening).array(), (offset - widening).array()];
+        }
+        // Rounded to nearest, then down by more than that rounds. Underflow is covered by the widening.
+        let t_min = rays.t_min_floats::<S::D4>(first);
+        let t_min = (t_min * S::F8::splat(1.0 - f32::EPSILON)).max(zero).array();
+        let [[ox, px], [oy, py], [oz, pz]] = &offsets;
+        for (lane, ray) in self.0[first..first + S::F8::LANES].iter_mut().enumerate() {
+            let inverse = [inverses[0][lane], inverses[1][lane], inverses[2][lane]];
+            let offsets = [[ox[lane], px[lane]], [oy[lane], py[lane]], [oz[lane], pz[lane]]];
+            *ray = BoxRay::of_parts(inverse, offsets, t_min[lane]);
+        }
+    }
+
+    /// The ray at `i`.
+    #[inline(always)]
+    pub(crate) fn at(&self, i: usize) -> &BoxRay {
+        &self.0[i]
+    }
+}

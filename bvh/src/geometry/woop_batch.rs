@@ -1,0 +1,85 @@
+//! [`WoopBatch`]: the rays of a batch prepared for the watertight triangle test (`woop`).
+
+use glam::DVec3;
+
+use super::Rays;
+use super::simd::Doubles;
+use super::woop::{MajorAxis, WoopTest};
+
+/// The most rays of a batch.
+pub(crate) const BATCH: usize = 256;
+
+/// A [`WoopTest`] for each ray, none of which may have a direction component of 0.
+pub(crate) struct WoopBatch(Vec<WoopTest>);
+
+impl Default for WoopBatch {
+    fn default() -> Self {
+        let nothing = WoopTest::of_parts(MajorAxis::X, [DVec3::ZERO; 2], [0.0; 3], [0.0; 2]);
+        WoopBatch(vec![nothing; BATCH])
+    }
+}
+
+impl WoopBatch {
+    /// Prepares the rays of a vector, from index `first` on, as [`WoopTest::new`]; see [`Rays::lanes`].
+    #[inline(always)]
+    pub(crate) fn fill<D: Doubles>(&mut self, rays: Rays, first: usize) {
+        let lanes = rays.lanes::<D>(first);
+        let [x, y, z] = lanes.direction;
+        let one = D::splat(1.0);
+        let inverse = [(one / x).array(), (one / y).array(), (one / z).array()];
+        let direction = [x.array(), y.array(), z.array()];
+        let [x, y, z] = [x.abs(), y.abs(), z.abs()];
+        let [x_first, y_first] = [y.le(x) & z.le(x), z.le(y)];
+        let [x, y, z] = lanes.origin;
+        let origin = [x.array(), y.array(), z.array()];
+        let (t_min, t_max) = (lanes.t_min.array(), lanes.t_max.array());
+        for (lane, test) in self.0[first..first + D::LANES].iter_mut().enumerate() {
+            let major = MajorAxis::of_order(x_first >> lane & 1 != 0, y_first >> lane & 1 != 0);
+            // By index: a match on the axis would be mispredicted.
+            let [u, v, w] = major.axes();
+            *test = WoopTest::of_parts(
+                major,
+                [
+                    DVec3::new(origin[u][lane], origin[v][lane], origin[w][lane]),
+                    DVec3::new(direction[u][lane], direction[v][lane], direction[w][lane]),
+                ],
+                [inverse[u][lane], inverse[v][lane], inverse[w][lane]],
+                [t_min[lane], t_max[lane]],
+            );
+        }
+    }
+
+    /// The ray at `i`.
+    #[inline(always)]
+    pub(crate) fn at(&self, i: usize) -> &WoopTest {
+        &self.0[i]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::simd::{Portable, Simd};
+    use crate::geometry::{Ray, RayBuffer};
+    use glam::DVec3;
+
+    #[test]
+    fn rays_of_a_batch_are_prepared_as_one() {
+        let component = |i: usize| [1.0, -1.0, 0.3, -7.5, 1e-30, 1e30][i % 6];
+        let rays: RayBuffer = (0..216)
+            .map(|i| Ray {
+                origin: DVec3::new(0.1, i as f64, -2.0),
+                direction: DVec3::new(component(i), component(i / 6), component(i / 36)),
+                t_min: 0.0,
+                t_max: 1.0 + i as f64,
+            })
+            .collect();
+        let mut batch = WoopBatch::default();
+        for first in (0..rays.len()).step_by(4) {
+            batch.fill::<<Portable as Simd>::D>(rays.rays(), first);
+        }
+        for (i, ray) in rays.rays().iter().enumerate() {
+            assert_eq!(*batch.at(i), WoopTest::new(&ray), "{ray:?}");
+        }
+    }
+}
