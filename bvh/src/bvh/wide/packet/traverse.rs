@@ -14,8 +14,8 @@ use crate::geometry::simd::{Simd, Vector};
 use crate::geometry::{PrimId, SlotId, Tier};
 
 /// The work per ray above which a packet is abandoned: 1 for each triangle leaf visited, 2 for each of its triangles
-/// that overlaps the frustum. Measurements: docs/decisions.md.
-const MAX_WORK_PER_RAY: usize = 2;
+/// that overlaps the frustum. For closest hits and for any hit. Measurements: docs/decisions.md.
+const MAX_WORK_PER_RAY: [usize; 2] = [8, 4];
 
 impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     /// Finds the best hits of all rays. `false` if the packet is abandoned.
@@ -49,7 +49,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                         for index in triangles {
                             work += self.visit_triangles(wide, index, tests);
                         }
-                        if work > MAX_WORK_PER_RAY * self.rays.len() {
+                        if work > MAX_WORK_PER_RAY[usize::from(ANY)] * self.rays.len() {
                             return false;
                         }
                     }
