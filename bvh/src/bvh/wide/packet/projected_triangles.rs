@@ -81,12 +81,12 @@ impl<S: Simd> ProjectedTriangles<S> {
         }
     }
 
-    /// The blocks of rays that a triangle's bounds overlap, as bits.
+    /// The blocks of rays that a triangle's bounds overlap, nearer than `depths` of the blocks, as bits.
     #[inline(always)]
-    pub(crate) fn blocks(&self, lane: usize, block_bounds: &BlockBounds) -> u32 {
+    pub(crate) fn blocks(&self, lane: usize, block_bounds: &BlockBounds, depths: &[f32; BLOCKS]) -> u32 {
         let mut blocks = 0;
         for first in (0..PACKET / S::F::LANES).step_by(S::F::LANES) {
-            let mut mask = u32::MAX;
+            let mut mask = S::F::splat(self.nearest[lane]).le(S::F::load_slice(&depths[first..]));
             for ([least, most], bounds) in block_bounds.iter().zip(&self.bounds) {
                 let (low, high) = (S::F::splat(bounds[0][lane]), S::F::splat(bounds[1][lane]));
                 let (least, most) = (S::F::load_slice(&least[first..]), S::F::load_slice(&most[first..]));

@@ -68,10 +68,17 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     fn visit_triangles(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) -> usize {
         let leaf = &wide.triangles[index as usize];
         let projected = ProjectedTriangles::<S>::new::<T>(&leaf.corners, &self.frustum);
-        let mut lanes = projected.overlapping;
+        let (mut blocks, mut lanes) = ([0; LANES4], 0);
+        for (lane, blocks) in blocks.iter_mut().enumerate() {
+            if projected.overlapping >> lane & 1 != 0 {
+                *blocks = projected.blocks(lane, &self.scratch.block_bounds, &self.scratch.depths);
+                lanes |= u32::from(*blocks != 0) << lane;
+            }
+        }
         if lanes == 0 {
             return 1;
         }
+        let work = 1 + 2 * lanes.count_ones() as usize;
         let edges = EdgeFunctions::new::<S>(&projected, &self.frustum);
         // Updated at the end: reading the depths right after their lanes were stored would stall.
         let mut changed = 0u32;
@@ -79,20 +86,16 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             let lane = lanes.trailing_zeros() as usize % LANES4;
             lanes &= lanes - 1;
             let slot = SlotId::new(index * LANES4 as u32 + lane as u32);
-            let mut blocks = projected.blocks(lane, &self.scratch.block_bounds);
-            let (nearest, corners) = (projected.nearest[lane], leaf.corners.corners_f64(lane));
+            let (mut blocks, corners) = (blocks[lane], leaf.corners.corners_f64(lane));
             while blocks != 0 {
                 let block = blocks.trailing_zeros() as usize % BLOCKS;
                 blocks &= blocks - 1;
-                if nearest > self.scratch.depths[block] {
-                    continue;
-                }
                 let found = self.visit_block(wide, block, lane, (leaf, slot, &corners), &edges, tests);
                 changed |= u32::from(found) << block;
             }
         }
         self.update_depths(changed);
-        1 + 2 * projected.overlapping.count_ones() as usize
+        work
     }
 
     /// Tests the rays of a block against one triangle. Returns whether a best hit changed.
