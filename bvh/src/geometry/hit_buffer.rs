@@ -134,7 +134,12 @@ impl HitBuffer {
 
     /// The result of every ray.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Option<Hit>> + Clone + '_ {
-        (0..self.len).map(|i| self.get(i))
+        let [v, w] = &self.barycentrics;
+        let numbers = self.prim[..self.len].iter().zip(&self.slot).zip(&self.t).zip(v).zip(w);
+        numbers.map(|((((&prim, &slot), &t), &v), &w)| {
+            let (prim, slot) = (PrimId(prim), SlotId::new(slot));
+            (prim.0 != NOTHING).then_some(Hit { t, prim, slot, barycentrics: [v, w] })
+        })
     }
 
     /// Bytes of memory of the arrays.
