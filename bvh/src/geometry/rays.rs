@@ -144,6 +144,12 @@ impl<'a> Rays<'a> {
         [load(x, first), load(y, first), load(z, first)]
     }
 
+    /// `t_max` of [`Rays::lanes`].
+    #[inline(always)]
+    pub(crate) fn t_max_lanes<D: Doubles>(&self, first: usize) -> D {
+        load(self.t_max, first)
+    }
+
     /// The directions of [`Rays::lanes`].
     #[inline(always)]
     pub(crate) fn direction_lanes<D: Doubles>(&self, first: usize) -> [D; 3] {

@@ -16,7 +16,7 @@
 use super::rays::{Common, PacketRays};
 use crate::bvh::wide::layout::{Node, WIDTH};
 use crate::bvh::wide::single::box_ray::LENGTHS;
-use crate::geometry::simd::{Floats, Simd, Vector};
+use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
 use crate::geometry::{Rays, round_down, round_up};
 
 /// The relative amount by which bounds of intervals are moved outwards. A slope is off by 5 u (two components, a
@@ -100,49 +100,33 @@ impl Frustum {
     }
 
     /// The frustum of parallel rays.
+    #[inline(always)]
     fn parallel<S: Simd>(rays: Rays, packet: &mut PacketRays<S>) -> Option<Self> {
         let (direction, apex) = (rays.direction(0), rays.origin(0));
         let length = direction.abs();
         let depth = (0..3).fold(0, |best, axis| if length[axis] > length[best] { axis } else { best });
         let axes = [(depth + 1) % 3, (depth + 2) % 3, depth];
         let flipped = direction[depth] < 0.0;
-        if !LENGTHS.contains(&length[depth]) || rays.iter().any(|ray| ray.direction != direction) {
+        if !LENGTHS.contains(&length[depth]) || !are_parallel::<S::D>(rays) {
             return None;
         }
         let shear = [0, 1].map(|k| direction[axes[k]] / length[depth]);
         packet.blocks = rays.len().div_ceil(S::F::LANES);
-        let mut frustum = Frustum {
+        let extent = packet.project_parallel(rays, apex.to_array(), axes, flipped, shear);
+        let frustum = Frustum {
             axes,
             flipped,
             apex: apex.to_array(),
             spread: 0.0,
             apex_bounds: apex.to_array().map(|x| [round_down(x), round_up(x)]),
-            intervals: [[f32::INFINITY, f32::NEG_INFINITY]; 2],
+            intervals: extent.intervals.map(|[least, most]| [round_down(least), round_up(most)]),
             shear: Some(shear),
-            reach: 0.0,
-            min_depth: f32::INFINITY,
+            reach: extent.reach,
+            min_depth: round_down(extent.min_depth),
             max_depth: f32::INFINITY,
             inner_depth: f32::INFINITY,
         };
-        for i in 0..packet.blocks * S::F::LANES {
-            let (block, lane) = (i / S::F::LANES, i % S::F::LANES);
-            let ray = rays.get(i.min(rays.len() - 1));
-            let from_apex = ray.origin - apex;
-            let start = if flipped { -from_apex[depth] } else { from_apex[depth] };
-            for (k, interval) in frustum.intervals.iter_mut().enumerate() {
-                let (lateral, sheared) = (from_apex[axes[k]], shear[k] * start);
-                let at = lateral - sheared;
-                let error = (lateral.abs() + sheared.abs()) * SLACK;
-                packet.projected[k][block][lane] = at as f32;
-                *interval = [interval[0].min(round_down(at - error)), interval[1].max(round_up(at + error))];
-                frustum.reach = frustum.reach.max(lateral.abs() + sheared.abs());
-            }
-            packet.projected[2][block][lane] = length[depth] as f32;
-            packet.ends[block][lane] = ray.t_max as f32;
-            packet.starts[block][lane] = round_up(start + start.abs() * SLACK);
-            frustum.min_depth = frustum.min_depth.min(round_down(start - start.abs() * SLACK));
-            frustum.reach = frustum.reach.max(start.abs());
-        }
+        packet.projected[2][..packet.blocks].fill(S::F::splat(length[depth] as f32).array());
         frustum.intervals.as_flattened().iter().all(|at| at.is_finite()).then_some(frustum)
     }
 
@@ -189,6 +173,20 @@ impl Frustum {
         }
         (mask, near.array())
     }
+}
+
+/// Whether all rays have the same direction.
+#[inline(always)]
+fn are_parallel<D: Doubles>(rays: Rays) -> bool {
+    let direction = rays.direction(0);
+    let mut same = D::ALL;
+    for first in (0..rays.len()).step_by(D::LANES) {
+        for (lanes, of_first) in rays.direction_lanes::<D>(first).into_iter().zip(direction.to_array()) {
+            let of_first = D::splat(of_first);
+            same &= lanes.le(of_first) & of_first.le(lanes);
+        }
+    }
+    same == D::ALL
 }
 
 /// The axis on which the least direction component is largest and all have the same sign; `None` if components are

@@ -64,6 +64,16 @@ impl<D: Doubles> Extent<D> {
     }
 }
 
+/// Bounds of parallel rays, for a [`Frustum`](super::frustum::Frustum).
+pub(crate) struct ParallelExtent {
+    /// Bounds of u and v.
+    pub intervals: [[f64; 2]; 2],
+    /// A lower bound of the depths of origins.
+    pub min_depth: f64,
+    /// A bound on coordinates of origins relative to the apex, and on how far the shear moves them.
+    pub reach: f64,
+}
+
 /// What the rays of a packet have in common.
 pub(crate) struct Common {
     /// The common origin.
@@ -136,6 +146,61 @@ impl<S: Simd> PacketRays<S> {
             }
         }
         intervals
+    }
+
+    /// [`PacketRays::project`] for parallel rays, also loading their ends: u and v are where a ray crosses the plane of
+    /// depth 0. Depth per unit of t is left out.
+    #[inline(always)]
+    pub(crate) fn project_parallel(
+        &mut self,
+        rays: Rays,
+        apex: [f64; 3],
+        axes: [usize; 3],
+        flipped: bool,
+        shear: [f64; 2],
+    ) -> ParallelExtent {
+        let (slack, zero) = (S::D::splat(SLACK), S::D::splat(0.0));
+        let [infinity, nothing] = [S::D::splat(f64::INFINITY), S::D::splat(f64::NEG_INFINITY)];
+        let (mut intervals, mut min_depth, mut reach) = ([[infinity, nothing]; 2], infinity, zero);
+        for block in 0..self.blocks {
+            let (mut places, mut starts, mut ends) = ([[zero; 2]; 2], [zero; 2], [zero; 2]);
+            for half in 0..2 {
+                let first = block * S::F::LANES + half * S::D::LANES;
+                let origin = rays.origin_lanes::<S::D>(first);
+                let along = origin[axes[2]] - S::D::splat(apex[axes[2]]);
+                let start = if flipped { zero - along } else { along };
+                for k in 0..2 {
+                    let lateral = origin[axes[k]] - S::D::splat(apex[axes[k]]);
+                    let sheared = S::D::splat(shear[k]) * start;
+                    let (at, size) = (lateral - sheared, lateral.abs() + sheared.abs());
+                    let error = size * slack;
+                    let [least, most] = &mut intervals[k];
+                    (*least, *most) = ((at - error).min(*least), (at + error).max(*most));
+                    reach = size.max(reach);
+                    places[k][half] = at;
+                }
+                let error = start.abs() * slack;
+                min_depth = (start - error).min(min_depth);
+                reach = start.abs().max(reach);
+                // Half of the error is for the rounding to f32, with its underflow.
+                starts[half] = start + error + S::D::splat(f64::from(f32::MIN_POSITIVE));
+                ends[half] = rays.t_max_lanes(first);
+            }
+            for (k, [low, high]) in places.into_iter().enumerate() {
+                self.projected[k][block] = S::D::to_floats(low, high).array();
+            }
+            self.starts[block] = S::D::to_floats(starts[0], starts[1]).array();
+            self.ends[block] = S::D::to_floats(ends[0], ends[1]).array();
+        }
+        let [[u_least, u_most], [v_least, v_most]] = intervals;
+        ParallelExtent {
+            intervals: [
+                [u_least.reduce_min(), u_most.reduce_max()],
+                [v_least.reduce_min(), v_most.reduce_max()],
+            ],
+            min_depth: min_depth.reduce_min(),
+            reach: reach.reduce_max(),
+        }
     }
 
     /// Depths before and beyond `t_max` of the rays of a block; without `t_max`, infinite. Where rays are parallel,
