@@ -12,7 +12,7 @@
 //! 3. All of them read the nodes and leaves of [`layout`] and decide hits by the primitive tests of the
 //!    [`Tier`](crate::geometry::Tier), so a hit has the same bits whichever traversal found it.
 //!
-//! Kernels are compiled for AVX2 with FMA and in portable Rust, packets for AVX-512, too
+//! Kernels are compiled for AVX2 with FMA and in portable Rust, all but [`single`] for AVX-512, too
 //! ([`Simd`](crate::geometry::simd::Simd)), with the same results.
 
 mod all_pairs;

@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | [`Portable`] | arrays | 8 f32, 4 f64 |
 //! | [`Avx2`] | AVX2 and FMA | 8 f32, 4 f64 |
-//! | [`Avx512`] | AVX2 and FMA | 16 f32, 8 f64, by AVX-512 |
+//! | [`Avx512`] | AVX2 and FMA, sorted by AVX-512 | 16 f32, 8 f64, by AVX-512 |
 //!
 //! Code generic over these gives the same bits with each: every operation is one IEEE 754 operation per lane, except
 //! [`Floats::mul_sub`] and [`Floats::mul_add`], which round once or twice. Those two are used for conservative bounds

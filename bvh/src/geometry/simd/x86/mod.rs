@@ -22,7 +22,7 @@ impl Avx2 {
     }
 }
 
-/// AVX-512 for rays of packets, else as [`Avx2`]. To be used only if [`Avx512::is_supported`].
+/// AVX-512 for rays of packets and for sorting, else as [`Avx2`]. To be used only if [`Avx512::is_supported`].
 #[derive(Clone, Copy)]
 pub(crate) struct Avx512;
 
