@@ -97,7 +97,9 @@ impl NormalMaps {
                     continue;
                 };
                 let surface = surfaces.get(i);
-                let Some([tangent, bitangent, normal]) = world.tangent_frame(&surface, &hit) else { continue };
+                let Some([tangent, bitangent, normal]) = world.tangent_frame(&surface, &hit) else {
+                    continue;
+                };
                 let encoded = look_up(image, TexelEncoding::Data, &texture.sampler, &filter, point);
                 let n = decode(encoded, map.scale);
                 // On the back side bumps are dents.

@@ -48,10 +48,7 @@ pub const EFFECT: Effect = Effect {
     },
     bytes: |tile| {
         tile.buffers::<Buffers>().map_or(0, |Buffers { rays, occluded, surfaces }| {
-            size_of::<Buffers>()
-                + size_of_val(&**rays)
-                + vec_bytes(occluded)
-                + vec_bytes(surfaces)
+            size_of::<Buffers>() + size_of_val(&**rays) + vec_bytes(occluded) + vec_bytes(surfaces)
         })
     },
 };
@@ -120,7 +117,8 @@ fn test_occlusion(
         occluded.clear();
         context.world.accelerator.are_occluded(rays.rays(), occluded, traversal);
         if continued.is_some() {
-            let blocked = tested.iter().zip(rays.rays().iter()).zip(&mut *occluded).filter(|(_, occluded)| **occluded);
+            let blocked =
+                tested.iter().zip(rays.rays().iter()).zip(&mut *occluded).filter(|(_, occluded)| **occluded);
             for ((&surface, ray), occluded) in blocked {
                 let transmittance = transmittance(context.world, &ray, traversal, &mut count);
                 light.scale(surface as usize, transmittance);

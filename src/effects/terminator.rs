@@ -9,8 +9,8 @@
 
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::{Effect, EffectContext, Hook, RayKind, Stage, id, named};
-use crate::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET};
 use crate::geometry::HitBuffer;
+use crate::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET};
 use crate::world::{InteractionSoa, RaySoa, Vec3Soa, World};
 
 /// Occlusion tests between points and their lifted positions.
