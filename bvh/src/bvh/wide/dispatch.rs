@@ -228,27 +228,39 @@ fn many<T: Tier>(
     traversal: &mut Traversal,
     found: impl FnMut(usize, Hit) -> Next,
 ) -> bool {
-    let Traversal { stream, tests, .. } = traversal;
-    if wide.instructions == InstructionSet::Portable {
-        return false;
+    match wide.instructions {
+        InstructionSet::Portable => false,
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx2 => many_by::<T, Avx2>(wide, rays, traversal, found),
+        #[cfg(target_arch = "x86_64")]
+        InstructionSet::Avx512 => many_by::<T, Avx512>(wide, rays, traversal, found),
     }
-    if all_pairs::applies(wide) {
-        with!(wide.instructions, S => S::run(
-            #[inline(always)]
-            move || all_pairs::test::<T, S>(wide, rays, tests, found),
-        ));
-        return true;
-    }
-    with!(wide.instructions, S => S::run(
+}
+
+/// [`many`] by an instruction set.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+#[inline(always)]
+fn many_by<T: Tier, S: Simd>(
+    wide: &Wide<T>,
+    rays: Rays,
+    Traversal { stream, tests, .. }: &mut Traversal,
+    found: impl FnMut(usize, Hit) -> Next,
+) -> bool {
+    let are_all_pairs = all_pairs::applies(wide);
+    S::run(
         #[inline(always)]
         move || {
-            let applies = stream::applies::<T, S>(wide, rays);
-            if applies {
+            if are_all_pairs {
+                all_pairs::test::<T, S>(wide, rays, tests, found);
+                return true;
+            }
+            let is_stream = stream::applies::<T, S>(wide, rays);
+            if is_stream {
                 stream::traverse::<T, S>(wide, rays, stream, tests, found);
             }
-            applies
+            is_stream
         },
-    ))
+    )
 }
 
 /// Whether no component of the direction is 0 or NaN.

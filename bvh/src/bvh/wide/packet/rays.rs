@@ -1,4 +1,4 @@
-//! [`PacketRays`]: the rays of a packet as structures of arrays, in blocks of eight, and what they have in common.
+//! [`PacketRays`]: the rays of a packet as structures of arrays, in blocks, and what they have in common.
 
 use super::frustum::{MAX_SPREAD, SLACK};
 use crate::bvh::wide::single::box_ray::MARGIN;
