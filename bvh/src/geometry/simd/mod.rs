@@ -1,6 +1,6 @@
 //! Vectors of f32 and f64 numbers ([`Floats`], [`Doubles`]) and the instruction sets that have them ([`Simd`]).
 //!
-//! | [`Simd`] | eight children, four triangles | rays of packets |
+//! | [`Simd`] | children of nodes, triangles of single rays and streams | packets |
 //! | --- | --- | --- |
 //! | [`Portable`] | arrays | 8 f32, 4 f64 |
 //! | [`Avx2`] | AVX2 and FMA | 8 f32, 4 f64 |
@@ -194,11 +194,11 @@ pub(crate) trait Doubles: Vector<Scalar = f64> {
 pub(crate) trait Simd: Copy + Send + Sync + 'static {
     /// Eight f32 numbers: the children of a node.
     type F8: Floats<Array = [f32; 8], Bits = [u32; 8]>;
-    /// Four f64 numbers: the triangles of a leaf.
+    /// Four f64 numbers: the triangles of a leaf, for one ray.
     type D4: Doubles<Array = [f64; 4], Floats = Self::F8>;
-    /// f32 numbers of the rays of a packet.
+    /// f32 numbers of packets: a block of rays.
     type F: Floats;
-    /// f64 numbers of the rays of a packet, half as many.
+    /// f64 numbers of packets, half as many: rays, or the triangles of one or two leaves.
     type D: Doubles<Floats = Self::F>;
 
     /// Calls `f`, compiled for this instruction set if it is inlined.

@@ -3,14 +3,15 @@
 //!
 //! A packet passes these files:
 //! 1. [`rays`] loads the rays as structures of arrays and finds what they have in common.
-//! 2. [`frustum`] bounds them. A ray becomes a point (u, v) of the frustum's projection; eight rays make a block.
+//! 2. [`frustum`] bounds them. A ray becomes a point (u, v) of the frustum's projection; a block has a ray for each
+//!    lane of [`Simd::F`].
 //! 3. [`traverse`] descends the tree by the frustum. In a leaf,
 //!    [`projected_triangles`] are culled against the (u, v) bounds of blocks, and
 //!    [`edge_functions`], f32 with error bounds, decide which rays certainly miss, certainly hit, or neither;
 //!    [`projected_sphere`]s are tested by a quadratic function of (u, v).
 //! 4. [`hits`] keeps the closest hit of every ray, as an unresolved triangle with f32 bounds of its depth where
 //!    possible.
-//! 5. [`resolve`] tests by the [`Tier`], four rays at once, what f32 does not decide: during the traversal, rays
+//! 5. [`resolve`] tests by the [`Tier`], half a block at once, what f32 does not decide: during the traversal, rays
 //!    whose depth bounds overlap; at the end, the closest hits, whose bits must be those of the tier.
 //!
 //! A packet that diverges too far is abandoned, and its rays are traced otherwise: both entry functions return

@@ -100,21 +100,21 @@ impl<S: Simd> PacketRays<S> {
             let low = rays.lanes::<S::D>(block * S::F::LANES);
             let high = rays.lanes::<S::D>(block * S::F::LANES + S::D::LANES);
             self.ends[block] = S::D::to_floats(low.t_max, high.t_max).array();
-            for four in [&low, &high] {
-                latest = four.t_min.abs().max(latest);
-                directions.include(&four.direction);
+            for lanes in [&low, &high] {
+                latest = lanes.t_min.abs().max(latest);
+                directions.include(&lanes.direction);
                 if !to_end {
-                    starts.include(&four.origin);
+                    starts.include(&lanes.origin);
                     continue;
                 }
-                let mut end = four.origin;
-                for (end, &direction) in end.iter_mut().zip(&four.direction) {
+                let mut end = lanes.origin;
+                for (end, &direction) in end.iter_mut().zip(&lanes.direction) {
                     reach = (*end).abs().max(reach);
-                    *end = *end + four.t_max * direction;
+                    *end = *end + lanes.t_max * direction;
                 }
                 ends.include(&end);
-                reach = four.t_max.max(reach);
-                nearest = four.t_max.min(nearest);
+                reach = lanes.t_max.max(reach);
+                nearest = lanes.t_max.min(nearest);
             }
         }
         let start = starts.reduce();

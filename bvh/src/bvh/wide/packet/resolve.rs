@@ -78,12 +78,12 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                 continue;
             }
             let first = block * S::F::LANES + half * S::D::LANES;
-            let four = test(self, first);
-            let mut lanes = (four.hit | four.undecided) & tested;
+            let group = test(self, first);
+            let mut lanes = (group.hit | group.undecided) & tested;
             while lanes != 0 {
                 let place = lanes.trailing_zeros() as usize % S::D::LANES;
                 lanes &= lanes - 1;
-                let Some(hit) = hit(self, first + place, &four, place) else { continue };
+                let Some(hit) = hit(self, first + place, &group, place) else { continue };
                 changed |= self.record(wide, first + place, &hit);
             }
         }

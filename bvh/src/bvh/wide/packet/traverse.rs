@@ -9,13 +9,50 @@ use super::resolve::{CertainHit, hit_in_slot};
 use crate::bvh::Tests;
 use crate::bvh::wide::layout::{Child, Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::wide::single::leaf::{hit_analytic, hit_analytic_n};
-use crate::geometry::lanes::LANES4;
+use crate::geometry::lanes::{LANES4, MASK4, MAX_LANES};
 use crate::geometry::simd::{Simd, Vector};
 use crate::geometry::{PrimId, SlotId, Tier};
 
 /// The work per ray above which a packet is abandoned: 1 for each triangle leaf visited, 2 for each of its triangles
 /// that overlaps the frustum. For closest hits and for any hit. Measurements: docs/decisions.md.
 const MAX_WORK_PER_RAY: [usize; 2] = [8, 4];
+
+/// The number of leaves that wait before one of them is visited. Measurements: docs/decisions.md.
+const WAITING: usize = 3;
+
+/// The most leaves of triangles that wait: those of one more child.
+const WAITING_ROOM: usize = (WAITING + Child::MAX_COUNT).next_power_of_two();
+
+/// A queue of leaves of triangles and their entry depths. While a leaf waits, its memory, which was prefetched when it
+/// was pushed to the stack, arrives.
+#[derive(Default)]
+struct WaitingLeaves {
+    items: [(u32, f32); WAITING_ROOM],
+    /// The numbers of leaves removed and added so far.
+    removed: usize,
+    added: usize,
+}
+
+impl WaitingLeaves {
+    #[inline(always)]
+    fn len(&self) -> usize {
+        self.added - self.removed
+    }
+
+    #[inline(always)]
+    fn add(&mut self, leaf: u32, at: f32) {
+        self.items[self.added % WAITING_ROOM] = (leaf, at);
+        self.added += 1;
+    }
+
+    /// Removes the leaf that has waited longest; there must be one.
+    #[inline(always)]
+    fn remove(&mut self) -> (u32, f32) {
+        let first = self.items[self.removed % WAITING_ROOM];
+        self.removed += 1;
+        first
+    }
+}
 
 impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     /// Finds the best hits of all rays. `false` if the packet is abandoned.
@@ -29,64 +66,94 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     ) -> bool {
         stack.clear();
         let Some(mut node) = wide.nodes.first() else { return true };
-        let mut work = 0;
+        let (mut waiting, mut work) = (WaitingLeaves::default(), 0);
         loop {
             tests.nodes += 1;
             let (mask, at) = self.frustum.enter::<S>(node);
             push_children::<T, S>(wide, node, mask, &at, stack);
             loop {
                 self.prefetch_following(&prefetch);
-                let Some((child, at)) = stack.pop() else { return true };
-                if at > self.frustum.max_depth {
+                let next = stack.pop();
+                if next.is_some_and(|(_, at)| at > self.frustum.max_depth) {
                     continue;
                 }
-                match child.content() {
-                    Content::Node(index) => {
+                let may_wait = match next.map(|(child, at)| (child.content(), at)) {
+                    Some((Content::Node(index), _)) => {
                         node = &wide.nodes[index as usize];
                         break;
                     }
-                    Content::Triangles(triangles) => {
-                        for index in triangles {
-                            work += self.visit_triangles(wide, index, tests);
+                    Some((Content::Triangles(leaves), at)) => {
+                        for leaf in leaves {
+                            waiting.add(leaf, at);
                         }
-                        if work > MAX_WORK_PER_RAY[usize::from(ANY)] * self.rays.len() {
-                            return false;
-                        }
+                        WAITING
                     }
-                    Content::Analytic(shapes) => {
+                    Some((Content::Analytic(shapes), _)) => {
                         for index in shapes {
                             self.visit_analytic(wide, index, tests);
                         }
+                        WAITING
                     }
+                    None if waiting.len() == 0 => return true,
+                    None => 0,
+                };
+                while waiting.len() > may_wait {
+                    let (first, at) = waiting.remove();
+                    if at > self.frustum.max_depth {
+                        continue;
+                    }
+                    let second = if S::D::LANES > LANES4 && waiting.len() > 0 {
+                        Some(waiting.remove().0)
+                    } else {
+                        None
+                    };
+                    work += self.visit_triangles(wide, first, second, tests);
+                }
+                if work > MAX_WORK_PER_RAY[usize::from(ANY)] * self.rays.len() {
+                    return false;
                 }
             }
         }
     }
 
-    /// Tests the four triangles of a leaf. Returns the work done.
+    /// Tests the triangles of a leaf and, where [`Simd::D`] has the lanes, of a second. Returns the work done.
     #[inline(always)]
-    fn visit_triangles(&mut self, wide: &Wide<T>, index: u32, tests: &mut Tests) -> usize {
-        let leaf = &wide.triangles[index as usize];
-        let projected = ProjectedTriangles::<S>::new::<T>(&leaf.corners, &self.frustum);
-        let (mut blocks, mut lanes) = ([0; LANES4], 0);
-        for (lane, blocks) in blocks.iter_mut().enumerate() {
-            if projected.overlapping >> lane & 1 != 0 {
-                *blocks = projected.blocks(lane, &self.scratch.block_bounds, &self.scratch.depths);
-                lanes |= u32::from(*blocks != 0) << lane;
-            }
+    fn visit_triangles(
+        &mut self,
+        wide: &Wide<T>,
+        first: u32,
+        second: Option<u32>,
+        tests: &mut Tests,
+    ) -> usize {
+        let indices = [first, second.unwrap_or(first)];
+        let leaves = [&wide.triangles[indices[0] as usize], &wide.triangles[indices[1] as usize]];
+        let projected = ProjectedTriangles::<S>::new::<T>(
+            #[inline(always)]
+            |place| &leaves[place].corners,
+            &self.frustum,
+        );
+        let (mut blocks, mut lanes) = ([0; MAX_LANES], 0);
+        let mut overlapping = projected.overlapping & if second.is_some() { S::D::ALL } else { MASK4 };
+        while overlapping != 0 {
+            let lane = overlapping.trailing_zeros() as usize % S::D::LANES;
+            overlapping &= overlapping - 1;
+            blocks[lane] = projected.blocks(lane, &self.scratch.block_bounds, &self.scratch.depths);
+            lanes |= u32::from(blocks[lane] != 0) << lane;
         }
+        let visits = 1 + usize::from(second.is_some());
         if lanes == 0 {
-            return 1;
+            return visits;
         }
-        let work = 1 + 2 * lanes.count_ones() as usize;
-        let edges = EdgeFunctions::new::<S>(&projected, &self.frustum);
+        let work = visits + 2 * lanes.count_ones() as usize;
+        let edges = EdgeFunctions::new(&projected, &self.frustum);
         // Updated at the end: reading the depths right after their lanes were stored would stall.
         let mut changed = 0u32;
         while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize % LANES4;
+            let lane = lanes.trailing_zeros() as usize % S::D::LANES;
             lanes &= lanes - 1;
-            let slot = SlotId::new(index * LANES4 as u32 + lane as u32);
-            let (mut blocks, corners) = (blocks[lane], leaf.corners.corners_f64(lane));
+            let (leaf, index) = (leaves[lane / LANES4], indices[lane / LANES4]);
+            let slot = SlotId::new(index * LANES4 as u32 + (lane % LANES4) as u32);
+            let (mut blocks, corners) = (blocks[lane], leaf.corners.corners_f64(lane % LANES4));
             while blocks != 0 {
                 let block = blocks.trailing_zeros() as usize % BLOCKS;
                 blocks &= blocks - 1;
@@ -106,11 +173,11 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         block: usize,
         lane: usize,
         (leaf, slot, corners): (&TriangleLeaf<T::Corner>, SlotId, &[[f64; 3]; 3]),
-        edges: &EdgeFunctions,
+        edges: &EdgeFunctions<S>,
         tests: &mut Tests,
     ) -> bool {
         let [u, v, _] = &self.scratch.rays.projected;
-        let overlap = edges.overlap::<S>(lane, S::F::load(u[block]), S::F::load(v[block]));
+        let overlap = edges.overlap(lane, S::F::load(u[block]), S::F::load(v[block]));
         let active = self.scratch.active[block];
         let mut undecided = overlap.possible & active;
         if undecided == 0 {
@@ -127,7 +194,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
         if undecided == 0 {
             return found;
         }
-        let undecided = self.without_known(wide, block, undecided, leaf.ids[lane]);
+        let undecided = self.without_known(wide, block, undecided, leaf.ids[lane % LANES4]);
         found
             | self.test_block(
                 wide,
@@ -138,7 +205,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                 #[inline(always)]
                 |packet, ray, group, place| {
                     if group.undecided >> place & 1 == 0 {
-                        return Some(group.at(place, PrimId(leaf.ids[lane]), slot));
+                        return Some(group.at(place, PrimId(leaf.ids[lane % LANES4]), slot));
                     }
                     hit_in_slot(wide, &packet.rays.get(ray), slot)
                 },
