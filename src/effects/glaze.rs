@@ -152,6 +152,7 @@ impl Reflect {
         sources.clear();
         rays.set_len(0);
         let Some(origins) = origins else { return };
+        rays.set_len(surfaces.len());
         let mut all_leave = true;
         for range in &own.glazed {
             sources.extend(range.start as u32..range.end as u32);

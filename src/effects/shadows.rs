@@ -151,6 +151,7 @@ fn shadow_rays(
     numerics: Numerics,
     rays: &mut RaySoa,
 ) {
+    rays.set_len(surfaces.len());
     // The tier is passed as a constant, so that the loops have no branch on it.
     match numerics {
         Numerics::Naive => simd_dispatch(

@@ -79,9 +79,13 @@ impl RaySoa {
         self.len == 0
     }
 
-    /// Sets the number of rays, at most [`RAYS_PER_BATCH`].
+    /// Sets the number of rays.
+    ///
+    /// # Panics
+    /// If it is above [`RAYS_PER_BATCH`].
     pub fn set_len(&mut self, len: usize) {
-        self.len = len.min(RAYS_PER_BATCH);
+        assert!(len <= RAYS_PER_BATCH, "{len} rays");
+        self.len = len;
     }
 
     /// The rays.
@@ -115,7 +119,12 @@ impl RaySoa {
     }
 
     /// Moves the rays at `indices`, which ascend, to the front; these are the rays then.
+    ///
+    /// # Panics
+    /// If there is no ray at an index.
     pub fn keep(&mut self, indices: &[u32]) {
+        debug_assert!(indices.is_sorted_by(|a, b| a < b), "indices do not ascend");
+        assert!(indices.last().is_none_or(|&last| (last as usize) < self.len), "no ray at an index");
         for (to, &from) in indices.iter().enumerate().skip_while(|(to, from)| *to == **from as usize) {
             self.set(to, &self.get(from as usize));
         }

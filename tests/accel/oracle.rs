@@ -318,6 +318,40 @@ fn few_primitives_answer_as_brute_force() {
     }
 }
 
+/// Packets, vectors and their last, partly filled ones.
+#[test]
+fn any_number_of_rays_is_answered_as_one_by_one() {
+    let slots = mixed(1.0, DVec3::ZERO);
+    let mut traversal = Traversal::default();
+    for numerics in Numerics::ALL {
+        let mut all = rays(&slots, 1.0, DVec3::ZERO, numerics);
+        // A common origin, which packets need.
+        let target = all[0].origin;
+        all.extend((0..300).map(|i| {
+            let aside = DVec3::new(f64::from(i % 17) - 8.0, f64::from(i / 17) - 8.0, 0.0) / 40.0;
+            numerics.precision().ray(target, (aside - target).normalize(), 0.0, f64::INFINITY)
+        }));
+        for structure in Layout::trees() {
+            let tree = build(slots.iter().copied(), structure, numerics);
+            for count in [0, 1, 7, 8, 9, 15, 16, 17, 31, 33, 255, 256, 257, 300] {
+                for first in [0, all.len() - 300] {
+                    let some = &all[first..first + count];
+                    let (mut hits, mut occluded) = (HitBuffer::default(), Vec::new());
+                    tree.closest_hits(RayBuffer::from(some).rays(), &mut hits, &mut traversal);
+                    tree.are_occluded(RayBuffer::from(some).rays(), &mut occluded, &mut traversal);
+                    let found: Vec<_> = hits.iter().map(bits).collect();
+                    let expected: Vec<_> =
+                        some.iter().map(|ray| bits(tree.closest_hit(ray, &mut traversal))).collect();
+                    let name = numerics.name();
+                    assert_eq!(found, expected, "{count} rays from {first}, {structure:?}, {name}");
+                    let hit: Vec<_> = expected.iter().map(Option::is_some).collect();
+                    assert_eq!(occluded, hit, "{count} rays from {first}, {structure:?}, {name}");
+                }
+            }
+        }
+    }
+}
+
 /// Real data, with its real degeneracies.
 #[test]
 fn a_real_mesh_answers_as_brute_force() {

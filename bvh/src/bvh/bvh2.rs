@@ -10,7 +10,7 @@ use obvhs::bvh2::node::Bvh2Node;
 use super::stored_slot::{PrimitiveTest, StoredSlot};
 use super::{Accelerator, Description, Next, Primitive, Quality, Tests, Traversal, VisitedNode, quality};
 use crate::geometry::{
-    Beam, BoxTest, Hit, HitBuffer, Numerics, PRUNE_MARGIN, Ray, Rays, SlotId, Tier, round_up,
+    Beam, BoxTest, Hit, HitBuffer, Numerics, PACKET, PRUNE_MARGIN, Ray, Rays, SlotId, Tier, round_up,
 };
 
 /// A binary bounding volume hierarchy.
@@ -91,10 +91,10 @@ impl<T: Tier> Bvh2<T> {
                     match stack.pop() {
                         Some((waiting, at)) if at <= t_max => break waiting,
                         Some(_) => {}
-                        None => break NOTHING,
+                        None => break NO_NODE,
                     }
                 };
-                if index == NOTHING {
+                if index == NO_NODE {
                     break;
                 }
             }
@@ -186,9 +186,9 @@ impl<T: Tier> Bvh2<T> {
 }
 
 /// The index of no node.
-const NOTHING: u32 = u32::MAX;
+const NO_NODE: u32 = u32::MAX;
 
-/// The most nodes at which a batch of rays starts. Measurements: docs/decisions.md.
+/// The most nodes at which a packet of rays starts. Measurements: docs/decisions.md.
 const MAX_ENTRIES: usize = 8;
 
 /// An f32 distance beyond which no box around a hit at `t` is entered: computed entry distances are at most 1 + γ3
@@ -221,15 +221,19 @@ impl<T: Tier> Accelerator for Bvh2<T> {
     }
 
     fn closest_hits(&self, rays: Rays, hits: &mut HitBuffer, traversal: &mut Traversal) {
-        self.find_entries(rays, traversal);
-        let Traversal { stack, entries, tests, .. } = traversal;
-        rays.iter().for_each(|ray| hits.push(self.closest_below(&ray, entries, stack, tests).as_ref()));
+        for rays in rays.chunks(PACKET) {
+            self.find_entries(rays, traversal);
+            let Traversal { stack, entries, tests, .. } = traversal;
+            rays.iter().for_each(|ray| hits.push(self.closest_below(&ray, entries, stack, tests).as_ref()));
+        }
     }
 
     fn are_occluded(&self, rays: Rays, occluded: &mut Vec<bool>, traversal: &mut Traversal) {
-        self.find_entries(rays, traversal);
-        let Traversal { stack, entries, tests, .. } = traversal;
-        occluded.extend(rays.iter().map(|ray| self.occluded_below(&ray, entries, stack, tests)));
+        for rays in rays.chunks(PACKET) {
+            self.find_entries(rays, traversal);
+            let Traversal { stack, entries, tests, .. } = traversal;
+            occluded.extend(rays.iter().map(|ray| self.occluded_below(&ray, entries, stack, tests)));
+        }
     }
 
     fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, traversal: &mut Traversal) {

@@ -1,7 +1,9 @@
 //! [`StoredSlot`]: a primitive in the precision of a tier, as builds, brute force and the binary tree store it.
 
 use super::{Primitive, Slot};
-use crate::geometry::{Bounds, Corner, Hit, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit};
+use crate::geometry::{
+    Bounds, Corner, Hit, NO_PRIMITIVE, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit,
+};
 
 /// A primitive in the precision of a tier, and its id.
 pub(crate) struct StoredSlot<T: Tier> {
@@ -19,7 +21,12 @@ impl<T: Tier> Copy for StoredSlot<T> {}
 
 impl<T: Tier> StoredSlot<T> {
     /// Rounds a primitive to the precision of the tier.
+    ///
+    /// # Panics
+    /// If its id is [`NO_PRIMITIVE`].
+    #[inline]
     pub(crate) fn new(slot: Slot) -> Self {
+        assert!(slot.id.0 != NO_PRIMITIVE, "the primitive id {NO_PRIMITIVE} is reserved");
         let primitive = match slot.primitive {
             Primitive::Triangle(Triangle(corners)) => Stored::Triangle(corners.map(T::Corner::from_dvec3)),
             Primitive::Analytic(shape) => Stored::Analytic(shape),

@@ -44,7 +44,7 @@ pub(crate) trait Intersector: Copy {
     /// The exact distance.
     fn exact_distance(&self, ray: &Ray) -> Option<Distance>;
 
-    /// [`Intersector::hit`] for four rays. Undecided lanes are tested by `hit`.
+    /// [`Intersector::hit`] for a ray in each lane. Undecided lanes are tested by `hit`.
     #[inline(always)]
     fn hit_n<D: Doubles>(&self, _rays: &RayN<D>) -> HitN<D> {
         HitN::UNDECIDED

@@ -9,13 +9,14 @@ use super::bounds::DoubleBoxTest;
 use super::lanes::HitN;
 use super::simd::Doubles;
 use super::woop::WoopTest;
-use super::{AnalyticShape, Ray, Rays, Tier, Triangle4, TriangleHit, WoopBatch};
+use super::{AnalyticShape, Ray, Rays, Tier, Triangle4, TriangleHit, WoopTests};
 use crate::geometry::Numerics;
 
 /// f64 geometry, decided in f64.
 pub(crate) struct Double;
 
 impl Tier for Double {
+    const IS_WOOP: bool = true;
     const NUMERICS: Numerics = Numerics::Double;
     type Corner = DVec3;
     type Boxes = DoubleBoxTest;
@@ -28,8 +29,8 @@ impl Tier for Double {
     }
 
     #[inline(always)]
-    fn prepare_at(_: Rays, batch: &WoopBatch, i: usize) -> WoopTest {
-        *batch.at(i)
+    fn prepare_at(_: Rays, tests: &WoopTests, i: usize) -> WoopTest {
+        *tests.at(i)
     }
 
     #[inline(always)]

@@ -16,7 +16,7 @@ use super::bounds::DoubleBoxTest;
 use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
 use super::woop::{Sheared, WoopTest};
-use super::{AnalyticShape, Hit, Ray, Rays, Stored, Tier, TriangleHit, WoopBatch};
+use super::{AnalyticShape, Hit, Ray, Rays, Stored, Tier, TriangleHit, WoopTests};
 use crate::geometry::Numerics;
 
 /// f64 geometry, decided exactly.
@@ -30,6 +30,7 @@ pub(crate) const TOLERANCE: f64 = f64::from_bits((1023 - 40) << 52);
 const WEIGHT_TOLERANCE: f64 = f64::from_bits((1023 - 26) << 52);
 
 impl Tier for Exact {
+    const IS_WOOP: bool = true;
     const NUMERICS: Numerics = Numerics::Exact;
     type Corner = DVec3;
     type Boxes = DoubleBoxTest;
@@ -41,8 +42,8 @@ impl Tier for Exact {
     }
 
     #[inline(always)]
-    fn prepare_at(_: Rays, batch: &WoopBatch, i: usize) -> WoopTest {
-        *batch.at(i)
+    fn prepare_at(_: Rays, tests: &WoopTests, i: usize) -> WoopTest {
+        *tests.at(i)
     }
 
     #[inline(always)]

@@ -1,8 +1,8 @@
-//! [`HitBuffer`]: closest hits by number (a structure of arrays), as queries of many rays return them.
+//! [`HitBuffer`]: closest hits as a structure of arrays, which queries of many rays return.
 
 use super::lanes::{HitN, MAX_LANES};
 use super::simd::{Doubles, prefetch};
-use super::{Hit, PrimId, SlotId};
+use super::{Hit, NO_PRIMITIVE, PrimId, SlotId};
 
 /// The closest hits of rays.
 ///
@@ -11,14 +11,11 @@ use super::{Hit, PrimId, SlotId};
 pub struct HitBuffer {
     len: usize,
     t: Vec<f64>,
-    /// [`NOTHING`] for a ray without a hit; its other numbers have no meaning.
+    /// [`NO_PRIMITIVE`] for a ray without a hit; its other numbers have no meaning.
     prim: Vec<u32>,
     slot: Vec<u32>,
     barycentrics: [Vec<f64>; 2],
 }
-
-/// The primitive id of no hit.
-pub(crate) const NOTHING: u32 = u32::MAX;
 
 impl HitBuffer {
     /// The hit of the ray at `i`; `None` if it hit nothing.
@@ -29,7 +26,7 @@ impl HitBuffer {
     pub fn get(&self, i: usize) -> Option<Hit> {
         let prim = self.prim[..self.len][i];
         let [v, w] = &self.barycentrics;
-        (prim != NOTHING).then(|| Hit {
+        (prim != NO_PRIMITIVE).then(|| Hit {
             t: self.t[i],
             prim: PrimId(prim),
             slot: SlotId::new(self.slot[i]),
@@ -43,7 +40,7 @@ impl HitBuffer {
     /// If there is no such ray.
     #[inline]
     pub fn set(&mut self, i: usize, hit: Option<&Hit>) {
-        self.prim[..self.len][i] = hit.map_or(NOTHING, |hit| hit.prim.0);
+        self.prim[..self.len][i] = hit.map_or(NO_PRIMITIVE, |hit| hit.prim.0);
         if let Some(hit) = hit {
             self.t[i] = hit.t;
             self.slot[i] = hit.slot.index();
@@ -59,14 +56,14 @@ impl HitBuffer {
         self.set(self.len - 1, hit);
     }
 
-    /// Appends results of the first `count` of a group of rays; primitives are [`NOTHING`] for misses. There must be
+    /// Appends results of the first `count` of a group of rays; primitives are [`NO_PRIMITIVE`] for misses. There must be
     /// room ([`HitBuffer::reserve`]).
     #[inline(always)]
     pub(crate) fn append<D: Doubles>(
         &mut self,
         count: usize,
-        prims: &[u32; 8],
-        slots: &[u32; 8],
+        prims: &[u32; MAX_LANES],
+        slots: &[u32; MAX_LANES],
         hits: &HitN<D>,
     ) {
         let first = self.len;
@@ -95,7 +92,7 @@ impl HitBuffer {
         let before = self.len;
         self.reserve(len.saturating_sub(before));
         self.len = len;
-        self.prim[before.min(len)..len].fill(NOTHING);
+        self.prim[before.min(len)..len].fill(NO_PRIMITIVE);
     }
 
     /// Makes room for further rays.
@@ -111,7 +108,7 @@ impl HitBuffer {
     fn grow(&mut self, size: usize) {
         let size = size.max(2 * self.prim.len());
         self.t.resize(size, 0.0);
-        self.prim.resize(size, NOTHING);
+        self.prim.resize(size, NO_PRIMITIVE);
         self.slot.resize(size, 0);
         self.barycentrics.iter_mut().for_each(|x| x.resize(size, 0.0));
     }
@@ -138,7 +135,7 @@ impl HitBuffer {
         let numbers = self.prim[..self.len].iter().zip(&self.slot).zip(&self.t).zip(v).zip(w);
         numbers.map(|((((&prim, &slot), &t), &v), &w)| {
             let (prim, slot) = (PrimId(prim), SlotId::new(slot));
-            (prim.0 != NOTHING).then_some(Hit { t, prim, slot, barycentrics: [v, w] })
+            (prim.0 != NO_PRIMITIVE).then_some(Hit { t, prim, slot, barycentrics: [v, w] })
         })
     }
 
@@ -172,7 +169,7 @@ mod tests {
             barycentrics: [[0.25; 4], [0.5; 4]],
             ..HitN::NONE
         };
-        hits.append(2, &[7, NOTHING, 1, 1, 1, 1, 1, 1], &[3; 8], &two);
+        hits.append(2, &[7, NO_PRIMITIVE, 1, 1, 1, 1, 1, 1], &[3; 8], &two);
         assert_eq!(hits.iter().collect::<Vec<_>>(), [Some(hit), None, Some(hit), None]);
         hits.set(0, None);
         hits.resize(5);

@@ -13,6 +13,9 @@ pub(crate) const LANES4: usize = 4;
 /// The most lanes of [`Doubles`].
 pub(crate) const MAX_LANES: usize = 8;
 
+/// The most lanes of [`Floats`](super::simd::Floats), a multiple of those of every vector.
+pub(crate) const MAX_FLOATS: usize = 2 * MAX_LANES;
+
 /// All four lanes, as bits.
 pub(crate) const MASK4: u32 = (1 << LANES4) - 1;
 

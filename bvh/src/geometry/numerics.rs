@@ -6,7 +6,7 @@ use super::bounds::BoxTest;
 use super::lanes::{HitN, RayN, Triangle4};
 use super::simd::Doubles;
 use super::woop_n::PreparedRayN;
-use super::{AnalyticShape, Bounds, Hit, Ray, Rays, TriangleHit, WoopBatch};
+use super::{AnalyticShape, Bounds, Hit, Ray, Rays, TriangleHit, WoopTests};
 use crate::geometry::Numerics;
 
 /// The floating-point format of rays or corners.
@@ -247,12 +247,15 @@ pub(crate) trait Tier: Send + Sync + 'static {
         if Self::HAS_RAY_N { rays.hit_each(triangle) } else { HitN::UNDECIDED }
     }
 
+    /// Whether [`Tier::Prepared`] is the test of Woop, Benthin and Wald, which [`WoopTests`] prepares for a packet.
+    const IS_WOOP: bool = false;
+
     /// Prepares a ray for triangles.
     fn prepare(ray: &Ray) -> Self::Prepared;
 
-    /// [`Tier::prepare`] for the ray at `i` of a batch.
+    /// [`Tier::prepare`] for the ray at `i` of a packet.
     #[inline(always)]
-    fn prepare_at(rays: Rays, _: &WoopBatch, i: usize) -> Self::Prepared {
+    fn prepare_at(rays: Rays, _: &WoopTests, i: usize) -> Self::Prepared {
         Self::prepare(&rays.get(i))
     }
 

@@ -20,9 +20,12 @@ pub struct Ray {
     pub t_max: f64,
 }
 
-/// A primitive's index in the scene description. Decides between hits at equal distance.
+/// A primitive's index in the scene description, at most `u32::MAX - 1`. Decides between hits at equal distance.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PrimId(pub u32);
+
+/// The id of no primitive.
+pub(crate) const NO_PRIMITIVE: u32 = u32::MAX;
 
 /// A primitive's index in an acceleration structure. Stored plus 1, so that `Option<Hit>` is no larger than [`Hit`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,6 +35,7 @@ impl SlotId {
     /// The slot of an index, at most `u32::MAX - 1`.
     #[inline(always)]
     pub const fn new(index: u32) -> Self {
+        debug_assert!(index < u32::MAX);
         SlotId(NonZeroU32::MIN.saturating_add(index))
     }
 

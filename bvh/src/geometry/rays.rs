@@ -1,11 +1,14 @@
-//! Rays by coordinate (structures of arrays), as queries of many rays take them: [`Rays`] borrows the arrays,
-//! [`RayBuffer`] owns them.
+//! Rays as structures of arrays, which queries of many rays take: [`Rays`] borrows the arrays, [`RayBuffer`] owns
+//! them.
 
 use glam::DVec3;
 
 use super::Ray;
-use super::lanes::{MAX_LANES, RayN};
+use super::lanes::{MAX_FLOATS, RayN};
 use super::simd::{Doubles, prefetch};
+
+/// The most rays that are traced together: those of a tile.
+pub(crate) const PACKET: usize = 256;
 
 /// Borrowed rays. All slices have one number for each ray; those of [`Rays::padded`] rays may be longer.
 #[derive(Debug, Clone, Copy, Default)]
@@ -31,7 +34,7 @@ impl<'a> Rays<'a> {
         t_max: &'a [f64],
     ) -> Self {
         let same = origin.iter().chain(&direction).all(|coordinate| coordinate.len() == t_max.len());
-        assert!(same && t_min.len() == t_max.len(), "a ray has each coordinate");
+        assert!(same && t_min.len() == t_max.len(), "slices of different lengths");
         Rays { len: t_max.len(), origin, direction, t_min, t_max }
     }
 
@@ -86,9 +89,9 @@ impl<'a> Rays<'a> {
         (0..self.len()).map(move |i| self.get(i))
     }
 
-    /// Those from index `first` on, `count` at most.
+    /// At most `count` rays from index `first` on.
     #[inline(always)]
-    pub fn part(&self, first: usize, count: usize) -> Self {
+    pub fn slice(&self, first: usize, count: usize) -> Self {
         let (first, end) = (first.min(self.len), first.saturating_add(count).min(self.len));
         let part = |x: &'a [f64]| &x[first..end];
         let [ox, oy, oz] = self.origin;
@@ -102,16 +105,19 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// Parts of `count` rays, above 0; the last may have fewer.
+    /// Slices of `count` rays each; the last may have fewer.
+    ///
+    /// # Panics
+    /// If `count` is 0.
     pub fn chunks(self, count: usize) -> impl ExactSizeIterator<Item = Rays<'a>> + Clone {
-        (0..self.len().div_ceil(count)).map(move |index| self.part(index * count, count))
+        (0..self.len().div_ceil(count)).map(move |index| self.slice(index * count, count))
     }
 
-    /// These rays, in `buffer` where that is necessary, with slices that are filled up to [`Rays::lanes`] of any vector
-    /// by copies of the last ray.
+    /// The same rays with slices whose length is a multiple of every vector's lanes: the last ray is repeated, in a copy
+    /// in `buffer` if there are numbers to add.
     #[inline(always)]
     pub(crate) fn padded(self, buffer: &'a mut RayBuffer) -> Self {
-        if self.len.is_multiple_of(PADDING) { self } else { self.copied_to(buffer) }
+        if self.len.is_multiple_of(MAX_FLOATS) { self } else { self.copied_to(buffer) }
     }
 
     #[cold]
@@ -119,14 +125,14 @@ impl<'a> Rays<'a> {
         buffer.clear();
         buffer.extend(self.iter());
         let last = self.get(self.len - 1);
-        buffer.extend(std::iter::repeat_n(last, self.len.next_multiple_of(PADDING) - self.len));
+        buffer.extend(std::iter::repeat_n(last, self.len.next_multiple_of(MAX_FLOATS) - self.len));
         Rays { len: self.len, ..buffer.rays() }
     }
 
     /// A ray for each lane, from index `first` on.
     ///
     /// # Panics
-    /// If there are fewer, with those of [`Rays::padded`].
+    /// If fewer rays follow, counting those that [`Rays::padded`] repeats.
     #[inline(always)]
     pub(crate) fn lanes<D: Doubles>(&self, first: usize) -> RayN<D> {
         RayN {
@@ -190,10 +196,7 @@ fn load<D: Doubles>(x: &[f64], first: usize) -> D {
     D::load_slice(&x[first..first + D::LANES])
 }
 
-/// The rays that a vector of f32 has lanes for are a divisor of this.
-const PADDING: usize = 2 * MAX_LANES;
-
-/// Rays that own their arrays.
+/// Rays in arrays of their own, of any number.
 #[derive(Debug, Clone, Default)]
 pub struct RayBuffer {
     len: usize,
@@ -203,7 +206,7 @@ pub struct RayBuffer {
     numbers: Vec<f64>,
 }
 
-/// The numbers of a ray.
+/// Numbers (f64) of a ray.
 const NUMBERS: usize = 8;
 
 impl RayBuffer {
@@ -266,7 +269,7 @@ impl RayBuffer {
     }
 }
 
-/// The numbers of a cache line.
+/// Numbers (f64) of a cache line.
 pub(crate) const PER_LINE: usize = 64 / size_of::<f64>();
 
 impl Extend<Ray> for RayBuffer {
@@ -309,8 +312,8 @@ mod tests {
         let buffer: RayBuffer = (0..11).map(ray).collect();
         let rays = buffer.rays();
         assert!((0..11).all(|i| rays.get(i) == ray(i)));
-        assert_eq!(rays.part(3, 100).iter().collect::<Vec<_>>(), (3..11).map(ray).collect::<Vec<_>>());
-        assert_eq!(rays.part(12, 4).len(), 0);
+        assert_eq!(rays.slice(3, 100).iter().collect::<Vec<_>>(), (3..11).map(ray).collect::<Vec<_>>());
+        assert_eq!(rays.slice(12, 4).len(), 0);
         let chunks: Vec<usize> = rays.chunks(4).map(|chunk| chunk.len()).collect();
         assert_eq!(chunks, [4, 4, 3]);
     }

@@ -10,13 +10,14 @@ use super::bounds::DoubleBoxTest;
 use super::lanes::HitN;
 use super::simd::Doubles;
 use super::woop::WoopTest;
-use super::{AnalyticShape, Ray, Rays, Tier, Triangle4, TriangleHit, WoopBatch};
+use super::{AnalyticShape, Ray, Rays, Tier, Triangle4, TriangleHit, WoopTests};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f64.
 pub(crate) struct Watertight;
 
 impl Tier for Watertight {
+    const IS_WOOP: bool = true;
     const NUMERICS: Numerics = Numerics::Watertight;
     type Corner = Vec3;
     type Boxes = DoubleBoxTest;
@@ -29,8 +30,8 @@ impl Tier for Watertight {
     }
 
     #[inline(always)]
-    fn prepare_at(_: Rays, batch: &WoopBatch, i: usize) -> WoopTest {
-        *batch.at(i)
+    fn prepare_at(_: Rays, tests: &WoopTests, i: usize) -> WoopTest {
+        *tests.at(i)
     }
 
     #[inline(always)]

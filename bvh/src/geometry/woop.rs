@@ -11,7 +11,7 @@
 //! inside: no ray passes between two triangles that share an edge, and none hits beside a triangle seen edge-on.
 //! Without FMA, which would break the symmetry between the two sides of an edge.
 //!
-//! In the bounds, u = 2^-53. The test for four pairs at once is in [`super::woop_n`].
+//! In the bounds, u = 2^-53. The test for a pair in each lane is in [`super::woop_n`].
 
 use glam::DVec3;
 

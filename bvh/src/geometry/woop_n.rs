@@ -40,7 +40,7 @@ impl<D: Doubles> Default for PreparedRayN<D> {
 }
 
 impl<D: Doubles> PreparedRayN<D> {
-    /// Prepares rays from index `first` on; lanes beyond the end repeat the last ray. As `WoopTest::new`, all lanes at
+    /// Prepares padded rays from index `first` on. As `WoopTest::new`, all lanes at
     /// once.
     ///
     /// # Panics
@@ -48,22 +48,22 @@ impl<D: Doubles> PreparedRayN<D> {
     #[inline(always)]
     pub(crate) fn fill(&mut self, rays: Rays, first: usize) {
         let major = MajorAxis::of(rays.direction(first));
-        let four = rays.lanes::<D>(first);
+        let lanes = rays.lanes::<D>(first);
         self.axes = major.axes();
-        (self.t_min, self.t_max) = (four.t_min.array(), four.t_max.array());
+        (self.t_min, self.t_max) = (lanes.t_min.array(), lanes.t_max.array());
         let (zero, one) = (D::splat(0.0), D::splat(1.0));
         let mut permuted = [zero; 3];
         let mut zeros = 0;
         for (axis, place) in major.places().into_iter().enumerate() {
-            let direction = four.direction[axis];
-            self.origin[place] = four.origin[axis].array();
+            let direction = lanes.direction[axis];
+            self.origin[place] = lanes.origin[axis].array();
             self.inverse[place] = (one / direction).array();
             permuted[place] = direction;
             zeros |= direction.abs().le(zero);
         }
         let inverse = D::load(self.inverse[2]);
         self.shear = [(permuted[0] * inverse).array(), (permuted[1] * inverse).array()];
-        let [x, y, z] = four.direction.map(D::abs);
+        let [x, y, z] = lanes.direction.map(D::abs);
         let x_first = y.le(x) & z.le(x);
         let y_first = z.le(y);
         let same = match major {

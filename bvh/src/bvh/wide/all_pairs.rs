@@ -1,13 +1,13 @@
 //! Every ray against every primitive, several rays at once: for incoherent rays in scenes so small that traversal costs
 //! more than it saves.
 
-use super::layout::{NO_PRIMITIVE, Wide};
+use super::layout::Wide;
 use super::single::leaf::{hit_analytic, hit_analytic_n, hit_triangle};
 use crate::bvh::{Next, Tests};
 use crate::geometry::lanes::{HitN, LANES4};
 use crate::geometry::simd::{Doubles, Simd, Vector};
 use crate::geometry::woop_n::PreparedRayN;
-use crate::geometry::{Hit, PrimId, Rays, SlotId, Tier};
+use crate::geometry::{Hit, NO_PRIMITIVE, PrimId, Rays, SlotId, Tier};
 
 /// The most triangle leaves, and the most analytic shapes, that all rays are tested against.
 const MAX_LEAVES: usize = 4;

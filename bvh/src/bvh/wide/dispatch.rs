@@ -1,19 +1,21 @@
-//! [`Accelerator`] for the BVH8: chooses the traversal for a batch of rays, and the instruction set.
+//! [`Accelerator`] for the BVH8: chooses the traversal for the rays of a call, and the instruction set.
 //!
-//! A batch is cut into packets. A packet whose rays have nothing in common, or that is abandoned, is traced by all
+//! They are cut into packets. A packet whose rays have nothing in common, or that is abandoned, is traced by all
 //! pairs if the scene is small, else as a stream, else ray by ray.
 
 use super::layout::Wide;
-use super::packet::{self, PACKET};
+use super::packet;
 use super::single;
 use super::{all_pairs, stream};
 use crate::bvh::{Accelerator, Description, Next, Primitive, Quality, Traversal};
 #[cfg(target_arch = "x86_64")]
 use crate::geometry::simd::{Avx2, Avx512};
 use crate::geometry::simd::{InstructionSet, Portable, Simd};
-use crate::geometry::{Corner, Hit, HitBuffer, Numerics, PrimId, Ray, Rays, SlotId, Stored, Tier, Triangle};
+use crate::geometry::{
+    Corner, Hit, HitBuffer, Numerics, PACKET, PrimId, Ray, Rays, SlotId, Stored, Tier, Triangle,
+};
 
-/// Batches of fewer rays are not traced as packets.
+/// Fewer rays are not traced as a packet.
 const MIN_PACKET: usize = 16;
 
 /// Evaluates an expression with `$simd` as the instruction set of the tree.
@@ -144,7 +146,7 @@ impl<T: Tier> Accelerator for Wide<T> {
     }
 }
 
-/// The packets of a batch, each with the one after it.
+/// Packets of rays, each with the one after it.
 fn packets(rays: Rays) -> impl Iterator<Item = [Rays; 2]> {
     let following = rays.chunks(PACKET).skip(1).chain([Rays::default()]);
     rays.chunks(PACKET).zip(following).map(|(rays, following)| [rays, following])
@@ -221,6 +223,7 @@ fn many_occluded<T: Tier>(
 
 /// Traces incoherent rays by all pairs or as a stream. `false`, with nothing traced, if the instruction set, the tree
 /// or the rays do not allow either.
+#[cfg_attr(not(target_arch = "x86_64"), allow(unused_variables))]
 #[inline(always)]
 fn many<T: Tier>(
     wide: &Wide<T>,
@@ -264,6 +267,7 @@ fn many_by<T: Tier, S: Simd>(
 }
 
 /// Whether no component of the direction is 0 or NaN.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
 #[inline(always)]
 fn has_no_zeros(ray: &Ray) -> bool {
     ray.direction.abs().cmpgt(glam::DVec3::ZERO).all()

@@ -12,8 +12,8 @@
 //! 3. All of them read the nodes and leaves of [`layout`] and decide hits by the primitive tests of the
 //!    [`Tier`](crate::geometry::Tier), so a hit has the same bits whichever traversal found it.
 //!
-//! Kernels are compiled for AVX2 with FMA and in portable Rust, all but [`single`] for AVX-512, too
-//! ([`Simd`](crate::geometry::simd::Simd)), with the same results.
+//! The instruction sets ([`Simd`](crate::geometry::simd::Simd)) give the same results: AVX2 with FMA has all traversals,
+//! AVX-512 all but [`single`], portable Rust [`packet`] and [`single`].
 
 mod all_pairs;
 mod dispatch;

@@ -21,7 +21,8 @@ pub(crate) use portable::Portable;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86::{Avx2, Avx512};
 
-/// An instruction set, chosen at run time. All give the same hits.
+/// An instruction set, chosen at run time. All give the same hits. [`InstructionSet::widest`] and
+/// [`InstructionSet::avx2`] choose those that this machine supports; nothing else may name the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum InstructionSet {
     /// [`Portable`].

@@ -8,12 +8,12 @@ use rayon::prelude::*;
 use super::collapse::Collapse;
 use super::node::{Child, Node};
 use super::preorder::{Entry, EntryContent, Preorder};
-use super::{NO_PRIMITIVE, TriangleLeaf, Wide};
+use super::{TriangleLeaf, Wide};
 use crate::bvh::build::MIN_PARALLEL;
 use crate::bvh::stored_slot::StoredSlot;
 use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::{InstructionSet, prefetch};
-use crate::geometry::{Corner, Stored, Tier, Triangle4};
+use crate::geometry::{Corner, NO_PRIMITIVE, Stored, Tier, Triangle4};
 
 /// The primitives of a leaf: a range of [`Preorder::primitives`].
 type Members = Range<u32>;

@@ -1,8 +1,8 @@
 //! Sizes and quality of a tree, for `kiln info`, statistics and benchmarks.
 
-use super::{Content, NO_PRIMITIVE, Node, TriangleLeaf, WIDTH, Wide};
+use super::{Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::{Description, Quality, VisitedNode, compiled_isa, quality};
-use crate::geometry::{AnalyticShape, Bounds, PrimId, Tier};
+use crate::geometry::{AnalyticShape, Bounds, NO_PRIMITIVE, PrimId, Tier};
 
 impl<T: Tier> Wide<T> {
     /// See [`Accelerator::quality`](crate::bvh::Accelerator::quality).

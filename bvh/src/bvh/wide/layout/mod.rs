@@ -42,9 +42,6 @@ pub(crate) struct TriangleLeaf<C: Corner> {
     pub ids: [u32; LANES4],
 }
 
-/// The primitive id of an empty lane.
-pub(crate) const NO_PRIMITIVE: u32 = u32::MAX;
-
 impl<T: Tier> Wide<T> {
     /// The slot of an analytic shape.
     #[inline(always)]

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{Content, NO_PRIMITIVE, Node, TriangleLeaf, WIDTH, Wide};
+use super::{Content, Node, TriangleLeaf, WIDTH, Wide};
 use crate::bvh::Primitive;
 use crate::bvh::build::MIN_PARALLEL;
-use crate::geometry::{AnalyticShape, Bounds, Corner, PrimId, Tier, Triangle};
+use crate::geometry::{AnalyticShape, Bounds, Corner, NO_PRIMITIVE, PrimId, Tier, Triangle};
 
 /// Inverted bounds: those of nothing.
 const NOTHING: Bounds = Bounds { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };

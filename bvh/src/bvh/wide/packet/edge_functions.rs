@@ -6,7 +6,8 @@ use super::projected_triangles::{
     BlockBounds, PRODUCT_SLACK, ProjectedTriangles, UNDERFLOW, above, below, difference_of_products, norm1,
     to_f32,
 };
-use super::rays::{OfBlock, PACKET};
+use super::rays::OfBlock;
+use crate::geometry::PACKET;
 use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
 
 /// The edge functions a u + b v + c of a triangle in each lane of [`Simd::D`]. A ray is inside if all three are positive or, where the side

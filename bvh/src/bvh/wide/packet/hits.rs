@@ -5,9 +5,9 @@
 //! certainly farther, in which case it is dropped. Most rays are tested against one triangle only, after the
 //! traversal ([`super::resolve`]).
 
-use super::rays::{BLOCKS, OfBlock, PACKET, PacketRays};
+use super::rays::{BLOCKS, OfBlock, PacketRays};
 use crate::geometry::simd::{Floats, Simd, Vector};
-use crate::geometry::{Hit, PrimId, SlotId};
+use crate::geometry::{Hit, PACKET, PrimId, SlotId};
 
 /// The closest hits so far.
 #[repr(C, align(64))]

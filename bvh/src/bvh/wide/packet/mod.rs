@@ -26,20 +26,19 @@ mod rays;
 mod resolve;
 mod traverse;
 
-pub(crate) use rays::PACKET;
-
 use std::any::Any;
 use std::marker::PhantomData;
 
 use super::layout::{Child, Wide};
 use crate::bvh::Tests;
+use crate::geometry::lanes::MAX_FLOATS;
 use crate::geometry::simd::{Simd, Vector};
 use crate::geometry::woop_n::PreparedRayN;
-use crate::geometry::{HitBuffer, PER_LINE, Rays, Tier, round_up};
+use crate::geometry::{HitBuffer, PACKET, PER_LINE, Rays, Tier, round_up};
 use frustum::Frustum;
 use hits::BestHits;
 use projected_triangles::BlockBounds;
-use rays::{BLOCKS, MAX_BLOCK, PacketRays};
+use rays::{BLOCKS, PacketRays};
 
 /// Appends the closest hits of the rays. `false`, with nothing appended, if they must be traced otherwise. The
 /// `following` rays are prefetched.
@@ -94,7 +93,7 @@ pub(crate) fn occluded<T: Tier, S: Simd>(
             for first in (0..rays.len()).step_by(S::F::LANES) {
                 packet.prefetch_following(|_| {});
                 let active = packet.scratch.active[first / S::F::LANES];
-                let of_block: [bool; MAX_BLOCK] = std::array::from_fn(|lane| active >> lane & 1 == 0);
+                let of_block: [bool; MAX_FLOATS] = std::array::from_fn(|lane| active >> lane & 1 == 0);
                 // A constant number of bytes is copied without a call.
                 if first + S::F::LANES <= rays.len() {
                     occluded.extend_from_slice(&of_block[..S::F::LANES]);

@@ -2,10 +2,10 @@
 //! the blocks of rays that their bounds there overlap. The f64 helpers at the end are shared with [`super::edge_functions`].
 
 use super::frustum::Frustum;
-use super::rays::{BLOCKS, OfBlock, PACKET};
+use super::rays::{BLOCKS, OfBlock};
 use crate::geometry::lanes::LANES4;
 use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
-use crate::geometry::{Corner, Tier, Triangle4};
+use crate::geometry::{Corner, PACKET, Tier, Triangle4};
 
 /// Least and greatest u, least and greatest v of every block of rays.
 pub(crate) type BlockBounds = [[[f32; BLOCKS]; 2]; 2];

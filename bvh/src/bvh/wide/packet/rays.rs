@@ -2,19 +2,13 @@
 
 use super::frustum::{MAX_SPREAD, SLACK};
 use crate::bvh::wide::single::box_ray::MARGIN;
-use crate::geometry::Rays;
 use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
+use crate::geometry::{PACKET, Rays};
 
-/// Rays per packet: those of a tile.
-pub(crate) const PACKET: usize = 256;
-
-/// The most blocks per packet. A block has a ray for each lane of [`Simd::F`], from 8 to [`MAX_BLOCK`].
+/// The most blocks per packet. A block has a ray for each lane of [`Simd::F`], from 8 to [`MAX_FLOATS`](crate::geometry::lanes::MAX_FLOATS).
 pub(crate) const BLOCKS: usize = PACKET / 8;
 
-/// The most rays per block.
-pub(crate) const MAX_BLOCK: usize = 16;
-
-/// Rays in blocks, one array per quantity. Lanes beyond the last ray repeat it.
+/// Rays in blocks, one array per quantity. Lanes beyond the last ray repeat it, but for `ends`, which a packet sets.
 #[repr(C, align(64))]
 pub(crate) struct PacketRays<S: Simd> {
     /// u, v and depth per unit of t of every ray.
@@ -118,7 +112,6 @@ impl<S: Simd> PacketRays<S> {
             }
         }
         let start = starts.reduce();
-        // NaN is not equal to itself.
         let same = !to_end && start.iter().all(|[least, most]| least == most);
         let end =
             if to_end { common_end(ends.reduce(), reach.reduce_max(), nearest.reduce_min()) } else { None };
@@ -182,7 +175,7 @@ impl<S: Simd> PacketRays<S> {
                 let error = start.abs() * slack;
                 min_depth = (start - error).min(min_depth);
                 reach = start.abs().max(reach);
-                // Half of the error is for the rounding to f32, with its underflow.
+                // The error is far more than the rounding to f32; the least normal number covers underflow.
                 starts[half] = start + error + S::D::splat(f64::from(f32::MIN_POSITIVE));
                 ends[half] = rays.t_max_lanes(first);
             }

@@ -7,7 +7,7 @@ use crate::bvh::wide::layout::Wide;
 use crate::bvh::wide::single::leaf::hit_triangle;
 use crate::geometry::lanes::{HitN, LANES4, MAX_LANES};
 use crate::geometry::simd::{Doubles, Simd, Vector};
-use crate::geometry::{Hit, HitBuffer, NOTHING, Ray, SlotId, Tier};
+use crate::geometry::{Hit, HitBuffer, NO_PRIMITIVE, Ray, SlotId, Tier};
 
 /// A triangle that rays certainly hit.
 pub(crate) struct CertainHit<'a> {
@@ -172,7 +172,7 @@ impl<T: Tier, S: Simd> Packet<'_, T, S, false> {
         }
         let all = u32::MAX >> (u32::BITS as usize - count);
         unresolved &= all;
-        let (mut group, mut prims) = (HitN::NONE, [NOTHING; MAX_LANES]);
+        let (mut group, mut prims) = (HitN::NONE, [NO_PRIMITIVE; MAX_LANES]);
         if unresolved != 0 {
             // Other lanes are tested against any of the triangles.
             let some = slots[unresolved.trailing_zeros() as usize % MAX_LANES];
@@ -198,7 +198,7 @@ impl<T: Tier, S: Simd> Packet<'_, T, S, false> {
             }
             group.hit &= unresolved;
             for (lane, prim) in prims.iter_mut().enumerate() {
-                *prim = if group.hit >> lane & 1 != 0 { *prim } else { NOTHING };
+                *prim = if group.hit >> lane & 1 != 0 { *prim } else { NO_PRIMITIVE };
             }
         }
         let before = hits.len();

@@ -14,29 +14,28 @@ use crate::geometry::simd::{Simd, Vector};
 use crate::geometry::{PrimId, SlotId, Tier};
 
 /// The work per ray above which a packet is abandoned: 1 for each triangle leaf visited, 2 for each of its triangles
-/// that overlaps the frustum. For closest hits and for any hit. Measurements: docs/decisions.md.
+/// that overlaps a block of rays. For closest hits and for any hit. Measurements: docs/decisions.md.
 const MAX_WORK_PER_RAY: [usize; 2] = [8, 4];
 
 /// Blocks of a triangle are culled by its edge functions if there are as many. Measurements: docs/decisions.md.
 const MIN_CULLED_BLOCKS: u32 = 7;
 
-/// The number of leaves that wait before one of them is visited. Measurements: docs/decisions.md.
-const WAITING: usize = 3;
+/// Leaves queued before the first of them is tested, so that its prefetch completes. Measurements: docs/decisions.md.
+const MAX_QUEUED: usize = 3;
 
-/// The most leaves of triangles that wait: those of one more child.
-const WAITING_ROOM: usize = (WAITING + Child::MAX_COUNT).next_power_of_two();
+/// The most leaves in the queue: those of one more child.
+const QUEUE_ROOM: usize = (MAX_QUEUED + Child::MAX_COUNT).next_power_of_two();
 
-/// A queue of leaves of triangles and their entry depths. While a leaf waits, its memory, which was prefetched when it
-/// was pushed to the stack, arrives.
+/// A queue of leaves of triangles and their entry depths.
 #[derive(Default)]
-struct WaitingLeaves {
-    items: [(u32, f32); WAITING_ROOM],
+struct LeafQueue {
+    items: [(u32, f32); QUEUE_ROOM],
     /// The numbers of leaves removed and added so far.
     removed: usize,
     added: usize,
 }
 
-impl WaitingLeaves {
+impl LeafQueue {
     #[inline(always)]
     fn len(&self) -> usize {
         self.added - self.removed
@@ -44,14 +43,14 @@ impl WaitingLeaves {
 
     #[inline(always)]
     fn add(&mut self, leaf: u32, at: f32) {
-        self.items[self.added % WAITING_ROOM] = (leaf, at);
+        self.items[self.added % QUEUE_ROOM] = (leaf, at);
         self.added += 1;
     }
 
-    /// Removes the leaf that has waited longest; there must be one.
+    /// Removes the first leaf; there must be one.
     #[inline(always)]
     fn remove(&mut self) -> (u32, f32) {
-        let first = self.items[self.removed % WAITING_ROOM];
+        let first = self.items[self.removed % QUEUE_ROOM];
         self.removed += 1;
         first
     }
@@ -69,7 +68,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
     ) -> bool {
         stack.clear();
         let Some(mut node) = wide.nodes.first() else { return true };
-        let (mut waiting, mut work) = (WaitingLeaves::default(), 0);
+        let (mut queue, mut work) = (LeafQueue::default(), 0);
         loop {
             tests.nodes += 1;
             let (mask, at) = self.frustum.enter::<S>(node);
@@ -80,36 +79,33 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
                 if next.is_some_and(|(_, at)| at > self.frustum.max_depth) {
                     continue;
                 }
-                let may_wait = match next.map(|(child, at)| (child.content(), at)) {
+                let may_stay = match next.map(|(child, at)| (child.content(), at)) {
                     Some((Content::Node(index), _)) => {
                         node = &wide.nodes[index as usize];
                         break;
                     }
                     Some((Content::Triangles(leaves), at)) => {
                         for leaf in leaves {
-                            waiting.add(leaf, at);
+                            queue.add(leaf, at);
                         }
-                        WAITING
+                        MAX_QUEUED
                     }
                     Some((Content::Analytic(shapes), _)) => {
                         for index in shapes {
                             self.visit_analytic(wide, index, tests);
                         }
-                        WAITING
+                        MAX_QUEUED
                     }
-                    None if waiting.len() == 0 => return true,
+                    None if queue.len() == 0 => return true,
                     None => 0,
                 };
-                while waiting.len() > may_wait {
-                    let (first, at) = waiting.remove();
+                while queue.len() > may_stay {
+                    let (first, at) = queue.remove();
                     if at > self.frustum.max_depth {
                         continue;
                     }
-                    let second = if S::D::LANES > LANES4 && waiting.len() > 0 {
-                        Some(waiting.remove().0)
-                    } else {
-                        None
-                    };
+                    let second =
+                        if S::D::LANES > LANES4 && queue.len() > 0 { Some(queue.remove().0) } else { None };
                     work += self.visit_triangles(wide, first, second, tests);
                 }
                 if work > MAX_WORK_PER_RAY[usize::from(ANY)] * self.rays.len() {

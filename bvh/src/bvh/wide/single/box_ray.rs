@@ -25,7 +25,7 @@ pub(crate) const WIDENING: f32 = 2.0 * f32::EPSILON;
 pub(crate) const LENGTHS: std::ops::RangeInclusive<f64> = 1.0 / 1024.0..=1024.0;
 
 /// A ray prepared for the boxes of nodes.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct BoxRay {
     /// Reciprocals of the direction; infinite where it is 0.
     inverse: [f32; 3],

@@ -2,10 +2,10 @@
 //!
 //! A single ray waits for memory and for branches that cannot be predicted. Here the memory of a ray's next node or
 //! leaf is prefetched while the other rays take their turns, and the children of a node are sorted without branches
-//! ([`Simd::sort_entered`]). [`boxes`] has the rays prepared for boxes, [`state`] the rays in flight, their stacks, and the queues of rays by what they
-//! visit next.
+//! ([`Simd::sort_entered`]). [`box_rays`] has the rays prepared for boxes, [`state`] the rays in flight, their stacks,
+//! and the queues of rays by what they visit next.
 
-mod boxes;
+mod box_rays;
 mod state;
 
 use super::layout::{Child, WIDTH, Wide};
@@ -14,18 +14,18 @@ use super::single::leaf::hits_in_leaf;
 use crate::bvh::{Next, Tests};
 use crate::geometry::simd::{Simd, Vector};
 use crate::geometry::{Hit, Rays, Tier};
-use boxes::BoxBatch;
+use box_rays::BoxRays;
 pub(crate) use state::Scratch;
 use state::{Queues, ROOM, STREAM_WIDTH, Stacks, StreamRay};
 
 /// Whether the stacks have room for this tree, and the rays are supported.
 #[inline(always)]
 pub(crate) fn applies<T: Tier, S: Simd>(wide: &Wide<T>, rays: Rays) -> bool {
-    !wide.nodes.is_empty() && (wide.depth + 2) * WIDTH <= ROOM && BoxBatch::supports::<S::D4>(rays)
+    !wide.nodes.is_empty() && (wide.depth + 2) * WIDTH <= ROOM && BoxRays::supports::<S::D4>(rays)
 }
 
 /// Calls `found` with the index of a ray and each of its hits, nearest boxes first, until it returns [`Next::Stop`]
-/// for that ray. [`applies`] must hold; `rays` must be padded, and at most [`BATCH`].
+/// for that ray. [`applies`] must hold; `rays` must be padded, and no more than a packet.
 ///
 /// One function, because `queues` and `next` must stay in registers between the steps.
 #[inline(always)]
@@ -39,8 +39,10 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
     let Scratch { boxes, woop, stacks: Stacks(stacks) } = scratch;
     for first in (0..rays.len()).step_by(S::F8::LANES) {
         boxes.fill::<S>(rays, first);
-        woop.fill::<S::D4>(rays, first);
-        woop.fill::<S::D4>(rays, first + S::D4::LANES);
+        if T::IS_WOOP {
+            woop.fill::<S::D4>(rays, first);
+            woop.fill::<S::D4>(rays, first + S::D4::LANES);
+        }
     }
     let live = rays.len().min(STREAM_WIDTH);
     let mut queues = Queues::default();

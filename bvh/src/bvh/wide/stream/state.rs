@@ -1,9 +1,9 @@
 //! The state of a stream: rays in flight, their stacks, and the queues of rays by the kind of their next visit.
 
-use super::boxes::BoxBatch;
+use super::box_rays::BoxRays;
 use crate::bvh::wide::layout::{Child, WIDTH};
 use crate::bvh::wide::single::box_ray::prune_distance;
-use crate::geometry::{Rays, WoopBatch};
+use crate::geometry::{Rays, WoopTests};
 
 /// Rays in flight.
 pub(crate) const STREAM_WIDTH: usize = 32;
@@ -11,11 +11,11 @@ pub(crate) const STREAM_WIDTH: usize = 32;
 /// Elements per stack. Every node on a path leaves at most seven children; deeper trees are traversed by single rays.
 pub(crate) const ROOM: usize = 256;
 
-/// The memory of streams: the prepared rays of a batch, and a stack for each ray in flight.
+/// The memory of streams: the prepared rays of a packet, and a stack for each ray in flight.
 #[derive(Default)]
 pub(crate) struct Scratch {
-    pub boxes: BoxBatch,
-    pub woop: WoopBatch,
+    pub boxes: BoxRays,
+    pub woop: WoopTests,
     pub stacks: Stacks,
 }
 

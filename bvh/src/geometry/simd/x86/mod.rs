@@ -9,7 +9,8 @@ use super::{Side, Simd};
 use vectors::{D4, D8, F8, F16};
 
 /// AVX2 and FMA. To be used only if [`Avx2::is_supported`]: the safety of the intrinsics in this folder depends on
-/// it, so the type is private to the crate.
+/// it, so the type is private to the crate, and traversals use it for trees of
+/// [`InstructionSet::Avx2`](super::InstructionSet::Avx2) only.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx2;
 
@@ -22,7 +23,8 @@ impl Avx2 {
     }
 }
 
-/// AVX-512 for rays of packets and for sorting, else as [`Avx2`]. To be used only if [`Avx512::is_supported`].
+/// AVX-512 for rays of packets and for sorting, else as [`Avx2`]. To be used only if [`Avx512::is_supported`], like
+/// [`Avx2`].
 #[derive(Clone, Copy)]
 pub(crate) struct Avx512;
 

@@ -1,25 +1,22 @@
-//! [`WoopBatch`]: the rays of a batch prepared for the watertight triangle test (`woop`).
+//! [`WoopTests`]: the rays of a packet prepared for the watertight triangle test (`woop`).
 
 use glam::DVec3;
 
-use super::Rays;
 use super::simd::Doubles;
 use super::woop::{MajorAxis, WoopTest};
-
-/// The most rays of a batch.
-pub(crate) const BATCH: usize = 256;
+use super::{PACKET, Rays};
 
 /// A [`WoopTest`] for each ray, none of which may have a direction component of 0.
-pub(crate) struct WoopBatch(Vec<WoopTest>);
+pub(crate) struct WoopTests(Vec<WoopTest>);
 
-impl Default for WoopBatch {
+impl Default for WoopTests {
     fn default() -> Self {
         let nothing = WoopTest::of_parts(MajorAxis::X, [DVec3::ZERO; 2], [0.0; 3], [0.0; 2]);
-        WoopBatch(vec![nothing; BATCH])
+        WoopTests(vec![nothing; PACKET])
     }
 }
 
-impl WoopBatch {
+impl WoopTests {
     /// Prepares the rays of a vector, from index `first` on, as [`WoopTest::new`]; see [`Rays::lanes`].
     #[inline(always)]
     pub(crate) fn fill<D: Doubles>(&mut self, rays: Rays, first: usize) {
@@ -74,7 +71,7 @@ mod tests {
                 t_max: 1.0 + i as f64,
             })
             .collect();
-        let mut batch = WoopBatch::default();
+        let mut batch = WoopTests::default();
         for first in (0..rays.len()).step_by(4) {
             batch.fill::<<Portable as Simd>::D>(rays.rays(), first);
         }

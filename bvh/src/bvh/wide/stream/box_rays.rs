@@ -1,19 +1,19 @@
-//! [`BoxBatch`]: the rays of a batch prepared for the boxes of nodes.
+//! [`BoxRays`]: the rays of a packet prepared for the boxes of nodes.
 
 use crate::bvh::wide::single::box_ray::{BoxRay, LENGTHS, WIDENING};
 use crate::geometry::simd::{Doubles, Simd, Vector};
-use crate::geometry::{BATCH, Rays};
+use crate::geometry::{PACKET, Rays};
 
 /// A [`BoxRay`] for each ray.
-pub(crate) struct BoxBatch(Vec<BoxRay>);
+pub(crate) struct BoxRays(Vec<BoxRay>);
 
-impl Default for BoxBatch {
+impl Default for BoxRays {
     fn default() -> Self {
-        BoxBatch(vec![BoxRay::of_parts([1.0; 3], [[0.0; 2]; 3], 0.0); BATCH])
+        BoxRays(vec![BoxRay::of_parts([1.0; 3], [[0.0; 2]; 3], 0.0); PACKET])
     }
 }
 
-impl BoxBatch {
+impl BoxRays {
     /// Whether the directions have no zeros and need no scaling.
     #[inline(always)]
     pub(crate) fn supports<D: Doubles>(rays: Rays) -> bool {
@@ -28,7 +28,8 @@ impl BoxBatch {
         supported == D::ALL
     }
 
-    /// Prepares the rays of a vector of f32 from index `first` on, as [`BoxRay::new`]. They must be supported.
+    /// Prepares the rays of a vector of f32 from index `first` on, as [`BoxRay::new`], with `t_min` rounded down further.
+    /// They must be supported.
     #[inline(always)]
     pub(crate) fn fill<S: Simd>(&mut self, rays: Rays, first: usize) {
         let (zero, one) = (S::F8::splat(0.0), S::F8::splat(1.0));
@@ -57,5 +58,41 @@ impl BoxBatch {
     #[inline(always)]
     pub(crate) fn at(&self, i: usize) -> &BoxRay {
         &self.0[i]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::simd::Portable;
+    use crate::geometry::{Ray, RayBuffer};
+    use glam::DVec3;
+
+    #[test]
+    fn rays_of_a_packet_are_prepared_as_one() {
+        let component = |i: usize| [1.0, -1.0, 0.3, -7.5, 1e-30, 1e3][i % 6];
+        let coordinate = |i: usize| [0.0, -0.1, 3e7, 1e-40, -1e-45, 1e6][i % 6];
+        let rays: RayBuffer = (0..216)
+            .map(|i| Ray {
+                origin: DVec3::new(coordinate(i / 6), coordinate(i / 36), coordinate(i)),
+                direction: DVec3::new(component(i), component(i / 6), component(i / 36)),
+                t_min: [0.0, 1e-50, 0.1, 1.0 / 3.0, 1e20][i % 5],
+                t_max: f64::INFINITY,
+            })
+            .filter(|ray| LENGTHS.contains(&ray.direction.abs().max_element()))
+            .take(208)
+            .collect();
+        assert_eq!(rays.len(), 208);
+        assert!(BoxRays::supports::<<Portable as Simd>::D4>(rays.rays()));
+        let mut packet = BoxRays::default();
+        for first in (0..rays.len()).step_by(8) {
+            packet.fill::<Portable>(rays.rays(), first);
+        }
+        for (i, ray) in rays.rays().iter().enumerate() {
+            let (mut found, expected) = (*packet.at(i), BoxRay::new(&ray, true));
+            assert!(found.t_min <= expected.t_min && f64::from(found.t_min) >= ray.t_min * 0.999_999 - 1e-45);
+            found.t_min = expected.t_min;
+            assert_eq!(found, expected, "{ray:?}");
+        }
     }
 }
