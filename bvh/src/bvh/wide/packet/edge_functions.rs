@@ -3,11 +3,9 @@
 
 use super::frustum::Frustum;
 use super::projected_triangles::{
-    BlockBounds, PRODUCT_SLACK, ProjectedTriangles, UNDERFLOW, above, below, difference_of_products, norm1,
-    to_f32,
+    PRODUCT_SLACK, ProjectedTriangles, UNDERFLOW, above, below, difference_of_products, norm1, to_f32,
 };
 use super::rays::OfBlock;
-use crate::geometry::PACKET;
 use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
 
 /// The edge functions a u + b v + c of a triangle in each lane of [`Simd::D`]. A ray is inside if all three are positive or, where the side
@@ -117,30 +115,6 @@ impl<S: Simd> EdgeFunctions<S> {
         // A flipped depth axis mirrors the triangle.
         let mirrored = S::D::splat(if frustum.flipped { -1.0 } else { 1.0 });
         EdgeFunctions { edges, volumes, bounds, oriented, signs: (sign * mirrored).array() }
-    }
-
-    /// The blocks of rays that may have one inside the triangle in a lane, as bits: those where no edge function is
-    /// negative in all of their bounds (Pineda, A Parallel Algorithm for Polygon Rasterization, 1988).
-    #[inline(always)]
-    pub(crate) fn blocks(&self, lane: usize, [of_u, of_v]: &BlockBounds) -> u32 {
-        if self.oriented >> lane & 1 == 0 {
-            return u32::MAX;
-        }
-        let mut blocks = 0;
-        for first in (0..PACKET / S::F::LANES).step_by(S::F::LANES) {
-            let mut mask = S::F::ALL;
-            for EdgeFunctionN { a_and_b, c_and_bound } in &self.edges {
-                let (a, b) = (a_and_b[lane], a_and_b[S::D::LANES + lane]);
-                // The corner of the bounds where the function is largest.
-                let (u, v) = (&of_u[usize::from(a > 0.0)], &of_v[usize::from(b > 0.0)]);
-                let (u, v) = (S::F::load_slice(&u[first..]), S::F::load_slice(&v[first..]));
-                let largest =
-                    S::F::splat(a).mul_add(u, S::F::splat(b).mul_add(v, S::F::splat(c_and_bound[lane])));
-                mask &= S::F::splat(0.0).le(largest + S::F::splat(c_and_bound[S::D::LANES + lane]));
-            }
-            blocks |= mask << first;
-        }
-        blocks
     }
 
     /// The rays of a block against the triangle in a lane.

@@ -17,9 +17,6 @@ use crate::geometry::{PrimId, SlotId, Tier};
 /// that overlaps a block of rays. For closest hits and for any hit. Measurements: docs/decisions.md.
 const MAX_WORK_PER_RAY: [usize; 2] = [8, 4];
 
-/// Blocks of a triangle are culled by its edge functions if there are as many. Measurements: docs/decisions.md.
-const MIN_CULLED_BLOCKS: u32 = 7;
-
 /// Leaves queued before the first of them is tested, so that its prefetch completes. Measurements: docs/decisions.md.
 const MAX_QUEUED: usize = 3;
 
@@ -152,11 +149,7 @@ impl<T: Tier, S: Simd, const ANY: bool> Packet<'_, T, S, ANY> {
             lanes &= lanes - 1;
             let (leaf, index) = (leaves[lane / LANES4], indices[lane / LANES4]);
             let slot = SlotId::new(index * LANES4 as u32 + (lane % LANES4) as u32);
-            let mut blocks = blocks[lane];
-            if blocks.count_ones() >= MIN_CULLED_BLOCKS {
-                blocks &= edges.blocks(lane, &self.scratch.block_bounds);
-            }
-            let corners = leaf.corners.corners_f64(lane % LANES4);
+            let (mut blocks, corners) = (blocks[lane], leaf.corners.corners_f64(lane % LANES4));
             while blocks != 0 {
                 let block = blocks.trailing_zeros() as usize % BLOCKS;
                 blocks &= blocks - 1;
