@@ -2,7 +2,7 @@
 
 use super::{Primitive, Slot};
 use crate::geometry::{
-    Bounds, Corner, Hit, NO_PRIMITIVE, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit,
+    Bounds, Corner, Hit, NO_PRIMITIVE, PreparedRay, PrimId, Ray, SlotId, Stored, Tier, Triangle, TriangleHit,
 };
 
 /// A primitive in the precision of a tier, and its id.
@@ -69,7 +69,7 @@ impl<'a, T: Tier> PrimitiveTest<'a, T> {
     pub(crate) fn hit(&mut self, slot: &StoredSlot<T>, index: u32) -> Option<Hit> {
         let TriangleHit { t, barycentrics } = match &slot.primitive {
             Stored::Triangle(corners) => {
-                let prepared = self.triangles.get_or_insert_with(|| T::prepare(self.ray));
+                let prepared = self.triangles.get_or_insert_with(|| T::Prepared::new(self.ray));
                 T::hit_triangle(prepared, self.ray, corners)?
             }
             Stored::Analytic(shape) => {

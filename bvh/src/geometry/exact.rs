@@ -16,7 +16,7 @@ use super::bounds::DoubleBoxTest;
 use super::distance::{Crossing, Distance};
 use super::expansion::Expansion;
 use super::woop::{Sheared, WoopTest};
-use super::{AnalyticShape, Hit, Ray, Rays, Stored, Tier, TriangleHit, WoopTests};
+use super::{AnalyticShape, Hit, Ray, Stored, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f64 geometry, decided exactly.
@@ -30,21 +30,10 @@ pub(crate) const TOLERANCE: f64 = f64::from_bits((1023 - 40) << 52);
 const WEIGHT_TOLERANCE: f64 = f64::from_bits((1023 - 26) << 52);
 
 impl Tier for Exact {
-    const IS_WOOP: bool = true;
     const NUMERICS: Numerics = Numerics::Exact;
     type Corner = DVec3;
     type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
-
-    #[inline]
-    fn prepare(ray: &Ray) -> WoopTest {
-        WoopTest::new(ray)
-    }
-
-    #[inline(always)]
-    fn prepare_at(_: Rays, tests: &WoopTests, i: usize) -> WoopTest {
-        *tests.at(i)
-    }
 
     #[inline(always)]
     fn hit_triangle(test: &WoopTest, ray: &Ray, corners: &[DVec3; 3]) -> Option<TriangleHit> {

@@ -43,7 +43,7 @@ mod watertight;
 mod widened;
 mod woop;
 pub(crate) mod woop_n;
-mod woop_tests;
+mod woop_packet;
 
 pub use analytic::AnalyticShape;
 pub use beam::Beam;
@@ -66,8 +66,7 @@ pub(crate) use double::Double;
 pub(crate) use exact::Exact;
 pub(crate) use lanes::Triangle4;
 pub(crate) use naive::Naive;
-pub(crate) use numerics::{Corner, Stored, Tier};
+pub(crate) use numerics::{Corner, PreparedPacket, PreparedRay, Stored, Tier};
 pub(crate) use triangle::TriangleHit;
 pub(crate) use watertight::Watertight;
 pub(crate) use widened::{WidenedBoxTest, prune_distance};
-pub(crate) use woop_tests::WoopTests;

@@ -10,7 +10,9 @@
 use glam::{Vec3, Vec3A};
 
 use super::bounds::{BoxTest, SingleBoxTest, round_up};
-use super::{AnalyticShape, Corner, Ray, Tier, TriangleHit};
+use super::numerics::{PreparedPacket, PreparedRay};
+use super::simd::Doubles;
+use super::{AnalyticShape, Corner, Ray, Rays, Tier, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f32.
@@ -24,21 +26,36 @@ pub(crate) struct FastTest {
     pub(super) boxes: SingleBoxTest,
 }
 
-impl Tier for Naive {
-    const NUMERICS: Numerics = Numerics::Naive;
-    const IS_TIGHT: bool = false;
-    type Corner = Vec3;
-    type Boxes = SingleBoxTest;
-    type Prepared = FastTest;
-
-    #[inline]
-    fn prepare(ray: &Ray) -> FastTest {
+impl PreparedRay for FastTest {
+    #[inline(always)]
+    fn new(ray: &Ray) -> Self {
         FastTest {
             origin: ray.origin.as_vec3(),
             direction: ray.direction.as_vec3(),
             boxes: SingleBoxTest::new(ray),
         }
     }
+
+    #[inline(always)]
+    fn prepare_packet<D: Doubles>(rays: Rays, packet: &mut PreparedPacket) {
+        packet.fast.clear();
+        for i in 0..rays.len() {
+            packet.fast.push(FastTest::new(&rays.get(i)));
+        }
+    }
+
+    #[inline(always)]
+    fn of_packet(packet: &PreparedPacket) -> &[Self] {
+        &packet.fast
+    }
+}
+
+impl Tier for Naive {
+    const NUMERICS: Numerics = Numerics::Naive;
+    const IS_TIGHT: bool = false;
+    type Corner = Vec3;
+    type Boxes = SingleBoxTest;
+    type Prepared = FastTest;
 
     #[inline(always)]
     fn hit_triangle(test: &FastTest, ray: &Ray, &[a, b, c]: &[Vec3; 3]) -> Option<TriangleHit> {

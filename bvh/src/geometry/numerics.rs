@@ -4,9 +4,11 @@ use glam::{DVec3, Vec3, Vec3A};
 
 use super::bounds::BoxTest;
 use super::lanes::{HitN, RayN, Triangle4};
+use super::naive::FastTest;
 use super::simd::Doubles;
+use super::woop::WoopTest;
 use super::woop_n::PreparedRayN;
-use super::{AnalyticShape, Bounds, Hit, Ray, Rays, TriangleHit, WoopTests};
+use super::{AnalyticShape, Bounds, Hit, Ray, Rays, TriangleHit};
 use crate::geometry::Numerics;
 
 /// The floating-point format of rays or corners.
@@ -208,6 +210,23 @@ pub(crate) enum Stored<C> {
     Analytic(AnalyticShape),
 }
 
+/// A ray prepared for the triangle test of a tier.
+pub(crate) trait PreparedRay: Copy {
+    /// Prepares a ray.
+    fn new(ray: &Ray) -> Self;
+    /// Prepares the rays of a packet, which must be padded. Where this takes vectors, no direction may have zeros.
+    fn prepare_packet<D: Doubles>(rays: Rays, packet: &mut PreparedPacket);
+    /// The rays of the packet that was prepared last, and perhaps more.
+    fn of_packet(packet: &PreparedPacket) -> &[Self];
+}
+
+/// The memory of [`PreparedRay::prepare_packet`].
+#[derive(Default)]
+pub(crate) struct PreparedPacket {
+    pub woop: Vec<WoopTest>,
+    pub fast: Vec<FastTest>,
+}
+
 /// A numeric tier: the tests of rays against boxes, triangles and analytic shapes, and the order of hits.
 ///
 /// Every tier must keep a hit's distance within the interval in which its box test finds the ray inside the
@@ -224,7 +243,7 @@ pub(crate) trait Tier: Send + Sync + 'static {
     /// A ray prepared for boxes.
     type Boxes: BoxTest;
     /// A ray prepared for triangles.
-    type Prepared: Copy;
+    type Prepared: PreparedRay;
 
     /// Whether the tier decides hits by the test of Woop, Benthin and Wald and the f64 tests of analytic shapes, of which there
     /// are versions for several rays. Else those return [`HitN::UNDECIDED`].
@@ -245,18 +264,6 @@ pub(crate) trait Tier: Send + Sync + 'static {
         triangle: impl Fn(usize) -> (&'a Triangle4<Self::Corner>, usize),
     ) -> HitN<D> {
         if Self::HAS_RAY_N { rays.hit_each(triangle) } else { HitN::UNDECIDED }
-    }
-
-    /// Whether [`Tier::Prepared`] is the test of Woop, Benthin and Wald, which [`WoopTests`] prepares for a packet.
-    const IS_WOOP: bool = false;
-
-    /// Prepares a ray for triangles.
-    fn prepare(ray: &Ray) -> Self::Prepared;
-
-    /// [`Tier::prepare`] for the ray at `i` of a packet.
-    #[inline(always)]
-    fn prepare_at(rays: Rays, _: &WoopTests, i: usize) -> Self::Prepared {
-        Self::prepare(&rays.get(i))
     }
 
     /// The hit of `ray`, for which `prepared` was made, on a triangle, with `t_min < t < t_max`. Two-sided; a ray in
@@ -310,7 +317,7 @@ mod tests {
     /// What a tier says of a ray from `origin` and a triangle.
     fn hit_of<T: Tier>(corners: [DVec3; 3], ray: impl Fn(Precision) -> Ray) -> Option<TriangleHit> {
         let ray = ray(T::NUMERICS.ray_precision());
-        T::hit_triangle(&T::prepare(&ray), &ray, &corners.map(T::Corner::from_dvec3))
+        T::hit_triangle(&T::Prepared::new(&ray), &ray, &corners.map(T::Corner::from_dvec3))
     }
 
     fn hits(corners: [DVec3; 3], ray: impl Fn(Precision) -> Ray) -> [Option<TriangleHit>; 4] {

@@ -10,29 +10,18 @@ use super::bounds::DoubleBoxTest;
 use super::lanes::HitN;
 use super::simd::Doubles;
 use super::woop::WoopTest;
-use super::{AnalyticShape, Ray, Rays, Tier, Triangle4, TriangleHit, WoopTests};
+use super::{AnalyticShape, Ray, Tier, Triangle4, TriangleHit};
 use crate::geometry::Numerics;
 
 /// f32 geometry, decided in f64.
 pub(crate) struct Watertight;
 
 impl Tier for Watertight {
-    const IS_WOOP: bool = true;
     const NUMERICS: Numerics = Numerics::Watertight;
     type Corner = Vec3;
     type Boxes = DoubleBoxTest;
     type Prepared = WoopTest;
     const HAS_RAY_N: bool = true;
-
-    #[inline]
-    fn prepare(ray: &Ray) -> WoopTest {
-        WoopTest::new(ray)
-    }
-
-    #[inline(always)]
-    fn prepare_at(_: Rays, tests: &WoopTests, i: usize) -> WoopTest {
-        *tests.at(i)
-    }
 
     #[inline(always)]
     fn hit_triangle(test: &WoopTest, ray: &Ray, corners: &[Vec3; 3]) -> Option<TriangleHit> {

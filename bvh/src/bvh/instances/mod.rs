@@ -21,8 +21,8 @@ use super::Preset;
 use super::build::build_nodes;
 use super::{Accelerator, Description, Next, Primitive, Quality, Slot, Traversal};
 use crate::geometry::{
-    Bounds, BoxTest, Corner, Hit, HitBuffer, Numerics, PrimId, Ray, Rays, SlotId, Stored, Tier, Triangle,
-    prune_distance,
+    Bounds, BoxTest, Corner, Hit, HitBuffer, Numerics, PreparedRay, PrimId, Ray, Rays, SlotId, Stored, Tier,
+    Triangle, prune_distance,
 };
 use crate::geometry::{Mesh, Placed};
 use mesh_bvh::MeshBvh;
@@ -163,7 +163,7 @@ impl<T: Tier> Instances<T> {
                             T::Corner::from_dvec3(instance.placed.placement.point(mesh.positions[i as usize]))
                         };
                         let corners = corners.map(corner);
-                        let prepared = prepared.get_or_insert_with(|| T::prepare(ray));
+                        let prepared = prepared.get_or_insert_with(|| T::Prepared::new(ray));
                         if let Some(hit) = T::hit_triangle(prepared, ray, &corners) {
                             let (prim, slot) = (instance.prim(*triangle), SlotId::new(slot + triangle));
                             match found(Hit { t: hit.t, prim, slot, barycentrics: hit.barycentrics }, corners)

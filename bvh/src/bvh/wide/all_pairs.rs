@@ -7,7 +7,7 @@ use crate::bvh::{Next, Tests};
 use crate::geometry::lanes::{HitN, LANES4};
 use crate::geometry::simd::{Doubles, Simd, Vector};
 use crate::geometry::woop_n::PreparedRayN;
-use crate::geometry::{Hit, NO_PRIMITIVE, PrimId, Rays, SlotId, Tier};
+use crate::geometry::{Hit, NO_PRIMITIVE, PreparedRay, PrimId, Rays, SlotId, Tier};
 
 /// The most triangle leaves, and the most analytic shapes, that all rays are tested against.
 const MAX_LEAVES: usize = 4;
@@ -46,7 +46,7 @@ pub(crate) fn test<T: Tier, S: Simd>(
                         return Some(hits.at(place, PrimId(leaf.ids[lane]), slot));
                     }
                     let ray = &rays.get(first + place);
-                    hit_triangle::<T>(&T::prepare(ray), ray, leaf, slot)
+                    hit_triangle::<T>(&T::Prepared::new(ray), ray, leaf, slot)
                 },
                 #[inline(always)]
                 |place, hit| found(first + place, hit),

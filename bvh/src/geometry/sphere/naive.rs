@@ -1,13 +1,13 @@
 //! The test of the tier `naive`: that of [`super`] in f32.
 
 use super::Sphere;
-use crate::geometry::naive::within;
-use crate::geometry::{Intersector, Naive, Ray, Tier};
+use crate::geometry::naive::{FastTest, within};
+use crate::geometry::{Intersector, PreparedRay, Ray};
 
 /// The least distance within `t_min < t < t_max` at which the ray meets the sphere.
 #[inline(always)]
 pub(crate) fn hit(ray: &Ray, sphere: &Sphere) -> Option<f64> {
-    let test = Naive::prepare(ray);
+    let test = FastTest::new(ray);
     let (d, f) = (test.direction, test.origin - sphere.centre.as_vec3());
     let radius = sphere.radius as f32;
     let a = d.dot(d);

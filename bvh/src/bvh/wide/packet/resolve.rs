@@ -7,7 +7,7 @@ use crate::bvh::wide::layout::Wide;
 use crate::bvh::wide::single::leaf::hit_triangle;
 use crate::geometry::lanes::{HitN, LANES4, MAX_LANES};
 use crate::geometry::simd::{Doubles, Simd, Vector};
-use crate::geometry::{Hit, HitBuffer, NO_PRIMITIVE, Ray, SlotId, Tier};
+use crate::geometry::{Hit, HitBuffer, NO_PRIMITIVE, PreparedRay, Ray, SlotId, Tier};
 
 /// A triangle that rays certainly hit.
 pub(crate) struct CertainHit<'a> {
@@ -224,7 +224,7 @@ impl<T: Tier, S: Simd> Packet<'_, T, S, false> {
 
 /// The tier's hit of a ray on the triangle in a slot.
 pub(crate) fn hit_in_slot<T: Tier>(wide: &Wide<T>, ray: &Ray, slot: SlotId) -> Option<Hit> {
-    hit_triangle::<T>(&T::prepare(ray), ray, &wide.triangles[slot.index() as usize / LANES4], slot)
+    hit_triangle::<T>(&T::Prepared::new(ray), ray, &wide.triangles[slot.index() as usize / LANES4], slot)
 }
 
 /// The primitive id of the triangle in a slot.

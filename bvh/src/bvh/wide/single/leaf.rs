@@ -11,7 +11,7 @@ use crate::geometry::{AnalyticShape, Hit, PrimId, Ray, SlotId, Tier};
 pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
     wide: &Wide<T>,
     ray: impl Fn() -> Ray,
-    prepared: impl Fn() -> T::Prepared,
+    prepared: &T::Prepared,
     leaf: Child,
     tests: &mut Tests,
     mut found: impl FnMut(Hit) -> Next,
@@ -23,7 +23,7 @@ pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
             tests.primitives += triangles.len() as u64;
             for index in triangles {
                 let leaf = &wide.triangles[index as usize];
-                let four = T::hit_triangle4::<S::D4>(&prepared(), &leaf.corners);
+                let four = T::hit_triangle4::<S::D4>(prepared, &leaf.corners);
                 let mut lanes = four.hit | four.undecided;
                 while lanes != 0 {
                     let lane = lanes.trailing_zeros() as usize % LANES4;
@@ -32,7 +32,7 @@ pub(crate) fn hits_in_leaf<T: Tier, S: Simd>(
                     let hit = if four.undecided >> lane & 1 == 0 {
                         four.at(lane, PrimId(leaf.ids[lane]), slot)
                     } else {
-                        match hit_triangle::<T>(&prepared(), &ray(), leaf, slot) {
+                        match hit_triangle::<T>(prepared, &ray(), leaf, slot) {
                             Some(hit) => hit,
                             None => continue,
                         }

@@ -8,7 +8,7 @@ pub(crate) mod leaf;
 use super::layout::{Child, Content, Node, WIDTH, Wide};
 use crate::bvh::{Next, Tests};
 use crate::geometry::simd::Simd;
-use crate::geometry::{Hit, Ray, Tier};
+use crate::geometry::{Hit, PreparedRay, Ray, Tier};
 use box_ray::BoxRay;
 use leaf::hits_in_leaf;
 
@@ -99,7 +99,7 @@ fn traverse<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
         return;
     }
     let boxes = BoxRay::new(ray, FUSED);
-    let prepared = T::prepare(ray);
+    let prepared = T::Prepared::new(ray);
     let mut t_max = boxes.prune_distance(ray.t_max);
     // Every node on the path leaves at most seven children on the stack.
     let room = wide.depth * WIDTH;
@@ -132,7 +132,7 @@ fn traverse<T: Tier, S: Simd, const FUSED: bool, const NEAREST: bool>(
                 node = &wide.nodes[index as usize];
                 break;
             }
-            match hits_in_leaf::<T, S>(wide, || *ray, || prepared, child, tests, &mut found) {
+            match hits_in_leaf::<T, S>(wide, || *ray, &prepared, child, tests, &mut found) {
                 Next::Stop => return,
                 Next::Shorten(t) => t_max = boxes.prune_distance(t),
                 Next::Continue => {}

@@ -13,7 +13,7 @@ use super::single::box_ray::prune_distance;
 use super::single::leaf::hits_in_leaf;
 use crate::bvh::{Next, Tests};
 use crate::geometry::simd::{Simd, Vector};
-use crate::geometry::{Hit, Rays, Tier};
+use crate::geometry::{Hit, PreparedRay, Rays, Tier};
 use box_rays::BoxRays;
 pub(crate) use state::Scratch;
 use state::{Queues, ROOM, STREAM_WIDTH, Stacks, StreamRay};
@@ -36,14 +36,12 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
     tests: &mut Tests,
     mut found: impl FnMut(usize, Hit) -> Next,
 ) {
-    let Scratch { boxes, woop, stacks: Stacks(stacks) } = scratch;
+    let Scratch { boxes, triangles, stacks: Stacks(stacks) } = scratch;
     for first in (0..rays.len()).step_by(S::F8::LANES) {
         boxes.fill::<S>(rays, first);
-        if T::IS_WOOP {
-            woop.fill::<S::D4>(rays, first);
-            woop.fill::<S::D4>(rays, first + S::D4::LANES);
-        }
     }
+    T::Prepared::prepare_packet::<S::D4>(rays, triangles);
+    let prepared = T::Prepared::of_packet(triangles);
     let live = rays.len().min(STREAM_WIDTH);
     let mut queues = Queues::default();
     let mut in_flight = [StreamRay::default(); STREAM_WIDTH];
@@ -83,8 +81,9 @@ pub(crate) fn traverse<T: Tier, S: Simd>(
                 let ray = state.ray;
                 let after = hits_in_leaf::<T, S>(
                     wide,
+                    #[inline(always)]
                     || rays.get(ray),
-                    || T::prepare_at(rays, woop, ray),
+                    &prepared[ray],
                     state.child,
                     tests,
                     #[inline(always)]

@@ -3,7 +3,7 @@
 use super::box_rays::BoxRays;
 use crate::bvh::wide::layout::{Child, WIDTH};
 use crate::bvh::wide::single::box_ray::prune_distance;
-use crate::geometry::{Rays, WoopTests};
+use crate::geometry::{PreparedPacket, Rays};
 
 /// Rays in flight.
 pub(crate) const STREAM_WIDTH: usize = 32;
@@ -15,7 +15,7 @@ pub(crate) const ROOM: usize = 256;
 #[derive(Default)]
 pub(crate) struct Scratch {
     pub boxes: BoxRays,
-    pub woop: WoopTests,
+    pub triangles: PreparedPacket,
     pub stacks: Stacks,
 }
 

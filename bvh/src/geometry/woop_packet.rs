@@ -1,0 +1,84 @@
+//! The rays of a packet prepared for the watertight triangle test (`woop`), a vector at once.
+
+use glam::DVec3;
+
+use super::numerics::{PreparedPacket, PreparedRay};
+use super::simd::Doubles;
+use super::woop::{MajorAxis, WoopTest};
+use super::{PACKET, Ray, Rays};
+
+impl PreparedRay for WoopTest {
+    #[inline(always)]
+    fn new(ray: &Ray) -> Self {
+        WoopTest::new(ray)
+    }
+
+    #[inline(always)]
+    fn prepare_packet<D: Doubles>(rays: Rays, packet: &mut PreparedPacket) {
+        let nothing = WoopTest::of_parts(MajorAxis::X, [DVec3::ZERO; 2], [0.0; 3], [0.0; 2]);
+        packet.woop.resize(PACKET, nothing);
+        for first in (0..rays.len()).step_by(D::LANES) {
+            prepare_lanes::<D>(rays, first, &mut packet.woop[first..first + D::LANES]);
+        }
+    }
+
+    #[inline(always)]
+    fn of_packet(packet: &PreparedPacket) -> &[Self] {
+        &packet.woop
+    }
+}
+
+/// Prepares a ray for each lane, from index `first` on; see [`Rays::lanes`].
+#[inline(always)]
+fn prepare_lanes<D: Doubles>(rays: Rays, first: usize, tests: &mut [WoopTest]) {
+    let lanes = rays.lanes::<D>(first);
+    let [x, y, z] = lanes.direction;
+    let one = D::splat(1.0);
+    let inverse = [(one / x).array(), (one / y).array(), (one / z).array()];
+    let direction = [x.array(), y.array(), z.array()];
+    let [x, y, z] = [x.abs(), y.abs(), z.abs()];
+    let [x_first, y_first] = [y.le(x) & z.le(x), z.le(y)];
+    let [x, y, z] = lanes.origin;
+    let origin = [x.array(), y.array(), z.array()];
+    let (t_min, t_max) = (lanes.t_min.array(), lanes.t_max.array());
+    for (lane, test) in tests.iter_mut().enumerate() {
+        let major = MajorAxis::of_order(x_first >> lane & 1 != 0, y_first >> lane & 1 != 0);
+        // By index: a match on the axis would be mispredicted.
+        let [u, v, w] = major.axes();
+        *test = WoopTest::of_parts(
+            major,
+            [
+                DVec3::new(origin[u][lane], origin[v][lane], origin[w][lane]),
+                DVec3::new(direction[u][lane], direction[v][lane], direction[w][lane]),
+            ],
+            [inverse[u][lane], inverse[v][lane], inverse[w][lane]],
+            [t_min[lane], t_max[lane]],
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::RayBuffer;
+    use crate::geometry::simd::{Portable, Simd};
+    use glam::DVec3;
+
+    #[test]
+    fn rays_of_a_packet_are_prepared_as_one() {
+        let component = |i: usize| [1.0, -1.0, 0.3, -7.5, 1e-30, 1e30][i % 6];
+        let rays: RayBuffer = (0..216)
+            .map(|i| Ray {
+                origin: DVec3::new(0.1, i as f64, -2.0),
+                direction: DVec3::new(component(i), component(i / 6), component(i / 36)),
+                t_min: 0.0,
+                t_max: 1.0 + i as f64,
+            })
+            .collect();
+        let mut packet = PreparedPacket::default();
+        WoopTest::prepare_packet::<<Portable as Simd>::D>(rays.rays(), &mut packet);
+        for (i, ray) in rays.rays().iter().enumerate() {
+            assert_eq!(WoopTest::of_packet(&packet)[i], WoopTest::new(&ray), "{ray:?}");
+        }
+    }
+}
