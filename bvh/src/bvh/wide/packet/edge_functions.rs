@@ -8,8 +8,8 @@ use super::projected_triangles::{
 use super::rays::OfBlock;
 use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
 
-/// The edge functions a u + b v + c of a triangle in each lane of [`Simd::D`]. A ray is inside if all three are positive or, where the side
-/// of the triangle on which rays start is unknown, all three are negative.
+/// The edge functions a u + b v + c of a triangle in each lane of [`Simd::D`]. A ray is inside if all three are
+/// positive or, where the side of the triangle on which rays start is unknown, all three are negative.
 ///
 /// Errors, with u = 2^-24 and P = |a u| + |b v| + |c|: a, b and c are rounded to f32 (u of themselves each), u and v
 /// are off by 5 u, the products and sums round three times more: 9 u P at most. The bound uses 16 u P, which also

@@ -1,5 +1,6 @@
 //! [`ProjectedTriangles`]: the triangles of one or two leaves projected to the (u, v) plane of a packet's frustum, and
-//! the blocks of rays that their bounds there overlap. The f64 helpers at the end are shared with [`super::edge_functions`].
+//! the blocks of rays that their bounds there overlap. The f64 helpers at the end are shared with
+//! [`super::edge_functions`].
 
 use super::frustum::Frustum;
 use super::rays::{BLOCKS, OfBlock};

@@ -5,7 +5,7 @@ use crate::bvh::wide::single::box_ray::MARGIN;
 use crate::geometry::simd::{Doubles, Floats, Simd, Vector};
 use crate::geometry::{PACKET, Rays};
 
-/// The most blocks per packet. A block has a ray for each lane of [`Simd::F`], from 8 to [`MAX_FLOATS`](crate::geometry::lanes::MAX_FLOATS).
+/// The most blocks per packet. A block has a ray for each lane of [`Simd::F`], 8 at least.
 pub(crate) const BLOCKS: usize = PACKET / 8;
 
 /// Rays in blocks, one array per quantity. Lanes beyond the last ray repeat it, but for `ends`, which a packet sets.
