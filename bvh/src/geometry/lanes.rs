@@ -1,5 +1,5 @@
-//! Rays, triangles and hits as structures of arrays: the operands of the primitive tests of [`Doubles::LANES`] pairs
-//! at once.
+//! Rays, triangles and hits as structures of arrays: the operands of the primitive tests of a pair in each lane of
+//! [`Doubles`].
 //!
 //! The tests themselves are in [`super::woop_n`] and [`super::sphere`]; the traversals of `bvh/wide` call them through
 //! [`Tier`](super::Tier).

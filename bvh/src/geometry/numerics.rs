@@ -277,7 +277,7 @@ pub(crate) trait Tier: Send + Sync + 'static {
         HitN::UNDECIDED
     }
 
-    /// The test of [`Intersector`] that belongs to the tier.
+    /// The test of [`Intersector`](super::Intersector) that belongs to the tier.
     fn hit_analytic(ray: &Ray, shape: &AnalyticShape) -> Option<f64>;
 
     /// [`Tier::hit_analytic`] for a ray in each lane.

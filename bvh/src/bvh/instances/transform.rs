@@ -3,7 +3,7 @@
 //! Triangles are tested in world space, on corners that are rounded there. The boxes of a mesh's tree bound the
 //! corners of the mesh before placement. So the boxes are enlarged by all differences between the two:
 //!
-//! 1. a corner in world space is off by the arithmetic of its placement ([`Placement::error`]) and by its rounding to
+//! 1. a corner in world space is off by the arithmetic of its placement (`Placement::error`) and by its rounding to
 //!    the precision of the tier, half an ulp;
 //! 2. a hit is off its rounded triangle by the error of the tier's test: relative to the triangle, and to the
 //!    distance from the ray's origin;

@@ -38,7 +38,7 @@ pub(crate) struct Wide<T: Tier> {
 #[derive(Clone, Copy)]
 pub(crate) struct TriangleLeaf<C: Corner> {
     pub corners: Triangle4<C>,
-    /// Primitive ids; [`NO_PRIMITIVE`] in empty lanes.
+    /// Primitive ids; [`NO_PRIMITIVE`](crate::geometry::NO_PRIMITIVE) in empty lanes.
     pub ids: [u32; LANES4],
 }
 
