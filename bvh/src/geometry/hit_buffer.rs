@@ -134,8 +134,9 @@ impl HitBuffer {
         let [v, w] = &self.barycentrics;
         let numbers = self.prim[..self.len].iter().zip(&self.slot).zip(&self.t).zip(v).zip(w);
         numbers.map(|((((&prim, &slot), &t), &v), &w)| {
-            let (prim, slot) = (PrimId(prim), SlotId::new(slot));
-            (prim.0 != NO_PRIMITIVE).then_some(Hit { t, prim, slot, barycentrics: [v, w] })
+            // The slot of a miss may be any number, also one that no `SlotId` holds.
+            let hit = || Hit { t, prim: PrimId(prim), slot: SlotId::new(slot), barycentrics: [v, w] };
+            (prim != NO_PRIMITIVE).then(hit)
         })
     }
 
@@ -169,7 +170,9 @@ mod tests {
             barycentrics: [[0.25; 4], [0.5; 4]],
             ..HitN::NONE
         };
-        hits.append(2, &[7, NO_PRIMITIVE, 1, 1, 1, 1, 1, 1], &[3; 8], &two);
+        // Traversals leave any slot with a miss.
+        let slots = [3, u32::MAX, 3, 3, 3, 3, 3, 3];
+        hits.append(2, &[7, NO_PRIMITIVE, 1, 1, 1, 1, 1, 1], &slots, &two);
         assert_eq!(hits.iter().collect::<Vec<_>>(), [Some(hit), None, Some(hit), None]);
         hits.set(0, None);
         hits.resize(5);

@@ -310,7 +310,7 @@ mod tests {
             steps in prop::array::uniform2(-3i64..=3),
             aside in prop::sample::select(vec![0.0, 1e-17, 1e-9, 1e-5, 0.1]),
         ) {
-            let moved = |x: f64, by: i64| f64::from_bits((x.to_bits() as i64 + by) as u64);
+            let moved = |x: f64, by: i64| f64::from_bits(x.to_bits().wrapping_add_signed(by));
             let q = [moved(p[0] * factor, steps[0]), moved(p[1] * factor + aside, steps[1])];
             prop_assume!(q[0].is_finite() && q[1].is_finite());
             let difference = |a: f64| Expansion::difference(a, 0.0);
