@@ -72,7 +72,7 @@ enum Command {
     /// Open a window on files, to look around in them
     #[cfg(feature = "viewer")]
     View(Box<view::Command>),
-    /// Open a window on files: not in this kiln, which was built without
+    /// Open a window on files (this kiln was built without the feature `viewer`)
     #[cfg(not(feature = "viewer"))]
     #[command(disable_help_flag = true)]
     View {
@@ -146,7 +146,7 @@ pub fn main() -> ExitCode {
             #[cfg(not(feature = "viewer"))]
             Command::View { .. } => Err(Error::usage(
                 "this kiln was built without a window",
-                "build it with the feature `viewer`, or make pictures: kiln render",
+                "`cargo install --path . --features full` has it; `kiln render` makes pictures without",
             )),
             Command::Merge(arguments) => merge::run(&arguments),
             Command::Verify(arguments) => return verify::run(&arguments),

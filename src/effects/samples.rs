@@ -393,3 +393,23 @@ impl SampleSum {
         mean + (signed - mean * signs) / (count * filter.mean_sign())
     }
 }
+
+/// For each light with an apparent diameter, the directions of its shadow rays from the surfaces of a generation.
+#[derive(Default)]
+pub(super) struct DiscPoints {
+    pub(super) numbers: SurfaceNumbers,
+    /// For each light, unit directions; empty for lights without a diameter.
+    pub(super) directions: Vec<Vec<DVec3>>,
+}
+
+impl DiscPoints {
+    /// The directions to a light; `None` for one without a diameter.
+    pub(super) fn of_light(&self, index: usize) -> Option<&[DVec3]> {
+        self.directions.get(index).map(Vec::as_slice).filter(|directions| !directions.is_empty())
+    }
+
+    pub(super) fn bytes(&self) -> usize {
+        let directions: usize = self.directions.iter().map(vec_bytes).sum();
+        self.numbers.bytes() + vec_bytes(&self.directions) + directions
+    }
+}

@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use super::soft_shadows::DiscPoints;
+use super::samples::DiscPoints;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::transparency::transmittance;
 use super::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named};

@@ -4,10 +4,8 @@
 //! is the share of the disc that is visible, by which the light of its centre is multiplied. A direction below the
 //! horizon of the triangle is mirrored above it, so that a surface does not shade itself.
 
-use glam::DVec3;
-
-use super::samples::SurfaceNumbers;
-use super::tile::{RenderContext, Tile, vec_bytes};
+use super::samples::DiscPoints;
+use super::tile::{RenderContext, Tile};
 use super::{Effect, EffectContext, Hook, Stage, id, named};
 use crate::scene::PixelSampler;
 use crate::world::World;
@@ -49,26 +47,6 @@ pub const EFFECT: Effect = Effect {
 
 /// The dimension of the random numbers of the first light; each further light has the one before.
 const DIMENSION: u32 = u32::MAX - 2;
-
-/// For each light with an apparent diameter, the directions of its shadow rays from the surfaces of a generation.
-#[derive(Default)]
-pub(super) struct DiscPoints {
-    numbers: SurfaceNumbers,
-    /// For each light, unit directions; empty for lights without a diameter.
-    directions: Vec<Vec<DVec3>>,
-}
-
-impl DiscPoints {
-    /// The directions to a light; `None` for one without a diameter.
-    pub(super) fn of_light(&self, index: usize) -> Option<&[DVec3]> {
-        self.directions.get(index).map(Vec::as_slice).filter(|directions| !directions.is_empty())
-    }
-
-    fn bytes(&self) -> usize {
-        let directions: usize = self.directions.iter().map(vec_bytes).sum();
-        self.numbers.bytes() + vec_bytes(&self.directions) + directions
-    }
-}
 
 /// Samples the discs of the lights at the surfaces of a generation.
 struct SampleDiscs {

@@ -22,6 +22,7 @@ mod images;
 #[cfg(feature = "codecs")]
 mod ktx2;
 mod lines;
+#[cfg(feature = "cli")]
 mod names;
 mod obj;
 mod ply;
@@ -36,6 +37,7 @@ mod up;
 mod uri;
 
 pub use environment::environment;
+#[cfg(feature = "cli")]
 pub(crate) use names::FileNames;
 pub use scene_file::inline_camera;
 

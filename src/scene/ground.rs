@@ -2,9 +2,6 @@
 
 use glam::DVec3;
 
-use super::{Material, MaterialId, Mesh, Object, Phong, Shape};
-use crate::film::Colour;
-
 /// Half the side of the square, in radii of the scene.
 const REACH: f64 = 20.0;
 
@@ -35,20 +32,6 @@ impl Ground {
         let ground = Ground { centre, half_side: REACH * radius, albedo: ALBEDO };
         (radius > 0.0 && ground.half_side.is_finite()).then_some(ground)
     }
-
-    /// The square as an object.
-    pub(crate) fn object(&self, material: MaterialId) -> Object {
-        let corner = |x: f64, z: f64| self.centre + self.half_side * DVec3::new(x, 0.0, z);
-        let positions = vec![corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)];
-        let mesh = Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], ..Mesh::default() };
-        Object { name: "ground".into(), input: 0, material, shape: Shape::Mesh(mesh) }
-    }
-
-    /// Its material, which is diffuse.
-    pub(crate) fn material(&self) -> Material {
-        let colour = Colour::Linear(DVec3::splat(self.albedo));
-        Material::Phong(Phong { name: "ground".into(), colour, ..Phong::default() })
-    }
 }
 
 #[cfg(test)]
@@ -61,9 +44,6 @@ mod tests {
         let ground = Ground::under((DVec3::new(1.0, -5.0, 0.0), DVec3::new(3.0, -1.0, 4.0))).unwrap();
         assert_eq!((ground.centre.x, ground.centre.z, ground.half_side), (2.0, 2.0, 60.0));
         assert!(ground.centre.y < -5.0 && ground.centre.y > -5.001);
-        let Shape::Mesh(mesh) = ground.object(MaterialId(0)).shape else { panic!("a mesh") };
-        let [a, b, c] = mesh.triangles[0].map(|i| mesh.positions[i as usize]);
-        assert!((b - a).cross(c - a).y > 0.0, "counterclockwise seen from above");
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod emission_texture;
 mod emitters;
 mod environment;
 mod fit;
+mod ground;
 mod image;
 mod interaction;
 mod interactions;
@@ -160,8 +161,8 @@ impl World {
             std::mem::take(&mut scene.materials).into_iter().map(to_pipeline).collect();
         let ground = scene.ground.map(|_| scene.objects.len() as u32);
         if let Some(ground) = &scene.ground {
-            materials.push(to_pipeline(ground.material()));
-            scene.objects.push(ground.object(MaterialId((materials.len() - 1) as u32)));
+            materials.push(to_pipeline(ground::material(ground)));
+            scene.objects.push(ground::object(ground, MaterialId((materials.len() - 1) as u32)));
         }
         let mut area_lights = AreaLights::add_surfaces(&mut scene, &mut materials, pipeline);
         let normal_mapped: Vec<bool> = materials.iter().map(|m| m.normal_map().is_some()).collect();

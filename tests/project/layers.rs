@@ -184,6 +184,38 @@ fn effects_are_named_in_their_own_files_alone() {
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }
 
+/// Whether source text outside unit tests has a path into the module of an effect.
+fn uses_effect(text: &str, module: &str) -> bool {
+    let code = text.split("#[cfg(test)]\nmod").next().unwrap_or("");
+    let code = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+    let paths = ["super", "effects", "self"].map(|parent| format!("{parent}::{module}::"));
+    code.into_iter().any(|line| paths.iter().any(|path| line.contains(path.as_str())))
+}
+
+/// So every build without the file of one effect (`kiln_without`) compiles.
+#[test]
+fn effects_are_used_by_the_registry_alone() {
+    let mut all = Vec::new();
+    files(&common::repository("src"), &mut all);
+    let mut faults = Vec::new();
+    for file in all.iter().filter(|file| !file.ends_with("tests.rs")) {
+        let inside = file.strip_prefix(common::repository("src")).expect("a file of src");
+        let inside = inside.to_string_lossy().replace('\\', "/");
+        let text = std::fs::read_to_string(file).expect("a source file");
+        for effect in EFFECTS {
+            let module = effect.name().replace('-', "_");
+            let is_own = inside.starts_with(&format!("effects/{module}"));
+            if !is_own && uses_effect(&text, &module) {
+                faults.push(format!("{inside} uses the effect `{}`", effect.name()));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    let text =
+        "use super::glaze::A;\n// crate::effects::path::B\n#[cfg(test)]\nmod tests { super::alpha::C }";
+    assert!(uses_effect(text, "glaze") && !uses_effect(text, "path") && !uses_effect(text, "alpha"));
+}
+
 #[test]
 fn strings_and_names_are_found() {
     let text = "let a = \"glaze\"; // no \n// \"comment\"\nlet b = '\"'; c(\"x \\\"y\\\"\");\n#[cfg(test)]\nmod t { \"z\" }";

@@ -50,7 +50,6 @@ pub enum FrameData {
     /// Planes with subsampled chroma.
     Yuv(Yuv420),
     /// A frame with its palette.
-    #[cfg(feature = "video")]
     Gif(gif::Frame<'static>),
     /// Bytes to write unchanged.
     Bytes(Vec<u8>),
@@ -74,11 +73,10 @@ impl VideoFormat {
     /// # Errors
     /// [`Error::Usage`] where it does not.
     pub fn check(self, [width, height]: [u32; 2], fps: f64) -> Result<()> {
-        let is_video = matches!(self, VideoFormat::Mp4(_) | VideoFormat::Gif);
-        if is_video && cfg!(not(feature = "video")) {
+        if matches!(self, VideoFormat::Mp4(_)) && cfg!(not(feature = "video")) {
             return Err(Error::usage(
-                "this kiln was built without films",
-                "build it with the feature `video`, or write frames: -o frame_####.png",
+                "this kiln was built without .mp4",
+                "`cargo install --path . --features full` has it; .gif, .apng and frame_####.png work without",
             ));
         }
         #[cfg(feature = "video")]
@@ -107,7 +105,6 @@ impl VideoFormat {
     pub fn convert(self, film: &Film<[u8; 3]>) -> FrameData {
         match self {
             VideoFormat::Mp4(_) => FrameData::Yuv(Yuv420::of(film)),
-            #[cfg(feature = "video")]
             VideoFormat::Gif => {
                 let crate::film::Window { width, height, .. } = film.window();
                 // 1 to 30: the palette is made from every n-th pixel. With fewer than all of them, small objects change
@@ -145,20 +142,17 @@ pub struct VideoWriter {
 enum Encoder {
     #[cfg(feature = "video")]
     Mp4(Box<mp4::Mp4>, Box<h264::H264>),
-    #[cfg(feature = "video")]
     Gif(Box<gif::Encoder<Sink>>, Delays),
     Apng(Box<png::Writer<Sink>>),
     Plain(Box<dyn Write + Send>),
 }
 
 /// The delays of GIF frames in 1/100 s, rounded so that errors do not accumulate.
-#[cfg(feature = "video")]
 struct Delays {
     fps: f64,
     frames: u32,
 }
 
-#[cfg(feature = "video")]
 impl Delays {
     fn next(&mut self) -> u16 {
         let until = |n: u32| (f64::from(n) * 100.0 / self.fps).round();
@@ -232,7 +226,6 @@ impl VideoWriter {
             (Encoder::Mp4(film, codec), FrameData::Yuv(planes)) => {
                 film.add(&codec.encode(&planes).map_err(|e| refused(&e))?)
             }
-            #[cfg(feature = "video")]
             (Encoder::Gif(encoder, delays), FrameData::Gif(mut frame)) => {
                 frame.delay = delays.next();
                 encoder.write_frame(&frame).map_err(io::Error::other)
@@ -255,7 +248,6 @@ impl VideoWriter {
                 Some(mut file) => film.finish(&codec.parameter_sets, &mut file),
                 None => Ok(()),
             },
-            #[cfg(feature = "video")]
             Encoder::Gif(encoder, _) => encoder.into_inner().map(drop).map_err(io::Error::other),
             Encoder::Apng(writer) => writer.finish().map_err(io::Error::from),
             Encoder::Plain(mut out) => out.flush(),
@@ -282,7 +274,6 @@ fn encoder_for(file: &Path, format: VideoFormat, spec: &VideoSpec, mut sink: Sin
             let codec = h264::H264::new(spec.fps, quality).map_err(|e| refused(&e))?;
             Encoder::Mp4(Box::new(film), Box::new(codec))
         }
-        #[cfg(feature = "video")]
         VideoFormat::Gif => {
             let [width, height] = spec.size.map(|side| side as u16);
             let mut encoder = gif::Encoder::new(sink, width, height, &[]).map_err(io::Error::other)?;
@@ -290,8 +281,8 @@ fn encoder_for(file: &Path, format: VideoFormat, spec: &VideoSpec, mut sink: Sin
             Encoder::Gif(Box::new(encoder), Delays { fps: spec.fps, frames: 0 })
         }
         #[cfg(not(feature = "video"))]
-        VideoFormat::Mp4(_) | VideoFormat::Gif => {
-            return Err(io::Error::other(format!("{}: this kiln was built without films", file.display())));
+        VideoFormat::Mp4(_) => {
+            return Err(io::Error::other(format!("{}: this kiln was built without .mp4", file.display())));
         }
         VideoFormat::Apng => Encoder::Apng(Box::new(stream::apng(sink, spec)?)),
         VideoFormat::Y4m => {

@@ -32,6 +32,7 @@ use render_cache::RenderCache;
 const FIRST_PASS_LIMIT: Duration = Duration::from_millis(100);
 
 /// Nice value of the rendering threads, below the interface's priority.
+#[cfg(target_os = "linux")]
 const NICENESS: i32 = 5;
 
 /// Message of the painter to the interface.
