@@ -1,4 +1,4 @@
-//! Rays for leak tests: at vertices and edges, and along the axes.
+//! Rays for leak tests: at vertices and edges, along the axes, and at random.
 
 use glam::DVec3;
 
@@ -13,11 +13,14 @@ pub enum LeakRayKind {
     AxisAligned,
     /// From outside, at the same kinds of targets on front faces.
     Outside,
+    /// From inside in a random direction, uniform on the sphere.
+    Random,
 }
 
 impl LeakRayKind {
     /// All kinds.
-    pub const ALL: [LeakRayKind; 3] = [LeakRayKind::Inside, LeakRayKind::AxisAligned, LeakRayKind::Outside];
+    pub const ALL: [LeakRayKind; 4] =
+        [LeakRayKind::Inside, LeakRayKind::AxisAligned, LeakRayKind::Outside, LeakRayKind::Random];
 }
 
 /// Maximum distance of ray origins inside from the centre, relative to the radius.
@@ -40,6 +43,11 @@ pub fn ray(sphere: &Icosphere, kind: LeakRayKind, index: u64) -> (DVec3, DVec3) 
         }
         LeakRayKind::AxisAligned => axis_aligned(sphere, index, &mut numbers),
         LeakRayKind::Outside => from_outside(sphere, index, &mut numbers),
+        LeakRayKind::Random => {
+            let origin = inner_point(sphere, &mut numbers);
+            // The direction of a point uniform in a ball is uniform on the sphere.
+            (origin, numbers.in_ball().normalize_or(DVec3::X))
+        }
     }
 }
 
@@ -139,7 +147,7 @@ mod tests {
             // The facets of 320 triangles come no nearer to the centre than 0.95 of the radius. Rounding an origin at
             // 2000 to f32 moves it by up to 1.1e-4.
             let right = match kind {
-                LeakRayKind::Inside => distance < 0.3002,
+                LeakRayKind::Inside | LeakRayKind::Random => distance < 0.3002,
                 LeakRayKind::AxisAligned => distance < 0.9,
                 LeakRayKind::Outside => (1.9998..4.0002).contains(&distance),
             };

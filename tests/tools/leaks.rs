@@ -95,13 +95,13 @@ fn the_command_prints_json_with_a_row_for_each_layout_and_placement() {
             };
             let row = rows.iter().find(is_it).unwrap_or_else(|| panic!("{engine} {layout} {placement:?}"));
             assert_eq!(row["triangles"], triangles);
-            // 1000 and 60 from inside, 1000 from outside, 1000 secondary.
-            assert_eq!((&row["rays"], &row["rays_inside"]), (&3060.into(), &1060.into()));
+            // 1000 and 60 from inside, 1000 from outside, 1000 secondary, 1000 random.
+            assert_eq!((&row["rays"], &row["rays_inside"]), (&4060.into(), &1060.into()));
             assert_eq!(row["tier"].is_string(), engine == "kiln");
             let leaks = |key: &str| row[key].as_u64().unwrap_or_else(|| panic!("{key}: {row}"));
             assert_eq!(
                 leaks("leaks"),
-                ["inside", "outside", "secondary"]
+                ["inside", "outside", "secondary", "random"]
                     .map(|kind| leaks(&format!("leaks_{kind}")))
                     .iter()
                     .sum::<u64>()

@@ -63,11 +63,13 @@ fn as_json(rows: &[LeakRow], absent: &[Unavailable]) -> Value {
             "rays_axis_aligned": row.rays.axis_aligned,
             "rays_outside": row.rays.outside,
             "rays_secondary": row.rays.secondary,
+            "rays_random": row.rays.random,
             "leaks": row.leaks.total(),
             "leaks_inside": row.leaks.inside(),
             "leaks_axis_aligned": row.leaks.axis_aligned,
             "leaks_outside": row.leaks.outside,
             "leaks_secondary": row.leaks.secondary,
+            "leaks_random": row.leaks.random,
             "followed_through": row.followed_through,
             "skipped_reason": null,
         })
@@ -84,13 +86,14 @@ fn as_json(rows: &[LeakRow], absent: &[Unavailable]) -> Value {
 fn as_text(rows: &[LeakRow], absent: &[Unavailable], rays: u64) -> String {
     let counts = Counts::of_rays(rays);
     let mut text = format!(
-        "Rays that slip through a closed mesh: from inside / from outside / secondary.\n\
+        "Rays that slip through a closed mesh: from inside / from outside / secondary / random.\n\
          From inside {} rays are aimed at vertices and edges and {} go along the axes; from outside {} are aimed;\n\
-         {} secondary rays leave the edges of a tetrahedron of 65,536 triangles inwards.\n\n",
+         {} secondary rays leave the edges of a tetrahedron of 65,536 triangles inwards; {} from inside go anywhere.\n\n",
         grouped(counts.aimed),
         grouped(counts.axis_aligned),
         grouped(counts.outside),
         grouped(counts.secondary),
+        grouped(counts.random),
     );
     text += &table(rows, |leaks, _| grouped(leaks));
     if rays != 1_000_000 {
@@ -126,7 +129,8 @@ fn table(rows: &[LeakRow], cell: impl Fn(u64, u64) -> String) -> String {
         let leaks = rows.iter().map(|row| {
             let inside = cell(row.leaks.inside(), row.rays.inside());
             let outside = cell(row.leaks.outside, row.rays.outside);
-            format!("{inside} / {outside} / {}", cell(row.leaks.secondary, row.rays.secondary))
+            let secondary = cell(row.leaks.secondary, row.rays.secondary);
+            format!("{inside} / {outside} / {secondary} / {}", cell(row.leaks.random, row.rays.random))
         });
         lines.push(names.into_iter().chain([grouped(row.triangles as u64)]).chain(leaks).collect());
     }
