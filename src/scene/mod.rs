@@ -67,7 +67,8 @@ pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
 pub use transport::{Transport, check_clamp};
 pub use up::UpAxis;
 
-use support::AffineFunction;
+use support::{AffineFunction, PointTrees};
+
 
 use crate::bvh::{Bvh, NotFinite, Preset, Primitive};
 use crate::film::{Colour, ColourPipeline, DisplaySettings};
@@ -384,7 +385,7 @@ impl Scene {
 
     /// Bounding box of all objects, or `None` for an empty scene.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        bounds(&self.objects)
+        bounds(&PointTrees::of(&self.objects), &self.objects)
     }
 
     /// Calls `each` with the corners of every triangle, in the order of the description.
@@ -414,8 +415,8 @@ impl Scene {
     }
 }
 
-/// Bounding box of objects, or `None` where there is none.
-pub(crate) fn bounds(objects: &[Object]) -> Option<(DVec3, DVec3)> {
+/// Bounding box of objects among those of `trees`, or `None` where there is none.
+pub(crate) fn bounds(trees: &PointTrees, objects: &[Object]) -> Option<(DVec3, DVec3)> {
     let value = |axis: usize, sign: f64| move |p: DVec3| sign * p[axis];
     let of_sphere =
         |axis: usize, sign: f64| move |centre: DVec3, radius: f64| sign * (centre[axis] + sign * radius);
@@ -435,7 +436,7 @@ pub(crate) fn bounds(objects: &[Object]) -> Option<(DVec3, DVec3)> {
             offset: DVec3::ZERO,
         })
         .collect();
-    let far = support::maxima(objects, &functions);
+    let far = support::maxima(trees, objects, &functions);
     let [max, min] = [0, 1].map(|k| DVec3::new(far[k], far[2 + k], far[4 + k]));
     (max.x > f64::NEG_INFINITY).then_some((-min, max))
 }
