@@ -48,6 +48,7 @@ mod up;
 pub use crate::geometry::{
     AnalyticShape, Attribute, Mesh, Numerics, Placed, Placement, Sphere, Step, moved_tangent, normal_matrix,
 };
+pub use crate::limits::{Counted, Limits};
 pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
@@ -68,7 +69,6 @@ pub use transport::{Transport, check_clamp};
 pub use up::UpAxis;
 
 use support::{AffineFunction, PointTrees};
-
 
 use crate::bvh::{Bvh, NotFinite, Preset, Primitive};
 use crate::film::{Colour, ColourPipeline, DisplaySettings};
@@ -133,6 +133,8 @@ pub struct Scene {
     pub import_options: ImportOptions,
     /// Exposure and tone map of 8-bit pictures.
     pub display: DisplaySettings,
+    /// Whether primitives were left out because of their coordinates.
+    pub has_left_out: bool,
     /// Whether a scene file is among the inputs. Such scenes are rendered as they say.
     pub has_settings: bool,
     /// Whether a scene without lights gets a headlight.
@@ -300,6 +302,7 @@ impl Scene {
             // Of the whole scene.
             import_options: _,
             display,
+            has_left_out,
             has_settings,
             headlight,
             has_key_light,
@@ -326,6 +329,7 @@ impl Scene {
         self.variants.extend(variants);
         self.metadata.extend(metadata);
         self.display = self.display.or(display);
+        self.has_left_out |= has_left_out;
         self.has_settings |= has_settings;
         self.headlight = self.headlight.or(headlight);
         self.has_key_light |= has_key_light;
