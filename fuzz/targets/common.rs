@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 use kiln::error::Warnings;
 use kiln::job::{self, RenderSettings};
 use kiln::render::RenderControl;
+use kiln::scene::{ClipChoice, ClipTime, ImportOptions};
 
 /// Writes the data to a file of this name in a folder of this process; the file.
 ///
@@ -25,11 +26,16 @@ pub fn file(name: &str, data: &[u8]) -> PathBuf {
     file
 }
 
-/// Imports a file, and renders what can be rendered at 8 x 8 pixels.
+/// Imports a file, poses it by its first clip, and renders what can be rendered at 8 x 8 pixels.
 #[allow(dead_code)]
 pub fn render(file: &Path) {
     let mut warnings = Warnings::default();
     let Ok(scene) = kiln::import::load(&[file.to_owned()], &mut warnings) else { return };
+    if !scene.clips.is_empty() {
+        let pose = Some(ClipTime { clip: ClipChoice::First, time: 0.5 });
+        let options = ImportOptions { pose, ..ImportOptions::default() };
+        let _ = kiln::import::reload(&scene, &options, &mut warnings);
+    }
     let settings = RenderSettings { size: Some([8, 8]), ..RenderSettings::default() };
     if let Ok(job) = job::prepare(scene, &settings, &mut warnings) {
         let _ = job.render::<[f32; 3]>(&RenderControl::default());

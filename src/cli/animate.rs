@@ -25,7 +25,7 @@ use crate::render::aov::AovSelection;
 #[derive(Args)]
 pub(crate) struct Command {
     #[command(flatten)]
-    arguments: Arguments,
+    pub arguments: Arguments,
     #[command(flatten)]
     length: LengthArguments,
     /// The film to write: .mp4, .gif, .png (animated) or .y4m; frame_####.png, .jpg or .exr for a file a frame; `-` for

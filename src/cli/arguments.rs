@@ -13,6 +13,7 @@ use crate::film::tone::{Exposure, ToneMap};
 use crate::film::{ColourPipeline, DisplaySettings, Share, Window};
 use crate::import::{all_endings, inline_camera, names_on_standard_input};
 use crate::job::{Background, CameraChoice, EnvironmentSettings, Look, RenderSettings};
+use crate::limits::Limits;
 use crate::scene::file::ColourValue;
 use crate::scene::{
     ClipChoice, ClipTime, ImportOptions, Numerics, Projection, Transport, UpAxis, check_clamp,
@@ -24,6 +25,33 @@ use crate::world::StandardView;
 pub(crate) fn inputs_help(purpose: &str) -> String {
     let (endings, names) = (all_endings(), names_on_standard_input());
     format!("{purpose}: {endings}; `-` for a {names} on standard input")
+}
+
+/// What is accepted of input files: options of all commands that read them.
+#[derive(Args, Clone)]
+pub(crate) struct ReadingArguments {
+    /// Read glTF files that require extensions which kiln does not read; what depends on them is missing or wrong
+    #[arg(long)]
+    ignore_required_extensions: bool,
+    /// Read files that meshes reference outside of their folder, such as `../wood.png` of a material: for meshes that
+    /// are trusted. Scene files may name any file
+    #[arg(long)]
+    allow_outside_references: bool,
+    /// Those of `--limit`, which stands before the command, too.
+    #[arg(skip)]
+    pub limits: Limits,
+}
+
+impl ReadingArguments {
+    /// What is asked of the input files.
+    pub(crate) fn options(&self) -> ImportOptions {
+        ImportOptions {
+            ignore_required_extensions: self.ignore_required_extensions,
+            allow_outside_references: self.allow_outside_references,
+            limits: self.limits,
+            ..ImportOptions::default()
+        }
+    }
 }
 
 /// Inputs, camera and render settings: options of all commands that render.
@@ -91,9 +119,8 @@ pub(crate) struct Arguments {
     /// The variant of the materials of glTF files, by its name (KHR_materials_variants) [default: the file's materials]
     #[arg(long, value_name = "NAME")]
     variant: Option<String>,
-    /// Read glTF files that require extensions which kiln does not read; what depends on them is missing or wrong
-    #[arg(long)]
-    ignore_required_extensions: bool,
+    #[command(flatten)]
+    pub reading: ReadingArguments,
     /// The axis that points up in the files, but scene files [default: y]
     #[arg(long, allow_hyphen_values = true, value_name = "AXIS", value_parser = UpAxis::ALL.map(UpAxis::name))]
     up: Option<String>,
@@ -218,9 +245,9 @@ impl Arguments {
         ImportOptions {
             pose: is_posed.then(|| ClipTime { clip: self.clip(), time: self.time.unwrap_or(0.0) }),
             variant: self.variant.clone(),
-            ignore_required_extensions: self.ignore_required_extensions,
             smooth: self.smooth.map(f64::to_radians),
             up: named(&UpAxis::ALL, UpAxis::name, self.up.as_deref()),
+            ..self.reading.options()
         }
     }
 

@@ -22,7 +22,7 @@ const SCHEMA: u32 = 1;
 #[derive(Args)]
 pub(crate) struct Command {
     #[command(flatten)]
-    arguments: Arguments,
+    pub arguments: Arguments,
     /// Print JSON
     #[arg(long)]
     json: bool,

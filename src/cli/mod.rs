@@ -36,6 +36,7 @@ use std::sync::atomic::Ordering;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
+use arguments::ReadingArguments;
 use message::{Message, WarningPrinter, print_stderr};
 
 use crate::effects;
@@ -102,6 +103,24 @@ enum Command {
     },
 }
 
+impl Command {
+    /// The options of reading input files, if the command reads any.
+    fn reading(&mut self) -> Option<&mut ReadingArguments> {
+        Some(match self {
+            Command::Render(command) => &mut command.arguments.reading,
+            Command::Animate(command) => &mut command.arguments.reading,
+            #[cfg(feature = "viewer")]
+            Command::View(command) => &mut command.arguments.reading,
+            Command::Verify(command) => &mut command.arguments.reading,
+            Command::Explain(command) => &mut command.arguments.reading,
+            Command::Study(command) => &mut command.arguments.reading,
+            Command::Info(arguments) => &mut arguments.reading,
+            Command::Bench(arguments) => &mut arguments.speed.reading,
+            _ => return None,
+        })
+    }
+}
+
 /// The typed command, quoted for a shell.
 fn typed() -> String {
     typed_words().join(" ")
@@ -109,12 +128,17 @@ fn typed() -> String {
 
 /// The words of the command line, quoted for a shell.
 fn typed_words() -> Vec<String> {
-    let word = |word: String| match word.chars().all(|c| c.is_ascii_alphanumeric() || "-_./=,:".contains(c)) {
-        true => word,
-        false => format!("'{}'", word.replace('\'', r"'\''")),
-    };
-    let rest = std::env::args_os().skip(1).map(|argument| word(argument.to_string_lossy().into_owned()));
+    let rest = std::env::args_os().skip(1).map(|argument| quoted(&argument.to_string_lossy()));
     std::iter::once("kiln".to_owned()).chain(rest).collect()
+}
+
+/// A word as a shell reads it.
+fn quoted(word: &str) -> String {
+    let is_plain = word.chars().all(|c| c.is_ascii_alphanumeric() || "-_./=,:".contains(c));
+    match is_plain && !word.is_empty() {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    }
 }
 
 /// Parses the arguments, runs the command and returns its exit code.
@@ -127,7 +151,11 @@ pub fn main() -> ExitCode {
     if let Some(bytes) = arguments.memory_limit {
         limits::set_memory_limit(bytes);
     }
-    arguments.limit.iter().for_each(|(counted, most)| counted.set_limit(*most));
+    let Arguments { mut command, limit, .. } = arguments;
+    if let Some(reading) = command.reading() {
+        let with = |limits: limits::Limits, &(counted, most): &_| limits.with(counted, most);
+        reading.limits = limit.iter().fold(reading.limits, with);
+    }
     std::panic::set_hook(Box::new(|panic| {
         if is_contained() {
             return;
@@ -138,7 +166,7 @@ pub fn main() -> ExitCode {
     }));
     let interrupted = interrupt::install();
     let result = std::panic::catch_unwind(|| {
-        let done = match arguments.command {
+        let done = match command {
             Command::Render(arguments) => render::run(&arguments, interrupted),
             Command::Animate(arguments) => animate::run(&arguments, interrupted),
             #[cfg(feature = "viewer")]
@@ -254,4 +282,15 @@ fn pool(threads: Option<u16>) -> Result<rayon::ThreadPool> {
     builder
         .build()
         .map_err(|e| Error::Failed { what: format!("threads cannot be started: {e}"), hint: String::new() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quoted;
+
+    #[test]
+    fn words_are_those_of_a_shell() {
+        let words = ["", "a.obj", "a b", "it's"].map(quoted);
+        assert_eq!(words, ["''", "a.obj", "'a b'", r"'it'\''s'"]);
+    }
 }

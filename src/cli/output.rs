@@ -33,9 +33,9 @@ impl OutputTarget {
             return Ok(OutputTarget::StandardOutput);
         }
         let format = Format::from_path(output)?;
-        let name = output.to_string_lossy();
+        let name = output.file_name().unwrap_or_default().to_string_lossy();
         if name.contains("####") || name.contains("%0") {
-            let what = format!("{name}: the name of a series of pictures, and there is one");
+            let what = format!("{}: the name of a series of pictures, and there is one", output.display());
             let hint = "give the picture a name of its own, or the frames of an animation with --frames";
             return Err(Error::usage(what, hint));
         }

@@ -25,13 +25,13 @@ pub(crate) fn load_and_resolve(
         warnings.note("the scene has clips and is drawn at rest; `--time SECONDS` draws a moment of them");
     }
     show("preparing", warnings);
-    resolve(scene, settings, warnings)
+    timed(&mut seconds.prepare, || resolve(scene, settings, warnings))
 }
 
-/// Calls `work` and stores its time in seconds.
+/// Calls `work` and adds its time in seconds.
 pub(crate) fn timed<T>(seconds: &mut f64, work: impl FnOnce() -> T) -> T {
     let start = Instant::now();
     let result = work();
-    *seconds = start.elapsed().as_secs_f64();
+    *seconds += start.elapsed().as_secs_f64();
     result
 }

@@ -26,7 +26,7 @@ use crate::render::aov::{AOVS, AovSelection, EFFECTS, EFFECTS_SUMMARY, LARGEST_E
 #[command(after_help = aov_help())]
 pub(crate) struct Command {
     #[command(flatten)]
-    arguments: Arguments,
+    pub arguments: Arguments,
     #[command(flatten)]
     accuracy: AccuracyArguments,
     /// The frames of an animation to render, such as 1-10, 1-10:2 or 3,7,9-12, into files like frame_####.png; a scene
@@ -216,7 +216,7 @@ fn render_to(
         warnings.note(format!("the exposure is {ev} EV"));
     }
     if let (OutputImage::Rgb8(film, _), true) = (&picture, has_physical_lights)
-        && let Some(ev) = exposure::exposure_for_clipped(film, &job, &control)?
+        && let Some(ev) = timed(&mut seconds.render, || exposure::exposure_for_clipped(film, &job, &control))?
     {
         warnings.push(exposure::clipped_warning(ev));
     }
@@ -241,11 +241,12 @@ fn render_to(
         });
     }
     progress.finish(&format!(
-        "wrote {} ({} x {}; load {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s)",
+        "wrote {} ({} x {}; load {:.2} s, prepare {:.2} s, build {:.2} s, render {:.2} s, write {:.2} s)",
         target.file().display(),
         window.width,
         window.height,
         seconds.load,
+        seconds.prepare,
         seconds.build,
         seconds.render,
         seconds.write

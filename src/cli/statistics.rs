@@ -15,6 +15,8 @@ const SCHEMA: u32 = 1;
 #[derive(Default)]
 pub(crate) struct Seconds {
     pub load: f64,
+    /// Resolving settings and fitting the camera.
+    pub prepare: f64,
     pub build: f64,
     pub render: f64,
     pub write: f64,
@@ -53,6 +55,7 @@ pub(crate) fn to_json(
         "settings": settings,
         "seconds": {
             "load": seconds.load,
+            "prepare": seconds.prepare,
             "build": seconds.build,
             "render": seconds.render,
             "write": seconds.write,

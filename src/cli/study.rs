@@ -27,7 +27,7 @@ const LONGEST: u32 = 256;
 #[derive(Args)]
 pub(crate) struct Command {
     #[command(flatten)]
-    arguments: Arguments,
+    pub arguments: Arguments,
     /// The folder to write index.html, study.csv, study.json and study.svg to; made where there is none
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
@@ -69,7 +69,8 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         progress.pause(|| printer.print(&warnings, with_notes));
     }
     let subject = subject(arguments, resolved);
-    let load = || import::load(&arguments.inputs, &mut Warnings::default()).map(drop);
+    let options_of_files = arguments.import_options();
+    let load = || import::load_with(&arguments.inputs, &options_of_files, &mut Warnings::default()).map(drop);
     let is_file = arguments.inputs.iter().all(|input| input != Path::new("-"));
     let load: Option<&(dyn Fn() -> Result<()> + Sync)> = if is_file { Some(&load) } else { None };
 

@@ -30,7 +30,7 @@ use crate::render::aov::AovSelection;
 )]
 pub(crate) struct Command {
     #[command(flatten)]
-    arguments: Arguments,
+    pub arguments: Arguments,
     #[command(flatten)]
     length: LengthArguments,
     /// The pictures: .png or .exr, with #### or %04d for the number of a frame

@@ -18,7 +18,7 @@ use crate::viewer::{self, CameraSource, Opened, Start};
 #[derive(Args)]
 pub(crate) struct Command {
     #[command(flatten)]
-    arguments: Arguments,
+    pub arguments: Arguments,
     /// Write what happens in the window, and when, to a file: a line of JSON each
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,

@@ -92,12 +92,27 @@ fn png_texts(bytes: &[u8]) -> Texts {
     let mut reader = decoder.read_info().map_err(damaged)?;
     while reader.next_row().map_err(damaged)?.is_some() {}
     reader.finish().map_err(damaged)?;
+    if png_length(bytes) != Some(bytes.len()) {
+        return Err(ReadError::Damaged("damaged: goes on after its end".to_owned()));
+    }
     let text = |chunk: &png::text_metadata::ITXtChunk| {
         let mut chunk = chunk.clone();
         chunk.decompress_text_with_limit(MAX_TEXT_BYTES).ok()?;
         Some((chunk.keyword.clone(), chunk.get_text().ok()?))
     };
     Ok(reader.info().utf8_text.iter().filter_map(text).collect())
+}
+
+/// Length of a PNG up to the end of its last chunk, `IEND` (PNG, 3rd edition, section 5.3).
+fn png_length(bytes: &[u8]) -> Option<usize> {
+    let mut at = 8;
+    loop {
+        let (length, kind) = (bytes.get(at..at + 4)?, bytes.get(at + 4..at + 8)?);
+        at += 12 + u32::from_be_bytes(length.try_into().ok()?) as usize;
+        if kind == b"IEND" {
+            return Some(at);
+        }
+    }
 }
 
 fn exr_texts(bytes: &[u8]) -> Texts {
@@ -161,6 +176,11 @@ mod tests {
                 std::fs::write(&file, &bytes[..length]).unwrap();
                 let found = look(&file, format);
                 assert!(matches!(found, FileState::Broken(_)), "{format:?}, {length} bytes: {found:?}");
+            }
+            for rest in [&b"\0"[..], b"GIF89a", &bytes] {
+                std::fs::write(&file, [&bytes, rest].concat()).unwrap();
+                let found = look(&file, format);
+                assert!(matches!(found, FileState::Broken(_)), "{format:?}, longer: {found:?}");
             }
             std::fs::remove_file(&file).unwrap();
         }

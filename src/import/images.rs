@@ -24,8 +24,8 @@ pub(crate) enum Channels {
 }
 
 /// Decodes image files into a scene, each once.
-pub(crate) struct ImageLoader {
-    files: Files,
+pub(crate) struct ImageLoader<'a> {
+    source: &'a Source,
     known: HashMap<(PathBuf, Channels), Option<ImageId>>,
     /// Roughness and metallic in one image, by the images of each.
     combined: HashMap<[Option<ImageId>; 2], ImageId>,
@@ -33,15 +33,10 @@ pub(crate) struct ImageLoader {
     heights: HashMap<PathBuf, Option<(ImageId, f64)>>,
 }
 
-impl ImageLoader {
+impl<'a> ImageLoader<'a> {
     /// A loader for the images referenced by `source`.
-    pub(crate) fn new(source: &Source) -> Self {
-        ImageLoader {
-            files: source.files.clone(),
-            known: HashMap::new(),
-            combined: HashMap::new(),
-            heights: HashMap::new(),
-        }
+    pub(crate) fn new(source: &'a Source) -> Self {
+        ImageLoader { source, known: HashMap::new(), combined: HashMap::new(), heights: HashMap::new() }
     }
 
     /// Loads an image file; returns `None` with a warning if it is missing or cannot be decoded.
@@ -64,9 +59,10 @@ impl ImageLoader {
             Channels::Colour => file.display().to_string(),
             Channels::AlphaOrGrey => format!("{}, alpha or grey", file.display()),
         };
-        let decode = || open(&self.files, file, TEXTURE).map(|image| into_texture(&name, &image, channels));
-        let decoded = self.files.image(&name).map_or_else(decode, Ok);
-        let image = keep(scene, decoded, file, warnings)?;
+        let decode =
+            || open(&self.source.files, file, TEXTURE).map(|image| into_texture(&name, &image, channels));
+        let decoded = self.source.files.image(&name).map_or_else(decode, Ok);
+        let image = keep(scene, self.source, decoded, file, warnings)?;
         self.known.insert(key, image);
         Ok(image)
     }
@@ -85,7 +81,7 @@ impl ImageLoader {
         let heights = match self.heights.get(file) {
             Some(known) => *known,
             None => {
-                let grey = match open(&self.files, file, HEIGHTS) {
+                let grey = match open(&self.source.files, file, HEIGHTS) {
                     Ok(image) => Some(image).filter(is_grey),
                     Err(ReadError::TooLarge { what, hint }) => return Err(Error::input(file, what, hint)),
                     // `of_file` warns below.
@@ -108,7 +104,7 @@ impl ImageLoader {
     }
 }
 
-impl ImageLoader {
+impl ImageLoader<'_> {
     /// Puts the red values of a roughness and a metallic image into green and blue of one image, as large as the larger
     /// of both; of an image that is not given 1. Two times the same image is that image.
     ///
@@ -192,15 +188,15 @@ fn of_heights(name: &str, image: DynamicImage) -> (DecodedImage, f64) {
 /// [`Error::Input`] where it is too large.
 pub(crate) fn of_bytes(
     scene: &mut Scene,
-    files: &Files,
+    source: &Source,
     place: Place,
     bytes: &[u8],
     warnings: &mut Warnings,
 ) -> Result<Option<ImageId>> {
     let name = place.to_string();
     let decode = || decode(bytes, TEXTURE).map(|image| into_texture(&name, &image, Channels::Colour));
-    let decoded = files.image(&name).map_or_else(decode, Ok);
-    keep(scene, decoded, place, warnings)
+    let decoded = source.files.image(&name).map_or_else(decode, Ok);
+    keep(scene, source, decoded, place, warnings)
 }
 
 /// Decodes the alpha channel of an image in memory into a grey image called `name`, `value` of each; returns `None` if all are opaque (255), as
@@ -237,6 +233,7 @@ pub(crate) fn alpha_of_bytes(
 
 fn keep(
     scene: &mut Scene,
+    source: &Source,
     decoded: std::result::Result<DecodedImage, ReadError>,
     place: impl Into<Place>,
     warnings: &mut Warnings,
@@ -244,8 +241,9 @@ fn keep(
     match decoded {
         Ok(image) => {
             let before: u64 = scene.images.iter().map(|image| image.pixels.len() as u64).sum();
-            let texels = Counted::Texels.check(before.saturating_add(image.pixels.len() as u64));
-            texels.map_err(|(what, hint)| Error::input(place, what, hint))?;
+            let texels = before.saturating_add(image.pixels.len() as u64);
+            let checked = Counted::Texels.check(texels, &source.options.limits);
+            checked.map_err(|(what, hint)| Error::input(place, what, hint))?;
             Ok(Some(scene.add_image(image)))
         }
         Err(ReadError::TooLarge { what, hint }) => Err(Error::input(place, what, hint)),

@@ -42,7 +42,7 @@ pub(crate) use names::FileNames;
 pub use scene_file::inline_camera;
 
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 pub use files::{FileRead, Stamp};
 
@@ -179,8 +179,30 @@ impl Source {
         Ok((Box::new(file), length))
     }
 
-    /// The path of a file referenced by this one.
-    fn sibling(&self, name: impl AsRef<Path>) -> PathBuf {
+    /// The path of a file that this one references: in its folder or below, unless the options allow others. Symbolic
+    /// links are followed: they are not made by the contents of files.
+    ///
+    /// # Errors
+    /// What is wrong with the reference.
+    fn resolve_reference(&self, name: &str) -> std::result::Result<PathBuf, String> {
+        let path = PathBuf::from(name.replace('\\', "/"));
+        if !self.options.allow_outside_references && leaves_folder(&path) {
+            return Err(format!(
+                "`{name}` is outside the file's folder; --allow-outside-references reads it, too"
+            ));
+        }
+        Ok(self.beside(path))
+    }
+
+    /// The path of an image that this file references; `None` with a warning if it is not followed.
+    fn resolve_image(&self, name: &str, warnings: &mut Warnings) -> Option<PathBuf> {
+        let resolved = self.resolve_reference(name);
+        let warn = |what| warnings.left_out(format!("{}: texture left out: {what}", self.file.display()));
+        resolved.map_err(warn).ok()
+    }
+
+    /// A path relative to the folder of the file, wherever it leads: for paths that the user wrote.
+    fn beside(&self, name: impl AsRef<Path>) -> PathBuf {
         match self.file.parent() {
             Some(folder) if self.file != Path::new("-") => folder.join(name),
             _ => name.as_ref().to_owned(),
@@ -208,6 +230,20 @@ impl Source {
         let bytes = self.bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&self.bytes);
         String::from_utf8_lossy(bytes)
     }
+}
+
+/// Whether a relative path leads to a parent of the folder it starts from, or the path is absolute.
+fn leaves_folder(path: &Path) -> bool {
+    let mut depth = 0i64;
+    path.components().any(|component| {
+        match component {
+            Component::Normal(_) => depth += 1,
+            Component::ParentDir => depth -= 1,
+            Component::CurDir => {}
+            Component::RootDir | Component::Prefix(_) => return true,
+        }
+        depth < 0
+    })
 }
 
 /// Reads all inputs into one scene, in the given order.
@@ -317,7 +353,8 @@ fn load_by(
         for (counted, count) in
             [(Counted::Triangles, count), (Counted::Texels, texels), (Counted::Nodes, placements)]
         {
-            counted.check(count).map_err(|(what, hint)| Error::input(file.as_path(), what, hint))?;
+            let checked = counted.check(count, &options.limits);
+            checked.map_err(|(what, hint)| Error::input(file.as_path(), what, hint))?;
         }
     }
     // Applying the tracks at time 0 reports invalid tracks.
@@ -332,7 +369,8 @@ fn load_by(
 /// Message for a file without triangles.
 const NO_TRIANGLES: &str = "has no triangles to draw";
 
-/// Checks that at least one of several mesh files contains a triangle. Scene files may consist of a background alone.
+/// Checks that at least one of several mesh files contains a triangle. Scene files may consist of a background alone, but
+/// not of objects that are all left out.
 ///
 /// # Errors
 /// [`Error::Input`] for the first file.
@@ -342,6 +380,10 @@ pub fn check_drawable(scene: &Scene) -> Result<()> {
         Some(file) if scene.objects.is_empty() && scene.inputs.iter().all(is_mesh) => {
             let hint = "kiln draws faces, not points and lines; `kiln info` says what the file holds";
             Err(Error::input(file.as_path(), NO_TRIANGLES, hint))
+        }
+        Some(file) if scene.objects.is_empty() && scene.has_left_out => {
+            let hint = "the warnings say why; correct their coordinates";
+            Err(Error::input(file.as_path(), "all its objects are left out", hint))
         }
         _ => Ok(()),
     }

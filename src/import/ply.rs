@@ -15,7 +15,7 @@ mod header;
 use glam::{DVec2, DVec3};
 
 use super::Source;
-use super::lines::{Lines, parse_number, shown, take_word};
+use super::lines::{Lines, parse_number, take_word};
 use super::polygon::{Cuts, Triangulator};
 use crate::error::{Error, Place, Result, Warnings};
 use crate::film::colour::srgb_decode;
@@ -119,11 +119,8 @@ impl<'a> Body<'a> {
         };
         let least = limits::product(&[element.count, element.least_bytes(self.encoding)]);
         if least > left {
-            let Element { name, count, line, .. } = element;
-            let what = format!(
-                "{count} elements `{}` take at least {least} bytes; {left} are left",
-                shown(name.as_bytes())
-            );
+            let Element { count, line, .. } = element;
+            let what = format!("{count} elements take at least {least} bytes; {left} are left");
             return Err(Error::input(Place::line(&self.source.file, *line), what, "export the file again"));
         }
         Ok(())
@@ -132,8 +129,7 @@ impl<'a> Body<'a> {
     /// Checks the memory limit for `bytes` per element, after [`Body::check_count`].
     fn check_memory(&self, element: &Element, bytes: usize) -> Result<()> {
         limits::check(limits::product(&[element.count, bytes as u64])).map_err(|excess| {
-            let name = shown(element.name.as_bytes());
-            let what = format!("{} elements `{name}`: reading them {excess}", element.count);
+            let what = format!("{} elements: reading them {excess}", element.count);
             Error::input(Place::line(&self.source.file, element.line), what, excess.hint())
         })
     }
@@ -166,8 +162,7 @@ impl<'a> Body<'a> {
             let Some(word) = take_word(&mut self.words) else {
                 return Err(self.fault("fewer values than the header says"));
             };
-            return parse_number(word)
-                .ok_or_else(|| self.fault(format!("`{}` is not a number", shown(word))));
+            return parse_number(word).ok_or_else(|| self.fault("not a number"));
         }
         let Some(bytes) = self.source.bytes.get(self.at..self.at + scalar.size()) else {
             return Err(self.fault("the file ends before the last of the elements that its header names"));

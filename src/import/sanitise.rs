@@ -24,6 +24,7 @@ struct Count {
 }
 
 /// Removes invalid primitives and replaces invalid attributes; adds warnings with their counts.
+/// [`Scene::has_left_out`] says whether there were any of the former.
 pub(crate) fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) {
     let mut count = Count::default();
     warn_of_degenerate_objects(scene, file, warnings);
@@ -43,6 +44,7 @@ pub(crate) fn sanitise(scene: &mut Scene, file: &Path, warnings: &mut Warnings) 
         Shape::Mesh(mesh) => !mesh.triangles.is_empty(),
         Shape::Placed(placed) => placed.triangle_count() > 0,
     });
+    scene.has_left_out = count.non_finite + count.too_large > 0;
     let mut say = |n: usize, what: &str| {
         if n > 0 {
             warnings.left_out(format!("{}: left out {n} {what}", file.display()));

@@ -126,10 +126,8 @@ fn read_ascii(source: &Source, warnings: &mut Warnings) -> Result<Vec<(Option<St
                 }
                 _ => return Err(fault(format!("a facet of {} vertices, not 3", corners.len()))),
             },
-            _ if corners.is_empty() => {
-                return Err(fault(format!("`{}` is not a word of STL files", shown(word))));
-            }
-            _ => return Err(fault(format!("`{}` before `endloop`", shown(word)))),
+            _ if corners.is_empty() => return Err(fault("not a statement of STL files".into())),
+            _ => return Err(fault("neither `vertex` nor `endloop` in a facet".into())),
         }
     }
     if !corners.is_empty() {
@@ -252,9 +250,9 @@ mod tests {
         let head = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n";
         assert_eq!(text(&format!("{head}vertex 0 x 0")), "a.stl:5: a vertex without three numbers");
         assert_eq!(text(&format!("{head}endloop")), "a.stl:5: a facet of 1 vertices, not 3");
-        assert_eq!(text(&format!("{head}facet")), "a.stl:5: `facet` before `endloop`");
+        assert_eq!(text(&format!("{head}facet")), "a.stl:5: neither `vertex` nor `endloop` in a facet");
         assert_eq!(text(head), "a.stl:4: the file ends within a facet");
-        assert_eq!(text("solid\nfacets"), "a.stl:2: `facets` is not a word of STL files");
+        assert_eq!(text("solid\nfacets"), "a.stl:2: not a statement of STL files");
         let what = "ends within the header of binary STL; ASCII STL begins with `solid`";
         assert_eq!(text("sold"), format!("a.stl: byte 4: {what}"));
         // 84 + 4 * 50 = 284.

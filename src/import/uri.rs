@@ -1,23 +1,25 @@
 //! URIs in glTF files: embedded data or relative file names.
 
-use std::path::{Component, Path, PathBuf};
+use std::path::PathBuf;
 
 use base64::Engine;
+
+use super::Source;
 
 /// A resolved URI.
 #[derive(Debug, PartialEq)]
 pub(crate) enum Resource {
     /// Decoded data.
     Data(Vec<u8>),
-    /// A file, relative to the referencing file.
+    /// A file.
     File(PathBuf),
 }
 
-/// Resolves a URI: `data:`, or a percent-encoded relative path inside the file's folder.
+/// Resolves a URI in `source`: `data:`, or a percent-encoded relative path ([`Source::resolve_reference`]).
 ///
 /// # Errors
 /// A message about what is wrong.
-pub(crate) fn resolve(uri: &str) -> Result<Resource, String> {
+pub(crate) fn resolve(uri: &str, source: &Source) -> Result<Resource, String> {
     if let Some(rest) = strip_prefix_ignoring_case(uri, "data:") {
         let (kind, data) = rest.split_once(',').ok_or("a data URI without a comma")?;
         if !kind.to_ascii_lowercase().ends_with(";base64") {
@@ -36,11 +38,7 @@ pub(crate) fn resolve(uri: &str) -> Result<Resource, String> {
     let path = percent_encoding::percent_decode_str(uri)
         .decode_utf8()
         .map_err(|_| format!("`{uri}` does not decode to a file name"))?;
-    let path = PathBuf::from(path.replace('\\', "/"));
-    if leaves_folder(&path) {
-        return Err(format!("`{uri}` leaves the file's folder"));
-    }
-    Ok(Resource::File(path))
+    source.resolve_reference(&path).map(Resource::File)
 }
 
 fn strip_prefix_ignoring_case<'a>(text: &'a str, prefix: &str) -> Option<&'a str> {
@@ -48,26 +46,19 @@ fn strip_prefix_ignoring_case<'a>(text: &'a str, prefix: &str) -> Option<&'a str
     head.eq_ignore_ascii_case(prefix).then(|| &text[prefix.len()..])
 }
 
-fn leaves_folder(path: &Path) -> bool {
-    let mut depth = 0i64;
-    path.components().any(|component| {
-        match component {
-            Component::Normal(_) => depth += 1,
-            Component::ParentDir => depth -= 1,
-            Component::CurDir => {}
-            Component::RootDir | Component::Prefix(_) => return true,
-        }
-        depth < 0
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::import::files::Files;
+
+    fn resolve(uri: &str) -> Result<Resource, String> {
+        let (file, bytes) = (PathBuf::from("in/a.gltf"), Vec::new());
+        super::resolve(uri, &Source { file, bytes, files: Files::default(), options: Default::default() })
+    }
 
     #[test]
     fn files_and_data() {
-        let file = |name: &str| Ok(Resource::File(PathBuf::from(name)));
+        let file = |name: &str| Ok(Resource::File(PathBuf::from("in").join(name)));
         assert_eq!(resolve("a%20b.bin"), file("a b.bin"));
         assert_eq!(resolve("a b:c.bin"), file("a b:c.bin"));
         assert_eq!(resolve("textures/../a.png"), file("textures/../a.png"));

@@ -3,7 +3,8 @@
 use glam::{DVec2, DVec3};
 
 use crate::error::Warnings;
-use crate::scene::{Object, Scene, bounds};
+use crate::scene::support::PointTrees;
+use crate::scene::{Object, Placed, Scene, Shape, bounds};
 use crate::world::{Recentering, View};
 
 /// Names in a warning; the others are counted.
@@ -11,7 +12,8 @@ const NAMED: usize = 3;
 
 /// Warns of the objects whose bounds lie wholly beyond one side of the picture, or behind the camera, where others do not.
 pub(super) fn warn(scene: &Scene, view: &View, recentering: Option<&Recentering>, warnings: &mut Warnings) {
-    let outside = scene.objects.iter().filter_map(|object| Some((object, outside_at(object, view)?)));
+    let trees = PointTrees::of(&scene.objects);
+    let outside = scene.objects.iter().filter_map(|object| Some((object, outside_at(object, &trees, view)?)));
     let outside: Vec<(&Object, DVec3)> = outside.collect();
     if outside.is_empty() || outside.len() == scene.objects.len() {
         return;
@@ -30,12 +32,21 @@ pub(super) fn warn(scene: &Scene, view: &View, recentering: Option<&Recentering>
 }
 
 /// The middle of an object's bounds, if they are outside the picture.
-fn outside_at(object: &Object, view: &View) -> Option<DVec3> {
-    let (min, max) = bounds(std::slice::from_ref(object))?;
+fn outside_at(object: &Object, trees: &PointTrees, view: &View) -> Option<DVec3> {
+    let [width, height] = view.size().map(f64::from);
+    // With one of its vertices in the picture, a mesh is not outside.
+    if let Shape::Placed(Placed { mesh, placement }) = &object.shape
+        && let Some(vertex) = mesh.corners().next()
+        && let (DVec2 { x, y }, true) = view.project(placement.point(vertex))
+        && (0.0..=width).contains(&x)
+        && (0.0..=height).contains(&y)
+    {
+        return None;
+    }
+    let (min, max) = bounds(trees, std::slice::from_ref(object))?;
     let corner =
         |i: usize| DVec3::from_array([0, 1, 2].map(|k| if i >> k & 1 == 1 { max[k] } else { min[k] }));
     let places: Vec<(DVec2, bool)> = (0..8).map(|i| view.project(corner(i))).collect();
-    let [width, height] = view.size().map(f64::from);
     let is_behind = places.iter().all(|(_, before)| !before);
     let is_beside = places.iter().all(|(_, before)| *before)
         && [
@@ -52,7 +63,7 @@ fn outside_at(object: &Object, view: &View) -> Option<DVec3> {
 mod tests {
     use super::*;
     use crate::geometry::Sphere;
-    use crate::scene::{Camera, MaterialId, Shape};
+    use crate::scene::{Camera, MaterialId};
 
     /// Seen from (0, 0, 5) along -z with 90 degrees: at z = 0 the picture reaches to 5 on every side.
     #[test]

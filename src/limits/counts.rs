@@ -1,7 +1,5 @@
 //! Limits on what files may hold, in numbers rather than bytes, for files that are not trusted.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 /// What is counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Counted {
@@ -13,9 +11,33 @@ pub enum Counted {
     Nodes,
 }
 
-/// The limits, in the order of [`Counted::ALL`]. Triangles are numbered in 32 bits.
-static MOST: [AtomicU64; 3] =
-    [AtomicU64::new(u32::MAX as u64), AtomicU64::new(1 << 32), AtomicU64::new(1 << 24)];
+/// The most of each kind that input files may hold, in the order of [`Counted::ALL`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits([u64; 3]);
+
+impl Limits {
+    /// Those without options. Triangles are numbered in 32 bits.
+    pub const DEFAULT: Limits = Limits([u32::MAX as u64, 1 << 32, 1 << 24]);
+
+    /// Those that differ from the default.
+    #[cfg(feature = "viewer")]
+    pub(crate) fn changed(self) -> impl Iterator<Item = (Counted, u64)> {
+        let of = move |counted: Counted| (counted, self.0[counted as usize]);
+        Counted::ALL.into_iter().map(of).filter(|&(k, most)| most != Limits::DEFAULT.0[k as usize])
+    }
+
+    /// These limits with another one for a kind.
+    pub fn with(mut self, counted: Counted, most: u64) -> Self {
+        self.0[counted as usize] = most;
+        self
+    }
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Limits::DEFAULT
+    }
+}
 
 impl Counted {
     /// All of them.
@@ -30,17 +52,12 @@ impl Counted {
         }
     }
 
-    /// Replaces the limit of this process.
-    pub fn set_limit(self, most: u64) {
-        MOST[self as usize].store(most, Ordering::Relaxed);
-    }
-
-    /// Checks a number of them.
+    /// Checks a number of them against the limits.
     ///
     /// # Errors
     /// What is wrong and what to do, if there are more than the limit.
-    pub fn check(self, count: u64) -> Result<(), (String, String)> {
-        let most = MOST[self as usize].load(Ordering::Relaxed);
+    pub fn check(self, count: u64, limits: &Limits) -> Result<(), (String, String)> {
+        let most = limits.0[self as usize];
         let name = self.name();
         if count <= most {
             return Ok(());
@@ -86,10 +103,11 @@ mod tests {
 
     #[test]
     fn counts_beyond_the_default_are_refused() {
-        assert_eq!(Counted::Texels.check(1 << 32), Ok(()));
-        let (what, hint) = Counted::Texels.check((1 << 32) + 1).expect_err("too many");
+        let check = |counted: Counted, count| counted.check(count, &Limits::default());
+        assert_eq!(check(Counted::Texels, 1 << 32), Ok(()));
+        let (what, hint) = check(Counted::Texels, (1 << 32) + 1).expect_err("too many");
         assert_eq!(what, "4294967297 texels; the limit is 4294967296");
         assert!(hint.ends_with("give --limit texels=4294967297"), "{hint}");
-        assert!(Counted::Triangles.check(1 << 32).expect_err("too many").1.contains("numbers at most"));
+        assert!(check(Counted::Triangles, 1 << 32).expect_err("too many").1.contains("numbers at most"));
     }
 }

@@ -11,7 +11,7 @@ mod reading;
 use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-pub use counts::{Counted, parse_count};
+pub use counts::{Counted, Limits, parse_count};
 use process::{ADDRESS_SPACE, Available, available, in_use, machine};
 pub use reading::{Refused, RegularFile, explain, read_file, read_standard_input, unreadable};
 

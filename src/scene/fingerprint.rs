@@ -71,6 +71,7 @@ impl Fingerprint {
             import_options: _,
             // In the fingerprint of a picture as far as they change it (`job::metadata`).
             display: _,
+            has_left_out: _,
             has_settings: _,
             headlight: _,
             // A light of the picture.

@@ -48,6 +48,7 @@ mod up;
 pub use crate::geometry::{
     AnalyticShape, Attribute, Mesh, Numerics, Placed, Placement, Sphere, Step, moved_tangent, normal_matrix,
 };
+pub use crate::limits::{Counted, Limits};
 pub use animation::Animation;
 pub use camera::{Camera, Projection, default_size};
 pub use camera_text::INLINE_NAME;
@@ -67,7 +68,7 @@ pub use sampling::{MAX_SAMPLES, PixelSampler, Sampling};
 pub use transport::{Transport, check_clamp};
 pub use up::UpAxis;
 
-use support::AffineFunction;
+use support::{AffineFunction, PointTrees};
 
 use crate::bvh::{Bvh, NotFinite, Preset, Primitive};
 use crate::film::{Colour, ColourPipeline, DisplaySettings};
@@ -132,6 +133,8 @@ pub struct Scene {
     pub import_options: ImportOptions,
     /// Exposure and tone map of 8-bit pictures.
     pub display: DisplaySettings,
+    /// Whether primitives were left out because of their coordinates.
+    pub has_left_out: bool,
     /// Whether a scene file is among the inputs. Such scenes are rendered as they say.
     pub has_settings: bool,
     /// Whether a scene without lights gets a headlight.
@@ -299,6 +302,7 @@ impl Scene {
             // Of the whole scene.
             import_options: _,
             display,
+            has_left_out,
             has_settings,
             headlight,
             has_key_light,
@@ -325,6 +329,7 @@ impl Scene {
         self.variants.extend(variants);
         self.metadata.extend(metadata);
         self.display = self.display.or(display);
+        self.has_left_out |= has_left_out;
         self.has_settings |= has_settings;
         self.headlight = self.headlight.or(headlight);
         self.has_key_light |= has_key_light;
@@ -384,7 +389,7 @@ impl Scene {
 
     /// Bounding box of all objects, or `None` for an empty scene.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
-        bounds(&self.objects)
+        bounds(&PointTrees::of(&self.objects), &self.objects)
     }
 
     /// Calls `each` with the corners of every triangle, in the order of the description.
@@ -414,8 +419,8 @@ impl Scene {
     }
 }
 
-/// Bounding box of objects, or `None` where there is none.
-pub(crate) fn bounds(objects: &[Object]) -> Option<(DVec3, DVec3)> {
+/// Bounding box of objects among those of `trees`, or `None` where there is none.
+pub(crate) fn bounds(trees: &PointTrees, objects: &[Object]) -> Option<(DVec3, DVec3)> {
     let value = |axis: usize, sign: f64| move |p: DVec3| sign * p[axis];
     let of_sphere =
         |axis: usize, sign: f64| move |centre: DVec3, radius: f64| sign * (centre[axis] + sign * radius);
@@ -435,7 +440,7 @@ pub(crate) fn bounds(objects: &[Object]) -> Option<(DVec3, DVec3)> {
             offset: DVec3::ZERO,
         })
         .collect();
-    let far = support::maxima(objects, &functions);
+    let far = support::maxima(trees, objects, &functions);
     let [max, min] = [0, 1].map(|k| DVec3::new(far[k], far[2 + k], far[4 + k]));
     (max.x > f64::NEG_INFINITY).then_some((-min, max))
 }

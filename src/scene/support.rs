@@ -1,7 +1,7 @@
 //! Maxima of affine functions over the vertices and bounding spheres of a scene (support function values), such as its bounds.
 //!
-//! The results equal those of an exhaustive search bit by bit. Bounding boxes of parts of each mesh give upper bounds,
-//! rounding included; only the vertices of parts that may contain the maximum are evaluated.
+//! The results equal those of an exhaustive search bit by bit. Bounding boxes of the vertices of each mesh, in a tree, give
+//! upper bounds, rounding included; only the vertices of boxes that may contain the maximum are evaluated.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -28,11 +28,26 @@ pub struct AffineFunction<'a> {
 /// with a margin.
 const ROUNDING: f64 = 1.0 / (1u64 << 44) as f64;
 
-/// Maximum of each function over all vertices and bounding spheres of `objects`; negative infinity if there are none.
-pub fn maxima(objects: &[Object], functions: &[AffineFunction]) -> Vec<f64> {
+/// The trees over the vertices of the shared meshes of `objects`, which must live as long.
+pub(crate) struct PointTrees(HashMap<*const Mesh, PointTree>);
+
+impl PointTrees {
+    pub(crate) fn of(objects: &[Object]) -> Self {
+        let mut trees = HashMap::new();
+        for object in objects {
+            if let Shape::Placed(Placed { mesh, .. }) = &object.shape {
+                trees.entry(Arc::as_ptr(mesh)).or_insert_with(|| PointTree::of(mesh));
+            }
+        }
+        PointTrees(trees)
+    }
+}
+
+/// Maximum of each function over all vertices and bounding spheres of `objects`, among those of `trees`; negative
+/// infinity if there are none.
+pub(crate) fn maxima(trees: &PointTrees, objects: &[Object], functions: &[AffineFunction]) -> Vec<f64> {
     let mut best = vec![f64::NEG_INFINITY; functions.len()];
-    let mut placed: Vec<&Placed> = Vec::new();
-    let mut parts: HashMap<*const Mesh, Vec<Part>> = HashMap::new();
+    let mut placed: Vec<(&Placed, &PointTree)> = Vec::new();
     for object in objects {
         match &object.shape {
             Shape::Analytic(shape) => {
@@ -42,27 +57,18 @@ pub fn maxima(objects: &[Object], functions: &[AffineFunction]) -> Vec<f64> {
                 }
             }
             Shape::Mesh(mesh) => mesh.corners().for_each(|p| include_point(&mut best, functions, p)),
-            Shape::Placed(one) => {
-                parts.entry(Arc::as_ptr(&one.mesh)).or_insert_with(|| split(&one.mesh));
-                placed.push(one);
-            }
+            Shape::Placed(one) => placed.push((one, &trees.0[&Arc::as_ptr(&one.mesh)])),
         }
     }
     for (best, function) in best.iter_mut().zip(functions) {
-        let mut limits: Vec<(f64, &Placed)> = placed
-            .iter()
-            .map(|&one| (function.upper_bound(one, Part::around(&parts[&Arc::as_ptr(&one.mesh)])), one))
-            .collect();
-        limits.sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
-        for (limit, one) in limits {
-            if limit <= *best {
-                break;
-            }
-            for part in &parts[&Arc::as_ptr(&one.mesh)] {
-                if function.upper_bound(one, (part.min, part.max)) > *best {
-                    let values = part.points.iter().map(|&p| (function.value)(one.placement.point(p)));
-                    *best = values.fold(*best, f64::max);
-                }
+        let bounds: Vec<f64> =
+            placed.iter().map(|(one, tree)| Bound::of(function, one, tree).above(&tree.nodes[0])).collect();
+        // From the placement of the highest bound on, most bounds are not above the maximum so far.
+        let highest = (0..bounds.len()).max_by(|&a, &b| bounds[a].total_cmp(&bounds[b]));
+        for index in highest.into_iter().chain(0..bounds.len()) {
+            if bounds[index] > *best {
+                let (one, tree) = placed[index];
+                *best = tree.maximum(function, one, *best);
             }
         }
     }
@@ -75,66 +81,107 @@ fn include_point(best: &mut [f64], functions: &[AffineFunction], p: DVec3) {
     }
 }
 
-impl AffineFunction<'_> {
-    /// Upper bound of the function over the vertices of a mesh part with the given bounds.
-    fn upper_bound(&self, placed: &Placed, (min, max): (DVec3, DVec3)) -> f64 {
-        let (centre, half) = (min / 2.0 + max / 2.0, max / 2.0 - min / 2.0);
+/// Upper bound of a function over boxes in the space of a placed mesh: `gradient * point + offset`, rounding included.
+struct Bound {
+    gradient: DVec3,
+    offset: f64,
+}
+
+impl Bound {
+    fn of(function: &AffineFunction, placed: &Placed, tree: &PointTree) -> Self {
         let (linear, offset) = placed.placement.as_one();
-        let across = (linear.transpose() * self.gradient).abs().dot(half);
-        let numbers = placed.placement.reach(min.abs().max(max.abs())) + self.offset;
-        let limit = (self.value)(linear * centre + offset) + across + self.weight.dot(numbers) * ROUNDING;
+        let numbers = placed.placement.reach(tree.reach) + function.offset;
+        let offset = (function.value)(offset) + function.weight.dot(numbers) * ROUNDING;
+        Bound { gradient: linear.transpose() * function.gradient, offset }
+    }
+
+    /// The bound over a node.
+    fn above(&self, node: &Node) -> f64 {
+        let bound = self.gradient.dot(node.centre) + self.gradient.abs().dot(node.half) + self.offset;
         // A bound that overflowed to NaN excludes nothing.
-        if limit.is_nan() { f64::INFINITY } else { limit }
+        if bound.is_nan() { f64::INFINITY } else { bound }
     }
 }
 
-/// Neighbouring vertices of a mesh and their bounding box.
-struct Part {
-    min: DVec3,
-    max: DVec3,
+/// The vertices that the triangles of a mesh use, as a tree of bounding boxes. Inner nodes have 2 children.
+struct PointTree {
+    /// The root first.
+    nodes: Vec<Node>,
     points: Vec<DVec3>,
+    /// Largest absolute coordinates.
+    reach: DVec3,
 }
 
-/// Maximum number of vertices in a part.
-const MAX_PART_POINTS: usize = 64;
+/// The bounding box of the points from `first` to `end`, and the first of its children, which follow one another; 0 in
+/// a leaf.
+struct Node {
+    centre: DVec3,
+    half: DVec3,
+    first: usize,
+    end: usize,
+    children: usize,
+}
 
-impl Part {
-    fn new(points: &[DVec3]) -> Self {
+/// Maximum number of points in a leaf.
+const MAX_LEAF_POINTS: usize = 16;
+
+impl PointTree {
+    /// Splits the points at the median along the longest axis.
+    fn of(mesh: &Mesh) -> Self {
+        let mut used = vec![false; mesh.positions.len()];
+        mesh.triangles.iter().flatten().for_each(|&i| used[i as usize] = true);
+        let mut points: Vec<DVec3> =
+            mesh.positions.iter().zip(used).filter(|(_, used)| *used).map(|(&p, _)| p).collect();
+        let mut nodes = vec![Node::new(&points, 0, points.len())];
+        let mut index = 0;
+        while let Some(&Node { half, first, end, .. }) = nodes.get(index) {
+            if end - first > MAX_LEAF_POINTS {
+                let (axis, middle) = (half.max_position(), (end - first) / 2);
+                points[first..end].select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
+                nodes[index].children = nodes.len();
+                let middle = first + middle;
+                nodes.push(Node::new(&points, first, middle));
+                nodes.push(Node::new(&points, middle, end));
+            }
+            index += 1;
+        }
+        let reach = points.iter().fold(DVec3::ZERO, |reach, p| p.abs().max(reach));
+        PointTree { nodes, points, reach }
+    }
+
+    /// The maximum of a function over the placed points, and `best`.
+    fn maximum(&self, function: &AffineFunction, placed: &Placed, mut best: f64) -> f64 {
+        let bound = Bound::of(function, placed, self);
+        let mut open = vec![0];
+        while let Some(index) = open.pop() {
+            let node = &self.nodes[index];
+            if bound.above(node) <= best {
+                continue;
+            }
+            if node.children == 0 {
+                let points = &self.points[node.first..node.end];
+                let values = points.iter().map(|&p| (function.value)(placed.placement.point(p)));
+                best = values.fold(best, f64::max);
+                continue;
+            }
+            let [a, b] = [node.children, node.children + 1];
+            // The higher one is visited first.
+            let is_a_higher = bound.above(&self.nodes[a]) > bound.above(&self.nodes[b]);
+            open.extend(if is_a_higher { [b, a] } else { [a, b] });
+        }
+        best
+    }
+}
+
+impl Node {
+    fn new(points: &[DVec3], first: usize, end: usize) -> Self {
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         // In this argument order `min` and `max` ignore NaN.
-        for p in points {
+        for p in &points[first..end] {
             (min, max) = (p.min(min), p.max(max));
         }
-        Part { min, max, points: points.to_vec() }
+        Node { centre: min / 2.0 + max / 2.0, half: max / 2.0 - min / 2.0, first, end, children: 0 }
     }
-
-    fn around(parts: &[Part]) -> (DVec3, DVec3) {
-        let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        parts.iter().fold(none, |(min, max), part| (part.min.min(min), part.max.max(max)))
-    }
-}
-
-/// Splits the vertices used by a mesh at the median along the longest axis until each part has at most
-/// `MAX_MAX_PART_POINTS_POINTS`.
-fn split(mesh: &Mesh) -> Vec<Part> {
-    let mut used = vec![false; mesh.positions.len()];
-    mesh.triangles.iter().flatten().for_each(|&i| used[i as usize] = true);
-    let mut points: Vec<DVec3> =
-        mesh.positions.iter().zip(used).filter(|(_, used)| *used).map(|(&p, _)| p).collect();
-    let mut parts = Vec::new();
-    let mut stack = vec![points.as_mut_slice()];
-    while let Some(points) = stack.pop() {
-        let part = Part::new(points);
-        if points.len() <= MAX_PART_POINTS {
-            parts.push(part);
-            continue;
-        }
-        let axis = (part.max - part.min).max_position();
-        let middle = points.len() / 2;
-        points.select_nth_unstable_by(middle, |a, b| a[axis].total_cmp(&b[axis]));
-        stack.extend(<[_; 2]>::from(points.split_at_mut(middle)));
-    }
-    parts
 }
 
 #[cfg(test)]

@@ -166,7 +166,15 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
         Some(Background::Transparent) => option("--background", "transparent"),
         None => {}
     }
-    let ImportOptions { pose, variant, ignore_required_extensions, up, smooth } = command.import_options;
+    let ImportOptions {
+        pose,
+        variant,
+        ignore_required_extensions,
+        allow_outside_references,
+        up,
+        smooth,
+        limits,
+    } = command.import_options;
     if let Some(ClipTime { clip, time }) = pose {
         option("--time", &time.to_string());
         match clip {
@@ -182,8 +190,14 @@ pub fn arguments(command: &RenderCommand) -> Vec<String> {
     up.iter().for_each(|up| option("--up", up.name()));
     smooth.iter().for_each(|crease| option("--smooth", &crease.to_degrees().to_string()));
     variant.iter().for_each(|variant| option("--variant", variant));
+    for (counted, most) in limits.changed() {
+        option("--limit", &format!("{}={most}", counted.name()));
+    }
     if *ignore_required_extensions {
         words.push("--ignore-required-extensions".to_owned());
+    }
+    if *allow_outside_references {
+        words.push("--allow-outside-references".to_owned());
     }
     if *hide {
         words.push("--hide-environment".to_owned());
@@ -275,14 +289,17 @@ mod tests {
     use super::*;
     use crate::film::FilterShape;
     use crate::film::tone::{Exposure, ToneMap};
+    use crate::limits::{Counted, Limits};
     use crate::scene::PixelSampler;
 
     static NO_IMPORT_OPTIONS: ImportOptions = ImportOptions {
         pose: None,
         variant: None,
         ignore_required_extensions: false,
+        allow_outside_references: false,
         up: None,
         smooth: None,
+        limits: Limits::DEFAULT,
     };
 
     static STUDIO: LazyLock<RenderSettings> =
@@ -419,8 +436,10 @@ mod tests {
                 pose: Some(ClipTime { clip: ClipChoice::Named("Walk".into()), time: -0.5 }),
                 variant: Some("red shoe".into()),
                 ignore_required_extensions: true,
+                allow_outside_references: true,
                 up: Some(UpAxis::MinusZ),
                 smooth: Some(0.5f64.to_radians()),
+                limits: Limits::DEFAULT.with(Counted::Nodes, 7),
             },
             ..plain
         };
@@ -430,7 +449,7 @@ mod tests {
              watertight --colour linear --filter tent --filter-radius 1.1 --noise 0.001 --min-samples 8 --seed 4294967295 --sampler independent \
              --exposure=-1.5 --tone-map agx --light none --transport path --clamp 2.5 \
              --environment 'garden one.hdr' --environment-rotation=-90 --background '#ff8000' --time=-0.5 --clip Walk --up=-z --smooth 0.5 --variant 'red shoe' \
-             --ignore-required-extensions --hide-environment --ground --draft"
+             --limit nodes=7 --ignore-required-extensions --allow-outside-references --hide-environment --ground --draft"
         );
     }
 

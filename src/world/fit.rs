@@ -1,11 +1,14 @@
 //! Fitted cameras, and the camera and light of scenes that have none.
 
-use glam::{DVec2, DVec3};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::{DMat3, DVec2, DVec3};
 
 use super::view::basis;
 use crate::film::Colour;
-use crate::scene::support::{AffineFunction, maxima};
-use crate::scene::{Camera, Light, LightKind, MaterialId, Mesh, Object, Projection, Scene, Shape};
+use crate::scene::support::{AffineFunction, PointTrees, maxima};
+use crate::scene::{Camera, Light, LightKind, MaterialId, Mesh, Object, Placed, Projection, Scene, Shape};
 
 /// The background of scenes that set none.
 pub(crate) const BACKGROUND: Colour = Colour::Display(DVec3::new(32.0 / 255.0, 34.0 / 255.0, 38.0 / 255.0));
@@ -89,15 +92,62 @@ const OPEN_SHARE: f64 = 0.08;
 /// The sum of area times normal over a closed surface is zero. That of a surface without a part is the opposite of the part's: where
 /// normals point into a room, it points out of the missing wall.
 pub(crate) fn opening(scene: &Scene) -> Option<DVec3> {
-    let (mut sum, mut area) = (DVec3::ZERO, 0.0);
-    scene.for_each_triangle(|[a, b, c]| {
-        let twice = (b - a).cross(c - a);
-        sum += twice;
-        area += twice.length();
-    });
-    let sideways = DVec2::new(sum.x, sum.z);
-    (sideways.length() > OPEN_SHARE * area && area.is_finite())
+    let mut all = Orientation::default();
+    let mut shared: HashMap<*const Mesh, Orientation> = HashMap::new();
+    for object in &scene.objects {
+        match &object.shape {
+            Shape::Mesh(mesh) => all.add(mesh),
+            Shape::Placed(Placed { mesh, placement }) => {
+                let own = shared.entry(Arc::as_ptr(mesh)).or_insert_with(|| {
+                    let mut own = Orientation::default();
+                    own.add(mesh);
+                    own
+                });
+                all.add_placed(own, &placement.as_one().0);
+            }
+            Shape::Analytic(_) => {}
+        }
+    }
+    let sideways = DVec2::new(all.sum.x, all.sum.z);
+    (sideways.length() > OPEN_SHARE * all.area && all.area.is_finite())
         .then(|| from(sideways.x.atan2(sideways.y) + 12f64.to_radians(), 10f64.to_radians()))
+}
+
+/// Sums over triangles of the vectors `n` of length twice the area along their normals.
+#[derive(Default)]
+struct Orientation {
+    /// Of `n`.
+    sum: DVec3,
+    /// Of |n|.
+    area: f64,
+    /// Of n n^T / |n|.
+    spread: DMat3,
+}
+
+impl Orientation {
+    fn add(&mut self, mesh: &Mesh) {
+        for [a, b, c] in mesh.triangles.iter().map(|t| t.map(|i| mesh.positions[i as usize])) {
+            let twice = (b - a).cross(c - a);
+            let length = twice.length();
+            self.sum += twice;
+            self.area += length;
+            if length > 0.0 {
+                let unit = twice / length;
+                self.spread += DMat3::from_cols(twice * unit.x, twice * unit.y, twice * unit.z);
+            }
+        }
+    }
+
+    /// Adds a mesh after a linear map, whose cofactor matrix C maps `n`. The area, the sum of |C n|, is bounded from above
+    /// by Jensen's inequality: sqrt(area * sum |C n|^2 / |n|), where the sum is the trace of C spread C^T. It is exact for
+    /// rotations with a uniform scale.
+    fn add_placed(&mut self, mesh: &Orientation, linear: &DMat3) {
+        let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
+        let cofactor = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+        let moved = cofactor * mesh.spread * cofactor.transpose();
+        self.sum += cofactor * mesh.sum;
+        self.area += (mesh.area * (moved.x_axis.x + moved.y_axis.y + moved.z_axis.z)).max(0.0).sqrt();
+    }
 }
 
 /// The unit vector at an azimuth, from +z towards +x, and an elevation, in radians.
@@ -195,7 +245,8 @@ pub fn turntable_camera(
             offset: middle.abs(),
         })
         .collect();
-    let reach = maxima(&scene.objects, &functions).into_iter().fold(0.0, f64::max);
+    let reach =
+        maxima(&PointTrees::of(&scene.objects), &scene.objects, &functions).into_iter().fold(0.0, f64::max);
     // Squared: once for points between the directions, once for the prism's sides, which lie nearer than its edges.
     let radius = reach / half_angle.cos().powi(2);
     let backwards = view.backwards();
@@ -262,7 +313,7 @@ fn extent(scene: &Scene, middle: DVec3, [u, v, w]: [DVec3; 3], slope: DVec2) -> 
             offset: middle.abs(),
         })
         .collect();
-    let far = maxima(&scene.objects, &functions);
+    let far = maxima(&PointTrees::of(&scene.objects), &scene.objects, &functions);
     Extent { plus: DVec2::new(far[0], far[2]), minus: DVec2::new(far[1], far[3]), nearest: far[4] }
 }
 
@@ -311,8 +362,9 @@ pub(crate) fn key_light(camera: &Camera) -> Light {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Sphere;
+    use crate::scene::{Placement, Sphere};
     use crate::world::View;
+    use glam::{DMat4, DQuat};
 
     fn scene_of(shape: Shape) -> Scene {
         let object = Object { name: "o".into(), input: 0, material: MaterialId(0), shape };
@@ -425,6 +477,17 @@ mod tests {
         assert!(towards(&[0, 1, 2, 3, 5]).dot(DVec3::X) > 0.95);
         // Without a ceiling, no side is open.
         assert_eq!(opening(&room(&[0, 1, 2, 4, 5])), None);
+        // Instances are open to the same side as copies: turned; stretched, where the area is a bound; and mirrored, which
+        // turns the normals outwards.
+        for scale in [DVec3::ONE, DVec3::new(1.0, 2.0, 3.0), DVec3::new(1.0, 1.0, -1.0)] {
+            let turn = DQuat::from_rotation_y(0.3);
+            let map = DMat4::from_scale_rotation_translation(scale, turn, DVec3::splat(9.0));
+            let Shape::Mesh(mesh) = room(&[0, 1, 2, 3, 4]).objects.remove(0).shape else { panic!("a mesh") };
+            let placed = Placed::new(Arc::new(mesh), Placement::new(map));
+            let copy = opening(&scene_of(Shape::Mesh(placed.bake()))).expect("an opening");
+            let instance = opening(&scene_of(Shape::Placed(placed))).expect("an opening");
+            assert!((copy - instance).length() < 1e-12, "{scale}: {copy} {instance}");
+        }
     }
 
     /// From every camera but one that looks straight down, 40 degrees to its left and 52 above the horizon.

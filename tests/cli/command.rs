@@ -244,6 +244,8 @@ fn wrong_usage_is_2() {
         ("render scene.toml -o a.png --crop 4294967295,0,1,1", "the crop reaches outside", ""),
         ("render scene.toml -o frame_####.png", "the name of a series of pictures", ""),
         ("render scene.toml -o frame_%04d.png", "the name of a series of pictures", ""),
+        // The name of a folder is no pattern.
+        ("render scene.toml -o a####%04d/frame_%04d.png", "the name of a series of pictures", ""),
         ("render - - -o a.png", "standard input can be read once", ""),
         ("render scene.toml -o a.png --stats ./a.png", "both the picture and its statistics", "another file"),
     ] {
@@ -752,7 +754,74 @@ fn a_picture_of_nothing_says_so() {
     assert!(said.contains("nothing is in the picture: none of 384 primary rays hits anything"), "{said}");
 }
 
+/// Only the last part of a path is the pattern of frames.
+#[test]
+fn a_folder_may_be_named_like_a_pattern() {
+    let workshop = Workshop::new();
+    for folder in ["shot%04d", "take####"] {
+        std::fs::create_dir(workshop.path(folder)).expect("a folder");
+        workshop.succeed(&format!("render scene.toml -o {folder}/a.png"));
+        workshop.succeed(&format!("render scene.toml --frames 3 -o {folder}/f_##.png"));
+        assert!(workshop.path(folder).join("f_03.png").exists());
+    }
+}
+
+/// What no tier can draw is an error in a scene file as in a mesh, not a blank picture; a background alone is a picture.
+#[test]
+fn a_scene_of_objects_that_are_all_left_out_is_an_error() {
+    let workshop = Workshop::new();
+    let corners = "v 0 0 0\nv 1e19 0 0\nv 0 1e19 0\nf 1 2 3\n";
+    workshop.write("mesh.obj", corners);
+    workshop.write("one.obj", corners.replace("e19", ""));
+    let scene = SCENE.split("[[sphere]]").next().expect("a text before it").to_owned();
+    for (name, object) in [
+        ("sphere.toml", "[[sphere]]\ncentre = [1e19, 0, 0]\nradius = 1\n"),
+        ("radius.toml", "[[sphere]]\ncentre = [0, 0, 0]\nradius = 1e19\n"),
+        ("mesh.toml", "[[mesh]]\nfile = 'mesh.obj'\n"),
+        ("far.toml", "[[mesh]]\nfile = 'one.obj'\ntranslate = [0, 0, 1e19]\n"),
+    ] {
+        workshop.write(name, format!("{scene}{object}"));
+        let (said, hint) = workshop.fail(&format!("render {name} -o a.png"), 3);
+        assert_eq!(said, format!("{name}: all its objects are left out"));
+        assert!(hint.contains("warnings"), "{hint}");
+    }
+    workshop.fail("render mesh.obj -o a.png", 3);
+    workshop.write("empty.toml", scene);
+    workshop.succeed("render empty.toml -o a.png");
+}
+
 // ----------------------------------------------------------------------------------------------- statistics, progress
+
+/// The phases of `--stats` cover a run. Of 2,000 instances, fitting the camera was the longest, and in none of them.
+#[test]
+fn statistics_cover_all_of_the_time() {
+    let workshop = Workshop::new();
+    let side = 50;
+    let mut obj = String::new();
+    for i in 0..=side {
+        for j in 0..=side {
+            let [x, z] = [i, j].map(|k| f64::from(k) / f64::from(side));
+            obj += &format!("v {x} {} {z}\n", (7.0 * x).sin() * (5.0 * z).cos());
+        }
+    }
+    for i in 0..side {
+        for j in 1..=side {
+            let a = i * (side + 1) + j;
+            let [b, c, d] = [a + 1, a + side + 1, a + side + 2];
+            obj += &format!("f {a} {b} {d}\nf {a} {d} {c}\n");
+        }
+    }
+    workshop.write("mesh.obj", obj);
+    let places: String = (0..2000).map(|i| format!("{{ translate = [{i}, {}, 0] }},\n", i % 7)).collect();
+    workshop.write("many.toml", format!("[[mesh]]\nfile = 'mesh.obj'\nplacements = [\n{places}]\n"));
+    let start = Instant::now();
+    workshop.succeed("render many.toml -o a.png --size 32x32 --stats a.json");
+    let all = start.elapsed().as_secs_f64();
+    let stats: Value = serde_json::from_slice(&workshop.bytes("a.json")).expect("it is JSON");
+    let seconds = stats["seconds"].as_object().expect("an object").values();
+    let known: f64 = seconds.map(|s| s.as_f64().expect("a number")).sum();
+    assert!(known > 0.5 * all, "{known} of {all} seconds: {}", stats["seconds"]);
+}
 
 #[test]
 fn statistics_are_json_with_the_documented_fields() {
@@ -762,6 +831,7 @@ fn statistics_are_json_with_the_documented_fields() {
     assert_eq!(stats["schema"], 1);
     for pointer in [
         "/seconds/load",
+        "/seconds/prepare",
         "/seconds/build",
         "/seconds/render",
         "/seconds/write",

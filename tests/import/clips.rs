@@ -90,6 +90,32 @@ fn a_node_moves_and_its_children_with_it() {
     );
 }
 
+/// The `gltf` crate does not check the targets of channels, and panics where they are used. Channels without a node are
+/// to be ignored (section 5.8), and count.
+#[test]
+fn channels_without_a_property_or_a_node_are_errors_with_their_place() {
+    let paths = "its `path` is none of `translation`, `rotation`, `scale` and `weights`";
+    for (path, node, expected) in [
+        ("colour", 0, paths),
+        ("", 0, paths),
+        ("pointer", 0, paths),
+        ("translation", 1, "its target is node 1; there are 1"),
+        ("weights", 4_000_000_000u64, "its target is node 4000000000; there are 1"),
+    ] {
+        let mut model = Model::new(&TRIANGLE);
+        clip(&mut model, 0, "translation", &[0.0], &[[0.0; 3]], "Walk");
+        let ignored = json!({ "sampler": 0, "target": { "path": "colour" } });
+        let bad = json!({ "sampler": 0, "target": { "node": node, "path": path } });
+        model.json["animations"][0]["channels"].as_array_mut().expect("a list").extend([ignored, bad]);
+        for time in [None, Some(0.0)] {
+            let e = posed(&model, time, None).expect_err("a channel is at fault");
+            assert!(matches!(e, Error::Input { .. }), "{e:?}");
+            let expected = format!("model.glb: animation 0, channel 2: {expected}");
+            assert!(e.to_string().ends_with(&expected), "{path}: {e}");
+        }
+    }
+}
+
 /// A joint at (1, 0, 0) turns by 90 degrees about z: its vertex, at (2, 0, 0) at rest, comes to (1, 1, 0). The vertices of the
 /// other joint stay; the transform of the skinned node does not count (section 3.7.3.3).
 #[test]

@@ -8,4 +8,5 @@ mod codecs;
 mod gltf_features;
 mod import;
 mod mutations;
+mod references;
 mod shared_meshes;

@@ -25,6 +25,21 @@ fn read(folder: &Path) -> Study {
     serde_json::from_str(&text).expect("a study")
 }
 
+/// The files are read again, to time loading, with the same options.
+#[test]
+fn files_are_read_with_the_options_of_the_command() {
+    let text = std::fs::read_to_string(repository("assets/import/square.gltf")).expect("a file");
+    let text =
+        text.replacen('{', r#"{ "extensionsUsed": ["VENDOR_x"], "extensionsRequired": ["VENDOR_x"], "#, 1);
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("a.gltf");
+    std::fs::write(&file, text).expect("a file");
+    let buffer = "square two.bin";
+    std::fs::copy(repository("assets/import").join(buffer), folder.path().join(buffer)).expect("a file");
+    let options = ["--ignore-required-extensions", "--size", "16x16", "--knob", "bvh"];
+    made(&[file.to_str().expect("UTF-8")], &options);
+}
+
 /// One for all tests.
 fn tiny() -> &'static (tempfile::TempDir, Output) {
     static TINY: OnceLock<(tempfile::TempDir, Output)> = OnceLock::new();

@@ -23,7 +23,7 @@ pub(crate) struct Arguments {
     #[command(subcommand)]
     test: Option<Test>,
     #[command(flatten)]
-    speed: speed::Arguments,
+    pub speed: speed::Arguments,
 }
 
 #[derive(Subcommand)]

@@ -13,12 +13,11 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::arguments::inputs_help;
+use super::arguments::{ReadingArguments, inputs_help};
 use super::print;
 use crate::effects::check_scene;
 use crate::error::{Result, Warnings};
 use crate::import::{self, FileNames};
-use crate::scene::ImportOptions;
 use crate::scene::topology::Topology;
 use rendering::{Memory, Rendering};
 
@@ -30,9 +29,8 @@ pub(crate) struct Arguments {
     /// Print JSON
     #[arg(long)]
     json: bool,
-    /// Read glTF files that require extensions which kiln does not read
-    #[arg(long)]
-    ignore_required_extensions: bool,
+    #[command(flatten)]
+    pub reading: ReadingArguments,
     /// Build the acceleration structure of large scenes, too, to measure time and memory instead of estimating them
     #[arg(long)]
     build: bool,
@@ -40,9 +38,7 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> Result<()> {
     let mut warnings = Warnings::default();
-    let ignore_required_extensions = arguments.ignore_required_extensions;
-    let options = ImportOptions { ignore_required_extensions, ..ImportOptions::default() };
-    let scene = import::load_with(&arguments.inputs, &options, &mut warnings)?;
+    let scene = import::load_with(&arguments.inputs, &arguments.reading.options(), &mut warnings)?;
     check_scene(&scene.effects)?;
     let after_loading = Memory::now();
     let topology = Topology::of_scene(&scene);

@@ -19,8 +19,8 @@ use crate::limits;
 
 /// Checks the memory limit for meshes, placements and keyframes. Primitives may share accessors, and accessors without a buffer
 /// view take no bytes in the file, so the file size does not bound memory.
-pub(super) fn check_memory(document: &gltf::Document, file: &Path) -> Result<()> {
-    let nodes = limits::Counted::Nodes.check(document.nodes().len() as u64);
+pub(super) fn check_memory(document: &gltf::Document, file: &Path, most: &limits::Limits) -> Result<()> {
+    let nodes = limits::Counted::Nodes.check(document.nodes().len() as u64, most);
     nodes.map_err(|(what, hint)| Error::input(file, what, hint))?;
     // Bytes per vertex: positions, normals and colours are three f64, texture coordinates two, tangents four; joints
     // are 8 bytes, weights 16, and skinning matrices 128. An index is read as u32 and stored in a triangle.
@@ -225,16 +225,13 @@ pub(super) fn load_buffers(
             gltf::buffer::Source::Bin => {
                 blob.take().ok_or_else(|| fault("the binary part of the file is missing".into()))?
             }
-            gltf::buffer::Source::Uri(text) => match uri::resolve(text).map_err(&fault)? {
+            gltf::buffer::Source::Uri(text) => match uri::resolve(text, source).map_err(&fault)? {
                 Resource::Data(data) => data,
-                Resource::File(name) => {
-                    let path = source.sibling(name);
-                    source.files.read(&path).map_err(|e| {
-                        let (what, hint) = limits::explain(&e);
-                        let item = Place::item(&source.file, item.clone());
-                        Error::input(item, format!("{}: {what}", path.display()), hint)
-                    })?
-                }
+                Resource::File(path) => source.files.read(&path).map_err(|e| {
+                    let (what, hint) = limits::explain(&e);
+                    let item = Place::item(&source.file, item.clone());
+                    Error::input(item, format!("{}: {what}", path.display()), hint)
+                })?,
             },
         };
         if data.len() < buffer.length() {

@@ -111,8 +111,34 @@ pub(super) fn parse(bytes: &[u8], file: &Path, warnings: &mut Warnings) -> Resul
         return Err(Error::input(file, what, "export it as glTF 2.0"));
     }
     let pointers = pointer::take_channels(&mut root);
+    check_channels(&root, file)?;
     repair(&mut root, |what| warnings.left_out(format!("{}: {what}", file.display())));
     Ok(Json { root, blob, pointers })
+}
+
+/// Checks the targets of animation channels, which the validation of gltf-json 1.4.1 leaves out (`Animation::validate`).
+/// Channels without a node are ignored (section 5.8, animation.channel.target.node).
+fn check_channels(root: &Value, file: &Path) -> Result<()> {
+    fn list(value: &Value) -> &[Value] {
+        value.as_array().map_or(&[], Vec::as_slice)
+    }
+    let nodes = list(&root["nodes"]).len() as u64;
+    for (index, animation) in list(&root["animations"]).iter().enumerate() {
+        for (number, channel) in list(&animation["channels"]).iter().enumerate() {
+            let Some(node) = channel["target"]["node"].as_u64() else { continue };
+            let path = channel["target"]["path"].as_str().unwrap_or_default();
+            let what = if node >= nodes {
+                format!("its target is node {node}; there are {nodes}")
+            } else if !["translation", "rotation", "scale", "weights"].contains(&path) {
+                "its `path` is none of `translation`, `rotation`, `scale` and `weights`".to_owned()
+            } else {
+                continue;
+            };
+            let item = Place::item(file, format!("animation {index}, channel {number}"));
+            return Err(Error::input(item, what, "export the file again"));
+        }
+    }
+    Ok(())
 }
 
 /// The URI of the image of textures that name none.
@@ -198,7 +224,12 @@ pub(super) fn validated(
 ) -> Result<gltf::Document> {
     let damaged = || Error::input(file, "not a usable glTF file", "export it again as glTF 2.0");
     let json = contain(|| gltf::json::Root::deserialize(root)).ok_or_else(damaged)?;
-    let mut json = json.map_err(|e| unusable(file, e))?;
+    // What serde found instead may be any text.
+    let reason = |e: serde_json::Error| {
+        let text = e.to_string();
+        text.split_once(", expected ").map_or(text.clone(), |(_, expected)| format!("expected {expected}"))
+    };
+    let mut json = json.map_err(|e| unusable(file, reason(e)))?;
     json.extensions_required.retain(|name| !is_read(name));
     if !json.extensions_required.is_empty() {
         let names = json.extensions_required.join(", ");

@@ -32,7 +32,7 @@ impl Loader<'_> {
                     self.warnings.left_out(format!("{place}: texture left out: it lies outside its buffer"));
                     return Ok(None);
                 };
-                images::of_bytes(&mut self.scene, &self.source.files, place, bytes, self.warnings)
+                images::of_bytes(&mut self.scene, self.source, place, bytes, self.warnings)
             }
             gltf::image::Source::Uri { uri: NO_IMAGE, .. } => {
                 let file = self.source.file.display();
@@ -40,12 +40,11 @@ impl Loader<'_> {
                 self.warnings.left_out(format!("{file}: {what}"));
                 Ok(None)
             }
-            gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
+            gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri, self.source) {
                 Ok(Resource::Data(bytes)) => {
-                    images::of_bytes(&mut self.scene, &self.source.files, place, &bytes, self.warnings)
+                    images::of_bytes(&mut self.scene, self.source, place, &bytes, self.warnings)
                 }
                 Ok(Resource::File(file)) => {
-                    let file = self.source.sibling(file);
                     files.of_file(&mut self.scene, &file, Channels::Colour, self.warnings)
                 }
                 Err(what) => {
@@ -66,11 +65,9 @@ impl Loader<'_> {
         }
         let bytes = match image.source() {
             gltf::image::Source::View { view, .. } => bytes_of(&self.buffers, &view).map(Cow::Borrowed),
-            gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri) {
+            gltf::image::Source::Uri { uri, .. } => match uri::resolve(uri, self.source) {
                 Ok(Resource::Data(bytes)) => Some(Cow::Owned(bytes)),
-                Ok(Resource::File(file)) => {
-                    self.source.files.read(&self.source.sibling(file)).ok().map(Cow::Owned)
-                }
+                Ok(Resource::File(file)) => self.source.files.read(&file).ok().map(Cow::Owned),
                 Err(_) => None,
             },
         };

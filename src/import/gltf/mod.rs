@@ -55,7 +55,7 @@ pub(crate) fn read(source: &Source, warnings: &mut Warnings) -> Result<Scene> {
     check_accessors(&document, file)?;
     warn_of_types(&document, file, warnings);
     check_images(&document, &source.file)?;
-    check_memory(&document, &source.file)?;
+    check_memory(&document, &source.file, &options.limits)?;
     let buffers = load_buffers(&document, &root, blob, source)?;
     #[cfg(feature = "codecs")]
     let buffers = meshopt::decode_views(&root, buffers, file)?;

@@ -7,7 +7,6 @@ use super::faces::{Count, Faces, INHERITED, MISSING, Polygon, RELATIVE, RELATIVE
 use super::oddities::{Oddities, Oddity};
 use super::scanner::{NONE, Scanner};
 use super::text::decode_name;
-use crate::import::lines::shown;
 
 /// A statement that applies to the faces after it.
 #[derive(Debug)]
@@ -78,8 +77,8 @@ impl Chunk {
             scanner.end_line();
         }
         self.lines = scanner.lines;
-        if let Some((line, word)) = scanner.odd_number {
-            self.oddities.note(Oddity::Number, line, || shown(word));
+        if let Some(line) = scanner.odd_number {
+            self.oddities.note(Oddity::Number, line);
         }
         if !self.colours.is_empty() {
             self.colours.resize(self.positions.len(), DVec3::ONE);
@@ -107,7 +106,7 @@ impl Chunk {
             b"v" => self.vertex(scanner)?,
             b"vt" => {
                 let [u] = numbers(scanner, "vt")?;
-                let v = scanner.number()?.unwrap_or(0.0);
+                let v = number(scanner, "vt", 1)?.unwrap_or(0.0);
                 // v points up in OBJ.
                 self.uvs.push(DVec2::new(u, 1.0 - v));
             }
@@ -126,11 +125,11 @@ impl Chunk {
                     self.statements.push((self.faces.count(), made(name)));
                 }
             }
-            b"l" | b"p" => self.oddities.note(Oddity::Element, scanner.lines, String::new),
-            b"curv" | b"curv2" | b"surf" => self.oddities.note(Oddity::FreeForm, scanner.lines, String::new),
+            b"l" | b"p" => self.oddities.note(Oddity::Element, scanner.lines),
+            b"curv" | b"curv2" | b"surf" => self.oddities.note(Oddity::FreeForm, scanner.lines),
             _ if OTHERS.split(' ').any(|other| other.as_bytes() == key) => {}
             _ => {
-                self.oddities.note(Oddity::Unknown, scanner.lines, || shown(key));
+                self.oddities.note(Oddity::Unknown, scanner.lines);
                 scanner.name();
             }
         }
@@ -143,7 +142,7 @@ impl Chunk {
         let mut position = DVec3::from(numbers(scanner, "v")?);
         let mut more = [0.0; 4];
         let mut count = 0;
-        while let Some(number) = scanner.number()? {
+        while let Some(number) = number(scanner, "v", 3 + count)? {
             more[count.min(3)] = number;
             count += 1;
         }
@@ -157,10 +156,10 @@ impl Chunk {
             }
         }
         if !matches!(count, 0 | 1 | 3) {
-            self.oddities.note(Oddity::Surplus, line, || (3 + count).to_string());
+            self.oddities.note_count(Oddity::Surplus, line, 3 + count);
         }
         if !position.is_finite() {
-            self.oddities.note(Oddity::NotFinite, line, String::new);
+            self.oddities.note(Oddity::NotFinite, line);
         }
         self.positions.push(position);
         Ok(())
@@ -169,7 +168,8 @@ impl Chunk {
     fn face(&mut self, scanner: &mut Scanner) -> Result<(), String> {
         let mut corners = std::mem::take(&mut self.corners);
         corners.clear();
-        while let Some([v, vt, vn]) = scanner.corner()? {
+        let fault = |before: usize| format!("corner {} of `f` is not v, v/vt, v//vn or v/vt/vn", before + 1);
+        while let Some([v, vt, vn]) = scanner.corner().map_err(|_| fault(corners.len()))? {
             self.check([v, vt, vn])?;
             let counts = [self.positions.len(), self.uvs.len(), self.normals.len()];
             corners.push([0, 1, 2].map(|kind| self.encode(kind, [v, vt, vn][kind], counts[kind])));
@@ -182,7 +182,7 @@ impl Chunk {
         }
         match corners[..] {
             [] | [_] | [_, _] => {
-                self.oddities.note(Oddity::FewCorners, scanner.lines, || corners.len().to_string());
+                self.oddities.note_count(Oddity::FewCorners, scanner.lines, corners.len());
             }
             [a, b, c] => self.triangle(a, b, c),
             _ => {
@@ -251,10 +251,15 @@ impl Chunk {
 /// The next `N` numbers of a line.
 fn numbers<const N: usize>(scanner: &mut Scanner, key: &str) -> Result<[f64; N], String> {
     let mut numbers = [0.0; N];
-    for (i, number) in numbers.iter_mut().enumerate() {
-        *number = scanner.number()?.ok_or_else(|| format!("`{key}` with {i} of {N} numbers"))?;
+    for (i, next) in numbers.iter_mut().enumerate() {
+        *next = number(scanner, key, i)?.ok_or_else(|| format!("`{key}` with {i} of {N} numbers"))?;
     }
     Ok(numbers)
+}
+
+/// The next number of a line, after `before` others of the statement `key`.
+fn number(scanner: &mut Scanner, key: &str, before: usize) -> Result<Option<f64>, String> {
+    scanner.number().map_err(|_| format!("number {} of `{key}` cannot be read", before + 1))
 }
 
 /// The group of an `s` statement; 0 for `off`, and for what is not a number.

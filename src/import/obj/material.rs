@@ -22,8 +22,9 @@ pub(super) fn convert(
     warnings: &mut Warnings,
 ) -> Result<Material> {
     let m = &definition.material;
-    let image = match &m.diffuse_texture {
-        Some(name) => images.of_file(scene, &source.sibling(name), Channels::Colour, warnings)?,
+    let file = m.diffuse_texture.as_ref().and_then(|name| source.resolve_image(name, warnings));
+    let image = match file {
+        Some(file) => images.of_file(scene, &file, Channels::Colour, warnings)?,
         None => None,
     };
     let texture = image.map(|image| definition.texture(image, "map_Kd"));
@@ -82,8 +83,9 @@ fn convert_opacity(
         warnings
             .push(format!("{file}: material `{name}` has the opacity 0 (`d` or `Tr`) and cannot be seen"));
     }
-    let image = match &m.dissolve_texture {
-        Some(name) => images.of_file(scene, &source.sibling(name), Channels::AlphaOrGrey, warnings)?,
+    let file = m.dissolve_texture.as_ref().and_then(|name| source.resolve_image(name, warnings));
+    let image = match file {
+        Some(file) => images.of_file(scene, &file, Channels::AlphaOrGrey, warnings)?,
         None => None,
     };
     let texture = image.map(|image| definition.texture(image, "map_d"));
@@ -105,11 +107,13 @@ fn convert_normal_map(
             warnings
                 .left_out(format!("{file}: material `{name}` has a normal map; drawn without its bump map"));
         }
-        let image = images.of_file(scene, &source.sibling(name), Channels::Colour, warnings)?;
+        let Some(file) = source.resolve_image(name, warnings) else { return Ok(None) };
+        let image = images.of_file(scene, &file, Channels::Colour, warnings)?;
         return Ok(image.map(|image| NormalMap { texture: definition.texture(image, "norm"), scale: 1.0 }));
     }
-    let Some(name) = &m.normal_texture else { return Ok(None) };
-    let bump = images.bump_of_file(scene, &source.sibling(name), warnings)?;
+    let file = m.normal_texture.as_ref().and_then(|name| source.resolve_image(name, warnings));
+    let Some(file) = file else { return Ok(None) };
+    let bump = images.bump_of_file(scene, &file, warnings)?;
     Ok(bump.map(|(image, steepest)| NormalMap {
         texture: definition.texture(image, "bump"),
         scale: steepest * definition.options("bump").multiplier,

@@ -82,19 +82,26 @@ pub(super) fn read(source: &Source, name: &str, warnings: &mut Warnings) -> Vec<
     let name = name.replace('\\', "/");
     let several: Vec<&str> = name.split_whitespace().collect();
     let is_mtl = |name: &&str| name.to_ascii_lowercase().ends_with(".mtl");
-    if several.len() > 1 && several.iter().all(is_mtl) && !source.files.has(&source.sibling(&name)) {
+    if several.len() > 1 && several.iter().all(is_mtl) && !is_there(source, &name) {
         return several.into_iter().flat_map(|name| read_one(source, name, warnings)).collect();
     }
     read_one(source, &name, warnings)
 }
 
+/// Whether a file that `source` references exists.
+fn is_there(source: &Source, name: &str) -> bool {
+    source.resolve_reference(name).is_ok_and(|file| source.files.has(&file))
+}
+
 fn read_one(source: &Source, name: &str, warnings: &mut Warnings) -> Vec<Definition> {
-    let path = source.sibling(name);
-    let bytes = match source.files.read(&path) {
-        Ok(bytes) => bytes,
-        Err(e) => {
-            let e = unreadable(&path, &e);
-            warnings.left_out(format!("{}: materials left out: {e}", source.file.display()));
+    let read = source.resolve_reference(name).and_then(|path| {
+        let bytes = source.files.read(&path).map_err(|e| unreadable(&path, &e).to_string())?;
+        Ok((path, bytes))
+    });
+    let (path, bytes) = match read {
+        Ok(read) => read,
+        Err(what) => {
+            warnings.left_out(format!("{}: materials left out: {what}", source.file.display()));
             return Vec::new();
         }
     };
@@ -123,9 +130,9 @@ fn find_images(materials: &mut [tobj::Material], name: &Path, source: &Source) {
         textures.chain(others.map(|(_, image)| image))
     });
     for image in images {
-        let beside = folder.join(&*image);
-        if source.files.has(&source.sibling(&beside)) {
-            *image = beside.to_string_lossy().into_owned();
+        let beside = folder.join(&*image).to_string_lossy().into_owned();
+        if is_there(source, &beside) {
+            *image = beside;
         }
     }
 }
@@ -145,7 +152,11 @@ fn normalise(
         let (key, rest) = line.split_once(char::is_whitespace).unwrap_or((&line, ""));
         let rest = rest.trim();
         let Some(value) = normalise_value(key, rest) else {
-            warnings.left_out(format!("{file}:{number}: `{line}` left out: an invalid value"));
+            let what = match is_known(key) {
+                true => format!("`{key}` left out: an invalid value"),
+                false => "left out: not a statement of MTL files".into(),
+            };
+            warnings.left_out(format!("{file}:{number}: {what}"));
             continue;
         };
         out.push_str(&format!("{key} {value}\n"));
@@ -159,7 +170,7 @@ fn normalise(
             }
             options.last_mut().map(|options| options.insert(map.into(), made));
         } else if is_map(key) || key == "sharpness" {
-            unused.insert(key.to_owned());
+            unused.insert(if is_known(key) { key.to_owned() } else { "unknown maps".into() });
         }
         if key == "d" && rest.starts_with("-halo") {
             warnings.left_out(format!("{file}:{number}: the option -halo of `d` is left out"));
@@ -199,6 +210,16 @@ fn normalise_value(key: &str, rest: &str) -> Option<String> {
         _ if is_map(key) => Some(split_options(rest).2),
         _ => Some(rest.to_owned()),
     }
+}
+
+/// Keys that messages may quote: those of the format (Wavefront, "MTL material format", 1995), of its extension by
+/// physically based materials, and common misspellings of maps. Other text may be anything.
+const KEYS: &str = "newmtl Ka Kd Ks Ke Tf Ns Ni d Tr illum sharpness Pr Pm Ps Pc Pcr aniso anisor map_Ka map_Kd map_Ks \
+    map_Ke map_Ns map_Ni map_d map_Tr map_aat map_Bump map_bump map_opacity map_refl map_disp map_Disp map_Pr map_Pm \
+    map_Ps map_Pc map_Pcr map_RMA map_ORM bump norm disp decal refl";
+
+fn is_known(key: &str) -> bool {
+    KEYS.split(' ').any(|known| known == key)
 }
 
 /// Whether the value of a key is a file, with options before it.
@@ -262,8 +283,8 @@ mod tests {
         assert_eq!(
             warnings.messages(),
             [
-                "m.mtl:3: `Ks xyz 1 1` left out: an invalid value",
-                "m.mtl:4: `Ka spectral f.rfl` left out: an invalid value",
+                "m.mtl:3: `Ks` left out: an invalid value",
+                "m.mtl:4: `Ka` left out: an invalid value",
                 "m.mtl:7: the option -halo of `d` is left out",
             ]
         );

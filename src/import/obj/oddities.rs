@@ -23,22 +23,25 @@ pub(super) enum Oddity {
     FewCorners,
 }
 
-/// The first line of each oddity, counted from 0, and the word or number that is odd.
+/// The first line of each oddity, counted from 0, and the count that is odd.
 #[derive(Debug, Default)]
-pub(super) struct Oddities([Option<(usize, String)>; 7]);
+pub(super) struct Oddities([Option<(usize, usize)>; 7]);
 
 impl Oddities {
     /// Records a line.
-    pub(super) fn note(&mut self, oddity: Oddity, line: usize, text: impl FnOnce() -> String) {
-        self.0[oddity as usize].get_or_insert_with(|| (line, text()));
+    pub(super) fn note(&mut self, oddity: Oddity, line: usize) {
+        self.note_count(oddity, line, 0);
+    }
+
+    /// Records a line with an odd count.
+    pub(super) fn note_count(&mut self, oddity: Oddity, line: usize, count: usize) {
+        self.0[oddity as usize].get_or_insert((line, count));
     }
 
     /// Adds those of a part of the text that begins after `lines_before` lines.
     pub(super) fn append(&mut self, part: &Oddities, lines_before: usize) {
         for (mine, of_part) in self.0.iter_mut().zip(&part.0) {
-            if let (None, Some((line, text))) = (&mine, of_part) {
-                *mine = Some((lines_before + line, text.clone()));
-            }
+            *mine = mine.or(of_part.map(|(line, count)| (lines_before + line, count)));
         }
     }
 
@@ -46,16 +49,16 @@ impl Oddities {
     pub(super) fn warn(&self, file: &Path, warnings: &mut Warnings) {
         let file = file.display();
         let [element, free_form, unknown, surplus, not_finite, number, few_corners] =
-            self.0.each_ref().map(|first| first.as_ref().map(|(line, text)| (line + 1, text)));
+            self.0.map(|first| first.map(|(line, count)| (line + 1, count)));
         if element.is_some() {
             warnings.left_out(format!("{file}: points and lines are not drawn"));
         }
         if let Some((line, _)) = free_form {
             warnings.left_out(format!("{file}:{line}: free-form curves and surfaces are not drawn"));
         }
-        if let Some((line, word)) = unknown {
-            let what = "is not a word of OBJ files; such lines are left out";
-            warnings.left_out(format!("{file}:{line}: `{word}` {what}"));
+        if let Some((line, _)) = unknown {
+            let what = "not a statement of OBJ files; such lines are left out";
+            warnings.left_out(format!("{file}:{line}: {what}"));
         }
         if let Some((line, count)) = surplus {
             let what = "numbers; those beyond x y z, or x y z r g b, are left out";
@@ -65,8 +68,8 @@ impl Oddities {
             warnings
                 .left_out(format!("{file}:{line}: a face of {count} corner(s); such faces are not drawn"));
         }
-        if let Some((line, word)) = number {
-            warnings.push(format!("{file}:{line}: `{word}` is read up to its last sign"));
+        if let Some((line, _)) = number {
+            warnings.push(format!("{file}:{line}: a number with a sign in it is read up to its last sign"));
         }
         if let Some((line, _)) = not_finite {
             warnings.note(format!("{file}:{line}: the first vertex that is not finite"));

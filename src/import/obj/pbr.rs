@@ -48,9 +48,9 @@ pub(crate) fn convert(
     let m = &definition.material;
     let unit = |value: f64| value.clamp(0.0, 1.0);
     let unit_of = |key: &str, default: f64| unit(number(m, key).unwrap_or(default));
-    let mut image = |key: &str| match m.unknown_param.get(key) {
-        Some(name) => images.of_file(scene, &source.sibling(name), Channels::Colour, warnings),
-        None => Ok(None),
+    let mut image = |key: &str| {
+        let file = m.unknown_param.get(key).and_then(|name| source.resolve_image(name, warnings));
+        file.map_or(Ok(None), |file| images.of_file(scene, &file, Channels::Colour, warnings))
     };
     let [roughness_map, metallic_map, emission_map] = [image("map_Pr")?, image("map_Pm")?, image("map_Ke")?];
     let both = images.metallic_roughness(scene, roughness_map, metallic_map, &source.file)?;

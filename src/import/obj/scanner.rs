@@ -1,17 +1,19 @@
 //! Words, numbers and corners of faces in a part of an OBJ text. Bytes up to the space separate words, `#` begins a
 //! comment, and `\` before the end of a line continues it; `\n`, `\r\n` and `\r` end a line.
 
-use crate::import::lines::shown;
-
 /// Position in a text.
 pub(super) struct Scanner<'a> {
     text: &'a [u8],
     at: usize,
     /// Line ends passed.
     pub lines: usize,
-    /// The line of the first number that is followed by something else, and the word.
-    pub odd_number: Option<(usize, &'a [u8])>,
+    /// The line of the first number that is followed by something else.
+    pub odd_number: Option<usize>,
 }
+
+/// The next word is not what it should be.
+#[derive(Debug, PartialEq)]
+pub(super) struct Unreadable;
 
 /// An index in a face that is not given.
 pub(super) const NONE: i64 = i64::MIN;
@@ -78,8 +80,8 @@ impl<'a> Scanner<'a> {
     /// The next number of the line. A sign ends it, as for C's `strtod`: `3.1+e2` is 3.1, and noted.
     ///
     /// # Errors
-    /// The fault, if the next word is not a number.
-    pub(super) fn number(&mut self) -> Result<Option<f64>, String> {
+    /// If the next word is not a number.
+    pub(super) fn number(&mut self) -> Result<Option<f64>, Unreadable> {
         self.skip_blanks();
         let rest = &self.text[self.at..];
         if let Ok((number, length)) = fast_float2::parse_partial(rest)
@@ -94,16 +96,16 @@ impl<'a> Scanner<'a> {
             return Ok(Some(number));
         }
         let sign = word.iter().rposition(|byte| matches!(byte, b'+' | b'-')).unwrap_or(0);
-        let number = parsed(&word[..sign]).ok_or_else(|| format!("`{}` is not a number", shown(word)))?;
-        self.odd_number.get_or_insert((self.lines, word));
+        let number = parsed(&word[..sign]).ok_or(Unreadable)?;
+        self.odd_number.get_or_insert(self.lines);
         Ok(Some(number))
     }
 
     /// The next corner of a face, `v`, `v/vt`, `v//vn` or `v/vt/vn`: three indices, [`NONE`] where there is none.
     ///
     /// # Errors
-    /// The fault, if the next word is not a corner.
-    pub(super) fn corner(&mut self) -> Result<Option<[i64; 3]>, String> {
+    /// If the next word is not a corner.
+    pub(super) fn corner(&mut self) -> Result<Option<[i64; 3]>, Unreadable> {
         self.skip_blanks();
         let start = self.at;
         let mut corner = [NONE; 3];
@@ -123,10 +125,7 @@ impl<'a> Scanner<'a> {
             return Ok(Some(corner));
         }
         self.at = start;
-        match self.word() {
-            None => Ok(None),
-            Some(word) => Err(format!("`{}` is not a corner of a face", shown(word))),
-        }
+        self.word().map_or(Ok(None), |_| Err(Unreadable))
     }
 
     /// Reads an integer; [`NONE`], having passed nothing, if there is none that fits.
@@ -221,7 +220,7 @@ mod tests {
         assert_eq!(corner("9223372036854775807"), Ok(Some([i64::MAX, NONE, NONE])));
         assert_eq!(corner(" # 1"), Ok(None));
         for bad in ["x", "1/2/3/4", "1/x", "/1", "1.0", "-", "1/-", "9223372036854775808", "1\\2", "1/2/3/"] {
-            assert_eq!(corner(bad), Err(format!("`{bad}` is not a corner of a face")));
+            assert_eq!(corner(bad), Err(Unreadable), "{bad}");
         }
     }
 

@@ -34,10 +34,10 @@ fn faults_have_a_line() {
     assert_eq!(with("f 1 2 3000000000"), "a.obj:4: vertex 3000000000 does not exist; the file has 3");
     assert_eq!(with("f 1 2 -3000000000"), "a.obj:4: vertex -3000000000 does not exist; the file has 3");
     assert_eq!(with("f 1/1 2/1 3/1"), "a.obj:4: texture coordinate 1 does not exist; the file has 0");
-    assert_eq!(with("\n\\\nf 1 2 x"), "a.obj:6: `x` is not a corner of a face");
-    assert_eq!(with("v 1.0D+00 0 0"), "a.obj:4: `1.0D+00` is not a number");
-    assert_eq!(with("v 1 2 +-"), "a.obj:4: `+-` is not a number");
-    assert_eq!(with("v 1 2 3 1 red 0"), "a.obj:4: `red` is not a number");
+    assert_eq!(with("\n\\\nf 1 2 x"), "a.obj:6: corner 3 of `f` is not v, v/vt, v//vn or v/vt/vn");
+    assert_eq!(with("v 1.0D+00 0 0"), "a.obj:4: number 1 of `v` cannot be read");
+    assert_eq!(with("v 1 2 +-"), "a.obj:4: number 3 of `v` cannot be read");
+    assert_eq!(with("v 1 2 3 1 red 0"), "a.obj:4: number 5 of `v` cannot be read");
     assert_eq!(with("vn 0 1"), "a.obj:4: `vn` with 2 of 3 numbers");
 }
 
@@ -52,7 +52,7 @@ fn a_sign_ends_a_number() {
     let (scene, warnings) = load("v 0 0 0\nv 3.1+e2 0 0\nv 0 2-1 0\nf 1 2 3\n");
     let positions = format!("{:?}", meshes(&scene));
     assert!(positions.contains("3.1") && positions.contains("2.0"), "{positions}");
-    assert_eq!(warnings.messages(), ["a.obj:2: `3.1+e2` is read up to its last sign"]);
+    assert_eq!(warnings.messages(), ["a.obj:2: a number with a sign in it is read up to its last sign"]);
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn what_is_not_drawn_is_said_once() {
         [
             "a.obj: points and lines are not drawn",
             "a.obj:9: free-form curves and surfaces are not drawn",
-            "a.obj:13: `foo` is not a word of OBJ files; such lines are left out",
+            "a.obj:13: not a statement of OBJ files; such lines are left out",
         ]
     );
 }

@@ -1,7 +1,6 @@
 //! Headers of PLY files.
 
 use super::super::Source;
-use super::super::lines::shown;
 use crate::error::{Error, Place, Result};
 
 /// Encoding of the values after the header.
@@ -167,7 +166,6 @@ fn take_line(
     encoding: &mut Option<Encoding>,
     elements: &mut Vec<Element>,
 ) -> std::result::Result<(), String> {
-    let said = |word: &str| shown(word.as_bytes());
     match words {
         [] | ["comment" | "obj_info", ..] => {}
         ["format", name, ..] => {
@@ -175,12 +173,12 @@ fn take_line(
                 "ascii" => Encoding::Ascii,
                 "binary_little_endian" => Encoding::LittleEndian,
                 "binary_big_endian" => Encoding::BigEndian,
-                _ => return Err(format!("`{}` is not a format of PLY files", said(name))),
+                _ => return Err("not a format of PLY files after `format`".into()),
             });
         }
         ["element", name, count, ..] => {
             let Ok(count) = count.parse() else {
-                return Err(format!("`{}` is not a number of elements", said(count)));
+                return Err("`element` without a number of elements".into());
             };
             elements.push(Element { name: (*name).into(), count, properties: Vec::new(), line });
         }
@@ -188,9 +186,8 @@ fn take_line(
             let Some(element) = elements.last_mut() else {
                 return Err("a property before the first element".into());
             };
-            let scalar = |name: &str| {
-                Scalar::named(name).ok_or_else(|| format!("`{}` is not a type of PLY files", said(name)))
-            };
+            let scalar =
+                |name: &str| Scalar::named(name).ok_or("`property` of a type that PLY files do not have");
             let (length, scalar, name) = match property {
                 ["list", length, value, name, ..] => (Some(scalar(length)?), scalar(value)?, name),
                 [value, name, ..] if *value != "list" => (None, scalar(value)?, name),
@@ -198,7 +195,7 @@ fn take_line(
             };
             element.properties.push(Property { name: (*name).into(), length, scalar });
         }
-        [word, ..] => return Err(format!("`{}` is not a line of a PLY header", said(word))),
+        _ => return Err("not a statement of PLY headers".into()),
     }
     Ok(())
 }

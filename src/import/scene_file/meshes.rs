@@ -92,7 +92,7 @@ impl Builder<'_> {
     /// Reads the objects of a mesh file, untransformed, and adds its materials and images to the scene. Cameras, lights
     /// and settings of the mesh file are ignored.
     fn read_mesh(&mut self, start: usize, file: &str, warnings: &mut Warnings) -> Result<Vec<Object>> {
-        let path = self.source.sibling(file);
+        let path = self.source.beside(file);
         let read = Source::open(&path, &self.source.files, &self.source.options)
             .and_then(|source| import::read_one(&source, warnings));
         let part = read.map_err(|e| match e {

@@ -1,7 +1,6 @@
 //! Scene file importer: converts a [`SceneFile`] and the meshes that it references to a [`Scene`].
 
 use std::collections::HashMap;
-use std::path::Path;
 
 use glam::DVec3;
 use toml::Spanned;
@@ -274,7 +273,7 @@ impl Builder<'_> {
         let (start, s) = (section.span().start, section.get_ref());
         let source = match (&s.file, s.sky, s.colour) {
             (Some(file), false, None) => {
-                let file = self.source.file.parent().unwrap_or(Path::new("")).join(file);
+                let file = self.source.beside(file);
                 import::environment::image(&self.source.files, &file, warnings)?
             }
             (None, true, None) => EnvironmentSource::Sky,

@@ -34,27 +34,36 @@ pub(super) fn find_within(mesh: &Welded, boundary: &[BoundaryEdge], budget: usiz
     let mut vertices: Vec<u32> = boundary.iter().flat_map(|edge| edge.vertices).collect();
     vertices.par_sort_unstable();
     vertices.dedup();
-    let Some(tree) = Node::new(mesh, &mut vertices) else { return (Findings::default(), false) };
+    // With their positions, which the tree reads in its own order.
+    let mut vertices: Vec<Vertex> =
+        vertices.into_iter().map(|vertex| (mesh.position(vertex), vertex)).collect();
+    let Some(tree) = Node::new(&mut vertices) else { return (Findings::default(), false) };
     // For each vertex, the lowest triangle with an edge that it lies on.
     let lowest: Vec<AtomicU32> = mesh.positions.iter().map(|_| AtomicU32::new(u32::MAX)).collect();
     let search = |edge: &BoundaryEdge| {
         let mut tests = 0;
         let segment = Segment::new(edge.vertices.map(|vertex| mesh.position(vertex)));
-        tree.visit(&segment, &mut |vertex| {
+        tree.visit(&segment, &mut |(position, vertex)| {
             tests += 1;
-            if !edge.vertices.contains(&vertex) && segment.has(mesh.position(vertex)) {
+            if !edge.vertices.contains(&vertex) && segment.has(position) {
                 lowest[vertex as usize].fetch_min(edge.triangle, Ordering::Relaxed);
             }
         });
         tests
     };
+    // Edges in the order of the tree's vertices, so that successive searches read the same nodes.
+    let mut rank = vec![0; mesh.positions.len()];
+    tree.number(&mut 0, &mut rank);
+    let mut order: Vec<(u32, &BoundaryEdge)> =
+        boundary.iter().map(|edge| (rank[edge.vertices[0] as usize], edge)).collect();
+    order.par_sort_unstable_by_key(|(rank, edge)| (*rank, edge.vertices[1], edge.triangle));
     let (mut tests, mut is_cut_off) = (0, false);
-    for batch in boundary.chunks(BATCH) {
+    for batch in order.chunks(BATCH) {
         if tests > budget {
             is_cut_off = true;
             break;
         }
-        tests += batch.par_iter().map(search).sum::<usize>();
+        tests += batch.par_iter().map(|(_, edge)| search(edge)).sum::<usize>();
     }
     let mut findings = Findings::default();
     let lowest = lowest.into_iter().map(AtomicU32::into_inner);
@@ -92,6 +101,9 @@ impl Segment {
         if self.max.cmplt(min).any() || self.min.cmpgt(max).any() {
             return false;
         }
+        if self.min.cmpge(min).all() && self.max.cmple(max).all() {
+            return true;
+        }
         let reach = min.abs().max(max.abs()).max(self.min.abs()).max(self.max.abs()).max_element();
         let extent = (max - min) / 2.0 + 8.0 * f64::EPSILON * reach;
         let (middle, half) = (self.ends[0] + self.half - (min + max) / 2.0, self.half);
@@ -104,6 +116,9 @@ impl Segment {
     }
 }
 
+/// A position and the index of its vertex.
+type Vertex = (DVec3, u32);
+
 /// A node of the tree, with the bounding box of its vertices.
 struct Node<'a> {
     min: DVec3,
@@ -112,34 +127,46 @@ struct Node<'a> {
 }
 
 enum Content<'a> {
-    Leaf(&'a [u32]),
+    Leaf(&'a [Vertex]),
     Inner(Box<[Node<'a>; 2]>),
 }
 
 impl<'a> Node<'a> {
     /// A tree over vertices, which are reordered; `None` without any.
-    fn new(mesh: &Welded, vertices: &'a mut [u32]) -> Option<Self> {
-        let points = vertices.iter().map(|&vertex| mesh.position(vertex));
-        let (min, max) = points.map(|p| (p, p)).reduce(|(min, max), (p, _)| (min.min(p), max.max(p)))?;
+    fn new(vertices: &'a mut [Vertex]) -> Option<Self> {
+        let (min, max) =
+            vertices.iter().map(|&(p, _)| (p, p)).reduce(|(min, max), (p, _)| (min.min(p), max.max(p)))?;
         if vertices.len() <= LEAF {
             return Some(Node { min, max, content: Content::Leaf(vertices) });
         }
         let axis = (max - min).max_position();
         let half = vertices.len() / 2;
-        let value = |vertex: u32| mesh.position(vertex)[axis];
-        vertices.select_nth_unstable_by(half, |&a, &b| value(a).total_cmp(&value(b)));
+        vertices.select_nth_unstable_by(half, |(a, _), (b, _)| a[axis].total_cmp(&b[axis]));
         let is_serial = vertices.len() < SERIAL;
         let (below, above) = vertices.split_at_mut(half);
         let (below, above) = if is_serial {
-            (Node::new(mesh, below), Node::new(mesh, above))
+            (Node::new(below), Node::new(above))
         } else {
-            rayon::join(|| Node::new(mesh, below), || Node::new(mesh, above))
+            rayon::join(|| Node::new(below), || Node::new(above))
         };
         Some(Node { min, max, content: Content::Inner(Box::new([below?, above?])) })
     }
 
+    /// Numbers the vertices in their order in the tree.
+    fn number(&self, next: &mut u32, rank: &mut [u32]) {
+        match &self.content {
+            Content::Leaf(vertices) => {
+                for &(_, vertex) in *vertices {
+                    rank[vertex as usize] = *next;
+                    *next += 1;
+                }
+            }
+            Content::Inner(children) => children.iter().for_each(|child| child.number(next, rank)),
+        }
+    }
+
     /// Calls `visit` for each vertex that may lie on a segment.
-    fn visit(&self, segment: &Segment, visit: &mut impl FnMut(u32)) {
+    fn visit(&self, segment: &Segment, visit: &mut impl FnMut(Vertex)) {
         if !segment.may_overlap(self.min, self.max) {
             return;
         }

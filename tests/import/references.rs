@@ -1,0 +1,186 @@
+//! Files that an input references: which paths are followed, and that no message quotes what a file holds.
+
+use std::path::{Path, PathBuf};
+
+use kiln::error::Warnings;
+use kiln::import::load_and_list;
+use kiln::scene::{ImportOptions, Scene};
+
+use crate::common::repository;
+
+/// A folder with the folder `in` of an input, and files beside it.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new(files: &[(&str, &[u8])]) -> Self {
+        let folder = Folder(tempfile::tempdir().expect("a temporary folder can be made"));
+        for (name, bytes) in files {
+            let file = folder.path(name);
+            std::fs::create_dir_all(file.parent().expect("files lie in folders")).expect("a folder");
+            std::fs::write(file, bytes).expect("the temporary folder can be written to");
+        }
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// The scene of a file or its error, all messages, and the names of all files that were opened or looked up.
+    fn load(&self, name: &str, is_outside_allowed: bool) -> (Result<Scene, String>, String, Vec<String>) {
+        let options =
+            ImportOptions { allow_outside_references: is_outside_allowed, ..ImportOptions::default() };
+        let mut warnings = Warnings::default();
+        let (scene, files) = load_and_list(&[self.path(name)], &options, &mut warnings);
+        let said = [warnings.messages(), warnings.notes()].concat().join("\n");
+        let scene = scene.map_err(|e| format!("{e}: {}", e.hint()));
+        let own = |file: &Path| file.strip_prefix(self.0.path()).unwrap_or(file).display().to_string();
+        (scene, said, files.iter().map(|read| own(&read.file)).collect())
+    }
+}
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\n";
+
+fn picture() -> Vec<u8> {
+    std::fs::read(repository("assets/import/four.png")).expect("a picture")
+}
+
+/// The libraries of an OBJ and the images of an MTL outside of the OBJ's folder are neither opened nor looked up, unless
+/// that is asked for.
+#[test]
+fn obj_and_mtl_stay_in_their_folder() {
+    let picture = picture();
+    let outside = Folder::new(&[("a.mtl", b"newmtl a\nKd 1 0 0\n"), ("a.png", &picture)]);
+    for by in ["../", "m/../../", "..\\", &format!("{}/", outside.0.path().display())] {
+        let obj = format!("mtllib {by}a.mtl\n{TRIANGLE}");
+        let mtl = format!("newmtl a\nKd 1 0 0\nmap_Kd {by}a.png\nbump {by}a.png\nmap_Pr {by}a.png\n");
+        let folder = Folder::new(&[
+            ("a.mtl", b"newmtl a\nKd 1 0 0\n"),
+            ("a.png", &picture),
+            ("in/m/empty", b""),
+            ("in/library.obj", obj.as_bytes()),
+            ("in/images.obj", format!("mtllib own.mtl\n{TRIANGLE}").as_bytes()),
+            ("in/own.mtl", mtl.as_bytes()),
+        ]);
+        let (scene, said, files) = folder.load("in/library.obj", false);
+        assert_eq!(scene.expect("it is drawn in grey").materials.len(), 1, "{by}");
+        assert_eq!(files, ["in/library.obj"], "{by}");
+        assert!(said.contains("outside the file's folder; --allow-outside-references"), "{by}: {said}");
+        let (scene, said, files) = folder.load("in/images.obj", false);
+        assert_eq!(scene.expect("it is drawn without images").images.len(), 0, "{by}");
+        assert_eq!(files, ["in/images.obj", "in/own.mtl"], "{by}");
+        // The three maps name the same file.
+        assert_eq!(said.matches("outside the file's folder").count(), 1, "{by}: {said}");
+        let (scene, said, _) = folder.load("in/library.obj", true);
+        assert_eq!((scene.expect("a scene").materials[0].name(), said.as_str()), ("a", ""), "{by}");
+        let (scene, said, _) = folder.load("in/images.obj", true);
+        assert!(!scene.expect("a scene").images.is_empty() && !said.contains("outside"), "{by}: {said}");
+    }
+}
+
+/// Images beside the folder of an MTL are below the folder of the OBJ.
+#[test]
+fn an_mtl_reaches_the_folder_of_its_obj() {
+    let folder = Folder::new(&[
+        ("in/a.obj", format!("mtllib materials/a.mtl\n{TRIANGLE}").as_bytes()),
+        ("in/materials/a.mtl", b"newmtl a\nmap_Kd ../textures/a.png\n"),
+        ("in/textures/a.png", &picture()),
+    ]);
+    let (scene, said, _) = folder.load("in/a.obj", false);
+    assert_eq!((scene.expect("a scene").images.len(), said.as_str()), (1, ""));
+    // Beyond it, the warning names the path as the MTL gives it.
+    std::fs::write(folder.path("in/materials/a.mtl"), "newmtl a\nmap_Kd ../../a.png\n").expect("a file");
+    let (_, said, _) = folder.load("in/a.obj", false);
+    assert!(said.contains("`../../a.png` is outside the file's folder"), "{said}");
+}
+
+/// The same option applies to glTF; without it, a buffer outside is an error, an image a warning.
+#[test]
+fn gltf_stays_in_its_folder() {
+    let json = r#"{"asset": {"version": "2.0"}, "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3,
+        "type": "VEC3"}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}],
+        "buffers": [{"byteLength": 36, "uri": "../a.bin"}], "images": [{"uri": "../a.png"}]}"#;
+    let positions: Vec<u8> =
+        [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|c| c.to_le_bytes()).collect();
+    let folder = Folder::new(&[("in/a.gltf", json.as_bytes()), ("a.bin", &positions), ("a.png", &picture())]);
+    let (scene, _, files) = folder.load("in/a.gltf", false);
+    let e = scene.err().expect("the buffer is outside");
+    assert!(
+        e.contains("buffer 0: `../a.bin` is outside the file's folder; --allow-outside-references"),
+        "{e}"
+    );
+    assert_eq!(files, ["in/a.gltf"]);
+    let (scene, said, files) = folder.load("in/a.gltf", true);
+    assert_eq!((scene.expect("a scene").images.len(), said.as_str()), (1, ""));
+    assert_eq!(files.len(), 3, "{files:?}");
+}
+
+/// A scene file is the user's own text: its meshes lie anywhere. What these reference does not.
+#[test]
+fn a_scene_file_names_meshes_anywhere() {
+    let folder = Folder::new(&[
+        ("in/a.toml", b"[[mesh]]\nfile = '../models/a.obj'\n"),
+        ("models/a.obj", format!("mtllib ../a.mtl\n{TRIANGLE}").as_bytes()),
+        ("a.mtl", b"newmtl a\n"),
+    ]);
+    let (scene, said, files) = folder.load("in/a.toml", false);
+    assert_eq!(scene.expect("a scene").objects.len(), 1);
+    assert_eq!(files, ["in/../models/a.obj", "in/a.toml"]);
+    assert!(
+        said.contains("models/a.obj: materials left out: `../a.mtl` is outside the file's folder"),
+        "{said}"
+    );
+}
+
+/// A file that is not what its name says may hold secrets, and messages end up in logs: they quote keywords of the
+/// format alone. Each text has the secret where a keyword or a number should be.
+#[test]
+fn messages_do_not_quote_what_a_file_holds() {
+    let secret = "hunter2";
+    let obj = |line: &str| (format!("{TRIANGLE}{line}\n"), "a.obj");
+    let mtl = |line: &str| (format!("newmtl a\n{line}\n"), "a.mtl");
+    let ply = |header: &str, data: &str| {
+        let vertex = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
+        (format!("ply\nformat ascii 1.0\n{vertex}{header}end_header\n{data}"), "a.ply")
+    };
+    let stl = |line: &str| (format!("solid\n{line}\nendsolid\n"), "a.stl");
+    let texts = [
+        obj("hunter2"),
+        obj("hunter2 1 2 3"),
+        obj("v hunter2 0 0"),
+        obj("v 0 0 0 hunter2"),
+        obj("v 0 0 -hunter2"),
+        obj("f 1 hunter2 3"),
+        obj("s hunter2"),
+        mtl("hunter2"),
+        mtl("hunter2 0.5"),
+        mtl("Kd hunter2"),
+        mtl("map_hunter2 a.png"),
+        mtl("map_hunter2"),
+        mtl("illum hunter2"),
+        (format!("{secret}\n"), "a.ply"),
+        (format!("ply\n{secret}\n"), "a.ply"),
+        (format!("ply\nformat {secret} 1.0\nend_header\n"), "a.ply"),
+        (format!("ply\nelement vertex {secret}\nend_header\n"), "a.ply"),
+        ply("property hunter2 a\n", ""),
+        ply("", "0 0 hunter2\n"),
+        ply("element hunter2 1000\nproperty float a\n", "0 0 0\n"),
+        stl("hunter2"),
+        stl("facet normal 0 0 1\nouter loop\nvertex 0 0 hunter2"),
+        stl("facet normal 0 0 1\nouter loop\nvertex 0 0 0\nhunter2"),
+        (format!("{secret}\n"), "a.gltf"),
+        (format!(r#"{{"asset": "{secret}"}}"#), "a.gltf"),
+        (format!(r#"{{"{secret}": 1}}"#), "a.gltf"),
+    ];
+    for (text, name) in texts {
+        let folder = Folder::new(&[
+            ("in/a.obj", format!("mtllib a.mtl\n{TRIANGLE}").as_bytes()),
+            (&format!("in/{name}"), text.as_bytes()),
+        ]);
+        let input = if name == "a.mtl" { "in/a.obj" } else { &format!("in/{name}") };
+        let (scene, said, _) = folder.load(input, false);
+        let said = format!("{said}\n{}", scene.err().unwrap_or_default());
+        assert!(!said.contains(secret), "{name}: {text}: {said}");
+    }
+}
