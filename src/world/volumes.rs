@@ -4,12 +4,16 @@
 //! before it, and where two overlap the medium is the same whichever a path enters first (with priorities set by hand:
 //! Schmidt and Budge, Simple Nested Dielectrics in Ray Traced Images, journal of graphics tools 7(2), 2002).
 
+use std::collections::HashMap;
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::PreparedMaterial;
 use crate::bvh::Primitive;
 use crate::geometry::spawn::EDGE_DISTANCE;
-use crate::scene::{AnalyticShape, Material, Object, Phong, bounds};
+use crate::scene::topology::Topology;
+use crate::scene::{AnalyticShape, Material, Mesh, Object, Phong, Shape, bounds};
 
 /// The volumes of a world.
 #[derive(Debug)]
@@ -29,13 +33,16 @@ pub(crate) struct Volume {
     pub(crate) ior: f64,
     /// The transmittance by channel over a distance.
     attenuation: Option<(DVec3, f64)>,
+    /// Whether the surface is closed and has one winding. Otherwise nothing is inside, and the back alone tells that a
+    /// ray came through the medium.
+    pub(crate) is_closed: bool,
     /// The corners of its box, farther out by what points of surfaces may be off.
     bounds: [DVec3; 2],
 }
 
 impl Volume {
-    /// The volume of a material in a box, `None` for an opaque or thin one.
-    fn new(material: &PreparedMaterial, (min, max): (DVec3, DVec3)) -> Option<Self> {
+    /// The volume of a material, without a surface; `None` for an opaque or thin one.
+    fn new(material: &PreparedMaterial) -> Option<Self> {
         let (ior, attenuation) = match material {
             Material::MetallicRoughness(m) => {
                 let volume = m.layers.volume.filter(|_| m.layers.transmission > 0.0)?;
@@ -45,10 +52,8 @@ impl Volume {
             }
             Material::Phong(Phong { refraction, .. }) => ((*refraction)?.ior, None),
         };
-        // Origins move by EDGE_DISTANCE of their triangle's coordinates, and points in f32 are off by 4 times as much.
-        let margin = 8.0 * EDGE_DISTANCE * min.abs().max(max.abs()).max_element();
         let ior = if ior > 0.0 && ior.is_finite() { ior } else { 1.0 };
-        Some(Volume { ior, attenuation, bounds: [min - margin, max + margin] })
+        Some(Volume { ior, attenuation, is_closed: false, bounds: [DVec3::ZERO; 2] })
     }
 
     /// Whether a point may be inside. `false` is certain of a closed surface.
@@ -69,17 +74,22 @@ fn is_within([min, max]: [DVec3; 2], point: DVec3) -> bool {
 impl Volumes {
     /// The volumes of objects; `None` where there are none.
     pub(super) fn new(objects: &[Object], materials: &[PreparedMaterial]) -> Option<Self> {
-        let mut found = Vec::new();
+        let (mut found, mut closed_meshes) = (Vec::new(), HashMap::new());
         for (index, object) in objects.iter().enumerate() {
-            let bounds = || bounds(std::slice::from_ref(object));
-            let material = &materials[object.material.0 as usize];
-            // Tested with any box first, since bounds take time.
-            if Volume::new(material, (DVec3::ZERO, DVec3::ZERO)).is_some()
-                && let Some(bounds) = bounds()
-                && let Some(volume) = Volume::new(material, bounds)
-            {
-                found.push((enclosed(object, bounds.0 / 2.0 + bounds.1 / 2.0), index, volume));
-            }
+            let Some(volume) = Volume::new(&materials[object.material.0 as usize]) else { continue };
+            let Some((min, max)) = bounds(std::slice::from_ref(object)) else { continue };
+            // Origins move by EDGE_DISTANCE of their triangle's coordinates; points in f32 are off by 4 times as much.
+            let margin = 8.0 * EDGE_DISTANCE * min.abs().max(max.abs()).max_element();
+            let is_closed = match &object.shape {
+                Shape::Analytic(_) => true,
+                Shape::Mesh(mesh) => is_closed(mesh),
+                Shape::Placed(placed) => {
+                    let mesh = &placed.mesh;
+                    *closed_meshes.entry(Arc::as_ptr(mesh)).or_insert_with(|| is_closed(mesh))
+                }
+            };
+            let volume = Volume { is_closed, bounds: [min - margin, max + margin], ..volume };
+            found.push((enclosed(object, min / 2.0 + max / 2.0), index, volume));
         }
         found.sort_by(|(a, ..), (b, ..)| a.total_cmp(b));
         let mut of_object = vec![None; objects.len()];
@@ -106,6 +116,10 @@ impl Volumes {
     pub(crate) fn may_hold(&self, point: DVec3) -> bool {
         is_within(self.bounds, point)
     }
+}
+
+fn is_closed(mesh: &Mesh) -> bool {
+    Topology::of_triangles(&mesh.positions, &mesh.triangles).closed_objects == [Some(true)]
 }
 
 /// How much a closed surface encloses: the sum of signed tetrahedra between its triangles and `middle`.

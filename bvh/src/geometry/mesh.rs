@@ -105,8 +105,8 @@ pub fn normal_matrix(world_from_mesh: &DMat4) -> DMat3 {
     if is_mirror(world_from_mesh) { cofactor * -1.0 } else { cofactor }
 }
 
-/// Whether a transform turns front sides of triangles to the back: its determinant is below 0. Columns are scaled, so that
-/// it neither overflows nor underflows.
+/// Whether a transform turns front sides of triangles to the back: its determinant is below 0. Columns are scaled, so
+/// that it neither overflows nor underflows.
 pub fn is_mirror(world_from_mesh: &DMat4) -> bool {
     let m = DMat3::from_mat4(*world_from_mesh);
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis].map(|column| column / column.abs().max_element());

@@ -13,7 +13,7 @@ const CAPACITY: usize = 8;
 /// No volume.
 const NONE: u32 = u32::MAX;
 
-/// The volumes that hold a point, in the order of their precedence, those entered several times as often.
+/// The closed volumes that hold a point, in the order of their precedence, those entered several times as often.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Media([u32; CAPACITY]);
 
@@ -43,8 +43,8 @@ impl Media {
         self
     }
 
-    /// Those of the volumes that may hold a point. Drops volumes whose surface was left unseen: surfaces that are not
-    /// closed, or coincide with that of another volume.
+    /// Those of the volumes that may hold a point. Drops volumes that were left unseen: by a surface that coincides with
+    /// another, or that was passed by its opacity.
     pub(super) fn around(self, world: &World, point: DVec3) -> Self {
         let Some(volumes) = world.volumes.as_ref().filter(|_| self != Media::EMPTY) else { return self };
         let kept = self.0.into_iter().filter(|&v| v != NONE && volumes.get(v).may_hold(point));
@@ -53,10 +53,7 @@ impl Media {
 
     /// The transmittance of the medium over a distance.
     pub(super) fn transmittance(self, world: &World, distance: f64) -> DVec3 {
-        match (&world.volumes, self.medium()) {
-            (Some(volumes), Some(medium)) => volumes.get(medium).transmittance(distance),
-            _ => DVec3::ONE,
-        }
+        transmittance(world, self.medium(), distance)
     }
 
     /// Lists the volumes that hold each of some points, of which consecutive ones may be equal.
@@ -85,7 +82,9 @@ impl Media {
         let (mut media, mut seen) = (Media::EMPTY, Vec::new());
         for hit in hits {
             let object = world.object_of(hit.prim);
-            let Some(volume) = volumes.of_object(object).filter(|volume| !seen.contains(volume)) else {
+            let Some(volume) =
+                volumes.of_object(object).filter(|v| volumes.get(*v).is_closed && !seen.contains(v))
+            else {
                 continue;
             };
             seen.push(volume);
@@ -100,7 +99,9 @@ impl Media {
 /// A surface that a path meets, as far as media are concerned.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crossing {
-    /// What the path came through, and what is behind the surface.
+    /// The medium that the path came through.
+    passed: Option<u32>,
+    /// The closed volumes in front of the surface, on the path's side, and behind it.
     pub(super) sides: [Media; 2],
     /// Whether the surface bounds a volume and the path came through that.
     pub(super) from_inside: bool,
@@ -114,22 +115,37 @@ impl Crossing {
     /// The surface at a hit, which a path from `media` meets.
     pub(super) fn new(world: &World, media: Media, surface: &SurfaceInteraction, hit: &Hit) -> Self {
         let Some(volumes) = &world.volumes else {
-            let sides = [Media::EMPTY; 2];
-            return Crossing { sides, from_inside: false, is_hidden: false, ior_around: 1.0 };
+            let (passed, sides) = (None, [Media::EMPTY; 2]);
+            return Crossing { passed, sides, from_inside: false, is_hidden: false, ior_around: 1.0 };
         };
         let position = surface.point.position;
         let around = media.around(world, position);
         let own = volumes.of_object(surface.object);
         let from_inside = own.is_some() && world.is_back(surface.object, hit, position, surface.view);
-        let outside = own.filter(|_| from_inside).map_or(around, |own| around.without(own));
-        let inside = own.map_or(outside, |own| outside.with(own));
+        let closed = own.filter(|&own| volumes.get(own).is_closed);
+        let outside = closed.filter(|_| from_inside).map_or(around, |own| around.without(own));
+        let inside = closed.map_or(outside, |own| outside.with(own));
         let medium = outside.medium();
         Crossing {
+            passed: own.filter(|_| from_inside).map_or(around, |own| outside.with(own)).medium(),
             sides: if from_inside { [inside, outside] } else { [outside, inside] },
             from_inside,
-            is_hidden: medium.zip(own).is_some_and(|(medium, own)| medium <= own),
+            is_hidden: medium.zip(closed).is_some_and(|(medium, own)| medium <= own),
             ior_around: medium.map_or(1.0, |medium| volumes.get(medium).ior),
         }
+    }
+
+    /// The transmittance of what the path came through, over a distance.
+    pub(super) fn transmittance(&self, world: &World, distance: f64) -> DVec3 {
+        transmittance(world, self.passed, distance)
+    }
+}
+
+/// The transmittance of a volume over a distance; 1 outside of all.
+fn transmittance(world: &World, medium: Option<u32>, distance: f64) -> DVec3 {
+    match (&world.volumes, medium) {
+        (Some(volumes), Some(medium)) => volumes.get(medium).transmittance(distance),
+        _ => DVec3::ONE,
     }
 }
 

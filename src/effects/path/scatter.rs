@@ -200,8 +200,7 @@ impl<'a> Vertex<'a> {
         let (tangent, bitangent) = normal.any_orthonormal_pair();
         let frame = [tangent, bitangent, normal];
         let crossing = Crossing::new(world, media, &surface, hit);
-        let [front, _] = crossing.sides;
-        let throughput = path.throughput * front.transmittance(world, hit.t);
+        let throughput = path.throughput * crossing.transmittance(world, hit.t);
         let path = Path { throughput, ..path };
         let view = to_local(&frame, surface.view);
         let parameters = parameters(material, &surface, &crossing).filter(|_| view.z > 0.0);
