@@ -63,11 +63,12 @@ fn normals(mesh: &Mesh, crease: f64) -> Attribute<DVec3> {
         sets.join(corner, next(opposite));
         sets.join(next(corner), opposite);
     }
+    let side = if mesh.is_mirrored { -1.0 } else { 1.0 };
     let mut values = vec![DVec3::ZERO; 3 * corners.len()];
     for (triangle, of_triangle) in mesh.triangles.iter().enumerate() {
         let weighted = weighted_normals(of_triangle.map(|i| mesh.positions[i as usize]));
         for (corner, normal) in (3 * triangle as u32..).zip(weighted) {
-            values[sets.of(corner) as usize] += normal;
+            values[sets.of(corner) as usize] += side * normal;
         }
     }
     let triangles = (0..corners.len() as u32).map(|t| [0, 1, 2].map(|k| sets.of(3 * t + k))).collect();

@@ -135,7 +135,7 @@ impl Fingerprint {
     }
 
     fn mesh(&mut self, mesh: &Mesh) {
-        let Mesh { positions, triangles, normals, uvs, colours, alphas, tangents } = mesh;
+        let Mesh { positions, triangles, normals, uvs, colours, alphas, tangents, is_mirrored } = mesh;
         self.bytes("positions", bytemuck::cast_slice(positions));
         self.bytes("triangles", bytemuck::cast_slice(triangles));
         self.attribute("normals", normals.as_ref());
@@ -143,6 +143,9 @@ impl Fingerprint {
         self.attribute("colours", colours.as_ref());
         self.attribute("alphas", alphas.as_ref());
         self.attribute("tangents", tangents.as_ref());
+        if *is_mirrored {
+            self.bytes("mirrored", &[]);
+        }
     }
 
     fn attribute<T: bytemuck::NoUninit>(&mut self, name: &str, attribute: Option<&Attribute<T>>) {
@@ -194,7 +197,7 @@ mod tests {
         let base = of(&scene());
         assert_eq!(base.len(), 64);
         assert_eq!(of(&scene()), base, "the same of equal scenes");
-        let changes: [fn(&mut Scene); 8] = [
+        let changes: [fn(&mut Scene); 9] = [
             |scene| scene.images[0].pixels = vec![[1, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 4]].into(),
             |scene| (scene.images[0].width, scene.images[0].height) = (4, 1),
             |scene| scene.size = Some([1, 2]),
@@ -206,6 +209,10 @@ mod tests {
             |scene| {
                 let Shape::Mesh(mesh) = &mut scene.objects[0].shape else { panic!("a mesh") };
                 mesh.uvs[0].values[2].y = -1.0;
+            },
+            |scene| {
+                let Shape::Mesh(mesh) = &mut scene.objects[0].shape else { panic!("a mesh") };
+                mesh.is_mirrored = true;
             },
             |scene| {
                 let Shape::Placed(placed) = &mut scene.objects[2].shape else { panic!("a placed mesh") };

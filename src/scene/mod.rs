@@ -46,7 +46,8 @@ mod transport;
 mod up;
 
 pub use crate::geometry::{
-    AnalyticShape, Attribute, Mesh, Numerics, Placed, Placement, Sphere, Step, moved_tangent, normal_matrix,
+    AnalyticShape, Attribute, Mesh, Numerics, Placed, Placement, Sphere, Step, is_mirror, moved_tangent,
+    normal_matrix,
 };
 pub use crate::limits::{Counted, Limits};
 pub use animation::Animation;
@@ -392,15 +393,20 @@ impl Scene {
         bounds(&PointTrees::of(&self.objects), &self.objects)
     }
 
-    /// Calls `each` with the corners of every triangle, in the order of the description.
+    /// Calls `each` with the corners of every triangle, counterclockwise seen from the front, in the order of the scene.
     pub(crate) fn for_each_triangle(&self, mut each: impl FnMut([DVec3; 3])) {
         for object in &self.objects {
             match &object.shape {
                 Shape::Mesh(mesh) => {
-                    mesh.triangles.iter().for_each(|t| each(t.map(|i| mesh.positions[i as usize])));
+                    let corners = |t: &[u32; 3]| mesh.front(*t).map(|i| mesh.positions[i as usize]);
+                    mesh.triangles.iter().for_each(|t| each(corners(t)));
                 }
                 Shape::Placed(placed) => {
-                    (0..placed.triangle_count() as u32).for_each(|t| each(placed.corners_of(t)));
+                    let is_mirrored = placed.is_mirrored();
+                    (0..placed.triangle_count() as u32).for_each(|t| {
+                        let [a, b, c] = placed.corners_of(t);
+                        each(if is_mirrored { [a, c, b] } else { [a, b, c] });
+                    });
                 }
                 Shape::Analytic(_) => {}
             }
@@ -466,6 +472,15 @@ impl Shape {
             Shape::Placed(placed) => {
                 Box::new((0..placed.triangle_count() as u32).map(move |t| triangle(placed.corners_of(t))))
             }
+        }
+    }
+
+    /// Whether triangles are seen clockwise from the front.
+    pub fn is_mirrored(&self) -> bool {
+        match self {
+            Shape::Analytic(_) => false,
+            Shape::Mesh(mesh) => mesh.is_mirrored,
+            Shape::Placed(placed) => placed.is_mirrored(),
         }
     }
 

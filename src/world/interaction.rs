@@ -185,6 +185,17 @@ impl World {
         if hits.iter().any(is_certain) { before } else { point }
     }
 
+    /// Whether a hit with an object at `position` is on the back, seen from the direction `view`: on the inside of an
+    /// analytic shape, or where the corners of a triangle are seen clockwise, counterclockwise in a mirrored mesh.
+    pub(crate) fn is_back(&self, object: u32, hit: &Hit, position: DVec3, view: DVec3) -> bool {
+        let outward = match self.accelerator.primitive(hit.slot) {
+            Primitive::Triangle(triangle) if self.objects[object as usize].is_mirrored => -triangle.normal(),
+            Primitive::Triangle(triangle) => triangle.normal(),
+            Primitive::Analytic(shape) => shape.surface(position).1,
+        };
+        outward.dot(view) < 0.0
+    }
+
     /// The origin of a ray that leaves the surface at `hit`, near `position`, behind the side that was hit, in `direction`. Unlike
     /// [`SurfaceInteraction::point`] it never lies before the surface.
     pub(crate) fn origin_behind(&self, position: DVec3, direction: DVec3, hit: &Hit) -> DVec3 {

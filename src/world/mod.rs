@@ -23,6 +23,7 @@ mod rectangle;
 mod sky;
 mod soa;
 mod view;
+mod volumes;
 
 pub use differential::{Differential, TexturePoint};
 use environment::PreparedEnvironment;
@@ -39,6 +40,7 @@ pub use mip_map::{MipLevel, MipMap};
 pub use recenter::{Recentering, recenter};
 pub use soa::{RAYS_PER_BATCH, RaySoa, Vec3Soa, simd_dispatch};
 pub use view::{View, basis};
+pub(crate) use volumes::Volumes;
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -85,6 +87,8 @@ pub struct World {
     pub(crate) environment: Option<Arc<PreparedEnvironment>>,
     /// The emissive surfaces.
     pub(crate) emitters: Arc<Emitters>,
+    /// The volumes that transmit light.
+    pub(crate) volumes: Option<Arc<Volumes>>,
     /// The lights of the scene that are such surfaces.
     pub(crate) area_lights: Arc<AreaLights>,
     /// The number of analytic shapes left out because they are empty in the tier's precision.
@@ -102,6 +106,8 @@ pub struct WorldObject {
     pub material: u32,
     /// The first of its primitives.
     pub first: PrimId,
+    /// Whether its triangles are seen clockwise from the front.
+    pub is_mirrored: bool,
     /// Its vertex attributes.
     pub(crate) attributes: attributes::Attributes,
 }
@@ -178,6 +184,7 @@ impl World {
         let rectangles = std::mem::take(&mut area_lights.rectangles);
         let looks = (&materials[..], &images[..]);
         let emitters = Emitters::new(&scene.objects, &firsts, looks, rectangles, numerics.precision());
+        let volumes = Volumes::new(&scene.objects, &materials).map(Arc::new);
         let too_small = primitive_count - instanced - kept;
         let mut attributes = attributes::SharedAttributes::default();
         let objects = scene.objects.into_iter().zip(firsts).map(|(object, first)| WorldObject {
@@ -185,6 +192,7 @@ impl World {
             input: object.input,
             material: object.material.0,
             first,
+            is_mirrored: object.shape.is_mirrored(),
             attributes: attributes.attributes(object.shape, normal_mapped[object.material.0 as usize]),
         });
         let objects = objects.collect();
@@ -195,6 +203,7 @@ impl World {
             ground,
             environment,
             emitters: emitters.into(),
+            volumes,
             area_lights: area_lights.into(),
             images,
             lights: world_lights(scene.lights, pipeline),

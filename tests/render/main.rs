@@ -19,3 +19,4 @@ mod soa;
 mod t_test;
 mod textures;
 mod unbiased;
+mod volumes;

@@ -20,6 +20,8 @@ pub struct Mesh {
     /// Tangents, for normal maps: x, y, z point to where u grows, and w, 1 or -1, says on which side of that the picture goes
     /// up: the bitangent is `w * normal x tangent`.
     pub tangents: Option<Attribute<DVec4>>,
+    /// Whether a transform mirrored it: triangles are then seen clockwise from the front (glTF 2.0, section 3.7.4).
+    pub is_mirrored: bool,
 }
 
 /// Values at the corners of triangles.
@@ -44,12 +46,18 @@ impl Mesh {
         self.triangles.iter().flatten().map(|&i| self.positions[i as usize])
     }
 
+    /// The positions of a triangle, counterclockwise seen from the front.
+    pub fn front(&self, [a, b, c]: [u32; 3]) -> [u32; 3] {
+        if self.is_mirrored { [a, c, b] } else { [a, b, c] }
+    }
+
     /// Moves the mesh. Normals follow by the cofactor matrix of `world_from_mesh`, which is finite even where the
     /// transform cannot be inverted, and keeps its side under mirroring (the sign of the determinant).
     pub fn transform(&mut self, world_from_mesh: &DMat4) {
         for position in &mut self.positions {
             *position = world_from_mesh.transform_point3(*position);
         }
+        self.is_mirrored ^= is_mirror(world_from_mesh);
         if let Some(normals) = &mut self.normals {
             let cofactor = normal_matrix(world_from_mesh);
             for normal in &mut normals.values {
@@ -94,13 +102,21 @@ pub fn normal_matrix(world_from_mesh: &DMat4) -> DMat3 {
     let m = DMat3::from_mat4(*world_from_mesh);
     let cofactor =
         DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
-    if m.determinant() < 0.0 { cofactor * -1.0 } else { cofactor }
+    if is_mirror(world_from_mesh) { cofactor * -1.0 } else { cofactor }
+}
+
+/// Whether a transform turns front sides of triangles to the back: its determinant is below 0. Columns are scaled, so
+/// that it neither overflows nor underflows.
+pub fn is_mirror(world_from_mesh: &DMat4) -> bool {
+    let m = DMat3::from_mat4(*world_from_mesh);
+    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis].map(|column| column / column.abs().max_element());
+    DMat3::from_cols(x, y, z).determinant() < 0.0
 }
 
 /// A tangent carried along with a transform. Under a mirror normals keep their side, so that bitangents change theirs.
 pub fn moved_tangent(world_from_mesh: &DMat4, tangent: DVec4) -> DVec4 {
     let m = DMat3::from_mat4(*world_from_mesh);
-    let side = if m.determinant() < 0.0 { -tangent.w } else { tangent.w };
+    let side = if is_mirror(world_from_mesh) { -tangent.w } else { tangent.w };
     (m * tangent.truncate()).extend(side)
 }
 
@@ -125,6 +141,20 @@ mod tests {
         let m = DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0));
         assert_eq!(normal_matrix(&m) * DVec3::X, -DVec3::X);
         assert_eq!(normal_matrix(&m) * DVec3::Y, DVec3::Y);
+    }
+
+    /// The determinant of a scale of -1e-120 is -1e-360, which f64 does not have. Two mirrors are none.
+    #[test]
+    fn mirrors_are_found_at_every_scale() {
+        for scale in [1e-120, 1.0, 1e120] {
+            let m = DMat4::from_scale(DVec3::new(-scale, scale, scale));
+            let mut mesh = Mesh::default();
+            mesh.transform(&m);
+            assert!(mesh.is_mirrored && mesh.front([0, 1, 2]) == [0, 2, 1], "{scale}");
+            mesh.transform(&m);
+            assert!(!mesh.is_mirrored, "{scale}");
+        }
+        assert!(!is_mirror(&DMat4::from_scale(DVec3::new(-1.0, 0.0, 1.0))));
     }
 
     #[test]

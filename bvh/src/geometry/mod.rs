@@ -49,7 +49,7 @@ pub use analytic::AnalyticShape;
 pub use beam::Beam;
 pub use bounds::{Bounds, BoxTest, DoubleBoxTest, SingleBoxTest, round_up};
 pub use hit_buffer::HitBuffer;
-pub use mesh::{Attribute, Mesh, moved_tangent, normal_matrix};
+pub use mesh::{Attribute, Mesh, is_mirror, moved_tangent, normal_matrix};
 pub use numerics::Precision;
 pub use placed::{Placed, Placement, Step};
 pub(crate) use ray::NO_PRIMITIVE;

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::{DMat3, DMat4, DVec3, DVec4};
 
-use super::{Mesh, moved_tangent, normal_matrix};
+use super::{Mesh, is_mirror, moved_tangent, normal_matrix};
 
 /// What is done to a point on its way into the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -132,6 +132,15 @@ impl Placed {
         self.mesh.triangles.len()
     }
 
+    /// Whether triangles are seen clockwise from the front in the world.
+    pub fn is_mirrored(&self) -> bool {
+        let mirrors = |step: &Step| match step {
+            Step::Affine(map) => is_mirror(map),
+            Step::Shift { scale, .. } => *scale < 0.0,
+        };
+        self.placement.steps.iter().fold(self.mesh.is_mirrored, |mirrored, step| mirrored ^ mirrors(step))
+    }
+
     /// The corners of a triangle of the mesh in the world.
     #[inline]
     pub fn corners_of(&self, triangle: u32) -> [DVec3; 3] {
@@ -187,6 +196,8 @@ mod tests {
         let normals = &placed.mesh.normals.as_ref().unwrap().values;
         let moved: Vec<DVec3> = normals.iter().map(|&n| placed.placement.normal(n)).collect();
         assert_eq!(moved, baked.normals.unwrap().values);
+        // One of the steps mirrors.
+        assert!(placed.is_mirrored() && baked.is_mirrored);
     }
 
     #[test]

@@ -238,7 +238,7 @@ fn bytes_of(mesh: &Mesh) -> usize {
         };
         attributes.into_iter().map(of_one).sum()
     }
-    let Mesh { positions, triangles, normals, uvs, colours, alphas, tangents } = mesh;
+    let Mesh { positions, triangles, normals, uvs, colours, alphas, tangents, is_mirrored: _ } = mesh;
     size_of_val(positions.as_slice())
         + size_of_val(triangles.as_slice())
         + of(normals)

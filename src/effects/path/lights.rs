@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::scatter::bsdf_weight;
 use super::{Path, Scatter};
+use crate::effects::shadows::shadow_ray;
 use crate::effects::{LightTechnique, TextureUse};
 use crate::geometry::{Hit, Numerics, Ray};
 use crate::scene::TexelEncoding;
@@ -45,22 +46,26 @@ pub(super) struct LightConnection {
 
 /// The end of a shadow ray.
 pub(super) enum Target {
-    /// At an infinite distance.
-    Direction,
+    /// At an infinite distance or at a light without size, which may lie on a surface, as sampled.
+    Light(LightSample),
     /// At a point, which is in front of the light's surface.
     Point(DVec3),
 }
 
 impl Target {
-    /// The shadow ray from `origin`; `None` where both ends coincide.
-    pub(super) fn ray(&self, origin: DVec3, direction: DVec3, numerics: Numerics) -> Option<Ray> {
-        let precision = numerics.ray_precision();
+    /// In a direction, at an infinite distance.
+    fn towards(direction: DVec3) -> Self {
+        let distance = f64::INFINITY;
+        Target::Light(LightSample { direction, distance, radiance: DVec3::ZERO, cosine: 0.0 })
+    }
+
+    /// The shadow ray from `origin`, of a point that the light was sampled from; `None` where both ends coincide.
+    pub(super) fn ray(&self, origin: DVec3, from: DVec3, numerics: Numerics) -> Option<Ray> {
         match self {
-            Target::Direction => Some(precision.ray(origin, direction, 0.0, f64::INFINITY)),
+            Target::Light(sample) => Some(shadow_ray(origin, &sample.seen_from(origin - from), numerics)),
             Target::Point(end) => {
-                let distance = end.distance(origin);
                 let direction = (*end - origin).try_normalize()?;
-                Some(precision.ray(origin, direction, 0.0, distance))
+                Some(numerics.ray_precision().ray(origin, direction, 0.0, end.distance(origin)))
             }
         }
     }
@@ -85,22 +90,19 @@ impl<'a> Lights<'a> {
         let index = ((choice[0] * self.count as f64) as usize).min(self.count - 1);
         if let Some(light) = self.world.lights.get(index) {
             if let Some(disc) = &light.disc {
+                let direction = disc.sample(numbers);
                 return Some(LightConnection {
-                    direction: disc.sample(numbers),
+                    direction,
                     radiance: disc.radiance,
                     pdf: Some(disc.density() * expected),
-                    target: Target::Direction,
+                    target: Target::towards(direction),
                 });
             }
             let sample = LightSample::towards(light, from)?;
-            let target = if sample.distance.is_finite() {
-                Target::Point(from + sample.direction * sample.distance)
-            } else {
-                Target::Direction
-            };
             // An intensity of 1 gives a facing diffuse surface the radiance of its base colour, pi times that of the BSDF.
             let radiance = PI * sample.radiance / expected;
-            return Some(LightConnection { direction: sample.direction, radiance, pdf: None, target });
+            let (direction, target) = (sample.direction, Target::Light(sample));
+            return Some(LightConnection { direction, radiance, pdf: None, target });
         }
         if index == self.world.lights.len() && !self.emitters.is_empty() {
             let sample = self.emitters.sample(&self.world.materials, from, choice[1], numbers)?;
@@ -119,7 +121,7 @@ impl<'a> Lights<'a> {
             direction: sample.direction,
             radiance: sample.radiance,
             pdf: Some(pdf),
-            target: Target::Direction,
+            target: Target::towards(sample.direction),
         })
     }
 

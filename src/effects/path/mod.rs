@@ -6,11 +6,14 @@
 //! together, and so are its shadow rays. Random numbers depend on pixel, sample, generation and seed.
 
 mod lights;
+mod media;
 mod scatter;
 #[cfg(test)]
 mod tests;
 
 use glam::DVec3;
+
+use media::Media;
 
 use super::samples::{SampleIndex, list_samples};
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
@@ -126,6 +129,10 @@ struct Buffers {
     paths: Vec<Path>,
     /// The same for the next generation.
     next: Vec<Path>,
+    /// For each ray of the current generation, the volumes that it runs through, and the same for the next. Empty in
+    /// worlds without volumes.
+    media: Vec<Media>,
+    next_media: Vec<Media>,
     shadow_rays: RayBuffer,
     /// For each shadow ray, what it adds.
     light_paths: Vec<LightPath>,
@@ -136,20 +143,22 @@ struct Buffers {
 
 impl Buffers {
     fn bytes(&self) -> usize {
-        let Buffers { radiance, samples, paths, next, shadow_rays, light_paths, occluded, discarded: _ } =
-            self;
+        let Buffers { radiance, samples, paths, next, media, next_media, .. } = self;
+        let Buffers { shadow_rays, light_paths, occluded, .. } = self;
         size_of::<Buffers>()
             + vec_bytes(radiance)
             + vec_bytes(samples)
             + vec_bytes(paths)
             + vec_bytes(next)
+            + vec_bytes(media)
+            + vec_bytes(next_media)
             + shadow_rays.bytes()
             + vec_bytes(light_paths)
             + vec_bytes(occluded)
     }
 
     /// Begins the paths of the camera rays.
-    fn start(&mut self, tile: &Tile) {
+    fn start(&mut self, tile: &Tile, world: &World) {
         let count = tile.generations[0].rays.len();
         let camera =
             |camera_ray| Path { camera_ray, throughput: DVec3::ONE, from: DVec3::ZERO, pdf: f64::INFINITY };
@@ -159,6 +168,11 @@ impl Buffers {
         self.paths.extend((0..count as u32).map(camera));
         self.samples.clear();
         list_samples(tile, &mut self.samples);
+        self.media.clear();
+        if world.volumes.is_some() {
+            let origins = tile.generations[0].rays.rays().iter().map(|ray| ray.origin);
+            Media::at_each(world, origins, &mut self.media);
+        }
     }
 }
 
@@ -222,7 +236,7 @@ impl Stage for Scatter {
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         tile.with_buffers(|own: &mut Buffers, tile| {
             if tile.depth == 0 {
-                own.start(tile);
+                own.start(tile, context.world);
             }
             own.scatter(tile, context, self);
             own.trace_shadow_rays(tile, context.world, self.continued);

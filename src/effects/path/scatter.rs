@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::lights::{LightConnection, Lights};
+use super::media::{Crossing, Media};
 use super::{Buffers, LightPath, Path, Scatter};
-use crate::bvh::Primitive;
 use crate::effects::random;
 use crate::effects::samples::SampleIndex;
 use crate::effects::tile::{RayGeneration, RenderContext, Tile};
@@ -70,6 +70,7 @@ impl Buffers {
         next.rays.set_len(0);
         next.sources.clear();
         self.next.clear();
+        self.next_media.clear();
         self.shadow_rays.clear();
         self.light_paths.clear();
         let lights = Lights::new(context.world, stage);
@@ -79,15 +80,16 @@ impl Buffers {
             let ray = generation.surfaces.ray_of()[index] as usize;
             let Some(hit) = generation.hits.get(ray) else { continue };
             let path = self.paths[ray];
+            let media = self.media.get(ray).copied().unwrap_or(Media::EMPTY);
             let sample = self.samples[path.camera_ray as usize];
             let &Scatter { seed, sampler, .. } = stage;
             let numbers = Numbers { sample, seed, sampler, depth: depth as u32 };
             let surface = generation.surfaces.get(index);
-            let vertex = Vertex::new(context.world, &lights, surface, &hit, path);
+            let vertex = Vertex::new(context.world, &lights, surface, &hit, (path, media));
             self.add_radiance(path.camera_ray, vertex.emitted, stage, depth);
             let Some(bsdf) = vertex.bsdf.as_ref().filter(|_| (depth as u32) < stage.depth) else { continue };
             self.sample_lights(&vertex, bsdf, &lights, &numbers, stage);
-            if let Some((ray, path)) = vertex.continue_path(bsdf, &numbers, stage.settings.roulette_from) {
+            if let Some((ray, path, media)) = vertex.continue_path(bsdf, &numbers, stage.settings.roulette_from) {
                 if !path.throughput.is_finite() {
                     self.discarded += 1;
                     continue;
@@ -95,9 +97,13 @@ impl Buffers {
                 next.rays.push(&ray);
                 next.sources.push(index as u32);
                 self.next.push(path);
+                if context.world.volumes.is_some() {
+                    self.next_media.push(media);
+                }
             }
         }
         std::mem::swap(&mut self.paths, &mut self.next);
+        std::mem::swap(&mut self.media, &mut self.next_media);
         tile.discarded_samples += self.discarded;
     }
 
@@ -169,6 +175,8 @@ struct Vertex<'a> {
     hit: &'a Hit,
     surface: SurfaceInteraction,
     path: Path,
+    /// The media in front of the surface and behind it.
+    sides: [Media; 2],
     /// Tangent, bitangent and shading normal.
     frame: [DVec3; 3],
     /// The radiance that the surface emits towards the ray's origin, weighted for the path.
@@ -178,26 +186,34 @@ struct Vertex<'a> {
 }
 
 impl<'a> Vertex<'a> {
-    fn new(world: &'a World, lights: &Lights, surface: SurfaceInteraction, hit: &'a Hit, path: Path) -> Self {
+    fn new(
+        world: &'a World,
+        lights: &Lights,
+        surface: SurfaceInteraction,
+        hit: &'a Hit,
+        (path, media): (Path, Media),
+    ) -> Self {
         let material = &world.materials[surface.material as usize];
         // A bent normal that is turned away from the view has no local frame.
         let cosine = surface.shading_normal.dot(surface.view);
         let normal = if cosine > 0.0 { surface.shading_normal } else { surface.geometric_normal };
         let (tangent, bitangent) = normal.any_orthonormal_pair();
         let frame = [tangent, bitangent, normal];
-        let (parameters, mut throughput) = parameters(world, material, &surface, hit);
-        throughput *= path.throughput;
+        let crossing = Crossing::new(world, media, &surface, hit);
+        let throughput = path.throughput * crossing.transmittance(world, hit.t);
         let path = Path { throughput, ..path };
         let view = to_local(&frame, surface.view);
-        let bsdf = parameters.filter(|_| view.z > 0.0).map(|parameters| Bsdf::new(&parameters, view));
-        let is_dark_side = world.emitters.is_one_sided(surface.prim) && is_back(world, &surface, hit);
+        let parameters = parameters(material, &surface, &crossing).filter(|_| view.z > 0.0);
+        let bsdf = parameters.map(|parameters| Bsdf::new(&parameters, view));
+        let is_dark_side = world.emitters.is_one_sided(surface.prim)
+            && world.is_back(surface.object, hit, surface.point.position, surface.view);
         let emission = if is_dark_side { DVec3::ZERO } else { emission(material, &surface) };
         let emitted = if emission == DVec3::ZERO {
             DVec3::ZERO
         } else {
             throughput * emission * lights.weight_of_emitter(&surface, hit, &path)
         };
-        Vertex { world, hit, surface, path, frame, emitted, bsdf }
+        Vertex { world, hit, surface, path, sides: crossing.sides, frame, emitted, bsdf }
     }
 
     /// The value of the BSDF times the cosine, and its density, for a world direction. 0 where shading and geometric normal
@@ -220,6 +236,11 @@ impl<'a> Vertex<'a> {
         }
     }
 
+    /// The media on the side of a direction.
+    fn media_towards(&self, direction: DVec3) -> Media {
+        self.sides[usize::from(direction.dot(self.surface.geometric_normal) <= 0.0)]
+    }
+
     /// The shadow ray to a sampled light, and the radiance that the path gains if it is not occluded.
     fn sample_light(
         &self,
@@ -239,11 +260,15 @@ impl<'a> Vertex<'a> {
         if radiance == DVec3::ZERO {
             return None;
         }
-        Some((target.ray(self.origin(direction), direction, self.world.numerics())?, radiance))
+        let ray = target.ray(self.origin(direction), position, self.world.numerics())?;
+        // What is infinitely far away is in no volume.
+        let end = if ray.t_max.is_finite() { ray.at(ray.t_max) } else { DVec3::INFINITY };
+        let media = self.media_towards(direction).around(self.world, end);
+        Some((ray, radiance * media.transmittance(self.world, ray.t_max)))
     }
 
-    /// The ray and state with which the path continues; `None` where it ends.
-    fn continue_path(&self, bsdf: &Bsdf, numbers: &Numbers, roulette_from: u32) -> Option<(Ray, Path)> {
+    /// The ray, the state and the media with which the path continues; `None` where it ends.
+    fn continue_path(&self, bsdf: &Bsdf, numbers: &Numbers, roulette_from: u32) -> Option<(Ray, Path, Media)> {
         let [x, y] = numbers.of(Dimension::Direction);
         let has_roulette = numbers.depth >= roulette_from;
         let [lobe, roulette] =
@@ -269,7 +294,8 @@ impl<'a> Vertex<'a> {
         let pdf = if sample.is_delta { f64::INFINITY } else { sample.pdf };
         let precision = self.world.numerics().ray_precision();
         let ray = precision.ray(self.origin(direction), direction, 0.0, f64::INFINITY);
-        Some((ray, Path { throughput, pdf, from: self.surface.point.position, ..self.path }))
+        let path = Path { throughput, pdf, from: self.surface.point.position, ..self.path };
+        Some((ray, path, self.media_towards(direction)))
     }
 }
 
@@ -316,38 +342,20 @@ fn emission(material: &PreparedMaterial, surface: &SurfaceInteraction) -> DVec3 
     }
 }
 
-/// Whether a hit is on the back of a surface: that from which its triangles are seen clockwise, or the inside of an analytic
-/// shape.
-fn is_back(world: &World, surface: &SurfaceInteraction, hit: &Hit) -> bool {
-    let outward = match world.accelerator.primitive(hit.slot) {
-        Primitive::Triangle(triangle) => triangle.normal(),
-        Primitive::Analytic(shape) => shape.surface(surface.point.position).1,
-    };
-    outward.dot(surface.view) < 0.0
-}
-
-/// The parameters of the BSDF, `None` where nothing is scattered, and the transmittance of the medium that the ray came through
-/// (Beer and Lambert: the attenuation colour to the power of the distance over the attenuation distance).
+/// The parameters of the BSDF, `None` where nothing is scattered.
 fn parameters(
-    world: &World,
     material: &PreparedMaterial,
     surface: &SurfaceInteraction,
-    hit: &Hit,
-) -> (Option<BsdfParameters>, DVec3) {
-    let unit = |colour: DVec3| colour.clamp(DVec3::ZERO, DVec3::ONE);
-    let mut transmittance = DVec3::ONE;
-    let texels = &surface.further_texels;
-    let mut from_inside = false;
-    if let Material::MetallicRoughness(m) = material
-        && let Some(volume) = m.layers.volume.filter(|_| m.layers.transmission > 0.0)
-    {
-        from_inside = is_back(world, surface, hit);
-        if from_inside && volume.attenuation_distance.is_finite() {
-            transmittance = unit(volume.attenuation_colour).powf(hit.t / volume.attenuation_distance);
-        }
+    crossing: &Crossing,
+) -> Option<BsdfParameters> {
+    if crossing.is_hidden {
+        return Some(BsdfParameters { ior: 1.0, metallic: 0.0, transmission: 1.0, ..BsdfParameters::default() });
     }
+    let unit = |colour: DVec3| colour.clamp(DVec3::ZERO, DVec3::ONE);
+    let texels = &surface.further_texels;
+    let from_inside = crossing.from_inside;
     let parameters = match material {
-        Material::MetallicRoughness(m) if m.unlit => return (None, DVec3::ONE),
+        Material::MetallicRoughness(m) if m.unlit => return None,
         Material::MetallicRoughness(m) => BsdfParameters {
             base_colour: unit(m.base_colour * surface.tint * surface.texels.colour),
             metallic: (m.metallic * surface.texels.metallic).clamp(0.0, 1.0),
@@ -369,7 +377,7 @@ fn parameters(
             roughness: 0.0,
             ior: glass.ior,
             transmission: 1.0,
-            from_inside: is_back(world, surface, hit),
+            from_inside,
             ..BsdfParameters::default()
         },
         // Blinn's exponent as a width of GGX (Walter and others, Microfacet Models for Refraction, 2007, section 5.2): alpha^2 =
@@ -382,5 +390,5 @@ fn parameters(
             ..BsdfParameters::default()
         },
     };
-    (Some(parameters), transmittance)
+    Some(BsdfParameters { ior: parameters.ior / crossing.ior_around, ..parameters })
 }

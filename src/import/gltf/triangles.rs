@@ -8,7 +8,7 @@ use super::Loader;
 use super::check::{NodePlace, is_allowed};
 use crate::error::{Error, Place, Result};
 use crate::import::tangents::make_tangents;
-use crate::scene::{Attribute, Mesh, moved_tangent};
+use crate::scene::{Attribute, Mesh, is_mirror, moved_tangent};
 
 impl Loader<'_> {
     /// Reads a primitive in the local space of its mesh, its morph targets added by their weights; `None` for points and
@@ -76,6 +76,7 @@ impl Loader<'_> {
             alphas: alphas.filter(|v| v.len() == count).map(Attribute::per_position),
             positions,
             triangles,
+            is_mirrored: false,
         };
         if !self.morph(primitive, weights, &mut mesh) {
             self.left_out(format!(
@@ -209,7 +210,9 @@ impl Loader<'_> {
     }
 }
 
+/// Moves each vertex by its own transform. Their determinants have one sign unless the skin turns a part inside out.
 pub(super) fn deform(mesh: &mut Mesh, world_from_vertex: &[DMat4]) {
+    mesh.is_mirrored ^= world_from_vertex.first().is_some_and(is_mirror);
     for (position, m) in mesh.positions.iter_mut().zip(world_from_vertex) {
         *position = m.transform_point3(*position);
     }

@@ -191,6 +191,7 @@ fn mesh(
         colours,
         alphas: None,
         tangents: None,
+        is_mirrored: false,
     }
 }
 

@@ -11,7 +11,7 @@ pub(super) fn opposed(mesh: &Mesh) -> Findings {
     let Some(normals) = &mesh.normals else { return Findings::default() };
     let indices = normals.triangles.as_ref().unwrap_or(&mesh.triangles);
     let is_opposed = |triangle: &usize| {
-        let corners = mesh.triangles[*triangle].map(|i| mesh.positions[i as usize]);
+        let corners = mesh.front(mesh.triangles[*triangle]).map(|i| mesh.positions[i as usize]);
         let geometric = Triangle(corners).normal();
         let of_corners = indices[*triangle].map(|i| normals.values[i as usize]);
         of_corners.into_iter().filter(|normal| normal.dot(geometric) < 0.0).count() >= 2

@@ -109,7 +109,7 @@ fn of_meshes(meshes: &[(usize, &Mesh)], [triangle_count, position_count]: [usize
         firsts.push(triangles.len() as u32);
         let first = positions.len() as u32;
         positions.extend_from_slice(&mesh.positions);
-        triangles.extend(mesh.triangles.iter().map(|triangle| triangle.map(|corner| first + corner)));
+        triangles.extend(mesh.triangles.iter().map(|t| mesh.front(*t).map(|corner| first + corner)));
         let mut own = normals::opposed(mesh);
         if let Some(first) = &mut own.first {
             first.object = *object;
