@@ -135,6 +135,7 @@ impl Plan {
             secondary: None,
             own_camera_rays: false,
             adaptive: false,
+            is_random: false,
             light_technique,
             path,
         };

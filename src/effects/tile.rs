@@ -73,6 +73,8 @@ pub struct Tile {
     /// The colours of the pixels, row by row from the top. While an effect takes several samples: the colours of the rays of
     /// generation 0.
     pub pixels: Vec<[f32; 3]>,
+    /// For each camera ray, then for each pixel, the part of it that surfaces cover; `None` for pictures without an alpha channel.
+    pub coverage: Option<Vec<f32>>,
     /// Whether the stages have to run again, for further samples.
     pub needs_more_samples: bool,
     /// Samples taken for each finished pixel; empty where each has one.
@@ -170,6 +172,11 @@ pub struct RayCount {
 }
 
 impl Tile {
+    /// The working set for pictures with an alpha channel, or without.
+    pub fn with_alpha(has_alpha: bool) -> Self {
+        Tile { coverage: has_alpha.then(Vec::new), ..Tile::default() }
+    }
+
     /// Begins a tile. Counters continue.
     pub fn start(&mut self, window: Window) {
         self.window = Some(window);
