@@ -217,6 +217,9 @@ fn equal_input_gives_equal_bytes() {
         // names.
         assert!((0..4).all(|i| bytes(aov, ["1", "2"][i % 2]) == first));
     }
+    // The order of names, and names given twice, change nothing in the file.
+    let [a, b] = ["depth,normal", "normal,depth,normal"].map(|aov| bytes(&["--aov", aov], "1"));
+    assert!(a == b);
 }
 
 #[test]
