@@ -89,6 +89,9 @@ pub struct Tile {
     pub shading: Box<Scratch>,
     /// For each object, whether a primary ray has hit it.
     pub visible_objects: Vec<bool>,
+    /// For each camera ray, albedo and shading normal of the first surface of its path that is neither a smooth mirror nor clear
+    /// glass; empty without paths, `None` where nothing reads it.
+    pub scattering: Option<Vec<Option<[[f32; 3]; 2]>>>,
     /// Samples of light that were left out because they were not finite numbers.
     pub discarded_samples: u64,
     /// Records every ray; `None` while pictures are rendered.

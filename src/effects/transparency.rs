@@ -32,7 +32,7 @@ pub struct ContinuedRays {
 const DIMENSION: u32 = u32::MAX;
 
 /// The opacity from which a surface is visible in AOVs, which hold one surface a pixel.
-const VISIBLE_FROM: f64 = 0.5;
+pub(crate) const VISIBLE_FROM: f64 = 0.5;
 
 /// How rays find the surfaces that they hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -284,6 +284,12 @@ impl Layers {
             *left *= 1.0 - *alpha;
         }
     }
+}
+
+/// For each pixel, the opacity of the current layer; `None` where camera rays do not see layers.
+pub(crate) fn layer_opacities(tile: &Tile) -> Option<&[f64]> {
+    let opacities = &tile.buffers::<Buffers>()?.layers.opacity;
+    (!opacities.is_empty()).then_some(&opacities[..])
 }
 
 /// Blends the layers of camera rays; asks for a further one while rays go on.

@@ -537,7 +537,7 @@ fn single_pixels_have_the_picture_s_bits() {
 
 /// The number of samples of each pixel of a window within a tile.
 fn counts(plan: &Plan, context: &RenderContext, window: Window) -> Vec<u32> {
-    let statistics = plan.sample_statistics(&mut Tile::default(), context, window);
+    let statistics = plan.sample_statistics(&mut Tile::default(), context, window, |_| {});
     statistics.iter().map(|pixel| pixel.count).collect()
 }
 
