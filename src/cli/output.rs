@@ -9,7 +9,7 @@ use crate::film::check::{self, FileState};
 use crate::film::output::{WholeFile, describe};
 use crate::film::part::{self, part_name, write_part};
 use crate::film::tone::METER_BYTES;
-use crate::film::write::{self, Channel, Format, OutputImage, encode, write_picture};
+use crate::film::write::{self, ALPHA, Channel, Format, OutputImage, encode, write_picture};
 use crate::film::{self, DisplaySettings, Film, Pixel, Share, Window};
 use crate::job::RenderJob;
 use crate::limits;
@@ -164,11 +164,15 @@ pub(crate) fn bytes_per_pixel(
     is_transparent: bool,
 ) -> u64 {
     match format {
-        Format::Exr => 4 * (3 + channels) + if channels > 0 { selection.bytes_per_pixel() } else { 0 },
+        Format::Exr => {
+            // Colours and alpha are rendered together and split.
+            let alpha = if is_transparent { 16 + 12 } else { 0 };
+            4 * (3 + channels) + alpha + if channels > 0 { selection.bytes_per_pixel() } else { 0 }
+        }
         // An automatic exposure is computed from the whole picture in `f32`.
         Format::Png | Format::Jpeg if display.is_auto() => 12 + 3 + METER_BYTES,
         // With alpha, the picture is kept in `f32` first.
-        Format::Png if is_transparent => 2 * 12 + 4 + 4,
+        Format::Png if is_transparent => 16 + 2 * 12 + 4 + 4,
         Format::Png | Format::Jpeg => 3,
     }
 }
@@ -199,33 +203,28 @@ pub(crate) fn render_image(
         let (film, statistics) = job.render(control)?;
         return Ok((OutputImage::Rgb8(film, job.pipeline()), statistics));
     }
-    let (film, statistics) = job.render(control)?;
-    let alpha = if job.is_transparent { Some(job.coverage(control)?) } else { None };
+    let (film, alpha, statistics) = if job.is_transparent {
+        let (film, statistics) = job.render::<[f32; 4]>(control)?;
+        let (film, alpha) = film.split_alpha()?;
+        (film, Some(alpha), statistics)
+    } else {
+        let (film, statistics) = job.render(control)?;
+        (film, None, statistics)
+    };
     if let (Some(alpha), true) = (&alpha, format != Format::Exr) {
-        return Ok((displayed_with_alpha(job, &film, alpha)?, statistics));
+        let display = job.display.in_pipeline(job.pipeline());
+        let display = |pixels: &[[f32; 3]]| display.transform_of(pixels.iter().copied());
+        return Ok((OutputImage::with_alpha(&film, alpha, job.pipeline(), display)?, statistics));
     }
     let mut channels = aov::channels(&job.aov_source(Some(&film)), selection, control)?;
-    channels.extend(alpha.map(|values| Channel { name: "A".into(), values }));
+    channels.extend(alpha.map(|values| Channel { name: ALPHA.into(), values }));
     Ok((OutputImage::Float(film, channels), statistics))
-}
-
-/// The display values of a picture on a black background with its alpha, by which they are divided.
-fn displayed_with_alpha(job: &RenderJob, film: &Film, alpha: &[f32]) -> Result<OutputImage> {
-    let straight = |(pixel, &alpha): ([f32; 3], &f32)| {
-        if alpha > 0.0 { pixel.map(|channel| channel / alpha) } else { [0.0; 3] }
-    };
-    let pixels: Vec<[f32; 3]> = film.rows().zip(alpha).map(straight).collect();
-    let mut bytes = vec![[0; 3]; pixels.len()];
-    let display = job.display.in_pipeline(job.pipeline()).transform_of(pixels.iter().copied());
-    Pixel::develop(&pixels, job.pipeline(), display, &mut bytes);
-    let alpha = alpha.iter().map(|alpha| (alpha * 255.0).round() as u8).collect();
-    Ok(OutputImage::Rgba8(Film::from_rows(film.window(), &bytes)?, alpha, job.pipeline()))
 }
 
 /// Checks that a picture with a transparent background can be written. `target` says what it is.
 ///
 /// # Errors
-/// [`Error::Usage`] for anything but whole pictures in PNG and OpenEXR.
+/// [`Error::Usage`] for anything but PNG and OpenEXR.
 pub(crate) fn check_alpha(arguments: &Arguments, target: &str, has_alpha: bool) -> Result<()> {
     if arguments.is_transparent() && !has_alpha {
         let what = format!("{target} has no alpha channel for a transparent background");

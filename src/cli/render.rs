@@ -88,7 +88,6 @@ pub(crate) fn run(command: &Command, interrupted: &AtomicBool) -> Result<()> {
         return super::print(&format!("{}\n", target.file().display()));
     }
     output::check_alpha(&command.arguments, ".jpg", target.format() != Format::Jpeg)?;
-    output::check_alpha(&command.arguments, "a part of a picture", command.shard.is_none())?;
     let has_accuracy = command.accuracy.target().is_some();
     output::check_alpha(&command.arguments, "a picture of --accuracy or --budget", !has_accuracy)?;
     let selection = AovSelection::new(&command.aov)?;

@@ -1,13 +1,17 @@
 //! Adaptive sampling: a pixel whose estimated error is small enough takes no further samples ([`super::convergence`]).
 
-use glam::{DVec3, Vec4};
+use glam::DVec3;
 
-use super::convergence::{Criterion, FirstSamples, SampleGroups, displayed_error, missed_variance};
+use super::convergence::{
+    Criterion, FirstSamples, Integrand, Neighbourhood, SampleGroups, displayed_error, missed_variance,
+    random_variance, unseen_variance,
+};
 use super::region::SampledRegion;
-use super::samples::{Sampler, TileSamples};
+use super::samples::{SampleSum, Sampler, TileSamples};
 use super::tile::{RenderContext, Tile, vec_bytes};
+use super::variance::SampleVariance;
 use super::{Effect, EffectContext, Hook, PlanSpec, Stage, id};
-use crate::film::{ColourPipeline, DisplayTransform};
+use crate::scene::PixelSampler;
 
 /// The registry's entry.
 pub const EFFECT: Effect = Effect {
@@ -35,10 +39,7 @@ pub const EFFECT: Effect = Effect {
     },
     specify: |_, spec: &mut PlanSpec| spec.adaptive = true,
     stages: |context: &EffectContext, hook| match hook {
-        Hook::Film => {
-            let criterion = Criterion::new(context.sampling);
-            vec![Box::new(TestConvergence { sampler: Sampler::new(context), criterion })]
-        }
+        Hook::Film => vec![Box::new(TestConvergence::new(context))],
         _ => Vec::new(),
     },
     bytes: |tile| tile.buffers::<Buffers>().map_or(0, Buffers::bytes),
@@ -47,39 +48,111 @@ pub const EFFECT: Effect = Effect {
 /// The statistics of each pixel of the sampled region.
 #[derive(Default)]
 struct Buffers {
-    /// The samples of each pixel in groups.
-    groups: Vec<SampleGroups>,
-    /// Mean and variance of each pixel's first samples.
-    first: Vec<FirstSamples>,
-    /// For each pixel, the mean square deviation of the first samples around it.
-    around: Vec<Vec4>,
+    colour: Estimates,
+    /// Of the alpha channel; empty without one.
+    alpha: Estimates,
+    /// For each pixel, whether a sample of it has hit a surface.
+    has_surface: Vec<bool>,
 }
 
 impl Buffers {
     fn bytes(&self) -> usize {
-        let Buffers { groups, first, around } = self;
-        vec_bytes(groups) + vec_bytes(first) + vec_bytes(around)
+        let Buffers { colour, alpha, has_surface } = self;
+        size_of::<Buffers>() + colour.bytes() + alpha.bytes() + vec_bytes(has_surface)
+    }
+}
+
+/// The samples of a pixel.
+#[derive(Clone, Copy, Default)]
+struct PixelSamples {
+    groups: SampleGroups,
+    variance: SampleVariance,
+}
+
+/// What the samples of each pixel of the sampled region say of its error.
+#[derive(Default)]
+struct Estimates {
+    pixels: Vec<PixelSamples>,
+    first: Vec<FirstSamples>,
+    /// For each pixel, what the first samples around it say; unused for those of the apron.
+    around: Vec<Neighbourhood>,
+}
+
+impl Estimates {
+    fn bytes(&self) -> usize {
+        let Estimates { pixels, first, around } = self;
+        vec_bytes(pixels) + vec_bytes(first) + vec_bytes(around)
     }
 
-    /// Computes the deviations around each of the tile's own pixels from the first samples; zero for the others.
-    fn find_deviations(&mut self, samples: &TileSamples, mean_sign: f64) {
-        let Buffers { groups, first, around } = self;
-        let region: SampledRegion = samples.region();
-        let pixels = samples.sums().iter().zip(&*groups);
+    fn start(&mut self, pixels: usize) {
+        self.pixels.clear();
+        self.pixels.resize(pixels, PixelSamples::default());
+    }
+
+    fn add(&mut self, pixel: usize, value: [f32; 3], sign: f32) {
+        let PixelSamples { groups, variance } = &mut self.pixels[pixel];
+        groups.add(value, sign);
+        variance.add(value);
+    }
+
+    /// Keeps what the first samples say.
+    fn end_first_round(&mut self, region: SampledRegion) {
+        let Estimates { pixels, first, around } = self;
         first.clear();
-        first.extend(pixels.map(|(sum, groups)| FirstSamples::new(groups, sum.mean(), mean_sign)));
+        first.extend(pixels.iter().map(|pixel| FirstSamples::from(&pixel.variance)));
         around.clear();
-        around.resize(first.len(), Vec4::ZERO);
-        for pixel in region.own() {
-            around[pixel] = first[pixel].deviation(region.neighbourhood(pixel).map(|near| &first[near]));
+        around.resize(first.len(), Neighbourhood::default());
+        for pixel in region.own().filter(|_| !first.is_empty()) {
+            around[pixel] = first[pixel].neighbourhood(region.neighbourhood(pixel).map(|near| &first[near]));
+        }
+    }
+
+    /// The variance of a pixel's value. `unseen` is the light of events that no sample may have shown.
+    fn variance(
+        &self,
+        pixel: usize,
+        integrand: Integrand,
+        (first, unseen): (u32, f64),
+        mean_sign: f64,
+    ) -> DVec3 {
+        let PixelSamples { groups, variance } = &self.pixels[pixel];
+        let (around, taken) = (&self.around[pixel], variance.count());
+        let missed = missed_variance(around.deviation, taken);
+        match integrand {
+            Integrand::Stratified => missed + groups.variance(variance.mean(), mean_sign),
+            Integrand::Random => {
+                let observed = taken.saturating_add(around.others.saturating_mul(first));
+                missed
+                    + random_variance((variance, groups), around.variance, mean_sign)
+                    + unseen_variance(unseen, observed)
+            }
         }
     }
 }
 
-/// After each pass, adds its samples to the groups; after each round, ends the pixels that have converged.
+/// After each pass, adds its samples to the statistics; after each round, ends the pixels that have converged.
 struct TestConvergence {
     sampler: Sampler,
     criterion: Criterion,
+    colour: Integrand,
+    alpha: Integrand,
+}
+
+impl TestConvergence {
+    fn new(context: &EffectContext) -> Self {
+        let sampler = Sampler::new(context);
+        let is_independent = sampler.kind == PixelSampler::Independent;
+        let integrand = |is_random: bool| match is_random || is_independent {
+            true => Integrand::Random,
+            false => Integrand::Stratified,
+        };
+        TestConvergence {
+            sampler,
+            criterion: Criterion::new(context.sampling),
+            colour: integrand(context.spec.is_random),
+            alpha: integrand(context.spec.continued.is_some()),
+        }
+    }
 }
 
 impl Stage for TestConvergence {
@@ -93,15 +166,28 @@ impl Stage for TestConvergence {
         }
         tile.with_buffers(|buffers: &mut Buffers, tile| {
             tile.with_buffers(|samples: &mut TileSamples, tile| {
+                let Buffers { colour, alpha, has_surface } = buffers;
                 if samples.is_first_pass() {
-                    buffers.groups.clear();
-                    buffers.groups.resize(samples.sums().len(), SampleGroups::default());
+                    let pixels = samples.sums().len();
+                    colour.start(pixels);
+                    alpha.start(if tile.coverage.is_some() { pixels } else { 0 });
+                    has_surface.clear();
+                    has_surface.resize(pixels, false);
                 }
-                for (pixel, sign, &colour) in samples.of_pass(&tile.pixels) {
-                    buffers.groups[pixel].add(colour, sign as f32);
+                for (pixel, sign, &value) in samples.of_pass(&tile.pixels) {
+                    colour.add(pixel, value, sign as f32);
+                }
+                for (pixel, sign, &value) in samples.of_pass(tile.coverage.as_deref().unwrap_or_default()) {
+                    alpha.add(pixel, [value; 3], sign as f32);
+                }
+                for &ray in tile.generations[0].surfaces.ray_of() {
+                    has_surface[samples.pixel_of(ray)] = true;
                 }
                 if samples.is_round_done() {
-                    self.end_round(buffers, samples, tile, (context.world.pipeline, context.display));
+                    self.end_round(buffers, samples, context);
+                    if samples.is_finished() {
+                        samples.finish(tile, &self.sampler, context.world.pipeline);
+                    }
                 }
             });
         });
@@ -109,36 +195,33 @@ impl Stage for TestConvergence {
 }
 
 impl TestConvergence {
-    fn end_round(
-        &self,
-        buffers: &mut Buffers,
-        samples: &mut TileSamples,
-        tile: &mut Tile,
-        (pipeline, display): (ColourPipeline, DisplayTransform),
-    ) {
-        let (sampler, criterion) = (&self.sampler, &self.criterion);
-        let mean_sign = sampler.filter.mean_sign();
+    fn end_round(&self, buffers: &mut Buffers, samples: &mut TileSamples, context: &RenderContext) {
+        let TestConvergence { sampler, criterion, .. } = self;
         let taken = samples.round_end();
         if taken == criterion.min_samples {
-            buffers.find_deviations(samples, mean_sign);
+            buffers.colour.end_first_round(samples.region());
+            buffers.alpha.end_first_round(samples.region());
         }
-        let Buffers { groups, around, .. } = &*buffers;
-        samples.start_round(criterion.next_test(taken, sampler.samples), |pixel, sum| {
-            let estimated = groups[pixel].variance(sum.mean(), mean_sign);
-            let variance = estimated + missed_variance(around[pixel], taken);
+        let (display, pipeline) = (context.display, context.world.pipeline);
+        let displayed = |colour: DVec3| display.displayed(pipeline, colour);
+        let covered = |alpha: DVec3| alpha.clamp(DVec3::ZERO, DVec3::ONE);
+        let Buffers { colour, alpha, has_surface } = &*buffers;
+        let first = criterion.min_samples;
+        let is_noisy = |estimates: &Estimates,
+                        integrand,
+                        (pixel, sum, unseen): (usize, &SampleSum, f64),
+                        shown: &dyn Fn(DVec3) -> DVec3| {
+            let variance = estimates.variance(pixel, integrand, (first, unseen), sampler.filter.mean_sign());
             // Without variance, as on a background, the error is 0; this saves the conversion to display values.
-            let error = if variance == DVec3::ZERO {
-                0.0
-            } else {
+            variance != DVec3::ZERO && {
                 let error = DVec3::from(variance.to_array().map(f64::sqrt));
-                displayed_error(sum.value(&sampler.filter), error, |colour| {
-                    display.displayed(pipeline, colour)
-                })
-            };
-            error > criterion.max_error
+                displayed_error(sum.value(&sampler.filter), error, shown) > criterion.max_error
+            }
+        };
+        samples.start_round(criterion.next_test(taken, sampler.samples), |pixel, sum, coverage| {
+            let of_surface = f64::from(u8::from(has_surface[pixel]));
+            is_noisy(colour, self.colour, (pixel, sum, of_surface * display.white()), &displayed)
+                || coverage.is_some_and(|sum| is_noisy(alpha, self.alpha, (pixel, sum, of_surface), &covered))
         });
-        if samples.is_finished() {
-            samples.finish(tile, sampler, pipeline);
-        }
     }
 }

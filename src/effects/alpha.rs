@@ -31,6 +31,7 @@ pub const EFFECT: Effect = Effect {
     },
     specify: |_, spec| {
         spec.continued = Some(ContinuedRays { rays: RAYS, shadow_rays: SHADOW_RAYS });
+        spec.is_random = true;
     },
     stages: |context: &EffectContext, hook| match (hook, context.transparency()) {
         (Hook::Film, Some(how)) if how.is_layered => vec![Box::new(BlendLayers)],

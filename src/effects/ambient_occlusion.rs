@@ -50,7 +50,10 @@ pub const EFFECT: Effect = Effect {
         },
     }),
     called_for,
-    specify: |_, spec| spec.generations_with_origins = u32::MAX,
+    specify: |_, spec| {
+        spec.generations_with_origins = u32::MAX;
+        spec.is_random = true;
+    },
     stages: |context: &EffectContext, hook| match hook {
         Hook::BeforeLighting(_) => vec![Box::new(TestHemispheres::new(context))],
         _ => Vec::new(),

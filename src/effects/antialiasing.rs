@@ -62,7 +62,8 @@ impl Stage for SampleRays {
         let Some(window) = tile.window else { return };
         tile.with_buffers(|samples: &mut TileSamples, tile| {
             if !tile.needs_more_samples {
-                samples.start(SampledRegion::new(window, self.0.apron, context.view.size()), &self.0);
+                let region = SampledRegion::new(window, self.0.apron, context.view.size());
+                samples.start(region, &self.0, tile.coverage.is_some());
             }
             samples.next_pass(&self.0);
             let (x, y) = samples.film_positions();
@@ -86,7 +87,7 @@ impl Stage for AddSamples {
 
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         tile.with_buffers(|samples: &mut TileSamples, tile| {
-            samples.add(&tile.pixels);
+            samples.add(&tile.pixels, tile.coverage.as_deref().unwrap_or_default());
             // The stage of adaptive sampling, which comes next, may end the tile earlier.
             tile.needs_more_samples = !samples.is_round_done() || samples.round_end() < self.0.samples;
             if !tile.needs_more_samples {

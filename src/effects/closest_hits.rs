@@ -37,13 +37,18 @@ impl Stage for ClosestHits {
     fn run(&self, tile: &mut Tile, context: &RenderContext) {
         let world = context.world;
         let is_first = self.find_hits(tile, world);
-        let Tile { generations, depth, visible_objects, recorder, .. } = tile;
+        let Tile { generations, depth, visible_objects, recorder, coverage, .. } = tile;
         let generation = &mut generations[*depth];
         world.interactions(&generation.rays, &generation.hits, &mut generation.surfaces);
         if *depth == 0 {
             visible_objects.resize(world.objects.len(), false);
             let objects = generation.surfaces.objects().iter();
             objects.for_each(|&object| visible_objects[object as usize] = true);
+            if let Some(coverage) = coverage {
+                coverage.clear();
+                coverage.resize(generation.rays.len(), 0.0);
+                generation.surfaces.ray_of().iter().for_each(|&ray| coverage[ray as usize] = 1.0);
+            }
         }
         // A further layer has the rays of the first.
         if !is_first {

@@ -1,20 +1,26 @@
 //! The error estimate of adaptive sampling, and when it is evaluated.
 //!
-//! The samples of a pixel are kept in groups. Each group is a stretch of the pixel's sequence whose length is a power of two, and
-//! so as evenly distributed over the pixel as the sequence guarantees. The variance between the groups' values thus includes the
-//! stratification within a group, which the variance of single samples does not. Among the groups, the variance of the mean of n
-//! stratified samples at an edge falls as n^(-3/2) (Mitchell, Consequences of Stratified Sampling in Graphics, SIGGRAPH 1996,
-//! section 3), and that of scrambled Sobol points does, too. Where a pixel holds more detail than samples, the error is
-//! underestimated by a factor of up to 1.7.
+//! How the variance of a pixel's mean falls with the number n of its samples depends on the integrand ([`Integrand`]):
 //!
-//! A feature that all samples of a pixel missed does not show in their variance. The estimate therefore also uses the first
-//! samples of the eight pixels around it ([`FirstSamples`]): their deviation bounds what may pass through the pixel unseen
-//! ([`missed_variance`]). First samples are taken for every pixel of the tile and its apron
-//! ([`super::region::SampledRegion`]), and nothing else is read from a neighbour. So the result depends on the pixel's place and
-//! the settings, not on which other pixels are rendered.
+//! - Where a sample is a function of its film position, as with edges and textures, samples are stratified. They are kept in groups
+//!   ([`SampleGroups`]), each a stretch of the pixel's sequence whose length is a power of two, and so as evenly distributed over
+//!   the pixel as the sequence guarantees. The variance between the groups' values thus includes the stratification within a group,
+//!   which the variance of single samples does not. Among the groups, the variance of the mean falls as n^(-3/2) (Mitchell,
+//!   Consequences of Stratified Sampling in Graphics, SIGGRAPH 1996, section 3), and that of scrambled Sobol points does, too. Where
+//!   a pixel holds more detail than samples, the error is underestimated by a factor of up to 1.7.
+//! - Where it also depends on random numbers, as with ambient occlusion, soft shadows and paths, nothing but 1/n is certain: the
+//!   variance is that of single samples over n ([`random_variance`]). Stratification makes the error smaller than this.
+//!
+//! What no sample has shown has no variance. Three terms bound it, from the first samples of the pixel and the eight around it
+//! ([`FirstSamples`]): their deviation, for features that may pass through the pixel unseen ([`missed_variance`]); their variance, to
+//! which that of few samples is pooled; and their number, for events that are too rare to have been seen ([`unseen_variance`]).
+//!
+//! First samples are taken for every pixel of the tile and its apron ([`super::region::SampledRegion`]), and nothing else is read
+//! from a neighbour. So the result depends on the pixel's place and the settings, not on which other pixels are rendered.
 
 use glam::{DVec3, Vec4};
 
+use super::variance::SampleVariance;
 use crate::scene::Sampling;
 
 /// The default of [`Criterion::min_samples`]. With its neighbours a pixel then has 36 samples in three by three pixels, which few
@@ -41,7 +47,7 @@ impl Criterion {
         Criterion {
             // No error is below 0: without a noise level no pixel converges.
             max_error: sampling.noise.unwrap_or(-1.0),
-            min_samples: sampling.min_samples.unwrap_or(DEFAULT_MIN_SAMPLES).min(most),
+            min_samples: sampling.min_samples.unwrap_or(DEFAULT_MIN_SAMPLES).clamp(1, most),
         }
     }
 
@@ -59,6 +65,15 @@ impl Criterion {
         }
         count.min(most)
     }
+}
+
+/// What the samples of a pixel are a function of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Integrand {
+    /// The film position, of stratified samples.
+    Stratified,
+    /// Also random numbers; or the positions are independent.
+    Random,
 }
 
 /// The most groups of a pixel. When all are full, they are merged in pairs.
@@ -94,10 +109,21 @@ impl SampleGroups {
         self.power += 1;
     }
 
-    /// The variance of the mean of all samples, per channel; infinite for fewer than two groups. `mean` is the mean of the
-    /// samples without their signs, `mean_sign` the expected sign ([`crate::film::Filter::mean_sign`]).
+    /// The variance of the mean of all samples, per channel, where the groups are stratified; infinite for fewer than two groups.
+    /// `mean` is the mean of the samples without their signs, `mean_sign` the expected sign ([`crate::film::Filter::mean_sign`]).
     pub fn variance(&self, mean: DVec3, mean_sign: f64) -> DVec3 {
-        let full = (self.taken >> self.power) as usize;
+        // Independent groups would give the groups' variance over their count; stratified ones give its power 3/2.
+        self.independent_variance(mean, mean_sign) / f64::from(self.full()).sqrt()
+    }
+
+    /// The number of groups that are full.
+    fn full(&self) -> u32 {
+        self.taken >> self.power
+    }
+
+    /// [`SampleGroups::variance`] where nothing but the samples within a group is stratified.
+    fn independent_variance(&self, mean: DVec3, mean_sign: f64) -> DVec3 {
+        let full = self.full() as usize;
         if full < 2 {
             return DVec3::INFINITY;
         }
@@ -108,18 +134,7 @@ impl SampleGroups {
         let middle = groups.iter().map(value).sum::<DVec3>() / count;
         let squares: DVec3 =
             groups.iter().map(|group| (value(group) - middle) * (value(group) - middle)).sum();
-        // Independent groups would give the groups' variance over their count; stratified ones give its power 3/2.
-        squares / ((count - 1.0) * count * count.sqrt())
-    }
-
-    /// The variance of a single sample, per channel, estimated from the groups; 0 for fewer than two.
-    fn sample_variance(&self, mean: DVec3, mean_sign: f64) -> DVec3 {
-        let full = (self.taken >> self.power) as usize;
-        if full < 2 {
-            return DVec3::ZERO;
-        }
-        let count = full as f64;
-        self.variance(mean, mean_sign) * (count * count.sqrt() * f64::from(1 << self.power))
+        squares / ((count - 1.0) * count)
     }
 }
 
@@ -127,31 +142,95 @@ impl SampleGroups {
 #[derive(Debug, Clone, Copy)]
 pub struct FirstSamples {
     mean: Vec4,
+    /// Unbiased; 0 for one sample.
     variance: Vec4,
 }
 
-impl FirstSamples {
-    /// From the samples of `groups`; the parameters are those of [`SampleGroups::variance`].
-    pub fn new(groups: &SampleGroups, mean: DVec3, mean_sign: f64) -> Self {
-        let variance = groups.sample_variance(mean, mean_sign);
-        FirstSamples { mean: mean.as_vec3().extend(0.0), variance: variance.as_vec3().extend(0.0) }
+impl From<&SampleVariance> for FirstSamples {
+    fn from(samples: &SampleVariance) -> Self {
+        let variance = samples.unbiased().unwrap_or(DVec3::ZERO);
+        FirstSamples { mean: samples.mean().as_vec3().extend(0.0), variance: variance.as_vec3().extend(0.0) }
     }
+}
 
-    /// The mean square deviation, per channel, of samples of the pixels `near` from this pixel's mean. `near` includes this
-    /// pixel. Pixels that are not finite are left out.
+/// What the first samples of a pixel and those around it say of it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Neighbourhood {
+    /// The mean square deviation, per channel, of a sample from the pixel's own mean.
+    pub deviation: Vec4,
+    /// The mean variance, per channel, of a sample within its pixel.
+    pub variance: Vec4,
+    /// The pixels beside this one.
+    pub others: u32,
+}
+
+impl FirstSamples {
+    /// What the first samples of the pixels `near` say of this pixel. `near` includes it. Pixels that are not finite are left out.
     #[inline(always)]
-    pub fn deviation<'a>(&self, near: impl IntoIterator<Item = &'a FirstSamples>) -> Vec4 {
-        let (mut sum, mut count) = (Vec4::ZERO, 0.0f32);
+    pub fn neighbourhood<'a>(&self, near: impl IntoIterator<Item = &'a FirstSamples>) -> Neighbourhood {
+        let (mut deviation, mut variance, mut count) = (Vec4::ZERO, Vec4::ZERO, 0u32);
         for other in near {
             let off = other.mean - self.mean;
             let square = off * off + other.variance;
             if square.is_finite() {
-                sum += square;
-                count += 1.0;
+                deviation += square;
+                variance += other.variance;
+                count += 1;
             }
         }
-        sum / count.max(1.0)
+        let scale = 1.0 / count.max(1) as f32;
+        Neighbourhood {
+            deviation: deviation * scale,
+            variance: variance * scale,
+            others: count.saturating_sub(1),
+        }
     }
+}
+
+/// The weight of the neighbourhood's variance in [`random_variance`], in samples: that of the eight neighbours, one sample each.
+const PRIOR_SAMPLES: f64 = 8.0;
+
+/// The weight in [`random_variance`] of samples that are not stratified, in groups: half of all groups.
+const PRIOR_GROUPS: f64 = 4.0;
+
+/// The variance of the mean of a pixel's samples of [`Integrand::Random`], per channel; infinite for one sample. `around` is the
+/// variance of a sample in the neighbourhood, `mean_sign` the expected sign of the filter's weights.
+///
+/// The variance of few samples is often far too low: that of four rays to a light of which a tenth is visible is 0 in two of
+/// three pixels. It is pooled with that around, as the mean of a posterior with a conjugate prior (Gelman and others, Bayesian
+/// Data Analysis, 3rd edition, section 2.6). The larger of the own and the pooled variance counts, because an underestimate ends
+/// the pixel and an overestimate is corrected by further samples.
+///
+/// Stratification shows in the groups: their variance over their count has the mean of the true variance or a larger one, as
+/// the samples of a group are stratified and two groups are no less alike than independent ones. It is that of eight numbers at
+/// most, so it is pooled in turn, with the variance of samples that are not stratified, which bounds it from above.
+pub fn random_variance(
+    (samples, groups): (&SampleVariance, &SampleGroups),
+    around: Vec4,
+    mean_sign: f64,
+) -> DVec3 {
+    let Some(own) = samples.unbiased() else { return DVec3::INFINITY };
+    let (count, degrees) = (f64::from(samples.count()), f64::from(samples.count() - 1));
+    let around = around.truncate().as_dvec3();
+    let pooled = (own * degrees + around * PRIOR_SAMPLES) / (degrees + PRIOR_SAMPLES);
+    let random = own.max(pooled) / (count * mean_sign * mean_sign);
+    // Groups of one sample show nothing of the kind.
+    if groups.power == 0 {
+        return random;
+    }
+    let degrees = f64::from(groups.full() - 1);
+    let between = groups.independent_variance(samples.mean(), mean_sign);
+    (between * degrees + random * PRIOR_GROUPS) / (degrees + PRIOR_GROUPS)
+}
+
+/// The variance of a pixel's value from events that none of `observed` samples of the pixel and its neighbours has shown.
+///
+/// The probability of an event that has not happened in n samples is taken to be 1 / (2 (n + 1)), its posterior mean by Jeffreys'
+/// prior, the beta distribution of parameters 1/2 and 1/2 (Gelman and others, Bayesian Data Analysis, 3rd edition, section 2.8).
+/// Such an event may add or remove as much light as is displayed as white, `white`. In bright pixels this is no longer visible
+/// after a few samples, in black ones after hundreds.
+pub fn unseen_variance(white: f64, observed: u32) -> f64 {
+    (white / (2.0 * (f64::from(observed) + 1.0))).powi(2)
 }
 
 /// The factor of [`missed_variance`].
@@ -171,10 +250,12 @@ pub fn missed_variance(around: Vec4, taken: u32) -> DVec3 {
     around.truncate().as_dvec3() * (WEIGHT / f64::from(taken).powi(3))
 }
 
-/// The standard error of the displayed value, 1 being white: half the difference between the values displayed for one standard
-/// error above and one below `value`, the largest of the three channels. `displayed` gives display values, 0 to 1.
+/// The standard error of the displayed value, 1 being white: the larger of the differences to the values displayed for one standard
+/// error above and one below `value`, the largest of the three channels. `displayed` gives display values, 0 to 1. Half the
+/// difference of the two would count for half where one of them is clipped, as in black pixels.
 pub fn displayed_error(value: DVec3, error: DVec3, displayed: impl Fn(DVec3) -> DVec3) -> f64 {
-    let difference = (displayed(value + error) - displayed(value - error)) / 2.0;
+    let middle = displayed(value);
+    let differences = [displayed(value + error) - middle, displayed(value - error) - middle];
     // A tone map may lower a channel as all of them rise.
-    difference.to_array().into_iter().map(f64::abs).fold(0.0, f64::max)
+    differences.into_iter().flat_map(|difference| difference.to_array()).map(f64::abs).fold(0.0, f64::max)
 }

@@ -218,6 +218,8 @@ pub struct PlanSpec {
     pub own_camera_rays: bool,
     /// Whether the number of samples differs from pixel to pixel.
     pub adaptive: bool,
+    /// Whether the colour of a sample depends on random numbers beside its film position.
+    pub is_random: bool,
     /// Which samples of light count in path tracing.
     #[doc(hidden)]
     pub light_technique: LightTechnique,

@@ -135,6 +135,7 @@ impl Plan {
             secondary: None,
             own_camera_rays: false,
             adaptive: false,
+            is_random: false,
             light_technique,
             path,
         };
@@ -179,21 +180,29 @@ impl Plan {
         primary_rays::PrimaryRays.run(tile, context);
     }
 
-    /// The number of samples that each pixel of a tile takes, and their variance. Renders the tile where that is not one.
+    /// Renders a tile. Returns the number of samples that each pixel takes, and their variance. Calls `after_pass` each time the
+    /// stages have run.
     pub fn sample_statistics(
         &self,
         tile: &mut Tile,
         context: &RenderContext,
         window: Window,
+        mut after_pass: impl FnMut(&mut Tile),
     ) -> Vec<PixelStatistics> {
         tile.start(window);
-        if !self.takes_samples() {
-            return vec![PixelStatistics::of_one(); window.area()];
+        let takes_samples = self.takes_samples();
+        if takes_samples {
+            tile.with_buffers(|samples: &mut TileSamples, _| samples.measure_variances(true));
         }
-        tile.with_buffers(|samples: &mut TileSamples, _| samples.measure_variances(true));
-        self.run(tile, context, |_| {});
-        while tile.needs_more_samples {
+        loop {
             self.run(tile, context, |_| {});
+            after_pass(tile);
+            if !tile.needs_more_samples {
+                break;
+            }
+        }
+        if !takes_samples {
+            return vec![PixelStatistics::of_one(); window.area()];
         }
         tile.with_buffers(|samples: &mut TileSamples, _| {
             let statistics = samples.variances().map(PixelStatistics::from).collect();

@@ -127,6 +127,8 @@ pub struct TileSamples {
     region: SampledRegion,
     /// For each pixel of the region, the sum of its samples.
     sums: Vec<SampleSum>,
+    /// The same of the coverage of its samples; empty for pictures without an alpha channel.
+    coverage: Vec<SampleSum>,
     /// The pixels that are still sampled, in ascending order.
     live: Vec<u16>,
     /// The samples of the current round: first index, and end.
@@ -191,12 +193,14 @@ impl SamplePass {
 }
 
 impl TileSamples {
-    /// Begins a tile.
-    pub fn start(&mut self, region: SampledRegion, sampler: &Sampler) {
+    /// Begins a tile, of a picture with an alpha channel if `has_alpha`.
+    pub fn start(&mut self, region: SampledRegion, sampler: &Sampler, has_alpha: bool) {
         let pixels = region.whole.area();
         self.region = region;
         self.sums.clear();
         self.sums.resize(pixels, SampleSum::default());
+        self.coverage.clear();
+        self.coverage.resize(if has_alpha { pixels } else { 0 }, SampleSum::default());
         if let Some(variances) = &mut self.variances {
             variances.clear();
             variances.resize(pixels, SampleVariance::default());
@@ -248,9 +252,9 @@ impl TileSamples {
         })
     }
 
-    /// Adds the colours of the pass's rays to their pixels.
-    pub fn add(&mut self, colours: &[[f32; 3]]) {
-        let TileSamples { pass, sums, variances, .. } = self;
+    /// Adds the colours of the pass's rays to their pixels, and their coverage, which is empty without an alpha channel.
+    pub fn add(&mut self, colours: &[[f32; 3]], coverage: &[f32]) {
+        let TileSamples { pass, sums, coverage: covered, variances, .. } = self;
         if let Some(variances) = variances {
             for (&pixel, &colour) in pass.pixels[..pass.len].iter().zip(colours) {
                 variances[usize::from(pixel)].add(colour);
@@ -258,6 +262,9 @@ impl TileSamples {
         }
         for ((&pixel, &sign), &colour) in pass.pixels[..pass.len].iter().zip(&pass.signs).zip(colours) {
             sums[usize::from(pixel)].add(colour, sign);
+        }
+        for ((&pixel, &sign), &part) in pass.pixels[..pass.len].iter().zip(&pass.signs).zip(coverage) {
+            covered[usize::from(pixel)].add([part; 3], sign);
         }
     }
 
@@ -272,14 +279,16 @@ impl TileSamples {
         variances.flat_map(|variances| self.region.own().map(|pixel| &variances[pixel]))
     }
 
-    /// For each ray of the pass, its pixel, its sign and its entry of `colours`.
-    pub fn of_pass<'a>(
-        &'a self,
-        colours: &'a [[f32; 3]],
-    ) -> impl Iterator<Item = (usize, f64, &'a [f32; 3])> {
+    /// For each ray of the pass, its pixel, its sign and its entry of `values`.
+    pub fn of_pass<'a, T>(&'a self, values: &'a [T]) -> impl Iterator<Item = (usize, f64, &'a T)> {
         let SamplePass { len, pixels, signs, .. } = &*self.pass;
-        let rays = pixels[..*len].iter().zip(signs).zip(colours);
-        rays.map(|((&pixel, &sign), colour)| (usize::from(pixel), sign, colour))
+        let rays = pixels[..*len].iter().zip(signs).zip(values);
+        rays.map(|((&pixel, &sign), value)| (usize::from(pixel), sign, value))
+    }
+
+    /// The pixel of a ray of the pass.
+    pub fn pixel_of(&self, ray: u32) -> usize {
+        usize::from(self.pass.pixels[ray as usize])
     }
 
     /// The pixels that are sampled.
@@ -307,12 +316,13 @@ impl TileSamples {
         self.round.1
     }
 
-    /// Begins another round, up to `end` samples, for those of the tile's own live pixels that `keep` accepts.
-    pub fn start_round(&mut self, end: u32, keep: impl Fn(usize, &SampleSum) -> bool) {
-        let TileSamples { live, sums, region, .. } = self;
+    /// Begins another round, up to `end` samples, for those of the tile's own live pixels that `keep` accepts by the sum of their
+    /// samples and that of the coverage of these.
+    pub fn start_round(&mut self, end: u32, keep: impl Fn(usize, &SampleSum, Option<&SampleSum>) -> bool) {
+        let TileSamples { live, sums, coverage, region, .. } = self;
         live.retain(|&pixel| {
             let pixel = usize::from(pixel);
-            region.is_own(pixel) && keep(pixel, &sums[pixel])
+            region.is_own(pixel) && keep(pixel, &sums[pixel], coverage.get(pixel))
         });
         self.round = (self.round.1, end);
         self.cast = 0;
@@ -323,7 +333,7 @@ impl TileSamples {
         self.live.is_empty()
     }
 
-    /// Ends the tile: writes the values and sample counts of its pixels.
+    /// Ends the tile: writes the values, coverage and sample counts of its pixels.
     pub fn finish(&self, tile: &mut Tile, sampler: &Sampler, pipeline: ColourPipeline) {
         let value = |sum: &SampleSum| match pipeline {
             // This pipeline rounds every value to 8 bits.
@@ -336,13 +346,20 @@ impl TileSamples {
         tile.pixels.extend(own().map(|sum| value(sum).as_vec3().to_array()));
         tile.sample_counts.clear();
         tile.sample_counts.extend(own().map(|sum| sum.count));
+        if let Some(coverage) = &mut tile.coverage {
+            coverage.clear();
+            let own = self.region.own().map(|pixel| self.coverage[pixel].value(&sampler.filter).x as f32);
+            // Filters with negative lobes can leave the range.
+            coverage.extend(own.map(|part| part.clamp(0.0, 1.0)));
+        }
     }
 
     /// Bytes of memory.
     pub fn bytes(&self) -> usize {
-        let TileSamples { sums, live, pass, variances, .. } = self;
+        let TileSamples { sums, coverage, live, pass, variances, .. } = self;
         size_of::<TileSamples>()
             + vec_bytes(sums)
+            + vec_bytes(coverage)
             + variances.as_ref().map_or(0, vec_bytes)
             + vec_bytes(live)
             + size_of_val(&**pass)

@@ -34,7 +34,10 @@ pub const EFFECT: Effect = Effect {
         }
         Ok(format!("the apparent diameter of {names}"))
     },
-    specify: |_, spec| spec.soft_shadows = spec.shadow_rays,
+    specify: |_, spec| {
+        spec.soft_shadows = spec.shadow_rays;
+        spec.is_random |= spec.shadow_rays;
+    },
     stages: |context: &EffectContext, hook| match hook {
         Hook::BeforeLighting(_) if context.spec.soft_shadows => {
             let (sampler, seed) = (context.sampling.sampler.unwrap_or_default(), context.sampling.seed);

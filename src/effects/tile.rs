@@ -73,6 +73,8 @@ pub struct Tile {
     /// The colours of the pixels, row by row from the top. While an effect takes several samples: the colours of the rays of
     /// generation 0.
     pub pixels: Vec<[f32; 3]>,
+    /// For each camera ray, then for each pixel, the part of it that surfaces cover; `None` for pictures without an alpha channel.
+    pub coverage: Option<Vec<f32>>,
     /// Whether the stages have to run again, for further samples.
     pub needs_more_samples: bool,
     /// Samples taken for each finished pixel; empty where each has one.
@@ -87,6 +89,9 @@ pub struct Tile {
     pub shading: Box<Scratch>,
     /// For each object, whether a primary ray has hit it.
     pub visible_objects: Vec<bool>,
+    /// For each camera ray, albedo and shading normal of the first surface of its path that is neither a smooth mirror nor clear
+    /// glass; empty without paths, `None` where nothing reads it.
+    pub scattering: Option<Vec<Option<[[f32; 3]; 2]>>>,
     /// Samples of light that were left out because they were not finite numbers.
     pub discarded_samples: u64,
     /// Records every ray; `None` while pictures are rendered.
@@ -170,6 +175,11 @@ pub struct RayCount {
 }
 
 impl Tile {
+    /// The working set for pictures with an alpha channel, or without.
+    pub fn with_alpha(has_alpha: bool) -> Self {
+        Tile { coverage: has_alpha.then(Vec::new), ..Tile::default() }
+    }
+
     /// Begins a tile. Counters continue.
     pub fn start(&mut self, window: Window) {
         self.window = Some(window);

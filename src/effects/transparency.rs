@@ -32,7 +32,7 @@ pub struct ContinuedRays {
 const DIMENSION: u32 = u32::MAX;
 
 /// The opacity from which a surface is visible in AOVs, which hold one surface a pixel.
-const VISIBLE_FROM: f64 = 0.5;
+pub(crate) const VISIBLE_FROM: f64 = 0.5;
 
 /// How rays find the surfaces that they hit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -141,12 +141,14 @@ struct Layers {
     transmittance: Vec<f64>,
     /// The sum of the layers before the current one.
     colour: Vec<[f64; 3]>,
+    /// The part that the surfaces of these layers cover.
+    coverage: Vec<f64>,
 }
 
 impl Buffers {
     pub(crate) fn bytes(&self) -> usize {
         let Buffers { passing, rays, hits, samples, layers } = self;
-        let Layers { next, opacity, transmittance, colour } = layers;
+        let Layers { next, opacity, transmittance, colour, coverage } = layers;
         size_of::<Buffers>()
             + vec_bytes(passing)
             + rays.bytes()
@@ -156,6 +158,7 @@ impl Buffers {
             + vec_bytes(opacity)
             + vec_bytes(transmittance)
             + vec_bytes(colour)
+            + vec_bytes(coverage)
     }
 }
 
@@ -259,12 +262,19 @@ impl Layers {
             self.transmittance.resize(count, 1.0);
             self.colour.clear();
             self.colour.resize(count, [0.0; 3]);
+            self.coverage.clear();
+            self.coverage.resize(count, 0.0);
         }
     }
 
-    /// Blends the pixels of a layer under those before it.
-    fn blend(&mut self, pixels: &[[f32; 3]]) {
-        let Layers { opacity, transmittance, colour, .. } = self;
+    /// Blends the pixels of a layer under those before it. `covered` is 1 where they show a surface, and empty without an alpha
+    /// channel.
+    fn blend(&mut self, pixels: &[[f32; 3]], covered: &[f32]) {
+        let Layers { opacity, transmittance, colour, coverage, .. } = self;
+        let weights = transmittance.iter().zip(&*opacity).map(|(left, alpha)| left * alpha);
+        for ((sum, weight), &covered) in coverage.iter_mut().zip(weights).zip(covered) {
+            *sum += weight * f64::from(covered);
+        }
         for (((sum, left), alpha), pixel) in colour.iter_mut().zip(transmittance).zip(opacity).zip(pixels) {
             // Rays that ended before see the background in this layer.
             let weight = *left * *alpha;
@@ -274,6 +284,12 @@ impl Layers {
             *left *= 1.0 - *alpha;
         }
     }
+}
+
+/// For each pixel, the opacity of the current layer; `None` where camera rays do not see layers.
+pub(crate) fn layer_opacities(tile: &Tile) -> Option<&[f64]> {
+    let opacities = &tile.buffers::<Buffers>()?.layers.opacity;
+    (!opacities.is_empty()).then_some(&opacities[..])
 }
 
 /// Blends the layers of camera rays; asks for a further one while rays go on.
@@ -286,11 +302,15 @@ impl Stage for BlendLayers {
 
     fn run(&self, tile: &mut Tile, _: &RenderContext) {
         tile.with_buffers(|own: &mut Buffers, tile| {
-            own.layers.blend(&tile.pixels);
+            own.layers.blend(&tile.pixels, tile.coverage.as_deref().unwrap_or_default());
             tile.needs_more_samples = !own.layers.next.is_empty();
             tile.pixels.clear();
             if !tile.needs_more_samples {
                 tile.pixels.extend(own.layers.colour.iter().map(|sum| sum.map(|c| c as f32)));
+                if let Some(coverage) = &mut tile.coverage {
+                    coverage.clear();
+                    coverage.extend(own.layers.coverage.iter().map(|&part| part as f32));
+                }
             }
         });
     }

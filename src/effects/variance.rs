@@ -1,4 +1,4 @@
-//! Mean and variance of a pixel's samples, for the AOVs `samples` and `variance`.
+//! Mean and variance of a pixel's samples, for adaptive sampling and the AOVs `samples` and `variance`.
 
 use glam::DVec3;
 
@@ -20,6 +20,22 @@ impl SampleVariance {
         self.mean += before / f64::from(self.count);
         self.squares += before * (colour - self.mean);
     }
+
+    /// The number of samples.
+    pub fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// Their mean.
+    pub fn mean(&self) -> DVec3 {
+        self.mean
+    }
+
+    /// Their unbiased variance: the sum of squared deviations over the count less 1. `None` for one sample, which says nothing
+    /// of it.
+    pub fn unbiased(&self) -> Option<DVec3> {
+        (self.count > 1).then(|| self.squares / f64::from(self.count - 1))
+    }
 }
 
 /// What the AOVs hold of a pixel's samples.
@@ -27,8 +43,7 @@ impl SampleVariance {
 pub struct PixelStatistics {
     /// The number of samples.
     pub count: u32,
-    /// The unbiased variance of the samples in red, green and blue: the sum of squared deviations over the count less 1. Infinite
-    /// for one sample, which says nothing of it.
+    /// The unbiased variance of the samples in red, green and blue; infinite for one sample.
     pub variance: [f32; 3],
 }
 
@@ -40,11 +55,11 @@ impl PixelStatistics {
 }
 
 impl From<&SampleVariance> for PixelStatistics {
-    fn from(&SampleVariance { count, mean: _, squares }: &SampleVariance) -> Self {
-        if count < 2 {
+    fn from(samples: &SampleVariance) -> Self {
+        let count = samples.count;
+        let Some(variance) = samples.unbiased() else {
             return PixelStatistics { count, ..PixelStatistics::of_one() };
-        }
-        let variance = squares / f64::from(count - 1);
+        };
         PixelStatistics { count, variance: variance.min(DVec3::splat(f32::MAX.into())).as_vec3().to_array() }
     }
 }

@@ -65,6 +65,12 @@ pub trait Pixel: bytemuck::Pod + Send + Sync {
     /// Whether pixels are display values, to which the display transform is applied.
     const IS_DISPLAYED: bool;
 
+    /// Whether pixels have an alpha channel.
+    const HAS_ALPHA: bool = false;
+
+    /// Sets the alpha channel, if there is one, to the part of each pixel that surfaces cover.
+    fn set_alpha(_pixels: &mut [Self], _coverage: &[f32]) {}
+
     /// Converts colours in the encoding of `pipeline` to pixels; both slices have the same length. Display values are
     /// those after `display`.
     fn develop(
@@ -82,6 +88,20 @@ impl Pixel for [f32; 3] {
     #[inline(always)]
     fn develop(colours: &[[f32; 3]], _: ColourPipeline, _: DisplayTransform, pixels: &mut [Self]) {
         pixels.copy_from_slice(colours);
+    }
+}
+
+/// The colour itself on a black background, and alpha.
+impl Pixel for [f32; 4] {
+    const IS_DISPLAYED: bool = false;
+    const HAS_ALPHA: bool = true;
+
+    fn set_alpha(pixels: &mut [Self], coverage: &[f32]) {
+        pixels.iter_mut().zip(coverage).for_each(|(pixel, &alpha)| pixel[3] = alpha);
+    }
+
+    fn develop(colours: &[[f32; 3]], _: ColourPipeline, _: DisplayTransform, pixels: &mut [Self]) {
+        pixels.iter_mut().zip(colours).for_each(|(pixel, &[r, g, b])| *pixel = [r, g, b, pixel[3]]);
     }
 }
 
@@ -255,6 +275,17 @@ impl<P: Pixel> Film<P> {
             }
         }
         Ok(film)
+    }
+}
+
+impl Film<[f32; 4]> {
+    /// The colours, and the alpha channel row by row from the top.
+    ///
+    /// # Errors
+    /// As those of [`Film::new`].
+    pub fn split_alpha(&self) -> Result<(Film, Vec<f32>)> {
+        let colours: Vec<[f32; 3]> = self.rows().map(|[r, g, b, _]| [r, g, b]).collect();
+        Ok((Film::from_rows(self.window, &colours)?, self.rows().map(|[.., alpha]| alpha).collect()))
     }
 }
 

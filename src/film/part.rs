@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::check::{FileState, PictureIdentity};
 use super::output::write_whole;
 use super::tone::{Exposure, ToneMap};
-use super::write::{Channel, FINGERPRINT, Format, Metadata, OutputImage, encode};
+use super::write::{ALPHA, Channel, FINGERPRINT, Format, Metadata, OutputImage, encode};
 use super::{ColourPipeline, DisplayTransform, Film, Pixel, Share, TILE, Window};
 use crate::error::{Error, Result};
 use crate::limits;
@@ -348,6 +348,18 @@ impl Joiner {
         let metadata = self.head.metadata;
         if format == Format::Exr {
             return Ok((OutputImage::Float(self.film, self.channels), metadata));
+        }
+        if let [Channel { name, values }] = &self.channels[..]
+            && name == ALPHA
+        {
+            if format == Format::Jpeg {
+                return Err(Error::usage(
+                    "the parts have an alpha channel, and only .png and .exr hold it",
+                    "name a file that ends in .png or .exr",
+                ));
+            }
+            let picture = OutputImage::with_alpha(&self.film, values, self.pipeline, |_| self.display)?;
+            return Ok((picture, metadata));
         }
         if !self.channels.is_empty() {
             return Err(Error::usage(

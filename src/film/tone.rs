@@ -79,6 +79,11 @@ impl DisplayTransform {
         self.ev
     }
 
+    /// The light that is displayed as white without a tone map.
+    pub fn white(self) -> f64 {
+        self.scale.recip()
+    }
+
     /// Whether it changes nothing.
     #[inline(always)]
     pub fn is_identity(self) -> bool {

@@ -8,7 +8,7 @@ use exr::prelude::{
 };
 
 use super::output::write_whole;
-use super::{ColourPipeline, Film};
+use super::{ColourPipeline, DisplayTransform, Film, Pixel};
 use crate::error::{Error, Result};
 
 /// The image formats that can be written.
@@ -59,6 +59,32 @@ pub enum OutputImage {
     /// Floating-point values for OpenEXR, and further channels.
     Float(Film, Vec<Channel>),
 }
+
+impl OutputImage {
+    /// The display values of a picture on a black background with alpha, row by row from the top, by which its colours are divided.
+    /// `display` is called with these.
+    ///
+    /// # Errors
+    /// As those of [`Film::new`].
+    pub fn with_alpha(
+        film: &Film,
+        alpha: &[f32],
+        pipeline: ColourPipeline,
+        display: impl FnOnce(&[[f32; 3]]) -> DisplayTransform,
+    ) -> Result<Self> {
+        let straight = |(pixel, &alpha): ([f32; 3], &f32)| {
+            if alpha > 0.0 { pixel.map(|channel| channel / alpha) } else { [0.0; 3] }
+        };
+        let pixels: Vec<[f32; 3]> = film.rows().zip(alpha).map(straight).collect();
+        let mut bytes = vec![[0; 3]; pixels.len()];
+        Pixel::develop(&pixels, pipeline, display(&pixels), &mut bytes);
+        let alpha = alpha.iter().map(|alpha| (alpha * 255.0).round() as u8).collect();
+        Ok(OutputImage::Rgba8(Film::from_rows(film.window(), &bytes)?, alpha, pipeline))
+    }
+}
+
+/// The name of the alpha channel.
+pub const ALPHA: &str = "A";
 
 /// A further channel: one value per pixel, row by row from the top.
 pub struct Channel {

@@ -115,8 +115,12 @@ pub fn metadata(scene: &Scene, origin: &Origin) -> Metadata {
     }
     metadata.push((FINGERPRINT.to_owned(), fingerprint.finish()));
     if !aovs.is_empty() {
+        // Their order does not change the file.
+        let mut names = aovs.to_vec();
+        names.sort_unstable();
+        names.dedup();
         // The key is part of the hash: renaming it would change the fingerprint of every picture.
-        add_to_fingerprint(&mut metadata, "layers", &aovs);
+        add_to_fingerprint(&mut metadata, "layers", &names);
     }
     // Only what is set, so that fingerprints of other pictures do not depend on these settings.
     if !display.is_identity() {

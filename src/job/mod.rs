@@ -22,7 +22,6 @@
 //! ```
 
 pub mod camera;
-mod coverage;
 mod memory;
 pub mod metadata;
 mod outside;
@@ -36,15 +35,16 @@ pub use memory::check_memory;
 pub use metadata::Metadata;
 pub use settings::{Background, CameraChoice, EnvironmentSettings, Look, RenderSettings, check_display};
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
 use crate::bvh::Layout;
+use crate::effects::convergence::Criterion;
 use crate::effects::tile::RenderContext;
 use crate::effects::{Plan, check_names, check_scene, id, named};
 use crate::error::{Error, Result, Warnings};
-use crate::film::{ColourPipeline, DisplaySettings, Film, Pixel, Share, Window};
+use crate::film::{ColourPipeline, DisplaySettings, DisplayTransform, Film, Pixel, Share, Window};
 use crate::import::check_drawable;
 use crate::render::aov::AovSource;
 use crate::render::render_displayed;
@@ -77,8 +77,10 @@ pub struct RenderJob {
     pub metadata: Metadata,
     /// Exposure and tone map of pictures of display values.
     pub display: DisplaySettings,
-    /// Whether the picture has an alpha channel ([`RenderJob::coverage`]).
+    /// Whether the picture has an alpha channel: that of [`RenderJob::render`] in pixels of four `f32`.
     pub is_transparent: bool,
+    /// The exposure in EV that adaptive sampling compares at, once it is metered.
+    pub(crate) sampling_exposure: OnceLock<f64>,
 }
 
 impl RenderJob {
@@ -109,6 +111,7 @@ impl RenderJob {
             metadata,
             display,
             is_transparent: false,
+            sampling_exposure: OnceLock::new(),
         })
     }
 
@@ -131,6 +134,7 @@ impl RenderJob {
             metadata: metadata.clone(),
             display: self.display,
             is_transparent: self.is_transparent,
+            sampling_exposure: OnceLock::new(),
         })
     }
 
@@ -150,6 +154,7 @@ impl RenderJob {
     /// As [`Plan::new`].
     pub fn set_sampling(&mut self, sampling: Sampling) -> Result<()> {
         self.choices.sampling = sampling;
+        self.sampling_exposure = OnceLock::new();
         self.plan = Plan::new(&self.world, &self.choices)?;
         Ok(())
     }
@@ -178,21 +183,52 @@ impl RenderJob {
         control: &RenderControl,
     ) -> Result<(Film<P>, Statistics)> {
         let display = self.display.in_pipeline(self.pipeline());
-        let context = RenderContext { world: &self.world, view: &self.view, display: display.known() };
+        let metered = self.meter_for_sampling(control)?;
+        let context =
+            RenderContext { world: &self.world, view: &self.view, display: self.sampling_display() };
+        let with_metering = |mut statistics: Statistics| {
+            metered.iter().for_each(|metered| statistics.add(metered));
+            statistics
+        };
         if !(P::IS_DISPLAYED && display.is_auto()) {
-            return render_displayed(&context, &self.plan, self.window, is_selected, control);
+            let (film, statistics) =
+                render_displayed(&context, &self.plan, self.window, is_selected, control)?;
+            return Ok((film, with_metering(statistics)));
         }
-        let (film, mut statistics): (Film, _) =
+        let (film, statistics): (Film, _) =
             render_displayed(&context, &self.plan, self.window, is_selected, control)?;
         let transform = display.transform_of(film.rows());
-        statistics.auto_exposure = Some(transform.ev());
+        let statistics = Statistics { auto_exposure: Some(transform.ev()), ..with_metering(statistics) };
         Ok((film.developed(self.pipeline(), transform)?, statistics))
+    }
+
+    /// The display transform that adaptive sampling compares by. An automatic exposure is that of the first samples once
+    /// [`RenderJob::render`] has metered them, and 0 EV before.
+    fn sampling_display(&self) -> DisplayTransform {
+        let display = self.display.in_pipeline(self.pipeline());
+        display.transform(self.sampling_exposure.get().copied().unwrap_or(0.0))
+    }
+
+    /// Meters the exposure that adaptive sampling compares at, where it is automatic and not yet known: that of the whole
+    /// picture with as many samples a pixel as each takes at least. Returns the statistics of that picture.
+    fn meter_for_sampling(&self, control: &RenderControl) -> Result<Option<Statistics>> {
+        let display = self.display.in_pipeline(self.pipeline());
+        if !display.is_auto() || !self.plan.is_adaptive() || self.sampling_exposure.get().is_some() {
+            return Ok(None);
+        }
+        let samples = Criterion::new(&self.choices.sampling).min_samples;
+        let mut job = self.with_choices(self.choices.clone())?;
+        job.set_sampling(self.choices.sampling.part(0, samples))?;
+        let control = RenderControl { progress: &|_, _| (), ..*control };
+        let (film, statistics): (Film, _) = job.render_selected(|_, _| true, &control)?;
+        self.sampling_exposure.get_or_init(|| display.transform_of(film.rows()).ev());
+        Ok(Some(statistics))
     }
 
     /// Source of the AOVs of the picture.
     pub fn aov_source<'a>(&'a self, film: Option<&'a Film>) -> AovSource<'a> {
         let RenderJob { world, recentering, view, plan, window, share, .. } = self;
-        let display = self.display.in_pipeline(self.pipeline()).known();
+        let display = self.sampling_display();
         AovSource {
             world,
             recentering: *recentering,

@@ -2,13 +2,14 @@
 //! more channels.
 //!
 //! Geometric AOVs come from the closest hit of the ray through each pixel's centre, unfiltered, whatever samples the
-//! picture takes. The channels of an effect are the difference of two pictures: one with the effects up to this one in
+//! picture takes. Albedo and normal are means over the pixel's samples ([`super::features`]). The channels of an effect are the difference of two pictures: one with the effects up to this one in
 //! the plan's order, and one with those before it. So the base and all effects add up to the picture.
 
 use std::sync::Mutex;
 
 use rayon::prelude::*;
 
+use super::features::{FeatureSums, Features, plan_without_light};
 use super::{RenderControl, render_displayed};
 use crate::effects::Plan;
 use crate::effects::tile::{RenderContext, Tile};
@@ -18,16 +19,16 @@ use crate::error::{Error, Result};
 use crate::film::write::Channel;
 use crate::film::{DisplayTransform, Film, Share, Window};
 use crate::scene::file::nearest_name;
-use crate::shading::{ShadingMode, shade};
 use crate::world::{Recentering, SurfaceInteraction, View, World};
 
 /// The input of an AOV: the camera ray of a pixel and its closest hit.
-struct AovInput<'a> {
-    world: &'a World,
+struct AovInput {
     /// How the scene was recentered.
     recentering: Option<Recentering>,
     /// The number and variance of the samples of the pixel.
     samples: PixelStatistics,
+    /// The albedo and normal of the pixel.
+    features: Features,
     /// The number of boxes that the ray was tested against.
     node_tests: u64,
     /// The distance and surface interaction of the closest hit.
@@ -51,6 +52,9 @@ pub const EFFECTS: &str = "effects";
 
 /// What [`EFFECTS`] is.
 pub const EFFECTS_SUMMARY: &str = "the picture without effects, and what each effect adds to those before it";
+
+/// The names of the AOVs of surfaces behind mirrors and glass.
+const DENOISING: [&str; 2] = ["denoising-albedo", "denoising-normal"];
 
 /// Every AOV except [`EFFECTS`].
 pub const AOVS: &[Aov] = &[
@@ -80,9 +84,9 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "normal",
-        summary: "unit normal for shading, on the camera's side; 0 for the background",
+        summary: "normal for shading, on the camera's side, mean of the samples; 0 for the background",
         channels: &["Normal.X", "Normal.Y", "Normal.Z"],
-        value: |input| of_surface(input, |surface| surface.shading_normal.as_vec3().to_array()),
+        value: |input| input.features.first[1],
     },
     Aov {
         name: "geometric-normal",
@@ -92,13 +96,21 @@ pub const AOVS: &[Aov] = &[
     },
     Aov {
         name: "albedo",
-        summary: "colour of the surface, without light; 0 for the background",
+        summary: "colour of the surface, without light, mean of the samples; 0 for the background",
         channels: &["Albedo.R", "Albedo.G", "Albedo.B"],
-        value: |input| {
-            of_surface(input, |surface| {
-                shade(input.world, ShadingMode::Flat, surface, &[]).as_vec3().to_array()
-            })
-        },
+        value: |input| input.features.first[0],
+    },
+    Aov {
+        name: DENOISING[0],
+        summary: "`albedo` of the first surface of each path that is no smooth mirror and no clear glass",
+        channels: &["DenoisingAlbedo.R", "DenoisingAlbedo.G", "DenoisingAlbedo.B"],
+        value: |input| input.features.behind_mirrors[0],
+    },
+    Aov {
+        name: DENOISING[1],
+        summary: "`normal` of that surface",
+        channels: &["DenoisingNormal.X", "DenoisingNormal.Y", "DenoisingNormal.Z"],
+        value: |input| input.features.behind_mirrors[1],
     },
     Aov {
         name: "object",
@@ -235,13 +247,14 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
     let Window { x, y, width, .. } = source.window;
     let area = source.window.area();
     let all: Vec<Mutex<Vec<f32>>> = names.iter().map(|_| Mutex::new(vec![0.0; area])).collect();
+    let of_features = plan_without_light(source.plan, source.world, has(aovs, &DENOISING));
     // A film of the same window has the same tiles as the picture.
     let mut tiles: Film<[u8; 3]> = Film::new(source.window)?;
     tiles.tiles_mut().into_par_iter().enumerate().for_each_init(Tile::default, |tile, (place, part)| {
         if !source.share.has(place) || control.cancel.load(std::sync::atomic::Ordering::Relaxed) {
             return;
         }
-        let values = of_tile(source, aovs, tile, part.window);
+        let values = of_tile(source, of_features.as_ref(), aovs, tile, part.window);
         for (channel, values) in all.iter().zip(values) {
             let Ok(mut channel) = channel.lock() else { continue };
             for (row, values) in values.chunks(part.window.width as usize).enumerate() {
@@ -260,17 +273,36 @@ fn pixel_channels(source: &AovSource, aovs: &[&Aov], control: &RenderControl) ->
         .collect())
 }
 
-/// For each channel, its values in a tile.
-fn of_tile(source: &AovSource, aovs: &[&Aov], tile: &mut Tile, window: Window) -> Vec<Vec<f32>> {
+/// The AOVs of [`Features`].
+const FILTERED: [&str; 4] = ["albedo", "normal", DENOISING[0], DENOISING[1]];
+
+fn has(aovs: &[&Aov], names: &[&str]) -> bool {
+    aovs.iter().any(|aov| names.contains(&aov.name))
+}
+
+/// For each channel, its values in a tile. `of_features` is the plan for albedo and normal, if it is not the picture's.
+fn of_tile(
+    source: &AovSource,
+    of_features: Option<&Plan>,
+    aovs: &[&Aov],
+    tile: &mut Tile,
+    window: Window,
+) -> Vec<Vec<f32>> {
     let world = source.world;
-    tile.start(window);
     let context = RenderContext { world, view: source.view, display: source.display };
-    let is_sampled = aovs.iter().any(|aov| ["samples", "variance"].contains(&aov.name));
-    let samples = if is_sampled {
-        source.plan.sample_statistics(tile, &context, window)
-    } else {
-        vec![PixelStatistics::of_one(); window.area()]
-    };
+    let mut samples = vec![PixelStatistics::of_one(); window.area()];
+    let mut features = vec![Features::default(); window.area()];
+    let mut is_sampled = false;
+    if has(aovs, &FILTERED) {
+        let plan = of_features.unwrap_or(source.plan);
+        let mut sums = FeatureSums::new(plan, tile);
+        samples = plan.sample_statistics(tile, &context, window, |tile| sums.add_pass(plan, tile, &context));
+        features = sums.finish(plan, tile);
+        is_sampled = of_features.is_none();
+    }
+    if has(aovs, &["samples", "variance"]) && source.plan.takes_samples() && !is_sampled {
+        samples = source.plan.sample_statistics(tile, &context, window, |_| {});
+    }
     tile.start(window);
     source.plan.centre_rays(tile, &context);
     let count = aovs.iter().map(|aov| aov.channels.len()).sum();
@@ -284,9 +316,9 @@ fn of_tile(source: &AovSource, aovs: &[&Aov], tile: &mut Tile, window: Window) -
             world.accelerator.closest_hit(&ray, traversal)
         };
         let input = AovInput {
-            world,
             recentering: source.recentering,
             samples: samples[pixel as usize],
+            features: features[pixel as usize],
             node_tests: traversal.tests.nodes - before,
             hit: hit.map(|hit| (hit.t, world.interaction(&ray, &hit))),
         };

@@ -4,6 +4,7 @@
 //! bits for any number of threads, any order of tiles and any crop.
 
 pub mod aov;
+mod features;
 mod statistics;
 
 pub use statistics::{EffectCost, StageTime, Statistics, grouped};
@@ -79,7 +80,7 @@ pub fn render_displayed<P: Pixel>(
             return;
         }
         let taken = idle.lock().ok().and_then(|mut idle| idle.pop());
-        let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan)));
+        let mut worker = taken.unwrap_or_else(|| Box::new(Worker::new(plan, P::HAS_ALPHA)));
         render_tile(plan, context, &mut tile, &mut worker, control);
         if let Ok(mut idle) = idle.lock() {
             idle.push(worker);
@@ -104,9 +105,9 @@ struct Worker {
 }
 
 impl Worker {
-    fn new(plan: &Plan) -> Self {
+    fn new(plan: &Plan, has_alpha: bool) -> Self {
         Worker {
-            tile: Tile::default(),
+            tile: Tile::with_alpha(has_alpha),
             times: vec![Default::default(); plan.stages().len()],
             non_finite: Vec::new(),
         }
@@ -141,6 +142,7 @@ fn render_tile<P: Pixel>(
             return;
         }
     }
+    P::set_alpha(film.pixels, tile.coverage.as_deref().unwrap_or_default());
     let colours = &tile.pixels;
     non_finite.extend(simd_dispatch(
         #[inline(always)]

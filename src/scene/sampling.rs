@@ -96,9 +96,10 @@ impl Sampling {
         samples.or(*min_samples).is_some() || filter.is_some() || filter_radius.or(*noise).is_some()
     }
 
-    /// Samples per pixel; with `noise`, the maximum.
+    /// Samples per pixel; with `noise`, the maximum. At least 1.
     pub fn max_samples(&self) -> u32 {
-        self.samples.unwrap_or(if self.noise.is_some() { DEFAULT_MAX_SAMPLES } else { DEFAULT_SAMPLES })
+        let default = if self.noise.is_some() { DEFAULT_MAX_SAMPLES } else { DEFAULT_SAMPLES };
+        self.samples.unwrap_or(default).max(1)
     }
 
     /// Samples per pixel that are taken, at most: 1 without antialiasing.

@@ -122,6 +122,68 @@ fn a_transparent_background_has_alpha_of_the_part_that_is_covered() {
     );
 }
 
+/// A ball of one colour without light, and a glass pane of alpha 1/2 beside it, before a transparent background.
+const BALL: &str = "[image]\nwidth = 40\nheight = 24\ncolour = 'linear'\n\
+    [[camera]]\nposition = [0, 0, 8]\nlook_at = [0, 0, 0]\n\
+    [material.m]\ncolour = '#202020'\n[material.pane]\ncolour = '#202020'\nopacity = 0.5\n\
+    [[sphere]]\ncentre = [-1, 0, 0]\nradius = 1.5\nmaterial = 'm'\n\
+    [[triangles]]\nmaterial = 'pane'\nvertices = [[1, -1, 0], [3, -1.2, 0], [2, 1.7, 0]]\n";
+
+/// The channels R and A of an EXR.
+fn colour_and_alpha(workshop: &Workshop, name: &str) -> Vec<[f32; 2]> {
+    let image = kiln::film::channels::ExrChannels::open(&workshop.path(name)).expect("channels");
+    let [colour, alpha] = ["R", "A"].map(|channel| image.channel(channel).expect("a channel"));
+    colour.iter().zip(alpha).map(|(&colour, &alpha)| [colour, alpha]).collect()
+}
+
+/// Colour and alpha come from the same samples, also where their number differs from pixel to pixel: without light, the colour is
+/// the material's times alpha. Both are sums of f64 rounded to f32, so that they differ by two such roundings.
+#[test]
+fn colour_and_alpha_are_of_the_same_samples() {
+    let workshop = Workshop::new();
+    workshop.write("ball.toml", BALL);
+    let render = |options: &str| {
+        workshop
+            .succeed(&format!("render ball.toml --background transparent --shading flat {options} -o a.exr"));
+        colour_and_alpha(&workshop, "a.exr")
+    };
+    let own = render("--samples 1")[12 * 40 + 14][0];
+    for options in ["--samples 1", "--samples 16", "--noise 0.05", "--noise 0.02 --filter mitchell"] {
+        let pixels = render(options);
+        // Filters with negative lobes are cut off at 0 and 1 in alpha alone.
+        let is_inside = |alpha: f32| !options.contains("mitchell") || (alpha > 0.0 && alpha < 1.0);
+        for [colour, alpha] in pixels.iter().copied().filter(|&[_, alpha]| is_inside(alpha)) {
+            assert!((colour - own * alpha).abs() <= own * f32::EPSILON, "{options}: {colour} {alpha}");
+        }
+        assert!(pixels.iter().any(|&[_, alpha]| alpha > 0.1 && alpha < 0.9), "{options}");
+    }
+    // A dark ball shows no noise of its own, its silhouette does: beside a light background. Fewer than 1 % of the pixels are off
+    // by more than three times the level, none by more than ten times.
+    let (noisy, limit) = (render("--noise 0.02 --samples 1024"), render("--samples 4096"));
+    let off: Vec<f32> = noisy.iter().zip(&limit).map(|(a, b)| (a[1] - b[1]).abs()).collect();
+    let beyond = |level: f32| off.iter().filter(|&&off| off > level).count();
+    assert!(beyond(0.06) * 100 < off.len() && beyond(0.2) == 0, "{} {}", beyond(0.06), beyond(0.2));
+}
+
+/// The parts of a picture with a transparent background make the file of a single run.
+#[test]
+fn transparent_pictures_are_merged_from_parts() {
+    let workshop = Workshop::new();
+    workshop.write("ball.toml", BALL);
+    let options = "--background transparent --noise 0.05 --exposure 2 --tone-map agx";
+    for (file, aov) in [("a.png", ""), ("a.exr", "--aov depth")] {
+        workshop.succeed(&format!("render ball.toml {options} {aov} -o {file}"));
+        let whole = workshop.bytes(file);
+        for part in 1..=3 {
+            workshop.succeed(&format!("render ball.toml {options} {aov} -o {file} --shard {part}/3"));
+        }
+        let merge = "merge a.3of3.part a.1of3.part a.2of3.part -o";
+        workshop.succeed(&format!("{merge} b.{}", &file[2..]));
+        assert!(workshop.bytes(&format!("b.{}", &file[2..])) == whole, "{file}");
+        workshop.fail(&format!("{merge} b.jpg"), 2, ["the parts have", "hint: name a file that ends in"]);
+    }
+}
+
 #[test]
 fn png_is_the_display_transform_of_exr() {
     let workshop = Workshop::new();

@@ -92,16 +92,21 @@ fn values_are_those_of_the_rays() {
                 ["Position", "Normal", "GeometricNormal"].map(|layer| three(layer, xyz)),
                 [[0.0; 3]; 3]
             );
-            assert_eq!(three("Albedo", rgb), [0.0; 3]);
+            assert_eq!(["Albedo", "DenoisingAlbedo"].map(|layer| three(layer, rgb)), [[0.0; 3]; 2]);
+            assert_eq!(three("DenoisingNormal", xyz), [0.0; 3]);
             continue;
         };
         let surface = prepared.world.interaction(ray, &hit);
         assert_eq!(at("Depth.Z"), hit.t as f32);
         assert_eq!(three("Position", xyz), surface.point.position.as_vec3().to_array());
-        assert_eq!(three("Normal", xyz), surface.shading_normal.as_vec3().to_array());
+        for layer in ["Normal", "DenoisingNormal"] {
+            assert_eq!(three(layer, xyz), surface.shading_normal.as_vec3().to_array());
+        }
         assert_eq!(three("GeometricNormal", xyz), surface.geometric_normal.as_vec3().to_array());
         let albedo = shade(&prepared.world, ShadingMode::Flat, &surface, &[]);
-        assert_eq!(three("Albedo", rgb), albedo.as_vec3().to_array());
+        for layer in ["Albedo", "DenoisingAlbedo"] {
+            assert_eq!(three(layer, rgb), albedo.as_vec3().to_array());
+        }
         assert_eq!((at("Object.X"), at("Material.X")), (surface.object as f32, surface.material as f32));
         assert_eq!(at("Primitive.X"), hit.prim.0 as f32);
         // The point lies on the ray, up to the rounding of t and of the point to f32.
@@ -111,6 +116,117 @@ fn values_are_those_of_the_rays() {
     assert!(background > 100, "some pixels see the background");
     for channel in AOVS.iter().flat_map(|aov| aov.channels) {
         assert!(compared.borrow().contains(*channel), "{channel} is compared with nothing");
+    }
+}
+
+/// Albedo is the picture without light on a black background: its textures, filter and samples. So are the denoising AOVs, where
+/// nothing mirrors.
+#[test]
+fn albedo_is_the_picture_without_light() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for options in [&[][..], &["--samples", "7"], &["--samples", "5", "--filter", "mitchell"]] {
+        let render = |more: &[&str]| {
+            let file = folder.path().join("a.exr");
+            let scene = ["scenes/effects/textures.toml", "--background", "#000000", "--without", "glaze"];
+            kiln(&[&scene, options, more, &["-o"]].concat()).arg(&file).assert().success();
+            channels(&file)
+        };
+        let flat = render(&["--shading", "flat"]);
+        let lit = render(&["--aov", "albedo,denoising-albedo"]);
+        let colours: BTreeSet<u32> = lit["Albedo.R"].iter().map(|c| c.to_bits()).collect();
+        assert!(colours.len() > 100, "{options:?}: {} colours", colours.len());
+        for letter in ["R", "G", "B"] {
+            let [albedo, same] =
+                ["Albedo", "DenoisingAlbedo"].map(|layer| &lit[&format!("{layer}.{letter}")]);
+            assert!(*albedo == flat[letter] && albedo == same, "{options:?} {letter}");
+        }
+    }
+}
+
+/// A quarter of each pixel shows a square whose normal map tilts its normal (0, 0, 1) by a known angle: red 204 of 255 is 0.6,
+/// blue 230 is 0.804, so that the unit normal is (0.598, 0.0039, 0.801) up to the sign that the texture's axes give. Its mean
+/// over the pixel is a quarter of that.
+#[test]
+fn normals_are_those_of_normal_maps_and_filtered() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str| folder.path().join(name);
+    image::RgbImage::from_pixel(1, 1, image::Rgb([204, 128, 230])).save(file("n.png")).expect("a map");
+    std::fs::write(file("m.mtl"), "newmtl m\nKd 1 1 1\nnorm n.png\n").expect("materials");
+    let side = |width: f64| {
+        format!(
+            "mtllib m.mtl\nv 0 0 0\nv {width} 0 0\nv {width} 18 0\nv 0 18 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+             usemtl m\nf 1/1 2/2 3/3 4/4\n"
+        )
+    };
+    // The pixel in column 24, row 17 is from (0, 0) to (1, 1): covered up to x = 1/4, or wholly.
+    let tilted = glam::DVec3::from([204.0, 128.0, 230.0].map(|c| 2.0 * c / 255.0 - 1.0)).normalize();
+    for (width, share) in [(0.25, 0.25), (1.0, 1.0)] {
+        std::fs::write(file("a.obj"), side(width)).expect("a mesh");
+        let scene = "[[camera]]\nposition = [0, 0, 5]\nlook_at = [0, 0, 0]\nprojection = 'orthographic'\n\
+                     viewing_rectangle = [48, 36]\nviewpoint_distance = 1\n[[mesh]]\nfile = 'a.obj'\n";
+        std::fs::write(file("a.toml"), scene).expect("a scene");
+        let options = ["--samples", "256", "--filter", "box", "--aov", "normal,denoising-normal", "-o"];
+        kiln(&options).arg(file("a.exr")).arg(file("a.toml")).assert().success();
+        let all = channels(&file("a.exr"));
+        for layer in ["Normal", "DenoisingNormal"] {
+            let normal = ["X", "Y", "Z"].map(|axis| f64::from(all[&format!("{layer}.{axis}")][17 * 48 + 24]));
+            let off = glam::DVec3::from(normal) - share * tilted;
+            // 256 Sobol points are in 16 columns of 16: at most one column is on the wrong side. Maps have 16 bits.
+            let bound = if share == 1.0 { 1e-4 } else { 1.0 / 16.0 };
+            assert!(
+                off.abs().max_element() < bound,
+                "{layer} {share}: {normal:?} instead of {}",
+                share * tilted
+            );
+        }
+    }
+}
+
+/// A smooth mirror at 45 degrees shows a red wall to its side, a pane of clear glass a blue one behind it: denoising AOVs are
+/// those of the walls, the others those of mirror and glass.
+#[test]
+fn denoising_aovs_are_of_what_mirrors_and_glass_show() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (scene, output) = (folder.path().join("a.toml"), folder.path().join("a.exr"));
+    let text = "[image]\ncolour = 'linear'\ntransport = 'path'\n\
+        [[camera]]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\nprojection = 'orthographic'\n\
+        viewing_rectangle = [4, 3]\nviewpoint_distance = 1\n\
+        [material.mirror]\ncolour = [255, 255, 255]\nmetallic = 1\nroughness = 0\n\
+        [material.glass]\ncolour = [255, 255, 255]\nroughness = 0\nlayers = { transmission = 1, ior = 1 }\n\
+        [material.red]\ncolour = [255, 0, 0]\nmetallic = 0\nroughness = 1\n\
+        [material.blue]\ncolour = [0, 0, 255]\nmetallic = 0\nroughness = 1\n\
+        [[triangles]]\nmaterial = 'mirror'\nvertices = [[-2, -9, 0], [0, -9, 2], [0, 9, 2], [-2, 9, 0]]\n\
+        indices = [[0, 1, 2], [0, 2, 3]]\n\
+        [[triangles]]\nmaterial = 'red'\nvertices = [[-5, -9, -9], [-5, -9, 9], [-5, 9, 9], [-5, 9, -9]]\n\
+        indices = [[0, 1, 2], [0, 2, 3]]\n\
+        [[triangles]]\nmaterial = 'glass'\nvertices = [[0, -9, 0], [2, -9, 0], [2, 9, 0], [0, 9, 0]]\n\
+        indices = [[0, 1, 2], [0, 2, 3]]\n\
+        [[triangles]]\nmaterial = 'blue'\nvertices = [[0, -9, -3], [2, -9, -3], [2, 9, -3], [0, 9, -3]]\n\
+        indices = [[0, 1, 2], [0, 2, 3]]\n";
+    std::fs::write(&scene, text).expect("a scene");
+    let aov = "albedo,normal,denoising-albedo,denoising-normal";
+    kiln(&["--samples", "4", "--filter", "box", "--aov", aov, "-o"])
+        .arg(&output)
+        .arg(&scene)
+        .assert()
+        .success();
+    let all = channels(&output);
+    let three = |layer: &str, letters: [&str; 3], x: usize| {
+        letters.map(|letter| all[&format!("{layer}.{letter}")][18 * 48 + x])
+    };
+    let half = 0.5f32.sqrt();
+    // The mirror faces (-1, 0, 1); light along -z leaves it along -x, to the wall that faces +x.
+    for (x, albedo, normal, behind, facing) in [
+        (12, [1.0, 1.0, 1.0], [-half, 0.0, half], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
+        (36, [1.0, 1.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]),
+    ] {
+        let close = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+        let (rgb, xyz) = (["R", "G", "B"], ["X", "Y", "Z"]);
+        assert_eq!(three("Albedo", rgb, x), albedo);
+        assert!(close(three("Normal", xyz, x), normal), "{:?}", three("Normal", xyz, x));
+        assert_eq!(three("DenoisingAlbedo", rgb, x), behind);
+        let found = three("DenoisingNormal", xyz, x);
+        assert!(close(found, facing), "{found:?}");
     }
 }
 
@@ -217,6 +333,9 @@ fn equal_input_gives_equal_bytes() {
         // names.
         assert!((0..4).all(|i| bytes(aov, ["1", "2"][i % 2]) == first));
     }
+    // The order of names, and names given twice, change nothing in the file.
+    let [a, b] = ["depth,normal", "normal,depth,normal"].map(|aov| bytes(&["--aov", aov], "1"));
+    assert!(a == b);
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod golden;
 mod ground;
 mod layers;
 mod lights;
+mod noise;
 mod normal_maps;
 mod path;
 mod sampling;

@@ -3,11 +3,15 @@
 use crate::common::Numbers;
 use crate::common::picture::{Prepared, parse, prepare};
 use glam::DVec3;
-use kiln::effects::convergence::{Criterion, FirstSamples, SampleGroups, displayed_error, missed_variance};
-use kiln::effects::random::{Point, Purpose, Scramble};
+use kiln::effects::convergence::{
+    Criterion, FirstSamples, Neighbourhood, SampleGroups, displayed_error, missed_variance, random_variance,
+    unseen_variance,
+};
+use kiln::effects::random::{Point, Purpose, Scramble, independent_pair};
 use kiln::effects::region::SampledRegion;
 use kiln::effects::samples::SampleSum;
 use kiln::effects::tile::{RenderContext, Tile};
+use kiln::effects::variance::SampleVariance;
 use kiln::effects::{Choices, Plan, RayKind};
 use kiln::film::{ColourPipeline, Film, Filter, FilterShape, Window};
 use kiln::render::{RenderControl, Statistics, render};
@@ -193,38 +197,42 @@ fn stop(adaptive: Criterion, most: u32, by_neighbours: bool) -> Stopped {
         let (value, exact) = edge(&mut numbers);
         let (left, top) = (3 * pixel, 1);
         // The samples `from` up to `to` of the pixel in this column and row of the three by three.
-        let take =
-            |column: u32, row: u32, from: u32, to: u32, sum: &mut SampleSum, groups: &mut SampleGroups| {
-                let scramble = Scramble::new(left + column, top + row, 0, Purpose::Pixel);
-                for sample in from..to {
-                    let ([x, y], sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
-                    let colour = [value(x + f64::from(column) - 1.0, y + f64::from(row) - 1.0) as f32; 3];
-                    sum.add(colour, sign);
-                    groups.add(colour, sign as f32);
-                }
-            };
+        let take = |column: u32,
+                    row: u32,
+                    from: u32,
+                    to: u32,
+                    groups: &mut SampleGroups,
+                    samples: &mut SampleVariance| {
+            let scramble = Scramble::new(left + column, top + row, 0, Purpose::Pixel);
+            for sample in from..to {
+                let ([x, y], sign) = filter.place(scramble.of(Point::new(sample, Purpose::Pixel)));
+                let colour = [value(x + f64::from(column) - 1.0, y + f64::from(row) - 1.0) as f32; 3];
+                groups.add(colour, sign as f32);
+                samples.add(colour);
+            }
+        };
         let mut firsts = Vec::new();
         for (row, column) in (0..9).map(|i| (i / 3, i % 3)) {
-            let (mut sum, mut groups) = (SampleSum::default(), SampleGroups::default());
-            take(column, row, 0, adaptive.min_samples, &mut sum, &mut groups);
-            firsts.push(FirstSamples::new(&groups, sum.mean(), 1.0));
+            let (mut groups, mut samples) = (SampleGroups::default(), SampleVariance::default());
+            take(column, row, 0, adaptive.min_samples, &mut groups, &mut samples);
+            firsts.push(FirstSamples::from(&samples));
         }
-        let around = firsts[4].deviation(&firsts);
-        let (mut sum, mut groups) = (SampleSum::default(), SampleGroups::default());
+        let around = firsts[4].neighbourhood(&firsts).deviation;
+        let (mut groups, mut samples) = (SampleGroups::default(), SampleVariance::default());
         let mut look = 0;
         loop {
             let next = adaptive.next_test(look, most);
-            take(1, 1, look, next, &mut sum, &mut groups);
+            take(1, 1, look, next, &mut groups, &mut samples);
             look = next;
             let hidden = if by_neighbours { missed_variance(around, look) } else { DVec3::ZERO };
-            let error = (groups.variance(sum.mean(), 1.0) + hidden).x.sqrt();
+            let error = (groups.variance(samples.mean(), 1.0) + hidden).x.sqrt();
             let error =
-                displayed_error(sum.mean(), DVec3::splat(error), |c| c.clamp(DVec3::ZERO, DVec3::ONE));
+                displayed_error(samples.mean(), DVec3::splat(error), |c| c.clamp(DVec3::ZERO, DVec3::ONE));
             if look == most || error <= adaptive.max_error {
                 break;
             }
         }
-        let off = (sum.mean().x - exact).abs();
+        let off = (samples.mean().x - exact).abs();
         wrong += u32::from(off > 3.0 * adaptive.max_error);
         squares += off * off;
         taken += look;
@@ -262,24 +270,140 @@ fn few_pixels_are_stopped_too_early() {
 #[test]
 fn first_samples_lie_apart_by_their_mean_squares() {
     let first = |colours: &[f32]| {
-        let (mut sum, mut groups) = (SampleSum::default(), SampleGroups::default());
-        for &colour in colours {
-            sum.add([colour, 0.0, 1.0], 1.0);
-            groups.add([colour, 0.0, 1.0], 1.0);
-        }
-        FirstSamples::new(&groups, sum.mean(), 1.0)
+        let mut samples = SampleVariance::default();
+        colours.iter().for_each(|&colour| samples.add([colour, 0.0, 1.0]));
+        FirstSamples::from(&samples)
     };
     // 0, 0, 1, 1 has a variance of 4 (1/2)^2 / 3 = 1/3 and lies 1/2 off 0: of itself and this, (0 + 1/3 + 1/4) / 2 =
     // 7/24.
     let (black, half) = (first(&[0.0; 4]), first(&[0.0, 0.0, 1.0, 1.0]));
-    let spread = black.deviation([&black, &half]);
+    let spread = black.neighbourhood([&black, &half]).deviation;
     assert!((spread.x - 7.0 / 24.0).abs() < 1e-6 && spread.y == 0.0 && spread.z == 0.0, "{spread}");
     // What is no number is left out, and does not hide the others.
     let broken = first(&[f32::NAN; 4]);
-    assert_eq!(black.deviation([&black, &broken, &half]), spread);
+    assert_eq!(black.neighbourhood([&black, &broken, &half]).deviation, spread);
     // It counts for less and less: by the third power of the samples taken.
     let [few, many] = [4, 8].map(|taken| missed_variance(spread, taken));
     assert!((few.x / many.x - 8.0).abs() < 1e-9 && few.y == 0.0);
+}
+
+/// Uniform numbers of independent samples decide: an event of probability p with the value h, as an occlusion ray is, or light
+/// of a heavy tail, uniform to the power of 8, whose mean is h / 9 and whose variance h^2 (1 / 17 - 1 / 81).
+const LIGHTS: [fn(f64) -> f64; 5] = [
+    |u| f64::from(u8::from(u < 0.5)),
+    |u| f64::from(u8::from(u < 0.05)),
+    |u| f64::from(u8::from(u < 0.01)) * 2.0,
+    |u| u.powi(8) * 9.0,
+    |u| 0.5 + 0.1 * u,
+];
+
+/// The mean and the variance of a sample of each of [`LIGHTS`]: p h and p (1 - p) h^2; 1 and 81 / 17 - 1; of a uniform number 1/2
+/// and 1/12.
+const MOMENTS: [[f64; 2]; 5] =
+    [[0.5, 0.25], [0.05, 0.0475], [0.02, 0.0396], [1.0, 64.0 / 17.0], [0.55, 0.01 / 12.0]];
+
+fn light(kind: usize, seed: u32, pixel: u32, sample: u32) -> f64 {
+    LIGHTS[kind](f64::from(independent_pair([pixel, seed], 1, sample, 3)[0]))
+}
+
+/// The samples of a pixel in both forms.
+#[derive(Clone, Copy, Default)]
+struct Samples {
+    variance: SampleVariance,
+    groups: SampleGroups,
+}
+
+impl Samples {
+    /// Takes the samples `from..to` of a pixel.
+    fn take(&mut self, (kind, seed, pixel): (usize, u32, u32), from: u32, to: u32) {
+        for sample in from..to {
+            let colour = [light(kind, seed, pixel, sample) as f32; 3];
+            self.variance.add(colour);
+            self.groups.add(colour, 1.0);
+        }
+    }
+
+    fn random_variance(&self, around: &Neighbourhood) -> DVec3 {
+        random_variance((&self.variance, &self.groups), around.variance, 1.0)
+    }
+}
+
+/// The first samples of a pixel with such light, and what they and those of the eight around it say, which have the same light.
+fn first_of_nine(kind: usize, seed: u32, first: u32) -> (Samples, Neighbourhood) {
+    let of = |pixel| {
+        let mut samples = Samples::default();
+        samples.take((kind, seed, pixel), 0, first);
+        samples
+    };
+    let nine: Vec<Samples> = (0..9).map(of).collect();
+    let near: Vec<FirstSamples> = nine.iter().map(|pixel| FirstSamples::from(&pixel.variance)).collect();
+    (nine[0], near[0].neighbourhood(&near))
+}
+
+/// The predicted variance of the mean against the squared error measured over many seeds. The own and the pooled variance, and
+/// that of groups, have the mean of the true one, of which the prediction is the mean of the last and the maximum of the others:
+/// no less than the truth. The maximum of two numbers exceeds their mean by half their difference: for four samples of a rare event
+/// by less than the variance itself.
+#[test]
+fn predicted_variances_are_those_measured_over_many_seeds() {
+    let seeds = 20_000;
+    for (kind, [mean, variance]) in MOMENTS.into_iter().enumerate() {
+        for count in [4, 16, 64] {
+            let (mut predicted, mut squares) = (0.0, 0.0);
+            for seed in 0..seeds {
+                let (mut samples, around) = first_of_nine(kind, seed, 4);
+                samples.take((kind, seed, 0), 4, count);
+                predicted += samples.random_variance(&around).x / f64::from(seeds);
+                squares += (samples.variance.mean().x - mean).powi(2) / f64::from(seeds);
+            }
+            let exact = variance / f64::from(count);
+            println!("{kind} {count}: predicted {:.3}, measured {:.3}", predicted / exact, squares / exact);
+            assert!((squares / exact - 1.0).abs() < 0.1, "the measure itself: {}", squares / exact);
+            assert!((1.0..2.0).contains(&(predicted / exact)), "{kind} {count}: {}", predicted / exact);
+        }
+    }
+}
+
+/// Pixels of random light, as many of each kind, sampled as the effect does, to the level of 0.02: of those that end below the
+/// limit, fewer than 1 % are off by more than three times the level, none by more than ten times. An error of three standard errors has a probability of 0.0027 by the normal
+/// distribution; ending at the first low estimate adds to that. Black of many samples does not end a pixel that has light in one of a
+/// hundred.
+#[test]
+fn pixels_of_random_light_end_when_they_are_accurate() {
+    let (level, most, first) = (0.02, 1024, 4);
+    let criterion = Criterion { max_error: level, min_samples: first };
+    let shown = |c: DVec3| c.clamp(DVec3::ZERO, DVec3::ONE).powf(1.0 / 2.2);
+    let seeds = 20_000;
+    let (mut all, mut all_beyond) = (0, 0);
+    for (kind, [mean, _]) in MOMENTS.into_iter().enumerate() {
+        let (mut ended, mut beyond, mut far, mut taken) = (0, 0, 0, 0.0);
+        for seed in 0..seeds {
+            let ((mut samples, around), mut count) = (first_of_nine(kind, seed, first), first);
+            loop {
+                let variance = samples.random_variance(&around)
+                    + missed_variance(around.deviation, count)
+                    + unseen_variance(1.0, count + 8 * first);
+                let value = samples.variance.mean();
+                let error = displayed_error(value, DVec3::from(variance.to_array().map(f64::sqrt)), shown);
+                if error <= level || count == most {
+                    break;
+                }
+                let next = criterion.next_test(count, most);
+                samples.take((kind, seed, 0), count, next);
+                count = next;
+            }
+            taken += f64::from(count) / f64::from(seeds);
+            if count < most {
+                let off = (shown(samples.variance.mean()) - shown(DVec3::splat(mean))).abs().x;
+                (ended, beyond, far) =
+                    (ended + 1, beyond + u32::from(off > 3.0 * level), far + u32::from(off > 10.0 * level));
+            }
+        }
+        println!("{kind}: {ended} ended, {beyond} beyond 3, {far} beyond 10; {taken:.1} samples");
+        assert_eq!(far, 0, "{kind}");
+        (all, all_beyond) = (all + ended, all_beyond + beyond);
+    }
+    assert!(all_beyond * 100 < all, "{all_beyond} of {all}");
 }
 
 #[test]
@@ -315,6 +439,9 @@ fn pixels_are_looked_at_at_the_floor_and_at_growing_counts() {
     assert_eq!(looks(4, 50), [4, 8, 16, 32, 48, 50]);
     assert_eq!(looks(6, 40), [6, 12, 24, 40]);
     assert_eq!(looks(5, 5), [5]);
+    // No samples at least, or at most, count as one.
+    let none = |samples| Sampling { noise: Some(0.1), min_samples: Some(0), samples, ..Sampling::default() };
+    assert_eq!([None, Some(0)].map(|samples| Criterion::new(&none(samples)).min_samples), [1; 2]);
 }
 
 /// Black, and white below a slanted line, 16 by 16 pixels of unit size; with a shadowed, glazed ball where asked for.
@@ -410,7 +537,7 @@ fn single_pixels_have_the_picture_s_bits() {
 
 /// The number of samples of each pixel of a window within a tile.
 fn counts(plan: &Plan, context: &RenderContext, window: Window) -> Vec<u32> {
-    let statistics = plan.sample_statistics(&mut Tile::default(), context, window);
+    let statistics = plan.sample_statistics(&mut Tile::default(), context, window, |_| {});
     statistics.iter().map(|pixel| pixel.count).collect()
 }
 

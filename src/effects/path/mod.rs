@@ -57,6 +57,7 @@ pub const EFFECT: Effect = Effect {
     called_for,
     specify: |_, spec| {
         spec.is_path = true;
+        spec.is_random = true;
         spec.texture_use.is_path = true;
         spec.lit = false;
         spec.secondary = Some(SecondaryRays { kind: RAYS, hits: "path hits", effect: id::PATH });

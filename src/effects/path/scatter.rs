@@ -12,6 +12,7 @@ use crate::effects::{LightTechnique, PathSettings};
 use crate::geometry::{Hit, Ray};
 use crate::scene::{Material, Phong, PixelSampler};
 use crate::shading::bsdf::{Bsdf, BsdfParameters};
+use crate::shading::{ShadingMode, shade};
 use crate::world::{PreparedMaterial, SurfaceInteraction, World};
 
 /// The highest probability with which roulette lets a path continue.
@@ -66,6 +67,11 @@ impl Buffers {
     /// Adds emitted radiance, lists shadow rays and fills the next generation.
     pub(super) fn scatter(&mut self, tile: &mut Tile, context: &RenderContext, stage: &Scatter) {
         let depth = tile.depth;
+        let mut scattering = tile.scattering.take();
+        if let Some(found) = scattering.as_mut().filter(|_| depth == 0) {
+            found.clear();
+            found.resize(self.paths.len(), None);
+        }
         let (generation, next) = tile.this_and_next();
         next.rays.set_len(0);
         next.sources.clear();
@@ -87,6 +93,11 @@ impl Buffers {
             let surface = generation.surfaces.get(index);
             let vertex = Vertex::new(context.world, &lights, surface, &hit, (path, media));
             self.add_radiance(path.camera_ray, vertex.emitted, stage, depth);
+            if let Some(found) = &mut scattering
+                && !vertex.bsdf.as_ref().is_some_and(Bsdf::is_delta)
+            {
+                found[path.camera_ray as usize].get_or_insert_with(|| vertex.albedo_and_normal());
+            }
             let Some(bsdf) = vertex.bsdf.as_ref().filter(|_| (depth as u32) < stage.depth) else { continue };
             self.sample_lights(&vertex, bsdf, &lights, &numbers, stage);
             if let Some((ray, path, media)) = vertex.continue_path(bsdf, &numbers, stage.settings.roulette_from) {
@@ -104,6 +115,7 @@ impl Buffers {
         }
         std::mem::swap(&mut self.paths, &mut self.next);
         std::mem::swap(&mut self.media, &mut self.next_media);
+        tile.scattering = scattering;
         tile.discarded_samples += self.discarded;
     }
 
@@ -214,6 +226,12 @@ impl<'a> Vertex<'a> {
             throughput * emission * lights.weight_of_emitter(&surface, hit, &path)
         };
         Vertex { world, hit, surface, path, sides: crossing.sides, frame, emitted, bsdf }
+    }
+
+    /// The albedo and the shading normal, for denoisers.
+    fn albedo_and_normal(&self) -> [[f32; 3]; 2] {
+        let albedo = shade(self.world, ShadingMode::Flat, &self.surface, &[]);
+        [albedo, self.surface.shading_normal].map(|value| value.as_vec3().to_array())
     }
 
     /// The value of the BSDF times the cosine, and its density, for a world direction. 0 where shading and geometric normal

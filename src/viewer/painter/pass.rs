@@ -1,7 +1,7 @@
 //! Progressive rendering of one side of a request.
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use egui::{Color32, ColorImage};
@@ -43,6 +43,8 @@ pub(crate) struct Side<'a> {
     picture: Option<PipelineImage>,
     /// The pixels of a coarse pass of full size.
     centres: Option<Vec<[f32; 3]>>,
+    /// The exposure that adaptive sampling compares at, metered by the first pass that needs it.
+    sampling_exposure: OnceLock<f64>,
 }
 
 /// Result of a pass.
@@ -95,7 +97,18 @@ impl<'a> Side<'a> {
         let kind =
             if request.display_mode == DisplayMode::Picture { prepared.kind } else { SamplingKind::Centres };
         let passes = passes(factor, kind);
-        Side { request, prepared, exact, passes, kind, spent: None, picture: None, centres: None }
+        let sampling_exposure = OnceLock::new();
+        Side {
+            request,
+            prepared,
+            exact,
+            passes,
+            kind,
+            spent: None,
+            picture: None,
+            centres: None,
+            sampling_exposure,
+        }
     }
 
     /// Number of passes.
@@ -220,7 +233,12 @@ impl<'a> Side<'a> {
         if sampling != Sampling::default() {
             job.set_sampling(sampling)?;
         }
-        job.render_selected(|tile, _| is_selected(tile), &control)
+        job.sampling_exposure = self.sampling_exposure.clone();
+        let rendered = job.render_selected(|tile, _| is_selected(tile), &control)?;
+        if let Some(&metered) = job.sampling_exposure.get() {
+            self.sampling_exposure.get_or_init(|| metered);
+        }
+        Ok(rendered)
     }
 }
 

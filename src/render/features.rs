@@ -1,0 +1,101 @@
+//! Albedo and shading normal of a tile's pixels, for denoisers: means over the samples of a pixel, with the picture's filter,
+//! textures and normal maps.
+
+use crate::effects::samples::{SampleSum, TileSamples};
+use crate::effects::tile::{RenderContext, Tile};
+use crate::effects::{Plan, id, transparency};
+use crate::film::Filter;
+use crate::shading::{ShadingMode, shade};
+use crate::world::World;
+
+/// The features of a pixel.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Features {
+    /// Albedo and normal of the first surface; 0 for the background.
+    pub first: [[f32; 3]; 2],
+    /// The same of the first surface of a path that is neither a smooth mirror nor clear glass. Local shading has neither.
+    pub behind_mirrors: [[f32; 3]; 2],
+}
+
+impl Features {
+    fn values(&self) -> [[f32; 3]; 4] {
+        let Features { first: [a, b], behind_mirrors: [c, d] } = *self;
+        [a, b, c, d]
+    }
+}
+
+/// The plan that gives the features of a picture, where it is not the picture's own: without light, which decides the samples of
+/// adaptive sampling and the paths behind mirrors.
+pub(super) fn plan_without_light(plan: &Plan, world: &World, has_mirrors: bool) -> Option<Plan> {
+    let is_needed = [id::TEXTURES, id::NORMAL_MAPS, id::ALPHA, id::ANTIALIASING];
+    let decides = plan.is_adaptive() || has_mirrors && plan.effects_on().any(|effect| effect == id::PATH);
+    (!decides).then(|| plan.keeping(world, |i| is_needed.contains(&plan.decisions[i].effect)))
+}
+
+/// Collects the features of a tile's pixels pass by pass.
+pub(super) struct FeatureSums {
+    filter: Filter,
+    sums: Vec<[SampleSum; 4]>,
+    /// Of pictures with one sample a pixel.
+    centres: Vec<Option<Features>>,
+}
+
+impl FeatureSums {
+    pub(super) fn new(plan: &Plan, tile: &mut Tile) -> Self {
+        let (shape, radius) = plan.sampling.shape_and_radius();
+        tile.scattering = Some(Vec::new());
+        FeatureSums { filter: Filter::new(shape, radius), sums: Vec::new(), centres: Vec::new() }
+    }
+
+    /// Adds the camera rays of the pass that the stages have run.
+    pub(super) fn add_pass(&mut self, plan: &Plan, tile: &mut Tile, context: &RenderContext) {
+        let rays = of_camera_rays(tile, context.world);
+        if plan.takes_samples() {
+            tile.with_buffers(|samples: &mut TileSamples, _| {
+                self.sums.resize(samples.sums().len(), [SampleSum::default(); 4]);
+                for (pixel, sign, ray) in samples.of_pass(&rays) {
+                    let pairs = self.sums[pixel].iter_mut().zip(ray.unwrap_or_default().values());
+                    pairs.for_each(|(sum, value)| sum.add(value, sign));
+                }
+            });
+            return;
+        }
+        // A pass of such a picture is a layer; AOVs show the first that is visible.
+        self.centres.resize(rays.len(), None);
+        let opacities = transparency::layer_opacities(tile);
+        for (i, (pixel, ray)) in self.centres.iter_mut().zip(rays).enumerate() {
+            if opacities.is_none_or(|opacities| opacities[i] >= transparency::VISIBLE_FROM) {
+                *pixel = pixel.or(ray);
+            }
+        }
+    }
+
+    /// The features of the tile's pixels.
+    pub(super) fn finish(self, plan: &Plan, tile: &mut Tile) -> Vec<Features> {
+        tile.scattering = None;
+        if !plan.takes_samples() {
+            return self.centres.into_iter().map(Option::unwrap_or_default).collect();
+        }
+        let value = |sum: &SampleSum| sum.value(&self.filter).as_vec3().to_array();
+        let of_pixel = |pixel: usize| {
+            let [a, b, c, d] = &self.sums[pixel];
+            Features { first: [a, b].map(value), behind_mirrors: [c, d].map(value) }
+        };
+        tile.with_buffers(|samples: &mut TileSamples, _| samples.region().own().map(of_pixel).collect())
+    }
+}
+
+/// The features of each camera ray; `None` where it hits nothing.
+fn of_camera_rays(tile: &Tile, world: &World) -> Vec<Option<Features>> {
+    let generation = &tile.generations[0];
+    let mut rays = vec![None; generation.rays.len()];
+    let behind_mirrors = tile.scattering.as_deref().unwrap_or_default();
+    for (i, &ray) in generation.surfaces.ray_of().iter().enumerate() {
+        let surface = generation.surfaces.get(i);
+        let albedo = shade(world, ShadingMode::Flat, &surface, &[]);
+        let first = [albedo, surface.shading_normal].map(|value| value.as_vec3().to_array());
+        let scattering = behind_mirrors.get(ray as usize).map(|found| found.unwrap_or_default());
+        rays[ray as usize] = Some(Features { first, behind_mirrors: scattering.unwrap_or(first) });
+    }
+    rays
+}
