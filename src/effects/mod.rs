@@ -24,6 +24,7 @@ pub mod transparency;
 pub mod variance;
 
 pub use plan::{Choices, Decision, Plan, PlannedStage, check_names, check_scene};
+pub use ray_origins::shadow_ray;
 
 use std::fmt;
 

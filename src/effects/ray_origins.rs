@@ -1,8 +1,12 @@
-//! The stage that computes the origins of the rays that leave surfaces, shared by all effects that cast such rays.
+//! The rays that leave surfaces, shared by all effects that cast such rays: the stage that computes their origins, and the
+//! extent of shadow rays.
+
+use glam::DVec3;
 
 use super::Stage;
 use super::tile::{RayGeneration, RenderContext, Tile};
-use crate::geometry::Numerics;
+use crate::geometry::{Numerics, Ray};
+use crate::shading::LightSample;
 use crate::world::{InteractionSoa, Vec3Soa, simd_dispatch};
 
 /// Computes the ray origin of each surface of a generation.
@@ -41,4 +45,15 @@ fn find_origins(surfaces: &InteractionSoa, origins: &mut Vec3Soa, numerics: Nume
     for i in 0..surfaces.len() {
         origins.set(i, surfaces.point(i).origin_towards(surfaces.geometric_normal.get(i), numerics));
     }
+}
+
+/// The shadow ray from `origin`, on a surface's outer side, to a light as sampled from there; open at both ends.
+///
+/// The ray ends before the light by a relative distance of 2 epsilon of the precision of corners and 8 epsilon of f64, so that it does not
+/// hit the surface that the light lies on, whose corners are rounded. Where the ray rises from that surface by less than a quarter
+/// of its length it may still hit it.
+#[inline(always)]
+pub fn shadow_ray(origin: DVec3, light: &LightSample, numerics: Numerics) -> Ray {
+    let margin = 2.0 * numerics.precision().epsilon() + 8.0 * f64::EPSILON;
+    numerics.ray_precision().ray(origin, light.direction, 0.0, light.distance * (1.0 - margin))
 }

@@ -8,8 +8,8 @@ use glam::DVec3;
 use super::samples::DiscPoints;
 use super::tile::{RayGeneration, RenderContext, Tile, vec_bytes};
 use super::transparency::transmittance;
-use super::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named};
-use crate::geometry::{Numerics, Ray};
+use super::{Effect, EffectContext, Hook, PlanSpec, RayKind, Stage, id, named, shadow_ray};
+use crate::geometry::Numerics;
 use crate::shading::{LightSample, LightSoa};
 use crate::world::{InteractionSoa, RaySoa, Vec3Soa, World, simd_dispatch};
 
@@ -200,15 +200,4 @@ fn list_reached(reaches: &[bool], surfaces: &mut Vec<u32>) {
     } else {
         surfaces.extend((0..).zip(reaches).filter(|(_, reaches)| **reaches).map(|(i, _)| i));
     }
-}
-
-/// The shadow ray from `origin`, on a surface's outer side, to a light as sampled from there; open at both ends.
-///
-/// The ray ends before the light by a relative distance of 2 epsilon of the precision of corners and 8 epsilon of f64, so that it does not
-/// hit the surface that the light lies on, whose corners are rounded. Where the ray rises from that surface by less than a quarter
-/// of its length it may still hit it.
-#[inline(always)]
-pub fn shadow_ray(origin: DVec3, light: &LightSample, numerics: Numerics) -> Ray {
-    let margin = 2.0 * numerics.precision().epsilon() + 8.0 * f64::EPSILON;
-    numerics.ray_precision().ray(origin, light.direction, 0.0, light.distance * (1.0 - margin))
 }

@@ -4,6 +4,7 @@
 //! before it, and where two overlap the medium is the same whichever a path enters first (with priorities set by hand:
 //! Schmidt and Budge, Simple Nested Dielectrics in Ray Traced Images, journal of graphics tools 7(2), 2002).
 
+use std::cell::LazyCell;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -12,6 +13,7 @@ use glam::DVec3;
 use super::PreparedMaterial;
 use crate::bvh::Primitive;
 use crate::geometry::spawn::EDGE_DISTANCE;
+use crate::scene::support::PointTrees;
 use crate::scene::topology::Topology;
 use crate::scene::{AnalyticShape, Material, Mesh, Object, Phong, Shape, bounds};
 
@@ -75,9 +77,10 @@ impl Volumes {
     /// The volumes of objects; `None` where there are none.
     pub(super) fn new(objects: &[Object], materials: &[PreparedMaterial]) -> Option<Self> {
         let (mut found, mut closed_meshes) = (Vec::new(), HashMap::new());
+        let trees = LazyCell::new(|| PointTrees::of(objects));
         for (index, object) in objects.iter().enumerate() {
             let Some(volume) = Volume::new(&materials[object.material.0 as usize]) else { continue };
-            let Some((min, max)) = bounds(std::slice::from_ref(object)) else { continue };
+            let Some((min, max)) = bounds(&trees, std::slice::from_ref(object)) else { continue };
             // Origins move by EDGE_DISTANCE of their triangle's coordinates; points in f32 are off by 4 times as much.
             let margin = 8.0 * EDGE_DISTANCE * min.abs().max(max.abs()).max_element();
             let is_closed = match &object.shape {

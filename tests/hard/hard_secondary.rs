@@ -8,7 +8,7 @@ use crate::common::{Numbers, barycentrics_on_borders};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use kiln::bvh::{Accelerator, Layout, Primitive, Slot, Traversal, build};
 use kiln::effects::glaze::mirrored_ray;
-use kiln::effects::shadows::shadow_ray;
+use kiln::effects::shadow_ray;
 use kiln::effects::{Choices, terminator};
 use kiln::film::ColourPipeline;
 use kiln::geometry::spawn::{EDGE_DISTANCE, ORIGIN_OFFSET, SurfacePoint};

@@ -7,8 +7,7 @@ use glam::DVec3;
 
 use super::scatter::bsdf_weight;
 use super::{Path, Scatter};
-use crate::effects::shadows::shadow_ray;
-use crate::effects::{LightTechnique, TextureUse};
+use crate::effects::{LightTechnique, TextureUse, shadow_ray};
 use crate::geometry::{Hit, Numerics, Ray};
 use crate::scene::TexelEncoding;
 use crate::shading::LightSample;
