@@ -230,6 +230,39 @@ fn denoising_aovs_are_of_what_mirrors_and_glass_show() {
     }
 }
 
+/// Panes of opacity 0.4 and 0.6 before a red wall: with one sample the albedo is of the first surface of at least one half, with 256
+/// Sobol points, of which 256 equal parts hold one each, of each by its opacity, to one sample.
+#[test]
+fn albedo_of_transparent_surfaces_is_that_of_the_picture() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (scene, output) = (folder.path().join("a.toml"), folder.path().join("a.exr"));
+    let square = |material: &str, from: i32, to: i32, z: i32| {
+        format!(
+            "[[triangles]]\nmaterial = '{material}'\nvertices = [[{from}, -9, {z}], [{to}, -9, {z}], \
+             [{to}, 9, {z}], [{from}, 9, {z}]]\nindices = [[0, 1, 2], [0, 2, 3]]\n"
+        )
+    };
+    let text = "[image]\ncolour = 'linear'\n[[camera]]\nposition = [0, 0, 9]\nlook_at = [0, 0, 0]\n\
+        projection = 'orthographic'\nviewing_rectangle = [4, 3]\nviewpoint_distance = 1\n\
+        [material.thin]\ncolour = [0, 255, 0]\nopacity = 0.4\n\
+        [material.thick]\ncolour = [0, 0, 255]\nopacity = 0.6\n[material.red]\ncolour = [255, 0, 0]\n";
+    let squares = [square("thin", -9, 0, 0), square("thick", 0, 9, 0), square("red", -9, 9, -3)];
+    std::fs::write(&scene, text.to_owned() + &squares.concat()).expect("a scene");
+    for (options, left, right, bound) in [
+        (&[][..], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.0),
+        (&["--transport", "path"], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.0),
+        (&["--samples", "256"], [0.6, 0.4, 0.0], [0.4, 0.0, 0.6], 1.0 / 256.0),
+    ] {
+        kiln(&["--aov", "albedo", "-o"]).arg(&output).arg(&scene).args(options).assert().success();
+        let all = channels(&output);
+        for (x, expected) in [(8, left), (40, right)] {
+            let found = ["R", "G", "B"].map(|letter| all[&format!("Albedo.{letter}")][18 * 48 + x]);
+            let is_close = found.iter().zip(expected).all(|(a, b)| (a - b).abs() <= bound);
+            assert!(is_close, "{options:?} {x}: {found:?} instead of {expected:?}");
+        }
+    }
+}
+
 /// Depth and position are in the coordinates of the scene file, also for a scene that is recentered when prepared.
 #[test]
 fn depth_and_position_are_the_scenes_own() {

@@ -8,7 +8,7 @@ use kiln::film::tone::{DisplaySettings, Exposure};
 use kiln::job::{Choices, Look, RenderControl, RenderJob, RenderSettings, prepare};
 use kiln::render::aov::{self, AovSelection};
 use kiln::scene::{Camera, Sampling, Transport};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A picture, and the greatest number of samples a pixel.
 struct Case {
@@ -45,7 +45,7 @@ fn render(job: &RenderJob, sampling: Sampling) -> (RenderJob, Film) {
 impl Case {
     fn measure(&self, size: [u32; 2], seeds: u32, reference: u32) -> Ended {
         let mut warnings = Warnings::default();
-        let scene = kiln::import::load(&[self.file.clone()], &mut warnings).expect("a scene");
+        let scene = kiln::import::load(std::slice::from_ref(&self.file), &mut warnings).expect("a scene");
         let settings = RenderSettings { size: Some(size), ..self.settings.clone() };
         let mut job = prepare(scene, &settings, &mut warnings).expect("a job");
         job.choices.sampling.min_samples = None;
@@ -111,7 +111,7 @@ fn small() -> Vec<Case> {
 }
 
 /// Real meshes in the default look, a room from inside and a box of paths.
-fn large(models: PathBuf) -> Vec<Case> {
+fn large(models: &Path) -> Vec<Case> {
     let inside = |name, exposure| {
         let camera = Camera::from_field_of_view(
             "inside".into(),
@@ -166,7 +166,7 @@ fn pixels_end_when_they_are_accurate() {
 #[test]
 #[ignore = "takes many minutes"]
 fn pixels_of_large_pictures_end_when_they_are_accurate() {
-    let large = models("noise").map(large).unwrap_or_default();
+    let large = models("noise").as_deref().map(large).unwrap_or_default();
     let size = std::env::var("KILN_WIDTH").ok().and_then(|width| width.parse().ok()).unwrap_or(400u32);
     let mut failed = Vec::new();
     for case in small().into_iter().chain(large).filter(wanted) {
