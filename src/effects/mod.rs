@@ -273,7 +273,9 @@ impl PlanSpec {
         let Sampling { seed, sampler, .. } = *sampling;
         let (seed, sampler) = (seed.unwrap_or(0), sampler.unwrap_or_default());
         let is_layered = !self.is_path && !self.own_camera_rays;
-        self.continued.map(|continued| Transparency { is_layered, sampler, seed, kind: continued.rays })
+        let is_path = self.is_path;
+        let of = |ContinuedRays { rays: kind, .. }| Transparency { is_layered, is_path, sampler, seed, kind };
+        self.continued.map(of)
     }
 }
 

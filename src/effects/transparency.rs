@@ -28,7 +28,8 @@ pub struct ContinuedRays {
     pub(crate) shadow_rays: RayKind,
 }
 
-/// The dimension of the random numbers that decide which surfaces a camera ray passes.
+/// The dimension of the random numbers that decide which surfaces a camera ray passes; that of a path's further rays is
+/// lower by their generation.
 const DIMENSION: u32 = u32::MAX;
 
 /// The opacity from which a surface is visible in AOVs, which hold one surface a pixel.
@@ -39,7 +40,9 @@ pub(crate) const VISIBLE_FROM: f64 = 0.5;
 pub(crate) struct Transparency {
     /// Whether camera rays see all layers, and not one by random numbers.
     pub(crate) is_layered: bool,
-    /// The random numbers of camera rays.
+    /// Whether a camera ray has one ray in each generation, which has random numbers by pixel and sample.
+    pub(crate) is_path: bool,
+    /// The random numbers of these rays.
     pub(crate) sampler: PixelSampler,
     /// The seed of the random numbers.
     pub(crate) seed: u32,
@@ -195,19 +198,30 @@ pub(crate) fn find_hits(tile: &mut Tile, world: &World, transparency: Transparen
     })
 }
 
+/// The camera ray that a ray of the current generation comes from.
+fn camera_ray(tile: &Tile, index: usize) -> usize {
+    (1..=tile.depth).rev().fold(index, |index, depth| {
+        let surface = tile.generations[depth].sources[index] as usize;
+        tile.generations[depth - 1].surfaces.ray_of()[surface] as usize
+    })
+}
+
 impl Buffers {
     /// Lists the rays of the current generation.
     fn start(&mut self, tile: &Tile, transparency: Transparency) {
-        let Transparency { sampler, seed, .. } = transparency;
+        let Transparency { sampler, seed, is_path, .. } = transparency;
         let generation = &tile.generations[tile.depth];
-        // The numbers of camera rays are stratified over the samples of a pixel; those of further rays are independent.
+        // The numbers of camera rays and paths are stratified over the samples of a pixel; those of glaze are
+        // independent.
         self.samples.clear();
-        if tile.depth == 0 {
+        if tile.depth == 0 || is_path {
             list_samples(tile, &mut self.samples);
         }
-        let number = |index: usize, ray: &Ray| match self.samples.get(index) {
+        let dimension = DIMENSION - tile.depth as u32;
+        let sample = |index| self.samples.get(if is_path { camera_ray(tile, index) } else { index });
+        let number = |index: usize, ray: &Ray| match sample(index) {
             Some(&SampleIndex { x, y, sample }) => {
-                random::pair_of(sampler, [x, y], seed, sample, DIMENSION)[0]
+                random::pair_of(sampler, [x, y], seed, sample, dimension)[0]
             }
             None => random::of_ray(ray, seed),
         };

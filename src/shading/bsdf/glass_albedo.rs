@@ -96,11 +96,14 @@ fn integrate(ggx: Ggx, cos: f64, points: [usize; 2], indices: &[f64], sums: &mut
     let view = view_at(cos);
     let unmasked = |light: f64| ggx.shadowing_over_cosine(cos, light) / ggx.masking_over_cosine(cos);
     let mut all = 0.0;
+    // The lattice gives the integral of s t, 1/4, within 0.2 %. Divided by its own value, a smooth interface loses
+    // nothing.
+    let total: f64 = lattice(points).map(|[s, t]| s * t).sum();
     for [s, t] in lattice(points) {
         let numbers = [0.5 * (1.0 - s * s), 1.0 - t * t];
         let Some(normal) = ggx.sample_visible_normal(view, numbers) else { continue };
         let v_m = view.dot(normal).clamp(0.0, 1.0);
-        let measure = 4.0 * s * t / points[0] as f64;
+        let measure = s * t / total;
         let light = reflect(view, normal).z;
         let reflection = if light > 0.0 { unmasked(light) * measure } else { 0.0 };
         all += reflection;
@@ -128,6 +131,19 @@ fn integrate(ggx: Ggx, cos: f64, points: [usize; 2], indices: &[f64], sums: &mut
 mod tests {
     use super::super::albedo::GgxAlbedo;
     use super::*;
+
+    /// Masking is of second order in alpha: 1 - G1 is at most (alpha tan)^2 / 4, here 1.5e-5 at alpha = 0.0025 and a
+    /// cosine of 0.3. So a nearly smooth interface scatters all, from either side.
+    #[test]
+    fn nearly_smooth_interfaces_scatter_all() {
+        for (eta, cos) in [1.1, 1.5, 2.4].into_iter().flat_map(|n| [0.3, 0.6, 1.0].map(|cos| (n, cos))) {
+            for eta in [eta, 1.0 / eta] {
+                let ggx = Ggx::new(0.05);
+                let scattered = GlassAlbedo::new(ggx, eta, cos, GgxAlbedo::new(ggx, cos).all).scattered;
+                assert!((scattered - 1.0).abs() < 2e-4, "{eta}, {cos}: {scattered}");
+            }
+        }
+    }
 
     /// The scattered part against a quadrature with 76 times the points, between nodes: the greatest relative error
     /// for cosines from 0.03, from either side, by index.
