@@ -287,3 +287,14 @@ fn triangles_against_their_normals() {
     mesh.normals = None;
     assert_eq!(opposed(&mesh).count, 0);
 }
+
+/// A mirrored mesh keeps its outside, its normals too.
+#[test]
+fn mirrored_meshes_are_not_inside_out() {
+    let mut mesh = Mesh { positions: corners(), triangles: TETRAHEDRON.to_vec(), ..Mesh::default() };
+    let outward = corners().into_iter().map(|corner| corner - DVec3::splat(0.25)).collect();
+    mesh.normals = Some(Attribute::per_position(outward));
+    mesh.transform(&DMat4::from_scale(DVec3::new(1.0, -1.0, 1.0)));
+    let topology = Topology::of_scene(&scene_of(vec![Shape::Mesh(mesh)])).expect("it fits");
+    assert_eq!(found(&topology), [0; 7]);
+}
