@@ -105,7 +105,7 @@ fn gltf_stays_in_its_folder() {
         [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|c| c.to_le_bytes()).collect();
     let folder = Folder::new(&[("in/a.gltf", json.as_bytes()), ("a.bin", &positions), ("a.png", &picture())]);
     let (scene, _, files) = folder.load("in/a.gltf", false);
-    let e = scene.err().expect("the buffer is outside");
+    let e = scene.expect_err("the buffer is outside");
     assert!(
         e.contains("buffer 0: `../a.bin` is outside the file's folder; --allow-outside-references"),
         "{e}"
