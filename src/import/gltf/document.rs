@@ -125,8 +125,8 @@ fn check_channels(root: &Value, file: &Path) -> Result<()> {
     let nodes = list(&root["nodes"]).len() as u64;
     for (index, animation) in list(&root["animations"]).iter().enumerate() {
         for (number, channel) in list(&animation["channels"]).iter().enumerate() {
-            let Some(node) = channel["target"]["node"].as_u64() else { continue };
-            let path = channel["target"]["path"].as_str().unwrap_or_default();
+            let Some(node) = channel.pointer("/target/node").and_then(Value::as_u64) else { continue };
+            let path = channel.pointer("/target/path").and_then(Value::as_str).unwrap_or_default();
             let what = if node >= nodes {
                 format!("its target is node {node}; there are {nodes}")
             } else if !["translation", "rotation", "scale", "weights"].contains(&path) {
