@@ -109,8 +109,6 @@ const NOT_EFFECTS: &[(&str, &str)] = &[
     ("cli/info/materials.rs", "textures"),
     ("cli/info/rendering.rs", "textures"),
     ("import/gltf/document.rs", "textures"),
-    // What an animation channel moves.
-    ("import/gltf/document.rs", "path"),
     // The name of an image.
     ("import/gltf/layers.rs", "alpha"),
     // A transport.

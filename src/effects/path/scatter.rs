@@ -100,7 +100,9 @@ impl Buffers {
             }
             let Some(bsdf) = vertex.bsdf.as_ref().filter(|_| (depth as u32) < stage.depth) else { continue };
             self.sample_lights(&vertex, bsdf, &lights, &numbers, stage);
-            if let Some((ray, path, media)) = vertex.continue_path(bsdf, &numbers, stage.settings.roulette_from) {
+            if let Some((ray, path, media)) =
+                vertex.continue_path(bsdf, &numbers, stage.settings.roulette_from)
+            {
                 if !path.throughput.is_finite() {
                     self.discarded += 1;
                     continue;
@@ -286,7 +288,12 @@ impl<'a> Vertex<'a> {
     }
 
     /// The ray, the state and the media with which the path continues; `None` where it ends.
-    fn continue_path(&self, bsdf: &Bsdf, numbers: &Numbers, roulette_from: u32) -> Option<(Ray, Path, Media)> {
+    fn continue_path(
+        &self,
+        bsdf: &Bsdf,
+        numbers: &Numbers,
+        roulette_from: u32,
+    ) -> Option<(Ray, Path, Media)> {
         let [x, y] = numbers.of(Dimension::Direction);
         let has_roulette = numbers.depth >= roulette_from;
         let [lobe, roulette] =
@@ -367,7 +374,12 @@ fn parameters(
     crossing: &Crossing,
 ) -> Option<BsdfParameters> {
     if crossing.is_hidden {
-        return Some(BsdfParameters { ior: 1.0, metallic: 0.0, transmission: 1.0, ..BsdfParameters::default() });
+        return Some(BsdfParameters {
+            ior: 1.0,
+            metallic: 0.0,
+            transmission: 1.0,
+            ..BsdfParameters::default()
+        });
     }
     let unit = |colour: DVec3| colour.clamp(DVec3::ZERO, DVec3::ONE);
     let texels = &surface.further_texels;
